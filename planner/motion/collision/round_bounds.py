@@ -14,7 +14,7 @@ import numpy as np
 from planner.common.units import Array
 from planner.kinematics.bodies import Body
 from planner.kinematics.geometry import bar_state
-from planner.motion.collision.scene import Scene, mesh_faces
+from planner.motion.collision.scene import Scene, outline
 
 CHUNK = 16_384  # entries at a time: they stay in the cache
 _TINY = 1e-30
@@ -36,14 +36,7 @@ class Core:
             return cls(np.array([centre, centre]), body.size[0])
         if body.kind == "capsule":
             return cls(np.array([centre - z * body.size[1] / 2, centre + z * body.size[1] / 2]), body.size[0])
-        return _core_about(_corners(body) @ body.T[:3, :3].T + centre)
-
-
-def _corners(body: Body) -> Array:
-    if body.kind == "mesh":
-        return mesh_faces(body)[0]
-    signs = np.stack(np.meshgrid(*[(-0.5, 0.5)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
-    return np.asarray(signs * body.size)
+        return _core_about(outline(body) @ body.T[:3, :3].T + centre)
 
 
 def _core_about(points: Array) -> Core:

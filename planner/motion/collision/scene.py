@@ -183,19 +183,18 @@ class SceneBody:
 
 def body_reach(body: Body) -> float:
     """Return the largest distance of a point of the body from the origin of the frame that carries it [m]."""
-    centre = float(np.linalg.norm(body.T[:3, 3]))
-    if body.kind == "capsule":
-        ends = [body.T[:3, 3] + s * body.T[:3, 2] * body.size[1] / 2 for s in (-1, 1)]
-        return max(float(np.linalg.norm(e)) for e in ends) + body.size[0]
-    if body.kind == "sphere":
-        return centre + body.size[0]
+    round_, points = body.kind in ("capsule", "sphere"), outline(body) @ body.T[:3, :3].T + body.T[:3, 3]
+    return float(np.linalg.norm(points, axis=1).max()) + (body.size[0] if round_ else 0.0)
+
+
+def outline(body: Body) -> Array:
+    """Return points (m, 3) [m] in the body's own frame whose hull it is, or, for round ones, the hull of whose core."""
+    if body.kind == "mesh":
+        return mesh_faces(body)[0]
     if body.kind == "box":
-        return centre + float(np.linalg.norm(body.size)) / 2
-    return centre + _mesh_reach(body)
-
-
-def _mesh_reach(body: Body) -> float:
-    return float(np.linalg.norm(mesh_faces(body)[0], axis=1).max())
+        return np.stack(np.meshgrid(*[(-0.5, 0.5)] * 3, indexing="ij"), axis=-1).reshape(-1, 3) * body.size
+    half = body.size[1] / 2 if body.kind == "capsule" else 0.0
+    return np.array([[0.0, 0.0, -half], [0.0, 0.0, half]])
 
 
 FLOOR_SIZE, FLOOR_THICKNESS = 20.0, 0.5  # [m]

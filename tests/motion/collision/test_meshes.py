@@ -9,7 +9,7 @@ from planner.common.errors import InputError
 from planner.kinematics.bodies import Body
 from planner.motion.collision.engines import CollisionWorld
 from planner.motion.collision.fcl_world import FclWorld
-from planner.motion.collision.scene import excess_of_polytope, mesh_faces
+from planner.motion.collision.scene import body_reach, excess_of_polytope, mesh_faces
 from planner.motion.collision.surroundings import describe_polytopes
 
 CORNERS = np.array([[x, y, z] for x in (-0.15, 0.15) for y in (-0.2, 0.2) for z in (-0.25, 0.25)])
@@ -99,6 +99,18 @@ def test_a_polytope_holds_its_mesh_and_stands_little_beyond_its_hull(tmp_path):
         assert (own @ normal.T - np.einsum("ij,ij->i", normal, corner)).max() < 1e-6
         assert excess_of_polytope(body) < 3e-3  # of 0.6 m, by 240 faces
     assert len(hull.simplices) > 1000
+
+
+def test_a_mesh_drawn_far_from_its_own_origin_reaches_no_further_than_where_it_stands(tmp_path):
+    (tmp_path / "far.obj").write_text(
+        "".join(f"v {x + 3} {y} {z}\n" for x, y, z in CORNERS)
+        + "".join(f"f {a + 1} {b + 1} {c + 1}\n" for a, b, c in ConvexHull(CORNERS).simplices)
+    )
+    T = np.eye(4)
+    T[0, 3] = -3.0  # brings it back: some URDFs draw all links where they stand in the whole arm
+    for hull in (False, True):
+        reach = body_reach(Body("far", "mesh", (), T, tmp_path / "far.obj", hull=hull))
+        assert reach == pytest.approx(np.linalg.norm(CORNERS, axis=1).max(), abs=1e-6)
 
 
 def test_a_polytope_is_never_further_away_than_its_mesh(tmp_path):
