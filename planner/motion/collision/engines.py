@@ -43,7 +43,12 @@ class CollisionWorld:
         return CollisionWorld(self.scene.without_bar())
 
     def configuration(self, q: Array) -> Array:
-        """Return the pinocchio configurations (n, N + 3) of controller angles q (n, N) [rad]."""
+        """Return the pinocchio configurations (n, N + 3) of controller angles q (n, N) [rad].
+
+        The bar is anywhere where no checked pair holds a part of it.
+        """
+        if not self.scene.has_bar:
+            return np.column_stack([self.cell.robot.theta(q), np.zeros((len(q), 3))])
         bar = bar_state(self.cell.map_position(q), self.scene.p_BX)
         azimuth = np.arctan2(bar.direction[:, 1], bar.direction[:, 0])
         polar = np.arctan2(np.hypot(bar.direction[:, 0], bar.direction[:, 1]), bar.direction[:, 2])

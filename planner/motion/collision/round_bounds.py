@@ -59,6 +59,8 @@ class RoundBounds:
     def __init__(self, scene: Scene) -> None:
         self.scene = scene
         self.cores = [Core.of(p.body) for p in scene.pieces]
+        self._ends = np.array([c.ends for c in self.cores]).reshape(-1, 2, 3)
+        self._radius = np.array([c.radius for c in self.cores])
         round_ = np.array([p.body.kind in ROUND for p in scene.pieces], dtype=bool)
         pairs = np.array(scene.pairs, dtype=int).reshape(-1, 2)
         self.exact = round_[pairs].all(axis=1)
@@ -75,7 +77,7 @@ class RoundBounds:
         """
         ends, frames = self._place(q)
         out = np.empty(len(rows))
-        radius = np.array([c.radius for c in self.cores])
+        radius = self._radius
         for boxed in (False, True):
             mine = np.flatnonzero(self.boxed[columns] == boxed)
             for k in range(0, len(mine), CHUNK):
@@ -92,21 +94,27 @@ class RoundBounds:
         """Ends of all cores in the base frame, (2, 3, pieces, n) [m], and the frames of the boxes' carriers."""
         robot, n = self.scene.cell.robot, len(q)
         links = robot.chain.frames(robot.theta(q), robot.link_end)
-        ends, frames = np.empty((2, 3, len(self.cores), n)), {}
-        x = self.scene.cell.map_position(q)
+        x = self.scene.cell.map_position(q) if self.scene.has_bar else np.zeros((n, 3))  # else of no interest
         bar = bar_state(x, self.scene.p_BX).direction.T
-        for k, (piece, core) in enumerate(zip(self.scene.pieces, self.cores, strict=True)):
-            if piece.of_bar:  # its bodies are round about it
-                start = self.scene.p_BX[:, None] if piece.carrier == "housing" else x.T
-                ends[:, :, k] = start + core.ends[:, 2, None, None] * bar
+        ends, frames = np.empty((2, 3, len(self.cores), n)), dict[int, tuple[Array, Array]]()
+        for (carrier, link), carried in self._carried.items():
+            own = self._ends[carried]  # (pieces, 2, 3)
+            if carrier in ("housing", "rod"):  # its bodies are round about it
+                start = self.scene.p_BX[:, None] if carrier == "housing" else x.T
+                ends[:, :, carried] = start[:, None] + own[:, :, 2].T[:, None, :, None] * bar[:, None]
                 continue
-            R, origin = links[piece.link] if piece.carrier == "link" else links[0]
-            if piece.carrier == "world":
-                R, origin = np.eye(3)[:, :, None], np.zeros((3, 1))
-            ends[:, :, k] = np.einsum("ijm,ej->eim", R, core.ends) + origin
-            if piece.body.kind == "box":
-                frames[k] = R, origin
+            R, origin = links[link] if carrier == "link" else (np.eye(3)[:, :, None], np.zeros((3, 1)))
+            ends[:, :, carried] = np.einsum("ijm,kej->eikm", R, own) + origin[:, None]
+            frames |= {k: (R, origin) for k in carried if self.scene.pieces[k].body.kind == "box"}
         return ends, frames
+
+    @cached_property
+    def _carried(self) -> dict[tuple[str, int], list[int]]:
+        """Positions of the pieces that each carrier holds."""
+        out: dict[tuple[str, int], list[int]] = {}
+        for k, piece in enumerate(self.scene.pieces):
+            out.setdefault((piece.carrier, piece.link), []).append(k)
+        return out
 
     def _from_box(
         self, frames: dict[int, tuple[Array, Array]], boxes: np.ndarray, rows: np.ndarray, ends: Array

@@ -1,7 +1,7 @@
 """Which bodies there are, their meshes and shapes for both collision engines, what carries each, which may meet."""
 
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Literal
 
@@ -215,6 +215,11 @@ class Scene:
     pieces: tuple[SceneBody, ...]
     pairs: tuple[tuple[int, int], ...]
     p_BX: Array
+
+    @cached_property
+    def has_bar(self) -> bool:
+        """Whether any checked pair holds a part of the bar."""
+        return any(self.pieces[k].of_bar for pair in self.pairs for k in pair)
 
     def without_bar(self) -> "Scene":
         """Return the scene of a robot that travels without the bar."""

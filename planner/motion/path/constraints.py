@@ -62,7 +62,7 @@ class Constraints:
 
     def valid(self, q: Array) -> np.ndarray:
         """Tell which states (n, N) [rad] keep every constraint, (n,) bool."""
-        rows = np.flatnonzero((self.workspace.margins(q, self.bounds.at(q)) > 0.0).all(axis=1))
+        rows = np.flatnonzero((self.bounds.margins(q) > 0.0).all(axis=1))
         out = np.zeros(len(q), dtype=bool)
         out[rows] = ~self.world.near(q[rows], self.clearance)
         return out

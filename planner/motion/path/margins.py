@@ -78,7 +78,7 @@ def bound_travel(pose: ToolState, spokes: Array, reach: Array) -> Travel:
 def curvature(step: Array, reach: Array) -> Array:
     """Return Σ_ij step_i step_j reach_max(i,j), (n,) [m], for steps (n, N) [rad] and reaches (N,) [m]."""
     joint = np.arange(len(reach))
-    return np.asarray(np.einsum("ni,nj,ij->n", step, step, reach[np.maximum.outer(joint, joint)], optimize=True))
+    return np.asarray(np.einsum("ni,ni->n", step @ reach[np.maximum.outer(joint, joint)], step))
 
 
 @dataclass(frozen=True)
@@ -94,9 +94,10 @@ class WorkspaceBounds:
         J = np.moveaxis(motion.point_screws(self._chain.joint_places), (0, 1, 2), (2, 1, 0))
         W = np.moveaxis(motion.u[self._chain.joint_places], (0, 1, 2), (2, 1, 0))
         bar = bar_state(motion.x.T, fixture.p_BX)
-        axis = np.einsum("ijn,j->ni", motion.R, cell.tool.axis_F)
-        mark = np.einsum("ijn,j->ni", motion.R, perpendicular(cell.tool.axis_F))
-        spin = wrap_angle(bar_twist(fixture.axis_B, bar.direction, axis, mark) - self.workspace.zero_spin)
+        axis, spin = np.einsum("ijn,j->ni", motion.R, cell.tool.axis_F), np.zeros(len(q))
+        if cell.cable.tool_about_bar is not None:
+            mark = np.einsum("ijn,j->ni", motion.R, perpendicular(cell.tool.axis_F))
+            spin = wrap_angle(bar_twist(fixture.axis_B, bar.direction, axis, mark) - self.workspace.zero_spin)
         return ToolState(motion.x.T, J, W, bar.length, bar.direction, axis, spin)
 
     @cached_property
@@ -112,6 +113,23 @@ class WorkspaceBounds:
         """Return tool, bar and their travel over neighbourhoods q (n, N), spokes (n, M, N) [rad, controller's]."""
         pose = self.at(q)
         return pose, bound_travel(pose, spokes @ self.workspace.cell.robot.sense_matrix.T, self.map_reach)
+
+    def margins(self, q: Array) -> Array:
+        """Margins of the workspace at q (n, N) [rad], (n, columns) [rad or m]."""
+        return self.workspace.margins(q, self.at(q) if self.workspace.bar else None)
+
+    def look(self, q: Array, spokes: Array) -> tuple[Array, Array, Travel]:
+        """Return margins at the centres, what they can lose, (n, columns) [rad or m] both, and the travel.
+
+        Without the bar only the joints' steps count: of the point nothing is asked, and nothing bounded.
+        """
+        if self.workspace.bar:
+            pose, far = self.travel(q, spokes)
+            return self.workspace.margins(q, pose), self.changes(spokes, far), far
+        unknown = np.full(len(q), FAR)
+        step = np.abs(spokes @ self.workspace.cell.robot.sense_matrix.T).max(axis=1)
+        far = Travel(unknown, unknown, unknown, unknown, step)
+        return self.workspace.margins(q), self.changes(spokes, far), far
 
     def changes(self, spokes: Array, far: Travel) -> Array:
         """Return what each margin can lose in the neighbourhoods, (n, columns) [rad or m]."""

@@ -157,9 +157,8 @@ class Prover:
     ) -> tuple[Neighbourhoods, np.ndarray]:
         """Look at all centres; return the halves of the cells that are neither proven nor of a motion that failed."""
         q, spokes = cells.q, cells.spokes
-        pose, far = self.bounds.travel(q, spokes)
-        margins = self.bounds.workspace.margins(q, pose)
-        room = margins - self.bounds.changes(spokes, far)
+        margins, change, far = self.bounds.look(q, spokes)
+        room = margins - change
         loss = np.minimum(self.pairs.changes(far), FAR)
         alive = record.drop(cells, margins, margins <= 0.0)
         found = self.distances.distances(q[alive], asked[alive], loss[alive] + self.clearance)
