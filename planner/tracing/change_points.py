@@ -17,6 +17,7 @@ from planner.common.units import Array
 from planner.effects.basis import BasisFunction
 from planner.effects.steps import STEP, AtSample, BeforeSample, Steppable, acting_throughout, wrong_row
 from planner.identification.least_squares import MEDIAN_RMS
+from planner.tracing.column_space import row_products, squares_before
 from planner.tracing.dictionary import whiten
 from planner.tracing.score_test import EffectScore, ScoreTest, merit_of, score_gains
 from planner.tracing.search_context import SearchContext
@@ -64,10 +65,16 @@ def change_sample(found: FittedEffect) -> int | None:
 
 
 def best_steps(test: ScoreTest, things: Sequence[Steppable]) -> Iterator[EffectScore]:
-    """Yield the best step of each thing that may step."""
+    """Yield the best step of each thing that may step; those that a drift explains have no chance."""
+    for columns, score in score_steps(test, things):
+        slow = score.log_p < LOG_SIGNIFICANCE and not _is_sudden(test, columns, score)
+        yield replace(score, log_p=0.0) if slow else score
+
+
+def score_steps(test: ScoreTest, things: Sequence[Steppable]) -> Iterator[tuple[Array, EffectScore]]:
+    """Yield the columns (n, r, k) of each thing that may step, and its best step, sudden or not."""
     for thing, columns in zip(things, _columns(test, things), strict=True):
-        score = _best_step(test, thing, columns, len(things))
-        yield score if _is_sudden(test, columns, score) else replace(score, log_p=0.0)
+        yield columns, _best_step(test, thing, columns, len(things))
 
 
 def step_series(test: ScoreTest, things: Sequence[Steppable]) -> list[tuple[EffectScore, ...]]:
@@ -101,10 +108,8 @@ def series_merit(test: ScoreTest, steps: Sequence[EffectScore]) -> float:
 def _beside(test: ScoreTest, A: Array) -> ScoreTest:
     """Return the test with whitened columns A (n, r, k) in the model."""
     U, taken = _beyond(test, A)
-    return replace(
-        test, basis=np.column_stack([test.basis, U]), residual=test.residual - U @ taken,
-        dof=max(1.0, test.dof - U.shape[1]), whole=None, gone=None,
-    )  # fmt: skip
+    beside, dof = np.column_stack([test.beside, U]), max(1.0, test.dof - U.shape[1])
+    return replace(test, beside=beside, residual=test.residual - U @ taken, dof=dof)
 
 
 def _beyond(test: ScoreTest, A: Array) -> tuple[Array, Array]:
@@ -113,12 +118,12 @@ def _beyond(test: ScoreTest, A: Array) -> tuple[Array, Array]:
     Both with the prior's rows below them, in which the columns have nothing.
     """
     A = A.reshape(-1, A.shape[2])
-    shared = test.basis.T @ A
-    # with the prior's rows below Q, the part of a column that is left has the length of the score's information
+    shared = test.products(A)
+    # with the prior's rows below, the part of a column that is left has the length of the score's information
     mu, axes = np.linalg.eigh(A.T @ A - shared.T @ shared)
     seen = mu > 1e-9 * max(float(mu[-1]), 1e-300)
     root = axes[:, seen] / np.sqrt(mu[seen])
-    return (A - test.basis @ shared) @ root, root.T @ (A.T @ test.residual)
+    return test.remainder(A) @ root, root.T @ (A.T @ test.residual)
 
 
 def _beside_others(test: ScoreTest, columns: Array, steps: Sequence[EffectScore], own: EffectScore) -> ScoreTest:
@@ -155,7 +160,7 @@ def _is_sudden(test: ScoreTest, columns: Array, score: EffectScore) -> bool:
     drift, taken = _beyond(test, np.linspace(-1.0, 1.0, len(columns))[:, None, None] * columns)
     count, residual = drift.shape[1], test.residual - drift @ taken
     A = _as_stepped(test, columns, score).reshape(-1, columns.shape[2])
-    shared, along = np.vstack([test.basis.T @ A, drift.T @ A]), A.T @ residual
+    shared, along = np.vstack([test.products(A), drift.T @ A]), A.T @ residual
     gain, size = score_gains((A.T @ A - shared.T @ shared)[None], along[None], (A**2).sum(axis=0)[None])
     beside = replace(test, residual=residual, dof=max(1.0, test.dof - count), added=count)
     return beside.log_p(float(gain[0]), int(size[0]), 1.0) < LOG_SUDDEN
@@ -163,13 +168,10 @@ def _is_sudden(test: ScoreTest, columns: Array, score: EffectScore) -> bool:
 
 def _columns(test: ScoreTest, things: Sequence[Steppable]) -> Iterator[Array]:
     """Yield the whitened columns (n, r, k) of each thing, as they would act all along."""
-    problem = test.problem
-    parameters = tuple(p for thing in things for p in thing.parameters)
-    model = replace(problem.model.fixing(test.errors), parameters=parameters)
-    white = whiten(problem, model.linear_in(problem.context, None).rows)
+    white = test.space.step_columns(tuple(p for thing in things for p in thing.parameters))
     first = 0
     for thing in things:
-        yield white[:, :, first : first + len(thing.parameters)]
+        yield np.ascontiguousarray(white[:, :, first : first + len(thing.parameters)])
         first += len(thing.parameters)
 
 
@@ -179,33 +181,20 @@ def _sums_before(test: ScoreTest, A: Array, name: str) -> tuple[Array, Array, Ar
     Of the columns −A (n, r, k) of what has this name, summed over the samples up to 0 … n − 2.
     """
     n, r, _ = A.shape
-    S = np.cumsum(np.einsum("nri,nrj->nij", A, A), axis=0)[:-1]
+    length = np.cumsum(np.einsum("nri,nri->ni", A, A), axis=0)[:-1]
     along = -np.cumsum(np.einsum("nri,nr->ni", A, test.residual.reshape(n, r)), axis=0)[:-1]
-    return S - _shared_before(test, A, name), along, np.einsum("nii->ni", S)
-
-
-def _shared_before(test: ScoreTest, A: Array, name: str) -> Array:
-    """Return what of the information of a step the model takes up, (n − 1, k, k)."""
-    if test.whole is not None and test.gone is not None:
-        W = _products_before(test.whole.basis @ test.gone, A)
-        return _shared_before(test.whole, A, name) - W.transpose(0, 2, 1) @ W
-    if name not in test.shared_before:
-        W = _products_before(test.basis, A)
-        test.shared_before[name] = W.transpose(0, 2, 1) @ W
-    return test.shared_before[name]
-
-
-def _products_before(basis: Array, A: Array) -> Array:
-    """Return the products of basis vectors (n r, p) with columns (n, r, k) up to each sample but the last."""
-    n, r, _ = A.shape
-    return np.asarray(np.cumsum(basis.reshape(n, r, -1).transpose(0, 2, 1) @ A, axis=0)[:-1])
+    information = test.space.sums_before(A, name)
+    if test.gone.size:
+        information = information + squares_before(test.lost, A)
+    if test.beside.size:
+        information = information - squares_before(test.beside, A)
+    return information, along, length
 
 
 def _worst_row(test: ScoreTest) -> list[EffectScore]:
     """Return the row whose reading fits its pose worst, where that is beyond any outlier."""
     n, r = len(test.problem), test.problem.model.width
-    Q, e = test.basis.reshape(n, r, -1), test.residual.reshape(n, r)
-    own = np.eye(r) - np.einsum("nrp,nsp->nrs", Q, Q)  # what a row's own reading is worth beyond all others
+    e, own = test.residual.reshape(n, r), test.space.unshared + row_products(test.lost, r)
     gain = np.einsum("nr,nr->n", e, np.linalg.solve(own + 1e-9 * np.eye(r), e[..., None])[..., 0])
     size = np.sqrt(gain / r)
     k = int(np.argmax(gain))

@@ -147,7 +147,8 @@ class WhitenedDictionary:
 
     def project(self, basis: Array, single: bool = False) -> Array:
         """Return the products of all columns with a basis (m, P), (width, P); ``single``: to single precision."""
-        shape = (len(self.dictionary.context.samples), -1, basis.shape[1])
+        n = len(self.dictionary.context.samples)
+        shape = (n, len(basis) // n, basis.shape[1])
         out = np.empty((self.dictionary.width, basis.shape[1]), dtype=np.float32 if single else np.float64)
         phis = self.dictionary.single_phis if single else [block.phi for block in self.dictionary.blocks]
         for block, phi, screw in zip(self.dictionary.blocks, phis, self.screws, strict=True):

@@ -5,18 +5,18 @@ the squared length of the projection of the residual on what remains (the score 
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import astuple, dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.linalg import solve_triangular
 
 from planner.common.determinism import even_positions
 from planner.common.units import Array
 from planner.effects.effect import Effect, Role
 from planner.identification.least_squares import Fit, subset_size
 from planner.identification.problem import FitProblem
-from planner.identification.row_basis import posterior_basis
+from planner.model.model import Model
+from planner.tracing.column_space import ColumnSpace, products_of_items
 from planner.tracing.dictionary import DictionaryItem, EffectAtValue, EffectDictionary, WhitenedDictionary, whiten
 from planner.tracing.state import (
     MASS_PRIOR,
@@ -31,7 +31,8 @@ from planner.tracing.state import (
 
 SCREENED_SAMPLES = 4_000  # samples of a long run that are screened
 LEAST_SHARE = 1e-6  # share of a column that must be left off the model's for its parameter to count as shown
-PRECISE_NUMBERS = 1_000_000  # of a Jacobian, up to which a kept dictionary is projected in double precision
+NEAR = 0.2  # logarithm of what the noise may have changed by since columns were whitened that stand for it
+MOST_COLUMNS = 1.3  # times those of the model that a space may have
 KEPT_ITEMS = 1_000  # of a dictionary, from which on its columns are kept for the next look
 REFINEMENT_ROUNDS = 4  # of the search between grid neighbours, each five times finer
 
@@ -99,61 +100,85 @@ class ScoreTest:
     """A fitted model seen as the space that it spans.
 
     Attributes:
-        problem, errors: the model about its fit, on the samples that are screened.
-        basis: rows Q (m, P), readings only, of a basis of the whitened Jacobian with the prior's: Q Qᵀ projects on it.
+        space: that has all of its columns, on the samples that are screened.
+        model, errors: the model about its fit.
         residual: whitened, (m,).
         dof: degrees of freedom of the residual, autocorrelation of the noise counted.
-        triangle: R (P, P) of the Jacobian with the prior's, Q R.
-        whole, gone: of a model less some parameters, the test with all of them, and what of its basis, (P, k), is gone.
-        added: number of columns that are out of the residual but not in the basis.
-        shared_before: what the model takes up of steps, (n − 1, k, k) by what steps, kept by :mod:`change_points`.
+        gone: what of the space, (P, k) in its vectors, the model does not span.
+        beside: vectors (m, l) across the space that the model spans as well.
+        added: number of columns that are out of the residual but not in the model.
     """
 
-    problem: FitProblem
+    space: ColumnSpace
+    model: Model
     errors: Array
-    basis: Array
     residual: Array
     dof: float
-    triangle: Array
-    whole: "ScoreTest | None" = None
-    gone: Array | None = None
+    gone: Array
+    beside: Array
     added: int = 0
-    shared_before: dict[str, Array] = field(default_factory=dict, init=False, repr=False, compare=False)
-    _columns: dict[int, WhitenedDictionary] = field(default_factory=dict, repr=False, compare=False)
     _scores: dict[int, DictionaryScores] = field(default_factory=dict, init=False, repr=False, compare=False)
-    _projections: dict[int, Array] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     @classmethod
-    def of(cls, fit: Fit, correlation_time: float = 1.0) -> "ScoreTest":
-        """Look at a fit; so many samples of it count as one."""
+    def of(cls, fit: Fit, correlation_time: float = 1.0, near: ColumnSpace | None = None) -> "ScoreTest":
+        """Look at a fit; so many samples of it count as one.
+
+        ``near`` is the space of another fit to the same samples, which is taken where it is near enough.
+        """
         problem = fit.problem
         n = len(problem)
-        if n > subset_size(fit.model, SCREENED_SAMPLES):
-            problem = problem.take(even_positions(n, subset_size(fit.model, SCREENED_SAMPLES)))
-        rows, residual = linearise(problem, fit.errors)
-        Q, R = posterior_basis(rows, len(rows) / (n * fit.model.width))
-        spacing = n / len(problem)
-        dof = max(1.0, len(rows) / max(1.0, correlation_time / spacing) - fit.effective)
-        return cls(problem, fit.errors, Q, residual - Q @ (Q.T @ residual), dof, R)
+        if near is not None and _is_near(near, fit):
+            space = near.including(fit.model.parameters)
+        else:
+            if n > subset_size(fit.model, SCREENED_SAMPLES):
+                problem = problem.take(even_positions(n, subset_size(fit.model, SCREENED_SAMPLES)))
+            space = ColumnSpace.of(problem, fit.errors, len(problem) / n)
+        readings, spacing = len(space.block), n / len(space.problem)
+        dof = max(1.0, readings / max(1.0, correlation_time / spacing) - fit.effective)
+        return cls._within(space, fit.model, fit.errors, dof)
 
-    def without(self, kept: Sequence[int]) -> "ScoreTest":
-        """Return the model with only the parameters at the positions ``kept``, about the same errors of these.
-
-        Its columns are taken as they are: what is left of them spans a part of the same space.
-        """
-        problem = self.problem.with_model(self.problem.model.subset(list(kept)))
-        left = np.setdiff1d(np.arange(len(self.triangle)), kept)
-        # across all columns that stay: with x = R⁻ᵀ e, Rᵀ x has nothing but what is gone
-        gone = np.linalg.qr(solve_triangular(self.triangle, np.eye(len(self.triangle))[:, left], trans="T"))[0]
-        raw = problem.model.residual_in(problem.context, problem.targets, self.errors[list(kept)])
+    @classmethod
+    def _within(cls, space: ColumnSpace, model: Model, errors: Array, dof: float) -> "ScoreTest":
+        """Look at a model whose columns a space has."""
+        problem, gone = space.problem, space.lacking(model.parameters)
+        raw = model.residual_in(problem.context, problem.targets, errors)
         white = whiten(problem, raw[..., None]).reshape(-1)
-        Q = self.basis - (self.basis @ gone) @ gone.T
-        return replace(self, basis=Q, residual=white - Q @ (Q.T @ white), whole=self, gone=gone)
+        bare = cls(space, model, errors, white, dof, gone, np.zeros((len(white), 0)))
+        return replace(bare, residual=bare.remainder(white))
+
+    def with_model(self, model: Model, errors: Array) -> "ScoreTest":
+        """Return the test of a model that has fewer parameters, or others in their places, about ``errors`` of these.
+
+        Columns are taken as they are: those of fewer parameters span a part of the same space.
+        """
+        return self._within(self.space.including(model.parameters), model, errors, self.dof)
+
+    @property
+    def problem(self) -> FitProblem:
+        """The samples that are screened, with the noise that they are whitened by."""
+        return self.space.problem
+
+    def products(self, columns: Array) -> Array:
+        """Return the products (P + l, k) of columns (m, k) with the model's orthonormal vectors."""
+        inside = self.space.products(columns)
+        if self.gone.size:
+            inside -= self.gone @ (self.gone.T @ inside)
+        return np.concatenate([inside, self.beside.T @ columns])
+
+    def remainder(self, columns: Array) -> Array:
+        """Return what of columns (m,) or (m, k) the model does not span."""
+        shared, P = self.products(columns), len(self.space)
+        return np.asarray(columns - self.space.combine(shared[:P]) - self.beside @ shared[P:])
+
+    @cached_property
+    def lost(self) -> Array:
+        """Orthonormal vectors (m, k) of the space, the prior's rows below them, that the model does not span."""
+        return self.space.combine(self.gone)
 
     @property
     def rank(self) -> int:
         """Number of parameters of the model."""
-        return int(self.basis.shape[1] + self.added - (0 if self.gone is None else self.gone.shape[1]))
+        return int(len(self.space) - self.gone.shape[1] + self.beside.shape[1] + self.added)
 
     @cached_property
     def scatter(self) -> float:
@@ -182,34 +207,30 @@ class ScoreTest:
     def score(self, dictionary: EffectDictionary) -> DictionaryScores:
         """Score every item of a dictionary that was laid out over the screened samples."""
         if len(dictionary.items) < KEPT_ITEMS:
-            columns = WhitenedDictionary.of(dictionary, self.problem, self.errors)
-            return _scores(columns, _informations(columns, columns.project(self.basis)), columns.along(self.residual))
-        known = self._scores.get(id(dictionary))
-        if known is None:
-            if id(dictionary) not in self._columns:  # the same for all tests about the same errors
-                self._columns[id(dictionary)] = WhitenedDictionary.of(dictionary, self.problem, self.errors)
-            columns = self._columns[id(dictionary)]
+            columns = WhitenedDictionary.of(dictionary, self.problem, self.space.errors)
+            shared = products_of_items(dictionary, self._project(columns))
+            information = [square - W for square, W in zip(columns.squares, shared, strict=True)]
+            return _scores(columns, information, columns.along(self.residual))
+        if id(dictionary) not in self._scores:
+            columns = self.space.whiten(dictionary)
             along = columns.along(self.residual)
-            known = self._scores[id(dictionary)] = _scores(columns, self._informations(columns), along)
-        return known
-
-    def _informations(self, columns: WhitenedDictionary) -> Sequence[Array]:
-        """Information after projection of a kept dictionary's items, (K, k, k) for each of its equal items."""
-        if self.whole is None or self.gone is None:
-            return _informations(columns, self._project(columns))
-        known = self.whole.score(columns.dictionary).information
-        projection = self.whole._project(columns)
-        free = projection @ self.gone.astype(projection.dtype)
-        own = [free[equal.columns].astype(float, copy=False) for equal in columns.dictionary.equal_items]
-        return [before + W @ W.transpose(0, 2, 1) for before, W in zip(known, own, strict=True)]
+            self._scores[id(dictionary)] = _scores(columns, self._informations(dictionary), along)
+        return self._scores[id(dictionary)]
 
     def _project(self, columns: WhitenedDictionary) -> Array:
-        """Products of a kept dictionary's columns with the basis, (width, P)."""
-        key = id(columns.dictionary)
-        if key not in self._projections:
-            # of many rows to single precision: nothing hangs on a share of a millionth of what a column explains
-            self._projections[key] = columns.project(self.basis, single=self.basis.size > PRECISE_NUMBERS)
-        return self._projections[key]
+        """Products of a dictionary's columns with the model's orthonormal vectors, (width, P + l)."""
+        inside = self.space.project(columns)
+        if self.gone.size:
+            inside -= (inside @ self.gone) @ self.gone.T
+        return np.concatenate([inside, columns.project(self.beside)], axis=1) if self.beside.size else inside
+
+    def _informations(self, dictionary: EffectDictionary) -> list[Array]:
+        """Information beyond the model of a kept dictionary's items, (K, k, k) for each of its equal items."""
+        known = self.space.informations(dictionary)
+        if not self.gone.size:
+            return known
+        free = products_of_items(dictionary, self.space.project_on(dictionary, self.gone))
+        return [before + W for before, W in zip(known, free, strict=True)]
 
     def score_one(self, effect: Effect, value: float | None = None) -> EffectScore:
         """Score one effect."""
@@ -242,16 +263,10 @@ class ScoreTest:
         return np.where(size == 0, 0.0, chance)
 
 
-def linearise(problem: FitProblem, errors: Array) -> tuple[Array, Array]:
-    """Return the whitened rows (m, P), per prior size, and residual (m,) of a problem about its errors."""
-    piece = problem.piece(slice(None), errors)
-    return piece.rows.reshape(-1, piece.rows.shape[2]), piece.residual.reshape(-1)
-
-
-def _informations(columns: WhitenedDictionary, projection: Array) -> list[Array]:
-    """Information after projection (width, P) of a dictionary's items, (K, k, k) for each of its equal items."""
-    own = [projection[equal.columns].astype(float, copy=False) for equal in columns.dictionary.equal_items]
-    return [square - W @ W.transpose(0, 2, 1) for W, square in zip(own, columns.squares, strict=True)]
+def _is_near(space: ColumnSpace, fit: Fit) -> bool:
+    """Tell whether a space stands for a fit: its noise is about the same, and it has few columns too many."""
+    then, now = (np.array(astuple(p.whitener.noise)) for p in (space.problem, fit.problem))
+    return bool(np.abs(np.log(now / then)).max() < NEAR and len(space) < MOST_COLUMNS * max(len(fit.errors), 1))
 
 
 def _scores(columns: WhitenedDictionary, informations: Sequence[Array], products: Array) -> DictionaryScores:

@@ -151,7 +151,7 @@ def _joints(context: SearchContext, state: SearchState, near: list[EffectScore])
 def _with_curve(state: SearchState, test: ScoreTest, joint: int, kept: Trial) -> Trial:
     """Return the effects that are kept and the whole curve of a joint."""
     gone = state.without(*kept)
-    return (*kept, FittedEffect(likeliest_curve(without_effects(test, state, gone) if gone else test, joint)))
+    return (*kept, FittedEffect(likeliest_curve(without_effects(test, gone) if gone else test, joint)))
 
 
 def _add_pair(context: SearchContext, state: SearchState, trial: SearchState) -> SearchState | None:

@@ -9,11 +9,10 @@ import numpy as np
 from planner.common.errors import NoSolutionError
 from planner.effects.effect import Effect, Parameter, Role
 from planner.effects.steps import Steppable
-from planner.identification.row_basis import posterior_basis
 from planner.identification.stages import FitContext
 from planner.tracing.dictionary import EffectDictionary
 from planner.tracing.linear_refit import LinearState, changes_compliance
-from planner.tracing.score_test import EffectScore, ScoreTest, linearise
+from planner.tracing.score_test import EffectScore, ScoreTest
 from planner.tracing.significance import LOG_SIGNIFICANCE, screening_correlation_time, variance_inflations, wald_log_p
 from planner.tracing.state import LINK_MASSES, FittedEffect, SearchState
 
@@ -71,15 +70,16 @@ class SearchContext:
     def score_test(self, state: SearchState) -> ScoreTest:
         """The space that a state's model spans; kept as long as the search looks at the same state."""
         if (id(state), "") not in self._tests:
+            near = next((test.space for _, test in self._tests.values()), None) if self._is_long(state) else None
             self._tests.clear()
-            self._tests[id(state), ""] = state, ScoreTest.of(state.fit, self._correlation_time(state))
+            self._tests[id(state), ""] = state, ScoreTest.of(state.fit, self._correlation_time(state), near)
         return self._tests[id(state), ""][1]
 
     def score_test_without(self, state: SearchState, found: FittedEffect) -> ScoreTest:
         """The same of the model less one effect."""
         test = self.score_test(state)
         if (id(state), found.name) not in self._tests:
-            self._tests[id(state), found.name] = state, without_effects(test, state, [found])
+            self._tests[id(state), found.name] = state, without_effects(test, [found])
         return self._tests[id(state), found.name][1]
 
     def evidence_fall(self, before: SearchState, after: SearchState, at: SearchState | None = None) -> float:
@@ -104,9 +104,12 @@ class SearchContext:
 
     def compare_with(self, state: SearchState, effects: tuple[FittedEffect, ...]) -> SearchState | None:
         """Refit with other effects as well as a comparison needs: of a long run linearly, see :meth:`fit_whole`."""
-        if self.bench.part(state.fit.model) is None or changes_compliance(state, effects):
+        if not self._is_long(state) or changes_compliance(state, effects):
             return self.try_refit(state, effects)
         return self._linear_state(state).refit(effects)
+
+    def _is_long(self, state: SearchState) -> bool:
+        return self.bench.part(state.fit.model) is not None
 
     def fit_whole(self, state: SearchState) -> SearchState | None:
         """Refit what was only refitted linearly, ``None`` where the fit does not come to rest."""
@@ -138,25 +141,14 @@ class SearchContext:
         return screening_correlation_time(state, self.bench.run.continuous)
 
 
-def without_effects(test: ScoreTest, state: SearchState, gone: Sequence[FittedEffect]) -> ScoreTest:
+def without_effects(test: ScoreTest, gone: Sequence[FittedEffect]) -> ScoreTest:
     """Return the fitted model less some effects, nonlinear values and what masses do through them, about the fit."""
     names = {p.name for f in gone for p in f.parameters} | {f.sensitivity_name for f in gone}
     where = {m.index for f in gone if f.has(Role.COMPLIANCE) for p in f.parameters for m in p.moves}
-    test = test.whole or test
-    parameters = test.problem.model.parameters
-    stays = [k for k, p in enumerate(parameters) if p.name not in names]
-    if not any(
-        parameters[k].group == LINK_MASSES and any(m.index in where for m in parameters[k].moves) for k in stays
-    ):
-        return test.without(stays)
     kept, errors = list[Parameter](), list[float]()
-    for k in stays:
-        p = parameters[k]
-        moves = tuple(m for m in p.moves if m.index not in where) if p.group == LINK_MASSES else p.moves
-        if moves:
-            kept.append(replace(p, moves=moves))
-            errors.append(float(test.errors[k]))
-    problem = test.problem.with_model(replace(test.problem.model, parameters=tuple(kept)))
-    rows, residual = linearise(problem, np.array(errors))
-    Q, _ = posterior_basis(rows, len(problem) / len(state.fit.problem))
-    return replace(test, basis=Q, residual=residual - Q @ (Q.T @ residual), whole=test)
+    for p, error in zip(test.model.parameters, test.errors.tolist(), strict=True):
+        stays = tuple(m for m in p.moves if p.group != LINK_MASSES or m.index not in where)
+        if p.name not in names and stays:
+            kept.append(p if len(stays) == len(p.moves) else replace(p, moves=stays))
+            errors.append(error)
+    return test.with_model(replace(test.model, parameters=tuple(kept)), np.array(errors))

@@ -15,7 +15,7 @@ from planner.identification.calibration import TracingResult
 from planner.identification.stages import FitContext, FittedStage
 from planner.model.identification_document import DetectionLimit, Finding, InnerNumber, log10_p, p_value
 from planner.runs.run import Run
-from planner.tracing.change_points import best_steps, change_sample, locate_step
+from planner.tracing.change_points import change_sample, locate_step, score_steps
 from planner.tracing.score_test import LEAST_SHARE, EffectScore, ScoreTest, scores_beside, with_link_masses
 from planner.tracing.search import SearchResult, search
 from planner.tracing.search_context import Progress, SearchContext
@@ -44,7 +44,7 @@ def find_rivals(context: SearchContext, state: SearchState, found: FittedEffect)
 
     own = with_link_masses(bare, [bare.score_one(found.effect, found.value)])[0]
     best: dict[str, float] = {}
-    steps = best_steps(bare, context.things) if test.problem.samples.number is not None else ()
+    steps = [s for _, s in score_steps(bare, context.things)] if test.problem.samples.number is not None else []
     for s in (*scores_beside(bare, context.dictionary, rest, SIZE_COST), *steps):
         if s.effect.name != found.effect.family:
             best[s.effect.name] = max(best.get(s.effect.name, -np.inf), merit(s))
