@@ -4,7 +4,7 @@ The fitted parameters are projected out of the alternatives; then one F test eac
 Readings of one pose count as one, and along a continuous run correlated samples count as one. Of poses at rest the
 order of measuring is tested too (Ljung and Box 1978). Far outliers are clipped (a score test by Huber's psi)."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -18,7 +18,7 @@ from planner.identification.cross_validation import number_poses
 from planner.identification.least_squares import MEDIAN_RMS, Fit, subset_size
 from planner.identification.problem import FitProblem, ProblemCache
 from planner.identification.residual_alternatives import joint_columns, other_columns
-from planner.identification.row_basis import posterior_basis
+from planner.identification.row_basis import space_basis
 
 VISIBLE_SHARE = 1e-3  # part of a column that must be left beyond the model for it to count
 HUBER_BOUND = 2.5  # robust standard deviations at which outliers are clipped
@@ -30,6 +30,7 @@ FEWEST_DOF = 10.0  # degrees of freedom of the correlation time, below which not
 DOF_PER_ALTERNATIVE = 3.0  # degrees of freedom for each alternative, below which fewer harmonics are tried
 LARGE = 2.5  # times the declared noise, which data sheets give to a factor of two, that is more than noise
 NEWTON_STEPS = 4  # to the angles at which the fitted arm is in a ball
+SUMMED_VECTORS = 16  # basis vectors whose running sums stay in the processor's cache
 LAGS = 5  # of the order of measuring
 MEASURING_ORDER = "order of measuring"
 TOO_FEW = "There are too few readings beyond the parameters to tell what is left from chance."
@@ -57,7 +58,7 @@ class ProjectedResidual:
         """Look at what a fit leaves; along a continuous run every sample is its own group."""
         group = np.arange(len(problem)) if moving else pose_groups(problem)
         piece = without_noise(problem, errors).piece(slice(None), errors)
-        basis = posterior_basis(group_sums(piece.rows, group), 0.0)[0]
+        basis = space_basis(group_sums(piece.rows, group))
         white = group_sums(problem.white_residual(errors)[..., None], group)[:, 0]
         return cls(white - basis @ (basis.T @ white), basis, group, problem.model.width)
 
@@ -77,12 +78,22 @@ class ProjectedResidual:
         white = np.clip(self.white, -far, far)
         return replace(self, white=white - self.basis @ (self.basis.T @ white))
 
-    def beyond(self, problem: FitProblem, columns: Array) -> Array:
-        """Orthonormal basis (m, rank) of what columns (n, r, k) of the reading reach beyond the model."""
-        tall = group_sums(problem.whitener.white(slice(None), columns), self.group)
-        tall = tall / np.maximum(np.linalg.norm(tall, axis=0), 1e-300)
-        tall = tall - self.basis @ (self.basis.T @ tall)
-        return orthonormal_basis(tall - self.basis @ (self.basis.T @ tall))
+    def beyond(self, problem: FitProblem, alternatives: Iterable[tuple[str, Array]]) -> dict[str, Array]:
+        """Orthonormal bases (m, rank) of what each of some columns (n, r, k) of the reading reach beyond the model.
+
+        By the names that these have.
+        """
+        named = dict(alternatives)
+        if not named:
+            return {}
+        tall = group_sums(problem.whitener.white(slice(None), np.concatenate(list(named.values()), axis=2)), self.group)
+        tall /= np.maximum(np.linalg.norm(tall, axis=0), 1e-300)
+        for _ in range(2):  # once leaves what rounding puts back
+            tall -= self.basis @ (self.basis.T @ tall)
+        ends = np.cumsum([columns.shape[2] for columns in named.values()])
+        return {
+            name: orthonormal_basis(own) for name, own in zip(named, np.split(tall, ends[:-1], axis=1), strict=True)
+        }
 
 
 def orthonormal_basis(tall: Array) -> Array:
@@ -128,14 +139,25 @@ def noise_correlation(rest: ProjectedResidual, explained: Array) -> NoiseCorrela
     """
     left = (rest.white - explained @ (explained.T @ rest.white)).reshape(-1, rest.width)
     time = max(correlation_time(component) for component in left.T)
-    basis = np.concatenate([rest.basis, explained], axis=1).reshape(len(left), -1)
     window = int(np.ceil(5 * time))
-    total = np.cumsum(np.pad(basis, ((window + 1, window), (0, 0))), axis=0)
-    absorbed = float((basis * (total[2 * window + 1 :] - total[: -2 * window - 1])).sum()) / left.size
+    absorbed = (
+        _neighbours_product(rest.basis, rest.width, window) + _neighbours_product(explained, rest.width, window)
+    ) / left.size
     if absorbed > MOST_ABSORBED:
         return NoiseCorrelation(np.inf, 0.0)
     time /= 1 - absorbed
     return NoiseCorrelation(time, len(left) / (10 * time + 1))
+
+
+def _neighbours_product(basis: Array, width: int, window: int) -> float:
+    """Sum over all pairs of samples within a window of the products of their rows in a basis (n · width, k)."""
+    out = 0.0
+    for first in range(0, basis.shape[1], SUMMED_VECTORS):
+        own = basis[:, first : first + SUMMED_VECTORS]
+        own = own.reshape(len(basis) // width, -1)
+        total = np.cumsum(np.pad(own, ((window + 1, window), (0, 0))), axis=0)
+        out += float((own * (total[2 * window + 1 :] - total[: -2 * window - 1])).sum())
+    return out
 
 
 @dataclass(frozen=True)
@@ -196,7 +218,7 @@ def _excess_text(found: ResidualDiagnosis, rms: float, noise: float) -> str:
 def build_battery(problem: FitProblem, rest: ProjectedResidual, moving: bool) -> ResidualBattery | None:
     """Return the tests that the samples allow, with as much detail as they bear; ``None`` if they bear none."""
     for detail in range(MAX_DETAIL, 0, -1):
-        joints = {name: rest.beyond(problem, columns) for name, columns in joint_columns(problem, detail)}
+        joints = rest.beyond(problem, joint_columns(problem, detail))
         if not joints:  # no joint moves
             return None
         correlation = NoiseCorrelation()
@@ -205,7 +227,7 @@ def build_battery(problem: FitProblem, rest: ProjectedResidual, moving: bool) ->
         most = rest.dof / correlation.time / (DOF_PER_ALTERNATIVE + 1)
         if correlation.dof < FEWEST_DOF or max(U.shape[1] for U in joints.values()) > most:
             continue
-        others = {name: rest.beyond(problem, columns) for name, columns in other_columns(problem, detail)}
+        others = rest.beyond(problem, other_columns(problem, detail))
         every = joints | {name: U for name, U in others.items() if U.shape[1] <= most}
         return ResidualBattery({name: U for name, U in every.items() if U.shape[1]}, correlation)
     return None

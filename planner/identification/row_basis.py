@@ -9,6 +9,7 @@ from planner.common.units import Array
 
 REFLECTED_NUMBERS = 1_000_000  # of rows, up to which their basis is found by Householder's reflections
 WELL_CONDITIONED = 1e-6  # reciprocal condition number of R, from which on one factor is exact to 1e-4 and mostly 1e-10
+LEAST_LENGTH = 1e-6  # of a combination of columns of unit length, below which it is rounding
 NEARLY_ORTHOGONAL = 1e-3  # how far the first of two orthogonalisations may be off
 
 
@@ -32,6 +33,21 @@ def posterior_basis(rows: Array, prior_weight: float) -> tuple[Array, Array]:
             pass
     Q, R = np.linalg.qr(np.vstack([rows, prior]))
     return np.asarray(Q[: len(rows)]), np.asarray(R)
+
+
+def space_basis(rows: Array) -> Array:
+    """Return an orthonormal basis (m, rank) of the columns of rows (m, P).
+
+    Of many rows by the eigenvectors of their products, then by Cholesky's factor of what these leave; of few ones as
+    :func:`posterior_basis`, P vectors.
+    """
+    if rows.size <= REFLECTED_NUMBERS:
+        return posterior_basis(rows, 0.0)[0]
+    size = np.maximum(np.linalg.norm(rows, axis=0), 1e-300)
+    square, axes = np.linalg.eigh((rows.T @ rows) / np.outer(size, size))
+    seen = square > LEAST_LENGTH**2 * square[-1]
+    Q = rows @ (axes[:, seen] / np.sqrt(square[seen]) / size[:, None])
+    return _orthogonalise(Q, np.zeros((0, Q.shape[1])))[0]
 
 
 def _orthogonalise(rows: Array, below: Array) -> tuple[Array, Array, Array]:
