@@ -11,7 +11,7 @@ not.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
 
@@ -80,6 +80,7 @@ class RandomEffects:
     noise: Array
     priors: tuple[SizePrior, ...]
     noise_precision: Array
+    _covariances: dict[bytes, Array] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     @cached_property
     def places(self) -> tuple[slice, ...]:
@@ -101,6 +102,16 @@ class RandomEffects:
         """Return the variance of each reading, (m,)."""
         return np.asarray(self.noise @ np.exp(2 * noise_logs))
 
+    def covariance(self, factors: Array) -> Array:
+        """Return the lower triangle of the covariance of the readings by the families, (m, m); the last one is kept."""
+        key = factors.tobytes()
+        if key not in self._covariances:
+            size = self.sizes(factors)
+            acts = (size > 0) & (self.family >= 0)
+            self._covariances.clear()
+            self._covariances[key] = dsyrk(1.0, self.columns[:, acts] * size[acts], lower=1)
+        return self._covariances[key]
+
     def _whiten(self, draw: SizeDraw) -> tuple[Array, Array]:
         """Return deviations of the noise (m,), and [X S D⁻¹; 1] (m + w, w) of the columns X that act."""
         root = np.sqrt(self.variance(draw.noise_logs))
@@ -116,7 +127,7 @@ class RandomEffects:
         if self._are_many(draw):
             whitener = _ReadingWhitener.of(self, draw)
             columns = whitener.white(self.sorted_columns)
-            gram = np.asfortranarray(columns.T @ columns)
+            gram = dsyrk(1.0, columns, trans=1, lower=1)
             return _Precision(gram, columns.T @ whitener.white(self.y[:, None])[:, 0], self.places)
         root, tall = self._whiten(draw)
         basis = np.linalg.qr(tall)[0][: len(root)]
@@ -169,13 +180,15 @@ class _ReadingWhitener:
     @classmethod
     def of(cls, model: RandomEffects, draw: SizeDraw) -> "_ReadingWhitener":
         """Factor the covariance."""
-        root, size = np.sqrt(model.variance(draw.noise_logs)), model.sizes(draw.factors)
+        root = np.sqrt(model.variance(draw.noise_logs))
         axes, wide, _ = np.linalg.svd(model.columns[:, model.family < 0] / root[:, None], full_matrices=False)
         shrink = 1 / np.sqrt(1 + wide**2) - 1
-        acts = (size > 0) & (model.family >= 0)
-        F = model.columns[:, acts] * size[acts] / root[:, None]
-        F = F + axes * shrink @ (axes.T @ F)
-        factor = np.linalg.cholesky(F @ F.T + np.eye(len(root)))
+        own = np.tril(model.covariance(draw.factors))
+        own = (own + np.tril(own, -1).T) / root / root[:, None]
+        shrunk = axes * shrink
+        own += shrunk @ (axes.T @ own)
+        own += (own @ axes) @ shrunk.T
+        factor = np.asarray(np.linalg.cholesky(own + np.eye(len(root))), dtype=float)
         log_det = 2 * (np.log(root).sum() + np.log(np.diag(factor)).sum()) + np.log1p(wide**2).sum()
         return cls(root, axes, shrink, factor, float(log_det))
 

@@ -10,11 +10,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve, rq, solve_triangular
-from scipy.linalg.lapack import dtrtri
+from scipy.linalg.lapack import dpotri, dtrtri
 
 from planner.common.determinism import even_positions
 from planner.common.units import Array
 from planner.effects.effect import Parameter
+from planner.identification.cross_validation import Split, predict_held_out
 from planner.identification.least_squares import Fit, Solution
 from planner.identification.noise import RATIO, Noise
 from planner.identification.posterior_background import EffectFamily, is_left_to_background, without_rivals_of
@@ -57,7 +58,8 @@ class SizeMixture:
         """Return R (P, P), upper triangular, with (RᵀR)⁻¹ the covariance within and between the draws."""
         within, means = np.zeros((len(z), len(z))), []
         for draw in self._each(gram, z):
-            spread = draw.ease * draw.own[:, None] * cho_solve(draw.factor, np.diag(draw.own))
+            half = np.tril(dpotri(draw.factor[0], lower=1)[0])
+            spread = draw.ease * draw.own[:, None] * (half + np.tril(half, -1).T) * draw.own
             within[np.ix_(draw.acting, draw.acting)] += spread / len(self.size)
             means.append(draw.mean)
         apart = np.array(means) - np.mean(means, axis=0)
@@ -145,15 +147,42 @@ class PosteriorFit:
     findings: tuple[str, ...]
 
 
-def fit_posterior(
+@dataclass(frozen=True)
+class DrawnPosterior:
+    """The sizes of everything as drawn, before it is fitted with them.
+
+    Attributes:
+        problem: of all parameters that may act, with the draws' mean noise.
+        start: values that the fit starts from, (P,).
+        mixture, families, findings: see :class:`PosteriorFit`.
+    """
+
+    problem: FitProblem
+    start: Array
+    mixture: SizeMixture
+    families: tuple[FamilySize, ...]
+    findings: tuple[str, ...]
+
+    def predict_held_out(self, split: Split) -> Array:
+        """Return residuals (n, r) of samples held out, by the fit with the draws' rms sizes."""
+        size = np.sqrt((self.mixture.scaled**2).mean(axis=0))
+        rough = Fit(self.problem, Solution(self.start, np.zeros((0, 0)), 0.0), 0.0, np.zeros(0, dtype=int))
+        return predict_held_out(rough, split, size[None]).residual
+
+    def fit(self) -> PosteriorFit:
+        """Fit everything together."""
+        return PosteriorFit(*_fit_mixture(self.problem, self.start, self.mixture), self.families, self.findings)
+
+
+def draw_posterior(
     before: Fit,
     run: Run,
     whole: Model,
     background: Sequence[EffectFamily],
     correlation_time: float = 1.0,
     curves: frozenset[str] = frozenset(),
-) -> PosteriorFit:
-    """Fit everything together.
+) -> DrawnPosterior:
+    """Draw the sizes of everything that may act.
 
     Args:
         before: the fit that it starts from; effects in it have sizes of their own, or none where they do not pay.
@@ -192,7 +221,7 @@ def fit_posterior(
         for name, f in zip(families.names, factors.T, strict=True)
     )
     stand = tuple(s.name for s in sizes if s.name in families.findings and s.probability >= STANDS)
-    return PosteriorFit(*_fit_mixture(problem, errors[kept], mixture), sizes, stand)
+    return DrawnPosterior(problem, errors[kept], mixture, sizes, stand)
 
 
 def _fit_mixture(problem: FitProblem, errors: Array, mixture: SizeMixture) -> tuple[Fit, SizeMixture, Array]:

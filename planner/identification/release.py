@@ -10,7 +10,7 @@ from planner.common.units import MM, Array, to_mm
 from planner.identification.cross_validation import Split, predict_held_out
 from planner.identification.least_squares import Fit
 from planner.identification.posterior_background import background_families, curve_groups
-from planner.identification.posterior_fit import PosteriorFit, fit_posterior
+from planner.identification.posterior_fit import PosteriorFit, draw_posterior
 from planner.identification.released_robot import ReleasedRobot, ToolMap, tool_maps
 from planner.identification.stages import FitContext, FittedStage
 from planner.model.identification_document import Metrics, Release, SizeOfFamily, WorkToolError
@@ -48,13 +48,13 @@ def release_robot(
     if few is not None:
         run, split, time = run.take(few), split.take(few), max(1.0, time * len(few) / len(run))
     families = background_families(last.model.setup, context.run.samples)
-    posterior, held = fit_posterior(last, run, whole, families, time), None
+    drawn = draw_posterior(last, run, whole, families, time)
     dense = len(context.run) * whole.width >= DENSE * len(last.model.names)
     if dense and (curves := curve_groups(last.model)):
-        other = fit_posterior(last, run, whole, families, time, curves)
-        mine, held = _predict_by_mixture(other, split), _predict_by_mixture(posterior, split)
-        if predicts_better(mine, held, split):
-            posterior, held = other, mine
+        other = draw_posterior(last, run, whole, families, time, curves)
+        if predicts_better(other.predict_held_out(split), drawn.predict_held_out(split), split):
+            drawn = other
+    posterior = drawn.fit()
     maps, own = tool_maps(cell, context.run, posterior.fit), plain.stage
     geometry = ReleasedRobot(plain.fit, plain.fit, posterior, *maps, own.held_out, own.validation, own.held_residual)
     aim = compromise(geometry)
@@ -64,7 +64,7 @@ def release_robot(
     fit = _part_way(plain.fit, aim, share)
     before = own.held_residual if few is None else own.held_residual[few]
     problem = posterior.fit.problem
-    held = _predict_by_mixture(posterior, split) if held is None else held
+    held = _predict_by_mixture(posterior, split)
     held = held + problem.residual(aim.errors) - problem.residual(posterior.fit.errors)
     held = share * held + (1 - share) * before
     errors = (Metrics.of(held, split.fold), context.judge(fit), held)
