@@ -17,6 +17,7 @@ from planner.cli.terminal import (
     OutputFile,
     PlanFile,
     Runs,
+    Screen,
     Seed,
     errors,
     evaluation_step,
@@ -50,11 +51,13 @@ def simulate_command(
     seed: Seed = 0,
 ) -> None:
     """Simulate the measured run of a plan, on a robot with known or drawn errors."""
-    from planner.workflow.plan_reading import simulate
+    with Screen():
+        from planner.workflow.plan_reading import simulate
 
-    made = simulate(plan_file, truth=truth, change=change, seed=seed)
+        made = simulate(plan_file, truth=truth, change=change, seed=seed)
+        text = made.text()
     print_notes(made.run.warnings)
-    give_file(made.text(), made.write, output, evaluation_step(output, plan_file))
+    give_file(text, made.write, output, evaluation_step(output, plan_file))
 
 
 def identify_command(
@@ -102,11 +105,12 @@ def import_command(
         raise InputError(
             "give either --map MAP.toml, or --plan PLAN.json and --dialect of the program that kept the log"
         )
-    from planner.runs.traces import import_run
-    from planner.runs.writer import run_text, save_run
-    from planner.workflow.plan_reading import import_log
+    with Screen():
+        from planner.runs.traces import import_run
+        from planner.runs.writer import run_text, save_run
+        from planner.workflow.plan_reading import import_log
 
-    run = import_run(traces, map_file) if map_file else import_log(traces, plan or "", dialect or "")
+        run = import_run(traces, map_file) if map_file else import_log(traces, plan or "", dialect or "")
     print_notes(run.warnings)
     step = f"edbb identify {output} --cell CELL {f'--plan {plan} ' if plan else ''}-o calibrated"
     give_file(run_text(run), lambda path: save_run(run, path), output, step)
@@ -128,18 +132,19 @@ def compensate_command(
     ] = None,
 ) -> None:
     """Correct the targets of a program so that the calibrated robot stands where the nominal one should."""
-    from planner.workflow.compensation import compensate
+    with Screen():
+        from planner.workflow.compensation import compensate
 
-    done = compensate(
-        targets,
-        model=model,
-        dialect=dialect,
-        tool=tool,
-        base=base,
-        frames=frames,
-        strict=strict,
-        cell=cell,
-    )
+        done = compensate(
+            targets,
+            model=model,
+            dialect=dialect,
+            tool=tool,
+            base=base,
+            frames=frames,
+            strict=strict,
+            cell=cell,
+        )
     if output != "-":
         check_writing(Path(output), done.file.text.encode(done.file.encoding))
     errors.print(done.full_summary(), markup=False)

@@ -16,6 +16,7 @@ from planner.cli.terminal import (
     Output,
     OutputFile,
     PlanFile,
+    Screen,
     Seed,
     errors,
     evaluation_step,
@@ -25,6 +26,8 @@ from planner.cli.terminal import (
 from planner.common.choices import Aim, IndexName
 from planner.common.errors import PARTLY_DONE, InputError
 from planner.common.lazy_modules import LazyModule
+from planner.common.progress import Stages
+from planner.common.result import Result
 from planner.report.standby import stand_by
 
 if TYPE_CHECKING:
@@ -114,9 +117,10 @@ def export_command(
     plan_file: PlanFile, dialect: Annotated[str, typer.Option(help="robot language")], output: OutputFile
 ) -> None:
     """Write the robot program of a plan in any dialect; the cell.toml beside the plan must be the plan's own."""
-    from planner.workflow.plan_reading import export
+    with Screen():
+        from planner.workflow.plan_reading import export
 
-    made = export(plan_file, dialect=dialect, name="-" if output == "-" else Path(output).name)
+        made = export(plan_file, dialect=dialect, name="-" if output == "-" else Path(output).name)
     if output == "-":
         if len(made.programs) > 1:
             names = ", ".join(f.name for f in made.programs)
@@ -143,10 +147,14 @@ def both_command(
     as_json: Json = False,
 ) -> None:
     """Plan a session with both bars: poses without load, and the loaded circles that add most to one fit of both."""
-    from planner.session.options import PlanOptions
 
-    options = PlanOptions(poses=poses, seed=seed, dialects=tuple(dialect or ()))
-    give(lambda stages: loaded_planning.plan_both(unloaded, loaded, places, options, stages), output, as_json, PLAN)
+    def work(stages: Stages) -> Result:
+        from planner.session.options import PlanOptions  # once its progress shows
+
+        options = PlanOptions(poses=poses, seed=seed, dialects=tuple(dialect or ()))
+        return loaded_planning.plan_both(unloaded, loaded, places, options, stages)
+
+    give(work, output, as_json, PLAN)
 
 
 def places_command(
