@@ -8,13 +8,14 @@ so that all samples are tried in one pass (the score test for a change at an unk
 61(4)). That the best of all samples and things is taken is paid for by Bonferroni's correction and by the rank.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Sequence, Set
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from planner.common.units import Array
 from planner.effects.basis import BasisFunction
+from planner.effects.effect import Place
 from planner.effects.steps import STEP, AtSample, BeforeSample, Steppable, acting_throughout, wrong_row
 from planner.identification.least_squares import MEDIAN_RMS
 from planner.tracing.column_space import row_products, squares_before
@@ -50,12 +51,7 @@ def rank_changes(
     if test.problem.samples.number is None or len(test.problem) < 2 * FEWEST_SAMPLES + 2:
         return []
     taken = {(f.effect.place, change_sample(f)) for f in effects if f.effect.kind == STEP}
-    steps = [
-        s for s in best_steps(test, things) if (s.effect.place, change_sample(FittedEffect(s.effect))) not in taken
-    ]
-    best = max((s.gain for s in steps), default=0.0)
-    steps = sorted((s for s in steps if s.gain >= SIMILAR_GAIN * best), key=lambda s: -s.merit)[:MOST_STEPS]
-    return [*([] if continuous else _worst_row(test)), *steps]
+    return [*([] if continuous else _worst_row(test)), *best_steps(test, things, taken)]
 
 
 def change_sample(found: FittedEffect) -> int | None:
@@ -64,9 +60,21 @@ def change_sample(found: FittedEffect) -> int | None:
     return phi.sample if isinstance(phi, BeforeSample | AtSample) else None
 
 
-def best_steps(test: ScoreTest, things: Sequence[Steppable]) -> Iterator[EffectScore]:
-    """Yield the best step of each thing that may step; those that a drift explains have no chance."""
-    for columns, score in score_steps(test, things):
+def best_steps(
+    test: ScoreTest, things: Sequence[Steppable], taken: Set[tuple[Place, int | None]] = frozenset()
+) -> Iterator[EffectScore]:
+    """Yield the likeliest steps of different things but those at places and samples that are taken.
+
+    Those that a drift explains as well have no chance.
+    """
+    free = [
+        (columns, s)
+        for columns, s in score_steps(test, things)
+        if (s.effect.place, change_sample(FittedEffect(s.effect))) not in taken
+    ]
+    best = max((s.gain for _, s in free), default=0.0)
+    near = sorted((own for own in free if own[1].gain >= SIMILAR_GAIN * best), key=lambda own: -own[1].merit)
+    for columns, score in near[:MOST_STEPS]:
         slow = score.log_p < LOG_SIGNIFICANCE and not _is_sudden(test, columns, score)
         yield replace(score, log_p=0.0) if slow else score
 
@@ -123,7 +131,7 @@ def _beyond(test: ScoreTest, A: Array) -> tuple[Array, Array]:
     mu, axes = np.linalg.eigh(A.T @ A - shared.T @ shared)
     seen = mu > 1e-9 * max(float(mu[-1]), 1e-300)
     root = axes[:, seen] / np.sqrt(mu[seen])
-    return test.remainder(A) @ root, root.T @ (A.T @ test.residual)
+    return test.remainder(A, shared) @ root, root.T @ (A.T @ test.residual)
 
 
 def _beside_others(test: ScoreTest, columns: Array, steps: Sequence[EffectScore], own: EffectScore) -> ScoreTest:

@@ -36,7 +36,8 @@ class ColumnSpace:
     """Columns of models about one fit, whitened, each with its prior's row below.
 
     Attributes:
-        problem, errors: the model that the columns are linearised about, on the samples that are screened.
+        problem: the model that the columns are linearised about, on the samples that are screened.
+        motion: forward pass of these about its fit.
         weight: of the prior's rows.
         parameters: of the columns, (P,), in the sizes that ``problem`` had them in, and ``before``'s first.
         block: rows (m, k), readings only, of the orthonormal vectors that the last k columns add.
@@ -45,7 +46,7 @@ class ColumnSpace:
     """
 
     problem: FitProblem
-    errors: Array
+    motion: ForwardPass
     weight: float
     parameters: tuple[Parameter, ...]
     block: Array
@@ -61,7 +62,8 @@ class ColumnSpace:
         """Return the space of a problem's own columns about ``errors`` (P,)."""
         rows = problem.piece(slice(None), errors).rows
         Q, R = posterior_basis(rows.reshape(-1, rows.shape[2]), weight)
-        return cls(problem, errors, weight, problem.model.parameters, Q, R)
+        motion = problem.model.motion(problem.context, errors)
+        return cls(problem, motion, weight, problem.model.parameters, Q, R)
 
     def __len__(self) -> int:
         """Return the number of columns P."""
@@ -112,7 +114,7 @@ class ColumnSpace:
         """Return the columns of a kept dictionary."""
         known = self.memory.dictionaries
         if id(dictionary) not in known:
-            known[id(dictionary)] = WhitenedDictionary.of(dictionary, self.problem, self.errors)
+            known[id(dictionary)] = WhitenedDictionary.of(dictionary, self.problem, self.motion)
         return known[id(dictionary)]
 
     def informations(self, dictionary: EffectDictionary) -> list[Array]:
@@ -142,7 +144,7 @@ class ColumnSpace:
 
     def _columns(self, parameters: tuple[Parameter, ...]) -> Array:
         """Whitened columns (n, r, k) of parameters, per their own units."""
-        rows = replace(self.problem.model, parameters=parameters).columns(self.problem.context, self._motion).dense
+        rows = replace(self.problem.model, parameters=parameters).columns(self.problem.context, self.motion).dense
         return whiten(self.problem, rows.transpose(2, 1, 0))
 
     def _project(self, dictionary: EffectDictionary) -> Array:
@@ -178,10 +180,6 @@ class ColumnSpace:
     def _place(self) -> dict[tuple[str, tuple[ParameterMove, ...]], int]:
         """Position of each column by its name and what it moves."""
         return {(p.name, p.moves): k for k, p in enumerate(self.parameters)}
-
-    @property
-    def _motion(self) -> ForwardPass:
-        return self.problem.model.motion(self.problem.context, self.errors)
 
 
 def products_of_items(dictionary: EffectDictionary, projection: Array) -> list[Array]:

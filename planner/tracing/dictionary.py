@@ -15,7 +15,7 @@ from planner.common.units import Array
 from planner.effects.context import Context
 from planner.effects.effect import Effect, Parameter, ParameterMove, transform_move
 from planner.identification.problem import FitProblem
-from planner.model.model import Model
+from planner.kinematics.chain import ForwardPass
 
 EffectAtValue = tuple[Effect, float | None]
 GRAM_ROWS = 128  # columns at a time, so that they stay in the processor's cache
@@ -138,11 +138,10 @@ class WhitenedDictionary:
     squares: tuple[Array, ...]
 
     @classmethod
-    def of(cls, dictionary: EffectDictionary, problem: FitProblem, errors: Array) -> "WhitenedDictionary":
-        """Whiten the columns about the model's ``errors``."""
-        about = problem.model.fixing(errors)
-        screws = tuple(_whitened_screws(dictionary, problem, about))
-        mixed = _whitened_mixed_columns(dictionary, problem, about)
+    def of(cls, dictionary: EffectDictionary, problem: FitProblem, motion: ForwardPass) -> "WhitenedDictionary":
+        """Whiten the columns where the arm stands after a forward pass."""
+        screws = tuple(_whitened_screws(dictionary, problem, motion))
+        mixed = _whitened_mixed_columns(dictionary, problem, motion)
         return cls(dictionary, screws, mixed, tuple(_squares(dictionary, screws, mixed)))
 
     def project(self, basis: Array, single: bool = False) -> Array:
@@ -169,13 +168,14 @@ class WhitenedDictionary:
         return out
 
 
-def _whitened_screws(dictionary: EffectDictionary, problem: FitProblem, about: Model) -> list[Array]:
+def _whitened_screws(dictionary: EffectDictionary, problem: FitProblem, motion: ForwardPass) -> list[Array]:
     blocks = dictionary.blocks
     raw = np.zeros((len(problem), problem.model.width, len(blocks)))
     turned = [j for j, b in enumerate(blocks) if b.move.on == "transform"]
     moves = [transform_move(blocks[j].move.index) for j in turned]
     single = tuple(Parameter(str(m[0].index), "", 1.0, "", m) for m in moves)
-    raw[:, :, turned] = replace(about, parameters=single).linear_in(dictionary.context, None).rows
+    model = replace(problem.model, parameters=single)
+    raw[:, :, turned] = model.columns(dictionary.context, motion).dense.transpose(2, 1, 0)
     for j, block in enumerate(blocks):
         if block.move.on == "reading":
             raw[:, block.move.index, j] = 1.0
@@ -183,11 +183,11 @@ def _whitened_screws(dictionary: EffectDictionary, problem: FitProblem, about: M
     return [np.ascontiguousarray(white[:, :, j]) for j in range(len(blocks))]
 
 
-def _whitened_mixed_columns(dictionary: EffectDictionary, problem: FitProblem, about: Model) -> dict[int, Array]:
+def _whitened_mixed_columns(dictionary: EffectDictionary, problem: FitProblem, motion: ForwardPass) -> dict[int, Array]:
     if not dictionary.mixed:
         return {}
-    model = replace(about, parameters=tuple(dictionary.mixed.values()))
-    rows = model.linear_in(dictionary.context, None).rows * model.prior
+    model = replace(problem.model, parameters=tuple(dictionary.mixed.values()))
+    rows = model.columns(dictionary.context, motion).dense.transpose(2, 1, 0) * model.prior
     return dict(zip(dictionary.mixed, whiten(problem, rows).reshape(-1, rows.shape[2]).T, strict=True))
 
 

@@ -10,22 +10,29 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.linalg import cholesky, solve_triangular
+from scipy.linalg import solve_triangular
 
 from planner.common.units import Array
 from planner.effects.effect import Parameter, Role
-from planner.identification.cross_validation import Split, steps_without_folds
+from planner.identification.cross_validation import Split
 from planner.identification.least_squares import Fit, Solution, prior_factors
 from planner.identification.problem import LinearPiece
 from planner.identification.stages import FitContext, FittedStage
 from planner.kinematics.chain import ForwardPass
 from planner.model.columns import Columns
 from planner.model.identification_document import Metrics, Stage
-from planner.tracing.normal_equations import AddedColumns, NewtonStep, RemainingColumns
+from planner.tracing.normal_equations import (
+    AddedColumns,
+    FactoredEquations,
+    FoldEquations,
+    RemainingColumns,
+    WiderEquations,
+)
 from planner.tracing.state import SETTLING_ROUNDS, STILL, FittedEffect, SearchState
 
 FACTOR_ROUNDS = 8  # in which the factors on new prior sizes settle
 SETTLED = 0.02  # relative change of a factor that ends them
+SAME_NOISE = 0.1  # change of its variance, logarithm, up to which the equations of a state serve for a refit
 
 
 @dataclass(frozen=True)
@@ -65,33 +72,47 @@ class LinearState:
     def refit(self, effects: tuple[FittedEffect, ...]) -> SearchState:
         """Return the state with other effects; none that comes or goes is a compliance, whose masses would change."""
         fit, rest = self.state.fit, self._rest(effects)
-        effects, added = self._settle(rest, effects)
+        base = self._equations if len(rest.kept) == len(fit.errors) else FoldEquations.of(self.grams, rest)
+        effects, added = self._settle(rest, base.whole, effects)
         new = tuple(added.columns.take(mine) for mine in self.members)
-        grams = np.stack(
-            [rest.beside(g, c.products(n), n) for g, c, n in zip(self.grams, self.folds, new, strict=True)]
+        equations, weight = self._widen(base, rest, new), 1.0
+        white = rest.residual(self.white, added.columns, equations.whole.step)
+        ease = self._noise_ratio(float((white**2).sum()), equations.whole.effective)
+        if abs(np.log(ease)) > SAME_NOISE:  # the prior's weight beside the readings is another
+            equations, weight = equations.with_base(FoldEquations.of(self.grams / ease, rest), ease), ease
+            white = rest.residual(self.white, added.columns, equations.whole.step)
+        best, problem = (
+            equations.whole,
+            fit.problem.with_model(replace(fit.model, parameters=(*rest.parameters, *added.parameters))),
         )
-        gram, z = grams.sum(axis=0), np.append(rest.z, np.zeros(len(added.parameters)))
-        ease = self._noise_ratio(gram, z)
-        best = NewtonStep.of(gram, z, ease)
-        problem = fit.problem.with_model(replace(fit.model, parameters=(*rest.parameters, *added.parameters)))
         problem = replace(problem, whitener=problem.whitener.times(float(np.sqrt(ease))))
-        at = z + best.move
-        solution = Solution(problem.prior * at, best.factor, best.square(gram) / ease + float(at @ at))
-        every = np.full((1, len(z)), np.nan)
-        steps, _ = steps_without_folds(grams / ease, z, every, np.ones_like(every))
-        white = rest.residual(self.white, added.columns, best.move)
-        stage = self._stage(effects, len(z), white, self._held_residual(rest, new, steps))
+        at = equations.z + best.step
+        cost = float((white**2).sum()) / ease + float(at @ at)
+        solution = Solution(problem.prior * at, best.factor * np.sqrt(weight / ease), cost)
+        held = self._held_residual(rest, new, equations.steps_without_folds)
+        stage = self._stage(effects, len(at), white, held)
         residual = Columns(white.T[None], np.zeros(1, dtype=int), self.white.screws[:0])
         piece = LinearPiece(slice(None), self.white.select(rest.kept).beside(added.columns).beside(residual))
         found = Fit(problem, solution, best.effective, np.zeros(0, dtype=int))
         return SearchState(self.state.base, effects, FittedStage(stage, found, ()), piece)
 
-    def _noise_ratio(self, gram: Array, z: Array) -> float:
-        """Variance of the noise that a refit from z (P,) finds, by products (P + 1, P + 1), over that of the state."""
+    def _widen(self, base: FoldEquations, rest: RemainingColumns, new: tuple[Columns, ...]) -> WiderEquations:
+        """Return the equations of what stays and of new columns, which are given over each fold."""
+        products = np.stack([rest.reduce_products(c.products(n)) for c, n in zip(self.folds, new, strict=True)])
+        z = np.append(rest.z, np.zeros(len(new[0])))
+        return WiderEquations(base, products, np.stack([n.gram for n in new]), z)
+
+    @cached_property
+    def _equations(self) -> FoldEquations:
+        """Those of the state with all of its effects."""
+        return FoldEquations.of(self.grams, self._rest(self.state.effects))
+
+    def _noise_ratio(self, square: float, effective: float) -> float:
+        """Variance of the noise that a refit finds, by the sum of squares that it leaves, over that of the state."""
         fit = self.state.fit
-        readings, step = len(fit.problem) * fit.model.width, NewtonStep.of(gram, z, 1.0)
+        readings = len(fit.problem) * fit.model.width
         before = float(self.grams[:, -1, -1].sum()) / (readings - fit.effective)
-        return step.square(gram) / (readings - step.effective) / before
+        return square / (readings - effective) / before
 
     def _held_residual(self, rest: RemainingColumns, new: tuple[Columns, ...], steps: Array) -> Array:
         """Whitened residual (n, r) of each fold after the step (folds, P) to the fit without it."""
@@ -112,12 +133,10 @@ class LinearState:
         return RemainingColumns(tuple(fit.model.parameters[k] for k in kept), kept, z[kept], part)
 
     def _settle(
-        self, rest: RemainingColumns, effects: tuple[FittedEffect, ...]
+        self, rest: RemainingColumns, equations: FactoredEquations, effects: tuple[FittedEffect, ...]
     ) -> tuple[tuple[FittedEffect, ...], AddedColumns]:
         """Settle the nonlinear values and the prior sizes of what is new; return it with its columns."""
-        gram = rest.reduce(self.grams.sum(axis=0))
-        factor = cholesky(gram[:-1, :-1] + np.eye(len(rest.z)))
-        right = solve_triangular(factor, gram[:-1, -1] - rest.z, trans="T")
+        factor, right = equations.factor, equations.right
         new = [f for f in effects if f not in self.state.effects]
         errors = dict[str, float]()
         for left in reversed(range(SETTLING_ROUNDS)):

@@ -1,6 +1,7 @@
 """Normal equations of a model from which columns go and to which new ones come."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.linalg import cholesky, solve_triangular
@@ -8,6 +9,7 @@ from scipy.linalg.lapack import dtrtri
 
 from planner.common.units import Array
 from planner.effects.effect import Parameter
+from planner.identification.cross_validation import NO_INFORMATION, steps_without_folds
 from planner.model.columns import Columns
 
 
@@ -57,39 +59,105 @@ class RemainingColumns:
         part[self.kept] = -step[:q]
         return columns.times(part) - added.times(step[q:])
 
-    def beside(self, gram: Array, products: Array, added: Columns) -> Array:
-        """Return the products of what stays, of new columns and of the residual, (q + k + 1, q + k + 1).
+
+@dataclass(frozen=True)
+class FactoredEquations:
+    """Normal equations with the prior's rows, RᵀR x = Rᵀ right: R (q, q) upper triangular, right (q,)."""
+
+    factor: Array
+    right: Array
+
+    @classmethod
+    def of(cls, gram: Array, z: Array) -> "FactoredEquations":
+        """Factor them by products of columns and residual (q + 1, q + 1), for the step from z (q,) in prior sizes."""
+        factor = cholesky(gram[:-1, :-1] + np.eye(len(z)), check_finite=False)
+        return cls(factor, solve_triangular(factor, gram[:-1, -1] - z, trans="T", check_finite=False))
+
+    def beside(self, products: Array, gram: Array) -> "FactoredEquations":
+        """Return them with new columns, which stand at zero.
 
         Args:
-            gram: of all columns of the state and the residual, (P + 1, P + 1).
-            products: of these with the new columns, (P + 1, k).
-            added: the new columns.
+            products: of the columns and of the residual with the new columns, (q + 1, k).
+            gram: of the new columns, (k, k).
         """
-        q, k = len(self.kept), len(added)
-        cross = self.reduce_products(products)
-        out = np.empty((q + k + 1, q + k + 1))
-        place, new = np.append(np.arange(q), q + k), np.arange(q, q + k)
-        out[np.ix_(place, place)] = self.reduce(gram)
-        out[np.ix_(place, new)], out[np.ix_(new, place)] = cross, cross.T
-        out[np.ix_(new, new)] = added.gram
-        return out
+        q, k = len(self.right), len(gram)
+        shared = solve_triangular(self.factor, products[:-1], trans="T", check_finite=False)
+        own = np.linalg.cholesky(gram + np.eye(k) - shared.T @ shared)
+        factor = np.zeros((q + k, q + k))
+        factor[:q, :q], factor[:q, q:], factor[q:, q:] = self.factor, shared, own.T
+        return FactoredEquations(
+            factor, np.append(self.right, np.linalg.solve(own, products[-1] - self.right @ shared))
+        )
+
+    @cached_property
+    def step(self) -> Array:
+        """The step x, (q,)."""
+        return np.asarray(solve_triangular(self.factor, self.right, check_finite=False))
+
+    @cached_property
+    def effective(self) -> float:
+        """Number of parameters that the readings decide."""
+        return float(len(self.right) - (dtrtri(self.factor)[0] ** 2).sum())
 
 
 @dataclass(frozen=True)
-class NewtonStep:
-    """Step (P,) in prior sizes to the minimum, the triangle R (P, P) of the information, and effective parameters."""
+class FoldEquations:
+    """Products of what stays of a state over each fold, (q + 1, q + 1), and the equations with and without each."""
 
-    move: Array
-    factor: Array
-    effective: float
+    grams: tuple[Array, ...]
+    whole: FactoredEquations
+    without: tuple[FactoredEquations, ...]
 
     @classmethod
-    def of(cls, gram: Array, z: Array, ease: float) -> "NewtonStep":
-        """Solve for the step from z (P,) by products (P + 1, P + 1) with a noise of ``ease`` times the variance."""
-        factor = cholesky(gram[:-1, :-1] / ease + np.eye(len(z)))
-        move = solve_triangular(factor, solve_triangular(factor, gram[:-1, -1] / ease - z, trans="T"))
-        return cls(np.asarray(move), factor, float(len(z) - (dtrtri(factor)[0] ** 2).sum()))
+    def of(cls, grams: Array, rest: RemainingColumns) -> "FoldEquations":
+        """Factor the equations of what stays by the state's products over the folds, (folds, P + 1, P + 1)."""
+        own = tuple(rest.reduce(g) for g in grams)
+        total = np.sum(own, axis=0)
+        return cls(
+            own, FactoredEquations.of(total, rest.z), tuple(FactoredEquations.of(total - g, rest.z) for g in own)
+        )
 
-    def square(self, gram: Array) -> float:
-        """Sum of squares of the residual after the step, by products (P + 1, P + 1)."""
-        return float(gram[-1, -1] - 2 * gram[-1, :-1] @ self.move + self.move @ gram[:-1, :-1] @ self.move)
+
+@dataclass(frozen=True)
+class WiderEquations:
+    """The equations of what stays of a state and of new columns behind it.
+
+    Attributes:
+        base: of what stays.
+        products: of its columns and of the residual with the new ones over each fold, (folds, q + 1, k).
+        squares: products of the new columns with each other, (folds, k, k).
+        z: values in prior sizes, (q + k,), the new ones at zero.
+    """
+
+    base: FoldEquations
+    products: Array
+    squares: Array
+    z: Array
+
+    def with_base(self, base: FoldEquations, noise: float) -> "WiderEquations":
+        """Return them with other equations of what stays, readings counted by a noise of so many times the variance."""
+        return WiderEquations(base, self.products / noise, self.squares / noise, self.z)
+
+    @cached_property
+    def whole(self) -> FactoredEquations:
+        """The equations of all samples."""
+        return self.base.whole.beside(self.products.sum(axis=0), self.squares.sum(axis=0))
+
+    @property
+    def steps_without_folds(self) -> Array:
+        """The steps to the fits without each fold, (folds, q + k)."""
+        own = zip(self.base.grams, self.squares, strict=True)
+        length = np.stack([np.append(np.diag(g)[:-1], np.diag(s)) for g, s in own])
+        if (length > (1 - NO_INFORMATION) * length.sum(axis=0)).any():  # what a fold alone knows is fitted on it
+            every = np.full((1, len(self.z)), np.nan)
+            return steps_without_folds(self._joined_grams, self.z, every, np.ones_like(every))[0]
+        others = zip(self.products.sum(axis=0) - self.products, self.squares.sum(axis=0) - self.squares, strict=True)
+        return np.stack([e.beside(*o).step for e, o in zip(self.base.without, others, strict=True)])
+
+    @property
+    def _joined_grams(self) -> Array:
+        """Products over each fold with the residual's last, (folds, q + k + 1, q + k + 1)."""
+        q, k = len(self.base.grams[0]) - 1, len(self.squares[0])
+        order = np.r_[:q, q + 1 : q + k + 1, q]
+        each = zip(self.base.grams, self.products, self.squares, strict=True)
+        return np.stack([np.block([[g, p], [p.T, s]])[np.ix_(order, order)] for g, p, s in each])

@@ -165,9 +165,9 @@ class ScoreTest:
             inside -= self.gone @ (self.gone.T @ inside)
         return np.concatenate([inside, self.beside.T @ columns])
 
-    def remainder(self, columns: Array) -> Array:
-        """Return what of columns (m,) or (m, k) the model does not span."""
-        shared, P = self.products(columns), len(self.space)
+    def remainder(self, columns: Array, shared: Array | None = None) -> Array:
+        """Return what of columns (m,) or (m, k) the model does not span; ``shared`` are their products with it."""
+        shared, P = self.products(columns) if shared is None else shared, len(self.space)
         return np.asarray(columns - self.space.combine(shared[:P]) - self.beside @ shared[P:])
 
     @cached_property
@@ -207,7 +207,7 @@ class ScoreTest:
     def score(self, dictionary: EffectDictionary) -> DictionaryScores:
         """Score every item of a dictionary that was laid out over the screened samples."""
         if len(dictionary.items) < KEPT_ITEMS:
-            columns = WhitenedDictionary.of(dictionary, self.problem, self.space.errors)
+            columns = WhitenedDictionary.of(dictionary, self.problem, self.space.motion)
             shared = products_of_items(dictionary, self._project(columns))
             information = [square - W for square, W in zip(columns.squares, shared, strict=True)]
             return _scores(columns, information, columns.along(self.residual))

@@ -9,7 +9,7 @@ from planner.effects.catalogue import Excitation
 from planner.effects.steps import steppables
 from planner.identification.pipeline import FitSettings, identify
 from planner.identification.run_setup import number_samples
-from planner.tracing.change_points import best_steps, change_sample, step_series
+from planner.tracing.change_points import best_steps, change_sample, score_steps, step_series
 from planner.tracing.score_test import ScoreTest
 from planner.tracing.state import FittedEffect
 from planner.tracing.trace import slip_of_the_pen, trace
@@ -60,7 +60,7 @@ def test_the_score_finds_thing_and_sample(name):
 def test_the_score_is_what_a_refit_gains():
     """The cumulative sums against the columns laid out one by one."""
     test, things = scanned((("step, joint 3", 70, 4.0),))
-    for score in best_steps(test, things):
+    for _, score in score_steps(test, things):
         other = test.score_one(score.effect)
         assert score.gain == pytest.approx(other.gain, rel=1e-6)
         assert score.size == other.size
