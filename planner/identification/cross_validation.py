@@ -312,10 +312,13 @@ def _without(train: Array, fold: Array, z: Array, own: np.ndarray, step: Array, 
     for which, gram in ((~own & np.isnan(step), train), (own, fold)):
         at = np.flatnonzero(which)
         if len(at):
-            scale = size[at]
-            H = scale[:, None] * gram[np.ix_(at, at)] * scale + np.eye(len(at))
+            scale, whole = size[at], len(at) == len(move)
+            H = gram[:-1, :-1] * scale if whole else gram[np.ix_(at, at)] * scale
+            H *= scale[:, None]
+            H.flat[:: len(at) + 1] += 1.0
             right = scale * (gram[at, -1] - gram[at, :-1] @ move) - z[at] / scale
-            move[at] = scale * cho_solve(cho_factor(H, overwrite_a=True), right)
+            factor = cho_factor(H.T, overwrite_a=True, check_finite=False)
+            move[at] = scale * cho_solve(factor, right, check_finite=False)
     return move
 
 

@@ -16,7 +16,7 @@ from planner.common.determinism import even_positions
 from planner.common.errors import NoSolutionError
 from planner.common.units import Array
 from planner.identification.noise import Noise, estimate_noise
-from planner.identification.problem import FitProblem
+from planner.identification.problem import PIECE_SAMPLES, FitProblem, LinearPiece
 from planner.model.model import Model
 
 START_SAMPLES = 3_000  # samples of a long run that find the minimum before all of them polish it
@@ -24,6 +24,9 @@ ROUGHLY_CONVERGED = 0.05  # the same while noise and priors are still being sett
 FLAT_COST = 3e-5  # a fall of the sum of squares this small, in noise variances, tells nothing any more
 CONTRACTION = 10.0  # by which a step shorter than a standard deviation is at least longer than the next (seen: 100)
 MAX_STEPS = 50
+FROZEN_NUMBERS = 1_000_000  # of a Jacobian, from which on it stands for those at the next steps too
+STILL_HOLDS = 0.05  # relative change of noise and factors up to which leverages of a large problem hold
+FROZEN_CONTRACTION = 50.0  # by which a step is at least longer than the next where it does
 CONVERGED = 1e-3  # a step this small, in the parameters' own standard deviations, ends the fit
 
 
@@ -69,6 +72,7 @@ class _Triangle:
     """The problem linearised about some parameters, rows and residuals reduced to P + 1 rows, the prior included.
 
     ``factor`` (P, P) and ``right`` (P,) give the next step, ``factor``·z = ``right``; ``cost`` is where it stands now.
+    Of a large problem that is one piece its columns are kept as ``piece``.
     The columns are per prior size and the prior is in: the information is never below 1, its root by Cholesky exact
     enough.
     """
@@ -76,17 +80,33 @@ class _Triangle:
     factor: Array
     right: Array
     cost: float
+    piece: LinearPiece | None = None
 
     @classmethod
     def about(cls, problem: FitProblem, errors: Array) -> "_Triangle":
         """Linearise about errors (P,) [m, rad]; the cost is infinite where the model cannot follow them."""
-        whole = np.asarray(sum(problem.over_pieces(lambda part: problem.piece(part, errors).gram)))
+        piece = None
+        if len(problem) <= PIECE_SAMPLES and _is_large(problem):
+            piece = problem.piece(slice(0, len(problem)), errors)
+            whole = piece.gram
+        else:
+            whole = np.asarray(sum(problem.over_pieces(lambda part: problem.piece(part, errors).gram)))
         z = errors / problem.prior
         if not np.all(np.isfinite(whole)):  # a step far beyond what the model can follow
             return cls(np.eye(len(z)), 0 * z, np.inf)
         factor = cholesky(whole[:-1, :-1] + np.eye(len(z)))
         right = solve_triangular(factor, whole[:-1, -1] - z, trans="T")
-        return cls(factor, right, float(whole[-1, -1] + z @ z))
+        return cls(factor, right, float(whole[-1, -1] + z @ z), piece)
+
+    def beside_residual(self, problem: FitProblem, errors: Array) -> "_Triangle | None":
+        """Return it with the residual about errors (P,) beside the columns as they are; ``None`` without these."""
+        if self.piece is None:
+            return None
+        raw = problem.model.residual_in(problem.context, problem.targets, errors)
+        white = problem.whitener.white(slice(None), raw[..., None])[..., 0] * np.sqrt(problem.weight)[:, None]
+        z = errors / problem.prior
+        right = solve_triangular(self.factor, self.piece.factored.along(white)[:-1] - z, trans="T")
+        return replace(self, right=right, cost=float((white**2).sum() + z @ z))
 
     def step(self, damping: float) -> Array:
         """Solve for the step, turned towards steepest descent by ``damping`` (Marquardt's scaling)."""
@@ -108,7 +128,7 @@ def _descend(problem: FitProblem, errors: Array, converged: float) -> Solution:
         length = float(np.linalg.norm(here.factor @ z))
         if damping == 0.0 and length < CONTRACTION * converged * sigma:  # the next step would be shorter than is asked
             return Solution(trial, here.factor, here.cost - length**2)
-        there = _Triangle.about(problem, trial)
+        there = _next_triangle(problem, here, trial, length, damping)
         small = length < converged * sigma or abs(here.cost - there.cost) < FLAT_COST * sigma**2
         if there.cost <= here.cost * (1 + 1e-9):
             errors, here, damping = trial, there, damping / 10 if damping > 1e-6 else 0.0
@@ -120,6 +140,22 @@ def _descend(problem: FitProblem, errors: Array, converged: float) -> Solution:
         f"the fit did not come to rest in {MAX_STEPS} steps: the start is too far off, or the readings contradict "
         "each other (names of fixtures, points or rows that were exchanged do that)"
     )
+
+
+def _is_large(problem: FitProblem) -> bool:
+    """Tell whether the Jacobian is so large that what still holds at the next steps and rounds is not formed anew."""
+    return len(problem) * problem.model.width * len(problem.prior) > FROZEN_NUMBERS
+
+
+def _next_triangle(problem: FitProblem, here: _Triangle, trial: Array, length: float, damping: float) -> _Triangle:
+    """Linearise about a trial (P,) after a step of a length; the columns stay where the next step is far shorter.
+
+    What they have changed by, times the residual, then stays in the minimum: a hundredth of a standard deviation.
+    """
+    frozen = here.beside_residual(problem, trial) if damping == 0.0 else None
+    if frozen is not None and FROZEN_CONTRACTION * float(np.linalg.norm(frozen.right)) < length:
+        return frozen
+    return _Triangle.about(problem, trial)
 
 
 MAX_ROUNDS = 12
@@ -176,12 +212,15 @@ def fit(
     prior, errors = problem.model.prior, start
     if factors is not None:
         few = few.with_model(few.model.with_prior(prior * factors))
+    leverage, change = np.zeros(0), np.inf
     for _ in range(MAX_ROUNDS if settle else 0):
         solution = solve(few, errors, ROUGHLY_CONVERGED)
         errors = solution.errors
         weight = _weights(few, errors) if robust else few.weight
         shrunk = _prior_share(solution)
-        noise = estimate_noise(few.whitener, few.residual(errors) * np.sqrt(weight)[:, None], _leverage(few, solution))
+        if change > STILL_HOLDS or not _is_large(few):
+            leverage = _leverage(few, solution)
+        noise = estimate_noise(few.whitener, few.residual(errors) * np.sqrt(weight)[:, None], leverage)
         model = few.model.with_prior(prior * prior_factors(few.model, prior, errors, shrunk))
         change = max(
             _change(noise, few.whitener.noise), float(np.max(np.abs(model.prior / few.prior - 1), initial=0.0))

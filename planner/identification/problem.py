@@ -23,9 +23,10 @@ T = TypeVar("T")
 
 @dataclass
 class ProblemCache:
-    """Cache of a short problem: basis functions, and the last linearisation."""
+    """Cache of a short problem: basis functions, those of parts of its samples, and the last linearisation."""
 
     context: Context | None = None
+    parts: dict[bytes, Context] = field(default_factory=dict)
     linear: tuple[tuple[object, bytes], Linearization] | None = None
 
 
@@ -92,7 +93,7 @@ class FitProblem:
         What basis functions look at is computed once for both.
         """
         white = self.whitener if not even else replace(self.whitener, shaken=np.zeros_like(self.whitener.shaken))
-        memory = ProblemCache(self.context) if len(self) <= PIECE_SAMPLES else ProblemCache()
+        memory = ProblemCache(self.context, self.memory.parts) if len(self) <= PIECE_SAMPLES else ProblemCache()
         return FitProblem(model, self.samples, self.targets, white.with_noise(noise or Noise()), self.weight, memory)
 
     def __len__(self) -> int:
@@ -107,7 +108,14 @@ class FitProblem:
     def take(self, which: np.ndarray) -> "FitProblem":
         """Return the problem with only the samples at ``which`` (indices or a mask)."""
         white = replace(self.whitener, shaken=self.whitener.shaken[which])
-        return FitProblem(self.model, self.samples.take(which), self.targets.take(which), white, self.weight[which])
+        samples, memory = self.samples, ProblemCache()
+        if len(self) <= PIECE_SAMPLES:
+            key = np.arange(len(self))[which].tobytes()
+            memory.context = self.memory.parts.setdefault(key, Context(self.model.setup, samples.take(which)))
+            samples = memory.context.samples
+        else:
+            samples = samples.take(which)
+        return FitProblem(self.model, samples, self.targets.take(which), white, self.weight[which], memory)
 
     def with_model(self, model: Model) -> "FitProblem":
         """Return the problem with other parameters of the same setup."""

@@ -145,6 +145,14 @@ class Columns:
                 out[np.ix_(own_at, at)] = (own * _along(own_screw[None], screw)[0]) @ phi.T
         return out
 
+    def along(self, residual: Array) -> Array:
+        """Return the products of all columns with a residual (n, r), (P,)."""
+        out, each = np.empty(len(self)), residual.T
+        out[self.plain_at] = self._flat @ each.ravel()
+        for at, screw, phi in zip(self.phi_at, self.screws, self.phi, strict=True):
+            out[at] = phi @ (screw * each).sum(axis=0)
+        return out
+
     def times(self, vector: Array) -> Array:
         """Return the sum of all columns, each times its number in ``vector`` (P,), as (n, r)."""
         out = np.tensordot(vector[self.plain_at], self.plain, axes=1)
