@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from planner.cell.cell import Cell
 from planner.cell.file import CellFile, PlacedFile
@@ -24,6 +23,7 @@ from planner.gauges.placement.flange_poses import nominal_flange_poses, points_o
 from planner.gauges.placement.frames import FramePlacement, are_collinear, place_frames
 from planner.kinematics.bodies import capsule_between
 from planner.kinematics.chain import ForwardPass
+from planner.kinematics.geometry import small_log3
 from planner.kinematics.robot import Robot
 from planner.runs.run import Mounting, Readings, ReferenceReadings, Run, Samples
 
@@ -160,7 +160,7 @@ class PoseTracker(Tracker):
         apart = super().residual(setup, samples, motion, targets)
         assert targets.rotation is not None
         R = np.einsum("nij,kjn->nik", targets.rotation, motion.R)
-        return np.concatenate([apart, Rotation.from_matrix(R).as_rotvec()], axis=1)
+        return np.concatenate([apart, small_log3(R)], axis=1)
 
     def project(self, setup: MeasurementSetup, samples: Samples, motion: ForwardPass, which: np.ndarray) -> Array:
         """The screws and the axes of what turns, (k, 6, n)."""

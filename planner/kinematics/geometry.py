@@ -64,6 +64,16 @@ def log3(R: Array) -> Array:
     return np.asarray(Rotation.from_matrix(R.reshape(-1, 3, 3)).as_rotvec()).reshape(R.shape[:-1])
 
 
+def small_log3(R: Array) -> Array:
+    """Return the rotation vectors (n, 3) [rad] of rotations R (n, 3, 3), quickly if all are below a right angle."""
+    cosine = (np.trace(R, axis1=1, axis2=2) - 1) / 2
+    if cosine.min(initial=1.0) < 0.0:
+        return log3(R)
+    along = np.stack([R[:, 2, 1] - R[:, 1, 2], R[:, 0, 2] - R[:, 2, 0], R[:, 1, 0] - R[:, 0, 1]], axis=1) / 2
+    sine = np.linalg.norm(along, axis=1)
+    return along * np.where(sine > 0.0, np.arctan2(sine, cosine) / np.maximum(sine, 1e-300), 1.0)[:, None]
+
+
 def nearest_rotation(H: Array) -> Array:
     """Return the rotations R that maximise tr(Rᵀ H), (..., 3, 3); where H leaves R open, the one nearest to identity.
 

@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 from planner.common.errors import InputError, NoSolutionError
 from planner.gauges.placement.flange_poses import flange_poses
 from planner.gauges.placement.frames import FrameProblem, PlacementFrames, place_frames
-from planner.kinematics.geometry import exp3, log3
+from planner.kinematics.geometry import exp3, log3, small_log3
 from tests.gauges.placement.arms import ARMS, ball_in, poses, turned
 
 ERROR = 3e-3
@@ -100,6 +100,8 @@ def test_rotation_vectors_agree_with_scipy_up_to_half_a_turn():
     w = np.array([ball_in(rng, 0.0, np.pi) for _ in range(50)] + [[np.pi, 0, 0], [0, 0, 0], [1e-9, 0, 0]])
     assert exp3(w) == pytest.approx(Rotation.from_rotvec(w).as_matrix(), abs=1e-14)
     assert log3(exp3(w)) == pytest.approx(w, abs=1e-12)
+    assert small_log3(exp3(w.reshape(-1, 3))) == pytest.approx(w.reshape(-1, 3), abs=1e-12)
+    assert small_log3(exp3(w.reshape(-1, 3) / 9)) == pytest.approx(w.reshape(-1, 3) / 9, abs=1e-15)
 
 
 def test_what_the_poses_leave_open_is_named():
