@@ -26,8 +26,8 @@ NOISE_TRIES = 4  # proposals of one draw of the noise
 NOISE_STEP = 1.5  # of a proposal's logarithm, times 1/√readings
 NOISE_LOGS = (-4.0, 6.0)  # of the noise, beyond which nothing is believed
 SWAPS = 1  # families a sweep that may give way to another one
-EXPECTED = 3.0  # shared families of all that are expected to act: arms have several causes, seldom one
-PREVALENCE = 0.5  # a of the beta prior (a, a · families / EXPECTED) of the share of families that act
+EXPECTED = 3.0  # families of a pool that are expected to act: arms have several causes, seldom one
+PREVALENCE = 0.5  # a of the beta prior (a, a · families / EXPECTED) of the share of a pool's families that act
 MANY = 0.5  # columns that act for each reading, from which on the readings' covariance is the smaller matrix
 SURE = 1e-12  # least share of a direction's variance that the readings leave
 
@@ -36,16 +36,16 @@ SURE = 1e-12  # least share of a direction's variance that the readings leave
 class SizePrior:
     """Factors (k,) that a family's sizes may have, and their probabilities (k,).
 
-    Where it is ``shared``, the probability of 0 follows from how many of the other shared families act.
+    Of a family that is one of a ``pool`` the probability of 0 follows from how many others of the pool act; 0: of none.
     """
 
     factors: Array
     probability: Array
-    shared: bool = False
+    pool: int = 0
 
     def logs(self, acting: int, others: int) -> Array:
-        """Return log probabilities (k,) where ``acting`` of ``others`` shared families act."""
-        if not self.shared:
+        """Return log probabilities (k,) where ``acting`` of ``others`` of the pool act."""
+        if not self.pool:
             return np.asarray(np.log(self.probability))
         here = self.factors > 0
         chance = (acting + PREVALENCE) / (others + PREVALENCE * (1 + (others + 1) / EXPECTED))
@@ -284,7 +284,8 @@ class _Chain:
         self.noise_logs = start.noise_logs
         self.known = model.precision(start)
         self.widths = [p.stop - p.start for p in model.places]
-        self.shared = np.array([p.shared for p in model.priors])
+        self.pool = np.array([p.pool for p in model.priors])
+        self.pool_sizes = np.bincount(self.pool)
         self.known_logs = dict[tuple[int, int], Array]()
         self.optional = np.array([p.factors[0] == 0.0 for p in model.priors])
 
@@ -360,14 +361,14 @@ class _Chain:
 
     def _prior_logs(self, families: Sequence[int] | np.ndarray) -> list[Array]:
         """Log probabilities of the factors of families with all others as they are."""
-        acts = self.shared & (self.factors > 0)
-        acting = int(acts.sum())
-        return [self._logs(self.model.priors[f], acting - int(acts[f])) for f in families]
+        acting = np.bincount(self.pool[self.factors > 0], minlength=len(self.pool_sizes))
+        return [self._logs(f, int(acting[self.pool[f]]) - int(self.factors[f] > 0)) for f in families]
 
-    def _logs(self, prior: SizePrior, acting: int) -> Array:
-        """Log probabilities of a prior's factors where so many of the other shared families act, kept."""
+    def _logs(self, family: int, acting: int) -> Array:
+        """Log probabilities of a family's factors where so many others of its pool act, kept."""
+        prior = self.model.priors[family]
         if (id(prior), acting) not in self.known_logs:
-            self.known_logs[id(prior), acting] = prior.logs(acting, int(self.shared.sum()) - 1)
+            self.known_logs[id(prior), acting] = prior.logs(acting, int(self.pool_sizes[prior.pool]) - 1)
         return self.known_logs[id(prior), acting]
 
 

@@ -109,7 +109,7 @@ class _DrawnFit:
 LEARNING_READINGS = 600  # of a long run that say how large the families are
 STEPS = 2  # of Gauss and Newton from the fit to the mean
 FINDING = float(np.exp(-6.0))  # probability of a finding: it is one of some hundred that were tried
-COMMON = 0.2  # the same of what most arms have: joints and links that yield, more than the catalogue's least size
+RARE, COMMON = 1, 2  # pools: few of many acts; joints and links that yield, of which most arms have some
 STANDS = 0.5  # probability by the run from which on a finding is said to stand
 SLAB: Array = 0.1 * 2.0 ** np.arange(7, dtype=float)  # factors of a family that acts; weights normal in the log
 SLAB_WEIGHT: Array = np.exp(-0.5 * (np.log(SLAB) + 1.0) ** 2)
@@ -278,9 +278,8 @@ class _Families:
         number = {name: k for k, name in enumerate(names)} | {"": -1}
         finite = tuple(p if np.isfinite(p.prior) else replace(p, prior=UNKNOWN) for p in parameters.values())
         family_of = np.array([number[(label | rest)[p.name]] for p in finite])
-        slab = _spike_and_slab(SLAB, SLAB_WEIGHT, 0.5, shared=True)
+        slab, often = (_spike_and_slab(SLAB, SLAB_WEIGHT, 0.5, pool) for pool in (RARE, COMMON))
         found, plain = _spike_and_slab(OWN, OWN_WEIGHT, FINDING), _spike_and_slab(OWN, OWN_WEIGHT, 1.0)
-        often = _spike_and_slab(SLAB, SLAB_WEIGHT, COMMON)
         usual = behind | usual.intersection(findings)
         kinds = dict.fromkeys(findings, found) | dict.fromkeys(usual, slab) | dict.fromkeys(common & usual, often)
         priors = tuple(kinds.get(n, plain) for n in names)
@@ -288,12 +287,12 @@ class _Families:
         return cls(replace(whole, parameters=finite), names, family_of, priors, findings, start)
 
 
-def _spike_and_slab(factors: Array, weight: Array, acting: float, shared: bool = False) -> SizePrior:
+def _spike_and_slab(factors: Array, weight: Array, acting: float, pool: int = 0) -> SizePrior:
     """Return a prior on factors (k,) with weights (k,), and on 0 with what ``acting`` leaves."""
     chance = acting * weight / weight.sum()
     if acting >= 1.0:
         return SizePrior(factors, chance)
-    return SizePrior(np.append(0.0, factors), np.append(1 - acting, chance), shared)
+    return SizePrior(np.append(0.0, factors), np.append(1 - acting, chance), pool)
 
 
 def _own_family(p: Parameter) -> str:

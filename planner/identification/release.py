@@ -29,7 +29,8 @@ def release_robot(
     """Fit the posterior and return the robot to be written.
 
     It lies on the way from geometry alone to the compromise between it and the posterior, as far along as it is hardly
-    ever worse over the workspace than geometry alone: what an arm may have besides is no reason to move it.
+    ever worse over the workspace than geometry alone: what an arm may have besides is no reason to move it. Where it
+    predicts poses held out worse than geometry alone does, geometry alone is released.
 
     Args:
         stages: of the fit; the last one's findings enter the posterior where they pay.
@@ -67,6 +68,8 @@ def release_robot(
     held = _predict_by_mixture(posterior, split)
     held = held + problem.residual(aim.errors) - problem.residual(posterior.fit.errors)
     held = share * held + (1 - share) * before
+    if (held**2).sum() > (before**2).sum():  # what is expected of it is refuted by the poses that no fit saw
+        return geometry
     errors = (Metrics.of(held, split.fold), context.judge(fit), held)
     return ReleasedRobot(fit, plain.fit, posterior, *maps, *errors, share)
 

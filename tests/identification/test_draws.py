@@ -54,23 +54,26 @@ def test_what_is_known_of_the_readings_is_that_of_the_dense_covariance(monkeypat
     assert known.toward == pytest.approx(own.T @ np.linalg.solve(C, model.y), rel=1e-6, abs=1e-7)
 
 
-def prior_of(pair, shared):
-    """Log probability of two families' factors; by Beta(a, 2 a / EXPECTED) where how often families act is learnt."""
+def prior_of(pair, pools):
+    """Log probability of two families' factors; by Beta(a, n a / EXPECTED) where how many of a pool's n act is learnt."""
     own = np.prod([dict(zip(LEVELS.factors, LEVELS.probability, strict=True))[f] for f in pair])
-    if not shared:
-        return np.log(own)
-    a, count = draws.PREVALENCE, np.count_nonzero(pair)
-    return np.log(own / 0.4**count / 0.6 ** (2 - count)) + betaln(a + count, 2 * a / draws.EXPECTED + 2 - count)
+    a, acts, log = draws.PREVALENCE, np.array(pair) > 0, np.log(own)
+    for pool in {*pools} - {0}:
+        mine = np.array(pools) == pool
+        n, count = mine.sum(), (mine & acts).sum()
+        known = betaln(a + count, n * a / draws.EXPECTED + n - count) - betaln(a, n * a / draws.EXPECTED)
+        log += known - np.log(0.4**count * 0.6 ** (n - count))
+    return log
 
 
-@pytest.mark.parametrize("shared", [False, True])
-def test_shares_of_the_draws_are_the_probabilities(monkeypatch, shared):
+@pytest.mark.parametrize("pools", [(0, 0), (1, 1), (1, 2)], ids=["alone", "of one pool", "of two pools"])
+def test_shares_of_the_draws_are_the_probabilities(monkeypatch, pools):
     """All nine pairs of factors, by enumeration; 3000 sweeps."""
     monkeypatch.setattr(draws, "SWEEPS", 3000)
     monkeypatch.setattr(draws, "NOISE_EVERY", 200)
-    model = replace(model_of(y_scale=1.7), priors=(replace(LEVELS, shared=shared),) * 2)
+    model = replace(model_of(y_scale=1.7), priors=tuple(replace(LEVELS, pool=p) for p in pools))
     pairs = list(product(LEVELS.factors, LEVELS.factors))
-    prior = [prior_of(pair, shared) for pair in pairs]
+    prior = [prior_of(pair, pools) for pair in pairs]
     log = np.array([density(model, f, np.zeros(2)) + q for f, q in zip(pairs, prior, strict=True)])
     chance = np.exp(log - log.max()) / np.exp(log - log.max()).sum()
     drawn = [tuple(d.factors) for d in draw_sizes(model, SizeDraw(np.ones(2) * 0.5, np.zeros(2)))]
@@ -123,7 +126,7 @@ def test_truths_drawn_from_the_prior_are_as_far_off_as_is_stated(readings):
     Families by twos explain nearly the same, so that each must give way to the other.
     """
     rng, pairs, truths = np.random.default_rng(4), 12, 150
-    slab = mixture_room._spike_and_slab(mixture_room.SLAB, mixture_room.SLAB_WEIGHT, 0.5, shared=True)
+    slab = mixture_room._spike_and_slab(mixture_room.SLAB, mixture_room.SLAB_WEIGHT, 0.5, pool=1)
     half = rng.normal(size=(readings, pairs, 2))
     columns = np.stack([half, half + 0.3 * rng.normal(size=half.shape)], axis=2).reshape(readings, -1)
     columns = np.column_stack([columns, 30 * rng.normal(size=(readings, 20))])
