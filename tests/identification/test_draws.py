@@ -55,7 +55,7 @@ def test_what_is_known_of_the_readings_is_that_of_the_dense_covariance(monkeypat
 
 
 def prior_of(pair, pools):
-    """Log probability of two families' factors; by Beta(a, n a / EXPECTED) where how many of a pool's n act is learnt."""
+    """Log probability of two families' factors; in a pool of n by Beta(a, n a / EXPECTED) on how likely they act."""
     own = np.prod([dict(zip(LEVELS.factors, LEVELS.probability, strict=True))[f] for f in pair])
     a, acts, log = draws.PREVALENCE, np.array(pair) > 0, np.log(own)
     for pool in {*pools} - {0}:
