@@ -33,6 +33,7 @@ from planner.report.plan_data import DrivenPath, ParameterForecast, TourOrders
 from planner.session.plan_types import Drive, Plan
 
 FEW_POSES = 30  # poses, before which errors are off the picture
+ROOM_FOR_LABELS = 1.35  # times the largest number of poses: the lines' labels stand beside the points
 SHORT_LABEL = 40  # letters of a label that stand beside an axis
 TIME_LABEL = "time (s)"
 
@@ -85,7 +86,9 @@ def foreseen_error_chart(ahead: BayesianDesign) -> Chart:
     top = 1.5 * max(untraced, float(to_mm(ahead.after[min(len(n), FEW_POSES) - 1])))
     caption = f"As the poses of this plan are added: {describe_bayesian_design(ahead)}. Plans of their own for other "
     caption += f"numbers would leave about: {describe_numbers_of_poses(ahead)}."
-    panel = Panel("", "number of poses", "error of the tool (mm rms)", series, limits, y_range=(0.0, top))
+    wide = ROOM_FOR_LABELS * max([len(n), *(f.poses for f in forecasts)])
+    y_label, span = "error of the tool (mm rms)", (0.0, top)
+    panel = Panel("", "number of poses", y_label, series, limits, x_range=(0.0, wide), y_range=span)
     return Chart("foresight", "What the robot's error would be", caption, (panel,))
 
 
