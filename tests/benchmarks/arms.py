@@ -171,7 +171,11 @@ def time_plan(case: Case, cell: Path, out: Path, limit: float) -> bool:
     case.stages = json.loads(timings.read_text()) if timings.is_file() else {}
     ends = {0: "whole", 5: "cut short"}
     case.words = ends.get(done.returncode) or f"exit {done.returncode}: {done.stderr.strip()[-300:]}"
-    return done.returncode in ends
+    if done.returncode not in ends:
+        return False
+    has_path = (out / "trajectory.csv").is_file()  # else the limit left poses alone, which nothing drives to
+    case.words += "" if has_path else ", poses alone"
+    return has_path
 
 
 def identify_clean(case: Case, arm: Arm, folder: Path) -> None:
