@@ -18,9 +18,10 @@ from planner.effects.basis import BasisFunction
 from planner.effects.effect import Place
 from planner.effects.steps import STEP, AtSample, BeforeSample, Steppable, acting_throughout, wrong_row
 from planner.identification.least_squares import MEDIAN_RMS
-from planner.tracing.column_space import row_products, squares_before
+from planner.tracing.candidate_ranking import merit_of
+from planner.tracing.column_space import row_products
 from planner.tracing.dictionary import whiten
-from planner.tracing.score_test import EffectScore, ScoreTest, merit_of, score_gains
+from planner.tracing.score_test import EffectScore, ScoreTest, score_gains
 from planner.tracing.search_context import SearchContext
 from planner.tracing.significance import LOG_SIGNIFICANCE
 from planner.tracing.state import FittedEffect, SearchState
@@ -117,7 +118,8 @@ def _beside(test: ScoreTest, A: Array) -> ScoreTest:
     """Return the test with whitened columns A (n, r, k) in the model."""
     U, taken = _beyond(test, A)
     beside, dof = np.column_stack([test.beside, U]), max(1.0, test.dof - U.shape[1])
-    return replace(test, beside=beside, residual=test.residual - U @ taken, dof=dof)
+    nothing = np.zeros((len(test.space), 0))
+    return replace(test, beside=beside, residual=test.residual - U @ taken, dof=dof, base=test, less=nothing)
 
 
 def _beyond(test: ScoreTest, A: Array) -> tuple[Array, Array]:
@@ -191,18 +193,13 @@ def _sums_before(test: ScoreTest, A: Array, name: str) -> tuple[Array, Array, Ar
     n, r, _ = A.shape
     length = np.cumsum(np.einsum("nri,nri->ni", A, A), axis=0)[:-1]
     along = -np.cumsum(np.einsum("nri,nr->ni", A, test.residual.reshape(n, r)), axis=0)[:-1]
-    information = test.space.sums_before(A, name)
-    if test.gone.size:
-        information = information + squares_before(test.lost, A)
-    if test.beside.size:
-        information = information - squares_before(test.beside, A)
-    return information, along, length
+    return test.information_before(A, name), along, length
 
 
 def _worst_row(test: ScoreTest) -> list[EffectScore]:
     """Return the row whose reading fits its pose worst, where that is beyond any outlier."""
     n, r = len(test.problem), test.problem.model.width
-    e, own = test.residual.reshape(n, r), test.space.unshared + row_products(test.lost, r)
+    e, own = test.residual.reshape(n, r), test.space.unshared + row_products(test.space.combine(test.gone), r)
     gain = np.einsum("nr,nr->n", e, np.linalg.solve(own + 1e-9 * np.eye(r), e[..., None])[..., 0])
     size = np.sqrt(gain / r)
     k = int(np.argmax(gain))

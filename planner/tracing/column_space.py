@@ -20,6 +20,7 @@ from planner.identification.row_basis import posterior_basis
 from planner.kinematics.chain import ForwardPass
 from planner.tracing.dictionary import EffectDictionary, WhitenedDictionary, whiten
 
+CACHED_NUMBERS = 50_000  # that stay in a processor's cache while they are worked on
 PRECISE_NUMBERS = 1_000_000  # of a Jacobian, up to which a kept dictionary is projected in double precision
 
 
@@ -184,8 +185,17 @@ class ColumnSpace:
 
 def products_of_items(dictionary: EffectDictionary, projection: Array) -> list[Array]:
     """Return W Wᵀ of the rows (width, p) of each item, (K, k, k) for each of the dictionary's equal items."""
-    own = (projection[equal.columns].astype(float, copy=False) for equal in dictionary.equal_items)
-    return [W @ W.transpose(0, 2, 1) for W in own]
+    return [_squares(projection, equal.columns) for equal in dictionary.equal_items]
+
+
+def _squares(projection: Array, rows: np.ndarray) -> Array:
+    """Products (K, k, k) with each other of the ``rows`` (K, k) of a projection, few at a time as in the cache."""
+    out = np.empty((*rows.shape, rows.shape[1]))
+    few = max(1, CACHED_NUMBERS // max(1, rows.shape[1] * projection.shape[1]))
+    for first in range(0, len(rows), few):
+        W = projection[rows[first : first + few]].astype(float, copy=False)
+        out[first : first + few] = W @ W.transpose(0, 2, 1)
+    return out
 
 
 def squares_before(basis: Array, columns: Array) -> Array:

@@ -12,21 +12,15 @@ import numpy as np
 
 from planner.common.determinism import even_positions
 from planner.common.units import Array
-from planner.effects.effect import Effect, Role
+from planner.effects.effect import Effect
 from planner.identification.least_squares import Fit, subset_size
 from planner.identification.problem import FitProblem
 from planner.model.model import Model
-from planner.tracing.column_space import ColumnSpace, products_of_items
-from planner.tracing.dictionary import DictionaryItem, EffectAtValue, EffectDictionary, WhitenedDictionary, whiten
+from planner.tracing.column_space import ColumnSpace, products_of_items, squares_before
+from planner.tracing.dictionary import EffectAtValue, EffectDictionary, WhitenedDictionary, whiten
 from planner.tracing.state import (
-    MASS_PRIOR,
-    FittedEffect,
     clip_to_grid,
     grid_spacing,
-    grid_spacings,
-    known_values,
-    link_mass_parameters,
-    may_join,
 )
 
 SCREENED_SAMPLES = 4_000  # samples of a long run that are screened
@@ -107,6 +101,7 @@ class ScoreTest:
         gone: what of the space, (P, k) in its vectors, the model does not span.
         beside: vectors (m, l) across the space that the model spans as well.
         added: number of columns that are out of the residual but not in the model.
+        base: a test in the same space whose model is nearly this one; ``less``: what else is gone, (P, k).
     """
 
     space: ColumnSpace
@@ -117,7 +112,10 @@ class ScoreTest:
     gone: Array
     beside: Array
     added: int = 0
+    base: "ScoreTest | None" = None
+    less: Array | None = None
     _scores: dict[int, DictionaryScores] = field(default_factory=dict, init=False, repr=False, compare=False)
+    _steps: dict[str, Array] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     @classmethod
     def of(cls, fit: Fit, correlation_time: float = 1.0, near: ColumnSpace | None = None) -> "ScoreTest":
@@ -151,7 +149,12 @@ class ScoreTest:
 
         Columns are taken as they are: those of fewer parameters span a part of the same space.
         """
-        return self._within(self.space.including(model.parameters), model, errors, self.dof)
+        test = self._within(self.space.including(model.parameters), model, errors, self.dof)
+        if test.space is not self.space:
+            return test
+        beyond = test.gone - self.gone @ (self.gone.T @ test.gone)
+        axes, size, _ = np.linalg.svd(beyond, full_matrices=False)
+        return replace(test, base=self, less=axes[:, size > 0.5])  # they are 1 or 0
 
     @property
     def problem(self) -> FitProblem:
@@ -170,10 +173,31 @@ class ScoreTest:
         shared, P = self.products(columns) if shared is None else shared, len(self.space)
         return np.asarray(columns - self.space.combine(shared[:P]) - self.beside @ shared[P:])
 
+    def information_before(self, columns: Array, name: str) -> Array:
+        """Return the information (n − 1, k, k) of columns (n, r, k) beyond the model up to each sample but the last.
+
+        It is kept under the name of the thing that they are of.
+        """
+        if name not in self._steps:
+            of = self.space.sums_before if self.base is None else self.base.information_before
+            known, lost, more = of(columns, name), self._lost, self._more
+            known = known + squares_before(lost, columns) if lost.size else known
+            self._steps[name] = known - squares_before(more, columns) if more.size else known
+        return self._steps[name]
+
     @cached_property
-    def lost(self) -> Array:
-        """Orthonormal vectors (m, k) of the space, the prior's rows below them, that the model does not span."""
-        return self.space.combine(self.gone)
+    def _lost(self) -> Array:
+        """Orthonormal vectors (m, k), the prior's rows below them, that are in the space or ``base`` and not here."""
+        return self.space.combine(self._less)
+
+    @property
+    def _less(self) -> Array:
+        return self.gone if self.less is None else self.less
+
+    @property
+    def _more(self) -> Array:
+        """Vectors (m, l) beside the space, or beside what ``base`` has."""
+        return self.beside if self.base is None else self.beside[:, self.base.beside.shape[1] :]
 
     @property
     def rank(self) -> int:
@@ -214,7 +238,7 @@ class ScoreTest:
         if id(dictionary) not in self._scores:
             columns = self.space.whiten(dictionary)
             along = columns.along(self.residual)
-            self._scores[id(dictionary)] = _scores(columns, self._informations(dictionary), along)
+            self._scores[id(dictionary)] = _scores(columns, self.informations(dictionary), along)
         return self._scores[id(dictionary)]
 
     def _project(self, columns: WhitenedDictionary) -> Array:
@@ -224,13 +248,17 @@ class ScoreTest:
             inside -= (inside @ self.gone) @ self.gone.T
         return np.concatenate([inside, columns.project(self.beside)], axis=1) if self.beside.size else inside
 
-    def _informations(self, dictionary: EffectDictionary) -> list[Array]:
+    def informations(self, dictionary: EffectDictionary) -> list[Array]:
         """Information beyond the model of a kept dictionary's items, (K, k, k) for each of its equal items."""
-        known = self.space.informations(dictionary)
-        if not self.gone.size:
-            return known
-        free = products_of_items(dictionary, self.space.project_on(dictionary, self.gone))
-        return [before + W for before, W in zip(known, free, strict=True)]
+        base = self.base
+        known = self.space.informations(dictionary) if base is None else list(base.score(dictionary).information)
+        if self._less.size:
+            free = products_of_items(dictionary, self.space.project_on(dictionary, self._less))
+            known = [before + W for before, W in zip(known, free, strict=True)]
+        if self._more.size:
+            taken = products_of_items(dictionary, self.space.whiten(dictionary).project(self._more))
+            known = [before - W for before, W in zip(known, taken, strict=True)]
+        return known
 
     def score_one(self, effect: Effect, value: float | None = None) -> EffectScore:
         """Score one effect."""
@@ -295,97 +323,3 @@ def score_gains(G: Array, a: Array, length: Array) -> tuple[Array, np.ndarray]:
     along = np.einsum("kij,ki->kj", axes, a / scale)
     gain = np.where(shown, along**2 / np.where(shown, mu, 1.0), 0.0).sum(axis=1)
     return gain, shown.sum(axis=1)
-
-
-# noise variances that a parameter must explain beyond what fits by chance, about the log of a run's length
-PARAMETER_COST = 7.0
-# share of what an effect like compliance explains that makes plain compliance, which every arm has, the likelier cause
-COMPLIANCE_SHARE = 0.95
-LEAST_SEPARATION = 3  # spacings of the grid between the values of two effects of a kind at a place
-
-
-def scores_beside(
-    test: ScoreTest, dictionary: EffectDictionary, effects: tuple[FittedEffect, ...], size_cost: float = 0.0
-) -> list[EffectScore]:
-    """Score every effect that may join others, at the best of the values that none of them has.
-
-    The best explains most, less ``size_cost`` noise variances a parameter. Compliances are scored beside the masses of
-    links, as likely to be off as they are: without them a compliance whose torques are a tenth off would lose against
-    effects with more freedom.
-    """
-    scores = test.score(dictionary)
-    worth = scores.gain - size_cost * test.noise * scores.size
-    best = []
-    for effect, part in dictionary.effects:
-        if may_join(effect, effects):
-            allowed = _are_distinct(effect, dictionary.items[part], effects)
-            if allowed.any():
-                best.append(scores[part.start + int(np.argmax(np.where(allowed, worth[part], -np.inf)))])
-    return with_link_masses(test, best)
-
-
-def with_link_masses(test: ScoreTest, scores: list[EffectScore]) -> list[EffectScore]:
-    """Score compliances again, beside the parts by which each mass on them may be off (ridge regression)."""
-    bearing = [
-        s for s in scores
-        if s.effect.has(Role.COMPLIANCE) and s.gain > 0 and s.effect.place.joint is not None
-        and s.effect.unit == "rad/Nm"
-    ]  # fmt: skip
-    if not bearing:
-        return scores
-    wider = []
-    for s in bearing:
-        parameters = s.effect.make(s.value)
-        size = float(s.along[0] / s.information[0, 0]) * parameters[0].prior
-        masses = link_mass_parameters(test.problem.model, [(s.effect.place.joint or 0, size)])
-        wider.append(replace(s.effect, parameters=(*parameters, *(replace(p, prior=MASS_PRIOR) for p in masses))))
-    gains = {}
-    for s, wide in zip(bearing, test.score(test.lay_out([(e, None) for e in wider])), strict=True):
-        ridge = np.diag(np.r_[0.0, np.full(len(wide.along) - 1, test.variance)])
-        a = wide.along
-        gains[id(s)] = max(s.gain, float(a @ np.linalg.lstsq(wide.information + ridge, a)[0]))
-    return [replace(s, gain=gains[id(s)]) if id(s) in gains else s for s in scores]
-
-
-def rank_candidates(
-    test: ScoreTest, dictionary: EffectDictionary, effects: tuple[FittedEffect, ...]
-) -> list[EffectScore]:
-    """Every effect that may join others at its best value, the likeliest first; ties in catalogue order."""
-    best = scores_beside(test, dictionary, effects)
-    needless = _explained_by_compliance(test, best)
-    best = [s for s in best if s.effect.name not in needless]
-    gain, size = np.array([s.gain for s in best]), np.array([s.size for s in best], dtype=int)
-    chances = test.log_ps(gain, size, len(dictionary.items)).tolist()
-    out = [replace(s, log_p=p, merit=merit_of(test, s)) for s, p in zip(best, chances, strict=True)]
-    return sorted(out, key=lambda s: -s.merit)
-
-
-def merit_of(test: ScoreTest, score: EffectScore) -> float:
-    """Gain in noise variances less what parameters and scanned values explain by being many."""
-    nonlinear = score.effect.nonlinear
-    scanned = 0.0 if nonlinear is None else PARAMETER_COST + 2 * float(np.log(len(nonlinear.values)))
-    scanned += 2 * float(np.log(score.effect.scanned))
-    return score.gain / test.noise - PARAMETER_COST * score.size - scanned
-
-
-def _are_distinct(effect: Effect, items: Sequence[DictionaryItem], effects: tuple[FittedEffect, ...]) -> np.ndarray:
-    """Tell of each nonlinear value, (k,), whether effects of the same kind and place have another one."""
-    known = known_values(effect, effects)
-    if not known or effect.nonlinear is None:
-        return np.ones(len(items), dtype=bool)
-    values = np.array([item.value for item in items], dtype=float)
-    apart = np.abs(values[:, None] - known).min(axis=1)
-    return np.asarray(apart > LEAST_SEPARATION * grid_spacings(effect, values))
-
-
-def _explained_by_compliance(test: ScoreTest, scores: list[EffectScore]) -> set[str]:
-    """Names of effects like compliance that plain compliance explains: of the joints that they move, or of all."""
-    compliances = [p for s in scores if s.effect.has(Role.COMPLIANCE) for p in s.effect.make()]
-    plain = list[tuple[EffectScore, Effect]]()
-    for s in scores:
-        if s.effect.has(Role.LIKE_COMPLIANCE | Role.LIKE_ANY_COMPLIANCE):
-            where, anywhere = {p.main.index for p in s.effect.make()}, s.effect.has(Role.LIKE_ANY_COMPLIANCE)
-            alike = tuple(p for p in compliances if anywhere or p.main.index in where)
-            plain += [(s, replace(s.effect, parameters=alike))] if alike else []
-    gains = test.score(test.lay_out([(e, None) for _, e in plain])).gain if plain else ()
-    return {s.effect.name for (s, _), g in zip(plain, gains, strict=True) if g > COMPLIANCE_SHARE * s.gain}

@@ -13,8 +13,9 @@ from planner.effects.effect import Effect, Role
 from planner.effects.nonparametric import GEAR_CURVE, nonparametric_effects
 from planner.effects.steps import steppables
 from planner.identification.stages import FitContext
+from planner.tracing.candidate_ranking import rank_candidates
 from planner.tracing.change_points import rank_changes, relocate_steps, series_merit, step_series
-from planner.tracing.score_test import EffectScore, ScoreTest, rank_candidates
+from planner.tracing.score_test import EffectScore, ScoreTest
 from planner.tracing.search_context import Progress, SearchContext, without_effects
 from planner.tracing.significance import LEAST_GAIN, LOG_SIGNIFICANCE, held_out_gain, rejection_reason
 from planner.tracing.state import FittedEffect, SearchState, number_repeat

@@ -15,8 +15,9 @@ from planner.identification.calibration import TracingResult
 from planner.identification.stages import FitContext, FittedStage
 from planner.model.identification_document import DetectionLimit, Finding, InnerNumber, log10_p, p_value
 from planner.runs.run import Run
+from planner.tracing.candidate_ranking import scores_beside, with_link_masses
 from planner.tracing.change_points import change_sample, locate_step, score_steps
-from planner.tracing.score_test import LEAST_SHARE, EffectScore, ScoreTest, scores_beside, with_link_masses
+from planner.tracing.score_test import LEAST_SHARE, EffectScore, ScoreTest
 from planner.tracing.search import SearchResult, search
 from planner.tracing.search_context import Progress, SearchContext
 from planner.tracing.significance import LEAST_GAIN, LOG_SIGNIFICANCE, own_gains, variance_inflation, wald_log_p
