@@ -17,6 +17,7 @@ from pydantic import (
 from planner.cell.circles import CircleFile
 from planner.cell.gauge_registry import gauge_kinds
 from planner.common.choices import Aim
+from planner.common.extensions import HINT
 from planner.common.schema import Coordinate, NonNegativeFloat, OneLine, OptionalKeys, PositiveFloat, StrictModel
 from planner.kinematics.bodies import BodyFile, Vector
 
@@ -157,7 +158,7 @@ class GaugeFile(OptionalKeys):
     @classmethod
     def _known_kind(cls, value: str) -> str:
         if value not in gauge_kinds():
-            raise ValueError(f"must be {' or '.join(map(repr, gauge_kinds()))}")
+            raise ValueError(f"must be {' or '.join(map(repr, gauge_kinds()))}{HINT}")
         return value
 
     @model_serializer(mode="wrap")

@@ -4,6 +4,8 @@ from importlib import import_module
 from pkgutil import iter_modules
 from typing import TYPE_CHECKING, TypeVar
 
+from planner.common.extensions import load_extensions
+
 if TYPE_CHECKING:
     from planner.cell.gauge import Gauge
 
@@ -12,16 +14,23 @@ _KINDS: dict[str, type["Gauge"]] = {}
 
 
 def register_gauge(kind: G) -> G:
-    """Make a kind known by its name in cell files; a class decorator."""
+    """Make a kind known by its name in cell files; a class decorator.
+
+    Raises:
+        ValueError: another gauge has that name.
+    """
+    if kind.kind in _KINDS:
+        raise ValueError(f"gauge kind '{kind.kind}': {_KINDS[kind.kind].__module__} has registered it already")
     _KINDS[kind.kind] = kind
     return kind
 
 
 def gauge_kinds() -> dict[str, type["Gauge"]]:
-    """Return all kinds by their names: those of ``planner.gauges``, and any that were registered beside them."""
+    """Return all kinds by their names: those of ``planner.gauges``, and any registered beside them."""
     room = import_module("planner.gauges")
     for module in sorted(m.name for m in iter_modules(room.__path__) if not m.ispkg):
         import_module(f"planner.gauges.{module}")
+    load_extensions()
     return _KINDS
 
 

@@ -196,15 +196,10 @@ def cell_of(file: CellFile, path: Path, name: str, planning: bool = True) -> Cel
 
 def _check_drives(robot: Robot) -> None:
     """Refuse to plan where the robot's file leaves out what a path must keep to."""
-    parts = (
-        ("limit_deg", robot.q_upper),
-        ("speed_deg_s", robot.speed),
-        ("acceleration_deg_s2", robot.acceleration),
-        ("jerk_deg_s3", robot.jerk),
-    )
-    for key, values in parts:
-        for i in np.flatnonzero(np.isinf(values)):
-            raise InputError(f"{robot.path}: joint {i + 1} has no {key}, which planning needs")
+    parts = {"limit_deg": robot.q_upper, "speed_deg_s": robot.speed}
+    for i in range(robot.n_joints):
+        if missing := [key for key, values in parts.items() if np.isinf(values[i])]:
+            raise InputError(f"{robot.path}: joint {i + 1} has no {' and no '.join(missing)}, which planning needs")
 
 
 def _read_circles(path: Path, file: CellFile) -> tuple[Circle, ...]:

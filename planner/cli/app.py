@@ -161,7 +161,7 @@ def main() -> None:
     try:
         _run_and_flush()
     except PlannerError as err:
-        errors.print(f"edbb: {err}", markup=False)
+        errors.print(f"edbb: {err}")
         sys.exit(err.exit_code)
     except OSError as err:
         if not err.filename and err.errno not in OUTPUT_FAILURES:
@@ -173,7 +173,7 @@ def main() -> None:
             what = (
                 f"{short_path(Path(err.filename))}: cannot be used" if err.filename else "the output cannot be written"
             )
-            errors.print(f"edbb: {what} ({err.strerror or err})", markup=False)
+            errors.print(f"edbb: {what} ({err.strerror or err})")
         sys.exit(InputError.exit_code)
 
 

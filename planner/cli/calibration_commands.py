@@ -147,7 +147,7 @@ def compensate_command(
         )
     if output != "-":
         check_writing(Path(output), done.file.text.encode(done.file.encoding))
-    errors.print(done.full_summary(), markup=False)
+    errors.print(done.full_summary())
     step = f"load {output} into the controller and drive it slowly the first time"
     give_file(done.file.text, done.write, output, step)
     if done.file.partly:

@@ -56,7 +56,7 @@ def centre_command(
     settings = read_settings(settings_file, plan_file.parent / "cell.toml")
     if program is not None:
         for path in write_centring_program(settings.robot, program):
-            errors.print(f"written to {path}", markup=False)
+            errors.print(f"written to {path}")
         return
     if output is None or (not simulate and (robot is None or indicators is None)):
         raise InputError(
@@ -74,7 +74,7 @@ def centre_command(
     if as_json:
         print_json(_summary(session, output))
     else:
-        errors.print(f"all {len(session.way.visits)} poses are measured, written to {output}", markup=False)
+        errors.print(f"all {len(session.way.visits)} poses are measured, written to {output}")
         print_next(evaluation_step(output, plan_file))
 
 
@@ -106,9 +106,7 @@ def _run(
         opened.callback(head.close)
         link = open_link(robot, session.way.q.shape[1], settings.robot, stop, follow)
         opened.callback(link.close)
-        run_session(
-            session, CentringBench(head, link, settings, stop, lambda line: errors.print(line, markup=False)), follow
-        )
+        run_session(session, CentringBench(head, link, settings, stop, lambda line: errors.print(line)), follow)
 
 
 def _simulate(session: CentringSession, cell: Cell, settings: CentringSettings, stop: StopRequest, seed: int) -> None:
@@ -122,7 +120,7 @@ def _simulate(session: CentringSession, cell: Cell, settings: CentringSettings, 
     session.journal.remarks = "".join(f"# truth: {line}\n" for line in (SIMULATED, *truth.lines()))
     at_once = settings.model_copy(update={"rest": settings.rest.model_copy(update={"settle_s": 0.0})})
     with stop_on_signals(stop):
-        bench = CentringBench(arm, arm, at_once, stop, lambda line: errors.print(line, markup=False))
+        bench = CentringBench(arm, arm, at_once, stop, lambda line: errors.print(line))
         arm.move(session.way.q[0])
         run_session(session, bench)
 
@@ -172,14 +170,14 @@ def measure_command(
     live = LiveGauge(gauge, baud, protocol, factor * 1e-3, zero * 1e-3)
     try:
         for line in measure_poses(log, live.read_settled, _ask, time.monotonic):
-            errors.print(line, markup=False)
+            errors.print(line)
     finally:
         live.line.close()
-    errors.print(f"{len(log.rows)} of {len(log.poses)} poses are measured, written to {output}", markup=False)
+    errors.print(f"{len(log.rows)} of {len(log.poses)} poses are measured, written to {output}")
     print_next(evaluation_step(output, plan_file))
 
 
 def _ask(text: str) -> str:
-    errors.print(text, markup=False)
+    errors.print(text)
     line = sys.stdin.readline()
     return line.strip().lower() if line else "q"

@@ -130,7 +130,7 @@ def export_command(
         sys.stdout.write(made.programs[0].text)
         return
     for line in (*made.notes, *made.write(output)):
-        errors.print(line, markup=False, highlight=False, soft_wrap=True)
+        errors.print(line)
     print_next(f"run {output}, measure; {evaluation_step('run.csv', plan_file)}")
 
 

@@ -170,12 +170,12 @@ def run_remotely(server: Server, words: Sequence[str]) -> int:
     printed, log = files.pop("printed", b""), files.pop("log", b"").decode(errors="replace")
     said = [line for line in log.splitlines() if not re.match(r'\{"stage":|  (written to|next) ', line)]
     if said:
-        errors.print("\n".join(said), markup=False)
+        errors.print("\n".join(said))
     sys.stdout.write(printed.decode(errors="replace"))
     if files and command.output is not None:
-        errors.print(f"  written to  {_write(files, Path(command.output), words[0])}", markup=False)
+        errors.print(f"  written to  {_write(files, Path(command.output), words[0])}")
     elif ended["problem"] and not said:
-        errors.print(f"edbb: {dict(ended)['problem']}", markup=False)
+        errors.print(f"edbb: {dict(ended)['problem']}")
     code = ended["exit_code"]
     return int(str(code)) if code is not None else 1
 

@@ -5,11 +5,10 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 from rich.table import Table
 
-from planner.cli.terminal import Json, errors, print_json
-from planner.common.errors import MissingProgramError
+from planner.cli.terminal import Json, SafeConsole, errors, print_json
+from planner.common.errors import MissingProgramError, printable
 
 GB = 1 << 30
 
@@ -50,7 +49,7 @@ def serve_command(
     serve(settings, lambda address: errors.print(f"serving at {address}, jobs and files in {settings.folder}"))
 
 
-WIDE = Console(width=120)
+WIDE = SafeConsole(width=120)
 
 
 def robots_command(as_json: Json = False) -> None:
@@ -71,7 +70,7 @@ def robots_command(as_json: Json = False) -> None:
     table = Table("robot", "title", "joints", "payload", "cells", box=None)
     for name, r in robots.items():
         payload = "" if r.payload is None else f"{r.payload:g} kg"
-        table.add_row(name, r.title, str(r.n_joints), payload, ", ".join(cells[name]))
+        table.add_row(name, printable(r.title), str(r.n_joints), payload, ", ".join(cells[name]))
     WIDE.print(table)
 
 
@@ -99,5 +98,5 @@ def dialects_command(as_json: Json = False) -> None:
     table = Table("dialect", "title", "axes", "resolution", "blending", "logs its axes", box=None)
     for i in dialects():
         axes = f"{i.min_joints}–{i.max_joints}"
-        table.add_row(i.name, i.title, axes, f"{10.0**-i.decimals:g}°", i.blend.kind, i.logging)
+        table.add_row(i.name, printable(i.title), axes, f"{10.0**-i.decimals:g}°", i.blend.kind, i.logging)
     WIDE.print(table)

@@ -75,14 +75,17 @@ RESULTS = ("plan.json", "cell.toml", "trajectory.csv", "report.html", "identific
 
 
 class SafeConsole(Console):
-    """A terminal that text of files cannot steer."""
+    """A terminal that text of files cannot steer: no markup, no emoji, no control signs."""
+
+    def __init__(self, **how: Any) -> None:
+        super().__init__(markup=False, emoji=False, highlight=False, **how)
 
     def print(self, *objects: Any, **how: Any) -> None:
         """Print, with control signs in texts spelt out."""
         super().print(*(printable(o, MOST_PRINTED) if isinstance(o, str) else o for o in objects), **how)
 
 
-errors = SafeConsole(stderr=True, soft_wrap=True, highlight=False)
+errors = SafeConsole(stderr=True, soft_wrap=True)
 
 CELL = "a cell file, or robot/cell for a shipped one"
 CellArgument = Annotated[str, typer.Argument(metavar="CELL", help=CELL)]
@@ -134,7 +137,7 @@ def give(
         written = f"\n  written to  {output}: {files}" if files else ""
         step = "" if output is None or result.problems else result.next_step(output)
         then = f"\n  next        {step}" if step else ""
-        errors.print(result.full_summary() + written + then, markup=False)
+        errors.print(result.full_summary() + written + then)
     if result.problems:
         raise NoSolutionError("; ".join(result.problems))
     return result
@@ -151,7 +154,7 @@ def give_file(text: str, write: Callable[[Path], object], output: str, step: str
 
 def print_next(step: str) -> None:
     """Print what a person does next."""
-    errors.print(f"  next        {step}", markup=False)
+    errors.print(f"  next        {step}")
 
 
 def evaluation_step(run: Path | str, plan: Path) -> str:
@@ -196,7 +199,7 @@ def print_json(content: object) -> None:
 def print_notes(notes: tuple[str, ...]) -> None:
     """Print what a person must know of a file."""
     for note in notes:
-        errors.print(f"note: {note}", markup=False)
+        errors.print(f"note: {note}")
 
 
 class Screen:

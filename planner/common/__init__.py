@@ -4,6 +4,7 @@ __all__ = [
     "choices",
     "determinism",
     "errors",
+    "extensions",
     "files",
     "lazy_modules",
     "progress",

@@ -1,6 +1,7 @@
 """Millimetres and degrees live at the border, metres and radians inside: the only place that converts."""
 
 import re
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -66,6 +67,7 @@ def _round_to_unit(value: ArrayLike | None, scale: float, decimals: int) -> obje
     return None if np.isnan(number) else round(number / scale, decimals) + 0.0
 
 
+@lru_cache(256)
 def si_unit(unit: str) -> tuple[str, float]:
     """Return the SI unit of a unit such as ``urad/Nm``, and the factor to it: ``rad/Nm``, 1e-6.
 
@@ -86,6 +88,27 @@ def file_unit(unit: str) -> str:
     first, rest = _split(unit)
     shown = {"m": "um", "rad": "urad"} if rest else {"m": "mm", "rad": "deg"}
     return shown.get(first, first) + rest
+
+
+LONG = 1.0  # [s] from here on a time is written in seconds
+SHARE = 0.005  # from here on a part of one is written in per cent
+PER_HOUR = 3600.0
+
+
+def display_unit(unit: str, size: float) -> tuple[str, float]:
+    """Return how an effect's value of the SI ``unit`` and of about this ``size`` is written, and the factor to it."""
+    first, rest = _split(unit)
+    if unit == "s":
+        return ("s", 1.0) if abs(size) >= LONG else ("ms", 1e3)
+    if unit == "1" and abs(size) >= SHARE:
+        return "%", 100.0
+    if unit == "1/turn":
+        return "a turn", 1.0
+    if first == "1" or unit == "rad/rad":
+        return "ppm" + rest.removeprefix("/rad"), 1e6
+    if first in ("m", "rad"):
+        return (f"µ{first}/h", 1e6 * PER_HOUR) if rest == "/s" else (f"µ{unit}", 1e6)
+    return unit, 1.0
 
 
 def _split(unit: str) -> tuple[str, str]:

@@ -73,8 +73,12 @@ class BasisFunction(ABC):
         super().__init_subclass__()
         cls.pattern, cls.is_static, cls.needs_loads, cls.of_gauge, cls.of_run = key, static, loads, gauge, run
         cls.column = column
-        if key:
-            FUNCTIONS.append(cls)
+        if not key:
+            return
+        for other in FUNCTIONS:
+            if taken := set(key_words(key)) & set(key_words(other.pattern)):
+                raise ValueError(f"basis function '{taken.pop()}': {other.__module__}.{other.__name__} has that key")
+        FUNCTIONS.append(cls)
 
     @abstractmethod
     def __call__(self, c: Context) -> Array:
@@ -95,6 +99,13 @@ class BasisFunction(ABC):
             return None
         label = self.plot_label.replace("JOINT", str(getattr(self, "joint", 0) + 1))
         return EffectVariable(label, self.plot_factor * self(c))
+
+
+def key_words(pattern: str) -> list[str]:
+    """Return every first word that keys of a pattern may have."""
+    word = pattern.split(":")[0]
+    match = re.search(r"\((.*)\)", word)
+    return [word] if match is None else [word.replace(match[0], w) for w in match[1].split("|")]
 
 
 def _text(kind: str, value: "int | float | BasisFunction") -> str:

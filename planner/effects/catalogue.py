@@ -11,6 +11,7 @@ import numpy as np
 from planner.cell.setup import N_BASE_TRANSFORMS, MeasurementSetup
 from planner.common.determinism import even_positions
 from planner.common.errors import InputError, did_you_mean
+from planner.common.extensions import load_extensions
 from planner.common.units import Array
 from planner.effects.basis import BasisFunction
 from planner.effects.context import Context
@@ -134,9 +135,16 @@ def register(
     by_gauge: bool = False,
     background: Background = Background.BY_KIND,
 ) -> Callable[[EffectGenerator], EffectGenerator]:
-    """Register a generator of effects under the names of the kinds that it yields, see :class:`Registration`."""
+    """Register a generator of effects under the names of the kinds that it yields, see :class:`Registration`.
+
+    Raises:
+        ValueError: another generator yields a kind of that name, and it is not one that several gauges have.
+    """
 
     def enter(generator: EffectGenerator) -> EffectGenerator:
+        for other in _REGISTRY:
+            if (taken := set(kinds) & set(other.kinds)) and not (by_gauge and other.by_gauge):
+                raise ValueError(f"effect '{taken.pop()}': {other.generator.__module__} has registered it already")
         _REGISTRY.append(Registration(kinds, generator, needs, by_gauge, background))
         return generator
 
@@ -147,6 +155,7 @@ def registrations() -> list[Registration]:
     """Return all registered effects in the order of the catalogue, which is that of their files."""
     for name in SHIPPED:
         import_module(f"{__package__}.{name}")
+    load_extensions()
     return sorted(_REGISTRY, key=lambda r: r.order)
 
 

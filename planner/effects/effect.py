@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 
 from planner.cell.setup import N_BASE_TRANSFORMS, MeasurementSetup
-from planner.common.units import Array
+from planner.common.units import Array, display_unit, si_unit
 from planner.effects.basis import ONE, AtPoint, BasisFunction
 
 ParameterUnit = str  # m, rad, s, or a quotient such as rad/Nm
@@ -43,6 +43,14 @@ class Parameter:
     what: str
     moves: tuple[ParameterMove, ...]
     group: str = "geometry"
+
+    def __post_init__(self) -> None:
+        try:
+            si = si_unit(self.unit)[0]
+        except ValueError as err:
+            raise ValueError(f"parameter '{self.name}': unit '{self.unit}': {err}") from err
+        if si != self.unit:
+            raise ValueError(f"parameter '{self.name}': unit '{self.unit}' is none of the SI; '{si}' would be")
 
     @property
     def main(self) -> ParameterMove:
@@ -252,25 +260,9 @@ class Effect:
         return tuple(replace(p, name=f"{p.name}{suffix}", group=self.family) for p in made)
 
 
-DISPLAY_UNITS = {
-    "rad": ("µrad", 1e6),
-    "m": ("µm", 1e6),
-    "rad/Nm": ("µrad/Nm", 1e6),
-    "m/N": ("µm/N", 1e6),
-    "s": ("ms", 1e3),
-    "1": ("µm/m", 1e6),
-    "1/K": ("µm/m/K", 1e6),
-    "m/K": ("µm/K", 1e6),
-    "rad/K": ("µrad/K", 1e6),
-    "m/s": ("µm/h", 3.6e9),
-    "rad/s": ("µrad/h", 3.6e9),
-    "rad/rad": ("µrad/rad", 1e6),
-}
-
-
 def implausible_text(effect: Effect, size: float) -> str:
     """Say that an effect of this size is refused because no arm or gauge has it."""
-    unit = DISPLAY_UNITS.get(effect.unit, (effect.unit, 1.0))
+    unit = display_unit(effect.unit, size)
     size_text, most = (format_value(v, None, *unit) for v in (size, effect.largest))
     return f"{size_text} is not plausible: at most {most} ({effect.literature})"
 
@@ -281,7 +273,7 @@ def format_value(value: float, std: float | None, unit: str, factor: float) -> s
     if std is None or not np.isfinite(std) or std <= 0:
         return f"{value:.3g} {unit}".strip()
     std *= factor
-    digits = int(np.clip(1 - np.floor(np.log10(std)), 0, 9))
-    if std >= 3:
-        digits = 0
+    if std < 1e-8:
+        return f"{value:.3g} ± {std:.2g} {unit}".strip()
+    digits = 0 if std >= 3 else int(max(1 - np.floor(np.log10(std)), 0))
     return f"{value:.{digits}f} ± {std:.{digits}f} {unit}".strip()

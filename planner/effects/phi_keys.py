@@ -6,7 +6,8 @@ from functools import lru_cache
 from math import isfinite
 
 from planner.common.errors import InputError, did_you_mean
-from planner.effects.basis import FUNCTIONS, BasisFunction
+from planner.common.extensions import HINT
+from planner.effects.basis import FUNCTIONS, BasisFunction, key_words
 from planner.effects.catalogue import registrations
 
 LARGEST_INDEX = 1_000_000
@@ -37,8 +38,8 @@ def functions_in(key: str) -> tuple[type[BasisFunction], ...]:
     word, *arguments = key.split(":")
     found = [f for f in FUNCTIONS if re.fullmatch(f.pattern.split(":")[0], word)]
     if not found:
-        near = did_you_mean(word, [w for p in patterns for w in _words(p.split(":")[0])])
-        raise InputError(f"the basis function '{key}' is unknown{near} (known: {', '.join(patterns)})")
+        near = did_you_mean(word, [w for p in patterns for w in key_words(p)])
+        raise InputError(f"the basis function '{key}' is unknown{near} (known: {', '.join(patterns)}){HINT}")
     pattern = found[0].pattern
     kinds = pattern.split(":")[1:]
     nested = "PHI" in kinds
@@ -88,12 +89,6 @@ def phi_from_key(key: str, n_joints: int | None = None) -> BasisFunction:
     match = re.fullmatch(first, word)
     alternative = match.groups() if match else ()
     return function(*alternative, *(_parse(key, k, t, n_joints) for k, t in zip(kinds, texts, strict=True)))
-
-
-def _words(pattern: str) -> list[str]:
-    """Every word that a pattern with alternatives in parentheses stands for."""
-    match = re.search(r"\((.*)\)", pattern)
-    return [pattern] if match is None else [pattern.replace(match[0], w) for w in match[1].split("|")]
 
 
 def _parse(key: str, kind: str, text: str, n_joints: int | None) -> int | float | BasisFunction:

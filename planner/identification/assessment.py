@@ -8,9 +8,9 @@ from planner.cell.cell import Cell
 from planner.cell.file import FIRST_POINT
 from planner.common.determinism import even_positions
 from planner.common.errors import NoSolutionError
-from planner.common.units import DEG, MM, Array
+from planner.common.units import DEG, MM, Array, display_unit
 from planner.design.observability.information import r_factor
-from planner.effects.effect import DISPLAY_UNITS, format_value
+from planner.effects.effect import format_value
 from planner.effects.steps import SLIP
 from planner.identification.angle_hints import angle_hint
 from planner.identification.artifact_pose import declared_pose_warnings, gauge_frames
@@ -282,9 +282,8 @@ def _with_estimates(findings: Sequence[Finding], table: Sequence[Estimate]) -> I
         if len(own) != 1 or own[0].unit != f.unit or f.after_sample is not None or f.row is not None:
             yield f
             continue
-        unit = DISPLAY_UNITS.get(f.unit, (f.unit, 1.0))
         value, std = own[0].value - own[0].nominal, own[0].std or 0.0
-        before, now = (format_value(abs(v), d, *unit) for v, d in ((f.value, f.std), (value, std)))
+        before, now = (format_value(abs(v), d, *display_unit(f.unit, v)) for v, d in ((f.value, f.std), (value, std)))
         yield f.model_copy(update={"value": value, "std": std, "note": f.note.replace(before, now)})
 
 

@@ -108,7 +108,7 @@ UNIT_SPELLINGS = {
     "m": {"mm": MM, "um": UM, "m": 1.0},
     "rad": {"deg": DEG, "mrad": 1e-3, "urad": 1e-6, "rad": 1.0},
     "rad/Nm": {"urad_Nm": 1e-6, "deg_Nm": DEG, "rad_Nm": 1.0},
-}  # of a parameter's unit in a key, the first is how it is written
+}  # of a parameter's unit in a key, the first is how it is written; other units stand as they are
 TRUTH_LINE = "# truth: "  # of a simulated run begins a line that says what is true
 WRITTEN_DIGITS = 9  # of a drawn error as it is written
 ALL_GAUGE_PARAMETERS = frozenset({"fixture", "tool", "zero"})
@@ -247,7 +247,11 @@ def _with_noise(cell: Cell, noise: NoiseFile) -> Cell:
 
 
 def _error_keys(p: Parameter) -> list[tuple[str, float]]:
-    return [(f"{p.name}_{spelling}", factor) for spelling, factor in UNIT_SPELLINGS[p.unit].items()]
+    return [(f"{p.name}_{spelling}", factor) for spelling, factor in _spellings(p).items()]
+
+
+def _spellings(p: Parameter) -> dict[str, float]:
+    return UNIT_SPELLINGS.get(p.unit, {p.unit.replace("/", "_"): 1.0})
 
 
 def _key_hint(key: str, model: Model, known: list[str]) -> str:
@@ -260,10 +264,10 @@ def _key_hint(key: str, model: Model, known: list[str]) -> str:
 
 def _round_value(p: Parameter, value: float) -> float:
     """Return the value as its line says it."""
-    factor = next(iter(UNIT_SPELLINGS[p.unit].values()))
+    factor = next(iter(_spellings(p).values()))
     return round(value / factor, WRITTEN_DIGITS) * factor
 
 
 def _format_error(p: Parameter, value: float) -> str:
-    spelling, factor = next(iter(UNIT_SPELLINGS[p.unit].items()))
+    spelling, factor = next(iter(_spellings(p).items()))
     return f"{p.name}_{spelling} = {round(value / factor, WRITTEN_DIGITS)!r}"

@@ -16,7 +16,6 @@ from planner.kinematics.bodies import LinkBodyFile, Vector
 from planner.kinematics.chain import Transform, dh_row, frame_transforms, is_near_parallel, mdh_row
 from planner.kinematics.robot import LinkMass, Priors, Robot
 from planner.kinematics.robot_tables import (
-    SPEED_TIME,
     LoadsTable,
     RobotEffectTable,
     effects_from_tables,
@@ -28,6 +27,7 @@ from planner.kinematics.srdf import NEXT_BUT_ONE, read_allowed_pairs
 from planner.kinematics.urdf import UrdfChain, UrdfJoint, is_urdf, plain_name, read_urdf
 
 FEWEST_JOINTS = 5
+SPEED_TIME = 0.25  # [s] to full speed, and the ratio acceleration/jerk, where a file leaves them unsaid
 
 
 class JointTable(StrictModel):
@@ -63,16 +63,22 @@ class JointTable(StrictModel):
 
     @classmethod
     def from_urdf(cls, joint: UrdfJoint) -> "JointTable":
-        """Return what a URDF says of a joint; the acceleration and jerk that it leaves unsaid are estimated."""
+        """Return what a URDF says of a joint."""
         lower, upper, speed = (float(np.rad2deg(v)) for v in (joint.lower, joint.upper, joint.speed))
         return cls.model_construct(  # limits of a few degrees are right in a file that has radians
             sense=joint.sense,
             limit_deg=(lower, upper),
             speed_deg_s=speed,
-            acceleration_deg_s2=speed / SPEED_TIME,
-            jerk_deg_s3=speed / SPEED_TIME**2,
             name=joint.name,
         )
+
+    def with_estimates(self) -> "JointTable":
+        """Return the joint with acceleration and jerk, each where it is unsaid estimated from the speed."""
+        if self.speed_deg_s is None:
+            return self
+        acceleration = self.acceleration_deg_s2 or self.speed_deg_s / SPEED_TIME
+        jerk = self.jerk_deg_s3 or acceleration / SPEED_TIME
+        return self.model_copy(update={"acceleration_deg_s2": acceleration, "jerk_deg_s3": jerk})
 
     @property
     def mass(self) -> LinkMass | None:
@@ -269,15 +275,13 @@ def _build_robot(
     zero = from_deg([j.zero_deg for j in joints])
     masses = tuple(j.mass for j in joints)
     shapes = tuple((b.link, b.body(f"link{b.link}_{k}", path.parent)) for k, b in enumerate(file.bodies))
-    sources = dict(file.sources)
+    sources = dict(file.sources) or ({} if urdf is None else {"all": f"URDF {path.name}"})
+    if unsaid := ", ".join(_unsaid_drives(file)):
+        sources[unsaid] = f"estimated: {SPEED_TIME} s to full speed"
+    joints = tuple(j.with_estimates() for j in joints)
     if urdf is not None:
         masses = masses if any(masses) else tuple(j.mass for j in urdf.joints)
         shapes = shapes or urdf.bodies
-        if not sources:
-            sources = {
-                "all": f"URDF {path.name}",
-                "accelerations, jerks": f"estimated: {SPEED_TIME} s to full speed",
-            }
     return Robot(
         name=file.name,
         title=file.title or file.name,
@@ -309,6 +313,14 @@ def _build_robot(
         loads=loads_from_table(file.loads),
         nominal_transforms=nominal_from_table(path, file.nominal, whole) if file.nominal else (),
     )
+
+
+def _unsaid_drives(file: RobotDescription) -> list[str]:
+    """Return what is estimated of a joint that has a speed, where the file's own sources do not speak of it."""
+    keys = {"accelerations": "acceleration_deg_s2", "jerks": "jerk_deg_s3"}
+    moving = [j for j in file.joints if j.speed_deg_s is not None]
+    unsaid = [topic for topic, key in keys.items() if any(getattr(j, key) is None for j in moving)]
+    return [topic for topic in unsaid if not any(topic in said for said in file.sources)]
 
 
 def _flange_transforms(file: RobotDescription) -> tuple[Transform, ...]:

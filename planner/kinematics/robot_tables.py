@@ -101,7 +101,6 @@ LENGTHS = ("a", "d")
 PLAIN = ("sense", "name")
 FACTORS = {"deg": 1.0, "rad": 180.0 / np.pi, "mm": 1.0, "m": 1e3, "deg_s": 1.0, "rad_s": 180.0 / np.pi}
 KEYS = {"alpha": "alpha_deg", "theta": "theta_deg", "beta": "beta_deg", "zero": "zero_deg", "a": "a_mm", "d": "d_mm"}
-SPEED_TIME = 0.25  # [s] to full speed, and the ratio acceleration/jerk, where a table leaves both unsaid
 CONVENTION = re.compile(r"#\s*convention\s*:\s*(\S+)", re.IGNORECASE)
 
 
@@ -169,6 +168,5 @@ def _joint(where: str, columns: list[tuple[str, float]], row: list[str]) -> dict
     if "lower" in found and "upper" in found:
         joint["limit_deg"] = (found["lower"], found["upper"])
     if speed := found.get("speed"):
-        joint |= {"speed_deg_s": speed, "acceleration_deg_s2": speed / SPEED_TIME}
-        joint["jerk_deg_s3"] = speed / SPEED_TIME**2
+        joint["speed_deg_s"] = speed
     return joint

@@ -4,35 +4,13 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from planner.common.units import Array, file_unit, si_unit, to_mm
+from planner.common.units import Array, display_unit, file_unit, si_unit, to_mm
 from planner.identification.calibration import Calibration
 from planner.model.identification_document import DetectionLimit, Estimate, Finding
 from planner.report.calibration_data import CalibrationFacts
 from planner.report.effect_evidence import FindingStep, finding_steps
 from planner.report.formatting import count_text, digits, in_mm
 from planner.report.page import Row
-
-MILLIONTHS = {"rad": "µrad", "m": "µm"}
-PARTS = {"1": "ppm", "rad/rad": "ppm", "1/K": "ppm/K", "1/m": "ppm/m"}
-LONG = 1.0  # [s] from here on a time is written in seconds
-SHARE = 0.005  # from here on a part of one is written in per cent
-HOUR = 3600.0
-
-
-def display_unit(unit: str, size: float) -> tuple[str, float]:
-    """Return how an effect's value of the SI ``unit`` and of about this ``size`` is written, and the factor to it."""
-    top, _, per = unit.partition("/")
-    if unit == "s":
-        return ("s", 1.0) if abs(size) >= LONG else ("ms", 1e3)
-    if unit == "1" and abs(size) >= SHARE:
-        return "%", 100.0
-    if unit in PARTS:
-        return PARTS[unit], 1e6
-    if top in MILLIONTHS and per == "s":
-        return f"{MILLIONTHS[top]}/h", 1e6 * HOUR
-    if top in MILLIONTHS:
-        return MILLIONTHS[top] + (f"/{per}" if per else ""), 1e6
-    return ("a turn", 1.0) if unit == "1/turn" else (unit, 1.0)
 
 
 def estimate_unit(e: Estimate) -> tuple[str, float]:

@@ -9,6 +9,7 @@ from planner.instruments.loaded.equilibrium import sine
 from planner.instruments.loaded.joint_fit import JointFit
 from planner.instruments.loaded.results import SENSES, share_text
 from planner.instruments.loaded.types import NOT_LEARNT, EvaluatedCircle, LoadedEvaluation
+from planner.report.calibration_text import estimate_unit
 from planner.report.chart import (
     BLUE,
     GREEN,
@@ -180,12 +181,11 @@ def report_loaded(found: LoadedEvaluation, joint: JointFit | None = None) -> Rep
 
 
 def _together(joint: JointFit) -> list[tuple[str, ...]]:
-    """Rows of the joint fit: name, unit, change, standard deviation; lengths in mm, angles in mrad."""
-    units = {"m": ("mm", 1e3), "rad": ("mrad", 1e3), "rad/Nm": ("µrad/Nm", 1e6)}
+    """Rows of the joint fit: name, unit, change, standard deviation; in the units of a calibration."""
     rows: list[tuple[str, ...]] = []
     for e in joint.estimates:
         if e.std is not None:
-            unit, factor = units.get(e.unit, (e.unit, 1.0))
+            unit, factor = estimate_unit(e)
             rows.append((e.name, unit, digits((e.value - e.nominal) * factor), digits(e.std * factor, 2)))
     return rows
 

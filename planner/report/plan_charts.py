@@ -104,7 +104,7 @@ def funnel_chart(plan: Plan) -> Chart:
     bars = Series("", np.array(counts), np.arange(len(counts), dtype=float), BLUE, "bars", texts=tuple(texts))
     span = (1.0, 10.0 ** (np.ceil(np.log10(max(counts[0], 10.0))) + 2))
     panel = list_panel(
-        "", "states that are left (logarithmic scale)", plan.pool.funnel.titles, [bars], log_x=True, x_range=span
+        "", "states that are left (logarithmic scale)", plan.pool.funnel.names, [bars], log_x=True, x_range=span
     )
     caption = (
         f"{count_text(len(plan.pool))} candidates are kept of the states that pass every filter; "

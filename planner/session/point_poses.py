@@ -1,7 +1,5 @@
 """Poses without a bar: at the balls of an artifact, each approached and left the same way, or seen by a tracker."""
 
-from dataclasses import astuple, replace
-
 import numpy as np
 
 from planner.cell.cell import Cell
@@ -9,7 +7,7 @@ from planner.common.errors import InputError, NoSolutionError
 from planner.common.progress import Stages
 from planner.common.units import Array
 from planner.design.candidates.balls import BallFunnel, draw_ball_candidates
-from planner.design.candidates.pool import BeamFunnel, PoseSet, draw_candidates
+from planner.design.candidates.pool import PoseSet, draw_candidates
 from planner.design.pose_selection import PoseChoice, judge_poses, replace_all, replace_pose, select_poses
 from planner.motion.path.constraints import Constraints
 from planner.motion.path.roadmap import connected_parts
@@ -47,7 +45,6 @@ class PointPoses(PoseSession):
                 pool = draw_ball_candidates(self.cell, self.cell.plan.candidates, seed, progress)
             else:
                 pool = draw_candidates(self.cell, self.cell.plan.candidates, seed, progress)
-                pool = replace(pool, funnel=BeamFunnel(*astuple(pool.funnel)))
             starts = self.cell.gauge.starts_among(_passed_states(pool))
             self.cell = with_point_mount(self.cell, self.away, seed, starts)
             self.away = Constraints(self.cell, bar=False, scene=self.away.scene)

@@ -173,7 +173,7 @@ def _whitened_screws(dictionary: EffectDictionary, problem: FitProblem, motion: 
     raw = np.zeros((len(problem), problem.model.width, len(blocks)))
     turned = [j for j, b in enumerate(blocks) if b.move.on == "transform"]
     moves = [transform_move(blocks[j].move.index) for j in turned]
-    single = tuple(Parameter(str(m[0].index), "", 1.0, "", m) for m in moves)
+    single = tuple(Parameter(str(m[0].index), "1", 1.0, "", m) for m in moves)
     model = replace(problem.model, parameters=single)
     raw[:, :, turned] = model.columns(dictionary.context, motion).dense.transpose(2, 1, 0)
     for j, block in enumerate(blocks):

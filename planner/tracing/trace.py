@@ -7,9 +7,9 @@ from itertools import pairwise
 
 import numpy as np
 
-from planner.common.units import MM, Array
+from planner.common.units import MM, Array, display_unit
 from planner.effects.catalogue import catalogue
-from planner.effects.effect import DISPLAY_UNITS, Effect, Role, format_value
+from planner.effects.effect import Effect, Role, format_value
 from planner.effects.steps import STEP
 from planner.identification.calibration import TracingResult
 from planner.identification.stages import FitContext, FittedStage
@@ -198,7 +198,7 @@ def slip_of_the_pen(read: float, wanted: float, tolerance: float) -> str:
 
 
 LEAST_MM = 1e-4  # [m] from which on what changed is told in millimetres
-NONLINEAR_UNITS = {"1/turn": ("", 1.0), "s": ("s", 1.0), "m": ("mm", 1e3), "rad": ("µrad", 1e6)}
+INNER_UNITS = {"1/turn": ("", 1.0), "m": ("mm", 1e3)}  # of numbers inside φ, where they are not those of errors
 
 
 def trace(geometry: FittedStage, bench: FitContext, say: Progress) -> tuple[list[FittedStage], TracingResult]:
@@ -263,13 +263,14 @@ def _finding(result: SearchResult, found: FittedEffect, gain: float, others: tup
 def describe_effect(found: FittedEffect, value: float, std: float, inner_std: float | None, sizes: Array) -> str:
     """Fill the effect's sentence with its size, its nonlinear value, and the periods of a curve."""
     effect, nonlinear = found.effect, found.effect.nonlinear
-    unit = DISPLAY_UNITS.get(effect.unit, (effect.unit, 1.0))
+    unit = display_unit(effect.unit, value)
     if effect.has(Role.CHANGE) and effect.unit == "m" and abs(value) > LEAST_MM:
         unit = ("mm", 1e3)
     size = format_value(abs(value), std, *unit)
     inner = ""
     if found.value is not None and nonlinear is not None:
-        inner = format_value(found.value, inner_std, *NONLINEAR_UNITS.get(nonlinear.unit, (nonlinear.unit, 1.0)))
+        inner_unit = INNER_UNITS.get(nonlinear.unit) or display_unit(nonlinear.unit, found.value)
+        inner = format_value(found.value, inner_std, *inner_unit)
     sentence = effect.sentence.format(size=size, inner=inner, more="more" if value > 0 else "less")
     if value < 0:  # otherwise the sign is one of axes and senses, which a mechanic does not look for
         sentence = sentence.replace(" grow ", " shrink ")

@@ -3,6 +3,7 @@
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from planner.cell.reading import load_cell
@@ -30,6 +31,20 @@ def test_the_shortest_cell_of_a_gauge_is_whole(kind: str, tmp_path: Path) -> Non
     cell = load_cell(file)
     assert cell.gauge.kind == kind
     assert cell.motion.measure == ("continuous" if kind == "edbb" else "static")
+
+
+def test_a_robot_file_of_rows_is_enough_to_plan(tmp_path: Path) -> None:
+    (block,) = re.findall(r"^```text\n(schema.*?)^```", (PAGES / "robot.md").read_text(), re.MULTILINE | re.DOTALL)
+    head, row = block.split("[[joints]]")
+    row, sources = row.split("[sources]")
+    folder = tmp_path / "robots" / "my-arm"
+    folder.mkdir(parents=True)
+    path = folder / "robot.toml"
+    path.write_text(f"{head}[sources]{sources}" + 6 * f"[[joints]]{row}")
+    robot = load_robot(str(path))
+    assert dict(robot.sources)["jerks"].startswith("estimated: ")
+    for limit in (robot.q_upper, robot.speed, robot.acceleration, robot.jerk):
+        assert np.isfinite(limit).all()
 
 
 def test_a_robot_file_that_names_a_urdf_is_read(tmp_path: Path) -> None:

@@ -188,5 +188,27 @@ def test_a_robot_for_identification_needs_no_limits_but_planning_says_which_is_m
         "[tool]\nmap_mm = [50, 0, 120]\n"
         '[gauge]\nkind = "edbb"\nlength_mm = [300, 520]\n[[fixtures]]\nposition_mm = [600, 500, 60]\n'
     )
-    with pytest.raises(InputError, match="joint 1 has no limit_deg"):
+    with pytest.raises(InputError, match="joint 1 has no limit_deg and no speed_deg_s, which planning needs"):
         load_cell(str(cell))
+
+
+def test_accelerations_and_jerks_that_nobody_gave_are_estimated_alike_from_every_file(tmp_path):
+    row = "alpha_deg = {alpha}\na_mm = 200\nd_mm = 100\ntheta_deg = 0\nlimit_deg = [-180, 180]\nspeed_deg_s = 100\n"
+    head = 'schema = "edbb-robot/1"\nname = "x"\nconvention = "mdh"\n'
+    rows = ["[[joints]]\n" + row.format(alpha=90 * (i % 2)) for i in range(6)]
+    toml, table, urdf = (tmp_path / name for name in ("bare.toml", "bare.csv", "bare.urdf"))
+    toml.write_text(head + "".join(rows))
+    table.write_text(
+        "# convention: mdh\nalpha_deg,a_mm,theta_deg,d_mm,lower_deg,upper_deg,speed_deg_s\n"
+        + "".join(f"{90 * (i % 2)},200,0,100,-180,180,100\n" for i in range(6))
+    )
+    urdf.write_text(urdf_text(["0 0 1", "1 0 0"] * 3).replace('velocity="2"', f'velocity="{np.deg2rad(100)!s}"'))
+    for path in (toml, table, urdf):
+        robot = load_robot(str(path), tip="tip" if path is urdf else None)
+        np.testing.assert_allclose(np.rad2deg(robot.acceleration), 400)
+        np.testing.assert_allclose(np.rad2deg(robot.jerk), 1600)
+        assert dict(robot.sources)["accelerations, jerks"] == "estimated: 0.25 s to full speed"
+    toml.write_text(head + rows[0] + "acceleration_deg_s2 = 250\n" + "".join(rows[1:]) + '[sources]\njerks = "own"\n')
+    robot = load_robot(str(toml))
+    np.testing.assert_allclose(np.rad2deg(robot.jerk), [1000, *5 * [1600]])
+    assert dict(robot.sources) == {"accelerations": "estimated: 0.25 s to full speed", "jerks": "own"}

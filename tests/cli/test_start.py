@@ -5,6 +5,7 @@ import re
 import subprocess
 import sys
 import tomllib
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 
@@ -12,6 +13,8 @@ import pytest
 
 import planner
 from planner.cli.app import VERBS
+from planner.cli.service_commands import robots_command
+from planner.kinematics import robot_reader
 from tests.command import edbb
 
 HEAVY = {"ompl", "fcl", "polars", "matplotlib", "plotly", "scipy.stats", "scipy.optimize"}
@@ -57,6 +60,15 @@ def test_a_word_that_is_no_verb_names_the_nearest():
     done = edbb("pla")
     assert done.returncode == 2
     assert "Did you mean 'plan'" in done.stderr
+
+
+def test_words_of_files_are_printed_as_they_stand(monkeypatch, capsys):
+    assert "edbb: :car:.toml" in edbb("plan", ":car:.toml", "-o", "nowhere").stderr
+    title = "TX60 [/60] :car: [red]"
+    robot = replace(robot_reader.load_robot("ur10"), title=title)
+    monkeypatch.setattr(robot_reader, "load_robot", lambda name: robot)
+    robots_command()
+    assert capsys.readouterr().out.count(title) == len(robot_reader.list_robots())
 
 
 @pytest.mark.parametrize("name", ["", " "])

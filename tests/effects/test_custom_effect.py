@@ -8,8 +8,10 @@ import pytest
 import planner.effects.basis as basis
 import planner.effects.catalogue as registry
 from planner.common.errors import InputError
+from planner.common.units import display_unit
 from planner.effects.catalogue import catalogue, check_effect_name, effect_kinds, needs_of
 from planner.effects.context import Context
+from planner.effects.effect import Parameter, format_value, transform_move
 from planner.effects.phi_keys import functions_in, is_static, phi_from_key
 from planner.identification.pipeline import FitSettings, identify
 from planner.tracing.trace import trace
@@ -76,3 +78,32 @@ def test_without_the_file_nobody_knows_it():
         check_effect_name("hose pull, joint 2", 6, "here")
     with pytest.raises(InputError, match="unknown"):
         phi_from_key("hose:4", 6)
+
+
+def test_a_key_or_a_kind_that_is_taken_is_refused():
+    before = list(basis.FUNCTIONS), list(registry._REGISTRY)
+    for key in ("torque:JOINT", "torque:NUMBER", "(sine|torque):JOINT"):
+        with pytest.raises(ValueError, match=r"'torque': planner\.effects\.compliance\.\w+ has that key"):
+            type("Twice", (basis.BasisFunction,), {}, key=key)
+    for own in (False, True):
+        with pytest.raises(ValueError, match=r"'backlash': planner\.effects\.backlash has registered it already"):
+            registry.register("slack", "backlash", by_gauge=own)(lambda run: iter(()))
+    assert before == (basis.FUNCTIONS, registry._REGISTRY)
+
+
+@pytest.mark.parametrize(("unit", "said"), [("mm", "'m' would be"), ("rad/Nm^2", "'Nm\\^2' is no unit")])
+def test_a_parameter_has_a_unit_of_the_si(unit, said):
+    with pytest.raises(ValueError, match=f"'hose'.*{said}"):
+        Parameter("hose", unit, 1e-4, "pull of the hose", transform_move(0))
+
+
+@pytest.mark.parametrize(
+    ("unit", "value", "std", "said"),
+    [
+        ("rad/Nm/Nm", 7.97e-8, 4e-10, "0.07970 ± 0.00040 µrad/Nm/Nm"),
+        ("1/m", 2e-7, 3e-8, "0.200 ± 0.030 ppm/m"),
+        ("kg/N", 7.97e-11, 4e-13, "7.97e-11 ± 4e-13 kg/N"),
+    ],
+)
+def test_no_size_is_written_as_zeros(unit, value, std, said):
+    assert format_value(value, std, *display_unit(unit, value)) == said

@@ -1,14 +1,18 @@
 """A gauge is one file: one that the project does not ship plans, simulates and identifies like those that it does."""
 
+import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from planner.cell.file import CellFile
+from planner.cell.gauge_registry import register_gauge
 from planner.cell.reading import cell_of, load_cell
 from planner.cell.workspace import Workspace
 from planner.common.errors import InputError
+from planner.common.progress import Stages
 from planner.common.schema import read_toml
 from planner.design.candidates.pool import draw_candidates
 from planner.design.pose_selection import select_poses
@@ -18,6 +22,8 @@ from planner.instruments.truth import draw_truth
 from planner.model.model import Model
 from planner.motion.path.margins import WorkspaceBounds
 from planner.runs.run import Samples
+from planner.session.options import PlanOptions
+from planner.session.point_poses import PointPoses
 from tests.gauges.plane_dial import PlaneDial
 
 SHIPPED = load_cell("comau-nj130/edbb").path.read_text()
@@ -71,6 +77,17 @@ def test_candidates_lie_where_it_reads(cell, pool):
     assert (d > 5e-3).all()
     assert (d < 25e-3).all()
     assert (cell.map_axis(pool.q)[:, 2] < -np.cos(np.deg2rad(40))).all()
+
+
+def test_its_plan_speaks_of_no_other_gauge(cell):
+    poses = PointPoses(replace(cell, plan=replace(cell.plan, candidates=200)), PlanOptions())
+    poses.draw(Stages())
+    assert not re.search("tracker|reflector|beam|bar", poses.pool.funnel.text())
+
+
+def test_its_kind_is_taken(cell):
+    with pytest.raises(ValueError, match=r"'plane-dial': tests\.gauges\.plane_dial has registered it already"):
+        register_gauge(PlaneDial)
 
 
 def test_its_margins_change_no_faster_than_it_says(cell, pool):

@@ -10,12 +10,13 @@ import pytest
 import tests.simulation.generator.runs as runs
 from planner.cell.reading import load_cell
 from planner.common.files import data_folder
+from planner.common.units import display_unit
 from planner.identification.calibration import Calibration
 from planner.identification.pipeline import identify
 from planner.model.identification_document import DetectionLimit, Identification, log10_p, p_value
 from planner.report.calibration_data import CalibrationFacts
 from planner.report.calibration_report import calibration_content
-from planner.report.calibration_text import detection_text, display_unit
+from planner.report.calibration_text import detection_text
 from planner.report.chart import weighted_means
 from planner.report.effect_evidence import collect_evidence, finding_chart, finding_steps
 from planner.runs.loader import load_run
@@ -171,6 +172,10 @@ def test_silence_speaks_of_the_worst_joint_that_is_seen() -> None:
         ("1/K", 1.2e-5, (12.0, "ppm/K")),
         ("rad/s", 1e-8, (36.0, "µrad/h")),
         ("1/turn", 24.7, (24.7, "a turn")),
+        ("1/m", 1e-6, (1.0, "ppm/m")),
+        ("rad/Nm/Nm", 8e-8, (0.08, "µrad/Nm/Nm")),
+        ("rad/Nm·turn", 8e-8, (0.08, "µrad/Nm·turn")),
+        ("N/m", 8e3, (8e3, "N/m")),
     ],
 )
 def test_small_numbers_have_units_of_their_size(unit: str, value: float, said: tuple[float, str]) -> None:

@@ -130,7 +130,6 @@ class BallFunnel(Funnel):
         "approached freely",
         "with first contact within reach of the indicators, no singular position",
     )
-    titles: ClassVar[tuple[str, ...]] = names
     missed: ClassVar[str] = "the uncalibrated robot might meet the ball too far off, or not be steered in small steps"
 
     def __add__(self, other: Funnel) -> "BallFunnel":
@@ -146,7 +145,6 @@ class SocketFunnel(BallFunnel):
         *BallFunnel.names[:2], "in the socket", "turned as the socket allows", *BallFunnel.names[4:7],
         "led in by a person",
     )  # fmt: skip
-    titles: ClassVar[tuple[str, ...]] = names
     missed: ClassVar[str] = (
         "joints might come to their limits where the uncalibrated robot's ball is led into the socket"
     )

@@ -43,20 +43,11 @@ class Funnel:
     names: ClassVar[tuple[str, ...]] = (
         "sampled",
         "within joint limits",
-        "in the shell",
-        "within both cones",
+        "in the gauge's range",
+        "within its cones",
         "within the cable",
         "collision-free",
     )
-
-    titles: ClassVar[tuple[str, ...]] = (
-        "sampled",
-        "within joint limits",
-        "length in range",
-        "within both cones",
-        "within cable budget",
-        "collision-free",
-    )  # of a chart
 
     def __add__(self, other: "Funnel") -> "Funnel":
         """Add two funnels filter by filter."""
@@ -65,21 +56,6 @@ class Funnel:
     def text(self) -> str:
         """Return the counts as a person reads them."""
         return ", ".join(f"{n} {name}" for n, name in zip(astuple(self), self.names, strict=True))
-
-
-@dataclass(frozen=True)
-class BeamFunnel(Funnel):
-    """Counts of poses that a tracker sees: the beam is the bar, and may not meet anything either."""
-
-    names: ClassVar[tuple[str, ...]] = (
-        "sampled",
-        "within joint limits",
-        "in the tracker's range",
-        "with the reflector facing the tracker",
-        "within the cable",
-        "collision-free and in sight",
-    )
-    titles: ClassVar[tuple[str, ...]] = names
 
 
 @dataclass(frozen=True)

@@ -93,12 +93,12 @@ def test_a_grid_too_fine_is_refused(tmp_path):
     [
         (
             ("position_mm = [258, 1468, 708]", "position_mm = [258, 4468, 708]"),
-            ["out of reach", "move it by about", "0 in the shell"],
+            ["out of reach", "move it by about", "0 in the gauge's range"],
         ),
         (("map_axis = [0, 0, 1]", "map_axis = [0, 0, -1]\nprior_mm = 2"), []),
         (
             ("cone_deg = { fixture = 80, map = 80 }", "cone_deg = { fixture = 5, map = 5 }"),
-            ["0 within both cones", "gauge.cone_deg"],
+            ["0 within its cones", "gauge.cone_deg"],
         ),
         (("tool_about_bar_deg = 170", "tool_about_bar_deg = 1e-6"), ["0 within the cable", "cable"]),
         (("clearance_mm = 10", "clearance_mm = 900"), ["0 collision-free", "clearance_mm"]),
