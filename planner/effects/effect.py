@@ -140,11 +140,11 @@ class Background(Enum):
     BY_PLACE = auto()
     """With a size at each place."""
     COMMON = auto()
-    """The same, and likely whatever else an arm has: joints and links of every arm yield."""
+    """With a size at each place, likely whatever else an arm has. Example: joint compliance, as all joints yield."""
     KNOWN = auto()
     """With the size that is expected: a run says nothing of it. Its findings do not enter the robot."""
     OF_SHAPE = auto()
-    """Not at all, nor as findings: errors of the gauge of any shape stand for them."""
+    """Not at all, found or not, as smooth errors of the gauge of any shape stand for them. Example: the sag of a wire."""
     NAMED_ONLY = auto()
     """Not at all, unless found: what hardly any arm has, or other columns stand for."""
 

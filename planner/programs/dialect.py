@@ -1,4 +1,4 @@
-"""A controller's dialect as data: a folder ``g-code/<name>`` with two files and no line of Python.
+"""A controller's dialect as data: a folder ``g-code/<name>`` with two files; Python only for a language that is new.
 
 ``dialect.toml``
     What the controller takes: names and number of its axes, decimals, line ends and limits (``part_lines`` of a
@@ -20,7 +20,8 @@
     ``overridden`` whether the override is scaled, ``remarks`` what the head of the program tells the
     operator. An undefined name is an error.
 
-To add one: copy the nearest folder, change both files, run the tests: they take every folder that is there.
+To add one: copy the nearest folder, change both files, run ``tests/programs``, which takes every folder that is there.
+``docs/extend/dialect.md`` says which tables a new folder, and a new language, are entered in.
 """
 
 import re
@@ -200,15 +201,15 @@ class CentringCall(StrictModel):
 class ReaderWords(StrictModel):
     """What the independent reader looks for; it knows nothing of the template.
 
-    ``family`` names a language of ``planner.programs.languages``; the rest are regular expressions that the
-    G-code family needs, as its words differ from machine to machine. ``pulse_end`` ends a pulse, so
-    that a dwell inside it is not taken for one of the program's; ``with_motion``: G words that may stand beside a move.
+    ``family`` names a language of :data:`planner.programs.verification.EXECUTIONS`; the rest are regular expressions
+    that the G-code family needs, as its words differ from machine to machine. ``pulse_end`` ends a pulse, so that a
+    dwell inside it is not taken for one of the program's; ``with_motion``: G words that may stand beside a move.
     ``passive`` is, for every family, the whole list of what a program may hold beside moves, speeds, dwells and the
     lines of this file (header, footer, pause, wait, sync, select): a program with anything else is not released.
     ``{output}`` and ``{input}`` in it are the cell's own; remarks and quoted text are blank when it is compared.
     """
 
-    family: Literal["gcode", "krl", "rapid", "pdl2", "urscript", "fanuc", "list", "trajectory", "frames"]
+    family: str
     motion: Pattern = ""
     dwell: Pattern = ""
     sync: Pattern = ""

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from planner.common.errors import InputError, PlannerError
+from planner.common.errors import InputError, PlannerError, did_you_mean
 from planner.programs.dialect import Dialect, load_dialect
 from planner.programs.instructions import Centre, Dwell, JointMove, Program, Sync
 from planner.programs.languages import fanuc, frames, gcode, krl, listing, pdl2, rapid, trajectory, urscript
@@ -26,6 +26,22 @@ EXECUTIONS: dict[str, type[Execution]] = {
     "trajectory": trajectory.TrajectoryExecution,
     "frames": frames.FramesExecution,
 }
+"""The reader of each family of languages, as ``[reading] family`` of a dialect names it."""
+
+
+def reader_of(dialect: Dialect) -> type[Execution]:
+    """Return the reader of a dialect's family.
+
+    Raises:
+        InputError: no such family.
+    """
+    family, known = dialect.reading.family, list(EXECUTIONS)
+    if family not in known:
+        raise InputError(
+            f"dialect '{dialect.name}': reading.family = '{family}' has no reader{did_you_mean(family, known)} "
+            f"(there are {', '.join(known)})"
+        )
+    return EXECUTIONS[family]
 
 
 def read_texts(
@@ -40,9 +56,9 @@ def read_texts(
         only_known: refuse a statement that the reader does not know, instead of passing it over.
 
     Raises:
-        InputError: a line that is not of the language, or no plan_id, or two different ones.
+        InputError: a line that is not of the language, no plan_id, or two different ones; a family without a reader.
     """
-    execution = EXECUTIONS[dialect.reading.family](dialect, program)
+    execution = reader_of(dialect)(dialect, program)
     execution.run(texts)
     if only_known and execution.unknown:
         unknown = execution.unknown[0]
@@ -70,11 +86,13 @@ def check_program(program: Program, dialect: Dialect, texts: tuple[str, ...]) ->
     """Read ``texts`` back and hold them against ``program``.
 
     Raises:
+        InputError: nobody reads the dialect's family.
         ProgramMismatchError: a joint angle off by more than the printed resolution; a move, dwell or pulse
             too many or too few; a statement that is not on the dialect's list; a corner rounded more, or a leg
             driven faster, than planned; another plan_id.
     """
     program = program if dialect.resume else program.without_starts()
+    reader_of(dialect)
     try:
         found = read_texts(dialect, texts, program)
     except InputError as err:
