@@ -144,7 +144,7 @@ class Background(Enum):
     KNOWN = auto()
     """With the size that is expected: a run says nothing of it. Its findings do not enter the robot."""
     OF_SHAPE = auto()
-    """Not at all, found or not, as smooth errors of the gauge of any shape stand for them. Example: the sag of a wire."""
+    """Not at all, found or not, as smooth errors of the gauge of any shape stand for them. Example: sag of a wire."""
     NAMED_ONLY = auto()
     """Not at all, unless found: what hardly any arm has, or other columns stand for."""
 
