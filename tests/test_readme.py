@@ -1,4 +1,4 @@
-"""The README's examples: its cell plans, its commands exist, its files are written."""
+"""The examples of the README and of the how-to pages: cells plan, commands exist, files are read and written."""
 
 import re
 import shlex
@@ -19,8 +19,12 @@ from planner.runs.traces import import_run
 from tests.command import edbb
 from tests.compensation.robots import bent
 
-README = (Path(__file__).parent.parent / "README.md").read_text()
-TEXTS = [t for t in re.findall(r"```text\n(.*?)```", README, re.DOTALL) if not t.startswith("q1_deg")]
+ROOT = Path(__file__).parent.parent
+README = (ROOT / "README.md").read_text()
+CELL, RUN, TRICAL, CIRCLES, COMPENSATE = (
+    (ROOT / "docs" / "how-to" / f"{page}.md").read_text() for page in ("cell", "run", "trical", "circles", "compensate")
+)
+TEXTS = re.findall(r"```text\n(.*?)```", RUN, re.DOTALL)
 (TARGETS,) = re.findall(r"```text\n(q1_deg.*?)```", README, re.DOTALL)
 
 
@@ -34,7 +38,7 @@ def help_of(verb):
 
 @pytest.mark.long
 def test_the_shortest_cell_is_a_cell_that_plans(tmp_path):
-    (text,) = re.findall(r"```toml\n(.*?)```", README, re.DOTALL)
+    text, *_ = re.findall(r"```toml\n(.*?)```", CELL, re.DOTALL)
     path = tmp_path / "cell.toml"
     path.write_text(text + "\n[plan]\ncandidates = 500\nrefine = false\n")
     done = edbb("plan", path, "-o", tmp_path / "out", "--poses", "36")
@@ -65,7 +69,7 @@ def test_the_worked_example_runs_in_order_from_an_empty_folder(tmp_path, monkeyp
 
 
 def test_the_run_and_its_cell_are_read(tmp_path):
-    (rows,) = re.findall(r"```csv\n(.*?)```", README, re.DOTALL)
+    (rows,) = re.findall(r"```csv\n(.*?)```", RUN, re.DOTALL)
     cell = TEXTS[0]
     (tmp_path / "run.csv").write_text(rows)
     (tmp_path / "cell.toml").write_text(cell)
@@ -125,9 +129,8 @@ def test_the_table_of_targets_is_corrected(tmp_path):
 
 
 def test_the_options_that_compensate_is_said_to_have_are_there():
-    own = README.split("`compensate` takes a program")[1].split("Held out means")[0]
-    options = set(re.findall(r"`(--[a-z-]+)`", own))
-    assert options == {"--strict", "--tool", "--base", "--frames"}
+    options = set(re.findall(r"`(--[a-z-]+)`", COMPENSATE))
+    assert options == {"--strict", "--tool", "--base", "--frames", "--cell"}
     assert all(option in help_of("compensate") for option in options)
 
 
@@ -159,7 +162,7 @@ def test_every_command_of_the_readme_is_known():
 
 
 @pytest.mark.parametrize(
-    "option", sorted(set(re.findall(r"--[a-z]+", README.split("## Your own run")[0].split("Other verbs")[1])))
+    "option", sorted(set(re.findall(r"--[a-z]+", README.split("## In a browser")[0].split("Other verbs")[1])))
 )
 def test_every_option_of_the_readme_is_known(option):
     verbs = ("plan", "plan-check", "record", "accuracy", "study", "export", "import", "centre", "circular", "loaded")
@@ -177,7 +180,7 @@ def test_the_picture_is_there():
 
 
 def test_the_settings_of_a_centring_are_read(tmp_path):
-    (tmp_path / "centring.toml").write_text(next(t for t in TEXTS if "edbb-centring/1" in t))
+    (tmp_path / "centring.toml").write_text(*re.findall(r"```text\n(.*?)```", TRICAL, re.DOTALL))
     read = read_settings(tmp_path / "centring.toml", load_cell("kuka-kr6-r700/trical").path)
     assert (read.moves.tolerance_um, read.robot.speed_mm_s) == (3.0, 5.0)
 
@@ -185,7 +188,7 @@ def test_the_settings_of_a_centring_are_read(tmp_path):
 def test_the_circles_stand_in_a_cell(tmp_path):
     text = load_cell("abb-irb6700/ldbb").path.read_text()
     start, end = text.index("[[circles]]"), text.index("[controller]")
-    given = next(t for t in TEXTS if t.startswith("[[circles]]"))
+    (given,) = re.findall(r"```text\n(.*?)```", CIRCLES, re.DOTALL)
     (tmp_path / "cell.toml").write_text(text[:start] + given + text[end:])
     (mine,), (shipped,) = load_cell(str(tmp_path / "cell.toml")).circles, load_cell("abb-irb6700/ldbb").circles
     assert str(mine) == str(shipped)
