@@ -1,12 +1,8 @@
 """The first collision engine: pinocchio with coal, for bulk checks and as first judge."""
 
-from collections.abc import Callable
 from functools import cached_property
 from itertools import pairwise
-from operator import attrgetter
-from typing import TypeVar
 
-import coal
 import numpy as np
 import pinocchio as pin
 
@@ -17,7 +13,6 @@ from planner.kinematics.geometry import bar_state
 from planner.motion.collision.scene import Scene, build_scene, coal_shape
 from planner.runs.run import FIRST_MOUNTING, Mounting
 
-T = TypeVar("T")
 OVERLAP_SAMPLES = 256  # states that decide which pairs always overlap
 BATCH = 20_000
 UNKNOWN = np.inf  # distance of a pair that was not asked for [m]
@@ -78,27 +73,13 @@ class CollisionWorld:
         """
         mask = np.ones((len(q), len(self.scene.pairs)), dtype=bool) if mask is None else mask
         out, (rows, columns) = np.full(mask.shape, UNKNOWN), np.nonzero(mask)
-        out[rows, columns] = self._measure(q, rows, columns, attrgetter("min_distance"))
-        return out
-
-    def separations(self, q: Array, rows: np.ndarray, columns: np.ndarray) -> tuple[Array, Array]:
-        """Distances (m,) [m] of pairs ``columns`` at the states ``rows``, which ascend, of q (n, N) [rad].
-
-        And the unit ways from the first body to the second, (m, 3).
-        """
-        found = self._measure(q, rows, columns, _separation)
-        both = np.array(found).reshape(-1, 4)
-        return both[:, 0], both[:, 1:]
-
-    def _measure(
-        self, q: Array, rows: np.ndarray, columns: np.ndarray, read: Callable[[coal.DistanceResult], T]
-    ) -> list[T]:
-        ends, pairs, found = np.searchsorted(rows, np.arange(len(q) + 1)).tolist(), columns.tolist(), list[T]()
+        ends, pairs, found = np.searchsorted(rows, np.arange(len(q) + 1)).tolist(), columns.tolist(), list[float]()
         geometry, data, measure = self._geometry, self._geometry_data, pin.computeDistance
         for state, own in zip(self.configuration(q), pairwise(ends), strict=True):
             pin.updateGeometryPlacements(self.model, self._data, geometry, data, state)
-            found += [read(measure(geometry, data, k)) for k in pairs[slice(*own)]]
-        return found
+            found += [measure(geometry, data, k).min_distance for k in pairs[slice(*own)]]
+        out[rows, columns] = found
+        return out
 
     def near(self, q: Array, margin: float) -> np.ndarray:
         """Tell which states (n, N) [rad] bring any pair closer than ``margin`` [m], (n,) bool; cheap for few states."""
@@ -119,10 +100,6 @@ class CollisionWorld:
         for row in q:
             left &= self.distances(row[None], left) < self.cell.motion.clearance
         return [int(k) for k in np.flatnonzero(left)]
-
-
-def _separation(found: coal.DistanceResult) -> tuple[float, ...]:
-    return found.min_distance, *found.normal.tolist()
 
 
 def _build_pin_models(scene: Scene) -> tuple[pin.Model, pin.GeometryModel]:

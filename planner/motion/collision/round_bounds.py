@@ -163,24 +163,8 @@ def _clip(share: Array) -> Array:
 class DistanceEngine(Protocol):
     """What a collision engine answers."""
 
-    def separations(self, q: Array, rows: np.ndarray, columns: np.ndarray) -> tuple[Array, Array]:
-        """Distances (m,) [m] of pairs ``columns`` at states ``rows`` of q (n, N) [rad], and the ways, (m, 3)."""
-
-
-@dataclass(frozen=True)
-class Separations:
-    """Distances of pairs, and for some the way from one body to the other.
-
-    Attributes:
-        distance: (n, pairs) [m], inf for pairs that were not asked for.
-        rows, columns: state and pair of each way, (m,).
-        normal: unit way from the first body of the pair to the second, (m, 3).
-    """
-
-    distance: Array
-    rows: np.ndarray
-    columns: np.ndarray
-    normal: Array
+    def distances(self, q: Array, mask: np.ndarray | None = None) -> Array:
+        """Distances (n, pairs) [m] of the pairs in ``mask`` at q (n, N) [rad]."""
 
 
 @dataclass(frozen=True)
@@ -203,16 +187,18 @@ class ScreenedDistances:
     def distances(self, q: Array, mask: np.ndarray | None = None, enough: Array | None = None) -> Array:
         """Distances (n, pairs) [m] of the pairs in ``mask``, others inf; for ``enough`` a lower bound will do."""
         mask = np.ones((len(q), len(self.scene.pairs)), dtype=bool) if mask is None else mask
-        return self.separations(q, mask, np.full(mask.shape, np.inf) if enough is None else enough).distance
-
-    def separations(self, q: Array, mask: np.ndarray, enough: Array) -> Separations:
-        """The same, with the ways between the bodies that the engine was asked about."""
-        out, (rows, columns) = np.full(mask.shape, np.inf), np.nonzero(mask)
+        out = np.full(mask.shape, np.inf)
+        rows, columns = np.nonzero(mask)
         if len(rows) == 0:
-            return Separations(out, rows, columns, np.zeros((0, 3)))
+            return out
         found = self.bounds.distances(q, rows, columns)
-        doubt = ~self.bounds.exact[columns] & ~(found >= enough[rows, columns])
-        some, place = np.unique(rows[doubt], return_inverse=True)
-        found[doubt], normal = self.engine.separations(q[some], place, columns[doubt])
         out[rows, columns] = found
-        return Separations(out, rows[doubt], columns[doubt], normal)
+        wanted = np.inf if enough is None else enough[rows, columns]
+        doubt = ~self.bounds.exact[columns] & ~(found >= wanted)
+        if doubt.any():
+            ask = np.zeros(mask.shape, dtype=bool)
+            ask[rows[doubt], columns[doubt]] = True
+            some = np.flatnonzero(ask.any(axis=1))
+            told = self.engine.distances(q[some], ask[some])
+            out[some] = np.where(ask[some], told, out[some])
+        return out

@@ -12,9 +12,7 @@ from planner.motion.collision.fcl_world import FclWorld
 from planner.motion.collision.round_bounds import ScreenedDistances
 from planner.motion.collision.scene import Scene
 from planner.motion.path.margins import PairBounds, WorkspaceBounds
-from planner.motion.path.planes import PlaneBounds
 from planner.motion.path.proof import Extremes, Proof, Prover, find_extremes
-from planner.motion.path.search_proof import SearchProver
 from planner.runs.run import FIRST_MOUNTING, Mounting
 
 
@@ -130,13 +128,7 @@ class Constraints:
 
     @cached_property
     def _prover(self) -> Prover:
-        return SearchProver(
-            self.bounds,
-            self.pairs,
-            ScreenedDistances(self.scene, self.world),
-            self.clearance,
-            PlaneBounds(self.scene, self.bounds),
-        )
+        return Prover(self.bounds, self.pairs, ScreenedDistances(self.scene, self.world), self.clearance)
 
     @cached_property
     def _judge(self) -> Prover:

@@ -161,10 +161,11 @@ class Prover:
         room = margins - change
         loss = np.minimum(self.pairs.changes(far), FAR)
         alive = record.drop(cells, margins, margins <= 0.0)
-        found, left = np.full(asked.shape, np.inf), np.full(asked.shape, np.inf)
-        found[alive], left[alive] = self._measure(q[alive], spokes[alive], asked[alive], loss[alive])
-        record.see_clearance(cells.motion[alive], found[alive].min(axis=1, initial=np.inf))
-        both, room = np.hstack([margins, found - self.clearance]), np.hstack([room, left - self.clearance])
+        found = self.distances.distances(q[alive], asked[alive], loss[alive] + self.clearance)
+        record.see_clearance(cells.motion[alive], found.min(axis=1, initial=np.inf))
+        spare = np.full(asked.shape, np.inf)
+        spare[alive] = found - self.clearance
+        both, room = np.hstack([margins, spare]), np.hstack([room, np.where(asked, spare - loss, np.inf)])
         alive = record.drop(cells, both, both <= 0.0)
         open_ = alive[~(room[alive] > 0.0).all(axis=1)]
         crowded = np.bincount(cells.motion[open_], minlength=len(record.failed)) > CROWD
@@ -174,11 +175,6 @@ class Prover:
         open_ = open_[record.failed[cells.motion[open_]] < 0]
         asked = asked & ~(room[:, margins.shape[1] :] > 0.0)
         return cells.take(open_).halves(), np.tile(asked[open_], (2, 1))
-
-    def _measure(self, q: Array, spokes: Array, asked: np.ndarray, loss: Array) -> tuple[Array, Array]:
-        """Distances of the pairs ``asked`` at n centres, and what the neighbourhoods leave of them, (n, pairs) [m]."""
-        found = self.distances.distances(q, asked, loss + self.clearance)
-        return found, np.where(asked, found - loss, np.inf)
 
 
 class _Record:

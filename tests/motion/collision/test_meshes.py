@@ -5,15 +5,12 @@ import pytest
 from scipy.spatial import ConvexHull
 
 from planner.cell.reading import load_cell
-from planner.cell.workspace import Workspace
 from planner.common.errors import InputError
 from planner.kinematics.bodies import Body
 from planner.motion.collision.engines import CollisionWorld
 from planner.motion.collision.fcl_world import FclWorld
 from planner.motion.collision.scene import body_reach, excess_of_polytope, mesh_faces
 from planner.motion.collision.surroundings import describe_polytopes
-from planner.motion.path.margins import WorkspaceBounds
-from planner.motion.path.planes import PlaneBounds
 
 CORNERS = np.array([[x, y, z] for x in (-0.15, 0.15) for y in (-0.2, 0.2) for z in (-0.25, 0.25)])
 FACES = [
@@ -128,20 +125,3 @@ def test_a_polytope_is_never_further_away_than_its_mesh(tmp_path):
         assert bool(describe_polytopes(cell)) == (hull == "true")
     apart = found[0] > 1e-3
     np.testing.assert_allclose(found[1][apart], found[0][apart], atol=1e-6)
-
-
-def test_a_plane_keeps_off_a_polytope_as_it_does_a_box_of_its_shape(tmp_path):
-    stl(tmp_path / "box.stl")
-    rng, found = np.random.default_rng(1), []
-    for shape in ("kind = 'mesh'\nfile = 'box.stl'\nhull = true\n", "kind = 'box'\nsize_mm = [300, 400, 500]\n"):
-        cell = cell_with(tmp_path, shape)
-        world, robot = CollisionWorld.from_cell(cell), cell.robot
-        q = np.random.default_rng(2).uniform(robot.q_lower, robot.q_upper, (400, 6))
-        pairs = [k for k in range(len(world.scene.pairs)) if "block" in world.scene.pair_name(k)]
-        rows, columns = (m.ravel() for m in np.meshgrid(np.arange(len(q)), pairs, indexing="ij"))
-        way = rng.normal(size=(len(rows), 3)) if not found else found[0][1]
-        spokes = np.random.default_rng(3).normal(scale=0.02, size=(len(q), 1, 6))
-        found.append(
-            (PlaneBounds(world.scene, WorkspaceBounds(Workspace(cell))).gaps(q, spokes, rows, columns, way), way)
-        )
-    np.testing.assert_allclose(found[0][0], found[1][0], atol=1e-5)

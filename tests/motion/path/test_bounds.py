@@ -6,7 +6,6 @@ import pytest
 from planner.cell.workspace import Workspace
 from planner.common.units import Array
 from planner.motion.path.margins import PairBounds, WorkspaceBounds
-from planner.motion.path.planes import PlaneBounds
 from tests.motion.path.poses import cell_and_world, valid_poses
 
 CELLS = ["comau-nj130/edbb", "kuka-kr6-r700/edbb", "ur10/edbb"]
@@ -68,39 +67,6 @@ def test_no_margin_changes_by_more_than_its_bound(name: str, corners: int, size:
         apart = (both > 0.0) & (distance > 0.0)
         excess = np.where(apart, np.abs(both - distance) - loss, -1.0)
         assert excess.max() < 2e-6, world.scene.pair_name(int(np.argmax(excess.max(axis=0))))
-
-
-@pytest.mark.parametrize("name", CELLS)
-@pytest.mark.parametrize("corners", [1, 3])
-@pytest.mark.parametrize("size", [0.3, 0.05, 0.002])
-def test_no_bodies_come_nearer_than_a_plane_between_them_says(name: str, corners: int, size: float) -> None:
-    cell, world = cell_and_world(name)
-    q, spokes, inside = neighbourhoods(name, size, corners)
-    planes = PlaneBounds(world.scene, WorkspaceBounds(Workspace(cell)))
-    rows, columns = np.nonzero(np.ones((len(q), len(world.scene.pairs)), dtype=bool))
-    apart, ways = world.separations(q, rows, columns)
-    askew = ways + np.random.default_rng(1).normal(scale=0.3, size=ways.shape)
-    nearest = np.min([world.distances(points)[rows, columns] for points in inside], axis=0)
-    for normal in (ways, askew):
-        kept = planes.gaps(q, spokes, rows, columns, normal)
-        over = np.where((apart > 0.0) & (kept > 0.0), kept - nearest, -1.0)
-        assert over.max() < 2e-6, world.scene.pair_name(int(columns[np.argmax(over)]))
-
-
-@pytest.mark.parametrize("name", CELLS)
-def test_planes_are_tighter_than_the_longest_way_of_any_point(name: str) -> None:
-    cell, world = cell_and_world(name)
-    q, spokes, _ = neighbourhoods(name, 0.002, 1)
-    bounds = WorkspaceBounds(Workspace(cell))
-    rows, columns = np.nonzero(np.ones((len(q), len(world.scene.pairs)), dtype=bool))
-    apart, ways = world.separations(q, rows, columns)
-    kept = PlaneBounds(world.scene, bounds).gaps(q, spokes, rows, columns, ways)
-    loss = PairBounds(world.scene).changes(bounds.travel(q, spokes)[1])[rows, columns]
-    lost = apart - np.minimum(*(world.distances(end)[rows, columns] for end in (q + spokes[:, 0], q - spokes[:, 0])))
-    near = (apart > 0.0) & (apart < 0.2) & (lost > 1e-5)
-    assert near.sum() > 100
-    assert np.median((apart - kept)[near] / lost[near]) < 1.2
-    assert np.median((apart - kept)[near] / loss[near]) < 0.6
 
 
 def test_bounds_of_small_motions_are_tight() -> None:
