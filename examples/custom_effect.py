@@ -57,7 +57,7 @@ def main(plan: str = "session/plan.json", folder: str = "custom_effect") -> None
     out.mkdir(exist_ok=True)
     (out / "truth.toml").write_text(TRUTH)
     run = simulate(plan, truth=out / "truth.toml", seed=1)
-    found = identify(run.run, cell=Path(plan).parent / "cell.toml")
+    found = identify(run, cell=Path(plan).parent / "cell.toml")
     print(found.summary())
     found.write(out)
 

@@ -7,7 +7,7 @@ Ten lines from a cell to a corrected program::
     session = plan("comau-nj130/edbb", poses=60)
     session.write("session")
     run = simulate(session)
-    robot = identify(run.run, cell=session.plan.cell, plan=session)
+    robot = identify(run, plan=session)
     print(robot.summary())
     robot.write("calibrated")
     compensate("program.src", model=robot).write("corrected.src")

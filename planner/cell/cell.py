@@ -211,6 +211,10 @@ class Cell:
     carrier: tuple[Body, ...] = ()
     nests: tuple[Nest, ...] = ()
 
+    def __repr__(self) -> str:
+        """Name the cell, its robot and its gauge."""
+        return f"Cell('{self.path}', robot='{self.robot.name}', gauge='{self.gauge.kind}')"
+
     @property
     def is_under_load(self) -> bool:
         """Whether a bar pulls at the tool, or circles are driven."""

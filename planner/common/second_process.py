@@ -31,7 +31,7 @@ def available_threads() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else (os.cpu_count() or 1)
 
 
-class Beside(Generic[T]):
+class ForkedTask(Generic[T]):
     """A task that a copy of this process has begun; where there can be none it is done once its result is wanted.
 
     What the task changes in memory may be lost: it must be a function of what it is given.
@@ -88,7 +88,7 @@ class Beside(Generic[T]):
             self.stop()
 
 
-class Assistant(Generic[A, T]):
+class ForkedWorker(Generic[A, T]):
     """A copy of this process that does one task for one argument after the other, until nobody refers to it.
 
     Each argument and result is sent: that takes a tenth of what a new copy takes.
@@ -100,7 +100,7 @@ class Assistant(Generic[A, T]):
 
     def __init__(self, task: Callable[[A], T], before: Callable[[], object] | None = None) -> None:
         self._here, there = Pipe()
-        self._copy, self._parent = Beside(partial(_serve, task, before, there)), os.getpid()
+        self._copy, self._parent = ForkedTask(partial(_serve, task, before, there)), os.getpid()
         there.close()
         self._end = weakref.finalize(self, _end_copy, self._copy, self._here, self._parent)
 
@@ -145,7 +145,7 @@ def _serve(task: Callable[[A], object], before: Callable[[], object] | None, ask
         asked.send(answer)
 
 
-def _end_copy(copy: Beside[None], pipe: Connection, parent: int) -> None:
+def _end_copy(copy: ForkedTask[None], pipe: Connection, parent: int) -> None:
     if os.getpid() == parent:
         copy.stop()
     pipe.close()

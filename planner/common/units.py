@@ -53,6 +53,11 @@ def significant(value: float, digits: int = 4) -> float | None:
     return float(f"{value:.{digits}g}") if np.isfinite(value) else None
 
 
+def few_digits(values: ArrayLike, digits: int) -> Array:
+    """Round each value to so many significant digits."""
+    return np.asarray(np.vectorize(lambda v: float(f"{v:.{digits}g}") + 0.0, otypes=[float])(values))
+
+
 def in_units(decimals: int, **values: ArrayLike | None) -> dict[str, object]:
     """Return SI values by their keys in the unit that each key ends in, rounded; ``None`` where there is no number."""
     return {key: _round_to_unit(value, SCALES[key[key.rindex("_") :]], decimals) for key, value in values.items()}

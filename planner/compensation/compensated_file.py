@@ -10,7 +10,7 @@ from planner.common.errors import InputError, NoSolutionError
 from planner.common.files import read_bytes
 from planner.common.units import DEG, Array
 from planner.compensation.arm_shapes import NEAR, has_shapes, shape_margins
-from planner.compensation.correction import MOVE_LIMIT, Correction, NominalPoser, Poser, correct_joints
+from planner.compensation.correction import MOVE_LIMIT, Correction, FlangeModel, NominalFlange, correct_joints
 from planner.compensation.languages import (
     add_head,
     check_reach,
@@ -81,7 +81,7 @@ class _Source:
 def compensate_file(
     path: Path,
     nominal: Robot,
-    calibrated: Poser,
+    calibrated: FlangeModel,
     *,
     dialect: str | None = None,
     frames: ToolAndBase = NO_FRAMES,
@@ -119,7 +119,7 @@ def compensate_file(
     done = np.flatnonzero(~np.isnan(q).any(axis=1))
     good, q_new = np.zeros(0, dtype=bool), q[done]
     if done.size:
-        correction = correct_joints(nominal, NominalPoser(nominal), calibrated, q[done])
+        correction = correct_joints(nominal, NominalFlange(nominal), calibrated, q[done])
         problems += _problems([targets[i].line for i in done], nominal, correction)
         good, q_new = correction.good, correction.q
     if not good.any() or (problems and strict):
@@ -147,7 +147,7 @@ class _Written:
 
 
 def _write(
-    source: _Source, text: str, targets: list[Target], calibrated: Poser, rows: np.ndarray, q: Array, q_new: Array
+    source: _Source, text: str, targets: list[Target], calibrated: FlangeModel, rows: np.ndarray, q: Array, q_new: Array
 ) -> _Written:
     """Write the corrected numbers, and read them again until every one of them is what was meant."""
     wrong: list[Note] = []
@@ -180,7 +180,7 @@ def _finish(
     encoding: str,
     written: _Written,
     targets: list[Target],
-    calibrated: Poser,
+    calibrated: FlangeModel,
     q: Array,
     notes: Sequence[Note],
     left: list[Note],
@@ -275,7 +275,7 @@ def _values(robot: Robot, targets: list[Target], q: Array, q_new: Array) -> list
     if not at:
         return out
     poses = [p for t in targets if (p := t.pose) is not None]
-    T = inverse(np.array([p.T_WB for p in poses])) @ frame(*NominalPoser(robot).flange(q_new[at]))
+    T = inverse(np.array([p.T_WB for p in poses])) @ frame(*NominalFlange(robot).flange(q_new[at]))
     T = T @ np.array([p.T_FT for p in poses])
     arms = _arms(robot, q[at], q_new[at])
     for k, (i, pose) in enumerate(zip(at, poses, strict=True)):

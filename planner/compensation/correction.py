@@ -11,7 +11,7 @@ from planner.kinematics.inverse_kinematics import rotation_between, shorten, sol
 from planner.kinematics.robot import Robot
 
 
-class Poser(Protocol):
+class FlangeModel(Protocol):
     """A robot, as far as compensation needs it."""
 
     def flange(self, q: Array) -> tuple[Array, Array]:
@@ -19,7 +19,7 @@ class Poser(Protocol):
 
 
 @dataclass(frozen=True)
-class NominalPoser:
+class NominalFlange:
     """The rigid robot that the controller believes in."""
 
     robot: Robot
@@ -65,7 +65,7 @@ class Correction:
         return np.asarray(self.solved & self.within & self.near)
 
 
-def correct_joints(robot: Robot, nominal: Poser, calibrated: Poser, q: Array) -> Correction:
+def correct_joints(robot: Robot, nominal: FlangeModel, calibrated: FlangeModel, q: Array) -> Correction:
     """Return the joint angles that bring the calibrated flange to where the nominal one is at ``q``.
 
     Args:
@@ -93,14 +93,14 @@ def correct_joints(robot: Robot, nominal: Poser, calibrated: Poser, q: Array) ->
     )
 
 
-def flange_deviation(robot: Robot, poser: Poser, q: Array, p: Array, R: Array) -> tuple[Array, Array]:
+def flange_deviation(robot: Robot, poser: FlangeModel, q: Array, p: Array, R: Array) -> tuple[Array, Array]:
     """Return how far ``poser`` at q (n, N) [rad] is from p (n, 3), R (n, 3, 3): (n,) [m] and (n,) [rad]."""
     e = _error(robot, poser, q, p, R)
     return np.linalg.norm(e[:, :3], axis=1), np.linalg.norm(e[:, 3:], axis=1)
 
 
 def solve_flange_ik(
-    robot: Robot, poser: Poser, start: Array, p: Array, R: Array, rounds: tuple[int, int] = ROUNDS
+    robot: Robot, poser: FlangeModel, start: Array, p: Array, R: Array, rounds: tuple[int, int] = ROUNDS
 ) -> Array:
     """Return angles (n, N) [rad] at which ``poser`` stands at p (n, 3) [m], R (n, 3, 3).
 
@@ -126,7 +126,7 @@ def solve_flange_ik(
     return q
 
 
-def _error(robot: Robot, poser: Poser, q: Array, p: Array, R: Array) -> Array:
+def _error(robot: Robot, poser: FlangeModel, q: Array, p: Array, R: Array) -> Array:
     """Return what is missing, (n, 6) [m, rad] in the base frame; five joints leave the turn about the flange's z."""
     x, R_now = poser.flange(q)
     turn = rotation_between(R_now, R)
@@ -151,7 +151,7 @@ def _across(v: Array, axis: Array) -> Array:
     return np.asarray(v - axis * np.einsum("...j,...j->...", v, axis)[..., None])
 
 
-def _own_jacobian(poser: Poser, q: Array) -> Array:
+def _own_jacobian(poser: FlangeModel, q: Array) -> Array:
     """Return the numeric Jacobian (n, 6, N) of any robot, by central differences, in one batch."""
     n, N = q.shape
     shift = DIFFERENCE * np.eye(N)

@@ -8,7 +8,7 @@ from scipy.spatial import KDTree
 from planner.common.sequences import sobol_points
 from planner.common.units import DEG, Array
 from planner.compensation.arm_shapes import has_shape, shape_of
-from planner.compensation.correction import NominalPoser, solve_flange_ik
+from planner.compensation.correction import NominalFlange, solve_flange_ik
 from planner.compensation.rotations import inverse
 from planner.compensation.targets import CartesianTarget, Note, Target
 from planner.kinematics.robot import Robot
@@ -38,7 +38,7 @@ class SearchSeeds:
 
     @cached_property
     def _features(self) -> Array:
-        return self.features(*NominalPoser(self.robot).flange(self.q))
+        return self.features(*NominalFlange(self.robot).flange(self.q))
 
     @cached_property
     def _trees(self) -> dict[int, tuple[np.ndarray, KDTree]]:
@@ -172,7 +172,7 @@ def _search(T: Array, shapes: np.ndarray, seeds: SearchSeeds) -> tuple[Array, np
 
 
 def _reach(robot: Robot, start: Array, T: Array) -> tuple[Array, np.ndarray]:
-    nominal = NominalPoser(robot)
+    nominal = NominalFlange(robot)
     q = solve_flange_ik(robot, nominal, start, T[:, :3, 3], T[:, :3, :3], ROUNDS)
     p, R = nominal.flange(q)
     far = np.abs(p - T[:, :3, 3]).max(axis=1)

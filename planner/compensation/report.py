@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from planner.common.units import DEG, MM, UM, Array
-from planner.compensation.correction import NominalPoser, Poser, flange_deviation
+from planner.compensation.correction import FlangeModel, NominalFlange, flange_deviation
 from planner.compensation.nominal_angles import SearchSeeds, solve_nominal_angles
 from planner.compensation.targets import Note, Target, line_ranges, list_lines
 from planner.kinematics.inverse_kinematics import rotation_between
@@ -22,7 +22,7 @@ def large_joint_motions(robot: Robot, targets: Sequence[Target], q: Array, q_new
 
     The farthest are told one by one, the others counted.
     """
-    nominal = NominalPoser(robot)
+    nominal = NominalFlange(robot)
     shift = np.linalg.norm(nominal.flange(q_new)[0] - nominal.flange(q)[0], axis=1)
     moved, size = q_new - q, np.abs(q_new - q).max(axis=1, initial=0.0)
     far = [int(k) for k in np.argsort(-size, kind="stable") if size[k] > FAR]
@@ -95,7 +95,7 @@ class CompensationReport:
 
 def report_of(
     robot: Robot,
-    calibrated: Poser,
+    calibrated: FlangeModel,
     targets: list[Target],
     printed: list[Target],
     q: Array,
@@ -103,7 +103,7 @@ def report_of(
     q_printed: Array,
 ) -> CompensationReport:
     """Say where the calibrated robot stands at the angles (n, N) [rad] that the ``printed`` targets give."""
-    nominal = NominalPoser(robot)
+    nominal = NominalFlange(robot)
     p, R = nominal.flange(q)
     poses = sum(t.pose is not None for t in targets)
     left, turned = flange_deviation(robot, calibrated, q_printed, p, R)
@@ -130,7 +130,7 @@ PLACE = 5e-6  # [m and rad] of the calibrated flange, from rounding alone
 
 
 def read_printed(
-    seeds: SearchSeeds, calibrated: Poser, printed: list[Target], rows: np.ndarray, q: Array, q_new: Array
+    seeds: SearchSeeds, calibrated: FlangeModel, printed: list[Target], rows: np.ndarray, q: Array, q_new: Array
 ) -> tuple[Array, list[tuple[int, str]]]:
     """Return the angles (n, N) [rad] at which a controller stands at the printed targets, and which are wrong and why.
 
@@ -145,7 +145,7 @@ def read_printed(
     found, problems = solve_nominal_angles(printed, seeds)
     angles = found[rows]
     said: dict[int, str] = dict(sorted(problems, reverse=True))
-    p, R = NominalPoser(robot).flange(q)
+    p, R = NominalFlange(robot).flange(q)
     known = np.asarray(~np.isnan(angles).any(axis=1))
     far_m, far_rad = np.full(len(q), np.inf), np.full(len(q), np.inf)
     far_m[known], far_rad[known] = flange_deviation(robot, calibrated, angles[known], p[known], R[known])

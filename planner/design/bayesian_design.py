@@ -14,7 +14,7 @@ import numpy as np
 from planner.cell.cell import Cell
 from planner.common.determinism import even_positions, on_one_thread
 from planner.common.errors import NoSolutionError
-from planner.common.second_process import Beside
+from planner.common.second_process import ForkedTask
 from planner.common.units import Array, to_mm
 from planner.design.candidates.pool import PoseSet
 from planner.design.free_parameters import ASSUMED, UndeclaredErrors, undeclared_errors
@@ -159,8 +159,8 @@ class BackgroundDesign:
         self,
         unknown: UndeclaredErrors,
         chosen: np.ndarray,
-        limits: Beside[tuple[float, float]],
-        others: Beside[dict[int, float]],
+        limits: ForkedTask[tuple[float, float]],
+        others: ForkedTask[dict[int, float]],
         design: Callable[[tuple[float, float], dict[int, float]], BayesianDesign],
     ) -> None:
         self.unknown, self.chosen = unknown, chosen
@@ -200,14 +200,14 @@ def choose_bayesian_poses(
     white, weight = unknown.white(pool.samples.take(considered)), unknown.weight_per_prior
     target = 0.0 if poses else TARGET_SHARE * unknown.untraced
     start = _start_factors(unknown)
-    others = Beside(lambda: _forecast_errors(white[even_positions(len(white), SAMPLE)], weight, start))
+    others = ForkedTask(lambda: _forecast_errors(white[even_positions(len(white), SAMPLE)], weight, start))
     begun = BayesianPosterior.prior(white * start, weight)
     first = select_greedily(begun, min(poses or MOST, len(white)), target, progress)
     promising = np.union1d(first, np.argsort(-begun.gains(), kind="stable")[:SHORTLIST])
     chosen = promising[_exchange(white[promising], weight, np.searchsorted(promising, first))]
     chosen = _use_every_place(pool.samples.place[considered], chosen, white * start, weight)
     after = errors_after(white[chosen], weight)
-    limits = Beside(lambda: (bound_tool_error(white, weight, chosen), _error_left(white, weight)))
+    limits = ForkedTask(lambda: (bound_tool_error(white, weight, chosen), _error_left(white, weight)))
 
     def design(limits: tuple[float, float], forecasts: dict[int, float]) -> BayesianDesign:
         forecasts = {len(chosen): float(after[-1])} | forecasts

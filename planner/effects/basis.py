@@ -139,7 +139,7 @@ class Times(BasisFunction, key="times:NUMBER:PHI"):
 
 @dataclass(frozen=True)
 class AtPlace(BasisFunction, key="place:INDEX", static=False, gauge=True):
-    """φ = ±1 where the gauge stands at this place (fixture, plate, station), else 0."""
+    """φ = ±1 where the gauge stands at this place (fixture, plate, stand of a tracker), else 0."""
 
     place: int
     sign: float = 1.0

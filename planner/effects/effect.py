@@ -205,7 +205,8 @@ class Effect:
         kind: its name in findings, in ``[plan] effects`` and in ``TRUTH.toml``, for instance ``gear ripple``.
         place: what it acts on.
         parameters: those by which it enters the model; with a nonlinear parameter, a function of its value.
-        sentence: what a mechanic would say, with ``{size}`` and, with a nonlinear parameter, ``{inner}`` to fill in.
+        sentence: what a mechanic would say, with ``{size}`` and, with a nonlinear parameter, ``{inner}`` to fill in;
+            ``{more}`` and ``{grow}`` read less and shrink where the size is negative.
         largest: size beyond which it is not plausible, in the unit of its parameters.
         literature: where kind and size come from.
         nonlinear: the number to be scanned.

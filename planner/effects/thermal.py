@@ -103,7 +103,7 @@ def link_growth(run: Excitation) -> Iterator[Effect]:
         return
     moves = _link_lengths(run, TemperatureRise(run.mean_temperature))
     parameter = Parameter("link_growth", "1/K", GROWTH, "thermal growth of all links", moves)
-    sentence = "the arm's links grow with temperature, by {size}"
+    sentence = "the arm's links {grow} with temperature, by {size}"
     yield Effect("link growth", Place("arm"), (parameter,), sentence, LARGEST_GROWTH, EXPANSION)
 
 
@@ -130,7 +130,7 @@ def warm_up(run: Excitation) -> Iterator[Effect]:
     for i in run.joints:
         sentence = f"joint {i + 1}: warms up over {{inner}} and moves by {{size}}"
         yield _warm_up(run, joint_place(i), _joint_warm_up(run, i), sentence, LARGEST_TURN)
-    sentence = "the arm's links warm up over {inner} and grow by {size}"
+    sentence = "the arm's links warm up over {inner} and {grow} by {size}"
     yield _warm_up(run, Place("arm"), _link_warm_up(run), sentence, 1e-3)
     sentence = "the base warms up over {inner} and moves by {size}"
     yield _warm_up(run, Place("base"), _base_warm_up(run), sentence, LARGEST_SHIFT)

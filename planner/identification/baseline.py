@@ -24,7 +24,7 @@ from planner.common.determinism import even_positions
 from planner.common.errors import InputError
 from planner.common.files import read_bytes
 from planner.common.schema import StrictModel, read_json, validate
-from planner.common.units import Array
+from planner.common.units import Array, few_digits
 from planner.effects.basis import BasisFunction
 from planner.effects.effect import Parameter, ParameterMove
 from planner.effects.phi_keys import columns_of, depends_on_run, phi_from_key
@@ -115,7 +115,7 @@ def baseline_text(released: ReleasedRobot, freedom: float, run: Run, cell: Cell,
     model = fit.model.subset(kept)
     root, rest = _few_columns(model, fit.solution.root(fit.problem.prior)[kept], run, cell, fit.errors[kept])
     parameters = [
-        {"name": p.name, "value": float(_few_digits(v))}
+        {"name": p.name, "value": float(few_digits(v, DIGITS))}
         | ({} if p.group in OWN_GROUPS else {"moves": _movers(p, setup)})
         for p, v in zip(model.parameters, fit.errors[kept], strict=True)
     ]
@@ -130,9 +130,9 @@ def baseline_text(released: ReleasedRobot, freedom: float, run: Run, cell: Cell,
         "turns": dict(zip(points, _turns(setup), strict=True)) if setup.gauge.angles else {},
         "noise": [noise.gauge, noise.joints, noise.angle],
         "freedom": freedom,
-        "rest": float(_few_digits(rest)),
+        "rest": float(few_digits(rest, DIGITS)),
         "parameters": parameters,
-        "spread": _few_digits(root).tolist(),
+        "spread": few_digits(root, DIGITS).tolist(),
     }
     return json.dumps(content, ensure_ascii=False, allow_nan=False) + "\n"
 
@@ -166,10 +166,6 @@ def _few_columns(model: Model, root: Array, run: Run, cell: Cell, errors: Array)
 def _flat(rows: Array) -> Array:
     """Put the numbers of each reading one under the other, (n, r, P) to (n r, P)."""
     return np.asarray(rows.reshape(-1, rows.shape[2]))
-
-
-def _few_digits(values: Array | float) -> Array:
-    return np.asarray(np.vectorize(lambda v: float(f"{v:.{DIGITS}g}") + 0.0, otypes=[float])(values))
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ from planner.common.determinism import even_positions
 from planner.common.errors import InputError
 from planner.common.files import read_bytes
 from planner.common.schema import StrictModel, read_json, validate
-from planner.common.units import Array, from_deg, from_mm, read_only, to_deg, to_mm
+from planner.common.units import Array, few_digits, from_deg, from_mm, read_only, to_deg, to_mm
 from planner.effects.effect import Parameter, ParameterMove
 from planner.effects.phi_keys import phi_from_key
 from planner.identification.calibrated_robot import loaded_robot
@@ -106,7 +106,7 @@ def expected_error_text(released: ReleasedRobot, robot_toml: str) -> str:
     root = _few_columns(whole, (tool, *others), tool.names)
     rest = [_mean_square(whole, m, tool.names) - _mean_square(root, m, tool.names) for m in (tool, *others)]
     offsets = {
-        name: _few_digits(released.offset(tool.names, fit)).tolist()
+        name: few_digits(released.offset(tool.names, fit), DIGITS).tolist()
         for name, fit in (("nominal", None), ("geometry", released.geometry), ("released", released.fit))
     }
     few = tool.q[even_positions(len(tool.q), ALIGNING_STATES)]
@@ -114,13 +114,15 @@ def expected_error_text(released: ReleasedRobot, robot_toml: str) -> str:
         "schema": "edbb-expected-error/1",
         "robot": setup.robot.name,
         "robot_sha256": sha256(robot_toml.encode()).hexdigest(),
-        "tool_mm": _few_digits(to_mm(tool.p_FM)).tolist(),
+        "tool_mm": few_digits(to_mm(tool.p_FM), DIGITS).tolist(),
         "parameters": list(_describe(tool.names, moving_effects(released.posterior.fit), setup)),
         **offsets,
-        "spread": _few_digits(root).tolist(),
-        "rest_mm": float(_few_digits(to_mm(np.sqrt(max(rest[0], 0.0))))),
-        "rest_other_mm": float(_few_digits(to_mm(np.sqrt(max(float(np.mean(rest[1:])), 0.0))))),
-        "likely_share": [float(_few_digits(released.likely_share(f))) for f in (None, released.geometry, released.fit)],
+        "spread": few_digits(root, DIGITS).tolist(),
+        "rest_mm": float(few_digits(to_mm(np.sqrt(max(rest[0], 0.0))), DIGITS)),
+        "rest_other_mm": float(few_digits(to_mm(np.sqrt(max(float(np.mean(rest[1:])), 0.0))), DIGITS)),
+        "likely_share": [
+            float(few_digits(released.likely_share(f), DIGITS)) for f in (None, released.geometry, released.fit)
+        ],
         "states_deg": np.round(to_deg(few), 3).tolist(),
     }
     return json.dumps(content, ensure_ascii=False, allow_nan=False) + "\n"
@@ -154,10 +156,6 @@ def _describe(
     for name in names:
         own = [{"on": setup.chain.transforms[m.index].name, "phi": m.phi.key} for m in moves.get(name, ())]
         yield {"name": f"map_{name[-1]}" if name.startswith("map_") else name} | ({"moves": own} if own else {})
-
-
-def _few_digits(values: Array | float) -> Array:
-    return np.asarray(np.vectorize(lambda v: float(f"{v:.{DIGITS}g}") + 0.0, otypes=[float])(values))
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from planner import __version__
 from planner.cell.cell import Cell
 from planner.common.files import write_bytes, write_text
 from planner.common.result import NOT_MEASURED
-from planner.common.second_process import Beside
+from planner.common.second_process import ForkedTask
 from planner.common.units import to_deg, to_mm
 from planner.report.cell_view import CellView
 from planner.report.cell_view_rendering import player_json, view_json
@@ -98,10 +98,10 @@ class Report:
         return pickle.dumps((self.charts, self.view, self.small_pictures))
 
     @cached_property
-    def _drawing(self) -> tuple[Beside[Pictures], ...]:
+    def _drawing(self) -> tuple[ForkedTask[Pictures], ...]:
         names = self._picture_names
         parts = 2 if len(names) >= MANY_PICTURES else 1  # the caller soon has nothing to do but wait for them
-        return tuple(Beside(partial(self._draw, names[k::parts])) for k in range(parts))
+        return tuple(ForkedTask(partial(self._draw, names[k::parts])) for k in range(parts))
 
     def _draw(self, names: Sequence[str]) -> Pictures:
         charts = [c for c in self.charts if c.name in names]

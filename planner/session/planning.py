@@ -13,7 +13,7 @@ from planner.cell.cell import Cell
 from planner.common.determinism import on_one_thread
 from planner.common.errors import NoSolutionError
 from planner.common.progress import Stages, TimeIsOverError, current_limit
-from planner.common.second_process import Beside
+from planner.common.second_process import ForkedTask
 from planner.common.units import Array
 from planner.design.bayesian_design import BackgroundDesign
 from planner.design.candidates.pool import PoseSet
@@ -128,9 +128,9 @@ class PoseSession(ABC):
         with stages.stage("index curve"):
             curve = chosen.curve.result() if chosen.curve else None
             ahead = chosen.foreseen.result() if chosen.foreseen else None
-        cell, parted = self.cell, chosen.discriminating
-        told = discrimination_as_driven(cell, parted, drives) if parted else None
-        notes = [*self.notes, *self.drive_notes(drives), *discrimination_notes(cell, told, choice, drives)]
+        cell, discriminating = self.cell, chosen.discriminating
+        driven = discrimination_as_driven(cell, discriminating, drives) if discriminating else None
+        notes = [*self.notes, *self.drive_notes(drives), *discrimination_notes(cell, driven, choice, drives)]
         if ahead:
             notes.append(f"the poses are chosen by the error that is foreseen; {choice.index} does not judge them")
             minutes = session_minutes(cell, drives, len(choice.q))
@@ -145,7 +145,7 @@ class PoseSession(ABC):
             certificate=certificate,
             curve=curve,
             driven=index_value(choice.index, self.driven_rows(choice, drives)),
-            separation=told,
+            separation=driven,
             foresight=ahead,
         )
 
@@ -158,7 +158,7 @@ class PoseSession(ABC):
             return certify_off_grid(self.cell, self.pool, choice) if by_index else choice.certificate
 
         try:
-            with Beside(partial(certify, refined)) as certifying, stages.stage("path"):
+            with ForkedTask(partial(certify, refined)) as certifying, stages.stage("path"):
                 drives, choice = self._drive_places(refined)
         except TimeIsOverError as over:
             limit, certificate = current_limit(), certify(refined)

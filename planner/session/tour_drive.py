@@ -14,7 +14,7 @@ import numpy as np
 
 from planner.cell.cell import Cell
 from planner.common.errors import NoSolutionError
-from planner.common.second_process import Beside
+from planner.common.second_process import ForkedTask
 from planner.common.units import Array
 from planner.design.candidates.balls import FirstContact
 from planner.motion.path.connection import connect_poses, prove_detours
@@ -105,7 +105,7 @@ def drive_tour(place: MountingSession, stops: Sequence[TourStop], tsp: Method, s
     step = max(measuring.path.trajectory.duration_s / LIMIT_SAMPLES, 0.01)
     reading = reading_limits(cell, place.mounting, bar=True)
     task = partial(check_limits, measuring.path.trajectory, axis_limits(cell, bar=True), step, reading)
-    with Beside(task) as checking:
+    with ForkedTask(task) as checking:
         travelling = release_way(place.travelling, travel)
         shortcuts = prove_shortcuts(constraints, points.q, points.visit)
     if not constraints.bar:  # the ways to the balls are in it since it was first judged
@@ -146,7 +146,9 @@ def join_tour(place: MountingSession, nodes: Array, tsp: Method, seed: int) -> t
     cost = tour_costs(place.cell, place.mounting, nodes)
     proof = proof_nodes(len(nodes))
     forbidden: dict[tuple[int, int], str] = {}
-    known: Beside[np.ndarray] | None = Beside(partial(prove_detours, place.measuring, nodes, seed, place.detours))
+    known: ForkedTask[np.ndarray] | None = ForkedTask(
+        partial(prove_detours, place.measuring, nodes, seed, place.detours)
+    )
     for _ in range(TRIES):
         with known or nullcontext():
             tour = solve_tour(cost, forbidden=set(forbidden), method=tsp, seed=seed, nodes=proof)

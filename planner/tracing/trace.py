@@ -271,9 +271,8 @@ def describe_effect(found: FittedEffect, value: float, std: float, inner_std: fl
     if found.value is not None and nonlinear is not None:
         inner_unit = INNER_UNITS.get(nonlinear.unit) or display_unit(nonlinear.unit, found.value)
         inner = format_value(found.value, inner_std, *inner_unit)
-    sentence = effect.sentence.format(size=size, inner=inner, more="more" if value > 0 else "less")
-    if value < 0:  # otherwise the sign is one of axes and senses, which a mechanic does not look for
-        sentence = sentence.replace(" grow ", " shrink ")
+    words = {"more": "more", "grow": "grow"} if value > 0 else {"more": "less", "grow": "shrink"}
+    sentence = effect.sentence.format(size=size, inner=inner, **words)
     if found.has(Role.GEAR_CURVE):
         *others, last = [f"{f:.0f}" for f in dominant_waves(found, sizes)]
         sentence += f", mostly in waves of about {', '.join(others)}{' and ' if others else ''}{last} a turn"

@@ -33,7 +33,7 @@ from planner.tracing.trace import trace
 from planner.workflow.run_checks import check_unit, split_by_plan
 
 if TYPE_CHECKING:
-    from planner.workflow.plan_results import PlanResult
+    from planner.workflow.plan_results import PlanResult, SimulationResult
 
 Runs = Run | Path | str | Sequence[Path | str]
 """One run or several, loaded or by path."""
@@ -161,9 +161,9 @@ class CalibrationResult(Result):
 
 
 def identify(
-    runs: Runs,
+    runs: "Runs | SimulationResult",
     *,
-    cell: Cell | Path | str,
+    cell: Cell | Path | str | None = None,
     plan: "PlanResult | Path | str | None" = None,
     validate: Run | Path | str | None = None,
     no_trace: bool = False,
@@ -176,8 +176,8 @@ def identify(
     """Identify a robot from measured runs: parameters with uncertainties, and the causes of what they leave.
 
     Args:
-        runs: one run or several, loaded or by path.
-        cell: a cell, the path of its file, or ``robot/cell`` for a shipped one.
+        runs: one run or several, loaded or by path, or what :func:`planner.simulate` returned.
+        cell: a cell, the path of its file, or ``robot/cell`` for a shipped one; the plan's where there is one.
         plan: what was measured: its validation poses are kept out of the fit and judged.
         validate: a run kept out of the fit, to judge it.
         no_trace: do not seek the causes of what geometry and joint compliance leave.
@@ -192,9 +192,23 @@ def identify(
         NoSolutionError: the fit does not come to rest.
     """
     stages, settings = Stages(progress), FitSettings(hold_out, robust, seed, geometry)
-    where = cell if isinstance(cell, Cell) else load_cell(str(cell), planning=False)
-    found = identify_runs(runs, where, stages, plan, validate, settings, tracing=not no_trace)
+    where = _cell_of(cell, plan)
+    measured = runs.run if isinstance(runs, Result) else runs
+    found = identify_runs(measured, where, stages, plan, validate, settings, tracing=not no_trace)
     return CalibrationResult(found, where, stages)
+
+
+def _cell_of(cell: Cell | Path | str | None, plan: "PlanResult | Path | str | None") -> Cell:
+    """Return the cell that is given, else that of the plan.
+
+    Raises:
+        InputError: neither is given, or the file is wrong.
+    """
+    if cell is None and plan is not None:
+        cell = Path(plan).parent / "cell.toml" if isinstance(plan, Path | str) else plan.plan.cell
+    if cell is None:
+        raise InputError("identify() needs the cell of the run: cell=, or the plan= that was measured")
+    return cell if isinstance(cell, Cell) else load_cell(str(cell), planning=False)
 
 
 def load_any(runs: Runs, n_joints: int) -> Run:
@@ -206,7 +220,7 @@ def load_any(runs: Runs, n_joints: int) -> Run:
 
 def identify_runs(
     runs: Runs,
-    cell: Cell | Path | str,
+    cell: Cell,
     stages: Stages,
     plan: "PlanResult | Path | str | None" = None,
     validate: Run | Path | str | None = None,
@@ -222,21 +236,20 @@ def identify_runs(
         InputError: a file is wrong, or run, cell and plan do not belong together.
         NoSolutionError: the fit does not come to rest.
     """
-    where = cell if isinstance(cell, Cell) else load_cell(str(cell), planning=False)
     with stages.stage("reading"):
-        run = _with_mastering_warnings(where, load_any(runs, where.robot.n_joints), runs)
-        other = None if validate is None else load_any(validate, where.robot.n_joints)
+        run = _with_mastering_warnings(cell, load_any(runs, cell.robot.n_joints), runs)
+        other = None if validate is None else load_any(validate, cell.robot.n_joints)
         if plan is not None:
             path = Path(plan) if isinstance(plan, Path | str) else Path("plan.json")
             document = read_plan(path, "drives") if isinstance(plan, Path | str) else plan.document()
-            run, kept_out = split_by_plan(number_samples(run), path, document, where)
+            run, kept_out = split_by_plan(number_samples(run), path, document, cell)
             other = other or kept_out
         for each in (run, other):
             if each is not None:
-                check_unit(each, where)
-        run, other = drop_unreadable(where, run), None if other is None else drop_unreadable(where, other)
+                check_unit(each, cell)
+        run, other = drop_unreadable(cell, run), None if other is None else drop_unreadable(cell, other)
     with stages.stage("identification"):
-        return fit_and_trace(run, where, other, settings, lambda s: stages.say(s, 0, 0), trace if tracing else None)
+        return fit_and_trace(run, cell, other, settings, lambda s: stages.say(s, 0, 0), trace if tracing else None)
 
 
 def _with_mastering_warnings(cell: Cell, run: Run, source: Runs) -> Run:

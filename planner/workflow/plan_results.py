@@ -267,8 +267,8 @@ def _numbers_of_poses(plan: Plan) -> str:
     if "calibrate" not in roles:
         return f"{len(plan.choice.q)} poses that validate a robot, none that calibrates it (--poses N plans those)"
     more = roles.count("validate")
-    unseen = f" and {more} that the fit will not see" if more else ""
-    return f"{len(plan.choice.q)} poses for {plan.choice.seen.rank} parameters{unseen}"
+    validating = f", {more} more to validate" if more else ""
+    return f"{len(plan.choice.q)} poses to fit {plan.choice.seen.rank} parameters{validating}"
 
 
 def plan_files(programs: Programs) -> str:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from planner.common.units import read_only
-from planner.compensation.correction import NominalPoser, correct_joints
+from planner.compensation.correction import NominalFlange, correct_joints
 from planner.kinematics.chain import Transform
 from planner.kinematics.inverse_kinematics import tool_pose
 from tests.compensation.robots import BentRobot, bent, exact, pin_flange, regular_angles
@@ -18,10 +18,10 @@ ROBOTS = ["comau-nj130", "kuka-kr6-r700", "ur10", "abb-irb120"]
 def test_a_thousand_targets_close_below_a_micrometre(name):
     robot, real = bent(name)
     q = regular_angles(robot, 1000)
-    done = correct_joints(robot, NominalPoser(robot), real, q)
+    done = correct_joints(robot, NominalFlange(robot), real, q)
     assert done.solved.all()
     assert done.within.all()
-    (p, R), (p_new, R_new) = NominalPoser(robot).flange(q), real.flange(done.q)
+    (p, R), (p_new, R_new) = NominalFlange(robot).flange(q), real.flange(done.q)
     assert np.linalg.norm(p - p_new, axis=1).max() < 1e-6
     assert np.arccos(np.clip((np.einsum("nij,nij->n", R, R_new) - 1) / 2, -1, 1)).max() < 1e-6
     before = np.linalg.norm(real.flange(q)[0] - p, axis=1)
@@ -32,7 +32,7 @@ def test_a_thousand_targets_close_below_a_micrometre(name):
 def test_the_loop_closes_for_pinocchio_too(name):
     robot, real = bent(name, seed=1)
     q = regular_angles(robot, 20, seed=1)
-    done = correct_joints(robot, NominalPoser(robot), real, q)
+    done = correct_joints(robot, NominalFlange(robot), real, q)
     for wanted, corrected in zip(q, done.q, strict=True):
         T, T_new = pin_flange(exact(robot), wanted), pin_flange(real, corrected)
         assert np.abs(T - T_new).max() < 1e-6
@@ -42,7 +42,7 @@ def test_the_loop_closes_for_pinocchio_too(name):
 def test_the_jacobian_is_the_derivative_of_the_flange(name):
     robot, _ = bent(name)
     q, h = regular_angles(robot, 5), 1e-6
-    J, nominal = tool_pose(robot.chain, robot, q)[2], NominalPoser(robot)
+    J, nominal = tool_pose(robot.chain, robot, q)[2], NominalFlange(robot)
     _, R = nominal.flange(q)
     for j in range(6):
         (p1, R1), (p0, R0) = (nominal.flange(q + s * h * np.eye(6)[j]) for s in (1, -1))
@@ -55,7 +55,7 @@ def test_a_known_error_of_a_zero_position_is_undone():
     robot, _ = bent("comau-nj130")
     delta = np.array([0.01 if t.joint == 2 else 0.0 for t in robot.transforms])
     q = regular_angles(robot, 50)
-    done = correct_joints(robot, NominalPoser(robot), BentRobot(robot, delta), q)
+    done = correct_joints(robot, NominalFlange(robot), BentRobot(robot, delta), q)
     expected = np.linalg.solve(robot.sense_matrix, np.eye(6)[2] * -0.01)
     np.testing.assert_allclose(done.moved, np.tile(expected, (50, 1)), atol=1e-8)
 
@@ -65,8 +65,8 @@ def test_targets_that_cannot_be_corrected_are_marked():
     q = np.radians([[0, -90, 90, 0, 0, 0], [10, -70, 100, 20, 40, 349.999], [10, -70, 100, 20, 40, 30]])
     sign = -np.sign(robot.sense_matrix[5, 5])
     turned = BentRobot(robot, np.array([sign * 0.01 if t.joint == 5 else 0.0 for t in robot.transforms]))
-    assert correct_joints(robot, NominalPoser(robot), turned, q).within.tolist() == [True, False, True]
-    done = correct_joints(robot, NominalPoser(robot), real, q)
+    assert correct_joints(robot, NominalFlange(robot), turned, q).within.tolist() == [True, False, True]
+    done = correct_joints(robot, NominalFlange(robot), real, q)
     assert done.good.tolist()[0] is False  # a straight wrist: the lost direction cannot be corrected
     assert done.good.tolist()[2] is True
 
@@ -77,7 +77,7 @@ def test_seven_joints_move_as_little_as_possible():
     q = np.hstack([regular_angles(robot, 100), np.full((100, 1), 0.3)])
     rng = np.random.default_rng(2)
     arm = BentRobot(seven, rng.normal(0, 1e-4, len(seven.transforms)))
-    done = correct_joints(seven, NominalPoser(seven), arm, q)
+    done = correct_joints(seven, NominalFlange(seven), arm, q)
     assert done.solved.all()
     J = tool_pose(seven.chain, seven, q)[2]
     null = np.linalg.svd(J)[2][:, -1]
@@ -91,9 +91,9 @@ def test_five_joints_keep_position_and_axis():
     rng = np.random.default_rng(3)
     arm = BentRobot(five, rng.normal(0, 1e-4, len(five.transforms)))
     q = regular_angles(robot, 300)[:, :5]
-    done = correct_joints(five, NominalPoser(five), arm, q)
+    done = correct_joints(five, NominalFlange(five), arm, q)
     assert done.solved.mean() > 0.95
-    (p, R), (p_new, R_new) = NominalPoser(five).flange(q), arm.flange(done.q)
+    (p, R), (p_new, R_new) = NominalFlange(five).flange(q), arm.flange(done.q)
     assert np.abs(p - p_new)[done.solved].max() < 1e-6
     assert np.abs(R[:, :, 2] - R_new[:, :, 2])[done.solved].max() < 1e-6
     assert np.abs(R - R_new)[done.solved].max() > 1e-6  # the turn about the axis is not theirs to keep

@@ -8,12 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from planner.cell.reading import load_cell
+from planner.common.errors import InputError
 from planner.common.progress import Stages
 from planner.identification.pipeline import FitSettings
 from planner.kinematics.robot_reader import load_robot
 from planner.runs.writer import save_run
-from planner.workflow.identification import identify_runs
-from planner.workflow.plan_reading import simulate_plan
+from planner.workflow.identification import identify, identify_runs
+from planner.workflow.plan_reading import simulate, simulate_plan
 from tests import command
 from tests.identification.few_draws import few_draws
 from tests.simulation.generator.arm import Arm
@@ -291,13 +293,24 @@ def test_simulating_a_broken_plan_leaves_nothing(tmp_path):
     assert not (tmp_path / "run.csv").exists()
 
 
+def test_what_was_simulated_is_identified_in_the_cell_of_its_plan(tmp_path):
+    plan = wide_plan(tmp_path, "kuka-kr6-r700", 30, 4, 0)
+    simulated = simulate(plan, seed=1)
+    found = identify(simulated, plan=plan, no_trace=True, geometry=True)
+    assert repr(found.cell) == f"Cell('{tmp_path / 'cell.toml'}', robot='kuka-kr6-r700', gauge='edbb')"
+    same = identify(simulated.run, cell=tmp_path / "cell.toml", plan=plan, no_trace=True, geometry=True)
+    assert found.to_json() == same.to_json()
+    with pytest.raises(InputError, match="cell=, or the plan= that was measured"):
+        identify(simulated)
+
+
 def test_a_driven_plan_is_identified_and_judged_on_stretches_kept_out(tmp_path):
     fast = [("tool_speed_mm_min = 1000", "tool_speed_mm_min = 20000")]
     plan = wide_plan(tmp_path, "comau-nj130", 30, 4, 0, fast)
     run = simulate_plan(plan, truth_file(tmp_path, TRUTH), 0)
     save_run(run, tmp_path / "run.csv")
-    cell, stages = str(tmp_path / "cell.toml"), FitSettings(release=False)
-    found = identify_runs([tmp_path / "run.csv"], cell, Stages(lambda *_: None), plan, settings=stages, tracing=False)
+    cell, stages = load_cell(str(tmp_path / "cell.toml"), planning=False), FitSettings(release=False)
+    found = identify_runs([tmp_path / "run.csv"], cell, Stages(), plan, settings=stages, tracing=False)
     aside = np.isin(run.samples.pose, range(31, 35))
     assert 200 < aside.sum() < len(run) / 4
     calibration = found

@@ -8,7 +8,7 @@ import numpy as np
 
 from planner.common.determinism import Positions, on_one_thread
 from planner.common.errors import InputError
-from planner.common.second_process import Beside
+from planner.common.second_process import ForkedTask
 from planner.common.units import Array, read_only
 from planner.design.observability.information import find_rule
 from planner.design.selection.certificate import Certificate
@@ -106,7 +106,7 @@ def find_knee(sizes: Sequence[int] | Positions, values: Sequence[float] | Array,
     return int(n[order][int(np.argmax(np.round(y - x, 9)))])
 
 
-class BackgroundCurve(Beside[IndexCurve]):
+class BackgroundCurve(ForkedTask[IndexCurve]):
     """Computes :func:`compute_index_curve` on another processor; the context ends that if its caller fails.
 
     Args:

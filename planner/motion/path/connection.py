@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from planner.common.second_process import Beside
+from planner.common.second_process import ForkedTask
 from planner.common.units import Array, round_angles
 from planner.motion.path.constraints import Constraints
 from planner.motion.path.roadmap import LazyGraph, Roadmap, leg_time
@@ -107,7 +107,7 @@ def connect_poses(
     *,
     seed: int = 0,
     pool: Array | None = None,
-    known: Beside[np.ndarray] | None = None,
+    known: ForkedTask[np.ndarray] | None = None,
 ) -> ProvenPath | PathGaps:
     """Join poses in the given order by a path that keeps every constraint throughout.
 

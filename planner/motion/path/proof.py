@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 
 from planner.common.progress import check_time
-from planner.common.second_process import Assistant
+from planner.common.second_process import ForkedWorker
 from planner.common.units import Array
 from planner.motion.path.margins import PairBounds, WorkspaceBounds
 
@@ -139,8 +139,8 @@ class Prover:
             raise
 
     @cached_property
-    def _assistant(self) -> Assistant[Array, Proof]:
-        return Assistant(self._prove)
+    def _assistant(self) -> ForkedWorker[Array, Proof]:
+        return ForkedWorker(self._prove)
 
     def _prove(self, corners: Array) -> Proof:
         record, cells = _Record(len(corners)), Neighbourhoods.of(corners)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from planner.common.errors import InputError
-from planner.common.second_process import Assistant, Beside
+from planner.common.second_process import ForkedTask, ForkedWorker
 from planner.design.selection.index_curves import BackgroundCurve, compute_index_curve
 from tests.processors import keep_to_one, use_all
 
@@ -45,14 +45,14 @@ def test_errors_come_back():
         raise InputError("no such thing")
 
     with pytest.raises(InputError, match="no such thing"):
-        Beside(fail).result()
+        ForkedTask(fail).result()
 
 
 class Prover:
     """Something that has an assistant of its own, as the proofs of motions have."""
 
     def __init__(self):
-        self.assistant = Assistant(self.halve)
+        self.assistant = ForkedWorker(self.halve)
 
     def halve(self, number):
         if number % 2:

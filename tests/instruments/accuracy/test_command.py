@@ -120,9 +120,8 @@ def test_indicators_that_were_set_wrongly_are_told_where_their_run_is_identified
     text, said = (folder / "balls.csv").read_text(), {}
     for name, shown in (("well", "6.350, 6.351, 6.350"), ("wrongly", "6.350, 6.500, 6.350")):
         (folder / f"{name}.csv").write_text(f"# master_mm: {shown}\n{text}")
-        found = identify_runs(
-            folder / f"{name}.csv", f"{NAME}/trical", Stages(lambda *_: None), settings=STAGES, tracing=False
-        )
+        cell = load_cell(f"{NAME}/trical")
+        found = identify_runs(folder / f"{name}.csv", cell, Stages(), settings=STAGES, tracing=False)
         said[name] = found.content()["warnings"]
     assert not any("from 6.350 mm" in w for w in said["well"])
     assert any("at most 150.0 µm from 6.350 mm" in w for w in said["wrongly"])

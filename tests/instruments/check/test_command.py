@@ -54,7 +54,7 @@ def test_a_calibrated_robot_passes_and_one_that_lost_a_zero_is_mastered_again(tm
 
 def _predicts_what_the_posterior_does(baseline, run, cell):
     """Readings and their uncertainty by the file against those by the fit in memory."""
-    found = identify_runs(run, str(cell), Stages(), tracing=False)
+    found = identify_runs(run, load_cell(str(cell), planning=False), Stages(), tracing=False)
     fit = found.released.posterior.fit
     at = Samples(fit.problem.samples.q, fit.problem.samples.place, direction=fit.problem.samples.direction)
     known = baseline.for_samples(at)

@@ -9,6 +9,7 @@ from scipy.stats import chi2
 
 import tests.instruments.loaded.shared as shared
 import tests.instruments.loaded.world as world
+from planner.cell.reading import load_cell
 from planner.common.progress import Stages
 from planner.identification.pipeline import FitSettings
 from planner.instruments.loaded.evaluation import compare_with_tracker
@@ -121,7 +122,8 @@ def test_the_averaged_run_goes_into_any_fit(done, folder, tmp_path):
     assert set(np.unique(np.round(whole.samples.force))) == {0, 125, 250, 375, 500, 625}
     assert any("taken as no pull" in w for w in whole.warnings)
     paths = [folder / "free.csv", tmp_path / "averaged.csv"]
-    found = identify_runs(paths, str(folder / "cell.toml"), quiet(), settings=FitSettings(), tracing=False)
+    cell = load_cell(str(folder / "cell.toml"), planning=False)
+    found = identify_runs(paths, cell, quiet(), settings=FitSettings(), tracing=False)
     assert found.stages[-1].name == "joint compliance"
     assert {"zero", "zero_loaded"} <= {e.name for e in found.estimates}  # one for each bar
     assert found.stages[-1].held_out.rms < 0.1 * found.stages[-2].held_out.rms
