@@ -96,7 +96,7 @@ Progress = Callable[[int, int], None]
 
 
 @dataclass(frozen=True)
-class PoseNumberForecast:
+class ErrorByNumber:
     """What another number of poses would give: expected error of the tool [m], and minutes of driving where known."""
 
     poses: int
@@ -115,7 +115,7 @@ class BayesianDesign:
         bound: no n of the candidates that were considered leave a smaller error than this [m].
         left: expected error of the tool [m] after the poses that are driven, some of which others may have replaced.
         floor: expected error of the tool [m] after all candidates: what these places cannot show.
-        forecasts: of other numbers of poses, and of this one.
+        by_number: of other numbers of poses, and of this one.
     """
 
     unknown: UndeclaredErrors
@@ -124,7 +124,7 @@ class BayesianDesign:
     bound: float
     left: float
     floor: float
-    forecasts: tuple[PoseNumberForecast, ...]
+    by_number: tuple[ErrorByNumber, ...]
 
     @property
     def gap(self) -> float:
@@ -138,13 +138,13 @@ class BayesianDesign:
         """
         after = errors_after(self.unknown.white(samples), self.unknown.weight_per_prior)
         left, n = float(after[-1]), len(after)
-        others = [f for f in self.forecasts if f.poses != len(self.after)]
+        others = [f for f in self.by_number if f.poses != len(self.after)]
         numbers, errors = np.array([f.poses for f in others], dtype=float), np.array([f.error for f in others])
         share = left / float(np.exp(np.interp(np.log(n), np.log(numbers), np.log(errors)))) if others else 1.0
-        found = [PoseNumberForecast(f.poses, max(share * f.error, self.floor)) for f in others if f.poses != n]
-        found = sorted([*found, PoseNumberForecast(n, left)], key=lambda f: f.poses)
-        forecasts = tuple(replace(f, minutes=minutes(f.poses)) for f in found)
-        return replace(self, after=after, left=left, forecasts=forecasts)
+        found = [ErrorByNumber(f.poses, max(share * f.error, self.floor)) for f in others if f.poses != n]
+        found = sorted([*found, ErrorByNumber(n, left)], key=lambda f: f.poses)
+        by_number = tuple(replace(f, minutes=minutes(f.poses)) for f in found)
+        return replace(self, after=after, left=left, by_number=by_number)
 
 
 class BackgroundDesign:
@@ -200,7 +200,7 @@ def choose_bayesian_poses(
     white, weight = unknown.white(pool.samples.take(considered)), unknown.weight_per_prior
     target = 0.0 if poses else TARGET_SHARE * unknown.untraced
     start = _start_factors(unknown)
-    others = ForkedTask(lambda: _forecast_errors(white[even_positions(len(white), SAMPLE)], weight, start))
+    others = ForkedTask(lambda: _expected_errors(white[even_positions(len(white), SAMPLE)], weight, start))
     begun = BayesianPosterior.prior(white * start, weight)
     first = select_greedily(begun, min(poses or MOST, len(white)), target, progress)
     promising = np.union1d(first, np.argsort(-begun.gains(), kind="stable")[:SHORTLIST])
@@ -209,9 +209,9 @@ def choose_bayesian_poses(
     after = errors_after(white[chosen], weight)
     limits = ForkedTask(lambda: (bound_tool_error(white, weight, chosen), _error_left(white, weight)))
 
-    def design(limits: tuple[float, float], forecasts: dict[int, float]) -> BayesianDesign:
-        forecasts = {len(chosen): float(after[-1])} | forecasts
-        numbers = tuple(PoseNumberForecast(n, e) for n, e in sorted(forecasts.items()))
+    def design(limits: tuple[float, float], by_number: dict[int, float]) -> BayesianDesign:
+        by_number = {len(chosen): float(after[-1])} | by_number
+        numbers = tuple(ErrorByNumber(n, e) for n, e in sorted(by_number.items()))
         bound, floor = limits
         return BayesianDesign(unknown, considered[chosen], after, bound, float(after[-1]), floor, numbers)
 
@@ -242,7 +242,7 @@ def _exchange(white: Array, weight: Array, chosen: np.ndarray) -> np.ndarray:
     return exchange_singly(known, chosen, PASSES, known.order)
 
 
-def _forecast_errors(white: Array, weight: Array, start: Array) -> dict[int, float]:
+def _expected_errors(white: Array, weight: Array, start: Array) -> dict[int, float]:
     """Return the expected error [m] by number of poses, chosen among the readings ``white`` (n, P)."""
     numbers = [n for n in OTHER_NUMBERS if n < len(white)]
     taken = select_greedily(BayesianPosterior.prior(white * start, weight), max(numbers, default=0), 0.0)
@@ -316,24 +316,26 @@ def errors_after(white: Array, weight: Array) -> Array:
 FLOOR_SHARE = 0.5  # of the error that is left: where the places cannot show so much, another one pays
 
 
-def describe_numbers_of_poses(ahead: BayesianDesign) -> str:
+def describe_numbers_of_poses(expected: BayesianDesign) -> str:
     """Return in a sentence what other numbers of poses would give, and whether another place pays."""
     numbers = "; ".join(
         f"{f.poses} poses {float(to_mm(f.error)):.3f} mm{'' if f.minutes is None else f', about {f.minutes:.0f} min'}"
-        for f in ahead.forecasts
+        for f in expected.by_number
     )
-    if ahead.floor < FLOOR_SHARE * ahead.left:
+    if expected.floor < FLOOR_SHARE * expected.left:
         return numbers
-    floor = f"{float(to_mm(ahead.floor)):.3f} mm"
+    floor = f"{float(to_mm(expected.floor)):.3f} mm"
     return f"{numbers}; all candidates together would leave {floor}: another fixture pays more (--fixtures)"
 
 
-def describe_bayesian_design(ahead: BayesianDesign) -> str:
-    """Return what is foreseen in a sentence."""
-    left, bound, untraced = (f"{float(to_mm(v)):.3f}" for v in (ahead.left, ahead.bound, ahead.unknown.untraced))
-    few = " (too few poses to gain by tracing)" if ahead.left > ahead.unknown.untraced else ""
+def describe_bayesian_design(expected: BayesianDesign) -> str:
+    """Return the error to be expected in a sentence."""
+    left, bound, untraced = (
+        f"{float(to_mm(v)):.3f}" for v in (expected.left, expected.bound, expected.unknown.untraced)
+    )
+    few = " (too few poses to gain by tracing)" if expected.left > expected.unknown.untraced else ""
     return (
         f"the tool would keep an error of {left} mm (rms, anywhere in the workspace) once the run is traced{few}; a "
-        f"fit of the geometry alone leaves {untraced} mm even after endless readings; no {len(ahead.chosen)} "
+        f"fit of the geometry alone leaves {untraced} mm even after endless readings; no {len(expected.chosen)} "
         f"candidates leave less than {bound} mm; all this if {ASSUMED}"
     )

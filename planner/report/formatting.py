@@ -79,11 +79,11 @@ def certificate_text(plan: Plan) -> tuple[str, ...]:
     """Say how far from the best possible the poses are, sentence by sentence."""
     choice, bound = plan.choice, plan.choice.certificate
     rule, n = INDEX_RULES[choice.index], len(choice.q)
-    if plan.foresight is not None:
-        ahead = describe_bayesian_design(plan.foresight)
+    if plan.expected_error is not None:
+        expected = describe_bayesian_design(plan.expected_error)
         moved = "; the poses were then moved off their grid, which it does not cover" if plan.cell.plan.refine else ""
         return (
-            f"{ahead[0].upper()}{ahead[1:]}.",
+            f"{expected[0].upper()}{expected[1:]}.",
             f"That limit is a proof over the candidates{moved}.",
             f"{choice.index}, the {rule.what}, is {digits(choice.value, 4)} here; it did not choose these poses.",
         )

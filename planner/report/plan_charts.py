@@ -68,25 +68,27 @@ def index_chart(plan: Plan, curve: IndexCurve) -> Chart:
     )
 
 
-def foreseen_error_chart(ahead: BayesianDesign) -> Chart:
+def expected_error_chart(expected: BayesianDesign) -> Chart:
     """Error of the tool that is expected after each number of poses."""
-    n = np.arange(1.0, len(ahead.after) + 1)
-    hover = tuple(f"{int(k)} poses: {to_mm(e):.3f} mm" for k, e in zip(n, ahead.after, strict=True))
-    forecasts = [f for f in ahead.forecasts if f.poses != len(n)]
-    others, errors = np.array([float(f.poses) for f in forecasts]), to_mm(np.array([f.error for f in forecasts]))
-    times = tuple(f"{f.poses} poses: {to_mm(f.error):.3f} mm, about {f.minutes or 0:.0f} min" for f in forecasts)
+    n = np.arange(1.0, len(expected.after) + 1)
+    hover = tuple(f"{int(k)} poses: {to_mm(e):.3f} mm" for k, e in zip(n, expected.after, strict=True))
+    by_number = [f for f in expected.by_number if f.poses != len(n)]
+    others, errors = np.array([float(f.poses) for f in by_number]), to_mm(np.array([f.error for f in by_number]))
+    times = tuple(f"{f.poses} poses: {to_mm(f.error):.3f} mm, about {f.minutes or 0:.0f} min" for f in by_number)
     series = (
-        Series("expected once the run is traced", n, to_mm(ahead.after), BLUE, hover=hover),
+        Series("expected once the run is traced", n, to_mm(expected.after), BLUE, hover=hover),
         Series("other numbers of poses", others, errors, ORANGE, "points", hover=times),
-        _this_plan(len(n), float(to_mm(ahead.left)), f"{to_mm(ahead.left):.3f} mm"),
+        _this_plan(len(n), float(to_mm(expected.left)), f"{to_mm(expected.left):.3f} mm"),
     )
-    untraced = float(to_mm(ahead.unknown.untraced))
-    bound = ReferenceLine(float(to_mm(ahead.bound)), f"no {len(n)} poses leave less", below=True)
+    untraced = float(to_mm(expected.unknown.untraced))
+    bound = ReferenceLine(float(to_mm(expected.bound)), f"no {len(n)} poses leave less", below=True)
     limits = (ReferenceLine(untraced, "geometry alone"), bound)
-    top = 1.5 * max(untraced, float(to_mm(ahead.after[min(len(n), FEW_POSES) - 1])))
-    caption = f"As the poses of this plan are added: {describe_bayesian_design(ahead)}. Plans of their own for other "
-    caption += f"numbers would leave about: {describe_numbers_of_poses(ahead)}."
-    wide = ROOM_FOR_LABELS * max([len(n), *(f.poses for f in forecasts)])
+    top = 1.5 * max(untraced, float(to_mm(expected.after[min(len(n), FEW_POSES) - 1])))
+    caption = (
+        f"As the poses of this plan are added: {describe_bayesian_design(expected)}. Plans of their own for other "
+    )
+    caption += f"numbers would leave about: {describe_numbers_of_poses(expected)}."
+    wide = ROOM_FOR_LABELS * max([len(n), *(f.poses for f in by_number)])
     y_label, span = "error of the tool (mm rms)", (0.0, top)
     panel = Panel("", "number of poses", y_label, series, limits, x_range=(0.0, wide), y_range=span)
     return Chart("foresight", "What the robot's error would be", caption, (panel,))

@@ -22,7 +22,7 @@ def report_plan(plan: Plan, forecast: CheckForecast | None = None) -> Report:
     forecasts, drives = forecast_parameters(plan), [_drive(plan, k) for k in range(len(plan.drives))]
     overview = [plan_charts.funnel_chart(plan)]
     overview += [plan_charts.parameter_chart(forecasts)] if forecast is None else []
-    ahead = [plan_charts.foreseen_error_chart(plan.foresight)] if plan.foresight else []
+    ahead = [plan_charts.expected_error_chart(plan.expected_error)] if plan.expected_error else []
     ahead += [plan_charts.index_chart(plan, plan.curve)] if plan.curve else []
     content = {
         "plan": plan,
@@ -59,7 +59,7 @@ def _facts(plan: Plan) -> tuple[Row, ...]:
     sets = f"for any {bound.poses}" if bound.poses else "for any number"
     return (
         ("poses", str(len(choice.q)), what_for),
-        *_foreseen(plan),
+        *_expected_error(plan),
         ("parameters", f"{free} of {free + len(choice.seen.dropped)}", "can be told apart"),
         (choice.index, text.digits(choice.value, 4), f"{rule.what}, {beyond}"),
         (
@@ -86,11 +86,11 @@ def _check_facts(plan: Plan) -> tuple[Row, ...]:
     return (("poses", str(len(plan.choice.q)), "to tell what has changed"), *_drive_facts(plan))
 
 
-def _foreseen(plan: Plan) -> tuple[Row, ...]:
+def _expected_error(plan: Plan) -> tuple[Row, ...]:
     """The error that the robot would keep, where the poses were chosen by that."""
-    if plan.foresight is None:
+    if plan.expected_error is None:
         return ()
-    left, bound = (f"{float(to_mm(v)):.3f} mm" for v in (plan.foresight.left, plan.foresight.bound))
+    left, bound = (f"{float(to_mm(v)):.3f} mm" for v in (plan.expected_error.left, plan.expected_error.bound))
     return (("error foreseen", left, f"rms, once traced; none leaves less than {bound}"),)
 
 

@@ -186,7 +186,7 @@ def plan_facts(plan: AnyPlan, is_check: bool = False) -> list[tuple[str, str]]:
     else:
         roles = ROLES | ({"calibrate": ("poses", ", to tell what has changed")} if is_check else {})
         rows = [(what, f"{n}{why}") for role, (what, why) in roles.items() if (n := len(plan.ids(role)))]
-        rows += [] if is_check else _foreseen(plan)
+        rows += [] if is_check else _what_it_tells(plan)
     if plan.trajectory is not None:
         rows.append(("driving", f"{duration_text(plan.trajectory.duration_s)}, with the stops"))
     if plan.path.get("clearance_mm") is not None:
@@ -194,7 +194,7 @@ def plan_facts(plan: AnyPlan, is_check: bool = False) -> list[tuple[str, str]]:
     return [*rows, ("plan", plan.plan_id)]
 
 
-def _foreseen(plan: PlanDocument) -> list[tuple[str, str]]:
+def _what_it_tells(plan: PlanDocument) -> list[tuple[str, str]]:
     """What the poses will tell."""
     seen = plan.observability
     rows = [("parameters", f"{len(plan.parameters)} can be told apart, {len(plan.dropped)} cannot")]
@@ -203,8 +203,8 @@ def _foreseen(plan: PlanDocument) -> list[tuple[str, str]]:
         way = "larger" if find_rule(str(seen["index"])).maximise else "smaller"
         text = f"{value} ({way} is better); no choice of as many poses has better than {bound}"
         rows.append((f"index {seen['index']}", text))
-    if plan.foresight.get("left_mm") is not None:
-        rows.append(("error foreseen", f"{_digits(plan.foresight['left_mm'])} mm"))
+    if plan.foresight.get("error_mm") is not None:
+        rows.append(("error to be expected", f"{_digits(plan.foresight['error_mm'])} mm"))
     return rows
 
 

@@ -77,9 +77,9 @@ class BarPoses(PoseSession):
         cell, pool, index, seed, poses = self.cell, self.pool, self.index, self.options.seed, self.poses
         if self.tracing:
             with stages.stage("foresight") as progress:
-                ahead = choose_bayesian_poses(cell, pool, poses, progress)
+                expected = choose_bayesian_poses(cell, pool, poses, progress)
             with stages.stage("selection"):
-                return Selection(judge_poses(cell, pool, ahead.chosen, index, self.near), foreseen=ahead)
+                return Selection(judge_poses(cell, pool, expected.chosen, index, self.near), expected_error=expected)
         with stages.stage("selection"):
             poses = traceable_pose_count(cell, pool) if self.rivals and poses is None else poses
             choice, curve = select_poses(cell, pool, poses, index, seed, near=self.near)
@@ -105,9 +105,11 @@ class BarPoses(PoseSession):
             if not cell.robot.bodies:
                 checked = f"only the {cell.gauge.noun} and the tool were checked against the surroundings"
                 self.notes.append(f"{cell.robot.name} has no collision bodies: {checked}")
-            if chosen.foreseen and cell.plan.refine:
-                return choice.with_angles(refine_bayesian_poses(cell, chosen.foreseen.unknown, choice.samples, seed))
-            return choice if chosen.discriminating or chosen.foreseen else refine_poses(cell, choice, seed)
+            if chosen.expected_error and cell.plan.refine:
+                return choice.with_angles(
+                    refine_bayesian_poses(cell, chosen.expected_error.unknown, choice.samples, seed)
+                )
+            return choice if chosen.discriminating or chosen.expected_error else refine_poses(cell, choice, seed)
 
     def _find_unjoined(self, choice: PoseChoice) -> np.ndarray:
         """Positions of the chosen poses that are not in the part of their mount pose."""

@@ -65,7 +65,7 @@ def plan_record(plan: Plan) -> dict[str, object]:
             "file": "trajectory.csv",
         },
         "drives": [_drive_record(plan, d) for d in drives],
-    } | (_separation_record(plan.separation) | _foresight_record(plan.foresight))
+    } | (_separation_record(plan.separation) | _expected_error_record(plan.expected_error))
 
 
 def _pose_record(plan: Plan, v: Visit) -> dict[str, object]:
@@ -116,19 +116,19 @@ def _separation_record(separation: Discrimination | None) -> dict[str, object]:
     return {"separation": [asdict(t) for t in separation.told], "separation_proof": proof}
 
 
-def _foresight_record(ahead: BayesianDesign | None) -> dict[str, object]:
+def _expected_error_record(expected: BayesianDesign | None) -> dict[str, object]:
     """The error of the tool that is expected after tracing; nothing where the poses were not chosen by that."""
-    if ahead is None:
+    if expected is None:
         return {}
     told = {
         "assumed": ASSUMED,
-        "error_mm": ahead.left * 1e3,
-        "untraced_mm": ahead.unknown.untraced * 1e3,
-        "on_grid": {"error_mm": ahead.after[-1] * 1e3, "gap": ahead.gap},
-        "bound_mm": ahead.bound * 1e3,
-        "after_mm": ahead.after * 1e3,
-        "floor_mm": ahead.floor * 1e3,
-        "numbers": [{"poses": f.poses, "error_mm": f.error * 1e3, "minutes": f.minutes} for f in ahead.forecasts],
+        "error_mm": expected.left * 1e3,
+        "untraced_mm": expected.unknown.untraced * 1e3,
+        "on_grid": {"error_mm": expected.after[-1] * 1e3, "gap": expected.gap},
+        "bound_mm": expected.bound * 1e3,
+        "after_mm": expected.after * 1e3,
+        "floor_mm": expected.floor * 1e3,
+        "numbers": [{"poses": f.poses, "error_mm": f.error * 1e3, "minutes": f.minutes} for f in expected.by_number],
     }
     return {"foresight": told}
 

@@ -121,7 +121,7 @@ class Plan(SessionPlan):
         curve: index and bound against the number of poses, where the index chose them.
         driven: the index over the trajectory as it is driven.
         separation: how surely it tells the findings of an identification from their rivals, where that was asked.
-        foresight: the error that the robot would keep, where the poses were chosen by that.
+        expected_error: the error that the robot would keep, where the poses were chosen by that.
     """
 
     drives: tuple[Drive, ...]
@@ -131,12 +131,12 @@ class Plan(SessionPlan):
     curve: IndexCurve | None
     driven: float
     separation: Discrimination | None = None
-    foresight: BayesianDesign | None = None
+    expected_error: BayesianDesign | None = None
 
     @property
     def by_index(self) -> bool:
         """Whether the index chose the poses: neither chance, for a validation, nor the error that is foreseen."""
-        return self.foresight is None and any(v.role == "calibrate" for d in self.drives for v in d.visits)
+        return self.expected_error is None and any(v.role == "calibrate" for d in self.drives for v in d.visits)
 
 
 def motion_signs(q: Array) -> np.ndarray:

@@ -44,13 +44,13 @@ class Selection:
         choice: the poses.
         curve: the index against their number, still being computed, where the index chose the poses.
         discriminating: where they tell the findings of an identification from their rivals.
-        foreseen: where they were chosen by the error that is left once hidden effects are traced; still being computed.
+        expected_error: what is left once hidden effects are traced, where that chose them; still being computed.
     """
 
     choice: PoseChoice
     curve: BackgroundCurve | None = None
     discriminating: DiscriminatingChoice | None = None
-    foreseen: BackgroundDesign | None = None
+    expected_error: BackgroundDesign | None = None
 
 
 P = TypeVar("P", bound=SessionPlan)
@@ -122,19 +122,19 @@ class PoseSession(ABC):
         """Draw, choose and refine the poses, and drive the tour of every mounting."""
         self.draw(stages)
         chosen = self.chooser(self, stages) if self.chooser else self.select(stages)
-        with chosen.curve or nullcontext(), chosen.foreseen or nullcontext():
-            by_index = chosen.foreseen is None
+        with chosen.curve or nullcontext(), chosen.expected_error or nullcontext():
+            by_index = chosen.expected_error is None
             choice, certificate, drives = self._drive_refined(self.refine(chosen, stages), by_index, stages)
         with stages.stage("index curve"):
             curve = chosen.curve.result() if chosen.curve else None
-            ahead = chosen.foreseen.result() if chosen.foreseen else None
+            expected = chosen.expected_error.result() if chosen.expected_error else None
         cell, discriminating = self.cell, chosen.discriminating
         driven = discrimination_as_driven(cell, discriminating, drives) if discriminating else None
         notes = [*self.notes, *self.drive_notes(drives), *discrimination_notes(cell, driven, choice, drives)]
-        if ahead:
+        if expected:
             notes.append(f"the poses are chosen by the error that is foreseen; {choice.index} does not judge them")
             minutes = session_minutes(cell, drives, len(choice.q))
-            ahead = ahead.as_driven(choice.samples, minutes)
+            expected = expected.as_driven(choice.samples, minutes)
         return Plan(
             cell=cell,
             seed=self.options.seed,
@@ -146,7 +146,7 @@ class PoseSession(ABC):
             curve=curve,
             driven=index_value(choice.index, self.driven_rows(choice, drives)),
             separation=driven,
-            foresight=ahead,
+            expected_error=expected,
         )
 
     def _drive_refined(

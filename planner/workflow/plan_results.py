@@ -85,9 +85,9 @@ class PlanResult(SessionResult):
             f" {sum(d.trajectory.duration_s for d in drives) / 60:.1f} min as driven",
             f"  path        {clearance:.1f} mm clearance, proven continuously by coal and judged again by fcl",
         ]
-        if plan.foresight:
-            lines.append(f"  foresees    {describe_bayesian_design(plan.foresight)}")
-            lines.append(f"  numbers     {describe_numbers_of_poses(plan.foresight)}")
+        if plan.expected_error:
+            lines.append(f"  foresees    {describe_bayesian_design(plan.expected_error)}")
+            lines.append(f"  numbers     {describe_numbers_of_poses(plan.expected_error)}")
         lines += [f"  tells apart {text}" for text in plan.separation.texts()] if plan.separation else []
         lines += _left_out(choice.seen.dropped)
         lines += [f"  note        {note}" for note in plan.notes]
@@ -99,10 +99,10 @@ class PlanResult(SessionResult):
 
     def preview(self) -> Plot:
         """Return what chose the poses against their number; the parameters where neither index nor foresight did."""
-        if self.plan.foresight:
-            from planner.report.plan_charts import foreseen_error_chart
+        if self.plan.expected_error:
+            from planner.report.plan_charts import expected_error_chart
 
-            return _plot(foreseen_error_chart(self.plan.foresight))
+            return _plot(expected_error_chart(self.plan.expected_error))
         return self.plot_index() if self.plan.curve else self.plot_parameters()
 
     def plot_index(self) -> Plot:

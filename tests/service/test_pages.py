@@ -11,7 +11,7 @@ from planner.cell.reading import load_cell
 from planner.common.errors import InputError
 from planner.service.job_requests import CommandRequest
 from planner.service.job_store import JobCommand, JobInput, JobOutput
-from planner.service.page_content import GENERAL, find_action
+from planner.service.page_content import GENERAL, find_action, plan_facts
 from planner.service.runner import SHIPPED
 from planner.service.serving import build_context
 from planner.service.sheets import RMS_OF_REPEATABILITY, find_validation, session_steps
@@ -179,3 +179,8 @@ def test_a_log_is_offered_the_cells_of_its_gauge_and_refused_in_others(client, t
     with pytest.raises(InputError, match=r"readings 'x_mm, y_mm, z_mm', but the gauge 'edbb' of .* gives") as e:
         check_run([log], bar)
     assert SHIPPED.sub(r"\1/\2", str(e.value)).endswith("of kuka-kr6-r700/edbb gives 'length_mm'")
+
+
+def test_the_error_to_be_expected_of_a_plan_is_told():
+    plan = PlanDocument.model_construct(foresight={"error_mm": 0.3512}, plan_id="0" * 12)
+    assert ("error to be expected", "0.351 mm") in plan_facts(plan)

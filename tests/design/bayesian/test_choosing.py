@@ -86,29 +86,29 @@ def kuka():
     return cell, draw_candidates(cell, 1500, 0)
 
 
-def error_after(ahead, samples):
-    return errors_after(ahead.unknown.white(samples), ahead.unknown.weight_per_prior)[-1]
+def error_after(expected, samples):
+    return errors_after(expected.unknown.white(samples), expected.unknown.weight_per_prior)[-1]
 
 
 @pytest.fixture(scope="module")
-def ahead(kuka):
+def expected(kuka):
     return choose_bayesian_poses(*kuka, 120).result()
 
 
-def test_poses_for_the_unknown_leave_less_than_those_of_the_index_or_of_chance(kuka, ahead):
+def test_poses_for_the_unknown_leave_less_than_those_of_the_index_or_of_chance(kuka, expected):
     _, pool = kuka
-    assert len(set(ahead.chosen)) == 120
-    assert error_after(ahead, pool.samples.take(ahead.chosen)) == pytest.approx(ahead.left, rel=1e-6)
-    assert ahead.bound < ahead.left < ahead.unknown.untraced
-    rows = ahead.unknown.model.rows(pool.samples)
-    geometry = [k for k, p in enumerate(ahead.unknown.model.parameters) if p.group in ("gauge", "geometry")]
-    scaled = rows[:, :, geometry] * ahead.unknown.prior[geometry]
+    assert len(set(expected.chosen)) == 120
+    assert error_after(expected, pool.samples.take(expected.chosen)) == pytest.approx(expected.left, rel=1e-6)
+    assert expected.bound < expected.left < expected.unknown.untraced
+    rows = expected.unknown.model.rows(pool.samples)
+    geometry = [k for k, p in enumerate(expected.unknown.model.parameters) if p.group in ("gauge", "geometry")]
+    scaled = rows[:, :, geometry] * expected.unknown.prior[geometry]
     _, size, axes = np.linalg.svd(scaled[:, 0], full_matrices=False)
     by_index = detmax(scaled @ axes[size > 1e-5 * size[0]].T, 120)
     by_chance = np.random.default_rng(0).choice(len(pool), 120, replace=False)
     for others in (by_index, by_chance):
-        assert error_after(ahead, pool.samples.take(others)) > 1.08 * ahead.left
-    assert f"{1e3 * ahead.left:.3f} mm" in describe_bayesian_design(ahead)
+        assert error_after(expected, pool.samples.take(others)) > 1.08 * expected.left
+    assert f"{1e3 * expected.left:.3f} mm" in describe_bayesian_design(expected)
 
 
 def test_without_a_number_it_stops_at_the_target_or_where_no_pose_helps_much():
@@ -127,17 +127,17 @@ def test_more_poses_than_candidates_are_refused(kuka):
         choose_bayesian_poses(cell, pool, 2000)
 
 
-def test_more_poses_leave_less_and_never_less_than_all_candidates(ahead):
-    assert [f.poses for f in ahead.forecasts] == sorted({*OTHER_NUMBERS, 120})
-    errors = [f.error for f in ahead.forecasts]
+def test_more_poses_leave_less_and_never_less_than_all_candidates(expected):
+    assert [f.poses for f in expected.by_number] == sorted({*OTHER_NUMBERS, 120})
+    errors = [f.error for f in expected.by_number]
     assert all(a > b for a, b in pairwise(errors))
-    assert ahead.floor < errors[-1]
-    assert next(f.error for f in ahead.forecasts if f.poses == 120) == pytest.approx(ahead.left)
+    assert expected.floor < errors[-1]
+    assert next(f.error for f in expected.by_number if f.poses == 120) == pytest.approx(expected.left)
 
 
-def test_the_numbers_are_told_with_their_minutes_and_another_fixture_where_it_pays(kuka, ahead):
-    driven = ahead.as_driven(kuka[1].samples.take(ahead.chosen), lambda poses: poses / 2)
-    assert driven.left == pytest.approx(ahead.left)
+def test_the_numbers_are_told_with_their_minutes_and_another_fixture_where_it_pays(kuka, expected):
+    driven = expected.as_driven(kuka[1].samples.take(expected.chosen), lambda poses: poses / 2)
+    assert driven.left == pytest.approx(expected.left)
     assert "80 poses" in describe_numbers_of_poses(driven)
     assert "about 40 min" in describe_numbers_of_poses(driven)
     assert "another fixture" not in describe_numbers_of_poses(replace(driven, floor=0.4 * driven.left))
@@ -173,16 +173,16 @@ def test_a_fixture_that_tells_less_with_every_reading_has_poses_nevertheless():
     assert bayesian_design._use_every_place(place, both, white, np.eye(6)).tolist() == both.tolist()
 
 
-def test_moved_off_the_grid_the_poses_leave_less_keep_every_filter_and_their_order(kuka, ahead):
+def test_moved_off_the_grid_the_poses_leave_less_keep_every_filter_and_their_order(kuka, expected):
     cell, pool = kuka
-    there = pool.samples.take(ahead.chosen)
-    q = refine_bayesian_poses(cell, ahead.unknown, there, 0)
-    assert error_after(ahead, replace(there, q=q)) < 0.95 * ahead.left
+    there = pool.samples.take(expected.chosen)
+    q = refine_bayesian_poses(cell, expected.unknown, there, 0)
+    assert error_after(expected, replace(there, q=q)) < 0.95 * expected.left
     assert passes_filters(cell, there)(q, np.arange(len(q))).all()
     assert np.abs(q - there.q).max(axis=1).mean() < 0.6  # each stays about where it was
-    np.testing.assert_array_equal(q, refine_bayesian_poses(cell, ahead.unknown, there, 0))
+    np.testing.assert_array_equal(q, refine_bayesian_poses(cell, expected.unknown, there, 0))
     shuffled = np.random.default_rng(3).permutation(len(q))
-    driven = ahead.as_driven(replace(there, q=q).take(shuffled), lambda poses: poses / 2)
-    assert driven.left < 0.95 * ahead.left
-    errors = [f.error for f in driven.forecasts]
+    driven = expected.as_driven(replace(there, q=q).take(shuffled), lambda poses: poses / 2)
+    assert driven.left < 0.95 * expected.left
+    errors = [f.error for f in driven.by_number]
     assert all(a >= b for a, b in pairwise(errors)), "other numbers come out better by as much"
