@@ -30,13 +30,20 @@ DRAWN_FOR_CHECK = (
 )
 
 
+@on_one_thread
 def export(plan: Path | str, *, dialect: str, name: str = "-") -> ExportResult:
     """Return the program of the plan at a path in any dialect; ``name`` of the file, ``-`` for one of the plan's own.
 
     Raises:
         InputError: no plan, no cell beside it, or the two do not belong together; an unknown dialect.
     """
-    return export_plan(Path(plan), dialect, name)
+    form = load_dialect(dialect).path_form
+    path = Path(plan)
+    planned = load_circular_plan(path) if is_circular(path) else load_session(path, "exported", check=True)
+    changed = " ".join(n.replace(str(path), "the plan") for n in planned.notes)
+    program = replace(session_program(planned.cell, planned.courses, planned.plan_id, form), changed=changed)
+    stem = f"{planned.cell.robot.name}_{planned.plan_id}" if name == "-" else Path(name).stem
+    return ExportResult(write_session(planned.cell, program, dialect, stem), planned.notes)
 
 
 def simulate(
@@ -74,21 +81,6 @@ def import_log(traces: Sequence[Path], plan: Path | str, dialect: str) -> Run:
     if len(traces) == 2 and not is_trace_of(traces[0], mapping) and is_trace_of(traces[1], mapping):
         raise InputError(f"{traces[0]} is not {name}, {traces[1]} is: give the log first, then the gauge's trace")
     return import_mapped(traces, mapping, name)
-
-
-@on_one_thread
-def export_plan(path: Path, dialect: str, stem: str) -> ExportResult:
-    """Write the program of the plan at ``path`` in ``dialect``; ``stem`` is the wanted file name, ``-`` for none.
-
-    Raises:
-        InputError: no plan, no cell beside it, or the two do not belong together; an unknown dialect.
-    """
-    form = load_dialect(dialect).path_form
-    plan = load_circular_plan(path) if is_circular(path) else load_session(path, "exported", check=True)
-    changed = " ".join(n.replace(str(path), "the plan") for n in plan.notes)
-    program = replace(session_program(plan.cell, plan.courses, plan.plan_id, form), changed=changed)
-    name = f"{plan.cell.robot.name}_{plan.plan_id}" if stem == "-" else Path(stem).stem
-    return ExportResult(write_session(plan.cell, program, dialect, name), plan.notes)
 
 
 @on_one_thread

@@ -19,7 +19,7 @@ from planner.session.notes import bar_notes, session_notes
 from planner.session.plan_record import content_hash
 from planner.session.plan_types import Drive, Visit
 from planner.session.planned_session import NOT_HASHED, load_session
-from planner.workflow.plan_reading import export_plan
+from planner.workflow.plan_reading import export
 from planner.workflow.writing import write_cell, write_program_as
 from tests.command import edbb
 
@@ -80,25 +80,25 @@ def _change(path, old, new):
 
 
 def test_a_plan_and_its_cell_belong_together(folder):
-    files = export_plan(folder / "plan.json", "krl", "a.src").programs
+    files = export(folder / "plan.json", dialect="krl", name="a.src").programs
     assert [f.name for f in files] == ["A.src", "A.dat"]
 
 
 def test_signals_and_numbers_may_be_named_later(folder):
     _change(folder / "cell.toml", "sync_output = 1", "sync_output = 33")
     with pytest.raises(InputError, match=r"is not as it was planned.*its path is not proven anew"):
-        export_plan(folder / "plan.json", "krl", "a")
+        export(folder / "plan.json", dialect="krl", name="a")
     _sign(folder)
-    assert "PULSE ($OUT[33]," in export_plan(folder / "plan.json", "krl", "a").programs[0].text
+    assert "PULSE ($OUT[33]," in export(folder / "plan.json", dialect="krl", name="a").programs[0].text
 
 
 @pytest.mark.parametrize("dialect", dialect_names())
 def test_the_program_of_a_changed_plan_says_so_at_its_head(folder, monkeypatch, dialect):
     path = folder / "plan.json"
-    plain = export_plan(path, dialect, "a").programs[0].text
+    plain = export(path, dialect=dialect, name="a").programs[0].text
     note = f"{path} is not as it was planned: a)\nG0 X999 was changed; its path was proven anew by both engines"
     monkeypatch.setattr("planner.session.planned_session.check_trust", lambda *_: (note,))
-    lines = export_plan(path, dialect, "a").programs[0].text.split("\n")
+    lines = export(path, dialect=dialect, name="a").programs[0].text.split("\n")
     more = [line for line in lines if line not in plain.split("\n")]
     words = re.sub(r"\W+|\d+", "", "".join(more))
     assert re.search("theplanisnotasitwasplanneda.*waschangeditspathwasproven", words)
@@ -120,7 +120,7 @@ def test_the_program_of_a_changed_plan_says_so_at_its_head(folder, monkeypatch, 
 def test_another_cell_is_refused(folder, old, new, said):
     _change(folder / "cell.toml", old, new)
     with pytest.raises(InputError, match=said):
-        export_plan(folder / "plan.json", "krl", "a")
+        export(folder / "plan.json", dialect="krl", name="a")
 
 
 @pytest.mark.parametrize(
@@ -141,7 +141,7 @@ def test_poses_that_are_not_those_driven_are_refused(folder, change, said):
     path.write_text(json.dumps(plan))
     _sign(folder)
     with pytest.raises(InputError, match=said):
-        export_plan(path, "krl", "a")
+        export(path, dialect="krl", name="a")
 
 
 def test_the_file_as_given_is_written_and_the_rest_is_told(folder, tmp_path):
@@ -166,7 +166,7 @@ def test_the_name_of_a_companion_is_refused(folder, tmp_path):
 
 
 def test_a_name_that_fits_needs_no_word(folder, tmp_path):
-    files = export_plan(folder / "plan.json", "rapid", "tour.mod").programs
+    files = export(folder / "plan.json", dialect="rapid", name="tour.mod").programs
     assert write_program_as(files, tmp_path / "tour.mod") == []
     assert (tmp_path / "tour.mod").read_text() == files[0].text
 
