@@ -49,7 +49,7 @@ def serve_command(
     serve(settings, lambda address: errors.print(f"serving at {address}, jobs and files in {settings.folder}"))
 
 
-WIDE = SafeConsole(width=120)
+WIDE = 120  # signs of a line
 
 
 def robots_command(as_json: Json = False) -> None:
@@ -71,7 +71,7 @@ def robots_command(as_json: Json = False) -> None:
     for name, r in robots.items():
         payload = "" if r.payload is None else f"{r.payload:g} kg"
         table.add_row(name, printable(r.title), str(r.n_joints), payload, ", ".join(cells[name]))
-    WIDE.print(table)
+    SafeConsole(width=WIDE).print(table)
 
 
 def dialects_command(as_json: Json = False) -> None:
@@ -99,4 +99,4 @@ def dialects_command(as_json: Json = False) -> None:
     for i in dialects():
         axes = f"{i.min_joints}–{i.max_joints}"
         table.add_row(i.name, printable(i.title), axes, f"{10.0**-i.decimals:g}°", i.blend.kind, i.logging)
-    WIDE.print(table)
+    SafeConsole(width=WIDE).print(table)

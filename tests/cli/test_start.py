@@ -13,7 +13,6 @@ import pytest
 
 import planner
 from planner.cli.app import VERBS
-from planner.cli.service_commands import robots_command
 from planner.kinematics import robot_reader
 from tests.command import edbb
 
@@ -62,13 +61,12 @@ def test_a_word_that_is_no_verb_names_the_nearest():
     assert "Did you mean 'plan'" in done.stderr
 
 
-def test_words_of_files_are_printed_as_they_stand(monkeypatch, capsys):
+def test_words_of_files_are_printed_as_they_stand(monkeypatch):
     assert "edbb: :car:.toml" in edbb("plan", ":car:.toml", "-o", "nowhere").stderr
     title = "TX60 [/60] :car: [red]"
     robot = replace(robot_reader.load_robot("ur10"), title=title)
     monkeypatch.setattr(robot_reader, "load_robot", lambda name: robot)
-    robots_command()
-    assert capsys.readouterr().out.count(title) == len(robot_reader.list_robots())
+    assert edbb("robots").stdout.count(title) == len(robot_reader.list_robots())
 
 
 @pytest.mark.parametrize("name", ["", " "])
