@@ -36,7 +36,7 @@ from planner.runs.run import Run, Samples
 
 NAME = "posterior.json"  # beside robot.toml
 PROBED = 300  # states, and samples of the run, at which readings are looked at
-LEFT_OUT = 0.2  # times the noise: so much of a reading's uncertainty the directions may lack, rms
+LEFT_OUT = 0.15  # times the noise: so much of a reading's uncertainty the directions may lack, rms
 DIGITS = 7  # significant ones
 ANEW = 0.02  # [m, rad] size of what is set up anew: far more than any reading leaves open of it
 SETTLING = 4  # steps in which what was set up anew is found: Gauss-Newton, from where it was placed by the run
