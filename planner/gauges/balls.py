@@ -15,7 +15,7 @@ from planner.cell.setup import MeasurementSetup
 from planner.common.errors import InputError
 from planner.common.units import MM, UM, Array, read_only, to_mm
 from planner.gauges.frame_gauge import FrameGauge
-from planner.gauges.placement.flange_poses import index_in_cell, nominal_flange_poses, points_of
+from planner.gauges.placement.flange_poses import flange_poses, index_in_cell
 from planner.gauges.placement.sockets import SocketPlacement, place_sockets
 from planner.kinematics.bodies import Body, capsule_between
 from planner.kinematics.geometry import pose
@@ -107,16 +107,14 @@ class BallGauge(FrameGauge):
 
     def place(self, setup: MeasurementSetup, run: Run, p_FM: Array | None) -> MeasurementSetup:
         """Find the plates, and the tool points where the cell has none."""
-        p_BF, R_BF = nominal_flange_poses(setup, run.samples.q)
-        r = run.readings
+        stand, r = flange_poses(setup, run, p_FM), run.readings
         assert r.ball is not None
 
         def place(ball: IntArray) -> tuple[SocketPlacement, float]:
-            where = run.samples.place, points_of(run)
-            found = place_sockets(p_BF, R_BF, ball, *where, setup.p_GS, offset=r.offset, p_FM=p_FM)
-            away = 0.0 if r.offset is None else r.offset
-            plate_point = np.einsum("nij,nj->ni", found.R_BP[where[0]], setup.p_GS[ball] + away) + found.p_BP[where[0]]
-            tool_point = np.einsum("nij,nj->ni", R_BF, found.p_FM[where[1]]) + p_BF
+            found = place_sockets(stand, ball, setup.p_GS, r.offset, p_FM)
+            in_plate = setup.p_GS[ball] + (0.0 if r.offset is None else r.offset)
+            plate_point = np.einsum("nij,nj->ni", found.R_BP[stand.place], in_plate) + found.p_BP[stand.place]
+            tool_point = np.einsum("nij,nj->ni", stand.R_BF, found.p_FM[stand.point]) + stand.p_BF
             return found, float(np.sqrt(((plate_point - tool_point) ** 2).sum(axis=1).mean()))
 
         plate, off = place(r.ball)

@@ -26,9 +26,8 @@ from planner.gauges.lines import LOADED, BarChecklist, LineGauge
 from planner.gauges.placement.flange_poses import (
     LOCATED_SIGMA,
     LOCATED_TURN_SIGMA,
+    flange_poses,
     index_in_cell,
-    nominal_flange_poses,
-    points_of,
 )
 from planner.gauges.placement.lengths import place_lengths
 from planner.kinematics.bodies import capsule_between
@@ -275,10 +274,9 @@ class LengthGauge(LineGauge):
         """Find fixtures, tool points and zero, unless the cell has the fixtures and the tool points."""
         if len(setup.p_BX) and p_FM is not None:
             return setup
-        p_BF, R_BF = nominal_flange_poses(setup, run.samples.q)
         known = setup.p_BX if len(setup.p_BX) else None
         assert run.readings.length is not None
-        bar = place_lengths(p_BF, R_BF, run.readings.length, run.samples.place, points_of(run), p_FM, known)
+        bar = place_lengths(flange_poses(setup, run, p_FM, known), run.readings.length, p_FM, known)
         prior = setup.place_prior if known is not None else np.full(len(bar.p_BX), LOCATED_SIGMA)
         return replace(setup, p_BX=bar.p_BX, p_FM=bar.p_FM, zero=float(np.mean(bar.zero)), place_prior=prior)
 

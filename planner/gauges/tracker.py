@@ -19,7 +19,7 @@ from planner.common.errors import InputError, NoSolutionError
 from planner.common.units import MM, Array, from_mm, read_only, to_mm
 from planner.effects.effect import Parameter, transform_move
 from planner.gauges.frame_gauge import FrameGauge
-from planner.gauges.placement.flange_poses import nominal_flange_poses, points_of
+from planner.gauges.placement.flange_poses import flange_poses
 from planner.gauges.placement.frames import FramePlacement, are_collinear, place_frames
 from planner.kinematics.bodies import capsule_between
 from planner.kinematics.chain import ForwardPass
@@ -200,20 +200,20 @@ def _place_frames(setup: MeasurementSetup, run: Run, p_FM: Array | None) -> Fram
         InputError: the positions are those of a left-handed frame.
         NoSolutionError: the poses leave a direction open.
     """
-    p_BF, R_BF = nominal_flange_poses(setup, run.samples.q)
+    stand = flange_poses(setup, run, p_FM)
     p_GM, R_GM = run.readings.position, run.readings.rotation
     assert p_GM is not None
 
-    def place(p: Array, R: Array | None) -> FramePlacement:
-        return place_frames(p_BF, R_BF, p, run.samples.place, points_of(run), p_FM, R)
+    def place_mirrored() -> FramePlacement:
+        return place_frames(stand, p_GM * MIRROR, p_FM)
 
     try:
-        seen = place(p_GM, R_GM)
+        seen = place_frames(stand, p_GM, p_FM, R_GM)
     except NoSolutionError:
-        _check_handedness(run, np.inf, lambda: place(p_GM * MIRROR, None))
+        _check_handedness(run, np.inf, place_mirrored)
         raise
     if seen.rms > FAR:
-        _check_handedness(run, seen.rms, lambda: place(p_GM * MIRROR, None))
+        _check_handedness(run, seen.rms, place_mirrored)
     return seen
 
 

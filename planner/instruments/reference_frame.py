@@ -10,6 +10,7 @@ from planner.cell.cell import Cell
 from planner.cell.places import nests_frame
 from planner.common.errors import InputError
 from planner.common.units import DEG, MM, UM, Array, to_deg, to_mm
+from planner.gauges.placement.flange_poses import FlangePoses
 from planner.gauges.placement.frames import are_collinear, place_frames
 from planner.identification.calibrated_robot import CalibratedRobot
 from planner.kinematics.geometry import registration, skew
@@ -213,8 +214,7 @@ def _place_model(robot: Robot, others: Run, frame: TrackerRegistration, notes: l
     """Place the calibrated robot in the nests' frame, and the reflector on it, by poses that nothing is judged by."""
     p_BF, R_BF = CalibratedRobot(robot).flange(others.samples.q)
     assert others.readings.position is not None
-    none = np.zeros(len(others), dtype=int)
-    found = place_frames(p_BF, R_BF, frame.to_nests(others.readings.position), none, none)
+    found = place_frames(FlangePoses.of_one(p_BF, R_BF), frame.to_nests(others.readings.position))
     notes.append(
         f"the model's gauge stood elsewhere: {len(others)} poses of the plan to calibrate with placed robot and "
         "reflector, those that it is judged by had no part in it"

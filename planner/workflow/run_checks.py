@@ -11,7 +11,7 @@ from planner.cell.setup import setup_of
 from planner.common.determinism import even_positions
 from planner.common.errors import InputError, NoSolutionError
 from planner.common.units import Array, to_mm
-from planner.gauges.placement.flange_poses import nominal_flange_poses
+from planner.gauges.placement.flange_poses import FlangePoses, flange_poses
 from planner.gauges.placement.frames import place_frames
 from planner.runs.run import Run
 from planner.session.document import PlanDocument, check_run_of_plan
@@ -36,12 +36,12 @@ def check_unit(run: Run, cell: Cell) -> None:
     if run.readings.position is None:
         return
     few = run.take(even_positions(len(run), ROWS))
-    p_BF, R_BF = nominal_flange_poses(setup_of(cell), few.samples.q)
+    stand = flange_poses(setup_of(cell), few)
     group = few.samples.place if few.samples.point is None else few.samples.place * len(run.points) + few.samples.point
-    read, arm = _spread_rms(np.asarray(few.readings.position), group), _spread_rms(p_BF, group)
+    read, arm = _spread_rms(np.asarray(few.readings.position), group), _spread_rms(stand.p_BF, group)
     for factor, words, names in UNITS:
         near = 1 / NEAR < read * factor / max(arm, 1e-12) < NEAR
-        if near and _placement_rms(few, p_BF, R_BF, factor) < BETTER * _placement_rms(few, p_BF, R_BF, 1.0):
+        if near and _placement_rms(few, stand, factor) < BETTER * _placement_rms(few, stand, 1.0):
             raise InputError(
                 f"{run.name}: the points lie {to_mm(read):.3g} mm from their middle, but the arm moved its flange by "
                 f"{to_mm(arm):.3g} mm: these look like {words}; if so, call them {names}"
@@ -54,12 +54,10 @@ def _spread_rms(p: Array, group: np.ndarray) -> float:
     return float(np.sqrt(np.mean(np.sum(apart**2, axis=1))))
 
 
-def _placement_rms(run: Run, p_BF: Array, R_BF: Array, factor: float) -> float:
+def _placement_rms(run: Run, stand: FlangePoses, factor: float) -> float:
     """What no frame and no tool point explain of the positions times a factor, rms [m]."""
-    point = np.zeros(len(run), dtype=int) if run.samples.point is None else run.samples.point
-    p_GM = factor * np.asarray(run.readings.position)
     try:
-        return place_frames(p_BF, R_BF, p_GM, run.samples.place, point, None).rms
+        return place_frames(stand, factor * np.asarray(run.readings.position)).rms
     except (InputError, NoSolutionError):
         return float("inf")
 

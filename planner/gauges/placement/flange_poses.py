@@ -57,15 +57,34 @@ class FlangePoses:
     Attributes:
         p_BF, R_BF: flange poses by the nominal robot, (n, 3) [m] and (n, 3, 3).
         place, point: fixture, plate or station, and target on the tool, (n,) int.
-        n_places, n_points: S and T.
+        n_places, n_points: S and T; where they are not given each place and point has a sample.
+
+    Raises:
+        InputError: there is no sample, or none of a place or point.
     """
 
     p_BF: Array
     R_BF: Array
     place: IntArray
     point: IntArray
-    n_places: int
-    n_points: int
+    n_places: int = 0
+    n_points: int = 0
+
+    def __post_init__(self) -> None:
+        """Count the places and points that are not counted yet."""
+        if len(self) == 0:
+            raise InputError("the run has no samples, so nothing can be placed")
+        for name, index, count in (("place", self.place, self.n_places), ("point", self.point, self.n_points)):
+            unused = np.setdiff1d(np.arange(index.max() + 1), index)
+            if len(unused) and not count:
+                raise InputError(f"no sample was taken with {name} {unused[0] + 1}, so it cannot be located")
+            object.__setattr__(self, f"n_{name}s", count or int(index.max()) + 1)
+
+    @classmethod
+    def of_one(cls, p_BF: Array, R_BF: Array) -> "FlangePoses":
+        """Return flange poses (n, 3) [m] and (n, 3, 3) that all belong to one place and one point."""
+        none = np.zeros(len(p_BF), dtype=int)
+        return cls(p_BF, R_BF, none, none)
 
     def __len__(self) -> int:
         """Return the number of samples n."""
@@ -101,43 +120,15 @@ class FlangePoses:
 
 
 def flange_poses(
-    p_BF: Array, R_BF: Array, place: IntArray, point: IntArray, places: int = 0, points: int = 0
+    setup: MeasurementSetup, run: Run, p_FM: Array | None = None, p_BX: Array | None = None
 ) -> FlangePoses:
-    """Check shapes, finiteness and indices of the samples; ``places`` and ``points`` are S and T where known.
+    """Return where the flange of the nominal robot stood at the samples of a run.
 
-    Raises:
-        InputError: naming the array and what was found.
+    ``p_FM`` (T, 3) and ``p_BX`` (S, 3) [m] are the targets and fixtures where they are known, measured or not.
     """
-    n = len(p_BF)
-    if n == 0:
-        raise InputError("the run has no samples, so nothing can be placed")
-    place, point = np.asarray(place, dtype=np.int64), np.asarray(point, dtype=np.int64)
-    check_arrays((("p_BF", p_BF, (n, 3)), ("R_BF", R_BF, (n, 3, 3)), ("place", place, (n,)), ("point", point, (n,))))
-    for name, index in (("place", place), ("point", point)):
-        if index.min() < 0:
-            raise InputError(f"{name} holds the index {index.min()}; indices count from 0")
-    S, T = places or int(place.max()) + 1, points or int(point.max()) + 1
-    for name, index, count in (("place", place, S), ("point", point, T)):
-        if index.max() >= count:
-            raise InputError(f"{name} holds the index {index.max()}, but only {count} are given")
-        unused = sorted(set(range(count)) - set(np.unique(index).tolist()))
-        if unused and not (places if name == "place" else points):
-            raise InputError(f"no sample was taken with {name} {unused[0] + 1}, so it cannot be located")
-    return FlangePoses(np.asarray(p_BF, dtype=float), np.asarray(R_BF, dtype=float), place, point, S, T)
-
-
-def check_arrays(arrays: tuple[tuple[str, Array, tuple[int, ...]], ...]) -> None:
-    """Check (name, array, wanted shape) for shape and finite numbers.
-
-    Raises:
-        InputError: naming the array, what was found and what is wanted.
-    """
-    for name, array, shape in arrays:
-        if np.shape(array) != shape:
-            raise InputError(f"{name} has the shape {np.shape(array)}, but {shape} is wanted")
-        if not np.all(np.isfinite(array)):
-            bad = int(np.flatnonzero(~np.isfinite(np.asarray(array).reshape(len(array), -1)).all(axis=1))[0])
-            raise InputError(f"{name} holds a number that is not finite, first in row {bad + 1}")
+    places, points = (0 if known is None else len(known) for known in (p_BX, p_FM))
+    where = nominal_flange_poses(setup, run.samples.q)
+    return FlangePoses(*where, run.samples.place, points_of(run), places, points)
 
 
 def largest_group(index: IntArray, ready: np.ndarray) -> tuple[int, IntArray] | None:

@@ -8,10 +8,7 @@ from planner.common.errors import InputError
 from planner.common.units import Array, read_only
 from planner.gauges.placement.flange_poses import (
     FlangePoses,
-    IntArray,
     PlacementFrames,
-    check_arrays,
-    flange_poses,
     largest_group,
     tool_grid,
     unpack_frames,
@@ -19,10 +16,10 @@ from planner.gauges.placement.flange_poses import (
 from planner.gauges.placement.lengths import solve_reweighted
 from planner.gauges.placement.solver import (
     PlacementUnknown,
-    best_first,
+    Schedule,
+    UnknownKind,
+    find_placement,
     outlier_limit,
-    refine,
-    require_determined,
     robust_scale,
 )
 from planner.kinematics.geometry import exp3, log3, nearest_rotation, registration, skew
@@ -161,6 +158,14 @@ class FrameProblem:
     R_GM: Array | None
     free: np.ndarray
 
+    @property
+    def unknowns(self) -> tuple[PlacementUnknown, ...]:
+        """What each free column of a step belongs to."""
+        S, T = self.stand.n_places, self.stand.n_points
+        kinds: tuple[tuple[UnknownKind, int], ...] = (("rotation", S), ("position", S), ("point", T), ("turn", T))
+        owner = [PlacementUnknown(kind, k) for kind, count in kinds for k in range(count) for _ in range(3)]
+        return tuple(o for o, f in zip(owner, self.free, strict=False) if f)
+
     def take(self, which: np.ndarray) -> "FrameProblem":
         """Return the problem of only the rows ``which``."""
         R_GM = None if self.R_GM is None else self.R_GM[which]
@@ -201,10 +206,8 @@ class FrameProblem:
         return PlacementFrames(exp3(turn_G) @ f.R_BG, f.p_BG + p_BG, f.p_FM + p_FM, exp3(turn_M) @ f.R_FM).pack()
 
 
-FEW, MANY = 80, 400  # rows for the many starts, and for the few that are left
-TRIED, KEPT = 12, 3  # starts that are refined at all, and refined on many rows
-_FIRST = ((8, "huber"), (8, "huber"))
-LAST = ((15, "huber"), (20, "tukey"), (20, "tukey"))
+FEW = 80  # rows for the many starts
+_ROUNDS: tuple[tuple[Schedule, int], ...] = (((), 12), (((8, "huber"), (8, "huber")), 3))
 
 
 @dataclass(frozen=True)
@@ -227,13 +230,7 @@ class FramePlacement:
 
 
 def place_frames(
-    p_BF: Array,
-    R_BF: Array,
-    p_GM: Array,
-    place: IntArray,
-    point: IntArray,
-    p_FM: Array | None = None,
-    R_GM: Array | None = None,
+    stand: FlangePoses, p_GM: Array, p_FM: Array | None = None, R_GM: Array | None = None
 ) -> FramePlacement:
     """Find frames and targets: R_BG p_GM + p_BG = R_BF p_FM + p_BF, with orientations also R_BG R_GM = R_BF R_FM.
 
@@ -242,57 +239,34 @@ def place_frames(
     least robust residual is kept.
 
     Args:
-        p_BF, R_BF: flange poses by the nominal robot, (n, 3) [m], (n, 3, 3).
+        stand: flange poses by the nominal robot, with the station and the target on the tool of each.
         p_GM, R_GM: readings in the gauge's own frame, (n, 3) [m], (n, 3, 3) where orientations are read.
-        place, point: which station, which target on the tool, (n,) int.
         p_FM: targets on the flange where known (then held), (T, 3) [m].
 
     Raises:
-        InputError: shapes, numbers or indices are wrong, or there are fewer readings than unknowns.
+        InputError: there are fewer readings than unknowns.
         NoSolutionError: the poses leave a direction open; the sentence says which and what would help.
     """
-    s = flange_poses(p_BF, R_BF, place, point, points=0 if p_FM is None else len(p_FM))
-    check_arrays((("p_GM", p_GM, (len(s), 3)), *((("R_GM", R_GM, (len(s), 3, 3)),) if R_GM is not None else ())))
+    s, d = stand, 3 if R_GM is None else 6
     free = [np.full(6 * s.n_places, True), np.full(3 * s.n_points, p_FM is None)]
     free += [] if R_GM is None else [np.full(3 * s.n_points, True)]
-    turns = None if R_GM is None else np.asarray(R_GM, dtype=float)
-    problem = FrameProblem(s, np.asarray(p_GM, dtype=float), turns, np.concatenate(free))
-    state = _solve_frames(problem, p_FM)
+    problem = FrameProblem(s, p_GM, R_GM, np.concatenate(free))
+    if d * len(s) < problem.free.sum():
+        raise InputError(
+            f"{len(s)} readings of {d} numbers cannot place {problem.free.sum()} unknowns; more poses would help"
+        )
+    state = find_placement(
+        problem, lambda many: frame_starts(many.stand, many.p_GM, many.R_GM, p_FM).pack(), FEW, _ROUNDS
+    )
     f = unpack_frames(state, s)
     error, outlier = find_outliers(problem, state)
-    if turns is not None:
+    if R_GM is not None:
         A = f.R_BG[0, s.place]
         gap = s.target_positions(f.p_FM)[0] - np.einsum("nij,nj->ni", A, p_GM) - f.p_BG[0, s.place]
         error = np.linalg.norm(gap, axis=1)
     rms = float(np.sqrt((error[~outlier] ** 2).mean()))
     R_BG, p_BG, m, R = (read_only(v[0]) for v in (f.R_BG, f.p_BG, f.p_FM, f.R_FM))
     return FramePlacement(R_BG, p_BG, m, R, rms, outlier)
-
-
-def _solve_frames(problem: FrameProblem, p_FM: Array | None) -> Array:
-    """Return the best state (1, D)."""
-    s, d = problem.stand, 3 if problem.R_GM is None else 6
-    if d * len(s) < problem.free.sum():
-        raise InputError(
-            f"{len(s)} readings of {d} numbers cannot place {problem.free.sum()} unknowns; more poses would help"
-        )
-    few, many = problem.take(s.spread(FEW)), problem.take(s.spread(MANY))
-    starts = frame_starts(many.stand, many.p_GM, many.R_GM, p_FM).pack()
-    promising = best_first(refine(few, starts, ()), d)[:TRIED]
-    found = refine(few, starts[promising], _FIRST)
-    found = refine(many, found.state[best_first(found, d)[:KEPT]], LAST)
-    best = best_first(found, d)[0]
-    require_determined(found.jacobian[best], found.error[best], frame_unknowns(s, problem.free), many.stand)
-    return found.state[[best]]
-
-
-def frame_unknowns(s: FlangePoses, free: np.ndarray) -> tuple[PlacementUnknown, ...]:
-    """Return what each free column of a step belongs to."""
-    owner = [PlacementUnknown("rotation", k) for k in range(s.n_places) for _ in range(3)]
-    owner += [PlacementUnknown("position", k) for k in range(s.n_places) for _ in range(3)]
-    owner += [PlacementUnknown("point", t) for t in range(s.n_points) for _ in range(3)]
-    owner += [PlacementUnknown("turn", t) for t in range(s.n_points) for _ in range(3)]
-    return tuple(o for o, f in zip(owner, free, strict=False) if f)
 
 
 def find_outliers(problem: FrameProblem, state: Array) -> tuple[Array, np.ndarray]:

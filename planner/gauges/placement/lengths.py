@@ -1,28 +1,13 @@
 """Where the fixtures of a length gauge stand and where its ball sits on the tool, from any start."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from planner.common.errors import InputError
 from planner.common.units import Array, read_only
-from planner.gauges.placement.flange_poses import (
-    FlangePoses,
-    IntArray,
-    check_arrays,
-    directions,
-    flange_poses,
-    largest_group,
-    tool_grid,
-)
-from planner.gauges.placement.solver import (
-    PlacementUnknown,
-    best_first,
-    outlier_limit,
-    refine,
-    require_determined,
-    robust_scale,
-)
+from planner.gauges.placement.flange_poses import FlangePoses, IntArray, directions, largest_group, tool_grid
+from planner.gauges.placement.solver import PlacementUnknown, Schedule, find_placement
 
 
 @dataclass(frozen=True)
@@ -32,6 +17,17 @@ class BarProblem:
     stand: FlangePoses
     length: Array
     free: np.ndarray
+
+    @property
+    def unknowns(self) -> tuple[PlacementUnknown, ...]:
+        """What each free column belongs to."""
+        owner = [PlacementUnknown("point", t) for t in range(self.stand.n_points) for _ in range(3)]
+        owner += [PlacementUnknown("fixture", k) for k in range(self.stand.n_places) for _ in range(3)]
+        return tuple(o for o, f in zip([*owner, PlacementUnknown("zero", 0)], self.free, strict=True) if f)
+
+    def take(self, which: IntArray) -> "BarProblem":
+        """Return the problem of only the rows ``which``."""
+        return replace(self, stand=self.stand.take(which), length=self.length[which])
 
     def evaluate(self, state: Array) -> tuple[Array, Array]:
         """Return residuals (k, n, 1) [m] and derivatives (k, n, 1, P)."""
@@ -123,10 +119,8 @@ def linear_bar_start(stand: FlangePoses, length: Array) -> tuple[Array, Array, A
     return np.stack([m, by_product]), np.stack([X, X]) + origin, np.full(2, x[6])
 
 
-FEW, MANY = 100, 400  # rows for the many starts, and for the few that are left
-TRIED, KEPT = 24, 6  # starts left after each of the first two rounds
-_FIRST, _NEXT = ((6, "huber"),), ((7, "huber"), (7, "huber"))
-_LAST = ((15, "huber"), (20, "tukey"), (20, "tukey"))
+FEW = 100  # rows for the many starts
+_ROUNDS: tuple[tuple[Schedule, int], ...] = ((((6, "huber"),), 24), (((7, "huber"), (7, "huber")), 6))
 _REACHES = (0.3, 0.7)  # [m] distances to start from where the bar's zero is unknown
 
 
@@ -138,25 +132,15 @@ class LengthPlacement:
         p_BX: fixtures in the base frame, (S, 3) [m].
         p_FM: ball on the flange, (T, 3) [m].
         zero: of the bar [m], one for all fixtures.
-        rms: of the residuals that are not outliers [m].
-        outlier: residuals beyond about 4.7 robust standard deviations, (n,) bool.
     """
 
     p_BX: Array
     p_FM: Array
     zero: float
-    rms: float
-    outlier: np.ndarray
 
 
 def place_lengths(
-    p_BF: Array,
-    R_BF: Array,
-    length: Array,
-    place: IntArray,
-    point: IntArray,
-    p_FM: Array | None = None,
-    p_BX: Array | None = None,
+    stand: FlangePoses, length: Array, p_FM: Array | None = None, p_BX: Array | None = None
 ) -> LengthPlacement:
     """Find fixtures, ball on the tool and zero of a bar: length = |R_BF p_FM + p_BF − p_BX| + zero.
 
@@ -164,37 +148,27 @@ def place_lengths(
     and fixtures in 14 directions; all are refined at once, and the one with the least robust residual is kept.
 
     Args:
-        p_BF, R_BF: flange poses by the nominal robot, (n, 3) [m], (n, 3, 3).
+        stand: flange poses by the nominal robot.
         length: readings, (n,) [m].
-        place, point: which fixture, which ball on the tool, (n,) int.
         p_FM: balls on the flange where known (then held), (T, 3) [m].
         p_BX: fixtures where known (then held), (S, 3) [m].
 
     Raises:
-        InputError: shapes, numbers or indices are wrong, or there are fewer lengths than unknowns.
+        InputError: there are fewer lengths than unknowns.
         NoSolutionError: the poses leave a direction open; the sentence says which and what would help.
     """
-    given = tuple(0 if v is None else len(v) for v in (p_BX, p_FM))
-    s = flange_poses(p_BF, R_BF, place, point, *given)
-    check_arrays((("length", length, (len(s),)),))
+    s = stand
     free = np.concatenate([np.full(3 * s.n_points, p_FM is None), np.full(3 * s.n_places, p_BX is None), [True]])
     if len(s) < free.sum():
         raise InputError(f"{len(s)} lengths cannot place a gauge of {free.sum()} unknowns; more poses would help")
-    few, many = s.spread(FEW), s.spread(MANY)
-    starts = _starts(s.take(many), length[many], p_FM, p_BX)
-    problem = BarProblem(s.take(few), length[few], free)
-    found = refine(problem, starts, _FIRST)
-    found = refine(problem, found.state[best_first(found, 1)[:TRIED]], _NEXT)
-    state = found.state[best_first(found, 1)[:KEPT]]
-    found = refine(BarProblem(s.take(many), length[many], free), state, _LAST)
-    best = found.take(best_first(found, 1)[:1])
-    require_determined(best.jacobian[0], best.error[0], _unknowns(s, free), s.take(many))
-    return _evaluate_placement(s, length, best.state[:1])
+    state = find_placement(BarProblem(s, length, free), lambda many: _starts(many, p_FM, p_BX), FEW, _ROUNDS)
+    m, X, zero = unpack_bar(state, s)
+    return LengthPlacement(read_only(X[0]), read_only(m[0]), float(zero[0]))
 
 
-def _starts(s: FlangePoses, length: Array, p_FM: Array | None, p_BX: Array | None) -> Array:
+def _starts(problem: BarProblem, p_FM: Array | None, p_BX: Array | None) -> Array:
     """Return the starts (k, D): seeds of what is thinkable, completed by trilateration."""
-    seeds = []
+    s, length, seeds = problem.stand, problem.length, []
     T, S = s.n_points, s.n_places
     zero = np.full(1, np.nan)
 
@@ -252,19 +226,3 @@ def _complete_seeds(s: FlangePoses, length: Array, m: Array, X: Array, zero: Arr
         distance = np.linalg.norm(s.target_positions(m) - X[:, s.place], axis=2)
         zero = np.median(length - distance, axis=1)
     return pack_bar(m, X, zero)
-
-
-def _unknowns(s: FlangePoses, free: np.ndarray) -> tuple[PlacementUnknown, ...]:
-    """Return what each free column belongs to."""
-    owner = [PlacementUnknown("point", t) for t in range(s.n_points) for _ in range(3)]
-    owner += [PlacementUnknown("fixture", k) for k in range(s.n_places) for _ in range(3)]
-    return tuple(o for o, f in zip([*owner, PlacementUnknown("zero", 0)], free, strict=True) if f)
-
-
-def _evaluate_placement(s: FlangePoses, length: Array, state: Array) -> LengthPlacement:
-    """Judge all rows with the state (1, D)."""
-    m, X, zero = unpack_bar(state, s)
-    error = np.abs(np.linalg.norm(s.target_positions(m)[0] - X[0, s.place], axis=1) + zero[0] - length)
-    outlier = error > outlier_limit(1) * robust_scale(error, 1)[0]
-    rms = float(np.sqrt((error[~outlier] ** 2).mean()))
-    return LengthPlacement(read_only(X[0]), read_only(m[0]), float(zero[0]), rms, outlier)

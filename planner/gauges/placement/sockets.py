@@ -4,18 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from planner.common.errors import InputError
 from planner.common.units import Array, read_only
-from planner.gauges.placement.flange_poses import (
-    FlangePoses,
-    IntArray,
-    PlacementFrames,
-    check_arrays,
-    flange_poses,
-    unpack_frames,
-)
-from planner.gauges.placement.frames import LAST, MANY, FrameProblem
-from planner.gauges.placement.solver import LIMIT, refine
+from planner.gauges.placement.flange_poses import FlangePoses, IntArray, PlacementFrames, unpack_frames
+from planner.gauges.placement.frames import FrameProblem
+from planner.gauges.placement.solver import LAST, LIMIT, MANY, refine
 from planner.kinematics.geometry import registration
 
 _SURE = 1e-3  # [m] directions that even such a small error would leave open are not moved at all
@@ -31,14 +23,7 @@ class SocketPlacement:
 
 
 def place_sockets(
-    p_BF: Array,
-    R_BF: Array,
-    ball: IntArray,
-    place: IntArray,
-    point: IntArray,
-    p_PS: Array,
-    offset: Array | None = None,
-    p_FM: Array | None = None,
+    stand: FlangePoses, ball: IntArray, p_PS: Array, offset: Array | None = None, p_FM: Array | None = None
 ) -> SocketPlacement:
     """Find plates and points: R_BF p_FM + p_BF = R_BP (p_PS + offset) + p_BP.
 
@@ -46,27 +31,21 @@ def place_sockets(
     refined together. What the data leave open gets the least turn and the shortest tool.
 
     Args:
-        p_BF, R_BF: flange poses by the nominal robot, (n, 3) [m], (n, 3, 3).
+        stand: flange poses by the nominal robot, with the plate (one place of it each) and the point on the tool.
         ball: which socket the point sits in, (n,) int.
-        place, point: which plate (one place of it each), which point on the tool, (n,) int.
         p_PS: sockets in the plate's own frame, (K, 3) [m].
         offset: of the point from the socket's centre in the plate's axes, (n, 3) [m].
         p_FM: points on the flange where known (then held), (T, 3) [m].
-
-    Raises:
-        InputError: shapes, numbers or indices are wrong.
     """
-    s = flange_poses(p_BF, R_BF, place, point, points=0 if p_FM is None else len(p_FM))
-    ball = _check_balls(ball, len(s), p_PS)
-    away = np.zeros((len(s), 3)) if offset is None else np.asarray(offset, dtype=float)
-    check_arrays((("offset", away, (len(s), 3)),))
+    s = stand
     pair = np.unique(np.stack([s.place, ball], axis=1), axis=0, return_inverse=True)
     keys, of_pair = pair[0], pair[1].reshape(-1)
     m = _tool_points(s, of_pair, p_FM)
-    X, counts = _socket_medians(s.target_positions(m[None])[0], of_pair, len(keys))
-    R, t = _register_plates(s.n_places, keys, X, counts, p_PS)
+    x = s.target_positions(m[None])[0]
+    X = np.array([np.median(x[of_pair == k], axis=0) for k in range(len(keys))])
+    R, t = _register_plates(s.n_places, keys, X, np.bincount(of_pair).astype(float), p_PS)
     free = np.concatenate([np.full(6 * s.n_places, True), np.full(3 * s.n_points, p_FM is None)])
-    problem = FrameProblem(s, p_PS[ball] + away, None, free)
+    problem = FrameProblem(s, p_PS[ball] + (0.0 if offset is None else offset), None, free)
     start = PlacementFrames(R[None], t[None], m[None], np.broadcast_to(np.eye(3), (1, s.n_points, 3, 3)))
     many = problem.take(s.spread(MANY))
     found = refine(many, start.pack(), LAST, floor=_SURE / LIMIT / np.sqrt(len(many.stand)))
@@ -74,22 +53,10 @@ def place_sockets(
     return SocketPlacement(read_only(f.R_BG[0]), read_only(f.p_BG[0]), read_only(f.p_FM[0]))
 
 
-def _check_balls(ball: IntArray, n: int, p_PS: Array) -> IntArray:
-    """Check the sockets' indices against what is known of them."""
-    check_arrays((("ball", ball, (n,)),))
-    ball = np.asarray(ball, dtype=np.int64)
-    if ball.min() < 0:
-        raise InputError(f"ball holds the index {ball.min()}; indices count from 0")
-    check_arrays((("p_PS", p_PS, (len(p_PS), 3)),))
-    if ball.max() >= len(p_PS):
-        raise InputError(f"ball holds the index {ball.max()}, but the positions of only {len(p_PS)} are given")
-    return ball
-
-
 def _tool_points(s: FlangePoses, of_pair: IntArray, p_FM: Array | None) -> Array:
     """Return the points on the flange (T, 3) [m]: linear once each socket's mean is taken away; least norm."""
     if p_FM is not None:
-        return np.asarray(p_FM, dtype=float)
+        return p_FM
     n, T, pairs = len(s), s.n_points, int(of_pair.max()) + 1
     columns = np.zeros((n, 3, 3 * T))
     columns[np.arange(n)[:, None, None], np.arange(3)[:, None], 3 * s.point[:, None, None] + np.arange(3)] = s.R_BF
@@ -107,12 +74,6 @@ def _tool_points(s: FlangePoses, of_pair: IntArray, p_FM: Array | None) -> Array
         r = np.linalg.norm(b - C @ m, axis=1)
         weight = np.minimum(1.0, 1.5 * max(float(np.median(r)), 1e-9) / np.maximum(r, 1e-12))
     return np.asarray(m).reshape(T, 3)
-
-
-def _socket_medians(x: Array, of_pair: IntArray, pairs: int) -> tuple[Array, Array]:
-    """Return the middle (median) of each pair's points (pairs, 3) [m], and how many there are (pairs,)."""
-    X = np.array([np.median(x[of_pair == k], axis=0) for k in range(pairs)])
-    return X, np.bincount(of_pair, minlength=pairs).astype(float)
 
 
 def _register_plates(S: int, keys: IntArray, X: Array, counts: Array, p_PS: Array) -> tuple[Array, Array]:

@@ -1,8 +1,9 @@
 """Robust Levenberg-Marquardt over many starts at once, and the sentence that names directions which the data leave
 open."""
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Literal, Protocol
+from typing import Literal, Protocol, Self, TypeVar
 
 import numpy as np
 
@@ -19,6 +20,17 @@ _HUBER = 1.5
 
 class PlacementProblem(Protocol):
     """Residuals of n rows, each a block of d numbers [m], over k states at once."""
+
+    @property
+    def stand(self) -> FlangePoses:
+        """Where the flange stood at the rows."""
+
+    @property
+    def unknowns(self) -> "tuple[PlacementUnknown, ...]":
+        """What each column of the derivatives belongs to."""
+
+    def take(self, which: IntArray) -> Self:
+        """Return the problem of only the rows ``which``."""
 
     def evaluate(self, state: Array) -> tuple[Array, Array]:
         """Return residuals (k, n, d) [m] and their derivatives (k, n, d, P) at states (k, D)."""
@@ -50,9 +62,12 @@ def outlier_limit(d: int) -> float:
     return 3.5 + 1.2 * float(np.sqrt(d))
 
 
-def refine(
-    problem: PlacementProblem, state: Array, schedule: tuple[tuple[int, str], ...], floor: float = 0.0
-) -> RefinedStates:
+Schedule = tuple[tuple[int, str], ...]
+LAST: Schedule = ((15, "huber"), (20, "tukey"), (20, "tukey"))
+MANY = 400  # rows for the few states that are left
+
+
+def refine(problem: PlacementProblem, state: Array, schedule: Schedule, floor: float = 0.0) -> RefinedStates:
     """Refine k states by Levenberg–Marquardt with weights that follow the residual.
 
     Args:
@@ -84,12 +99,39 @@ def refine(
     return RefinedStates(state, np.linalg.norm(r, axis=2), J)
 
 
-def best_first(found: RefinedStates, d: int) -> IntArray:
+def best_first(found: RefinedStates) -> IntArray:
     """Return the order of the states, best first: squared residuals, each cut off at the smallest scale's limit."""
+    d = found.jacobian.shape[2]
     limit = outlier_limit(d) * robust_scale(found.error, d).min()
     cost = (np.minimum(found.error, limit) ** 2).sum(axis=1)
     # beyond the limit all are alike: the median decides there; equal costs keep the order of the starts
     return np.lexsort((np.median(found.error, axis=1), np.round(cost / limit**2, 9)))
+
+
+P = TypeVar("P", bound=PlacementProblem)
+
+
+def find_placement(problem: P, starts: Callable[[P], Array], few: int, rounds: Sequence[tuple[Schedule, int]]) -> Array:
+    """Return the best state (1, D): ever fewer starts are refined, the last of them on many rows.
+
+    Args:
+        problem: of all rows.
+        starts: gives states (k, D) from the problem of many rows.
+        few: rows for the many starts.
+        rounds: how they are refined, and how many are kept each time.
+
+    Raises:
+        NoSolutionError: the poses leave a direction open; the sentence says which and what would help.
+    """
+    part, many = (problem.take(problem.stand.spread(rows)) for rows in (few, MANY))
+    state = starts(many)
+    for schedule, kept in rounds:
+        found = refine(part, state, schedule)
+        state = found.state[best_first(found)[:kept]]
+    found = refine(many, state, LAST)
+    best = found.take(best_first(found)[:1])
+    require_determined(best.jacobian[0], best.error[0], many)
+    return best.state
 
 
 def open_directions(jacobian: Array, limit: float) -> Array:
@@ -150,39 +192,31 @@ class PlacementUnknown:
         return _NAMES[self.kind].format(self.index + 1)
 
 
-def undetermined_unknowns(
-    jacobian: Array, error: Array, unknowns: tuple[PlacementUnknown, ...]
-) -> tuple[PlacementUnknown, ...]:
-    """Return the unknowns that the rows leave open by more than ``LIMIT``, in the order of their columns.
+def _undetermined_unknowns(jacobian: Array, error: Array, problem: PlacementProblem) -> tuple[PlacementUnknown, ...]:
+    """Return the unknowns that the rows leave open by more than ``LIMIT``, in the order of their columns."""
+    sigma = max(_ERROR, float(np.median(error)))
+    directions = open_directions(jacobian, sigma / LIMIT / np.sqrt(len(error)))
+    touched = np.abs(directions).max(axis=0, initial=0.0) > 0.2
+    return tuple(dict.fromkeys(u for u, hit in zip(problem.unknowns, touched, strict=True) if hit))
+
+
+def require_determined(jacobian: Array, error: Array, problem: PlacementProblem) -> None:
+    """Raise where the poses leave an unknown open.
 
     Args:
         jacobian: (n, d, P) at the solution; rows that are outliers count like all others.
         error: block norms of the residuals, (n,) [m].
-        unknowns: what each of the P columns belongs to.
-    """
-    if not unknowns:
-        return ()
-    sigma = max(_ERROR, float(np.median(error)))
-    directions = open_directions(jacobian, sigma / LIMIT / np.sqrt(len(error)))
-    touched = np.abs(directions).max(axis=0, initial=0.0) > 0.2
-    return tuple(dict.fromkeys(u for u, hit in zip(unknowns, touched, strict=True) if hit))
-
-
-def require_determined(
-    jacobian: Array, error: Array, unknowns: tuple[PlacementUnknown, ...], stand: FlangePoses
-) -> None:
-    """Raise where the poses leave an unknown open.
+        problem: what the rows and the P columns belong to.
 
     Raises:
         NoSolutionError: names what is open and what would help.
     """
-    missing = undetermined_unknowns(jacobian, error, unknowns)
+    missing = _undetermined_unknowns(jacobian, error, problem)
     if missing:
-        names = " and ".join(
-            (", ".join(str(u) for u in missing[:-1]), str(missing[-1])) if missing[1:] else [str(missing[0])]
-        )
+        *others, last = map(str, missing)
+        names = f"{', '.join(others)} and {last}" if others else last
         raise NoSolutionError(
-            f"the {len(stand)} poses do not determine the {names}; {advice(missing, stand)} would help"
+            f"the {len(problem.stand)} poses do not determine the {names}; {advice(missing, problem.stand)} would help"
         )
 
 

@@ -11,7 +11,7 @@ from planner.cell.setup import MeasurementSetup, check_load
 from planner.common.determinism import even_positions, on_one_thread
 from planner.common.errors import InputError
 from planner.common.units import DEG, MM, UM, Array, read_only
-from planner.gauges.placement.flange_poses import nominal_flange_poses
+from planner.gauges.placement.flange_poses import FlangePoses, nominal_flange_poses
 from planner.gauges.placement.frames import place_frames
 from planner.identification.run_setup import setup_for_run
 from planner.instruments.loaded.compliance import bar_deflection, fit_compliances
@@ -187,11 +187,10 @@ def _senses(curves: AveragedCurves, theta: Array) -> list[int]:
 def _radial(setup: MeasurementSetup, p_BX: Array, run: Run, x: Array) -> Array:
     """Error of the measured point along the bar, (n,) [m]."""
     few = run.take(even_positions(len(run), PLACING_SAMPLES))
-    p_BF, R_BF = nominal_flange_poses(setup, few.samples.q)
+    stand = FlangePoses.of_one(*nominal_flange_poses(setup, few.samples.q))
     assert few.readings.position is not None
     assert run.readings.position is not None
-    place = np.zeros(len(few), dtype=int)
-    found = place_frames(p_BF, R_BF, few.readings.position, place, place, setup.p_FM[:1])
+    found = place_frames(stand, few.readings.position, setup.p_FM[:1])
     p_BM = run.readings.position @ found.R_BG[0].T + found.p_BG[0]
     return np.asarray(np.einsum("ni,ni->n", p_BM - x, bar_state(x, p_BX).direction))
 

@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from planner.common.errors import InputError, NoSolutionError
-from planner.gauges.placement.flange_poses import flange_poses
+from planner.gauges.placement.flange_poses import FlangePoses
 from planner.gauges.placement.frames import FrameProblem, PlacementFrames, place_frames
 from planner.kinematics.geometry import exp3, log3, small_log3
 from tests.gauges.placement.arms import ARMS, ball_in, poses, turned
@@ -20,6 +20,7 @@ class Truth:
         n *= max(S, T)
         self.p, self.R = poses(rng, ARMS[seed % 2], n)
         self.place, self.point = np.arange(n) % S, rng.permutation(n) % T
+        self.stand = FlangePoses(self.p, self.R, self.place, self.point)
         self.m = np.array([ball_in(rng, 0.0, 0.4) for _ in range(T)])
         self.A, self.t, self.F = turned(rng, S), rng.normal(size=(S, 3)), turned(rng, T)
         x = np.einsum("nij,nj->ni", self.R, self.m[self.point]) + self.p + error * rng.normal(size=(n, 3))
@@ -46,7 +47,7 @@ def test_two_hundred_stations_turned_in_any_way_are_found_from_points():
     wrong = []
     for seed in range(200):
         truth = Truth(seed)
-        found = place_frames(truth.p, truth.R, truth.y, truth.place, truth.point)
+        found = place_frames(truth.stand, truth.y)
         if truth.off(found) > 3 * ERROR or not np.array_equal(found.outlier, truth.bad):
             wrong.append((seed, truth.off(found)))
     assert len(wrong) <= 2, wrong
@@ -57,7 +58,7 @@ def test_fifty_stations_and_probes_are_found_from_poses():
     wrong = []
     for seed in range(50):
         truth = Truth(seed)
-        found = place_frames(truth.p, truth.R, truth.y, truth.place, truth.point, R_GM=truth.Y)
+        found = place_frames(truth.stand, truth.y, R_GM=truth.Y)
         probe = np.linalg.norm(log3(found.R_FM @ truth.F.swapaxes(1, 2)), axis=1).max()
         if max(truth.off(found), probe) > 3 * ERROR or not np.array_equal(found.outlier, truth.bad):
             wrong.append((seed, truth.off(found), probe))
@@ -67,25 +68,25 @@ def test_fifty_stations_and_probes_are_found_from_poses():
 @pytest.mark.parametrize("seed", range(5))
 def test_an_exact_robot_is_placed_exactly(seed):
     truth = Truth(seed, error=0.0)
-    assert truth.off(place_frames(truth.p, truth.R, truth.y, truth.place, truth.point)) < 1e-9
-    found = place_frames(truth.p, truth.R, truth.y, truth.place, truth.point, R_GM=truth.Y)
+    assert truth.off(place_frames(truth.stand, truth.y)) < 1e-9
+    found = place_frames(truth.stand, truth.y, R_GM=truth.Y)
     assert truth.off(found) < 1e-9
     assert pytest.approx(truth.F, abs=1e-9) == found.R_FM
 
 
 def test_known_tool_points_are_held():
     truth = Truth(4)
-    found = place_frames(truth.p, truth.R, truth.y, truth.place, truth.point, truth.m, R_GM=truth.Y)
+    found = place_frames(truth.stand, truth.y, truth.m, R_GM=truth.Y)
     assert np.array_equal(found.p_FM, truth.m)
     assert truth.off(found) < 3 * ERROR
-    p, R, one = truth.p[:9], truth.R[:9], np.zeros(9, int)
-    found = place_frames(p, R, p @ truth.A[0], one, one, p_FM=np.zeros((1, 3)))
+    p, R = truth.p[:9], truth.R[:9]
+    found = place_frames(FlangePoses.of_one(p, R), p @ truth.A[0], p_FM=np.zeros((1, 3)))
     assert found.R_BG[0] == pytest.approx(truth.A[0], abs=1e-9)
 
 
 def test_derivatives_agree_with_differences():
     truth = Truth(11, error=0.0, outliers=0.0, n=5)
-    s = flange_poses(truth.p, truth.R, truth.place, truth.point)
+    s = truth.stand
     free = np.ones(6 * s.n_places + 6 * s.n_points, dtype=bool)
     problem = FrameProblem(s, truth.y, truth.Y, free)
     state = PlacementFrames(truth.A[None], truth.t[None], truth.m[None], truth.F[None]).pack()
@@ -106,15 +107,14 @@ def test_rotation_vectors_agree_with_scipy_up_to_half_a_turn():
 
 def test_what_the_poses_leave_open_is_named():
     truth = Truth(2)
-    one = np.zeros(len(truth.p), int)
     still = np.broadcast_to(np.eye(3), truth.R.shape)
     with pytest.raises(NoSolutionError, match=r"position of gauge frame 1 and tool point 1.*about no axis"):
-        place_frames(truth.p, still, truth.p, one, one)
-    about_z = Rotation.from_rotvec(np.linspace(-2, 2, len(one))[:, None] * [0, 0, 1.0]).as_matrix()
+        place_frames(FlangePoses.of_one(truth.p, still), truth.p)
+    about_z = Rotation.from_rotvec(np.linspace(-2, 2, len(still))[:, None] * [0, 0, 1.0]).as_matrix()
     with pytest.raises(NoSolutionError, match="about one axis only"):
-        place_frames(truth.p, about_z, truth.p + about_z @ [0.1, 0, 0.1], one, one)
-    line = np.linspace(0, 1, len(one))[:, None] * [1.0, 0, 0]
+        place_frames(FlangePoses.of_one(truth.p, about_z), truth.p + about_z @ [0.1, 0, 0.1])
+    line = np.linspace(0, 1, len(still))[:, None] * [1.0, 0, 0]
     with pytest.raises(NoSolutionError, match="rotation of gauge frame 1"):
-        place_frames(line, still, line, one, one, p_FM=np.zeros((1, 3)))
+        place_frames(FlangePoses.of_one(line, still), line, p_FM=np.zeros((1, 3)))
     with pytest.raises(InputError, match="2 readings"):
-        place_frames(truth.p[:2], truth.R[:2], truth.y[:2], one[:2], one[:2])
+        place_frames(FlangePoses.of_one(truth.p[:2], truth.R[:2]), truth.y[:2])
