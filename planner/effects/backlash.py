@@ -43,7 +43,6 @@ LAG = EffectSize("s", 2e-3, 0.1, "estimated")
 SETTLING = EffectSize("1", 0.5, 2.0, "estimated")
 
 
-@dataclass(frozen=True)
 class SpeedSign(BasisFunction, key="speed-sign:JOINT", static=False, column="speed"):
     """φ = ±½ by the sign of a joint's speed."""
 
@@ -57,7 +56,6 @@ class SpeedSign(BasisFunction, key="speed-sign:JOINT", static=False, column="spe
         return np.asarray(0.5 * np.sign(c.column("speed")[:, self.joint]))
 
 
-@dataclass(frozen=True)
 class ApproachDirection(BasisFunction, key="approach:JOINT", static=False, column="direction"):
     """φ = ±½ by the side from which a joint was last approached."""
 
@@ -71,7 +69,6 @@ class ApproachDirection(BasisFunction, key="approach:JOINT", static=False, colum
         return np.asarray(0.5 * c.column("direction")[:, self.joint])
 
 
-@dataclass(frozen=True)
 class TorqueSign(BasisFunction, key="torque-sign:JOINT", loads=True):
     """φ = ±½ by the sign of the load torque about a joint: the side on which the teeth lie."""
 
@@ -86,7 +83,6 @@ class TorqueSign(BasisFunction, key="torque-sign:JOINT", loads=True):
         return LoadTorque(self.joint).plot_variable(c)
 
 
-@dataclass(frozen=True)
 class Hysteresis(BasisFunction, key="hysteresis:JOINT:NUMBER", static=False, column="reversals"):
     """φ = −½ … ½: friction on a spring goes from one side to the other over ``width`` [rad] of travel.
 
@@ -109,7 +105,6 @@ class Hysteresis(BasisFunction, key="hysteresis:JOINT:NUMBER", static=False, col
         return state
 
 
-@dataclass(frozen=True)
 class SpeedLag(BasisFunction, key="behind:JOINT", static=False, column="speed"):
     """φ = −speed [rad/s] of a joint: the arm stands where it was read a lag ago, sense of the kinematic row."""
 
@@ -123,7 +118,6 @@ class SpeedLag(BasisFunction, key="behind:JOINT", static=False, column="speed"):
         return np.asarray(-c.column("speed") @ c.setup.robot.sense_matrix[self.joint])
 
 
-@dataclass(frozen=True)
 class SettlingError(BasisFunction, key="unsettled:JOINT", static=False, column="q_cmd"):
     """φ = commanded − read angle [rad] of a joint, sense of the kinematic row."""
 

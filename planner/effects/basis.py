@@ -7,7 +7,7 @@ Each class states its key, the name that it has in files. A key is a word and it
 import re
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, fields
-from typing import ClassVar
+from typing import ClassVar, dataclass_transform
 
 import numpy as np
 
@@ -32,9 +32,10 @@ class EffectVariable:
         return self.values if self.period is None else np.mod(self.values, self.period)
 
 
+@dataclass_transform(frozen_default=True)
 @dataclass(frozen=True)
 class BasisFunction(ABC):
-    """A basis function; its fields are the arguments of its key.
+    """A basis function; each subclass is a frozen dataclass, whose fields are the arguments of its key.
 
     Attributes:
         pattern: of the keys: a word, which may offer alternatives in parentheses (the first field says which), then the
@@ -71,6 +72,7 @@ class BasisFunction(ABC):
         column: str = "",
     ) -> None:
         super().__init_subclass__()
+        dataclass(frozen=True)(cls)
         cls.pattern, cls.is_static, cls.needs_loads, cls.of_gauge, cls.of_run = key, static, loads, gauge, run
         cls.column = column
         if not key:
@@ -116,7 +118,6 @@ def _text(kind: str, value: "int | float | BasisFunction") -> str:
     return str(int(value) + (kind in COUNTED_FROM_ONE))
 
 
-@dataclass(frozen=True)
 class One(BasisFunction, key="1"):
     """φ = 1: a geometric error, an offset of the gauge."""
 
@@ -125,7 +126,6 @@ class One(BasisFunction, key="1"):
         return np.ones(1)
 
 
-@dataclass(frozen=True)
 class Times(BasisFunction, key="times:NUMBER:PHI"):
     """φ times a number."""
 
@@ -137,7 +137,6 @@ class Times(BasisFunction, key="times:NUMBER:PHI"):
         return self.factor * self.phi(c)
 
 
-@dataclass(frozen=True)
 class AtPlace(BasisFunction, key="place:INDEX", static=False, gauge=True):
     """φ = ±1 where the gauge stands at this place (fixture, plate, stand of a tracker), else 0."""
 
@@ -149,7 +148,6 @@ class AtPlace(BasisFunction, key="place:INDEX", static=False, gauge=True):
         return np.where(c.samples.place == self.place, self.sign, 0.0)
 
 
-@dataclass(frozen=True)
 class AtPoint(BasisFunction, key="point:INDEX", static=False, gauge=True):
     """φ = 1 where this target on the tool was measured, else 0."""
 

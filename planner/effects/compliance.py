@@ -1,7 +1,7 @@
 """Compliance of joints, links, base and tool under weight, payload and the pull of the bar, and wrong masses."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -31,7 +31,6 @@ BENDING = "Meggiolaro, Dubowsky & Mavroidis 2005, Mech. Mach. Theory 40(7): elas
 MASSES = "estimated: a mass wrong by a third of a link or payload, at joints as soft as in the TriCal paper, Table 8"
 
 
-@dataclass(frozen=True)
 class LoadTorque(BasisFunction, key="torque:JOINT", loads=True):
     """φ = torque [Nm] with which gravity, payload and the bar turn this joint, in the sense of its kinematic row.
 
@@ -46,7 +45,6 @@ class LoadTorque(BasisFunction, key="torque:JOINT", loads=True):
         return c.load_torque[:, self.joint]
 
 
-@dataclass(frozen=True)
 class LoadMoment(BasisFunction, key="moment:STATION:AXIS", loads=True):
     """φ = moment [Nm] of weights and the bar's pull about an axis (0, 1, 2) of a station, see ``Context``."""
 
@@ -62,7 +60,6 @@ class LoadMoment(BasisFunction, key="moment:STATION:AXIS", loads=True):
         return EffectVariable(f"moment of the weights about {'xyz'[self.axis]} (Nm)", self(c))
 
 
-@dataclass(frozen=True)
 class TipMoment(BasisFunction, key="tip:AXIS", loads=True):
     """φ = moment [Nm/kg] about an axis of the flange of a unit mass in the measured point: a tool of unknown weight."""
 
@@ -74,7 +71,6 @@ class TipMoment(BasisFunction, key="tip:AXIS", loads=True):
         return np.asarray(np.einsum("in,in->n", c.stations.R[-1][:, self.axis], moment))
 
 
-@dataclass(frozen=True)
 class StationTwist(BasisFunction, key="twist:STATION:AXIS:PART:PHI"):
     """φ = one of the six numbers by which a turn about an axis of a station moves the whole arm as seen at its base.
 
@@ -96,7 +92,6 @@ class StationTwist(BasisFunction, key="twist:STATION:AXIS:PART:PHI"):
         return np.asarray((p[k] * u[m] - p[m] * u[k]) * self.by(c))
 
 
-@dataclass(frozen=True)
 class WeightTorque(BasisFunction, key="weight:JOINT:LINK", loads=True):
     """φ = torque [Nm/kg] about a joint of a unit mass in the centre of a link or (link = N) of the payload."""
 
@@ -110,7 +105,6 @@ class WeightTorque(BasisFunction, key="weight:JOINT:LINK", loads=True):
         return np.asarray(np.einsum("in,in->n", c.motion.u[k], np.cross(lever, c.setup.gravity_B[:, None], axis=0)))
 
 
-@dataclass(frozen=True)
 class PayloadTorque(BasisFunction, key="payload:JOINT", loads=True, column="payload"):
     """φ = torque [Nm] of the logged payload alone about a joint."""
 
@@ -122,7 +116,6 @@ class PayloadTorque(BasisFunction, key="payload:JOINT", loads=True, column="payl
         return c.column("payload") * WeightTorque(self.joint, c.setup.robot.n_joints)(c)
 
 
-@dataclass(frozen=True)
 class DriveTorque(BasisFunction, key="drive:JOINT", static=False, column="torque"):
     """φ = torque [Nm] against which a joint's drive holds, as logged, in the sense of the kinematic row."""
 

@@ -1,7 +1,6 @@
 """Errors of the gauge itself, on its reading: of a bar or wire of length L, or of a tracker's frame."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -36,7 +35,6 @@ def against_length(phi: BasisFunction, c: Context) -> EffectVariable:
     return EffectVariable("length (mm)", to_mm(c.length))
 
 
-@dataclass(frozen=True)
 class BarLength(BasisFunction, key="length", static=False, gauge=True):
     """φ = L [m]: a scale error."""
 
@@ -47,7 +45,6 @@ class BarLength(BasisFunction, key="length", static=False, gauge=True):
         return c.length
 
 
-@dataclass(frozen=True)
 class LengthPower(BasisFunction, key="length-power:NUMBER:NUMBER:INDEX", static=False, gauge=True):
     """φ = ((L − about)/span)^power: a scale that is bent over its range."""
 
@@ -61,7 +58,6 @@ class LengthPower(BasisFunction, key="length-power:NUMBER:NUMBER:INDEX", static=
         return np.asarray(((c.length - self.about) / self.span) ** self.power)
 
 
-@dataclass(frozen=True)
 class LengthGrowth(BasisFunction, key="growth:NUMBER", static=False, gauge=True, column="temperature"):
     """φ = (T − about)·L [K m]: thermal growth of the bar or of its scale."""
 
@@ -73,7 +69,6 @@ class LengthGrowth(BasisFunction, key="growth:NUMBER", static=False, gauge=True,
         return (c.column("temperature") - self.about) * c.length
 
 
-@dataclass(frozen=True)
 class LengthLag(BasisFunction, key="length-lag", static=False, gauge=True, column="speed"):
     """φ = −dL/dt [m/s]: a reading that comes late shows what was."""
 
@@ -85,7 +80,6 @@ class LengthLag(BasisFunction, key="length-lag", static=False, gauge=True, colum
         return np.asarray(-np.einsum("ni,ni->n", c.velocity, c.bar.direction))
 
 
-@dataclass(frozen=True)
 class BallOffset(BasisFunction, key="bar-(fixture|tool):AXIS", static=False, gauge=True):
     """φ = component of the bar's direction along an axis (0, 1, 2) of base or flange: a ball off its centre."""
 
@@ -103,7 +97,6 @@ def ball_direction(c: Context, end: "BallEnd") -> Array:
     return e if end == "fixture" else np.asarray(np.einsum("ni,ian->na", e, c.motion.R))
 
 
-@dataclass(frozen=True)
 class BallShape(BasisFunction, key="ball-shape-(fixture|tool):INDEX:INDEX", static=False, gauge=True):
     """φ = real spherical harmonic, at most 1, of the bar's direction in axes of base or flange: a ball out of round.
 
@@ -125,7 +118,6 @@ class BallShape(BasisFunction, key="ball-shape-(fixture|tool):INDEX:INDEX", stat
         return np.asarray(size * (wave.imag if order < 0 else wave.real))
 
 
-@dataclass(frozen=True)
 class BarSag(BasisFunction, key="sag:NUMBER", static=False, gauge=True):
     """φ = (L/span)³ · (1 − (e·g)²/g²): a wire or rod that hangs through under its own weight.
 
@@ -141,7 +133,6 @@ class BarSag(BasisFunction, key="sag:NUMBER", static=False, gauge=True):
         return np.asarray((c.length / self.span) ** 3 * (1.0 - (c.bar.direction @ down) ** 2))
 
 
-@dataclass(frozen=True)
 class ScaleWave(BasisFunction, key="scale-(sin|cos):NUMBER", static=False, gauge=True):
     """φ = sin or cos(2π·reading/period) of the length as it was read: interpolation error of a scale."""
 
@@ -158,7 +149,6 @@ class ScaleWave(BasisFunction, key="scale-(sin|cos):NUMBER", static=False, gauge
         return EffectVariable(f"length, folded at {period:.4g} mm (mm)", to_mm(c.length), period)
 
 
-@dataclass(frozen=True)
 class GaugeRay(BasisFunction, key="ray:AXIS", static=False, gauge=True):
     """φ = component, along an axis of the base, of the way from gauge to point [m]: scale of a tracker."""
 
@@ -169,7 +159,6 @@ class GaugeRay(BasisFunction, key="ray:AXIS", static=False, gauge=True):
         return c.ray[:, self.axis]
 
 
-@dataclass(frozen=True)
 class BallPlace(BasisFunction, key="ball-place:INDEX:AXIS:AXIS", static=False, gauge=True):
     """φ = −1 at the ball or socket that is nearest, along one of the plate's axes, seen along one of the base's.
 
@@ -193,7 +182,6 @@ def nearest_ball(c: Context) -> np.ndarray:
     return np.asarray(np.argmin(np.linalg.norm(p_GM[:, None] - setup.p_GS[None], axis=2), axis=1))
 
 
-@dataclass(frozen=True)
 class RayGrowth(BasisFunction, key="ray-growth:AXIS:NUMBER", static=False, gauge=True, column="temperature"):
     """φ = (T − about) times the component of ``GaugeRay`` [K m]."""
 
@@ -205,7 +193,6 @@ class RayGrowth(BasisFunction, key="ray-growth:AXIS:NUMBER", static=False, gauge
         return np.asarray((c.column("temperature") - self.about) * c.ray[:, self.axis])
 
 
-@dataclass(frozen=True)
 class PointLag(BasisFunction, key="point-lag:AXIS", static=False, gauge=True, column="speed"):
     """φ = −velocity of the point along an axis of the base [m/s]: a tracker whose clock runs late."""
 
@@ -216,7 +203,6 @@ class PointLag(BasisFunction, key="point-lag:AXIS", static=False, gauge=True, co
         return -c.velocity[:, self.axis]
 
 
-@dataclass(frozen=True)
 class BeamRefraction(BasisFunction, key="refraction:AXIS", static=False, gauge=True):
     """φ = component along an axis of the base of the bend of a light ray, upwards by its range squared [m²]."""
 

@@ -4,7 +4,6 @@ They have no name and are never sought; beside them an error that nobody wrote d
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
@@ -19,7 +18,6 @@ BAR_DEGREE, RAY_DEGREE = 3, 3
 USUAL_BAR, USUAL_RAY = 2e-5, 1e-5  # [m], one sigma of all powers together
 
 
-@dataclass(frozen=True)
 class BarShape(BasisFunction, key="bar-shape:NUMBER:NUMBER:NUMBER:INDEX:INDEX:INDEX:INDEX", static=False, gauge=True):
     """φ = ((L − about)/span)^length · (eₓ^x e_y^y e_z^z − mean), of the length L and the bar's direction e in the base.
 
@@ -42,7 +40,6 @@ class BarShape(BasisFunction, key="bar-shape:NUMBER:NUMBER:NUMBER:INDEX:INDEX:IN
         return np.asarray(scaled**self.length * (turned - self.mean))
 
 
-@dataclass(frozen=True)
 class RayShape(BasisFunction, key="ray-shape:INDEX:INDEX:INDEX", static=False, gauge=True):
     """φ = rₓ^x r_y^y r_z^z of the way r [m] from gauge to point in the base frame."""
 

@@ -1,7 +1,6 @@
 """Effects of encoders, gears, couplings and bearings on the angle of a joint."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from functools import partial
 from typing import Literal
 
@@ -28,7 +27,6 @@ STRAIN = "Ghorbel, Gandhi & Alpeter 2001, J. Mech. Design 123(1): strain-wave ge
 NUBIOLA = "Nubiola & Bonev 2013, RCIM 29(1): coupling of wrist joints"
 
 
-@dataclass(frozen=True)
 class JointWave(BasisFunction, key="(sin|cos):JOINT:NUMBER"):
     """φ = sin or cos(f·q) of a joint's angle q as read; f waves in one turn of the joint, any number."""
 
@@ -48,7 +46,6 @@ class JointWave(BasisFunction, key="(sin|cos):JOINT:NUMBER"):
         return EffectVariable(f"joint {self.joint + 1}, folded at {period:.4g} deg (deg)", q, period)
 
 
-@dataclass(frozen=True)
 class BoundedWave(JointWave, key="bounded-(sin|cos):JOINT:NUMBER:NUMBER:NUMBER"):
     """The same of an angle kept between two others [rad]: beyond what was measured a curve stays as at its edge."""
 
@@ -61,7 +58,6 @@ class BoundedWave(JointWave, key="bounded-(sin|cos):JOINT:NUMBER:NUMBER:NUMBER")
         return np.asarray((np.sin if self.wave == "sin" else np.cos)(self.frequency * q))
 
 
-@dataclass(frozen=True)
 class JointAngle(BasisFunction, key="angle:JOINT:NUMBER"):
     """φ = q − about [rad] of a joint as read: a wrong ratio, or the coupling of another joint to this one."""
 

@@ -1,7 +1,6 @@
 """What changes between sessions: the gauge's zero, the frame it stands in, a fixture that was mounted anew."""
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -22,7 +21,6 @@ def against_session(phi: BasisFunction, c: Context) -> EffectVariable:
     return EffectVariable("session", c.samples.session.astype(float))
 
 
-@dataclass(frozen=True)
 class InSession(BasisFunction, key="session:INDEX", static=False, run=True, column="session"):
     """φ = 1 in one session, else 0."""
 
@@ -35,7 +33,6 @@ class InSession(BasisFunction, key="session:INDEX", static=False, run=True, colu
         return np.asarray(c.samples.session == self.session, dtype=float)
 
 
-@dataclass(frozen=True)
 class PlaceInSession(BasisFunction, key="remounted:INDEX:INDEX", static=False, gauge=True, run=True, column="session"):
     """φ = 1 at one place in one session, else 0: where a fixture stands after it was mounted anew."""
 

@@ -32,7 +32,6 @@ FREE = frozenset({"fixture", "tool", "zero"})  # what places a gauge
 ESTIMATED = "estimated"
 
 
-@dataclass(frozen=True)
 class BeforeSample(BasisFunction, key="before:INDEX:PHI", static=False, gauge=True):
     """φ = −PHI in the samples before this one, from 0, and 0 from it on; a run without numbers came later."""
 
@@ -49,7 +48,6 @@ class BeforeSample(BasisFunction, key="before:INDEX:PHI", static=False, gauge=Tr
         return _against_sample(c)
 
 
-@dataclass(frozen=True)
 class AtSample(BasisFunction, key="row:INDEX", static=False, gauge=True):
     """φ = 1 in one sample, from 0, else 0."""
 

@@ -45,7 +45,6 @@ def against_time(phi: BasisFunction, c: Context) -> EffectVariable:
     return EffectVariable("time (min)", (c.column("t") - c.column("t").min()) / 60)
 
 
-@dataclass(frozen=True)
 class TemperatureRise(BasisFunction, key="warmth:NUMBER", static=False, column="temperature"):
     """φ = temperature − about [K]."""
 
@@ -58,7 +57,6 @@ class TemperatureRise(BasisFunction, key="warmth:NUMBER", static=False, column="
         return c.column("temperature") - self.about
 
 
-@dataclass(frozen=True)
 class ElapsedTime(BasisFunction, key="elapsed:NUMBER", static=False, run=True, column="t"):
     """φ = time since ``start`` [s]."""
 
@@ -71,7 +69,6 @@ class ElapsedTime(BasisFunction, key="elapsed:NUMBER", static=False, run=True, c
         return c.column("t") - self.start
 
 
-@dataclass(frozen=True)
 class WarmUp(BasisFunction, key="warm-up:NUMBER:NUMBER", static=False, run=True, column="t"):
     """φ = 1 − exp(−(t − start)/τ): one body that warms up to a new balance (Newton's law of cooling)."""
 

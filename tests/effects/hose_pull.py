@@ -1,7 +1,5 @@
 """An effect that is not shipped, in one file: a hose that pulls at a joint once another one has wound it up."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from planner.effects.basis import BasisFunction
@@ -11,7 +9,6 @@ from planner.effects.effect import Effect, Parameter, joint_place, transform_mov
 SLACK = 0.2  # [rad] of the winding joint, before the hose is taut
 
 
-@dataclass(frozen=True)
 class HoseWinding(BasisFunction, key="hose:JOINT"):
     """φ = how far a joint has wound up the hose beyond its slack [rad]."""
 
