@@ -116,6 +116,18 @@ def display_unit(unit: str, size: float) -> tuple[str, float]:
     return unit, 1.0
 
 
+def format_value(value: float, std: float | None, unit: str, factor: float) -> str:
+    """``182 ± 6 µrad``: the uncertainty to two digits at most, the value no finer than that."""
+    value *= factor
+    if std is None or not np.isfinite(std) or std <= 0:
+        return f"{value:.3g} {unit}".strip()
+    std *= factor
+    if std < 1e-8:
+        return f"{value:.3g} ± {std:.2g} {unit}".strip()
+    digits = 0 if std >= 3 else int(max(1 - np.floor(np.log10(std)), 0))
+    return f"{value:.{digits}f} ± {std:.{digits}f} {unit}".strip()
+
+
 def _split(unit: str) -> tuple[str, str]:
     first = re.split("[/·]", unit)[0]
     return first, unit[len(first) :]

@@ -7,11 +7,10 @@ import numpy as np
 
 from planner.common.units import Array, to_deg
 from planner.effects.basis import BasisFunction, EffectVariable
-from planner.effects.catalogue import CONTINUOUS_RUN, Excitation, register
+from planner.effects.catalogue import CONTINUOUS_RUN, Background, Excitation, register
 from planner.effects.compliance import LoadTorque
 from planner.effects.context import Context
 from planner.effects.effect import (
-    Background,
     Effect,
     NonlinearParameter,
     Parameter,

@@ -3,6 +3,7 @@
 import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from enum import Enum, auto
 from functools import cached_property
 from importlib import import_module
 
@@ -15,7 +16,7 @@ from planner.common.extensions import load_extensions
 from planner.common.units import Array
 from planner.effects.basis import BasisFunction
 from planner.effects.context import Context
-from planner.effects.effect import Background, Effect
+from planner.effects.effect import Effect
 from planner.runs.run import Samples
 
 SAMPLES_LOOKED_AT = 4_000
@@ -99,6 +100,23 @@ class Excitation:
 
 SHIPPED = ("compliance", "gears", "backlash", "thermal", "gauge_errors", "sessions", "nonparametric", "steps")
 EffectGenerator = Callable[[Excitation], Iterator[Effect]]
+
+
+class Background(Enum):
+    """How effects of a kind that were not found enter the posterior."""
+
+    BY_KIND = auto()
+    """With one size for all places, since a run says little of each."""
+    BY_PLACE = auto()
+    """With a size at each place."""
+    COMMON = auto()
+    """With a size at each place, likely whatever else an arm has. Example: joint compliance, as all joints yield."""
+    KNOWN = auto()
+    """With the size that is expected: a run says nothing of it. Its findings do not enter the robot."""
+    OF_SHAPE = auto()
+    """Not at all, found or not, as smooth errors of the gauge of any shape stand for them. Example: sag of a wire."""
+    NAMED_ONLY = auto()
+    """Not at all, unless found: what hardly any arm has, or other columns stand for."""
 
 
 @dataclass(frozen=True)

@@ -8,10 +8,9 @@ import numpy as np
 from planner.cell.setup import MeasurementSetup
 from planner.common.units import Array
 from planner.effects.basis import BasisFunction, EffectVariable, Times
-from planner.effects.catalogue import Excitation, register
+from planner.effects.catalogue import Background, Excitation, register
 from planner.effects.context import Context
 from planner.effects.effect import (
-    Background,
     Effect,
     Parameter,
     ParameterMove,

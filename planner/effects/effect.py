@@ -2,17 +2,15 @@
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
-from enum import Enum, Flag, auto
+from enum import Flag, auto
 from functools import cached_property
 from typing import Literal
 
 import numpy as np
 
 from planner.cell.setup import N_BASE_TRANSFORMS, MeasurementSetup
-from planner.common.units import Array, display_unit, si_unit
+from planner.common.units import Array, display_unit, format_value, si_unit
 from planner.effects.basis import ONE, AtPoint, BasisFunction
-
-ParameterUnit = str  # m, rad, s, or a quotient such as rad/Nm
 
 
 @dataclass(frozen=True)
@@ -30,7 +28,7 @@ class Parameter:
 
     Attributes:
         name: for instance ``alpha2``, ``fixture_A_x``, ``map_z``, ``zero``, ``compliance2``.
-        unit: of its value.
+        unit: of its value: m, rad, s, or a quotient such as rad/Nm.
         prior: one-sigma size expected before any measurement, in that unit.
         what: what it is, in a mechanic's words.
         moves: all that it moves; most parameters move one thing.
@@ -38,7 +36,7 @@ class Parameter:
     """
 
     name: str
-    unit: ParameterUnit
+    unit: str
     prior: float
     what: str
     moves: tuple[ParameterMove, ...]
@@ -66,11 +64,6 @@ def transform_move(index: int, phi: BasisFunction = ONE) -> tuple[ParameterMove,
 def reading_move(phi: BasisFunction = ONE, index: int = 0) -> tuple[ParameterMove, ...]:
     """Move one number of the reading."""
     return (ParameterMove("reading", index, phi),)
-
-
-def gauge_parameters(setup: MeasurementSetup, free: frozenset[str]) -> Iterator[Parameter]:
-    """Parameters that place the gauge: fixture or frame, targets on the tool, zero."""
-    yield from setup.gauge.parameters(setup, free)
 
 
 def tool_parameters(setup: MeasurementSetup) -> Iterator[Parameter]:
@@ -132,23 +125,6 @@ class Role(Flag):
     """Something that stood otherwise before a sample that the search found, or a single wrong row."""
 
 
-class Background(Enum):
-    """How effects of a kind that were not found enter the posterior."""
-
-    BY_KIND = auto()
-    """With one size for all places, since a run says little of each."""
-    BY_PLACE = auto()
-    """With a size at each place."""
-    COMMON = auto()
-    """With a size at each place, likely whatever else an arm has. Example: joint compliance, as all joints yield."""
-    KNOWN = auto()
-    """With the size that is expected: a run says nothing of it. Its findings do not enter the robot."""
-    OF_SHAPE = auto()
-    """Not at all, found or not, as smooth errors of the gauge of any shape stand for them. Example: sag of a wire."""
-    NAMED_ONLY = auto()
-    """Not at all, unless found: what hardly any arm has, or other columns stand for."""
-
-
 @dataclass(frozen=True)
 class Place:
     """What an effect acts on.
@@ -192,6 +168,22 @@ class NonlinearParameter:
     unit: str
     values: Array
     log: bool = False
+
+    def spacing(self, at: float) -> float:
+        """Distance of the neighbours of a value on the grid."""
+        return float(self.spacings(np.array([at]))[0])
+
+    def spacings(self, at: Array) -> Array:
+        """Return the same for several values (k,)."""
+        grid = np.sort(self.values)
+        if len(grid) < 2:
+            return np.abs(at) * 0.1
+        k = np.clip(np.searchsorted(grid, at), 1, len(grid) - 1)
+        return np.asarray(grid[k] - grid[k - 1])
+
+    def clip(self, value: float) -> float:
+        """Keep a value inside the grid: beyond it other effects begin."""
+        return float(np.clip(value, self.values.min(), self.values.max()))
 
 
 Parameters = Callable[[float], Iterable[Parameter]]
@@ -266,15 +258,3 @@ def implausible_text(effect: Effect, size: float) -> str:
     unit = display_unit(effect.unit, size)
     size_text, most = (format_value(v, None, *unit) for v in (size, effect.largest))
     return f"{size_text} is not plausible: at most {most} ({effect.literature})"
-
-
-def format_value(value: float, std: float | None, unit: str, factor: float) -> str:
-    """``182 ± 6 µrad``: the uncertainty to two digits at most, the value no finer than that."""
-    value *= factor
-    if std is None or not np.isfinite(std) or std <= 0:
-        return f"{value:.3g} {unit}".strip()
-    std *= factor
-    if std < 1e-8:
-        return f"{value:.3g} ± {std:.2g} {unit}".strip()
-    digits = 0 if std >= 3 else int(max(1 - np.floor(np.log10(std)), 0))
-    return f"{value:.{digits}f} ± {std:.{digits}f} {unit}".strip()

@@ -8,9 +8,9 @@ import numpy as np
 from planner.cell.setup import MeasurementSetup
 from planner.common.units import Array, to_mm
 from planner.effects.basis import BasisFunction, EffectVariable
-from planner.effects.catalogue import CONTINUOUS_RUN, Excitation, register
+from planner.effects.catalogue import CONTINUOUS_RUN, Background, Excitation, register
 from planner.effects.context import Context
-from planner.effects.effect import Background, Effect, NonlinearParameter, Parameter, ParameterMove, Place, reading_move
+from planner.effects.effect import Effect, NonlinearParameter, Parameter, ParameterMove, Place, reading_move
 from planner.effects.thermal import against_temperature
 
 KAKINO = "Kakino, Ihara & Nakatsu 1987, CIRP Annals 36(1): errors of double ball bars, some micrometres"

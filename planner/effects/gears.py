@@ -8,10 +8,10 @@ import numpy as np
 
 from planner.common.units import Array, to_deg
 from planner.effects.basis import BasisFunction, EffectVariable
-from planner.effects.catalogue import Excitation, register
+from planner.effects.catalogue import Background, Excitation, register
 from planner.effects.compliance import twist_moves
 from planner.effects.context import Context
-from planner.effects.effect import Background, Effect, NonlinearParameter, Parameter, Role, joint_place, transform_move
+from planner.effects.effect import Effect, NonlinearParameter, Parameter, Role, joint_place, transform_move
 
 USUAL_WAVE, LARGEST_WAVE = 1e-4, 5e-3  # [rad]: one sigma, 20 arc seconds, and the most that is plausible
 LARGEST_RATIO = 2.5  # a parallelogram that nobody declared couples by -1, a joint counted backwards is off by -2

@@ -8,9 +8,8 @@ from planner.cell.cell import Cell
 from planner.cell.file import FIRST_POINT
 from planner.common.determinism import even_positions
 from planner.common.errors import NoSolutionError
-from planner.common.units import DEG, MM, Array, display_unit
+from planner.common.units import DEG, MM, Array, display_unit, format_value
 from planner.design.observability.information import r_factor
-from planner.effects.effect import format_value
 from planner.effects.steps import SLIP
 from planner.identification.angle_hints import angle_hint
 from planner.identification.artifact_pose import declared_pose_warnings, gauge_frames

@@ -12,8 +12,8 @@ import numpy as np
 
 from planner.cell.setup import N_BASE_TRANSFORMS, MeasurementSetup
 from planner.common.units import Array
-from planner.effects.catalogue import Excitation, catalogue, effect_kinds, registration_of
-from planner.effects.effect import Background, Effect, Parameter, Role, transform_move
+from planner.effects.catalogue import Background, Excitation, catalogue, effect_kinds, registration_of
+from planner.effects.effect import Effect, Parameter, Role, transform_move
 from planner.effects.gauge_shapes import gauge_shapes
 from planner.effects.gears import USUAL_WAVE, WAVES, JointWave
 from planner.effects.nonparametric import GEAR_CURVE, NONPARAMETRIC

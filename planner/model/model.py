@@ -16,7 +16,7 @@ from planner.cell.setup import MeasurementSetup, Targets, setup_of
 from planner.common.units import Array
 from planner.effects.basis import BasisFunction
 from planner.effects.context import Context
-from planner.effects.effect import Parameter, gauge_parameters, robot_parameters
+from planner.effects.effect import Parameter, robot_parameters
 from planner.kinematics.chain import ForwardPass
 from planner.model.columns import Columns
 from planner.runs.run import Samples
@@ -103,7 +103,7 @@ class Model:
 
         What places the gauge comes first: it is known worst.
         """
-        return cls(setup, (*gauge_parameters(setup, free), *robot_parameters(setup)))
+        return cls(setup, (*setup.gauge.parameters(setup, free), *robot_parameters(setup)))
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -11,7 +11,6 @@ from planner.tracing.score_test import EffectScore, ScoreTest
 from planner.tracing.state import (
     MASS_PRIOR,
     FittedEffect,
-    grid_spacings,
     known_values,
     link_mass_parameters,
     may_join,
@@ -95,7 +94,7 @@ def _are_distinct(effect: Effect, items: Sequence[DictionaryItem], effects: tupl
         return np.ones(len(items), dtype=bool)
     values = np.array([item.value for item in items], dtype=float)
     apart = np.abs(values[:, None] - known).min(axis=1)
-    return np.asarray(apart > LEAST_SEPARATION * grid_spacings(effect, values))
+    return np.asarray(apart > LEAST_SEPARATION * effect.nonlinear.spacings(values))
 
 
 def _explained_by_compliance(test: ScoreTest, scores: list[EffectScore]) -> set[str]:

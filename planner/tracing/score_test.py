@@ -18,10 +18,6 @@ from planner.identification.problem import FitProblem
 from planner.model.model import Model
 from planner.tracing.column_space import ColumnSpace, products_of_items, squares_before
 from planner.tracing.dictionary import EffectAtValue, EffectDictionary, WhitenedDictionary, whiten
-from planner.tracing.state import (
-    clip_to_grid,
-    grid_spacing,
-)
 
 SCREENED_SAMPLES = 4_000  # samples of a long run that are screened
 LEAST_SHARE = 1e-6  # share of a column that must be left off the model's for its parameter to count as shown
@@ -266,9 +262,10 @@ class ScoreTest:
 
     def refine_value(self, effect: Effect, value: float) -> float:
         """Move a nonlinear value off its grid to where the effect explains most."""
-        width = grid_spacing(effect, value)
+        assert effect.nonlinear is not None
+        grid, width = effect.nonlinear, effect.nonlinear.spacing(value)
         for _ in range(REFINEMENT_ROUNDS):
-            tries = np.unique([clip_to_grid(effect, float(v)) for v in value + width * np.linspace(-1, 1, 11)])
+            tries = np.unique([grid.clip(float(v)) for v in value + width * np.linspace(-1, 1, 11)])
             gains = self.score(self.lay_out([(effect, float(v)) for v in tries])).gain
             value = float(tries[int(np.argmax(gains))])
             width /= 5

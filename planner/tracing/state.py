@@ -24,31 +24,11 @@ MASS_PRIOR = 0.15  # one sigma of a link's mass over its stated one
 LARGEST_MASS_PRIOR = 0.3  # one sigma of the masses as fitted, above which it is not the masses that the run shows
 
 
-def grid_spacing(effect: Effect, value: float) -> float:
-    """Distance of the neighbours at ``value`` on the grid of an effect's nonlinear parameter."""
-    return float(grid_spacings(effect, np.array([value]))[0])
-
-
-def grid_spacings(effect: Effect, values: Array) -> Array:
-    """Return the same for several values (k,)."""
-    assert effect.nonlinear is not None
-    grid = np.sort(effect.nonlinear.values)
-    if len(grid) < 2:
-        return np.abs(values) * 0.1
-    k = np.clip(np.searchsorted(grid, values), 1, len(grid) - 1)
-    return np.asarray(grid[k] - grid[k - 1])
-
-
-def clip_to_grid(effect: Effect, value: float) -> float:
-    """Keep a nonlinear value inside its grid: beyond it other effects begin."""
-    assert effect.nonlinear is not None
-    return float(np.clip(value, effect.nonlinear.values.min(), effect.nonlinear.values.max()))
-
-
 def sensitivity_parameter(effect: Effect, value: float, sizes: Array) -> Parameter:
     """Return the parameter that moves the nonlinear value, the effect's parameters being ``sizes``."""
     assert effect.nonlinear is not None
-    h = DIFFERENCE_STEP * grid_spacing(effect, value)
+    spacing = effect.nonlinear.spacing(value)
+    h = DIFFERENCE_STEP * spacing
     moves: list[ParameterMove] = []
     for sign in (1.0, -1.0):
         for parameter, size in zip(effect.make(value + sign * h), sizes, strict=True):
@@ -58,7 +38,7 @@ def sensitivity_parameter(effect: Effect, value: float, sizes: Array) -> Paramet
         effect.make(value)[0],
         name=f"{effect.name}, {effect.nonlinear.name}",
         unit=effect.nonlinear.unit,
-        prior=2 * grid_spacing(effect, value),
+        prior=2 * spacing,
         what=f"{effect.nonlinear.name} of {effect.name}",
         moves=tuple(moves),
     )
@@ -123,9 +103,10 @@ class FittedEffect:
     def step_value(self, step: float) -> "FittedEffect":
         """Move the nonlinear value, by one grid spacing at most: beyond it the linear step means nothing."""
         assert self.value is not None
-        width = grid_spacing(self.effect, self.value)
+        assert self.effect.nonlinear is not None
+        width = self.effect.nonlinear.spacing(self.value)
         value = float(np.clip(self.value + step, self.value - width, self.value + width))
-        return replace(self, value=clip_to_grid(self.effect, value))
+        return replace(self, value=self.effect.nonlinear.clip(value))
 
     def sensitivity(self, errors: dict[str, float]) -> Parameter | None:
         """The parameter that moves the nonlinear value, where there is one and the effect has a size."""

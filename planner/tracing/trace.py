@@ -7,9 +7,9 @@ from itertools import pairwise
 
 import numpy as np
 
-from planner.common.units import MM, Array, display_unit
+from planner.common.units import MM, Array, display_unit, format_value
 from planner.effects.catalogue import catalogue
-from planner.effects.effect import Effect, Role, format_value
+from planner.effects.effect import Effect, Role
 from planner.effects.steps import STEP
 from planner.identification.calibration import TracingResult
 from planner.identification.stages import FitContext, FittedStage

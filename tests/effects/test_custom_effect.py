@@ -8,10 +8,10 @@ import pytest
 import planner.effects.basis as basis
 import planner.effects.catalogue as registry
 from planner.common.errors import InputError
-from planner.common.units import display_unit
+from planner.common.units import display_unit, format_value
 from planner.effects.catalogue import catalogue, check_effect_name, effect_kinds, needs_of
 from planner.effects.context import Context
-from planner.effects.effect import Parameter, format_value, transform_move
+from planner.effects.effect import Parameter, transform_move
 from planner.effects.phi_keys import functions_in, is_static, phi_from_key
 from planner.identification.pipeline import FitSettings, identify
 from planner.tracing.trace import trace
