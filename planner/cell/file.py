@@ -1,5 +1,6 @@
 """The cell file as the contract gives it (schema ``edbb-cell/1``): millimetres and degrees, units in the keys."""
 
+from collections.abc import Sequence
 from itertools import combinations
 from math import dist
 from typing import Annotated, ClassVar, Literal
@@ -125,6 +126,16 @@ class BarFile(StrictModel):
     trim_mm: PositiveFloat = 40.0
 
 
+def _with_usual_keys(data: dict[str, object], kind: object, sections: Sequence[str]) -> dict[str, object]:
+    """Return sections of a file in which the usual keys of a kind of gauge stand where none are given."""
+    gauge = gauge_kinds().get(str(kind))
+    for section in sections:
+        usual, given = {} if gauge is None else gauge.usual_keys.get(section, {}), data.get(section, {})
+        if usual and isinstance(given, dict):
+            data = data | {section: {**usual, **given}}
+    return data
+
+
 class GaugeFile(OptionalKeys):
     """``[gauge]``: what is measured, its workspace and body."""
 
@@ -148,10 +159,7 @@ class GaugeFile(OptionalKeys):
             return data
         kind = gauge_kinds().get(str(data.get("kind")))
         keys = () if kind is None or kind.OwnKeys is None else tuple(kind.OwnKeys.model_fields)
-        for key, usual in () if kind is None else (("body", kind.usual_body), ("cone_deg", kind.usual_cone)):
-            given = data.get(key, {})
-            if usual and isinstance(given, dict):
-                data = data | {key: dict(usual) | given}
+        data = _with_usual_keys(data, data.get("kind"), ("body", "cone_deg"))
         return {k: v for k, v in data.items() if k not in keys} | {"own": {k: data[k] for k in keys if k in data}}
 
     @field_validator("kind")
@@ -285,10 +293,7 @@ class CellFile(OptionalKeys):
         """Let the gauge say what is planned where nothing else is asked for."""
         if not isinstance(data, dict) or not isinstance(gauge := data.get("gauge"), dict):
             return data
-        kind, plan = gauge_kinds().get(str(gauge.get("kind"))), data.get("plan", {})
-        if kind is None or not kind.usual_plan or not isinstance(plan, dict):
-            return data
-        return data | {"plan": dict(kind.usual_plan) | plan}
+        return _with_usual_keys(data, gauge.get("kind"), ("plan",))
 
     @model_validator(mode="after")
     def _names(self) -> "CellFile":

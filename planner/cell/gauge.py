@@ -77,7 +77,7 @@ class Gauge(ABC):
     travel_name: ClassVar[str] = "way to the start"  # what the way from home is called
     bare: ClassVar[str] = ""  # said of that way in a program
     removal: ClassVar[str] = ""  # what a person does after the last pose
-    usual_plan: ClassVar[Mapping[str, object]] = {}  # keys of ``[plan]`` that stand where the cell gives none
+    usual_keys: ClassVar[Mapping[str, Mapping[str, object]]] = {}  # by section: they stand where the cell gives none
     measured_by: ClassVar[str] = "run the program and log it (to try it: edbb simulate PLAN -o run.csv)"
     at_balls: ClassVar[bool] = False  # whether each pose is at one of the balls or sockets of an artifact
     usual_scale: ClassVar[float] = 1e-5  # one sigma of its scale, as of steel 1 K off: all lengths of the arm have it
@@ -86,15 +86,11 @@ class Gauge(ABC):
     usual_measure: ClassVar[Literal["continuous", "static"]] = "static"  # where the cell does not say
     can_be_loaded: ClassVar[bool] = False  # whether loaded circles can be measured with its kind
     is_loaded: ClassVar[bool] = False  # whether it pulls
-    calibrates_unasked: ClassVar[bool] = True  # whether a plan calibrates where no number of poses is given
-    validates_with: ClassVar[int] = 0  # poses of a plan that only validates, where no number is given
+    validates_with: ClassVar[int] = 0  # poses of a plan that only validates, where no number is given; 0: it calibrates
     is_attached: ClassVar[bool] = False  # whether it is held between a fixture and the tool while it reads
     has_zero: ClassVar[bool] = False  # whether its readings have a zero of their own
     set_anew: ClassVar[str] = "zero"  # how the names of its parameters begin that are others in every session
     frees_base: ClassVar[bool] = False  # whether its frame is free, so that it takes up how the robot's base stands
-    is_surveyed: ClassVar[bool] = False  # whether its declared frame is known well enough to warn of another
-    usual_body: ClassVar[Mapping[str, float]] = {}  # keys of ``[gauge.body]`` that stand where the cell gives none
-    usual_cone: ClassVar[Mapping[str, float]] = {}  # the same of ``gauge.cone_deg``
     OwnKeys: ClassVar[type[BaseModel] | None] = None  # keys of ``[gauge]`` that only this kind has
 
     # ---- the cell file
@@ -164,10 +160,6 @@ class Gauge(ABC):
     @abstractmethod
     def targets(self, setup: "MeasurementSetup", samples: Samples, readings: Readings) -> "Targets":
         """Bring readings to the base frame, as far as it is known where the gauge stands."""
-
-    @abstractmethod
-    def zero_targets(self, n: int) -> "Targets":
-        """Return targets whose residuals are minus the prediction."""
 
     @abstractmethod
     def readings(self, values: Array) -> Readings:

@@ -129,6 +129,11 @@ class Targets:
     position: Array | None = None
     rotation: Array | None = None
 
+    @classmethod
+    def at_base(cls, n: int) -> "Targets":
+        """Return n readings at the base's own frame: their residuals are minus the prediction."""
+        return cls(np.zeros(n), np.zeros((n, 3)), np.broadcast_to(np.eye(3), (n, 3, 3)))
+
     def take(self, which: slice | np.ndarray) -> "Targets":
         """Return the targets at ``which``."""
         return Targets(*(None if v is None else v[which] for v in (self.length, self.position, self.rotation)))

@@ -19,7 +19,7 @@ from planner.cell.gauge_types import CellStep, GaugeBody, PlannedVisit, SessionG
 from planner.common.errors import InputError
 from planner.common.schema import StrictModel, validate
 from planner.common.units import MM, Array, read_only, to_deg
-from planner.gauges.balls import BallGauge, artifact_frame, artifact_step, check_names
+from planner.gauges.balls import BallGauge, artifact_frame, artifact_step, check_names, nearest_ball
 from planner.kinematics.bodies import Body
 from planner.kinematics.geometry import pose
 from planner.kinematics.inverse_kinematics import shift_point
@@ -49,7 +49,9 @@ class BallSocket(BallGauge):
     default_noise_um: ClassVar[float] = 100.0
     pose_columns: ClassVar[tuple[str, str]] = ("socket", "tilt in it (°)")
     OwnKeys: ClassVar[type[SocketKeys]] = SocketKeys
-    usual_plan: ClassVar[Mapping[str, object]] = {"index": "O1", "poses": 60, "refine": False, "candidates": 24_000}
+    usual_keys: ClassVar[Mapping[str, Mapping[str, object]]] = {
+        "plan": {"index": "O1", "poses": 60, "refine": False, "candidates": 24_000}
+    }
 
     @classmethod
     def read_own(cls, path: Path, robot: Robot, file: CellFile, planning: bool) -> dict[str, Any]:
@@ -95,11 +97,8 @@ class BallSocket(BallGauge):
 
     def seating(self, cell: Cell, q: Array, pose: int) -> str:
         """The ball is led into the socket by hand, or by jogging."""
-        socket = cell.balls[self._nearest(cell, q)].name
+        socket = cell.balls[nearest_ball(cell, q)].name
         return f"pose {pose}: lead the ball into socket {socket} by hand or jogging, until it rests; note the joints"
-
-    def _nearest(self, cell: Cell, q: Array) -> int:
-        return int(np.argmin(np.linalg.norm(cell.p_BS - cell.map_position(q[None]), axis=1)))
 
     def retract(self, cell: Cell, q: Array, ball: int) -> tuple[Array, Array]:
         """The ball leaves along the socket's axis; the tool may turn about it."""

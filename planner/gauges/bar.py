@@ -161,10 +161,6 @@ class LengthGauge(LineGauge):
         assert readings.length is not None
         return Targets(length=readings.length - setup.zero)
 
-    def zero_targets(self, n: int) -> Targets:
-        """Return lengths of zero."""
-        return Targets(length=np.zeros(n))
-
     def readings(self, values: Array) -> Readings:
         """Return lengths."""
         return Readings(length=read_only(values[:, 0]))

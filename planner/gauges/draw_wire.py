@@ -40,11 +40,8 @@ class DrawWire(LengthGauge):
         clean="The wire runs out and in freely, and touches nothing on its way.",
         attach="lead the wire slowly to the tool and hook it in; never let it snap back.",
     )
-    usual_body: ClassVar[Mapping[str, float]] = {
-        "radius_mm": EYELET,
-        "rod_radius_mm": WIRE,
-        "housing_mm": 2 * EYELET,
-        "trim_mm": HOOK,
+    usual_keys: ClassVar[Mapping[str, Mapping[str, object]]] = {
+        "body": {"radius_mm": EYELET, "rod_radius_mm": WIRE, "housing_mm": 2 * EYELET, "trim_mm": HOOK}
     }
 
     def bodies(self, cell: Cell) -> list[GaugeBody]:

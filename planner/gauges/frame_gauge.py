@@ -59,10 +59,6 @@ class PositionGauge(Gauge):
         assert readings.position is not None
         return readings.position
 
-    def zero_targets(self, n: int) -> Targets:
-        """Return positions at the base."""
-        return Targets(position=np.zeros((n, 3)))
-
     def readings(self, values: Array) -> Readings:
         """Return positions."""
         return Readings(position=read_only(values))

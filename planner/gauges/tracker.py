@@ -46,8 +46,7 @@ class Tracker(FrameGauge):
     kind: ClassVar[str] = "tracker"
     noun: ClassVar[str] = "beam"
     usual_scale: ClassVar[float] = 2e-6  # air 1 K off is 1 ppm, and so is an absolute distance meter (ASME B89.4.19)
-    calibrates_unasked: ClassVar[bool] = False
-    usual_cone: ClassVar[Mapping[str, float]] = {"fixture": 180.0}  # it turns to wherever the reflector is
+    usual_keys: ClassVar[Mapping[str, Mapping[str, object]]] = {"cone_deg": {"fixture": 180.0}}  # it turns anywhere
     validates_with: ClassVar[int] = 500  # (TriCal paper, section 6)
     default_noise_um: ClassVar[float] = 15.0
 
@@ -174,10 +173,6 @@ class PoseTracker(Tracker):
         assert readings.rotation is not None
         R = np.einsum("nij,njk,nlk->nil", R_BG, readings.rotation, R_FM)
         return replace(super().targets(setup, samples, readings), rotation=R)
-
-    def zero_targets(self, n: int) -> Targets:
-        """Return the base's own frame."""
-        return Targets(position=np.zeros((n, 3)), rotation=np.broadcast_to(np.eye(3), (n, 3, 3)))
 
     def parameters(self, setup: MeasurementSetup, free: frozenset[str]) -> Iterator[Parameter]:
         """Yield beside a tracker's how the probe is turned on the tool."""

@@ -1,21 +1,27 @@
 """The TriCal head: three indicators that meet in the tool point are centred on the balls of an artifact."""
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
 
-from planner.cell.cell import Cell, IndicatorHead
+from planner.cell.cell import Ball, Cell, IndicatorHead
 from planner.cell.file import CellFile, IndicatorHeadFile, PlacedFile
 from planner.cell.gauge_registry import register_gauge
-from planner.cell.gauge_types import CellStep, SessionGuide, place_text
+from planner.cell.gauge_types import CellStep, GaugeBody, SessionGuide, place_text
 from planner.common.errors import InputError
-from planner.common.units import MM, Array, read_only
-from planner.gauges.balls import BallGauge, artifact_step, check_names
+from planner.common.units import MM, UM, Array, read_only, to_mm
+from planner.gauges.balls import BallGauge, artifact_frame, artifact_step, check_names, nearest_ball
+from planner.kinematics.bodies import Body, capsule_between
+from planner.kinematics.geometry import pose
 from planner.kinematics.inverse_kinematics import retract_tool
 from planner.kinematics.robot import Robot
+from planner.runs.run import NO_REFERENCE_READINGS, Mounting, ReferenceReadings, Run, Samples
 
+INDICATOR_NOISE = 0.5 * UM  # scatter of an indicator on the master ball
+SHAFT_LENGTH = 30e-3  # [m] from the MAP to where the channel holds the indicator's shaft: a tip ends there
 SQUARE = 1.0  # [deg] by which two indicators may miss a right angle
 
 
@@ -67,6 +73,81 @@ class TriCalHead(BallGauge):
     def retract(self, cell: Cell, q: Array, ball: int) -> tuple[Array, Array]:
         """The head comes along its own axis, turned as at the ball."""
         return retract_tool(cell.chain, cell.robot, q, self.indicators.approach * cell.tool.axis_F)
+
+    @property
+    def reading_seconds(self) -> float:
+        """Time of one centring [s]."""
+        return self.indicators.seconds
+
+    def mastered_reading(self, cell: Cell) -> float | None:
+        """Half of what the master ball's diameter is larger than a ball's."""
+        return None if self.head is None or not cell.balls else self.head.master / 2 - cell.balls[0].radius
+
+    def preparation(self, cell: Cell, mounting: Mounting) -> tuple[str, str]:
+        """The indicators are mastered on the master ball."""
+        master, shown = float(to_mm(self.indicators.master)), float(to_mm(self.mastered_reading(cell) or 0.0))
+        return (
+            f"master the indicators: lay the {master:g} mm ball into its socket",
+            f"set all three indicators to {shown:.3f} mm, then take the ball out",
+        )
+
+    def ball_to_centre(self, cell: Cell, q: Array) -> int | None:
+        """Return the ball that the measured point is nearest to."""
+        return nearest_ball(cell, q)
+
+    def describe(self, cell: Cell) -> str:
+        """Name the balls."""
+        return f"head of three indicators on the balls {', '.join(b.name for b in cell.balls)}"
+
+    def check_run(self, cell: Cell, run: Run) -> None:
+        """Refuse distances from a ball's centre in another unit than is said."""
+        super().check_run(cell, run)
+        offset = run.readings.offset
+        if offset is None or self.head is None:
+            return
+        far = np.flatnonzero(np.abs(offset).max(axis=1) > self.head.range)
+        if len(far):
+            found = np.abs(offset[far[0]]).max() / MM
+            raise InputError(
+                f"{run.where(int(far[0]))}: the ball is {found:.4g} mm off centre, but the indicators "
+                f"(gauge.head.range_mm) move by {self.head.range / MM:g} mm in all: are dx_mm, dy_mm, dz_mm in "
+                "millimetres?"
+            )
+
+    def reference_readings(self, cell: Cell, rng: np.random.Generator) -> ReferenceReadings:
+        """Return the indicators at the master ball, before and after."""
+        wanted = self.mastered_reading(cell)
+        if wanted is None:
+            return NO_REFERENCE_READINGS
+        masters = tuple(read_only(wanted + INDICATOR_NOISE * rng.standard_normal(3)) for _ in range(2))
+        return ReferenceReadings(masters=masters)
+
+    def centring_warnings(self, cell: Cell, planned: Samples, run: Run) -> tuple[str, ...]:
+        """Count the balls that were met too far off centre; ``planned`` is where the arm was sent."""
+        head = self.indicators
+        apart = np.linalg.norm(cell.map_position(run.samples.q) - cell.map_position(planned.q), axis=1)
+        far = int((apart > head.usable).sum())
+        if not far:
+            return ()
+        return (
+            f"{far} of {len(run)} balls were met more than {head.usable / MM:g} mm off centre (largest "
+            f"{apart.max() / MM:.1f}), where the head does not measure: this robot is further off than "
+            f"gauge.head.uncalibrated_mm = {head.uncalibrated / MM:g} says; give smaller errors with --truth",
+        )
+
+    def bodies(self, cell: Cell) -> list[GaugeBody]:
+        """The indicators' tips on the flange, and the artifact with balls and stems as the cell says that it stands."""
+        return [] if self.head is None else [*self._tips(cell), *_artifact(cell)]
+
+    def _tips(self, cell: Cell) -> Iterator[GaugeBody]:
+        """Tips where they stand when a ball is centred (TriCal paper, 2.1).
+
+        The round end of the capsule stands out of the flat disk by as much as its rim is cut off.
+        """
+        radius, touch = self.indicators.tip / 2, min(b.radius for b in cell.balls)
+        for k, axis in enumerate(self.indicators.axes_F):
+            a, b = (cell.tool.p_FM + axis * s for s in (touch + radius / 2, SHAFT_LENGTH))
+            yield GaugeBody(capsule_between(f"tip of indicator {k + 1}", a, b, radius), "flange", tip=True)
 
 
 def _check_trical(path: Path, file: CellFile) -> None:
@@ -139,3 +220,30 @@ def read_head(path: Path, cell: CellFile) -> IndicatorHead | None:
         file.uncalibrated_mm * MM,
         file.centre_s,
     )
+
+
+def _artifact(cell: Cell) -> list[GaugeBody]:
+    T = artifact_frame(cell)
+    carrier = [replace(b, T=read_only(T @ b.T)) for b in cell.carrier]
+    stems = [s for b in cell.balls if (s := _stem(b, T)) is not None]
+    return [
+        *(GaugeBody(b, "world") for b in (*carrier, *stems)),
+        *(GaugeBody(_ball(b, T), "world", ball=k) for k, b in enumerate(cell.balls)),
+    ]
+
+
+def _ball(ball: Ball, T: Array) -> Body:
+    place = pose(np.eye(3), ball.p_GS)
+    return Body(f"ball {ball.name}", "sphere", (ball.radius,), read_only(T @ place))
+
+
+def _stem(ball: Ball, T: Array) -> Body | None:
+    """A capsule that begins inside the ball, so that its round end does not stand out of it."""
+    if ball.stem is None:
+        return None
+    way = ball.stem - ball.p_GS
+    length = float(np.linalg.norm(way))
+    start = min(ball.radius - ball.stem_radius, length)
+    name = f"stem of ball {ball.name}"
+    body = capsule_between(name, ball.p_GS + way / length * max(start, 0.0), ball.stem, ball.stem_radius)
+    return replace(body, T=read_only(T @ body.T))

@@ -30,7 +30,7 @@ def use_declared_pose(cell: Cell, setup: MeasurementSetup) -> MeasurementSetup:
 def declared_pose_warnings(cell: Cell, setup: MeasurementSetup) -> list[str]:
     """Return a warning if the balls were found far from the pose that the cell declares."""
     declared = _declared_frame(cell, setup)
-    if declared is None or not cell.gauge.is_surveyed:
+    if declared is None or not cell.gauge.at_balls:
         return []
     off, turn = _apart(*declared, setup)
     if _near(cell, off, turn):

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from planner.cell.cell import Cell
+from planner.cell.setup import Targets
 from planner.common.errors import InputError
 from planner.common.units import Array, read_only
 from planner.instruments.loaded.equilibrium import solve_equilibrium
@@ -83,7 +84,7 @@ def simulate(cell: Cell, plan_id: str, samples: Samples, truth: Truth, seed: int
     def predict(told: Samples) -> Array:
         there = replace(told, q=told.q + off)
         where, stood = (model, there) if there.force is None else solve_equilibrium(model, there, errors)
-        return -where.residual(stood, gauge.zero_targets(len(told)), errors)
+        return -where.residual(stood, Targets.at_base(len(told)), errors)
 
     samples, readings = gauge.simulate(cell, samples, predict, model.joint_rows, noise)
     return SimulatedRun(

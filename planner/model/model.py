@@ -151,7 +151,7 @@ class Model:
 
     def reading(self, samples: Samples, errors: Array | None = None) -> Array:
         """Predict the readings, (n, r) [m, rad]; ``errors`` (P,) are the parameters' values, zero if not given."""
-        return -self.residual(samples, self.setup.gauge.zero_targets(len(samples)), errors)
+        return -self.residual(samples, Targets.at_base(len(samples)), errors)
 
     def rows(self, samples: Samples, errors: Array | None = None) -> Array:
         """Identification Jacobian, (n, r, P) [m/m, m/rad, …] (EDBB paper, eq. 4); readings do not matter to it."""

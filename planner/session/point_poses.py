@@ -32,7 +32,7 @@ class PointPoses(PoseSession):
     def __init__(self, cell: Cell, options: PlanOptions, chooser: PoseChooser | None = None) -> None:
         super().__init__(cell, options, chooser)
         self.at_balls = cell.gauge.at_balls
-        self.only_validates = not (cell.gauge.calibrates_unasked or self.poses or chooser)
+        self.only_validates = bool(cell.gauge.validates_with) and not (self.poses or chooser)
         if self.at_balls and chooser is None:
             _check_shares(cell, self.poses, self.index)
 

@@ -65,9 +65,6 @@ class PlaneDial(Gauge):
     def targets(self, setup, samples, readings):
         return Targets(length=readings.length)
 
-    def zero_targets(self, n):
-        return Targets(length=np.zeros(n))
-
     def readings(self, values):
         return Readings(length=values[:, 0])
 

@@ -6,6 +6,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from planner.cell.cell import Cell
+from planner.cell.setup import Targets
 from planner.common.units import UM, Array, read_only
 from planner.design.candidates.balls import FirstContact
 from planner.instruments.centring.settings import CentringSettings
@@ -75,7 +76,7 @@ class SimulatedArm:
         """Return what the three indicators show, (3,) [m]: their free ends where the disks do not meet a ball."""
         cell, head = self._cell, self._cell.gauge.indicators
         samples = replace(Samples.at(self._q[None]), q=read_only((self._q + self._off)[None]))
-        x = -self._model.residual(samples, cell.gauge.zero_targets(1), self._errors)[0]
+        x = -self._model.residual(samples, Targets.at_base(1), self._errors)[0]
         apart = cell.p_BS - x
         away = apart[int(np.argmin(np.linalg.norm(apart, axis=1)))]
         shown = self._to_readings @ self.orientation().T @ away

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from planner.cell.reading import load_cell
+from planner.cell.setup import Targets
 from planner.design.candidates.balls import draw_ball_candidates
 from planner.instruments.centring.procedure import centre_ball, check_free
 from planner.instruments.centring.settings import CentringSettings, RestSettings
@@ -28,7 +29,7 @@ def test_balls_are_met_millimetres_off_and_centred_to_micrometres():
         far.append(np.linalg.norm(arm.read()))
         centre_ball(arm, arm, settings, StopRequest())
         there = Samples.at((arm.joints()[0] + arm._off)[None])
-        x = -model.residual(there, cell.gauge.zero_targets(1), errors)[0]
+        x = -model.residual(there, Targets.at_base(1), errors)[0]
         assert np.linalg.norm(x - cell.p_BS[ball]) < 6e-6  # three indicators below 3 µm each
         assert np.abs(arm.joints()[0] - q).max() > 1e-4  # the joints tell what the robot is off by
     assert min(far) > 0.3e-3
