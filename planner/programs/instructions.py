@@ -196,9 +196,9 @@ class Program:
         return tuple(i for i in self.instructions if isinstance(i, Entry))
 
     @property
-    def circles(self) -> tuple[tuple[int, tuple[float, ...]], ...]:
-        """Return which moves are circles, and the angles of the middle point of each [deg]."""
-        return tuple((k, m.via_deg) for k, m in enumerate(self.moves) if m.via_deg is not None)
+    def has_circles(self) -> bool:
+        """Return whether a move is a circle of the tool."""
+        return any(m.via_deg is not None for m in self.moves)
 
     @property
     def stretches(self) -> tuple[tuple[int, int], ...]:

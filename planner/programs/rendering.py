@@ -176,7 +176,7 @@ def _render_files(
         "overridden": any(s.kind == "override" for s in steps),
         "remarks": _remarks(program, dialect, steps),
         "resumed": bool(program.entries),
-        "circles": bool(program.circles),
+        "circles": program.has_circles,
         "moves": [s.move for s in steps if s.move is not None],
     }
     module = template.make_module(context)

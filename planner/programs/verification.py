@@ -10,7 +10,7 @@ from planner.common.errors import InputError, PlannerError, did_you_mean
 from planner.programs.dialect import Dialect, load_dialect
 from planner.programs.instructions import Centre, Dwell, JointMove, Program, Sync
 from planner.programs.languages import fanuc, frames, gcode, krl, listing, pdl2, rapid, trajectory, urscript
-from planner.programs.languages.execution import Execution, ReadBack
+from planner.programs.languages.execution import Execution, ReadBack, ReadMove
 from planner.programs.motion_words import leading_speed
 from planner.programs.rendering import ProgramFile, operator_cautions, render_program
 from planner.programs.steps import lower_program
@@ -111,7 +111,7 @@ def _complaints(program: Program, dialect: Dialect, found: ReadBack) -> Iterator
         yield f"it has {n} moves of {axes} axes, planned are {n_planned} of {axes_planned}"
         return
     off = np.abs(found.joint_path_deg - planned)
-    if off.max() > 0.5 * 10.0**-dialect.decimals * _SLACK + 1e-9:
+    if off.max() > _resolution(dialect):
         move, axis = np.unravel_index(int(off.argmax()), off.shape)
         yield f"move {move + 1} has axis {axis + 1} off by {off.max():.6f} deg"
     dwells = [i.seconds for i in program.instructions if isinstance(i, Dwell)]
@@ -125,7 +125,7 @@ def _complaints(program: Program, dialect: Dialect, found: ReadBack) -> Iterator
         yield "it centres other balls, or elsewhere, than planned"
     yield from _other_circles(program, dialect, found)
     yield from _too_round(program, dialect, found)
-    yield from _too_fast(dialect, program.home_deg, program.moves, found.speeds, "move")
+    yield from _too_fast(dialect, program.home_deg, program.moves, found.moves, "move")
     yield from _wrong_starts(program, dialect, found)
 
 
@@ -142,8 +142,8 @@ def _centrings(program: Program) -> tuple[tuple[int, int, int], ...]:
 def _too_round(program: Program, dialect: Dialect, found: ReadBack) -> Iterator[str]:
     """Turn each printed rounding back into millimetres on both legs of its corner."""
     points = (program.home_deg, *(m.q_deg for m in program.moves))
-    for index, value in enumerate(found.blends):
-        allowed = program.moves[index].blend_mm
+    for index, (move, read) in enumerate(zip(program.moves, found.moves, strict=True)):
+        allowed, value = move.blend_mm, read.blend
         if value is None:
             continue
         for leg in (index, index + 1):
@@ -162,12 +162,19 @@ def _too_round(program: Program, dialect: Dialect, found: ReadBack) -> Iterator[
 
 def _other_circles(program: Program, dialect: Dialect, found: ReadBack) -> Iterator[str]:
     """Compare which moves are circles of the tool, and their middle points."""
-    if [k for k, _ in found.circles] != [k for k, _ in program.circles]:
-        yield f"{len(found.circles)} of its moves are circles, planned are {len(program.circles)}, or they are others"
+    planned = {k: m.via_deg for k, m in enumerate(program.moves) if m.via_deg is not None}
+    read = {k: m.via_deg for k, m in enumerate(found.moves) if m.via_deg is not None}
+    if read.keys() != planned.keys():
+        yield f"{len(read)} of its moves are circles, planned are {len(planned)}, or they are others"
         return
-    for (k, planned), (_, read) in zip(program.circles, found.circles, strict=True):
-        if np.abs(np.subtract(planned, read)).max() > 0.5 * 10.0**-dialect.decimals * _SLACK + 1e-9:
+    for k, via in planned.items():
+        if np.abs(np.subtract(via, read[k])).max() > _resolution(dialect):
             yield f"the circle of move {k + 1} leads through another point than planned"
+
+
+def _resolution(dialect: Dialect) -> float:
+    """Return by how much a printed angle may differ [deg]."""
+    return 0.5 * 10.0**-dialect.decimals * _SLACK + 1e-9
 
 
 def _cut_mm(
@@ -192,24 +199,28 @@ def _wrong_starts(program: Program, dialect: Dialect, found: ReadBack) -> Iterat
     """Compare what a later start leaves out, and the ways to the starts."""
     if found.stretches != program.stretches:
         yield "it leaves out other stretches than planned where it is started later"
-    if [at for at, _, _ in found.entries] != [e.at for e in program.entries]:
+    if [at for at, _ in found.entries] != [e.at for e in program.entries]:
         yield "it has other starts than planned"
         return
-    for entry, (_, path_deg, speeds) in zip(program.entries, found.entries, strict=True):
-        planned = np.array([m.q_deg for m in entry.moves])
+    for entry, (_, read) in zip(program.entries, found.entries, strict=True):
+        planned, path_deg = np.array([m.q_deg for m in entry.moves]), np.array([m.angles_deg for m in read])
         if path_deg.shape != planned.shape or np.abs(path_deg - planned).max() > 10.0**-dialect.decimals:
             yield f"the way to start {entry.at} is another than planned"
             continue
         way = f"on the way to start {entry.at} move"
-        yield from _too_fast(dialect, entry.origin_deg, entry.moves, speeds, way)
+        yield from _too_fast(dialect, entry.origin_deg, entry.moves, read, way)
 
 
 def _too_fast(
-    dialect: Dialect, origin_deg: tuple[float, ...], moves: tuple[JointMove, ...], speeds: tuple[float, ...], what: str
+    dialect: Dialect,
+    origin_deg: tuple[float, ...],
+    moves: tuple[JointMove, ...],
+    found: tuple[ReadMove, ...],
+    what: str,
 ) -> Iterator[str]:
     starts = (origin_deg, *(m.q_deg for m in moves))
-    for number, (move, start, value) in enumerate(zip(moves, starts, speeds, strict=False), start=1):
-        first = number == 1 and what == "move"  # it begins wherever the robot stands, at a speed of its own
+    for number, (move, start, read) in enumerate(zip(moves, starts, found, strict=False), start=1):
+        first, value = number == 1 and what == "move", read.speed  # it begins anywhere, at a speed of its own
         match dialect.speed.kind:
             case _ if move.via_deg is not None:  # of a circle the speed word is that of the tool [mm/s]
                 ratio = value / move.tool_speed_mm_s

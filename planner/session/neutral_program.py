@@ -49,16 +49,17 @@ def check_emitted_speeds(cell: Cell, program: Program, dialect: Dialect, found: 
     """
     limited = [k for k, m in enumerate(program.moves) if np.isfinite(m.tool_limit_mm_s)]
     q = np.deg2rad(np.vstack([program.home_deg, found.joint_path_deg]))
-    speeds, circles = found.speeds, found.circles
+    speeds = np.array([m.speed for m in found.moves])
+    circles = {k: m.via_deg for k, m in enumerate(found.moves) if m.via_deg is not None}
     for mounting in sorted({program.moves[k].mounting for k in limited}, key=str):
         rows = np.array([k for k in limited if k > 0 and program.moves[k].mounting == mounting], dtype=int)
         if not len(rows):
             continue
-        x = _tool_points(cell, q, rows, dict(circles), mounting)
+        x = _tool_points(cell, q, rows, circles, mounting)
         travel, change = _largest_travel(cell, x, mounting)
         seconds = _leg_seconds(cell, dialect, q, speeds, rows, travel)
-        round_legs = np.isin(rows, [k for k, _ in circles])
-        seconds[round_legs] = travel[round_legs] / (np.array(speeds)[rows[round_legs]] / 1e3)
+        round_legs = np.isin(rows, list(circles))
+        seconds[round_legs] = travel[round_legs] / (speeds[rows[round_legs]] / 1e3)
         limit = np.array([program.moves[k].tool_limit_mm_s for k in rows]) / 1e3
         _refuse(rows, travel, seconds, limit, "the tool")
         if mounting is not None and np.isfinite(cell.gauge.rate):
@@ -89,11 +90,9 @@ def _largest_travel(cell: Cell, x: Array, mounting: Mounting | None) -> tuple[Ar
     return travel, np.abs(np.diff(length, axis=0)).max(axis=0) * PIECES
 
 
-def _leg_seconds(
-    cell: Cell, dialect: Dialect, q: Array, speeds: tuple[float, ...], rows: np.ndarray, travel: Array
-) -> Array:
+def _leg_seconds(cell: Cell, dialect: Dialect, q: Array, speeds: Array, rows: np.ndarray, travel: Array) -> Array:
     """Time that the speed words give each leg, (m,) [s]."""
-    said = np.array(speeds)[rows]
+    said = speeds[rows]
     match dialect.speed.kind:
         case "axis_percent":
             quickest = (np.abs(q[rows + 1] - q[rows]) / cell.robot.speed).max(axis=1)

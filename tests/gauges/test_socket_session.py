@@ -50,7 +50,7 @@ def test_every_seat_is_come_to_and_left_along_the_sockets_own_axis(planned):
 def test_the_program_never_drives_into_a_socket_and_asks_at_each_pose(planned):
     ((_, files),) = planned.programs
     cell, found = planned.cell, read_back("urscript", files)
-    driven = [found.joint_path_deg, *(way for _, way, _ in found.entries)]
+    driven = [found.joint_path_deg, *(np.array([m.angles_deg for m in way]) for _, way in found.entries)]
     x = cell.map_position(np.deg2rad(np.vstack([d for d in driven if len(d)])))
     far = np.linalg.norm(x[:, None] - cell.p_BS[None], axis=2).min(axis=1)
     assert far.min() == pytest.approx(WAIT, abs=2e-3)  # the straight joint motion bends a little

@@ -9,6 +9,11 @@ def read_back(dialect_name, files):
     return read_texts(load_dialect(dialect_name), [f.text for f in files])
 
 
+def blends(found):
+    """The rounding word of every move, None where it is an exact stop."""
+    return [move.blend for move in found.moves]
+
+
 def verify(program, dialect_name, files):
     """Read the files back and compare them with the program within the printed resolution."""
     return check_program(program, load_dialect(dialect_name), [f.text for f in files])

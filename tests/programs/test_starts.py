@@ -34,8 +34,9 @@ def test_all_starts_are_read_back(name: str, rounded: bool) -> None:
     program = sessions.resumable(6, POSES, rounded)
     found = read_back(name, write_program(program, name, "s"))
     assert found.stretches == program.stretches
-    assert [at for at, _, _ in found.entries] == [2, 3, 4]
-    for entry, (_, path, _) in zip(program.entries, found.entries, strict=True):
+    assert [at for at, _ in found.entries] == [2, 3, 4]
+    for entry, (_, moves) in zip(program.entries, found.entries, strict=True):
+        path = [m.angles_deg for m in moves]
         np.testing.assert_allclose(path, [m.q_deg for m in entry.moves], atol=10.0 ** -load_dialect(name).decimals)
 
 

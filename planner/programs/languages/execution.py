@@ -16,16 +16,25 @@ from planner.programs.languages.statements import Call, Pulse, Routine, RoutineE
 
 
 @dataclass(frozen=True)
+class ReadMove:
+    """A joint move, or a circle of the tool, as a program says it."""
+
+    angles_deg: tuple[float, ...]
+    """Of the controller, at the end [deg]."""
+    blend: float | None
+    """None for an exact stop, else the number that the dialect rounds the corner with."""
+    speed: float
+    """The number of its speed word, in the dialect's unit, overrides multiplied in; of a circle in mm/s."""
+    via_deg: tuple[float, ...] | None = None
+    """At the middle point of a circle [deg]."""
+
+
+@dataclass(frozen=True)
 class ReadBack:
     """What a program makes the robot do, in the order of execution."""
 
     plan_id: str
-    joint_path_deg: Array
-    """(n, N) angles of the controller, one row a move [deg]."""
-    blends: tuple[float | None, ...]
-    """One entry a move: None for an exact stop, else the number that the dialect rounds the corner with."""
-    speeds: tuple[float, ...]
-    """One entry a move: the number of its speed word, in the dialect's unit, overrides multiplied in."""
+    moves: tuple[ReadMove, ...]
     dwells_s: tuple[float, ...]
     """Times of standing still [s]."""
     syncs: int
@@ -34,29 +43,25 @@ class ReadBack:
     """Calls of the centring routine: after how many moves, at which ball and which pose."""
     stretches: tuple[tuple[int, int], ...] = ()
     """Stretches that a later start leaves out: up to which start, and how many moves come before."""
-    entries: tuple[tuple[int, Array, tuple[float, ...]], ...] = ()
-    """Ways to a start in the middle: which, the angles (k, N) of their exact stops [deg], and the speed words."""
-    circles: tuple[tuple[int, tuple[float, ...]], ...] = ()
-    """Moves that are circles of the tool, whose speed is in mm/s: which, and the angles of the middle point [deg]."""
+    entries: tuple[tuple[int, tuple[ReadMove, ...]], ...] = ()
+    """Ways to a start in the middle: which, and their exact stops."""
     unknown: tuple[Statement, ...] = ()
     """Statements that are neither a known motion, speed or signal nor one that the dialect's own file lists."""
+
+    @property
+    def joint_path_deg(self) -> Array:
+        """Return the angles of the controller, (n, N), one row a move [deg]."""
+        return read_only(np.array([m.angles_deg for m in self.moves]))
 
 
 class Branches:
     """The branches of ``[resume]`` as patterns, and whether the reader stands inside one."""
 
-    def __init__(self, patterns: dict[str, re.Pattern[str]]) -> None:
-        self.patterns = patterns
-        self.inside: str | None = None
-
-    @classmethod
-    def of(cls, dialect: Dialect) -> "Branches":
-        """Return the branches of a dialect, none where it has no ``[resume]``."""
+    def __init__(self, dialect: Dialect) -> None:
         style = dialect.resume
-        if style is None:
-            return cls({})
-        texts = {"stretch": style.stretch, "entry": style.entry, "end": style.end}
-        return cls({kind: _branch_pattern(text) for kind, text in texts.items()})
+        texts = {} if style is None else {"stretch": style.stretch, "entry": style.entry, "end": style.end}
+        self.patterns = {kind: _branch_pattern(text) for kind, text in texts.items()}
+        self.inside: str | None = None
 
     def find(self, said: str) -> tuple[str, int]:
         """Return the kind of branch that a statement is, or an empty text, and the number that it compares with.
@@ -95,16 +100,15 @@ class Execution(ABC):
 
     def __init__(self, dialect: Dialect, program: Program | None = None) -> None:
         self.dialect, self.program = dialect, program
-        self.moves: list[tuple[list[float], float | None, float]] = []
+        self.moves: list[ReadMove] = []
         self.dwells: list[float] = []
         self.syncs = 0
         self.centrings: list[tuple[int, int, int]] = []
         self.unknown: list[Statement] = []
         self.stretches: list[tuple[int, int]] = []
-        self.entries: list[tuple[int, list[tuple[list[float], float | None, float]]]] = []
-        self.circles: list[tuple[int, tuple[float, ...]]] = []
-        self.branches = Branches.of(dialect)
-        self.entered: tuple[list[tuple[list[float], float | None, float]], float, int, int] | None = None
+        self.entries: list[tuple[int, list[ReadMove]]] = []
+        self.branches = Branches(dialect)
+        self.entered: tuple[list[ReadMove], float, int, int] | None = None
 
     def forget(self, stopped: bool) -> None:
         """Forget the words that a later start may have left unsaid, at a ``stopped`` robot those of the stop too."""
@@ -114,6 +118,15 @@ class Execution(ABC):
     def overall_speed(self) -> float:
         """Return what scales all speeds [%]."""
         return 100.0
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Return what the program calls its joints; none where it is not known."""
+        return () if self.program is None else self.program.joint_names or self.dialect.axes[: self.program.n_joints]
+
+    @property
+    def _stopped(self) -> bool:
+        return not self.moves or self.moves[-1].blend is None
 
     def parse(self, texts: Sequence[str]) -> Iterable[Statement]:
         """Return every statement of the files ``texts``, run or not."""
@@ -173,31 +186,31 @@ class Execution(ABC):
             self.forget(stopped=True)
         else:
             self.stretches.append((number, len(self.moves)))
-            self.forget(stopped=not self.moves or self.moves[-1][1] is None)
+            self.forget(stopped=self._stopped)
         return True
 
     def _leave_entry(self, where: str) -> None:
         if self.entered is None:
             return
         self.moves, speed, dwells, syncs = self.entered
-        stopped = not self.moves or self.moves[-1][1] is None
-        if (len(self.dwells), self.syncs) != (dwells, syncs) or not (stopped or self.overall_speed == speed):
+        if (len(self.dwells), self.syncs) != (dwells, syncs) or not (self._stopped or self.overall_speed == speed):
             raise InputError(f"{where}: the way to a start measures, or leaves another override than the path has")
         self.entered = None
 
-    def move(self, angles_deg: list[float], blend: float | None, speed: float) -> None:
-        """Note a joint move; all moves must drive the same number of axes."""
-        if self.moves and len(angles_deg) != len(self.moves[0][0]):
-            before = len(self.moves[0][0])
-            raise InputError(f"move {len(self.moves) + 1} drives {len(angles_deg)} axes, those before {before}")
-        self.moves.append((angles_deg, blend, speed))
-
-    def circle(self, via_deg: list[float], angles_deg: list[float], blend: float | None, speed: float) -> None:
-        """Note a circle of the tool through a middle point; ``speed`` in mm/s."""
-        if self.entered is not None or len(via_deg) != len(angles_deg):
-            raise InputError(f"move {len(self.moves) + 1} is a circle where none can be")
-        self.circles.append((len(self.moves), tuple(via_deg)))
-        self.move(angles_deg, blend, speed)
+    def move(
+        self,
+        angles_deg: Sequence[float],
+        blend: float | None,
+        speed: float,
+        via_deg: Sequence[float] | None = None,
+    ) -> None:
+        """Note a joint move, or with ``via_deg`` a circle of the tool; all must drive the same number of axes."""
+        number, n_axes = len(self.moves) + 1, len(angles_deg)
+        if via_deg is not None and (self.entered is not None or len(via_deg) != n_axes):
+            raise InputError(f"move {number} is a circle where none can be")
+        if self.moves and n_axes != (before := len(self.moves[0].angles_deg)):
+            raise InputError(f"move {number} drives {n_axes} axes, those before {before}")
+        self.moves.append(ReadMove(tuple(angles_deg), blend, speed, None if via_deg is None else tuple(via_deg)))
 
     def dwell(self, seconds: float) -> None:
         """Note a dwell; one of no time only empties the controller's look-ahead and is no dwell."""
@@ -208,14 +221,10 @@ class Execution(ABC):
         """Return what was noted."""
         if not self.moves:
             raise InputError("the program holds no joint move")
-        angles, blends, speeds = zip(*self.moves, strict=True)
-        path, unknown = read_only(np.array(angles)), tuple(self.unknown)
-        entries = tuple(
-            (at, read_only(np.array([m[0] for m in moves])), tuple(m[2] for m in moves)) for at, moves in self.entries
-        )
+        entries = tuple((at, tuple(moves)) for at, moves in self.entries)
         return ReadBack(
-            plan_id, path, blends, speeds, tuple(self.dwells), self.syncs, tuple(self.centrings),
-            tuple(self.stretches), entries, tuple(self.circles), unknown,
+            plan_id, tuple(self.moves), tuple(self.dwells), self.syncs, tuple(self.centrings),
+            tuple(self.stretches), entries, tuple(self.unknown),
         )  # fmt: skip
 
 
@@ -235,7 +244,7 @@ def known_statements(
     """
     lines = (s.text for text in _own_lines(dialect, program) for s in parse((text,)))
     texts = [re.escape(_squeeze(line)) for line in lines]
-    circles = dialect.circle.passive if dialect.circle and (program is None or program.circles) else ()
+    circles = dialect.circle.passive if dialect.circle and (program is None or program.has_circles) else ()
     texts += [
         p for text in (*dialect.reading.passive, *circles) if (p := _with_numbers(text, dialect, program)) is not None
     ]

@@ -102,5 +102,5 @@ class FanucExecution(Execution):
         if match is None or position is None or (match["unit"] == "%" and self.moves):
             raise InputError(f"line {statement.line}: '{statement.text}' is no joint move of this family")
         blend = None if match["end"] == "FINE" else float(match["end"][3:])
-        self.move(list(position.angles), blend, st.parse_fixed(match["speed"], statement.text))
+        self.move(position.angles, blend, st.parse_fixed(match["speed"], statement.text))
         return True

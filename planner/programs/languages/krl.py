@@ -156,7 +156,7 @@ class KrlExecution(Execution):
     def __init__(self, dialect: Dialect, program: Program | None = None) -> None:
         super().__init__(dialect, program)
         self.values = {"$APO.CPTP": 0.0, "VEL_PTP": 100.0}  # and $OV_PRO where the program sets it
-        self.words = _WORDS if program is not None and not program.circles else (*_WORDS, *_CIRCLE_WORDS)
+        self.words = _WORDS if program is not None and not program.has_circles else (*_WORDS, *_CIRCLE_WORDS)
         self.axes: dict[str, list[float]] = {}  # variables that hold angles, and places worked out of such
 
     def forget(self, stopped: bool) -> None:
@@ -217,7 +217,7 @@ class KrlExecution(Execution):
             raise InputError(f"'{move.text}' is no circle as this family writes it")
         speed = 1e3 * self.values["$VEL.CP"] * self.overall_speed / 100.0
         via, end = (self.axes.pop(n) for n in names)
-        self.circle(via, end, self.values["$APO.CDIS"] if blended else None, speed)
+        self.move(end, self.values["$APO.CDIS"] if blended else None, speed, via)
 
 
 def _percentage(text: str, statement: str) -> float:

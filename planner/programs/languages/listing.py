@@ -120,5 +120,5 @@ class ListExecution(Execution):
     def execute(self, statement: st.Statement) -> bool:
         """Take in a move."""
         if isinstance(statement, ListedMove):
-            self.move(list(statement.angles), statement.blend, statement.seconds)
+            self.move(statement.angles, statement.blend, statement.seconds)
         return isinstance(statement, ListedMove | st.Passive | st.Pulse)

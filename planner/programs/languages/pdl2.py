@@ -137,7 +137,7 @@ class Pdl2Execution(Execution):
             raise _refusal(move)
         said = _clauses(move, found[3].strip(), ("$PROG_SPD_OVR", "$LIN_SPD"), ("$FLY_TYPE", "$FLY_TRAJ", "$FLY_DIST"))
         via, goal = self.places.pop(found[2]), self.places.pop(found[1])
-        self.circle(via, goal, said.get("$FLY_DIST"), 1e3 * said["$LIN_SPD"] * said["$PROG_SPD_OVR"] / 100.0)
+        self.move(goal, said.get("$FLY_DIST"), 1e3 * said["$LIN_SPD"] * said["$PROG_SPD_OVR"] / 100.0, via)
         self.syncs += found[3].count("CONDITION[")
 
 

@@ -126,10 +126,7 @@ class RapidExecution(Execution):
         """Take in a move; motions other than joint moves raise InputError."""
         if not isinstance(statement, RapidMove):
             return False
-        if statement.word == "movec":
-            self.circle(*_circle(statement))
-        else:
-            self.move(*_joint_move(statement))
+        self.move(*(_circle(statement) if statement.word == "movec" else _joint_move(statement)))
         return True
 
 
@@ -141,14 +138,14 @@ def _joint_move(move: RapidMove) -> tuple[list[float], float | None, float]:
     return _target_angles(move, target), *_manner(move, *how)
 
 
-def _circle(move: RapidMove) -> tuple[list[float], list[float], float | None, float]:
-    """Return the angles of middle and end [deg], whose places the controller works out for the move's own tool."""
+def _circle(move: RapidMove) -> tuple[list[float], float | None, float, list[float]]:
+    """Return the same of a circle, and the angles of its middle; the controller works out both places for its tool."""
     if not move.text.startswith("MoveC") or len(move.arguments) != 5:
         raise _refusal(move)
     via, end, *how = (argument.text for argument in move.arguments)
     places = [re.fullmatch(rf"CalcRobT\((.*\]\]), {re.escape(how[-1])}\)", place) for place in (via, end)]
     targets = [_target_angles(move, "" if p is None else p[1]) for p in places]
-    return targets[0], targets[1], *_manner(move, *how)
+    return targets[1], *_manner(move, *how), targets[0]
 
 
 def _refusal(move: RapidMove) -> InputError:

@@ -92,8 +92,5 @@ class UrScriptExecution(Execution):
         *via, goal = ([st.parse_fixed(m[1], statement.text) for m in re.finditer(_ANGLE, text)] for text in lists)
         radius = None if match["radius"] is None else 1e3 * st.parse_fixed(match["radius"], statement.text)
         speed = st.parse_fixed(match["speed"], statement.text)
-        if via:
-            self.circle(via[0], goal, radius, 1e3 * speed)
-        else:
-            self.move(goal, radius, speed)
+        self.move(goal, radius, 1e3 * speed if via else speed, *via)
         return True

@@ -112,7 +112,7 @@ def test_where_a_controller_knows_circles_it_drives_them_itself(planned, dialect
     assert len(read.joint_path_deg) < 60
     assert sum(len(f.text) for f in files) < 30_000
     covered = {"round": 0.0, "arc": 0.0}
-    for k, via in read.circles:
+    for k, via in [(k, m.via_deg) for k, m in enumerate(read.moves) if m.via_deg is not None]:
         x, R = tools(planned.cell, np.deg2rad([start[k], via, read.joint_path_deg[k]]))
         assert np.abs(R - R[0]).max() < 1e-5, "the tool does not turn, so that tool and base do not matter"
         radii = np.linalg.norm(x - CENTRE, axis=1)
@@ -121,8 +121,8 @@ def test_where_a_controller_knows_circles_it_drives_them_itself(planned, dialect
         half = np.arccos(a @ (x[1] - CENTRE) / 0.35**2) + np.arccos((x[1] - CENTRE) @ b / 0.35**2)
         assert half < np.deg2rad(121)
         covered["round" if np.abs(x[:, 2] - CENTRE[2]).max() < 20e-6 else "arc"] += half
-        assert read.speeds[k] <= (100.0 if covered["arc"] == 0.0 else 100.001)
-        assert abs(read.blends[k] or 0.0) <= 1.0
+        assert read.moves[k].speed <= (100.0 if covered["arc"] == 0.0 else 100.001)
+        assert abs(read.moves[k].blend or 0.0) <= 1.0
     assert covered["round"] == pytest.approx(2 * np.deg2rad(380), abs=1e-3)
     assert covered["arc"] == pytest.approx(2 * np.deg2rad(70), abs=1e-3)
 
@@ -158,7 +158,8 @@ def test_a_tool_that_turns_with_the_bar_is_driven_in_joints(tmp_path):
     for how, circles in (("constant", 2), ("follow", 0)):
         path = cell_file(tmp_path, circle + f'orientation = "{how}"\ndirections = ["ccw"]\n')
         plan = plan_circles(load_cell(str(path)), PlanOptions(dialects=("krl",)), quiet())
-        assert (len(read_back("krl", plan.programs[0][1]).circles) > 0) == (circles > 0)
+        moves = read_back("krl", plan.programs[0][1]).moves
+        assert any(m.via_deg is not None for m in moves) == (circles > 0)
 
 
 @pytest.mark.parametrize("dialect", ["din66025", "bnr"])
