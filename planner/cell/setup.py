@@ -15,7 +15,7 @@ from planner.common.errors import InputError
 from planner.common.units import Array
 from planner.kinematics.chain import Chain, Transform
 from planner.kinematics.robot import Robot
-from planner.runs.run import Readings, Samples
+from planner.runs.run import Readings, SampleColumns, Samples
 
 STANDARD_GRAVITY = 9.80665  # [m/s²]
 N_BASE_TRANSFORMS = 6  # transforms before the robot's: small corrections of how the base stands to the gauge
@@ -122,7 +122,7 @@ class MeasurementSetup(RobotSetup):
 
 
 @dataclass(frozen=True)
-class Targets:
+class Targets(SampleColumns):
     """Readings in the base frame: length (n,) [m], position p_BM (n, 3) [m], rotation R_BF' (n, 3, 3)."""
 
     length: Array | None = None
@@ -133,10 +133,6 @@ class Targets:
     def at_base(cls, n: int) -> "Targets":
         """Return n readings at the base's own frame: their residuals are minus the prediction."""
         return cls(np.zeros(n), np.zeros((n, 3)), np.broadcast_to(np.eye(3), (n, 3, 3)))
-
-    def take(self, which: slice | np.ndarray) -> "Targets":
-        """Return the targets at ``which``."""
-        return Targets(*(None if v is None else v[which] for v in (self.length, self.position, self.rotation)))
 
 
 def _base_transforms() -> list[Transform]:

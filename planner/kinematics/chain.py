@@ -1,7 +1,7 @@
 """A robot in its cell as a sequence of elementary transforms, batched over samples; DH, modified DH and URDF rows
 become such sequences."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal
@@ -116,13 +116,9 @@ class Chain:
         """Run the batched forward pass over ``theta`` (n, N) [rad]; see :meth:`values` for ``delta``."""
         n, K = len(theta), len(self)
         u, p = np.empty((K, 3, n)), np.empty((K, 3, n))
-        R, x = np.eye(3)[:, :, None], np.zeros((3, 1))
-        for k, (t, value) in enumerate(zip(self.transforms, self.values(theta, delta), strict=True)):
-            u[k], p[k] = R[:, t.axis], x
-            if t.kind == "translation":
-                x = x + R[:, t.axis] * value
-            elif value.size != 1 or value[0] != 0.0:
-                R = _rotate(R, t.axis, value)
+        for k, (R, x) in enumerate(self._walk(self.values(theta, delta))):
+            if k < K:
+                u[k], p[k] = R[:, self.transforms[k].axis], x
         rotation = np.array([t.kind == "rotation" for t in self.transforms])
         return ForwardPass(np.broadcast_to(x, (3, n)), np.broadcast_to(R, (3, 3, n)), u, p, rotation)
 
@@ -131,17 +127,18 @@ class Chain:
 
         ``ends`` ascend; ``theta`` (n, N) [rad]; m is n, or 1 for a frame that no joint moves.
         """
-        R, x, values = np.eye(3)[:, :, None], np.zeros((3, 1)), self.values(theta)
-        out, start = [], 0
-        for end in ends:
-            for t, value in zip(self.transforms[start:end], values[start:end], strict=True):
-                if t.kind == "translation":
-                    x = x + R[:, t.axis] * value
-                elif value.size != 1 or value[0] != 0.0:
-                    R = _rotate(R, t.axis, value)
-            out.append((R, x))
-            start = end
-        return out
+        return [frame for k, frame in enumerate(self._walk(self.values(theta))) for end in ends if k == end]
+
+    def _walk(self, values: Sequence[Array]) -> Iterator[tuple[Array, Array]]:
+        """Yield orientation (3, 3, m) and origin (3, m) [m] before each transform, and after the last."""
+        R, x = np.eye(3)[:, :, None], np.zeros((3, 1))
+        for t, value in zip(self.transforms, values, strict=True):
+            yield R, x
+            if t.kind == "translation":
+                x = x + R[:, t.axis] * value
+            elif value.size != 1 or value[0] != 0.0:
+                R = _rotate(R, t.axis, value)
+        yield R, x
 
     def carry(self, theta: Array, v: Array, point: bool = True) -> Array:
         """Carry one point (or, with ``point=False``, one direction) of the last frame to the base frame.

@@ -72,6 +72,7 @@ def _in_order(values: Array) -> IntArray:
 BoolArray = NDArray[np.bool_]
 REST_SPEED = 0.002  # [rad/s] 0.1 degree a second: slower than any measuring move, above an encoder's flicker
 REST_TIME = 0.5  # [s] the shortest rest
+REST_ANGLE = REST_SPEED * REST_TIME  # [rad] that a joint may move in it
 
 
 def joint_speeds(samples: Samples) -> Array:
@@ -104,12 +105,12 @@ def session_numbers(samples: Samples) -> IntArray:
     return np.zeros(len(samples), dtype=np.int64) if samples.session is None else samples.session
 
 
-def find_rests(samples: Samples, speed: float = REST_SPEED, least: float = REST_TIME) -> IntArray:
+def find_rests(samples: Samples) -> IntArray:
     """Return first sample and end (exclusive) of each stretch at rest, (k, 2).
 
-    The arm rests where no joint's angle changes by more than ``speed`` · ``least`` [rad] within ``least`` [s]: a
-    difference over a time, not a speed, as encoder steps divided by a controller's cycle are large. A quarter of
-    ``least`` is cut off at both ends, where the arm still brakes or already starts.
+    The arm rests where no joint's angle changes by more than REST_ANGLE within REST_TIME: a difference over a time,
+    not a speed, as encoder steps divided by a controller's cycle are large. A quarter of that time is cut off at both
+    ends, where the arm still brakes or already starts.
 
     Raises:
         InputError: the run has no time.
@@ -117,11 +118,13 @@ def find_rests(samples: Samples, speed: float = REST_SPEED, least: float = REST_
     if samples.t is None:
         raise InputError("rests are found by time, but the run has no column t_s")
     t, q = samples.t, samples.q
-    width, cut = _widths(t, least)
+    step = float(np.median(np.abs(np.diff(t)))) if len(t) > 1 else REST_TIME
+    width = max(3, round(REST_TIME / max(step, 1e-9)) + 1)  # samples that a rest has at least
+    cut = (width - 1) // 4
     if width > len(t):
         return np.empty((0, 2), dtype=np.int64)
-    still = _largest_change(q, width) <= speed * least  # (n − width + 1,) of the windows i … i + width − 1
-    apart = _breaks(samples, least)
+    still = _largest_change(q, width) <= REST_ANGLE  # (n − width + 1,) of the windows i … i + width − 1
+    apart = _breaks(samples)
     part = np.concatenate([[0], np.cumsum(apart)])
     still &= part[width - 1 :] == part[: len(part) - width + 1]
     covered = np.zeros(len(t) + 1, dtype=np.int64)
@@ -134,13 +137,6 @@ def find_rests(samples: Samples, speed: float = REST_SPEED, least: float = REST_
     return np.column_stack([np.flatnonzero(begins) + cut, np.flatnonzero(ends) + 1 - cut])
 
 
-def _widths(t: Array, least: float) -> tuple[int, int]:
-    """Return how many samples a rest has at least, and how many are cut off at either end of one."""
-    step = float(np.median(np.abs(np.diff(t)))) if len(t) > 1 else least
-    width = max(3, round(least / max(step, 1e-9)) + 1)
-    return width, (width - 1) // 4
-
-
 def _largest_change(q: Array, width: int) -> Array:
     """Return the largest change of a joint in each window of ``width`` samples, (n − width + 1,) [rad]."""
     inside = slice(width // 2, width // 2 + len(q) - width + 1)
@@ -150,24 +146,24 @@ def _largest_change(q: Array, width: int) -> Array:
     return np.asarray((high - low).max(axis=1))
 
 
-def _breaks(samples: Samples, gap: float) -> BoolArray:
+def _breaks(samples: Samples) -> BoolArray:
     """Return whether something ends between each sample and the next, (n − 1,): a session, a pose, a fixture …"""
-    ends = np.abs(np.diff(samples.t if samples.t is not None else samples.q[:, 0])) > gap
+    ends = np.abs(np.diff(samples.t if samples.t is not None else samples.q[:, 0])) > REST_TIME
     for values in (samples.session, samples.pose, samples.place, samples.point):
         if values is not None:
             ends |= np.diff(values) != 0
     return np.asarray(ends, dtype=bool)
 
 
-def last_directions(q: Array, first: IntArray, least: float = REST_SPEED * REST_TIME) -> Array:
+def last_directions(q: Array, first: IntArray) -> Array:
     """Return the sign of each joint's last move before the samples ``first`` (k,), (k, N); 0 where it had not moved.
 
-    Angles are counted in steps of ``least`` [rad]; a move is two steps in one direction, so that an encoder that
+    Angles are counted in steps of REST_ANGLE; a move is two steps in one direction, so that an encoder that
     flickers over the border of a step does not move.
     """
     signs = np.zeros((len(first), q.shape[1]))
     for joint, angle in enumerate(q.T):
-        level = np.round(angle / least)
+        level = np.round(angle / REST_ANGLE)
         change = np.diff(level)
         moved = np.flatnonzero(change)
         way = np.sign(change[moved])
@@ -217,30 +213,25 @@ MEANS = frozenset(
 T = TypeVar("T", Samples, Readings)
 
 
-def average_rests(run: Run, speed: float = REST_SPEED, least: float = REST_TIME) -> Run:
+def average_rests(run: Run) -> Run:
     """Return the run with one sample for each stretch at rest: angles, readings and circumstances averaged there.
 
     The direction in which each joint last moved is noted where the run does not say it. A warning tells how many rests
     there are, and of how many samples.
 
-    Args:
-        run: samples that follow each other in time.
-        speed: below which a joint rests [rad/s], see `find_rests`.
-        least: the shortest rest [s].
-
     Raises:
         InputError: the run has no time, or the arm rests nowhere.
     """
-    stretches = _measured_rests(run.samples, speed, least)
+    stretches = _measured_rests(run.samples)
     if len(stretches) == 0:
         raise InputError(
             f"{run.name}: none of {len(run)} samples is at rest (no joint moving by more than "
-            f"{np.rad2deg(speed * least):.3f} degrees in {least:g} s); is this a continuous run?"
+            f"{np.rad2deg(REST_ANGLE):.3f} degrees in {REST_TIME:g} s); is this a continuous run?"
         )
     count = np.diff(stretches, axis=1)[:, 0]
     samples, readings = _average_stretches(run.samples, stretches), _average_stretches(run.readings, stretches)
     if run.samples.direction is None:
-        samples = replace(samples, direction=read_only(last_directions(run.samples.q, stretches[:, 0], speed * least)))
+        samples = replace(samples, direction=read_only(last_directions(run.samples.q, stretches[:, 0])))
     warning = (
         f"{run.name}: {len(stretches)} rests were found in {len(run)} samples; each is the mean of "
         f"{count.min()} to {count.max()} of them"
@@ -257,13 +248,13 @@ def marks_rests(run: Run) -> bool:
     if pose is None or run.samples.t is None:
         return False
     marked = np.unique(pose[pose >= 0])
-    at_rest = np.unique(pose[_measured_rests(run.samples, REST_SPEED, REST_TIME)[:, 0]])
+    at_rest = np.unique(pose[_measured_rests(run.samples)[:, 0]])
     return len(marked) > 1 and 2 * len(at_rest) >= len(marked)
 
 
-def _measured_rests(samples: Samples, speed: float, least: float) -> IntArray:
+def _measured_rests(samples: Samples) -> IntArray:
     """Return the rests that are measurements: those with a pose's number where numbers are given, else all."""
-    stretches = find_rests(samples, speed, least)
+    stretches = find_rests(samples)
     if samples.pose is None or not (samples.pose >= 0).any():
         return stretches
     return np.asarray(stretches[samples.pose[stretches[:, 0]] >= 0])

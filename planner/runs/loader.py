@@ -17,7 +17,7 @@ from planner.runs.joint_motion import (
     number_sessions,
     session_numbers,
 )
-from planner.runs.quantities import check_jumps, joint_angles, reading_kind, readings_of
+from planner.runs.quantities import check_jumps, joint_angles, readings_of
 from planner.runs.run import IntArray, Readings, Run, Samples, sort_names
 from planner.runs.synchronisation import pair_tables
 from planner.runs.table import RunTable, read_table
@@ -201,7 +201,7 @@ def join_runs(runs: Sequence[Run]) -> Run:
     if len(runs) == 1:
         return runs[0]
     of_robot = [r for r in runs if r.robot is not None]
-    _check_same([reading_kind(r.readings) for r in runs], runs, "reads {}")
+    _check_same([r.readings.columns for r in runs], runs, "reads {}")
     _check_same(["continuous" if r.continuous else "static" for r in runs], runs, "is {}", _hint_for_loaded(runs))
     _check_same([r.robot or "" for r in of_robot], of_robot, "is of the robot {}")
     warnings = [w for r in runs for w in r.warnings]
@@ -219,20 +219,20 @@ def join_runs(runs: Sequence[Run]) -> Run:
         r.readings if r.readings.ball is None else replace(r.readings, ball=_reindex(r.readings.ball, r.balls, balls))
         for r in runs
     ]
-    return Run(
-        "+".join(names),
-        samples,
-        _concatenate(readings, names, warnings),
-        places,
-        balls,
-        points,
-        runs[0].continuous,
-        max(r.clocks for r in runs),
-        runs[0].plan_id if len(plans) == 1 else None,
-        of_robot[0].robot if of_robot else None,
-        tuple(warnings),
-        tuple(file for r in runs for file in r.files),
-        any(r.simulated for r in runs),
+    return replace(
+        runs[0],
+        name="+".join(names),
+        samples=samples,
+        readings=_concatenate(readings, names, warnings),
+        places=places,
+        balls=balls,
+        points=points,
+        clocks=max(r.clocks for r in runs),
+        plan_id=runs[0].plan_id if len(plans) == 1 else None,
+        robot=of_robot[0].robot if of_robot else None,
+        warnings=tuple(warnings),
+        files=tuple(file for r in runs for file in r.files),
+        simulated=any(r.simulated for r in runs),
     )
 
 

@@ -79,13 +79,6 @@ OFFSET = ("dx", "dy", "dz")
 KINDS = {"length": "length_mm", "x": "x_mm, y_mm, z_mm", "ball": "ball"}
 
 
-def reading_kind(readings: Readings) -> str:
-    """Return ``"length"``, ``"position"`` or ``"ball"``."""
-    if readings.length is not None:
-        return "length"
-    return "position" if readings.position is not None else "ball"
-
-
 def has_reading(table: RunTable) -> bool:
     """Return whether a table holds any part of a reading."""
     return any(table.has(key) for key in ("length", *POSITION, "ball"))

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 
@@ -26,7 +26,16 @@ FIRST_MOUNTING = Mounting()
 
 
 @dataclass(frozen=True)
-class Samples:
+class SampleColumns:
+    """Columns with one entry a sample; ``None`` where there is nothing."""
+
+    def take(self, which: slice | IntArray) -> Self:
+        """Return the samples at ``which`` (a slice, indices, or a mask)."""
+        return replace(self, **{f.name: v[which] for f in fields(self) if (v := getattr(self, f.name)) is not None})
+
+
+@dataclass(frozen=True)
+class Samples(SampleColumns):
     """Where the arm stood and under which circumstances, one entry a sample; what was not logged is ``None``.
 
     Attributes:
@@ -94,13 +103,9 @@ class Samples:
         columns = {f.name: [getattr(p, f.name) for p in parts] for f in fields(cls)}
         return cls(**{name: np.concatenate(v) for name, v in columns.items() if not any(part is None for part in v)})
 
-    def take(self, which: slice | IntArray) -> "Samples":
-        """Return the samples at ``which`` (a slice, indices, or a mask)."""
-        return replace(self, **{f.name: v[which] for f in fields(self) if (v := getattr(self, f.name)) is not None})
-
 
 @dataclass(frozen=True)
-class Readings:
+class Readings(SampleColumns):
     """What the gauge read, one entry a sample: one of length, position (and rotation), or socket.
 
     Attributes:
@@ -123,10 +128,6 @@ class Readings:
         if self.length is not None:
             return "length_mm"
         return "ball" if self.position is None else "x_mm, y_mm, z_mm"
-
-    def take(self, which: slice | IntArray) -> "Readings":
-        """Return the readings at ``which`` (a slice, indices, or a mask)."""
-        return replace(self, **{f.name: v[which] for f in fields(self) if (v := getattr(self, f.name)) is not None})
 
 
 @dataclass(frozen=True)

@@ -141,7 +141,7 @@ def test_what_one_file_lacks_is_left_out_of_all_with_a_warning(tmp_path):
 def test_files_of_different_kinds_are_not_joined(tmp_path):
     a = write(tmp_path / "a.csv", "q1_deg,length_mm\n10,400\n90,410\n")
     b = write(tmp_path / "b.csv", "q1_deg,ball\n10,1\n90,1\n")
-    with pytest.raises(InputError, match="b reads ball, but a reads length; only runs of one kind are joined"):
+    with pytest.raises(InputError, match="b reads ball, but a reads length_mm; only runs of one kind are joined"):
         load_runs([a, b], 1)
     with pytest.raises(InputError, match="no run was given"):
         load_runs([], 1)
