@@ -2,6 +2,7 @@
 
 Lengths are in millimetres; collision engines use the exact shapes."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -153,13 +154,16 @@ def build_cell_view(plan: Plan) -> CellView:
     return compose_cell_view(
         cell,
         frames,
-        cloud=np.vstack(
-            [to_mm(cell.at(d.mounting).map_position(thin.q[thin.samples.at_mounting(d.mounting)])) for d in drives]
-        ),
-        paths=tuple(to_mm(cell.at(d.mounting).map_position(sample_drive(cell, d).motion.q)) for d in drives),
-        ways=tuple(to_mm(cell.at(d.mounting).map_position(d.course.travel.trajectory.sample(0.05).q)) for d in drives),
+        cloud=np.vstack([_points(cell, d, thin.q[thin.samples.at_mounting(d.mounting)]) for d in drives]),
+        paths=tuple(_points(cell, d, sample_drive(cell, d).motion.q) for d in drives),
+        ways=tuple(_points(cell, d, d.course.travel.trajectory.sample(0.05).q) for d in drives),
         spots=tuple(s for d in drives for s in _spots(cell, d)),
     )
+
+
+def _points(cell: Cell, drive: Drive, q: Array) -> Array:
+    """Tool point of a drive (n, 3) [mm] at controller angles q (n, N) [rad]."""
+    return to_mm(cell.at(drive.mounting).map_position(q))
 
 
 def compose_cell_view(
@@ -172,7 +176,8 @@ def compose_cell_view(
 ) -> CellView:
     """Put what moves among what stands, in boxes that hold it all; points in mm."""
     pieces = build_scene(cell).pieces
-    moving, shells = _moving(cell, pieces), _shells(cell)
+    moving = _moving(cell, pieces)
+    shells = tuple(_mm(sphere_cap(*surface)) for surface in cell.gauge.reach_surfaces(cell))
     standing = [body_mesh(p.body) for p in pieces if p.carrier == "world" and p.body.name != "floor"]
     seen = [m.at(poses) for m in moving for poses in frames.poses[:: max(1, len(frames.poses) // 12)]]
     corners = np.vstack([*seen, *paths, *ways, *(s.vertices for s in shells)])
@@ -244,18 +249,11 @@ def carrier_poses(cell: Cell, mounting: Mounting, q: Array) -> Array:
     return out
 
 
-def _shells(cell: Cell) -> tuple[Mesh, ...]:
-    return tuple(_mm(sphere_cap(*surface)) for surface in cell.gauge.reach_surfaces(cell))
-
-
-def _spots(cell: Cell, drive: Drive) -> list[ViewPose]:
-    x = to_mm(cell.at(drive.mounting).map_position(np.array([v.q for v in drive.visits])))
-    return [
-        ViewPose(
-            p, v.role, f"pose {v.id}, {v.role}" + (f": {text}" if (text := cell.gauge.length_text(v.length)) else "")
-        )
-        for p, v in zip(x, drive.visits, strict=True)
-    ]
+def _spots(cell: Cell, drive: Drive) -> Iterator[ViewPose]:
+    x = _points(cell, drive, np.array([v.q for v in drive.visits]))
+    for p, v in zip(x, drive.visits, strict=True):
+        length = cell.gauge.length_text(v.length)
+        yield ViewPose(p, v.role, f"pose {v.id}, {v.role}{f': {length}' if length else ''}")
 
 
 def _mm(mesh: Mesh) -> Mesh:

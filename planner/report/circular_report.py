@@ -1,6 +1,7 @@
 """Reports of a circular test: the plan, then as measured by polar plots, figures of ISO 230-4, steps at reversals."""
 
 import math
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from planner.report.formatting import clearance_fact, duration_text, in_um, verd
 from planner.report.page import Report, Row
 
 POINTS = 1440  # of a path at most: a picture has no more
+ANGLE = "angle on the circle (deg)"
 COLOURS = {"ccw": BLUE, "cw": RED}
 ROUND = (1.0, 2.0, 2.5, 5.0, 10.0)
 
@@ -68,36 +70,24 @@ def polar_chart(c: CircleFigures, number: int) -> Chart:
     ring, around = division(c), np.linspace(0.0, 360.0, 361)
     circle = Series("least-squares circle", around, 0 * around, GREY, dashed=True, width=1.0)
     times = c.ring.circle.radius / (BASE * ring * UM)
-    return Chart(
-        f"polar_{number + 1}",
-        f"Circle {_name(c)}",
+    title = f"Circle {_name(c)}"
+    panel = Panel(f"{title}: {ring:g} µm a division", "", "µm", (*path_series(c), circle), height=620, rings=ring)
+    caption = (
         f"Deviations drawn {times:.0f} times larger than the circle, {ring:g} µm a division; from the least-squares "
-        "circle of both directions; outwards is a longer bar.",
-        (
-            Panel(
-                f"Circle {_name(c)}: {ring:g} µm a division",
-                "",
-                "µm",
-                (*path_series(c), circle),
-                height=620,
-                rings=ring,
-            ),
-        ),
+        "circle of both directions; outwards is a longer bar."
     )
+    return Chart(f"polar_{number + 1}", title, caption, (panel,))
 
 
 def radial_chart(c: CircleFigures, number: int) -> Chart:
     """Radial deviation over the angle, with the reversals of the axes."""
     reversals = {round(float(to_deg(r.angle)), 1): r.joints for p in c.paths[:1] for r in p.reversals}
-    lines = [ReferenceLine(a, f"axis {', '.join(str(j + 1) for j in js)}", upright=True) for a, js in reversals.items()]
+    lines = [ReferenceLine(angle, f"axis {_axes(joints)}", upright=True) for angle, joints in reversals.items()]
     span = (float(to_deg(c.ring.circle.start)), float(to_deg(c.ring.circle.start + c.ring.circle.sweep)))
-    labels = ("", "angle on the circle (deg)", "radial deviation (µm)")
-    return Chart(
-        f"radial_{number + 1}",
-        f"Circle {_name(c)}: radial deviation over the angle",
-        "From the least-squares circle of both directions. Dotted: where an axis of the robot reverses.",
-        (Panel(*labels, path_series(c), limits=tuple(lines), x_range=span, height=300),),
-    )
+    panel = Panel("", ANGLE, "radial deviation (µm)", path_series(c), tuple(lines), x_range=span, height=300)
+    title = f"Circle {_name(c)}: radial deviation over the angle"
+    caption = "From the least-squares circle of both directions. Dotted: where an axis of the robot reverses."
+    return Chart(f"radial_{number + 1}", title, caption, (panel,))
 
 
 def _facts(c: CircleFigures) -> Row:
@@ -114,73 +104,57 @@ def _figures(p: PathFigures) -> Row:
 
 
 def _together(c: CircleFigures) -> tuple[Row, ...]:
-    first, second = c.ring.circle.plane[0], c.ring.circle.plane[1]
-    rows = [
-        (
-            "centre, by least squares, taken off",
-            (
-                f"{first} {in_um(c.centre.centre[0])} ± {in_um(c.centre.std[0])} µm, {second}"
-                f" {in_um(c.centre.centre[1])} ± {in_um(c.centre.std[1])} µm from the planned one"
-            ),
-        ),
-        ("mean radial deviation D", f"{in_um(c.D)} µm"),
-    ]
-    if c.G_b is not None:
-        rows += [
-            (
-                "bidirectional circular deviation G(b)",
-                f"{in_um(c.G_b)} µm; about the least-squares centre {in_um(c.G_b_ls)} µm",
-            ),
-            ("hysteresis H, ccw less cw", f"{in_um(c.H)} µm at most, {in_um(c.H_mean)} µm on average"),
-        ]
+    each = zip(c.ring.circle.plane, c.centre.centre, c.centre.std, strict=True)
+    centre = ", ".join(f"{axis} {in_um(value)} ± {in_um(std)} µm" for axis, value, std in each)
+    both = f"{in_um(c.G_b)} µm; about the least-squares centre {in_um(c.G_b_ls)} µm"
+    of_both_directions = (
+        ("bidirectional circular deviation G(b)", both),
+        ("hysteresis H, ccw less cw", f"{in_um(c.H)} µm at most, {in_um(c.H_mean)} µm on average"),
+    )
     return (
-        *rows,
+        ("centre, by least squares, taken off", f"{centre} from the planned one"),
+        ("mean radial deviation D", f"{in_um(c.D)} µm"),
+        *(of_both_directions if c.G_b is not None else ()),
         ("range of the bar that is used", f"{to_mm(c.length_range):.4f} mm"),
         ("range of readings less the length at the joint angles read", f"{to_mm(c.calculated_range):.4f} mm"),
     )
 
 
-def _reversals(p: PathFigures) -> list[Row]:
-    return [
-        (
-            p.direction,
-            f"{to_deg(r.angle):.1f}",
-            ", ".join(str(j + 1) for j in r.joints),
-            "–" if math.isnan(r.step) else f"{in_um(r.step)} ± {in_um(r.std)}",
-        )
-        for r in p.reversals
-    ]
+def _reversals(p: PathFigures) -> Iterator[Row]:
+    for r in p.reversals:
+        jump = "–" if math.isnan(r.step) else f"{in_um(r.step)} ± {in_um(r.std)}"
+        yield (p.direction, f"{to_deg(r.angle):.1f}", _axes(r.joints), jump)
+
+
+def _axes(joints: Sequence[int]) -> str:
+    return ", ".join(str(j + 1) for j in joints)
 
 
 def _name(c: CircleFigures) -> str:
     return c.ring.circle.name if c.load is None else f"{c.ring.circle.name}, {c.load:g} N"
 
 
-ANGLE = "angle on the circle (deg)"
-
-
 def arc_chart(arc: Arc, number: int) -> Chart:
     """Joint angles and speeds over the circle's angle; the sweep that is measured lies between the dotted lines."""
     c, angle = arc.circle, to_deg(arc.angle)
-    span = (float(angle[0]), float(angle[-1]))
-    ends = (
-        ReferenceLine(float(to_deg(c.start)), "sweep", upright=True),
-        ReferenceLine(float(to_deg(c.start + c.sweep)), "", upright=True),
+    ends = tuple(
+        ReferenceLine(float(to_deg(end)), text, upright=True)
+        for end, text in ((c.start, "sweep"), (c.start + c.sweep, ""))
     )
     motion = arc.ccw.trajectory.at(arc.ccw.trajectory.waypoint_time)
     axes = joint_series(angle, to_deg(arc.q), width=1.2)
     speeds = joint_series(angle, to_deg(motion.dq), width=1.2)
     tool = (Series("", angle, to_mm(motion.tool_speed), "#555555"),)
-    return Chart(
-        f"circle_{number + 1}",
-        f"Circle {c.name}: the axes along it",
-        "Where the speed of a joint crosses zero it reverses: there backlash and friction show.",
-        (
-            Panel("Joint angles", ANGLE, "joint angle (deg)", axes, limits=ends, x_range=span, height=280),
-            Panel("Speed of the joints, ccw", ANGLE, "speed (deg/s)", speeds, limits=ends, x_range=span, height=240),
-            Panel("Speed of the tool point, ccw", ANGLE, "speed (mm/s)", tool, limits=ends, x_range=span, height=160),
-        ),
+    panels = tuple(
+        Panel(title, ANGLE, label, series, ends, x_range=(float(angle[0]), float(angle[-1])), height=height)
+        for title, label, series, height in (
+            ("Joint angles", "joint angle (deg)", axes, 280),
+            ("Speed of the joints, ccw", "speed (deg/s)", speeds, 240),
+            ("Speed of the tool point, ccw", "speed (mm/s)", tool, 160),
+        )
     )
+    caption = "Where the speed of a joint crosses zero it reverses: there backlash and friction show."
+    return Chart(f"circle_{number + 1}", f"Circle {c.name}: the axes along it", caption, panels)
 
 
 def report_circular_plan(plan: CircularPlan) -> Report:
@@ -195,9 +169,8 @@ def report_circular_plan(plan: CircularPlan) -> Report:
         "passes": [_pass(d, p) for d in plan.drives for p in d.passes],
         "verdicts": [row for what, verdicts in judged for row in verdict_rows(what, verdicts, plan.cell)],
     }
-    return Report(
-        "circular_plan.html.j2", content, tuple(arc_chart(a, k) for k, a in enumerate(arcs)), circular_view(plan)
-    )
+    charts = tuple(arc_chart(a, k) for k, a in enumerate(arcs))
+    return Report("circular_plan.html.j2", content, charts, circular_view(plan))
 
 
 def circular_view(plan: CircularPlan) -> CellView:

@@ -1,5 +1,7 @@
 """The report of a loaded double ball bar, with the charts of the EDBB paper's figures 13 to 15."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from planner.common.units import UM, Array, to_deg, to_mm
@@ -7,7 +9,7 @@ from planner.instruments.loaded.circle_candidates import CirclePlaceChoice
 from planner.instruments.loaded.common_fit import CommonFit
 from planner.instruments.loaded.equilibrium import sine
 from planner.instruments.loaded.joint_fit import JointFit
-from planner.instruments.loaded.results import SENSES, share_text
+from planner.instruments.loaded.results import SENSES, URAD, share_text
 from planner.instruments.loaded.types import NOT_LEARNT, EvaluatedCircle, LoadedEvaluation
 from planner.report.calibration_text import estimate_unit
 from planner.report.chart import (
@@ -23,11 +25,13 @@ from planner.report.chart import (
     ReferenceLine,
     Series,
     Span,
+    list_panel,
     share_panel,
 )
 from planner.report.formatting import digits
 from planner.report.page import Report
 
+SHARE = "standard deviation / prior size"
 FINEST = 1e-6  # of the prior size: what is known better is drawn there
 
 
@@ -36,18 +40,13 @@ def loaded_charts(found: LoadedEvaluation) -> tuple[Chart, ...]:
     out = []
     for k, c in enumerate(found.circles):
         several = len(found.circles) > 1
-        stem, where = (f"_{k + 1}", f", fixture {c.curves.circle.name}") if several else ("", "")
-        for draw in (readings_chart, deflection_chart, compensated_chart, kinematic_chart):
-            name, title, caption, panels = draw(c)
-            out.append(Chart(f"{name}{stem}", f"{title}{where}", caption, tuple(panels)))
+        number, where = (f"_{k + 1}", f", fixture {c.curves.circle.name}") if several else ("", "")
+        for chart in (readings_chart(c), deflection_chart(c), compensated_chart(c), kinematic_chart(c)):
+            out.append(replace(chart, name=f"{chart.name}{number}", title=f"{chart.title}{where}"))
     return (*out, compliance_chart(found))
 
 
-Drawing = tuple[str, str, str, list[Panel]]
-"""Name, title, caption and panels of a chart of one circle."""
-
-
-def readings_chart(c: EvaluatedCircle) -> Drawing:
+def readings_chart(c: EvaluatedCircle) -> Chart:
     """Readings at every load (paper, figure 13 a)."""
     curves = c.curves
     raw = curves.length - curves.length.mean()
@@ -56,10 +55,10 @@ def readings_chart(c: EvaluatedCircle) -> Drawing:
         for d, sense in enumerate(curves.directions)
     ]
     caption = f"Average of {int(curves.repeats.min())} turns at each load, in each sense of travel."
-    return "readings", "Readings under load", caption, panels
+    return Chart("readings", "Readings under load", caption, tuple(panels))
 
 
-def deflection_chart(c: EvaluatedCircle) -> Drawing:
+def deflection_chart(c: EvaluatedCircle) -> Chart:
     """Distance of the readings from those at the base load (paper, figure 13 b), and by the compliances."""
     curves, panels = c.curves, []
     texts = [f"{load:.0f} N more" for load in curves.apparent]
@@ -71,10 +70,10 @@ def deflection_chart(c: EvaluatedCircle) -> Drawing:
         f"Reading at a load less that at the base load of {curves.loads[0]:.0f} N, and dashed what the fitted "
         "compliances make of it."
     )
-    return "deflections", "Deflection along the bar", caption, panels
+    return Chart("deflections", "Deflection along the bar", caption, tuple(panels))
 
 
-def compensated_chart(c: EvaluatedCircle) -> Drawing:
+def compensated_chart(c: EvaluatedCircle) -> Chart:
     """Readings without what the arm yields, and their average with the centre's offset (paper, figure 14)."""
     curves, angle = c.curves, to_deg(c.curves.theta)
     shown = c.compensated.mean(axis=0)
@@ -89,15 +88,15 @@ def compensated_chart(c: EvaluatedCircle) -> Drawing:
         f"ball, which shows once a turn with {amplitude} mm."
     )
     apart = shown - shown.mean(axis=0)
-    panels = [
+    panels = (
         _panel("as without load", "reading − mean (µm)", _lines(curves.theta, shown - shown.mean(), _loads(c))),
         _panel("distance from their average", "distance (µm)", _lines(curves.theta, apart, _loads(c))),
         _panel("average", "reading − mean (µm)", lines),
-    ]
-    return "compensated", "Without the load", caption, panels
+    )
+    return Chart("compensated", "Without the load", caption, panels)
 
 
-def kinematic_chart(c: EvaluatedCircle) -> Drawing:
+def kinematic_chart(c: EvaluatedCircle) -> Chart:
     """What is left when load and offset are taken off, beside the tracker's (paper, figure 15)."""
     angle = to_deg(c.curves.theta)
     series = [
@@ -109,7 +108,7 @@ def kinematic_chart(c: EvaluatedCircle) -> Drawing:
         series.append(Series("tracker", angle, c.tracker.tracker / UM, GREEN, dashed=True))
         mean, largest = (digits(v / UM) for v in (c.tracker.mean, c.tracker.largest))
         caption += f" The tracker's unloaded circle differs by {mean} µm on average, {largest} µm at most."
-    return "kinematic", "Kinematic error", caption, [_panel("", "error along the bar (µm)", series)]
+    return Chart("kinematic", "Kinematic error", caption, (_panel("", "error along the bar (µm)", series),))
 
 
 def compliance_chart(found: LoadedEvaluation) -> Chart:
@@ -118,8 +117,7 @@ def compliance_chart(found: LoadedEvaluation) -> Chart:
     joints = [(n.replace("compliance", "c"), s / p) for n, s, p in zip(c.names, c.std, c.prior, strict=True)]
     mixed = [(k.text, k.std) for k in c.combinations]
     values = np.array([v for _, v in (*joints, *mixed)])
-    low = 10.0 ** np.floor(np.log10(min(max(values.min(), FINEST), 0.5)))
-    span = (float(low), float(10.0 ** np.ceil(np.log10(max(2.0, values.max())))))
+    span = (_decade(np.clip(values, FINEST, 0.5)), float(10.0 ** np.ceil(np.log10(max(2.0, values.max())))))
     panels = (
         _shares("each by itself, with what was known before", joints, BLUE, span),
         _shares("combinations, by the circles alone", mixed, GREEN, span),
@@ -134,7 +132,7 @@ def compliance_chart(found: LoadedEvaluation) -> Chart:
 def _shares(title: str, parts: list[tuple[str, float]], colour: str, span: Span) -> Panel:
     share = np.array([max(v, FINEST) for _, v in parts])
     hover = [f"{n}: {digits(v)} of the prior size" for n, v in parts]
-    return share_panel(title, "standard deviation / prior size", [n for n, _ in parts], share, hover, colour, span, 24)
+    return share_panel(title, SHARE, [n for n, _ in parts], share, hover, colour, span, 24)
 
 
 def _panel(title: str, y_label: str, series: list[Series]) -> Panel:
@@ -153,23 +151,13 @@ def _lines(theta: Array, values: Array, names: list[str], first: int = 0, dashed
     ]
 
 
-URAD = 1e-6
-
-
 def report_loaded(found: LoadedEvaluation, joint: JointFit | None = None) -> Report:
     """Return the page of a loaded run and its pictures."""
     c = found.compliances
-    rows = [
-        (
-            name,
-            "–" if told == NOT_LEARNT else digits(v / URAD),
-            digits(s / URAD, 2),
-            digits(p / URAD),
-            share_text(s / p),
-            told,
-        )
-        for name, v, s, p, told in zip(c.names, c.value, c.std, c.prior, c.verdicts, strict=True)
-    ]
+    rows = []
+    for name, v, s, p, told in zip(c.names, c.value, c.std, c.prior, c.verdicts, strict=True):
+        value = "–" if told == NOT_LEARNT else digits(v / URAD)
+        rows.append((name, value, digits(s / URAD, 2), digits(p / URAD), share_text(s / p), told))
     content = {
         "found": found,
         "joint": joint,
@@ -190,9 +178,6 @@ def _together(joint: JointFit) -> list[tuple[str, ...]]:
     return rows
 
 
-SHARE = "standard deviation / prior size"
-
-
 def draw_places(found: CirclePlaceChoice, count: int) -> tuple[Chart, ...]:
     """Return every picture, the places of the best set of ``count`` marked."""
     return (draw_learning_curve(found), draw_centres(found, count))
@@ -205,9 +190,8 @@ def draw_learning_curve(found: CirclePlaceChoice) -> Chart:
     names = [n.replace("compliance", "c") for n in found.names]
     series = tuple(Series(n, x, rows[:, k], JOINTS[k % len(JOINTS)]) for k, n in enumerate(names))
     label = "number of places, chosen together (0: the cell's own circle alone)"
-    prior = ReferenceLine(1.0, "prior size", below=True)
-    reach = (_decade(rows), 1.3)
-    panel = Panel("", label, SHARE, series, limits=(prior,), log_y=True, y_range=reach, height=330)
+    prior = (ReferenceLine(1.0, "prior size", below=True),)
+    panel = Panel("", label, SHARE, series, prior, log_y=True, y_range=(_decade(rows), 1.3), height=330)
     caption = "Predicted, with the loads and repeats of the cell's circle."
     return Chart("learnt", "What more places tell", caption, (panel,))
 
@@ -219,19 +203,18 @@ def _decade(values: Array) -> float:
 
 def draw_centres(found: CirclePlaceChoice, count: int) -> Chart:
     """Centres of the circles, in the upright plane through axis 1, a panel for each plane of the circle."""
-    chosen = {int(i): str(k + 1) for k, i in enumerate(found.sets[count - 1])}
+    chosen = set(found.sets[count - 1].tolist())
     centre = np.array([to_mm(c.circle.p_BC) for c in found.pool])
     at = np.stack([np.hypot(centre[:, 0], centre[:, 1]), centre[:, 2]], axis=1)
     pad = 0.08 * np.ptp(at, axis=0) + 50.0
-    (left, low), (right, high) = (at.min(axis=0) - pad).tolist(), (at.max(axis=0) + pad).tolist()
-    labels, x_range, y_range = ("distance from axis 1 (mm)", "height (mm)"), (left, right), (low, high)
+    x_range, y_range = zip((at.min(axis=0) - pad).tolist(), (at.max(axis=0) + pad).tolist(), strict=True)
+    labels = ("distance from axis 1 (mm)", "height (mm)")
     panels = []
     for plane in ("XY", "XZ", "YZ"):
         own = [i for i, c in enumerate(found.pool) if c.circle.plane == plane]
         series = [_centre_points(at[own], GREY, 6.0, plane)]
-        marked = [i for i in own if i in chosen]
-        if marked:
-            series.append(_centre_points(at[marked], RED, 11.0, "chosen", tuple(chosen[i] for i in marked)))
+        if marked := [i for i in own if i in chosen]:
+            series.append(_centre_points(at[marked], RED, 11.0, "chosen"))
         title = f"circles in {plane}"
         panels.append(Panel(title, *labels, tuple(series), x_range=x_range, y_range=y_range, height=230))
     caption = (
@@ -241,9 +224,9 @@ def draw_centres(found: CirclePlaceChoice, count: int) -> Chart:
     return Chart("where", "Where the circles are", caption, tuple(panels))
 
 
-def _centre_points(at: Array, colour: str, size: float, name: str, texts: tuple[str, ...] = ()) -> Series:
+def _centre_points(at: Array, colour: str, size: float, name: str) -> Series:
     hover = tuple(f"{name} at {digits(x, 4)}, {digits(z, 4)} mm" for x, z in at.tolist())
-    return Series(name, at[:, 0], at[:, 1], colour, "points", hover=hover, texts=texts, size=size)
+    return Series(name, at[:, 0], at[:, 1], colour, "points", hover=hover, size=size)
 
 
 def draw_common_fit(known: CommonFit) -> Chart:
@@ -252,12 +235,10 @@ def draw_common_fit(known: CommonFit) -> Chart:
     looks = (("without load", GREY, 6.0), ("loaded circles", SKY, 6.0), ("one fit", RED, 8.0))
     series = []
     for (text, colour, size), part in zip(looks, known.parts.values(), strict=True):
-        told = zip(known.names, part.tolist(), strict=True)
-        hover = tuple(f"{n}: {digits(v)} of its prior size" for n, v in told)
+        hover = tuple(f"{n}: {digits(v)} of its prior size" for n, v in zip(known.names, part.tolist(), strict=True))
         series.append(Series(text, part, place, colour, "points", size=size, hover=hover))
-    prior, reach = ReferenceLine(1.0, "prior size", upright=True), (_decade(known.both), 2.0)
-    height = 22 * len(known.names) + 30
-    panel = Panel("", SHARE, "", tuple(series), (prior,), log_x=True, x_range=reach, y_names=known.names, height=height)
+    prior, reach = (ReferenceLine(1.0, "prior size", upright=True),), (_decade(known.both), 2.0)
+    panel = list_panel("", SHARE, known.names, series, 22, 30, limits=prior, log_x=True, x_range=reach)
     caption = (
         "Predicted: by the poses without load, by the loaded circles, and by one fit of both runs. Parameters that "
         "stay near their prior size in all three cannot be told apart; others carry their error."

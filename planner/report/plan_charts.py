@@ -1,5 +1,6 @@
 """Charts of a plan: choice of the poses, tour, joints, bar and speeds."""
 
+from collections.abc import Sequence
 from dataclasses import asdict
 from itertools import pairwise
 from typing import Any
@@ -35,7 +36,7 @@ from planner.session.plan_types import Drive, Plan
 FEW_POSES = 30  # poses, before which errors are off the picture
 ROOM_FOR_LABELS = 1.35  # times the largest number of poses: the lines' labels stand beside the points
 SHORT_LABEL = 40  # letters of a label that stand beside an axis
-TIME_LABEL = "time (s)"
+ANGLE_LABEL = "joint angle (deg)"
 
 
 def index_chart(plan: Plan, curve: IndexCurve) -> Chart:
@@ -80,17 +81,19 @@ def expected_error_chart(expected: BayesianDesign) -> Chart:
         Series("other numbers of poses", others, errors, ORANGE, "points", hover=times),
         _this_plan(len(n), float(to_mm(expected.left)), f"{to_mm(expected.left):.3f} mm"),
     )
-    untraced = float(to_mm(expected.unknown.untraced))
-    bound = ReferenceLine(float(to_mm(expected.bound)), f"no {len(n)} poses leave less", below=True)
-    limits = (ReferenceLine(untraced, "geometry alone"), bound)
+    untraced, bound = (float(to_mm(v)) for v in (expected.unknown.untraced, expected.bound))
+    limits = (
+        ReferenceLine(untraced, "geometry alone"),
+        ReferenceLine(bound, f"no {len(n)} poses leave less", below=True),
+    )
     top = 1.5 * max(untraced, float(to_mm(expected.after[min(len(n), FEW_POSES) - 1])))
     caption = (
         f"As the poses of this plan are added: {describe_bayesian_design(expected)}. Plans of their own for other "
+        f"numbers would leave about: {describe_numbers_of_poses(expected)}."
     )
-    caption += f"numbers would leave about: {describe_numbers_of_poses(expected)}."
     wide = ROOM_FOR_LABELS * max([len(n), *(f.poses for f in by_number)])
-    y_label, span = "error of the tool (mm rms)", (0.0, top)
-    panel = Panel("", "number of poses", y_label, series, limits, x_range=(0.0, wide), y_range=span)
+    labels = ("", "number of poses", "error of the tool (mm rms)")
+    panel = Panel(*labels, series, limits, x_range=(0.0, wide), y_range=(0.0, top))
     return Chart("foresight", "What the robot's error would be", caption, (panel,))
 
 
@@ -127,65 +130,57 @@ def parameter_chart(rows: tuple[ParameterForecast, ...]) -> Chart:
     return Chart("parameters", "What the poses teach", caption, (panel,))
 
 
-def tour_chart(drive: Drive, both: TourOrders, suffix: str) -> Chart:
+def tour_chart(both: TourOrders) -> Chart:
     """Joint angles over the poses, in the order of selection and in the order of the tour."""
     axes: dict[str, Any] = {"x_range": (0.0, float(both.unsorted_t[-1])), "y_range": _angle_span(both.unsorted_q)}
     panels = []
-    for name, t, q in (
-        ("Unsorted", both.unsorted_t, both.unsorted_q),
-        ("Sorted", both.sorted_t, both.sorted_q),
-    ):
-        labels = (
-            f"{name}: legs of {duration_text(float(t[-1]))}",
-            "time by the cost of the legs (s)",
-            "joint angle (deg)",
-        )
-        panels.append(Panel(*labels, joint_series(t, to_deg(q)), **axes))
+    for name, t, q in (("Unsorted", both.unsorted_t, both.unsorted_q), ("Sorted", both.sorted_t, both.sorted_q)):
+        title = f"{name}: legs of {duration_text(float(t[-1]))}"
+        label = "time by the cost of the legs (s)"
+        panels.append(Panel(title, label, ANGLE_LABEL, joint_series(t, to_deg(q)), **axes))
     caption = (
         "The same poses on the same scale; unsorted is the order of selection. A leg lasts as long as its slowest "
         f"limit: {both.cost_name}."
     )
-    return Chart(f"tour{suffix}", "The tour, before and after sorting", caption, tuple(panels))
+    return Chart("tour", "The tour, before and after sorting", caption, tuple(panels))
 
 
-def joint_chart(way: DrivenPath, drive: Drive, suffix: str) -> Chart:
+def joint_chart(way: DrivenPath) -> Chart:
     """Joint angles as driven."""
-    axes: dict[str, Any] = {"x_range": _time(way), "y_range": _angle_span(way.motion.q), "height": 330}
-    panel = Panel("", TIME_LABEL, "joint angle (deg)", joint_series(way.motion.t, to_deg(way.motion.q)), **axes)
-    return Chart(f"joints{suffix}", "Joint angles as driven", _there(way), (panel,))
+    series, span = joint_series(way.motion.t, to_deg(way.motion.q)), _angle_span(way.motion.q)
+    panel = _over_time(way, "", ANGLE_LABEL, series, span, height=330)
+    return Chart("joints", "Joint angles as driven", _there(way), (panel,))
 
 
-def bar_chart(cell: Cell, way: DrivenPath, drive: Drive, suffix: str) -> Chart:
+def _over_time(way: DrivenPath, title: str, label: str, series: Sequence[Series], y_range: Span, **more: Any) -> Panel:
+    """Axes over the time of the way there, with room for a point at either end."""
+    x_range = -0.008 * way.ends, 1.008 * way.ends
+    return Panel(title, "time (s)", label, tuple(series), x_range=x_range, y_range=y_range, **more)
+
+
+def bar_chart(cell: Cell, way: DrivenPath, drive: Drive) -> Chart:
     """Length of the bar, and its tilt in both ball joints, against what they allow."""
     g, t = cell.gauge, way.motion.t
     low, high = float(to_mm(g.length_min)), float(to_mm(g.length_max))
     pad = 0.12 * (high - low)
-    length = Panel(
-        f"Length of the {g.noun}",
-        TIME_LABEL,
-        f"{g.noun} length (mm)",
-        (Series("", t, to_mm(way.length), "#555555"), *_visits(way, drive)),
-        limits=(ReferenceLine(low, f"shortest, {low:g} mm", below=True), ReferenceLine(high, f"longest, {high:g} mm")),
-        x_range=_time(way),
-        y_range=(low - pad, high + pad),
-    )
+    lines = (Series("", t, to_mm(way.length), "#555555"), *_visits(way, drive))
+    ends = (ReferenceLine(low, f"shortest, {low:g} mm", below=True), ReferenceLine(high, f"longest, {high:g} mm"))
+    title, label, span = f"Length of the {g.noun}", f"{g.noun} length (mm)", (low - pad, high + pad)
+    length = _over_time(way, title, label, lines, span, limits=ends)
     cones = sorted({float(to_deg(c)) for c in (g.cone_fixture, g.cone_map)})
-    at_fixture, at_tool = to_deg(way.tilt).T
-    tilt = Panel(
-        f"Tilt of the {g.noun} at its ends",
-        TIME_LABEL,
-        "tilt (deg)",
-        (Series("at the fixture", t, at_fixture, BLUE), Series("at the tool", t, at_tool, ORANGE)),
-        limits=tuple(ReferenceLine(c, f"largest tilt, {c:g} deg") for c in cones),
-        x_range=_time(way),
-        y_range=(0.0, cones[-1] * 1.15),
-    )
-    return Chart(
-        f"bar{suffix}", f"The {g.noun} along the way", f"Points are measuring poses. {_there(way)}", (length, tilt)
-    )
+    tilts = [
+        Series(name, t, tilt, colour)
+        for name, tilt, colour in zip(
+            ("at the fixture", "at the tool"), to_deg(way.tilt).T, (BLUE, ORANGE), strict=True
+        )
+    ]
+    largest = tuple(ReferenceLine(c, f"largest tilt, {c:g} deg") for c in cones)
+    title, span = f"Tilt of the {g.noun} at its ends", (0.0, cones[-1] * 1.15)
+    tilt = _over_time(way, title, "tilt (deg)", tilts, span, limits=largest)
+    return Chart("bar", f"The {g.noun} along the way", f"Points are measuring poses. {_there(way)}", (length, tilt))
 
 
-def contact_chart(cell: Cell, drive: Drive, suffix: str) -> Chart | None:
+def contact_chart(cell: Cell, drive: Drive) -> Chart | None:
     """How far off centre the uncalibrated robot meets each ball, at most; only a head of indicators has that."""
     if all(v.contact is None for v in drive.visits):
         return None
@@ -200,26 +195,21 @@ def contact_chart(cell: Cell, drive: Drive, suffix: str) -> Chart | None:
     labels = ("", "pose", "first contact off centre (mm)")
     caption = "95 % of robots as uncertain as this one meet the ball nearer to the centre than the point shows."
     panel = Panel(*labels, tuple(series), limit, y_range=(0.0, 1.25 * usable))
-    return Chart(f"contact{suffix}", "First contact of the uncalibrated robot", caption, (panel,))
+    return Chart("contact", "First contact of the uncalibrated robot", caption, (panel,))
 
 
-def speed_chart(cell: Cell, way: DrivenPath, drive: Drive, suffix: str) -> Chart:
+def speed_chart(cell: Cell, way: DrivenPath, drive: Drive) -> Chart:
     """Speed of the tool point and of the joints against their limits, and the largest use of every limit."""
     t, limit, speed = way.motion.t, float(to_mm(cell.motion.tool_speed)), to_mm(way.motion.tool_speed)
-    limited = bool(np.isfinite(drive.trajectory.tool_speed_limit).any())
-    tool = Panel(
-        "Speed of the tool point",
-        TIME_LABEL,
-        "speed (mm/s)",
-        (Series("", t, speed, BLUE),),
-        limits=(ReferenceLine(limit, f"measuring speed, {limit:.3g} mm/s = {limit * 60:g} mm/min"),) if limited else (),
-        x_range=_time(way),
-        y_range=(0.0, 1.25 * max(limit if limited else 0.0, float(speed.max()))),
-    )
-    axes: dict[str, Any] = {"x_range": _time(way), "y_range": (0.0, max(1.0, 115 * float(way.share.max())))}
-    lines = joint_series(t, 100 * way.share, width=1.1)
-    joints = Panel("Speed of the joints", TIME_LABEL, "part of its limit (%)", lines, **axes)
-    return Chart(f"speeds{suffix}", "Speeds against their limits", _there(way), (tool, joints, _limit_use(drive)))
+    limits: tuple[ReferenceLine, ...] = ()
+    if np.isfinite(drive.trajectory.tool_speed_limit).any():
+        limits = (ReferenceLine(limit, f"measuring speed, {limit:.3g} mm/s = {limit * 60:g} mm/min"),)
+    span = (0.0, 1.25 * max([float(speed.max()), *(line.at for line in limits)]))
+    line = (Series("", t, speed, BLUE),)
+    tool = _over_time(way, "Speed of the tool point", "speed (mm/s)", line, span, limits=limits)
+    lines, span = joint_series(t, 100 * way.share, width=1.1), (0.0, max(1.0, 115 * float(way.share.max())))
+    joints = _over_time(way, "Speed of the joints", "part of its limit (%)", lines, span)
+    return Chart("speeds", "Speeds against their limits", _there(way), (tool, joints, _limit_use(drive)))
 
 
 def _limit_use(drive: Drive) -> Panel:
@@ -247,11 +237,6 @@ def _visits(way: DrivenPath, drive: Drive) -> list[Series]:
         )
         out.append(Series(role, way.passed[at], to_mm(way.passed_length[at]), ROLES[role], "points", hover=hover))
     return out
-
-
-def _time(way: DrivenPath) -> Span:
-    """Room for a point at either end."""
-    return -0.008 * way.ends, 1.008 * way.ends
 
 
 def _angle_span(q: Array) -> Span:

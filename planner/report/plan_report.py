@@ -1,5 +1,6 @@
 """The report of a plan."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -26,7 +27,7 @@ def report_plan(plan: Plan, forecast: CheckForecast | None = None) -> Report:
     ahead += [plan_charts.index_chart(plan, plan.curve)] if plan.curve else []
     content = {
         "plan": plan,
-        "about": _about(plan.cell),
+        "about": f"cell {plan.cell.name} · {plan.cell.gauge.describe(plan.cell)}",
         "facts": _facts(plan) if forecast is None else _check_facts(plan),
         "certificate": text.certificate_text(plan) if forecast is None else (),
         "forecast": forecast,
@@ -39,10 +40,6 @@ def report_plan(plan: Plan, forecast: CheckForecast | None = None) -> Report:
     }
     charts = (*ahead, *overview, *(c for d in drives for c in d["charts"]))
     return Report("plan.html.j2", content, charts, build_cell_view(plan))
-
-
-def _about(cell: Cell) -> str:
-    return f"cell {cell.name} · {cell.gauge.describe(cell)}"
 
 
 def _facts(plan: Plan) -> tuple[Row, ...]:
@@ -151,15 +148,14 @@ def _forecast(f: ParameterForecast) -> Row:
 def _drive(plan: Plan, k: int) -> dict[str, Any]:
     """One fixture's drive in words, and its charts."""
     cell, drive = plan.cell, plan.drives[k]
-    way, suffix = sample_drive(cell, drive), f"_{k + 1}" if len(plan.drives) > 1 else ""
-    gauge_chart = plan_charts.contact_chart(cell, drive, suffix)
-    if cell.gauge.is_attached:
-        gauge_chart = plan_charts.bar_chart(cell, way, drive, suffix)
-    charts = (
-        plan_charts.tour_chart(drive, tour_orders(cell, drive), suffix),
-        plan_charts.joint_chart(way, drive, suffix),
-        *((gauge_chart,) if gauge_chart else ()),
-        plan_charts.speed_chart(cell, way, drive, suffix),
+    way, number = sample_drive(cell, drive), f"_{k + 1}" if len(plan.drives) > 1 else ""
+    attached = cell.gauge.is_attached
+    drawn = (
+        plan_charts.tour_chart(tour_orders(cell, drive)),
+        plan_charts.joint_chart(way),
+        plan_charts.bar_chart(cell, way, drive) if attached else plan_charts.contact_chart(cell, drive),
+        plan_charts.speed_chart(cell, way, drive),
     )
+    charts = [replace(c, name=f"{c.name}{number}") for c in drawn if c]
     facts = {"tour": _tour_facts(cell, drive), "path": _path_facts(cell, drive)}
     return facts | {"fixture": cell.place_name(drive.mounting), "charts": charts}
