@@ -1,6 +1,5 @@
 """Charts of a calibration: errors before and after, residuals against every quantity, correlations."""
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -85,16 +84,15 @@ def approach_chart(facts: CalibrationFacts) -> Chart:
 def _scatter(a: PlotVariable, error: Array) -> Panel:
     """One panel: points, and for each component the line of means."""
     wide = error.shape[1] > 1
-    colours = (BLUE, GREEN, RED) if wide else (BLUE,)
-    series, shown = [], even_positions(len(error), PANEL_POINTS)
-    for k, colour in enumerate(colours):
-        name = f"along {'xyz'[k]}" if wide else "a reading"
-        series.append(Series(name, a.values[shown], error[shown, k], colour, "points", size=3.5, opacity=0.4))
-    for k, colour in enumerate(colours):
-        line = weighted_means(a.values, error[:, k], most=LINE_POINTS)
-        series.append(Series("mean", *line, colour if wide else BLACK, width=2.0))
+    names, colours = (("along x", "along y", "along z"), (BLUE, GREEN, RED)) if wide else (("a reading",), (BLUE,))
+    points, means, shown = [], [], even_positions(len(error), PANEL_POINTS)
+    for name, colour, along in zip(names, colours, error.T, strict=True):
+        points.append(Series(name, a.values[shown], along[shown], colour, "points", size=3.5, opacity=0.4))
+        line = weighted_means(a.values, along, most=LINE_POINTS)
+        means.append(Series("mean", *line, colour if wide else BLACK, width=2.0))
     span = 1.08 * float(np.abs(error[shown]).max()) or 1.0
-    return Panel("", a.label, "error (mm)", (*series, zero_line(a.values)), y_range=(-span, span), height=150)
+    series = (*points, *means, zero_line(a.values))
+    return Panel("", a.label, "error (mm)", series, y_range=(-span, span), height=150)
 
 
 BEFORE, AFTER = ORANGE, BLUE
@@ -174,56 +172,42 @@ POSES, MEANS = 400, 14  # measured poses that are drawn, points of the lines
 FIELD_HEIGHT, LINE_HEIGHT = 300, 170
 
 
-@dataclass(frozen=True)
-class WorkspaceErrors:
-    """Reach and height of n states [mm], (n,), and expected error there of nominal robot, geometry, released robot.
-
-    Their rms is the figure that leads the page, which is as likely exceeded as not.
-    """
-
-    reach: Array
-    height: Array
-    nominal: Array
-    geometry: Array
-    released: Array
-
-    @classmethod
-    def of(cls, robot: ReleasedRobot) -> "WorkspaceErrors":
-        """Take the states at which the robot is judged."""
-        fits = (None, robot.geometry, robot.fit)
-        return cls(*_reach_height(robot.tool.position), *(to_mm(robot.likely_errors(fit)) for fit in fits))
-
-
 def _reach_height(p: Array) -> tuple[Array, Array]:
     """Distance of points (n, 3) [m] from the axis of the base, and their height [mm]."""
     return to_mm(np.hypot(p[:, 0], p[:, 1])), to_mm(p[:, 2])
 
 
 def error_map_chart(facts: CalibrationFacts, robot: ReleasedRobot) -> Chart:
-    """Draw the expected error by reach and height, before and after, and along each of the two."""
-    at = WorkspaceErrors.of(robot)
-    x, y, near = _neighbourhoods(at.reach, at.height)
+    """Draw the expected error by reach and height, before and after, and along each of the two.
+
+    It is that at the states at which the robot is judged. Its rms is the figure that leads the page, which is as likely
+    exceeded as not.
+    """
+    reach, height = _reach_height(robot.tool.position)
+    nominal, geometry, released = (to_mm(robot.likely_errors(fit)) for fit in (None, robot.geometry, robot.fit))
+    x, y, near = _neighbourhoods(reach, height)
     samples = facts.calibration.run.samples
     few = samples.take(even_positions(len(samples), POSES))
     poses = _reach_height(tool_position(few, facts.calibration.fit.model.setup))
-    edge: dict[str, Any] = {"x_range": (0.0, 1.03 * float(at.reach.max())), "y_range": (float(y[0]), float(y[-1]))}
+    edge: dict[str, Any] = {"x_range": (0.0, 1.03 * float(reach.max())), "y_range": (float(y[0]), float(y[-1]))}
     labels = ("reach from the axis of the base (mm)", "height (mm)")
     measured = Series("measured poses", *poses, BLACK, "points", size=3.0, opacity=0.6)
     fields = tuple(
         Panel(
             f"{title}: {digits(float(np.sqrt((error**2).mean())))} mm rms",
             labels[0],
-            height,
+            label,
             (measured,),
             field=ColourField(x, y, _blur(near, error), "expected error (mm)"),
             height=FIELD_HEIGHT,
             **edge,
         )
-        for title, height, error in (("nominal", labels[1], at.nominal), ("calibrated", "", at.released))
+        for title, label, error in (("nominal", labels[1], nominal), ("calibrated", "", released))
     )
+    kinds = (("nominal", nominal, ORANGE), ("geometry", geometry, GREY), ("calibrated", released, BLUE))
     lines = tuple(
-        Panel("", label, what, _lines(at, along), log_y=True, height=LINE_HEIGHT)
-        for label, what, along in ((labels[0], "expected error (mm, rms)", at.reach), (labels[1], "", at.height))
+        Panel("", label, what, tuple(_rms_line(*kind, along) for kind in kinds), log_y=True, height=LINE_HEIGHT)
+        for label, what, along in ((labels[0], "expected error (mm, rms)", reach), (labels[1], "", height))
     )
     caption = (
         "Error of the measured tool point that the run leaves to be expected, in any posture, the base aligned anew. "
@@ -232,13 +216,9 @@ def error_map_chart(facts: CalibrationFacts, robot: ReleasedRobot) -> Chart:
     return Chart("expected_error", "Error to be expected over the workspace", caption, (*fields, *lines), columns=2)
 
 
-def _lines(at: WorkspaceErrors, along: Array) -> tuple[Series, ...]:
-    out = []
-    kinds = (("nominal", at.nominal, ORANGE), ("geometry", at.geometry, GREY), ("calibrated", at.released, BLUE))
-    for name, error, colour in kinds:
-        x, square = weighted_means(along, error**2, most=MEANS)
-        out.append(Series(name, x, np.sqrt(square), colour, width=2.0))
-    return tuple(out)
+def _rms_line(name: str, error: Array, colour: str, along: Array) -> Series:
+    x, square = weighted_means(along, error**2, most=MEANS)
+    return Series(name, x, np.sqrt(square), colour, width=2.0)
 
 
 def _neighbourhoods(reach: Array, height: Array) -> tuple[Array, Array, Array]:

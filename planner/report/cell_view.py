@@ -4,6 +4,7 @@ Lengths are in millimetres; collision engines use the exact shapes."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -118,6 +119,7 @@ class CellView:
     """All that the view shows; lengths in mm.
 
     Attributes:
+        name: of its picture, and of its place in the page.
         moving: robot, tool and the two parts of the bar.
         standing: bodies that stand, with the base.
         noun: what the gauge is called.
@@ -143,6 +145,7 @@ class CellView:
     high: Array
     near_low: Array
     near_high: Array
+    name: ClassVar[str] = "view"
 
 
 def build_cell_view(plan: Plan) -> CellView:

@@ -77,14 +77,13 @@ class Report:
     def pngs(self) -> Pictures:
         """Every picture for print, name → bytes."""
         if process := drawing_process():
-            drawn = process.result(self._to_draw)
-        else:
-            drawn = {name: png for part in self._drawing for name, png in part.result().items()}
-        return {name: drawn[name] for name in self._picture_names}
+            return process.result(self._to_draw)
+        drawn = {name: png for part in self._drawing for name, png in part.result().items()}
+        return {p.name: drawn[p.name] for p in self._pictures}
 
     @property
-    def _picture_names(self) -> list[str]:
-        return [*([] if self.view is None else ["view"]), *(c.name for c in self.charts)]
+    def _pictures(self) -> tuple[Chart | CellView, ...]:
+        return (*(() if self.view is None else (self.view,)), *self.charts)
 
     def draw_beside(self) -> None:
         """Begin to draw the pictures beside what follows."""
@@ -95,24 +94,20 @@ class Report:
 
     @cached_property
     def _to_draw(self) -> bytes:
-        return pickle.dumps((self.charts, self.view, self.small_pictures))
+        return pickle.dumps((self._pictures, self.small_pictures))
 
     @cached_property
     def _drawing(self) -> tuple[ForkedTask[Pictures], ...]:
-        names = self._picture_names
-        parts = 2 if len(names) >= MANY_PICTURES else 1  # the caller soon has nothing to do but wait for them
-        return tuple(ForkedTask(partial(self._draw, names[k::parts])) for k in range(parts))
-
-    def _draw(self, names: Sequence[str]) -> Pictures:
-        charts = [c for c in self.charts if c.name in names]
-        return draw_pictures(charts, self.view if "view" in names else None, self.small_pictures)
+        every, small = self._pictures, self.small_pictures
+        parts = 2 if len(every) >= MANY_PICTURES else 1  # the caller soon has nothing to do but wait for them
+        return tuple(ForkedTask(partial(draw_pictures, every[k::parts], small)) for k in range(parts))
 
     def html(self) -> str:
         """Return the page."""
         self.draw_beside()
         figures = {c.name: chart_json(c) for c in self.charts}
         if self.view is not None:
-            figures["view"] = view_json(self.view)
+            figures[self.view.name] = view_json(self.view)
         return ENVIRONMENT.get_template(self.template).render(
             **self.content,
             identity=(f"edbb-planner {__version__}", *self.identity),
@@ -147,13 +142,13 @@ def _safe_json(json_text: str) -> str:
     return json_text.replace("<", "\\u003c")
 
 
-def draw_pictures(charts: Sequence[Chart], view: CellView | None, small: bool) -> Pictures:
-    """Return the PNGs of charts and of the cell in space, by name."""
+def draw_pictures(pictures: Sequence[Chart | CellView], small: bool) -> Pictures:
+    """Return the PNGs of charts and of the cell in space, by name; ``small`` ones of charts have few colours."""
     # imported where it draws: matplotlib takes the other processor most of a second
     from planner.report.cell_view_print import view_png
     from planner.report.matplotlib_backend import chart_png
 
-    return ({} if view is None else {"view": view_png(view)}) | {c.name: chart_png(c, small) for c in charts}
+    return {p.name: chart_png(p, small) if isinstance(p, Chart) else view_png(p) for p in pictures}
 
 
 def report_judged(

@@ -6,13 +6,12 @@ check every property, which takes longer than everything else on the page.
 
 import json
 from base64 import b64encode
-from dataclasses import dataclass
 from math import log10
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from planner.report.chart import BASE, BLUE, PLAIN, RED, Chart, ColourField, Heatmap, Panel, ReferenceLine, Series
+from planner.report.chart import BASE, BLUE, PLAIN, RED, Chart, ColourField, Heatmap, Panel, ReferenceLine, Series, Span
 
 FONT = "system-ui, -apple-system, 'Segoe UI', Roboto, 'Helvetica Neue', Arial, sans-serif"
 INK, GRID_COLOUR = "#222222", "#E4E4E4"
@@ -40,10 +39,8 @@ def _pack(values: object) -> object:
     if not isinstance(values, np.ndarray):
         return values.item()  # type: ignore[attr-defined]
     kind = values.dtype.str[1:] if values.dtype.kind == "f" else "i4"
-    packed = {
-        "dtype": kind,
-        "bdata": b64encode(np.ascontiguousarray(values, dtype=f"<{kind}").tobytes()).decode("ascii"),
-    }
+    data = b64encode(np.ascontiguousarray(values, dtype=f"<{kind}").tobytes())
+    packed = {"dtype": kind, "bdata": data.decode("ascii")}
     return packed if values.ndim == 1 else packed | {"shape": ", ".join(str(n) for n in values.shape)}
 
 
@@ -73,23 +70,19 @@ def _figure(chart: Chart) -> str:
         row, column = divmod(k, chart.columns)
         bottom = inner - sum(heights[: row + 1]) - GAP * row
         start = column * (width + ASIDE / chart.columns)
-        place = _Place(k, (start, start + width), (bottom / inner, (bottom + heights[row]) / inner))
+        upwards = (bottom / inner, (bottom + heights[row]) / inner)
+        place = _Place(str(k + 1) if k else "", (start, start + width), upwards)
         _draw(data, layout, panel, place, named)
     return figure_json(data, layout)
 
 
-@dataclass(frozen=True)
-class _Place:
-    """Where panel number ``k`` lies: its part of the figure's width and height, from the left and from below."""
+class _Place(NamedTuple):
+    """A panel's ``number``, as plotly puts it behind the names of axes, and its part of the figure's width and height,
+    from the left and from below."""
 
-    k: int
-    across: tuple[float, float]
-    upwards: tuple[float, float]
-
-    @property
-    def number(self) -> str:
-        """What plotly puts behind the names of its axes."""
-        return str(self.k + 1) if self.k else ""
+    number: str
+    across: Span
+    upwards: Span
 
 
 def _polar_figure(panel: Panel) -> str:
@@ -115,7 +108,7 @@ def _polar_figure(panel: Panel) -> str:
 
 
 def _draw(data: list[Properties], layout: Properties, panel: Panel, place: _Place, named: set[str]) -> None:
-    number, (left, right), top = place.number, place.across, place.upwards[1]
+    number, (left, right), (_, top) = place
     axes = {"xaxis": f"x{number}", "yaxis": f"y{number}"}
     if panel.title:
         where = {"x": left, "y": top, "xref": "paper", "yref": "paper", "xanchor": "left", "yanchor": "bottom"}
@@ -128,15 +121,8 @@ def _draw(data: list[Properties], layout: Properties, panel: Panel, place: _Plac
         data.append(_heatmap(panel, panel.cells) | axes)
     if panel.field is not None:
         data.insert(0, _field(panel.field, right, top) | axes)  # points lie on it
-    legend = {
-        "orientation": "h",
-        "x": right,
-        "xanchor": "right",
-        "y": top,
-        "yanchor": "bottom",
-        "itemsizing": "constant",
-    }
-    layout[f"legend{number}"] = legend
+    corner = {"x": right, "xanchor": "right", "y": top, "yanchor": "bottom"}
+    layout[f"legend{number}"] = {"orientation": "h", **corner, "itemsizing": "constant"}
     for line in panel.limits:
         _reference_line(layout, panel, line, number)
     layout[f"xaxis{number}"] = _across(panel) | {"anchor": f"y{number}", "domain": place.across}
@@ -166,7 +152,7 @@ def _names(names: tuple[str, ...]) -> Properties:
     return {"tickmode": "array", "tickvals": list(range(len(names))), "ticktext": names}
 
 
-def _range(span: tuple[float, float] | None, logarithmic: bool) -> Properties:
+def _range(span: Span | None, logarithmic: bool) -> Properties:
     if span is None:
         return {}
     return {"range": [log10(v) for v in span] if logarithmic else list(span)}

@@ -15,7 +15,7 @@ class DrawingProcess:
     """Draws one page's pictures at a time; the same page is drawn once, however often it is asked for."""
 
     def __init__(self) -> None:
-        self._copy = ForkedWorker[bytes, Pictures](_draw, partial(_draw, pickle.dumps(((), None, False))))
+        self._copy = ForkedWorker[bytes, Pictures](_draw, partial(_draw, pickle.dumps(((), False))))
         self._drawn: dict[bytes, Pictures] = {}
         self._asked: list[bytes] = []
 

@@ -25,7 +25,7 @@ def test_its_pictures_are_those_that_are_drawn_here_and_are_drawn_once(process):
     PAGE.draw_beside()
     again = replace(PAGE)
     again.draw_beside()
-    assert PAGE.pngs == again.pngs == draw_pictures(PAGE.charts, None, small=False)
+    assert PAGE.pngs == again.pngs == draw_pictures(PAGE.charts, small=False)
     assert len(process._drawn) == 1
 
 
