@@ -9,8 +9,8 @@ from planner.instruments.loaded.circle_candidates import CirclePlaceChoice
 from planner.instruments.loaded.common_fit import CommonFit
 from planner.instruments.loaded.equilibrium import sine
 from planner.instruments.loaded.joint_fit import JointFit
-from planner.instruments.loaded.results import SENSES, URAD, share_text
-from planner.instruments.loaded.types import NOT_LEARNT, EvaluatedCircle, LoadedEvaluation
+from planner.instruments.loaded.results import URAD, share_text
+from planner.instruments.loaded.types import NOT_LEARNT, SENSES, EvaluatedCircle, LoadedEvaluation
 from planner.report.calibration_text import estimate_unit
 from planner.report.chart import (
     BLUE,

@@ -11,7 +11,7 @@ from planner.common.errors import InputError
 from planner.common.units import DEG, Array, read_only
 from planner.instruments.loaded.compliance import smooth_spectrum, turn_noise
 from planner.instruments.loaded.equilibrium import find_circle, measured_points
-from planner.instruments.loaded.types import AveragedCurves, DrivenCircle
+from planner.instruments.loaded.types import SENSES, AveragedCurves, DrivenCircle
 from planner.runs.run import Run
 
 FORCE_BINS = 80  # over the range of the forces
@@ -187,49 +187,47 @@ def _on_grid(run: Run, circle: DrivenCircle, loads: Array, turns: list[Turn]) ->
             f"{run.name}: a turn has only {few} samples; at least {COARSEST * FILL} are needed (drive slower or log "
             "faster)"
         )
-    directions = _directions(run, circle, loads, turns)
-    D, K, N = len(directions), len(loads), run.samples.q.shape[1]
-    q, length, force = np.zeros((D, K, bins, N)), np.zeros((D, K, bins)), np.zeros((D, K, bins))
-    repeats, square = np.zeros((D, K), dtype=int), np.zeros(bins // 2 + 1)
+    directions, N = _directions(run, circle, loads, turns), run.samples.q.shape[1]
+    binned = [
+        [_bin_turns(run, [t for t in turns if (t.direction, t.level) == (d, k)], bins) for k in range(len(loads))]
+        for d in directions
+    ]
+    mean = np.array([[each.mean(axis=0) for each in row] for row in binned])
+    repeats = np.array([[len(each) for each in row] for row in binned])
+    square = np.asarray(sum(turn_noise(each[:, :, N]) for row in binned for each in row))
+    spare = int((repeats - 1).sum())
+    return AveragedCurves(
+        circle=circle,
+        theta=read_only((np.arange(bins) + 0.5) * 2 * np.pi / bins),
+        directions=directions,
+        loads=read_only(loads),
+        q=read_only(mean[..., :N]),
+        length=read_only(mean[..., N]),
+        force=read_only(mean[..., N + 1]),
+        noise=read_only(smooth_spectrum(square / spare) if spare > 0 else np.full_like(square, np.nan)),
+        repeats=repeats,
+    )
+
+
+def _bin_turns(run: Run, turns: list[Turn], bins: int) -> Array:
+    """Angles of the joints as of the first turn, reading and pull over the grid, (turns, bins, N + 2)."""
     assert run.readings.length is not None
     assert run.samples.force is not None
-    values = np.column_stack([run.samples.q, run.readings.length, run.samples.force])
-    for d, direction in enumerate(directions):
-        for k in range(K):
-            own = [t for t in turns if t.direction == direction and t.level == k]
-            each = np.array([bin_turn(run, t, values[t.rows], bins, N) for t in own])
-            each[:, :, :N] -= 2 * np.pi * np.round((each[:, :1, :N] - each[:1, :1, :N]) / (2 * np.pi))
-            mean = each.mean(axis=0)
-            q[d, k], length[d, k], force[d, k] = mean[:, :N], mean[:, N], mean[:, N + 1]
-            repeats[d, k] = len(own)
-            square += turn_noise(each[:, :, N])
-    spare = int((repeats - 1).sum())
-    noise = smooth_spectrum(square / spare) if spare > 0 else np.full_like(square, np.nan)
-    theta = (np.arange(bins) + 0.5) * 2 * np.pi / bins
-    return AveragedCurves(
-        circle,
-        read_only(theta),
-        directions,
-        read_only(loads),
-        read_only(q),
-        read_only(length),
-        read_only(force),
-        read_only(noise),
-        repeats,
-    )  # fmt: skip
+    N, columns = run.samples.q.shape[1], (run.samples.q, run.readings.length, run.samples.force)
+    out = np.array([bin_turn(run, t, np.column_stack([c[t.rows] for c in columns]), bins, N) for t in turns])
+    out[:, :, :N] -= 2 * np.pi * np.round((out[:, :1, :N] - out[:1, :1, :N]) / (2 * np.pi))
+    return out
 
 
 def _directions(run: Run, circle: DrivenCircle, loads: Array, turns: list[Turn]) -> tuple[int, ...]:
     """Senses in which every load was driven, counter-clockwise first."""
-    lacking = []
-    for direction, name in ((1, "counter-clockwise"), (-1, "clockwise")):
-        there = {t.level for t in turns if t.direction == direction}
-        if there:
-            lacking += [f"{loads[k]:.0f} N {name}" for k in range(len(loads)) if k not in there]
-    whole = tuple(d for d in (1, -1) if {t.level for t in turns if t.direction == d} == set(range(len(loads))))
+    lacking = {d: set(range(len(loads))) - {t.level for t in turns if t.direction == d} for d in SENSES}
+    whole = tuple(d for d, levels in lacking.items() if not levels)
     if not whole:
+        begun = {d: levels for d, levels in lacking.items() if len(levels) < len(loads)}
+        missing = (f"{loads[k]:.0f} N {SENSES[d]}" for d, levels in begun.items() for k in sorted(levels))
         raise InputError(
             f"{run.name}: at fixture '{circle.name}' no sense of travel has a whole turn at every load; missing: "
-            + ", ".join(lacking)
+            + ", ".join(missing)
         )
     return whole

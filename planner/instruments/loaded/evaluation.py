@@ -174,7 +174,7 @@ def compare_with_tracker(cell: Cell, setup: MeasurementSetup, circle: EvaluatedC
     bar = circle.kinematic[_senses(curves, theta[on])].mean(axis=0)
     bar, seen = _without_offset(curves.theta, bar), _without_offset(curves.theta, seen)
     apart = np.abs(bar - seen)
-    return TrackerComparison(curves.theta, read_only(bar), read_only(seen), float(apart.mean()), float(apart.max()))
+    return TrackerComparison(read_only(seen), float(apart.mean()), float(apart.max()))
 
 
 def _senses(curves: AveragedCurves, theta: Array) -> list[int]:
@@ -215,7 +215,7 @@ def _without_offset(theta: Array, y: Array) -> Array:
     return np.asarray(y - sine(centring_offset(theta, y), theta))
 
 
-PAPER = 180.0 * DEG
+PAPER = 180.0 * DEG  # overshoot of the EDBB paper's circles
 CENTRING_ROUNDS = 2  # rounds: the second with the fixture where the first found it
 
 
@@ -257,19 +257,14 @@ def evaluate_loaded(
 
 
 def _overshoot(cell: Cell, wanted: float | None) -> float:
-    """What is left out at either end of a pass [rad]."""
-    there = overshoot_of(cell)
+    """What is left out at either end of a pass [rad]: as wanted, else what the cell's circles run over there."""
+    there = min((c.overshoot for c in cell.circles), default=PAPER)
     if wanted is not None and cell.circles and wanted > there + 1e-9:
         raise InputError(
             f"--overshoot {wanted / DEG:g} would drop more than the passes of {cell.path} run over at either end of "
             f"their turn, {there / DEG:g} degrees (circles.overshoot_deg)"
         )
     return there if wanted is None else wanted
-
-
-def overshoot_of(cell: Cell) -> float:
-    """Return what the cell's circles run over before and after their sweep [rad]; the paper's 180° without any."""
-    return min((c.overshoot for c in cell.circles), default=PAPER)
 
 
 def _evaluate_circle(setup: MeasurementSetup, curves: AveragedCurves, found: JointCompliances) -> EvaluatedCircle:

@@ -13,6 +13,7 @@ from planner.instruments.loaded.types import (
     KNOWN_SHARE,
     NOT_LEARNT,
     OPEN_SHARE,
+    SENSES,
     CentringOffset,
     Combination,
     EvaluatedCircle,
@@ -100,7 +101,6 @@ def _times_text(std: float) -> str:
 
 
 PARAMETER = ("name", "value", "nominal", "std", "unit", "identifiable", "absorbs")
-SENSES = {1: "counter-clockwise", -1: "clockwise"}
 
 
 def loaded_content(found: LoadedEvaluation, joint: JointFit | None = None) -> dict[str, object]:

@@ -16,6 +16,7 @@ KNOWN_SHARE, OPEN_SHARE = 1.0 / 3.0, 1.0
 # the same with the prior, where the readings say no more than was known before
 OPEN_SHARE_WITH_PRIOR = OPEN_SHARE / np.sqrt(2.0)
 KNOWN, HARDLY_KNOWN, NOT_LEARNT = "known", "hardly known", "not learnt"
+SENSES = {1: "counter-clockwise", -1: "clockwise"}  # of travel about the circle's normal
 
 
 @dataclass(frozen=True)
@@ -154,13 +155,10 @@ class TrackerComparison:
     """Kinematic error by the bar beside a tracker's (mean and first harmonic taken off both).
 
     Attributes:
-        theta: (B,) [rad].
-        bar, tracker: change of the bar's length, (B,) [m].
-        mean, largest: size of their difference [m].
+        tracker: change of the bar's length by the tracker, (B,) [m].
+        mean, largest: size of the difference to what the bar read [m].
     """
 
-    theta: Array
-    bar: Array
     tracker: Array
     mean: float
     largest: float
