@@ -129,8 +129,7 @@ class PlanResult(SessionResult):
         from planner.report.plan_charts import tour_chart
         from planner.report.plan_data import tour_orders
 
-        drive = self.plan.drives[fixture]
-        return _plot(tour_chart(drive, tour_orders(self.plan.cell, drive), ""))
+        return _plot(tour_chart(tour_orders(self.plan.cell, self.plan.drives[fixture])))
 
 
 @dataclass(frozen=True)
