@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -18,7 +19,6 @@ from planner.effects.effect import (
     Place,
     Role,
     joint_place,
-    transform_move,
 )
 
 HYSTERESIS_WIDTHS = np.geomspace(5e-3, 1.0, 16)  # [rad] of travel after a reversal
@@ -144,10 +144,10 @@ def backlash(run: Excitation) -> Iterator[Effect]:
     phi = SpeedSign if run.has("speed") else ApproachDirection
     seen = [i for i in run.moving_joints if np.ptp(run.values(phi(i))) > 0.5]
     for i in seen:
-        sentence = f"joint {i + 1}: play of {{size}} between the two directions"
-        yield _of_joint(run, "backlash", i, phi(i), _play(run), sentence)
-    if len(seen) == len(list(run.joints)):  # of an arm whose drives are all alike
-        yield _of_all_joints(run, "backlash", phi, _play(run), "each joint: play of {size} between the two directions")
+        yield _of_joints(run, "backlash", i, phi, _play(run), "play of {size} between the two directions")
+    if len(seen) == len(run.joints):  # of an arm whose drives are all alike
+        sentence = "each joint: play of {size} between the two directions"
+        yield _of_joints(run, "backlash", None, phi, _play(run), sentence)
 
 
 @register("backlash by load", background=Background.BY_PLACE)
@@ -156,25 +156,27 @@ def backlash_by_load(run: Excitation) -> Iterator[Effect]:
     for i in run.joints:
         sign = run.values(TorqueSign(i))
         if np.minimum((sign > 0).mean(), (sign < 0).mean()) > 0.005:
-            sentence = f"joint {i + 1}: play of {{size}}, on the side on which the load lies"
-            role = Role.LIKE_ANY_COMPLIANCE
-            yield _of_joint(run, "backlash by load", i, TorqueSign(i), _play(run), sentence, role=role)
+            sentence = "play of {size}, on the side on which the load lies"
+            effect = _of_joints(run, "backlash by load", i, TorqueSign, _play(run), sentence)
+            yield replace(effect, role=Role.LIKE_ANY_COMPLIANCE)
 
 
 @register("hysteresis", needs=CONTINUOUS_RUN)
 def hysteresis(run: Excitation) -> Iterator[Effect]:
     """Friction on a spring: the joint turns gradually from one side of its play to the other."""
+    widths = NonlinearParameter("width", "rad", HYSTERESIS_WIDTHS, True)
     for i in run.moving_joints if run.has("reversals") else ():
+        of_width = partial(_hysteresis, run, i)
+        yield replace(of_width(widths.values[0]), parameters=partial(_parameters, of_width), nonlinear=widths)
 
-        def parameter(width: float, i: int = i) -> tuple[Parameter, ...]:
-            return (_parameter(run, "hysteresis", i, Hysteresis(i, width), _play(run)),)
 
-        yield Effect(
-            "hysteresis", joint_place(i), parameter,
-            f"joint {i + 1}: friction holds it back by {{size}}, and lets go over {{inner}} of travel",
-            _play(run).largest, BACKLASH.literature,
-            NonlinearParameter("width", "rad", HYSTERESIS_WIDTHS, True),
-        )  # fmt: skip
+def _hysteresis(run: Excitation, joint: int, width: float) -> Effect:
+    sentence = "friction holds it back by {size}, and lets go over {inner} of travel"
+    return _of_joints(run, "hysteresis", joint, partial(Hysteresis, width=width), _play(run), sentence)
+
+
+def _parameters(effect: Callable[[float], Effect], value: float) -> tuple[Parameter, ...]:
+    return effect(value).make()
 
 
 @register("unsettled angle", needs="both read and commanded angles in the run (q1_deg ... and cmd1_deg ...)")
@@ -183,14 +185,14 @@ def settling(run: Excitation) -> Iterator[Effect]:
     s = run.samples
     if s.q_cmd is None or s.q_read is None:
         return
-    gap = np.abs(s.q_cmd - s.q_read).max(axis=0)
-    if not np.any(gap > 0):
+    apart = np.flatnonzero(np.abs(s.q_cmd - s.q_read).max(axis=0) > 0).tolist()
+    if not apart:
         return
     sentence = "angles were read before the arm had settled: it stood {size} of the way on to the commanded ones"
-    yield _of_all_joints(run, "unsettled angle", SettlingError, SETTLING, sentence)
-    for i in (int(k) for k in np.flatnonzero(gap > 0)):
-        sentence = f"joint {i + 1}: was read before it had settled, {{size}} of the way to the commanded angle missing"
-        yield _of_joint(run, "unsettled angle", i, SettlingError(i), SETTLING, sentence)
+    yield _of_joints(run, "unsettled angle", None, SettlingError, SETTLING, sentence)
+    sentence = "was read before it had settled, {size} of the way to the commanded angle missing"
+    for i in apart:
+        yield _of_joints(run, "unsettled angle", i, SettlingError, SETTLING, sentence)
 
 
 @register("servo lag", needs=CONTINUOUS_RUN)
@@ -199,28 +201,20 @@ def servo_lag(run: Excitation) -> Iterator[Effect]:
     if not run.varies("speed"):
         return
     sentence = "all joints: the arm runs {size} behind the angles as logged"
-    yield _of_all_joints(run, "servo lag", SpeedLag, LAG, sentence)
+    yield _of_joints(run, "servo lag", None, SpeedLag, LAG, sentence)
     for i in run.moving_joints:
-        yield _of_joint(run, "servo lag", i, SpeedLag(i), LAG, f"joint {i + 1}: runs {{size}} behind its logged angle")
+        yield _of_joints(run, "servo lag", i, SpeedLag, LAG, "runs {size} behind its logged angle")
 
 
-def _parameter(run: Excitation, kind: str, i: int, phi: BasisFunction, size: EffectSize) -> Parameter:
-    moves = transform_move(run.rotation(i), phi)
-    return Parameter(f"{kind.replace(' ', '_')}{i + 1}", size.unit, size.usual, f"{kind} of joint {i + 1}", moves)
-
-
-def _of_joint(
-    run: Excitation, kind: str, i: int, phi: BasisFunction, size: EffectSize, sentence: str,
-    role: Role = Role.ORDINARY,
-) -> Effect:  # fmt: skip
-    parameters = (_parameter(run, kind, i, phi, size),)
-    return Effect(kind, joint_place(i), parameters, sentence, size.largest, size.literature, role=role)
-
-
-def _of_all_joints(
-    run: Excitation, kind: str, phi: Callable[[int], BasisFunction], size: EffectSize, sentence: str
+def _of_joints(
+    run: Excitation, kind: str, joint: int | None, phi: Callable[[int], BasisFunction], size: EffectSize, sentence: str
 ) -> Effect:
-    moves = tuple(ParameterMove("transform", run.rotation(i), phi(i)) for i in run.joints)
-    name, what = f"{kind.replace(' ', '_')}_all", f"{kind} of all joints"
-    parameters = (Parameter(name, size.unit, size.usual, what, moves),)
-    return Effect(kind, Place("all joints"), parameters, sentence, size.largest, size.literature)
+    """An effect of one parameter: of a joint, whose name then stands before the sentence, or of all joints alike."""
+    if joint is None:
+        place, joints, end = Place("all joints"), run.joints, "_all"
+    else:
+        place, joints, end = joint_place(joint), range(joint, joint + 1), f"{joint + 1}"
+        sentence = f"{place}: {sentence}"
+    moves = tuple(ParameterMove("transform", run.rotation(i), phi(i)) for i in joints)
+    parameter = Parameter(f"{kind.replace(' ', '_')}{end}", size.unit, size.usual, f"{kind} of {place}", moves)
+    return Effect(kind, place, (parameter,), sentence, size.largest, size.literature)
