@@ -66,6 +66,23 @@ def reading_move(phi: BasisFunction = ONE, index: int = 0) -> tuple[ParameterMov
     return (ParameterMove("reading", index, phi),)
 
 
+@dataclass(frozen=True)
+class BaseMotion:
+    """Shift of the base along an axis, or its turn about one: ``x`` … ``rz``, in words, and its transform."""
+
+    name: str
+    words: str
+    index: int
+
+    def times(self, phi: BasisFunction) -> tuple[ParameterMove, ...]:
+        """Move the base so, times φ."""
+        return transform_move(self.index, phi)
+
+
+BASE_SHIFTS = tuple(BaseMotion(a, f"along {a}", k) for k, a in enumerate("xyz"))
+BASE_TURNS = tuple(BaseMotion(f"r{a}", f"about {a}", 3 + k) for k, a in enumerate("xyz"))
+
+
 def tool_parameters(setup: MeasurementSetup) -> Iterator[Parameter]:
     """Where the targets sit on the tool."""
     for t, name in enumerate(setup.point_names):

@@ -1,6 +1,6 @@
 """What changes between sessions: the gauge's zero, the frame it stands in, a fixture that was mounted anew."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 
 import numpy as np
@@ -9,7 +9,7 @@ from planner.common.units import Array
 from planner.effects.basis import BasisFunction, EffectVariable
 from planner.effects.catalogue import Excitation, register
 from planner.effects.context import Context
-from planner.effects.effect import Effect, Parameter, Place, reading_move, transform_move
+from planner.effects.effect import BASE_SHIFTS, BASE_TURNS, BaseMotion, Effect, Parameter, Place, reading_move
 
 STEP, LARGEST_STEP = 5e-5, 5e-3  # [m]
 TURN, LARGEST_TURN = 1e-4, 1e-2  # [rad]
@@ -57,9 +57,9 @@ def session_step(run: Excitation) -> Iterator[Effect]:
         )
         sentence = "the gauge's zero steps from session to session, {size}"
         yield _step("session step", "gauge", zeros, sentence)
-    shifts = _frame_steps(run.sessions, "base", "base", InSession, "m")
+    shifts = _frame_steps(run.sessions, "base", "base", InSession, BASE_SHIFTS)
     yield _step("session step", "base", shifts, "the base shifts against the gauge from session to session, {size}")
-    tilts = _frame_steps(run.sessions, "base_r", "base tilt", InSession, "rad")
+    tilts = _frame_steps(run.sessions, "base", "base tilt", InSession, BASE_TURNS)
     yield _step("session step", "base tilt", tilts, "the base tilts against the gauge from session to session, {size}")
 
 
@@ -74,20 +74,21 @@ def remounting(run: Excitation) -> Iterator[Effect]:
         later = tuple(int(s) for s in np.unique(mine)[1:])
         name = run.setup.place_names[place]
 
-        steps = _frame_steps(later, f"fixture_{name}", name, partial(PlaceInSession, place), "m")
+        steps = _frame_steps(later, f"fixture_{name}", name, partial(PlaceInSession, place), BASE_SHIFTS)
         if steps:
             yield _step("remounting", name, steps, f"{name}: stands otherwise after it was mounted anew, {{size}}")
 
 
 def _frame_steps(
-    sessions: tuple[int, ...], label: str, what: str, phi: Callable[[int], BasisFunction], unit: str
-) -> tuple[Parameter, ...]:
-    """Steps of the base along [m], or about [rad], each axis in each session."""
-    prior, first, joint = (TURN, 3, "") if unit == "rad" else (STEP, 0, "_")
+    sessions: tuple[int, ...], label: str, what: str, phi: Callable[[int], BasisFunction],
+    motions: Sequence[BaseMotion],
+) -> tuple[Parameter, ...]:  # fmt: skip
+    """Steps of the base by some motions in each session."""
+    unit, prior = ("rad", TURN) if motions == BASE_TURNS else ("m", STEP)
     return tuple(
-        Parameter(f"{label}{joint}{a}_session{s}", unit, prior, f"{what} along {a}, session {s}",
-                  transform_move(first + k, phi(s)))
-        for s in sessions for k, a in enumerate("xyz")
+        Parameter(f"{label}_{m.name}_session{s}", unit, prior, f"{what} along {m.name[-1]}, session {s}",
+                  m.times(phi(s)))
+        for s in sessions for m in motions
     )  # fmt: skip
 
 

@@ -15,6 +15,8 @@ from planner.effects.catalogue import Excitation, register
 from planner.effects.compliance import LEAST_LOAD, WeightTorque
 from planner.effects.context import Context
 from planner.effects.effect import (
+    BASE_SHIFTS,
+    BASE_TURNS,
     Effect,
     Parameter,
     ParameterMove,
@@ -128,9 +130,8 @@ def steppables(run: Excitation) -> Iterator[Steppable]:
         groups.setdefault(p.name if p.main.on == "reading" else p.name.rpartition("_")[0], []).append(p)
     if several:
         groups["base"] = [
-            Parameter(f"base_{r}{a}", "m", 1.0, f"base {'about' if r else 'along'} {a}", transform_move(first + k))
-            for r, first in (("", 0), ("r", 3)) for k, a in enumerate("xyz")
-        ]  # fmt: skip
+            Parameter(f"base_{m.name}", "m", 1.0, f"base {m.words}", m.times(ONE)) for m in (*BASE_SHIFTS, *BASE_TURNS)
+        ]
     for label, group in groups.items():
         part, sentence = _words(label, several)
         yield Steppable(Place(part), sentence, tuple(_as_shift(run, p) for p in group))

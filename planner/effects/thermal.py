@@ -3,8 +3,9 @@
 What temperature and time are counted from is a number of its own, frozen with the effect.
 """
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -13,6 +14,8 @@ from planner.effects.basis import BasisFunction, EffectVariable, Times
 from planner.effects.catalogue import Excitation, register
 from planner.effects.context import Context
 from planner.effects.effect import (
+    BASE_SHIFTS,
+    BASE_TURNS,
     Effect,
     NonlinearParameter,
     Parameter,
@@ -126,50 +129,43 @@ def warm_up(run: Excitation) -> Iterator[Effect]:
         return
     for i in run.joints:
         sentence = f"joint {i + 1}: warms up over {{inner}} and moves by {{size}}"
-        yield _warm_up(run, joint_place(i), _joint_warm_up(run, i), sentence, LARGEST_TURN)
+        yield _warm_up(run, joint_place(i), partial(_joint_warm_up, run, i), sentence, LARGEST_TURN)
     sentence = "the arm's links warm up over {inner} and {grow} by {size}"
-    yield _warm_up(run, Place("arm"), _link_warm_up(run), sentence, 1e-3)
+    yield _warm_up(run, Place("arm"), partial(_link_warm_up, run), sentence, 1e-3)
     sentence = "the base warms up over {inner} and moves by {size}"
-    yield _warm_up(run, Place("base"), _base_warm_up(run), sentence, LARGEST_SHIFT)
+    yield _warm_up(run, Place("base"), _base_warm_up, sentence, LARGEST_SHIFT)
 
 
 def _drifts(run: Excitation, cause: ThermalCause) -> Iterator[Effect]:
+    kind, phi, how = cause.kind, cause.phi, cause.how
     for i in run.joints:
-        joint = [(f"{i + 1}", f"{cause.kind} of joint {i + 1}", transform_move(run.rotation(i), cause.phi))]
-        yield _drift(cause, joint_place(i), "rad", joint, f"joint {i + 1}: its zero drifts {cause.how}, {{size}}")
-    shifts, tilts = (
-        [
-            (f"_base_{prefix}{a}", f"{cause.kind} of the base {along} {a}", transform_move(first + k, cause.phi))
-            for k, a in enumerate("xyz")
-        ]
-        for prefix, along, first in (("", "along", 0), ("r", "about", 3))
-    )
-    yield _drift(cause, Place("base"), "m", shifts, f"base and gauge drift apart {cause.how}, {{size}}")
-    yield _drift(cause, Place("base tilt"), "rad", tilts, f"the base tilts {cause.how}, {{size}}")
+        joint = [(f"{i + 1}", f"{kind} of joint {i + 1}", transform_move(run.rotation(i), phi))]
+        yield _drift(cause, joint_place(i), "rad", joint, f"joint {i + 1}: its zero drifts {how}, {{size}}")
+    for place, unit, motions, sentence in (
+        ("base", "m", BASE_SHIFTS, f"base and gauge drift apart {how}, {{size}}"),
+        ("base tilt", "rad", BASE_TURNS, f"the base tilts {how}, {{size}}"),
+    ):
+        each = [(f"_base_{m.name}", f"{kind} of the base {m.words}", m.times(phi)) for m in motions]
+        yield _drift(cause, Place(place), unit, each, sentence)
     if run.setup.gauge.has_zero:
-        zero = [("_zero", f"{cause.kind} of the gauge's zero", reading_move(cause.phi))]
-        yield _drift(cause, Place("gauge"), "m", zero, f"the gauge's zero drifts {cause.how}, {{size}}")
+        zero = [("_zero", f"{kind} of the gauge's zero", reading_move(phi))]
+        yield _drift(cause, Place("gauge"), "m", zero, f"the gauge's zero drifts {how}, {{size}}")
 
 
 def _drift(
-    cause: ThermalCause,
-    place: Place,
-    unit: str,
-    each: Iterable[tuple[str, str, tuple[ParameterMove, ...]]],
+    cause: ThermalCause, place: Place, unit: str, each: Sequence[tuple[str, str, tuple[ParameterMove, ...]]],
     sentence: str,
-) -> Effect:
+) -> Effect:  # fmt: skip
     """An effect in proportion to its cause; ``each``: end of the name, what it is, and what it moves."""
     usual, largest = (TURN, LARGEST_TURN) if unit == "rad" else (SHIFT, LARGEST_SHIFT)
     most = largest / max(cause.size, LEAST_CAUSE[cause.per])
     prior, label = min(usual / cause.size, most / FAR), cause.kind.replace(" ", "_")
-    parameters = tuple(
-        Parameter(f"{label}{end}", f"{unit}/{cause.per}", prior, what, moves) for end, what, moves in each
-    )
-    return Effect(cause.kind, place, parameters, sentence, most, HEISEL)
+    parameters = (Parameter(f"{label}{end}", f"{unit}/{cause.per}", prior, what, moves) for end, what, moves in each)
+    return Effect(cause.kind, place, tuple(parameters), sentence, most, HEISEL)
 
 
 def _warm_up(
-    run: Excitation, place: Place, make: Callable[[BasisFunction], Iterable[Parameter]], sentence: str, largest: float
+    run: Excitation, place: Place, make: Callable[[BasisFunction], list[Parameter]], sentence: str, largest: float
 ) -> Effect:
     longest = min(2 * run.duration, LONGEST_WARM_UP)
     constants = np.geomspace(min(run.duration / 50, longest / 10), longest, TIME_CONSTANTS)
@@ -179,20 +175,19 @@ def _warm_up(
     )  # fmt: skip
 
 
-def _joint_warm_up(run: Excitation, joint: int) -> Callable[[BasisFunction], Iterable[Parameter]]:
-    name, what = f"warm_up{joint + 1}", f"warm-up of joint {joint + 1}"
-    return lambda phi: [Parameter(name, "rad", TURN, what, transform_move(run.rotation(joint), phi))]
+def _joint_warm_up(run: Excitation, joint: int, phi: BasisFunction) -> list[Parameter]:
+    moves = transform_move(run.rotation(joint), phi)
+    return [Parameter(f"warm_up{joint + 1}", "rad", TURN, f"warm-up of joint {joint + 1}", moves)]
 
 
-def _link_warm_up(run: Excitation) -> Callable[[BasisFunction], Iterable[Parameter]]:
-    what = "growth of all links by warming up"
-    return lambda phi: [Parameter("warm_up_links", "1", 1e-4, what, _link_lengths(run, phi))]
+def _link_warm_up(run: Excitation, phi: BasisFunction) -> list[Parameter]:
+    return [Parameter("warm_up_links", "1", 1e-4, "growth of all links by warming up", _link_lengths(run, phi))]
 
 
-def _base_warm_up(run: Excitation) -> Callable[[BasisFunction], Iterable[Parameter]]:
-    return lambda phi: [
-        Parameter(f"warm_up_base_{a}", "m", SHIFT, f"warm-up of the base along {a}", transform_move(k, phi))
-        for k, a in enumerate("xyz")
+def _base_warm_up(phi: BasisFunction) -> list[Parameter]:
+    return [
+        Parameter(f"warm_up_base_{m.name}", "m", SHIFT, f"warm-up of the base {m.words}", m.times(phi))
+        for m in BASE_SHIFTS
     ]
 
 
