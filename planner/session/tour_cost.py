@@ -10,7 +10,6 @@ from scipy.sparse.csgraph import dijkstra
 from planner.cell.cell import Cell
 from planner.common.units import Array
 from planner.motion.path.constraints import Constraints
-from planner.motion.tour.instance import slowest_axis_cost
 from planner.programs.instructions import Comment, Entry, Instruction, JointMove, StretchBegin, StretchEnd
 from planner.runs.run import Mounting
 from planner.session.course import TimedPath, axis_limits, tool_speed
@@ -42,8 +41,6 @@ def leg_times(cell: Cell, mounting: Mounting, start: Array, end: Array) -> Array
 
 def tour_costs(cell: Cell, mounting: Mounting, nodes: Array) -> Array:
     """Return the cost of the leg between any two of the nodes (n, N) [rad], (n, n) [s], the same both ways."""
-    if cell.motion.tour_cost == "axes":
-        return slowest_axis_cost(nodes, cell.robot.speed)
     a, b = np.triu_indices(len(nodes), 1)
     cost = np.zeros((len(nodes), len(nodes)))
     cost[a, b] = cost[b, a] = leg_times(cell, mounting, nodes[a], nodes[b])

@@ -7,7 +7,6 @@ solves the integer program over the few that remain, with subtour inequalities a
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 from typing import Any
 
 import highspy
@@ -25,17 +24,8 @@ BoolArray = NDArray[np.bool_]
 
 _SEARCH_NEIGHBOURS = 8
 _NEIGHBOURS = 6  # legs from each node that the relaxation begins with
-_NODE_LIMIT = 100_000  # of all searches together
 _GRID = 2**14  # steps of a dual value per unit of cost
 _VIOLATION = 1e-3  # an inequality must be missed by this much to be worth a row
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """A tour, and the proven lower bound [units of cost]."""
-
-    tour: list[int]
-    bound: int
 
 
 def initial_search(instance: TourInstance, seed: int) -> LocalSearch:
@@ -46,8 +36,8 @@ def initial_search(instance: TourInstance, seed: int) -> LocalSearch:
     return search
 
 
-def solve_embedded(instance: TourInstance, search: LocalSearch, nodes: int | None = None) -> Outcome:
-    """Return the best tour found from ``search`` on, and the lower bound proven for it over ``nodes`` of the tree."""
+def solve_embedded(instance: TourInstance, search: LocalSearch, nodes: int) -> tuple[list[int], int]:
+    """Return the best tour found from ``search`` on, and the lower bound [units] proven over ``nodes`` of the tree."""
     size, tour = len(instance.cost), list(search.tour)
     near = nearest_neighbours(instance.weigh_legs(), _NEIGHBOURS)
     first = np.column_stack([np.repeat(np.arange(size), near.shape[1]), near.ravel()])
@@ -59,11 +49,10 @@ def solve_embedded(instance: TourInstance, search: LocalSearch, nodes: int | Non
     search.improve(2 * size, most=length - bound)
     if instance.length(search.tour) < length:  # of equals the first found
         tour, length = search.tour, instance.length(search.tour)
-    limit = _NODE_LIMIT if nodes is None else nodes
-    if bound >= length or limit == 0:
-        return Outcome(tour, min(bound, length))
+    if bound >= length or nodes == 0:
+        return tour, min(bound, length)
     useful = np.triu(reduced <= (length - 1) * _GRID - root, 1) & ~instance.forbidden
-    return _search_tree(instance, tour, np.argwhere(useful), relaxation.tight_sets(), bound, limit)
+    return _search_tree(instance, tour, np.argwhere(useful), relaxation.tight_sets(), bound, nodes)
 
 
 class _Program:
@@ -181,8 +170,8 @@ class Relaxation(_Program):
 
 def _search_tree(
     instance: TourInstance, tour: list[int], useful: IntArray, sets: BoolArray, bound: int, limit: int
-) -> Outcome:
-    """Find the shortest tour over the legs (k, 2), or prove that none of them is shorter than ``tour``."""
+) -> tuple[list[int], int]:
+    """Return the shortest tour over the legs (k, 2), ``tour`` where none is shorter, and the proven bound [units]."""
     length, nodes = instance.length(tour), 0
     program = _Program(instance, 1.0, mip_rel_gap=0.0, mip_abs_gap=0.5, mip_heuristic_effort=0.0)  # costs are whole
     program.add_legs(useful)
@@ -201,13 +190,13 @@ def _search_tree(
         nodes += max(int(info.mip_node_count), 1)
         optimal = status == highspy.HighsModelStatus.kOptimal
         if status == highspy.HighsModelStatus.kInfeasible or (optimal and info.objective_function_value > length - 0.5):
-            return Outcome(tour, length)
+            return tour, length
         parts = _parts(x > 0.5)
         if optimal and len(parts) == 1:
             shorter = _cycle(x)
-            return Outcome(shorter, instance.length(shorter))
+            return shorter, instance.length(shorter)
         if not optimal or nodes >= limit:
-            return Outcome(tour, min(length, max(bound, int(np.ceil(info.mip_dual_bound - 0.5)))))
+            return tour, min(length, max(bound, int(np.ceil(info.mip_dual_bound - 0.5))))
         program.add_sets(parts)
 
 

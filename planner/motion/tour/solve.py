@@ -3,7 +3,7 @@
 from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from planner.common.progress import TOUR, must_stop
 from planner.common.units import Array
 from planner.motion.tour.concorde import ConcordeError, find_concorde, solve_concorde
 from planner.motion.tour.exact import initial_search, solve_embedded
-from planner.motion.tour.instance import IntArray, TourInstance, build_instance, check_costs
+from planner.motion.tour.instance import IntArray, TourInstance, build_instance
 
 
 def shortest_order(cost_s: Array) -> tuple[list[int], float]:
@@ -39,6 +39,7 @@ def shortest_order(cost_s: Array) -> tuple[list[int], float]:
     return order[::-1], float(total.min())
 
 
+MOST_NODES = 100_000  # of the embedded solver's search tree
 _FEW = 12  # nodes up to which dynamic programming is quicker than everything else
 
 Method = Literal["auto", "exact", "concorde"]
@@ -68,11 +69,6 @@ class Tour:
     solver: str
     notes: tuple[str, ...] = ()
 
-    @property
-    def gap(self) -> float:
-        """``cost_s / lower_bound_s - 1``."""
-        return self.cost_s / self.lower_bound_s - 1.0 if self.lower_bound_s > 0.0 else 0.0
-
 
 def solve_tour(
     cost_s: Array,
@@ -80,12 +76,12 @@ def solve_tour(
     forbidden: Collection[tuple[int, int]] = (),
     method: Method = "auto",
     seed: int = 0,
-    nodes: int | None = None,
+    nodes: int = MOST_NODES,
 ) -> Tour:
     """Find the cheapest closed tour of all nodes, and prove it.
 
     Args:
-        cost_s: (n, n) symmetric leg costs [s]; the diagonal is not used.
+        cost_s: (n, n) symmetric leg costs [s], zero from a node to itself.
         forbidden: legs (a, b) that must not be used, in neither direction.
         method: "exact" is the embedded solver, "concorde" asks for Concorde, "auto" takes it where it is found.
         seed: of the local search and of Concorde.
@@ -93,26 +89,26 @@ def solve_tour(
             minute less for. By default as many as a proof usually takes, and more.
 
     Raises:
-        InputError: costs that are not square, symmetric, finite and non-negative, or nodes that do not exist.
+        InputError: there is no such method.
         NoSolutionError: no order avoids the forbidden legs.
         MissingProgramError: Concorde was asked for and is not there.
 
     """
-    cost = check_costs(cost_s)
-    _check_request(len(cost), forbidden, method)
-    request = _TourRequest(cost, frozenset(forbidden), method, seed, nodes)
-    return request.by_dynamic_programming() if len(cost) <= _FEW else request.by_search()
+    if method not in get_args(Method):
+        raise InputError(f'the tour is solved by "auto", "exact" or "concorde"; found "{method}"')
+    request = _TourRequest(cost_s, frozenset(forbidden), method, seed, nodes)
+    return request.by_dynamic_programming() if len(cost_s) <= _FEW else request.by_search()
 
 
 @dataclass(frozen=True)
 class _TourRequest:
-    """What was asked for, checked."""
+    """What was asked for."""
 
     cost_s: Array
     forbidden: frozenset[tuple[int, int]]
     method: Method
     seed: int
-    nodes: int | None = None
+    nodes: int
 
     def by_dynamic_programming(self) -> Tour:
         """Solve by dynamic programming, on the costs as they are."""
@@ -136,26 +132,25 @@ class _TourRequest:
         notes: tuple[str, ...] = ()
         if self.method != "exact":
             try:
-                tour = self._by_concorde(instance, upper)
+                known = self._by_concorde(instance, upper)
             except ConcordeError as error:
                 notes = (f"{error}; the embedded solver took over",)
             else:
-                if tour is not None:
-                    return tour
+                if known is not None:
+                    return known
         cut = must_stop(TOUR, "of the proof that the tour is the shortest only the root was computed")
         nodes = 0 if cut else self.nodes
-        found = solve_embedded(instance, search, nodes)
-        length = instance.length(found.tour)
+        tour, bound = solve_embedded(instance, search, nodes)
+        length = instance.length(tour)
         if length >= instance.penalty:
-            raise self._no_order_error(proven=found.bound >= instance.penalty)
-        optimal = found.bound >= length
-        if not optimal:
-            takes, least = length * instance.unit_s, found.bound * instance.unit_s
+            raise self._no_order_error(proven=bound >= instance.penalty)
+        if bound < length:
+            takes, least = length * instance.unit_s, bound * instance.unit_s
             notes += (
                 f"the order of the poses is not proven the quickest: its legs take {takes:.1f} s, in any order they "
                 f"take at least {least:.1f} s",
             )
-        return self._tour(found.tour, found.bound * instance.unit_s, optimal, "embedded", notes)
+        return self._tour(tour, bound * instance.unit_s, bound >= length, "embedded", notes)
 
     def _by_concorde(self, instance: TourInstance, upper: int) -> Tour | None:
         """Return Concorde's tour; None where it is not installed and was not asked for by name."""
@@ -216,11 +211,3 @@ def require_concorde() -> Path:
             'the method "exact" needs no other program'
         )
     return program
-
-
-def _check_request(n: int, forbidden: Collection[tuple[int, int]], method: str) -> None:
-    wrong = [node for leg in forbidden for node in leg if not 0 <= node < n]
-    if wrong:
-        raise InputError(f"a tour over {n} poses knows the numbers 0 to {n - 1}; found {wrong[0]}")
-    if method not in ("auto", "exact", "concorde"):
-        raise InputError(f'the tour is solved by "auto", "exact" or "concorde"; found "{method}"')

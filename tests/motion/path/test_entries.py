@@ -11,7 +11,7 @@ from planner.cell.reading import load_cell
 from planner.programs.instructions import Comment, Instruction, JointMove, StretchBegin
 from planner.runs.run import FIRST_MOUNTING
 from planner.session.course import TimedPath
-from planner.session.tour_cost import cut_stretches, entry_ways, leg_times
+from planner.session.tour_cost import cut_stretches, entry_ways, leg_times, tour_costs
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -34,6 +34,14 @@ def test_ways_use_the_path_and_its_shortcuts_only_and_none_is_quicker(seed):
         assert way[-1] == point
         assert set(legs) <= allowed
         assert sum(seconds[leg] for leg in legs) == pytest.approx(best[point])
+
+
+def test_the_slowest_axis_sets_the_pace_where_that_is_asked_for():
+    cell = load_cell("kuka-kr6-r700/edbb")
+    cell = replace(cell, motion=replace(cell.motion, tour_cost="axes"))
+    q = np.zeros((3, 6))
+    q[1:, 0], q[2, 3] = cell.robot.speed[0], -3.0 * cell.robot.speed[3]  # one second, and three
+    assert tour_costs(cell, FIRST_MOUNTING, q) == pytest.approx(np.array([[0, 1, 3], [1, 0, 3], [3, 3, 0]]))
 
 
 @pytest.mark.parametrize("steps", [1, 3])

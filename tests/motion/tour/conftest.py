@@ -9,9 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from planner.motion.tour.instance import slowest_axis_cost
-
 SPEED = np.deg2rad([156.0, 156.0, 156.0, 330.0, 330.0, 420.0])  # [rad/s]
+
+
+def slowest_axis_cost(q: np.ndarray, speed: np.ndarray) -> np.ndarray:
+    """Costs (n, n) [s] of the legs between poses (n, N) when the slowest axis sets the pace (EDBB paper, eq. 7)."""
+    return (np.abs(q[:, None] - q[None, :]) / speed).max(axis=2)
 
 
 def leg_costs(n: int, seed: int, clusters: int = 0) -> np.ndarray:
