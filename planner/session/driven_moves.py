@@ -11,7 +11,7 @@ from planner.common.errors import InputError
 from planner.common.units import Array, to_mm
 from planner.kinematics.chain import Chain
 from planner.kinematics.geometry import bar_state, fit_circle_in_space, points_on_arc
-from planner.motion.timing.limits import Limits, axis_percent
+from planner.motion.timing.limits import axis_percent
 from planner.motion.timing.trajectory import Trajectory
 from planner.programs.instructions import JointMove
 from planner.runs.run import Mounting
@@ -36,7 +36,7 @@ def joint_moves(cell: Cell, path: TimedPath, mounting: Mounting | None) -> list[
         path.q,
         tool_speed=np.maximum(trajectory.leg_peak_tool_speed, 1e-6),
         tool_jacobian=cell.map_jacobian,
-        limits=Limits(robot.speed, robot.acceleration, robot.jerk),
+        speed=robot.speed,
     )
     highest = 100.0 if mounting is not None and is_continuous(cell) else 100.0 * cell.motion.travel
     run = _leg_travel(cell, path.q, mounting, LEG_SAMPLES, LEG_MARGIN)

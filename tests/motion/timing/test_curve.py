@@ -13,7 +13,7 @@ def made(seed, kind=None):
     rng = np.random.default_rng(seed)
     arm = random_arm(rng)
     tour = random_tour(rng, len(arm.a), kind)
-    request = check_request(**tour)
+    request = check_request(**tour, n_joints=len(arm.a))
     corners = round_corners(request, arm.position, arm.speed)
     return arm, request, corners, build_curve(corners)
 
@@ -130,14 +130,14 @@ def test_reversals_and_corners_without_a_radius_become_stops():
     q = np.zeros((5, len(arm.a)))
     q[:, 0] = [0.0, 0.5, 0.2, 0.6, 0.9]
     q[4, 1] = 0.3
-    request = check_request(q, np.zeros(5, dtype=bool), [0.01, 0.01, 0.01, 0.0, 0.01], np.inf, 0.0)
+    request = check_request(q, np.zeros(5, dtype=bool), [0.01, 0.01, 0.01, 0.0, 0.01], np.inf, 0.0, len(arm.a))
     assert round_corners(request, arm.position, arm.speed).stop.tolist() == [True] * 5
 
 
 def test_runs_of_equal_points_become_one_and_stop_if_any_of_them_does():
     arm = random_arm(np.random.default_rng(2))
     q = np.repeat(np.random.default_rng(0).normal(size=(4, len(arm.a))), [1, 2, 2, 1], axis=0)
-    request = check_request(q, [True, False, False, False, True, True], 0.01, np.inf, 0.0)
+    request = check_request(q, [True, False, False, False, True, True], 0.01, np.inf, 0.0, len(arm.a))
     corners = round_corners(request, arm.position, arm.speed)
     assert corners.node.tolist() == [0, 1, 1, 2, 2, 3]
     assert corners.stop.tolist() == [True, False, True, True]

@@ -1,8 +1,10 @@
+import re
+
 import numpy as np
 import pytest
 
 from planner.common.errors import InputError
-from planner.motion.timing.limits import Limits, axis_percent
+from planner.motion.timing.limits import Limits
 from planner.motion.timing.trajectory import blend_corners, plan_trajectory
 from tests.motion.timing.arm import nj130
 
@@ -26,42 +28,14 @@ def plan(**changes):
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"path_q": PATH[:1]}, "two or more"),
-        ({"path_q": np.where(PATH == 0.5, np.nan, PATH)}, "finite"),
-        ({"path_q": PATH[:, :5]}, "5 joints and the limits 6"),
-        ({"stop": [True, True]}, "one flag per path point"),
-        ({"blend_m": [0.01, -0.01, 0.01]}, "-0.01 m"),
-        ({"blend_m": np.inf}, "inf m"),
-        ({"blend_m": [0.01, 0.01]}, "one number or 3"),
-        ({"tool_speed": 0.0}, "tool speed holds 0 m/s"),
-        ({"tool_speed": [0.1, np.nan]}, "nan"),
-        ({"dwell": [0.0, 1.0, 0.0]}, "make it a stop"),
-        ({"dwell": [0.0, 0.0, -1.0]}, "-1 s"),
+        ({"path_q": PATH[:1]}, "two or more poses of 6 joints"),
+        ({"path_q": PATH[:, :5]}, "shape (3, 5) cannot be timed"),
     ],
 )
 def test_bad_input_is_named(changes, words):
-    with pytest.raises(InputError, match=words) as caught:
+    with pytest.raises(InputError, match=re.escape(words)) as caught:
         plan(**changes)
     assert caught.value.exit_code == 2
-
-
-@pytest.mark.parametrize("bad", [0.0, -1.0, np.inf, np.nan])
-@pytest.mark.parametrize("name", ["speed", "acceleration", "jerk"])
-def test_limits_must_be_positive_and_finite(name, bad):
-    values = {"speed": ARM.speed, "acceleration": ARM.acceleration, "jerk": ARM.jerk}
-    values[name] = np.where(np.arange(6) == 3, bad, values[name])
-    with pytest.raises(InputError, match=f"joint 4 has a {name} limit"):
-        Limits(**values)
-
-
-def test_limits_of_different_lengths_are_refused():
-    with pytest.raises(InputError, match="jerk limits have shape"):
-        Limits(ARM.speed, ARM.acceleration, ARM.jerk[:5])
-
-
-def test_percent_checks_its_input_too():
-    with pytest.raises(InputError, match="tool speed"):
-        axis_percent(PATH, tool_speed=-1.0, tool_jacobian=ARM.jacobian, limits=LIMITS)
 
 
 def test_one_dwell_serves_every_stop_and_no_other_point():

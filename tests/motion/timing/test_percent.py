@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from planner.motion.timing.limits import Limits, axis_percent
+from planner.motion.timing.limits import axis_percent
 from tests.motion.timing.arm import nj130, random_arm
 
 
@@ -18,8 +18,7 @@ def test_percentage_is_the_highest_that_keeps_the_tool_speed(seed):
     arm = random_arm(rng) if seed % 2 else nj130()
     q = rng.uniform(-1.5, 1.5, (6, len(arm.a)))
     limit = rng.choice([1 / 60, 0.25, 2.0], 5)
-    limits = Limits(arm.speed, arm.acceleration, arm.jerk)
-    percent = axis_percent(q, tool_speed=limit, tool_jacobian=arm.jacobian, limits=limits)
+    percent = axis_percent(q, tool_speed=limit, tool_jacobian=arm.jacobian, speed=arm.speed)
     for k in range(5):
         peak = peak_speed(arm, q[k], q[k + 1], percent[k])
         assert peak <= limit[k] * (1.0 + 1e-9)
@@ -29,6 +28,5 @@ def test_percentage_is_the_highest_that_keeps_the_tool_speed(seed):
 def test_legs_without_a_limit_or_without_motion_run_in_full():
     arm = nj130()
     q = np.array([[0.0] * 6, [0.5] * 6, [0.5] * 6])
-    limits = Limits(arm.speed, arm.acceleration, arm.jerk)
-    assert axis_percent(q, tool_speed=np.inf, tool_jacobian=arm.jacobian, limits=limits).tolist() == [100.0, 100.0]
-    assert axis_percent(q, tool_speed=0.01, tool_jacobian=arm.jacobian, limits=limits)[1] == 100.0
+    assert axis_percent(q, tool_speed=np.inf, tool_jacobian=arm.jacobian, speed=arm.speed).tolist() == [100.0, 100.0]
+    assert axis_percent(q, tool_speed=0.01, tool_jacobian=arm.jacobian, speed=arm.speed)[1] == 100.0

@@ -11,6 +11,7 @@ from planner.motion.timing.profile import Stretches, choose_speeds
 from planner.motion.timing.ramps import ramp_length, reachable_speed, travel_time
 
 N = 2000
+ONE_JOINT = Limits(*np.array([[1.0], [4.0], [30.0]]))
 
 
 def by_ruckig(length, v0, v1, fastest, acceleration, jerk):
@@ -62,7 +63,9 @@ def small_problem(rng, count):
     none = np.zeros((count, 1))
     edge = np.concatenate([[0.0], np.cumsum(width)])
     tool = rng.choice([np.inf, 0.3, 1.0], count)
-    return Stretches(read_only(edge), read_only(d1), none, none, read_only(tool), rest), Limits([1.0], [4.0], [30.0])
+    return Stretches(read_only(edge), read_only(d1), none, none, read_only(tool), rest), Limits(
+        *np.array([[1.0], [4.0], [30.0]])
+    )
 
 
 @pytest.mark.parametrize("seed", range(20))
@@ -94,7 +97,7 @@ def test_stretches_that_are_alike_are_driven_as_one(seed):
     rest[[0, -1]] = True
     ones, none = np.ones((count, 1)), np.zeros((count, 1))
     stretches = Stretches(read_only(edge), read_only(ones), none, none, read_only(np.full(count, np.inf)), rest)
-    limits = Limits([2.0], [4.0], [30.0])
+    limits = Limits(*np.array([[2.0], [4.0], [30.0]]))
     phases, arrival = time_steps(choose_speeds(stretches, limits), stretches.edge, np.zeros(count + 1))
     best = by_ruckig(1.0, 0.0, 0.0, 2.0, 4.0, 30.0)
     assert best * (1.0 - 1e-9) <= phases.duration <= 1.12 * best
