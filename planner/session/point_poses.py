@@ -105,9 +105,8 @@ class PointPoses(PoseSession):
             return out
         for ball in np.unique(pool.ball[rows]):
             mine = np.flatnonzero(pool.ball[rows] == ball)
-            at = self.away.at_ball(int(ball))
             corners = np.stack([pool.back[rows[mine]], pool.q[rows[mine]]], axis=1)
-            out[mine] = at.prove_corners(corners).proven & at.judge(corners).proven
+            out[mine] = self.away.at_ball(int(ball)).proven_by_both(corners)
         return out
 
     def draw_validation(self, choice: PoseChoice) -> np.ndarray:

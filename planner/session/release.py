@@ -112,7 +112,7 @@ def fit_blends(constraints: Constraints, q: Array, stop: np.ndarray) -> Array:
         corner = np.flatnonzero(~at_rest)
         if not len(corner):
             break
-        proof = wide.prove_triangles(entry[corner], q[corner], leave[corner])
+        proof = wide.prove_corners(np.stack([entry[corner], q[corner], leave[corner]], axis=1))
         failed = corner[~proof.proven]
         if not len(failed):
             break
@@ -169,7 +169,8 @@ def approach_from_sides(constraints: Constraints, path: ProvenPath, wanted: Sequ
             break
         way = np.clip(pose[left] - before[left], -reach, reach)
         tries = round_angles(pose[left] - np.where(sign[left] != 0, reach * sign[left], way))
-        ok = _prove_motions(constraints, before[left], tries) & _prove_motions(constraints, tries, pose[left])
+        there, back = np.stack([before[left], tries], axis=1), np.stack([tries, pose[left]], axis=1)
+        ok = constraints.proven_by_both(there) & constraints.proven_by_both(back)
         past[left[ok]] = tries[ok]
     reached = ~np.isnan(past[:, 0])
     longer = _insert_supports(path, at[reached], past[reached])
@@ -177,15 +178,6 @@ def approach_from_sides(constraints: Constraints, path: ProvenPath, wanted: Sequ
     if not (first.clear and second.clear):
         return path, len(at)
     return replace(longer, verdict=first, second=second), int((~reached).sum())
-
-
-def _prove_motions(constraints: Constraints, q_from: Array, q_to: Array) -> np.ndarray:
-    """Whether both engines prove the straight motions, (m,) bool."""
-    out = constraints.prove(q_from, q_to).proven.copy()
-    which = np.flatnonzero(out)
-    if len(which):
-        out[which] = constraints.judge(np.stack([q_from[which], q_to[which]], axis=1)).proven
-    return np.asarray(out)
 
 
 def _insert_supports(path: ProvenPath, at: np.ndarray, past: Array) -> ProvenPath:

@@ -106,9 +106,7 @@ def prove_shortcuts(constraints: Constraints, q: Array, visit: np.ndarray) -> tu
     if not len(wanted):
         return ()
     legs = np.stack([np.broadcast_to(q[0], (len(wanted), q.shape[1])), q[wanted]], axis=1)
-    proven = constraints.prove_corners(legs).proven.copy()
-    proven[proven] = constraints.judge(legs[proven]).proven
-    return tuple(int(k) for k in wanted[proven])
+    return tuple(int(k) for k in wanted[constraints.proven_by_both(legs)])
 
 
 def entry_ways(cell: Cell, mounting: Mounting, q: Array, shortcuts: Sequence[int]) -> list[list[int]]:

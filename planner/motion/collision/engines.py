@@ -38,10 +38,6 @@ class CollisionWorld:
         """Build the world of a cell with one fixture."""
         return cls(build_scene(cell, mounting))
 
-    def without_bar(self) -> "CollisionWorld":
-        """Return the world of the robot that travels without the bar."""
-        return CollisionWorld(self.scene.without_bar())
-
     def configuration(self, q: Array) -> Array:
         """Return the pinocchio configurations (n, N + 3) of controller angles q (n, N) [rad].
 

@@ -7,11 +7,10 @@ import numpy as np
 
 from planner.common.units import Array
 from planner.kinematics.bodies import Body
-from planner.kinematics.chain import Chain
 from planner.kinematics.geometry import bar_state
 from planner.motion.collision.engines import UNKNOWN
 from planner.motion.collision.round_bounds import ROUND, RoundBounds
-from planner.motion.collision.scene import Scene, SceneBody, fcl_shape, mesh_faces
+from planner.motion.collision.scene import Scene, fcl_shape, mesh_faces
 
 SLACK = 1e-5  # [m] that a proof of a distance may lack of it, and that fcl's collision test is given
 BISECTIONS = 14  # of a distance that was too large
@@ -123,7 +122,7 @@ class FclWorld:
         """Tell whether body a, grown by ``by`` [m], collides with body b."""
         grown, body = self._objects[a], self.scene.pieces[a].body
         if body.kind != "mesh":  # which does not grow: its tree need not be built anew
-            grown = fcl.CollisionObject(inflated_shape(body, by), grown.getTransform())
+            grown = fcl.CollisionObject(fcl_shape(body, by), grown.getTransform())
         return bool(fcl.collide(grown, self._objects[b], fcl.CollisionRequest(), fcl.CollisionResult()))
 
     @cached_property
@@ -131,23 +130,19 @@ class FclWorld:
         return RoundBounds(self.scene)
 
     def _poses(self, q: Array) -> list[Array]:
-        """Pose of every piece in the base frame, (n, 4, 4) each; a link is placed once for all its pieces."""
-        placed = {(p.carrier, p.link): p for p in self.scene.pieces}
-        carriers = {key: self._carrier_pose(p, q) for key, p in placed.items()}
-        return [carriers[p.carrier, p.link] @ p.body.T for p in self.scene.pieces]
-
-    def _carrier_pose(self, piece: SceneBody, q: Array) -> Array:
-        T = np.tile(np.eye(4), (len(q), 1, 1))
-        robot = self.scene.cell.robot
-        if piece.carrier == "link":
-            motion = Chain(robot.transforms[: robot.link_end[piece.link]]).forward(robot.theta(q))
-            T[:, :3, :3], T[:, :3, 3] = np.moveaxis(motion.R, 2, 0), motion.x.T
-        elif piece.of_bar:
-            x = self.scene.cell.map_position(q)
-            bar = bar_state(x, self.scene.p_BX)
-            T[:, :3, :3] = _frames_along(bar.direction)
-            T[:, :3, 3] = self.scene.p_BX if piece.carrier == "housing" else x
-        return T
+        """Pose of every piece in the base frame, (n, 4, 4) each."""
+        robot, scene = self.scene.cell.robot, self.scene
+        links = robot.chain.frames(robot.theta(q), robot.link_end)
+        carriers: dict[tuple[str, int], Array] = {}
+        for carrier, link in {(p.carrier, p.link) for p in scene.pieces}:
+            T = carriers[carrier, link] = np.tile(np.eye(4), (len(q), 1, 1))
+            if carrier == "link":
+                T[:, :3, :3], T[:, :3, 3] = np.moveaxis(links[link][0], 2, 0), links[link][1].T
+            elif carrier != "world":
+                x = scene.cell.map_position(q)
+                T[:, :3, :3] = _frames_along(bar_state(x, scene.p_BX).direction)
+                T[:, :3, 3] = scene.p_BX if carrier == "housing" else x
+        return [carriers[p.carrier, p.link] @ p.body.T for p in scene.pieces]
 
 
 def _frames_along(direction: Array) -> Array:
@@ -156,15 +151,6 @@ def _frames_along(direction: Array) -> Array:
     x = np.cross(helper, direction)
     x /= np.linalg.norm(x, axis=1)[:, None]
     return np.stack([x, np.cross(direction, x), direction], axis=2)
-
-
-def inflated_shape(body: Body, by: float) -> fcl.CollisionGeometry:
-    """Return a shape that holds every point within ``by`` [m] of the body; a mesh stays as it is."""
-    if body.kind == "capsule":
-        return fcl.Capsule(body.size[0] + by, body.size[1])
-    if body.kind == "sphere":
-        return fcl.Sphere(body.size[0] + by)
-    return fcl.Box(*(s + 2 * by for s in body.size)) if body.kind == "box" else fcl_shape(body)
 
 
 def _convex_shape(body: Body) -> fcl.Convex:

@@ -7,13 +7,13 @@ vertices. A search that proves thousands of motions asks a collision engine only
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol
 
 import numpy as np
 
 from planner.common.units import Array
 from planner.kinematics.bodies import Body
 from planner.kinematics.geometry import bar_state
+from planner.motion.collision.engines import CollisionWorld
 from planner.motion.collision.scene import Scene, outline
 
 CHUNK = 16_384  # entries at a time: they stay in the cache
@@ -160,33 +160,24 @@ def _clip(share: Array) -> Array:
     return np.asarray(np.minimum(np.maximum(share, 0.0), 1.0))
 
 
-class DistanceEngine(Protocol):
-    """What a collision engine answers."""
-
-    def distances(self, q: Array, mask: np.ndarray | None = None) -> Array:
-        """Distances (n, pairs) [m] of the pairs in ``mask`` at q (n, N) [rad]."""
-
-
 @dataclass(frozen=True)
 class ScreenedDistances:
     """An engine that is asked only where :class:`RoundBounds` leaves a doubt.
 
     Attributes:
-        scene: the bodies and pairs.
         engine: answers for boxes and meshes that come near.
     """
 
-    scene: Scene
-    engine: DistanceEngine
+    engine: CollisionWorld
 
     @cached_property
     def bounds(self) -> RoundBounds:
         """The closed forms."""
-        return RoundBounds(self.scene)
+        return RoundBounds(self.engine.scene)
 
     def distances(self, q: Array, mask: np.ndarray | None = None, enough: Array | None = None) -> Array:
         """Distances (n, pairs) [m] of the pairs in ``mask``, others inf; for ``enough`` a lower bound will do."""
-        mask = np.ones((len(q), len(self.scene.pairs)), dtype=bool) if mask is None else mask
+        mask = np.ones((len(q), len(self.engine.scene.pairs)), dtype=bool) if mask is None else mask
         out = np.full(mask.shape, np.inf)
         rows, columns = np.nonzero(mask)
         if len(rows) == 0:

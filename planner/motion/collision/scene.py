@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
+from itertools import compress
 from pathlib import Path
 from typing import Literal
 
@@ -35,21 +36,6 @@ def mesh_faces(body: Body) -> tuple[Array, np.ndarray]:
     assert body.mesh is not None
     check_readable(body.mesh, MOST_BYTES)
     return _faces(body.mesh, body.mesh.stat().st_mtime_ns, body.scale, body.hull)
-
-
-def coal_mesh(body: Body) -> coal.CollisionGeometry:
-    """Return the coal geometry of a mesh body; errors as :func:`mesh_faces`."""
-    vertices, triangles = mesh_faces(body)
-    points, faces = coal.StdVec_Vec3s(), coal.StdVec_Triangle()
-    points.extend(list(vertices))
-    faces.extend([coal.Triangle(*t) for t in triangles.tolist()])
-    if body.hull:
-        return coal.Convex(points, faces)
-    model = coal.BVHModelOBBRSS()
-    model.beginModel(len(faces), len(points))
-    model.addSubModel(points, faces)
-    model.endModel()
-    return model
 
 
 def excess_of_polytope(body: Body) -> float:
@@ -124,24 +110,34 @@ def _orient_faces(points: Array) -> tuple[Array, np.ndarray]:
 
 
 def coal_shape(body: Body) -> coal.CollisionGeometry:
-    """Return the coal geometry of a body."""
+    """Return the coal geometry of a body; errors as :func:`mesh_faces`."""
     if body.kind == "capsule":
         return coal.Capsule(*body.size)
     if body.kind == "sphere":
         return coal.Sphere(*body.size)
     if body.kind == "box":
         return coal.Box(*body.size)
-    return coal_mesh(body)
+    vertices, triangles = mesh_faces(body)
+    points, faces = coal.StdVec_Vec3s(), coal.StdVec_Triangle()
+    points.extend(list(vertices))
+    faces.extend([coal.Triangle(*t) for t in triangles.tolist()])
+    if body.hull:
+        return coal.Convex(points, faces)
+    model = coal.BVHModelOBBRSS()
+    model.beginModel(len(faces), len(points))
+    model.addSubModel(points, faces)
+    model.endModel()
+    return model
 
 
-def fcl_shape(body: Body) -> fcl.CollisionGeometry:
-    """Return the fcl geometry of a body."""
+def fcl_shape(body: Body, grown: float = 0.0) -> fcl.CollisionGeometry:
+    """Return the fcl geometry of a body and of all within ``grown`` [m] of it; of a mesh alone as it is."""
     if body.kind == "capsule":
-        return fcl.Capsule(*body.size)
+        return fcl.Capsule(body.size[0] + grown, body.size[1])
     if body.kind == "sphere":
-        return fcl.Sphere(*body.size)
+        return fcl.Sphere(body.size[0] + grown)
     if body.kind == "box":
-        return fcl.Box(*body.size)
+        return fcl.Box(*(s + 2 * grown for s in body.size))
     vertices, triangles = mesh_faces(body)
     model = fcl.BVHModel()
     model.beginModel(len(vertices), len(triangles))
@@ -230,11 +226,8 @@ class Scene:
         """Return the scene in which the indicators' tips may touch one ball."""
         touching = (True, ball)
         pairs = [(self.pieces[a], self.pieces[b]) for a, b in self.pairs]
-        return self.without({k for k, (a, b) in enumerate(pairs) if touching in ((a.tip, b.ball), (b.tip, a.ball))})
-
-    def without(self, excluded: set[int]) -> "Scene":
-        """Return the scene without the pairs at the positions ``excluded``."""
-        return replace(self, pairs=tuple(p for k, p in enumerate(self.pairs) if k not in excluded))
+        kept = [touching not in ((a.tip, b.ball), (b.tip, a.ball)) for a, b in pairs]
+        return replace(self, pairs=tuple(compress(self.pairs, kept)))
 
     def pair_name(self, k: int) -> str:
         """Return the two bodies of pair ``k`` as a person calls them."""
@@ -282,8 +275,8 @@ def _gauge_body(brought: GaugeBody, T_LF: Array, last: int) -> SceneBody:
     """Hang what the gauge brings to what carries it; T_LF (4, 4): the flange in the last link."""
     body, carrier = brought.body, brought.carrier
     if carrier == "flange":
-        body = replace(body, T=read_only(T_LF @ body.T))
-        return SceneBody(body, "link", last, body_reach(body), ball=brought.ball, tip=brought.tip)
+        carried = replace(body, T=read_only(T_LF @ body.T))
+        return SceneBody(carried, "link", last, body_reach(carried), ball=brought.ball, tip=brought.tip)
     return SceneBody(body, carrier, 0, body_reach(body), ball=brought.ball, tip=brought.tip)
 
 

@@ -7,9 +7,8 @@ import numpy as np
 
 from planner.cell.cell import Cell
 from planner.common.errors import InputError
-from planner.common.units import Array, to_mm
+from planner.common.units import to_mm
 from planner.kinematics.bodies import Body
-from planner.kinematics.chain import Chain
 from planner.kinematics.srdf import NEXT_BUT_ONE
 from planner.motion.collision.engines import CollisionWorld
 from planner.motion.collision.scene import FLOOR, SceneBody, build_scene, coal_shape, excess_of_polytope, mesh_faces
@@ -31,7 +30,7 @@ def check_surroundings(cell: Cell) -> None:
         pieces = build_scene(cell, m).pieces
         reach = max((_reach(cell.at(m), m.fixture, p) for p in pieces if p.carrier != "world"), default=0.0)
         for piece in pieces:
-            _check_mesh(cell, piece, reach)
+            _check_mesh(cell, piece)
         for body in cell.obstacles:
             _check_reached(cell, body, reach)
     _check_floor(cell)
@@ -63,33 +62,30 @@ def describe_polytopes(cell: Cell) -> tuple[str, ...]:
     )
 
 
-def _apart_text(distance: float) -> str:
-    return f"{to_mm(abs(distance)):.1f} mm {'apart' if distance > 0 else 'into each other'}"
-
-
 def _check_apart(cell: Cell) -> None:
     """Refuse bodies that touch wherever the robot stands: everything would collide, and nothing may be left out."""
-    world = CollisionWorld(build_scene(cell)).without_bar()
+    scene = build_scene(cell).without_bar()
+    world = CollisionWorld(scene)
     found = world.always_touching()
     if not found:
         return
-    pieces = [tuple(world.scene.pieces[i] for i in world.scene.pairs[k]) for k in found]
-    low = any(FLOOR in (a.body.name, b.body.name) for a, b in pieces)
-    own = [
-        sorted((a.link, b.link))
-        for a, b in pieces
-        if a.of_robot and b.of_robot and abs(a.link - b.link) == NEXT_BUT_ONE
-    ]
-    hint = "mend their shapes or places" + (", or set base.floor_mm to where the floor is" if low else "")
-    if own:
-        listed = [list(pair) for pair in sorted({tuple(pair) for pair in own})]
+    pieces = [tuple(scene.pieces[i] for i in scene.pairs[k]) for k in found]
+    robots = [sorted((a.link, b.link)) for a, b in pieces if a.of_robot and b.of_robot]
+    next_but_one = sorted({(low, high) for low, high in robots if high - low == NEXT_BUT_ONE})
+    hint = "mend their shapes or places"
+    if any(FLOOR in (a.body.name, b.body.name) for a, b in pieces):
+        hint += ", or set base.floor_mm to where the floor is"
+    if next_but_one:
         hint += (
             f", or, where only crude shapes touch, name the links in robot.toml (which can name a URDF): "
-            f"never_meet = {listed} and never_meet_reason"
+            f"never_meet = {[list(pair) for pair in next_but_one]} and never_meet_reason"
         )
-    apart = world.distances(cell.home[None])[0]
-    shown = found[:SHOWN_PAIRS]
-    names = "; ".join(f"{world.scene.blamed_pair(k)}, {_apart_text(float(apart[k]))} at home" for k in shown)
+    distance = world.distances(cell.home[None])[0]
+    names = "; ".join(
+        f"{scene.blamed_pair(k)}, {to_mm(abs(distance[k])):.1f} mm "
+        f"{'apart' if distance[k] > 0 else 'into each other'} at home"
+        for k in found[:SHOWN_PAIRS]
+    )
     raise InputError(
         f"{cell.path}: these bodies come closer than motion.clearance_mm = {to_mm(cell.motion.clearance):g} wherever "
         f"the robot stands: {names}; {hint}"
@@ -107,7 +103,7 @@ def _reach(cell: Cell, fixture: int, piece: SceneBody) -> float:
     return float(moves) + tool + piece.reach
 
 
-def _check_mesh(cell: Cell, piece: SceneBody, reach: float) -> None:
+def _check_mesh(cell: Cell, piece: SceneBody) -> None:
     if piece.body.kind != "mesh":
         return
     vertices = mesh_faces(piece.body)[0]
@@ -144,7 +140,9 @@ def _check_floor(cell: Cell) -> None:
     up = float(cell.base.R_WB[2, 2])
     if cell.base.floor is None or abs(up) < 0.5:
         return
-    heights = _joint_heights(cell) * np.sign(up)
+    robot = cell.robot
+    frames = robot.chain.frames(robot.theta(cell.home[None]), robot.link_end[1:])
+    heights = np.array([0.0, *(origin[2, 0] for _, origin in frames)]) * np.sign(up)
     lowest = int(np.argmin(heights))
     if heights[lowest] >= np.sign(up) * cell.base.floor:
         return
@@ -158,10 +156,3 @@ def _check_floor(cell: Cell) -> None:
         f"{cell.path}: the {FLOOR} (base.floor_mm = {floor:g}) stands above link {lowest}, whose "
         f"frame at home is at {height:.1f} mm"
     )
-
-
-def _joint_heights(cell: Cell) -> Array:
-    """Height of every link frame in the base at home, (N + 1,) [m]."""
-    robot, theta = cell.robot, cell.robot.theta(cell.home[None])
-    ends = [Chain(robot.transforms[:end]).forward(theta).x[2, 0] for end in robot.link_end[1:]]
-    return np.array([0.0, *ends])

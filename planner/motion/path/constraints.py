@@ -10,7 +10,7 @@ from planner.common.units import MM, Array, to_deg, to_mm
 from planner.motion.collision.engines import CollisionWorld
 from planner.motion.collision.fcl_world import FclWorld
 from planner.motion.collision.round_bounds import ScreenedDistances
-from planner.motion.collision.scene import Scene
+from planner.motion.collision.scene import Scene, build_scene
 from planner.motion.path.margins import PairBounds, WorkspaceBounds
 from planner.motion.path.proof import Extremes, Proof, Prover, find_extremes
 from planner.runs.run import FIRST_MOUNTING, Mounting
@@ -32,7 +32,7 @@ class Constraints:
         room: float = 0.0,
     ) -> None:  # fmt: skip
         cell = cell.at(mounting)
-        scene = CollisionWorld.from_cell(cell, mounting).scene if scene is None else scene
+        scene = build_scene(cell, mounting) if scene is None else scene
         bar = bar and cell.gauge.is_attached
         self.cell, self.bar, self.room = cell, bar, room
         self.workspace = Workspace(cell, mounting, bar)
@@ -82,12 +82,8 @@ class Constraints:
         """Prove the straight joint motions between states (m, N) and (m, N) [rad], continuously."""
         return self.prove_corners(np.stack([q_from, q_to], axis=1))
 
-    def prove_triangles(self, q_entry: Array, q_corner: Array, q_exit: Array) -> Proof:
-        """Prove every state in the triangles (m, N) × 3 [rad]: a blended corner stays in one of them."""
-        return self.prove_corners(np.stack([q_entry, q_corner, q_exit], axis=1))
-
     def prove_corners(self, corners: Array) -> Proof:
-        """Prove every state in the hulls of corners (m, K, N) [rad]: motions (K = 2) or triangles (K = 3).
+        """Prove every state in the hulls of corners (m, K, N) [rad]: motions (K = 2), triangles about a blend (K = 3).
 
         For searches: with distances in closed form where there are any.
         """
@@ -100,6 +96,12 @@ class Constraints:
     def judge(self, corners: Array) -> Proof:
         """Prove motions or triangles (m, K, N) [rad] again with python-fcl's distances."""
         return self._judge_once("python-fcl", self._judge, corners)
+
+    def proven_by_both(self, corners: Array) -> np.ndarray:
+        """Tell which motions or triangles (m, K, N) [rad] both engines prove, (m,) bool."""
+        out = self.prove_corners(corners).proven.copy()
+        out[out] = self.judge(corners[out]).proven
+        return out
 
     def _judge_once(self, engine: str, judge: Prover, corners: Array) -> Proof:
         """Prove what this engine has not proven yet: a path is judged when it is found, and again with blends."""
@@ -128,7 +130,7 @@ class Constraints:
 
     @cached_property
     def _prover(self) -> Prover:
-        return Prover(self.bounds, self.pairs, ScreenedDistances(self.scene, self.world), self.clearance)
+        return Prover(self.bounds, self.pairs, ScreenedDistances(self.world), self.clearance)
 
     @cached_property
     def _judge(self) -> Prover:

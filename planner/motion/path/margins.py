@@ -8,7 +8,6 @@ import numpy as np
 from planner.cell.gauge_types import PointTravel
 from planner.cell.workspace import Workspace, axis_reach, bar_twist, perpendicular, wrap_angle
 from planner.common.units import Array
-from planner.kinematics.bodies import Body
 from planner.kinematics.chain import Chain
 from planner.kinematics.geometry import bar_state
 from planner.motion.collision.scene import Scene, SceneBody
@@ -214,9 +213,9 @@ class PairBounds:
         """Largest distance from each axis between the two of a pair, (pairs, N) [m]; zero for pairs with the bar."""
         out = np.zeros((len(self.scene.pairs), self.scene.cell.robot.n_joints))
         for k, (a, b) in enumerate(self.scene.pairs):
-            near, far = sorted((self.scene.pieces[a], self.scene.pieces[b]), key=_height)
-            if not (near.of_bar or far.of_bar):
-                out[k] = self._joints_between(near, far)
+            outward = sorted((self.scene.pieces[i] for i in (a, b)), key=lambda p: (p.carrier != "world", p.link))
+            if not any(p.of_bar for p in outward):
+                out[k] = self._joints_between(*outward)
         return out
 
     def _joints_between(self, near: SceneBody, far: SceneBody) -> Array:
@@ -234,24 +233,16 @@ class PairBounds:
         return axis_reach(robot.transforms[: robot.link_end[piece.link]], robot.n_joints, core_reach(piece))
 
     def _distance_from_map(self, piece: SceneBody) -> float:
-        """Largest distance of a tool piece's core from the MAP [m]."""
-        T_LF = np.array(self.scene.cell.robot.flange_frame().homogeneous)
-        return core_distance(piece.body, T_LF[:3, :3] @ self.scene.cell.tool.p_FM + T_LF[:3, 3], piece)
+        """Largest distance of the core of a piece that the tool carries from the MAP [m]."""
+        T_LF, body = np.array(self.scene.cell.robot.flange_frame().homogeneous), piece.body
+        p = T_LF[:3, :3] @ self.scene.cell.tool.p_FM + T_LF[:3, 3]
+        if body.kind == "capsule":
+            ends = [body.T[:3, 3] + s * body.T[:3, 2] * body.size[1] / 2 for s in (-1, 1)]
+            return max(float(np.linalg.norm(e - p)) for e in ends)
+        return float(np.linalg.norm(p)) + core_reach(piece)
 
 
 def core_reach(piece: SceneBody) -> float:
     """Largest distance of the body's core (a capsule's segment, a sphere's centre) from its carrier's origin [m]."""
     body = piece.body
     return piece.reach - body.size[0] if body.kind in ("capsule", "sphere") else piece.reach
-
-
-def core_distance(body: Body, p: Array, piece: SceneBody) -> float:
-    """Largest distance of the body's core from the point p (3,) of its carrier's frame [m]."""
-    if body.kind == "capsule":
-        ends = [body.T[:3, 3] + s * body.T[:3, 2] * body.size[1] / 2 for s in (-1, 1)]
-        return max(float(np.linalg.norm(e - p)) for e in ends)
-    return float(np.linalg.norm(p)) + core_reach(piece)
-
-
-def _height(piece: SceneBody) -> int:
-    return -1 if piece.carrier == "world" else piece.link

@@ -45,7 +45,8 @@ def rrt_connect(
     planner.setRange(RANGE)
     planner.setProblemDefinition(problem)
     planner.setup()
-    planner.solve(ob.PlannerTerminationCondition(_countdown(iterations)))
+    draws = iter(range(iterations))
+    planner.solve(ob.PlannerTerminationCondition(lambda: next(draws, None) is None))
     if not problem.hasExactSolution():
         return None
     states = problem.getSolutionPath().getStates()
@@ -59,16 +60,6 @@ def _is_proven(constraints: Constraints, a: Array, b: Array) -> bool:
     return bool(looks_clear and constraints.prove(a[None], b[None]).proven[0])
 
 
-def _countdown(count: int) -> Callable[[], bool]:
-    left = [count]
-
-    def stop() -> bool:
-        left[0] -= 1
-        return left[0] < 0
-
-    return stop
-
-
 def _space(low: Array, high: Array, seed: int) -> Any:
     """Return the space information of a box in which every state counts as valid: motions are what is checked."""
     ou.noOutputHandler()
@@ -80,12 +71,8 @@ def _space(low: Array, high: Array, seed: int) -> Any:
     space = ob.RealVectorStateSpace(len(low))
     space.setBounds(bounds)
     info = ob.SpaceInformation(space)
-    info.setStateValidityChecker(_always_valid)
+    info.setStateValidityChecker(lambda _: True)
     return info
-
-
-def _always_valid(_: Any) -> bool:
-    return True
 
 
 def _state(info: Any, values: Array) -> Any:
@@ -327,14 +314,12 @@ def join_to_earlier(points: Array, count: int) -> np.ndarray:
     return np.concatenate(edges)
 
 
-def connected_parts(
-    constraints: Constraints, q: Array, seed: int = 0, certain: int = 1, share: float = ROADMAP
-) -> np.ndarray:
+def connected_parts(constraints: Constraints, q: Array, seed: int = 0) -> np.ndarray:
     """Tell which connected part of the valid states each of many poses belongs to, (n,), largest part 0.
 
     See :class:`PartMap`.
     """
-    return PartMap.of(constraints, q, seed, certain, share).parts(q)
+    return PartMap.of(constraints, q, seed).parts(q)
 
 
 @dataclass(frozen=True)
@@ -352,9 +337,7 @@ class PartMap:
     part: np.ndarray
 
     @classmethod
-    def of(
-        cls, constraints: Constraints, q: Array, seed: int = 0, certain: int = 1, share: float = ROADMAP
-    ) -> "PartMap":
+    def of(cls, constraints: Constraints, q: Array, seed: int, certain: int = 1) -> "PartMap":
         """Return the parts of valid poses.
 
         Args:
@@ -362,10 +345,9 @@ class PartMap:
             q: valid poses (n, N) [rad], those that matter most (the start) first.
             seed: of the sample.
             certain: how many of the first poses must be in the roadmap itself.
-            share: of a limit of time after which no more ways are proven.
         """
         roadmap = Roadmap.grow(constraints, q[:certain], q[certain:], seed)
-        return cls(roadmap, roadmap.graph.parts(share))
+        return cls(roadmap, roadmap.graph.parts(ROADMAP))
 
     def parts(self, q: Array) -> np.ndarray:
         """Part of each pose (n, N) [rad], (n,): that of the nearest state of the roadmap."""

@@ -138,15 +138,10 @@ def judge_path(
     motions = np.stack([q[:-1], q[1:]], axis=1) if len(q) > 1 else np.stack([q, q], axis=1)
     others = np.concatenate([np.zeros(0, dtype=int), *(a.motions for a in apart)])
     common = SeparateMotions(constraints, np.setdiff1d(np.arange(len(motions)), others))
-    parts = [
-        _MotionGroup(a.constraints, motions[a.motions], a.motions, tuple(f"motion {k + 1}" for k in a.motions))
-        for a in (common, *apart)
-        if len(a.motions)
-    ]
-    if triangles is not None and len(triangles):
-        numbers = np.arange(len(triangles))
-        names = tuple(f"blend {k + 1}" for k in numbers)
-        parts.append(_MotionGroup(constraints, triangles, len(motions) + numbers, names))
+    parts = [_Motions(a.constraints, motions[a.motions], a.motions, "motion") for a in (common, *apart)]
+    if triangles is not None:
+        parts.append(_Motions(constraints, triangles, np.arange(len(triangles)), "blend", len(motions)))
+    parts = [p for p in parts if len(p.numbers)]
     found = [p.constraints.extremes(p.corners, TOLERANCE) for p in parts]
     by_coal = [p.constraints.judge_by_coal(p.corners) for p in parts]
     by_fcl = [p.constraints.judge(p.corners) for p in parts]
@@ -154,21 +149,25 @@ def judge_path(
 
 
 @dataclass(frozen=True)
-class _MotionGroup:
-    """Motions or triangles (m, K, N) [rad] under one set of constraints, their numbers (m,) and names."""
+class _Motions:
+    """Motions or triangles (m, K, N) [rad] under one set of constraints, their numbers (m,) among those of a kind.
+
+    ``before``: how many motions are counted before those of this kind.
+    """
 
     constraints: Constraints
     corners: Array
     numbers: np.ndarray
-    names: tuple[str, ...]
+    kind: str
+    before: int = 0
 
 
-def _summarize(engine: str, parts: list[_MotionGroup], proofs: list[Proof], found: list[Extremes]) -> Verdict:
+def _summarize(engine: str, parts: list[_Motions], proofs: list[Proof], found: list[Extremes]) -> Verdict:
     """Sum up proofs of named motions; both engines' own sightings count beside the extremes found."""
     failures = [
-        (int(part.numbers[k]), f"{name}: {part.constraints.failure(proof, k)}")
+        (part.before + number, f"{part.kind} {number + 1}: {part.constraints.failure(proof, k)}")
         for part, proof in zip(parts, proofs, strict=True)
-        for k, name in enumerate(part.names)
+        for k, number in enumerate(part.numbers.tolist())
         if not proof.proven[k]
     ]
     failures.sort(key=lambda failure: failure[0])

@@ -86,7 +86,9 @@ def test_nothing_collides_on_the_way(planned):
         world = CollisionWorld.from_cell(planned.cell, drive.mounting)
         for one in drive.passes:
             assert not world.collides(one.trajectory.sample(0.25).q).any()
-        assert not world.without_bar().collides(drive.course.travel.trajectory.sample(0.1).q).any()
+        assert (
+            not CollisionWorld(world.scene.without_bar()).collides(drive.course.travel.trajectory.sample(0.1).q).any()
+        )
         assert all(v.clear for v in drive.verdicts)
         assert all(v.clear for a in drive.arcs for v in a.verdicts)
 

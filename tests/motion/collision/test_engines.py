@@ -190,7 +190,7 @@ def test_closed_forms_are_coals_distances_and_bounds_never_exceed_them(name: str
     assert (closed - coal)[apart].max() < 1e-9
     assert (closed[~apart] <= 1e-9).all()
     enough = np.random.default_rng(1).uniform(0.0, 0.5, coal.shape)
-    screened = ScreenedDistances(w.scene, w).distances(q, None, enough)
+    screened = ScreenedDistances(w).distances(q, None, enough)
     np.testing.assert_array_equal((screened >= enough)[apart], (coal >= enough)[apart])
 
 

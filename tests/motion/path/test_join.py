@@ -8,6 +8,7 @@ import pytest
 
 from planner.cell.workspace import Workspace
 from planner.common.units import Array, round_angles
+from planner.motion.collision.engines import CollisionWorld
 from planner.motion.collision.fcl_world import FclWorld
 from planner.motion.path.connection import connect_poses
 from planner.motion.path.constraints import Constraints
@@ -162,7 +163,7 @@ def test_travel_without_the_bar(labelled: tuple[Array, np.ndarray]) -> None:
     assert found.clear
     sampled = dense(found.q[:-1], found.q[1:], 200)
     assert (Workspace(cell, bar=False).margins(sampled) > 0.0).all()
-    assert not world.without_bar().collides(sampled).any()
+    assert not CollisionWorld(world.scene.without_bar()).collides(sampled).any()
 
 
 def test_repeated_and_duplicate_poses(tour: tuple[Array, list[int], Array]) -> None:

@@ -126,7 +126,7 @@ def test_proven_triangles_hold_inside() -> None:
     rng = np.random.default_rng(2)
     corner = valid_poses(400)[:200]
     entry, leave = (corner + rng.normal(scale=0.12, size=corner.shape) for _ in range(2))
-    proof = constraints.prove_triangles(entry, corner, leave)
+    proof = constraints.prove_corners(np.stack([entry, corner, leave], axis=1))
     assert 0.1 < proof.proven.mean() < 0.95
     weights = rng.dirichlet([0.6, 0.6, 0.6], (200, 200))
     inside = np.einsum("nwk,kni->nwi", weights, np.stack([entry, corner, leave]))
