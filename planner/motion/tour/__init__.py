@@ -1,3 +1,3 @@
 """The order of the poses, with a proof of how far it is from the shortest."""
 
-__all__ = ["instance", "solve"]
+__all__ = ["solve"]
