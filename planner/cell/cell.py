@@ -15,7 +15,7 @@ from planner.common.choices import Aim
 from planner.common.errors import InputError
 from planner.common.units import Array, read_only
 from planner.kinematics.bodies import Body
-from planner.kinematics.chain import Chain, Transform
+from planner.kinematics.chain import Chain, xyz_transforms
 from planner.kinematics.geometry import bar_state
 from planner.kinematics.robot import Robot
 from planner.runs.run import Mounting, Run
@@ -340,8 +340,7 @@ class Cell:
     @cached_property
     def chain(self) -> Chain:
         """The chain from the base to the measurement application point."""
-        tool = [Transform(f"map_{'xyz'[k]}", "translation", k, float(self.tool.p_FM[k])) for k in range(3)]
-        return Chain((*self.robot.transforms, *tool))
+        return Chain((*self.robot.transforms, *xyz_transforms("map_", "translation", self.tool.p_FM)))
 
     def map_position(self, q: Array) -> Array:
         """Position of the MAP in the base frame, (n, 3) [m], for controller angles q (n, N) [rad]."""

@@ -13,12 +13,12 @@ from planner.cell.cell import Cell
 from planner.cell.gauge import Gauge
 from planner.common.errors import InputError
 from planner.common.units import Array
-from planner.kinematics.chain import Chain, Transform
-from planner.kinematics.robot import Robot
+from planner.kinematics.chain import Chain, xyz_transforms
+from planner.kinematics.robot import BASE_TRANSFORMS, Robot
 from planner.runs.run import Readings, SampleColumns, Samples
 
 STANDARD_GRAVITY = 9.80665  # [m/s²]
-N_BASE_TRANSFORMS = 6  # transforms before the robot's: small corrections of how the base stands to the gauge
+N_BASE_TRANSFORMS = len(BASE_TRANSFORMS)  # before the robot's: small corrections of how the base stands to the gauge
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class RobotSetup:
     @cached_property
     def chain(self) -> Chain:
         """Corrections of the base, then the robot up to its flange."""
-        return Chain((*_base_transforms(), *self.robot.transforms))
+        return Chain((*BASE_TRANSFORMS, *self.robot.transforms))
 
     def offsets(self, samples: Samples) -> list[float | Array]:
         """Return what every transform gets beside its nominal value, K values [m, rad]."""
@@ -91,9 +91,9 @@ class MeasurementSetup(RobotSetup):
         The base stands first so that a shift of the gauge, a soft foundation and a tracker's frame are transforms like
         all others; the tool point is at the flange here, see :meth:`offsets`.
         """
-        tool = [Transform(f"map_{'xyz'[k]}", "translation", k, 0.0) for k in range(3)]
-        probe = [Transform(f"probe_r{'xyz'[k]}", "rotation", k, 0.0) for k in range(3)] if self.gauge.angles else []
-        return Chain((*_base_transforms(), *self.robot.transforms, *tool, *probe))
+        tool = xyz_transforms("map_", "translation")
+        probe = xyz_transforms("probe_r", "rotation") if self.gauge.angles else []
+        return Chain((*BASE_TRANSFORMS, *self.robot.transforms, *tool, *probe))
 
     def offsets(self, samples: Samples) -> list[float | Array]:
         """Return what every transform gets beside its nominal value: the tool point that was measured, K values [m]."""
@@ -133,11 +133,6 @@ class Targets(SampleColumns):
     def at_base(cls, n: int) -> "Targets":
         """Return n readings at the base's own frame: their residuals are minus the prediction."""
         return cls(np.zeros(n), np.zeros((n, 3)), np.broadcast_to(np.eye(3), (n, 3, 3)))
-
-
-def _base_transforms() -> list[Transform]:
-    moves = [Transform(f"base_{'xyz'[k]}", "translation", k, 0.0) for k in range(3)]
-    return moves + [Transform(f"base_r{'xyz'[k]}", "rotation", k, 0.0) for k in range(3)]
 
 
 def setup_of(cell: Cell) -> MeasurementSetup:

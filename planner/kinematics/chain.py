@@ -1,7 +1,7 @@
 """A robot in its cell as a sequence of elementary transforms, batched over samples; DH, modified DH and URDF rows
 become such sequences."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal
@@ -179,29 +179,27 @@ def _rotate(R: Array, axis: int, angle: Array) -> Array:
 PARALLEL_ANGLE = np.deg2rad(5.0)  # neighbouring axes closer than this get Hayati's parameter [rad]
 
 
-def dh_row(i: int, alpha: float, a: float, d: float, theta: float, beta: float | None) -> list[Transform]:
-    """Standard DH of row i (from 1): Rz(θ) Tz(d) Tx(a) Rx(α), with Hayati's Ry(β) where given [m, rad]."""
-    row = [
-        Transform(f"theta{i}", "rotation", 2, theta, i - 1),
-        Transform(f"d{i}", "translation", 2, d),
-        Transform(f"a{i}", "translation", 0, a),
-        Transform(f"alpha{i}", "rotation", 0, alpha),
-    ]
-    return row if beta is None else [*row, Transform(f"beta{i}", "rotation", 1, beta)]
+ROWS = {  # Hayati's β only where it is given; θ is the joint's
+    "dh": ("theta", "d", "a", "alpha", "beta"),  # Rz(θ) Tz(d) Tx(a) Rx(α) Ry(β)
+    "mdh": ("alpha", "a", "beta", "theta", "d"),  # Rx(α) Tx(a) Ry(β) Rz(θ) Tz(d) (TriCal, Table 4)
+}
+ROW_MOVES = {"theta": "Rz", "d": "Tz", "a": "Tx", "alpha": "Rx", "beta": "Ry"}
+KINDS: dict[str, Kind] = {"R": "rotation", "T": "translation"}
 
 
-def mdh_row(i: int, alpha: float, a: float, d: float, theta: float, beta: float | None) -> list[Transform]:
-    """Modified DH of row i with Hayati's β: Rx(α) Tx(a) Ry(β) Rz(θ) Tz(d), α, a, β of index i−1 (TriCal, Table 4)."""
-    head = [
-        Transform(f"alpha{i - 1}", "rotation", 0, alpha),
-        Transform(f"a{i - 1}", "translation", 0, a),
-    ]
-    skew = [] if beta is None else [Transform(f"beta{i - 1}", "rotation", 1, beta)]
-    tail = [
-        Transform(f"theta{i}", "rotation", 2, theta, i - 1),
-        Transform(f"d{i}", "translation", 2, d),
-    ]
-    return head + skew + tail
+def dh_row(convention: str, i: int, values: Mapping[str, float]) -> list[Transform]:
+    """Return the transforms of row i (from 1) in standard (``dh``) or modified DH (``mdh``), values in m and rad."""
+    row = []
+    for key in (key for key in ROWS[convention] if key in values):
+        move = ROW_MOVES[key]
+        name, joint = f"{key}{i - is_of_link_before(convention, key)}", i - 1 if key == "theta" else None
+        row.append(Transform(name, KINDS[move[0]], "xyz".index(move[1]), values[key], joint))
+    return row
+
+
+def is_of_link_before(convention: str, key: str) -> bool:
+    """Tell whether a parameter of row i has the index i − 1: α, a and β of modified DH."""
+    return convention == "mdh" and key in ("alpha", "a", "beta")
 
 
 def is_near_parallel(convention: str, i: int, n: int, alpha: float) -> bool:
@@ -210,15 +208,21 @@ def is_near_parallel(convention: str, i: int, n: int, alpha: float) -> bool:
     return joins_axes and abs(np.sin(alpha)) < np.sin(PARALLEL_ANGLE)
 
 
+def xyz_transforms(
+    name: str, kind: Kind, values: Sequence[float] | Array = (0.0, 0.0, 0.0), suffix: str = "", fixed: bool = False
+) -> list[Transform]:
+    """Return three transforms along or about x, y and z [m or rad], each called after its axis."""
+    return [Transform(f"{name}{'xyz'[k]}{suffix}", kind, k, float(values[k]), fixed=fixed) for k in range(3)]
+
+
 def frame_transforms(suffix: str, xyz: np.ndarray, rpy: np.ndarray) -> list[Transform]:
     """A frame without errors of its own: Tx Ty Tz Rz(yaw) Ry(pitch) Rx(roll), the URDF origin [m, rad]."""
-    moves = [Transform(f"{'xyz'[k]}{suffix}", "translation", k, float(xyz[k]), fixed=True) for k in range(3)]
-    return moves + fixed_turns("r", suffix, rpy)
+    return xyz_transforms("", "translation", xyz, suffix, fixed=True) + fixed_turns("r", suffix, rpy)
 
 
 def fixed_turns(name: str, suffix: str, rpy: np.ndarray) -> list[Transform]:
     """Rz(yaw) Ry(pitch) Rx(roll) without errors of their own."""
-    return [Transform(f"{name}{'xyz'[k]}{suffix}", "rotation", k, float(rpy[k]), fixed=True) for k in (2, 1, 0)]
+    return xyz_transforms(name, "rotation", rpy, suffix, fixed=True)[::-1]
 
 
 def frame_with_errors(suffix: str, xyz: np.ndarray, rpy: np.ndarray) -> list[Transform]:
@@ -226,6 +230,5 @@ def frame_with_errors(suffix: str, xyz: np.ndarray, rpy: np.ndarray) -> list[Tra
 
     The errors turn about the axes of the frame itself, where they are zero, so that none is lost at a pitch of ±90°.
     """
-    moves = [Transform(f"{'xyz'[k]}{suffix}", "translation", k, float(xyz[k])) for k in range(3)]
-    errors = [Transform(f"r{'xyz'[k]}{suffix}", "rotation", k, 0.0) for k in range(3)]
+    moves, errors = xyz_transforms("", "translation", xyz, suffix), xyz_transforms("r", "rotation", suffix=suffix)
     return [*moves, *fixed_turns("origin_r", suffix, rpy), *errors]

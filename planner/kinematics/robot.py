@@ -11,7 +11,7 @@ import numpy as np
 from planner.common.lazy_modules import pin
 from planner.common.units import Array
 from planner.kinematics.bodies import Body
-from planner.kinematics.chain import Chain, Transform
+from planner.kinematics.chain import Chain, Transform, xyz_transforms
 
 
 @dataclass(frozen=True)
@@ -23,7 +23,7 @@ class LinkMass:
 
 
 # how the base stands; before the rows
-BASE_TRANSFORMS = tuple(f"base_{turn}{axis}" for turn in ("", "r") for axis in "xyz")
+BASE_TRANSFORMS = (*xyz_transforms("base_", "translation"), *xyz_transforms("base_r", "rotation"))
 
 
 @dataclass(frozen=True)

@@ -11,11 +11,13 @@ from pydantic import Field, field_validator, model_validator
 from planner.common.errors import InputError, did_you_mean
 from planner.common.files import data_folder
 from planner.common.schema import Coordinate, OneLine, PositiveFloat, StrictModel, read_toml, validate
-from planner.common.units import MM, Array, from_deg, from_mm, read_only
+from planner.common.units import DEG, MM, Array, from_deg, from_mm, read_only
 from planner.kinematics.bodies import LinkBodyFile, Vector
-from planner.kinematics.chain import Transform, dh_row, frame_transforms, is_near_parallel, mdh_row
+from planner.kinematics.chain import Transform, dh_row, frame_transforms, is_near_parallel
 from planner.kinematics.robot import LinkMass, Priors, Robot
 from planner.kinematics.robot_tables import (
+    LENGTHS,
+    ROW_KEYS,
     LoadsTable,
     RobotEffectTable,
     effects_from_tables,
@@ -79,6 +81,12 @@ class JointTable(StrictModel):
         acceleration = self.acceleration_deg_s2 or self.speed_deg_s / SPEED_TIME
         jerk = self.jerk_deg_s3 or acceleration / SPEED_TIME
         return self.model_copy(update={"acceleration_deg_s2": acceleration, "jerk_deg_s3": jerk})
+
+    @property
+    def row(self) -> dict[str, float]:
+        """The joint's row of DH parameters, those that are given [m, rad]."""
+        given = {key: getattr(self, name) for key, name in ROW_KEYS.items()}
+        return {key: v * (MM if key in LENGTHS else DEG) for key, v in given.items() if v is not None}
 
     @property
     def mass(self) -> LinkMass | None:
@@ -225,14 +233,11 @@ def _from_file(path: Path, beta: str, tip: str | None = None) -> Robot:
     _check_count(path, n)
     transforms: list[Transform] = []
     ends = [0]
-    make = dh_row if file.convention == "dh" else mdh_row
     for i, j in enumerate(file.joints, 1):
-        alpha = float(from_deg(j.alpha_deg or 0.0))
-        auto = beta == "auto" and is_near_parallel(file.convention, i, n, alpha)
-        skew = float(from_deg(j.beta_deg or 0.0)) if (j.beta_deg is not None or auto) else None
-        transforms += make(
-            i, alpha, (j.a_mm or 0.0) * MM, (j.d_mm or 0.0) * MM, float(from_deg(j.theta_deg or 0.0)), skew
-        )
+        row = j.row
+        if beta == "auto" and is_near_parallel(file.convention, i, n, row["alpha"]):
+            row = {"beta": 0.0} | row
+        transforms += dh_row(file.convention, i, row)
         ends.append(len(transforms))
     return _build_robot(file, path, tuple(transforms), tuple(ends))
 

@@ -52,7 +52,7 @@ def effects_from_tables(
     Raises:
         InputError: an effect acts on no transform of this robot.
     """
-    known = [*(t.name for t in rows), *BASE_TRANSFORMS]
+    known = [t.name for t in (*rows, *BASE_TRANSFORMS)]
     out = []
     for k, e in enumerate(tables, 1):
         if e.on not in known:
@@ -100,7 +100,8 @@ ANGLES = ("alpha", "theta", "beta", "zero", "lower", "upper", "speed")
 LENGTHS = ("a", "d")
 PLAIN = ("sense", "name")
 FACTORS = {"deg": 1.0, "rad": 180.0 / np.pi, "mm": 1.0, "m": 1e3, "deg_s": 1.0, "rad_s": 180.0 / np.pi}
-KEYS = {"alpha": "alpha_deg", "theta": "theta_deg", "beta": "beta_deg", "zero": "zero_deg", "a": "a_mm", "d": "d_mm"}
+ROW_KEYS = {"alpha": "alpha_deg", "theta": "theta_deg", "beta": "beta_deg", "a": "a_mm", "d": "d_mm"}
+KEYS = ROW_KEYS | {"zero": "zero_deg"}
 CONVENTION = re.compile(r"#\s*convention\s*:\s*(\S+)", re.IGNORECASE)
 
 

@@ -13,10 +13,10 @@ import tomli_w
 
 from planner.common.lazy_modules import pin
 from planner.common.units import DEG, MM, Array, file_unit, si_unit, to_deg, to_mm
-from planner.kinematics.chain import Transform
+from planner.kinematics.chain import Transform, is_of_link_before
 from planner.kinematics.robot import Loads, Robot, RobotEffect, elementary_placement
 from planner.kinematics.robot_reader import describe_robot
-from planner.kinematics.robot_tables import nominal_key
+from planner.kinematics.robot_tables import ROW_KEYS, nominal_key
 from planner.kinematics.urdf import is_urdf, read_urdf, write_urdf
 
 UR_LINKS = ("shoulder", "upper_arm", "forearm", "wrist_1", "wrist_2", "wrist_3")
@@ -114,7 +114,6 @@ def _ur_calibration(robot: Robot, values: Mapping[str, float]) -> str:
 
 
 DIGITS = {"translation": 8, "rotation": 10}  # decimals of mm and deg: 1e-11 m, 2e-12 rad
-ROW_KEYS = {"theta": "theta_deg", "d": "d_mm", "a": "a_mm", "alpha": "alpha_deg", "beta": "beta_deg"}
 HEADER = """\
 # Calibrated robot, to be used wherever the nominal one is. {remark}
 # The controller's own model stays as it is: where it differs from this file, its values stand in [nominal].
@@ -224,9 +223,8 @@ def _correct_rows(robot: Robot, content: dict[str, object], values: Mapping[str,
     joints = _tables(content, "joints")
     for name, value in values.items():
         key = name.rstrip("0123456789")
-        index = int(name[len(key) :])
-        back = robot.convention == "mdh" and key in ("alpha", "a", "beta")  # of index i−1, in row i
-        joints[index if back else index - 1][ROW_KEYS[key]] = _file_value(key in ("a", "d"), value)
+        row = int(name[len(key) :]) + is_of_link_before(robot.convention, key)
+        joints[row - 1][ROW_KEYS[key]] = _file_value(key in ("a", "d"), value)
 
 
 def _calibration_tables(robot: Robot, changed: frozenset[str], found: RobotCorrections) -> dict[str, object]:
