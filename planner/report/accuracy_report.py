@@ -5,25 +5,22 @@ import numpy as np
 from planner.common.units import UM, to_mm
 from planner.instruments.precision import PUBLISHED_UM, TOLERANCE, RepeatedCentrings
 from planner.instruments.validation import ErrorFigures, ModelErrors, Validation
-from planner.report.chart import BLUE, ORANGE, Chart, Panel, ReferenceLine, Series, histogram_outline
+from planner.report.chart import BLUE, ORANGE, Chart, Panel, ReferenceLine, Series, histogram_outline, list_panel
 from planner.report.formatting import in_um
 from planner.report.page import Report, Row, report_judged
 
 BINS = 25
-ROW = 26  # [px] of one pose
 ROOM = 1.25  # of the highest bar, for what is written beside the lines
 
 
 def error_histogram(found: Validation) -> Chart:
     """Errors before and after calibration, each on an axis of its own."""
-    both = [("by the data sheet", ORANGE, found.before)]
-    if found.after is not None:
-        both.append(("calibrated", BLUE, found.after))
+    both = (("by the data sheet", ORANGE, found.before), ("calibrated", BLUE, found.after))
     caption = (
         "Distance between where the tracker saw the reflector and where the robot's model has it, one a pose; dotted: "
         "mean and largest. The tracker's frame comes from the nests, never from these poses."
     )
-    panels = tuple(_panel(*one) for one in both)
+    panels = tuple(_panel(name, colour, judged) for name, colour, judged in both if judged is not None)
     return Chart("accuracy", f"Position errors at {len(found.run)} poses", caption, panels)
 
 
@@ -32,19 +29,10 @@ def _panel(name: str, colour: str, judged: ModelErrors) -> Panel:
     edges = np.linspace(0.0, float(size.max()), BINS + 1)
     counts = np.histogram(size, edges)[0].astype(float)
     mean, largest = float(to_mm(judged.figures.mean)), float(to_mm(judged.figures.largest))
-    return Panel(
-        name,
-        "position error (mm)",
-        "poses",
-        (Series(name, *histogram_outline(edges, counts), colour, filled=True),),
-        (
-            ReferenceLine(mean, f"mean {mean:.3f}", upright=True),
-            ReferenceLine(largest, f"max {largest:.3f}", upright=True),
-        ),
-        x_range=(0.0, 1.12 * largest),
-        y_range=(0.0, ROOM * float(counts.max())),
-        height=240,
-    )
+    bars = (Series(name, *histogram_outline(edges, counts), colour, filled=True),)
+    lines = tuple(ReferenceLine(v, f"{what} {v:.3f}", upright=True) for what, v in (("mean", mean), ("max", largest)))
+    x_range, y_range = (0.0, 1.12 * largest), (0.0, ROOM * float(counts.max()))
+    return Panel(name, "position error (mm)", "poses", bars, lines, x_range=x_range, y_range=y_range, height=240)
 
 
 def centring_chart(found: RepeatedCentrings) -> Chart:
@@ -54,16 +42,12 @@ def centring_chart(found: RepeatedCentrings) -> Chart:
     place = np.array([poses.index(int(p)) for p in found.pose], dtype=float)
     ball = dict(zip(found.pose.tolist(), found.ball, strict=True))
     hover = tuple(f"pose {p}: {v:.1f} µm" for p, v in zip(found.pose, size, strict=True))
-    panel = Panel(
-        "",
-        "distance from the mean of the pose (µm)",
-        "",
-        (Series("", size, place, BLUE, "points", hover=hover),),
-        (ReferenceLine(TOLERANCE / UM, f"centred to {TOLERANCE / UM:g} µm by the indicators", upright=True),),
-        x_range=(0.0, 1.15 * max(float(size.max()), 2 * TOLERANCE / UM)),
-        y_names=tuple(f"pose {p}, ball {ball[p]}" for p in poses),
-        height=ROW * len(poses) + 40,
-    )
+    names = [f"pose {p}, ball {ball[p]}" for p in poses]
+    points = Series("", size, place, BLUE, "points", hover=hover)
+    limit = ReferenceLine(TOLERANCE / UM, f"centred to {TOLERANCE / UM:g} µm by the indicators", upright=True)
+    reach = (0.0, 1.15 * max(float(size.max()), 2 * TOLERANCE / UM))
+    label = "distance from the mean of the pose (µm)"
+    panel = list_panel("", label, names, [points], rest=40, limits=(limit,), x_range=reach)
     caption = (
         "Each centring from the mean of all of its pose. The arm's own repeatability, which its joint angles do not "
         "show, is part of it: the indicators alone agree much more closely."

@@ -7,7 +7,7 @@ import numpy as np
 import planner.report.calibration_text as text
 from planner.common.units import to_deg, to_mm
 from planner.identification.calibration import Calibration
-from planner.model.identification_document import Estimate, Metrics, error_size
+from planner.model.identification_document import Estimate, Metrics, Stage, error_size
 from planner.report.calibration_charts import draw_calibration_charts
 from planner.report.calibration_data import CalibrationFacts
 from planner.report.formatting import chance_text, count_text, digits, in_mm
@@ -29,7 +29,8 @@ def report_calibration(calibration: Calibration) -> Report:
 def calibration_content(facts: CalibrationFacts) -> dict[str, Any]:
     """Return what the page says; tables are rows of texts."""
     c = facts.calibration
-    stages = [_stage(facts, k) for k in range(len(c.stages))]
+    stages = [_stage(s) for s in c.stages]
+    first = stages if len(stages) <= SHORT else [*stages[:3], ("all effects", *stages[-1][1:])]
     trials = sorted(c.diagnosis.trials, key=lambda t: t.p_value)
     return {
         "c": c,
@@ -39,7 +40,7 @@ def calibration_content(facts: CalibrationFacts) -> dict[str, Any]:
         "headline": text.headline_text(facts),
         "facts": _facts(facts),
         "stages": [*stages, *_release_row(c)],
-        "first_stages": [*(stages if len(stages) <= SHORT else _first(stages)), *_release_row(c)],
+        "first_stages": [*first, *_release_row(c)],
         "summary": text.findings_summary(c),
         "findings": text.finding_texts(facts),
         "limits": text.limit_table(c),
@@ -74,16 +75,12 @@ def _about(c: Calibration) -> str:
 def _facts(facts: CalibrationFacts) -> tuple[Row, ...]:
     """The handful of numbers that a person asks for first: (what, value, remark)."""
     c, before, after = facts.calibration, facts.before.held_out, facts.after.held_out
-    several = text.GROUP_NAMES[c.split.by][0]
+    several, read = text.GROUP_NAMES[c.split.by][0], c.fit.model.setup.gauge.plural
     floor = "no repeats" if c.noise_floor is None else f"repeats scatter {in_mm(c.noise_floor)} mm"
     was = f"was {in_mm(c.release.nominal_anywhere)} mm" if c.release is not None else "by the covariance alone"
     return (
         ("tool anywhere, rms", f"{in_mm(c.workspace_error)} mm", was),
-        (
-            f"{c.fit.model.setup.gauge.plural}, mean",
-            f"{in_mm(after.mean)} mm",
-            f"held out; was {in_mm(before.mean)} mm",
-        ),
+        (f"{read}, mean", f"{in_mm(after.mean)} mm", f"held out; was {in_mm(before.mean)} mm"),
         ("largest", f"{in_mm(after.largest)} mm", f"held out; was {in_mm(before.largest)} mm"),
         ("readings", count_text(len(c.run)), f"in {count_text(c.n_groups)} {several}"),
         ("parameters", f"{len(c.fit.errors)} of {len(c.estimates)}", "seen and fitted"),
@@ -92,30 +89,21 @@ def _facts(facts: CalibrationFacts) -> tuple[Row, ...]:
     )
 
 
-def _stage(facts: CalibrationFacts, k: int) -> Row:
+def _stage(s: Stage) -> Row:
     """Name, parameters, then rms, mean and largest on training and held-out samples and on the validation run."""
-    s = facts.calibration.stages[k]
     spread = "" if s.held_out.spread is None else f" ± {in_mm(s.held_out.spread, 2)}"
-    check = ("", "", "") if s.validation is None else _metrics(s.validation)
     rms, mean, largest = _metrics(s.held_out)
-    return (s.name, str(s.parameters), in_mm(s.train.rms), rms + spread, mean, largest, *check)
-
-
-def _first(stages: list[Row]) -> list[Row]:
-    return [*stages[:3], ("all effects", *stages[-1][1:])]
+    return (s.name, str(s.parameters), in_mm(s.train.rms), rms + spread, mean, largest, *_metrics(s.validation))
 
 
 def _release_row(c: Calibration) -> list[Row]:
     """The same of the robot as it is written."""
     r = c.release
-    if r is None:
-        return []
-    check = ("", "", "") if r.validation is None else _metrics(r.validation)
-    return [("calibrated", "", "", *_metrics(r.held_out), *check)]
+    return [] if r is None else [("calibrated", "", "", *_metrics(r.held_out), *_metrics(r.validation))]
 
 
-def _metrics(m: Metrics) -> Row:
-    return (in_mm(m.rms), in_mm(m.mean), in_mm(m.largest))
+def _metrics(m: Metrics | None) -> Row:
+    return ("", "", "") if m is None else (in_mm(m.rms), in_mm(m.mean), in_mm(m.largest))
 
 
 def _most_moved(facts: CalibrationFacts) -> list[Row]:
@@ -137,15 +125,8 @@ def _parameter(facts: CalibrationFacts, e: Estimate) -> Row:
     change, unit = e.value - e.nominal, text.estimate_unit(e)[0]
     moves = float(facts.moves[facts.calibration.fit.model.names.index(e.name)])
     times = f"{abs(change) / e.std:.1f}" if e.std > 0 else "–"
-    numbers = (
-        _nominal(e),
-        _format(e, e.value),
-        _format(e, change, "+"),
-        _format(e, e.std),
-        times,
-        in_mm(moves, 2),
-    )
-    return (e.name, e.what, unit, *numbers, ", ".join(e.absorbs))
+    numbers = (_nominal(e), _format(e, e.value), _format(e, change, "+"), _format(e, e.std))
+    return (e.name, e.what, unit, *numbers, times, in_mm(moves, 2), ", ".join(e.absorbs))
 
 
 def _nominal(e: Estimate) -> str:
@@ -176,9 +157,8 @@ def _gauge(facts: CalibrationFacts) -> tuple[Row, ...]:
     f = facts.calibration.frames
     rows = [(f"fixture {x.name}".strip(), f"{_triple(to_mm(x.position))} mm in the base frame") for x in f.fixtures]
     for place in f.places:
-        rows.append(
-            (f"frame of the gauge {place.name}".strip(), f"{_triple(to_mm(place.position))} mm in the base frame")
-        )
+        what = f"frame of the gauge {place.name}".strip()
+        rows.append((what, f"{_triple(to_mm(place.position))} mm in the base frame"))
         rows.append(("its roll, pitch, yaw", f"{_triple(to_deg(place.rpy), 4)} deg"))
     for point in f.tool:
         what = f"tool point {point.name}" if len(f.tool) > 1 else "tool point"

@@ -174,6 +174,7 @@ def _extremes(angle: Array, r: Array) -> np.ndarray:
 
 GRID = 0.5 * DEG  # of angles at which the two directions are compared
 NAMES = {1: "ccw", -1: "cw"}
+COLUMNS = ("angle", "length", "calculated")
 
 
 @dataclass(frozen=True)
@@ -237,21 +238,20 @@ class CircleFigures:
 
 def circle_figures(ring: MeasuredCircle, load: float | None, traces: Sequence[Sweep]) -> CircleFigures:
     """Evaluate the sweeps of one circle at one load."""
-    points = [ring.in_plane(t.angle, t.length) for t in traces]
-    common = fit_circle(np.concatenate(points))
-    both = [d for d in (1, -1) if any(t.direction == d for t in traces)]
-    paths = tuple(_path(ring, d, common, traces, points) for d in both)
-    length, calculated = (np.concatenate([getattr(t, a) for t in traces]) for a in ("length", "calculated"))
-    two = len(both) == 2
-    everything = np.concatenate([p.radial for p in paths])
+    angle, length, calculated = (np.concatenate([getattr(t, a) for t in traces]) for a in COLUMNS)
+    points = ring.in_plane(angle, length)
+    common = fit_circle(points)
+    each = [[t for t in traces if t.direction == d] for d in NAMES]
+    paths = tuple(_path(ring, common, mine) for mine in each if mine)
+    two = len(paths) == 2
     difference = _direction_difference(ring, *paths) if two else np.zeros(1)
     return CircleFigures(
         ring=ring,
         load=load,
         paths=paths,
         centre=common,
-        G_b=minimum_zone(np.concatenate(points), common) if two else None,
-        G_b_ls=float(np.ptp(everything)) if two else None,
+        G_b=minimum_zone(points, common) if two else None,
+        G_b_ls=float(np.ptp(np.concatenate([p.radial for p in paths]))) if two else None,
         H=float(np.abs(difference).max()) if two else None,
         H_mean=float(difference.mean()) if two else None,
         length_range=float(np.ptp(length)),
@@ -259,12 +259,10 @@ def circle_figures(ring: MeasuredCircle, load: float | None, traces: Sequence[Sw
     )
 
 
-def _path(
-    ring: MeasuredCircle, direction: int, common: FittedCircle, traces: Sequence[Sweep], points: Sequence[Array]
-) -> PathFigures:
-    mine = [k for k, t in enumerate(traces) if t.direction == direction]
-    own = np.concatenate([points[k] for k in mine])
-    angle, q = np.concatenate([traces[k].angle for k in mine]), np.concatenate([traces[k].q for k in mine])
+def _path(ring: MeasuredCircle, common: FittedCircle, mine: Sequence[Sweep]) -> PathFigures:
+    """Evaluate the sweeps in one direction."""
+    angle, length, q = (np.concatenate([getattr(t, a) for t in mine]) for a in ("angle", "length", "q"))
+    direction, own = mine[0].direction, ring.in_plane(angle, length)
     alone, radial = fit_circle(own), common.deviation(own, ring.circle.radius)
     return PathFigures(
         direction=NAMES[direction],

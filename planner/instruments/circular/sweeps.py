@@ -83,9 +83,8 @@ def find_sweeps(cell: Cell, rings: Sequence[MeasuredCircle], run: Run) -> tuple[
         for rows, unwound in _sweeps_of_circle(run, angle, near, ring):
             calculated = bar_state(x[rows], ring.p_BX).length
             direction = 1 if unwound[-1] > unwound[0] else -1
-            load = _load(run, rows, ring)
-            reading = run.readings.length[rows]
-            found.append(Sweep(k, direction, unwound, reading, calculated, run.samples.q[rows], load))
+            read, q = run.readings.length[rows], run.samples.q[rows]
+            found.append(Sweep(k, direction, unwound, read, calculated, q, _load(run, rows, ring)))
     if not found:
         names = ", ".join(r.circle.name for r in rings)
         raise InputError(

@@ -86,16 +86,20 @@ def lower_fixture(setup: MeasurementSetup, curves: AveragedCurves, value: Array)
 
     Where the fixture stands is known from the arm itself, which sags as much when it is driven there.
     """
-    p_BX, samples = np.array(setup.p_BX), samples_of(curves, loaded=False)
+    samples = samples_of(curves, loaded=False)
     sagged = deflect_joints(setup, samples, value)
-    p_BX[curves.circle.place] += (measured_points(setup, sagged.q) - measured_points(setup, samples.q)).mean(axis=0)
-    return replace(setup, p_BX=read_only(p_BX))
+    by = (measured_points(setup, sagged.q) - measured_points(setup, samples.q)).mean(axis=0)
+    return _move_fixture(setup, curves.circle.place, by)
 
 
 def raise_fixture(setup: MeasurementSetup, curves: AveragedCurves, height: float) -> MeasurementSetup:
     """Return the setup with the fixture of a circle higher along the circle's normal [m]."""
+    return _move_fixture(setup, curves.circle.place, height * curves.circle.axes[2])
+
+
+def _move_fixture(setup: MeasurementSetup, place: int, by: Array) -> MeasurementSetup:
     p_BX = np.array(setup.p_BX)
-    p_BX[curves.circle.place] += height * curves.circle.axes[2]
+    p_BX[place] += by
     return replace(setup, p_BX=read_only(p_BX))
 
 

@@ -106,15 +106,14 @@ def refine_fit(problem: FitProblem, run: Run, errors: Array, turns: Sequence[Arr
     """
     model, prior, declared = problem.model, problem.prior, problem.whitener.covariance(slice(None))[:, 0, 0]
     first = len(run) - sum(len(c) * c.shape[1] for c in turns)
-    size, inverse = 1.0, np.diag(prior**-2.0)
+    size = 1.0
     turned = torque_rows(model, run.samples, errors, prior)  # once: they change by parts of themselves
     for _ in range(REFINE_STEPS):
         about = model.linear(with_held_torque(run.samples, model, errors), problem.targets, errors)
         rows, residual = about.rows[:, 0] + turned, about.residual[:, 0]
         columns = np.column_stack([rows, residual])
         white = np.concatenate(list(_whiten_rows(columns, size * declared, first, turns)))
-        inverse = white[:, :-1].T @ white[:, :-1] + np.diag(prior**-2.0)
-        covariance = _scaled_inverse(inverse, prior)
+        covariance = _scaled_inverse(white[:, :-1].T @ white[:, :-1] + np.diag(prior**-2.0), prior)
         step = covariance @ (white[:, :-1].T @ white[:, -1] - errors / prior**2)
         errors = errors + step
         left = white[:first, -1] - white[:first, :-1] @ step
@@ -124,7 +123,7 @@ def refine_fit(problem: FitProblem, run: Run, errors: Array, turns: Sequence[Arr
         if still and abs(size / before - 1.0) < REFINE_STILL:
             break
     left = model.residual(with_held_torque(run.samples, model, errors), problem.targets, errors)[:, 0]
-    return RefinedFit(read_only(errors), read_only(_scaled_inverse(inverse, prior)), read_only(left))
+    return RefinedFit(read_only(errors), read_only(covariance), read_only(left))
 
 
 def _whiten_rows(columns: Array, variance: Array, first: int, turns: Sequence[Array]) -> Iterator[Array]:

@@ -14,7 +14,6 @@ from planner.instruments.loaded.types import (
     NOT_LEARNT,
     OPEN_SHARE,
     SENSES,
-    CentringOffset,
     Combination,
     EvaluatedCircle,
     JointCompliances,
@@ -55,8 +54,8 @@ def compliance_sentences(found: JointCompliances, circles: int) -> tuple[str, ..
     total, known, unknown = len(found.names), found.known, found.unknown
     hardly = [c for c in found.combinations if KNOWN_SHARE <= c.std <= OPEN_SHARE]
     one = circles == 1
-    before = "what was expected of them before" if np.ptp(found.prior) else f"the ± {found.prior[0] / URAD:g} µrad/Nm"
-    before += "" if np.ptp(found.prior) else " that was expected before"
+    alike = f"the ± {found.prior[0] / URAD:g} µrad/Nm that was expected before"
+    before = "what was expected of them before" if np.ptp(found.prior) else alike
     out = [
         f"{'The circle knows' if one else f'The {circles} circles together know'} {len(known)} of {total} combinations "
         f"of the joints' compliances c1 … c{total} to a third of {before}, or better"
@@ -171,21 +170,17 @@ def _circle(c: EvaluatedCircle) -> dict[str, object]:
         },
         **in_units(2, spread_um=c.spread, spread_rms_um=c.spread_rms, spread_of_straight_lines_um=c.bent),
         **in_units(4, centre_offset_mm=c.centre_offset),
-        "offset": _offset(c.offset),
+        "offset": {
+            **in_units(5, amplitude_mm=c.offset.amplitude),
+            "frequency": 1.0,
+            **in_units(4, phase_deg=c.offset.phase),
+            **in_units(2, rms_left_um=c.offset.rms),
+        },
         "kinematic_error_um": {
             "rms": round(float(np.sqrt(np.mean(c.kinematic**2))) / UM, 2),
             "largest": round(float(np.abs(c.kinematic).max()) / UM, 2),
         },
         "tracker": None if c.tracker is None else in_units(2, mean_um=c.tracker.mean, largest_um=c.tracker.largest),
-    }
-
-
-def _offset(o: CentringOffset) -> dict[str, object]:
-    return {
-        **in_units(5, amplitude_mm=o.amplitude),
-        "frequency": 1.0,
-        **in_units(4, phase_deg=o.phase),
-        **in_units(2, rms_left_um=o.rms),
     }
 
 
