@@ -10,7 +10,7 @@ from planner.identification.calibration import Calibration
 from planner.model.identification_document import Estimate, Metrics, Stage, error_size
 from planner.report.calibration_charts import draw_calibration_charts
 from planner.report.calibration_data import CalibrationFacts
-from planner.report.formatting import chance_text, count_text, digits, in_mm
+from planner.report.formatting import chance_text, count_text, decimals_of, digits, in_mm
 from planner.report.page import Report, Row
 
 MOST_MOVED = 5  # parameters on the first sheet
@@ -139,8 +139,7 @@ def _format(e: Estimate, value: float | None, sign: str = "") -> str:
     if value is None:
         return "–"
     factor = text.estimate_unit(e)[1]
-    size = (e.std or 0.0) * factor
-    decimals = int(np.clip(1 - np.floor(np.log10(size)), 0, 8)) if size > 0 else 6
+    decimals = decimals_of((e.std or 0.0) * factor, 6)
     return f"{round(value * factor, decimals) + 0.0:{sign}.{decimals}f}"
 
 

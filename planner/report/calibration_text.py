@@ -9,7 +9,7 @@ from planner.identification.calibration import Calibration
 from planner.model.identification_document import DetectionLimit, Estimate, Finding
 from planner.report.calibration_data import CalibrationFacts
 from planner.report.effect_evidence import FindingStep, finding_steps
-from planner.report.formatting import count_text, digits, in_mm
+from planner.report.formatting import count_text, decimals_of, digits, in_mm
 from planner.report.page import Row
 
 
@@ -238,7 +238,7 @@ def _size(f: Finding) -> str:
 
 def _pair(value: float, std: float) -> str:
     """Write a value and its deviation with as many decimals as the deviation has at two digits."""
-    places = int(np.clip(1 - np.floor(np.log10(std)), 0, 8)) if std > 0 else 3
+    places = decimals_of(std, 3)
     return f"{value:.{places}f} ± {std:.{places}f}"
 
 

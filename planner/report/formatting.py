@@ -39,6 +39,11 @@ def digits(x: float, count: int = 3) -> str:
     return f"{x:.{max(0, count - 1 - floor(log10(abs(x))))}f}"
 
 
+def decimals_of(std: float, otherwise: int) -> int:
+    """Return how many decimals a standard deviation has at two digits; ``otherwise`` where there is none."""
+    return min(max(1 - floor(log10(std)), 0), 8) if std > 0 else otherwise
+
+
 def chance_text(p: float) -> str:
     """Write a probability so that a person can read it."""
     return "below 1 in a million" if p < 1e-6 else digits(p, 2)

@@ -45,18 +45,17 @@ def index_chart(plan: Plan, curve: IndexCurve) -> Chart:
     rule, n = INDEX_RULES[choice.index], len(choice.q)
     sizes, values, bounds = (np.asarray(v, float) for v in (curve.sizes, curve.values, curve.bounds))
     hover = tuple(f"{int(k)} poses: {v:.4g}, bound {b:.4g}" for k, v, b in zip(sizes, values, bounds, strict=True))
-    moved = choice.value != choice.on_grid_value
-    limit = plan.certificate.value if moved else choice.value
-    own = (Series("bound with its moved poses", np.array([n]), np.array([limit]), GREY, "points"),) if moved else ()
-    series = (
+    series = [
         Series("chosen from the candidates", sizes, values, BLUE, hover=hover),
         Series("bound of the candidates", sizes, bounds, GREY, dashed=True),
         _this_plan(n, choice.value, f"{n} poses: {choice.value:.4g}"),
-        *own,
-    )
+    ]
+    if choice.value != choice.on_grid_value:
+        limit = np.array([plan.certificate.value])
+        series.append(Series("bound with its moved poses", np.array([n]), limit, GREY, "points"))
     label = f"{choice.index}, {rule.what}" if len(rule.what) < SHORT_LABEL else choice.index
-    both = np.concatenate([values, bounds, [choice.value, limit]])
-    span = _span(both[np.isfinite(both)], 0.08, 1e-9)
+    every = np.concatenate([s.y for s in series])
+    span = _span(every[np.isfinite(every)], 0.08, 1e-9)
     better = "higher" if rule.maximise else "lower"
     shared = "" if choice.ball is None else " The plan shares its poses evenly between the balls, the curve does not."
     return Chart(
@@ -65,7 +64,7 @@ def index_chart(plan: Plan, curve: IndexCurve) -> Chart:
         f"{choice.index} ({rule.what}; {better} is better) of the best set found for each number of poses. "
         "No set of the candidates can cross the dashed line; poses moved off the grid have a bound of their own. "
         f"The flatter the curve, the less a further pose brings.{shared}",
-        (Panel("", "number of poses", label, series, y_range=span),),
+        (Panel("", "number of poses", label, tuple(series), y_range=span),),
     )
 
 

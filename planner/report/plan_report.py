@@ -46,6 +46,7 @@ def _facts(plan: Plan) -> tuple[Row, ...]:
     """The handful of numbers that a person asks for first: (what, value, remark)."""
     choice, drives = plan.choice, plan.drives
     rule, bound = INDEX_RULES[choice.index], plan.certificate
+    proof, sets = "proven" if bound.verified else "not proven", f"any {bound.poses}" if bound.poses else "any number"
     roles = [v.role for d in drives for v in d.visits]
     extra = ", ".join(f"{n} to {r}" for r in ("repeat", "validate") if (n := roles.count(r)))
     made = "calibrate" in roles
@@ -53,17 +54,12 @@ def _facts(plan: Plan) -> tuple[Row, ...]:
     free = len(choice.seen.names)
     gap = max(rule.gap(choice.value, bound.value), 0.0)
     beyond = f"at most {text.percent_text(gap)} from the bound" if plan.by_index else "did not choose the poses"
-    sets = f"for any {bound.poses}" if bound.poses else "for any number"
     return (
         ("poses", str(len(choice.q)), what_for),
         *_expected_error(plan),
         ("parameters", f"{free} of {free + len(choice.seen.dropped)}", "can be told apart"),
         (choice.index, text.digits(choice.value, 4), f"{rule.what}, {beyond}"),
-        (
-            "bound",
-            text.bound_text(bound.value, rule.maximise),
-            f"{'proven' if bound.verified else 'not proven'} {sets} candidates",
-        ),
+        ("bound", text.bound_text(bound.value, rule.maximise), f"{proof} for {sets} candidates"),
         *_drive_facts(plan),
     )
 
@@ -95,14 +91,12 @@ def _tour_facts(cell: Cell, drive: Drive) -> tuple[Row, ...]:
     """What is known of the order: (what, value)."""
     tour, returns = drive.tour, len(drive.trajectory.waypoint_time) > len(drive.path.q)
     bound = f"no order is quicker than {text.duration_text(tour.lower_bound_s)}"
+    proof = "proven: no order is quicker" if tour.optimal else bound
     return (
         ("solver", tour.solver),
         ("a leg costs the time of", cost_name(cell)),
         ("in the order of selection", text.duration_text(tour.unsorted_s)),
-        (
-            "in the order of the tour",
-            f"{text.duration_text(tour.cost_s)} ({'proven: no order is quicker' if tour.optimal else bound})",
-        ),
+        ("in the order of the tour", f"{text.duration_text(tour.cost_s)} ({proof})"),
         ("as driven", f"{text.duration_text(drive.trajectory.duration_s)}{', both ways' if returns else ''}"),
         *_speed_facts(cell, drive),
     )
@@ -126,14 +120,13 @@ def _path_facts(cell: Cell, drive: Drive) -> tuple[Row, ...]:
     """What is known of the path: (what, value)."""
     path, g = drive.path, cell.gauge
     direct, supports = sum(leg.direct for leg in path.legs), int((path.node < 0).sum())
-    there = g.travel_name
     legs = f"{len(path.legs)}: {direct} straight in joint space, {len(path.legs) - direct} planned around something"
     return (
         ("legs", legs),
         ("support poses", str(supports)),
         *g.path_facts(path.length_min, path.length_max),
         *text.verdict_rows("measuring path", drive.verdicts[:2], cell),
-        *text.verdict_rows(there, drive.verdicts[2:], cell),
+        *text.verdict_rows(g.travel_name, drive.verdicts[2:], cell),
     )
 
 

@@ -1,7 +1,8 @@
 """Arm configurations that follow a circle: points, tool orientations, start poses, limits."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -29,16 +30,16 @@ def driven_span(circle: Circle) -> tuple[float, float]:
 def coarse_angles(circle: Circle) -> Array:
     """Angles (k,) [rad] over all that is driven, a few degrees apart."""
     first, last = driven_span(circle)
-    return np.linspace(first, last, 1 + int(np.ceil((last - first) / COARSE_STEP - 1e-9)))
+    return _even_angles(first, last, COARSE_STEP)
 
 
 def fine_angles(circle: Circle) -> Array:
     """Angles (m,) [rad] of the points that are driven; both ends of the sweep are among them."""
     step = max(np.sqrt(8.0 * SAGITTA / circle.radius), PATIENCE * circle.speed / circle.radius)
     step = min(step, COARSEST)
-    edges = [*driven_span(circle), circle.start, circle.start + circle.sweep]
-    low, first, end, high = edges[0], edges[2], edges[3], edges[1]
-    parts = [_even_angles(a, b, step) for a, b in ((low, first), (first, end), (end, high)) if b > a]
+    low, high = driven_span(circle)
+    edges = (low, circle.start, circle.start + circle.sweep, high)
+    parts = [_even_angles(a, b, step) for a, b in pairwise(edges) if b > a]
     return np.append(np.concatenate([p[:-1] for p in parts]), high)
 
 
@@ -150,8 +151,7 @@ def tool_axes(circle: Circle) -> Iterator[Array]:
 def _start_poses(cell: Cell, circle: Circle, angle: float, seed: int) -> tuple[Array, Array]:
     """Distinct configurations (m, N) [rad] of all start poses, limits not looked at, with orientations (m, 3, 3)."""
     robot = cell.robot
-    spin = Rotation.from_rotvec(np.linspace(0, 2 * np.pi, TOOL_SPINS, endpoint=False)[:, None] * cell.tool.axis_F)
-    R = np.concatenate([_align_axis(cell.tool.axis_F, a) @ spin.as_matrix() for a in tool_axes(circle)])
+    R = spun_orientations(cell.tool.axis_F, tool_axes(circle), TOOL_SPINS)
     low, high = np.maximum(robot.q_lower, -np.pi), np.minimum(robot.q_upper, np.pi)
     unit = qmc.Sobol(robot.n_joints, seed=seed).random_base2(SEEDS)
     which = np.repeat(np.arange(len(R)), len(unit))
@@ -163,9 +163,11 @@ def _start_poses(cell: Cell, circle: Circle, angle: float, seed: int) -> tuple[A
     return q[first], R[which[first]]
 
 
-def _align_axis(axis_F: Array, axis_B: Array) -> Array:
-    """Return a rotation (3, 3) that takes one unit vector to the other."""
-    return np.asarray(Rotation.align_vectors(axis_B[None], axis_F[None])[0].as_matrix())
+def spun_orientations(axis_F: Array, axes_B: Iterable[Array], spins: int) -> Array:
+    """Orientations (m · spins, 3, 3) that bring a tool's axis along each of m unit vectors, evenly turned about it."""
+    turn = np.arange(spins)[:, None] * (2 * np.pi / spins)
+    spin = Rotation.from_rotvec(turn * axis_F).as_matrix()
+    return np.concatenate([Rotation.align_vectors(a[None], axis_F[None])[0].as_matrix() @ spin for a in axes_B])
 
 
 def _remove_turns(cell: Cell, q: Array) -> Array:

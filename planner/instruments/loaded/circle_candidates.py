@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 from scipy.stats import qmc
 
 from planner.cell.cell import Cell
@@ -22,7 +21,7 @@ from planner.common.schema import validate
 from planner.common.units import MM, Array, read_only, to_mm
 from planner.design.selection.d_optimal import detmax
 from planner.effects.compliance import compliance_parameters
-from planner.instruments.circular.configurations import follow_poses
+from planner.instruments.circular.configurations import follow_poses, spun_orientations
 from planner.instruments.loaded.compliance import harmonic_counts, harmonics_of
 from planner.instruments.loaded.types import AveragedCurves, DrivenCircle
 from planner.kinematics.geometry import bar_state, tilt_angle
@@ -162,9 +161,7 @@ def _find_starts(cell: Cell, x: Array, normals: Array, seed: int) -> tuple[np.nd
     robot = cell.robot
     low, high = np.maximum(robot.q_lower, -np.pi / 2), np.minimum(robot.q_upper, np.pi / 2)
     seeds = np.vstack([cell.home, low + qmc.Sobol(robot.n_joints, seed=seed).random_base2(SEEDS) * (high - low)])
-    spin = Rotation.from_rotvec(np.arange(SPINS)[:, None] * (2 * np.pi / SPINS) * cell.tool.axis_F).as_matrix()
-    against = [Rotation.align_vectors(-n[None], cell.tool.axis_F[None])[0].as_matrix() for n in normals]
-    R = np.repeat(np.array([[a @ s for s in spin] for a in against]).reshape(-1, 3, 3), len(seeds), axis=0)
+    R = np.repeat(spun_orientations(cell.tool.axis_F, -normals, SPINS), len(seeds), axis=0)
     which = np.repeat(np.arange(len(x)), SPINS * len(seeds))
     q, good = solve_pose_ik(cell.chain, robot, np.tile(seeds, (len(x) * SPINS, 1)), x[which], R, SEARCH)
     q = (q + np.pi) % (2 * np.pi) - np.pi
