@@ -94,9 +94,7 @@ class CalibrationFacts:
         if c.run.readings.length is None:
             p = setup.targets(samples, c.run.readings.take(which)).position
             assert p is not None
-            return [
-                PlotVariable("gauge", f"position {axis} (mm)", to_mm(v)) for axis, v in zip("xyz", p.T, strict=True)
-            ]
+            return [PlotVariable("gauge", f"position {'xyz'[k]} (mm)", to_mm(v)) for k, v in enumerate(p.T)]
         motion = setup.chain.forward(setup.robot.theta(samples.q), setup.offsets(samples))
         bar, noun = bar_state(motion.x.T, setup.p_BX[samples.place]), setup.gauge.noun
         x, y, z = bar.direction.T
@@ -108,9 +106,8 @@ class CalibrationFacts:
 
     def _circumstances(self) -> list[PlotVariable]:
         s = self.calibration.run.samples.take(self.looked_samples)
-        logged = (("time (s)", s.t), ("temperature (°C)", s.temperature), ("force (N)", s.force))
-        more = (*logged, ("payload (kg)", s.payload))
-        return [PlotVariable("circumstances", label, v) for label, v in more if v is not None]
+        logged = {"time (s)": s.t, "temperature (°C)": s.temperature, "force (N)": s.force, "payload (kg)": s.payload}
+        return [PlotVariable("circumstances", label, v) for label, v in logged.items() if v is not None]
 
 
 def error_along(residual: Array) -> Array:
@@ -132,7 +129,6 @@ def error_by_pose(told: CalibrationFacts) -> tuple[tuple[str, ...], Array, Array
     pose, first = np.unique(run.samples.pose, return_index=True)
     pose = pose[np.argsort(first)]
     place = np.argsort(pose)[np.searchsorted(np.sort(pose), run.samples.pose)]
-    count = np.bincount(place)
-    rms = [np.sqrt(np.bincount(place, size**2) / count) for size in (before, after)]
-    few = even_positions(len(pose), SHOWN_POSES)
-    return tuple(f"pose {p}" for p in pose[few]), rms[0][few], rms[1][few]
+    count, few = np.bincount(place), even_positions(len(pose), SHOWN_POSES)
+    was, left = (np.sqrt(np.bincount(place, size**2) / count)[few] for size in (before, after))
+    return tuple(f"pose {p}" for p in pose[few]), was, left

@@ -52,13 +52,10 @@ def check_chart(verdict: CheckVerdict) -> Chart:
 def report_check(robot: str, verdict: CheckVerdict) -> Report:
     """Return the page of a check and its picture."""
     said = [line.strip() for line in verdict_lines(verdict) if not line.startswith("  note")]
-    rows: list[Row] = [
-        (
-            j.change.name, chance_text(j.test.p_value), f"{to_mm(j.motion):.3f}", f"{to_mm(j.motion_std):.3f}",
-            f"{to_mm(j.detectable):.3f}", j.change.advice,
-        )
-        for j in verdict.judged
-    ]  # fmt: skip
+    rows: list[Row] = []
+    for j in verdict.judged:
+        sizes = (f"{to_mm(size):.3f}" for size in (j.motion, j.motion_std, j.detectable))
+        rows.append((j.change.name, chance_text(j.test.p_value), *sizes, j.change.advice))
     what = "Every possible change, the best explanation first (motion of the tool in mm, rms over the workspace)"
     head = ("change", "by chance", "motion", "σ", "would be found from", "what to do")
     title, chart = f"Check of {robot}", check_chart(verdict)
@@ -81,12 +78,11 @@ def drift_chart(record: RobotRecord) -> Chart | None:
         for mark in MARKS
     )
     sure = np.array([c.decades for _, c in checks])
-    alarm = Series("", days, sure, RED, "points")
+    beyond, alarm = Series("", days, sure, RED, "points"), ReferenceLine(0.0, "alarm")
+    label = "days since the first entry"
     panels = (
-        Panel("", "days since the first entry", "motion of the tool (mm)", series),
-        Panel(
-            "", "days since the first entry", "powers of ten beyond chance", (alarm,), (ReferenceLine(0.0, "alarm"),)
-        ),
+        Panel("", label, "motion of the tool (mm)", series),
+        Panel("", label, "powers of ten beyond chance", (beyond,), (alarm,)),
     )
     caption = (
         "By the checks, against the calibration before. Above: the zero of each axis, as if it alone had moved. Below: "
@@ -115,16 +111,10 @@ HEAD = ("entry", "date", "kind", "result", "operator", "temperature_degC", "tool
 
 def report_record(record: RobotRecord) -> Report:
     """Return the page of a record and its picture."""
-    chart = drift_chart(record)
+    chart, file = drift_chart(record), record.file
     due = f"next check due {record.due_text}" if record.due_text else "no entry yet"
-    page: dict[str, object] = {
-        "title": f"Robot {record.file.serial}",
-        "model": record.file.robot,
-        "due": due,
-        "head": HEAD,
-        "rows": record_rows(record),
-    }
+    page = {"title": f"Robot {file.serial}", "model": file.robot, "due": due, "head": HEAD, "rows": record_rows(record)}
     gauges = [e.file.circumstances.gauge for e in record.entries if e.file.circumstances.gauge]
-    identity = (f"robot {record.file.robot}, serial number {record.file.serial}", *gauges[-1:])
+    identity = (f"robot {file.robot}, serial number {file.serial}", *gauges[-1:])
     charts = () if chart is None else (chart,)
     return Report("record.html.j2", page, charts, identity=identity, simulated=record.simulated)
