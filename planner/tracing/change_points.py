@@ -118,8 +118,7 @@ def _beside(test: ScoreTest, A: Array) -> ScoreTest:
     """Return the test with whitened columns A (n, r, k) in the model."""
     U, taken = _beyond(test, A)
     beside, dof = np.column_stack([test.beside, U]), max(1.0, test.dof - U.shape[1])
-    nothing = np.zeros((len(test.space), 0))
-    return replace(test, beside=beside, residual=test.residual - U @ taken, dof=dof, base=test, less=nothing)
+    return replace(test, beside=beside, residual=test.residual - U @ taken, dof=dof)
 
 
 def _beyond(test: ScoreTest, A: Array) -> tuple[Array, Array]:

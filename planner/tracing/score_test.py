@@ -97,7 +97,6 @@ class ScoreTest:
         gone: what of the space, (P, k) in its vectors, the model does not span.
         beside: vectors (m, l) across the space that the model spans as well.
         added: number of columns that are out of the residual but not in the model.
-        base: a test in the same space whose model is nearly this one; ``less``: what else is gone, (P, k).
     """
 
     space: ColumnSpace
@@ -108,8 +107,6 @@ class ScoreTest:
     gone: Array
     beside: Array
     added: int = 0
-    base: "ScoreTest | None" = None
-    less: Array | None = None
     _scores: dict[int, DictionaryScores] = field(default_factory=dict, init=False, repr=False, compare=False)
     _steps: dict[str, Array] = field(default_factory=dict, init=False, repr=False, compare=False)
 
@@ -145,12 +142,7 @@ class ScoreTest:
 
         Columns are taken as they are: those of fewer parameters span a part of the same space.
         """
-        test = self._within(self.space.including(model.parameters), model, errors, self.dof)
-        if test.space is not self.space:
-            return test
-        beyond = test.gone - self.gone @ (self.gone.T @ test.gone)
-        axes, size, _ = np.linalg.svd(beyond, full_matrices=False)
-        return replace(test, base=self, less=axes[:, size > 0.5])  # they are 1 or 0
+        return self._within(self.space.including(model.parameters), model, errors, self.dof)
 
     @property
     def problem(self) -> FitProblem:
@@ -175,25 +167,15 @@ class ScoreTest:
         It is kept under the name of the thing that they are of.
         """
         if name not in self._steps:
-            of = self.space.sums_before if self.base is None else self.base.information_before
-            known, lost, more = of(columns, name), self._lost, self._more
-            known = known + squares_before(lost, columns) if lost.size else known
-            self._steps[name] = known - squares_before(more, columns) if more.size else known
+            known = self.space.sums_before(columns, name)
+            known = known + squares_before(self._lost, columns) if self.gone.size else known
+            self._steps[name] = known - squares_before(self.beside, columns) if self.beside.size else known
         return self._steps[name]
 
     @cached_property
     def _lost(self) -> Array:
-        """Orthonormal vectors (m, k), the prior's rows below them, that are in the space or ``base`` and not here."""
-        return self.space.combine(self._less)
-
-    @property
-    def _less(self) -> Array:
-        return self.gone if self.less is None else self.less
-
-    @property
-    def _more(self) -> Array:
-        """Vectors (m, l) beside the space, or beside what ``base`` has."""
-        return self.beside if self.base is None else self.beside[:, self.base.beside.shape[1] :]
+        """Orthonormal vectors (m, k), the prior's rows below them, that are in the space and not here."""
+        return self.space.combine(self.gone)
 
     @property
     def rank(self) -> int:
@@ -246,13 +228,12 @@ class ScoreTest:
 
     def informations(self, dictionary: EffectDictionary) -> list[Array]:
         """Information beyond the model of a kept dictionary's items, (K, k, k) for each of its equal items."""
-        base = self.base
-        known = self.space.informations(dictionary) if base is None else list(base.score(dictionary).information)
-        if self._less.size:
-            free = products_of_items(dictionary, self.space.project_on(dictionary, self._less))
+        known = self.space.informations(dictionary)
+        if self.gone.size:
+            free = products_of_items(dictionary, self.space.project_on(dictionary, self.gone))
             known = [before + W for before, W in zip(known, free, strict=True)]
-        if self._more.size:
-            taken = products_of_items(dictionary, self.space.whiten(dictionary).project(self._more))
+        if self.beside.size:
+            taken = products_of_items(dictionary, self.space.whiten(dictionary).project(self.beside))
             known = [before - W for before, W in zip(known, taken, strict=True)]
         return known
 
