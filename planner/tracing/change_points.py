@@ -35,34 +35,35 @@ LEAST_SLIP = 8.0  # robust standard deviations from which on a row is wrong and 
 SIMILAR_GAIN = 0.7  # share of the best one's gain from which on another step is tried beside it
 MOST_OF_A_SERIES = 10  # steps of one thing
 MOST_STEPS = 4  # steps that are tried side by side
+RELOCATION_ROUNDS = 3
 SURE = 0.95  # of the range of samples in which a step lies
 
 
 def rank_changes(
-    test: ScoreTest, things: Sequence[Steppable], effects: tuple[FittedEffect, ...], continuous: bool
+    test: ScoreTest, steppables: Sequence[Steppable], effects: tuple[FittedEffect, ...], continuous: bool
 ) -> list[EffectScore]:
     """Return the likeliest steps, each at its best sample, and of poses at rest the row that is worst, if it is wrong.
 
     Args:
         test: the model that they would join.
-        things: what may step.
+        steppables: what may step.
         effects: those that the model has already: what stepped at a sample does not step there again.
         continuous: whether the samples follow each other along a path.
     """
     if test.problem.samples.number is None or len(test.problem) < 2 * FEWEST_SAMPLES + 2:
         return []
     taken = {(f.effect.place, change_sample(f)) for f in effects if f.effect.kind == STEP}
-    return [*([] if continuous else _worst_row(test)), *best_steps(test, things, taken)]
+    return [*([] if continuous else _worst_row(test)), *best_steps(test, steppables, taken)]
 
 
 def change_sample(found: FittedEffect) -> int | None:
-    """Sample, from 0, before which a step's thing stood otherwise, or of a wrong row; ``None`` of other effects."""
+    """Sample, from 0, before which a step's cause stood otherwise, or of a wrong row; ``None`` of other effects."""
     phi: BasisFunction = found.effect.make(found.value)[0].main.phi
     return phi.sample if isinstance(phi, BeforeSample | AtSample) else None
 
 
 def best_steps(
-    test: ScoreTest, things: Sequence[Steppable], taken: Set[tuple[Place, int | None]] = frozenset()
+    test: ScoreTest, steppables: Sequence[Steppable], taken: Set[tuple[Place, int | None]] = frozenset()
 ) -> Iterator[EffectScore]:
     """Yield the likeliest steps of different things but those at places and samples that are taken.
 
@@ -70,7 +71,7 @@ def best_steps(
     """
     free = [
         (columns, s)
-        for columns, s in score_steps(test, things)
+        for columns, s in score_steps(test, steppables)
         if (s.effect.place, change_sample(FittedEffect(s.effect))) not in taken
     ]
     best = max((s.gain for _, s in free), default=0.0)
@@ -80,23 +81,23 @@ def best_steps(
         yield replace(score, log_p=0.0) if slow else score
 
 
-def score_steps(test: ScoreTest, things: Sequence[Steppable]) -> Iterator[tuple[Array, EffectScore]]:
+def score_steps(test: ScoreTest, steppables: Sequence[Steppable]) -> Iterator[tuple[Array, EffectScore]]:
     """Yield the columns (n, r, k) of each thing that may step, and its best step, sudden or not."""
-    for thing, columns in zip(things, _columns(test, things), strict=True):
-        yield columns, _best_step(test, thing, columns, len(things))
+    for steppable, columns in zip(steppables, _columns(test, steppables), strict=True):
+        yield columns, _best_step(test, steppable, columns, len(steppables))
 
 
-def step_series(test: ScoreTest, things: Sequence[Steppable]) -> list[tuple[EffectScore, ...]]:
+def step_series(test: ScoreTest, steppables: Sequence[Steppable]) -> list[tuple[EffectScore, ...]]:
     """Return the steps of each thing that steps more than once, those that explain most together first.
 
     What steps again and again, such as a wire clamped anew each day, looks like anything while only one of its steps
     is in the model: each thing is given all of its steps before the things are compared.
     """
     out = []
-    for thing, columns in zip(things, _columns(test, things), strict=True):
+    for steppable, columns in zip(steppables, _columns(test, steppables), strict=True):
         steps, left = list[EffectScore](), test
         while len(steps) < MOST_OF_A_SERIES:
-            score = _best_step(left, thing, columns, len(things))
+            score = _best_step(left, steppable, columns, len(steppables))
             if score.merit < 0 or score.log_p > LOG_SIGNIFICANCE:
                 break
             steps.append(score)
@@ -149,14 +150,14 @@ def _as_stepped(test: ScoreTest, columns: Array, score: EffectScore) -> Array:
     return np.where(before[:, None, None], -columns, 0.0)
 
 
-def _best_step(test: ScoreTest, thing: Steppable, columns: Array, things: int) -> EffectScore:
-    """Score a thing's step, of columns (n, r, k), at the sample at which it explains most."""
+def _best_step(test: ScoreTest, steppable: Steppable, columns: Array, count: int) -> EffectScore:
+    """Score the step of one of ``count`` steppables, of columns (n, r, k), at the sample at which it explains most."""
     number = np.asarray(test.problem.samples.number)
-    information, along, length = _sums_before(test, columns, " ".join(p.name for p in thing.parameters))
+    information, along, length = _sums_before(test, columns, " ".join(p.name for p in steppable.parameters))
     gain, size = score_gains(information, along, length)
     allowed = np.arange(FEWEST_SAMPLES, len(number) - FEWEST_SAMPLES + 1) - 1
     j = int(allowed[np.argmax(gain[allowed])])
-    effect = thing.step(int(number[j + 1]), -(-len(number) * things // ALIKE))
+    effect = steppable.step(int(number[j + 1]), -(-len(number) * count // ALIKE))
     return _with_chance(test, EffectScore(effect, None, float(gain[j]), int(size[j]), information[j], along[j]))
 
 
@@ -175,13 +176,13 @@ def _is_sudden(test: ScoreTest, columns: Array, score: EffectScore) -> bool:
     return beside.log_p(float(gain[0]), int(size[0]), 1.0) < LOG_SUDDEN
 
 
-def _columns(test: ScoreTest, things: Sequence[Steppable]) -> Iterator[Array]:
+def _columns(test: ScoreTest, steppables: Sequence[Steppable]) -> Iterator[Array]:
     """Yield the whitened columns (n, r, k) of each thing, as they would act all along."""
-    white = test.space.step_columns(tuple(p for thing in things for p in thing.parameters))
+    white = test.space.step_columns(tuple(p for steppable in steppables for p in steppable.parameters))
     first = 0
-    for thing in things:
-        yield np.ascontiguousarray(white[:, :, first : first + len(thing.parameters)])
-        first += len(thing.parameters)
+    for steppable in steppables:
+        yield np.ascontiguousarray(white[:, :, first : first + len(steppable.parameters)])
+        first += len(steppable.parameters)
 
 
 def _sums_before(test: ScoreTest, A: Array, name: str) -> tuple[Array, Array, Array]:
@@ -247,12 +248,10 @@ def locate_step(state: SearchState, found: FittedEffect) -> StepTime:
     return StepTime(*(int(number[1 + min(int(k), last)]) for k in (np.argmax(fall), low, high)))
 
 
-def relocate_steps(
-    context: SearchContext, state: SearchState, things: Sequence[Steppable], rounds: int = 3
-) -> SearchState:
+def relocate_steps(context: SearchContext, state: SearchState, steppables: Sequence[Steppable]) -> SearchState:
     """Move each step to its likeliest sample with everything else in the model, and refit, until none moves."""
-    for _ in range(rounds):
-        moved = tuple(_relocate(state, f, things) for f in state.effects)
+    for _ in range(RELOCATION_ROUNDS):
+        moved = tuple(_relocate(state, f, steppables) for f in state.effects)
         if [change_sample(f) for f in moved] == [change_sample(f) for f in state.effects]:
             break
         trial = context.try_refit(state, moved)
@@ -262,11 +261,11 @@ def relocate_steps(
     return state
 
 
-def _relocate(state: SearchState, found: FittedEffect, things: Sequence[Steppable]) -> FittedEffect:
+def _relocate(state: SearchState, found: FittedEffect, steppables: Sequence[Steppable]) -> FittedEffect:
     if found.effect.kind != STEP:
         return found
-    thing = next(t for t in things if t.place == found.effect.place)
-    effect = thing.step(locate_step(state, found).sample, found.effect.scanned)
+    steppable = next(t for t in steppables if t.place == found.effect.place)
+    effect = steppable.step(locate_step(state, found).sample, found.effect.scanned)
     return replace(found, effect=replace(effect, repeat=found.effect.repeat))
 
 

@@ -22,7 +22,6 @@ from planner.kinematics.chain import ForwardPass
 from planner.model.columns import Columns
 from planner.model.identification_document import Metrics, Stage
 from planner.tracing.normal_equations import (
-    AddedColumns,
     FactoredEquations,
     FoldEquations,
     RemainingColumns,
@@ -58,10 +57,10 @@ class LinearState:
     grams: Array
 
     @classmethod
-    def of(cls, state: SearchState, bench: FitContext) -> "LinearState":
+    def of(cls, state: SearchState, fit_context: FitContext) -> "LinearState":
         """Linearise a state about its fit."""
-        problem, errors, split = state.fit.problem, state.fit.errors, bench.split
-        few = bench.part(state.fit.model)
+        problem, errors, split = state.fit.problem, state.fit.errors, fit_context.split
+        few = fit_context.part(state.fit.model)
         split = split if few is None else split.take(few)
         motion = problem.model.motion(problem.context, errors)
         white = problem.piece(slice(None), errors).factored
@@ -74,17 +73,17 @@ class LinearState:
         fit, rest = self.state.fit, self._rest(effects)
         base = self._equations if len(rest.kept) == len(fit.errors) else FoldEquations.of(self.grams, rest)
         effects, added = self._settle(rest, base.whole, effects)
-        new = tuple(added.columns.take(mine) for mine in self.members)
+        columns = self._columns(added)
+        new = tuple(columns.take(mine) for mine in self.members)
         equations, weight = self._widen(base, rest, new), 1.0
-        white = rest.residual(self.white, added.columns, equations.whole.step)
+        white = rest.residual(self.white, columns, equations.whole.step)
         ease = self._noise_ratio(float((white**2).sum()), equations.whole.effective)
         if abs(np.log(ease)) > SAME_NOISE:  # the prior's weight beside the readings is another
-            equations, weight = equations.with_base(FoldEquations.of(self.grams / ease, rest), ease), ease
-            white = rest.residual(self.white, added.columns, equations.whole.step)
-        best, problem = (
-            equations.whole,
-            fit.problem.with_model(replace(fit.model, parameters=(*rest.parameters, *added.parameters))),
-        )
+            base, weight = FoldEquations.of(self.grams / ease, rest), ease
+            equations = WiderEquations(base, equations.products / ease, equations.squares / ease, equations.z)
+            white = rest.residual(self.white, columns, equations.whole.step)
+        best = equations.whole
+        problem = fit.problem.with_model(replace(fit.model, parameters=(*rest.parameters, *added)))
         problem = replace(problem, whitener=problem.whitener.times(float(np.sqrt(ease))))
         at = equations.z + best.step
         cost = float((white**2).sum()) / ease + float(at @ at)
@@ -92,7 +91,7 @@ class LinearState:
         held = self._held_residual(rest, new, equations.steps_without_folds)
         stage = self._stage(effects, len(at), white, held)
         residual = Columns(white.T[None], np.zeros(1, dtype=int), self.white.screws[:0])
-        piece = LinearPiece(slice(None), self.white.select(rest.kept).beside(added.columns).beside(residual))
+        piece = LinearPiece(slice(None), self.white.select(rest.kept).beside(columns).beside(residual))
         found = Fit(problem, solution, best.effective, np.zeros(0, dtype=int))
         return SearchState(self.state.base, effects, FittedStage(stage, found, ()), piece)
 
@@ -134,8 +133,8 @@ class LinearState:
 
     def _settle(
         self, rest: RemainingColumns, equations: FactoredEquations, effects: tuple[FittedEffect, ...]
-    ) -> tuple[tuple[FittedEffect, ...], AddedColumns]:
-        """Settle the nonlinear values and the prior sizes of what is new; return it with its columns."""
+    ) -> tuple[tuple[FittedEffect, ...], tuple[Parameter, ...]]:
+        """Settle the nonlinear values and the prior sizes of what is new; return it with its parameters."""
         factor, right = equations.factor, equations.right
         new = [f for f in effects if f not in self.state.effects]
         errors = dict[str, float]()
@@ -160,7 +159,7 @@ class LinearState:
         sized = tuple(replace(p, prior=float(s)) for p, s in zip(parameters, size, strict=True))
         own = iter(new)
         effects = tuple(f if f in self.state.effects else next(own) for f in effects)
-        return effects, AddedColumns(sized, self._columns(sized))
+        return effects, sized
 
     def _prior_sizes(
         self, parameters: tuple[Parameter, ...], information: Array, along: Array

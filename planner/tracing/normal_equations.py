@@ -14,14 +14,6 @@ from planner.model.columns import Columns
 
 
 @dataclass(frozen=True)
-class AddedColumns:
-    """Parameters that come to a state, and their whitened columns per prior size."""
-
-    parameters: tuple[Parameter, ...]
-    columns: Columns
-
-
-@dataclass(frozen=True)
 class RemainingColumns:
     """What stays of a state when effects go: their columns times what they were join the residual.
 
@@ -133,10 +125,6 @@ class WiderEquations:
     products: Array
     squares: Array
     z: Array
-
-    def with_base(self, base: FoldEquations, noise: float) -> "WiderEquations":
-        """Return them with other equations of what stays, readings counted by a noise of so many times the variance."""
-        return WiderEquations(base, self.products / noise, self.squares / noise, self.z)
 
     @cached_property
     def whole(self) -> FactoredEquations:

@@ -53,7 +53,7 @@ def best_step(
 
 def _holds(context: SearchContext, state: SearchState, trial: SearchState) -> bool:
     """Tell whether the last effect of a trial is kept, and take note of why it is not."""
-    reason = rejection_reason(state, trial, context.bench, context.tried)
+    reason = rejection_reason(state, trial, context.fit_context, context.tried)
     if reason is not None:
         context.rejected.why[trial.effects[-1].name] = reason
     return reason is None
@@ -64,23 +64,23 @@ def add_series(context: SearchContext, state: SearchState, test: ScoreTest, best
 
     Only steps that are significant beside each other stay.
     """
-    series = [s for s in step_series(test, context.things) if _series_name(s) not in context.barred]
+    series = [s for s in step_series(test, context.steppables) if _series_name(s) not in context.excluded]
     if not series or series_merit(test, series[0]) <= series_merit(test, [best]):
         return None
-    context.say(f"trying {series[0][0].effect.name}, {len(series[0])} times")
+    context.report(f"trying {series[0][0].effect.name}, {len(series[0])} times")
     effects = state.effects
     for step in series[0]:
         effects = (*effects, FittedEffect(number_repeat(step.effect, effects)))
     trial = context.try_refit(state, effects)
     if trial is None:
-        context.barred.add(_series_name(series[0]))
+        context.excluded.add(_series_name(series[0]))
         return None
     kept = context.prune(trial)
-    fall, error = held_out_gain(state, kept, context.bench)
+    fall, error = held_out_gain(state, kept, context.fit_context)
     fits = fall > max(error, LEAST_GAIN) and context.evidence_fall(state, kept) > 0
     if fits and len(kept.names - state.names) > 1:
         return kept
-    context.barred.add(_series_name(series[0]))
+    context.excluded.add(_series_name(series[0]))
     return None
 
 
@@ -104,7 +104,7 @@ def swap_effects(context: SearchContext, state: SearchState, ahead: float = -SWA
         other = next((c for c in best if c.effect.name != found.name), None)
         if other is None or (own and other.merit < own[0].merit + ahead):
             continue
-        context.say(f"trying {other.effect.name} for {found.name}")
+        context.report(f"trying {other.effect.name} for {found.name}")
         trial = context.compare_with(state, _with_candidate(bare, other, rest))
         least = COMPLIANCE_EVIDENCE if found.has(Role.COMPLIANCE) else SWAP_EVIDENCE
         if trial is None or context.evidence_fall(state, trial) <= least:
@@ -143,7 +143,7 @@ def _joints(context: SearchContext, state: SearchState, near: list[EffectScore])
     seen = set[int]()
     for c in near:
         kept, joint = effects_beside_curve(state.effects, c.effect), c.effect.place.joint
-        if kept is None or joint is None or joint in seen or f"{GEAR_CURVE}, {c.effect.place}" in context.barred:
+        if kept is None or joint is None or joint in seen or f"{GEAR_CURVE}, {c.effect.place}" in context.excluded:
             continue
         seen.add(joint)
         yield joint, kept
@@ -163,7 +163,7 @@ def _add_pair(context: SearchContext, state: SearchState, trial: SearchState) ->
     first = trial.effects[-1]
     if not first.has(Role.REPEATABLE) or len(trial.effects) == len(state.effects):
         return None
-    fall, error = held_out_gain(state, trial, context.bench)
+    fall, error = held_out_gain(state, trial, context.fit_context)
     if fall <= error:
         return None
     test = context.score_test(trial)
@@ -171,10 +171,10 @@ def _add_pair(context: SearchContext, state: SearchState, trial: SearchState) ->
     second = next((c for c in same if c.log_p < LOG_SIGNIFICANCE), None)
     if second is None:
         return None
-    context.say(f"trying {first.name} in two ways")
+    context.report(f"trying {first.name} in two ways")
     one = context.fit_whole(trial)
     both = None if one is None else context.try_refit(one, _with_candidate(test, second, one.effects))
-    if one is None or both is None or rejection_reason(one, both, context.bench, context.tried):
+    if one is None or both is None or rejection_reason(one, both, context.fit_context, context.tried):
         return None
     return both if context.is_significant(both, both.effects[-2]) else None
 
@@ -210,12 +210,12 @@ class SearchResult:
         return self.path[-1]
 
 
-def search(start: SearchState, effects: Sequence[Effect], bench: FitContext, say: Progress) -> SearchResult:
+def search(start: SearchState, effects: Sequence[Effect], fit_context: FitContext, report: Progress) -> SearchResult:
     """Trace the residual of ``start`` to effects of the catalogue."""
     test = ScoreTest.of(start.fit)
     dictionary = test.lay_out([(e, value) for e in effects for value in e.grid])
-    things = tuple(steppables(Excitation(start.base.setup, test.problem.samples)))
-    context = SearchContext(tuple(effects), dictionary, bench, say, things)
+    may_step = tuple(steppables(Excitation(start.base.setup, test.problem.samples)))
+    context = SearchContext(tuple(effects), dictionary, fit_context, report, may_step)
     path = _forward_selection(context, [start])
     compliant = _all_compliances(context, start)
     if compliant is not None:
@@ -242,31 +242,31 @@ def search(start: SearchState, effects: Sequence[Effect], bench: FitContext, say
 def _forward_selection(context: SearchContext, path: list[SearchState]) -> list[SearchState]:
     """Add effects one by one while any holds; returns the path so far with the states that came."""
     path = list(path)
-    context.barred.clear()
+    context.excluded.clear()
     while len(path[-1].effects) < MOST_EFFECTS:
         state = path[-1]
         test = context.score_test(state)
-        changes = rank_changes(test, context.things, state.effects, context.bench.run.continuous)
+        changes = rank_changes(test, context.steppables, state.effects, context.fit_context.run.continuous)
         likely = [
             c
             for c in sorted(
                 [*changes, *rank_candidates(test, context.dictionary, state.effects)], key=lambda c: -c.merit
             )
             if c.log_p < LOG_SIGNIFICANCE
-            and c.effect.name not in context.barred
+            and c.effect.name not in context.excluded
             and context.rejected.may_try(c, test.scatter)
         ]
         if not likely:
             break
-        context.say(f"trying {likely[0].effect.name}")
+        context.report(f"trying {likely[0].effect.name}")
         after = add_series(context, state, test, likely[0]) if likely[0].effect.has(Role.CHANGE) else None
         after = after or best_step(context, state, test, likely[: MOST_TRIES + len(changes)])
         if after is None:
             break
         added = after.effects[-1]
-        after = relocate_steps(context, context.prune(after), context.things)
+        after = relocate_steps(context, context.prune(after), context.steppables)
         if any(after.structure == s.structure for s in path) or _is_worse(context, state, after):
-            context.barred.add(added.name)  # it drives out what brought it in, or what is worth more: others first
+            context.excluded.add(added.name)  # it drives out what brought it in, or what is worth more: others first
         else:
             path.append(after)
     return path

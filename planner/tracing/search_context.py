@@ -43,20 +43,20 @@ class SearchContext:
     Attributes:
         effects: of the catalogue.
         dictionary: effects and values that each step looks at.
-        bench: run, split and judge.
-        say: told of progress.
-        things: what may step at an unknown sample.
+        fit_context: run, split and judge.
+        report: told of progress.
+        steppables: what may step at an unknown sample.
         rejected: so far.
-        barred: names that may not come again: they drove out what had brought them in.
+        excluded: names that may not come again: they drove out what had brought them in.
     """
 
     effects: tuple[Effect, ...]
     dictionary: EffectDictionary
-    bench: FitContext
-    say: Progress
-    things: tuple[Steppable, ...] = ()
+    fit_context: FitContext
+    report: Progress
+    steppables: tuple[Steppable, ...] = ()
     rejected: RejectedEffects = field(default_factory=RejectedEffects)
-    barred: set[str] = field(default_factory=set)
+    excluded: set[str] = field(default_factory=set)
 
     _tests: dict[tuple[int, str], tuple[SearchState, ScoreTest]] = field(default_factory=dict)
     _linear: list[LinearState] = field(default_factory=list)
@@ -98,7 +98,7 @@ class SearchContext:
     def try_refit(self, state: SearchState, effects: tuple[FittedEffect, ...]) -> SearchState | None:
         """Refit with other effects, ``None`` where the fit does not come to rest."""
         try:
-            return state.refit(self.bench, effects)
+            return state.refit(self.fit_context, effects)
         except NoSolutionError:
             return None
 
@@ -109,7 +109,7 @@ class SearchContext:
         return self._linear_state(state).refit(effects)
 
     def _is_long(self, state: SearchState) -> bool:
-        return self.bench.part(state.fit.model) is not None
+        return self.fit_context.part(state.fit.model) is not None
 
     def fit_whole(self, state: SearchState) -> SearchState | None:
         """Refit what was only refitted linearly, ``None`` where the fit does not come to rest."""
@@ -119,7 +119,7 @@ class SearchContext:
         """The state linearised, kept as long as the search looks at the same state."""
         with self._lock:
             if not self._linear or self._linear[0].state is not state:
-                self._linear[:] = [LinearState.of(state, self.bench)]
+                self._linear[:] = [LinearState.of(state, self.fit_context)]
             return self._linear[0]
 
     def is_significant(self, state: SearchState, found: FittedEffect) -> bool:
@@ -134,11 +134,11 @@ class SearchContext:
             faint = max(range(len(chances)), key=chances.__getitem__)
             if chances[faint] < LOG_SIGNIFICANCE:
                 break
-            state = state.refit(self.bench, state.without(state.effects[faint]))
+            state = state.refit(self.fit_context, state.without(state.effects[faint]))
         return state
 
     def _correlation_time(self, state: SearchState) -> float:
-        return screening_correlation_time(state, self.bench.run.continuous)
+        return screening_correlation_time(state, self.fit_context.run.continuous)
 
 
 def without_effects(test: ScoreTest, gone: Sequence[FittedEffect]) -> ScoreTest:

@@ -84,10 +84,10 @@ def _own_column(state: SearchState, found: FittedEffect, piece: LinearPiece) -> 
     return piece.factored.times(part)
 
 
-def rejection_reason(before: SearchState, after: SearchState, bench: FitContext, tried: int) -> str | None:
+def rejection_reason(before: SearchState, after: SearchState, fit_context: FitContext, tried: int) -> str | None:
     """Return why the last effect of ``after`` is not kept, ``None`` if it is."""
     found = after.effects[-1]
-    fall, error = held_out_gain(before, after, bench)
+    fall, error = held_out_gain(before, after, fit_context)
     if fall <= error:
         return "held-out samples gain no more than chance"
     if fall < LEAST_GAIN:
@@ -104,12 +104,12 @@ def rejection_reason(before: SearchState, after: SearchState, bench: FitContext,
     return None
 
 
-def held_out_gain(before: SearchState, after: SearchState, bench: FitContext) -> tuple[float, float]:
+def held_out_gain(before: SearchState, after: SearchState, fit_context: FitContext) -> tuple[float, float]:
     """Share of the held-out squared error that goes from one state to another, and its standard error."""
     if after.linear is None:
-        return held_out_improvement(before.stage, after.stage, bench.split)
-    few = bench.part(before.fit.model)  # a linear refit predicts only samples that are fitted
-    own, split = before.stage.held_residual, bench.split
+        return held_out_improvement(before.stage, after.stage, fit_context.split)
+    few = fit_context.part(before.fit.model)  # a linear refit predicts only samples that are fitted
+    own, split = before.stage.held_residual, fit_context.split
     if few is not None:
         own, split = own[few], split.take(few)
     return error_reduction(own, after.stage.held_residual, split)
@@ -129,11 +129,11 @@ class OwnGain:
     error: float
 
 
-def own_gains(state: SearchState, bench: FitContext) -> list[OwnGain]:
+def own_gains(state: SearchState, fit_context: FitContext) -> list[OwnGain]:
     """What each effect of a state gains; noise, prior sizes and masses stay as they are."""
     fit = state.fit
-    few = bench.part(fit.model) if len(fit.problem) < len(bench.run) else None
-    split = bench.split if few is None else bench.split.take(few)
+    few = fit_context.part(fit.model) if len(fit.problem) < len(fit_context.run) else None
+    split = fit_context.split if few is None else fit_context.split.take(few)
     parameters = fit.model.parameters
     parts = [
         [*state.positions(f), *(j for j, p in enumerate(parameters) if p.name == f.sensitivity_name)]

@@ -184,7 +184,7 @@ class SearchState:
         narrowed = 2 * float(np.log(np.maximum(precision, 1.0)).sum())
         return (solution.cost + noise) / correlation_time + narrowed + scanned
 
-    def refit(self, bench: FitContext, effects: tuple[FittedEffect, ...]) -> "SearchState":
+    def refit(self, fit_context: FitContext, effects: tuple[FittedEffect, ...]) -> "SearchState":
         """Fit the base model with effects: nonlinear values settle first, then all parameters together.
 
         It starts from this state, with its noise and priors. What was only refitted linearly has settled already.
@@ -200,7 +200,7 @@ class SearchState:
         masses = _link_masses(self.base, effects, errors)
 
         def fit(model: Model) -> FittedStage:
-            return bench.fit_stage(effects[-1].name, model, self.fit)
+            return fit_context.fit_stage(effects[-1].name, model, self.fit)
 
         fitted = fit(model.plus(masses))
         if masses and link_mass_uncertainty(fitted.fit.model) > LARGEST_MASS_PRIOR:

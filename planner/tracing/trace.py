@@ -1,7 +1,6 @@
 """``trace()``: from the residual of the fitted geometry to its causes, a stage for each, with their rivals."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from functools import cache
 from itertools import pairwise
 
@@ -45,7 +44,7 @@ def find_rivals(context: SearchContext, state: SearchState, found: FittedEffect)
 
     own = with_link_masses(bare, [bare.score_one(found.effect, found.value)])[0]
     best: dict[str, float] = {}
-    steps = [s for _, s in score_steps(bare, context.things)] if test.problem.samples.number is not None else []
+    steps = [s for _, s in score_steps(bare, context.steppables)] if test.problem.samples.number is not None else []
     for s in (*scores_beside(bare, context.dictionary, rest, SIZE_COST), *steps):
         if s.effect.name != found.effect.family:
             best[s.effect.name] = max(best.get(s.effect.name, -np.inf), merit(s))
@@ -92,37 +91,30 @@ NEAR_ANOTHER = 0.1  # of a row's error: so near to another ball it was in that o
 SIGMAS = 4.0  # within which a slip of the pen must give the expected reading
 
 
-@dataclass(frozen=True)
-class ChangeNote:
-    """When a change was: samples before it, the range of samples that surely holds it, or the row that is wrong."""
-
-    note: str
-    after_sample: int | None = None
-    surely_within: tuple[int, int] | None = None
-    row: int | None = None
-
-
-def describe_change(state: SearchState, found: FittedEffect, sentence: str, run: Run) -> ChangeNote:
-    """Return what is said of a change; ``sentence`` tells what changed and by how much."""
+def locate_change(state: SearchState, found: FittedEffect, finding: Finding, run: Run) -> Finding:
+    """Return the finding of a change with when it was; its note tells so far what changed and by how much."""
     sample = change_sample(found)
     number = run.samples.number
     assert sample is not None
     assert number is not None
     if found.effect.kind != STEP:
-        return _wrong_row(state, found, sentence, run, int(np.searchsorted(number, sample)))
+        k = int(np.searchsorted(number, sample))
+        note = _describe_wrong_row(state, found, finding.note, run, k)
+        return finding.model_copy(update={"note": note, "row": int(number[k]) + 1})
     when = locate_step(state, found)
     last = int(np.searchsorted(number, sample)) - 1  # the last one before
     where = f" ({run.where(last)})" if run.samples.file is not None else ""
-    note = sentence.replace(f"after sample {sample} ", f"after sample {sample}{where} ", 1)
+    note = finding.note.replace(f"after sample {sample} ", f"after sample {sample}{where} ", 1)
     if when.last - when.first > 1:
         note += f"; it was surely between samples {when.first} and {when.last + 1}"
-    return ChangeNote(note, sample, (when.first, when.last + 1))
+    within = (when.first, when.last + 1)
+    return finding.model_copy(update={"note": note, "after_sample": sample, "surely_within": within})
 
 
-def _wrong_row(state: SearchState, found: FittedEffect, sentence: str, run: Run, k: int) -> ChangeNote:
+def _describe_wrong_row(state: SearchState, found: FittedEffect, sentence: str, run: Run, k: int) -> str:
     """Say which row is wrong, what it reads and what it would have to read."""
-    error, row = state.sizes(found), int(np.asarray(run.samples.number)[k]) + 1
-    where = run.where(k) if run.samples.file is not None else f"row {row}"
+    error = state.sizes(found)
+    where = run.where(k) if run.samples.file is not None else f"row {int(np.asarray(run.samples.number)[k]) + 1}"
     std = np.linalg.norm(state.fit.solution.root(state.fit.problem.prior)[state.positions(found)], axis=1)
     parts = [
         f"{column} reads {read:.{DECIMALS}f}, would have to be {read - off:.{DECIMALS}f} ± {sigma:.2g} mm"
@@ -130,11 +122,10 @@ def _wrong_row(state: SearchState, found: FittedEffect, sentence: str, run: Run,
         for column, read, off, sigma in _columns(state, run, k, error / MM, std / MM)
     ]
     if not parts:
-        other_ball = _ball_it_would_be(state, run, k, error)
-        return ChangeNote(f"{where}: {sentence}{other_ball}", row=row)
+        return f"{where}: {sentence}{_ball_it_would_be(state, run, k, error)}"
     other = _exchanged_with(state, found, run, k, 2 * SIGMAS * float(std[0]))
     cause = "or its pose is wrong" if other is None else f"as if exchanged with {run.where(other)}"
-    return ChangeNote(f"{where}: {'; '.join(parts)}; {cause}", row=row)
+    return f"{where}: {'; '.join(parts)}; {cause}"
 
 
 def _ball_it_would_be(state: SearchState, run: Run, k: int, error: Array) -> str:
@@ -201,23 +192,23 @@ LEAST_MM = 1e-4  # [m] from which on what changed is told in millimetres
 INNER_UNITS = {"1/turn": ("", 1.0), "m": ("mm", 1e3)}  # of numbers inside φ, where they are not those of errors
 
 
-def trace(geometry: FittedStage, bench: FitContext, say: Progress) -> tuple[list[FittedStage], TracingResult]:
+def trace(geometry: FittedStage, fit_context: FitContext, report: Progress) -> tuple[list[FittedStage], TracingResult]:
     """Trace what the geometry leaves, and the effects that stand beside it; return the stages that came, and findings.
 
     A kind of effect that is in the model already is not looked for again.
     """
-    offered = catalogue(geometry.fit.model.setup, bench.run.samples)
+    offered = catalogue(geometry.fit.model.setup, fit_context.run.samples)
     effects = [e for e in offered if not e.has(Role.UNTRACED) and e.kind not in geometry.stage.effects]
-    result = search(SearchState(geometry.fit.model, (), geometry), effects, bench, say)
+    result = search(SearchState(geometry.fit.model, (), geometry), effects, fit_context, report)
     last = result.last
     test = result.context.score_test(last)
-    say("rivals")
-    gains = own_gains(last, bench)
+    report("rivals")
+    gains = own_gains(last, fit_context)
     findings = tuple(
-        _finding(result, f, own.fall, find_rivals(result.context, last, f), bench.run)
+        _finding(result, f, own.fall, find_rivals(result.context, last, f), fit_context.run)
         for f, own in zip(last.effects, gains, strict=True)
     )
-    say("detection limits")
+    report("detection limits")
     silent = tuple(detection_limits(test, [e for e in effects if e.name not in last.names], result.tried))
     return [s.fitted for s in result.path[1:]], TracingResult(findings, silent, result.rejected, result.tried)
 
@@ -240,9 +231,7 @@ def _finding(result: SearchResult, found: FittedEffect, gain: float, others: tup
     if found.value is not None and nonlinear is not None:
         inner = InnerNumber(name=nonlinear.name, value=found.value, std=inner_std, unit=nonlinear.unit)
     log_p = wald_log_p(last, found, result.tried, inflation)
-    note = describe_effect(found, signed, std, inner_std, sizes)
-    change = describe_change(last, found, note, run) if found.has(Role.CHANGE) else ChangeNote(note)
-    return Finding(
+    finding = Finding(
         effect=found.effect.kind,
         on=str(found.effect.place),
         value=signed,
@@ -253,11 +242,9 @@ def _finding(result: SearchResult, found: FittedEffect, gain: float, others: tup
         log10_p=log10_p(log_p),
         gain=gain,
         rivals=others,
-        note=change.note,
-        after_sample=change.after_sample,
-        surely_within=change.surely_within,
-        row=change.row,
+        note=describe_effect(found, signed, std, inner_std, sizes),
     )
+    return locate_change(last, found, finding, run) if found.has(Role.CHANGE) else finding
 
 
 def describe_effect(found: FittedEffect, value: float, std: float, inner_std: float | None, sizes: Array) -> str:

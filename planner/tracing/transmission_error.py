@@ -25,6 +25,7 @@ QUICKNESSES = (3.0, 6.0, 10.0, 15.0, 20.0, 30.0)  # waves a turn within which mo
 SIZE_FACTORS = np.array([0.3, 1.0, 3.0])  # times the expected one that are tried
 # logarithm of the likelihood that curves would add to where the search ended, below which there is no cause for them
 LEAST_LOG_LIKELIHOOD = 3.0
+MOST_NAMED = 3  # waves of a curve
 FAINT_WAVE = 0.1  # of the strongest one's power, below which a wave is not named
 
 
@@ -56,14 +57,14 @@ def effects_beside_curve(effects: tuple[FittedEffect, ...], wave: Effect) -> tup
     return tuple(f for f in effects if f not in own)
 
 
-def dominant_waves(curve: FittedEffect, sizes: Array, most: int = 3) -> list[float]:
+def dominant_waves(curve: FittedEffect, sizes: Array) -> list[float]:
     """Waves a turn at which a curve is strongest, the strongest first, one for each peak."""
     power = sizes[0::2] ** 2 + sizes[1::2] ** 2
     phis = [p.main.phi for p in curve.parameters[0::2]]
     waves = [phi.frequency for phi in phis if isinstance(phi, JointWave)]
     padded = np.r_[0.0, power, 0.0]
     peaks = np.flatnonzero((power >= padded[:-2]) & (power > padded[2:]))
-    best = sorted(peaks, key=lambda k: -power[k])[:most]
+    best = sorted(peaks, key=lambda k: -power[k])[:MOST_NAMED]
     return [waves[k] for k in best if power[k] > FAINT_WAVE * power.max()]
 
 
@@ -77,7 +78,7 @@ def all_gear_curves(context: SearchContext, end: SearchState, compliant: SearchS
     bare = _joints_without_curve(end, joints)
     if sum(max(0.0, _log_likelihood(test, likeliest_curve(test, j))) for j in bare) < LEAST_LOG_LIKELIHOOD:
         return None
-    context.say("trying all gears at once")
+    context.report("trying all gears at once")
     begin = [end] if compliant is None else [end, compliant]
     trials = [t for b in begin if (t := _with_curves(context, b, joints)) is not None]
     if not trials:
@@ -88,7 +89,7 @@ def all_gear_curves(context: SearchContext, end: SearchState, compliant: SearchS
     best = _drop_needless_curves(context, best)
     if len(_curves(best)) <= len(_curves(end)):
         return None
-    fall, error = held_out_gain(end, best, context.bench)
+    fall, error = held_out_gain(end, best, context.fit_context)
     return best if fall > max(error, LEAST_GAIN) else None
 
 
@@ -132,9 +133,9 @@ def _refine_quickness(context: SearchContext, state: SearchState) -> SearchState
 def _drop_needless_curves(context: SearchContext, state: SearchState) -> SearchState:
     """Take out curves without which held-out samples lose nothing that matters, the least first."""
     while len(state.effects) > 1:
-        own = zip(own_gains(state, context.bench), state.effects, strict=True)
+        own = zip(own_gains(state, context.fit_context), state.effects, strict=True)
         margins = [(g.share - max(g.error, LEAST_GAIN), f.name, f) for g, f in own if f.has(Role.GEAR_CURVE)]
         if not margins or (least := min(margins, key=lambda m: m[:2]))[0] > 0:
             break
-        state = state.refit(context.bench, state.without(least[2]))
+        state = state.refit(context.fit_context, state.without(least[2]))
     return state
