@@ -1,22 +1,18 @@
 """``[[circles]]``: circles and half circles for a circular test (in the manner of ISO 230-4), as written and in SI."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from pathlib import Path
+from dataclasses import dataclass
 from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field, PositiveInt, field_validator
 
-from planner.common.errors import InputError, did_you_mean
 from planner.common.schema import PositiveFloat, StrictModel
-from planner.common.units import MM, Array, from_deg, from_mm, read_only
+from planner.common.units import Array
 from planner.kinematics.bodies import Vector
 from planner.runs.run import Mounting
 
 CirclePlane = Literal["XY", "XZ", "YZ"]
 CircleDirection = Literal["ccw", "cw"]
-OVERSHOOT_FULL, OVERSHOOT_PART = 45.0, 5.0  # [deg] before and after the sweep, where the cell says nothing
 NEAR_CIRCLE = 0.05  # of the radius: as far off the circle a sample may lie to count as on it
 SHORT_RADIUS = 5.0  # [mm] no bar is that short
 
@@ -141,72 +137,3 @@ class CircleAtFixture:
         away = self.radius * unit - foot
         reach = np.sqrt(np.maximum(length**2 - self.height**2, 0.0))
         return np.asarray(foot + away * (reach / np.linalg.norm(away, axis=1))[:, None])
-
-
-def read_circles(
-    path: Path, files: Sequence[CircleFile], fixtures: dict[str, Array], lengths: tuple[float, float], speed: float
-) -> tuple[Circle, ...]:
-    """Return the circles of a cell.
-
-    Args:
-        path: the cell's file, for messages.
-        files: as read.
-        fixtures: name → p_BX (3,) [m], in order.
-        lengths: shortest and longest bar [m].
-        speed: of circles that name none [m/s].
-
-    Raises:
-        InputError: a fixture that is not there, a name used twice, a bar that does not reach the plane.
-    """
-    names = [_circle_name(f, k, files) for k, f in enumerate(files)]
-    if len(set(names)) < len(names):
-        raise InputError(f"{path}: two circles share a name ({', '.join(names)})")
-    return tuple(_read_circle(path, n, f, fixtures, lengths, speed) for n, f in zip(names, files, strict=True))
-
-
-def _circle_name(file: CircleFile, k: int, files: Sequence[CircleFile]) -> str:
-    alone = sum(f.plane == file.plane for f in files) == 1
-    return file.name or (file.plane if alone else f"{file.plane} {k + 1}")
-
-
-def _read_circle(
-    path: Path, name: str, f: CircleFile, fixtures: dict[str, Array], lengths: tuple[float, float], speed: float
-) -> Circle:
-    known = list(fixtures)
-    fixture = known[0] if f.fixture is None else f.fixture
-    if fixture not in fixtures:
-        raise InputError(
-            f"{path}: circle {name} is about fixture '{fixture}'{did_you_mean(fixture, known)}; there are {known}"
-        )
-    given = OVERSHOOT_FULL if f.sweep_deg == 360.0 else OVERSHOOT_PART
-    axis = None if f.tool_axis is None else np.array(f.tool_axis)
-    if axis is not None and np.linalg.norm(axis) < 1e-9:
-        raise InputError(f"{path}: circle {name}: 'tool_axis' = {list(f.tool_axis or ())} is no direction")
-    circle = Circle(
-        name=name,
-        plane=f.plane,
-        fixture=known.index(fixture),
-        p_BC=fixtures[fixture] if f.centre_mm is None else read_only(from_mm(f.centre_mm)),
-        radius=0.0 if f.radius_mm is None else f.radius_mm * MM,
-        start=float(from_deg(f.start_deg)),
-        sweep=float(from_deg(f.sweep_deg)),
-        overshoot=float(from_deg(given if f.overshoot_deg is None else f.overshoot_deg)),
-        directions=f.directions,
-        speed=speed if f.speed_mm_s is None else f.speed_mm_s * MM,
-        follows=f.orientation == "follow",
-        axis_B=None if axis is None else read_only(axis / np.linalg.norm(axis)),
-        loads=f.loads_N,
-        repeats=f.repeats,
-    )
-    return circle if circle.radius else _with_middle_length(path, circle, fixtures[fixture], lengths)
-
-
-def _with_middle_length(path: Path, circle: Circle, p_BX: Array, lengths: tuple[float, float]) -> Circle:
-    """Give the circle the radius at which a bar of its middle length reaches it."""
-    middle, height = sum(lengths) / 2, float((circle.p_BC - p_BX) @ circle.normal)
-    if not abs(height) < middle < np.inf:
-        raise InputError(
-            f"{path}: circle {circle.name} lies {abs(height) / MM:.1f} mm beside its fixture's plane, more than the "
-            f"bar's middle length of {middle / MM:.1f} mm: give radius_mm, or a centre_mm nearer to the fixture"
-        )
-    return replace(circle, radius=float(np.sqrt(middle**2 - height**2)))

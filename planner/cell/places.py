@@ -47,9 +47,7 @@ def _read_tool_points(path: Path, tool: ToolFile) -> tuple[ToolPoint, ...]:
     """All points of the tool, that of ``map_mm`` first; an axis that is not given is the first one's."""
     given = [("tool.map_axis", FIRST_POINT, tool.map_mm, tool.map_axis)]
     given += [(f"tool.points.{p.name}.map_axis", p.name, p.map_mm, p.map_axis or tool.map_axis) for p in tool.points]
-    return tuple(
-        ToolPoint(name, read_only(from_mm(at)), _unit_vector(path, key, axis)) for key, name, at, axis in given
-    )
+    return tuple(ToolPoint(name, read_only(from_mm(at)), unit_vector(path, key, axis)) for key, name, at, axis in given)
 
 
 def read_fixtures(path: Path, robot: Robot, file: CellFile) -> tuple[Fixture, ...]:
@@ -73,7 +71,7 @@ def _read_fixture(path: Path, robot: Robot, f: FixtureFile, common: tuple[float,
     key = f"fixtures.{f.name}.mount_deg" if f.mount_deg else "gauge.mount_deg"
     given = f.mount_deg or common
     mount = None if given is None else read_joint_angles(path, robot, key, given)
-    axis = _unit_vector(path, f"fixtures.{f.name}.axis", f.axis)
+    axis = unit_vector(path, f"fixtures.{f.name}.axis", f.axis)
     return Fixture(f.name, read_only(from_mm(f.position_mm)), axis, f.prior_mm * MM, (mount,) * points)
 
 
@@ -94,7 +92,12 @@ def read_joint_angles(path: Path, robot: Robot, key: str, value: tuple[float, ..
     return read_only(q)
 
 
-def _unit_vector(path: Path, key: str, v: tuple[float, float, float]) -> Array:
+def unit_vector(path: Path | str, key: str, v: tuple[float, float, float]) -> Array:
+    """Return the direction (3,) of the key ``key``; ``path`` is where messages say that it stands.
+
+    Raises:
+        InputError: it has no length.
+    """
     norm = float(np.linalg.norm(v))
     if norm < 1e-9:
         raise InputError(f"{path}: '{key}' = {list(v)} is no direction")
@@ -114,7 +117,7 @@ def read_balls(path: Path, file: CellFile) -> tuple[Ball, ...]:
             b.radius_mm * MM,
             None if b.stem_to_mm is None else read_only(from_mm(b.stem_to_mm)),
             b.stem_radius_mm * MM,
-            _unit_vector(path, f"balls.{b.name}.axis", b.axis),
+            unit_vector(path, f"balls.{b.name}.axis", b.axis),
         )
         for b in file.balls
     )

@@ -1,13 +1,15 @@
 """Reads a cell file into a :class:`Cell`, and checks what one key alone cannot tell."""
 
 import os
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from planner.cell.cell import BaseMounting, Cable, Cell, MotionSettings, PlanSettings
-from planner.cell.circles import Circle, read_circles
+from planner.cell.circles import Circle, CircleFile
 from planner.cell.file import CellFile
 from planner.cell.gauge import Gauge
 from planner.cell.gauge_registry import gauge_kinds
@@ -18,6 +20,7 @@ from planner.cell.places import (
     read_joint_angles,
     read_nests,
     read_tool,
+    unit_vector,
 )
 from planner.common.errors import InputError, did_you_mean, raise_together
 from planner.common.files import data_folder
@@ -30,6 +33,7 @@ NEAR_BASE = 10.0  # [mm] a fixture whose coordinates are all smaller would stand
 SHORT_TOOL = 1.0  # [mm] from flange to ball: no ball is that small
 SMALL_BALL = 0.5  # [mm] radius
 NARROW_CONE = 5.0  # [deg] no ball joint tilts so little, and no bar could be measured with one
+OVERSHOOT_FULL, OVERSHOOT_PART = 45.0, 5.0  # [deg] before and after the sweep, where the cell says nothing
 QUARTER = np.pi / 4  # robots wait at multiples of 45°
 AS_PRINTED = 6e-4  # [rad] what three printed digits leave open
 
@@ -203,17 +207,61 @@ def _check_drives(robot: Robot) -> None:
 
 
 def _read_circles(path: Path, file: CellFile) -> tuple[Circle, ...]:
+    """Return the circles; one without a radius gets that at which a bar of its middle length reaches it."""
     if not file.circles:
         return ()
     if not file.fixtures or file.gauge.length_mm is None:
         raise InputError(f"{path}: [[circles]] need a [[fixtures]] table and 'gauge.length_mm'")
-    loaded = [c for c in file.circles if c.loads_N]
-    if loaded and not gauge_class(file).is_loaded:
+    if any(c.loads_N for c in file.circles) and not gauge_class(file).is_loaded:
         raise InputError(f"{path}: 'circles.loads_N' needs gauge.kind = 'ldbb', found '{file.gauge.kind}'")
-    shortest, longest = file.gauge.length_mm
-    fixtures = {f.name: read_only(from_mm(f.position_mm)) for f in file.fixtures}
-    speed = file.motion.tool_speed_mm_min * MM_PER_MIN
-    return read_circles(path, file.circles, fixtures, (shortest * MM, longest * MM), speed)
+    names = [_circle_name(c, k, file.circles) for k, c in enumerate(file.circles)]
+    if len(set(names)) < len(names):
+        raise InputError(f"{path}: two circles share a name ({', '.join(names)})")
+    middle = sum(length * MM for length in file.gauge.length_mm) / 2
+    circles = [(_read_circle(path, n, c, file), c) for n, c in zip(names, file.circles, strict=True)]
+    return tuple(c if f.radius_mm else _with_middle_length(path, c, file, middle) for c, f in circles)
+
+
+def _circle_name(circle: CircleFile, k: int, files: Sequence[CircleFile]) -> str:
+    alone = sum(f.plane == circle.plane for f in files) == 1
+    return circle.name or (circle.plane if alone else f"{circle.plane} {k + 1}")
+
+
+def _read_circle(path: Path, name: str, f: CircleFile, file: CellFile) -> Circle:
+    known = [x.name for x in file.fixtures]
+    fixture = known[0] if f.fixture is None else f.fixture
+    if fixture not in known:
+        raise InputError(
+            f"{path}: circle {name} is about fixture '{fixture}'{did_you_mean(fixture, known)}; there are {known}"
+        )
+    at, given = known.index(fixture), OVERSHOOT_FULL if f.sweep_deg == 360.0 else OVERSHOOT_PART
+    return Circle(
+        name=name,
+        plane=f.plane,
+        fixture=at,
+        p_BC=read_only(from_mm(f.centre_mm or file.fixtures[at].position_mm)),
+        radius=(f.radius_mm or 0.0) * MM,
+        start=float(from_deg(f.start_deg)),
+        sweep=float(from_deg(f.sweep_deg)),
+        overshoot=float(from_deg(given if f.overshoot_deg is None else f.overshoot_deg)),
+        directions=f.directions,
+        speed=file.motion.tool_speed_mm_min * MM_PER_MIN if f.speed_mm_s is None else f.speed_mm_s * MM,
+        follows=f.orientation == "follow",
+        axis_B=None if f.tool_axis is None else unit_vector(f"{path}: circle {name}", "tool_axis", f.tool_axis),
+        loads=f.loads_N,
+        repeats=f.repeats,
+    )
+
+
+def _with_middle_length(path: Path, circle: Circle, file: CellFile, middle: float) -> Circle:
+    """Give the circle the radius at which a bar of its middle length [m] reaches it."""
+    height = float((circle.p_BC - from_mm(file.fixtures[circle.fixture].position_mm)) @ circle.normal)
+    if not abs(height) < middle:
+        raise InputError(
+            f"{path}: circle {circle.name} lies {abs(height) / MM:.1f} mm beside its fixture's plane, more than the "
+            f"bar's middle length of {middle / MM:.1f} mm: give radius_mm, or a centre_mm nearer to the fixture"
+        )
+    return replace(circle, radius=float(np.sqrt(middle**2 - height**2)))
 
 
 def _read_motion(file: CellFile) -> MotionSettings:

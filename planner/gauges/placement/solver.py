@@ -134,13 +134,6 @@ def find_placement(problem: P, starts: Callable[[P], Array], few: int, rounds: S
     return best.state
 
 
-def open_directions(jacobian: Array, limit: float) -> Array:
-    """Return the directions (m, P) that move no reading by more than ``limit`` per unit, rms; jacobian (n, d, P)."""
-    flat = jacobian.reshape(-1, jacobian.shape[-1])
-    values, vectors = np.linalg.eigh(flat.T @ flat / max(1, len(jacobian)))
-    return np.asarray(vectors[:, values < limit**2].T)
-
-
 def _weights(u: Array, kind: str, d: int) -> tuple[Array, Array]:
     """Return weights (k, n) and costs (k,) of scaled block norms u (k, n)."""
     if kind == "huber":
@@ -195,7 +188,9 @@ class PlacementUnknown:
 def _undetermined_unknowns(jacobian: Array, error: Array, problem: PlacementProblem) -> tuple[PlacementUnknown, ...]:
     """Return the unknowns that the rows leave open by more than ``LIMIT``, in the order of their columns."""
     sigma = max(_ERROR, float(np.median(error)))
-    directions = open_directions(jacobian, sigma / LIMIT / np.sqrt(len(error)))
+    flat = jacobian.reshape(-1, jacobian.shape[-1])
+    values, vectors = np.linalg.eigh(flat.T @ flat / max(1, len(jacobian)))
+    directions = vectors[:, values < (sigma / LIMIT / np.sqrt(len(error))) ** 2].T
     touched = np.abs(directions).max(axis=0, initial=0.0) > 0.2
     return tuple(dict.fromkeys(u for u, hit in zip(problem.unknowns, touched, strict=True) if hit))
 
