@@ -130,17 +130,13 @@ class BarPoses(PoseSession):
         repeats = 0 if is_continuous(self.cell) else self.cell.plan.repeat
         out = []
         for m in self.cell.mountings:
-            cell, near = self.cell.at(m), self.pool.q[self.pool.samples.at_mounting(m)]
-            out.append(MountingSession(cell, m, Constraints(cell, m), Constraints(cell, m, bar=False), near, repeats))
+            near = self.pool.q[self.pool.samples.at_mounting(m)]
+            out.append(MountingSession(Constraints(self.cell, m), Constraints(self.cell, m, bar=False), near, repeats))
         return out
 
     def stop(self, choice: PoseChoice, k: int) -> TourStop:
         """Return the chosen pose ``k``, with the side from which it is to be come to."""
         return TourStop(choice.q[k], "calibrate", None if choice.approach is None else choice.approach[k])
-
-    def validation_stop(self, candidate: int) -> TourStop:
-        """Return a candidate as a stop that validates."""
-        return TourStop(self.pool.q[candidate], "validate")
 
     def replace(self, choice: PoseChoice, lost: int) -> PoseChoice:
         """Replace a chosen pose that no path joins."""

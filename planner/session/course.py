@@ -36,6 +36,13 @@ class Waypoints:
         parts = ((a, a[-2::-1]) for a in (self.q, self.visit, self.blend))
         return Waypoints(*(np.concatenate(p) for p in parts))
 
+    @property
+    def one_way(self) -> int:
+        """Number of points up to where a path that is driven there and back turns, or of all."""
+        m = (len(self.q) + 1) // 2
+        returns = len(self.q) % 2 == 1 and len(self.q) > 2 and np.array_equal(self.q[:m], self.q[::-1][:m])
+        return m if returns else len(self.q)
+
 
 @dataclass(frozen=True)
 class TimedPath(Waypoints):

@@ -31,7 +31,7 @@ from planner.runs.run import Mounting
 from planner.session.course import Course, TimedPath, is_continuous
 from planner.session.driven_moves import circle_moves, degrees, dense_moves, joint_moves
 from planner.session.plan_types import Programs
-from planner.session.tour_cost import count_starts, cut_stretches
+from planner.session.tour_cost import cut_stretches
 
 PIECES = 32  # of a leg, whose chords give the largest speed on it
 SLACK = 1.0 + 1e-3
@@ -133,7 +133,7 @@ def session_program(cell: Cell, courses: Iterable[Course], plan_id: str, form: P
 
 def _count_starts(course: Course) -> int:
     """Return at how many places of a course its session can be started: at poses, or at its beginning."""
-    return count_starts(course.measuring) if course.is_of_poses else 1
+    return int((course.measuring.visit[1:] >= 0).sum()) if course.is_of_poses else 1
 
 
 def assemble_programs(dialects: Sequence[str], assemble: Callable[[PathForm], Program]) -> dict[str, Program]:

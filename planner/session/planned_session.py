@@ -14,7 +14,7 @@ from planner.common.result import changed_files
 from planner.common.schema import read_json
 from planner.motion.path.constraints import Constraints
 from planner.motion.path.verdict import Verdict
-from planner.session.course import Course, TimedPath, Waypoints, time_course
+from planner.session.course import Course, Waypoints, time_course
 from planner.session.document import DriveRecord, PlanDocument, WaypointRecord, read_plan, read_waypoints
 from planner.session.plan_record import content_hash, plan_document
 from planner.session.plan_types import Plan
@@ -78,16 +78,10 @@ def _failures(cell: Cell, course: Course, balls: Mapping[int, int]) -> list[str]
     found: list[Verdict] = []
     for path, bar in [(course.travel, False), *((p.path, True) for p in course.passes)]:
         constraints = Constraints(here, course.mounting, bar=bar)
-        one_way = _one_way(path)
-        separate = separate_motions(constraints, [balls.get(int(v), -1) for v in path.visit[:one_way]]) if bar else []
-        found += judge_corners(constraints, path.q[:one_way], path.trajectory, separate)[0]
+        m = path.one_way
+        separate = separate_motions(constraints, [balls.get(int(v), -1) for v in path.visit[:m]]) if bar else []
+        found += judge_corners(constraints, path.q[:m], path.trajectory, separate)[0]
     return [f"{v.engine}: {f}" for v in found for f in v.failures[:1]]
-
-
-def _one_way(path: TimedPath) -> int:
-    """Return how many of the points lead there, where the path is driven there and back."""
-    count = (len(path.q) + 1) // 2
-    return count if np.array_equal(path.q, path.q[::-1]) else len(path.q)
 
 
 def _balls_of_visits(path: Path, cell: Cell) -> dict[int, int]:

@@ -29,7 +29,7 @@ from planner.session.notes import discrimination_as_driven, discrimination_notes
 from planner.session.options import PlanOptions
 from planner.session.plan_record import PathNotProvenError, UnprovenPoses, content_hash, plan_record
 from planner.session.plan_types import Drive, Plan, SessionPlan
-from planner.session.release import TourStop
+from planner.session.release import TourStop, candidate_stop
 from planner.session.tour_cost import session_minutes
 from planner.session.tour_drive import MountingSession, Unreachable, drive_tour
 
@@ -178,7 +178,7 @@ class PoseSession(ABC):
                 mine = np.flatnonzero(choice.samples.at_mounting(place.mounting))
                 others = checks[self.pool.samples.take(checks).at_mounting(place.mounting)]
                 stops = [self.stop(choice, int(k)) for k in mine]
-                stops += [self.validation_stop(int(k)) for k in others]
+                stops += [candidate_stop(self.pool, int(k), "validate") for k in others]
                 first = sum(len(d.visits) for d in drives)
                 try:
                     drives.append(drive_tour(place, stops, self.options.tsp, self.options.seed, first))
@@ -225,10 +225,6 @@ class PoseSession(ABC):
     @abstractmethod
     def stop(self, choice: PoseChoice, k: int) -> TourStop:
         """Return the chosen pose ``k`` as a stop of the tour."""
-
-    @abstractmethod
-    def validation_stop(self, candidate: int) -> TourStop:
-        """Return a candidate as a stop that validates."""
 
     @abstractmethod
     def replace(self, choice: PoseChoice, lost: int) -> PoseChoice:

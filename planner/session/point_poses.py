@@ -17,7 +17,7 @@ from planner.session.mount import with_point_mount
 from planner.session.options import PlanOptions
 from planner.session.plan_types import Drive
 from planner.session.planning import PoseChooser, PoseSession, Selection
-from planner.session.release import TourStop
+from planner.session.release import TourStop, candidate_stop
 from planner.session.tour_drive import MountingSession
 
 CENTRINGS = 3  # of a pose that is repeated (TriCal paper, Table 3)
@@ -129,22 +129,12 @@ class PointPoses(PoseSession):
     def places(self) -> list[MountingSession]:
         """Return the one place from which everything is measured; balls are repeated in a row, not at the end."""
         repeats = 0 if self.at_balls else self.cell.plan.repeat
-        return [MountingSession(self.cell, FIRST_MOUNTING, self.away, self.away, _passed_states(self.pool), repeats)]
+        return [MountingSession(self.away, self.away, _passed_states(self.pool), repeats)]
 
     def stop(self, choice: PoseChoice, k: int) -> TourStop:
         """Return the chosen pose ``k``, with the number of centrings where there is a ball."""
         role: Role = "validate" if self.only_validates else "calibrate"
-        return self._stop(int(choice.chosen[k]), role, CENTRINGS if k in self.repeated else 1)
-
-    def validation_stop(self, candidate: int) -> TourStop:
-        """Return a candidate as a stop that validates."""
-        return self._stop(candidate, "validate")
-
-    def _stop(self, k: int, role: Role, times: int = 1) -> TourStop:
-        pool = self.pool
-        if pool.ball is None or pool.back is None:
-            return TourStop(pool.q[k], role)
-        return TourStop(pool.q[k], role, ball=int(pool.ball[k]), back=pool.back[k], times=times)
+        return candidate_stop(self.pool, int(choice.chosen[k]), role, CENTRINGS if k in self.repeated else 1)
 
     def replace(self, choice: PoseChoice, lost: int) -> PoseChoice:
         """Replace a chosen pose that no path joins."""

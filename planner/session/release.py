@@ -7,6 +7,7 @@ import numpy as np
 
 from planner.common.errors import NoSolutionError
 from planner.common.units import DEG, Array, read_only, round_angles
+from planner.design.candidates.pool import PoseSet
 from planner.motion.path.constraints import Constraints
 from planner.motion.path.verdict import PathLeg, ProvenPath, SeparateMotions, Verdict, judge_path
 from planner.motion.timing.trajectory import Trajectory, blend_corners
@@ -29,7 +30,7 @@ class ReleasedPath:
 def release_path(
     constraints: Constraints,
     points: Waypoints,
-    timing: Callable[[Waypoints], TimedPath] | None = None,
+    timing: Callable[[Waypoints], TimedPath],
     separate: Sequence[SeparateMotions] = (),
 ) -> ReleasedPath:
     """Time a path and have both engines judge it; a blend that either does not prove becomes a stop.
@@ -37,14 +38,14 @@ def release_path(
     Args:
         constraints: what every motion keeps.
         points: the path, one way.
-        timing: how it is timed; by default as a way on which nothing is measured.
+        timing: how it is timed.
         separate: motions that keep constraints of their own.
 
     Raises:
         NoSolutionError: an engine does not prove the path; nothing is written for it.
     """
     for _ in range(STOPPED + 1):
-        timed = _time_way(constraints, points) if timing is None else timing(points)
+        timed = timing(points)
         verdicts, unproven = judge_corners(constraints, points.q, timed.trajectory, separate)
         if not len(unproven):
             break
@@ -58,10 +59,6 @@ def release_path(
                 f"({'; '.join(v.failures[:3])}): raise motion.clearance_mm a little, or try another --seed"
             )
     return ReleasedPath(timed, verdicts)
-
-
-def _time_way(constraints: Constraints, points: Waypoints) -> TimedPath:
-    return time_path(constraints.cell, points, constraints.workspace.mounting, constraints.bar)
 
 
 def judge_corners(
@@ -83,7 +80,8 @@ def judge_corners(
 def release_way(constraints: Constraints, path: ProvenPath) -> ReleasedPath:
     """Release a way on which nothing is measured, blended wherever that fits."""
     points = add_blends(constraints, path, np.zeros(len(path.q), dtype=bool), np.full(len(path.q), -1))
-    return release_path(constraints, points)
+    cell, mounting = constraints.cell, constraints.workspace.mounting
+    return release_path(constraints, points, lambda p: time_path(cell, p, mounting, constraints.bar))
 
 
 def add_blends(constraints: Constraints, path: ProvenPath, stop: np.ndarray, ids: np.ndarray) -> Waypoints:
@@ -149,15 +147,22 @@ class TourStop:
         return self.q if self.back is None else self.back
 
 
-def approach_from_sides(constraints: Constraints, path: ProvenPath, wanted: Sequence[Array]) -> tuple[ProvenPath, int]:
-    """Return a path that comes to its poses from the wanted sides, and at how many poses it cannot.
+def candidate_stop(pool: PoseSet, k: int, role: Role, times: int = 1) -> TourStop:
+    """Return a candidate as a stop of a tour; ``times``: how often its ball is centred, where it has one."""
+    if pool.ball is None or pool.back is None:
+        return TourStop(pool.q[k], role)
+    return TourStop(pool.q[k], role, ball=int(pool.ball[k]), back=pool.back[k], times=times)
+
+
+def approach_from_sides(constraints: Constraints, path: ProvenPath, wanted: Array) -> ProvenPath:
+    """Return a path that comes to its poses from the wanted sides, wherever it can.
 
     Args:
         constraints: what every motion keeps.
         path: of a tour.
         wanted: sign of each axis' last movement for every node of the path (n, N); where it is 0 any will do.
     """
-    signs_wanted = np.array([wanted[k] if k >= 0 else np.zeros(path.q.shape[1]) for k in path.node])
+    signs_wanted = np.where(path.node[:, None] >= 0, wanted[path.node], 0.0)
     other = ((motion_signs(path.q) != signs_wanted) & (signs_wanted != 0)).any(axis=1) & (path.node >= 0)
     at = np.flatnonzero(other)
     at = at[at > 0]
@@ -175,9 +180,7 @@ def approach_from_sides(constraints: Constraints, path: ProvenPath, wanted: Sequ
     reached = ~np.isnan(past[:, 0])
     longer = _insert_supports(path, at[reached], past[reached])
     first, second = judge_path(constraints, longer.q)
-    if not (first.clear and second.clear):
-        return path, len(at)
-    return replace(longer, verdict=first, second=second), int((~reached).sum())
+    return replace(longer, verdict=first, second=second) if first.clear and second.clear else path
 
 
 def _insert_supports(path: ProvenPath, at: np.ndarray, past: Array) -> ProvenPath:
@@ -195,13 +198,14 @@ def _insert_supports(path: ProvenPath, at: np.ndarray, past: Array) -> ProvenPat
 def insert_ball_approaches(path: ProvenPath, stops: Sequence[TourStop]) -> tuple[ProvenPath, np.ndarray]:
     """Return the path with the ways to the balls in it, and which of its points are approach poses, (m,) bool.
 
-    The path counts as node what is visited: at a ball its centre, not the pose that it is approached from.
+    The path counts as node what is visited, one of the ``stops``: at a ball its centre, not the pose that it is
+    approached from.
     """
     q: list[Array] = []
     node: list[int] = []
     touched: list[bool] = []
     for point, k in zip(path.q, path.node.tolist(), strict=True):
-        stop = stops[k - 1] if k > 0 else None
+        stop = stops[k] if k >= 0 else None
         if stop is None or stop.back is None:
             times = 1 if stop is None else stop.times
             q, node, touched = q + [point] * times, node + [k] * times, touched + [False] * times
@@ -213,11 +217,6 @@ def insert_ball_approaches(path: ProvenPath, stops: Sequence[TourStop]) -> tuple
     numbers = np.array(node)
     numbers.setflags(write=False)
     return replace(path, q=round_angles(np.array(q)), node=numbers), np.array(touched)
-
-
-def ball_motions(away: Constraints, path: ProvenPath, stops: Sequence[TourStop]) -> list[SeparateMotions]:
-    """The motions to and from the balls, ball by ball, with the constraints that hold there."""
-    return separate_motions(away, [stops[k - 1].ball if k > 0 else -1 for k in path.node])
 
 
 def separate_motions(away: Constraints, ball: Sequence[int]) -> list[SeparateMotions]:

@@ -145,7 +145,7 @@ def cut_stretches(
         written: its instructions, each with the number of the path's point at which a stretch begins, or −1.
         first: number of the first start; the others count on.
     """
-    m = _points_one_way(path)
+    m = path.one_way
     ways = entry_ways(cell, mounting, path.q[:m], shortcuts)
     legs = sorted({leg for way in ways for leg in pairwise(way)})
     ends = np.array(legs, dtype=int).ravel()  # every second of the moves between them is a leg
@@ -165,15 +165,3 @@ def cut_stretches(
                 out.append(Comment(f"start {number}: pose {pose}"))
         out.append(item)
     return [*out, StretchEnd()]
-
-
-def count_starts(path: TimedPath) -> int:
-    """Return at how many poses a path can be started."""
-    return int((path.visit[1:] >= 0).sum())
-
-
-def _points_one_way(path: TimedPath) -> int:
-    """Number of points up to where a path that is driven both ways turns, or of all."""
-    m = (len(path.q) + 1) // 2
-    returns = len(path.q) % 2 == 1 and len(path.q) > 2 and np.array_equal(path.q[:m], path.q[::-1][:m])
-    return m if returns else len(path.q)

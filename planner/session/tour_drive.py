@@ -23,16 +23,16 @@ from planner.motion.path.verdict import PathGaps, ProvenPath
 from planner.motion.timing.trajectory import check_limits
 from planner.motion.tour.solve import Method, Tour, solve_tour
 from planner.runs.run import Mounting
-from planner.session.course import Course, Role, axis_limits, is_continuous, reading_limits, time_measuring
+from planner.session.course import Course, axis_limits, is_continuous, reading_limits, time_measuring
 from planner.session.plan_types import Drive, Visit, motion_signs
 from planner.session.release import (
     TourStop,
     add_blends,
     approach_from_sides,
-    ball_motions,
     insert_ball_approaches,
     release_path,
     release_way,
+    separate_motions,
 )
 from planner.session.tour_cost import prove_shortcuts, tour_costs
 
@@ -46,19 +46,25 @@ class MountingSession:
     """What is measured with the gauge held in one way, and how the arm may move there.
 
     Attributes:
-        cell: with the tool point that is used there.
-        mounting: at which fixture and tool point.
         measuring: what the robot keeps while it measures; travelling: on the way there and back.
         detours: states over which detours lead (P, N) [rad].
         repeats: how many poses are visited again at the end.
     """
 
-    cell: Cell
-    mounting: Mounting
     measuring: Constraints
     travelling: Constraints
     detours: Array
     repeats: int = 0
+
+    @property
+    def cell(self) -> Cell:
+        """The cell with the tool point that is used there."""
+        return self.measuring.cell
+
+    @property
+    def mounting(self) -> Mounting:
+        """At which fixture and tool point."""
+        return self.measuring.workspace.mounting
 
     @property
     def mount(self) -> Array:
@@ -87,12 +93,12 @@ def drive_tour(place: MountingSession, stops: Sequence[TourStop], tsp: Method, s
         NoSolutionError: no tour joins the poses, or a judge rejects the path.
     """
     cell, constraints = place.cell, place.measuring
-    nodes = np.vstack([place.mount, *[s.node for s in stops]])
+    stops = [TourStop(place.mount, "mount"), *stops]  # as the tour counts its nodes
+    nodes = np.array([s.node for s in stops])
     tour, path = join_tour(place, nodes, tsp, seed)
     if any(s.approach is not None for s in stops):
-        none = np.zeros(nodes.shape[1])
-        sides = [none if s.approach is None else s.approach for s in stops]
-        path, _ = approach_from_sides(constraints, path, [none, *sides])
+        sides = [np.zeros(nodes.shape[1]) if s.approach is None else s.approach for s in stops]
+        path = approach_from_sides(constraints, path, np.array(sides))
     travel = path_to_mount(place.travelling, np.vstack([cell.home, place.mount]), seed)
     path, touched = insert_ball_approaches(path, stops)
     visits = _number_visits(place, path, stops, first)
@@ -100,7 +106,7 @@ def drive_tour(place: MountingSession, stops: Sequence[TourStop], tsp: Method, s
     ids = np.full(len(path.node), -1)
     ids[path.node >= 0] = [-1 if v.role == "mount" else v.id for v in visits]
     points = add_blends(constraints, path, rests, ids)
-    separate = ball_motions(constraints, path, stops)
+    separate = separate_motions(constraints, [stops[k].ball if k >= 0 else -1 for k in path.node])
     measuring = release_path(constraints, points, lambda p: time_measuring(cell, p, place.mounting), separate)
     step = max(measuring.path.trajectory.duration_s / LIMIT_SAMPLES, 0.01)
     reading = reading_limits(cell, place.mounting, bar=True)
@@ -202,28 +208,25 @@ def _number_visits(
     """Number the poses in visiting order; a further visit of a pose is a repeat of the first."""
     cell, at = place.cell, np.flatnonzero(path.node >= 0)
     nodes, approach = path.node[at].tolist(), motion_signs(path.q)[at]
-    own = np.vstack([place.mount, *[s.q for s in stops]])
-    q = own[nodes] if place.measuring.bar else path.q[at]
+    q = np.array([s.q for s in stops])[nodes] if place.measuring.bar else path.q[at]
     length = cell.bar_length(q, place.mounting)
     head = FirstContact.of(cell) if any(s.ball >= 0 for s in stops) else None
     contact = None if head is None else head.at(q)
     first: dict[int, int] = {}
     visits = []
     for k, node in enumerate(nodes):
-        stop, again = (stops[node - 1] if node > 0 else None), node in first and node != 0
-        role: Role = "mount" if stop is None else "repeat" if again else stop.role
-        ball = -1 if stop is None else stop.ball
+        stop, again = stops[node], node in first and node != 0
         visits.append(
             Visit(
                 id=number + k,
                 q=q[k],
                 length=float(length[k]),
                 mounting=place.mounting,
-                role=role,
+                role="repeat" if again else stop.role,
                 approach=tuple(int(s) for s in approach[k]),
                 repeats=first.get(node) if again else None,
-                ball=ball,
-                contact=None if contact is None or ball < 0 else float(contact[k]),
+                ball=stop.ball,
+                contact=None if contact is None or stop.ball < 0 else float(contact[k]),
             )
         )
         first.setdefault(node, number + k)

@@ -46,12 +46,11 @@ def path(constraints):
 def test_every_pose_is_come_to_from_the_wanted_side(constraints, path, sign):
     wanted = np.zeros((7, 6), dtype=int)
     wanted[1:, 2] = sign
-    longer, missed = approach_from_sides(constraints, path, list(wanted))
+    longer = approach_from_sides(constraints, path, wanted)
     at = np.flatnonzero(longer.node >= 0)
     np.testing.assert_array_equal(longer.q[at], path.q[path.node >= 0])
     last = np.sign(np.diff(longer.q, axis=0)[at[1:] - 1, 2])
-    assert (last[:-1] != sign).sum() == missed
-    assert missed <= 2
+    assert (last[:-1] != sign).sum() <= 2
     assert longer.clear
     assert [len(leg.supports) for leg in longer.legs] == (np.diff(at) - 1).tolist()
     assert constraints.prove(longer.q[:-1], longer.q[1:]).proven.all()
@@ -60,8 +59,7 @@ def test_every_pose_is_come_to_from_the_wanted_side(constraints, path, sign):
 def test_a_path_that_comes_from_the_wanted_sides_stays(constraints, path):
     natural = np.zeros((7, 6), dtype=int)
     natural[1:] = np.sign(np.diff(path.q[path.node >= 0], axis=0))[:6]
-    longer, missed = approach_from_sides(constraints, path, list(natural))
-    assert missed == 0
+    longer = approach_from_sides(constraints, path, natural)
     assert longer.q.shape == path.q.shape
 
 
