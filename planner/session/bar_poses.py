@@ -26,7 +26,6 @@ from planner.motion.path.constraints import Constraints
 from planner.runs.run import Samples
 from planner.session.course import is_continuous
 from planner.session.mount import MountMaps, drop_unreachable, join_to_mounts, move_mounts, with_mounts
-from planner.session.notes import bar_notes
 from planner.session.options import PlanOptions
 from planner.session.plan_types import Drive
 from planner.session.planning import PoseChooser, PoseSession, Selection
@@ -152,7 +151,3 @@ class BarPoses(PoseSession):
                 q = np.array([v.q for v in d.visits if v.role == "calibrate"])
             rows.append(choice.model.rows(Samples.at(q, d.mounting)))
         return np.vstack(rows)
-
-    def drive_notes(self, drives: tuple[Drive, ...]) -> tuple[str, ...]:
-        """Return what is to be known of poses near the bar's ends."""
-        return bar_notes(self.cell, drives)

@@ -9,7 +9,6 @@ import numpy as np
 from planner.cell.cell import Cell
 from planner.common.errors import InputError
 from planner.common.units import Array, to_mm
-from planner.kinematics.chain import Chain
 from planner.kinematics.geometry import bar_state, fit_circle_in_space, points_on_arc
 from planner.motion.timing.limits import axis_percent
 from planner.motion.timing.trajectory import Trajectory
@@ -195,7 +194,8 @@ def circle_moves(cell: Cell, path: TimedPath, mounting: Mounting) -> list[JointM
 
     A piece ends at every mark of the path.
     """
-    x, R = _tool_poses(cell, path.q)
+    robot, x = cell.robot, cell.map_position(path.q)
+    R = np.moveaxis(robot.chain.forward(robot.theta(path.q)).R, 2, 0)
     found = _circle_angles(x, R)
     if found is None or (path.trajectory.stop[1:-1]).any():
         return None
@@ -225,13 +225,6 @@ def _piece(path: TimedPath, steps: list[JointMove], x: Array, a: int, b: int) ->
         mounting=steps[0].mounting,
         via_deg=degrees(path.q[(a + b) // 2]),
     )
-
-
-def _tool_poses(cell: Cell, q: Array) -> tuple[Array, Array]:
-    """Places (m, 3) [m] and orientations (m, 3, 3) of the tool at q (m, N) [rad]."""
-    robot = cell.robot
-    R = np.moveaxis(Chain(robot.transforms).forward(robot.theta(q)).R, 2, 0)
-    return cell.map_position(q), R
 
 
 def _circle_angles(x: Array, R: Array) -> Array | None:

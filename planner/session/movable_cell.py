@@ -2,8 +2,8 @@
 
 import hashlib
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import tomli_w
 
@@ -14,16 +14,11 @@ from planner.kinematics.robot_writer import mesh_names, urdf_path
 from planner.kinematics.urdf import plain_name, write_urdf
 
 
-@dataclass(frozen=True)
-class MovableCell:
-    """Content of ``cell.toml``, defaults included, and what has to lie beside it: the bytes by name."""
+def movable_cell(cell: Cell) -> tuple[dict[str, object], dict[str, Path]]:
+    """Return the content of ``cell.toml``, defaults included, with names that hold in any folder, and meshes by name.
 
-    content: dict[str, object]
-    meshes: dict[str, Path] = field(default_factory=dict)
-
-
-def movable_cell(cell: Cell) -> MovableCell:
-    """Return the cell's content with names that hold in any folder: the robot's file name, a mesh by its own hash."""
+    The robot has its file's name, a mesh one of its own hash.
+    """
     content = cell.file.model_dump(mode="json", by_alias=True)
     if not is_shipped(cell):
         content["robot"] = plain_name(cell.robot.path).name
@@ -33,7 +28,7 @@ def movable_cell(cell: Cell) -> MovableCell:
             path = (cell.path.parent / str(body["file"])).resolve()
             name = f"meshes/{hashlib.sha256(read_bytes(path)).hexdigest()[:12]}{path.suffix}"
             body["file"], meshes[name] = name, path
-    return MovableCell(content, meshes)
+    return content, meshes
 
 
 def is_shipped(cell: Cell) -> bool:
@@ -43,9 +38,9 @@ def is_shipped(cell: Cell) -> bool:
 
 def cell_files(cell: Cell) -> dict[str, bytes]:
     """Return ``cell.toml`` and what belongs to it by name: meshes, and a robot that is not a shipped one."""
-    movable = movable_cell(cell)
-    files = {"cell.toml": tomli_w.dumps(_without_none(movable.content)).encode()}
-    files |= {name: read_bytes(path) for name, path in movable.meshes.items()}
+    content, meshes = movable_cell(cell)
+    files = {"cell.toml": tomli_w.dumps(_without_none(content)).encode()}
+    files |= {name: read_bytes(path) for name, path in meshes.items()}
     return files if is_shipped(cell) else files | dict(_robot_files(cell))
 
 
@@ -88,10 +83,7 @@ def _tables(value: object) -> list[dict[str, object]]:
     return [v for v in value if isinstance(v, dict)] if isinstance(value, list | tuple) else []
 
 
-def _without_none(value: dict[str, object]) -> dict[str, object]:
-    def clean(v: object) -> object:
-        if isinstance(v, dict):
-            return {k: clean(w) for k, w in v.items() if w is not None}
-        return [clean(w) for w in v] if isinstance(v, list | tuple) else v
-
-    return {k: clean(v) for k, v in value.items() if v is not None}
+def _without_none(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {k: _without_none(v) for k, v in value.items() if v is not None}
+    return [_without_none(v) for v in value] if isinstance(value, list | tuple) else value

@@ -31,7 +31,7 @@ from planner.runs.run import Mounting
 from planner.session.course import Course, TimedPath, is_continuous
 from planner.session.driven_moves import circle_moves, degrees, dense_moves, joint_moves
 from planner.session.plan_types import Programs
-from planner.session.tour_cost import cut_stretches
+from planner.session.tour_cost import cut_stretches, tool_positions, travel_and_change
 
 PIECES = 32  # of a leg, whose chords give the largest speed on it
 SLACK = 1.0 + 1e-3
@@ -56,7 +56,7 @@ def check_emitted_speeds(cell: Cell, program: Program, dialect: Dialect, found: 
         if not len(rows):
             continue
         x = _tool_points(cell, q, rows, circles, mounting)
-        travel, change = _largest_travel(cell, x, mounting)
+        travel, change = (part.max(axis=0) * PIECES for part in travel_and_change(cell, mounting, x))
         seconds = _leg_seconds(cell, dialect, q, speeds, rows, travel)
         round_legs = np.isin(rows, list(circles))
         seconds[round_legs] = travel[round_legs] / (speeds[rows[round_legs]] / 1e3)
@@ -70,24 +70,13 @@ def _tool_points(
     cell: Cell, q: Array, rows: np.ndarray, circles: Mapping[int, tuple[float, ...]], mounting: Mounting | None
 ) -> Array:
     """Where the tool is at equal shares of the legs ``rows`` of a path q (n + 1, N) [rad], (PIECES + 1, m, 3) [m]."""
-    share = np.linspace(0.0, 1.0, PIECES + 1)
-    states = q[rows] + share[:, None, None] * (q[rows + 1] - q[rows])
+    x = tool_positions(cell, mounting, q[rows], q[rows + 1], PIECES)
     at = cell if mounting is None else cell.at(mounting)
-    x = at.map_position(states.reshape(-1, q.shape[1])).reshape(*states.shape[:2], 3)
     for i, k in enumerate(rows):
         if k in circles:
             ends = at.map_position(np.stack([q[k], np.deg2rad(circles[k]), q[k + 1]]))
-            x[:, i] = points_on_arc(ends, share)[0]
-    return np.asarray(x)
-
-
-def _largest_travel(cell: Cell, x: Array, mounting: Mounting | None) -> tuple[Array, Array]:
-    """Largest travel of the tool and change of the gauge's length per share of each leg, (m,) [m]; x: of the tool."""
-    travel = np.linalg.norm(np.diff(x, axis=0), axis=2).max(axis=0) * PIECES
-    if mounting is None:
-        return travel, np.zeros(x.shape[1])
-    length = np.linalg.norm(x - cell.fixtures[mounting.fixture].p_BX, axis=2)
-    return travel, np.abs(np.diff(length, axis=0)).max(axis=0) * PIECES
+            x[:, i] = points_on_arc(ends, np.linspace(0.0, 1.0, PIECES + 1))[0]
+    return x
 
 
 def _leg_seconds(cell: Cell, dialect: Dialect, q: Array, speeds: Array, rows: np.ndarray, travel: Array) -> Array:
@@ -274,7 +263,10 @@ def measured_moves(cell: Cell, path: TimedPath, mounting: Mounting, form: PathFo
         out.append((begins.get(k, -1), replace(move, q_deg=degrees(short.q[k + 1])) if asked else move))
         if move.pose is None:
             continue
-        mark, ball = _mark(cell, move.pose), cell.gauge.ball_to_centre(cell, np.deg2rad(move.q_deg))
+        mark: list[Instruction] = (
+            [Sync(move.pose), LogAxes(move.pose)] if cell.controller.log_axes else [Sync(move.pose)]
+        )
+        ball = cell.gauge.ball_to_centre(cell, np.deg2rad(move.q_deg))
         if ball is not None:
             mark = [Centre(ball + 1, move.pose), *mark]
         mark = [Pause(asked), *mark] if asked else mark
@@ -288,10 +280,6 @@ def _stop_short(cell: Cell, path: TimedPath) -> TimedPath:
     before = np.vstack([path.q[:1], path.q[:-1]])
     share = cell.gauge.left_to_person * (path.visit >= 0)[:, None]
     return replace(path, q=path.q + share * (before - path.q))
-
-
-def _mark(cell: Cell, pose: int) -> list[Instruction]:
-    return [Sync(pose), LogAxes(pose)] if cell.controller.log_axes else [Sync(pose)]
 
 
 def _mm(p: Array) -> tuple[float, float, float]:

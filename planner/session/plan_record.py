@@ -39,7 +39,7 @@ def closing_record(programs: Programs, notes: tuple[str, ...]) -> dict[str, obje
 
 def content_hash(content: dict[str, object], cell: Cell) -> str:
     """Return 12 hex digits of a hash over what a plan says and the cell it is for."""
-    whole = content | {"cell_file": movable_cell(cell).content}
+    whole = content | {"cell_file": movable_cell(cell)[0]}
     return hashlib.sha256(json.dumps(round_numbers(whole), sort_keys=True).encode()).hexdigest()[:12]
 
 
@@ -47,12 +47,8 @@ def plan_record(plan: Plan) -> dict[str, object]:
     """Return the plan's content, without its id, its programs and its notes."""
     choice, drives = plan.choice, plan.drives
     return {
-        "robot": plan.cell.robot.name,
-        "cell": plan.cell.name,
-        "seed": plan.seed,
-        "parameters": list(choice.seen.names),
-        "dropped": [{"name": d.name, "because": d.because} for d in choice.seen.dropped],
-        "funnel": asdict(plan.pool.funnel),
+        **_origin_record(plan.cell, plan.seed),
+        **_seen_record(choice, plan.pool),
         "poses": [_pose_record(plan, v) for d in drives for v in d.visits],
         "supports": [s for d in drives for s in _support_records(d)],
         "observability": observability_record(choice, plan.certificate) | {"path": {choice.index: plan.driven}},
@@ -66,6 +62,16 @@ def plan_record(plan: Plan) -> dict[str, object]:
         },
         "drives": [_drive_record(plan, d) for d in drives],
     } | (_separation_record(plan.separation) | _expected_error_record(plan.expected_error))
+
+
+def _origin_record(cell: Cell, seed: int) -> dict[str, object]:
+    return {"robot": cell.robot.name, "cell": cell.name, "seed": seed}
+
+
+def _seen_record(choice: PoseChoice, pool: PoseSet) -> dict[str, object]:
+    """Return what the poses make identifiable, and which candidates they were chosen from."""
+    dropped = [{"name": d.name, "because": d.because} for d in choice.seen.dropped]
+    return {"parameters": list(choice.seen.names), "dropped": dropped, "funnel": asdict(pool.funnel)}
 
 
 def _pose_record(plan: Plan, v: Visit) -> dict[str, object]:
@@ -243,13 +249,9 @@ class UnprovenPoses:
         """Return what ``plan.json`` says: its schema is that of poses, and no command takes it for a plan."""
         content: dict[str, object] = {
             "schema": UNPROVEN_SCHEMA,
-            "robot": self.cell.robot.name,
-            "cell": self.cell.name,
-            "seed": self.seed,
+            **_origin_record(self.cell, self.seed),
             "not_proven": self.why,
-            "parameters": list(self.choice.seen.names),
-            "dropped": [{"name": d.name, "because": d.because} for d in self.choice.seen.dropped],
-            "funnel": asdict(self.pool.funnel),
+            **_seen_record(self.choice, self.pool),
             "poses": [self._pose(k) for k in range(len(self.choice.q))],
             "observability": observability_record(self.choice, self.certificate),
             "notes": list(self.notes),

@@ -25,7 +25,7 @@ from planner.design.selection.certificate import Certificate
 from planner.design.selection.index_curves import BackgroundCurve
 from planner.programs.verification import shared_notes
 from planner.session.neutral_program import assemble_programs, session_program, write_programs
-from planner.session.notes import discrimination_as_driven, discrimination_notes, session_notes
+from planner.session.notes import bar_notes, discrimination_as_driven, discrimination_notes, session_notes
 from planner.session.options import PlanOptions
 from planner.session.plan_record import PathNotProvenError, UnprovenPoses, content_hash, plan_record
 from planner.session.plan_types import Drive, Plan, SessionPlan
@@ -130,7 +130,8 @@ class PoseSession(ABC):
             expected = chosen.expected_error.result() if chosen.expected_error else None
         cell, discriminating = self.cell, chosen.discriminating
         driven = discrimination_as_driven(cell, discriminating, drives) if discriminating else None
-        notes = [*self.notes, *self.drive_notes(drives), *discrimination_notes(cell, driven, choice, drives)]
+        bar = bar_notes(cell, drives) if cell.has_bar() else ()
+        notes = [*self.notes, *bar, *discrimination_notes(cell, driven, choice, drives)]
         if expected:
             notes.append(f"the poses are chosen by the error that is foreseen; {choice.index} does not judge them")
             minutes = session_minutes(cell, drives, len(choice.q))
@@ -233,7 +234,3 @@ class PoseSession(ABC):
     @abstractmethod
     def driven_rows(self, choice: PoseChoice, drives: tuple[Drive, ...]) -> Array:
         """Return the Jacobian's rows as they are driven."""
-
-    def drive_notes(self, drives: tuple[Drive, ...]) -> tuple[str, ...]:
-        """Return what a person must know of the finished drives."""
-        return ()

@@ -61,14 +61,27 @@ def _axis_times(start: Array, end: Array, speed: Array) -> Array:
 
 def _moving_times(cell: Cell, mounting: Mounting, start: Array, end: Array, limit: float) -> Array:
     """Time that tool and gauge need for each piece of each leg, (m, PIECES) [s]."""
-    share = np.linspace(0.0, 1.0, PIECES + 1)[:, None, None]
-    q = start + share * (end - start)
-    x = cell.at(mounting).map_position(q.reshape(-1, q.shape[2])).reshape(*q.shape[:2], 3)
-    out = np.linalg.norm(np.diff(x, axis=0), axis=2) / limit
-    if np.isfinite(cell.gauge.rate):
-        length = np.linalg.norm(x - cell.fixtures[mounting.fixture].p_BX, axis=2)
-        out = np.maximum(out, np.abs(np.diff(length, axis=0)) / cell.gauge.rate)
-    return np.asarray(out.T)
+    travel, change = travel_and_change(cell, mounting, tool_positions(cell, mounting, start, end, PIECES))
+    return np.maximum(travel / limit, change / cell.gauge.rate).T
+
+
+def tool_positions(cell: Cell, mounting: Mounting | None, start: Array, end: Array, pieces: int) -> Array:
+    """Return where the tool is at equal shares of straight joint legs (m, N) [rad], (pieces + 1, m, 3) [m]."""
+    q = start + np.linspace(0.0, 1.0, pieces + 1)[:, None, None] * (end - start)
+    at = cell if mounting is None else cell.at(mounting)
+    return at.map_position(q.reshape(-1, q.shape[2])).reshape(*q.shape[:2], 3)
+
+
+def travel_and_change(cell: Cell, mounting: Mounting | None, x: Array) -> tuple[Array, Array]:
+    """Return the tool's travel through positions x (P + 1, m, 3) [m] and the change of the gauge's length, (P, m) [m].
+
+    Without a gauge (``mounting`` is None) there is no change.
+    """
+    travel = np.linalg.norm(np.diff(x, axis=0), axis=2)
+    if mounting is None:
+        return travel, np.zeros_like(travel)
+    length = np.linalg.norm(x - cell.fixtures[mounting.fixture].p_BX, axis=2)
+    return travel, np.abs(np.diff(length, axis=0))
 
 
 DIMENSIONS = 6  # of joint space: the shortest tour of n points in d dimensions grows as n^(1 − 1/d)

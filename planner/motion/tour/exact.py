@@ -18,7 +18,7 @@ from scipy.sparse.csgraph import connected_components
 from planner.common.progress import TOUR, seconds_left
 from planner.common.units import Array
 from planner.motion.tour.instance import IntArray, TourInstance
-from planner.motion.tour.local_search import LocalSearch, greedy_tour, nearest_neighbours
+from planner.motion.tour.local_search import LocalSearch, greedy_tour, nearest_neighbours, walk_tour
 
 BoolArray = NDArray[np.bool_]
 
@@ -253,11 +253,4 @@ def _legs(tour: list[int]) -> IntArray:
 
 def _cycle(x: Array) -> list[int]:
     """Read the tour off a point that is one."""
-    near = [np.flatnonzero(row > 0.5).tolist() for row in x]
-    tour, before = [0], -1
-    while len(tour) < len(x):
-        here = tour[-1]
-        following = near[here][0] if near[here][0] != before else near[here][1]
-        before = here
-        tour.append(following)
-    return tour
+    return walk_tour([np.flatnonzero(row > 0.5).tolist() for row in x], 0)

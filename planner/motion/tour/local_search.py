@@ -202,9 +202,13 @@ def greedy_tour(cost: IntArray) -> list[int]:
             left -= 1
             if left == 0:
                 break
-    here = next(node for node in range(m) if len(near[node]) == 1)
-    tour, before = [here], -1
-    while len(tour) < m:
-        before, here = here, next(node for node in near[here] if node != before)
+    return walk_tour(near, next(node for node in range(m) if len(near[node]) == 1))
+
+
+def walk_tour(near: list[list[int]], start: int) -> list[int]:
+    """Return the nodes in the order in which one comes by them from ``start`` on, given the neighbours of each."""
+    tour, before = [start], -1
+    while len(tour) < len(near):
+        before, here = tour[-1], next(node for node in near[tour[-1]] if node != before)
         tour.append(here)
     return tour
