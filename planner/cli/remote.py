@@ -17,7 +17,7 @@ from planner.cell.reading import load_cell
 from planner.cli.terminal import Screen, check_folder, errors
 from planner.common.errors import InputError, MissingProgramError
 from planner.common.files import write_bytes
-from planner.common.result import MANIFEST, draft_folder, move_all
+from planner.common.result_folder import MANIFEST, draft_folder, move_all
 from planner.session.movable_cell import cell_files
 
 FILE_VERBS = ("simulate", "export", "import", "compensate")  # -o names a file

@@ -17,7 +17,8 @@ from rich.progress import Progress as Bar
 
 from planner.common.errors import InputError, NoSolutionError, printable
 from planner.common.progress import Progress, Stages
-from planner.common.result import Result, check_not_inside, check_overwriting
+from planner.common.result import Result
+from planner.common.result_folder import check_not_inside, check_overwriting
 
 PLAN = {
     "fixtures": 0.0, "candidates": 0.02, "roadmap": 0.14, "foresight": 0.28, "selection": 0.38, "separation": 0.56,

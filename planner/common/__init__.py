@@ -9,6 +9,7 @@ __all__ = [
     "lazy_modules",
     "progress",
     "result",
+    "result_folder",
     "schema",
     "second_process",
     "sequences",

@@ -18,7 +18,7 @@ from pydantic import Field
 
 from planner.common.errors import InputError
 from planner.common.files import document_text, read_bytes, write_text
-from planner.common.result import draft_folder, file_hash, move_all
+from planner.common.result_folder import draft_folder, file_hash, move_all
 from planner.common.schema import PartialModel, StrictModel, read_json, read_toml, validate
 from planner.common.units import to_mm
 from planner.model.identification_document import Identification

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Literal
 
 from planner.common.errors import InputError
-from planner.common.result import file_hash
+from planner.common.result_folder import file_hash
 from planner.instruments.record import BESIDE, DOCUMENTS, Circumstances, RobotRecord, add_entry, latest_day
 from planner.service.file_store import FileStore
 from planner.service.job_store import JobRecord, JobStore

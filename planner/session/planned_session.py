@@ -10,7 +10,7 @@ from planner.cell.cell import Cell
 from planner.cell.reading import read_cell
 from planner.common.errors import InputError
 from planner.common.files import data_folder
-from planner.common.result import changed_files
+from planner.common.result_folder import changed_files
 from planner.common.schema import read_json
 from planner.motion.path.constraints import Constraints
 from planner.motion.path.verdict import Verdict

@@ -13,7 +13,8 @@ from planner.cell.reading import load_cell
 from planner.common.errors import InputError
 from planner.common.files import write_bytes
 from planner.common.progress import Progress, no_progress
-from planner.common.result import Plot, Result, draft_folder, move_all
+from planner.common.result import Plot, Result
+from planner.common.result_folder import draft_folder, move_all
 from planner.design.observability.information import find_rule
 from planner.report.page import Report, report_overview
 from planner.studies.basis import compute_basis

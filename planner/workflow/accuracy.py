@@ -10,7 +10,8 @@ from planner.cell.reading import load_cell
 from planner.common.errors import InputError
 from planner.common.files import write_bytes, write_text
 from planner.common.progress import Stages
-from planner.common.result import Result, draft_folder, move_all, simulated_section
+from planner.common.result import Result, simulated_section
+from planner.common.result_folder import draft_folder, move_all
 from planner.instruments.precision import RepeatedCentrings, repeat_groups, repeated_centrings
 from planner.instruments.validation import Validation, validate_robot
 from planner.runs.loader import load_runs

@@ -10,7 +10,8 @@ from planner.cell.reading import load_cell
 from planner.common.errors import InputError
 from planner.common.files import write_text
 from planner.common.progress import Progress, Stages, no_progress
-from planner.common.result import Result, draft_folder, move_all, simulated_section
+from planner.common.result import Result, simulated_section
+from planner.common.result_folder import draft_folder, move_all
 from planner.common.units import MM
 from planner.identification.baseline import Baseline
 from planner.instruments.check.evaluation import CheckVerdict, evaluate_check

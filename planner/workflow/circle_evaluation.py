@@ -10,7 +10,8 @@ from planner.cell.reading import load_cell
 from planner.common.determinism import on_one_thread
 from planner.common.files import write_text
 from planner.common.progress import Stages
-from planner.common.result import Result, draft_folder, move_all, simulated_section
+from planner.common.result import Result, simulated_section
+from planner.common.result_folder import draft_folder, move_all
 from planner.common.units import UM
 from planner.identification.run_setup import drop_unreadable
 from planner.instruments.circular.document import load_circular_cell, read_circular_plan

@@ -10,7 +10,8 @@ from planner.cell.reading import load_cell
 from planner.common.errors import InputError
 from planner.common.files import write_bytes, write_text
 from planner.common.progress import Progress, Stages, no_progress
-from planner.common.result import Plot, Result, draft_folder, move_all
+from planner.common.result import Plot, Result
+from planner.common.result_folder import draft_folder, move_all
 from planner.common.units import MM
 from planner.identification.baseline import NAME as BASELINE
 from planner.identification.baseline import baseline_text

@@ -11,7 +11,8 @@ from planner.cell.reading import load_cell
 from planner.common.errors import InputError, NoSolutionError
 from planner.common.files import write_text
 from planner.common.progress import Stages
-from planner.common.result import Result, draft_folder, move_all
+from planner.common.result import Result
+from planner.common.result_folder import draft_folder, move_all
 from planner.common.schema import validate
 from planner.common.units import to_mm
 from planner.instruments.circular.plan import CircularPlan

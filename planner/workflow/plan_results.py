@@ -10,7 +10,8 @@ from typing import Any
 from planner.common.errors import InputError
 from planner.common.files import write_text
 from planner.common.progress import Stages
-from planner.common.result import Plot, Result, draft_folder, move_all
+from planner.common.result import Plot, Result
+from planner.common.result_folder import draft_folder, move_all
 from planner.common.units import to_deg, to_mm
 from planner.design.bayesian_design import describe_bayesian_design, describe_numbers_of_poses
 from planner.design.observability.identifiability import DroppedParameter

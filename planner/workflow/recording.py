@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from planner.common.files import document_text, write_text
-from planner.common.result import Result, draft_folder, move_all, simulated_section
+from planner.common.result import Result, simulated_section
+from planner.common.result_folder import draft_folder, move_all
 from planner.instruments.opcua import map_to_opcua
 from planner.instruments.record import Circumstances, RobotRecord, add_entry
 

@@ -14,7 +14,7 @@ from planner.common.errors import InputError
 from planner.common.files import check_writing, document_text, write_bytes, write_text
 from planner.common.lazy_modules import pl
 from planner.common.progress import Stages
-from planner.common.result import draft_folder, move_all
+from planner.common.result_folder import draft_folder, move_all
 from planner.instruments.check.results import CheckForecast
 from planner.instruments.circular.document import circular_document
 from planner.instruments.circular.plan import CircularPlan

@@ -21,7 +21,7 @@ import pytest
 
 import planner
 import tests.instruments.loaded.world as loaded
-from planner.common.result import changed_files
+from planner.common.result_folder import changed_files
 from planner.instruments.record import RobotRecord
 from tests.cli.states import state_of
 from tests.cli.test_writing import MAP

@@ -15,7 +15,8 @@ from planner.cli.app import main
 from planner.cli.terminal import give
 from planner.common.errors import InputError, NoSolutionError
 from planner.common.files import INPUTS, OVERWRITING, read_utf8, write_text
-from planner.common.result import Result, changed_files, draft_folder, move_all
+from planner.common.result import Result
+from planner.common.result_folder import changed_files, draft_folder, move_all
 from planner.programs.rendering import ProgramFile
 from planner.workflow.writing import write_program_as
 from tests.command import edbb

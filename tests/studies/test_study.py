@@ -9,7 +9,7 @@ from markupsafe import escape
 
 from planner.cell.reading import load_cell
 from planner.common.errors import InputError
-from planner.common.result import MANIFEST
+from planner.common.result_folder import MANIFEST
 from planner.studies.cell_study import NAMES, StudyResult, study
 from tests.studies.conftest import small_study
 

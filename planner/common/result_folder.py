@@ -1,0 +1,205 @@
+"""A folder of results, exchanged as a whole, with its manifest: what was written there, and by which kind of command."""
+
+import ctypes
+import errno
+import hashlib
+import json
+import os
+import re
+import shutil
+import tempfile
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from planner.common.errors import InputError
+from planner.common.files import INPUTS, OVERWRITING, document_text, draft_prefix
+
+MANIFEST = "manifest.json"
+SCHEMA = "edbb-manifest/1"
+UNHASHED = "timings.json"  # differs from run to run
+MOST_OTHERS = 2000  # files of others that a folder of results may hold
+_AT_FDCWD, _RENAME_EXCHANGE = -100, 2
+
+Hashes = dict[str, str]
+
+
+@contextmanager
+def draft_folder(folder: Path) -> Iterator[Path]:
+    """A folder beside ``folder`` in which to write what is moved there once all of it is right.
+
+    Raises:
+        InputError: ``folder`` is the one that the command runs in, or its parent cannot be made.
+    """
+    folder = folder.resolve()
+    check_not_inside(folder)
+    try:
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        _clear_dead_drafts(folder.parent)
+        with tempfile.TemporaryDirectory(dir=folder.parent, prefix=draft_prefix(), ignore_cleanup_errors=True) as name:
+            draft = Path(name) / folder.name
+            draft.mkdir()
+            yield draft
+    except OSError as err:
+        raise InputError(f"{folder}: cannot be written ({err.strerror or err})") from err
+
+
+def check_not_inside(folder: Path) -> None:
+    """Refuse a folder of results in which the command runs.
+
+    Raises:
+        InputError: naming it.
+    """
+    if Path.cwd().is_relative_to(folder.resolve()):
+        raise InputError(
+            f"{folder}: results are exchanged as a whole folder, which cannot be the one that you are in; "
+            "name a folder of their own with -o"
+        )
+
+
+def move_all(draft: Path, folder: Path) -> list[Path]:
+    """Put the files of ``draft`` in the place of the results that ``folder`` holds; return them.
+
+    What an earlier command of the same kind wrote there and this one does not is cleared; files of others stay.
+    A kill leaves the old folder or the new one.
+
+    Raises:
+        InputError: it would write over a file that the command has read, or that somebody else has written or changed.
+    """
+    folder, kind = folder.resolve(), _kind(draft)
+    files = _files_in(draft)
+    known = read_manifest(folder)
+    check_overwriting(folder, files)
+    others = [f for f in _files_in(folder) if f not in files and f != MANIFEST]
+    stale = [f for f in others if f in known.get(kind, {}) and _is_unchanged(folder, f, known[kind][f])]
+    kept = [f for f in others if f not in stale]
+    if len(kept) > MOST_OTHERS:
+        raise InputError(f"{folder}: holds {len(kept)} files of others; name a folder of its own with -o")
+    for name in kept:
+        _link(folder / name, draft / name)
+    there = {k: {f: h for f, h in hashes.items() if f in kept} for k, hashes in known.items() if k != kind}
+    results = {k: h for k, h in there.items() if h} | {kind: {f: file_hash(draft / f) for f in files}}
+    manifest = {"schema": SCHEMA, "results": dict(sorted(results.items()))}
+    (draft / MANIFEST).write_text(document_text(manifest), encoding="utf-8")
+    _exchange(draft, folder)
+    return [folder / name for name in files]
+
+
+def check_overwriting(folder: Path, names: list[str]) -> None:
+    """Refuse to write files of these names over what this command read, or what is not as this tool wrote it.
+
+    Raises:
+        InputError: naming the file.
+    """
+    known = {f: h for hashes in read_manifest(folder).values() for f, h in hashes.items()}
+    for name in names:
+        path = folder / name
+        if INPUTS.holds(path):
+            raise InputError(
+                f"{path}: this command has read it and does not write over it; name another folder with -o"
+            )
+        if path.exists() and not OVERWRITING.allowed and not _is_unchanged(folder, name, known.get(name)):
+            because = "was changed since edbb wrote it" if name in known else "was not written by edbb"
+            raise InputError(f"{path}: {because}; name another folder with -o, or add --force")
+
+
+def read_manifest(folder: Path) -> Mapping[str, Hashes]:
+    """Return what the folder's manifest says: of each kind of result its files and their hashes; else nothing."""
+    try:
+        content = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
+        results = content["results"] if content["schema"] == SCHEMA else {}
+        return {str(kind): {str(f): str(h) for f, h in files.items()} for kind, files in results.items()}
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
+        return {}
+
+
+def changed_files(folder: Path, kind: str) -> list[str] | None:
+    """Return which results of a kind are not as they were written; nothing where no manifest tells of them."""
+    files = read_manifest(folder).get(kind)
+    return None if files is None else [f for f, h in files.items() if not _is_unchanged(folder, f, h)]
+
+
+def file_hash(path: Path) -> str:
+    """Return the SHA-256 of a file; nothing for the one that differs from run to run."""
+    return "" if path.name == UNHASHED else hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def _kind(draft: Path) -> str:
+    """Return the result that a folder holds: the name of its main document."""
+    names = sorted(p.name for p in draft.glob("*.json") if p.name not in (UNHASHED, MANIFEST))
+    return names[0] if names else "files"
+
+
+def _files_in(folder: Path) -> list[str]:
+    return sorted(
+        str(Path(root, name).relative_to(folder).as_posix()) for root, _, names in os.walk(folder) for name in names
+    )
+
+
+def _is_unchanged(folder: Path, name: str, written: str | None) -> bool:
+    try:
+        return written is not None and written == file_hash(folder / name)
+    except OSError:
+        return False
+
+
+def _link(source: Path, target: Path) -> None:
+    target.parent.mkdir(parents=True, exist_ok=True)
+    try:
+        os.link(source, target, follow_symlinks=False)
+    except OSError:
+        shutil.copy2(source, target, follow_symlinks=False)
+
+
+def _exchange(draft: Path, folder: Path) -> None:
+    """Let draft and folder change places in one step, where the system can; what was there is left as the draft."""
+    if not folder.exists():
+        os.rename(draft, folder)
+        return
+    os.chmod(draft, folder.stat().st_mode & 0o777)
+    with suppress(AttributeError, OSError):
+        rename = ctypes.CDLL(None, use_errno=True).renameat2
+        if rename(_AT_FDCWD, os.fsencode(draft), _AT_FDCWD, os.fsencode(folder), _RENAME_EXCHANGE) == 0:
+            return
+    try:
+        os.rename(folder, draft.with_name("old"))
+    except OSError as err:  # the folder is where a disk is mounted
+        if err.errno not in (errno.EBUSY, errno.EXDEV, errno.EACCES, errno.EPERM):
+            raise
+        _replace_files(draft, folder)
+        return
+    os.rename(draft, folder)
+
+
+def _replace_files(draft: Path, folder: Path) -> None:
+    """Exchange file by file: without a manifest until the last is in its place, so that nobody takes it for whole."""
+    new = _files_in(draft)
+    (folder / MANIFEST).unlink(missing_ok=True)
+    for name in set(_files_in(folder)) - set(new):
+        (folder / name).unlink()
+    for name in sorted(new, key=lambda n: n == MANIFEST):
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        os.replace(draft / name, folder / name)
+
+
+def _clear_dead_drafts(parent: Path) -> None:
+    """Remove the drafts of commands on this machine that were killed."""
+    own = draft_prefix().rpartition(f"{os.getpid()}-")[0]
+    for path in parent.glob(f"{own}*"):
+        found = re.match(r"(\d+)-", path.name[len(own) :])
+        if found is None or _is_alive(int(found[1])):
+            continue
+        if path.is_dir():
+            shutil.rmtree(path, ignore_errors=True)
+        else:
+            path.unlink(missing_ok=True)
+
+
+def _is_alive(pid: int) -> bool:
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    except OSError:
+        return True
+    return True
