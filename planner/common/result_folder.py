@@ -1,4 +1,4 @@
-"""A folder of results, exchanged as a whole, with its manifest: what was written there, and by which kind of command."""
+"""A folder of results, exchanged as a whole, with its manifest: which kind of command wrote what there."""
 
 import ctypes
 import errno
