@@ -22,10 +22,10 @@ from planner.cell.places import (
     read_tool,
     unit_vector,
 )
-from planner.common.errors import InputError, did_you_mean, raise_together
+from planner.common.errors import InputError, did_you_mean, read_together
 from planner.common.files import data_folder
 from planner.common.schema import read_toml
-from planner.common.units import MM, MM_PER_MIN, from_deg, from_mm, read_only
+from planner.common.units import MM, MM_PER_MIN, Array, from_deg, from_mm, read_only
 from planner.kinematics.robot import Robot
 from planner.kinematics.robot_reader import load_robot
 
@@ -161,24 +161,19 @@ def cell_of(file: CellFile, path: Path, name: str, planning: bool = True) -> Cel
     if planning:
         check_units(path, file)
     robot = load_robot(file.robot, path.parent, file.tip, file.plan.beta)
-    if planning:
-        raise_together(
-            lambda: _check_drives(robot),
-            lambda: read_joint_angles(path, robot, "home_deg", file.home_deg),
-            lambda: read_tool(path, file.tool, robot, planning),
-            lambda: gauge.read(path, robot, file, planning),
-            lambda: gauge.read_places(path, robot, file),
-        )
-    places = gauge.read_places(path, robot, file) if planning else read_fixtures(path, robot, file)
-    home = np.clip(0.0, robot.q_lower, robot.q_upper)
-    if planning or file.home_deg is not None:
-        home = read_joint_angles(path, robot, "home_deg", file.home_deg)
+    _, home, tool, instrument, places = read_together(
+        lambda: _check_drives(robot) if planning else None,
+        lambda: _read_home(path, file, robot, planning),
+        lambda: read_tool(path, file.tool, robot, planning),
+        lambda: gauge.read(path, robot, file, planning),
+        lambda: gauge.read_places(path, robot, file) if planning else read_fixtures(path, robot, file),
+    )
     return Cell(
         name=name,
         robot=robot,
         home=home,
-        tool=read_tool(path, file.tool, robot, planning),
-        gauge=gauge.read(path, robot, file, planning),
+        tool=tool,
+        gauge=instrument,
         fixtures=places,
         balls=read_balls(path, file),
         obstacles=tuple(b.body(f"obstacle {k + 1}", path.parent) for k, b in enumerate(file.obstacles)),
@@ -196,6 +191,12 @@ def cell_of(file: CellFile, path: Path, name: str, planning: bool = True) -> Cel
         nests=read_nests(file),
         circles=_read_circles(path, file),
     )
+
+
+def _read_home(path: Path, file: CellFile, robot: Robot, planning: bool) -> Array:
+    if planning or file.home_deg is not None:
+        return read_joint_angles(path, robot, "home_deg", file.home_deg)
+    return np.asarray(np.clip(0.0, robot.q_lower, robot.q_upper))
 
 
 def _check_drives(robot: Robot) -> None:

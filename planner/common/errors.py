@@ -4,6 +4,7 @@ import re
 import unicodedata
 from collections.abc import Callable
 from difflib import get_close_matches
+from typing import Any
 
 PARTLY_DONE = 5
 """Exit code of a command that has written its result, and has left parts of the input as they were."""
@@ -66,17 +67,18 @@ def did_you_mean(word: str, known: list[str]) -> str:
     return f'; did you mean "{match[0]}"?' if match else ""
 
 
-def raise_together(*readers: Callable[[], object]) -> None:
-    """Call every reader, so that one message names all that is wrong.
+def read_together(*readers: Callable[[], Any]) -> list[Any]:
+    """Return what every reader returns; all are called, so that one message names all that is wrong.
 
     Raises:
         InputError: the messages of those that raised one, a line each.
     """
-    found: list[str] = []
+    found, messages = list[Any](), list[str]()
     for read in readers:
         try:
-            read()
+            found.append(read())
         except InputError as error:
-            found.append(str(error))
-    if found:
-        raise InputError("\n".join(dict.fromkeys(found)))
+            messages.append(str(error))
+    if messages:
+        raise InputError("\n".join(dict.fromkeys(messages)))
+    return found
