@@ -17,33 +17,14 @@ from planner.programs.languages.execution import known_statements
 from planner.programs.languages.gcode import Block, parse
 from planner.programs.languages.statements import PlacedNumber, Slot
 
-_MOTION_WORDS = {"G0", "G1", "G2", "G3", "G5", "G33", "G100", "G101", "G102", "G103"}
-_BESIDE = {
-    "G4",
-    "G9",
-    "G53",
-    "G153",
-    "G60",
-    "G61",
-    "G61.1",
-    "G64",
-    "G90",
-    "G93",
-    "G94",
-    "G95",
-    "G641",
-    "G642",
-    "G126",
-    "G161",
-}
+_MOTION_WORDS = set("G0 G1 G2 G3 G5 G33 G100 G101 G102 G103".split())
+_BESIDE = set("G4 G9 G53 G153 G60 G61 G61.1 G64 G90 G93 G94 G95 G641 G642 G126 G161".split())
 _OFFSETS = {f"G5{k}" for k in range(4, 10)} | {"G59.1", "G59.2", "G59.3"}
-_HARMLESS = (  # they neither move an axis nor change what its angle means
-    _BESIDE
-    | _MOTION_WORDS
-    | {"G8", "G17", "G18", "G19", "G21", "G40", "G49", "G71", "G80", "G90.1", "G91.1", "G92.1", "G97", "G450", "G451"}
-    | {"G460", "G500", "G601", "G602", "G603", "G643", "G644", "G645", "G710"}
-)
-_SWITCHES = {"M0", "M1", "M2", "M3", "M4", "M5", "M7", "M8", "M9", "M17", "M30", *(f"M{k}" for k in range(62, 69))}
+_HARMLESS = {  # they neither move an axis nor change what its angle means
+    *_BESIDE, *_MOTION_WORDS, *"G8 G17 G18 G19 G21 G40 G49 G71 G80 G90.1 G91.1 G92.1 G97 G450 G451 G460".split(),
+    *"G500 G601 G602 G603 G643 G644 G645 G710".split(),
+}  # fmt: skip
+_SWITCHES = {*"M0 M1 M2 M3 M4 M5 M7 M8 M9 M17 M30".split(), *(f"M{k}" for k in range(62, 69))}
 _CARTESIAN = set("XYZABCUVWIJKE")  # and E, with which an exponent would begin
 _REFUSED = {"G20": "inches", "G70": "inches", "G700": "inches", "G91": "relative angles", "G162": "relative angles"}
 _SWITCHED = {"linuxcnc": {f"M{k}" for k in (128, 129, 130, 428, 429, 430)}}  # that change what axis words mean
@@ -123,8 +104,7 @@ class _GcodeTargets:
         if tool := self._tool_offset(block):
             sentence = f"{tool} found: a tool offset or a group of offsets, whose lengths are not known here"
             self.reading.refuse(block.line, sentence)
-        foreign = [name for name, _ in found if name in _CARTESIAN and name not in self.axes]
-        if foreign:
+        if foreign := [name for name, _ in found if name in _CARTESIAN and name not in self.axes]:
             sentence = f"the word {foreign[0]} found; the robot's axes are {' '.join(self.joints)} in this dialect"
             self.reading.refuse(block.line, sentence)
         elif words := [word for word in found if word[0] in self.axes]:
@@ -189,8 +169,7 @@ class _GcodeTargets:
         return "" if calls or is_statement(said.strip()) else f"'{block.text[:60]}' {_UNKNOWN}"
 
     def _move(self, block: Block, words: list[tuple[str, PlacedNumber]]) -> None:
-        wrong = self._why_not(block, [name for name, _ in words])
-        if wrong:
+        if wrong := self._why_not(block, [name for name, _ in words]):
             self.reading.refuse(block.line, wrong)
             return
         if self.called:
@@ -208,8 +187,7 @@ class _GcodeTargets:
                 slots.append(given[name].slot(DEG, DEG_DECIMALS))
             else:
                 slots.append(Slot(after, after, DEG, DEG_DECIMALS, prefix=f" {name}{'=' if self.equals else ''}"))
-        unknown = [name for name, angle in zip(self.joints, self.last, strict=True) if angle is None]
-        if unknown:
+        if unknown := [name for name, angle in zip(self.joints, self.last, strict=True) if angle is None]:
             sentence = (
                 f"the angle of {', '.join(unknown)} is not known here; the first move, and the first after a jump, "
                 "must name all axes"
@@ -231,8 +209,8 @@ class _GcodeTargets:
             self.reading.notes.append((block.line, f"no {self.work_offset}: the work offset is taken as zero"))
         return True
 
-    def _why_not(self, block: Block, names: list[str]) -> str | None:
-        """Say why a block with axis words cannot be compensated."""
+    def _why_not(self, block: Block, names: list[str]) -> str:
+        """Say why a block with axis words cannot be compensated; nothing where it can."""
         allowed = rf"{self.motion}|G0"
         strange = [code for code in block.codes if code not in _BESIDE and not re.fullmatch(allowed, code)]
         if not re.fullmatch(allowed, self.mode) or strange:
@@ -245,7 +223,7 @@ class _GcodeTargets:
                 return f"axis {name} is not one of the robot's; {' '.join(self.joints)} are allowed"
             if names.count(name) > 1:
                 return f"axis {name} stands twice"
-        return None
+        return ""
 
 
 def _unit_sentence(code: str) -> str:

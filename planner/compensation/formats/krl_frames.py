@@ -26,14 +26,8 @@ from planner.compensation.points import Frame, FramePair, trace_sources
 from planner.compensation.targets import ToolAndBase
 from planner.programs.languages.krl import Bas
 
-FOLLOWED = (
-    "$TOOL",
-    "$BASE",
-    "$IPO_MODE",
-    "$ORI_TYPE",
-    "FDAT_ACT",
-    "LDAT_ACT",
-)  # variables whose value a pose depends on
+# variables whose value a pose depends on
+FOLLOWED = ("$TOOL", "$BASE", "$IPO_MODE", "$ORI_TYPE", "FDAT_ACT", "LDAT_ACT")
 _FIXED_BASE, _VARIABLE = "#BASE", "#VAR"
 _MAKERS_OWN = re.compile(r"IR_STOPM|[AH]\d\d")  # routines of interrupts that inline forms declare
 _WITH_TAUGHT = re.compile(  # the frames of a point taught by inline form, as a spline move takes them
@@ -186,21 +180,23 @@ class FrameState:
         if calls_function(statement):
             self.forget()
         which = statement.name.lstrip("$")
-        if which == "FDAT_ACT":
+        if which in KINDS:
+            self._set(which, self._assigned_frame(statement))
+        elif which == "FDAT_ACT":
             self._set(which, "" if statement.part else self._values.resolve_fdat(statement.value))
-            return
-        if which == "LDAT_ACT":
+        elif which == "LDAT_ACT":
             self._set(which, "" if statement.part else statement.value)
-            return
-        if which not in KINDS:
+        else:
             self._set(which, statement.value.upper())
-            return
+
+    def _assigned_frame(self, statement: st.Assignment) -> Frame:
+        """Return the frame that is given to $TOOL or $BASE, or why it is not certain."""
         T: Frame | None = None if statement.part else plain_frame(statement.value)
         name = one_spelling(statement.value)
         if T is None and not statement.part and re.fullmatch(r"[A-Z_]\w*(\[\d+\])?", name):
             known = name in self._values or TABLE.fullmatch(name)
             T = self._find_frame(name) if known and name not in self._shadowed else None
-        self._set(which, describe_change(statement) if T is None else T)
+        return describe_change(statement) if T is None else T
 
     def assign_named(self, statement: st.Assignment) -> None:
         """Take in that a frame with a name gets its value here."""

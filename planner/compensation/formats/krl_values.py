@@ -57,12 +57,11 @@ class FrameValues:
         self._on_kinematic: dict[str, str] = {}  # bases that stand on an external kinematic
         self.everywhere, self.set_by_code, self._changes = "", dict[str, int](), changes
         said = [*parse(given.data), *statements]
-        for s in said:
-            if isinstance(s, st.Assignment):
-                self._take_frame(s)
-                self._take_fdat(s)
-                self._take_ldat(s)
-        self._take_kinematics(said)
+        assigned = [s for s in said if isinstance(s, st.Assignment)]
+        for s in assigned:
+            self._take_frame(s)
+            self._take_taught(s, one_spelling(s.name))
+        self._take_kinematics(assigned)
         self._take_doubts(statements)
         self._take_given(list(self._selections(statements)), given)
 
@@ -124,25 +123,17 @@ class FrameValues:
                 self.set_by_code[name] = statement.line
             self._frames[name] = T
 
-    def _take_fdat(self, statement: st.Assignment) -> None:
-        """Take in the data that a point is taught with; where they change, they say nothing."""
-        name = one_spelling(statement.name)
-        if name == "FDAT_ACT" or not (statement.kind == "FDAT" or name in self._fdats or _FDAT.fullmatch(name)):
-            return
-        said = statement.value.upper()
-        plain = not statement.part and said.startswith("{") and self._fdats.get(name, said) == said
-        self._fdats[name] = said if plain else ""
-
-    def _take_ldat(self, statement: st.Assignment) -> None:
-        """Take in how the straight moves with some LDAT turn; nothing where that changes."""
-        name = one_spelling(statement.name)
+    def _take_taught(self, statement: st.Assignment, name: str) -> None:
+        """Take in data that points are taught with (FDAT), and how straight moves turn (LDAT)."""
+        value = "" if statement.part else statement.value
+        if name != "FDAT_ACT" and (statement.kind == "FDAT" or name in self._fdats or _FDAT.fullmatch(name)):
+            _keep_unless_changed(self._fdats, name, value.upper() if value.startswith("{") else "")
         if name != "LDAT_ACT" and (statement.kind == "LDAT" or name in self._orientations):
-            said = "" if statement.part else _orientation_in(statement.value)
-            self._orientations[name] = said if self._orientations.get(name, said) == said else ""
+            _keep_unless_changed(self._orientations, name, _orientation_in(value))
 
-    def _take_kinematics(self, statements: Sequence[st.Statement]) -> None:
+    def _take_kinematics(self, statements: Sequence[st.Assignment]) -> None:
         """Take in which bases do not stand on the floor (MACHINE_FRAME_DAT, MACHINE_DEF of ``$config.dat``)."""
-        own = [(one_spelling(s.name), s.value.upper()) for s in statements if isinstance(s, st.Assignment)]
+        own = [(one_spelling(s.name), s.value.upper()) for s in statements]
         robots = {name for name, value in own if name.startswith("MACHINE_DEF[") and "#ROBOT" in value}
         for name, value in own:
             frame_of = re.fullmatch(r"MACHINE_FRAME_DAT(\[\d+\])", name)
@@ -186,6 +177,11 @@ class FrameValues:
             if T is not None and len(missing) == 1:
                 self._frames[missing.pop()] = T
             self.unsaid.append(None if names else T)
+
+
+def _keep_unless_changed(table: dict[str, str], name: str, said: str) -> None:
+    """Note what is said of a name; nothing is certain once something else has been."""
+    table[name] = said if table.get(name, said) == said else ""
 
 
 def _orientation_in(ldat: str) -> str:
