@@ -19,6 +19,18 @@ FramePair = tuple[Frame, Frame]
 Numbers = dict[str, PlacedNumber] | list[PlacedNumber]
 
 
+@dataclass(frozen=True)
+class Use:
+    """A move to a position: tool and base, the index of the target before it, and whether it is a line or a circle.
+
+    ``follows`` is None where the target before is not certain.
+    """
+
+    frames: FramePair
+    follows: int | None
+    linear: bool
+
+
 @dataclass
 class DeclaredPose:
     """A position declared by name.
@@ -27,8 +39,7 @@ class DeclaredPose:
         name: with its index, where it is one of a row.
         line: where its numbers stand; 0 in another file.
         value: its numbers, by name or in order; None where they are not in this file or are not plain numbers.
-        frames: tool and base at each move to it.
-        follows: index of the target before each move to it, None where that is not certain.
+        uses: the moves to it.
         index: its place among the targets, once a move has used it.
     """
 
@@ -36,9 +47,7 @@ class DeclaredPose:
     line: int
     value: Numbers | None
     typed: bool = True
-    frames: list[FramePair] = field(default_factory=list)
-    follows: list[int | None] = field(default_factory=list)
-    linear: list[bool] = field(default_factory=list)
+    uses: list[Use] = field(default_factory=list)
     index: int | None = None
 
 
@@ -67,7 +76,7 @@ class PointTable:
         """Note why ``name`` has no certain value; an index that is computed means every one of a row."""
         self._computed.setdefault(name if _fixed_index(name) else _base(name), why)
 
-    def use(self, name: str, line: int, frames: FramePair, follows: int | None, linear: bool) -> int | None:
+    def use(self, name: str, line: int, use: Use) -> int | None:
         """Note that a move goes to ``name``, and return its index among the targets, if it is one.
 
         ``line`` is the move's, 0 in another file.
@@ -78,9 +87,7 @@ class PointTable:
         for pose in found:
             if pose.line and pose.index is None:
                 pose.index = self.reading.reserve()
-            pose.frames.append(frames)
-            pose.follows.append(follows)
-            pose.linear.append(linear)
+            pose.uses.append(use)
         if line and (why := self._why_computed(name)):
             self.reading.leave(line, f"{_short(name)} {why}")
         return found[0].index if len(found) == 1 else None
@@ -94,19 +101,21 @@ class PointTable:
         for poses in self._poses.values():
             for pose in poses:
                 computed = bool(self._why_computed(pose.name))
-                if not pose.line or not (pose.frames or (pose.typed and not computed)):
+                if not pose.line or not (pose.uses or (pose.typed and not computed)):
                     continue  # of the other half, a frame of its own, or a place where the program keeps something
                 if why := self._why_not(pose, poses):
-                    self.reading.leave(pose.line, why)
+                    self.reading.leave(pose.line, f"{_short(pose.name)}{why}")
                 else:
                     yield pose
 
     def _why_not(self, pose: DeclaredPose, others: list[DeclaredPose]) -> str:
         if sum(other.name == pose.name for other in others) > 1:
-            return f"{_short(pose.name)} has more than one value in this file"
+            return " has more than one value in this file"
         if why := self._why_computed(pose.name):
-            return f"{_short(pose.name)} {why}"
-        return "" if pose.value is not None else f"{_short(pose.name)}: plain numbers are allowed"
+            return f" {why}"
+        if pose.value is None:
+            return ": plain numbers are allowed"
+        return f" {SENTENCE}" if is_service_name(_short(pose.name)) else ""
 
     def _why_computed(self, name: str) -> str:
         return self._computed.get(name, self._computed.get(_base(name), ""))
@@ -132,8 +141,9 @@ def _fixed_index(name: str) -> bool:
     return re.fullmatch(r"[^\[{]*([\[{]\s*\d+\s*[\]}])?", name) is not None
 
 
-def common_frames(frames: Sequence[FramePair]) -> FramePair:
-    """Return tool and base if all moves to a point agree about both, else why not."""
+def common_frames(uses: Sequence[Use], unused: FramePair) -> FramePair:
+    """Return tool and base if all moves to a point agree about both, else why not; ``unused`` where there is none."""
+    frames = [use.frames for use in uses] or [unused]
     for pair in frames:
         for one, other in zip(frames[0], pair, strict=True):
             if isinstance(one, str) or isinstance(other, str):

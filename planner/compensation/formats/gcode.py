@@ -17,14 +17,16 @@ from planner.programs.languages.execution import known_statements
 from planner.programs.languages.gcode import Block, parse
 from planner.programs.languages.statements import PlacedNumber, Slot
 
-_MOTION_WORDS = set("G0 G1 G2 G3 G5 G33 G100 G101 G102 G103".split())
-_BESIDE = set("G4 G9 G53 G153 G60 G61 G61.1 G64 G90 G93 G94 G95 G641 G642 G126 G161".split())
-_OFFSETS = {f"G5{k}" for k in range(4, 10)} | {"G59.1", "G59.2", "G59.3"}
-_HARMLESS = {  # they neither move an axis nor change what its angle means
-    *_BESIDE, *_MOTION_WORDS, *"G8 G17 G18 G19 G21 G40 G49 G71 G80 G90.1 G91.1 G92.1 G97 G450 G451 G460".split(),
-    *"G500 G601 G602 G603 G643 G644 G645 G710".split(),
+_MOTION_WORDS = {"G0", "G1", "G2", "G3", "G5", "G33", "G100", "G101", "G102", "G103"}
+_BESIDE = {
+    "G4", "G9", "G53", "G153", "G60", "G61", "G61.1", "G64", "G90", "G93", "G94", "G95", "G641", "G642", "G126", "G161",
 }  # fmt: skip
-_SWITCHES = {*"M0 M1 M2 M3 M4 M5 M7 M8 M9 M17 M30".split(), *(f"M{k}" for k in range(62, 69))}
+_OFFSETS = {f"G5{k}" for k in range(4, 10)} | {"G59.1", "G59.2", "G59.3"}
+_HARMLESS = _BESIDE | _MOTION_WORDS | {  # they neither move an axis nor change what its angle means
+    "G8", "G17", "G18", "G19", "G21", "G40", "G49", "G71", "G80", "G90.1", "G91.1", "G92.1", "G97", "G450", "G451",
+    "G460", "G500", "G601", "G602", "G603", "G643", "G644", "G645", "G710",
+}  # fmt: skip
+_SWITCHES = {"M0", "M1", "M2", "M3", "M4", "M5", "M7", "M8", "M9", "M17", "M30", *(f"M{k}" for k in range(62, 69))}
 _CARTESIAN = set("XYZABCUVWIJKE")  # and E, with which an exponent would begin
 _REFUSED = {"G20": "inches", "G70": "inches", "G700": "inches", "G91": "relative angles", "G162": "relative angles"}
 _SWITCHED = {"linuxcnc": {f"M{k}" for k in (128, 129, 130, 428, 429, 430)}}  # that change what axis words mean

@@ -3,6 +3,7 @@
 import re
 from collections.abc import Sequence
 
+import planner.compensation.points as pt
 import planner.compensation.targets as tg
 import planner.programs.languages.statements as st
 from planner.common.units import DEG, MM, read_only
@@ -16,7 +17,6 @@ from planner.compensation.formats.krl_calls import (
 )
 from planner.compensation.formats.krl_frames import FOLLOWED, FrameState, frame_sources
 from planner.compensation.formats.krl_values import transform
-from planner.compensation.points import SENTENCE, DeclaredPose, FramePair, PointTable, common_frames, is_service_name
 from planner.programs.dialect import Dialect
 from planner.programs.languages.krl import EXTERNAL, POSE_KEYS, Aggregate, Bas, KrlMove, aggregate, parse
 
@@ -52,7 +52,7 @@ class _KrlTargets:
         self.frames = FrameState(statements, reading.frames)
         said = [*parse(reading.frames.data), *statements]
         self.driven = {axis.upper() for s in said for axis in _DRIVEN.findall(s.text)}  # external axes that move
-        self.points = PointTable(reading, "file")
+        self.points = pt.PointTable(reading, "file")
         for name, line in frame_sources(statements).items():
             self.points.compute(name, f"makes a tool or a base (line {line})")
         self.last: int | None = None  # index of the target that the arm comes from, where that is certain
@@ -95,22 +95,22 @@ class _KrlTargets:
         self.own = True
         for pose in self.points.finish():
             assert isinstance(pose.value, dict)
-            if is_service_name(pose.name):
-                self.reading.leave(pose.line, f"{pose.name} {SENTENCE}")
-            elif "A1" in pose.value:
+            if "A1" in pose.value:
                 self._joints(pose.line, pose.value, pose.index)
             else:
                 self._note_pose(pose, pose.value)
 
-    def _note_pose(self, pose: DeclaredPose, value: Numbers) -> None:
+    def _note_pose(self, pose: pt.DeclaredPose, value: Numbers) -> None:
         """Note a pose that is declared by name."""
-        used, taught = pose.frames, self.frames.taught_frames(pose.name)
-        if not used and taught is not None and not any(said.startswith("no move") for _, said in self.reading.notes):
+        taught = self.frames.taught_frames(pose.name)
+        if (
+            not pose.uses
+            and taught is not None
+            and not any(said.startswith("no move") for _, said in self.reading.notes)
+        ):
             self.reading.notes.append((pose.line, _UNSEEN.format(pose.name)))
-        frames = common_frames(used or [taught or self.frames.default_frames()])
-        follows = None if None in pose.follows else [i for i in pose.follows if i is not None]
-        straight = tuple(i for i, line in zip(pose.follows, pose.linear, strict=True) if line and i is not None)
-        self._pose(pose.line, value, frames, follows, inherits=False, index=pose.index, straight=straight)
+        frames = pt.common_frames(pose.uses, taught or self.frames.default_frames())
+        self._pose(pose.line, value, frames, pose.uses, inherits=False, index=pose.index)
 
     def _hand_points(self, statement: st.Statement) -> None:
         """A routine or a function may drive to the points that it is given, and may change them."""
@@ -119,7 +119,7 @@ class _KrlTargets:
                 self.points.compute(name, f"is set in line {statement.line} while the program runs")
         for name in names_given_away(statement):
             if self.points.has(name):
-                self.points.use(name, 0, self.frames.default_frames(), None, linear=False)
+                self.points.use(name, 0, pt.Use(self.frames.default_frames(), None, linear=False))
                 if self.frames.may_write(statement):
                     where = f"line {statement.line}" + ("" if self.own else " of the other half of the module")
                     self.points.compute(name, f"is handed to a routine that may change it ({where})")
@@ -141,8 +141,8 @@ class _KrlTargets:
         if calls_function(move):
             self.last = None
             self.frames.forget()
-        if is_service_name(self.routine):
-            self._leave(move.line, f"{self.routine} {SENTENCE}")
+        if pt.is_service_name(self.routine):
+            self._leave(move.line, f"{self.routine} {pt.SENTENCE}")
         elif move.relative:
             self._leave(move.line, f"'{move.text}' moves relative to where the arm is: it keeps the correction there")
         elif not move.targets:
@@ -161,14 +161,15 @@ class _KrlTargets:
             return f"'{move.rest[:60]}' in line {move.line} is no part of a move that is known here"
         return self.frames.keeps_orientation(move.rest) if linear else ""
 
-    def _target(self, move: KrlMove, target: Aggregate | str, frames: FramePair, linear: bool) -> None:
+    def _target(self, move: KrlMove, target: Aggregate | str, frames: pt.FramePair, linear: bool) -> None:
+        use = pt.Use(frames, self.last, linear)
         if isinstance(target, str):
             if self.frames.hides(target):
                 self._leave(move.line, f"{target} is a variable of the routine: its value is not in the file")
                 return
             named = not target.startswith("$")
             line = move.line if self.own else 0
-            self.last = self.points.use(target, line, frames, self.last, linear) if named else None
+            self.last = self.points.use(target, line, use) if named else None
         elif not self.own:
             self.last = None
         elif target.numbers is None:
@@ -176,8 +177,7 @@ class _KrlTargets:
         elif target.numbers.keys().isdisjoint(POSE_KEYS):
             self.last = self._joints(move.line, target.numbers)
         else:
-            follows = None if self.last is None else [self.last]
-            self.last = self._pose(move.line, target.numbers, frames, follows, linear)
+            self.last = self._pose(move.line, target.numbers, frames, [use], inherits=linear)
 
     def _read_assignment(self, statement: st.Assignment) -> None:
         """Note a position declared with its numbers, or computed; other structures are none of ours."""
@@ -199,7 +199,7 @@ class _KrlTargets:
         if (value.numbers is None and typed) or "A1" in keys or set(POSE_KEYS) <= keys:
             sure = kind in (*_JOINT_TYPES, "E6POS", "POS") or "S" in keys or (not kind and "A1" in keys)
             if typed or not kind:
-                self.points.declare(DeclaredPose(name, line, value.numbers, sure))
+                self.points.declare(pt.DeclaredPose(name, line, value.numbers, sure))
         elif not kind and value.numbers is not None:
             self.points.compute(name, f"is computed while the program runs ({where})")
 
@@ -221,11 +221,10 @@ class _KrlTargets:
         self,
         line: int,
         found: Numbers,
-        frames: FramePair,
-        follows: list[int] | None,
+        frames: pt.FramePair,
+        uses: Sequence[pt.Use],
         inherits: bool,
         index: int | None = None,
-        straight: tuple[int, ...] = (),
     ) -> int | None:
         """Note a pose, and return its index; a line or a circle that ``inherits`` keeps the shape of the arm."""
         if not self._complete(line, found, POSE_KEYS, ("S", "T")):
@@ -233,12 +232,11 @@ class _KrlTargets:
         if len({"S", "T"} & found.keys()) == 1 and not inherits:
             self._leave(line, "S without T, or T without S: which way the arm takes there is not certain")
             return None
-        configuration = _configuration(found)
-        if (configuration is None or inherits) and follows:
-            configuration = None
-        else:
-            follows = []
-        if why := self._why_not(found, frames, configuration, follows):
+        known, configuration = [use.follows for use in uses if use.follows is not None], _configuration(found)
+        follows = tuple(known) if len(known) == len(uses) and (configuration is None or inherits) else ()
+        configuration = None if follows else configuration
+        straight = () if inherits else tuple(u.follows for u in uses if u.linear and u.follows is not None)
+        if why := self._why_not(found, frames, is_sure=configuration is not None or bool(follows)):
             self._leave(line, why)
             return None
         T_FT, T_WB = frames
@@ -253,12 +251,10 @@ class _KrlTargets:
         T_BT = transform(Aggregate("", found))
         assert T_BT is not None
         pose = tg.CartesianTarget(T_BT, "abc", words, T_WB, T_FT, configuration)
-        return self.reading.add(
-            tg.Target(line, tuple(slots), pose=pose, follows=tuple(follows), straight=straight), index
-        )
+        return self.reading.add(tg.Target(line, tuple(slots), None, pose, follows, straight), index)
 
-    def _why_not(self, found: Numbers, frames: FramePair, configuration: StatusTurn | None, follows: list[int]) -> str:
-        """Say why the file does not say for certain where the arm is to stand, if it does not."""
+    def _why_not(self, found: Numbers, frames: pt.FramePair, is_sure: bool) -> str:
+        """Say why the file does not say for certain where the arm is to stand; ``is_sure``: in which shape it does."""
         written = _configuration(found)
         if written is not None and written.status & ACCURATE and not self.reading.frames.uncorrected:
             return (
@@ -270,7 +266,7 @@ class _KrlTargets:
             return f"where this pose lies is not certain: {why}"
         if unknown:
             return f"the file does not say the {' and '.join(unknown)} of this pose{_HINT}"
-        if configuration is None and not follows:
+        if not is_sure:
             return "the pose says no status and turn (S, T), and the target before it is not certain"
         if unsaid := sorted(self.driven - found.keys()):
             return f"{unsaid[0]} is not said here and keeps its last value, which other lines set"

@@ -2,9 +2,11 @@
 
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
+import planner.compensation.points as pt
 import planner.compensation.targets as tg
 import planner.programs.languages.statements as st
 from planner.common.units import MM, Array, read_only
@@ -19,7 +21,6 @@ from planner.compensation.formats.rapid_frames import (
     may_change,
     place,
 )
-from planner.compensation.points import SENTENCE, DeclaredPose, FramePair, PointTable, common_frames, is_service_name
 from planner.compensation.rotations import pose_matrix
 from planner.programs.dialect import Dialect
 from planner.programs.languages.rapid import JOINT_TARGET, ROB_TARGET, UNUSED, Argument, RapidMove, parse
@@ -57,7 +58,7 @@ class _RapidTargets:
         placed = [*own, *beside]
         self.reading = reading
         self.names = Names(placed)
-        self.points = PointTable(reading, "module")
+        self.points = pt.PointTable(reading, "module")
         self.heads = {
             r.name.lower(): r.text.partition("(")[2] for p in placed if isinstance(r := p.statement, st.Routine)
         }
@@ -99,7 +100,7 @@ class _RapidTargets:
             for k, row in enumerate(rows, start=1):
                 numbers = None if row is None else _numbers(row[0], statement.value_start + row.start())
                 line = statement.line + (0 if row is None else value[: row.start()].count("\n"))
-                self.points.declare(DeclaredPose(f"{name}{{{k}}}" if statement.part else name, line, numbers))
+                self.points.declare(pt.DeclaredPose(f"{name}{{{k}}}" if statement.part else name, line, numbers))
 
     def take(self, p: Placed) -> None:
         """Take in one statement, now that all declarations are known."""
@@ -134,7 +135,7 @@ class _RapidTargets:
                 name = re.match(r"(?:(?:Offs|RelTool)\s*\(\s*)?([A-Za-z]\w*)\s*(\{[^}]*\})?", argument.text)
                 key = self.names.resolve(p, name[1]) + (name[2] or "") if name else ""
                 if self.points.has(key):
-                    self.points.use(key, 0, self.frames.of(p, move), None, linear=False)
+                    self.points.use(key, 0, pt.Use(self.frames.of(p, move), None, linear=False))
 
     def _use_elsewhere(self, p: Placed, names: set[str]) -> None:
         """Note points that a statement hands on: a routine of the file, or that of another, may drive to them."""
@@ -147,7 +148,7 @@ class _RapidTargets:
             frames = self.frames.default_frames(why)
         for key in points:
             if not self.points.is_computed(key, _COMPUTED):
-                self.points.use(key, 0, frames, None, linear=False)
+                self.points.use(key, 0, pt.Use(frames, None, linear=False))
 
     def _says_frames(self, p: Placed) -> bool:
         """Tell whether a call is of a routine of the files, or names one of their tools or work objects."""
@@ -163,21 +164,14 @@ class _RapidTargets:
             self.reading.notes.append((1, said))
         for pose in self.points.finish():
             assert isinstance(pose.value, list)
-            self._note_pose(pose, pose.value)
-
-    def _note_pose(self, pose: DeclaredPose, value: list[st.PlacedNumber]) -> None:
-        name = pose.name.rpartition(".")[2]
-        if is_service_name(name):
-            self.reading.leave(pose.line, f"{name} {SENTENCE}")
-        elif len(value) == 12:
-            self._joints(pose.line, value, pose.index)
-        else:
-            frames = common_frames(pose.frames or [self.frames.default_frames("no move of this file uses it")])
-            self._pose(pose.line, value, frames, pose.follows, pose.linear, pose.index)
+            if len(pose.value) == 12:
+                self._joints(pose.line, pose.value, pose.index)
+            else:
+                self._pose(pose.line, pose.value, pose.uses, pose.index)
 
     def _move(self, p: Placed, move: RapidMove) -> None:
-        if is_service_name(p.routine):
-            self.reading.leave(move.line, f"{p.routine} {SENTENCE}")
+        if pt.is_service_name(p.routine):
+            self.reading.leave(move.line, f"{p.routine} {pt.SENTENCE}")
             self.last = None
             return
         first = 0
@@ -189,23 +183,23 @@ class _RapidTargets:
             self.points.compute(found, f"{_COMPUTED} (line {move.line})")
         last = first + (2 if re.match(r"(move|trigg|search|arc|cap|disp|paint)c", move.word) else 1)
         for argument in move.arguments[first:last]:
-            self.last = self._argument(p, move, argument, self.frames.of(p, move))
+            linear = re.match(r"(move|trigg)(j|absj)|spotj", move.word) is None
+            self.last = self._argument(p, move.line, argument, pt.Use(self.frames.of(p, move), self.last, linear))
 
-    def _argument(self, p: Placed, move: RapidMove, argument: Argument, frames: FramePair) -> int | None:
-        line, value = move.line, re.sub(rf"{_OPTIONS}\s*$", "", argument.text)
-        linear = re.match(r"(move|trigg)(j|absj)|spotj", move.word) is None
+    def _argument(self, p: Placed, line: int, argument: Argument, use: pt.Use) -> int | None:
+        value = re.sub(rf"{_OPTIONS}\s*$", "", argument.text)
         name = re.fullmatch(r"[A-Za-z]\w*(?:\s*\{[^}]*\})?", value)
         if JOINT_TARGET.fullmatch(value):
             return self._joints(line, _numbers(value, argument.start))
         if ROB_TARGET.fullmatch(value):
-            return self._pose(line, _numbers(value, argument.start), frames, [self.last], [linear])
+            return self._pose(line, _numbers(value, argument.start), [use])
         if name:
             base, brace, rest = name[0].partition("{")
             key = self.names.resolve(p, base.strip()) + brace + rest
-            return self.points.use(key, line, frames, self.last, linear)
+            return self.points.use(key, line, use)
         if relative := _RELATIVE.match(value):
             key = self.names.resolve(p, relative[2])
-            self.points.use(key, 0, frames, None, linear)
+            self.points.use(key, 0, replace(use, follows=None))
             gets = "it gets the correction of that point, not its own" if self.points.has(key) else "it is computed"
             self.reading.leave(line, f"{relative[1]} from {relative[2]} found: {gets}")
         else:
@@ -221,25 +215,19 @@ class _RapidTargets:
         return self.reading.add_joints(line, found, index)
 
     def _pose(
-        self,
-        line: int,
-        found: list[st.PlacedNumber],
-        frames: FramePair,
-        follows: list[int | None],
-        linear: list[bool],
-        index: int | None = None,
+        self, line: int, found: list[st.PlacedNumber], uses: Sequence[pt.Use], index: int | None = None
     ) -> int | None:
         """Note a robtarget; where confdata is switched off, the arm keeps the shape in which it comes."""
         values = [number.value for number in found]
-        off = {self.conf_off.get("confl" if line_ else "confj", "") for line_ in linear}
-        known = [i for i in follows if i is not None]
-        why = self._why_not(values, frames, bool(off - {""}))
-        if not why and off - {""} and (len(known) < len(follows) or "" in off):
+        off = {self.conf_off.get("confl" if use.linear else "confj", "") for use in uses}
+        known = [use.follows for use in uses if use.follows is not None]
+        T_FT, T_WB = pt.common_frames(uses, self.frames.default_frames("no move of this file uses it"))
+        why = self._why_not(values, (T_FT, T_WB), bool(off - {""}))
+        if not why and off - {""} and (len(known) < len(uses) or "" in off):
             why = f"confdata is switched off in {max(off)}, and the target that the arm comes from is not certain"
         if why:
             self.reading.leave(line, why)
             return None
-        T_FT, T_WB = frames
         assert not isinstance(T_FT, str)
         assert not isinstance(T_WB, str)
         conf = [round(v) for v in values[7:11]]
@@ -250,7 +238,7 @@ class _RapidTargets:
         pose = tg.CartesianTarget(_pose_of(values), "quaternion", read_only(values[3:7]), T_WB, T_FT, configuration)
         return self.reading.add(tg.Target(line, slots, pose=pose, follows=() if configuration else tuple(known)), index)
 
-    def _why_not(self, values: list[float], frames: FramePair, off: bool) -> str:
+    def _why_not(self, values: list[float], frames: pt.FramePair, off: bool) -> str:
         """Say why the file does not say for certain where the arm is to stand, if it does not."""
         size = float(np.linalg.norm(values[3:7]))
         if abs(size - 1.0) > 1e-3:
