@@ -19,41 +19,45 @@ from planner.cli.terminal import errors
 from planner.common.errors import InputError, PlannerError
 from planner.common.files import INPUTS, OVERWRITING, short_path
 
-PLANNING, CALIBRATION = "plan_commands", "calibration_commands"
-VERBS = {  # name: (module, function, line in the list of commands)
-    "plan": (PLANNING, "plan_command", "Plan a measuring session: poses, path, robot program, report."),
-    "study": (PLANNING, "study_command", "Observability offline: what can be seen, and from where."),
-    "export": (PLANNING, "export_command", "Write the robot program of a plan in any dialect."),
-    "simulate": (CALIBRATION, "simulate_command", "Simulate the measured run of a plan."),
-    "identify": (CALIBRATION, "identify_command", "Identify the robot from measured runs."),
-    "import": (CALIBRATION, "import_command", "Bring controller and gauge traces into the run format."),
-    "compensate": (CALIBRATION, "compensate_command", "Correct a program for the calibrated robot."),
-    "accuracy": (
-        CALIBRATION,
-        "accuracy_command",
-        "Judge a robot by a tracker's run, or repeated centrings.",
-    ),
-    "plan-check": (CALIBRATION, "plan_check_command", "Plan ten poses that tell whether a robot has changed."),
-    "check": (CALIBRATION, "check_command", "Judge a check: what has changed, and what to do."),
-    "record": (CALIBRATION, "record_command", "Keep the history of one robot, and show its drift."),
-    "circular": (CALIBRATION, "circular_command", "Evaluate a circular test in the manner of ISO 230-4."),
-    "loaded": (CALIBRATION, "loaded_command", "Evaluate circles driven under load: joint compliances."),
-    "loaded-places": (PLANNING, "places_command", "Find where loaded circles tell the compliances apart."),
-    "plan-both": (PLANNING, "both_command", "Plan a session with an unloaded and a loaded bar."),
-    "centre": ("cell_commands", "centre_command", "Centre a head of indicators on the balls of a plan."),
-    "measure": ("cell_commands", "measure_command", "Read a bar or wire at each pose of a plan into a run."),
-    "serve": ("service_commands", "serve_command", "Serve the planner to browsers and programs."),
-    "robots": ("service_commands", "robots_command", "List the robots and cells that come with the planner."),
-    "dialects": ("service_commands", "dialects_command", "List the robot languages that programs can be written in."),
+PLANNING, CALIBRATION, CELL, SERVICE = "plan_commands", "calibration_commands", "cell_commands", "service_commands"
+VERBS = {  # name: (module, line in the list of commands); plan-check is plan_check_command there
+    "plan": (PLANNING, "Plan a measuring session: poses, path, robot program, report."),
+    "study": (PLANNING, "Observability offline: what can be seen, and from where."),
+    "export": (PLANNING, "Write the robot program of a plan in any dialect."),
+    "simulate": (CALIBRATION, "Simulate the measured run of a plan."),
+    "identify": (CALIBRATION, "Identify the robot from measured runs."),
+    "import": (CALIBRATION, "Bring controller and gauge traces into the run format."),
+    "compensate": (CALIBRATION, "Correct a program for the calibrated robot."),
+    "accuracy": (CALIBRATION, "Judge a robot by a tracker's run, or repeated centrings."),
+    "plan-check": (CALIBRATION, "Plan ten poses that tell whether a robot has changed."),
+    "check": (CALIBRATION, "Judge a check: what has changed, and what to do."),
+    "record": (CALIBRATION, "Keep the history of one robot, and show its drift."),
+    "circular": (CALIBRATION, "Evaluate a circular test in the manner of ISO 230-4."),
+    "loaded": (CALIBRATION, "Evaluate circles driven under load: joint compliances."),
+    "loaded-places": (PLANNING, "Find where loaded circles tell the compliances apart."),
+    "plan-both": (PLANNING, "Plan a session with an unloaded and a loaded bar."),
+    "centre": (CELL, "Centre a head of indicators on the balls of a plan."),
+    "measure": (CELL, "Read a bar or wire at each pose of a plan into a run."),
+    "serve": (SERVICE, "Serve the planner to browsers and programs."),
+    "robots": (SERVICE, "List the robots and cells that come with the planner."),
+    "dialects": (SERVICE, "List the robot languages that programs can be written in."),
 }
 
 
-class Verb(TyperCommand):
+class PlainSwitches:
     """A command whose help shows no type behind its switches: they take no value."""
 
     def get_params(self, ctx: Any) -> list[Any]:
         """Return the parameters, switches without a type."""
-        return hide_switch_types(super().get_params(ctx))
+        parameters: list[Any] = super().get_params(ctx)  # type: ignore[misc]
+        for parameter in parameters:
+            if getattr(parameter, "is_flag", False):
+                parameter.metavar = ""
+        return parameters
+
+
+class Verb(PlainSwitches, TyperCommand):
+    """One command."""
 
 
 Force = Annotated[bool, typer.Option("--force", help="write over files that somebody else has written")]
@@ -77,17 +81,13 @@ def with_force(function: Callable[..., None]) -> Callable[..., None]:
     return wrapped
 
 
-class Verbs(TyperGroup):
+class Verbs(PlainSwitches, TyperGroup):
     """The list of all verbs, and the one that is called."""
 
     def __init__(self, **attributes: Any) -> None:
         super().__init__(**attributes)
-        for name, (_, _, line) in VERBS.items():
+        for name, (_, line) in VERBS.items():
             self.add_command(TyperCommand(name, help=line))
-
-    def get_params(self, ctx: Any) -> list[Any]:
-        """Return the parameters, switches without a type."""
-        return hide_switch_types(super().get_params(ctx))
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """Return name, command and other words of what is called."""
@@ -95,19 +95,18 @@ class Verbs(TyperGroup):
         return name, None if name is None or command is None else load_command(name), words
 
 
-def hide_switch_types(parameters: list[Any]) -> list[Any]:
-    """Take the type off every option that has no value."""
-    for parameter in parameters:
-        if getattr(parameter, "is_flag", False):
-            parameter.metavar = ""
-    return parameters
+def command_function(name: str) -> Callable[..., None]:
+    """Return the function of the command ``name``."""
+    function: Callable[..., None] = getattr(
+        import_module(f"planner.cli.{VERBS[name][0]}"), f"{name.replace('-', '_')}_command"
+    )
+    return function
 
 
 def load_command(name: str) -> Any:
     """Return the command ``name``, with the libraries that it needs."""
-    module, function, _ = VERBS[name]
     alone = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
-    alone.command(name, cls=Verb)(with_force(getattr(import_module(f"planner.cli.{module}"), function)))
+    alone.command(name, cls=Verb)(with_force(command_function(name)))
     return typer.main.get_command(alone)
 
 

@@ -134,7 +134,7 @@ def export_command(
     print_next(f"run {output}, measure; {evaluation_step('run.csv', plan_file)}")
 
 
-def both_command(
+def plan_both_command(
     unloaded: Annotated[
         str, typer.Argument(metavar="UNLOADED", help="cell of the bar without load, or the plan.json of its plan")
     ],
@@ -157,7 +157,7 @@ def both_command(
     give(work, output, as_json, PLAN)
 
 
-def places_command(
+def loaded_places_command(
     cell: CellArgument,
     output: Output,
     places: Annotated[int, typer.Option(min=1, max=12, help="circles of the cell.toml that is written")] = 4,
