@@ -2,13 +2,12 @@
 
 __all__ = [
     "bayesian_design",
-    "bayesian_refinement",
     "candidates",
     "discrimination",
     "fixtures",
     "free_parameters",
     "observability",
-    "off_grid_bound",
+    "off_grid",
     "pose_selection",
     "selection",
 ]

@@ -1,13 +1,13 @@
-"""Which poses are measured: what can be identified, how many poses, the selection, its certificate, refinement."""
+"""Which poses are measured: what can be identified, how many poses, the selection and its certificate."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from planner.cell.cell import Cell
-from planner.cell.workspace import SAFETY_MARGIN, Workspace
-from planner.common.determinism import Positions, even_positions
+from planner.common.determinism import Positions, even_positions, on_one_thread
 from planner.common.errors import InputError, NoSolutionError
 from planner.common.units import Array
 from planner.design.candidates.pool import PoseSet
@@ -19,15 +19,15 @@ from planner.design.free_parameters import (
     unloaded_compliances,
 )
 from planner.design.observability.identifiability import Identifiability, find_identifiable
-from planner.design.observability.information import Indices, all_indices, find_rule, index_value
+from planner.design.observability.information import all_indices, find_rule, index_value
 from planner.design.selection.certificate import Certificate
 from planner.design.selection.d_optimal import EqualShares, detmax
 from planner.design.selection.index_bound import certify_bound, price_core
+from planner.design.selection.index_criterion import index_of_information
 from planner.design.selection.index_curves import BackgroundCurve
 from planner.design.selection.index_search import exchange_poses
-from planner.design.selection.refinement import refine_off_grid
+from planner.design.selection.matrix_forms import information_matrix
 from planner.model.model import Model
-from planner.motion.collision.engines import CollisionWorld
 from planner.runs.run import Samples
 
 MIN_CANDIDATES_PER_PARAMETER = 2  # candidates for each parameter, below which there is no choice
@@ -47,48 +47,71 @@ class PoseChoice:
     Attributes:
         model: the measurement model with the identifiable parameters only.
         seen: what the candidates can see, and why the rest is dropped.
-        samples: chosen controller angles, refined off the grid where asked, and how the gauge is held there.
-        chosen: positions of the on-grid selection in the pool, (n,) int.
-        index: name of the index.
-        value: index of ``q``; ``on_grid_value`` that of the chosen candidates.
+        chosen: positions of the chosen candidates in the pool, (n,) int.
+        candidates: the chosen candidates.
         certificate: no set of as many candidates beats its value.
-        raw, scaled: O1 … O5 in metres and radians, and unit-free by the parameters' prior sizes.
-        ball: at which ball, (n,) int, where an artifact's balls are measured.
+        q: controller angles (n, N) [rad], those of the candidates or moved off their grid.
         approach: wanted sign of each axis' last movement before each pose, (n, N), 0 where any will do.
     """
 
     model: Model
     seen: Identifiability
-    samples: Samples
-    chosen: np.ndarray
-    index: str
-    value: float
-    on_grid_value: float
+    chosen: Positions
+    candidates: PoseSet
     certificate: Certificate
-    raw: Indices
-    scaled: Indices
-    ball: np.ndarray | None = None
+    q: Array
     approach: np.ndarray | None = None
 
+    @classmethod
+    def among(
+        cls, pool: PoseSet, chosen: Positions, model: Model, seen: Identifiability, certificate: Certificate
+    ) -> "PoseChoice":
+        """Return the choice of some candidates of a pool as they are."""
+        candidates = pool.take(chosen)
+        return cls(model, seen, chosen, candidates, certificate, candidates.q)
+
+    def with_candidates(self, pool: PoseSet, chosen: Positions, q: Array | None = None) -> "PoseChoice":
+        """Return the choice of other candidates, moved to ``q`` if given; the certificate holds for any of them."""
+        candidates = pool.take(chosen)
+        return replace(self, chosen=chosen, candidates=candidates, q=candidates.q if q is None else q)
+
     @property
-    def q(self) -> Array:
-        """Controller angles, (n, N) [rad]."""
-        return self.samples.q
+    def ball(self) -> Positions | None:
+        """At which ball, (n,), where an artifact's balls are measured."""
+        return self.candidates.ball
 
-    def with_poses(self, q: Array, chosen: np.ndarray, pool: PoseSet) -> "PoseChoice":
-        """Return the choice with other poses q (n, N) [rad] and candidates; the certificate holds for any of them."""
-        there = pool.take(chosen)
-        grid = index_value(self.index, self.model.rows(there.samples))
-        moved = replace(self, samples=there.samples, chosen=chosen, on_grid_value=grid, ball=there.ball)
-        return moved.with_angles(q)
+    @property
+    def index(self) -> str:
+        """Name of the index."""
+        return self.certificate.index
 
-    def with_angles(self, q: Array) -> "PoseChoice":
-        """Return the choice with its poses moved off the grid to q (n, N) [rad], the indices computed anew."""
-        samples = replace(self.samples, q=q)
-        rows = self.model.rows(samples)
-        value = index_value(self.index, rows)
-        raw, scaled = all_indices(rows), all_indices(rows, self.model.prior)
-        return replace(self, samples=samples, value=value, raw=raw, scaled=scaled)
+    @cached_property
+    def samples(self) -> Samples:
+        """The poses, and how the gauge is held there."""
+        return replace(self.candidates.samples, q=self.q)
+
+    @cached_property
+    @on_one_thread
+    def raw(self) -> dict[str, float]:
+        """O1 … O5 in metres and radians."""
+        return all_indices(self.model.rows(self.samples))
+
+    @cached_property
+    @on_one_thread
+    def scaled(self) -> dict[str, float]:
+        """O1 … O5, unit-free by the parameters' prior sizes."""
+        return all_indices(self.model.rows(self.samples), self.model.prior)
+
+    @property
+    def value(self) -> float:
+        """The index of the poses."""
+        return self.raw[self.index]
+
+    @cached_property
+    @on_one_thread
+    def on_grid_value(self) -> float:
+        """The index of the chosen candidates."""
+        return index_value(self.index, self.model.rows(self.candidates.samples))
 
 
 def identify_candidates(cell: Cell, pool: PoseSet) -> tuple[Model, Identifiability, Array]:
@@ -103,10 +126,14 @@ def identify_candidates(cell: Cell, pool: PoseSet) -> tuple[Model, Identifiabili
             f"only {len(pool)} candidate poses are left, too few to choose from for {len(model.names)} parameters: "
             "widen the cones, the cable's budget or the clearance, or raise plan.candidates"
         )
-    rows = model.rows(pool.samples)
-    noise = float(np.median(model.noise(pool.samples.take(slice(1000)))))
+    return _identify(cell, model, pool.samples)
+
+
+def _identify(cell: Cell, model: Model, samples: Samples) -> tuple[Model, Identifiability, Array]:
+    rows, names = model.rows(samples), model.names
+    noise = float(np.median(model.noise(samples.take(slice(1000)))))
     out = hold_measured_tool(cell, model, rows, noise)
-    names, free = model.names, [k for k, name in enumerate(model.names) if name not in {d.name for d in out}]
+    free = [k for k, name in enumerate(names) if name not in {d.name for d in out}]
     if out:
         model, rows = model.subset(free), rows[:, :, free]
     seen = find_identifiable(rows, model.names, model.prior, prefer=preference_order(model), noise=noise)
@@ -131,14 +158,9 @@ def check_pose_number(cell: Cell, poses: int, seed: int) -> None:
     samples = Samples.concatenate(parts)
     if len(samples) < PROBED:
         return
-    model = planned_model(cell, samples)
-    rows, noise = model.rows(samples), float(np.median(model.noise(samples)))
-    out = {d.name for d in hold_measured_tool(cell, model, rows, noise)}
-    free = [k for k, name in enumerate(model.names) if name not in out]
-    model, rows = model.subset(free), rows[:, :, free]
-    rank = find_identifiable(rows, model.names, model.prior, prefer=preference_order(model), noise=noise).rank
-    if poses < CLEARLY_TOO_FEW * rank / model.width:
-        _check_count(poses, -(-rank // model.width), poses, rank)
+    model, seen, _ = _identify(cell, planned_model(cell, samples), samples)
+    if poses < CLEARLY_TOO_FEW * seen.rank / model.width:
+        _check_count(poses, -(-seen.rank // model.width), poses, seen.rank)
 
 
 def select_poses(
@@ -176,7 +198,7 @@ def select_poses(
         else:
             likely = _likely_at_balls(rows, pool.ball, certificate, n)
             chosen = detmax(rows, n, seed=seed, group=pool.ball, likely=likely)
-    return _judge_chosen(model, seen, pool, chosen, certificate), curve
+    return PoseChoice.among(pool, chosen, model, seen, certificate), curve
 
 
 def _likely_at_balls(rows: Array, ball: Positions, certificate: Certificate, n: int) -> Positions:
@@ -197,44 +219,7 @@ def judge_poses(
     model, seen, rows = identify_candidates(cell, pool)
     _check_count(len(chosen), -(-seen.rank // model.width), len(pool), seen.rank)
     certificate = certify_bound(rows, index, len(chosen), tolerance=ROUGH, near=near)
-    return _judge_chosen(model, seen, pool, chosen, certificate)
-
-
-def _judge_chosen(
-    model: Model, seen: Identifiability, pool: PoseSet, chosen: Positions, certificate: Certificate
-) -> PoseChoice:
-    there, index = pool.take(chosen), certificate.index
-    rows = model.rows(there.samples)
-    value = index_value(index, rows)
-    values = value, value, certificate, all_indices(rows), all_indices(rows, model.prior)
-    return PoseChoice(model, seen, there.samples, chosen, index, *values, there.ball)
-
-
-def refine_poses(cell: Cell, choice: PoseChoice, seed: int) -> PoseChoice:
-    """Move the chosen poses continuously to better the index, each on its own fixture and keeping every filter."""
-    if not cell.plan.refine or choice.ball is not None:
-        return choice
-
-    def rows(states: Array, pose: np.ndarray) -> Array:
-        return choice.model.rows(replace(choice.samples.take(pose), q=states))
-
-    valid = passes_filters(cell, choice.samples)
-    return choice.with_angles(refine_off_grid(choice.q, rows, valid, choice.index, seed=seed))
-
-
-def passes_filters(cell: Cell, samples: Samples) -> Callable[[Array, np.ndarray], np.ndarray]:
-    """Return what tells which states (m, N) [rad], in the place of samples (m,), keep every filter of a candidate."""
-    filters = [(samples.at_mounting(m), Workspace(cell, m), CollisionWorld.from_cell(cell, m)) for m in cell.mountings]
-
-    def valid(states: Array, which: np.ndarray) -> np.ndarray:
-        ok = np.zeros(len(states), dtype=bool)
-        for held, workspace, world in filters:
-            mine = np.flatnonzero(held[which])
-            mine = mine[workspace.inside(states[mine], SAFETY_MARGIN)]
-            ok[mine] = ~world.collides(states[mine], cell.motion.clearance + SAFETY_MARGIN)
-        return ok
-
-    return valid
+    return PoseChoice.among(pool, chosen, model, seen, certificate)
 
 
 def _check_count(poses: int | None, least: int, candidates: int, parameters: int) -> None:
@@ -312,13 +297,10 @@ def replace_pose(pool: PoseSet, choice: PoseChoice, lost: int) -> PoseChoice:
     others = np.setdiff1d(np.flatnonzero(alike), choice.chosen)
     tried = np.sort(rng.choice(others, min(TRIED, len(others)), replace=False))
     kept = choice.model.rows(there.take(np.arange(len(there)) != lost))
-    kept = kept.reshape(-1, kept.shape[2])
     rows = choice.model.rows(pool.samples.take(tried))
-    mass = kept.T @ kept + np.swapaxes(rows, 1, 2) @ rows
-    mu = np.sqrt(np.maximum(np.linalg.eigvalsh(mass)[:, ::-1], 0.0))
-    wanted = find_rule(choice.index)
-    value = wanted.of(mu, len(choice.q)) * (1.0 if wanted.maximise else -1.0)
-    best = int(tried[np.argmax(value)])
+    mass = information_matrix(kept) + np.swapaxes(rows, 1, 2) @ rows
+    merit = find_rule(choice.index).merit(index_of_information(choice.index, mass, len(choice.q)))
+    best = int(tried[np.argmax(merit)])
     q, chosen = choice.q.copy(), choice.chosen.copy()
     q[lost], chosen[lost] = pool.q[best], best
-    return choice.with_poses(q, chosen, pool)
+    return choice.with_candidates(pool, chosen, q)

@@ -1,21 +1,22 @@
 """Poses of a bar: drawn from its shell, chosen by the index, for discrimination or for tracing, and driven."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from planner.cell.cell import Cell
 from planner.common.progress import REFINEMENT, ROADMAP, Stages, must_stop
 from planner.common.units import Array
 from planner.design.bayesian_design import choose_bayesian_poses
-from planner.design.bayesian_refinement import refine_bayesian_poses
 from planner.design.candidates.pool import draw_candidates
 from planner.design.discrimination.findings import read_identification
 from planner.design.discrimination.selection import select_discriminating_poses
 from planner.design.fixtures.addition import add_fixtures, describe_added_fixtures
+from planner.design.off_grid import refine_bayesian_poses, refine_poses
 from planner.design.pose_selection import (
     PoseChoice,
     check_pose_number,
     judge_poses,
-    refine_poses,
     replace_all,
     replace_pose,
     select_poses,
@@ -105,9 +106,8 @@ class BarPoses(PoseSession):
                 checked = f"only the {cell.gauge.noun} and the tool were checked against the surroundings"
                 self.notes.append(f"{cell.robot.name} has no collision bodies: {checked}")
             if chosen.expected_error and cell.plan.refine:
-                return choice.with_angles(
-                    refine_bayesian_poses(cell, chosen.expected_error.unknown, choice.samples, seed)
-                )
+                unknown = chosen.expected_error.unknown
+                return replace(choice, q=refine_bayesian_poses(cell, unknown, choice.samples, seed))
             return choice if chosen.discriminating or chosen.expected_error else refine_poses(cell, choice, seed)
 
     def _find_unjoined(self, choice: PoseChoice) -> np.ndarray:

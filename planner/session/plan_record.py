@@ -90,13 +90,11 @@ def _support_records(drive: Drive) -> list[dict[str, object]]:
 def observability_record(choice: PoseChoice, bound: Certificate) -> dict[str, object]:
     """Return the indices of the chosen poses and what bounds them."""
     rule, among = INDEX_RULES[choice.index], choice.certificate
-    values = {name: getattr(choice.raw, name) for name in INDEX_RULES}
-    scaled = {name: getattr(choice.scaled, name) for name in INDEX_RULES}
     return {
         "index": choice.index,
         "n": len(choice.q),
-        **values,
-        "scaled": scaled,
+        **choice.raw,
+        "scaled": choice.scaled,
         "bound": bound.value,
         "gap": max(rule.gap(choice.value, bound.value), 0.0),
         "bound_kind": bound.kind,

@@ -19,7 +19,7 @@ from planner.design.bayesian_design import BackgroundDesign
 from planner.design.candidates.pool import PoseSet
 from planner.design.discrimination.selection import DiscriminatingChoice
 from planner.design.observability.information import index_value
-from planner.design.off_grid_bound import certify_off_grid
+from planner.design.off_grid import certify_off_grid
 from planner.design.pose_selection import PoseChoice
 from planner.design.selection.certificate import Certificate
 from planner.design.selection.index_curves import BackgroundCurve

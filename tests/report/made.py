@@ -8,8 +8,7 @@ import numpy as np
 from planner.cell.cell import Cell
 from planner.cell.reading import load_cell
 from planner.design.candidates.pool import draw_candidates
-from planner.design.observability.information import all_indices
-from planner.design.off_grid_bound import certify_off_grid
+from planner.design.off_grid import certify_off_grid
 from planner.design.pose_selection import PoseChoice, identify_candidates
 from planner.design.selection.index_curves import compute_index_curve
 from planner.design.selection.index_search import exchange_poses
@@ -24,6 +23,7 @@ from planner.session.tour_cost import tour_costs
 
 PLAN_ID = "0123456789ab"
 FIXTURE = "A</script>"  # a name that would end a script, were it not escaped
+MOVED = 1e-4  # [rad] off the grid of candidates
 NOTE = "a pose that no path could join was replaced <fixture A>"
 
 
@@ -34,21 +34,9 @@ def made_plan(poses: int = 28, candidates: int = 600) -> Plan:
     model, seen, rows = identify_candidates(cell, pool)
     curve = compute_index_curve(rows, (26, poses, 40, 80), "O2", steps=20)
     found = exchange_poses(rows, poses, "O2", starts=1, certificate=curve.selections[1].certificate, steps=20)
-    samples = pool.samples.take(found.chosen)
-    final = model.rows(samples)
-    choice = PoseChoice(
-        model=model,
-        seen=seen,
-        samples=samples,
-        chosen=found.chosen,
-        index="O2",
-        value=found.value * 0.98,
-        on_grid_value=found.value,
-        certificate=found.certificate,
-        raw=all_indices(final),
-        scaled=all_indices(final, model.prior),
-    )
-    drive = made_drive(cell, FIRST_MOUNTING, np.vstack([pool.q[:1], samples.q, pool.q[1:4]]), poses)
+    choice = PoseChoice.among(pool, found.chosen, model, seen, found.certificate)
+    choice = replace(choice, q=choice.q + MOVED)
+    drive = made_drive(cell, FIRST_MOUNTING, np.vstack([pool.q[:1], choice.candidates.q, pool.q[1:4]]), poses)
     return Plan(
         cell=cell,
         seed=0,

@@ -145,8 +145,8 @@ def test_indices_are_those_of_the_plan(plan: Plan, page: ReadPage) -> None:
     rows = {r[0]: r for r in page.table("index")}
     assert list(rows) == list(INDEX_RULES)
     for name, row in rows.items():
-        assert float(row[3]) == pytest.approx(getattr(plan.choice.raw, name), rel=1e-3)
-        assert float(row[4]) == pytest.approx(getattr(plan.choice.scaled, name), rel=1e-3)
+        assert float(row[3]) == pytest.approx(plan.choice.raw[name], rel=1e-3)
+        assert float(row[4]) == pytest.approx(plan.choice.scaled[name], rel=1e-3)
 
 
 def test_funnel_and_curve_show_the_plan(plan: Plan, page: ReadPage) -> None:

@@ -196,7 +196,7 @@ def select_discriminating_poses(
         choice.value,
     )
     at = places % len(pool)
-    kept = choice.with_poses(pool.q[at], at, pool)
+    kept = choice.with_candidates(pool, at)
     if sides:
         kept = replace(kept, approach=approach_signs(sight.samples[0].take(places), sides))
     return DiscriminatingChoice(kept, separation, asked, frame, scale)

@@ -42,6 +42,10 @@ class IndexRule:
         """Tell whether ``value`` is strictly better than ``than``."""
         return value > than if self.maximise else value < than
 
+    def merit(self, values: Array) -> Array:
+        """Return ``values`` with the sign with which the largest is the best."""
+        return values if self.maximise else -values
+
     def gap(self, value: float, bound: float) -> float:
         """Return how far ``value`` is from ``bound``, as a share of the better of the two (0: proven optimal)."""
         return bound / value - 1.0 if self.maximise else value / bound - 1.0
@@ -70,19 +74,6 @@ def find_rule(kind: str) -> IndexRule:
             f"index {kind!r} is unknown; allowed are {', '.join(INDEX_RULES)}{did_you_mean(kind, list(INDEX_RULES))}"
         )
     return INDEX_RULES[kind]
-
-
-@dataclass(frozen=True)
-class Indices:
-    """O1 ... O5 of one set of ``poses`` poses, on ``parameters`` columns."""
-
-    O1: float
-    O2: float
-    O3: float
-    O4: float
-    O5: float
-    poses: int
-    parameters: int
 
 
 def stack_rows(rows: Array) -> Array:
@@ -115,11 +106,10 @@ def _apply_rule(index: IndexRule, mu: Array, poses: int) -> float:
     return float(np.nan_to_num(index.of(mu, poses), nan=np.inf, posinf=np.inf))
 
 
-def all_indices(rows: Array, scale: Array | None = None) -> Indices:
-    """Return all five indices of a pose set ``rows`` (n, r, P); ``scale`` as in :func:`index_value`."""
+def all_indices(rows: Array, scale: Array | None = None) -> dict[str, float]:
+    """Return all five indices of a pose set ``rows`` (n, r, P) by name; ``scale`` as in :func:`index_value`."""
     mu = singular_values(rows if scale is None else rows * scale)
-    values = {name: _apply_rule(each, mu, len(rows)) for name, each in INDEX_RULES.items()}
-    return Indices(**values, poses=len(rows), parameters=len(mu))
+    return {name: _apply_rule(each, mu, len(rows)) for name, each in INDEX_RULES.items()}
 
 
 _PIECE = 16_384  # rows a piece: a few MB, and a tall enough matrix for blocked Householder

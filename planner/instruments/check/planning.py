@@ -12,7 +12,6 @@ from planner.common.errors import InputError
 from planner.common.progress import Stages
 from planner.common.units import Array
 from planner.design.observability.identifiability import find_identifiable
-from planner.design.observability.information import all_indices, index_value
 from planner.design.pose_selection import PoseChoice
 from planner.design.selection.index_bound import certify_bound
 from planner.identification.baseline import Baseline
@@ -148,9 +147,4 @@ def _judge_by_index(
     kept = list(seen.kept)
     model, rows = model.subset(kept), np.ascontiguousarray(rows[:, :, kept])
     certificate = certify_bound(rows, index, len(chosen))
-    there = samples.take(chosen)
-    final = model.rows(there)
-    value = index_value(index, final)
-    indices = all_indices(final), all_indices(final, model.prior)
-    ball = session.pool.take(chosen).ball
-    return PoseChoice(model, seen, there, chosen, index, value, value, certificate, *indices, ball)
+    return PoseChoice.among(session.pool, chosen, model, seen, certificate)

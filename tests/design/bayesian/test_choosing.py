@@ -21,9 +21,8 @@ from planner.design.bayesian_design import (
     errors_after,
     select_greedily,
 )
-from planner.design.bayesian_refinement import refine_bayesian_poses
 from planner.design.candidates.pool import draw_candidates
-from planner.design.pose_selection import passes_filters
+from planner.design.off_grid import CandidateFilters, refine_bayesian_poses
 from planner.design.selection.d_optimal import detmax
 from planner.design.selection.search import exchange_singly
 from planner.design.tool_error_bound import bound_tool_error
@@ -178,7 +177,7 @@ def test_moved_off_the_grid_the_poses_leave_less_keep_every_filter_and_their_ord
     there = pool.samples.take(expected.chosen)
     q = refine_bayesian_poses(cell, expected.unknown, there, 0)
     assert error_after(expected, replace(there, q=q)) < 0.95 * expected.left
-    assert passes_filters(cell, there)(q, np.arange(len(q))).all()
+    assert CandidateFilters(cell, there)(q, np.arange(len(q))).all()
     assert np.abs(q - there.q).max(axis=1).mean() < 0.6  # each stays about where it was
     np.testing.assert_array_equal(q, refine_bayesian_poses(cell, expected.unknown, there, 0))
     shuffled = np.random.default_rng(3).permutation(len(q))

@@ -114,9 +114,16 @@ def test_rivals_that_nobody_named_are_told_as_what_they_are():
     assert "mixed up" not in one + two
 
 
+def judged(index, value):
+    """A choice of which an index says so much."""
+    choice = replace(usual(), certificate=replace(usual().certificate, index=index))
+    vars(choice)["raw"] = {index: value}
+    return choice
+
+
 @pytest.mark.parametrize(("index", "value", "alone"), [("O2", 221.9, 69.1), ("O1", 0.2, 0.7)])
 def test_poses_that_are_much_worse_for_the_geometry_say_so(index, value, alone):
-    choice = replace(usual(), index=index, value=value)
+    choice = judged(index, value)
     (note,) = discrimination_notes(cell(), separation(told(True), alone=alone), choice, ())[-1:]
     times = max(value / alone, alone / value)
     assert f"{times:.1f} times worse than poses chosen by {index} alone ({index} {value:.4g} instead of" in note
@@ -126,5 +133,5 @@ def test_poses_that_are_much_worse_for_the_geometry_say_so(index, value, alone):
 @pytest.mark.parametrize("index", INDEX_RULES)
 def test_poses_that_are_little_worse_say_nothing(index):
     for factor in (1.0, MUCH * 0.99, 1 / (MUCH * 0.99)):
-        choice = replace(usual(), index=index, value=factor)
+        choice = judged(index, factor)
         assert not [n for n in discrimination_notes(cell(), separation(alone=1.0), choice, ()) if "times worse" in n]

@@ -1,0 +1,192 @@
+"""Off the grid of candidates: the chosen poses move where that betters them, and the bound is sought there as well.
+
+Poses that the index chose are moved by :mod:`.selection.refinement`. Those that leave the smallest expected error of
+the tool take turns to accept the best of trials around them, with what is known updated by the two readings
+(Sherman–Morrison); reach grows where trials succeed and shrinks where they fail.
+
+For the bound, poses that violate its dual most are sought and joined to the candidates. A dual of
+:mod:`.selection.index_bound` gives every pose a price. Between the candidates the price is a smooth function of the
+joint angles; random steps from the candidates with the lowest prices go down it, every filter kept. What they find
+joins the candidates, the bound is proven over all of them anew, and so on while it moves. The bound that results is
+proven for these poses, and sought, not proven, for those between them.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from planner.cell.cell import Cell
+from planner.cell.workspace import SAFETY_MARGIN, Workspace
+from planner.common.determinism import Positions, on_one_thread, round_significant
+from planner.common.progress import BOUND, REFINEMENT, must_stop
+from planner.common.units import Array
+from planner.design.candidates.pool import PoseSet
+from planner.design.free_parameters import UndeclaredErrors
+from planner.design.pose_selection import PoseChoice
+from planner.design.selection.certificate import Certificate, Dual
+from planner.design.selection.index_bound import WholePool, certify_bound
+from planner.design.selection.refinement import refine_off_grid
+from planner.model.model import Model
+from planner.motion.collision.engines import CollisionWorld
+from planner.runs.run import Samples
+
+
+class CandidateFilters:
+    """Every filter that a candidate passes, for states q (m, N) [rad] in the place of the samples ``which`` (m,)."""
+
+    def __init__(self, cell: Cell, samples: Samples) -> None:
+        self._held = [
+            (samples.at_mounting(m), Workspace(cell, m), CollisionWorld.from_cell(cell, m)) for m in cell.mountings
+        ]
+        self._clearance = cell.motion.clearance + SAFETY_MARGIN
+
+    def __call__(self, q: Array, which: np.ndarray) -> np.ndarray:
+        """Tell which states keep all filters, (m,) bool."""
+        ok = self.keep_limits(q, which)
+        ok[ok] = self._each(q[ok], which[ok], lambda _, world, mine: ~world.collides(mine, self._clearance))
+        return ok
+
+    def keep_limits(self, q: Array, which: np.ndarray) -> np.ndarray:
+        """Tell which states keep the limits of joints, gauge and cable, (m,) bool."""
+        return self._each(q, which, lambda workspace, _, mine: workspace.inside(mine, SAFETY_MARGIN))
+
+    def are_free(self, q: Array, which: np.ndarray) -> np.ndarray:
+        """Tell which collide with nothing, one by one: a copy of the process must not start OpenMP's threads."""
+        return self._each(q, which, lambda _, world, mine: ~world.near(mine, self._clearance))
+
+    def _each(
+        self, q: Array, which: np.ndarray, keeps: Callable[[Workspace, CollisionWorld, Array], np.ndarray]
+    ) -> np.ndarray:
+        ok = np.zeros(len(q), dtype=bool)
+        for held, workspace, world in self._held:
+            mine = np.flatnonzero(held[which])
+            ok[mine] = keeps(workspace, world, q[mine])
+        return ok
+
+
+def refine_poses(cell: Cell, choice: PoseChoice, seed: int) -> PoseChoice:
+    """Move the chosen poses continuously to better the index, each on its own fixture and keeping every filter."""
+    if not cell.plan.refine or choice.ball is not None:
+        return choice
+
+    def rows(states: Array, pose: np.ndarray) -> Array:
+        return choice.model.rows(replace(choice.samples.take(pose), q=states))
+
+    valid = CandidateFilters(cell, choice.samples)
+    return replace(choice, q=refine_off_grid(choice.q, rows, valid, choice.index, seed=seed))
+
+
+ROUNDS, TRIALS = 16, 12  # for the expected error of the tool
+REACH, LONGER, SHORTER = 0.2, 1.2, 0.7  # [rad] of a trial at first, and times that after a success and a failure
+
+
+@on_one_thread
+def refine_bayesian_poses(cell: Cell, unknown: UndeclaredErrors, samples: Samples, seed: int) -> Array:
+    """Return poses (n, N) [rad] near those of ``samples``, in their order, that leave a smaller expected error."""
+    rng, valid, q = np.random.default_rng(seed), CandidateFilters(cell, samples), samples.q.copy()
+    white, weight, reach = unknown.white(samples), unknown.weight_per_prior, np.full(len(q), REACH)
+    for _ in range(ROUNDS):
+        if must_stop(REFINEMENT, "the poses were refined off the grid only in part"):
+            break
+        steps = rng.normal(size=(len(q), TRIALS, q.shape[1])) * rng.random((len(q), TRIALS, 1))
+        tried = (q[:, None] + reach[:, None, None] * steps).reshape(-1, q.shape[1])
+        of = np.repeat(np.arange(len(q)), TRIALS)
+        kept = np.flatnonzero(valid(tried, of))
+        tried, of = tried[kept], of[kept]
+        taken = _accept_trials(white, unknown.white(replace(samples.take(of), q=tried)), of, weight)
+        moved = of[taken]
+        q[moved] = tried[taken]
+        reach *= SHORTER
+        reach[moved] *= LONGER / SHORTER
+    return q
+
+
+def _accept_trials(white: Array, trials: Array, of: np.ndarray, weight: Array) -> np.ndarray:
+    """Put into ``white`` (n, P), one pose after the other, the best of its ``trials`` (m, P); return which, (k,).
+
+    With what is known without the pose's own reading, C, a reading a takes a C W C aᵀ / (1 + a C aᵀ) off the mean
+    square error (see :mod:`.bayesian_design`).
+    """
+    covariance: Array = np.asarray(np.linalg.inv(white.T @ white + np.eye(white.shape[1])))
+    taken = list[int]()
+    for k in range(len(white)):
+        mine = np.flatnonzero(of == k)
+        own = covariance @ white[k]
+        covariance = covariance + np.outer(own, own) / (1.0 - white[k] @ own)
+        rows = np.concatenate([white[k : k + 1], trials[mine]])
+        seen = rows @ covariance
+        gain = np.einsum("ij,ij->i", seen @ weight, seen) / (1.0 + np.einsum("ij,ij->i", seen, rows))
+        best = int(np.argmax(round_significant(gain)))
+        if best:
+            taken.append(int(mine[best - 1]))
+            white[k] = rows[best]
+        covariance = covariance - np.outer(seen[best], seen[best]) / (1.0 + seen[best] @ rows[best])
+    return np.array(taken, dtype=int)
+
+
+TOLERANCE = 1e-3  # of the bound
+BOUND_ROUNDS, SETTLED = 6, 2e-3  # of descents, and the relative move of the bound after which no more are made
+STARTS, STEPS = 400, 60
+STEP, WIDER, NARROWER = 0.15, 1.3, 0.93  # [rad] at first, and times that after a success and a failure
+
+
+@on_one_thread
+def certify_off_grid(cell: Cell, pool: PoseSet, choice: PoseChoice) -> Certificate:
+    """Bound the sets of candidates, of poses as chosen off the grid, and of those that descents find beside them.
+
+    The certificate of the candidates alone is returned where the poses were not moved off the grid. It may be done in
+    a copy of the process.
+    """
+    found = choice.certificate
+    if choice.value == choice.on_grid_value:
+        return found
+    samples = Samples.concatenate([pool.samples, choice.samples])
+    rows = choice.model.rows(samples)
+    for number in range(BOUND_ROUNDS):
+        before = found.value
+        found = certify_bound(rows, choice.index, found.poses, TOLERANCE, near=found)
+        settled = number > 0 and abs(found.value / before - 1.0) < SETTLED
+        if settled or number == BOUND_ROUNDS - 1 or must_stop(BOUND, "poses off the grid were sought only in part"):
+            break
+        duals = [d for d in found.duals if not isinstance(d, WholePool)]
+        more = [_descend_price(cell, choice.model, samples, rows, found.support, d, number) for d in duals]
+        samples = Samples.concatenate([samples, *more])
+        rows = np.concatenate([rows, *(choice.model.rows(s) for s in more)])
+    return found
+
+
+def _descend_price(
+    cell: Cell, model: Model, samples: Samples, rows: Array, support: Positions, dual: Dual, seed: int
+) -> Samples:
+    """Return the poses to which random steps lead down the price of a dual, from the samples of lowest price.
+
+    Args:
+        cell, model: what decides whether a pose can be measured, and what it shows.
+        samples, rows: the candidates and what they show.
+        support: of the bound, by which the dual is scaled.
+        dual: whose price goes down.
+        seed: of the steps.
+    """
+    first = round_significant(dual.prices(rows, support))
+    start = samples.take(np.lexsort((np.arange(len(first)), first))[:STARTS])
+    valid, scale, rng = CandidateFilters(cell, start), rows[support], np.random.default_rng(seed)
+
+    def price(which: np.ndarray, q: Array) -> Array:
+        shown = np.concatenate([scale, model.rows(replace(start.take(which), q=q))])
+        return round_significant(dual.prices(shown, np.arange(len(scale)))[len(scale) :])
+
+    every = np.arange(len(start))
+    q, reach, best = start.q.copy(), np.full(len(start), STEP), price(every, start.q)
+    for _ in range(STEPS):
+        tried = q + rng.normal(size=q.shape) * reach[:, None]
+        which = np.flatnonzero(valid.keep_limits(tried, every))
+        now = price(which, tried[which])
+        lower = now < best[which]
+        which, now = which[lower], now[lower]
+        free = valid.are_free(tried[which], which)
+        which, now = which[free], now[free]
+        reach *= NARROWER
+        q[which], best[which] = tried[which], now
+        reach[which] *= WIDER / NARROWER
+    return replace(start, q=q)
