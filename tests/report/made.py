@@ -67,7 +67,7 @@ def made_drive(cell: Cell, mounting: Mounting, nodes: np.ndarray, poses: int) ->
         for k in range(len(order))
     )
     legs = tuple(PathLeg(a, b, np.empty((0, 6))) for a, b in pairwise(order))
-    verdict = Verdict("coal", True, 0.0123, float(length.min()), float(length.max()), ())
+    verdict = Verdict("coal", 0.0123, float(length.min()), float(length.max()), ())
     path = ProvenPath(q, order, legs, verdict, replace(verdict, engine="python-fcl"))
     blend = np.where((np.arange(len(q)) == 0) | (np.arange(len(q)) == len(q) - 1), 0.0, cell.motion.blend)
     travel = Waypoints(np.vstack([cell.home, nodes[0]]), np.array([-1, 0]), np.zeros(2))

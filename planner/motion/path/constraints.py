@@ -99,7 +99,7 @@ class Constraints:
 
     def proven_by_both(self, corners: Array) -> np.ndarray:
         """Tell which motions or triangles (m, K, N) [rad] both engines prove, (m,) bool."""
-        out = self.prove_corners(corners).proven.copy()
+        out = self.prove_corners(corners).proven
         out[out] = self.judge(corners[out]).proven
         return out
 

@@ -82,19 +82,35 @@ class Distances(Protocol):
 
 @dataclass(frozen=True)
 class Proof:
-    """What is known of m motions.
+    """What is known of m motions; nothing is known against any when a proof begins.
 
     Attributes:
-        proven: whether each keeps every constraint throughout, (m,) bool.
         clearance: smallest distance of two bodies seen, (m,) [m].
         failed_at: where along the motion (0 … 1) a constraint fails or could not be proven, (m,), NaN where proven.
         failed: which, (m,): a column of the workspace, or their number plus a pair; −1 where proven.
     """
 
-    proven: np.ndarray
     clearance: Array
     failed_at: Array
     failed: np.ndarray
+
+    @classmethod
+    def begin(cls, m: int) -> "Proof":
+        """Return the proof of m motions of which nothing has been seen."""
+        return cls(np.full(m, np.inf), np.full(m, np.nan), np.full(m, -1))
+
+    @property
+    def proven(self) -> np.ndarray:
+        """Whether each keeps every constraint throughout, (m,) bool."""
+        return np.asarray(self.failed < 0)
+
+    def drop(self, cells: Neighbourhoods, margins: Array, failing: np.ndarray) -> np.ndarray:
+        """Record the motions with a failing margin (n, columns), by the worst; return the rows of all others."""
+        for row in np.flatnonzero(failing.any(axis=1)):
+            if self.failed[cells.motion[row]] < 0:
+                self.failed[cells.motion[row]] = np.argmin(margins[row])
+                self.failed_at[cells.motion[row]] = cells.place[row].mean()
+        return np.flatnonzero(self.failed[cells.motion] < 0)
 
     def take(self, motions: np.ndarray) -> "Proof":
         """Return what is known of the motions at these positions."""
@@ -143,62 +159,38 @@ class Prover:
         return ForkedWorker(self._prove)
 
     def _prove(self, corners: Array) -> Proof:
-        record, cells = _Record(len(corners)), Neighbourhoods.of(corners)
+        proof, cells = Proof.begin(len(corners)), Neighbourhoods.of(corners)
         asked = np.ones((len(corners), len(self.pairs.scene.pairs)), dtype=bool)
         for level in range(LEVELS):
             if len(cells.motion) == 0:
                 break
             check_time("motions are proven")
-            cells, asked = self._level(cells, asked, record, last=level == LEVELS - 1)
-        return record.proof()
+            cells, asked = self._level(cells, asked, proof, last=level == LEVELS - 1)
+        return proof
 
     def _level(
-        self, cells: Neighbourhoods, asked: np.ndarray, record: "_Record", last: bool
+        self, cells: Neighbourhoods, asked: np.ndarray, proof: Proof, last: bool
     ) -> tuple[Neighbourhoods, np.ndarray]:
         """Look at all centres; return the halves of the cells that are neither proven nor of a motion that failed."""
         q, spokes = cells.q, cells.spokes
         margins, change, far = self.bounds.look(q, spokes)
         room = margins - change
         loss = np.minimum(self.pairs.changes(far), FAR)
-        alive = record.drop(cells, margins, margins <= 0.0)
+        alive = proof.drop(cells, margins, margins <= 0.0)
         found = self.distances.distances(q[alive], asked[alive], loss[alive] + self.clearance)
-        record.see_clearance(cells.motion[alive], found.min(axis=1, initial=np.inf))
+        np.minimum.at(proof.clearance, cells.motion[alive], found.min(axis=1, initial=np.inf))
         spare = np.full(asked.shape, np.inf)
         spare[alive] = found - self.clearance
         both, room = np.hstack([margins, spare]), np.hstack([room, np.where(asked, spare - loss, np.inf)])
-        alive = record.drop(cells, both, both <= 0.0)
+        alive = proof.drop(cells, both, both <= 0.0)
         open_ = alive[~(room[alive] > 0.0).all(axis=1)]
-        crowded = np.bincount(cells.motion[open_], minlength=len(record.failed)) > CROWD
+        crowded = np.bincount(cells.motion[open_], minlength=len(proof.failed)) > CROWD
         unproven = np.zeros(room.shape, dtype=bool)
         unproven[open_] = ((last | crowded)[cells.motion[open_], None]) & ~(room[open_] > 0.0)
-        record.drop(cells, room, unproven)
-        open_ = open_[record.failed[cells.motion[open_]] < 0]
+        proof.drop(cells, room, unproven)
+        open_ = open_[proof.failed[cells.motion[open_]] < 0]
         asked = asked & ~(room[:, margins.shape[1] :] > 0.0)
         return cells.take(open_).halves(), np.tile(asked[open_], (2, 1))
-
-
-class _Record:
-    """What the levels of one proof find out about m motions."""
-
-    def __init__(self, m: int) -> None:
-        self.clearance = np.full(m, np.inf)
-        self.failed, self.failed_at = np.full(m, -1), np.full(m, np.nan)
-
-    def see_clearance(self, motion: np.ndarray, distance: Array) -> None:
-        """Note distances (n,) [m]."""
-        np.minimum.at(self.clearance, motion, distance)
-
-    def drop(self, cells: Neighbourhoods, margins: Array, failing: np.ndarray) -> np.ndarray:
-        """Record the motions with a failing margin (n, columns), by the worst; return the rows of all others."""
-        for row in np.flatnonzero(failing.any(axis=1)):
-            if self.failed[cells.motion[row]] < 0:
-                self.failed[cells.motion[row]] = np.argmin(margins[row])
-                self.failed_at[cells.motion[row]] = cells.place[row].mean()
-        return np.flatnonzero(self.failed[cells.motion] < 0)
-
-    def proof(self) -> Proof:
-        """Return what is known."""
-        return Proof(self.failed < 0, self.clearance, self.failed_at, self.failed)
 
 
 EXTREME_LEVELS = 18  # of bisection at most

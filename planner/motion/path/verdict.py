@@ -35,7 +35,6 @@ class Verdict:
 
     Attributes:
         engine: its name.
-        clear: whether every motion is proven.
         clearance: smallest distance of two bodies on the path, to half a millimetre [m].
         length_min, length_max: shortest and longest bar on the path, to half a millimetre [m].
         failures: a sentence for each motion that is not proven.
@@ -43,12 +42,16 @@ class Verdict:
     """
 
     engine: str
-    clear: bool
     clearance: float
     length_min: float
     length_max: float
     failures: tuple[str, ...]
     unproven: tuple[int, ...] = ()
+
+    @property
+    def clear(self) -> bool:
+        """Whether every motion is proven."""
+        return not self.failures
 
 
 @dataclass(frozen=True)
@@ -88,11 +91,6 @@ class ProvenPath:
     def length_max(self) -> float:
         """Longest bar on the path [m]."""
         return self.verdict.length_max
-
-    @property
-    def direct_legs(self) -> int:
-        """Number of legs that are one straight joint motion."""
-        return sum(leg.direct for leg in self.legs)
 
 
 @dataclass(frozen=True)
@@ -173,7 +171,6 @@ def _summarize(engine: str, parts: list[_Motions], proofs: list[Proof], found: l
     failures.sort(key=lambda failure: failure[0])
     return Verdict(
         engine,
-        not failures,
         clearance=min([float(p.clearance.min(initial=np.inf)) for p in proofs] + [e.clearance for e in found]),
         length_min=min(e.length_min for e in found),
         length_max=max(e.length_max for e in found),

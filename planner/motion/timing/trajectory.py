@@ -206,7 +206,6 @@ def _measuring_time(request: TimingRequest, leg_duration: Array) -> float:
 
 
 INSIDE = np.array([1e-9, 0.25, 0.5, 0.75, 1.0 - 1e-9])  # of every phase: jerk jumps at its ends
-SLACK = 1e-6  # utilisation that still counts as kept: rounding and ruckig's tolerance
 
 
 @dataclass(frozen=True)
@@ -222,17 +221,6 @@ class LimitReport:
     tool_speed: float
     reading_rate: float = 0.0
     reading_acceleration: float = 0.0
-
-    @property
-    def worst(self) -> float:
-        """The largest share of all."""
-        joints = max(float(share.max()) for share in (self.speed, self.acceleration, self.jerk))
-        return max(joints, self.tool_speed, self.reading_rate, self.reading_acceleration)
-
-    @property
-    def ok(self) -> bool:
-        """Whether every limit is kept."""
-        return self.worst <= 1.0 + SLACK
 
 
 READING_STEP = 1e-4  # [s] between the readings whose differences are its rate and acceleration

@@ -12,7 +12,7 @@ import numpy as np
 from planner.motion.timing.limits import Limits
 from planner.motion.timing.trajectory import check_limits, plan_trajectory
 from tests.motion.timing.arm import nj130
-from tests.motion.timing.bound import acceleration_bound, speed_bound
+from tests.motion.timing.bound import acceleration_bound, largest_share, speed_bound
 
 CASES = [(35, 1.0, 0.3, False), (35, 0.2, 0.3, False), (100, 0.05, 1.0, False), (200, 0.5, 1.0, True)]
 
@@ -45,7 +45,7 @@ def main():
             stopping = plan_trajectory(q, stop=np.ones(len(q), dtype=bool), **ask).duration_s
             by_speed = mine.duration_s / speed_bound(mine, arm, 100)
             by_acceleration = mine.duration_s / acceleration_bound(mine, arm, 40)
-            use = check_limits(mine, limits, 0.5).worst
+            use = largest_share(check_limits(mine, limits, 0.5))
             print(
                 f"{len(q):6d} {reach:5.2f} {tool_speed * 6e4:7.0f} {mine.duration_s:9.2f} {by_speed:8.3f}"
                 f" {by_acceleration:8.3f} {stopping:9.2f} {spent:8.2f} {use:.4f}",

@@ -2,6 +2,14 @@
 
 import numpy as np
 
+KEPT = 1.0 + 1e-6  # share of a limit that still counts as kept: rounding and ruckig's tolerance
+
+
+def largest_share(report):
+    """Return the largest share of any limit that a report tells."""
+    joints = max(float(share.max()) for share in (report.speed, report.acceleration, report.jerk))
+    return max(joints, report.tool_speed, report.reading_rate, report.reading_acceleration)
+
 
 def speed_bound(trajectory, arm, per_piece=400):
     """Return ∫ ds / (largest ds/dt) [s] under joint and tool-point speed only, on the trajectory's own path."""
