@@ -6,11 +6,11 @@ from typing import Any
 
 from pydantic import Field
 
-from planner.service.job_requests import ServiceModel
+from planner.common.schema import StrictModel
 from planner.service.job_store import JobOutput, JobProblem, JobRecord, State
 
 
-class StoredFile(ServiceModel):
+class StoredFile(StrictModel):
     """An uploaded file."""
 
     id: str = Field(description="SHA-256 of its content")
@@ -18,7 +18,7 @@ class StoredFile(ServiceModel):
     size: int = Field(description="in bytes")
 
 
-class OutputFile(ServiceModel):
+class OutputFile(StrictModel):
     """A file that a job has written."""
 
     name: str = Field(examples=["plan.json"])
@@ -27,7 +27,7 @@ class OutputFile(ServiceModel):
     url: str
 
 
-class JobFault(ServiceModel):
+class JobFault(StrictModel):
     """Why a job has no result, as the command line says it."""
 
     title: str
@@ -35,7 +35,7 @@ class JobFault(ServiceModel):
     exit_code: int | None = None
 
 
-class Job(ServiceModel):
+class Job(StrictModel):
     """A job: what is asked for, how far it is, and what it has written."""
 
     id: str
@@ -55,7 +55,7 @@ class Job(ServiceModel):
     url: str
 
 
-class RobotEntry(ServiceModel):
+class RobotEntry(StrictModel):
     """A robot that comes with the planner, and its ready cells."""
 
     name: str
@@ -65,7 +65,7 @@ class RobotEntry(ServiceModel):
     cells: list[str]
 
 
-class DialectEntry(ServiceModel):
+class DialectEntry(StrictModel):
     """A robot language that programs can be written in."""
 
     name: str
@@ -74,14 +74,14 @@ class DialectEntry(ServiceModel):
     max_joints: int
 
 
-class CellEntry(ServiceModel):
+class CellEntry(StrictModel):
     """A cell: shipped (``robot/cell``) or uploaded."""
 
     id: str
     name: str
 
 
-class Health(ServiceModel):
+class Health(StrictModel):
     """That the service is there."""
 
     version: str

@@ -11,9 +11,9 @@ from typing import Annotated, cast
 from fastapi import Depends, Request
 
 from planner.service.answers import Job, describe_job
-from planner.service.commands import CommandBuilder
 from planner.service.file_store import FileStore, UploadList
-from planner.service.job_requests import JobRequest
+from planner.service.job_folder import JobFolder
+from planner.service.job_request import JobRequest
 from planner.service.job_store import MOST_CRASHES, JobProblem, JobRecord, JobStore
 from planner.service.record_store import RecordStore
 from planner.service.runner import JobRunner
@@ -108,17 +108,19 @@ class ServiceContext:
     files: FileStore
     uploads: UploadList
     records: RecordStore
-    commands: CommandBuilder
     supervisor: Supervisor
 
     def submit(self, request: JobRequest) -> JobRecord:
-        """Accept a request, and have it looked at.
+        """Accept a request as a job, and have it looked at; the same content is the same job.
 
         Raises:
             InputError: it names what is not there.
         """
         self.files.check_room()
-        job = self.commands.submit(request)
+        folder = JobFolder(self.jobs, self.files, self.uploads)
+        command = request.command(folder)
+        title, text = request.subject(folder), request.model_dump_json()
+        job = self.jobs.submit(request.job_id(command), request.job_kind, title, text, command)
         self.supervisor.wake()
         return job
 

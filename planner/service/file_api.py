@@ -18,7 +18,7 @@ from planner.programs.dialect import dialects
 from planner.service.answers import CellEntry, DialectEntry, Health, RobotEntry, StoredFile
 from planner.service.context import Context, ServiceContext
 from planner.service.file_store import FileStore
-from planner.service.job_requests import FileName, Sha256
+from planner.service.job_folder import FileName, Sha256
 from planner.service.problems import Problem
 
 FILES = APIRouter(prefix="/api", tags=["files"])

@@ -15,7 +15,9 @@ from planner.service.answers import Job
 from planner.service.context import Context, ServiceContext
 from planner.service.file_api import file_answer
 from planner.service.guards import REPORT_POLICY
-from planner.service.job_requests import REQUESTS, JobId, JobRequest
+from planner.service.job_folder import JobId
+from planner.service.job_request import JobRequest
+from planner.service.job_requests import REQUESTS
 from planner.service.job_store import JobEvent, JobOutput, JobRecord, JobStore
 from planner.service.problems import Problem
 
@@ -64,20 +66,19 @@ def list_jobs(
 async def get_job(id: JobId, context: Context) -> Job:
     """Get a job: how far it is, and what it has written."""
     # no thread: a read of the database waits for nobody, and many pages ask at once
-    return context.describe(find_job(context, id))
+    return context.describe(context.jobs.get(id))
 
 
 @JOBS.post("/jobs/{id}/cancel", responses={404: {"model": Problem}})
 def cancel_job(id: JobId, context: Context) -> Job:
     """Stop a job; what has ended stays as it is."""
-    find_job(context, id)
     return context.describe(context.jobs.cancel(id))
 
 
 @JOBS.get("/jobs/{id}/result", responses={404: {"model": Problem}, 409: {"model": Problem}})
 def get_result(id: JobId, context: Context) -> FileResponse:
     """Get the document of a finished job: plan.json, identification.json, accuracy.json, view.json or summary."""
-    job = find_job(context, id)
+    job = context.jobs.get(id)
     _check_ended(job)
     wanted = (REQUESTS[job.kind].document, "printed")
     found = next((o for name in wanted for o in context.jobs.outputs(id) if o.name == name), None)
@@ -91,7 +92,7 @@ def get_result(id: JobId, context: Context) -> FileResponse:
 @JOBS.get("/jobs/{id}/report", responses={404: {"model": Problem}, 409: {"model": Problem}})
 def get_report(id: JobId, context: Context) -> FileResponse:
     """Get the report of a finished job as a page."""
-    job = find_job(context, id)
+    job = context.jobs.get(id)
     _check_ended(job)
     found = find_output(context, id, "report.html")
     answer = FileResponse(context.files.path(found.sha256), media_type="text/html; charset=utf-8")
@@ -104,18 +105,6 @@ def get_file(id: JobId, name: str, context: Context) -> FileResponse:
     """Get one of the files that a job has written."""
     found = find_output(context, id, name)
     return file_answer(context, found.sha256, name.rpartition("/")[2], "image/png" if name.endswith(".png") else None)
-
-
-def find_job(context: ServiceContext, id: str) -> JobRecord:
-    """Return a job.
-
-    Raises:
-        HTTPException: there is none.
-    """
-    try:
-        return context.jobs.get(id)
-    except KeyError:
-        raise HTTPException(404, f"there is no job {id}") from None
 
 
 def find_output(context: ServiceContext, id: str, name: str) -> JobOutput:

@@ -1,108 +1,43 @@
-"""What a client may ask for: one model a kind of job; their choices are those of files and command line."""
+"""What a client may ask for: one model a kind of job, with the command that it becomes."""
 
-from typing import Annotated, Any, ClassVar, Literal, Self, get_args
+from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
 from planner.common.choices import Aim, IndexName
-from planner.common.schema import StrictModel
+from planner.common.errors import InputError
+from planner.programs.dialect import load_dialect
+from planner.service.job_folder import FileInFolder, FileReference, JobFolder, JobId
+from planner.service.job_request import (
+    CellRequest,
+    Coordinate,
+    Dialect,
+    FrameText,
+    JobRequest,
+    MeasuredRequest,
+    OfIdentificationRequest,
+    OfPlanRequest,
+    Seed,
+    Word,
+    options,
+)
+from planner.service.job_store import JobCommand
 
-Sha256 = Annotated[str, Field(pattern="^[0-9a-f]{64}$", description="identifier of an uploaded file")]
-JobId = Annotated[str, Field(pattern="^[0-9a-f]{24}$", description="identifier of a job")]
-FileName = Annotated[str, Field(pattern="^[A-Za-z0-9_][A-Za-z0-9._+-]{0,99}$", examples=["run.csv"])]
-CellReference = Annotated[
-    str,
-    Field(
-        pattern="^([a-z0-9-]{1,60}/[a-z0-9-]{1,60}|[0-9a-f]{64})$",
-        description="robot/cell of a shipped cell, or the identifier of an uploaded one",
-        examples=["comau-nj130/edbb"],
-    ),
-]
-Seed = Annotated[int, Field(ge=0, le=2**31, description="the same seed gives the same bytes")]
-Dialect = Annotated[str, Field(pattern="^[a-z0-9-]{1,40}$", examples=["krl"])]
-FrameText = Annotated[str, Field(pattern="^-?[0-9.eE+-]{1,30}(,-?[0-9.eE+-]{1,30}){5}$", examples=["0,0,120,0,0,0"])]
-
-
-Coordinate = Annotated[float, Field(ge=-50_000, le=50_000)]
-FilePath = Annotated[
-    str,
-    Field(
-        pattern="^([A-Za-z0-9_][A-Za-z0-9._+-]{0,99}/){0,4}[A-Za-z0-9_][A-Za-z0-9._+-]{0,99}$", examples=["a1/run.csv"]
-    ),
-]
-Verb = Literal[
+VERBS = (  # commands that run on a server
     "plan", "study", "export", "simulate", "identify", "import", "compensate", "accuracy", "plan-check", "check",
     "circular", "loaded", "loaded-places", "plan-both", "robots", "dialects",
-]  # fmt: skip
-KINDS_OF_VERBS = {  # commands whose folder holds what a job of another kind makes, by the same names
-    "plan": "plan", "study": "study", "export": "export", "simulate": "simulation", "identify": "identification",
-    "compensate": "compensation", "accuracy": "validation", "plan-check": "check-plan", "check": "check",
-}  # fmt: skip
-Word = Annotated[str, Field(max_length=500, pattern=r"^[^\x00-\x1f]*$")]
-
-
-class ServiceModel(StrictModel):
-    """A body of the interface."""
-
-
-class FileReference(ServiceModel):
-    """An uploaded file, and the name that it has in the folder of the job."""
-
-    id: Sha256
-    name: FileName
-
-
-class FileInFolder(ServiceModel):
-    """An uploaded file, and where it lies in the folder of the job."""
-
-    id: Sha256
-    name: FilePath
-
-
-ExtraFiles = Annotated[
-    list[FileReference], Field(max_length=50, description="files that an uploaded cell names: robot, URDF, meshes")
-]
-
-
-REQUESTS: dict[str, type["JobRequest"]] = {}
-"""Every request by its kind."""
+)  # fmt: skip
+TO_OUT = ("-o", "out", "--json")
+MOST_TITLE = 120  # signs of a command that name it
+ERROR_MAP_FILES = ("expected_error.csv", "identification.json")
 SOME_JOB, SOME_FILE = "0123456789abcdef01234567", "0" * 64
-
-
-class JobRequest(ServiceModel):
-    """Something that a job does.
-
-    ``document`` is the file of its results that pages and programs read, ``example`` a request for the interface.
-    """
-
-    kind: ClassVar[str]
-    document: ClassVar[str] = ""
-    example: ClassVar[dict[str, Any]]
-
-    @classmethod
-    def __pydantic_init_subclass__(cls, **_: Any) -> None:
-        """Keep every request that has a kind."""
-        if "kind" in vars(cls):
-            REQUESTS[cls.kind] = cls
-
-    @property
-    def job_kind(self) -> str:
-        """What the job is to a person, whoever started it."""
-        return self.kind
-
-
-class CellRequest(JobRequest):
-    """Something that starts from a cell."""
-
-    cell: CellReference
-    files: ExtraFiles = []
 
 
 class CommandRequest(JobRequest):
     """Run a command of ``edbb`` as it would run at the client's: its words, and the files that they name."""
 
-    kind: ClassVar[str] = "command"
-    example: ClassVar[dict[str, Any]] = {"words": ["plan", "comau-nj130/edbb", "--poses", "60", "-o", "out"]}
+    kind = "command"
+    example = {"words": ["plan", "comau-nj130/edbb", "--poses", "60", "-o", "out"]}
     words: Annotated[list[Word], Field(min_length=1, max_length=100)]
     files: Annotated[list[FileInFolder], Field(max_length=500)] = []
     title: Annotated[str, Field(max_length=120, pattern=r"^[^\x00-\x1f]*$", description="of what the job is")] = ""
@@ -110,24 +45,34 @@ class CommandRequest(JobRequest):
     @property
     def job_kind(self) -> str:
         """A plan is a plan: its folder holds what one asked for here does."""
-        return KINDS_OF_VERBS.get(self.words[0], self.kind)
+        return next((r.kind for r in REQUESTS.values() if self.words[0] == (r.verb or r.kind)), self.kind)
 
     @model_validator(mode="after")
     def _known_verb(self) -> Self:
-        if self.words[0] not in get_args(Verb):
-            raise ValueError(f"'{self.words[0]}' does not run on a server; {', '.join(get_args(Verb))} do")
+        if self.words[0] not in VERBS:
+            raise ValueError(f"'{self.words[0]}' does not run on a server; {', '.join(VERBS)} do")
         for word in self.words:
             if word.startswith("/") or "=/" in word or ".." in word:
                 raise ValueError(f"'{word}' leads out of the folder of the job")
         return self
 
+    def command(self, folder: JobFolder) -> JobCommand:
+        """Lay the files where the words name them."""
+        for file in self.files:
+            folder.file(file)
+        return JobCommand(tuple(self.words), folder.inputs)
+
+    def subject(self, folder: JobFolder) -> str:
+        """Return the title that the client gave, or the words."""
+        return self.title or " ".join(self.words)[:MOST_TITLE]
+
 
 class PlanRequest(CellRequest):
     """Plan a measuring session: poses, certificate, collision-free path, robot programs, report."""
 
-    kind: ClassVar[str] = "plan"
-    document: ClassVar[str] = "plan.json"
-    example: ClassVar[dict[str, Any]] = {"cell": "comau-nj130/edbb", "poses": 60, "dialects": ["krl"]}
+    kind = "plan"
+    document = "plan.json"
+    example = {"cell": "comau-nj130/edbb", "poses": 60, "dialects": ["krl"]}
     poses: Annotated[int, Field(ge=1, le=1000)] | None = None
     index: IndexName | None = None
     seed: Seed = 0
@@ -139,100 +84,116 @@ class PlanRequest(CellRequest):
     fixtures: Annotated[int, Field(ge=1, le=6)] | None = None
     aim: Aim | None = None
 
+    def arguments(self, folder: JobFolder) -> list[str]:
+        """Return cell and options."""
+        cell = super().arguments(folder)
+        chosen = self.model_dump(include={"poses", "index", "seed", "tsp", "fixtures", "aim"})
+        rivals = self.separate and f"{folder.results(self.separate, 'identification', 'before')}/identification.json"
+        return [*cell, *TO_OUT, *options(**chosen, dialect=self.dialects, separate=rivals)]
+
 
 class StudyRequest(CellRequest):
     """Observability offline: what can be seen, with how many poses, from which fixture."""
 
-    kind: ClassVar[str] = "study"
-    example: ClassVar[dict[str, Any]] = {"cell": "comau-nj130/edbb"}
+    kind = "study"
+    example = {"cell": "comau-nj130/edbb"}
     index: IndexName | None = None
     seed: Seed = 0
+
+    def arguments(self, folder: JobFolder) -> list[str]:
+        """Return cell and options."""
+        return [*super().arguments(folder), *TO_OUT, *options(index=self.index, seed=self.seed)]
 
 
 class CellCheckRequest(CellRequest):
     """Check a cell, and make the view of it."""
 
-    kind: ClassVar[str] = "cell-check"
-    document: ClassVar[str] = "view.json"
-    example: ClassVar[dict[str, Any]] = {"cell": "comau-nj130/edbb"}
+    kind = "cell-check"
+    task = True
+    document = "view.json"
+    example = {"cell": "comau-nj130/edbb"}
 
 
 class FixtureViewRequest(CellRequest):
     """See a cell with a fixture at another place: what is reached from there, and the error to be expected."""
 
-    kind: ClassVar[str] = "fixture-view"
-    document: ClassVar[str] = "view.json"
-    example: ClassVar[dict[str, Any]] = {"cell": "comau-nj130/edbb", "position_mm": [300, 1400, 700]}
+    kind = "fixture-view"
+    task = True
+    document = "view.json"
+    example = {"cell": "comau-nj130/edbb", "position_mm": [300, 1400, 700]}
     fixture: Annotated[int, Field(ge=0, le=50, description="its number, from 0")] = 0
     position_mm: tuple[Coordinate, Coordinate, Coordinate]
 
-
-class OfPlanRequest(JobRequest):
-    """Something that starts from a finished plan."""
-
-    plan: JobId
+    def arguments(self, folder: JobFolder) -> list[str]:
+        """Return the cell, the number of the fixture and its place."""
+        return [*super().arguments(folder), str(self.fixture), *map(str, self.position_mm)]
 
 
 class PlanViewRequest(OfPlanRequest):
     """Make the view of a plan: poses, path and the robot along it."""
 
-    kind: ClassVar[str] = "plan-view"
-    document: ClassVar[str] = "view.json"
-    example: ClassVar[dict[str, Any]] = {"plan": SOME_JOB}
+    kind = "plan-view"
+    task = True
+    document = "view.json"
+    example = {"plan": SOME_JOB}
 
 
 class SimulationRequest(OfPlanRequest):
     """Simulate the measured run of a plan, on a robot with known or drawn errors; of a check on the calibrated one."""
 
-    kind: ClassVar[str] = "simulation"
-    example: ClassVar[dict[str, Any]] = {"plan": SOME_JOB, "seed": 1}
+    kind = "simulation"
+    verb = "simulate"
+    example = {"plan": SOME_JOB, "seed": 1}
     seed: Seed = 0
     truth: FileReference | None = None
     change: Annotated[str, Field(pattern=r"^[a-z]+[a-z0-9_]{0,40}=-?[0-9]{1,6}(\.[0-9]{1,9})?$")] | None = Field(
         None, description="added to an error of the truth, as in theta3_deg=0.2"
     )
 
+    def arguments(self, folder: JobFolder) -> list[str]:
+        """Return plan and options; the robot of a check is the one that was calibrated."""
+        plan, truth = super().arguments(folder), None
+        if self.truth:
+            truth = folder.file(self.truth)
+        elif folder.jobs.get(self.plan).kind == "check-plan":
+            truth = folder.simulated_robot_of(self.plan)
+        return [*plan, "-o", "out/run.csv", *options(seed=self.seed, truth=truth, change=self.change)]
+
 
 class ExportRequest(OfPlanRequest):
     """Write the robot program of a plan in another language."""
 
-    kind: ClassVar[str] = "export"
-    example: ClassVar[dict[str, Any]] = {"plan": SOME_JOB, "dialect": "rapid"}
+    kind = "export"
+    example = {"plan": SOME_JOB, "dialect": "rapid"}
     dialect: Dialect
 
-
-class MeasuredRequest(JobRequest):
-    """Something that starts from measured runs: uploaded, or of a simulation; the cell may be that of the plan."""
-
-    runs: Annotated[list[FileReference], Field(max_length=20)] = []
-    simulation: JobId | None = None
-    plan: JobId | None = None
-    cell: CellReference | None = None
-    files: ExtraFiles = []
-
-    @model_validator(mode="after")
-    def _complete(self) -> Self:
-        if not self.runs and self.simulation is None:
-            raise ValueError("name runs, or a simulation")
-        if self.cell is None and self.plan is None:
-            raise ValueError("name a plan, or a cell")
-        return self
+    def arguments(self, folder: JobFolder) -> list[str]:
+        """Return the plan, the language and the file of the program."""
+        program = f"out/program{load_dialect(self.dialect).extensions[0]}"
+        return [*super().arguments(folder), "--dialect", self.dialect, "-o", program]
 
 
 class RunCheckRequest(MeasuredRequest):
     """Read a run as an identification would, and show what is in it."""
 
-    kind: ClassVar[str] = "run-check"
-    document: ClassVar[str] = "view.json"
-    example: ClassVar[dict[str, Any]] = {"runs": [{"id": SOME_FILE, "name": "run.csv"}], "plan": SOME_JOB}
+    kind = "run-check"
+    task = True
+    document = "view.json"
+    example = {"runs": [{"id": SOME_FILE, "name": "run.csv"}], "plan": SOME_JOB}
+
+    def arguments(self, folder: JobFolder) -> list[str]:
+        """Return the cell and the runs."""
+        runs, cell, _ = self.lay_runs(folder, "check-plan")
+        return [cell, *runs]
 
 
 class IdentificationRequest(MeasuredRequest):
     """Identify the robot from measured runs: parameters with uncertainties, errors before and after."""
 
-    kind: ClassVar[str] = "identification"
-    document: ClassVar[str] = "identification.json"
-    example: ClassVar[dict[str, Any]] = {"runs": [{"id": SOME_FILE, "name": "run.csv"}], "plan": SOME_JOB}
+    kind = "identification"
+    verb = "identify"
+    document = "identification.json"
+    example = {"runs": [{"id": SOME_FILE, "name": "run.csv"}], "plan": SOME_JOB}
     validate_with: FileReference | None = None
     no_trace: bool = False
     geometry: bool = False
@@ -240,55 +201,101 @@ class IdentificationRequest(MeasuredRequest):
     robust: bool = False
     seed: Seed = 0
 
+    def arguments(self, folder: JobFolder) -> list[str]:
+        """Return runs and options."""
+        runs, cell, plan = self.lay_runs(folder)
+        chosen = self.model_dump(include={"no_trace", "geometry", "hold_out", "robust", "seed"})
+        aside = self.validate_with and folder.file(self.validate_with)
+        return [*runs, *TO_OUT, *options(plan=plan, cell=cell, **chosen, validate=aside)]
 
-class ErrorMapRequest(JobRequest):
+
+class ErrorMapRequest(OfIdentificationRequest):
     """Make the map of the error to be expected over the workspace, around the robot of the cell."""
 
-    kind: ClassVar[str] = "error-map"
-    document: ClassVar[str] = "view.json"
-    example: ClassVar[dict[str, Any]] = {"identification": SOME_JOB}
-    identification: JobId
+    kind = "error-map"
+    task = True
+    document = "view.json"
+    example = {"identification": SOME_JOB}
+
+    def arguments(self, folder: JobFolder) -> list[str]:
+        """Return the cell; the table of errors lies beside it."""
+        folder.results(self.identification, "identification", "calibrated", only=ERROR_MAP_FILES)
+        if len(folder.inputs) < len(ERROR_MAP_FILES):
+            raise InputError(f"the identification {self.identification} has no expected errors")
+        return [folder.cell_of(self.identification)]
 
 
 class ValidationRequest(MeasuredRequest):
     """Judge a robot before and after calibration by a tracker's run, or the precision of repeated centrings."""
 
-    kind: ClassVar[str] = "validation"
-    document: ClassVar[str] = "accuracy.json"
-    example: ClassVar[dict[str, Any]] = {"runs": [{"id": SOME_FILE, "name": "v.csv"}], "cell": "kuka-kr6-r700/tracker"}
+    kind = "validation"
+    verb = "accuracy"
+    document = "accuracy.json"
+    example = {"runs": [{"id": SOME_FILE, "name": "v.csv"}], "cell": "kuka-kr6-r700/tracker"}
     model: JobId | None = Field(None, description="the identification whose robot is judged")
 
+    def arguments(self, folder: JobFolder) -> list[str]:
+        """Return the run and options.
 
-class CheckPlanRequest(JobRequest):
+        Raises:
+            InputError: it is not one run.
+        """
+        runs, cell, plan = self.lay_runs(folder)
+        if len(runs) != 1:
+            raise InputError(f"a validation is of one run, found {len(runs)}")
+        model = self.model and f"{folder.results(self.model, 'identification', 'calibrated')}/robot.toml"
+        return [*runs, *TO_OUT, *options(plan=plan, cell=cell, model=model)]
+
+
+class CheckPlanRequest(OfIdentificationRequest):
     """Plan about ten poses that tell whether and where a calibrated robot has changed."""
 
-    kind: ClassVar[str] = "check-plan"
-    document: ClassVar[str] = "plan.json"
-    example: ClassVar[dict[str, Any]] = {"identification": SOME_JOB, "poses": 10}
+    kind = "check-plan"
+    verb = "plan-check"
+    document = "plan.json"
+    example = {"identification": SOME_JOB, "poses": 10}
     identification: JobId = Field(description="the baseline")
     poses: Annotated[int, Field(ge=4, le=60)] = 10
     seed: Seed = 0
     dialects: Annotated[list[Dialect], Field(max_length=10)] = []
 
+    def arguments(self, folder: JobFolder) -> list[str]:
+        """Return the cell that was identified in, and options."""
+        cell = folder.cell_of(self.identification)
+        known = folder.results(self.identification, "identification", "calibrated")
+        chosen = options(baseline=known, poses=self.poses, seed=self.seed, dialect=self.dialects)
+        return [cell, *TO_OUT, *chosen]
+
 
 class CheckRequest(JobRequest):
     """Judge the run of a check: has the robot changed, where most likely, and what is to be done."""
 
-    kind: ClassVar[str] = "check"
-    document: ClassVar[str] = "check.json"
-    example: ClassVar[dict[str, Any]] = {"check_plan": SOME_JOB, "run": {"id": SOME_FILE, "name": "check.csv"}}
+    kind = "check"
+    document = "check.json"
+    example = {"check_plan": SOME_JOB, "run": {"id": SOME_FILE, "name": "check.csv"}}
     check_plan: JobId
     run: FileReference
     limit_mm: Annotated[float, Field(ge=0, le=100)] | None = Field(
         None, description="motion of the tool that is allowed"
     )
 
+    def arguments(self, folder: JobFolder) -> list[str]:
+        """Return the run and options."""
+        plan = f"{folder.results(self.check_plan, 'check-plan', 'check')}/plan.json"
+        run, known = folder.file(self.run), folder.baseline_of(self.check_plan)
+        return [run, *TO_OUT, *options(plan=plan, baseline=known, limit_mm=self.limit_mm)]
+
+    def subject(self, folder: JobFolder) -> str:
+        """Return the name of the run, and where it was measured."""
+        return f"{self.run.name} of {folder.place(self.check_plan)}"
+
 
 class CompensationRequest(JobRequest):
     """Correct the targets of a program so that the calibrated robot stands where the nominal one should."""
 
-    kind: ClassVar[str] = "compensation"
-    example: ClassVar[dict[str, Any]] = {"program": {"id": SOME_FILE, "name": "p.src"}, "model": SOME_JOB}
+    kind = "compensation"
+    verb = "compensate"
+    example = {"program": {"id": SOME_FILE, "name": "p.src"}, "model": SOME_JOB}
     program: FileReference
     model: JobId = Field(description="the identification whose robot is used")
     dialect: Dialect | None = None
@@ -296,3 +303,36 @@ class CompensationRequest(JobRequest):
     base: FrameText | None = None
     frames: FileReference | None = None
     strict: bool = False
+
+    def arguments(self, folder: JobFolder) -> list[str]:
+        """Return the program and options."""
+        program = folder.file(self.program)
+        model = f"{folder.results(self.model, 'identification', 'calibrated')}/robot.toml"
+        chosen = self.model_dump(include={"dialect", "tool", "base", "strict"})
+        frames = self.frames and folder.file(self.frames)
+        return [program, "-o", f"out/{program}", *options(model=model, **chosen, frames=frames)]
+
+    def subject(self, folder: JobFolder) -> str:
+        """Return the name of the program."""
+        return self.program.name
+
+
+KINDS: tuple[type[JobRequest], ...] = (
+    CommandRequest,
+    PlanRequest,
+    StudyRequest,
+    CellCheckRequest,
+    FixtureViewRequest,
+    PlanViewRequest,
+    SimulationRequest,
+    ExportRequest,
+    RunCheckRequest,
+    IdentificationRequest,
+    ErrorMapRequest,
+    ValidationRequest,
+    CheckPlanRequest,
+    CheckRequest,
+    CompensationRequest,
+)
+REQUESTS = {r.kind: r for r in KINDS}
+"""Every request by its kind."""

@@ -12,7 +12,12 @@ from pydantic import TypeAdapter
 from pydantic.dataclasses import dataclass as model
 
 from planner import __version__
+from planner.common.errors import InputError
 from planner.service.database import Database
+
+
+class UnknownJobError(InputError):
+    """A job that somebody names is not there."""
 
 
 def own_name() -> str:
@@ -176,11 +181,11 @@ class JobStore:
         """Return a job.
 
         Raises:
-            KeyError: there is none.
+            UnknownJobError: there is none.
         """
         found = self._find(id)
         if found is None:
-            raise KeyError(id)
+            raise UnknownJobError(f"there is no job {id}")
         return found
 
     def list_jobs(self, kind: str | None = None, most: int = 200) -> list[JobRecord]:
@@ -261,7 +266,7 @@ class JobStore:
         """Ask for a job to be stopped; one that waits is cancelled at once.
 
         Raises:
-            KeyError: there is none.
+            UnknownJobError: there is none.
         """
         with self._db.write() as db:
             waiting = db.execute(

@@ -2,6 +2,7 @@
 
 import hmac
 import json
+import logging
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import cache
@@ -11,7 +12,6 @@ from typing import Annotated
 from fastapi import APIRouter, FastAPI, Form, Request, Response
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import HTMLResponse, RedirectResponse
-from starlette.exceptions import HTTPException
 
 from planner import __version__
 from planner.cell.file import CellFile
@@ -27,8 +27,9 @@ from planner.service.answers import Job
 from planner.service.context import Context, ServiceContext
 from planner.service.file_api import dialect_entries, robot_entries, robot_title
 from planner.service.guards import COOKIE, is_secure, session_cookie
-from planner.service.job_api import find_job, output_path
-from planner.service.job_requests import REQUESTS, JobId, Sha256
+from planner.service.job_api import output_path
+from planner.service.job_folder import JobId, Sha256
+from planner.service.job_requests import REQUESTS
 from planner.service.page_content import (
     AnyPlan,
     CalibrationPage,
@@ -40,7 +41,7 @@ from planner.service.page_content import (
     plan_facts,
     visible_files,
 )
-from planner.service.problems import http_problem, request_problem
+from planner.service.problems import ERRORS, problem_of
 from planner.service.record_api import (
     RecordSummary,
     Serial,
@@ -54,6 +55,7 @@ from planner.service.record_store import RecordedEntry
 from planner.service.sheets import certificate_content, session_steps
 from planner.session.document import PlanDocument, PlanHeader
 
+LOG = logging.getLogger("edbb.service")
 PLANS = ("plan", "check-plan")  # kinds of jobs whose folder holds a plan
 
 
@@ -88,20 +90,21 @@ def render(template: str, status: int = 200, /, **content: object) -> HTMLRespon
     return HTMLResponse(ENVIRONMENT.get_template(f"{template}.html.j2").render(**content), status)
 
 
-def add_problem_pages(app: FastAPI) -> None:
-    """Let what is wrong with the address of a page be told as a page."""
+def add_problem_handlers(app: FastAPI) -> None:
+    """Let every error leave ``app`` as a problem: a program reads it as JSON, a person as a page."""
 
-    @app.exception_handler(HTTPException)
-    def of_http(request: Request, err: HTTPException) -> Response:
+    def answer(request: Request, err: Exception) -> Response:
+        problem = problem_of(err)
+        if problem.status_code == 500:
+            LOG.error("%s %s", request.method, request.url.path, exc_info=err)
         if request.url.path.startswith(("/api/", "/static/")):
-            return http_problem(err)
-        return render("problem", err.status_code, detail=f"{str(err.detail).capitalize()}.")
+            return problem
+        if isinstance(err, RequestValidationError):
+            return render("problem", 404, detail="There is no such page.")
+        return render("problem", problem.status_code, detail=f"{problem.detail[:1].upper()}{problem.detail[1:]}.")
 
-    @app.exception_handler(RequestValidationError)
-    def of_request(request: Request, err: RequestValidationError) -> Response:
-        if request.url.path.startswith("/api/"):
-            return request_problem(err)
-        return render("problem", 404, detail="There is no such page.")
+    for kind in ERRORS:
+        app.add_exception_handler(kind, answer)
 
 
 @PAGES.get("/")
@@ -162,7 +165,7 @@ def show_cell(robot: str, cell: str) -> HTMLResponse:
 @PAGES.get("/cells/{cell}")
 def show_own_cell(cell: Sha256, check: JobId, context: Context) -> HTMLResponse:
     """An uploaded cell, with the files that it was checked with."""
-    job, file = find_job(context, check), context.uploads.find(cell)
+    job, file = context.jobs.get(check), context.uploads.find(cell)
     request = json.loads(job.request)
     if file is None or request.get("cell") != cell:
         return render("problem", 404, detail="There is no such cell.")
@@ -338,7 +341,7 @@ def _own_cells(context: ServiceContext) -> list[OwnCell]:
 
 
 def _job(context: ServiceContext, id: str) -> Job:
-    return context.describe(find_job(context, id))
+    return context.describe(context.jobs.get(id))
 
 
 def _plan(context: ServiceContext, job: Job) -> AnyPlan:

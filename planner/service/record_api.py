@@ -12,11 +12,11 @@ from fastapi import Path as InPath
 from pydantic import Field
 from starlette.exceptions import HTTPException
 
+from planner.common.schema import StrictModel
 from planner.instruments.opcua import OpcUaRecord, map_to_opcua
 from planner.instruments.record import DOCUMENTS, AxisDrift, Circumstances, EntryKind, RobotRecord
 from planner.service.context import Context, ServiceContext
-from planner.service.job_api import find_job
-from planner.service.job_requests import JobId, ServiceModel
+from planner.service.job_folder import JobId
 from planner.service.problems import Problem
 from planner.service.record_store import RecordedEntry, RobotState, robot_advice, robot_state
 
@@ -27,7 +27,7 @@ Serial = Annotated[
 ]
 
 
-class RecordSummary(ServiceModel):
+class RecordSummary(StrictModel):
     """A robot and how it stands."""
 
     serial: str
@@ -40,7 +40,7 @@ class RecordSummary(ServiceModel):
     simulated: bool = Field(description="nobody has measured this robot: there is none")
 
 
-class HistoryEntry(ServiceModel):
+class HistoryEntry(StrictModel):
     """What was done to a robot, what came of it, and what differs from the calibration before by more than 3 σ."""
 
     number: int
@@ -52,7 +52,7 @@ class HistoryEntry(ServiceModel):
     job: str | None = Field(description="where its files are; none of an entry that came otherwise")
 
 
-class DriftLine(ServiceModel):
+class DriftLine(StrictModel):
     """One number at each check."""
 
     name: str
@@ -69,7 +69,7 @@ class RecordHistory(RecordSummary):
     beyond_chance: list[float] = Field(description="decades; above zero something has changed")
 
 
-class EntryRequest(ServiceModel):
+class EntryRequest(StrictModel):
     """What is added to a record: the results of a job, and who measured, when and with what."""
 
     job: JobId
@@ -91,7 +91,7 @@ def get_record(serial: Serial, context: Context) -> RecordHistory:
 @RECORDS.post("/records/{serial}/entries", status_code=201, responses=MISSING)
 def add_to_record(serial: Serial, request: EntryRequest, context: Context) -> RecordHistory:
     """Add a calibration, validation or check to a robot's record; the same again changes nothing."""
-    job = find_job(context, request.job)
+    job = context.jobs.get(request.job)
     known = find_calibration(context, job.id)
     judged = find_recorded(context, known).circumstances if known else None
     baseline = None if judged is None else judged.date
@@ -135,7 +135,7 @@ def find_recorded(context: ServiceContext, job: str) -> RecordedEntry:
 
 def find_calibration(context: ServiceContext, id: str) -> str | None:
     """Return the job that calibrated what a check, its plan or a validation is held against; none of one elsewhere."""
-    command = find_job(context, id).command
+    command = context.jobs.get(id).command
     known = command.inputs_of("--baseline").get("identification.json") or command.inputs_of("--model").get("robot.toml")
     made = context.jobs.writer(known, "identification") if known else None
     return made.id if made else None

@@ -10,7 +10,6 @@ from starlette.types import ASGIApp
 
 from planner import __version__
 from planner.common.errors import InputError
-from planner.service.commands import CommandBuilder
 from planner.service.context import ServiceContext, Supervisor
 from planner.service.database import Database
 from planner.service.file_api import FILES, LISTS
@@ -18,8 +17,8 @@ from planner.service.file_store import FileStore, UploadList, disk_error
 from planner.service.guards import Guard
 from planner.service.job_api import EVENTS, JOBS
 from planner.service.job_store import JobStore
-from planner.service.pages import PAGES, STATIC, add_problem_pages
-from planner.service.problems import Problem, add_problem_handlers
+from planner.service.pages import PAGES, STATIC, add_problem_handlers
+from planner.service.problems import Problem
 from planner.service.record_api import RECORDS
 from planner.service.record_store import RecordStore
 from planner.service.settings import ServiceSettings
@@ -57,9 +56,8 @@ def build_context(settings: ServiceSettings) -> ServiceContext:
     database = Database(settings.folder / "jobs.sqlite3")
     jobs = JobStore(database)
     supervisor = Supervisor(jobs, files, settings.folder, settings.workers, settings.limits)
-    uploads = UploadList(database)
-    records, commands = RecordStore(settings.folder, jobs, files), CommandBuilder(jobs, files, uploads)
-    return ServiceContext(settings, jobs, files, uploads, records, commands, supervisor)
+    records = RecordStore(settings.folder, jobs, files)
+    return ServiceContext(settings, jobs, files, UploadList(database), records, supervisor)
 
 
 BACKLOG = 1024  # connections that wait to be taken
@@ -86,7 +84,6 @@ def build_app(context: ServiceContext) -> FastAPI:
     )
     app.state.context = context
     add_problem_handlers(app)
-    add_problem_pages(app)
     for router in (JOBS, EVENTS, LISTS, FILES, RECORDS, PAGES):
         app.include_router(router)
     app.mount("/static", StaticFiles(directory=STATIC), name="static")

@@ -13,13 +13,13 @@ from pydantic import BaseModel, Field
 from planner import load_cell, load_run
 from planner.cell.cell import Cell
 from planner.common.errors import InputError, PlannerError
+from planner.common.schema import StrictModel
 from planner.common.units import Array, to_deg, to_mm
 from planner.instruments.circular.document import is_circular, load_circular_plan
 from planner.model.identification_document import Identification
 from planner.motion.collision.surroundings import check_surroundings
 from planner.report.cell_view import ViewFrames, ViewPose, carrier_poses, compose_cell_view
 from planner.runs.run import Run
-from planner.service.job_requests import ServiceModel
 from planner.service.views import SceneView, ViewCloud, ViewLayer, check_view, pack_numbers, pack_scene, view_fixture
 from planner.session.course import Course
 from planner.session.document import read_plan
@@ -66,7 +66,7 @@ def map_errors(cell: Cell, table: Path, document: Path) -> SceneView:
 SERIES = 600  # samples shown
 
 
-class RunSeries(ServiceModel):
+class RunSeries(StrictModel):
     """One quantity of a run, thinned."""
 
     name: str
@@ -74,7 +74,7 @@ class RunSeries(ServiceModel):
     values: list[float | None]
 
 
-class RunCheck(ServiceModel):
+class RunCheck(StrictModel):
     """What a run holds."""
 
     samples: int
@@ -187,23 +187,20 @@ def run_task(words: list[str]) -> BaseModel:
     Raises:
         InputError: the cell, the plan or the run is wrong.
     """
-    name, *rest = words
-    if name == "run-check":
-        options = {k + j for k, w in enumerate(rest) if w in ("--cell", "--plan") for j in (0, 1)}
-        cell = load_cell(rest[rest.index("--cell") + 1], planning=False)
-        return check_run([Path(w) for k, w in enumerate(rest) if k not in options], cell)
-    if name == "cell-check":
-        cell = load_cell(rest[0])
-        check_surroundings(cell)
-        return check_view(cell)
-    if name == "fixture-view":
-        x, y, z = map(float, rest[2:])
-        return view_fixture(load_cell(rest[0]), int(rest[1]), (x, y, z), RESULT.parent)
-    if name == "plan-view":
-        return plan_view(Path("plan/plan.json"))
-    if name == "error-map":
-        return map_errors(load_cell(rest[0]), *(CALIBRATED / n for n in ("expected_error.csv", "identification.json")))
-    raise InputError(f"there is no task '{name}'")
+    match words:
+        case ["run-check", name, *runs]:
+            return check_run(list(map(Path, runs)), load_cell(name, planning=False))
+        case ["cell-check", name]:
+            cell = load_cell(name)
+            check_surroundings(cell)
+            return check_view(cell)
+        case ["fixture-view", name, fixture, x, y, z]:
+            return view_fixture(load_cell(name), int(fixture), (float(x), float(y), float(z)), RESULT.parent)
+        case ["plan-view", plan]:
+            return plan_view(Path(plan))
+        case ["error-map", name]:
+            return map_errors(load_cell(name), CALIBRATED / "expected_error.csv", CALIBRATED / "identification.json")
+    raise InputError(f"there is no task '{' '.join(words)}'")
 
 
 def main() -> None:

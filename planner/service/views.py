@@ -10,17 +10,17 @@ import tomli_w
 from planner.cell.cell import Cell
 from planner.common.errors import InputError
 from planner.common.files import write_text
+from planner.common.schema import StrictModel
 from planner.common.units import Array, from_mm, to_deg, to_mm
 from planner.design.fixtures.addition import place_fixture
 from planner.design.fixtures.places import PlaceForecast, Status, forecast_place
 from planner.kinematics.bodies import Vector
 from planner.report.cell_view import CellView, Mesh, ViewFrames, carrier_poses, compose_cell_view
-from planner.service.job_requests import ServiceModel
 
 STANDING = "#A89F91"
 
 
-class ViewPart(ServiceModel):
+class ViewPart(StrictModel):
     """Triangles of one look, carried by one link (−1: nothing moves them): packed float32 and uint32."""
 
     name: str
@@ -31,14 +31,14 @@ class ViewPart(ServiceModel):
     triangles: str
 
 
-class ViewLine(ServiceModel):
+class ViewLine(StrictModel):
     """A path in space, packed float32 (x, y, z) in mm."""
 
     name: str
     points: str
 
 
-class ViewSpot(ServiceModel):
+class ViewSpot(StrictModel):
     """A measuring pose: where its point is (mm), and what is said of it."""
 
     position_mm: tuple[float, float, float]
@@ -46,7 +46,7 @@ class ViewSpot(ServiceModel):
     label: str
 
 
-class ViewLayer(ServiceModel):
+class ViewLayer(StrictModel):
     """One value at each point of a cloud, packed float32."""
 
     name: str
@@ -54,7 +54,7 @@ class ViewLayer(ServiceModel):
     rms: float
 
 
-class ViewCloud(ServiceModel):
+class ViewCloud(StrictModel):
     """Points in space, packed float32 (x, y, z) in mm, coloured by one of several values up to ``most``."""
 
     what: str
@@ -64,7 +64,7 @@ class ViewCloud(ServiceModel):
     most: float
 
 
-class SceneView(ServiceModel):
+class SceneView(StrictModel):
     """A cell in space, in mm; ``poses`` holds of every frame and carrier twelve float32, rows of (R | p)."""
 
     cloud: ViewCloud | None = None
@@ -81,21 +81,21 @@ class SceneView(ServiceModel):
     floor_mm: float | None = None
 
 
-class CellFact(ServiceModel):
+class CellFact(StrictModel):
     """A line of a table."""
 
     what: str
     value: str
 
 
-class FixtureSpot(ServiceModel):
+class FixtureSpot(StrictModel):
     """A fixture that may be moved."""
 
     name: str
     position_mm: tuple[float, float, float]
 
 
-class CellCheck(ServiceModel):
+class CellCheck(StrictModel):
     """A cell that can be planned for; ``fixtures`` of a bar."""
 
     title: str
@@ -195,7 +195,7 @@ WHY: dict[Status, str] = {
 }
 
 
-class FixtureView(ServiceModel):
+class FixtureView(StrictModel):
     """The cell with the fixture there, and what to expect of that fixture alone.
 
     ``share`` of the arm's states can be measured from there; errors are of the tool over the workspace, before anything

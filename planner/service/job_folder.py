@@ -1,0 +1,145 @@
+"""The folder of a job: files that a client has sent, and what earlier jobs have found, laid in for its command."""
+
+from collections.abc import Sequence
+from typing import Annotated
+
+from pydantic import Field
+
+from planner.common.errors import InputError
+from planner.common.schema import StrictModel
+from planner.runs.run import SIMULATED
+from planner.service.file_store import FileStore, UploadList
+from planner.service.job_store import JobInput, JobStore
+
+Sha256 = Annotated[str, Field(pattern="^[0-9a-f]{64}$", description="identifier of an uploaded file")]
+JobId = Annotated[str, Field(pattern="^[0-9a-f]{24}$", description="identifier of a job")]
+FileName = Annotated[str, Field(pattern="^[A-Za-z0-9_][A-Za-z0-9._+-]{0,99}$", examples=["run.csv"])]
+FilePath = Annotated[
+    str,
+    Field(
+        pattern="^([A-Za-z0-9_][A-Za-z0-9._+-]{0,99}/){0,4}[A-Za-z0-9_][A-Za-z0-9._+-]{0,99}$", examples=["a1/run.csv"]
+    ),
+]
+HEAD = 65536  # bytes of a run that its comments are sought in
+NOT_NEEDED = ("pictures/", "report.html", "residuals.csv", "printed", "log", "timings.json", "manifest.json")
+
+
+class FileReference(StrictModel):
+    """An uploaded file, and the name that it has in the folder of the job."""
+
+    id: Sha256
+    name: FileName
+
+
+class FileInFolder(StrictModel):
+    """An uploaded file, and where it lies in the folder of the job."""
+
+    id: Sha256
+    name: FilePath
+
+
+class UnfinishedJobError(InputError):
+    """A job that a request names has no result."""
+
+
+class JobFolder:
+    """Lays files into the folder of a job; every call returns the word by which the job's command names them."""
+
+    def __init__(self, jobs: JobStore, files: FileStore, uploads: UploadList) -> None:
+        self.jobs, self._files, self._uploads = jobs, files, uploads
+        self._inputs: list[JobInput] = []
+
+    @property
+    def inputs(self) -> tuple[JobInput, ...]:
+        """All files that lie there.
+
+        Raises:
+            InputError: two of them have one name.
+        """
+        names = [i.name for i in self._inputs]
+        twice = next((n for n in names if names.count(n) > 1), None)
+        if twice:
+            raise InputError(f"two files of the request are called '{twice}'; give them names of their own")
+        return tuple(self._inputs)
+
+    def file(self, file: FileReference | FileInFolder) -> str:
+        """Lay in an uploaded file.
+
+        Raises:
+            InputError: it was never sent.
+        """
+        if not self._files.holds(file.id):
+            raise InputError(f"'{file.name}': there is no file {file.id[:12]}…; upload it first")
+        return self._lay(file.name, file.id)
+
+    def cell(self, cell: str, files: Sequence[FileReference]) -> str:
+        """Lay in an uploaded cell with the files that it names; a shipped one is there."""
+        if "/" in cell:
+            return cell
+        word = self.file(FileReference(id=cell, name="cell.toml"))
+        for file in files:
+            self.file(file)
+        return word
+
+    def plan(self, job: str) -> str:
+        """Lay in a finished plan, or that of a check."""
+        return f"{self.results(job, 'plan', 'plan', also='check-plan')}/plan.json"
+
+    def results(self, job: str, kind: str, folder: str, also: str = "", only: tuple[str, ...] = ()) -> str:
+        """Lay what others need of a finished job of a kind, or of one that does as well, into a folder.
+
+        Raises:
+            InputError: there is no such job, it is of another kind, or it has no result.
+        """
+        found = self.jobs.get(job)
+        if found.kind not in (kind, also):
+            raise InputError(f"job {job} is a {found.kind}; a {kind} is needed")
+        if found.state != "done":
+            raise UnfinishedJobError(f"the {found.kind} {job} has no result yet: it is {found.state}")
+        for output in self.jobs.outputs(job):
+            if not output.name.startswith(NOT_NEEDED) and (not only or output.name in only):
+                self._lay(f"{folder}/{output.name}", output.sha256)
+        return folder
+
+    def cell_of(self, identification: str) -> str:
+        """Lay in the cell that was identified in, with all files that lay there."""
+        done = self.jobs.get(identification).command
+        self._inputs += done.inputs
+        return str(done.option("--cell"))
+
+    def baseline_of(self, check_plan: str) -> str:
+        """Lay in the calibration that a check was planned against."""
+        for name, sha256 in self.jobs.get(check_plan).command.inputs_of("--baseline").items():
+            self._lay(f"calibrated/{name}", sha256)
+        return "calibrated"
+
+    def simulated_robot_of(self, check_plan: str) -> str:
+        """Lay in the simulated run by which the robot of a check was calibrated: it says what is true of that robot.
+
+        Raises:
+            InputError: the calibration was not simulated, or made elsewhere.
+        """
+        known = self.jobs.get(check_plan).command.inputs_of("--baseline").get("identification.json", "")
+        made = self.jobs.writer(known, "identification")
+        for run in made.command.inputs if made else ():
+            if made and run.name in made.command.words and run.name.endswith(".csv"):
+                with self._files.path(run.sha256).open("rb") as file:
+                    if SIMULATED.encode() in file.read(HEAD):
+                        return self._lay("robot.csv", run.sha256)
+        raise InputError(
+            "a check can be simulated only for a robot whose calibration was simulated, as only then its true errors "
+            "are known; drive the check and give its log"
+        )
+
+    def cell_title(self, cell: str) -> str:
+        """Return what a cell is called."""
+        sent = None if "/" in cell else self._uploads.find(cell)
+        return sent.name if sent else cell
+
+    def place(self, job: str) -> str:
+        """Return what a job was for, without the names of runs."""
+        return self.jobs.get(job).title.rpartition(" of ")[2]
+
+    def _lay(self, name: str, sha256: str) -> str:
+        self._inputs.append(JobInput(name, sha256))
+        return name

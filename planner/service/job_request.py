@@ -1,0 +1,159 @@
+"""What every request for a job is: it lays files into a folder and becomes a command; and what requests start from."""
+
+import hashlib
+import json
+from typing import Annotated, Any, ClassVar, Self
+
+from pydantic import Field, model_validator
+
+from planner.common.schema import StrictModel
+from planner.service.job_folder import FileReference, JobFolder, JobId
+from planner.service.job_store import JobCommand
+
+CellReference = Annotated[
+    str,
+    Field(
+        pattern="^([a-z0-9-]{1,60}/[a-z0-9-]{1,60}|[0-9a-f]{64})$",
+        description="robot/cell of a shipped cell, or the identifier of an uploaded one",
+        examples=["comau-nj130/edbb"],
+    ),
+]
+Seed = Annotated[int, Field(ge=0, le=2**31, description="the same seed gives the same bytes")]
+Dialect = Annotated[str, Field(pattern="^[a-z0-9-]{1,40}$", examples=["krl"])]
+FrameText = Annotated[str, Field(pattern="^-?[0-9.eE+-]{1,30}(,-?[0-9.eE+-]{1,30}){5}$", examples=["0,0,120,0,0,0"])]
+Coordinate = Annotated[float, Field(ge=-50_000, le=50_000)]
+Word = Annotated[str, Field(max_length=500, pattern=r"^[^\x00-\x1f]*$")]
+ExtraFiles = Annotated[
+    list[FileReference], Field(max_length=50, description="files that an uploaded cell names: robot, URDF, meshes")
+]
+
+
+class JobRequest(StrictModel):
+    """Something that a job does.
+
+    ``verb`` is the command that does it, or the ``task`` of the service, where that is not the kind; ``document`` the
+    file of its results that pages and programs read, ``example`` a request for the interface.
+    """
+
+    kind: ClassVar[str]
+    verb: ClassVar[str] = ""
+    task: ClassVar[bool] = False
+    document: ClassVar[str] = ""
+    example: ClassVar[dict[str, Any]]
+
+    @property
+    def job_kind(self) -> str:
+        """What the job is to a person, whoever started it."""
+        return self.kind
+
+    def command(self, folder: JobFolder) -> JobCommand:
+        """Lay the files into the folder of the job; return the command with them.
+
+        Raises:
+            InputError: a file or a job that the request names is not there, or two files have one name.
+        """
+        words = (self.verb or self.kind, *self.arguments(folder))
+        return JobCommand(words, folder.inputs, self.task)
+
+    def arguments(self, folder: JobFolder) -> list[str]:
+        """Return the words after the verb."""
+        raise NotImplementedError
+
+    def subject(self, folder: JobFolder) -> str:
+        """Return of what the job is, for a person."""
+        raise NotImplementedError
+
+    def job_id(self, command: JobCommand) -> str:
+        """Return the identifier of the job: a hash of what it is asked for and of its files."""
+        asked = json.loads(self.model_dump_json(exclude={"title"}))
+        content = [self.kind, asked, [[i.name, i.sha256] for i in command.inputs]]
+        return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:24]
+
+
+def options(**values: object) -> list[str]:
+    """Return options of the command line: what is given, once for each entry of a list; of switches those set."""
+    words = []
+    for name, value in values.items():
+        option = f"--{name.replace('_', '-')}"
+        if value is True:
+            words.append(option)
+        elif value is not None and value is not False:
+            words += [w for v in (value if isinstance(value, list) else [value]) for w in (option, str(v))]
+    return words
+
+
+class CellRequest(JobRequest):
+    """Something that starts from a cell."""
+
+    cell: CellReference
+    files: ExtraFiles = []
+
+    def arguments(self, folder: JobFolder) -> list[str]:
+        """Return the word of the cell."""
+        return [folder.cell(self.cell, self.files)]
+
+    def subject(self, folder: JobFolder) -> str:
+        """Return what the cell is called."""
+        return folder.cell_title(self.cell)
+
+
+class OfPlanRequest(JobRequest):
+    """Something that starts from a finished plan."""
+
+    plan: JobId
+
+    def arguments(self, folder: JobFolder) -> list[str]:
+        """Return the word of the plan."""
+        return [folder.plan(self.plan)]
+
+    def subject(self, folder: JobFolder) -> str:
+        """Return what the plan is of."""
+        return folder.jobs.get(self.plan).title
+
+
+class MeasuredRequest(JobRequest):
+    """Something that starts from measured runs: uploaded, or of a simulation; the cell may be that of the plan."""
+
+    runs: Annotated[list[FileReference], Field(max_length=20)] = []
+    simulation: JobId | None = None
+    plan: JobId | None = None
+    cell: CellReference | None = None
+    files: ExtraFiles = []
+
+    @model_validator(mode="after")
+    def _complete(self) -> Self:
+        if not self.runs and self.simulation is None:
+            raise ValueError("name runs, or a simulation")
+        if self.cell is None and self.plan is None:
+            raise ValueError("name a plan, or a cell")
+        return self
+
+    def lay_runs(self, folder: JobFolder, also: str = "") -> tuple[list[str], str, str | None]:
+        """Lay in runs, cell and plan; return the words of each. A plan of the kind ``also`` does as well."""
+        runs = [folder.file(f) for f in self.runs]
+        if self.cell is None:
+            for file in self.files:
+                folder.file(file)
+        if self.simulation:
+            made = folder.results(self.simulation, "simulation", "simulated", only=("run.csv",))
+            runs.append(f"{made}/run.csv")
+        plan = self.plan and f"{folder.results(self.plan, 'plan', 'plan', also)}/plan.json"
+        cell = "plan/cell.toml" if self.cell is None else folder.cell(self.cell, self.files)
+        return runs, cell, plan
+
+    def subject(self, folder: JobFolder) -> str:
+        """Return the names of the runs, and of what they are."""
+        if not self.runs:
+            return f"simulated run of {folder.jobs.get(str(self.simulation)).title}"
+        place = folder.place(self.plan) if self.plan else folder.cell_title(str(self.cell))
+        return f"{', '.join(r.name for r in self.runs)} of {place}"
+
+
+class OfIdentificationRequest(JobRequest):
+    """Something that starts from a finished identification."""
+
+    identification: JobId
+
+    def subject(self, folder: JobFolder) -> str:
+        """Return where it was identified."""
+        return folder.place(self.identification)

@@ -1,0 +1,81 @@
+"""What requests become: the words of the command line, and the files that they name."""
+
+import pytest
+
+from planner.common.errors import InputError
+from planner.service.job_folder import JobFolder
+from planner.service.job_requests import REQUESTS
+from planner.service.job_store import JobCommand, JobInput, JobOutput
+from planner.service.serving import build_context
+from tests.service.conftest import settings
+
+PLAN, KNOWN, CHECK = "1" * 24, "2" * 24, "3" * 24
+FOUND = {"identification.json": b"{}", "robot.toml": b"r", "expected_error.csv": b"e", "report.html": b"x"}
+NEEDED = sorted(FOUND.keys() - {"report.html"})
+CALIBRATED = [f"calibrated/{name}" for name in NEEDED]
+
+
+@pytest.fixture(scope="module")
+def context(tmp_path_factory):
+    """Three jobs that are done: a plan, an identification by a log of it, and the plan of a check."""
+    made = build_context(settings(tmp_path_factory.mktemp("requests")))
+    run = JobInput("run.csv", made.files.add(b"q1_deg"))
+    identify = JobCommand(("identify", "run.csv", "--cell", "ur10/edbb"), (run,))
+    held = (JobInput("calibrated/robot.toml", made.files.add(b"r")),)
+    for id, kind, command, outputs in (
+        (PLAN, "plan", JobCommand(("plan",)), {"plan.json": b"{}", "cell.toml": b""}),
+        (KNOWN, "identification", identify, FOUND),
+        (CHECK, "check-plan", JobCommand(("plan-check", "--baseline", "calibrated"), held), {"plan.json": b"{1}"}),
+    ):
+        made.jobs.submit(id, kind, "run.csv of ur10/edbb", "{}", command)
+        written = [JobOutput(name, made.files.add(data), len(data)) for name, data in outputs.items()]
+        assert made.jobs.finish(made.jobs.take(9), "done", written, 0, None)
+    return made
+
+
+CASES = [
+    ("plan", {"cell": "ur10/edbb", "poses": 9, "dialects": ["krl", "rapid"], "separate": KNOWN},
+     "plan ur10/edbb -o out --json --poses 9 --seed 0 --tsp auto --dialect krl --dialect rapid"
+     " --separate before/identification.json", [f"before/{n}" for n in NEEDED]),
+    ("fixture-view", {"cell": "ur10/edbb", "position_mm": [1, 2, 3]}, "fixture-view ur10/edbb 0 1.0 2.0 3.0", []),
+    ("export", {"plan": CHECK, "dialect": "krl"}, "export plan/plan.json --dialect krl -o out/program.src",
+     ["plan/plan.json"]),
+    ("identification", {"plan": PLAN, "runs": ["run.csv"], "no_trace": True, "validate_with": "v.csv"},
+     "identify run.csv -o out --json --plan plan/plan.json --cell plan/cell.toml --no-trace --hold-out 0.2 --seed 0"
+     " --validate v.csv", ["run.csv", "plan/cell.toml", "plan/plan.json", "v.csv"]),
+    ("run-check", {"cell": "ur10/edbb", "runs": ["a.csv", "b.csv"]}, "run-check ur10/edbb a.csv b.csv",
+     ["a.csv", "b.csv"]),
+    ("error-map", {"identification": KNOWN}, "error-map ur10/edbb", [*CALIBRATED[:2], "run.csv"]),
+    ("check-plan", {"identification": KNOWN},
+     "plan-check ur10/edbb -o out --json --baseline calibrated --poses 10 --seed 0", ["run.csv", *CALIBRATED]),
+    ("check", {"check_plan": CHECK, "run": "c.csv", "limit_mm": 0.2},
+     "check c.csv -o out --json --plan check/plan.json --baseline calibrated --limit-mm 0.2",
+     ["check/plan.json", "c.csv", "calibrated/robot.toml"]),
+    ("validation", {"cell": "ur10/edbb", "runs": ["v.csv"], "model": KNOWN},
+     "accuracy v.csv -o out --json --cell ur10/edbb --model calibrated/robot.toml", ["v.csv", *CALIBRATED]),
+    ("compensation", {"program": "p.src", "model": KNOWN, "strict": True},
+     "compensate p.src -o out/p.src --model calibrated/robot.toml --strict", ["p.src", *CALIBRATED]),
+]  # fmt: skip
+
+
+def uploaded(context, value):
+    """The value of a field, with references to files where it names some."""
+    if isinstance(value, list) and str(value[0]).endswith(".csv"):
+        return [uploaded(context, v) for v in value]
+    if str(value).endswith((".csv", ".src")):
+        return {"id": context.files.add(b"q1_deg"), "name": value}
+    return value
+
+
+@pytest.mark.parametrize(("kind", "fields", "words", "names"), CASES)
+def test_a_request_becomes_a_command(context, kind, fields, words, names):
+    request = REQUESTS[kind].model_validate({k: uploaded(context, v) for k, v in fields.items()})
+    command = request.command(JobFolder(context.jobs, context.files, context.uploads))
+    assert " ".join(command.words) == words
+    assert [i.name for i in command.inputs] == names
+
+
+def test_two_files_of_one_name_are_refused(context):
+    twice = {"cell": "ur10/edbb", "runs": uploaded(context, ["a.csv", "a.csv"])}
+    with pytest.raises(InputError, match=r"two files of the request are called 'a\.csv'"):
+        context.submit(REQUESTS["run-check"].model_validate(twice))
