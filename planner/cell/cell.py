@@ -20,6 +20,7 @@ from planner.kinematics.geometry import bar_state
 from planner.kinematics.robot import Robot
 from planner.runs.run import Mounting, Run
 
+STANDARD_GRAVITY = 9.80665  # [m/s²]
 PASS_STATES = 4096  # of one forward pass: what it needs stays in the processor's cache
 
 
@@ -247,6 +248,22 @@ class Cell:
         if run.robot is not None and run.robot != self.robot.name:
             raise InputError(
                 f"{run.name}: was measured on '{run.robot}', but {self.path} has the robot '{self.robot.name}'"
+            )
+
+    def check_load(self, load: float, what: str, cure: str) -> None:
+        """Refuse a load [N] beyond what the robot may carry beside its tool; ``what`` says where it comes from.
+
+        Raises:
+            InputError: with the load, what is allowed, and the ``cure``.
+        """
+        robot, tool = self.robot, self.tool
+        if robot.payload is None:  # nobody says what it may carry
+            return
+        allowed = (robot.payload - tool.mass) * STANDARD_GRAVITY
+        if load > allowed:
+            raise InputError(
+                f"{what}, but {robot.name} may carry {robot.payload:g} kg, {allowed:.0f} N beyond its tool of "
+                f"{tool.mass:g} kg: {cure}"
             )
 
     @property

@@ -9,15 +9,13 @@ from functools import cached_property
 
 import numpy as np
 
-from planner.cell.cell import Cell
+from planner.cell.cell import STANDARD_GRAVITY, Cell
 from planner.cell.gauge import Gauge
-from planner.common.errors import InputError
 from planner.common.units import Array
 from planner.kinematics.chain import Chain, xyz_transforms
 from planner.kinematics.robot import BASE_TRANSFORMS, Robot
 from planner.runs.run import Readings, SampleColumns, Samples
 
-STANDARD_GRAVITY = 9.80665  # [m/s²]
 N_BASE_TRANSFORMS = len(BASE_TRANSFORMS)  # before the robot's: small corrections of how the base stands to the gauge
 
 
@@ -160,22 +158,6 @@ def setup_of(cell: Cell) -> MeasurementSetup:
         loaded=tuple(dict.fromkeys(fixtures[c.fixture].name for c in cell.circles if c.loads)),
         ball_names=tuple(b.name for b in cell.balls),
     )
-
-
-def check_load(cell: Cell, load: float, what: str, cure: str) -> None:
-    """Refuse a load [N] beyond what the robot may carry beside its tool; ``what`` says in words where it comes from.
-
-    Raises:
-        InputError: with the load, what is allowed, and the ``cure``.
-    """
-    if cell.robot.payload is None:  # nobody says what it may carry
-        return
-    allowed = (cell.robot.payload - cell.tool.mass) * STANDARD_GRAVITY
-    if load > allowed:
-        raise InputError(
-            f"{what}, but {cell.robot.name} may carry {cell.robot.payload:g} kg, {allowed:.0f} N beyond its tool of "
-            f"{cell.tool.mass:g} kg: {cure}"
-        )
 
 
 def _repeatability_of_joint(cell: Cell) -> float:

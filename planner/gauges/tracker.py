@@ -168,8 +168,7 @@ class PoseTracker(Tracker):
 
     def targets(self, setup: MeasurementSetup, samples: Samples, readings: Readings) -> Targets:
         """Return positions and orientations in the base frame."""
-        point = np.zeros(len(samples), dtype=int) if samples.point is None else samples.point
-        R_BG, R_FM = setup.R_BG[samples.place], setup.R_FM[point]
+        R_BG, R_FM = setup.R_BG[samples.place], setup.R_FM[samples.point_numbers]
         assert readings.rotation is not None
         R = np.einsum("nij,njk,nlk->nil", R_BG, readings.rotation, R_FM)
         return replace(super().targets(setup, samples, readings), rotation=R)

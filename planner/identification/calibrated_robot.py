@@ -9,7 +9,8 @@ from pathlib import PurePath
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from planner.cell.setup import N_BASE_TRANSFORMS, STANDARD_GRAVITY, MeasurementSetup, RobotSetup
+from planner.cell.cell import STANDARD_GRAVITY
+from planner.cell.setup import N_BASE_TRANSFORMS, MeasurementSetup, RobotSetup
 from planner.common.errors import InputError
 from planner.common.units import Array, read_only
 from planner.effects.basis import BasisFunction

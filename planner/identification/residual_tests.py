@@ -106,7 +106,7 @@ def orthonormal_basis(tall: Array) -> Array:
 def pose_groups(problem: FitProblem) -> np.ndarray:
     """Number the poses, each at its place and target, in the order in which they were first measured, (m,)."""
     s = problem.samples
-    point = np.zeros(len(s), dtype=int) if s.point is None else s.point
+    point = s.point_numbers
     label = np.stack([number_poses(s.q), s.place, point], axis=1)
     first, group = np.unique(label, axis=0, return_index=True, return_inverse=True)[1:]
     return np.argsort(np.argsort(first))[group.reshape(-1)]

@@ -10,7 +10,7 @@ from planner.cell.setup import MeasurementSetup, setup_of
 from planner.common.errors import InputError
 from planner.common.units import MM, Array
 from planner.gauges.placement.flange_poses import LOCATED_SIGMA, index_in_cell
-from planner.runs.joint_motion import joint_speeds, last_reversals, session_numbers
+from planner.runs.joint_motion import joint_speeds, last_reversals
 from planner.runs.run import Run, Samples
 
 REVERSAL_SAMPLES = 600_000  # samples of a run that is not too long to keep every joint's last reversals of
@@ -149,7 +149,7 @@ def directions_by_row(samples: Samples) -> Array:
 
     A session begins without any: nobody knows where the arm came from.
     """
-    n, session = len(samples), session_numbers(samples)
+    n, session = len(samples), samples.session_numbers
     way = np.diff(samples.q, axis=0, prepend=samples.q[:1])
     way[np.diff(session, prepend=session[:1]) != 0] = 0.0
     way[np.abs(way) <= JOINT_MOVED] = 0.0

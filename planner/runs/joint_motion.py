@@ -88,7 +88,7 @@ def joint_speeds(samples: Samples) -> Array:
         raise InputError("joint speeds need the time of each sample, but the run has no column t_s")
     t, q = samples.t, samples.q
     together = np.zeros(len(t) + 1, dtype=bool)  # whether sample i follows sample i − 1 in its session
-    together[1:-1] = np.diff(session_numbers(samples)) == 0
+    together[1:-1] = np.diff(samples.session_numbers) == 0
     step = np.ones(len(t) + 1)
     step[1:-1] = np.diff(t)
     if (step[together] <= 0.0).any():
@@ -98,11 +98,6 @@ def joint_speeds(samples: Samples) -> Array:
     before, after = together[:-1], together[1:]
     weight = np.where(before & after, step[1:] / (step[1:] + step[:-1]), before.astype(float))[:, None]
     return np.asarray(slope[:-1] * weight + slope[1:] * np.where(after, 1.0 - weight[:, 0], 0.0)[:, None])
-
-
-def session_numbers(samples: Samples) -> IntArray:
-    """Return the session of each sample (n,); 0 where none is logged."""
-    return np.zeros(len(samples), dtype=np.int64) if samples.session is None else samples.session
 
 
 def find_rests(samples: Samples) -> IntArray:

@@ -15,7 +15,6 @@ from planner.runs.joint_motion import (
     looks_continuous,
     marks_rests,
     number_sessions,
-    session_numbers,
 )
 from planner.runs.quantities import check_jumps, joint_angles, readings_of
 from planner.runs.run import IntArray, Readings, Run, Samples, sort_names
@@ -52,7 +51,7 @@ def run_of(table: RunTable, n_joints: int) -> Run:
     if looks_continuous(run.samples.t, run.samples.q) and (said == "static" or (said is None and marks_rests(run))):
         return average_rests(run)
     if run.continuous and run.samples.t is not None:
-        session = session_numbers(run.samples)
+        session = run.samples.session_numbers
         check_order(table.source, run.samples.t, session if table.has("session") else np.zeros_like(session))
         check_jumps(table, n_joints)
     return run
@@ -267,11 +266,10 @@ def _renumbered_samples(
     result = []
     for r in runs:
         s = r.samples
-        session = session_numbers(s) + first_session
+        session = s.session_numbers + first_session
         s = replace(s, session=session, place=_reindex(s.place, r.places, places))
         if len(points) > 1:
-            point = np.zeros(len(r), dtype=np.int64) if s.point is None else s.point
-            s = replace(s, point=_reindex(point, r.points, points))
+            s = replace(s, point=_reindex(s.point_numbers, r.points, points))
         if s.file is not None:
             s = replace(s, file=s.file + first_file)
         if s.force is None and len(lacking) < len(runs):

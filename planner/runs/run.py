@@ -88,14 +88,23 @@ class Samples(SampleColumns):
         place, point = (read_only(np.full(len(q), k), int) for k in mounting)
         return cls(q, place, point=point)
 
+    @property
+    def point_numbers(self) -> IntArray:
+        """Index of the target on the tool, (n,) int; 0 where none is logged."""
+        return np.zeros(len(self), dtype=np.int64) if self.point is None else self.point
+
+    @property
+    def session_numbers(self) -> IntArray:
+        """Number of the session, (n,) int; 0 where none is logged."""
+        return np.zeros(len(self), dtype=np.int64) if self.session is None else self.session
+
     def mounting(self, k: int) -> Mounting:
         """Return how the gauge is held at sample ``k``."""
         return Mounting(int(self.place[k]), 0 if self.point is None else int(self.point[k]))
 
     def at_mounting(self, mounting: Mounting) -> np.ndarray:
         """Tell which samples have the gauge held like that, (n,) bool."""
-        point = 0 if self.point is None else self.point
-        return np.asarray((self.place == mounting.fixture) & (point == mounting.point))
+        return np.asarray((self.place == mounting.fixture) & (self.point_numbers == mounting.point))
 
     @classmethod
     def concatenate(cls, parts: Sequence["Samples"]) -> "Samples":

@@ -14,7 +14,6 @@ from scipy.spatial.transform import Rotation
 from planner.common.errors import InputError
 from planner.common.files import write_bytes
 from planner.common.lazy_modules import pl
-from planner.runs.joint_motion import session_numbers
 from planner.runs.quantities import OFFSET, POSITION, TURNING
 from planner.runs.run import SIMULATED, IntArray, Run
 from planner.runs.table import units_of
@@ -69,7 +68,7 @@ def table_of(run: Run) -> pl.DataFrame:
     columns |= _name_columns(("ball", r.ball, run.balls)) | _number_columns((OFFSET, r.offset))
     place = None if run.places == ("",) else s.place
     columns |= _name_columns(("fixture", place, run.places), ("point", s.point, run.points))
-    if session_numbers(s).any():
+    if s.session_numbers.any():
         columns["session"] = s.session
     if s.pose is not None:
         columns["pose"] = pl.Series(s.pose).replace(-1, None)

@@ -42,11 +42,6 @@ def nominal_flange_poses(setup: MeasurementSetup, q: Array) -> tuple[Array, Arra
     return motion.x.T.copy(), motion.R.transpose(2, 0, 1).copy()
 
 
-def points_of(run: Run) -> np.ndarray:
-    """Return which target on the tool each sample is of, (n,) int."""
-    return np.zeros(len(run), dtype=int) if run.samples.point is None else run.samples.point
-
-
 IntArray = np.ndarray  # of integers
 
 
@@ -128,7 +123,7 @@ def flange_poses(
     """
     places, points = (0 if known is None else len(known) for known in (p_BX, p_FM))
     where = nominal_flange_poses(setup, run.samples.q)
-    return FlangePoses(*where, run.samples.place, points_of(run), places, points)
+    return FlangePoses(*where, run.samples.place, run.samples.point_numbers, places, points)
 
 
 def largest_group(index: IntArray, ready: np.ndarray) -> tuple[int, IntArray] | None:

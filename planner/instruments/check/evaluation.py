@@ -14,7 +14,6 @@ from planner.effects.backlash import ApproachDirection
 from planner.effects.basis import ONE, BasisFunction
 from planner.effects.effect import Parameter, transform_move
 from planner.effects.gears import WAVES, JointWave
-from planner.gauges.placement.flange_poses import points_of
 from planner.identification.baseline import Baseline
 from planner.identification.run_setup import add_motion
 from planner.instruments.check.detection import Detector, Explanation, rank_explanations
@@ -285,7 +284,7 @@ def _prepare(run: Run, cell: Cell, baseline: Baseline) -> Run:
     readings = run.readings if baseline.file.turns else replace(run.readings, rotation=None)
     run = add_motion(run)
     place = _renumber(run, run.samples.place, run.places, tuple(baseline.file.fixtures) or run.places, "fixture")
-    point = _renumber(run, points_of(run), run.points, baseline.model.setup.point_names, "tool point")
+    point = _renumber(run, run.samples.point_numbers, run.points, baseline.model.setup.point_names, "tool point")
     return replace(run, samples=replace(run.samples, place=place, point=point), readings=readings)
 
 

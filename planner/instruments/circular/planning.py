@@ -7,7 +7,6 @@ import numpy as np
 
 from planner.cell.cell import Cell
 from planner.cell.circles import Circle
-from planner.cell.setup import check_load
 from planner.common.errors import InputError, NoSolutionError
 from planner.common.progress import Stages
 from planner.common.units import Array, round_angles, to_deg
@@ -128,7 +127,7 @@ def check_loads(cell: Cell) -> None:
     """
     for c in cell.circles:
         most = max(c.loads, default=0.0)
-        check_load(cell, most, f"{cell.path}: circle {c.name}: loads_N goes up to {most:g} N", "load less")
+        cell.check_load(most, f"{cell.path}: circle {c.name}: loads_N goes up to {most:g} N", "load less")
 
 
 def _way_between(constraints: Constraints, here: Array, goal: Array, seed: int) -> ReleasedPath:

@@ -7,7 +7,7 @@ import numpy as np
 
 from planner.cell.cell import Cell
 from planner.cell.circles import NEAR_CIRCLE
-from planner.cell.setup import MeasurementSetup, check_load
+from planner.cell.setup import MeasurementSetup
 from planner.common.determinism import even_positions, on_one_thread
 from planner.common.errors import InputError
 from planner.common.units import DEG, MM, UM, Array, read_only
@@ -64,7 +64,7 @@ def check_measured_loads(cell: Cell, curves: Sequence[AveragedCurves], name: str
             f"{name}: the bar loads the arm with {largest:.0f} N, but the circles of {cell.path} go up to {stated:g} N "
             "only; check force_N, or loads_N in [[circles]]"
         )
-    check_load(cell, largest, f"{name}: the bar loads the arm with {largest:.0f} N", "check force_N, or load less")
+    cell.check_load(largest, f"{name}: the bar loads the arm with {largest:.0f} N", "check force_N, or load less")
 
 
 def check_reach(cell: Cell, setup: MeasurementSetup, curves: AveragedCurves, name: str) -> None:
