@@ -135,12 +135,11 @@ def twist_moves(station: int, axis: int, by: BasisFunction) -> tuple[ParameterMo
 
 def compliance_parameters(setup: MeasurementSetup) -> list[Parameter]:
     """Compliance of each joint under gravity, payload and the bar's pull, as far as the robot's file expects it."""
-    joints = [(k, t.joint) for k, t in enumerate(setup.chain.transforms) if t.joint is not None]
     prior = setup.robot.priors.compliance
     return [
         Parameter(f"compliance{i + 1}", "rad/Nm", prior, f"compliance of joint {i + 1}",
                   transform_move(k, LoadTorque(i)), JOINT_COMPLIANCE)
-        for k, i in sorted(joints, key=lambda pair: pair[1])
+        for i, k in enumerate(setup.chain.joint_places.tolist())
     ]  # fmt: skip
 
 
@@ -248,16 +247,24 @@ def _mass(run: Excitation, link: int, kind: str, place: Place, label: str, name:
 
 
 def _mass_parameters(run: Excitation, link: int, label: str) -> list[Parameter]:
+    what = "turn of joint {} by the weight in question, where that turns it most in the run"
+    return [
+        Parameter(f"{label}_at{i + 1}", "rad", USUAL_TURN, what.format(i + 1), moves)
+        for i, moves in weight_turns(run, link, 1e-3)
+    ]
+
+
+def weight_turns(run: Excitation, link: int, least: float) -> Iterator[tuple[int, tuple[ParameterMove, ...]]]:
+    """Yield the joints that a weight in a link (or, link = N, the payload) loads most, each turned by its torque.
+
+    The torque is over its largest in the run; of that it must vary by the share ``least``.
+    """
     phis = [WeightTorque(i, link) for i in run.joints[: link + 1]]
     load = np.array([np.ptp(run.values(phi)) for phi in phis])
-    out = []
     for i in sorted(int(k) for k in np.argsort(-load, kind="stable")[:JOINTS_SHOWN]):
         size = run.largest(phis[i])
-        if load[i] > max(LEAST_LOAD, 1e-3 * size):
-            what = f"turn of joint {i + 1} by the weight in question, where that turns it most in the run"
-            moves = transform_move(run.rotation(i), Times(1 / size, phis[i]))
-            out.append(Parameter(f"{label}_at{i + 1}", "rad", USUAL_TURN, what, moves))
-    return out
+        if load[i] > max(LEAST_LOAD, least * size):
+            yield i, transform_move(run.rotation(i), Times(1 / size, phis[i]))
 
 
 def _effect(

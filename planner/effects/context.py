@@ -22,15 +22,6 @@ class StationFrames:
     p: Array
 
 
-@dataclass(frozen=True)
-class HangingLoad:
-    """A weight: it hangs on the frame after the first ``end`` transforms; mass [kg], centre p_B (3, n) [m]."""
-
-    end: int
-    mass: Array | float
-    centre: Array
-
-
 def station_frames(chain: Chain, theta: Array, ends: Sequence[int]) -> StationFrames:
     """Return the frames that stand after the first ``ends`` transforms (rising) of a chain; theta (n, N) [rad]."""
     n = len(theta)
@@ -43,35 +34,6 @@ def station_frames(chain: Chain, theta: Array, ends: Sequence[int]) -> StationFr
             R = np.einsum("ijn,jkn->ikn", R, part.R)
         R_all[s], p_all[s] = R, p
     return StationFrames(R_all, p_all)
-
-
-def load_moments(
-    at: StationFrames,
-    ends: Sequence[int],
-    loads: Sequence[HangingLoad],
-    gravity_B: Array,
-    pull: tuple[Array, Array] | None,
-) -> Array:
-    """Return the moments (S, 3, n) [Nm] about the axes of frames, of the weights that hang at or beyond each frame.
-
-    Args:
-        at: the frames.
-        ends: number of transforms before each frame.
-        loads: the weights.
-        gravity_B: acceleration of gravity in the base frame, (3,) [m/s²].
-        pull: point and force (3, n) [m, N] of a force that acts beyond all frames.
-    """
-    out = np.zeros(at.p.shape)
-    g = np.broadcast_to(gravity_B[:, None], at.p.shape[1:])
-    for s, end in enumerate(ends):
-        moment = np.zeros(at.p.shape[1:])
-        for load in loads:
-            if load.end >= end:
-                moment = moment + load.mass * np.cross(load.centre - at.p[s], g, axis=0)
-        if pull is not None:
-            moment = moment + np.cross(pull[0] - at.p[s], pull[1], axis=0)
-        out[s] = np.einsum("ijn,in->jn", at.R[s], moment)
-    return out
 
 
 def _rotate(w: list[Array], axis: int, angle: Array, sign: float) -> list[Array]:
@@ -258,12 +220,21 @@ class Context:
 
         The flange bends under what it carries alone.
         """
-        robot = self.setup.robot
-        tool = HangingLoad(len(robot.transforms) + 1, self._flange_mass, self.centres[-1])
-        links = [
-            HangingLoad(min(end, len(robot.transforms) - 1), m.mass, centre)
+        robot, at = self.setup.robot, self.stations
+        flange, shape = len(robot.transforms), at.p.shape[1:]
+        loads: list[tuple[int, Array | float, Array]] = [  # frame on which a weight hangs, mass [kg], centre (3, n) [m]
+            (min(end, flange - 1), m.mass, centre)
             for end, m, centre in zip(robot.link_end[1:], robot.masses, self.centres, strict=False)
             if m is not None
         ]
-        pull = None if self.pull is None else (self.motion.x, self.pull)
-        return load_moments(self.stations, self._ends, [*links, tool], self.setup.gravity_B, pull)
+        loads.append((flange + 1, self._flange_mass, self.centres[-1]))
+        gravity, out = np.broadcast_to(self.setup.gravity_B[:, None], shape), np.zeros(at.p.shape)
+        for s, first in enumerate(self._ends):
+            moment = np.zeros(shape)
+            for end, mass, centre in loads:
+                if end >= first:  # it hangs at the station or beyond
+                    moment = moment + mass * np.cross(centre - at.p[s], gravity, axis=0)
+            if self.pull is not None:
+                moment = moment + np.cross(self.motion.x - at.p[s], self.pull, axis=0)
+            out[s] = np.einsum("ijn,in->jn", at.R[s], moment)
+        return out

@@ -46,7 +46,7 @@ def gear_curve(setup: MeasurementSetup, q: Array, joint: int, quickest: float) -
     # less the first one's exponent: of a joint that hardly moves every wave is far beyond the quickest
     size = np.exp(-0.5 * (frequencies**2 - frequencies[0] ** 2) / quickest**2)
     size *= CURVE_SIZE / np.sqrt((size**2).sum())
-    rotation, ends = _rotations(setup)[joint], _ends(q[:, joint])
+    rotation, ends = int(setup.chain.joint_places[joint]), _ends(q[:, joint])
     parameters = tuple(
         Parameter(
             f"gear_curve{joint + 1}_{wave}{k}", "rad", float(s),
@@ -62,9 +62,10 @@ def gear_curve(setup: MeasurementSetup, q: Array, joint: int, quickest: float) -
 
 def nonparametric_effects(setup: MeasurementSetup, q: Array) -> Iterator[Effect]:
     """Yield corrections of each joint over its own angle, then over another joint's; q (n, N) [rad]."""
-    rotations, ranges = _rotations(setup), np.ptp(q, axis=0)
+    rotations, ranges = setup.chain.joint_places.tolist(), np.ptp(q, axis=0)
     moving = [int(i) for i in np.flatnonzero(ranges > 1e-2)]
-    for i, by in sorted(((i, k) for i in rotations for k in moving), key=lambda pair: (pair[0] != pair[1], pair)):
+    pairs = ((i, by) for i in range(len(rotations)) for by in moving)
+    for i, by in sorted(pairs, key=lambda pair: (pair[0] != pair[1], pair)):
         yield _correction(rotations[i], i, by, float(ranges[by]), _ends(q[:, by]))
 
 
@@ -91,8 +92,3 @@ def _correction(rotation: int, i: int, by: int, angle_range: float, ends: tuple[
     literature = "none: a description, not a cause"
     role = Role.NONPARAMETRIC
     return Effect(NONPARAMETRIC, place, parameters, sentence, LARGEST_CORRECTION, literature, role=role)
-
-
-def _rotations(setup: MeasurementSetup) -> dict[int, int]:
-    """Position of each joint's rotation in the chain, by joint."""
-    return {t.joint: k for k, t in enumerate(setup.chain.transforms) if t.joint is not None}

@@ -12,7 +12,7 @@ import numpy as np
 from planner.common.units import Array
 from planner.effects.basis import ONE, BasisFunction, EffectVariable, Times
 from planner.effects.catalogue import Excitation, register
-from planner.effects.compliance import LEAST_LOAD, WeightTorque
+from planner.effects.compliance import weight_turns
 from planner.effects.context import Context
 from planner.effects.effect import (
     BASE_SHIFTS,
@@ -177,16 +177,9 @@ def _as_shift(run: Excitation, p: Parameter) -> Parameter:
 
 def _payload(run: Excitation) -> Iterator[Steppable]:
     """Yield the payload: it turns the joints that yield to it, each by its torque, most of all the two most loaded."""
-    n = run.setup.robot.n_joints
-    phis = [WeightTorque(i, n) for i in run.joints]
-    load = np.array([np.ptp(run.values(phi)) for phi in phis])
-    which = [int(i) for i in np.sort(np.argsort(-load, kind="stable")[:2]) if load[i] > LEAST_LOAD]
     parameters = tuple(
-        Parameter(
-            f"payload_at{i + 1}", "rad", 1.0, f"turn of joint {i + 1} under another payload",
-            transform_move(run.rotation(i), Times(1 / run.largest(phis[i]), phis[i])),
-        )
-        for i in which
-    )  # fmt: skip
+        Parameter(f"payload_at{i + 1}", "rad", 1.0, f"turn of joint {i + 1} under another payload", moves)
+        for i, moves in weight_turns(run, run.setup.robot.n_joints, 0.0)
+    )
     if parameters:
         yield Steppable(Place("payload"), "the payload was another one, its joints turn {size} under it", parameters)

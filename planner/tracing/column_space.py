@@ -139,8 +139,7 @@ class ColumnSpace:
         """Return the whitened columns (n, r, k) of what may step, as it would act all along."""
         known = self.memory.steps
         if parameters not in known:
-            rows = self._columns(parameters)
-            known[parameters] = rows
+            known[parameters] = self._columns(parameters)
         return known[parameters]
 
     def _columns(self, parameters: tuple[Parameter, ...]) -> Array:

@@ -47,7 +47,7 @@ def sensitivity_parameter(effect: Effect, value: float, sizes: Array) -> Paramet
 def link_mass_parameters(base: Model, compliance: Sequence[tuple[int, float]]) -> list[Parameter]:
     """Return the parts by which links and tool weigh more than stated; ``compliance``: joints (from 0) and [rad/Nm]."""
     setup, robot = base.setup, base.setup.robot
-    rotation = {t.joint: k for k, t in enumerate(setup.chain.transforms) if t.joint is not None}
+    rotation = setup.chain.joint_places.tolist()
     out = []
     for link, mass in enumerate([*(None if m is None else m.mass for m in robot.masses), setup.tool_mass]):
         bearing = [(i, c) for i, c in compliance if i <= link]
@@ -70,6 +70,7 @@ def link_mass_uncertainty(model: Model) -> float:
 
 SETTLING_ROUNDS = 6  # in which nonlinear values settle
 SETTLING_SAMPLES = 3_000  # samples of a long run on which they do
+SETTLED_COMPLIANCE = 0.02  # relative change of a compliance in a round that ends them
 STILL = 0.1  # standard deviations that a nonlinear value may still have to go
 MOST_REPEATS = 4  # effects of one kind at one place
 
@@ -272,7 +273,10 @@ def _settling_step(
     settled = (
         len(sensitivities) == sum(f.value is not None for f in effects)
         and all(abs(value[p.name]) <= STILL * sigma[p.name] for p in sensitivities.values())
-        and all(_is_settled(f.parameters[0].name, errors, value) for f in _compliances(effects))
+        and all(
+            abs(value[name] - errors.get(name, 0.0)) <= SETTLED_COMPLIANCE * abs(value[name])
+            for name in (f.parameters[0].name for f in _compliances(effects))
+        )
     )
     return (effects if settled else moved), value, settled
 
@@ -285,10 +289,6 @@ def _take_steps(
     for before, after in zip(effects, moved, strict=True):  # parameters bear their nonlinear value in their names
         errors = errors | {q.name: errors[p.name] for p, q in zip(before.parameters, after.parameters, strict=True)}
     return moved, errors
-
-
-def _is_settled(name: str, before: dict[str, float], after: dict[str, float]) -> bool:
-    return abs(after[name] - before.get(name, 0.0)) <= 0.02 * abs(after[name])
 
 
 def number_repeat(effect: Effect, effects: tuple[FittedEffect, ...]) -> Effect:
