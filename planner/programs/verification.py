@@ -9,7 +9,7 @@ import numpy as np
 from planner.common.errors import InputError, PlannerError, did_you_mean
 from planner.programs.dialect import Dialect, load_dialect
 from planner.programs.instructions import Centre, Dwell, JointMove, Program, Sync
-from planner.programs.languages import fanuc, frames, gcode, krl, listing, pdl2, rapid, trajectory, urscript
+from planner.programs.languages import fanuc, gcode, krl, listing, pdl2, rapid, timed_goals, urscript
 from planner.programs.languages.execution import Execution, ReadBack, ReadMove
 from planner.programs.motion_words import leading_speed
 from planner.programs.rendering import ProgramFile, operator_cautions, render_program
@@ -23,8 +23,8 @@ EXECUTIONS: dict[str, type[Execution]] = {
     "urscript": urscript.UrScriptExecution,
     "fanuc": fanuc.FanucExecution,
     "list": listing.ListExecution,
-    "trajectory": trajectory.TrajectoryExecution,
-    "frames": frames.FramesExecution,
+    "trajectory": timed_goals.TrajectoryExecution,
+    "frames": timed_goals.FramesExecution,
 }
 """The reader of each family of languages, as ``[reading] family`` of a dialect names it."""
 

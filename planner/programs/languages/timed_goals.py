@@ -1,0 +1,184 @@
+"""Goals of all joints with their times, a file a stretch: ROS 2 JointTrajectory (YAML), frames of a servo arm (CSV).
+
+A trajectory has a point a line, in radians; frames come at an even rate, and an event says where a leg or a stay ends.
+"""
+
+import math
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import planner.programs.languages.statements as st
+from planner.common.errors import InputError
+from planner.programs.languages.execution import Execution
+
+CUBIC = 1.5
+"""Peak over mean speed of the cubic that a controller joins two points at rest with."""
+_ROW = rf"\[({st.NUMBER}(?:, {st.NUMBER})*)\]"
+_ZEROS = r"\[0\.0(?:, 0\.0)*\]"
+_POINT = re.compile(
+    rf"- \{{positions: {_ROW}(?P<rest>, velocities: {_ZEROS})?(?P<dwell>, accelerations: {_ZEROS})?"
+    r", time_from_start: \{sec: (?P<sec>\d+), nanosec: (?P<nanosec>\d{1,9})\}\}"
+)
+_COLUMNS = re.compile(r"timestamp,((?:[A-Za-z][\w/-]*\.pos,)+)event")
+_EVENT = re.compile(r"|move|via|dwell \d+\.\d+")
+
+
+@dataclass(frozen=True)
+class FileHead(st.Statement):
+    """The names of the joints, with which every file begins."""
+
+
+@dataclass(frozen=True)
+class TimedGoal(st.MotionStatement):
+    """Angles [deg], their time from the start of the file [s], and the event there: the end of a move, via or dwell."""
+
+    angles: tuple[float, ...]
+    time: float
+    event: str
+
+
+class TimedExecution(Execution):
+    """Goals of all files, one file after the other; every file names the same joints."""
+
+    def check_heads(self, statements: Sequence[st.Statement], what: str, own: str) -> None:
+        """Hold the heads of all files against that of the program's ``own`` joints, or against one another.
+
+        Raises:
+            InputError: a file names other joints, or none does.
+        """
+        heads = {s.text for s in statements if isinstance(s, FileHead)}
+        wanted = {own} if self.joint_names else set(sorted(heads)[:1])
+        if not heads or heads != wanted:
+            raise InputError(f"the files {what} {sorted(heads) or 'none'}, not {sorted(wanted)}")
+
+
+def parse_trajectory(text: str) -> Iterator[st.Statement]:
+    """Yield the lines of one file."""
+    for line, start, code in st.Lines.of(text):
+        place = line, start, code.strip()
+        if not place[2] or place[2].startswith("#"):
+            continue
+        if match := _POINT.fullmatch(place[2]):
+            angles = tuple(math.degrees(float(n.value)) for n in st.placed_numbers(match[1], 0, st.NUMBER))
+            time = int(match["sec"]) + 1e-9 * int(match["nanosec"])
+            event = "dwell" if match["dwell"] is not None else "via" if match["rest"] is None else "move"
+            yield TimedGoal(*place, "point", angles, time, event)
+        else:
+            yield (FileHead if place[2].startswith("joint_names:") else st.Statement)(*place)
+
+
+class TrajectoryExecution(TimedExecution):
+    """A leg or a stay ends at every point."""
+
+    parse_file = staticmethod(parse_trajectory)
+    seconds: dict[int, float]
+    """Since the point before, by the identity of the statement [s]."""
+
+    def order(self, statements: Sequence[st.Statement]) -> Iterator[st.Statement]:
+        """Yield the points as they are driven.
+
+        Raises:
+            InputError: a file names other joints, its times do not increase, or a stay is at another place.
+        """
+        self.check_heads(statements, "name the joints", f"joint_names: [{', '.join(self.joint_names)}]")
+        self.seconds = {}
+        last: TimedGoal | None = None  # a file may begin with a stay where the one before ended
+        since = 0.0
+        for each in statements:
+            if isinstance(each, FileHead):
+                since = 0.0
+            elif isinstance(each, TimedGoal):
+                moved = last is None or last.angles != each.angles
+                if not since < each.time or (each.event == "dwell" and moved):
+                    raise InputError(f"line {each.line}: '{each.text}' goes back in time, or stays elsewhere")
+                self.seconds[id(each)] = each.time - since
+                last, since = each, each.time
+                yield each
+
+    def execute(self, statement: st.Statement) -> bool:
+        """Take in a point."""
+        if not isinstance(statement, TimedGoal):
+            return isinstance(statement, FileHead)
+        seconds = self.seconds[id(statement)]
+        if statement.event == "dwell":
+            self.dwell(seconds)
+        elif statement.event == "move":
+            self.move(statement.angles, None, seconds / CUBIC)
+        else:
+            self.move(statement.angles, 0.0, seconds)
+        return True
+
+
+def parse_frames(text: str) -> Iterator[st.Statement]:
+    """Yield the rows of one file."""
+    for line, start, code in st.Lines.of(text):
+        place = line, start, code.strip()
+        if not place[2] or place[2].startswith("#"):
+            continue
+        time, *angles = place[2].split(",")
+        event = angles.pop() if angles else ""
+        if _COLUMNS.fullmatch(place[2]):
+            yield FileHead(*place)
+        elif angles and _EVENT.fullmatch(event):
+            where = f"line {line}"
+            goals = tuple(st.parse_fixed(a, where) for a in angles)
+            yield TimedGoal(*place, "frame", goals, st.parse_fixed(time, where), event)
+        else:
+            yield st.Statement(*place)
+
+
+class FramesExecution(TimedExecution):
+    """Legs and stays from the frames between their ends."""
+
+    parse_file = staticmethod(parse_frames)
+
+    def order(self, statements: Sequence[st.Statement]) -> Iterator[st.Statement]:
+        """Yield the rows as they are played.
+
+        Raises:
+            InputError: a file names other joints, or the frames do not come at the rate.
+        """
+        columns = "".join(f"{name}.pos," for name in self.joint_names)
+        self.check_heads(statements, "have the columns", f"timestamp,{columns}event")
+        self.rate = float(self.dialect.speed.word)
+        self.here: tuple[float, ...] | None = None
+        self.waiting: list[TimedGoal] = []
+        number = 0
+        for statement in statements:
+            number = 0 if isinstance(statement, FileHead) else number + isinstance(statement, TimedGoal)
+            if isinstance(statement, TimedGoal) and abs(statement.time - number / self.rate) > 1e-3:
+                raise InputError(f"line {statement.line}: frame {number} is at {statement.time} s")
+            yield statement
+        if self.waiting:
+            raise InputError(f"line {self.waiting[0].line}: the last frames end neither a leg nor a stay")
+
+    def execute(self, statement: st.Statement) -> bool:
+        """Take in a frame."""
+        if not isinstance(statement, TimedGoal):
+            return isinstance(statement, FileHead)
+        self.waiting.append(statement)
+        if statement.event:
+            frames, self.waiting = self.waiting, []
+            if statement.event.startswith("dwell"):
+                self._stay(frames, float(statement.event.removeprefix("dwell ")))
+            else:
+                self._leg(frames)
+        return True
+
+    def _stay(self, frames: list[TimedGoal], seconds: float) -> None:
+        if any(f.angles != self.here for f in frames) or not 0.0 <= len(frames) / self.rate - seconds < 1.0 / self.rate:
+            raise InputError(f"line {frames[-1].line}: '{frames[-1].text}' ends no stay of {seconds} s at one place")
+        self.dwell(seconds)
+
+    def _leg(self, frames: list[TimedGoal]) -> None:
+        """A leg is a straight line at even speed from where the last one ended."""
+        end, n = frames[-1], len(frames)
+        begin = self.here or end.angles
+        slack = 1.01 * 10.0**-self.dialect.decimals
+        for k, frame in enumerate(frames, start=1):
+            straight = [a + (b - a) * k / n for a, b in zip(begin, end.angles, strict=True)]
+            if max(abs(g - s) for g, s in zip(frame.angles, straight, strict=True)) > slack:
+                raise InputError(f"line {frame.line}: '{frame.text}' leaves the straight line of its leg")
+        self.here = end.angles
+        self.move(end.angles, None if end.event == "move" else 0.0, n / self.rate)
