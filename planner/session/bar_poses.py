@@ -18,7 +18,6 @@ from planner.design.pose_selection import (
     check_pose_number,
     judge_poses,
     replace_all,
-    replace_pose,
     select_poses,
     traceable_pose_count,
 )
@@ -136,10 +135,6 @@ class BarPoses(PoseSession):
     def stop(self, choice: PoseChoice, k: int) -> TourStop:
         """Return the chosen pose ``k``, with the side from which it is to be come to."""
         return TourStop(choice.q[k], "calibrate", None if choice.approach is None else choice.approach[k])
-
-    def replace(self, choice: PoseChoice, lost: int) -> PoseChoice:
-        """Replace a chosen pose that no path joins."""
-        return replace_pose(self.pool, choice, lost)
 
     def driven_rows(self, choice: PoseChoice, drives: tuple[Drive, ...]) -> Array:
         """Rows of the trajectory as it is driven: at the poses' closest passage when continuous, else at rest."""

@@ -20,7 +20,7 @@ from planner.design.candidates.pool import PoseSet
 from planner.design.discrimination.selection import DiscriminatingChoice
 from planner.design.observability.information import index_value
 from planner.design.off_grid import certify_off_grid
-from planner.design.pose_selection import PoseChoice
+from planner.design.pose_selection import PoseChoice, replace_pose
 from planner.design.selection.certificate import Certificate
 from planner.design.selection.index_curves import BackgroundCurve
 from planner.programs.verification import shared_notes
@@ -227,9 +227,9 @@ class PoseSession(ABC):
     def stop(self, choice: PoseChoice, k: int) -> TourStop:
         """Return the chosen pose ``k`` as a stop of the tour."""
 
-    @abstractmethod
     def replace(self, choice: PoseChoice, lost: int) -> PoseChoice:
         """Replace a chosen pose that no path joins."""
+        return replace_pose(self.pool, choice, lost)
 
     @abstractmethod
     def driven_rows(self, choice: PoseChoice, drives: tuple[Drive, ...]) -> Array:

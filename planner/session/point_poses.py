@@ -8,7 +8,7 @@ from planner.common.progress import Stages
 from planner.common.units import Array
 from planner.design.candidates.balls import BallFunnel, draw_ball_candidates
 from planner.design.candidates.pool import PoseSet, draw_candidates
-from planner.design.pose_selection import PoseChoice, judge_poses, replace_all, replace_pose, select_poses
+from planner.design.pose_selection import PoseChoice, judge_poses, replace_all, select_poses
 from planner.motion.path.constraints import Constraints
 from planner.motion.path.roadmap import connected_parts
 from planner.runs.run import FIRST_MOUNTING
@@ -138,7 +138,7 @@ class PointPoses(PoseSession):
 
     def replace(self, choice: PoseChoice, lost: int) -> PoseChoice:
         """Replace a chosen pose that no path joins."""
-        return self._touchable(replace_pose(self.pool, choice, lost))
+        return self._touchable(super().replace(choice, lost))
 
     def driven_rows(self, choice: PoseChoice, drives: tuple[Drive, ...]) -> Array:
         """Rows of the chosen poses: the robot rests at each."""

@@ -198,12 +198,13 @@ class PairBounds:
         bars, others = [pieces[a] for _, a, _ in found], [pieces[b] for *_, b in found]
         at_tool = np.array([p.carrier == "link" and p.link == robot.n_joints for p in others], dtype=bool)
         to_map = np.array([self._distance_from_map(p) if p.link == robot.n_joints else np.inf for p in others])
-        still = np.zeros(robot.n_joints)
+        before = [robot.transforms[: robot.link_end[p.link]] for p in others]  # what stands still is before all joints
+        reach = [axis_reach(b, robot.n_joints, core_reach(p)) for b, p in zip(before, others, strict=True)]
         return BarPairs(
             pair=np.array([k for k, *_ in found], dtype=int),
             housing=np.array([p.carrier == "housing" for p in bars], dtype=bool),
             end=np.array([core_reach(p) for p in bars]),
-            reach=np.array([still if p.carrier == "world" else self._link_reach(p) for p in others]),
+            reach=np.array(reach),
             at_tool=at_tool,
             to_map=to_map,
         )
@@ -226,11 +227,6 @@ class PairBounds:
         outward = axis_reach(between, robot.n_joints, core_reach(far))
         inward = axis_reach(between[::-1], robot.n_joints, core_reach(near))
         return np.asarray(np.minimum(outward, inward))
-
-    def _link_reach(self, piece: SceneBody) -> Array:
-        """Largest distance of a link's piece from each axis before it, (N,) [m]."""
-        robot = self.scene.cell.robot
-        return axis_reach(robot.transforms[: robot.link_end[piece.link]], robot.n_joints, core_reach(piece))
 
     def _distance_from_map(self, piece: SceneBody) -> float:
         """Largest distance of the core of a piece that the tool carries from the MAP [m]."""
