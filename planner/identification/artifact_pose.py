@@ -60,7 +60,7 @@ def _apart(R: Array, p: Array, setup: MeasurementSetup) -> tuple[float, float]:
 
 def gauge_frames(fit: Fit) -> GaugeFrames:
     """Compose the poses before the fit with the fitted corrections."""
-    setup, error = fit.model.setup, dict(zip(fit.model.names, map(float, fit.errors), strict=True))
+    setup, error = fit.setup, fit.values
     framed, places = setup.gauge.frees_base, range(len(setup.place_names))
     return GaugeFrames(
         fixtures=tuple(

@@ -118,7 +118,7 @@ def approach_warnings(traced: TracingResult) -> list[str]:
 
 def collect_warnings(run: Run, cell: Cell, found: Fit, validation: Run | None) -> list[str]:
     """Return warnings about the run, the cell and the fit."""
-    out, setup = [], found.model.setup
+    out, setup = [], found.setup
     if cell.controller.accuracy_model == "on":
         out.append("the controller already corrects the robot: what was identified is what its correction leaves")
     out += [*_of_pull(run), *_other_point(run, cell), *declared_pose_warnings(cell, setup)]
@@ -220,7 +220,7 @@ def assess_fit(
     diagnosis = diagnose_residual(found, run.continuous, last.train.rms)
     return Calibration(
         schema_="edbb-identification/1",
-        robot=found.model.setup.robot.name,
+        robot=found.setup.robot.name,
         n_samples=len(run),
         n_groups=parts.groups,
         n_validation=None if validation is None else len(validation),

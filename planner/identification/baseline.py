@@ -110,7 +110,7 @@ def baseline_text(released: ReleasedRobot, freedom: float, run: Run, cell: Cell,
     if cell.gauge.lasting_places(setup_of(cell)) is None or not cell.tool.known:
         return None
     fit = released.posterior.fit
-    setup, noise = fit.model.setup, fit.problem.whitener.noise
+    setup, noise = fit.setup, fit.problem.whitener.noise
     kept = [k for k, p in enumerate(fit.model.parameters) if not any(depends_on_run(m.phi.key) for m in p.moves)]
     model = fit.model.subset(kept)
     root, rest = _few_columns(model, fit.solution.root(fit.problem.prior)[kept], run, cell, fit.errors[kept])

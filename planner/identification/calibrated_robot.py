@@ -166,15 +166,15 @@ def calibrated_files(calibration: Calibration) -> tuple[tuple[str, str], ...]:
     Raises:
         InputError: the robot's own file can no longer be read.
     """
-    robot = calibration.fit.model.setup.robot
+    robot = calibration.setup.robot
     effects = tuple(_effects(calibration))
-    loads = _loads(calibration.fit.model.setup) if effects else None
+    loads = _loads(calibration.setup) if effects else None
     return write_robot(robot, RobotCorrections(tuple(_geometry(calibration)), effects, loads, _source(calibration)))
 
 
 def calibrated_meshes(calibration: Calibration) -> tuple[tuple[str, bytes], ...]:
     """Return name (``meshes/…``) and content of the collision meshes that :func:`calibrated_files` refers to."""
-    return mesh_files(calibration.fit.model.setup.robot)
+    return mesh_files(calibration.setup.robot)
 
 
 def _geometry(c: Calibration) -> Iterator[tuple[str, float]]:
@@ -190,9 +190,9 @@ def _geometry(c: Calibration) -> Iterator[tuple[str, float]]:
 def _effects(c: Calibration) -> Iterator[RobotEffect]:
     """Effects on the base and the robot; a parameter that moves several transforms gives one entry for each."""
     fit = c.fit if c.released is None else c.released.fit
-    chain, model = fit.model.setup.chain, fit.model
+    chain, model = fit.setup.chain, fit.model
     end = N_BASE_TRANSFORMS + len(model.setup.robot.transforms)
-    values = dict(zip(model.names, map(float, fit.errors), strict=True)) if c.released is None else c.released.effects
+    values = fit.values if c.released is None else c.released.effects
     for p in model.parameters:
         value = values.get(p.name, 0.0)
         for move in p.moves if p.name in values and p.group not in ("gauge", "geometry") else ():

@@ -5,6 +5,7 @@ from typing import Annotated
 
 from pydantic import Field
 
+from planner.cell.setup import MeasurementSetup
 from planner.common.units import Array
 from planner.design.observability.identifiability import DroppedParameter
 from planner.identification.least_squares import Fit
@@ -79,3 +80,8 @@ class Calibration(Identification):
     covariance: Annotated[Array, OnlyInMemory] = Field(exclude=True)
     diagnosis: Annotated[ResidualDiagnosis, OnlyInMemory] = Field(exclude=True)
     released: Annotated[ReleasedRobot | None, OnlyInMemory] = Field(default=None, exclude=True)
+
+    @property
+    def setup(self) -> MeasurementSetup:
+        """The set-up that was fitted."""
+        return self.fit.setup

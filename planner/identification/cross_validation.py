@@ -31,7 +31,7 @@ def validation_residual(found: Fit, run: Run, bare: MeasurementSetup) -> Array:
 
     ``bare`` is the setup of that run with nothing placed yet.
     """
-    setup = found.model.setup
+    setup = found.setup
     model = _timeless(found, run)
     if not new_frames(setup, run):
         problem = FitProblem.of(model, _renumber_places(run, setup))
@@ -72,12 +72,11 @@ def _renumber_places(run: Run, setup: MeasurementSetup) -> Run:
 
 def _calibrated_tool(bare: MeasurementSetup, found: Fit) -> MeasurementSetup:
     """Return the setup with the tool points as fitted, so that placing the new frames does not touch them."""
-    setup = found.model.setup
-    shift = dict(zip(found.model.names, found.errors, strict=True))
+    setup = found.setup
     p_FM = np.array(setup.p_FM)
     for t, name in enumerate(setup.point_names):
         label = f"map_{name}" if name else "map"
-        p_FM[t] += [shift.get(f"{label}_{axis}", 0.0) for axis in "xyz"]
+        p_FM[t] += found.at(f"{label}_{axis}" for axis in "xyz")
     return replace(bare, p_FM=p_FM, R_FM=setup.R_FM, point_names=setup.point_names, tool_prior=0.0)
 
 

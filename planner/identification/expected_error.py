@@ -101,7 +101,7 @@ class ExpectedErrorFile(StrictModel):
 
 def expected_error_text(released: ReleasedRobot, robot_toml: str) -> str:
     """Return the text of the file that goes with ``robot_toml``."""
-    tool, setup = released.tool, released.fit.model.setup
+    tool, setup = released.tool, released.fit.setup
     whole, others = released.spread(tool.names), released.other_tools
     root = _few_columns(whole, (tool, *others), tool.names)
     rest = [_mean_square(whole, m, tool.names) - _mean_square(root, m, tool.names) for m in (tool, *others)]

@@ -117,7 +117,7 @@ def estimate_parameters(
     about which the fit moves it; it stands as the parameter's nominal.
     """
     std = dict(zip(fit.model.names, np.sqrt(np.diag(covariance)), strict=True))
-    error = dict(zip(fit.model.names, fit.errors, strict=True))
+    error = fit.values
     reasons = {d.name: d.because for d in dropped}
     size = dict(zip(whole.names, whole.prior, strict=True))
     out = []
@@ -128,7 +128,7 @@ def estimate_parameters(
                 name=p.name,
                 unit=p.unit,
                 what=p.what,
-                value=start + float(error.get(p.name, 0.0)),
+                value=start + error.get(p.name, 0.0),
                 nominal=start,
                 std=float(std[p.name]) if p.name in std else None,
                 identifiable=p.name in std,

@@ -12,7 +12,7 @@ def joint_zeros_text(c: Calibration) -> str:
     A controller's angle q turns the model by A q + θ₀, so errors of θ are A times errors of q. A joint that the run
     does not show, or that is coupled to such a joint, has none; one whose zero also stands for other errors bears a *.
     """
-    robot = c.fit.model.setup.robot
+    robot = c.setup.robot
     names = [f"theta{k + 1}" for k in range(robot.n_joints)]
     seen = {e.name: e for e in c.estimates if e.identifiable}
     shift = np.array([seen[n].value - seen[n].nominal if n in seen else 0.0 for n in names])

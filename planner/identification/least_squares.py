@@ -4,7 +4,7 @@ The prior sizes in the robot's file say how large an error of each kind usually 
 estimated from the run as well: every kind (lengths, angles, compliances) has one common factor on its prior sizes, at
 the value that maximises the evidence of the run (MacKay 1992). Where the run says little the factor stays near 1."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import astuple, dataclass, replace
 from functools import cached_property
 
@@ -12,6 +12,7 @@ import numpy as np
 from scipy.linalg import cholesky, solve_triangular
 from scipy.linalg.lapack import dtrtri
 
+from planner.cell.setup import MeasurementSetup
 from planner.common.determinism import even_positions
 from planner.common.errors import NoSolutionError
 from planner.common.units import Array
@@ -187,19 +188,28 @@ class Fit:
         return self.problem.model
 
     @property
+    def setup(self) -> MeasurementSetup:
+        """The set-up of the model."""
+        return self.model.setup
+
+    @property
     def errors(self) -> Array:
         """Values of the parameters, (P,)."""
         return self.solution.errors
 
+    @property
+    def values(self) -> dict[str, float]:
+        """The same by the parameters' names."""
+        return dict(zip(self.model.names, self.errors.tolist(), strict=True))
 
-def fit(
-    problem: FitProblem,
-    robust: bool = False,
-    start: Array | None = None,
-    settle: bool = True,
-    factors: Array | None = None,
-) -> Fit:
-    """Fit the model of ``problem``, its noise and the factors on its prior sizes (not with ``settle`` false).
+    def at(self, names: Iterable[str]) -> Array:
+        """Return the values of parameters ``names``, 0 for those that were not fitted."""
+        values = self.values
+        return np.array([values.get(name, 0.0) for name in names])
+
+
+def fit(problem: FitProblem, robust: bool = False, start: Array | None = None, factors: Array | None = None) -> Fit:
+    """Fit the model of ``problem``, its noise and the factors on its prior sizes.
 
     ``start`` are the values and ``factors`` the factors (P,) that the rounds begin with.
 
@@ -213,7 +223,7 @@ def fit(
     if factors is not None:
         few = few.with_model(few.model.with_prior(prior * factors))
     leverage, change = np.zeros(0), np.inf
-    for _ in range(MAX_ROUNDS if settle else 0):
+    for _ in range(MAX_ROUNDS):
         solution = solve(few, errors, ROUGHLY_CONVERGED)
         errors = solution.errors
         weight = _weights(few, errors) if robust else few.weight

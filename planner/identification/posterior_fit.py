@@ -21,6 +21,7 @@ from planner.identification.noise import RATIO, Noise
 from planner.identification.posterior_background import EffectFamily, is_left_to_background, without_rivals_of
 from planner.identification.posterior_draws import RandomEffects, SizeDraw, SizePrior, draw_sizes
 from planner.identification.problem import FitProblem
+from planner.model.identification_document import SizeOfFamily
 from planner.model.model import Model
 from planner.runs.run import Run
 
@@ -120,15 +121,6 @@ UNKNOWN = 1.0  # [m, rad] prior size that stands for none at all
 
 
 @dataclass(frozen=True)
-class FamilySize:
-    """How large a family is: rms factor on the sizes that the catalogue expects, and how likely it acts at all."""
-
-    name: str
-    factor: float
-    probability: float
-
-
-@dataclass(frozen=True)
 class PosteriorFit:
     """The posterior.
 
@@ -143,7 +135,7 @@ class PosteriorFit:
     fit: Fit
     mixture: SizeMixture
     drawn: Array
-    families: tuple[FamilySize, ...]
+    families: tuple[SizeOfFamily, ...]
     findings: tuple[str, ...]
 
 
@@ -160,7 +152,7 @@ class DrawnPosterior:
     problem: FitProblem
     start: Array
     mixture: SizeMixture
-    families: tuple[FamilySize, ...]
+    families: tuple[SizeOfFamily, ...]
     findings: tuple[str, ...]
 
     def predict_held_out(self, split: Split) -> Array:
@@ -198,8 +190,7 @@ def draw_posterior(
         [k for k, p in enumerate(before.model.parameters) if p.group in curves or not is_left_to_background(p.group)]
     )
     families = _Families.of(found, whole, without_rivals_of(curves, background))
-    known = dict(zip(before.model.names, before.errors, strict=True))
-    errors = np.array([known.get(p.name, 0.0) for p in families.model.parameters])
+    errors = before.at(families.model.names)
     effects = _linearize(FitProblem.of(families.model, few), errors, families)
     count = effects.noise.shape[1]
     noise = before.problem.whitener.noise
@@ -217,7 +208,7 @@ def draw_posterior(
         problem = replace(problem, weight=before.problem.weight)
     mixture = SizeMixture(size, ease)
     sizes = tuple(
-        FamilySize(name, float(np.sqrt((f**2).mean())), float((f > 0).mean()))
+        SizeOfFamily(name=name, factor=float(np.sqrt((f**2).mean())), probability=float((f > 0).mean()))
         for name, f in zip(families.names, factors.T, strict=True)
     )
     stand = tuple(s.name for s in sizes if s.name in families.findings and s.probability >= STANDS)

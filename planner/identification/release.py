@@ -13,7 +13,7 @@ from planner.identification.posterior_background import background_families, cur
 from planner.identification.posterior_fit import PosteriorFit, draw_posterior
 from planner.identification.released_robot import ReleasedRobot, ToolMap, tool_maps
 from planner.identification.stages import FitContext, FittedStage
-from planner.model.identification_document import Metrics, Release, SizeOfFamily, WorkToolError
+from planner.model.identification_document import Metrics, Release, WorkToolError
 from planner.model.model import Model
 
 DOMINATES = 0.5  # part of the mean square error of another tool that is worth a second tool point
@@ -48,7 +48,7 @@ def release_robot(
     few = context.part(last.model)
     if few is not None:
         run, split, time = run.take(few), split.take(few), max(1.0, time * len(few) / len(run))
-    families = background_families(last.model.setup, context.run.samples)
+    families = background_families(last.setup, context.run.samples)
     drawn = draw_posterior(last, run, whole, families, time)
     dense = len(context.run) * whole.width >= DENSE * len(last.model.names)
     if dense and (curves := curve_groups(last.model)):
@@ -119,8 +119,7 @@ def safe_share(geometry: ReleasedRobot, aim: Fit) -> float:
 
 def _part_way(geometry: Fit, aim: Fit, share: float) -> Fit:
     """Return the posterior's fit with values a share of the way from those of geometry alone to those of ``aim``."""
-    own = dict(zip(geometry.model.names, map(float, geometry.errors), strict=True))
-    start = np.array([own.get(name, 0.0) for name in aim.model.names])
+    start = geometry.at(aim.model.names)
     return _with_values(aim, start + share * (aim.errors - start))
 
 
@@ -147,9 +146,7 @@ def describe_release(released: ReleasedRobot) -> Release:
         geometry_anywhere=released.anywhere_with(released.geometry),
         other_tool=released.other_tool_anywhere,
         work_tool=None if work is None else _describe_work_tool(released, work),
-        families=tuple(
-            SizeOfFamily(name=f.name, factor=f.factor, probability=f.probability) for f in posterior.families
-        ),
+        families=posterior.families,
     )
 
 

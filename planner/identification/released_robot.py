@@ -92,7 +92,7 @@ class ReleasedRobot:
         What the background says of next to nothing is left out: the smallest parameters, as long as all of them
         together stay negligible.
         """
-        values = dict(zip(self.fit.model.names, map(float, self.fit.errors), strict=True))
+        values = self.fit.values
         kept = {p.name: values[p.name] for p in self.fit.model.parameters if p.group not in ("gauge", "geometry")}
         faint = [p.name for p in self.fit.model.parameters if p.group == BACKGROUND and p.name in self.tool.names]
         for p in self.fit.model.parameters:
@@ -176,8 +176,8 @@ class ReleasedRobot:
     def offset(self, names: Sequence[str], fit: Fit | None) -> Array:
         """Return the values (K,) of a fit, or of the nominal robot, less the posterior mean."""
         known = self.posterior.fit
-        mean = dict(zip(known.model.names, map(float, known.errors), strict=True))
-        own = {} if fit is None else dict(zip(fit.model.names, map(float, fit.errors), strict=True))
+        mean = known.values
+        own = {} if fit is None else fit.values
         placed = fit is None  # where the tool point sits is no error of the nominal robot
         return np.array(
             [0.0 if n not in mean or (placed and n.startswith("map")) else own.get(n, 0.0) - mean[n] for n in names]
@@ -186,7 +186,7 @@ class ReleasedRobot:
 
 def tool_maps(cell: Cell, run: Run, fit: Fit) -> tuple[ToolMap, tuple[ToolMap, ...], ToolMap | None]:
     """Return the motion over the workspace of the measured tool point, of points about the flange, and of own tools."""
-    setup = fit.model.setup
+    setup = fit.setup
     effects = moving_effects(fit)
     q = uniform_states(cell, STATES, 0)
     around = [OTHER_TOOL * sign * np.eye(3)[k] for k in range(3) for sign in (1.0, -1.0)]
@@ -201,7 +201,7 @@ def tool_maps(cell: Cell, run: Run, fit: Fit) -> tuple[ToolMap, tuple[ToolMap, .
 
 def moving_effects(fit: Fit) -> tuple[Parameter, ...]:
     """Return the parameters of a fit, beside geometry, that the robot's file can hold."""
-    setup = fit.model.setup
+    setup = fit.setup
     return tuple(p for p in fit.model.parameters if p.group not in ("gauge", "geometry") and acts_on_robot(p, setup))
 
 

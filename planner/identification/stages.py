@@ -65,10 +65,9 @@ class FitContext:
         split = self.split
         start = factors = noise = None
         if before is not None:
-            known = dict(zip(before.model.names, zip(before.errors, before.problem.prior, strict=True), strict=True))
-            sizes = [known.get(p.name, (0.0, p.prior)) for p in model.parameters]
-            start = np.array([error for error, _ in sizes])
-            factors = np.array([prior / p.prior for (_, prior), p in zip(sizes, model.parameters, strict=True)])
+            prior = dict(zip(before.model.names, before.problem.prior, strict=True))
+            start = before.at(model.names)
+            factors = np.array([prior.get(p.name, p.prior) / p.prior for p in model.parameters])
             noise = before.problem.whitener.noise
         rough = not any(p.group != "gauge" for p in model.parameters)  # the robot's errors are no noise of its joints
         few = None if whole else self.part(model)

@@ -64,7 +64,6 @@ class ReadingNoise:
         return np.asarray(self.gauge_variance.sum() + self.robot_variance.sum(axis=1))
 
 
-LAYOUTS = ("_layout", "_blocks", "_fixed_layout", "_fixed_values", "parameters_and_fixed")
 CHUNK = 4096  # samples a pass: the working set stays in the processor's cache
 
 
@@ -132,10 +131,7 @@ class Model:
     def with_prior(self, prior: Array) -> "Model":
         """Return the model with other prior sizes, (P,) in the parameters' units."""
         sized = (replace(p, prior=s) for p, s in zip(self.parameters, prior.tolist(), strict=True))
-        out = replace(self, parameters=tuple(sized))
-        # the moves are the same: what was laid out for them serves again
-        out.__dict__.update({k: v for k, v in self.__dict__.items() if k in LAYOUTS})
-        return out
+        return replace(self, parameters=tuple(sized))
 
     def plus(self, more: list[Parameter]) -> "Model":
         """Return the model with more parameters."""

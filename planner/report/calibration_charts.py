@@ -188,7 +188,7 @@ def error_map_chart(facts: CalibrationFacts, robot: ReleasedRobot) -> Chart:
     x, y, near = _neighbourhoods(reach, height)
     samples = facts.calibration.run.samples
     few = samples.take(even_positions(len(samples), POSES))
-    poses = _reach_height(tool_position(few, facts.calibration.fit.model.setup))
+    poses = _reach_height(tool_position(few, facts.calibration.setup))
     edge: dict[str, Any] = {"x_range": (0.0, 1.03 * float(reach.max())), "y_range": (float(y[0]), float(y[-1]))}
     labels = ("reach from the axis of the base (mm)", "height (mm)")
     measured = Series("measured poses", *poses, BLACK, "points", size=3.0, opacity=0.6)

@@ -80,7 +80,7 @@ class CalibrationFacts:
     def _angles(self) -> list[PlotVariable]:
         samples = self.calibration.run.samples.take(self.looked_samples)
         out = [PlotVariable("joints", f"joint {j + 1} (deg)", q) for j, q in enumerate(to_deg(samples.q).T)]
-        setup = self.calibration.fit.model.setup
+        setup = self.calibration.setup
         if setup.weighs or samples.force is not None or samples.payload is not None:
             load = Context(setup, samples).load_torque
             out += [PlotVariable("loads", f"load on joint {j + 1} (Nm)", t) for j, t in enumerate(load.T)]
@@ -90,7 +90,7 @@ class CalibrationFacts:
 
     def _gauge(self) -> list[PlotVariable]:
         c, which = self.calibration, self.looked_samples
-        setup, samples = c.fit.model.setup, c.run.samples.take(which)
+        setup, samples = c.setup, c.run.samples.take(which)
         if c.run.readings.length is None:
             p = setup.targets(samples, c.run.readings.take(which)).position
             assert p is not None

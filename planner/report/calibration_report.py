@@ -34,7 +34,7 @@ def calibration_content(facts: CalibrationFacts) -> dict[str, Any]:
     trials = sorted(c.diagnosis.trials, key=lambda t: t.p_value)
     return {
         "c": c,
-        "title": f"Calibration of {c.fit.model.setup.robot.title}",
+        "title": f"Calibration of {c.setup.robot.title}",
         "about": _about(c),
         "problems": text.refusal_text(c),
         "headline": text.headline_text(facts),
@@ -47,7 +47,7 @@ def calibration_content(facts: CalibrationFacts) -> dict[str, Any]:
         "rejected": list(dict.fromkeys((r.name, r.because) for r in c.rejected))[:MOST_REJECTED],
         "joints": tuple(f"joint {j + 1}" for j in range(c.run.samples.q.shape[1])),
         "validated": any(s.validation is not None for s in c.stages),
-        "read": c.fit.model.setup.gauge.plural,
+        "read": c.setup.gauge.plural,
         "written": text.released_text(c),
         "warnings": (*c.run.warnings, *(w for w in c.warnings if w not in c.run.warnings)),
         "held_out": text.held_out_text(c),
@@ -65,7 +65,7 @@ def calibration_content(facts: CalibrationFacts) -> dict[str, Any]:
 
 def _about(c: Calibration) -> str:
     kind = "continuous" if c.run.continuous else "static"
-    read = c.fit.model.setup.gauge.plural
+    read = c.setup.gauge.plural
     if c.run.readings.ball is not None:
         read = "a point in balls or sockets"
     plan = f" · plan {c.run.plan_id}" if c.run.plan_id else ""
@@ -75,7 +75,7 @@ def _about(c: Calibration) -> str:
 def _facts(facts: CalibrationFacts) -> tuple[Row, ...]:
     """The handful of numbers that a person asks for first: (what, value, remark)."""
     c, before, after = facts.calibration, facts.before.held_out, facts.after.held_out
-    several, read = text.GROUP_NAMES[c.split.by][0], c.fit.model.setup.gauge.plural
+    several, read = text.GROUP_NAMES[c.split.by][0], c.setup.gauge.plural
     floor = "no repeats" if c.noise_floor is None else f"repeats scatter {in_mm(c.noise_floor)} mm"
     was = f"was {in_mm(c.release.nominal_anywhere)} mm" if c.release is not None else "by the covariance alone"
     return (

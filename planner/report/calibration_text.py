@@ -63,7 +63,7 @@ def headline_text(facts: CalibrationFacts) -> tuple[str, ...]:
         )
         return ("No robot was calibrated: the fit failed its own checks.", left)
     out = _workspace_sentences(c)
-    read = c.fit.model.setup.gauge.plural
+    read = c.setup.gauge.plural
     out.append(f"Mean error of {read} {in_mm(before.mean)} mm → {in_mm(after.mean)} mm on {groups} that no fit saw.")
     factor, a, b = before.mean / max(after.mean, 1e-300), in_mm(before.largest), in_mm(after.largest)
     if factor >= 1.2:

@@ -104,7 +104,7 @@ def collect_evidence(facts: CalibrationFacts, step: FindingStep) -> Evidence:
     1982, section 2.3.2).
     """
     fit, (which, rows) = facts.calibration.fit, facts.few_rows
-    context = Context(fit.model.setup, facts.calibration.run.samples.take(which))
+    context = Context(fit.setup, facts.calibration.run.samples.take(which))
     residuals = [s.held_residual[which][:, :3] for s in (step.before, step.after)]
     added = _effect_readings(facts, step)
     if step.replaced:  # the stage before had something else in its place: what is left with the effect taken out again
@@ -117,12 +117,12 @@ def collect_evidence(facts: CalibrationFacts, step: FindingStep) -> Evidence:
         return _residual_along(added, residuals)
     bare = tuple(map(acting_throughout, own)) if changed else (replace(first, moves=(replace(first.main, phi=ONE),)),)
     size = np.array([fit.errors[fit.model.names.index(p.name)] for p in own]) if changed else np.ones(1)
-    screws = Model(fit.model.setup, bare).linear_in(context, None).rows[:, : rows.shape[1]]
+    screws = Model(fit.setup, bare).linear_in(context, None).rows[:, : rows.shape[1]]
     screw = screws @ (size / np.linalg.norm(size))
     power = (screw**2).sum(axis=1)
     safe = np.maximum(power, (FAINT_LEVERAGE**2) * max(float(np.median(power)), 1e-300))
     before, after, fitted = (np.einsum("nr,nr->n", r, screw) / safe for r in (*residuals, added))
-    turns = first.main.on == "transform" and fit.model.setup.chain.transforms[first.main.index].kind == "rotation"
+    turns = first.main.on == "transform" and fit.setup.chain.transforms[first.main.index].kind == "rotation"
     means = int(np.clip(3 * len(own), MEAN_POINTS, len(power) // 10 + MEAN_POINTS))
     marks = tuple(sorted({m.phi.sample + 0.5 for p in own for m in p.moves if isinstance(m.phi, BeforeSample)}))
     return Evidence(looked, "rad" if turns else "m", before, after, power, fitted, means, marks)

@@ -190,7 +190,7 @@ class SearchState:
 
         It starts from this state, with its noise and priors. What was only refitted linearly has settled already.
         """
-        errors = dict(zip(self.fit.model.names, self.fit.errors, strict=True))
+        errors = self.fit.values
         if self.linear is not None and effects is self.effects:
             still = self._still()
             effects, errors = _take_steps(effects, {n: v for n, v in errors.items() if n not in still})

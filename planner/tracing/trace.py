@@ -130,7 +130,7 @@ def _describe_wrong_row(state: SearchState, found: FittedEffect, sentence: str, 
 
 def _ball_it_would_be(state: SearchState, run: Run, k: int, error: Array) -> str:
     """Say in which other ball or socket the tool point of row ``k`` was, which is off by ``error`` (3,) [m]."""
-    setup, ball = state.fit.model.setup, run.readings.ball
+    setup, ball = state.fit.setup, run.readings.ball
     if ball is None or len(error) != len(setup.p_GS[0]):
         return ""
     p_BS = setup.p_GS @ setup.R_BG[run.samples.place[k]].T  # of one plate, differences count alone
@@ -162,7 +162,7 @@ def _columns(state: SearchState, run: Run, k: int, error: Array, std: Array) -> 
         return [("length_mm", float(length[k]) / MM, float(error[0]), float(std[0]))]
     if position is None:
         return []
-    R_GB = state.fit.model.setup.R_BG[run.samples.place[k]].T
+    R_GB = state.fit.setup.R_BG[run.samples.place[k]].T
     off, sigma = R_GB @ error[:3], np.sqrt((R_GB**2) @ std[:3] ** 2)
     return [
         (f"{axis}_mm", float(position[k, a]) / MM, float(off[a]), float(sigma[a]))
@@ -197,7 +197,7 @@ def trace(geometry: FittedStage, fit_context: FitContext, report: Progress) -> t
 
     A kind of effect that is in the model already is not looked for again.
     """
-    offered = catalogue(geometry.fit.model.setup, fit_context.run.samples)
+    offered = catalogue(geometry.fit.setup, fit_context.run.samples)
     effects = [e for e in offered if not e.has(Role.UNTRACED) and e.kind not in geometry.stage.effects]
     result = search(SearchState(geometry.fit.model, (), geometry), effects, fit_context, report)
     last = result.last
