@@ -195,7 +195,7 @@ def undeclared_errors(cell: Cell, samples: Samples) -> UndeclaredErrors:
     soft = compliance_parameters(base.setup) if base.setup.weighs else []
     model = base.plus([*gears, *(p for p in soft if p.name not in declared)])
     prior = np.where(np.isfinite(model.prior), model.prior, UNKNOWN_PRIOR)
-    effects = [p for p in model.parameters if p.group not in ("gauge", "geometry")]
+    effects = [p for p in model.parameters if p.is_effect]
     weight = ToolError.of(cell, effects).weight(model.names)
     return UndeclaredErrors(model, prior, weight, _untraced_error(weight, prior, [p.name for p in gears], model))
 

@@ -55,6 +55,11 @@ class Parameter:
         """The first thing it moves."""
         return self.moves[0]
 
+    @property
+    def is_effect(self) -> bool:
+        """Whether it neither places the gauge nor belongs to the geometry."""
+        return self.group not in ("gauge", "geometry")
+
 
 def transform_move(index: int, phi: BasisFunction = ONE) -> tuple[ParameterMove, ...]:
     """Move one transform."""

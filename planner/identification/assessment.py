@@ -320,7 +320,7 @@ def _fitted_there(parts: Split, last: FittedStage) -> list[str]:
 def _condition(found: Fit) -> float | None:
     """Condition number of the whitened rows of geometry and gauge per prior size, the prior left out, if finite."""
     problem = found.problem
-    own = [k for k, p in enumerate(found.model.parameters) if p.group in ("gauge", "geometry")]
+    own = [k for k, p in enumerate(found.model.parameters) if not p.is_effect]
     if not own:
         return 1.0
     few = problem.take(even_positions(len(problem), CONDITION_SAMPLES))

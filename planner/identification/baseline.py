@@ -7,7 +7,7 @@ frame, is found from the later run itself: nothing that it could take up counts 
 """
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from hashlib import sha256
 from pathlib import Path
@@ -25,9 +25,9 @@ from planner.common.errors import InputError
 from planner.common.files import read_bytes
 from planner.common.schema import StrictModel, read_json, validate
 from planner.common.units import Array, few_digits
-from planner.effects.basis import BasisFunction
-from planner.effects.effect import Parameter, ParameterMove
-from planner.effects.phi_keys import columns_of, depends_on_run, phi_from_key
+from planner.effects.effect import Parameter
+from planner.effects.phi_keys import columns_of, depends_on_run
+from planner.identification.calibrated_robot import MovedBy, describe_moves, effect_parameter
 from planner.identification.noise import Noise, Whitener
 from planner.identification.released_robot import ReleasedRobot
 from planner.kinematics.bodies import Vector
@@ -41,14 +41,6 @@ DIGITS = 7  # significant ones
 ANEW = 0.02  # [m, rad] size of what is set up anew: far more than any reading leaves open of it
 SETTLING = 4  # steps in which what was set up anew is found: Gauss-Newton, from where it was placed by the run
 EVERYTHING = frozenset({"fixture", "tool", "zero"})
-OWN_GROUPS = ("gauge", "geometry")  # whose parameters are known by their names
-
-
-class Mover(StrictModel):
-    """A number of the reading, or a transform by its name, and the basis function that it follows."""
-
-    on: str
-    phi: str
 
 
 class BaselineParameter(StrictModel):
@@ -56,7 +48,7 @@ class BaselineParameter(StrictModel):
 
     name: str
     value: float
-    moves: tuple[Mover, ...] = ()
+    moves: tuple[MovedBy, ...] = ()
 
 
 class BaselineFile(StrictModel):
@@ -116,7 +108,7 @@ def baseline_text(released: ReleasedRobot, freedom: float, run: Run, cell: Cell,
     root, rest = _few_columns(model, fit.solution.root(fit.problem.prior)[kept], run, cell, fit.errors[kept])
     parameters = [
         {"name": p.name, "value": float(few_digits(v, DIGITS))}
-        | ({} if p.group in OWN_GROUPS else {"moves": _movers(p, setup)})
+        | ({"moves": describe_moves(p, setup)} if p.is_effect else {})
         for p, v in zip(model.parameters, fit.errors[kept], strict=True)
     ]
     robot, gauge, places, points = _names(cell, setup)
@@ -139,11 +131,6 @@ def baseline_text(released: ReleasedRobot, freedom: float, run: Run, cell: Cell,
 
 def _turns(setup: MeasurementSetup) -> list[list[float]]:
     return [r.tolist() for r in Rotation.from_matrix(setup.R_FM).as_rotvec()]
-
-
-def _movers(p: Parameter, setup: MeasurementSetup) -> list[dict[str, str]]:
-    named = ((f"reading {m.index}" if m.on == "reading" else setup.chain.transforms[m.index].name, m) for m in p.moves)
-    return [{"on": on, "phi": m.phi.key} for on, m in named]
 
 
 def _few_columns(model: Model, root: Array, run: Run, cell: Cell, errors: Array) -> tuple[Array, float]:
@@ -231,7 +218,7 @@ class Baseline:
         anew = [p for p in own.values() if _is_anew(p, setup)]
         lasts = [bool(p.moves) or not p.name.startswith(setup.gauge.set_anew) for p in file.parameters]
         known = [p for p, there in zip(file.parameters, lasts, strict=True) if there]
-        parameters = (*(_parameter(p, setup) if p.moves else own[p.name] for p in known), *anew)
+        parameters = (*(effect_parameter(p.name, p.moves, setup) if p.moves else own[p.name] for p in known), *anew)
         values = np.append([p.value for p in known], np.zeros(len(anew)))
         root = np.array(file.spread).reshape(len(file.parameters), -1)[lasts]
         return cls(file, Model(setup, parameters), values, np.vstack([root, np.zeros((len(anew), root.shape[1]))]))
@@ -297,17 +284,3 @@ class Baseline:
 
 def _is_anew(p: Parameter, setup: MeasurementSetup) -> bool:
     return p.group == "gauge" and p.name.startswith(setup.gauge.set_anew)
-
-
-def _parameter(p: BaselineParameter, setup: MeasurementSetup) -> Parameter:
-    return Parameter(p.name, "1", 1.0, p.name, tuple(_moves(p, setup)), "effect")
-
-
-def _moves(p: BaselineParameter, setup: MeasurementSetup) -> Iterator[ParameterMove]:
-    for m in p.moves:
-        phi: BasisFunction = phi_from_key(m.phi, setup.robot.n_joints)
-        word, _, number = m.on.partition(" ")
-        if word == "reading":
-            yield ParameterMove("reading", int(number), phi)
-        else:
-            yield ParameterMove("transform", setup.chain.index(m.on), phi)

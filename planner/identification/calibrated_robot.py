@@ -1,7 +1,7 @@
 """The calibrated robot: its forward kinematics with the identified effects, and its files."""
 
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import PurePath
@@ -12,9 +12,11 @@ from scipy.spatial.transform import Rotation
 from planner.cell.cell import STANDARD_GRAVITY
 from planner.cell.setup import N_BASE_TRANSFORMS, MeasurementSetup, RobotSetup
 from planner.common.errors import InputError
+from planner.common.schema import StrictModel
 from planner.common.units import Array, read_only
 from planner.effects.basis import BasisFunction
 from planner.effects.context import Context
+from planner.effects.effect import Parameter, ParameterMove
 from planner.effects.phi_keys import belongs_to_gauge, functions_in, is_static, needs_loads, phi_from_key
 from planner.effects.steps import SLIP, STEP
 from planner.identification.calibration import Calibration
@@ -150,6 +152,36 @@ class CalibratedRobot:
             )
 
 
+class MovedBy(StrictModel):
+    """A transform by its name, or a number of the reading, that a parameter in a file moves, and its basis function."""
+
+    on: str
+    phi: str
+
+
+def describe_moves(p: Parameter, setup: MeasurementSetup) -> list[dict[str, str]]:
+    """Return all that a parameter moves, as :class:`MovedBy` reads it."""
+    named = ((f"reading {m.index}" if m.on == "reading" else setup.chain.transforms[m.index].name, m) for m in p.moves)
+    return [{"on": on, "phi": m.phi.key} for on, m in named]
+
+
+def effect_parameter(name: str, moves: Sequence[MovedBy], setup: MeasurementSetup) -> Parameter:
+    """Return the parameter that a file describes.
+
+    Raises:
+        InputError: a basis function is unknown or does not fit.
+        ValueError: the set-up has no such transform.
+    """
+
+    def move(m: MovedBy) -> ParameterMove:
+        phi, (word, _, number) = phi_from_key(m.phi, setup.robot.n_joints), m.on.partition(" ")
+        if word == "reading":
+            return ParameterMove("reading", int(number), phi)
+        return ParameterMove("transform", setup.chain.index(m.on), phi)
+
+    return Parameter(name, "1", 1.0, name, tuple(move(m) for m in moves), "effect")
+
+
 def loaded_robot(robot: Robot) -> RobotSetup:
     """Return the robot with the loads of its file."""
     loads = robot.loads or NO_LOADS
@@ -195,7 +227,7 @@ def _effects(c: Calibration) -> Iterator[RobotEffect]:
     values = fit.values if c.released is None else c.released.effects
     for p in model.parameters:
         value = values.get(p.name, 0.0)
-        for move in p.moves if p.name in values and p.group not in ("gauge", "geometry") else ():
+        for move in p.moves if p.name in values and p.is_effect else ():
             key = move.phi.key
             if move.on == "transform" and move.index < end and not belongs_to_gauge(key):
                 on = chain.transforms[move.index].name

@@ -1,7 +1,6 @@
 """Covariance of the fitted parameters, and the tool error over the workspace that follows from it."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -10,8 +9,8 @@ from planner.common.units import MM, Array
 from planner.effects.effect import Parameter
 from planner.identification.least_squares import MEDIAN_RMS, Fit
 from planner.model.identification_document import Metrics
-from planner.model.tool_error import STATES, ToolError, moves_robot, uniform_states
-from planner.runs.run import Run, Samples
+from planner.model.tool_error import STATES, ToolError, moves_robot, samples_like, uniform_states
+from planner.runs.run import Run
 
 BLOCK_TIMES = 10  # correlation times in one block of a continuous run
 BLOCKS_PER_PARAMETER = 3  # blocks for each parameter that it takes to trust their scatter
@@ -112,8 +111,9 @@ def workspace_error(cell: Cell, run: Run, found: Fit, covariance: Array) -> floa
         covariance: of the parameters, (P, P).
     """
     model = found.model
-    effects = [p for p in model.parameters if p.group not in ("gauge", "geometry") and moves_robot(p, model.setup)]
-    return ToolError.at(_states(cell, run), model.setup, effects).rms(model.names, covariance)
+    effects = [p for p in model.parameters if p.is_effect and moves_robot(p, model.setup)]
+    samples = samples_like(run, uniform_states(cell, STATES, 0))
+    return ToolError.at(samples, model.setup, effects).rms(model.names, covariance)
 
 
 def workspace_warning(known: float, held_out: Metrics, width: int) -> list[str]:
@@ -132,9 +132,3 @@ def workspace_warning(known: float, held_out: Metrics, width: int) -> list[str]:
         "(rms) by the posterior: measure more poses all over it, with a bar those of edbb plan --aim "
         "tracing or about a further fixture"
     ]
-
-
-def _states(cell: Cell, run: Run) -> Samples:
-    q = uniform_states(cell, STATES, 0)
-    like = run.samples.take(np.random.default_rng(0).integers(len(run), size=len(q)))
-    return replace(like, q=q, place=np.zeros(len(q), dtype=int), point=None)

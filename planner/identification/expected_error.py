@@ -17,15 +17,14 @@ from typing import Literal
 import numpy as np
 from pydantic import Field
 
-from planner.cell.setup import N_BASE_TRANSFORMS, MeasurementSetup
+from planner.cell.setup import MeasurementSetup
 from planner.common.determinism import even_positions
 from planner.common.errors import InputError
 from planner.common.files import read_bytes
 from planner.common.schema import StrictModel, read_json, validate
 from planner.common.units import Array, few_digits, from_deg, from_mm, read_only, to_deg, to_mm
-from planner.effects.effect import Parameter, ParameterMove
-from planner.effects.phi_keys import phi_from_key
-from planner.identification.calibrated_robot import loaded_robot
+from planner.effects.effect import Parameter
+from planner.identification.calibrated_robot import MovedBy, describe_moves, effect_parameter, loaded_robot
 from planner.identification.released_robot import ReleasedRobot, ToolMap, moving_effects
 from planner.kinematics.bodies import Vector
 from planner.kinematics.robot import Robot
@@ -53,13 +52,6 @@ LEFT_OUT = 0.03  # part of the mean square error that the directions lack
 DIGITS = 6  # significant ones
 SAME_TOOL = 1e-3  # [m] nearer to the measured point a tool is the measured one
 CHUNK = 512  # poses a pass
-
-
-class MovedBy(StrictModel):
-    """One transform that an effect moves, and its basis function."""
-
-    on: str
-    phi: str
 
 
 class KnownParameter(StrictModel):
@@ -152,10 +144,10 @@ def _tool_motion(root: Array, tool: ToolMap, names: Sequence[str]) -> Array:
 def _describe(
     names: Sequence[str], effects: Sequence[Parameter], setup: MeasurementSetup
 ) -> Iterator[dict[str, object]]:
-    moves = {p.name: p.moves for p in effects}
+    moves = {p.name: describe_moves(p, setup) for p in effects}
     for name in names:
-        own = [{"on": setup.chain.transforms[m.index].name, "phi": m.phi.key} for m in moves.get(name, ())]
-        yield {"name": f"map_{name[-1]}" if name.startswith("map_") else name} | ({"moves": own} if own else {})
+        own = {"moves": moves[name]} if name in moves else {}
+        yield {"name": f"map_{name[-1]}" if name.startswith("map_") else name, **own}
 
 
 @dataclass(frozen=True)
@@ -249,18 +241,8 @@ class ExpectedError:
     def _rows(self, q: Array, p_FM: Array) -> tuple[tuple[str, ...], Array, Array]:
         setup = tool_setup(replace(loaded_robot(self.robot), robot=self.robot.nominal), p_FM)
         samples = Samples(q, np.zeros(len(q), dtype=int), payload=np.zeros(len(q)))
-        return tool_rows(samples, setup, list(self._effects(setup)))
-
-    def _effects(self, setup: MeasurementSetup) -> Iterator[Parameter]:
-        end = N_BASE_TRANSFORMS + len(setup.robot.transforms)
-        names = [t.name for t in setup.chain.transforms[:end]]
-        for p in self.file.parameters:
-            if p.moves:
-                moves = tuple(
-                    ParameterMove("transform", names.index(m.on), phi_from_key(m.phi, self.robot.n_joints))
-                    for m in p.moves
-                )
-                yield Parameter(p.name, "1", 1.0, p.name, moves, "effect")
+        effects = [effect_parameter(p.name, p.moves, setup) for p in self.file.parameters if p.moves]
+        return tool_rows(samples, setup, effects)
 
     @cached_property
     def _states(self) -> Array:

@@ -22,8 +22,8 @@ from planner.identification.least_squares import Fit
 from planner.identification.posterior_background import BACKGROUND, acts_on_robot
 from planner.identification.posterior_fit import PosteriorFit
 from planner.model.identification_document import Metrics
-from planner.model.tool_error import aligned_rows, tool_position, uniform_states
-from planner.runs.run import Run, Samples
+from planner.model.tool_error import aligned_rows, samples_like, tool_position, uniform_states
+from planner.runs.run import Run
 
 STATES = 1000  # joint states at which the tool is looked at
 OTHER_TOOL = 0.2  # [m] from the flange's centre to the tools that were not measured, in six directions
@@ -93,7 +93,7 @@ class ReleasedRobot:
         together stay negligible.
         """
         values = self.fit.values
-        kept = {p.name: values[p.name] for p in self.fit.model.parameters if p.group not in ("gauge", "geometry")}
+        kept = {p.name: values[p.name] for p in self.fit.model.parameters if p.is_effect}
         faint = [p.name for p in self.fit.model.parameters if p.group == BACKGROUND and p.name in self.tool.names]
         for p in self.fit.model.parameters:
             if p.group == BACKGROUND and p.name not in self.tool.names:
@@ -202,7 +202,7 @@ def tool_maps(cell: Cell, run: Run, fit: Fit) -> tuple[ToolMap, tuple[ToolMap, .
 def moving_effects(fit: Fit) -> tuple[Parameter, ...]:
     """Return the parameters of a fit, beside geometry, that the robot's file can hold."""
     setup = fit.setup
-    return tuple(p for p in fit.model.parameters if p.group not in ("gauge", "geometry") and acts_on_robot(p, setup))
+    return tuple(p for p in fit.model.parameters if p.is_effect and acts_on_robot(p, setup))
 
 
 def _at_point(setup: MeasurementSetup, p_FM: Array) -> MeasurementSetup:
@@ -211,8 +211,7 @@ def _at_point(setup: MeasurementSetup, p_FM: Array) -> MeasurementSetup:
 
 def tool_map(q: Array, run: Run, setup: MeasurementSetup, effects: Sequence[Parameter], with_point: bool) -> ToolMap:
     """Return the motion at states q (n, N) [rad] of the first tool point of a set-up, loaded as in the run."""
-    like = run.samples.take(np.random.default_rng(0).integers(len(run), size=len(q)))
-    samples: Samples = replace(like, q=q, place=np.zeros(len(q), dtype=int), point=None)
+    samples = samples_like(run, q)
     names, rows = aligned_rows(samples, setup, effects)
     kept = [k for k, n in enumerate(names) if with_point or not n.startswith("map_")]
     moved = rows[:, kept].reshape(len(q), 3, -1)

@@ -22,7 +22,6 @@ STAGE_READINGS = 24_000  # readings of a long run that are fitted before the las
 KEPT_SAMPLES = 20_000  # of a run, up to which what basis functions look at is kept for all of it
 SPARE_READINGS = 5  # readings beyond the parameters, below which nothing is fitted
 GAIN_ERRORS = 2.0  # standard errors that the held-out error must fall by before an effect is kept
-PLAIN_GROUPS = ("gauge", "geometry")  # of parameters that are no effects
 
 
 @dataclass(frozen=True)
@@ -79,7 +78,7 @@ class FitContext:
             residual, held_residual = self._over_all(found, held.shift)
         stage = Stage(
             name=name,
-            effects=tuple(g for g in dict.fromkeys(p.group for p in model.parameters) if g not in PLAIN_GROUPS),
+            effects=tuple(dict.fromkeys(p.group for p in model.parameters if p.is_effect)),
             parameters=len(model.parameters),
             train=Metrics.of(residual),
             held_out=Metrics.of(held_residual, split.fold),

@@ -11,7 +11,7 @@ from planner.common.units import Array, read_only
 from planner.effects.effect import Parameter
 from planner.gauges.frame_gauge import ToolPosition
 from planner.model.model import Model
-from planner.runs.run import Samples
+from planner.runs.run import Run, Samples
 
 STATES = 2000  # joint states at which the tool is looked at
 N_FRAME_COLUMNS = 6  # columns that only say where the base stands
@@ -107,6 +107,12 @@ def uniform_states(cell: Cell, count: int, seed: int) -> Array:
     if cell.base.floor is None:
         return q
     return np.asarray(q[cell.map_position(q) @ cell.base.R_WB[2] > cell.base.floor])
+
+
+def samples_like(run: Run, q: Array) -> Samples:
+    """Return samples at joint states q (n, N) [rad], with time, loads, … of samples of a run, drawn at random."""
+    like = run.samples.take(np.random.default_rng(0).integers(len(run), size=len(q)))
+    return replace(like, q=q, place=np.zeros(len(q), dtype=int), point=None)
 
 
 def moves_robot(parameter: Parameter, setup: MeasurementSetup) -> bool:

@@ -112,7 +112,7 @@ def _errors(task: SweepTask) -> Array:
     rng = np.random.default_rng(int(task.key, 16))
     z = rng.standard_normal((task.trials, white.shape[1]))
     y = z @ white.T + rng.standard_normal((task.trials, len(white)))
-    geometry = np.array([p.group in ("gauge", "geometry") for p in found.model.parameters])
+    geometry = np.array([not p.is_effect for p in found.model.parameters])
     plain = np.zeros_like(z)
     plain[:, geometry] = _ridge(white[:, geometry], y)
     return np.stack([_tool_error(found, e) for e in (z, z - plain, z - _ridge(white, y))], axis=1)

@@ -23,7 +23,7 @@ def test_outliers_are_named_by_file_and_line(tmp_path):
     n = 40
     samples = Samples(np.zeros((n, 6)), np.zeros(n, dtype=int), file=np.arange(n) // 20, line=2 + np.arange(n) % 20)
     run = Run("a+b", samples, Readings(position=np.zeros((n, 3))), files=("a.csv", "b.parquet"))
-    found = SimpleNamespace(model=SimpleNamespace(setup=setup_of(cell)), outliers=np.array([3, 19, 20, 25, 30, 31, 39]))
+    found = SimpleNamespace(setup=setup_of(cell), outliers=np.array([3, 19, 20, 25, 30, 31, 39]))
     (said,) = [w for w in collect_warnings(run, cell, found, None) if "outliers" in w]
     assert said == (
         "7 samples are outliers (a.csv, line 5; a.csv, line 21; b.parquet, row 2; b.parquet, row 7; b.parquet, row 12; "
@@ -50,7 +50,7 @@ def test_left_handed_axes_of_a_tracker_are_told(tmp_path):
 
 def test_who_fits_a_loaded_bar_is_told_what_fits_it_in_balance():
     cell = load_cell("kuka-kr6-r700/edbb")
-    found = SimpleNamespace(model=SimpleNamespace(setup=setup_of(cell)), outliers=np.zeros(0, dtype=int))
+    found = SimpleNamespace(setup=setup_of(cell), outliers=np.zeros(0, dtype=int))
     for pull, told in ((10.0, False), (625.0, True)):
         samples = Samples(np.zeros((5, 6)), np.zeros(5, dtype=int), force=np.full(5, pull))
         run = Run("run.csv", samples, Readings(length=np.full(5, 0.4)))
@@ -70,7 +70,7 @@ def test_a_loaded_bars_run_needs_its_force():
 def test_a_tool_point_that_a_cell_with_one_point_does_not_name_is_told():
     cell = load_cell("kuka-kr6-r700/edbb")
     run = Run("run.csv", Samples(np.zeros((5, 6)), np.zeros(5, dtype=int)), Readings(length=np.full(5, 0.4)))
-    found = SimpleNamespace(model=SimpleNamespace(setup=setup_of(cell)), outliers=np.zeros(0, dtype=int))
+    found = SimpleNamespace(setup=setup_of(cell), outliers=np.zeros(0, dtype=int))
     for names, told in ((("low",), True), (("1",), False), (("",), False), (("a", "b"), False)):
         said = collect_warnings(replace(run, points=names), cell, found, None)
         assert any("measured at tool point 'low'" in w for w in said) == told

@@ -10,6 +10,7 @@ from planner.effects.compliance import compliance_parameters
 from planner.effects.effect import Parameter, robot_parameters, transform_move
 from planner.gauges.tracker import Tracker
 from planner.identification.identifiable_parameters import estimate_parameters
+from planner.identification.least_squares import Fit, Solution
 from planner.kinematics.robot_reader import load_robot
 from planner.model.model import Model
 from planner.runs.run import Samples
@@ -44,10 +45,11 @@ def calibration(robot, seed, effects=()):
     every = [*robot_parameters(setup), *effects]
     errors = np.random.default_rng(seed).normal(size=len(every)) * [p.prior for p in every]
     model = Model(setup, tuple(every))
-    fit = SimpleNamespace(model=model, errors=errors)
+    fit = Fit(SimpleNamespace(model=model), Solution(errors, np.eye(len(errors)), 0.0), 0.0, np.zeros(0, dtype=int))
     groups = tuple(dict.fromkeys(p.group for p in effects))
     run = type("Made", (), {"name": "monday.csv", "__len__": lambda self: 40})()
-    made = SimpleNamespace(run=run, fit=fit, stages=(SimpleNamespace(effects=groups),), released=None, release=None)
+    stages = (SimpleNamespace(effects=groups),)
+    made = SimpleNamespace(run=run, fit=fit, setup=setup, stages=stages, released=None, release=None)
     made.estimates = estimates_of(made)
     return made
 
