@@ -74,8 +74,6 @@ class Gauge(ABC):
     angles: ClassVar[int] = 0  # how many of them, at the end, are angles
     needs_range: ClassVar[bool] = True  # whether planning needs ``gauge.length_mm``
     pose_columns: ClassVar[tuple[str, str]] = ("place", "reading (mm)")  # of a table of poses: where, and a figure
-    travel_name: ClassVar[str] = "way to the start"  # what the way from home is called
-    bare: ClassVar[str] = ""  # said of that way in a program
     removal: ClassVar[str] = ""  # what a person does after the last pose
     usual_keys: ClassVar[Mapping[str, Mapping[str, object]]] = {}  # by section: they stand where the cell gives none
     measured_by: ClassVar[str] = "run the program and log it (to try it: edbb simulate PLAN -o run.csv)"
@@ -201,6 +199,16 @@ class Gauge(ABC):
         return self
 
     # ---- a session with it
+
+    @property
+    def travel_name(self) -> str:
+        """What the way from home is called."""
+        return f"way without the {self.noun}" if self.is_attached else "way to the start"
+
+    @property
+    def bare(self) -> str:
+        """What a program says of that way."""
+        return f", without the {self.noun}" if self.is_attached else ""
 
     @property
     def reading_seconds(self) -> float:

@@ -99,8 +99,6 @@ class LengthGauge(LineGauge):
     reads_moving: ClassVar[bool] = True
     usual_measure: ClassVar[Literal["continuous", "static"]] = "continuous"
     pose_columns: ClassVar[tuple[str, str]] = ("fixture", "bar (mm)")
-    travel_name: ClassVar[str] = "way without the bar"
-    bare: ClassVar[str] = ", without the bar"
     removal: ClassVar[str] = "take the bar off"
     checklist: ClassVar[BarChecklist] = BarChecklist()
 

@@ -31,8 +31,6 @@ class DrawWire(LengthGauge):
     usual_measure: ClassVar[Literal["continuous", "static"]] = "static"  # read at each pose, by a person or over a line
     default_noise_um: ClassVar[float] = 100.0
     pose_columns: ClassVar[tuple[str, str]] = ("fixture", "wire (mm)")
-    travel_name: ClassVar[str] = "way without the wire"
-    bare: ClassVar[str] = ", without the wire"
     removal: ClassVar[str] = "unhook the wire and let it run in slowly"
     checklist: ClassVar[BarChecklist] = BarChecklist(
         fixture="The encoder's eyelet at place",
