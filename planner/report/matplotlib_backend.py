@@ -169,17 +169,13 @@ def _heatmap(ax: Axes, cells: Heatmap) -> None:
     colours = LinearSegmentedColormap.from_list("signed", [RED, "#FFFFFF", BLUE])
     image = ax.imshow(cells.values, cmap=colours, vmin=-1, vmax=1, aspect="auto")
     ax.set_xticks(range(len(cells.x_names)), cells.x_names, rotation=90)
-    figure = ax.get_figure()
-    assert figure is not None
-    figure.colorbar(image, ax=ax, shrink=0.5, aspect=25)
+    ax.figure.colorbar(image, ax=ax, shrink=0.5, aspect=25)
 
 
 def _field(ax: Axes, field: ColourField) -> None:
     values = np.ma.masked_invalid(field.values)
     image = ax.pcolormesh(field.x, field.y, values, cmap=FIELD_COLOURS, shading="nearest")
-    figure = ax.get_figure()
-    assert figure is not None
-    bar = figure.colorbar(image, ax=ax, fraction=0.05, pad=0.03)
+    bar = ax.figure.colorbar(image, ax=ax, fraction=0.05, pad=0.03)
     bar.ax.tick_params(labelsize=8)
     bar.ax.spines["outline"].set_visible(False)
 

@@ -16,9 +16,9 @@ from planner.common.units import UM
 from planner.identification.run_setup import drop_unreadable
 from planner.instruments.circular.document import load_circular_cell, read_circular_plan
 from planner.instruments.circular.evaluation import CircularTest, circular_test_content, evaluate_circles
-from planner.instruments.loaded.evaluation import evaluate_loaded as evaluate
+from planner.instruments.loaded.evaluation import evaluate_loaded_circles
 from planner.instruments.loaded.joint_fit import JointFit, averaged_run, averages_noise, fit_jointly
-from planner.instruments.loaded.results import compliance_text, curves_csv, loaded_content
+from planner.instruments.loaded.results import averaged_curves_csv, compliance_text, loaded_content
 from planner.instruments.loaded.types import LoadedEvaluation
 from planner.runs.loader import load_runs
 from planner.runs.writer import run_text
@@ -133,7 +133,7 @@ class LoadedTestEvaluation(Result):
 
         with draft_folder(Path(folder)) as draft, self.stages.stage("report"):
             write_text(draft / "loaded.json", self.to_json())
-            write_text(draft / "curves.csv", curves_csv(self.found))
+            write_text(draft / "curves.csv", averaged_curves_csv(self.found))
             write_text(draft / "averaged.csv", run_text(replace(averaged_run(self.found), simulated=self.simulated)))
             if self.joint is not None:
                 write_text(draft / "joint.csv", run_text(self.joint.run))
@@ -179,7 +179,7 @@ def evaluate_loaded(
         if plan is not None:
             check_run_of_plan(run, plan, read_plan_header(plan), where.robot.name)
     with stages.stage("evaluation"):
-        found = evaluate(run, where, other, overshoot)
+        found = evaluate_loaded_circles(run, where, other, overshoot)
         if free is None:
             return LoadedTestEvaluation(found, where, None, stages, run.simulated)
         averaged = replace(averaged_run(found), simulated=run.simulated)

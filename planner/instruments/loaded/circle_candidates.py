@@ -130,11 +130,9 @@ def _centre_grid(cell: Cell, circle: Circle, steps: tuple[int, int]) -> list[Arr
     """Grid of centres in the upright plane through axis 1 and the cell's own centre."""
     reach = sum(abs(t.nominal) for t in cell.robot.transforms if t.kind == "translation")
     towards = np.append(circle.p_BC[:2] / np.linalg.norm(circle.p_BC[:2]), 0.0)
-    out = []
-    for r in np.linspace(NEAREST * reach, FURTHEST * reach, steps[0]):
-        for z in np.linspace(circle.radius + 0.1, TOP * reach, steps[1]):
-            out.append(np.round(r * towards + [0, 0, z], 3))
-    return out
+    far = np.linspace(NEAREST * reach, FURTHEST * reach, steps[0])
+    high = np.linspace(circle.radius + 0.1, TOP * reach, steps[1])
+    return [np.round(r * towards + [0, 0, z], 3) for r in far for z in high]
 
 
 def _follow_circles(cell: Cell, grid: list[tuple[Circle, int]], height: float, seed: int) -> list[CirclePlace]:

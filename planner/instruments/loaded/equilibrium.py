@@ -128,7 +128,6 @@ def find_circle(setup: MeasurementSetup, run: Run, place: int, x: Array) -> Driv
     Raises:
         InputError: the points do not lie on a circle.
     """
-    on = np.ones(len(x), dtype=bool)
     centre, axes, radius = fit_circle_in_space(x)
     for _ in range(CIRCLE_ROUNDS):
         size = _off(x, centre, axes[2], radius)
@@ -141,14 +140,8 @@ def find_circle(setup: MeasurementSetup, run: Run, place: int, x: Array) -> Driv
             f"samples lie {float(np.median(off)) / MM:.1f} mm or more off the best one (radius {radius / MM:.1f} mm); "
             "only circles can be evaluated here"
         )
-    return DrivenCircle(
-        read_only(centre),
-        read_only(_axes(axes[2])),
-        float(radius),
-        read_only(setup.p_BX[place]),
-        setup.place_names[place],
-        place,
-    )
+    p_BX, name = read_only(setup.p_BX[place]), setup.place_names[place]
+    return DrivenCircle(read_only(centre), read_only(_axes(axes[2])), float(radius), p_BX, name, place)
 
 
 def _off(x: Array, centre: Array, normal: Array, radius: float) -> Array:

@@ -36,7 +36,7 @@ LINEAR = 3  # loads that it takes to see whether the arm yields in proportion
 AGREE = 1.5  # times the scatter of the repeats: beyond that the loads' curves do not agree
 
 
-def check_cell(cell: Cell) -> None:
+def _check_cell(cell: Cell) -> None:
     """Refuse a cell that does not say where the bar stands.
 
     Raises:
@@ -51,7 +51,7 @@ def check_cell(cell: Cell) -> None:
         )
 
 
-def check_measured_loads(cell: Cell, curves: Sequence[AveragedCurves], name: str) -> None:
+def _check_measured_loads(cell: Cell, curves: Sequence[AveragedCurves], name: str) -> None:
     """Refuse loads beyond what the cell states or the robot may carry.
 
     Raises:
@@ -67,7 +67,7 @@ def check_measured_loads(cell: Cell, curves: Sequence[AveragedCurves], name: str
     cell.check_load(largest, f"{name}: the bar loads the arm with {largest:.0f} N", "check force_N, or load less")
 
 
-def check_reach(cell: Cell, setup: MeasurementSetup, curves: AveragedCurves, name: str) -> None:
+def _check_reach(cell: Cell, setup: MeasurementSetup, curves: AveragedCurves, name: str) -> None:
     """Refuse a circle that the bar cannot reach from its fixture.
 
     Raises:
@@ -85,7 +85,7 @@ def check_reach(cell: Cell, setup: MeasurementSetup, curves: AveragedCurves, nam
         )
 
 
-def check_sign(curves: AveragedCurves, name: str) -> None:
+def _check_sign(curves: AveragedCurves, name: str) -> None:
     """Refuse forces of the wrong sign: a pull shortens the bar between arm and table, never lengthens it.
 
     Raises:
@@ -220,7 +220,7 @@ CENTRING_ROUNDS = 2  # rounds: the second with the fixture where the first found
 
 
 @on_one_thread
-def evaluate_loaded(
+def evaluate_loaded_circles(
     run: Run, cell: Cell, tracker: Run | None = None, overshoot: float | None = None
 ) -> LoadedEvaluation:
     """Evaluate a run of loaded circles, one or more fixtures.
@@ -232,13 +232,13 @@ def evaluate_loaded(
             was driven is no circle.
         NoSolutionError: the fit does not come to rest.
     """
-    check_cell(cell)
+    _check_cell(cell)
     setup = setup_for_run(cell, run)
     curves = average_curves(setup, run, _overshoot(cell, overshoot))
-    check_measured_loads(cell, curves, run.name)
+    _check_measured_loads(cell, curves, run.name)
     for c in curves:
-        check_reach(cell, setup, c, run.name)
-        check_sign(c, run.name)
+        _check_reach(cell, setup, c, run.name)
+        _check_sign(c, run.name)
     circles: tuple[EvaluatedCircle, ...] = ()
     for _ in range(CENTRING_ROUNDS):
         told = fit_compliances(setup, curves)

@@ -184,7 +184,7 @@ def _circle(c: EvaluatedCircle) -> dict[str, object]:
     }
 
 
-def curves_csv(found: LoadedEvaluation) -> str:
+def averaged_curves_csv(found: LoadedEvaluation) -> str:
     """Return every averaged curve, one row an angle, load and sense; deflections are from the base load (eq. 8)."""
     return pl.concat([_curve_table(c) for c in found.circles]).write_csv()
 

@@ -15,7 +15,7 @@ from scipy.optimize import fminbound
 import tests.instruments.loaded.shared as shared
 import tests.instruments.loaded.world as world
 from planner.common.units import MM, UM, to_deg
-from planner.instruments.loaded.evaluation import evaluate_loaded
+from planner.instruments.loaded.evaluation import evaluate_loaded_circles
 from planner.instruments.loaded.types import LoadedEvaluation
 from planner.report.loaded_report import loaded_charts
 from planner.report.matplotlib_backend import chart_png
@@ -45,7 +45,7 @@ def evaluated(seed: int = 0) -> LoadedEvaluation:
     way = world.course(arm, rate=RATE)
     truth = _centred(arm, way)
     length, _ = world.readings(arm, truth, way, rng)
-    return evaluate_loaded(shared.run_of(way, length), shared.cell(), _tracker(arm, truth, rng))
+    return evaluate_loaded_circles(shared.run_of(way, length), shared.cell(), _tracker(arm, truth, rng))
 
 
 def paper_offset(theta, y):

@@ -8,7 +8,7 @@ import numpy as np
 import tests.instruments.loaded.world as world
 from planner.cell.reading import load_cell
 from planner.identification.run_setup import setup_for_run
-from planner.instruments.loaded.evaluation import evaluate_loaded
+from planner.instruments.loaded.evaluation import evaluate_loaded_circles
 from planner.runs.run import Readings, Run, Samples
 
 CELL = "abb-irb6700/ldbb"
@@ -48,7 +48,7 @@ def evaluated(seed=0, rough=True):
     truth = world.World(errors=ERRORS if rough else {}, wander=4e-6 if rough else 0.0, reversal=1e-5 if rough else 0.0)
     way = course()
     length, _ = world.readings(arm(), truth, way, np.random.default_rng(seed))
-    return truth, way, evaluate_loaded(run_of(way, length), cell())
+    return truth, way, evaluate_loaded_circles(run_of(way, length), cell())
 
 
 def cell_text():

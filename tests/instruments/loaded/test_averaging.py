@@ -7,7 +7,7 @@ import tests.instruments.loaded.shared as shared
 import tests.instruments.loaded.world as world
 from planner.common.errors import InputError
 from planner.instruments.loaded.curves import average_curves
-from planner.instruments.loaded.evaluation import evaluate_loaded
+from planner.instruments.loaded.evaluation import evaluate_loaded_circles
 
 
 def made(rate=25.0, overshoot=np.pi, loads=(100.0, 300.0), repeats=2, wrong=None):
@@ -94,4 +94,4 @@ def test_ramps_between_loads_are_no_loads():
 def test_more_overshoot_than_the_passes_have_is_refused():
     _, run = made()
     with pytest.raises(InputError, match="--overshoot 200 would drop more"):
-        evaluate_loaded(run, shared.cell(), overshoot=np.radians(200.0))
+        evaluate_loaded_circles(run, shared.cell(), overshoot=np.radians(200.0))

@@ -12,7 +12,7 @@ from planner.common.errors import InputError, PlannerError
 from planner.common.progress import Stages
 from planner.instruments.circular.planning import check_loads, load_notes, plan_circles
 from planner.instruments.loaded.compliance import compliance_posterior
-from planner.instruments.loaded.evaluation import evaluate_loaded, problems_of
+from planner.instruments.loaded.evaluation import evaluate_loaded_circles, problems_of
 from planner.session.options import PlanOptions
 
 
@@ -25,7 +25,7 @@ def good():
 
 def refused(run, *words, cell=None, error=InputError):
     with pytest.raises(error) as caught:
-        evaluate_loaded(run, cell or shared.cell())
+        evaluate_loaded_circles(run, cell or shared.cell())
     text = str(caught.value)
     assert all(w in text for w in words), text
     assert caught.value.exit_code == 2
@@ -33,7 +33,7 @@ def refused(run, *words, cell=None, error=InputError):
 
 
 def test_the_good_run_is_taken(good):
-    assert not evaluate_loaded(shared.run_of(*good), shared.cell()).problems
+    assert not evaluate_loaded_circles(shared.run_of(*good), shared.cell()).problems
 
 
 def test_no_force(good):
@@ -158,12 +158,12 @@ def test_another_gauge(good):
 def test_a_trackers_run_that_is_none_or_of_another_path(good):
     run = shared.run_of(*good)
     with pytest.raises(InputError, match="x_mm, y_mm, z_mm"):
-        evaluate_loaded(run, shared.cell(), run)
+        evaluate_loaded_circles(run, shared.cell(), run)
     way, _ = good
     x = world.true_point(shared.arm(), world.World(), way.q + 0.1, 0 * way.force, world.FIXTURE)
     other = replace(run, samples=replace(run.samples, q=way.q + 0.1), readings=type(run.readings)(position=x))
     with pytest.raises(InputError, match="another path"):
-        evaluate_loaded(run, shared.cell(), other)
+        evaluate_loaded_circles(run, shared.cell(), other)
 
 
 def test_a_compliance_that_is_negative_beyond_its_uncertainty():
@@ -179,6 +179,6 @@ def test_two_loads_are_enough_but_said_to_be_few(good):
     way, length = good
     two = way.force != 375.0
     part = replace(way, **{n: getattr(way, n)[two] for n in ("q", "t", "force", "part", "theta")})
-    found = evaluate_loaded(shared.run_of(part, length[two]), shared.cell())
+    found = evaluate_loaded_circles(shared.run_of(part, length[two]), shared.cell())
     assert any("2 loads give a stiffness" in w for w in found.warnings)
     assert any("once only" in w for w in found.warnings)

@@ -56,9 +56,9 @@ def test_a_ball_off_its_place_is_found():
     truth = world.World(soft=np.full(6, 1e-9), offset=np.array([-6e-4, 2e-4, 0.0]), zero=0.0, white=1e-9)
     way = shared.course(loads=(100.0, 600.0), repeats=1)
     length, _ = world.readings(shared.arm(), truth, way, np.random.default_rng(0))
-    from planner.instruments.loaded.evaluation import evaluate_loaded as evaluate
+    from planner.instruments.loaded.evaluation import evaluate_loaded_circles
 
-    (circle,) = evaluate(shared.run_of(way, length), shared.cell()).circles
+    (circle,) = evaluate_loaded_circles(shared.run_of(way, length), shared.cell()).circles
     np.testing.assert_allclose(circle.centre_offset, [6e-4, -2e-4], atol=4e-6)
 
 
