@@ -7,7 +7,6 @@ import numpy as np
 from planner.common.units import UM, Array, to_deg, to_mm
 from planner.instruments.loaded.circle_candidates import CirclePlaceChoice
 from planner.instruments.loaded.common_fit import CommonFit
-from planner.instruments.loaded.equilibrium import sine
 from planner.instruments.loaded.joint_fit import JointFit
 from planner.instruments.loaded.results import URAD, share_text
 from planner.instruments.loaded.types import NOT_LEARNT, SENSES, EvaluatedCircle, LoadedEvaluation
@@ -79,7 +78,7 @@ def compensated_chart(c: EvaluatedCircle) -> Chart:
     shown = c.compensated.mean(axis=0)
     lines = [
         Series("average", angle, c.averaged.mean(axis=0) / UM, BLUE),
-        Series("offset of the centre", angle, sine(c.offset, curves.theta) / UM, RED, dashed=True),
+        Series("offset of the centre", angle, c.offset.sine(curves.theta) / UM, RED, dashed=True),
     ]
     read = float(np.ptp(curves.length, axis=1).max())
     spread, read_spread, amplitude = (digits(v) for v in (c.spread / UM, read / UM, c.offset.amplitude * 1e3))

@@ -169,8 +169,3 @@ def centring_offset(theta: Array, y: Array) -> CentringOffset:
     (along, across), *_ = np.linalg.lstsq(A, y)
     rms = float(np.sqrt(np.mean((y - A @ np.array([along, across])) ** 2)))
     return CentringOffset(float(np.hypot(along, across)), float(np.arctan2(-across, along)), rms)
-
-
-def sine(offset: CentringOffset, theta: Array) -> Array:
-    """Value of the fitted sine, like ``theta`` [m]."""
-    return np.asarray(offset.amplitude * np.sin(theta - offset.phase))

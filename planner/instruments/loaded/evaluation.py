@@ -16,10 +16,11 @@ from planner.gauges.placement.frames import place_frames
 from planner.identification.run_setup import setup_for_run
 from planner.instruments.loaded.compliance import bar_deflection, fit_compliances
 from planner.instruments.loaded.curves import average_curves
-from planner.instruments.loaded.equilibrium import centring_offset, measured_points, raise_fixture, sine
+from planner.instruments.loaded.equilibrium import centring_offset, measured_points, raise_fixture
 from planner.instruments.loaded.results import loaded_sentences
 from planner.instruments.loaded.types import (
     AveragedCurves,
+    CentringOffset,
     EvaluatedCircle,
     JointCompliances,
     LoadedEvaluation,
@@ -212,7 +213,7 @@ def _on_grid(run: Run, theta: Array, error: Array, grid: Array) -> Array:
 
 def _without_offset(theta: Array, y: Array) -> Array:
     y = y - y.mean()
-    return np.asarray(y - sine(centring_offset(theta, y), theta))
+    return np.asarray(y - centring_offset(theta, y).sine(theta))
 
 
 PAPER = 180.0 * DEG  # overshoot of the EDBB paper's circles
@@ -250,10 +251,8 @@ def evaluate_loaded_circles(
         setup = _recentre_fixtures(setup, circles)
     if tracker is not None:
         circles = _add_tracker(cell, setup, circles, tracker)
-    return LoadedEvaluation(
-        run.name, cell.robot.name, circles, found, loaded_sentences(circles, found), problems_of(found),
-        (*run.warnings, *warnings_of(circles, found)),
-    )  # fmt: skip
+    sentences, warnings = loaded_sentences(circles, found), (*run.warnings, *warnings_of(circles, found))
+    return LoadedEvaluation(run.name, cell.robot.name, circles, found, sentences, problems_of(found), warnings)
 
 
 def _overshoot(cell: Cell, wanted: float | None) -> float:
@@ -270,7 +269,6 @@ def _overshoot(cell: Cell, wanted: float | None) -> float:
 def _evaluate_circle(setup: MeasurementSetup, curves: AveragedCurves, found: JointCompliances) -> EvaluatedCircle:
     yielded = bar_deflection(setup, curves, found.value)
     compensated = curves.length - yielded
-    apart = np.ptp(compensated, axis=1)
     averaged = compensated.mean(axis=1)
     averaged = averaged - averaged.mean(axis=1, keepdims=True)
     offset = centring_offset(curves.theta, averaged.mean(axis=0))
@@ -278,13 +276,13 @@ def _evaluate_circle(setup: MeasurementSetup, curves: AveragedCurves, found: Joi
         curves=curves,
         predicted=read_only(yielded[:, 1:] - yielded[:, :1]),
         compensated=read_only(compensated),
-        spread=float(apart.max()),
+        spread=float(np.ptp(compensated, axis=1).max()),
         spread_rms=float(np.sqrt(np.mean(compensated.std(axis=1) ** 2))),
         bent=_nonlinearity(curves),
         averaged=read_only(averaged),
         offset=offset,
-        centre_offset=read_only(_centre_offset(curves, offset.amplitude, offset.phase)),
-        kinematic=read_only(averaged - sine(offset, curves.theta)),
+        centre_offset=read_only(_centre_offset(curves, offset)),
+        kinematic=read_only(averaged - offset.sine(curves.theta)),
     )
 
 
@@ -296,13 +294,13 @@ def _nonlinearity(curves: AveragedCurves) -> float:
     return float(np.ptp(length - slope * force, axis=1).max())
 
 
-def _centre_offset(curves: AveragedCurves, amplitude: float, phase: float) -> Array:
+def _centre_offset(curves: AveragedCurves, offset: CentringOffset) -> Array:
     """Offset of the circle's centre from the fixture's axis, (2,) [m], from the sine that it makes.
 
     The bar leans by γ to the circle's plane; a shift m of the centre changes its length by cos γ (m · direction).
     """
     lean = curves.circle.radius / float(np.hypot(curves.circle.radius, curves.circle.height))
-    return np.array([-amplitude * np.sin(phase), amplitude * np.cos(phase)]) / lean
+    return np.array([-offset.amplitude * np.sin(offset.phase), offset.amplitude * np.cos(offset.phase)]) / lean
 
 
 def _recentre_fixtures(setup: MeasurementSetup, circles: tuple[EvaluatedCircle, ...]) -> MeasurementSetup:

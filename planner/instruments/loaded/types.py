@@ -149,6 +149,10 @@ class CentringOffset:
     phase: float
     rms: float
 
+    def sine(self, theta: Array) -> Array:
+        """Value at the angles θ [rad], like ``theta`` [m]."""
+        return np.asarray(self.amplitude * np.sin(theta - self.phase))
+
 
 @dataclass(frozen=True)
 class TrackerComparison:
