@@ -35,7 +35,7 @@ def averaged_run(found: LoadedEvaluation) -> Run:
         q, length, force = (v[:, :, which] for v in (c.q, c.length, c.force))
         n = length.size
         rows.append((q.reshape(n, -1), length.ravel(), force.ravel(), np.full(n, k)))
-    q, length, force, place = (np.concatenate([r[k] for r in rows]) for k in range(4))
+    q, length, force, place = (np.concatenate(column) for column in zip(*rows, strict=True))
     samples = Samples(q=read_only(q), place=place, force=read_only(force), session=np.zeros(len(q), dtype=int))
     places = tuple(c.curves.circle.name for c in found.circles)
     return Run(f"{found.name}, averaged", samples, Readings(length=read_only(length)), places, robot=found.robot)
@@ -67,7 +67,8 @@ def at_rest(run: Run) -> Run:
     """Return a run without its clock; of a continuous one so few samples that each has an error of its own.
 
     Neighbours along a drive share the deviation of the arm from where it reads: all of them would outweigh the turns,
-    which are averages. One in ``APART`` seconds is left, or where there is no clock one of ``SPARSE``.
+    which are averages. One in ``SAMPLE_SPACING`` seconds is left, or where there is no clock one of
+    ``SPARSE_STEP``.
     """
     samples = run.samples
     if not run.continuous:
