@@ -4,7 +4,6 @@ __all__ = [
     "both_bars",
     "circle_candidates",
     "common_fit",
-    "equilibrium",
     "evaluation",
     "joint_fit",
     "place_results",
