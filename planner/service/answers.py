@@ -27,14 +27,6 @@ class OutputFile(StrictModel):
     url: str
 
 
-class JobFault(StrictModel):
-    """Why a job has no result, as the command line says it."""
-
-    title: str
-    detail: str
-    exit_code: int | None = None
-
-
 class Job(StrictModel):
     """A job: what is asked for, how far it is, and what it has written."""
 
@@ -49,7 +41,7 @@ class Job(StrictModel):
     started: datetime | None = None
     finished: datetime | None = None
     exit_code: int | None = Field(None, description="of the command; 5: done in part")
-    problem: JobFault | None = None
+    problem: JobProblem | None = None
     files: list[OutputFile] = []
     request: dict[str, Any] = Field(description="as it was submitted")
     url: str
@@ -104,17 +96,11 @@ def describe_job(job: JobRecord, outputs: list[JobOutput]) -> Job:
         started=_time(job.started) if job.started else None,
         finished=_time(job.finished) if job.finished else None,
         exit_code=job.exit_code,
-        problem=_fault(job.problem),
+        problem=job.problem,
         files=[OutputFile(name=o.name, sha256=o.sha256, size=o.size, url=f"{url}/files/{o.name}") for o in outputs],
         request=json.loads(job.request),
         url=url,
     )
-
-
-def _fault(problem: JobProblem | None) -> JobFault | None:
-    if problem is None:
-        return None
-    return JobFault(title=problem.title, detail=problem.detail, exit_code=problem.exit_code)
 
 
 def _time(seconds: float) -> datetime:

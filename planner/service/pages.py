@@ -47,7 +47,6 @@ from planner.service.record_api import (
     Serial,
     describe_record,
     find_calibration,
-    find_record,
     find_recorded,
     list_records,
 )
@@ -87,7 +86,7 @@ ENVIRONMENT.globals |= {"version": __version__, "find_action": find_action, "fin
 
 def render(template: str, status: int = 200, /, **content: object) -> HTMLResponse:
     """Return a page."""
-    return HTMLResponse(ENVIRONMENT.get_template(f"{template}.html.j2").render(**content), status)
+    return HTMLResponse(ENVIRONMENT.get_template(f"{template}.html.j2").render(status=status, **content), status)
 
 
 def add_problem_handlers(app: FastAPI) -> None:
@@ -116,7 +115,7 @@ def show_start(context: Context) -> HTMLResponse:
 @PAGES.get("/robots/{serial}")
 def show_robot(serial: Serial, context: Context) -> HTMLResponse:
     """The record of a robot: how it stands, its drift, its history."""
-    record = describe_record(context, find_record(context, serial))
+    record = describe_record(context, context.records.read(serial))
     last = next((e.job for e in record.history[::-1] if e.kind == "calibration"), None)
     known = last is not None and any(o.name == BASELINE for o in context.jobs.outputs(last))
     return render(

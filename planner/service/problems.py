@@ -14,11 +14,13 @@ from planner.common.schema import StrictModel
 from planner.service.file_store import DiskFullError
 from planner.service.job_folder import UnfinishedJobError
 from planner.service.job_store import UnknownJobError
+from planner.service.record_store import UnknownRecordError
 
 MEDIA_TYPE = "application/problem+json"
 STATUS: tuple[tuple[type[PlannerError], int], ...] = (
     (DiskFullError, 507),
     (UnknownJobError, 404),
+    (UnknownRecordError, 404),
     (UnfinishedJobError, 409),
     (NoSolutionError, 422),
     (MissingProgramError, 501),

@@ -10,7 +10,6 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Response
 from fastapi import Path as InPath
 from pydantic import Field
-from starlette.exceptions import HTTPException
 
 from planner.common.schema import StrictModel
 from planner.instruments.opcua import OpcUaRecord, map_to_opcua
@@ -85,7 +84,7 @@ def list_records(context: Context) -> list[RecordSummary]:
 @RECORDS.get("/records/{serial}", responses=MISSING)
 def get_record(serial: Serial, context: Context) -> RecordHistory:
     """Get the history of a robot."""
-    return describe_record(context, find_record(context, serial))
+    return describe_record(context, context.records.read(serial))
 
 
 @RECORDS.post("/records/{serial}/entries", status_code=201, responses=MISSING)
@@ -101,31 +100,18 @@ def add_to_record(serial: Serial, request: EntryRequest, context: Context) -> Re
 @RECORDS.get("/records/{serial}/opcua", responses=MISSING)
 def get_opcua(serial: Serial, context: Context) -> OpcUaRecord:
     """Get a robot's record as values of OPC UA: a calibration's prognosis (OPC 40210)."""
-    return map_to_opcua(find_record(context, serial))
+    return map_to_opcua(context.records.read(serial))
 
 
 @RECORDS.get("/records/{serial}/export", responses=MISSING, response_class=Response)
 def export_record(serial: Serial, context: Context) -> Response:
     """Get the whole folder of a record as ZIP, as ``edbb record`` reads it."""
-    find_record(context, serial)
     folder, packed = context.records.path(serial), io.BytesIO()
     with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
         for path in sorted(p for p in folder.rglob("*") if p.is_file()):
             archive.write(path, Path(serial, path.relative_to(folder)))
     headers = {"content-disposition": f'attachment; filename="{serial}.zip"'}
     return Response(packed.getvalue(), media_type="application/zip", headers=headers)
-
-
-def find_record(context: ServiceContext, serial: str) -> RobotRecord:
-    """Return a record.
-
-    Raises:
-        HTTPException: there is none.
-    """
-    try:
-        return context.records.read(serial)
-    except KeyError:
-        raise HTTPException(404, f"there is no record of a robot {serial}") from None
 
 
 def find_recorded(context: ServiceContext, job: str) -> RecordedEntry:

@@ -19,6 +19,10 @@ from planner.service.job_store import JobRecord, JobStore
 RobotState = Literal["good", "check due", "changed", "not calibrated"]
 
 
+class UnknownRecordError(InputError):
+    """A robot that somebody names has no record."""
+
+
 @dataclass(frozen=True)
 class RecordedEntry:
     """What the record of a robot says of a result that was added to it; empty where it is in none."""
@@ -45,18 +49,18 @@ class RecordStore:
         """Return the folder of a record.
 
         Raises:
-            KeyError: there is none.
+            UnknownRecordError: there is none.
         """
         found = self._folder / serial
         if not (found / "record.toml").is_file():
-            raise KeyError(serial)
+            raise UnknownRecordError(f"there is no record of a robot {serial}")
         return found
 
     def read(self, serial: str) -> RobotRecord:
         """Return a record; read again only where something was added.
 
         Raises:
-            KeyError: there is none.
+            UnknownRecordError: there is none.
             InputError: it is damaged.
         """
         folder = self.path(serial)

@@ -41,7 +41,7 @@ def certificate_content(context: ServiceContext, job: Job) -> dict[str, object]:
     plan = inputs.get(str(record.command.option("--plan")))
     measured = {n: h for n, h in inputs.items() if n.endswith((".csv", ".parquet", "plan.json"))}
     hashes = [*measured.items(), *((f.name, f.sha256) for f in job.files if f.name in HASHED)]
-    cell = _cell_file(context, record.command.words, inputs)
+    cell = _cell_file(context, str(record.command.option("--cell")), inputs)
     width = 1 if gauge_class(cell).columns == "length_mm" else SPACE_AXES
     scatter, rp = _repeatability(context, job, found, width)
     return {
@@ -79,9 +79,8 @@ def _results(found: CalibrationPage) -> list[tuple[str, Metrics]]:
     return [(f"{name}, held out", s.held_out) for name, s in both] + (seen if len(seen) == len(both) else [])
 
 
-def _cell_file(context: ServiceContext, words: tuple[str, ...], inputs: dict[str, str]) -> CellFile:
+def _cell_file(context: ServiceContext, name: str, inputs: dict[str, str]) -> CellFile:
     """The cell that was identified in."""
-    name = words[words.index("--cell") + 1]
     if name in inputs:
         return read_toml(context.files.path(inputs[name]), CellFile)
     return load_cell(name, planning=False).file

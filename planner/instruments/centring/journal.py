@@ -1,13 +1,12 @@
 """What was measured, kept row by row: a journal beside the run, so that a session can stop anywhere and go on later."""
 
-import json
 import os
 from dataclasses import dataclass
 from itertools import takewhile
 from pathlib import Path
 
 import numpy as np
-from pydantic import NonNegativeInt, ValidationError
+from pydantic import NonNegativeInt
 
 from planner.common.errors import InputError
 from planner.common.files import read_bytes, write_text
@@ -137,7 +136,7 @@ def _resume_journal(output: Path, path: Path, way: PlannedPath) -> Journal:
     try:
         head = JournalHead.model_validate_json(whole[0] if whole else b"")
         rows = [JournalRow.model_validate_json(line) for line in whole[1:]]
-    except (ValidationError, ValueError, json.JSONDecodeError) as err:
+    except ValueError as err:
         raise InputError(f"{path}: is no journal of a centring session; give another file with -o") from err
     if head.plan_id != way.plan_id:
         raise InputError(

@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 
@@ -22,22 +22,15 @@ Notify = Callable[[str], None]
 
 
 @dataclass
-class SessionPlace:
-    """Where the robot is, in words, for a person who reads why it stopped."""
-
-    text: str = "at the start"
-
-
-@dataclass(frozen=True)
 class CentringBench:
-    """Indicators, robot, limits, the stop that all look at, and who is told."""
+    """Indicators, robot, limits, the stop that all look at, who is told, and in words where the robot is."""
 
     indicators: Indicators
     link: RobotLink
     settings: CentringSettings
     stop: StopRequest
     say: Notify
-    place: SessionPlace = field(default_factory=SessionPlace)
+    place: str = "at the start"
 
 
 @dataclass(frozen=True)
@@ -124,7 +117,7 @@ def drive_to_balls(session: CentringSession, bench: CentringBench) -> Iterator[B
     way, settings = session.way, bench.settings
     at = _go_to_path(way, bench)
     for visit in session.pending:
-        bench.place.text = _visit_text(visit)
+        bench.place = _visit_text(visit)
         off_ball = way.before(visit, at)
         _drive(way.between(at, off_ball), way, bench)
         if settings.head.check_free:
@@ -132,7 +125,7 @@ def drive_to_balls(session: CentringSession, bench: CentringBench) -> Iterator[B
         _drive([off_ball, visit.at], way, bench)
         at = visit.at
         yield visit
-    bench.place.text = "on the way back"
+    bench.place = "on the way back"
     _drive(way.between(at, len(way.q) - 1), way, bench)
 
 
@@ -144,12 +137,12 @@ def follow_program(session: CentringSession, bench: CentringBench) -> Iterator[B
     """
     visits = {v.id: v for v in session.way.visits}
     while session.pending:
-        bench.place.text = "waiting for the robot's program"
+        bench.place = "waiting for the robot's program"
         pose = bench.link.arrive()
         visit = visits.get(pose)
         if visit is None:
             raise LinkError(f"the robot's program is at pose {pose}, which this plan has not: is it another's?")
-        bench.place.text = _visit_text(visit)
+        bench.place = _visit_text(visit)
         off = float(np.abs(to_deg(bench.link.joints()[1] - session.way.q[visit.at])).max())
         if off > bench.settings.robot.arrived_deg:
             raise LinkError(
@@ -216,7 +209,7 @@ def run_session(session: CentringSession, bench: CentringBench, follow: bool = F
                 _undo_shift(bench, done.moved)
     except CentringError as err:
         bench.link.stop()
-        raise type(err)(_stop_message(session, bench.place.text, err)) from err
+        raise type(err)(_stop_message(session, bench.place, err)) from err
     except BaseException:
         bench.link.stop()
         raise
