@@ -159,16 +159,20 @@ class BackgroundDesign:
         self,
         unknown: UndeclaredErrors,
         chosen: np.ndarray,
+        after: Array,
         limits: ForkedTask[tuple[float, float]],
         others: ForkedTask[dict[int, float]],
-        design: Callable[[tuple[float, float], dict[int, float]], BayesianDesign],
     ) -> None:
         self.unknown, self.chosen = unknown, chosen
-        self._limits, self._others, self._design = limits, others, design
+        self._after, self._limits, self._others = after, limits, others
 
     def result(self) -> BayesianDesign:
         """Wait for the whole design; to be called once."""
-        return self._design(self._limits.result(), self._others.result())
+        bound, floor = self._limits.result()
+        left, after = float(self._after[-1]), self._after
+        by_number = {len(self.chosen): left} | self._others.result()
+        numbers = tuple(ErrorByNumber(n, e) for n, e in sorted(by_number.items()))
+        return BayesianDesign(self.unknown, self.chosen, after, bound, left, floor, numbers)
 
     def __enter__(self) -> Self:
         """Return it."""
@@ -208,14 +212,7 @@ def choose_bayesian_poses(
     chosen = _use_every_place(pool.samples.place[considered], chosen, white * start, weight)
     after = errors_after(white[chosen], weight)
     limits = ForkedTask(lambda: (bound_tool_error(white, weight, chosen), _error_left(white, weight)))
-
-    def design(limits: tuple[float, float], by_number: dict[int, float]) -> BayesianDesign:
-        by_number = {len(chosen): float(after[-1])} | by_number
-        numbers = tuple(ErrorByNumber(n, e) for n, e in sorted(by_number.items()))
-        bound, floor = limits
-        return BayesianDesign(unknown, considered[chosen], after, bound, float(after[-1]), floor, numbers)
-
-    return BackgroundDesign(unknown, considered[chosen], limits, others, design)
+    return BackgroundDesign(unknown, considered[chosen], after, limits, others)
 
 
 def _use_every_place(place: np.ndarray, chosen: np.ndarray, white: Array, weight: Array) -> np.ndarray:

@@ -118,14 +118,14 @@ def count_fixtures(cell: Cell, map_: FixtureMap, noise: float, seed: int) -> Fix
         noise: of a reading [m].
         seed: of the candidates of the imagined second tool point.
     """
-    sign = 1.0 if find_rule(map_.index).maximise else -1.0
+    rule = find_rule(map_.index)
 
     def step(places: list[FixturePlace], before: Sequence[DroppedParameter] = ()) -> FixtureStep:
         return _make_step(map_, places, combine_places(map_, places, noise), before)
 
     def merit(places: list[FixturePlace]) -> tuple[int, float]:
         tried = step(places)
-        return tried.robot_seen, sign * tried.value
+        return tried.robot_seen, rule.merit(tried.value)
 
     places = [map_.present]
     steps = [step(places)]

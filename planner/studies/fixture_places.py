@@ -74,8 +74,8 @@ class FixtureMap:
     @property
     def best(self) -> FixturePlace:
         """The usable place with the best index."""
-        sign = -1.0 if find_rule(self.index).maximise else 1.0
-        return min(self.usable, key=lambda p: sign * p.value)
+        rule = find_rule(self.index)
+        return max(self.usable, key=lambda p: rule.merit(p.value))
 
 
 def map_fixture_places(

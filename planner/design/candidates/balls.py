@@ -1,7 +1,7 @@
 """Candidates at the balls of an artifact, and how far off centre an uncalibrated robot first meets a ball (TriCal
 paper, section 3)."""
 
-from dataclasses import asdict, astuple, dataclass, replace
+from dataclasses import astuple, dataclass, replace
 from typing import ClassVar
 
 import numpy as np
@@ -131,11 +131,6 @@ class BallFunnel(Funnel):
         "with first contact within reach of the indicators, no singular position",
     )
     missed: ClassVar[str] = "the uncalibrated robot might meet the ball too far off, or not be steered in small steps"
-
-    def __add__(self, other: Funnel) -> "BallFunnel":
-        """Add two funnels filter by filter."""
-        theirs = asdict(other)
-        return BallFunnel(**{key: value + theirs[key] for key, value in asdict(self).items()})
 
 
 class SocketFunnel(BallFunnel):

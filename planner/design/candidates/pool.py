@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import astuple, dataclass
-from typing import ClassVar
+from typing import ClassVar, Self
 
 import numpy as np
 
@@ -49,9 +49,9 @@ class Funnel:
         "collision-free",
     )
 
-    def __add__(self, other: "Funnel") -> "Funnel":
+    def __add__(self, other: Self) -> Self:
         """Add two funnels filter by filter."""
-        return Funnel(*(a + b for a, b in zip(astuple(self), astuple(other), strict=True)))
+        return type(self)(*(a + b for a, b in zip(astuple(self), astuple(other), strict=True)))
 
     def text(self) -> str:
         """Return the counts as a person reads them."""
@@ -238,7 +238,7 @@ def _nearest_pairs(cell: Cell, mounting: Mounting) -> str:
 def _explain_out_of_reach(cell: Cell, mounting: Mounting) -> str:
     """Say how far the fixture is out of reach and which way to move it."""
     cell, rng = cell.at(mounting), np.random.default_rng(0)
-    q = rng.uniform(*_limits(cell), (200_000, cell.robot.n_joints))
+    q = rng.uniform(cell.robot.q_lower, cell.robot.q_upper, (200_000, cell.robot.n_joints))
     x, f = cell.map_position(q), cell.fixtures[mounting.fixture].p_BX
     distance = np.linalg.norm(x - f, axis=1)
     k = int(np.argmin(distance))
@@ -250,7 +250,3 @@ def _explain_out_of_reach(cell: Cell, mounting: Mounting) -> str:
             f"move it by about [{move[0]:.0f}, {move[1]:.0f}, {move[2]:.0f}] mm, or take a longer {cell.gauge.noun}."
         )
     return f"The {cell.gauge.noun}'s range and the reachable distances do not meet: check gauge.length_mm."
-
-
-def _limits(cell: Cell) -> tuple[Array, Array]:
-    return cell.robot.q_lower, cell.robot.q_upper

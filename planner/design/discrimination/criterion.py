@@ -56,10 +56,14 @@ class PoolCoordinates:
 
     def span(self, which: np.ndarray) -> Array:
         """Orthonormal basis (p, k) of what some columns span."""
-        columns = self.columns[:, which]
-        size = np.linalg.norm(columns, axis=0)
-        out, mu, _ = np.linalg.svd(columns[:, size > 0] / size[size > 0], full_matrices=False)
-        return np.asarray(out[:, mu > ALONG * mu[0]])
+        return orthonormal_span(self.columns[:, which], ALONG)
+
+
+def orthonormal_span(columns: Array, least: float) -> Array:
+    """Orthonormal basis (m, p) of what columns (m, P) span above ``least`` of the largest singular value."""
+    size = np.linalg.norm(columns, axis=0)
+    out, mu, _ = np.linalg.svd(columns[:, size > 0] / size[size > 0], full_matrices=False)
+    return np.asarray(out[:, mu > least * mu[0]])
 
 
 @dataclass(frozen=True)

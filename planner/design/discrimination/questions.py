@@ -9,8 +9,9 @@ from planner.cell.cell import Cell
 from planner.common.determinism import even_positions
 from planner.common.units import Array, read_only
 from planner.design.candidates.pool import PoseSet
-from planner.design.discrimination.criterion import DiscriminationQuestion
+from planner.design.discrimination.criterion import DiscriminationQuestion, orthonormal_span
 from planner.design.discrimination.findings import IdentificationResult, IdentifiedEffect
+from planner.design.observability.information import stack_rows
 from planner.effects.catalogue import catalogue, needs_of
 from planner.effects.effect import Effect, Parameter
 from planner.model.model import Model
@@ -65,18 +66,6 @@ class PredictedReadings:
         return PredictedReadings(self.model, tuple(s.take(which) for s in self.samples), self.sigma[which])
 
 
-def flatten_rows(rows: Array) -> Array:
-    """Rows (n, r, P) as a tall matrix (n r, P)."""
-    return rows.reshape(-1, rows.shape[2])
-
-
-def orthonormal_span(columns: Array) -> Array:
-    """Orthonormal basis (m, p) of what columns (m, P) span."""
-    size = np.linalg.norm(columns, axis=0)
-    Q, mu, _ = np.linalg.svd(columns[:, size > 0] / size[size > 0], full_matrices=False)
-    return np.asarray(Q[:, mu > SPANNED * mu[0]])
-
-
 def project_out(columns: Array, basis: Array) -> Array:
     """What is left of columns (m, k) beside an orthonormal basis (m, p)."""
     return np.asarray(columns - basis @ (basis.T @ columns))
@@ -117,7 +106,7 @@ def _best_on_grid(sight: PredictedReadings, entry: Effect, signal: Array, base: 
     each = len(entry.make(float(grid[0])))
     for start in range(0, len(grid), max(1, PIECE // each)):
         part = grid[start : start + max(1, PIECE // each)]
-        columns = flatten_rows(sight.rows([p for v in part for p in entry.make(float(v))]))
+        columns = stack_rows(sight.rows([p for v in part for p in entry.make(float(v))]))
         left = project_out(columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300), base)
         for k in range(len(part)):
             own = left[:, k * each : (k + 1) * each]
@@ -267,10 +256,10 @@ def pose_questions(
         for name in (r for r in found.rivals if r in entries):
             rival = entries[name]
             base = np.concatenate([_own_columns_without(asked, entry, rival), *others])
-            taken = orthonormal_span(flatten_rows(few.rows([asked.parameters[i] for i in base])))
-            signal = project_out(flatten_rows(few.rows(entry.make(found.inner))) @ values[:, None], taken)[:, 0]
+            taken = orthonormal_span(stack_rows(few.rows([asked.parameters[i] for i in base])), SPANNED)
+            signal = project_out(stack_rows(few.rows(entry.make(found.inner))) @ values[:, None], taken)[:, 0]
             inner = best_matching_inner(few, rival, signal, taken)
-            matching = _match_signal(project_out(flatten_rows(few.rows(rival.make(inner))), taken), signal)
+            matching = _match_signal(project_out(stack_rows(few.rows(rival.make(inner))), taken), signal)
             asked, there = asked.with_effect(rival, inner)
             here = places[k]
             either = (

@@ -10,7 +10,7 @@ from planner.common.determinism import Positions, on_one_thread
 from planner.common.errors import NoSolutionError
 from planner.common.units import Array
 from planner.design.candidates.pool import PoseSet
-from planner.design.discrimination.criterion import DTCriterion, PoolCoordinates, dt_criterion
+from planner.design.discrimination.criterion import DTCriterion, PoolCoordinates, dt_criterion, orthonormal_span
 from planner.design.discrimination.findings import IdentificationResult
 from planner.design.discrimination.other_measurements import OtherMeasurements
 from planner.design.discrimination.power import (
@@ -24,18 +24,18 @@ from planner.design.discrimination.power import (
     split_separable,
 )
 from planner.design.discrimination.questions import (
+    SPANNED,
     PredictedReadings,
     QuestionSet,
     approach_axes,
     approach_both_sides,
     approach_signs,
     candidate_visits,
-    flatten_rows,
-    orthonormal_span,
     pose_questions,
     project_out,
 )
 from planner.design.discrimination.search import DTSwaps, bound_criterion, exchange_by_criterion
+from planner.design.observability.information import stack_rows
 from planner.design.pose_selection import PoseChoice
 from planner.design.selection.matrix_forms import information_matrix
 from planner.design.selection.search import descend
@@ -67,7 +67,7 @@ class CatalogueColumns:
         groups = []
         for k in np.unique(widths):
             which = np.flatnonzero(widths == k)
-            columns = flatten_rows(sight.rows([p for j in which for p in made[j]]))
+            columns = stack_rows(sight.rows([p for j in which for p in made[j]]))
             columns = columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
             groups.append((which, columns.reshape(len(columns), len(which), k).transpose(1, 0, 2)))
         return cls(items, tuple(groups))
@@ -95,11 +95,11 @@ def add_induced_rivals(
     ``open_``: pairs that poses can tell apart.
     """
     few = sight.at(chosen)
-    rows, dictionary = flatten_rows(few.rows(asked.parameters)), CatalogueColumns.of(few, entries)
+    rows, dictionary = stack_rows(few.rows(asked.parameters)), CatalogueColumns.of(few, entries)
     pairs = [p for k, p in enumerate(asked.pairs) if k in open_ and p.named]
     truths = {q.truth: q for p in pairs[::-1] for q in p.questions[::-1]}
     for truth, q in sorted(truths.items()):
-        basis = orthonormal_span(rows[:, q.base])
+        basis = orthonormal_span(rows[:, q.base], SPANNED)
         signal = project_out(rows[:, q.shows] @ q.values, basis)
         whole = float(signal @ signal)
         left = whole - dictionary.explained_squares(basis, signal)

@@ -6,12 +6,15 @@ triangular factor R of the rows (J = Q R) is found in pieces, so that the condit
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 
 from planner.common.choices import IndexName
 from planner.common.errors import InputError, did_you_mean
 from planner.common.units import Array, read_only
+
+T = TypeVar("T", float, Array)
 
 
 def _o1(mu: Array, poses: int) -> Array:
@@ -42,7 +45,7 @@ class IndexRule:
         """Tell whether ``value`` is strictly better than ``than``."""
         return value > than if self.maximise else value < than
 
-    def merit(self, values: Array) -> Array:
+    def merit(self, values: T) -> T:
         """Return ``values`` with the sign with which the largest is the best."""
         return values if self.maximise else -values
 

@@ -248,7 +248,7 @@ class IndexCriterion:
                 continue
             mass = information_after(self.rows, chosen, swaps)
             values = round_significant(index_of_information(self.index, mass, len(chosen)))
-            best = int(np.argmax(values) if index.maximise else np.argmin(values))
+            best = int(np.argmax(index.merit(values)))
             if (index.gap(now, float(values[best])) if index.maximise else now / values[best] - 1) > _GAIN:
                 return swaps[best]
         return None

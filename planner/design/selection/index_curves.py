@@ -9,7 +9,7 @@ import numpy as np
 from planner.common.determinism import Positions, on_one_thread
 from planner.common.errors import InputError
 from planner.common.second_process import ForkedTask
-from planner.common.units import Array, read_only
+from planner.common.units import Array
 from planner.design.observability.information import find_rule
 from planner.design.selection.certificate import Certificate
 from planner.design.selection.index_bound import certify_bound
@@ -21,13 +21,25 @@ _WIDTH = 4_000  # candidates by price: further down no swap was seen to help
 
 @dataclass(frozen=True)
 class IndexCurve:
-    """``sizes`` (k,), ``values`` (k,) reached and ``bounds`` (k,) proven for sets of each size; the sets themselves."""
+    """The best set found for each number of poses, ascending, and what is proven of sets of that size."""
 
     index: str
-    sizes: Positions
-    values: Array
-    bounds: Array
     selections: tuple[PoseSelection, ...]
+
+    @property
+    def sizes(self) -> Positions:
+        """Numbers of poses, (k,)."""
+        return np.array([len(each.chosen) for each in self.selections])
+
+    @property
+    def values(self) -> Array:
+        """The index that is reached with each, (k,)."""
+        return np.array([each.value for each in self.selections])
+
+    @property
+    def bounds(self) -> Array:
+        """What no set of that size beats, (k,)."""
+        return np.array([each.certificate.value for each in self.selections if each.certificate])
 
     @property
     def knee(self) -> int:
@@ -40,15 +52,8 @@ class IndexCurve:
 
     def merge(self, other: "IndexCurve") -> "IndexCurve":
         """Return the curve over the sizes of both."""
-        order = np.argsort(np.concatenate([self.sizes, other.sizes]))
-        sets = (*self.selections, *other.selections)
-        return IndexCurve(
-            self.index,
-            np.concatenate([self.sizes, other.sizes])[order],
-            read_only(np.concatenate([self.values, other.values])[order]),
-            read_only(np.concatenate([self.bounds, other.bounds])[order]),
-            tuple(sets[int(k)] for k in order),
-        )
+        sets = sorted((*self.selections, *other.selections), key=lambda each: len(each.chosen))
+        return IndexCurve(self.index, tuple(sets))
 
 
 @on_one_thread
@@ -73,14 +78,7 @@ def compute_index_curve(
     for n in sorted(set(sizes)):
         before = certify_bound(rows, index, n, tolerance=_TOLERANCE, seed=seed, near=before)
         found.append(exchange_poses(rows, n, index, starts=1, seed=seed, certificate=before, steps=steps, width=_WIDTH))
-    bounds = [each.certificate.value for each in found if each.certificate]
-    return IndexCurve(
-        index,
-        np.array(sorted(set(sizes))),
-        read_only([each.value for each in found]),
-        read_only(bounds),
-        tuple(found),
-    )
+    return IndexCurve(index, tuple(found))
 
 
 def find_knee(sizes: Sequence[int] | Positions, values: Sequence[float] | Array, index: str = "O2") -> int:
@@ -97,7 +95,7 @@ def find_knee(sizes: Sequence[int] | Positions, values: Sequence[float] | Array,
     if len(n) < 3 or len(n) != len(v):
         raise InputError(f"a bend needs at least three sizes with a value each, not {len(n)} and {len(v)}")
     order = np.argsort(n)
-    height = np.log(v[order]) * (1.0 if find_rule(index).maximise else -1.0)
+    height = find_rule(index).merit(np.log(v[order]))
     height, width = np.maximum.accumulate(height), np.log(n[order])
     if height[-1] <= height[0]:
         return int(n[order][0])

@@ -7,7 +7,6 @@ as in an evolution strategy (recombination with weights; Hansen and Ostermeier 2
 """
 
 from collections.abc import Callable
-from typing import Protocol
 
 import numpy as np
 
@@ -97,7 +96,7 @@ def _run_round(
     trial[:, :_LED] += lead[busy, None]
     which = np.repeat(busy, _TRIALS).reshape(-1, _TRIALS)
     trial_rows = rows_of(trial.reshape(-1, joints), which.ravel()).reshape(*which.shape, *rows.shape[1:])
-    scores = _scores(rows, potential)
+    scores = (SwapTable if is_exact(rows, potential.index) else _MassScores)(rows, potential)
     gains = scores.of_each(busy, trial_rows)
     hopeful = gains > 0
     passed = np.zeros(gains.shape, dtype=bool)
@@ -121,41 +120,24 @@ def _run_round(
     return q, rows, np.clip(reach, _SMALLEST / 2, 2 * _REACH), lead
 
 
-class _TrialScores(Protocol):
-    """How much the potential gains when trials take the places of poses, as the set stands."""
-
-    def of_each(self, members: Positions, trials: Array) -> Array:
-        """Gains (m, T) of the own trials (m, T, r, P) of each of the poses ``members`` (m,)."""
-
-    def of_one(self, position: int, trials: Array) -> Array:
-        """Gains (T,) when the pose at ``position`` becomes each of ``trials`` (T, r, P)."""
-
-    def exchange(self, position: int, row: Array) -> None:
-        """Take ``row`` (r, P) for the pose at ``position``."""
-
-
-def _scores(rows: Array, potential: BarrierPotential) -> _TrialScores:
-    return SwapTable(rows, potential) if is_exact(rows, potential.index) else _MassScores(rows, potential)
-
-
 class _MassScores:
-    """Scores by the eigenvalues after each trial, for poses with several readings."""
+    """A :class:`SwapTable` by the eigenvalues after each trial, for poses with several readings."""
 
     def __init__(self, rows: Array, potential: BarrierPotential) -> None:
         self.rows, self.potential = rows.copy(), potential
         self._settle()
 
     def of_each(self, members: Positions, trials: Array) -> Array:
-        """See :class:`_TrialScores`."""
+        """Gains (m, T) of the own trials (m, T, r, P) of each of the poses ``members`` (m,)."""
         return np.array([self.of_one(int(k), each) for k, each in zip(members, trials, strict=True)])
 
     def of_one(self, position: int, trials: Array) -> Array:
-        """See :class:`_TrialScores`."""
+        """Gains (T,) when the pose at ``position`` becomes each of ``trials`` (T, r, P)."""
         after = self.mass - information_matrix(self.rows[position : position + 1]) + np.swapaxes(trials, 1, 2) @ trials
         return np.asarray(self.potential.barrier(eigenvalues(after), *self.shifts) - self.now)
 
     def exchange(self, position: int, row: Array) -> None:
-        """See :class:`_TrialScores`."""
+        """Take ``row`` (r, P) for the pose at ``position``."""
         self.rows[position] = row
         self._settle()
 
