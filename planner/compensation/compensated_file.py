@@ -61,8 +61,11 @@ class _Source:
 
     name: str
     dialect: str
+    text: str
+    encoding: str
     companion: str
     robot: Robot
+    calibrated: FlangeModel
     frames: ToolAndBase
     seeds: SearchSeeds
 
@@ -107,13 +110,14 @@ def compensate_file(
     """
     text, encoding = _read(path)
     language = dialect or detect_dialect(path, text)
-    source = _Source(path.name, language, companion_of(path, language, _read), nominal, frames, SearchSeeds(nominal))
+    companion, seeds = companion_of(path, language, _read), SearchSeeds(nominal)
+    source = _Source(path.name, language, text, encoding, companion, nominal, calibrated, frames, seeds)
     notes = list(foreign_robot_notes(path.name, text, nominal))
     if is_service_name(path.stem):
         raise InputError(f"{path}: the file {SENTENCE}")
     reading = source.read(text)
     targets = _certain_targets(path, reading, strict)
-    q, problems = solve_nominal_angles(targets, source.seeds)
+    q, problems = solve_nominal_angles(targets, seeds)
     if foreign := check_reach(path.name, nominal, targets, q, problems):
         raise NoSolutionError("\n".join([foreign, *list_lines(path.name, problems)]))
     done = np.flatnonzero(~np.isnan(q).any(axis=1))
@@ -125,47 +129,48 @@ def compensate_file(
     if not good.any() or (problems and strict):
         said = [*problems, *reading.left]
         raise NoSolutionError("\n".join([_summary(path, problems, targets), *list_lines(path.name, said)]))
-    written = _write(source, text, targets, calibrated, done[good], q[done[good]], q_new[good])
+    written = _write(source, targets, done[good], q[done[good]], q_new[good])
     problems += written.wrong
     if not written.rows.size or (written.wrong and strict):
         raise NoSolutionError("\n".join([_summary(path, problems, targets), *list_lines(path.name, problems)]))
-    return _finish(
-        source, encoding, written, targets, calibrated, q, (*notes, *reading.notes), [*reading.left, *problems]
-    )
+    return _finish(source, written, (*notes, *reading.notes), [*reading.left, *problems])
 
 
 @dataclass(frozen=True)
 class _Written:
-    """The corrected text, its targets as they are read again, and which of them were corrected to what."""
+    """The corrected text, and the targets ``rows`` that were corrected: as they were, and as they are read again.
+
+    ``q``, ``q_new`` and ``q_printed`` are their nominal angles, the corrected ones, and those that are read again.
+    """
 
     text: str
-    printed: list[Target]
     rows: np.ndarray
+    chosen: list[Target]
+    printed: list[Target]
+    q: Array
     q_new: Array
     q_printed: Array
     wrong: list[Note]
 
 
-def _write(
-    source: _Source, text: str, targets: list[Target], calibrated: FlangeModel, rows: np.ndarray, q: Array, q_new: Array
-) -> _Written:
+def _write(source: _Source, targets: list[Target], rows: np.ndarray, q: Array, q_new: Array) -> _Written:
     """Write the corrected numbers, and read them again until every one of them is what was meant."""
     wrong: list[Note] = []
     while True:
         chosen = [targets[i] for i in rows]
         values = _values(source.robot, chosen, q, q_new)
-        new_text = write_values(text, [*values, *_modal_words(targets, rows)])
+        new_text = write_values(source.text, [*values, *_modal_words(targets, rows)])
         printed = source.read(new_text).take_targets()
         if [t.line for t in printed] != [t.line for t in targets]:
             raise NoSolutionError(f"{source.name}: the corrected file does not read as the same targets")
-        q_printed, bad = read_printed(source.seeds, calibrated, printed, rows, q, q_new)
+        q_printed, bad = read_printed(source.seeds, source.calibrated, printed, rows, q, q_new)
         if not bad:
-            return _Written(new_text, printed, rows, q_new, q_printed, wrong)
+            return _Written(new_text, rows, chosen, [printed[i] for i in rows], q, q_new, q_printed, wrong)
         wrong += [(targets[rows[k]].line, why) for k, why in bad]
         kept = np.setdiff1d(np.arange(len(rows)), [k for k, _ in bad])
         rows, q, q_new = rows[kept], q[kept], q_new[kept]
         if not kept.size:
-            return _Written(text, targets, rows, q_new, q_new, wrong)
+            return _Written(source.text, rows, [], [], q, q_new, q_new, wrong)
 
 
 def _modal_words(targets: list[Target], rows: np.ndarray) -> list[tuple[Slot, float]]:
@@ -175,25 +180,14 @@ def _modal_words(targets: list[Target], rows: np.ndarray) -> list[tuple[Slot, fl
     return [(slot, angle) for slot, angle in both if slot.start == slot.end]
 
 
-def _finish(
-    source: _Source,
-    encoding: str,
-    written: _Written,
-    targets: list[Target],
-    calibrated: FlangeModel,
-    q: Array,
-    notes: Sequence[Note],
-    left: list[Note],
-) -> CompensatedFile:
+def _finish(source: _Source, done: _Written, notes: Sequence[Note], left: list[Note]) -> CompensatedFile:
     """Measure what was done, and say at the head of the file what was not."""
-    nominal, rows = source.robot, written.rows
-    chosen, printed = [targets[i] for i in rows], [written.printed[i] for i in rows]
-    report = report_of(nominal, calibrated, chosen, printed, q[rows], written.q_new, written.q_printed)
+    report = report_of(source.robot, source.calibrated, done.chosen, done.printed, done.q, done.q_new, done.q_printed)
     report = replace(report, notes=(*notes, *report.notes), kept=tuple(sorted(left)))
-    text = written.text
+    text = done.text
     if report.kept:
-        text = add_head(text, source.dialect, nominal.name, report.corrected, report.kept)
-    return CompensatedFile(source.name, text, encoding, report, tuple(chosen), q[rows])
+        text = add_head(text, source.dialect, source.robot.name, report.corrected, report.kept)
+    return CompensatedFile(source.name, text, source.encoding, report, tuple(done.chosen), done.q)
 
 
 def _certain_targets(path: Path, reading: TargetReading, strict: bool) -> list[Target]:
