@@ -22,6 +22,7 @@ from planner.common.errors import PlannerError
 from planner.common.files import INPUTS, data_folder
 from planner.service.file_store import copy_checked
 from planner.service.job_store import JobCommand
+from planner.service.settings import GB, JobLimits
 
 _CREATE, _ADD, _RESTRICT = 444, 445, 446
 _NO_NEW_PRIVILEGES = 38
@@ -79,6 +80,8 @@ def _allow(libc: CDLL, ruleset: int, path: str, rights: int) -> None:
 
 SPECIFICATION = "job.json"
 INPUT_FOLDER = "work"
+RESULTS = "out"  # folder in it for what the command writes
+MOST_WRITTEN = 2 * GB  # bytes of a file
 _DIE_WITH_PARENT = 1  # PR_SET_PDEATHSIG
 NICE, TASK_NICE = 10, 3  # what answers a person goes first, then what a page waits for
 ADDRESS_SPACE = 4  # times the memory: libraries reserve more than they use; the server watches what is used
@@ -91,9 +94,7 @@ class JobSpecification:
     parent: int
     files: str
     command: JobCommand
-    memory_bytes: int
-    time_s: float
-    file_bytes: int
+    limits: JobLimits
 
 
 SPECIFICATIONS = TypeAdapter(JobSpecification)
@@ -131,10 +132,10 @@ def die_with(parent: int) -> None:
 def limit_resources(job: JobSpecification) -> None:
     """Set the limits that the system itself keeps."""
     os.nice(TASK_NICE if job.command.task else NICE)
-    seconds = int(job.time_s * (os.cpu_count() or 1)) + 1
+    seconds = int(job.limits.time_s * (os.cpu_count() or 1)) + 1
     for what, most in (
-        (resource.RLIMIT_AS, ADDRESS_SPACE * job.memory_bytes),
-        (resource.RLIMIT_FSIZE, job.file_bytes),
+        (resource.RLIMIT_AS, ADDRESS_SPACE * job.limits.memory_bytes),
+        (resource.RLIMIT_FSIZE, MOST_WRITTEN),
         (resource.RLIMIT_CPU, seconds),
         (resource.RLIMIT_CORE, 0),
     ):

@@ -65,12 +65,11 @@ class JobInput:
 
 @model(frozen=True)
 class JobCommand:
-    """What a job runs: words after ``edbb``, or a ``task`` of the service; ``results`` is what it writes."""
+    """What a job runs: words after ``edbb``, or a ``task`` of the service."""
 
     words: tuple[str, ...]
     inputs: tuple[JobInput, ...] = ()
     task: bool = False
-    results: str = "out"
 
     def option(self, name: str) -> str | None:
         """Return the word of an option, ``None`` where it is not given."""

@@ -16,7 +16,7 @@ from pathlib import Path
 from planner.common.errors import PARTLY_DONE
 from planner.common.files import data_folder
 from planner.service.file_store import FileStore
-from planner.service.job_process import INPUT_FOLDER, SPECIFICATION, SPECIFICATIONS, JobSpecification
+from planner.service.job_process import INPUT_FOLDER, RESULTS, SPECIFICATION, SPECIFICATIONS, JobSpecification
 from planner.service.job_store import LEASE_S, MOST_CRASHES, JobOutput, JobProblem, JobRecord, JobStore, State
 from planner.service.settings import GB, JobLimits
 
@@ -102,7 +102,7 @@ class JobRunner:
     def run(self) -> None:
         """Run the process and end the job by what came of it; the folder is removed whatever happens."""
         shutil.rmtree(self._folder, ignore_errors=True)
-        (self._folder / INPUT_FOLDER / self._job.command.results).mkdir(parents=True)
+        (self._folder / INPUT_FOLDER / RESULTS).mkdir(parents=True)
         try:
             self._end(self._watch(self._start()))
         finally:
@@ -113,9 +113,7 @@ class JobRunner:
             parent=os.getpid(),
             files=str(self._files.folder.resolve()),
             command=self._job.command,
-            memory_bytes=self._limits.memory_bytes,
-            time_s=self._limits.time_s,
-            file_bytes=2 * GB,
+            limits=self._limits,
         )
         (self._folder / SPECIFICATION).write_bytes(SPECIFICATIONS.dump_json(job))
         return ProcessGroup("planner.service.job_process", self._folder)
@@ -176,7 +174,7 @@ class JobRunner:
 
     def _take_outputs(self) -> list[JobOutput]:
         """Move what the command wrote and printed into the store."""
-        results = self._folder / INPUT_FOLDER / self._job.command.results
+        results = self._folder / INPUT_FOLDER / RESULTS
         out = [(p.relative_to(results).as_posix(), p) for p in sorted(results.rglob("*")) if _is_result(p)]
         printed = [(name, self._folder / name) for name in ("printed", "log")]
         printed = [(n, p) for n, p in printed if p.stat().st_size and n not in dict(out)]
