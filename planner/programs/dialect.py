@@ -13,7 +13,7 @@
 ``program.j2``
     A Jinja2 template with a macro ``step(s)``, which prints one step (``s.kind`` is one of move, dwell,
     sync, sync_on, sync_off, log, log_passing, unlogged, centre, pause, wait, comment, section, override; the branches
-    of ``[resume]`` are printed as it says), and a
+    of ``[resume]`` are printed as it says; ``usual(s)`` of ``common.j2`` prints what needs no words of its own), and a
     macro ``main(parts)``, which prints the file around the parts' lines; ``part(part)`` and
     ``data(parts)`` where ``[files]`` names such files. ``d`` is the dialect, ``p`` the program, ``name``
     its name, ``rows`` the steps that log, ``passing`` those of them that log while the robot moves,
