@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, DTypeLike, NDArray
 from planner.common.errors import did_you_mean
 
 Array = NDArray[np.float64]
+IntArray = NDArray[np.int64]
 
 MM = 1e-3  # [m]
 UM = 1e-6  # [m]

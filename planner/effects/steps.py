@@ -66,7 +66,9 @@ class AtSample(BasisFunction, key="row:INDEX", static=False, gauge=True):
 
 
 def _against_sample(c: Context) -> EffectVariable | None:
-    return None if c.samples.number is None else EffectVariable("sample of the run", c.samples.number + 1.0)
+    return (
+        None if c.samples.number is None else EffectVariable("sample of the run", c.samples.number.astype(float) + 1.0)
+    )
 
 
 @register(STEP, SLIP, needs="nothing that can be planned: nobody knows when something moves")

@@ -13,12 +13,12 @@ from planner.cell.file import CellFile, PlacedFile
 from planner.cell.gauge_types import CellStep, place_text
 from planner.cell.setup import MeasurementSetup
 from planner.common.errors import InputError
-from planner.common.units import Array, read_only, to_mm
+from planner.common.units import Array, IntArray, read_only, to_mm
 from planner.gauges.frame_gauge import FrameGauge
 from planner.gauges.placement.flange_poses import flange_poses, index_in_cell
 from planner.gauges.placement.sockets import SocketPlacement, place_sockets
 from planner.kinematics.geometry import pose
-from planner.runs.run import IntArray, Readings, Run, Samples
+from planner.runs.run import Readings, Run, Samples
 
 NEWTON_STEPS = 8
 MUCH_BETTER = 0.7  # of what the poses are off, with two names exchanged: errors of a robot do not do that

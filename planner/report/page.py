@@ -22,7 +22,7 @@ from planner.report.cell_view_rendering import player_json, view_json
 from planner.report.chart import Chart
 from planner.report.formatting import count_text, digits, duration_text
 from planner.report.plotly_backend import chart_json
-from planner.report.standby import Pictures, drawing_process
+from planner.report.standby import Pictures, draw_pictures, drawing_process
 
 Row = tuple[str, ...]
 FOLDER = Path(__file__).parent / "templates"
@@ -140,15 +140,6 @@ class Report:
 def _safe_json(json_text: str) -> str:
     """Make JSON safe inside a script element: a name from a file cannot end it."""
     return json_text.replace("<", "\\u003c")
-
-
-def draw_pictures(pictures: Sequence[Chart | CellView], small: bool) -> Pictures:
-    """Return the PNGs of charts and of the cell in space, by name; ``small`` ones of charts have few colours."""
-    # imported where it draws: matplotlib takes the other processor most of a second
-    from planner.report.cell_view_print import view_png
-    from planner.report.matplotlib_backend import chart_png
-
-    return {p.name: chart_png(p, small) if isinstance(p, Chart) else view_png(p) for p in pictures}
 
 
 def report_judged(

@@ -1,14 +1,29 @@
 """A process that stands by with matplotlib loaded: pictures are drawn beside what else is done for a plan."""
 
 import pickle
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
+from typing import TYPE_CHECKING
 
 from planner.common.second_process import ForkedWorker
 
+if TYPE_CHECKING:
+    from planner.report.cell_view import CellView
+    from planner.report.chart import Chart
+
 Pictures = dict[str, bytes]
 """PNGs by name."""
+
+
+def draw_pictures(pictures: "Sequence[Chart | CellView]", small: bool) -> Pictures:
+    """Return the PNGs of charts and of the cell in space, by name; ``small`` ones of charts have few colours."""
+    # imported where it draws: matplotlib takes the other processor most of a second
+    from planner.report.cell_view_print import view_png
+    from planner.report.chart import Chart
+    from planner.report.matplotlib_backend import chart_png
+
+    return {p.name: chart_png(p, small) if isinstance(p, Chart) else view_png(p) for p in pictures}
 
 
 class DrawingProcess:
@@ -43,8 +58,6 @@ class DrawingProcess:
 
 
 def _draw(content: bytes) -> Pictures:
-    from planner.report.page import draw_pictures
-
     return draw_pictures(*pickle.loads(content))
 
 

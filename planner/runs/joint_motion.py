@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from planner.common.errors import InputError
-from planner.common.units import Array, read_only
-from planner.runs.run import IntArray, Readings, Run, Samples
+from planner.common.units import Array, IntArray, read_only
+from planner.runs.run import Readings, Run, Samples
 from planner.runs.text import RowSource, first_row
 
 DENSE = 0.2  # [s] median step of time below which samples may follow each other along a path

@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from planner.common.errors import InputError
-from planner.common.units import Array, read_only
+from planner.common.units import Array, IntArray, read_only
 from planner.runs.joint_motion import (
     average_rests,
     check_order,
@@ -17,7 +17,7 @@ from planner.runs.joint_motion import (
     number_sessions,
 )
 from planner.runs.quantities import check_jumps, joint_angles, readings_of
-from planner.runs.run import IntArray, Readings, Run, Samples, sort_names
+from planner.runs.run import Readings, Run, Samples, sort_names
 from planner.runs.synchronisation import pair_tables
 from planner.runs.table import RunTable, read_table
 

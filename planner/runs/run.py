@@ -8,9 +8,8 @@ from typing import NamedTuple, Self
 import numpy as np
 
 from planner.common.errors import InputError
-from planner.common.units import Array, from_mm, read_only, to_mm
+from planner.common.units import Array, IntArray, from_mm, read_only, to_mm
 
-IntArray = np.ndarray  # of integers
 SIMULATED = "simulated, nobody measured this"
 """What the comment line ``# truth:`` of a simulated run begins with."""
 
@@ -29,7 +28,7 @@ FIRST_MOUNTING = Mounting()
 class SampleColumns:
     """Columns with one entry a sample; ``None`` where there is nothing."""
 
-    def take(self, which: slice | IntArray) -> Self:
+    def take(self, which: slice | np.ndarray) -> Self:
         """Return the samples at ``which`` (a slice, indices, or a mask)."""
         return replace(self, **{f.name: v[which] for f in fields(self) if (v := getattr(self, f.name)) is not None})
 
@@ -184,7 +183,7 @@ class Run:
         name = self.files[s.file[k]]
         return f"{name}, {'row' if name.lower().endswith('.parquet') else 'line'} {s.line[k]}"
 
-    def take(self, which: slice | IntArray) -> "Run":
+    def take(self, which: slice | np.ndarray) -> "Run":
         """Return the run with only the samples at ``which`` (a slice, indices, or a mask)."""
         return replace(self, samples=self.samples.take(which), readings=self.readings.take(which))
 

@@ -9,10 +9,9 @@ import numpy as np
 
 from planner.common.errors import InputError
 from planner.common.lazy_modules import pl
-from planner.common.units import Array
+from planner.common.units import Array, IntArray
 from planner.runs.joint_motion import DENSE
 from planner.runs.quantities import check_jumps, has_reading
-from planner.runs.run import IntArray
 from planner.runs.table import NAMES, WHOLE, RunTable, split_key
 from planner.runs.text import first_row
 

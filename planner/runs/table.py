@@ -12,8 +12,8 @@ import numpy as np
 from planner.common.errors import InputError, did_you_mean
 from planner.common.files import check_readable
 from planner.common.lazy_modules import pl
-from planner.common.units import DEG, MM, UM, Array, read_only
-from planner.runs.run import IntArray, index_names
+from planner.common.units import DEG, MM, UM, Array, IntArray, read_only
+from planner.runs.run import index_names
 from planner.runs.text import (
     NOTES,
     RowSource,

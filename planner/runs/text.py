@@ -15,7 +15,7 @@ from planner.common.errors import InputError, printable
 from planner.common.files import read_bytes
 from planner.common.lazy_modules import pl
 from planner.common.schema import MOST_NAME
-from planner.runs.run import IntArray
+from planner.common.units import IntArray
 
 MOST_RUN = 250_000_000  # bytes of a run's or trace's text: 1.7 GB while they are read
 NOTES = ("plan_id", "robot", "measure", "angles", "clocks", "truth")  # what comment lines may say

@@ -14,8 +14,9 @@ from scipy.spatial.transform import Rotation
 from planner.common.errors import InputError
 from planner.common.files import write_bytes
 from planner.common.lazy_modules import pl
+from planner.common.units import IntArray
 from planner.runs.quantities import OFFSET, POSITION, TURNING
-from planner.runs.run import SIMULATED, IntArray, Run
+from planner.runs.run import SIMULATED, Run
 from planner.runs.table import units_of
 
 DECIMALS = 9  # 1e-9 mm, 1e-9 degree, 1 ns: far below what is measured

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from planner.report.chart import Chart, Panel, Series
-from planner.report.page import Report, draw_pictures
-from planner.report.standby import drawing_process, stand_by
+from planner.report.page import Report
+from planner.report.standby import draw_pictures, drawing_process, stand_by
 
 LINE = Panel("a line", "x", "y", (Series("one", np.arange(3.0), np.arange(3.0), "#000000"),))
 PAGE = Report("plan.html.j2", {}, (Chart("line", "A line", "drawn", (LINE,)),))

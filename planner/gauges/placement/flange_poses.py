@@ -7,7 +7,7 @@ import numpy as np
 from planner.cell.cell import Cell
 from planner.cell.setup import MeasurementSetup
 from planner.common.errors import InputError, did_you_mean
-from planner.common.units import MM, Array, read_only
+from planner.common.units import MM, Array, IntArray, read_only
 from planner.runs.run import Run
 
 LOCATED_SIGMA = 20.0 * MM  # one sigma of a frame or tool point that was placed on a robot still millimetres off
@@ -40,9 +40,6 @@ def nominal_flange_poses(setup: MeasurementSetup, q: Array) -> tuple[Array, Arra
     """Positions (n, 3) [m] and orientations (n, 3, 3) of the flange of the nominal robot."""
     motion = setup.robot.chain.forward(setup.robot.theta(q))
     return motion.x.T.copy(), motion.R.transpose(2, 0, 1).copy()
-
-
-IntArray = np.ndarray  # of integers
 
 
 @dataclass(frozen=True)

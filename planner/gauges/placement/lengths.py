@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from planner.common.errors import InputError
-from planner.common.units import Array, read_only
-from planner.gauges.placement.flange_poses import FlangePoses, IntArray, directions, largest_group, tool_grid
+from planner.common.units import Array, IntArray, read_only
+from planner.gauges.placement.flange_poses import FlangePoses, directions, largest_group, tool_grid
 from planner.gauges.placement.solver import PlacementUnknown, Schedule, find_placement
 
 

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from planner.common.units import Array, read_only
-from planner.gauges.placement.flange_poses import FlangePoses, IntArray, PlacementFrames, unpack_frames
+from planner.common.units import Array, IntArray, read_only
+from planner.gauges.placement.flange_poses import FlangePoses, PlacementFrames, unpack_frames
 from planner.gauges.placement.frames import FrameProblem
 from planner.gauges.placement.solver import LAST, LIMIT, MANY, refine
 from planner.kinematics.geometry import registration

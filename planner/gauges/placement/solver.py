@@ -8,8 +8,8 @@ from typing import Literal, Protocol, Self, TypeVar
 import numpy as np
 
 from planner.common.errors import NoSolutionError
-from planner.common.units import Array
-from planner.gauges.placement.flange_poses import FlangePoses, IntArray
+from planner.common.units import Array, IntArray
+from planner.gauges.placement.flange_poses import FlangePoses
 from planner.kinematics.geometry import log3
 
 # scale of a block's norm of d unit normals: its median (square root of the χ² median)
@@ -47,7 +47,7 @@ class RefinedStates:
     error: Array
     jacobian: Array
 
-    def take(self, which: Array) -> "RefinedStates":
+    def take(self, which: IntArray) -> "RefinedStates":
         """Return only the states at ``which``."""
         return RefinedStates(self.state[which], self.error[which], self.jacobian[which])
 

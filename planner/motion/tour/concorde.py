@@ -20,7 +20,8 @@ import numpy as np
 
 from planner.common.errors import PlannerError
 from planner.common.progress import TOUR, seconds_left
-from planner.motion.tour.instance import IntArray, TourInstance
+from planner.common.units import IntArray
+from planner.motion.tour.instance import TourInstance
 
 TIMEOUT_S = 120.0  # for one solve; 500 poses take it about 5 s
 _IDENTIFY_S = 10.0

@@ -16,8 +16,8 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
 from planner.common.progress import TOUR, seconds_left
-from planner.common.units import Array
-from planner.motion.tour.instance import IntArray, TourInstance
+from planner.common.units import Array, IntArray
+from planner.motion.tour.instance import TourInstance
 from planner.motion.tour.local_search import LocalSearch, greedy_tour, nearest_neighbours, walk_tour
 
 BoolArray = NDArray[np.bool_]

@@ -6,9 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.common.units import Array
-
-IntArray = NDArray[np.int64]
+from planner.common.units import Array, IntArray
 
 _FINEST = 1e-6  # [s] one unit of the integer costs, unless the range demands a coarser one
 _LARGEST_TOUR = 10**9  # [units] so that a tour and a forbidden leg fit in Concorde's 32 bits

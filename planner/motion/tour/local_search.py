@@ -10,7 +10,7 @@ from random import Random
 import numpy as np
 
 from planner.common.progress import TOUR, must_stop
-from planner.motion.tour.instance import IntArray
+from planner.common.units import IntArray
 
 _BREADTH = (5, 3, 1)  # neighbours tried at the first, second and every deeper step
 _DEPTH = 3

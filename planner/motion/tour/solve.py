@@ -9,10 +9,10 @@ import numpy as np
 
 from planner.common.errors import InputError, MissingProgramError, NoSolutionError
 from planner.common.progress import TOUR, must_stop
-from planner.common.units import Array
+from planner.common.units import Array, IntArray
 from planner.motion.tour.concorde import ConcordeError, find_concorde, solve_concorde
 from planner.motion.tour.exact import initial_search, solve_embedded
-from planner.motion.tour.instance import IntArray, TourInstance, build_instance
+from planner.motion.tour.instance import TourInstance, build_instance
 
 
 def shortest_order(cost_s: Array) -> tuple[list[int], float]:
