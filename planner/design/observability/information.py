@@ -22,12 +22,12 @@ def _o1(mu: Array, poses: int) -> Array:
         return np.asarray(np.exp(np.mean(np.log(mu), axis=-1)) / np.sqrt(poses))
 
 
-def _o5(mu: Array) -> Array:
+def _o5(mu: Array, poses: int) -> Array:
     with np.errstate(divide="ignore"):
         return np.asarray(1.0 / np.sum(1.0 / mu, axis=-1))
 
 
-def _o2(mu: Array) -> Array:
+def _o2(mu: Array, poses: int) -> Array:
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.asarray(mu[..., 0] / mu[..., -1])
 
@@ -58,10 +58,10 @@ INDEX_RULES: dict[str, IndexRule] = {
     rule.name: rule
     for rule in (
         IndexRule("O1", True, "geometric mean of the singular values over the root of the poses", _o1),
-        IndexRule("O2", False, "condition number", lambda mu, _: _o2(mu)),
+        IndexRule("O2", False, "condition number", _o2),
         IndexRule("O3", True, "smallest singular value", lambda mu, _: np.asarray(mu[..., -1])),
         IndexRule("O4", True, "noise amplification index", lambda mu, _: np.asarray(mu[..., -1] ** 2 / mu[..., 0])),
-        IndexRule("O5", True, "inverse of the sum of inverse singular values", lambda mu, _: _o5(mu)),
+        IndexRule("O5", True, "inverse of the sum of inverse singular values", _o5),
     )
 }
 

@@ -57,7 +57,7 @@ def _duality_gap(problem: RelaxationProblem, point: _PrimalDual) -> tuple[float,
 def _newton_system(problem: RelaxationProblem, point: _PrimalDual) -> tuple[Array, Array]:
     """The normal matrix of the Newton step and the slope of the objective."""
     inverses = [_inverse(S) for S in problem.matrices(point.z)]
-    hessian = problem.coupling(inverses, point.X) if inverses else np.zeros((len(point.z),) * 2)
+    hessian = problem.coupling(inverses, point.X)
     problem.add_slack_coupling(point.x / problem.slacks(point.z), hessian)
     slope = problem.slope(point.z, hessian)
     return hessian, slope
@@ -117,9 +117,8 @@ def _newton_direction(
 ) -> tuple[Array, list[Array], Array]:
     """Newton direction towards complementarity ``target``, with second-order terms."""
     (factor, scale), wanted = system, target / slack - second_slack
-    right = problem.slack_pull(wanted, len(slope)) - slope
     aims = [target * S - c for S, c in zip(inverses, second, strict=True)]
-    right = right + problem.pull(aims)[: len(right)] if aims else right
+    right = problem.slack_pull(wanted, len(slope)) - slope + problem.pull(aims)
     dz = scale * cho_solve(factor, scale * right)
     changes = problem.changes(dz)
     dX = [aim - X - _symmetrise(X @ dS @ S) for aim, X, dS, S in zip(aims, point.X, changes, inverses, strict=True)]
