@@ -6,9 +6,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from html import escape
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
-from planner.common.files import document_text, write_bytes
+from planner.common.files import document_text, write_bytes, write_text
+from planner.common.result_folder import draft_folder, move_all
 
 
 def simulated_section(simulated: bool) -> dict[str, bool]:
@@ -84,3 +85,20 @@ class Result(ABC):
         plot = self.preview()
         picture = f'<img src="data:image/png;base64,{b64encode(plot.png).decode()}">' if plot else ""
         return f"<pre>{escape(self.full_summary())}</pre>{picture}"
+
+
+class FolderResult(Result):
+    """A result that is a folder: its main ``document``, which is the content, and what goes with that."""
+
+    document: ClassVar[str]
+
+    @abstractmethod
+    def fill(self, draft: Path) -> None:
+        """Write everything but the main document into an empty folder."""
+
+    def write(self, folder: Path | str) -> list[Path]:
+        """Write the folder, all of it or nothing; return the files."""
+        with draft_folder(Path(folder)) as draft:
+            write_text(draft / self.document, self.to_json())
+            self.fill(draft)
+            return move_all(draft, Path(folder))

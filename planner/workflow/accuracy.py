@@ -10,8 +10,7 @@ from planner.cell.reading import load_cell
 from planner.common.errors import InputError
 from planner.common.files import write_bytes, write_text
 from planner.common.progress import Stages
-from planner.common.result import Result, simulated_section
-from planner.common.result_folder import draft_folder, move_all
+from planner.common.result import FolderResult, simulated_section
 from planner.instruments.precision import RepeatedCentrings, repeat_groups, repeated_centrings
 from planner.instruments.validation import Validation, validate_robot
 from planner.runs.loader import load_runs
@@ -23,9 +22,10 @@ GAUGES = ("tracker", "trical")
 
 
 @dataclass(frozen=True)
-class AccuracyCheck(Result):
+class AccuracyCheck(FolderResult):
     """What was judged, and the cell that it stands in."""
 
+    document = "accuracy.json"
     cell: Cell
     found: Validation | RepeatedCentrings
     stages: Stages = field(default_factory=Stages)
@@ -43,17 +43,16 @@ class AccuracyCheck(Result):
         """Tell whether it is made of readings that nobody measured."""
         return self.found.run.simulated
 
-    def write(self, folder: Path | str) -> list[Path]:
-        """Write ``accuracy.json``, ``accuracy.png``, ``report.html`` and, of a validation, ``errors.csv``."""
+    def fill(self, draft: Path) -> None:
+        """Write ``accuracy.png``, ``report.html`` and, of a validation, ``errors.csv``."""
         from planner.report.accuracy_report import report_accuracy  # plotting takes long to load
 
-        with draft_folder(Path(folder)) as draft, self.stages.stage("report"):
-            for name, text in {"accuracy.json": self.to_json(), **self.found.tables()}.items():
+        with self.stages.stage("report"):
+            for name, text in self.found.tables().items():
                 write_text(draft / name, text)
             report = report_accuracy(self.cell.robot.title, self.found).about(self.cell, self.simulated)
             write_text(draft / "report.html", report.html())
             write_bytes(draft / "accuracy.png", report.pngs["accuracy"])
-            return move_all(draft, Path(folder))
 
     def files(self, folder: Path) -> str:
         """Name what is written."""

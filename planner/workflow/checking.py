@@ -8,10 +8,8 @@ from typing import Any
 from planner.cell.cell import Cell
 from planner.cell.reading import load_cell
 from planner.common.errors import InputError
-from planner.common.files import write_text
 from planner.common.progress import Progress, Stages, no_progress
-from planner.common.result import Result, simulated_section
-from planner.common.result_folder import draft_folder, move_all
+from planner.common.result import FolderResult, simulated_section
 from planner.common.units import MM
 from planner.identification.baseline import Baseline
 from planner.instruments.check.evaluation import CheckVerdict, evaluate_check
@@ -52,9 +50,10 @@ class CheckPlanResult(PlanResult):
 
 
 @dataclass(frozen=True)
-class CheckResult(Result):
+class CheckResult(FolderResult):
     """What a check found."""
 
+    document = "check.json"
     cell: Cell
     verdict: CheckVerdict
     simulated: bool = False
@@ -67,14 +66,11 @@ class CheckResult(Result):
         """Return what ``check.json`` says."""
         return {**verdict_content(self.verdict, self.cell.robot.name), **simulated_section(self.simulated)}
 
-    def write(self, folder: Path | str) -> list[Path]:
-        """Write ``check.json``, ``report.html`` and its picture."""
+    def fill(self, draft: Path) -> None:
+        """Write ``report.html`` and its picture."""
         from planner.report.check_report import report_check  # plotting takes long to load
 
-        with draft_folder(Path(folder)) as draft:
-            write_text(draft / "check.json", self.to_json())
-            report_check(self.cell.robot.name, self.verdict).about(self.cell, self.simulated).write(draft)
-            return move_all(draft, Path(folder))
+        report_check(self.cell.robot.name, self.verdict).about(self.cell, self.simulated).write(draft)
 
     def files(self, folder: Path) -> str:
         """Name what is written."""

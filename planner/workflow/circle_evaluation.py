@@ -10,8 +10,7 @@ from planner.cell.reading import load_cell
 from planner.common.determinism import on_one_thread
 from planner.common.files import write_text
 from planner.common.progress import Stages
-from planner.common.result import Result, simulated_section
-from planner.common.result_folder import draft_folder, move_all
+from planner.common.result import FolderResult, simulated_section
 from planner.common.units import UM
 from planner.identification.run_setup import drop_unreadable
 from planner.instruments.circular.document import load_circular_cell, read_circular_plan
@@ -26,9 +25,10 @@ from planner.session.document import check_run_of_plan, read_plan_header
 
 
 @dataclass(frozen=True)
-class CircularTestResult(Result):
+class CircularTestResult(FolderResult):
     """The figures of a circular test."""
 
+    document = "circular.json"
     test: CircularTest
     cell: Cell
     stages: Stages = field(default_factory=Stages)
@@ -51,14 +51,12 @@ class CircularTestResult(Result):
         """Return what ``circular.json`` says."""
         return {**circular_test_content(self.test), **simulated_section(self.simulated)}
 
-    def write(self, folder: Path | str) -> list[Path]:
-        """Write ``circular.json``, ``report.html`` and its pictures."""
+    def fill(self, draft: Path) -> None:
+        """Write ``report.html`` and its pictures."""
         from planner.report.circular_report import report_circular_test  # matplotlib: others start quicker without
 
-        with draft_folder(Path(folder)) as draft, self.stages.stage("report"):
-            write_text(draft / "circular.json", self.to_json())
+        with self.stages.stage("report"):
             report_circular_test(self.test).about(self.cell, self.simulated).write(draft)
-            return move_all(draft, Path(folder))
 
     def files(self, folder: Path) -> str:
         """Name what is written."""
@@ -85,9 +83,10 @@ def evaluate_circular_runs(runs: Sequence[Path], plan: Path, stages: Stages) -> 
 
 
 @dataclass(frozen=True)
-class LoadedTestEvaluation(Result):
+class LoadedTestEvaluation(FolderResult):
     """What the loaded circles say, and with unloaded runs in one fit."""
 
+    document = "loaded.json"
     found: LoadedEvaluation
     cell: Cell
     joint: JointFit | None = None
@@ -123,22 +122,20 @@ class LoadedTestEvaluation(Result):
         why = (*self.found.problems, *(self.joint.problems if self.joint else ()))
         return ("the compliances failed their own check: " + "; ".join(why),) if why else ()
 
-    def write(self, folder: Path | str) -> list[Path]:
-        """Write ``loaded.json``, ``curves.csv``, ``averaged.csv``, ``report.html`` and its pictures.
+    def fill(self, draft: Path) -> None:
+        """Write ``curves.csv``, ``averaged.csv``, ``report.html`` and its pictures.
 
         ``averaged.csv`` is a run by itself, which other fits can take beside runs without load; ``joint.csv`` is both
         in one, as the joint fit saw them, where there was one.
         """
         from planner.report.loaded_report import report_loaded  # plotting: other commands start quicker without
 
-        with draft_folder(Path(folder)) as draft, self.stages.stage("report"):
-            write_text(draft / "loaded.json", self.to_json())
+        with self.stages.stage("report"):
             write_text(draft / "curves.csv", averaged_curves_csv(self.found))
             write_text(draft / "averaged.csv", run_text(replace(averaged_run(self.found), simulated=self.simulated)))
             if self.joint is not None:
                 write_text(draft / "joint.csv", run_text(self.joint.run))
             report_loaded(self.found, self.joint).about(self.cell, self.simulated).write(draft)
-            return move_all(draft, Path(folder))
 
     def files(self, folder: Path) -> str:
         """Name what is written."""

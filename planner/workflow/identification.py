@@ -10,8 +10,7 @@ from planner.cell.reading import load_cell
 from planner.common.errors import InputError
 from planner.common.files import write_bytes, write_text
 from planner.common.progress import Progress, Stages, no_progress
-from planner.common.result import Plot, Result
-from planner.common.result_folder import draft_folder, move_all
+from planner.common.result import FolderResult, Plot, Result
 from planner.common.units import MM
 from planner.identification.baseline import NAME as BASELINE
 from planner.identification.baseline import baseline_text
@@ -43,9 +42,10 @@ NAMED = 3  # rivals that are listed by name
 
 
 @dataclass(frozen=True)
-class CalibrationResult(Result):
+class CalibrationResult(FolderResult):
     """An identified robot; ``stages`` holds the seconds of each stage."""
 
+    document = "identification.json"
     calibration: Calibration
     cell: Cell
     stages: Stages = field(default_factory=Stages)
@@ -97,22 +97,20 @@ class CalibrationResult(Result):
         why = self.calibration.problems
         return ("the fit failed its own checks, no robot was written: " + "; ".join(why),) if why else ()
 
-    def write(self, folder: Path | str) -> list[Path]:
-        """Write ``identification.json``, ``residuals.csv``, the report and, where the fit may be used, the robot.
+    def fill(self, draft: Path) -> None:
+        """Write ``residuals.csv``, the report and, where the fit may be used, the robot.
 
         A fit that failed its own checks is reported with the reasons, but no robot is written.
         """
         # plotting: other commands start quicker without
         from planner.report.calibration_report import report_calibration
 
-        found, folder = self.calibration, Path(folder)
-        with draft_folder(folder) as draft, self.stages.stage("report"):
-            write_text(draft / "identification.json", self.to_json())
+        found = self.calibration
+        with self.stages.stage("report"):
             write_text(draft / "residuals.csv", residuals_csv(found))
             report_calibration(found).about(self.cell, self.simulated).write(draft)
             if not found.problems:
                 self.write_robot(draft)
-            return move_all(draft, folder)
 
     def write_robot(self, folder: Path) -> None:
         """Write the calibrated robot alone: ``robot.toml`` and what belongs to it."""

@@ -11,8 +11,7 @@ from planner.cell.reading import load_cell
 from planner.common.errors import InputError, NoSolutionError
 from planner.common.files import write_text
 from planner.common.progress import Stages
-from planner.common.result import Result
-from planner.common.result_folder import draft_folder, move_all
+from planner.common.result import FolderResult
 from planner.common.schema import validate
 from planner.common.units import to_mm
 from planner.instruments.circular.plan import CircularPlan
@@ -52,7 +51,7 @@ BOTH_FILES = (
 
 
 @dataclass(frozen=True)
-class BothPlan(Result):
+class BothPlan(FolderResult):
     """A session with both bars.
 
     Attributes:
@@ -62,6 +61,7 @@ class BothPlan(Result):
         known: what each kind of run alone, and one fit of both, would know.
     """
 
+    document = "both.json"
     source: Path | None
     unloaded: Plan | None
     free: UnloadedPoses
@@ -97,23 +97,20 @@ class BothPlan(Result):
         poses, circles = len(self.free.samples), [a.circle.name for a in self.loaded.arcs]
         return common_fit_content(self.known, self.loaded.cell.robot.name, poses, circles, both_session_steps(self))
 
-    def write(self, folder: Path | str) -> list[Path]:
-        """Write ``unloaded/`` and ``loaded/``, each a whole plan, ``cell.toml`` of the fit and ``both.json``."""
+    def fill(self, draft: Path) -> None:
+        """Write ``unloaded/`` and ``loaded/``, each a whole plan, and ``cell.toml`` of the fit."""
         # plotting: other commands start quicker without
         from planner.report.loaded_report import draw_common_fit
         from planner.report.page import report_overview
 
-        with draft_folder(Path(folder)) as draft:
-            if self.unloaded is not None:
-                write_plan(self.unloaded, draft / UNLOADED, self.stages)
-            write_plan(self.loaded, draft / LOADED, self.stages)
-            with self.stages.stage("report"):
-                write_cell(fit_cell(self.free.cell, self.loaded.cell), draft)
-                write_text(draft / "both.json", self.to_json())
-                cell, charts = self.loaded.cell, (draw_common_fit(self.known),)
-                title = f"A session with both bars for {cell.robot.title}"
-                report_overview(title, cell, self._text(), charts, BOTH_FILES).write(draft)
-                return move_all(draft, Path(folder))
+        if self.unloaded is not None:
+            write_plan(self.unloaded, draft / UNLOADED, self.stages)
+        write_plan(self.loaded, draft / LOADED, self.stages)
+        with self.stages.stage("report"):
+            write_cell(fit_cell(self.free.cell, self.loaded.cell), draft)
+            cell, charts = self.loaded.cell, (draw_common_fit(self.known),)
+            title = f"A session with both bars for {cell.robot.title}"
+            report_overview(title, cell, self._text(), charts, BOTH_FILES).write(draft)
 
     def files(self, folder: Path) -> str:
         """Name what is written."""
@@ -192,7 +189,7 @@ PLACES_FILES = (
 
 
 @dataclass(frozen=True)
-class CirclePlacesResult(Result):
+class CirclePlacesResult(FolderResult):
     """Where loaded circles tell the compliances apart.
 
     Attributes:
@@ -202,6 +199,7 @@ class CirclePlacesResult(Result):
         both: what the best of them and poses without load would know in one fit, where that was asked.
     """
 
+    document = "places.json"
     cell: Cell
     found: CirclePlaceChoice
     count: int
@@ -223,19 +221,17 @@ class CirclePlacesResult(Result):
         """Return what ``places.json`` says."""
         return places_content(self.found, self.cell.robot.name, self.both)
 
-    def write(self, folder: Path | str) -> list[Path]:
-        """Write ``places.json``, ``places.csv``, the pictures, and ``cell.toml`` with the best circles."""
+    def fill(self, draft: Path) -> None:
+        """Write ``places.csv``, the pictures, and ``cell.toml`` with the best circles."""
         # plotting: other commands start quicker without
         from planner.report.loaded_report import draw_places
         from planner.report.page import report_overview
 
-        with draft_folder(Path(folder)) as draft, self.stages.stage("report"):
-            write_text(draft / "places.json", self.to_json())
+        with self.stages.stage("report"):
             write_text(draft / "places.csv", places_csv(self.found))
             write_cell(with_circles(self.cell, self.found.best(self.count)), draft)
             title, charts = f"Places of loaded circles for {self.cell.robot.title}", draw_places(self.found, self.count)
             report_overview(title, self.cell, self.summary(), charts, PLACES_FILES).write(draft)
-            return move_all(draft, Path(folder))
 
     def files(self, folder: Path) -> str:
         """Name what is written."""

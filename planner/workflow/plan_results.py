@@ -10,8 +10,7 @@ from typing import Any
 from planner.common.errors import InputError
 from planner.common.files import write_text
 from planner.common.progress import Stages
-from planner.common.result import Plot, Result
-from planner.common.result_folder import draft_folder, move_all
+from planner.common.result import FolderResult, Plot, Result
 from planner.common.units import to_deg, to_mm
 from planner.design.bayesian_design import describe_bayesian_design, describe_numbers_of_poses
 from planner.design.observability.identifiability import DroppedParameter
@@ -134,9 +133,10 @@ class PlanResult(SessionResult):
 
 
 @dataclass(frozen=True)
-class PosesResult(Result):
+class PosesResult(FolderResult):
     """Poses that a limit of time left without a proven path; ``cut_short``: what it left undone."""
 
+    document = "plan.json"
     poses: UnprovenPoses
     cut_short: tuple[str, ...]
 
@@ -156,12 +156,9 @@ class PosesResult(Result):
         """Return what ``plan.json`` says."""
         return self.poses.record()
 
-    def write(self, folder: Path | str) -> list[Path]:
-        """Write ``plan.json`` and ``cell.toml``; the program of an earlier plan in the folder is cleared."""
-        with draft_folder(Path(folder)) as draft:
-            write_cell(self.poses.cell, draft)
-            write_text(draft / "plan.json", self.to_json())
-            return move_all(draft, Path(folder))
+    def fill(self, draft: Path) -> None:
+        """Write ``cell.toml``; the program of an earlier plan in the folder is cleared."""
+        write_cell(self.poses.cell, draft)
 
     def files(self, folder: Path) -> str:
         """Name what is there."""

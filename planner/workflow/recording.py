@@ -8,16 +8,16 @@ from pathlib import Path
 from typing import Any
 
 from planner.common.files import document_text, write_text
-from planner.common.result import Result, simulated_section
-from planner.common.result_folder import draft_folder, move_all
+from planner.common.result import FolderResult, simulated_section
 from planner.instruments.opcua import map_to_opcua
 from planner.instruments.record import Circumstances, RobotRecord, add_entry
 
 
 @dataclass(frozen=True)
-class RecordResult(Result):
+class RecordResult(FolderResult):
     """The record of a robot."""
 
+    document = "history.json"
     record: RobotRecord
 
     def summary(self) -> str:
@@ -53,18 +53,15 @@ class RecordResult(Result):
         """Tell whether it is made of readings that nobody measured."""
         return self.record.simulated
 
-    def write(self, folder: Path | str) -> list[Path]:
-        """Write ``history.json``, ``history.csv``, ``opcua.json`` and the report."""
+    def fill(self, draft: Path) -> None:
+        """Write ``history.csv``, ``opcua.json`` and the report."""
         from planner.report.check_report import HEAD, record_rows, report_record  # plotting takes long to load
 
         table = io.StringIO()
         csv.writer(table, lineterminator="\n").writerows([HEAD, *record_rows(self.record)])
-        with draft_folder(Path(folder)) as draft:
-            write_text(draft / "history.json", self.to_json())
-            write_text(draft / "history.csv", table.getvalue())
-            write_text(draft / "opcua.json", document_text(map_to_opcua(self.record).model_dump(mode="json")))
-            report_record(self.record).write(draft)
-            return move_all(draft, Path(folder))
+        write_text(draft / "history.csv", table.getvalue())
+        write_text(draft / "opcua.json", document_text(map_to_opcua(self.record).model_dump(mode="json")))
+        report_record(self.record).write(draft)
 
     def files(self, folder: Path) -> str:
         """Name what is written."""
