@@ -37,12 +37,12 @@ if TYPE_CHECKING:
     from planner.workflow.compensation import compensate as compensate
     from planner.workflow.identification import CalibrationResult as CalibrationResult
     from planner.workflow.identification import identify as identify
-    from planner.workflow.plan_reading import export as export
-    from planner.workflow.plan_reading import simulate as simulate
     from planner.workflow.plan_results import CircularPlanResult as CircularPlanResult
     from planner.workflow.plan_results import ExportResult as ExportResult
     from planner.workflow.plan_results import PlanResult as PlanResult
     from planner.workflow.plan_results import SimulationResult as SimulationResult
+    from planner.workflow.plan_use import export as export
+    from planner.workflow.plan_use import simulate as simulate
     from planner.workflow.planning import plan as plan
     from planner.workflow.recording import record as record
 
@@ -58,7 +58,7 @@ _MODULES = {
     "workflow.checking": ("CheckPlanResult", "CheckResult", "check", "plan_check"),
     "workflow.compensation": ("CompensationResult", "compensate"),
     "workflow.identification": ("CalibrationResult", "identify"),
-    "workflow.plan_reading": ("export", "simulate"),
+    "workflow.plan_use": ("export", "simulate"),
     "workflow.plan_results": ("CircularPlanResult", "ExportResult", "PlanResult", "SimulationResult"),
     "workflow.planning": ("plan",),
     "workflow.recording": ("record",),

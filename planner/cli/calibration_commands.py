@@ -52,7 +52,7 @@ def simulate_command(
 ) -> None:
     """Simulate the measured run of a plan, on a robot with known or drawn errors."""
     with Screen():
-        from planner.workflow.plan_reading import simulate
+        from planner.workflow.plan_use import simulate
 
         made = simulate(plan_file, truth=truth, change=change, seed=seed)
         text = made.text()
@@ -108,7 +108,7 @@ def import_command(
     with Screen():
         from planner.runs.traces import import_run
         from planner.runs.writer import run_text, save_run
-        from planner.workflow.plan_reading import import_log
+        from planner.workflow.plan_use import import_log
 
         run = import_run(traces, map_file) if map_file else import_log(traces, plan or "", dialect or "")
     print_notes(run.warnings)

@@ -118,7 +118,7 @@ def export_command(
 ) -> None:
     """Write the robot program of a plan in any dialect; the cell.toml beside the plan must be the plan's own."""
     with Screen():
-        from planner.workflow.plan_reading import export
+        from planner.workflow.plan_use import export
 
         made = export(plan_file, dialect=dialect, name="-" if output == "-" else Path(output).name)
     if output == "-":

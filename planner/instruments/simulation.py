@@ -68,7 +68,7 @@ def planned_samples(cell: Cell, plan: PlanDocument, courses: Sequence[Course]) -
     )
 
 
-def simulate(cell: Cell, plan_id: str, samples: Samples, truth: Truth, seed: int) -> SimulatedRun:
+def simulate_run(cell: Cell, plan_id: str, samples: Samples, truth: Truth, seed: int) -> SimulatedRun:
     """Measure the samples on the robot as it truly is.
 
     The encoders read where the arm is told to stand; repeatability is what the joints are off by.

@@ -7,8 +7,8 @@ __all__ = [
     "compensation",
     "identification",
     "loaded_planning",
-    "plan_reading",
     "plan_results",
+    "plan_use",
     "planning",
     "recording",
 ]

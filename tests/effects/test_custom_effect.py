@@ -15,7 +15,7 @@ from planner.effects.effect import Parameter, transform_move
 from planner.effects.phi_keys import functions_in, is_static, phi_from_key
 from planner.identification.pipeline import FitSettings, identify
 from planner.tracing.trace import trace
-from planner.workflow.plan_reading import simulate_plan
+from planner.workflow.plan_use import simulate
 from tests.simulation.made import cell_in, truth_file, wide_plan
 
 TRUTH = """
@@ -47,7 +47,7 @@ def hose(monkeypatch):
 @pytest.mark.usefixtures("hose")
 def test_an_effect_in_one_file_is_simulated_and_found(tmp_path):
     plan = wide_plan(tmp_path, calibrate=90)
-    run = simulate_plan(plan, truth_file(tmp_path, TRUTH), 1)
+    run = simulate(plan, truth=truth_file(tmp_path, TRUTH), seed=1).run
     assert any("hose pull" in line for line in run.truth)
     found = identify(run, cell_in(tmp_path, ROBOT, 1, ()), settings=FitSettings(release=False), tracer=trace)
     names = [f"{f.effect}, {f.on}" for f in found.findings]
@@ -59,7 +59,7 @@ def test_an_effect_in_one_file_is_simulated_and_found(tmp_path):
 
 
 def test_its_name_and_its_key_are_known_with_the_file_only(hose, tmp_path):
-    run = simulate_plan(wide_plan(tmp_path, calibrate=10), None, 1)
+    run = simulate(wide_plan(tmp_path, calibrate=10), seed=1).run
     cell = cell_in(tmp_path, ROBOT, 1, ())
     setup = importlib.import_module("planner.cell.setup").setup_of(cell)
     (first, *_) = [e for e in catalogue(setup, run.samples) if e.kind == "hose pull"]

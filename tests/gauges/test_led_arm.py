@@ -11,7 +11,7 @@ from planner.cell.reading import load_cell
 from planner.common.errors import InputError
 from planner.design.candidates.balls import ROOM, led_turns
 from planner.identification.pipeline import FitSettings, identify
-from planner.instruments.simulation import simulate
+from planner.instruments.simulation import simulate_run
 from planner.instruments.truth import draw_truth
 from planner.kinematics.inverse_kinematics import POINT_TOLERANCE, solve_point_ik
 from planner.runs.run import Samples
@@ -39,7 +39,7 @@ def planned():
 def runs(planned):
     n = len(planned)
     samples = Samples(q=planned, place=np.zeros(n, dtype=int), pose=np.arange(n))
-    return [simulate(CELL, "0" * 12, samples, draw_truth(CELL, seed), seed) for seed in range(ARMS)]
+    return [simulate_run(CELL, "0" * 12, samples, draw_truth(CELL, seed), seed) for seed in range(ARMS)]
 
 
 def test_joints_turn_as_far_as_drawn_arms_turn(planned, runs):

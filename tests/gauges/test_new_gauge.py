@@ -17,7 +17,7 @@ from planner.common.schema import read_toml
 from planner.design.candidates.pool import draw_candidates
 from planner.design.pose_selection import select_poses
 from planner.identification.pipeline import identify
-from planner.instruments.simulation import simulate
+from planner.instruments.simulation import simulate_run
 from planner.instruments.truth import draw_truth
 from planner.model.model import Model
 from planner.motion.path.margins import WorkspaceBounds
@@ -116,7 +116,7 @@ def test_poses_are_selected_and_a_simulated_run_is_identified(cell, pool):
     assert len(choice.q) == POSES
     assert choice.certificate.verified
     poses = Samples(choice.q, np.zeros(POSES, dtype=int), t=np.arange(POSES) * 5.0, pose=np.arange(POSES))
-    run = simulate(cell, "0" * 12, poses, draw_truth(cell, 3), seed=4)
+    run = simulate_run(cell, "0" * 12, poses, draw_truth(cell, 3), seed=4)
     assert run.readings.columns == "length_mm"
     found = identify(run, cell)
     nominal, fitted = found.stages[0].held_out.rms, found.stages[-1].held_out.rms

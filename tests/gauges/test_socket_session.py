@@ -9,7 +9,7 @@ from planner.cell.reading import load_cell
 from planner.common.errors import InputError
 from planner.common.progress import Stages
 from planner.identification.pipeline import identify
-from planner.instruments.simulation import simulate
+from planner.instruments.simulation import simulate_run
 from planner.instruments.truth import draw_truth
 from planner.runs.run import Samples
 from planner.session.options import PlanOptions
@@ -63,7 +63,7 @@ def test_geometry_is_found_and_chance_is_called_chance(planned):
     samples = Samples(q=q, place=np.zeros(len(q), dtype=int), pose=np.arange(len(q)))
     drawn = draw_truth(cell, 3)
     stiff = replace(drawn, errors=drawn.errors * [p.unit != "rad/Nm" for p in drawn.model.parameters])
-    found = identify(simulate(cell, "0" * 12, samples, stiff, 3), cell)
+    found = identify(simulate_run(cell, "0" * 12, samples, stiff, 3), cell)
     assert found.problems == ()
     assert found.stages[0].held_out.rms > 20 * found.stages[-1].held_out.rms
     assert found.diagnosis.found == ()

@@ -19,7 +19,7 @@ from planner.design.pose_selection import identify_candidates
 from planner.design.selection.d_optimal import detmax
 from planner.identification.least_squares import solve
 from planner.identification.pipeline import FitSettings, identify
-from planner.instruments.simulation import simulate
+from planner.instruments.simulation import simulate_run
 from planner.instruments.truth import draw_truth
 from planner.model.model import Model
 from planner.report.calibration_text import findings_summary
@@ -67,7 +67,7 @@ def identified(traced=False):
     """The calibration from a run at the planned poses."""
     q = planned()[2]
     samples = Samples(q, np.zeros(len(q), dtype=int), pose=np.arange(len(q)))
-    run = simulate(cell(), "0" * 12, samples, draw_truth(cell(), 3), 3)
+    run = simulate_run(cell(), "0" * 12, samples, draw_truth(cell(), 3), 3)
     return identify(run, as_identified(), tracer=trace if traced else None, settings=FITTED)
 
 

@@ -9,7 +9,7 @@ from planner.design.candidates.pool import draw_candidates
 from planner.design.pose_selection import identify_candidates
 from planner.identification.identifiable_parameters import choose_parameters
 from planner.identification.run_setup import setup_for_run
-from planner.instruments.simulation import simulate
+from planner.instruments.simulation import simulate_run
 from planner.instruments.truth import draw_truth
 
 
@@ -18,7 +18,7 @@ def test_an_arm_by_urdf_with_a_bar_has_its_joint_zeros_fitted_that_the_plan_kept
     pool = draw_candidates(cell, 3000)
     planned, _, _ = identify_candidates(cell, pool)
     few = pool.samples.take(np.arange(0, len(pool), 10))
-    run = simulate(cell, "0123456789ab", few, draw_truth(cell, 0), 0)
+    run = simulate_run(cell, "0123456789ab", few, draw_truth(cell, 0), 0)
     fitted = choose_parameters(cell, setup_for_run(cell, run), run).model
     assert set(fitted.names) == set(planned.names)
     assert {f"theta{k}" for k in (2, 3, 4, 5)} <= set(fitted.names)

@@ -11,14 +11,14 @@ from planner.cell.reading import load_cell, read_cell
 from planner.cell.setup import setup_of
 from planner.common.errors import InputError
 from planner.design.candidates.balls import draw_ball_candidates
-from planner.instruments.simulation import CORRELATION_TIME, SAMPLE_RATE, SimulatedRun, simulate
+from planner.instruments.simulation import CORRELATION_TIME, SAMPLE_RATE, SimulatedRun, simulate_run
 from planner.instruments.truth import draw_truth, read_truth
 from planner.runs.loader import load_run
 from planner.runs.run import Readings, Samples
 from planner.runs.writer import save_run
 from planner.session.document import read_plan
-from planner.workflow.plan_reading import simulate_plan
 from planner.workflow.plan_results import SimulationResult
+from planner.workflow.plan_use import simulate
 from tests.simulation.generator.arm import GRAVITY, Arm, moment_of_weight
 from tests.simulation.made import plan_folder, truth_file
 
@@ -34,6 +34,10 @@ zero_mm = 0.3
 compliance2_urad_Nm = 1.5
 compliance3_deg_Nm = 2e-4
 """
+
+
+def simulated_run(plan, truth=None, seed=0):
+    return simulate(plan, truth=truth, seed=seed).run
 
 
 def world(robot, cell, q):
@@ -56,17 +60,17 @@ def world(robot, cell, q):
 @pytest.mark.parametrize("robot", ["kuka-kr6-r700", "comau-nj130"])
 def test_lengths_are_those_of_an_independent_arm(tmp_path, robot):
     plan = plan_folder(tmp_path, robot)
-    run = simulate_plan(plan, truth_file(tmp_path, ERRORS + SILENT), 0)
+    run = simulated_run(plan, truth_file(tmp_path, ERRORS + SILENT), 0)
     cell = read_cell(tmp_path / "cell.toml", "cell")
     expected, sag = world(robot, cell, run.samples.q)
     assert np.abs(run.readings.length - expected).max() < 1e-9
     assert sag > 1e-6  # the compliance took part
-    nominal = simulate_plan(plan, truth_file(tmp_path, SILENT), 0)
+    nominal = simulated_run(plan, truth_file(tmp_path, SILENT), 0)
     assert np.abs(run.readings.length - nominal.readings.length).max() > 1e-4
 
 
 def test_a_plan_at_rest_gives_one_sample_a_visit(tmp_path):
-    run = simulate_plan(plan_folder(tmp_path), None, 3)
+    run = simulated_run(plan_folder(tmp_path), None, 3)
     assert not run.continuous
     assert run.samples.pose.tolist() == [1, 2, 3, 4, 5]  # every role but the mounting poses
     assert run.plan_id == "0123456789ab"
@@ -79,7 +83,7 @@ def test_a_plan_at_rest_gives_one_sample_a_visit(tmp_path):
 
 
 def test_a_driven_plan_is_sampled_both_ways(tmp_path):
-    run = simulate_plan(plan_folder(tmp_path, "comau-nj130"), truth_file(tmp_path, SILENT), 0)
+    run = simulated_run(plan_folder(tmp_path, "comau-nj130"), truth_file(tmp_path, SILENT), 0)
     t, q, pose = run.samples.t, run.samples.q, run.samples.pose
     assert run.continuous
     assert np.allclose(np.diff(t)[:-1], 1 / SAMPLE_RATE)
@@ -99,7 +103,7 @@ def test_a_driven_plan_is_sampled_both_ways(tmp_path):
 
 def test_what_is_saved_is_what_is_loaded(tmp_path):
     for robot in ("kuka-kr6-r700", "comau-nj130"):
-        run = simulate_plan(plan_folder(tmp_path / robot, robot), None, 1)
+        run = simulated_run(plan_folder(tmp_path / robot, robot), None, 1)
         save_run(run, tmp_path / "run.csv")
         back = load_run(tmp_path / "run.csv", 6)
         assert back.warnings == ()
@@ -112,8 +116,8 @@ def test_what_is_saved_is_what_is_loaded(tmp_path):
 
 def test_two_fixtures_are_measured_one_after_the_other(tmp_path):
     plan = plan_folder(tmp_path, fixtures=2)
-    run = simulate_plan(plan, truth_file(tmp_path, "[errors]\nfixture_B_z_mm = 2\n" + SILENT), 0)
-    none = simulate_plan(plan, truth_file(tmp_path, SILENT), 0)
+    run = simulated_run(plan, truth_file(tmp_path, "[errors]\nfixture_B_z_mm = 2\n" + SILENT), 0)
+    none = simulated_run(plan, truth_file(tmp_path, SILENT), 0)
     assert run.samples.place.tolist() == [0] * 5 + [1] * 5
     assert (np.diff(run.samples.t) > 0).all()
     moved = run.readings.length - none.readings.length
@@ -126,11 +130,11 @@ def test_noise_has_the_size_that_is_said(tmp_path):
     gauge = "[noise]\ngauge_um = 20\nrepeatability_mm = 0\n"
     shaken = "[noise]\ngauge_um = 0\nrepeatability_mm = 0.3\n"
     cell, plan = read_cell(tmp_path / "cell.toml", "cell"), read_plan(cell_only)
-    still = simulate_plan(cell_only, truth_file(tmp_path, SILENT), 0)
+    still = simulated_run(cell_only, truth_file(tmp_path, SILENT), 0)
     off = {}
     for name, text in (("gauge", gauge), ("joints", shaken)):
         truth = read_truth(truth_file(tmp_path, text), cell, still.samples)
-        runs = [simulate(cell, plan.plan_id, still.samples, truth, seed) for seed in range(120)]
+        runs = [simulate_run(cell, plan.plan_id, still.samples, truth, seed) for seed in range(120)]
         lengths = np.array([run.readings.length for run in runs])
         off[name] = lengths - still.readings.length
     assert abs(off["gauge"].std() / 20e-6 - 1) < 0.1  # 600 draws: 3 % is one sigma
@@ -143,10 +147,10 @@ def test_noise_has_the_size_that_is_said(tmp_path):
 
 def test_joints_wander_along_a_drive(tmp_path):
     plan = plan_folder(tmp_path, "comau-nj130", fixtures=2)
-    still = simulate_plan(plan, truth_file(tmp_path, SILENT), 0)
+    still = simulated_run(plan, truth_file(tmp_path, SILENT), 0)
     text = "[noise]\ngauge_um = 0\nrepeatability_mm = 0.06\n"
     truth = read_truth(truth_file(tmp_path, text), read_cell(tmp_path / "cell.toml", "cell"), still.samples)
-    run = simulate_plan(plan, truth_file(tmp_path, text), 0)
+    run = simulated_run(plan, truth_file(tmp_path, text), 0)
     lever = np.linalg.norm(truth.model.joint_rows(still.samples)[:, 0], axis=1)
     off = (run.readings.length - still.readings.length) / lever / truth.model.joint_sigma
     # independent stretches; 7 % is one sigma of the spread below
@@ -161,7 +165,7 @@ def test_joints_wander_along_a_drive(tmp_path):
 
 def test_drawn_errors_have_the_sizes_of_the_prior_and_are_told(tmp_path):
     plan = plan_folder(tmp_path)
-    a, b, c = (simulate_plan(plan, None, seed) for seed in (1, 1, 2))
+    a, b, c = (simulated_run(plan, None, seed) for seed in (1, 1, 2))
     assert a.truth == b.truth != c.truth
     assert (a.readings.length == b.readings.length).all()
     values = []
@@ -200,11 +204,11 @@ def test_balls_that_no_head_could_have_met_are_told():
 
 def test_what_is_told_can_be_given_back(tmp_path):
     plan = plan_folder(tmp_path)
-    run = simulate_plan(plan, None, 4)
+    run = simulated_run(plan, None, 4)
     noise = [line for line in run.truth if line.startswith(("gauge_um", "repeatability_mm"))]
     errors = [line for line in run.truth if line not in noise]
     text = "\n".join(["[errors]", *errors, "[noise]", *noise, ""])
-    again = simulate_plan(plan, truth_file(tmp_path, text), 4)
+    again = simulated_run(plan, truth_file(tmp_path, text), 4)
     assert np.abs(again.readings.length - run.readings.length).max() < 1e-12
     assert all(line.startswith("# truth: ") for line in run.comments().splitlines())
     assert len(run.comments().splitlines()) == len(run.truth) + 1
@@ -213,7 +217,7 @@ def test_what_is_told_can_be_given_back(tmp_path):
 @pytest.mark.parametrize("ending", ["csv", "parquet"])
 def test_a_simulated_run_is_known_as_one_however_it_is_written(tmp_path, ending):
     first, second = (tmp_path / f"{n}.{ending}" for n in ("first", "second"))
-    run = simulate_plan(plan_folder(tmp_path))
+    run = simulated_run(plan_folder(tmp_path))
     SimulationResult(run).write(first)
     read = load_run(first)
     assert read.simulated
@@ -244,7 +248,7 @@ def test_a_wrong_truth_is_told(tmp_path, text, parts):
     plan = plan_folder(tmp_path)
     truth = truth_file(tmp_path, text)
     with pytest.raises(InputError) as caught:
-        simulate_plan(plan, truth, 0)
+        simulated_run(plan, truth, 0)
     assert all(part in str(caught.value) for part in (str(truth), *parts)), caught.value
 
 
@@ -252,7 +256,7 @@ def test_a_plan_without_its_cell_is_told(tmp_path):
     plan = plan_folder(tmp_path)
     (tmp_path / "cell.toml").unlink()
     with pytest.raises(InputError, match=r"cell\.toml is missing"):
-        simulate_plan(plan, None, 0)
+        simulated_run(plan, None, 0)
 
 
 def test_a_plan_with_the_cell_of_another_robot_is_told(tmp_path):
@@ -260,11 +264,11 @@ def test_a_plan_with_the_cell_of_another_robot_is_told(tmp_path):
         plan["drives"][0]["waypoints"][1]["q_deg"].append(0.0)
 
     with pytest.raises(InputError, match="7 angles"):
-        simulate_plan(plan_folder(tmp_path, edit=seven), None, 0)
+        simulated_run(plan_folder(tmp_path, edit=seven), None, 0)
 
 
 def test_lengths_beyond_the_bar_are_told(tmp_path):
-    run = simulate_plan(plan_folder(tmp_path), truth_file(tmp_path, "[errors]\nzero_mm = 5000\n" + SILENT), 0)
+    run = simulated_run(plan_folder(tmp_path), truth_file(tmp_path, "[errors]\nzero_mm = 5000\n" + SILENT), 0)
     assert "5 of 5 lengths lie outside" in run.warnings[0]
 
 
@@ -274,10 +278,10 @@ SCALE = '[[effects]]\nkind = "gauge scale"\nvalue = 1e-4\nunit = "1"\n'
 
 def test_effects_of_the_catalogue_take_part(tmp_path):
     plan = plan_folder(tmp_path)
-    none = simulate_plan(plan, truth_file(tmp_path, SILENT), 0)
-    run = simulate_plan(plan, truth_file(tmp_path, SILENT + SCALE), 0)
+    none = simulated_run(plan, truth_file(tmp_path, SILENT), 0)
+    run = simulated_run(plan, truth_file(tmp_path, SILENT + SCALE), 0)
     assert np.allclose(run.readings.length, none.readings.length * (1 + 1e-4), rtol=0, atol=1e-12)
-    run = simulate_plan(plan, truth_file(tmp_path, SILENT + BACKLASH), 0)
+    run = simulated_run(plan, truth_file(tmp_path, SILENT + BACKLASH), 0)
     cell, arm = read_cell(tmp_path / "cell.toml", "cell"), Arm.from_toml("kuka-kr6-r700")
     R, p = arm.flange(none.samples.q, {"theta3": 100e-6 * none.samples.direction[:, 2]})  # ± half the play
     expected = np.linalg.norm(p + R @ cell.tool.p_FM - cell.fixtures[0].p_BX, axis=1)
@@ -303,5 +307,5 @@ def test_effects_of_the_catalogue_take_part(tmp_path):
 def test_a_wrong_effect_is_told(tmp_path, text, parts):
     plan, truth = plan_folder(tmp_path), truth_file(tmp_path, text)
     with pytest.raises(InputError) as caught:
-        simulate_plan(plan, truth, 0)
+        simulated_run(plan, truth, 0)
     assert all(part in str(caught.value) for part in (str(truth), *parts)), caught.value

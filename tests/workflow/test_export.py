@@ -19,7 +19,7 @@ from planner.session.notes import bar_notes, session_notes
 from planner.session.plan_record import content_hash
 from planner.session.plan_types import Drive, Visit
 from planner.session.planned_session import NOT_HASHED, load_session
-from planner.workflow.plan_reading import export
+from planner.workflow.plan_use import export
 from planner.workflow.writing import write_cell, write_program_as
 from tests.command import edbb
 

@@ -15,7 +15,7 @@ from planner.identification.pipeline import FitSettings
 from planner.kinematics.robot_reader import load_robot
 from planner.runs.writer import save_run
 from planner.workflow.identification import identify, identify_runs
-from planner.workflow.plan_reading import simulate, simulate_plan
+from planner.workflow.plan_use import simulate
 from tests import command
 from tests.identification.few_draws import few_draws
 from tests.simulation.generator.arm import Arm
@@ -307,7 +307,7 @@ def test_what_was_simulated_is_identified_in_the_cell_of_its_plan(tmp_path):
 def test_a_driven_plan_is_identified_and_judged_on_stretches_kept_out(tmp_path):
     fast = [("tool_speed_mm_min = 1000", "tool_speed_mm_min = 20000")]
     plan = wide_plan(tmp_path, "comau-nj130", 30, 4, 0, fast)
-    run = simulate_plan(plan, truth_file(tmp_path, TRUTH), 0)
+    run = simulate(plan, truth=truth_file(tmp_path, TRUTH)).run
     save_run(run, tmp_path / "run.csv")
     cell, stages = load_cell(str(tmp_path / "cell.toml"), planning=False), FitSettings(release=False)
     found = identify_runs([tmp_path / "run.csv"], cell, Stages(), plan, settings=stages, tracing=False)

@@ -18,8 +18,8 @@ from planner.programs.rendering import ProgramFile
 from planner.runs.run import Samples
 from planner.session.document import read_plan
 from planner.session.planning import PoseSession
-from planner.workflow.plan_reading import export
 from planner.workflow.plan_results import PosesResult
+from planner.workflow.plan_use import export
 from planner.workflow.planning import plan
 from tests.command import edbb
 from tests.programs.reading import read_back

@@ -9,7 +9,7 @@ from planner.cell.reading import load_cell
 from planner.common.errors import InputError
 from planner.common.units import MM, UM
 from planner.instruments.reference_frame import nest_frame
-from planner.instruments.simulation import simulate
+from planner.instruments.simulation import simulate_run
 from planner.instruments.truth import draw_truth
 from planner.instruments.validation import validate_robot
 from planner.runs.loader import load_run
@@ -90,7 +90,7 @@ def test_the_simulated_tracker_reads_its_nests_as_well(cell, tmp_path):
     q = poses(40)
     samples = Samples(q, np.zeros(len(q), dtype=int))
     truth = draw_truth(cell, 4)
-    run = simulate(cell, "0" * 12, samples, replace(truth, errors=0 * truth.errors), 4)
+    run = simulate_run(cell, "0" * 12, samples, replace(truth, errors=0 * truth.errors), 4)
     path = tmp_path / "s.csv"
     path.write_text(run.comments() + run_text(run))
     said = read_reference_readings(path)

@@ -10,7 +10,7 @@ import tests.instruments.loaded.world as world
 from planner.cell.setup import Targets, setup_of
 from planner.effects.compliance import compliance_parameters
 from planner.instruments.loaded.equilibrium import solve_equilibrium
-from planner.instruments.simulation import simulate
+from planner.instruments.simulation import simulate_run
 from planner.instruments.truth import Truth
 from planner.model.model import Model
 from planner.runs.run import Samples
@@ -68,6 +68,6 @@ def test_so_are_the_deflections_between_loads(model, errors, samples, true):
 def test_a_loaded_run_is_simulated_in_balance(model, errors, samples, true):
     silent = replace(model.setup.gauge, noise=0.0)
     quiet = replace(model, setup=replace(model.setup, gauge=silent, joint_sigma=0.0))
-    run = simulate(shared.cell(), "x", samples, Truth(quiet, errors), 0)
+    run = simulate_run(shared.cell(), "x", samples, Truth(quiet, errors), 0)
     assert np.abs(run.readings.length - true).max() < 1e-6
     assert run.samples.torque is None  # nobody logged them

@@ -11,8 +11,7 @@ from planner.common.schema import read_json, validate
 from planner.instruments.check.planning import CHECK_NOTE
 from planner.instruments.circular.document import is_circular, load_circular_plan
 from planner.instruments.circular.plan import CircularPlan, circle_samples
-from planner.instruments.simulation import SAMPLE_RATE, SimulatedRun, planned_samples
-from planner.instruments.simulation import simulate as simulate_readings
+from planner.instruments.simulation import SAMPLE_RATE, planned_samples, simulate_run
 from planner.instruments.truth import draw_truth, read_truth
 from planner.programs.dialect import load_dialect
 from planner.programs.verification import import_map
@@ -46,6 +45,7 @@ def export(plan: Path | str, *, dialect: str, name: str = "-") -> ExportResult:
     return ExportResult(write_session(planned.cell, program, dialect, stem), planned.notes)
 
 
+@on_one_thread
 def simulate(
     plan: PlanResult | CircularPlanResult | Path | str,
     *,
@@ -55,13 +55,40 @@ def simulate(
 ) -> SimulationResult:
     """Simulate the measured run of a plan, on a robot with the errors of a file ``truth``, or with drawn ones.
 
-    ``truth`` may be a simulated run, for its robot; ``change`` (``KEY=VALUE``) is added to one of its errors.
+    A smoke test of the chain, as planner and identifier share its model; the run carries what is true. ``truth`` may be
+    a simulated run, for its robot; ``change`` (``KEY=VALUE``) is added to one of its errors.
 
     Raises:
         InputError: no plan, no cell beside it, the two do not belong together, or a truth that is wrong.
     """
-    source = Path(plan) if isinstance(plan, Path | str) else plan.plan
-    return SimulationResult(simulate_plan(source, None if truth is None else Path(truth), seed, change))
+    session = _read_drives(Path(plan)) if isinstance(plan, Path | str) else _drives_of(plan.plan)
+    cell, drawn = session.cell, truth is None
+    changed = session.notes
+    if isinstance(session, CircularPlan):
+        samples = circle_samples(session, SAMPLE_RATE)
+        changed = changed if isinstance(plan, Path | str) else ()
+    else:
+        samples = planned_samples(cell, session.document, session.courses)
+        changed += (DRAWN_FOR_CHECK,) if drawn and CHECK_NOTE in session.document.notes else ()
+    if change and drawn:
+        raise InputError("a change is of a known robot: give its truth too (--truth), a file or its simulated run")
+    known = draw_truth(cell, seed) if truth is None else read_truth(Path(truth), cell, samples, change)
+    run = simulate_run(cell, session.plan_id, samples, known, seed)
+    warnings = (*run.warnings, *changed, *cell.gauge.centring_warnings(cell, samples, run))
+    return SimulationResult(replace(run, warnings=warnings))
+
+
+def _read_drives(path: Path) -> PlannedSession | CircularPlan:
+    """Read what is driven; a path by hand has only its drives, and not all that a program is made of."""
+    if is_circular(path):
+        return load_circular_plan(path)
+    content = read_json(path)
+    whole = isinstance(content, dict) and {"robot", "poses", "trajectory"} <= content.keys()
+    return load_session(path, "simulated", check=whole)
+
+
+def _drives_of(plan: Plan | CircularPlan) -> PlannedSession | CircularPlan:
+    return plan if isinstance(plan, CircularPlan) else PlannedSession.of(plan)
 
 
 def import_log(traces: Sequence[Path], plan: Path | str, dialect: str) -> Run:
@@ -81,42 +108,3 @@ def import_log(traces: Sequence[Path], plan: Path | str, dialect: str) -> Run:
     if len(traces) == 2 and not is_trace_of(traces[0], mapping) and is_trace_of(traces[1], mapping):
         raise InputError(f"{traces[0]} is not {name}, {traces[1]} is: give the log first, then the gauge's trace")
     return import_mapped(traces, mapping, name)
-
-
-@on_one_thread
-def simulate_plan(
-    plan: Path | Plan | PlannedSession | CircularPlan, truth: Path | None = None, seed: int = 0, change: str = ""
-) -> SimulatedRun:
-    """Simulate the measured run of a plan, or of the one at a path; errors are drawn where no ``truth`` is given.
-
-    A smoke test of the chain, as planner and identifier share its model; the run carries what is true.
-
-    Raises:
-        InputError: no plan, no cell beside it, the two do not belong together, or a truth that is wrong.
-    """
-    session: PlannedSession | CircularPlan
-    if isinstance(plan, Path):
-        session = (
-            load_circular_plan(plan) if is_circular(plan) else load_session(plan, "simulated", check=_is_whole(plan))
-        )
-    else:
-        session = PlannedSession.of(plan) if isinstance(plan, Plan) else plan
-    cell = session.cell
-    if isinstance(session, CircularPlan):
-        samples = circle_samples(session, SAMPLE_RATE)
-    else:
-        samples = planned_samples(cell, session.document, session.courses)
-    if change and truth is None:
-        raise InputError("a change is of a known robot: give its truth too (--truth), a file or its simulated run")
-    known = draw_truth(cell, seed) if truth is None else read_truth(truth, cell, samples, change)
-    run = simulate_readings(cell, session.plan_id, samples, known, seed)
-    changed = () if isinstance(session, CircularPlan) and not isinstance(plan, Path) else session.notes
-    if truth is None and not isinstance(session, CircularPlan) and CHECK_NOTE in session.document.notes:
-        changed = (*changed, DRAWN_FOR_CHECK)
-    return replace(run, warnings=(*run.warnings, *changed, *cell.gauge.centring_warnings(cell, samples, run)))
-
-
-def _is_whole(path: Path) -> bool:
-    """Tell whether a plan has all that a program is made of; a path by hand has only its drives."""
-    content = read_json(path)
-    return isinstance(content, dict) and {"robot", "poses", "trajectory"} <= content.keys()
