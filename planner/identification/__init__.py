@@ -8,7 +8,6 @@ __all__ = [
     "cross_validation",
     "expected_error",
     "identifiable_parameters",
-    "joint_zeros",
     "least_squares",
     "pipeline",
     "problem",

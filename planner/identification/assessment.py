@@ -23,8 +23,7 @@ from planner.identification.covariance import (
 from planner.identification.cross_validation import (
     Split,
     finer_split,
-    new_frames,
-    number_poses,
+    number_targets,
     predict_held_out,
     validation_residual,
 )
@@ -130,7 +129,7 @@ def collect_warnings(run: Run, cell: Cell, found: Fit, validation: Run | None) -
         out.append(
             f"{setup.robot.name} has no link masses: what its own weight does is known link by link at best, not in Nm"
         )
-    if validation is not None and new_frames(setup, validation):
+    if validation is not None and setup.gauge.needs_new_frames(setup, validation):
         out.append("the frames of the validation run were fitted on it: its errors leave out what a frame can take up")
     if validation is not None:
         out += _wrong_validation_rows(
@@ -333,10 +332,7 @@ def _noise_floor(run: Run, residual: Array) -> float | None:
     """Standard deviation of readings repeated at the same pose [m], from residuals (n, r); ``None`` without repeats."""
     if run.continuous:
         return None
-    group = number_poses(run.samples.q) * len(run.places) + run.samples.place
-    if run.samples.point is not None:
-        group = group * len(run.points) + run.samples.point
-    _, group = np.unique(group, return_inverse=True)
+    group = number_targets(run.samples)
     count = np.bincount(group)
     spare = int((count - 1).sum())
     if spare < 3:

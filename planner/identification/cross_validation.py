@@ -18,7 +18,7 @@ from planner.identification.problem import FitProblem
 from planner.identification.run_setup import locate_gauge
 from planner.model.identification_document import Metrics
 from planner.model.model import Model
-from planner.runs.run import Run
+from planner.runs.run import Run, Samples
 
 
 def validate_fit(found: Fit, run: Run, bare: MeasurementSetup) -> Metrics:
@@ -33,18 +33,13 @@ def validation_residual(found: Fit, run: Run, bare: MeasurementSetup) -> Array:
     """
     setup = found.setup
     model = _timeless(found, run)
-    if not new_frames(setup, run):
+    if not setup.gauge.needs_new_frames(setup, run):
         problem = FitProblem.of(model, _renumber_places(run, setup))
         return problem.residual(np.zeros(0))
     model = _with_frames(replace(model, setup=locate_gauge(_calibrated_tool(bare, found), run)))
     # robust: one ball that was seated badly must not move the plate of all others
     here = fit(FitProblem.of(model, run, found.problem.whitener.noise), robust=True)
     return here.problem.residual(here.errors)
-
-
-def new_frames(setup: MeasurementSetup, run: Run) -> bool:
-    """Tell whether the run stands in frames that the setup does not know: a plate set down anew, another station."""
-    return setup.gauge.needs_new_frames(setup, run)
 
 
 def _timeless(found: Fit, run: Run) -> Model:
@@ -195,6 +190,13 @@ def _are_balanced(session: np.ndarray) -> bool:
 def number_poses(q: Array) -> np.ndarray:
     """Number the poses (n, N) [rad] so that a pose measured again has the number of the first time, (n,)."""
     return np.unique(np.round(q / SAME_POSE).astype(np.int64), axis=0, return_inverse=True)[1].reshape(-1)
+
+
+def number_targets(samples: Samples) -> np.ndarray:
+    """Number the poses, each at its place and target, in the order in which they were first measured, (n,)."""
+    label = np.stack([number_poses(samples.q), samples.place, samples.point_numbers], axis=1)
+    first, group = np.unique(label, axis=0, return_index=True, return_inverse=True)[1:]
+    return np.asarray(np.argsort(np.argsort(first))[group.reshape(-1)])
 
 
 def join_groups(a: np.ndarray, b: np.ndarray | None) -> np.ndarray:

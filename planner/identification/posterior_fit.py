@@ -162,8 +162,16 @@ class DrawnPosterior:
         return predict_held_out(rough, split, size[None]).residual
 
     def fit(self) -> PosteriorFit:
-        """Fit everything together."""
-        return PosteriorFit(*_fit_mixture(self.problem, self.start, self.mixture), self.families, self.findings)
+        """Fit everything together: mean and information of the mixture, and parameters drawn from it."""
+        problem, errors = self.problem, self.start
+        for _ in range(STEPS):
+            errors = problem.prior * self.mixture.mean(_gram(problem, errors), errors / problem.prior)
+        gram, z = _gram(problem, errors), errors / problem.prior
+        found = Solution(errors, self.mixture.information_root(gram, z), float(gram[-1, -1] + z @ z))
+        effective = float(len(z) - (found.inverse**2).sum())
+        mean = Fit(problem, found, effective, np.array([], dtype=int))
+        drawn = problem.prior[:, None] * self.mixture.draw_errors(gram, z)
+        return PosteriorFit(mean, self.mixture, drawn, self.families, self.findings)
 
 
 def draw_posterior(
@@ -213,17 +221,6 @@ def draw_posterior(
     )
     stand = tuple(s.name for s in sizes if s.name in families.findings and s.probability >= STANDS)
     return DrawnPosterior(problem, errors[kept], mixture, sizes, stand)
-
-
-def _fit_mixture(problem: FitProblem, errors: Array, mixture: SizeMixture) -> tuple[Fit, SizeMixture, Array]:
-    """Return mean and information of the mixture, itself, and parameters drawn from it; ``errors`` (P,) start it."""
-    for _ in range(STEPS):
-        errors = problem.prior * mixture.mean(_gram(problem, errors), errors / problem.prior)
-    gram, z = _gram(problem, errors), errors / problem.prior
-    found = Solution(errors, mixture.information_root(gram, z), float(gram[-1, -1] + z @ z))
-    effective = float(len(z) - (found.inverse**2).sum())
-    drawn = problem.prior[:, None] * mixture.draw_errors(gram, z)
-    return Fit(problem, found, effective, np.array([], dtype=int)), mixture, drawn
 
 
 def _gram(problem: FitProblem, errors: Array) -> Array:

@@ -32,9 +32,8 @@ class ProblemCache:
 
 @dataclass(frozen=True)
 class LinearPiece:
-    """Whitened columns per prior size, the residual's behind them, of the samples at ``part``."""
+    """Whitened columns per prior size of some samples, the residual's behind them."""
 
-    part: slice
     factored: Columns
 
     @property
@@ -155,7 +154,7 @@ class FitProblem:
         """Linearise one piece about ``errors``, whitened."""
         linear = self.linear(part, errors)
         root = np.ascontiguousarray((self.whitener.root[part] * np.sqrt(self.weight[part])[:, None, None]).T)
-        return LinearPiece(part, linear.columns.whiten(root, self.prior, linear.residual))
+        return LinearPiece(linear.columns.whiten(root, self.prior, linear.residual))
 
     def residual(self, errors: Array) -> Array:
         """Reading − prediction of every sample, (n, r) [m, rad]."""

@@ -10,7 +10,7 @@ from planner.common.units import MM, Array, to_mm
 from planner.identification.cross_validation import Split, predict_held_out
 from planner.identification.least_squares import Fit
 from planner.identification.posterior_background import background_families, curve_groups
-from planner.identification.posterior_fit import PosteriorFit, draw_posterior
+from planner.identification.posterior_fit import draw_posterior
 from planner.identification.released_robot import ReleasedRobot, ToolMap, tool_maps
 from planner.identification.stages import FitContext, FittedStage
 from planner.model.identification_document import Metrics, Release, WorkToolError
@@ -43,7 +43,7 @@ def release_robot(
     Raises:
         NoSolutionError: the posterior does not come to rest.
     """
-    last, plain = stages[-1].fit, geometry_stage(stages)
+    last, plain = stages[-1].fit, next(s for s in stages if s.stage.name == "geometry")
     run, split = context.run, context.split
     few = context.part(last.model)
     if few is not None:
@@ -65,18 +65,13 @@ def release_robot(
     fit = _part_way(plain.fit, aim, share)
     before = own.held_residual if few is None else own.held_residual[few]
     problem = posterior.fit.problem
-    held = _predict_by_mixture(posterior, split)
+    held = predict_held_out(posterior.fit, split, posterior.mixture.scaled).residual
     held = held + problem.residual(aim.errors) - problem.residual(posterior.fit.errors)
     held = share * held + (1 - share) * before
     if (held**2).sum() > (before**2).sum():  # what is expected of it is refuted by the poses that no fit saw
         return geometry
     errors = (Metrics.of(held, split.fold), context.judge(fit), held)
     return ReleasedRobot(fit, plain.fit, posterior, *maps, *errors, share)
-
-
-def _predict_by_mixture(posterior: PosteriorFit, split: Split) -> Array:
-    """Residuals (n, r) of samples held out, by the mean of a posterior."""
-    return predict_held_out(posterior.fit, split, posterior.mixture.scaled).residual
 
 
 def predicts_better(other: Array, plain: Array, split: Split) -> bool:
@@ -125,11 +120,6 @@ def _part_way(geometry: Fit, aim: Fit, share: float) -> Fit:
 
 def _with_values(fit: Fit, errors: Array) -> Fit:
     return replace(fit, solution=replace(fit.solution, errors=errors))
-
-
-def geometry_stage(stages: Sequence[FittedStage]) -> FittedStage:
-    """Return the stage of geometry alone."""
-    return next(s for s in stages if s.stage.name == "geometry")
 
 
 def describe_release(released: ReleasedRobot) -> Release:

@@ -14,7 +14,7 @@ from planner.common.determinism import even_positions
 from planner.common.units import Array, read_only
 from planner.identification.calibration import ResidualDiagnosis, ResidualTest
 from planner.identification.covariance import correlation_time
-from planner.identification.cross_validation import number_poses
+from planner.identification.cross_validation import number_targets
 from planner.identification.least_squares import MEDIAN_RMS, Fit, subset_size
 from planner.identification.problem import FitProblem, ProblemCache
 from planner.identification.residual_alternatives import joint_columns, other_columns
@@ -56,7 +56,7 @@ class ProjectedResidual:
     @classmethod
     def of(cls, problem: FitProblem, errors: Array, moving: bool) -> "ProjectedResidual":
         """Look at what a fit leaves; along a continuous run every sample is its own group."""
-        group = np.arange(len(problem)) if moving else pose_groups(problem)
+        group = np.arange(len(problem)) if moving else number_targets(problem.samples)
         piece = without_noise(problem, errors).piece(slice(None), errors)
         basis = space_basis(group_sums(piece.rows, group))
         white = group_sums(problem.white_residual(errors)[..., None], group)[:, 0]
@@ -101,15 +101,6 @@ def orthonormal_basis(tall: Array) -> Array:
     size, axes = np.linalg.eigh(tall.T @ tall)
     shown = size > VISIBLE_SHARE**2
     return np.asarray(tall @ (axes[:, shown] / np.sqrt(size[shown])))
-
-
-def pose_groups(problem: FitProblem) -> np.ndarray:
-    """Number the poses, each at its place and target, in the order in which they were first measured, (m,)."""
-    s = problem.samples
-    point = s.point_numbers
-    label = np.stack([number_poses(s.q), s.place, point], axis=1)
-    first, group = np.unique(label, axis=0, return_index=True, return_inverse=True)[1:]
-    return np.argsort(np.argsort(first))[group.reshape(-1)]
 
 
 def group_sums(rows: Array, group: np.ndarray) -> Array:

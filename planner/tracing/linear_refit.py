@@ -91,7 +91,7 @@ class LinearState:
         held = self._held_residual(rest, new, equations.steps_without_folds)
         stage = self._stage(effects, len(at), white, held)
         residual = Columns(white.T[None], np.zeros(1, dtype=int), self.white.screws[:0])
-        piece = LinearPiece(slice(None), self.white.select(rest.kept).beside(columns).beside(residual))
+        piece = LinearPiece(self.white.select(rest.kept).beside(columns).beside(residual))
         found = Fit(problem, solution, best.effective, np.zeros(0, dtype=int))
         return SearchState(self.state.base, effects, FittedStage(stage, found, ()), piece)
 

@@ -15,10 +15,9 @@ from planner.common.units import MM
 from planner.identification.baseline import NAME as BASELINE
 from planner.identification.baseline import baseline_text
 from planner.identification.calibrated_robot import calibrated_files, calibrated_meshes
-from planner.identification.calibration import Calibration
+from planner.identification.calibration import Calibration, joint_zeros_text
 from planner.identification.expected_error import NAME as EXPECTED_ERROR
 from planner.identification.expected_error import expected_error_csv, expected_error_text
-from planner.identification.joint_zeros import joint_zeros_text
 from planner.identification.pipeline import FitSettings
 from planner.identification.pipeline import identify as fit_and_trace
 from planner.identification.residual_table import residuals_csv
@@ -62,10 +61,10 @@ class CalibrationResult(FolderResult):
             f"{found.run.name}: {len(found.run)} samples, {found.n_groups} {found.split.groups}, "
             f"{100 * found.split.hold_out:.0f} % held out at a time, {fitted} parameters",
             f"  {'':<{wide}}{'held out: rms':>14}{'mean':>10}{'largest':>10}"
-            + (f"{'validation: mean':>20}" if _has_validation(found) else ""),
+            + (f"{'validation: mean':>20}" if found.stages[-1].validation is not None else ""),
         ]
         for stage in found.stages:
-            lines.append(f"  {stage.name:<{wide}}{_metrics_row(stage.held_out)} mm" + _mean_text(stage.validation))
+            lines.append(f"  {stage.name:<{wide}}{_stage_row(stage.held_out, stage.validation)}")
         if found.tried is not None:
             lines += [f"  found       {f.note}" + _rival_text(f.rivals) for f in found.findings]
             lines += [] if found.findings else ["  found       nothing beyond noise that the catalogue can name"]
@@ -280,16 +279,9 @@ def _release_text(r: Release) -> str:
     return f"{what}, held out {r.held_out.rms / MM:.4f} mm rms"
 
 
-def _has_validation(found: Calibration) -> bool:
-    return found.stages[-1].validation is not None
-
-
-def _metrics_row(m: Metrics) -> str:
-    return f"{m.rms / MM:14.4f}{m.mean / MM:10.4f}{m.largest / MM:10.4f}"
-
-
-def _mean_text(m: Metrics | None) -> str:
-    return "" if m is None else f"{m.mean / MM:13.4f} mm"
+def _stage_row(held_out: Metrics, validation: Metrics | None) -> str:
+    row = "".join(f"{v / MM:{w}.4f}" for v, w in ((held_out.rms, 14), (held_out.mean, 10), (held_out.largest, 10)))
+    return f"{row} mm" + ("" if validation is None else f"{validation.mean / MM:13.4f} mm")
 
 
 def _rival_text(names: tuple[str, ...]) -> str:

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from planner.cell.reading import load_cell
-from planner.identification.joint_zeros import joint_zeros_text
+from planner.identification.calibration import joint_zeros_text
 from planner.identification.pipeline import FitSettings, identify
 from planner.runs.loader import load_runs
 from tests.identification.worlds import arm_of

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from planner.identification.calibration import Calibration
+from planner.identification.cross_validation import number_targets
 from planner.identification.problem import FitProblem, ProblemCache
 from planner.identification.residual_tests import (
     MEASURING_ORDER,
@@ -14,7 +15,6 @@ from planner.identification.residual_tests import (
     ResidualBattery,
     build_battery,
     diagnose_residual,
-    pose_groups,
     run_battery,
 )
 from tests.report.calibrated import calibrated
@@ -69,7 +69,8 @@ def test_false_alarms_are_as_rare_as_stated(c: Calibration, tail: str) -> None:
 def test_what_repeats_share_counts_once(c: Calibration) -> None:
     """Each pose four times with one error: told apart from chance only if the four were taken for four."""
     problem = c.fit.problem.take(np.tile(np.arange(100), 4))
-    assert len(np.unique(pose_groups(problem))) == len(np.unique(pose_groups(c.fit.problem.take(np.arange(100)))))
+    once = c.fit.problem.take(np.arange(100))
+    assert len(np.unique(number_targets(problem.samples))) == len(np.unique(number_targets(once.samples)))
     rest, tests = looked_at(problem, c)
     rng, alarms = np.random.default_rng(2), 0
     for _ in range(100):
