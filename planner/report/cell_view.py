@@ -2,7 +2,7 @@
 
 Lengths are in millimetres; collision engines use the exact shapes."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -18,6 +18,7 @@ from planner.report.chart import ORANGE
 from planner.report.formatting import duration_text
 from planner.report.plan_data import sample_drive
 from planner.runs.run import Mounting
+from planner.session.course import Course
 from planner.session.plan_types import Drive, Plan
 
 AROUND, RINGS = 20, 5  # facets around a capsule, and from the rim of a cap to its pole
@@ -78,6 +79,7 @@ def _turn_profile(r: Array, z: Array, around: int = AROUND) -> Mesh:
 
 VIEW_FRAMES = 480  # states along the way there, shared by the fixtures
 SHOWN_CANDIDATES = 2500  # candidates shown
+NO_POINTS: Array = np.empty((0, 3))
 LINKS = ("#D8D5CF", "#C3C0B9")  # neighbouring links are told apart by their shade
 TOOL, HOUSING, ROD, STAND = "#6B6B6B", ORANGE, "#303030", "#A89F91"
 
@@ -148,34 +150,77 @@ class CellView:
     name: ClassVar[str] = "view"
 
 
+@dataclass(frozen=True)
+class ShownMotion:
+    """A stretch of a session in the view.
+
+    Attributes:
+        mounting: at which fixture, and which of the tool's points.
+        q: states that the slider goes through, (f, N) [rad].
+        told: what is said of each beside its joint angles.
+        path: states along the whole of it, (n, N) [rad].
+    """
+
+    mounting: Mounting
+    q: Array
+    told: Sequence[str]
+    path: Array
+
+
 def build_cell_view(plan: Plan) -> CellView:
     """Collect what the view shows of a plan."""
     cell, drives = plan.cell, plan.drives
-    parts = [_frames(cell, d, VIEW_FRAMES // len(drives)) for d in drives]
-    frames = ViewFrames(np.vstack([p.poses for p in parts]), tuple(label for p in parts for label in p.labels))
     thin = plan.pool.take(np.linspace(0, len(plan.pool) - 1, min(SHOWN_CANDIDATES, len(plan.pool))).astype(int))
+    cloud = [tool_points(cell, d.mounting, thin.q[thin.samples.at_mounting(d.mounting)]) for d in drives]
+    shown = [_show_drive(cell, d, VIEW_FRAMES // len(drives)) for d in drives]
+    return view_session(cell, plan.courses, shown, [s for d in drives for s in _spots(cell, d)], cloud=np.vstack(cloud))
+
+
+def view_session(
+    cell: Cell,
+    courses: Sequence[Course],
+    shown: Sequence[ShownMotion],
+    spots: Sequence[ViewPose],
+    cloud: Array = NO_POINTS,
+    way_step: float = 0.05,
+) -> CellView:
+    """Return the view of a session in which the robot drives what is ``shown``.
+
+    Args:
+        cell: where.
+        courses: one a mounting of the gauge, with the way there.
+        shown: what is driven with the gauge.
+        spots: measuring poses.
+        cloud: candidates' tool points, (c, 3) [mm].
+        way_step: time between two points of a way there [s].
+    """
+    labels = [
+        f"{told}   axes {'  '.join(f'{a:.1f}' for a in angles)} deg"
+        for s in shown
+        for told, angles in zip(s.told, to_deg(s.q), strict=True)
+    ]
     return compose_cell_view(
         cell,
-        frames,
-        cloud=np.vstack([_points(cell, d, thin.q[thin.samples.at_mounting(d.mounting)]) for d in drives]),
-        paths=tuple(_points(cell, d, sample_drive(cell, d).motion.q) for d in drives),
-        ways=tuple(_points(cell, d, d.course.travel.trajectory.sample(0.05).q) for d in drives),
-        spots=tuple(s for d in drives for s in _spots(cell, d)),
+        ViewFrames(np.vstack([carrier_poses(cell, s.mounting, s.q) for s in shown]), tuple(labels)),
+        cloud=cloud,
+        paths=tuple(tool_points(cell, s.mounting, s.path) for s in shown),
+        ways=tuple(tool_points(cell, c.mounting, c.travel.trajectory.sample(way_step).q) for c in courses),
+        spots=tuple(spots),
     )
 
 
-def _points(cell: Cell, drive: Drive, q: Array) -> Array:
-    """Tool point of a drive (n, 3) [mm] at controller angles q (n, N) [rad]."""
-    return to_mm(cell.at(drive.mounting).map_position(q))
+def tool_points(cell: Cell, mounting: Mounting, q: Array) -> Array:
+    """Tool point that the gauge is held at, (n, 3) [mm], at controller angles q (n, N) [rad]."""
+    return to_mm(cell.at(mounting).map_position(q))
 
 
 def compose_cell_view(
     cell: Cell,
     frames: ViewFrames,
-    cloud: Array,
-    paths: tuple[Array, ...],
-    ways: tuple[Array, ...],
-    spots: tuple[ViewPose, ...],
+    cloud: Array = NO_POINTS,
+    paths: tuple[Array, ...] = (),
+    ways: tuple[Array, ...] = (),
+    spots: tuple[ViewPose, ...] = (),
 ) -> CellView:
     """Put what moves among what stands, in boxes that hold it all; points in mm."""
     pieces = build_scene(cell).pieces
@@ -224,18 +269,17 @@ def _group(name: str, pieces: list[SceneBody], colours: list[str], carrier: dict
     return MovingBodies(name, join_meshes(meshes), which, painted)
 
 
-def _frames(cell: Cell, drive: Drive, count: int) -> ViewFrames:
-    """Poses of all carriers along the way there, and a line of text for each."""
+def _show_drive(cell: Cell, drive: Drive, count: int) -> ShownMotion:
+    """The way there: how far in time, to which pose, and the gauge's length."""
     way = sample_drive(cell, drive, count)
     name = f"fixture {cell.place_name(drive.mounting)}   " if len(cell.mountings) > 1 else ""
     upcoming = np.clip(np.searchsorted(way.passed, way.motion.t - 1e-9), 0, len(drive.visits) - 1)
-    labels = tuple(
-        f"{name}{duration_text(t)}   towards pose {drive.visits[k].id} ({drive.visits[k].role})   "
-        + (f"{cell.gauge.noun} {text}   " if (text := cell.gauge.length_text(length)) else "")
-        + f"axes {'  '.join(f'{a:.1f}' for a in to_deg(q))} deg"
-        for t, k, length, q in zip(way.motion.t, upcoming, way.length, way.motion.q, strict=True)
-    )
-    return ViewFrames(carrier_poses(cell, drive.mounting, way.motion.q), labels)
+    told = [
+        f"{name}{duration_text(t)}   towards pose {drive.visits[k].id} ({drive.visits[k].role})"
+        + (f"   {cell.gauge.noun} {text}" if (text := cell.gauge.length_text(length)) else "")
+        for t, k, length in zip(way.motion.t, upcoming, way.length, strict=True)
+    ]
+    return ShownMotion(drive.mounting, way.motion.q, told, sample_drive(cell, drive).motion.q)
 
 
 def carrier_poses(cell: Cell, mounting: Mounting, q: Array) -> Array:
@@ -253,7 +297,7 @@ def carrier_poses(cell: Cell, mounting: Mounting, q: Array) -> Array:
 
 
 def _spots(cell: Cell, drive: Drive) -> Iterator[ViewPose]:
-    x = _points(cell, drive, np.array([v.q for v in drive.visits]))
+    x = tool_points(cell, drive.mounting, np.array([v.q for v in drive.visits]))
     for p, v in zip(x, drive.visits, strict=True):
         length = cell.gauge.length_text(v.length)
         yield ViewPose(p, v.role, f"pose {v.id}, {v.role}{f': {length}' if length else ''}")

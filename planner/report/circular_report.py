@@ -9,8 +9,7 @@ from planner.common.units import UM, to_deg, to_mm
 from planner.instruments.circular.evaluation import CircularTest
 from planner.instruments.circular.figures import CircleFigures, PathFigures
 from planner.instruments.circular.plan import Arc, CircularDrive, CircularPass, CircularPlan
-from planner.kinematics.geometry import bar_state
-from planner.report.cell_view import VIEW_FRAMES, CellView, ViewFrames, ViewPose, carrier_poses, compose_cell_view
+from planner.report.cell_view import VIEW_FRAMES, CellView, ShownMotion, ViewPose, tool_points, view_session
 from planner.report.chart import BASE, BLUE, GREY, RED, Chart, Panel, ReferenceLine, Series, joint_series
 from planner.report.formatting import clearance_fact, duration_text, in_um, verdict_rows
 from planner.report.page import Report, Row
@@ -176,28 +175,22 @@ def report_circular_plan(plan: CircularPlan) -> Report:
 def circular_view(plan: CircularPlan) -> CellView:
     """The view in space: robot and bar on every circle in the sense in which angles grow."""
     cell, arcs = plan.cell, plan.arcs
-    poses, labels = [], []
-    for arc in arcs:
-        rows = np.linspace(0, len(arc.q) - 1, VIEW_FRAMES // len(arcs)).astype(int)
-        poses.append(carrier_poses(cell, arc.circle.mounting, arc.q[rows]))
-        labels += [
-            f"circle {arc.circle.name}   {to_deg(arc.angle[k]):.0f} deg   bar {to_mm(arc.length[k]):.1f} mm   "
-            f"axes {'  '.join(f'{a:.1f}' for a in to_deg(arc.q[k]))} deg"
-            for k in rows
-        ]
+    shown = [_show_arc(a, VIEW_FRAMES // len(arcs)) for a in arcs]
     spots = []
     for drive in plan.drives:
-        x = cell.map_position(np.asarray(cell.mount(drive.mounting))[None])
-        length = bar_state(x, cell.fixtures[drive.mounting.fixture].p_BX).length[0]
-        spots.append(ViewPose(to_mm(x[0]), "mount", f"the bar is attached: {to_mm(length):.1f} mm"))
-    return compose_cell_view(
-        cell,
-        ViewFrames(np.vstack(poses), tuple(labels)),
-        cloud=np.empty((0, 3)),
-        paths=tuple(to_mm(cell.map_position(a.q)) for a in arcs),
-        ways=tuple(to_mm(cell.map_position(d.course.travel.trajectory.sample(0.05).q)) for d in plan.drives),
-        spots=tuple(spots),
-    )
+        q = np.asarray(cell.mount(drive.mounting))[None]
+        length = cell.bar_length(q, drive.mounting)[0]
+        text = f"the bar is attached: {to_mm(length):.1f} mm"
+        spots.append(ViewPose(tool_points(cell, drive.mounting, q)[0], "mount", text))
+    return view_session(cell, plan.courses, shown, spots)
+
+
+def _show_arc(arc: Arc, count: int) -> ShownMotion:
+    rows = np.linspace(0, len(arc.q) - 1, count).astype(int)
+    told = [
+        f"circle {arc.circle.name}   {to_deg(arc.angle[k]):.0f} deg   bar {to_mm(arc.length[k]):.1f} mm" for k in rows
+    ]
+    return ShownMotion(arc.circle.mounting, arc.q[rows], told, arc.q)
 
 
 def _plan_facts(plan: CircularPlan) -> tuple[Row, ...]:

@@ -18,7 +18,7 @@ from planner.common.units import Array, to_deg, to_mm
 from planner.instruments.circular.document import is_circular, load_circular_plan
 from planner.model.identification_document import Identification
 from planner.motion.collision.surroundings import check_surroundings
-from planner.report.cell_view import ViewFrames, ViewPose, carrier_poses, compose_cell_view
+from planner.report.cell_view import ShownMotion, ViewPose, tool_points, view_session
 from planner.runs.run import Run
 from planner.service.views import SceneView, ViewCloud, ViewLayer, check_view, pack_numbers, pack_scene, view_fixture
 from planner.session.course import Course
@@ -138,29 +138,17 @@ def plan_view(path: Path) -> SceneView:
     """Return the view of the plan at ``path``: the robot along its way, and all poses."""
     session = load_circular_plan(path) if is_circular(path) else load_session(path, "shown")
     cell, courses = session.cell, session.courses
-    count = max(2, FRAMES // len(courses))
-    parts = [_frames(cell, c, count) for c in courses]
-    frames = ViewFrames(np.vstack([p.poses for p in parts]), tuple(label for p in parts for label in p.labels))
-    paths = tuple(_tool_path(cell, c) for c in courses)
-    ways = tuple(to_mm(cell.at(c.mounting).map_position(c.travel.trajectory.sample(0.1).q)) for c in courses)
-    return pack_scene(compose_cell_view(cell, frames, np.empty((0, 3)), paths, ways, _spots(cell, courses, path)))
+    shown = [_show_course(cell, c, max(2, FRAMES // len(courses))) for c in courses]
+    return pack_scene(view_session(cell, courses, shown, _spots(cell, courses, path), way_step=0.1))
 
 
-def _frames(cell: Cell, course: Course, count: int) -> ViewFrames:
+def _show_course(cell: Cell, course: Course, count: int) -> ShownMotion:
     trajectory = course.trajectory
     t = np.linspace(0.0, trajectory.duration_s, count)
-    q = trajectory.at(t).q
     where = f"{cell.place_name(course.mounting)}   " if len(cell.mountings) > 1 else ""
-    labels = tuple(
-        f"{where}{int(s) // 60}:{int(s) % 60:02d} min   axes {'  '.join(f'{a:.1f}' for a in to_deg(angles))} deg"
-        for s, angles in zip(t, q, strict=True)
-    )
-    return ViewFrames(carrier_poses(cell, course.mounting, q), labels)
-
-
-def _tool_path(cell: Cell, course: Course) -> Array:
-    q = course.trajectory.at(np.linspace(0.0, course.trajectory.duration_s, PATH_POINTS)).q
-    return np.asarray(to_mm(cell.at(course.mounting).map_position(q)))
+    told = [f"{where}{int(s) // 60}:{int(s) % 60:02d} min" for s in t]
+    path = trajectory.at(np.linspace(0.0, trajectory.duration_s, PATH_POINTS)).q
+    return ShownMotion(course.mounting, trajectory.at(t).q, told, path)
 
 
 def _spots(cell: Cell, courses: Sequence[Course], path: Path) -> tuple[ViewPose, ...]:
@@ -173,7 +161,7 @@ def _spots(cell: Cell, courses: Sequence[Course], path: Path) -> tuple[ViewPose,
         for q, visit in zip(way.q, way.visit, strict=True):
             if visit >= 0 and int(visit) not in spots:
                 role = roles.get(int(visit), "mount")
-                position = to_mm(cell.at(c.mounting).map_position(q[None])[0])
+                position = tool_points(cell, c.mounting, q[None])[0]
                 spots[int(visit)] = ViewPose(position, role, f"pose {int(visit)}, {role}")
     return tuple(spots.values())
 

@@ -107,7 +107,7 @@ class CellCheck(StrictModel):
 def check_view(cell: Cell) -> CellCheck:
     """Return what a page shows of a cell before it is planned: the robot at home."""
     frames = ViewFrames(carrier_poses(cell, cell.mountings[0], cell.home[None]), ("home",))
-    view = compose_cell_view(cell, frames, np.empty((0, 3)), (), (), ())
+    view = compose_cell_view(cell, frames)
     held = cell.gauge.noun if cell.has_bar() else None  # at home it is not attached
     view = replace(view, moving=tuple(m for m in view.moving if m.name != held))
     gauge = cell.gauge.describe(cell)
