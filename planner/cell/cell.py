@@ -146,6 +146,11 @@ class MotionSettings:
     travel: float
     tour_cost: Literal["limits", "axes"] = "limits"
 
+    @property
+    def is_continuous(self) -> bool:
+        """Whether the gauge is read while moving."""
+        return self.measure == "continuous"
+
 
 @dataclass(frozen=True)
 class Cable:

@@ -260,7 +260,7 @@ class Gauge(ABC):
 
     def tool_speed(self, cell: "Cell") -> float:
         """Return the limit of the tool point's speed while it is attached or read [m/s]."""
-        return cell.motion.tool_speed if cell.motion.measure == "continuous" else np.inf
+        return cell.motion.tool_speed if cell.motion.is_continuous else np.inf
 
     def leg_speeds(self, cell: "Cell", visit: np.ndarray) -> float | Array:
         """Return the same on the legs of a path with visits (m,), one for all or (m − 1,) [m/s]."""

@@ -161,7 +161,7 @@ def measure_command(
     if protocol != STREAM:
         _ = find_protocol(protocol)
     session = load_session(plan_file, "measured")
-    if session.cell.motion.measure != "static" or session.cell.gauge.columns != "length_mm":
+    if session.cell.motion.is_continuous or session.cell.gauge.columns != "length_mm":
         raise InputError(
             f'{plan_file}: poses are ticked off where the arm rests at each (motion.measure = "static") and a bar or '
             "wire is read; log a continuous session with controller and gauge, and bring both logs in by edbb import"

@@ -241,7 +241,7 @@ SPARE_READINGS = 10  # readings more, for the effects' own parameters and poses 
 
 def traceable_pose_count(cell: Cell, pool: PoseSet) -> int | None:
     """Number of poses where nobody gives one; ``None`` for a run in motion, which has readings in plenty."""
-    if cell.motion.measure != "static":
+    if cell.motion.is_continuous:
         return None
     model, seen, _ = identify_candidates(cell, pool)
     return min(len(pool), -(-(seen.rank + TRACEABLE + SPARE_READINGS) // model.width))

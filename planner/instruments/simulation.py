@@ -12,7 +12,7 @@ from planner.common.units import Array, read_only
 from planner.instruments.loaded.equilibrium import solve_equilibrium
 from planner.instruments.truth import Truth
 from planner.runs.run import NO_REFERENCE_READINGS, SIMULATED, ReferenceReadings, Run, Samples
-from planner.session.course import Course, is_continuous
+from planner.session.course import Course
 from planner.session.document import PlanDocument, PoseRecord
 
 SAMPLE_RATE = 100.0  # [Hz] of the samples of a run that is measured while moving
@@ -48,7 +48,7 @@ def planned_samples(cell: Cell, plan: PlanDocument, courses: Sequence[Course]) -
     Raises:
         InputError: nothing is measured.
     """
-    moving = is_continuous(cell)
+    moving = cell.motion.is_continuous
     parts = [_samples_driven(c) if moving else _samples_at_rest(cell, plan, c) for c in courses]
     starts = np.cumsum([0.0] + [c.trajectory.duration_s + FIXTURE_CHANGE_TIME for c in courses[:-1]])
     count = [len(p.t) for p in parts]
@@ -73,7 +73,7 @@ def simulate_run(cell: Cell, plan_id: str, samples: Samples, truth: Truth, seed:
 
     The encoders read where the arm is told to stand; repeatability is what the joints are off by.
     """
-    moving = is_continuous(cell)
+    moving = cell.motion.is_continuous
     model, errors = truth.complete()
     rng = np.random.default_rng([seed, 1])
     off = model.joint_sigma * _repeatability_noise(rng, samples, moving)

@@ -9,7 +9,6 @@ from planner.design.bayesian_design import describe_bayesian_design
 from planner.design.discrimination.power import Discrimination
 from planner.design.observability.information import INDEX_RULES
 from planner.motion.path.verdict import Verdict
-from planner.session.course import is_continuous
 from planner.session.plan_types import Plan
 
 
@@ -115,7 +114,9 @@ def certificate_text(plan: Plan) -> tuple[str, ...]:
             f"After moving them off the grid of candidates: {digits(choice.value, 4)}; {least} {limit}, {apart}. "
             "Of poses between the candidates that is not proven otherwise."
         )
-    driven = "Read all along the trajectory, evenly in time" if is_continuous(plan.cell) else "At the poses as driven"
+    driven = (
+        "Read all along the trajectory, evenly in time" if plan.cell.motion.is_continuous else "At the poses as driven"
+    )
     out.append(f"{driven}: {digits(plan.driven, 4)}.")
     out.append(
         "The bound is a proof: its dual solution was checked afresh against every candidate."

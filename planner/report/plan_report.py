@@ -67,7 +67,7 @@ def _facts(plan: Plan) -> tuple[Row, ...]:
 def _drive_facts(plan: Plan) -> tuple[Row, ...]:
     """How long it drives, and how far from everything."""
     driving, motion = sum(d.trajectory.duration_s for d in plan.drives), plan.cell.motion
-    both = "both ways, " if motion.both_ways and motion.measure == "continuous" else ""
+    both = "both ways, " if motion.both_ways and motion.is_continuous else ""
     return (
         ("driving", text.duration_text(driving), f"{both}{motion.measure}"),
         text.clearance_fact([v for d in plan.drives for v in d.verdicts]),

@@ -24,7 +24,6 @@ from planner.design.pose_selection import (
 from planner.design.selection.certificate import Certificate
 from planner.motion.path.constraints import Constraints
 from planner.runs.run import Samples
-from planner.session.course import is_continuous
 from planner.session.mount import MountMaps, drop_unreachable, join_to_mounts, move_mounts, with_mounts
 from planner.session.options import PlanOptions
 from planner.session.plan_types import Drive
@@ -125,7 +124,7 @@ class BarPoses(PoseSession):
 
     def places(self) -> list[MountingSession]:
         """Return every place of the bar, to be measured with it and travelled to without."""
-        repeats = 0 if is_continuous(self.cell) else self.cell.plan.repeat
+        repeats = 0 if self.cell.motion.is_continuous else self.cell.plan.repeat
         out = []
         for m in self.cell.mountings:
             near = self.pool.q[self.pool.samples.at_mounting(m)]
@@ -140,7 +139,7 @@ class BarPoses(PoseSession):
         """Rows of the trajectory as it is driven: at the poses' closest passage when continuous, else at rest."""
         rows = []
         for d in drives:
-            if is_continuous(self.cell):
+            if self.cell.motion.is_continuous:
                 q = d.trajectory.angles(np.linspace(0.0, d.trajectory.duration_s, DRIVEN_SAMPLES))
             else:
                 q = np.array([v.q for v in d.visits if v.role == "calibrate"])

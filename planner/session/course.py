@@ -123,7 +123,7 @@ class Course:
 def axis_limits(cell: Cell, bar: bool) -> Limits:
     """Axis limits; where the robot does not measure on the way, its speed is the allowed part of full speed."""
     robot = cell.robot
-    slow = 1.0 if bar and is_continuous(cell) else cell.motion.travel
+    slow = 1.0 if bar and cell.motion.is_continuous else cell.motion.travel
     return Limits(robot.speed * slow, robot.acceleration, robot.jerk)
 
 
@@ -146,11 +146,6 @@ def reading_limits(cell: Cell, mounting: Mounting, bar: bool) -> ReadingLimits |
     )
 
 
-def is_continuous(cell: Cell) -> bool:
-    """Whether the gauge is read while moving."""
-    return cell.motion.measure == "continuous"
-
-
 def time_course(
     cell: Cell, mounting: Mounting, travel: Waypoints, measuring: Waypoints, shortcuts: tuple[int, ...] = ()
 ) -> Course:
@@ -167,7 +162,7 @@ def time_course(
 
 def time_measuring(cell: Cell, path: Waypoints, mounting: Mounting) -> TimedPath:
     """Time a measuring path, given one way, as it is driven: both ways where asked, at rest at the poses or not."""
-    moving = is_continuous(cell)
+    moving = cell.motion.is_continuous
     if moving and cell.motion.both_ways:
         path = path.there_and_back()
     rest = (0.0 if moving else cell.motion.settle + cell.motion.dwell) + cell.gauge.reading_seconds

@@ -14,7 +14,7 @@ from planner.motion.timing.limits import axis_percent
 from planner.motion.timing.trajectory import Trajectory
 from planner.programs.instructions import JointMove
 from planner.runs.run import Mounting
-from planner.session.course import TimedPath, is_continuous
+from planner.session.course import TimedPath
 
 DENSE_TRAVEL = 0.002  # [m] of the tool point between two points of a path given in small steps
 MOST_OFF = 0.5  # of such a step that a longer one, of a controller that prepares blocks slowly, may leave the path by
@@ -37,7 +37,7 @@ def joint_moves(cell: Cell, path: TimedPath, mounting: Mounting | None) -> list[
         tool_jacobian=cell.map_jacobian,
         speed=robot.speed,
     )
-    highest = 100.0 if mounting is not None and is_continuous(cell) else 100.0 * cell.motion.travel
+    highest = 100.0 if mounting is not None and cell.motion.is_continuous else 100.0 * cell.motion.travel
     run = _leg_travel(cell, path.q, mounting, LEG_SAMPLES, LEG_MARGIN)
     shortest = run.shortest_times(trajectory.tool_speed_limit, cell.gauge.rate)
     quickest = (np.abs(np.diff(path.q, axis=0)) / robot.speed).max(axis=1)

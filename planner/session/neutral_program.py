@@ -28,7 +28,7 @@ from planner.programs.languages.execution import ReadBack
 from planner.programs.rendering import ProgramFile
 from planner.programs.verification import ProgramMismatchError, write_checked
 from planner.runs.run import Mounting
-from planner.session.course import Course, TimedPath, is_continuous
+from planner.session.course import Course, TimedPath
 from planner.session.driven_moves import circle_moves, degrees, dense_moves, joint_moves
 from planner.session.plan_types import Programs
 from planner.session.tour_cost import cut_stretches, tool_positions, travel_and_change
@@ -187,7 +187,7 @@ def _course_instructions(cell: Cell, one: Course, form: PathForm, first: int) ->
     ]
     after = [Pause(removal)] if removal else []
     back: list[Instruction] = [*after, Section(f"back home{bare}"), *moves_back(travel, one.travel.q)]
-    form = replace(form, dense=form.dense and is_continuous(cell))
+    form = replace(form, dense=form.dense and cell.motion.is_continuous)
     last = StretchBegin(first + _count_starts(one) - 1)
     if not one.is_of_poses:
         passes = (item for p in _pass_instructions(cell, one, form) for item in (last, *p, StretchEnd()))
@@ -257,7 +257,7 @@ def measured_moves(cell: Cell, path: TimedPath, mounting: Mounting, form: PathFo
         rounds = circle_moves(cell, path, mounting) if form.circles else None
         moves = joint_moves(cell, path, mounting) if rounds is None else rounds
         begins = {k: k for k, move in enumerate(moves) if move.pose is not None}
-    rests, short = not (is_continuous(cell) or form.dense), _stop_short(cell, path)
+    rests, short = not (cell.motion.is_continuous or form.dense), _stop_short(cell, path)
     for k, move in enumerate(moves):
         asked = "" if move.pose is None else cell.gauge.seating(cell, np.deg2rad(move.q_deg), move.pose)
         out.append((begins.get(k, -1), replace(move, q_deg=degrees(short.q[k + 1])) if asked else move))

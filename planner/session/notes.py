@@ -14,7 +14,6 @@ from planner.design.pose_selection import PoseChoice, warn_too_few_readings
 from planner.motion.collision.surroundings import describe_polytopes, left_out_pairs
 from planner.runs.joint_motion import last_reversals
 from planner.runs.run import Samples
-from planner.session.course import is_continuous
 from planner.session.plan_types import Drive
 
 STEP = 0.05  # [s] along the path in which reversals are looked for
@@ -60,7 +59,7 @@ def _speed_notes(cell: Cell) -> list[str]:
 def _repeat_notes(cell: Cell) -> list[str]:
     """Repeats are visits at rest; who asked for them is told what stands in for them while moving."""
     asked = cell.plan.repeat and "repeat" in cell.file.plan.model_fields_set
-    if not asked or not is_continuous(cell):
+    if not asked or not cell.motion.is_continuous:
         return []
     instead = "every pose is passed twice, there and back" if cell.motion.both_ways else "no pose is visited twice"
     return [f"plan.repeat = {cell.plan.repeat} is for poses at rest: in this continuous session {instead}"]
@@ -68,7 +67,7 @@ def _repeat_notes(cell: Cell) -> list[str]:
 
 def discrimination_as_driven(cell: Cell, parted: DiscriminatingChoice, drives: tuple[Drive, ...]) -> Discrimination:
     """Return how surely the plan tells findings from rivals, as it is driven."""
-    parts = [_samples_in_passing(d) if is_continuous(cell) else _samples_at_rest(cell, d) for d in drives]
+    parts = [_samples_in_passing(d) if cell.motion.is_continuous else _samples_at_rest(cell, d) for d in drives]
     ways = min(len(p) for p in parts)
     return parted.as_driven(tuple(Samples.concatenate([p[k] for p in parts]) for k in range(ways)))
 
@@ -111,7 +110,7 @@ def _index_notes(separation: Discrimination, choice: PoseChoice) -> tuple[str, .
 def _scarcity_notes(cell: Cell, choice: PoseChoice, drives: tuple[Drive, ...]) -> tuple[str, ...]:
     """Tell that a run at rest has too few readings to be traced."""
     visits = sum(v.role in MEASURED for d in drives for v in d.visits)
-    said = None if is_continuous(cell) else warn_too_few_readings(visits * choice.model.width, choice.seen.rank)
+    said = None if cell.motion.is_continuous else warn_too_few_readings(visits * choice.model.width, choice.seen.rank)
     return () if said is None else (said,)
 
 

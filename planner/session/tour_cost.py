@@ -94,7 +94,7 @@ def session_minutes(cell: Cell, drives: Sequence[Drive], poses: int) -> Callable
     (Beardwood, Halton and Hammersley 1959, Math. Proc. Cambridge Phil. Soc. 55(4)).
     """
     visits = sum(len(d.visits) for d in drives)
-    still = cell.motion.dwell + cell.motion.settle if cell.motion.measure == "static" else 0.0
+    still = 0.0 if cell.motion.is_continuous else cell.motion.dwell + cell.motion.settle
     moving = sum(d.trajectory.duration_s for d in drives) - visits * still
 
     def minutes(count: int) -> float:

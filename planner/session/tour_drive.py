@@ -23,7 +23,7 @@ from planner.motion.path.verdict import PathGaps, ProvenPath
 from planner.motion.timing.trajectory import check_limits
 from planner.motion.tour.solve import Method, Tour, solve_tour
 from planner.runs.run import Mounting
-from planner.session.course import Course, axis_limits, is_continuous, reading_limits, time_measuring
+from planner.session.course import Course, axis_limits, reading_limits, time_measuring
 from planner.session.plan_types import Drive, Visit, motion_signs
 from planner.session.release import (
     TourStop,
@@ -102,7 +102,7 @@ def drive_tour(place: MountingSession, stops: Sequence[TourStop], tsp: Method, s
     travel = path_to_mount(place.travelling, np.vstack([cell.home, place.mount]), seed)
     path, touched = insert_ball_approaches(path, stops)
     visits = _number_visits(place, path, stops, first)
-    rests = (path.node == 0 if is_continuous(cell) else path.node >= 0) | touched
+    rests = (path.node == 0 if cell.motion.is_continuous else path.node >= 0) | touched
     ids = np.full(len(path.node), -1)
     ids[path.node >= 0] = [-1 if v.role == "mount" else v.id for v in visits]
     points = add_blends(constraints, path, rests, ids)

@@ -129,7 +129,7 @@ def candidate_visits(cell: Cell, pool: PoseSet, poses: int, seed: int) -> tuple[
     way = pool.q - before
     t = rng.random(len(pool)) * poses * (TIME_BETWEEN + cell.motion.settle + cell.motion.dwell)
     at = replace(pool.samples, t=read_only(t))
-    if cell.motion.measure == "static":
+    if not cell.motion.is_continuous:
         return (replace(at, direction=read_only(np.sign(way))),)
     speed = _measuring_speed(cell, pool.q, way)
     earlier = [pool.q[rng.permutation(len(pool))] for _ in range(POSES_BEFORE)]
@@ -166,7 +166,7 @@ def _measuring_speed(cell: Cell, q: Array, way: Array) -> Array:
 
 def approach_axes(identified: IdentificationResult, cell: Cell) -> tuple[int, ...]:
     """Axes whose side of approach a pose at rest must be come to from: those whose play is in question."""
-    if cell.motion.measure != "static":
+    if cell.motion.is_continuous:
         return ()
     names = {n for f in identified.found if f.rivals for n in (f.name, *f.rivals)}
     return tuple(i for i in range(cell.robot.n_joints) if f"backlash, joint {i + 1}" in names)
