@@ -39,7 +39,6 @@ from planner.model.identification_document import (
     Finding,
     HoldOut,
     Metrics,
-    RejectedEffect,
     ReleaseBasis,
     Stage,
     Unexplained,
@@ -122,9 +121,8 @@ def collect_warnings(run: Run, cell: Cell, found: Fit, validation: Run | None) -
         out.append("the controller already corrects the robot: what was identified is what its correction leaves")
     out += [*_of_pull(run), *_other_point(run, cell), *declared_pose_warnings(cell, setup)]
     if len(found.outliers):
-        named = "; ".join(run.where(int(k)) for k in found.outliers[:NAMED_OUTLIERS])
-        more = f"; and {len(found.outliers) - NAMED_OUTLIERS} more" if len(found.outliers) > NAMED_OUTLIERS else ""
-        out.append(f"{len(found.outliers)} samples are outliers ({named}{more}); they were kept in the fit")
+        named = _name_some([run.where(k) for k in found.outliers.tolist()])
+        out.append(f"{len(found.outliers)} samples are outliers ({named}); they were kept in the fit")
     if all(m is None for m in setup.robot.masses):
         out.append(
             f"{setup.robot.name} has no link masses: what its own weight does is known link by link at best, not in Nm"
@@ -145,12 +143,17 @@ def _wrong_validation_rows(run: Run, residual: Array) -> list[str]:
     wrong = np.flatnonzero(size > FAR_OFF * usual)
     if not len(wrong) or len(wrong) > len(size) // 4:
         return []
-    named = "; ".join(f"{run.where(int(k))} by {size[k] / MM:.3g} mm" for k in wrong[:NAMED_OUTLIERS])
-    more = f"; and {len(wrong) - NAMED_OUTLIERS} more" if len(wrong) > NAMED_OUTLIERS else ""
+    named = _name_some([f"{run.where(k)} by {size[k] / MM:.3g} mm" for k in wrong.tolist()])
     return [
         f"of the validation's rows, half of which are off by less than {usual / MM:.3g} mm, some are far off ({named}"
-        f"{more}): exchanged or mistyped? Its errors count them"
+        "): exchanged or mistyped? Its errors count them"
     ]
+
+
+def _name_some(rows: Sequence[str]) -> str:
+    """Name the first few of some rows, and how many more there are."""
+    more = [f"and {len(rows) - NAMED_OUTLIERS} more"] if len(rows) > NAMED_OUTLIERS else []
+    return "; ".join([*rows[:NAMED_OUTLIERS], *more])
 
 
 def _of_pull(run: Run) -> list[str]:
@@ -229,7 +232,7 @@ def assess_fit(
         degrees_of_freedom=max(1.0, len(found.problem) * found.model.width / time - found.effective),
         findings=tuple(_with_estimates(traced.findings, table)),
         limits=traced.limits,
-        rejected=tuple(RejectedEffect(name=name, because=why) for name, why in traced.rejected),
+        rejected=traced.rejected,
         tried=traced.tried,
         unexplained=_describe_rest(diagnosis, last),
         noise_floor=_noise_floor(run, last.residual),

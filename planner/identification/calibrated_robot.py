@@ -22,6 +22,7 @@ from planner.effects.steps import SLIP, STEP
 from planner.identification.calibration import Calibration
 from planner.kinematics.robot import Loads, Robot, RobotEffect
 from planner.kinematics.robot_writer import RobotCorrections, mesh_files, write_robot
+from planner.model.model import chunks
 from planner.runs.run import Samples
 
 OTHER_CAUSE = "what belongs to the gauge"
@@ -96,8 +97,7 @@ class CalibratedRobot:
     def flange(self, q: Array) -> tuple[Array, Array]:
         """Return p_BF (n, 3) [m] and R_BF (n, 3, 3) at controller angles q (n, N) [rad]."""
         p, R = np.empty((len(q), 3)), np.empty((len(q), 3, 3))
-        for start in range(0, len(q), CHUNK):
-            part = slice(start, start + CHUNK)
+        for part in chunks(len(q), CHUNK):
             theta = self.robot.theta(q[part])
             motion = self._setup.chain.forward(theta, self._delta(q[part]))
             p[part], R[part] = motion.x.T, np.moveaxis(motion.R, 2, 0)

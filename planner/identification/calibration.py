@@ -11,7 +11,7 @@ from planner.common.units import Array, to_deg
 from planner.design.observability.identifiability import DroppedParameter
 from planner.identification.least_squares import Fit
 from planner.identification.released_robot import ReleasedRobot
-from planner.model.identification_document import DetectionLimit, Finding, Identification, OnlyInMemory
+from planner.model.identification_document import DetectionLimit, Finding, Identification, OnlyInMemory, RejectedEffect
 from planner.runs.run import Run
 
 
@@ -22,13 +22,13 @@ class TracingResult:
     Attributes:
         findings: effects in the model, in the order in which they were found.
         limits: for every effect that was looked for and not found.
-        rejected: (name, why) of what was refitted and not kept.
+        rejected: what was refitted and not kept.
         tried: number of effects and inner values that were looked at.
     """
 
     findings: tuple[Finding, ...] = ()
     limits: tuple[DetectionLimit, ...] = ()
-    rejected: tuple[tuple[str, str], ...] = ()
+    rejected: tuple[RejectedEffect, ...] = ()
     tried: int | None = None
 
 

@@ -28,6 +28,7 @@ from planner.identification.calibrated_robot import MovedBy, describe_moves, eff
 from planner.identification.released_robot import ReleasedRobot, ToolMap, moving_effects
 from planner.kinematics.bodies import Vector
 from planner.kinematics.robot import Robot
+from planner.model.model import chunks
 from planner.model.tool_error import tool_rows, tool_setup
 from planner.runs.run import Samples
 
@@ -224,8 +225,7 @@ class ExpectedError:
         frame, motion = self._motion(self._states, p_FM, vectors)
         shift = np.linalg.lstsq(frame, motion)[0]
         square = np.empty((len(q), vectors.shape[1]))
-        for start in range(0, len(q), CHUNK):
-            part = slice(start, start + CHUNK)
+        for part in chunks(len(q), CHUNK):
             frame, motion = self._motion(q[part], p_FM, vectors)
             square[part] = ((motion - frame @ shift) ** 2).reshape(len(q[part]), 3, -1).sum(axis=1)
         rest = self.file.rest_mm if self.is_measured(p_FM) else self.file.rest_other_mm

@@ -86,20 +86,19 @@ def identify(
     say("geometry")
     stages.append(context.fit_stage("geometry", model, stages[-1].fit))
     stages, notes = add_declared_stages(stages, free, cell.plan.effects, context, say)
+    traced = TracingResult()
     if tracer is not None and context.spare(free.model) >= TRACEABLE_READINGS:
         more, traced = tracer(stages[-1], context, say)
+        stages += more
         notes += [] if approaches else approach_warnings(traced)
-        say("calibrated robot")
-        return assess_fit([*stages, *more], free, context, cell, validation, traced, notes, settings.basis)
-    if tracer is not None:
-        notes.append(too_few_text(context.spare(free.model)))
-    if JOINT_COMPLIANCE not in cell.plan.effects and (setup.weighs or run.samples.force is not None):
-        say(JOINT_COMPLIANCE)
-        stages, free = add_stage_if_gain(
-            stages, free, choose_parameters(cell, setup, run, (JOINT_COMPLIANCE,)), JOINT_COMPLIANCE, context
-        )
+    else:
+        notes += [] if tracer is None else [too_few_text(context.spare(free.model))]
+        if JOINT_COMPLIANCE not in cell.plan.effects and (setup.weighs or run.samples.force is not None):
+            say(JOINT_COMPLIANCE)
+            wider = choose_parameters(cell, setup, run, (JOINT_COMPLIANCE,))
+            stages, free = add_stage_if_gain(stages, free, wider, JOINT_COMPLIANCE, context)
     say("calibrated robot")
-    return assess_fit(stages, free, context, cell, validation, TracingResult(), notes, settings.basis)
+    return assess_fit(stages, free, context, cell, validation, traced, notes, settings.basis)
 
 
 def _check_size(context: FitContext, model: Model) -> None:

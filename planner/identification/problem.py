@@ -13,7 +13,7 @@ from planner.common.units import Array
 from planner.effects.context import Context
 from planner.identification.noise import Noise, Whitener
 from planner.model.columns import Columns
-from planner.model.model import Linearization, Model
+from planner.model.model import Linearization, Model, chunks
 from planner.runs.run import Run, Samples
 
 PIECE_SAMPLES = 8192  # samples a piece
@@ -126,7 +126,7 @@ class FitProblem:
 
     def over_pieces(self, task: Callable[[slice], T]) -> Iterator[T]:
         """Run ``task`` on every piece, on two processors, results in order."""
-        parts = [slice(k, min(k + PIECE_SAMPLES, len(self))) for k in range(0, len(self), PIECE_SAMPLES)]
+        parts = list(chunks(len(self), PIECE_SAMPLES))
         if len(parts) < 2:
             yield from map(task, parts)
             return

@@ -144,13 +144,8 @@ def is_gain(before: Stage, after: Stage, split: Split) -> bool:
     """Tell whether the held-out squared error falls by more than chance: by groups, paired, in standard errors."""
     if len(np.unique(split.fine)) < 2:
         return False
-    gain, error = held_out_improvement(before, after, split)
+    gain, error = error_reduction(before.held_residual, after.held_residual, split)
     return gain > GAIN_ERRORS * error
-
-
-def held_out_improvement(before: Stage, after: Stage, split: Split) -> tuple[float, float]:
-    """Fall of the held-out squared error from one stage to another, and its standard error, over groups."""
-    return error_reduction(before.held_residual, after.held_residual, split)
 
 
 def error_reduction(before: Array, after: Array, split: Split) -> tuple[float, float]:

@@ -363,7 +363,7 @@ def _stack_functions(moves: Sequence[tuple[int, int]], phi: Sequence[Array], n: 
     return out
 
 
-def chunks(n: int) -> Iterator[slice]:
-    """Slices of at most ``CHUNK`` samples."""
-    for start in range(0, n, CHUNK):
-        yield slice(start, min(start + CHUNK, n))
+def chunks(n: int, most: int = CHUNK) -> Iterator[slice]:
+    """Slices of at most so many samples."""
+    for start in range(0, n, most):
+        yield slice(start, min(start + most, n))

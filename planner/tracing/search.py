@@ -13,6 +13,7 @@ from planner.effects.effect import Effect, Role
 from planner.effects.nonparametric import GEAR_CURVE, nonparametric_effects
 from planner.effects.steps import steppables
 from planner.identification.stages import FitContext
+from planner.model.identification_document import RejectedEffect
 from planner.tracing.candidate_ranking import rank_candidates
 from planner.tracing.change_points import rank_changes, relocate_steps, series_merit, step_series
 from planner.tracing.score_test import EffectScore, ScoreTest
@@ -192,12 +193,12 @@ class SearchResult:
     Attributes:
         context: of the search among the effects of the catalogue.
         path: states in order, the first without any effect.
-        rejected: names of what was refitted and not kept, each with the reason.
+        rejected: what was refitted and not kept.
     """
 
     context: SearchContext
     path: tuple[SearchState, ...]
-    rejected: tuple[tuple[str, str], ...]
+    rejected: tuple[RejectedEffect, ...]
 
     @property
     def tried(self) -> int:
@@ -235,7 +236,8 @@ def search(start: SearchState, effects: Sequence[Effect], fit_context: FitContex
     # a name that explains much less than no name would was forced
     other = swap_effects(last_context, path[-1], NONPARAMETRIC_MARGIN)
     path = path if other is None else [*path, other]
-    gone = tuple((n, why) for n, why in context.rejected.why.items() if n not in path[-1].names)
+    known = path[-1].names
+    gone = tuple(RejectedEffect(name=n, because=why) for n, why in context.rejected.why.items() if n not in known)
     return SearchResult(context, tuple(path), gone)
 
 

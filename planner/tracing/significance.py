@@ -10,7 +10,7 @@ from planner.effects.effect import Role, implausible_text
 from planner.identification.covariance import correlation_time
 from planner.identification.cross_validation import predict_held_out, predict_held_out_without
 from planner.identification.problem import LinearPiece
-from planner.identification.stages import FitContext, error_reduction, held_out_improvement
+from planner.identification.stages import FitContext, error_reduction
 from planner.model.identification_document import Metrics
 from planner.tracing.state import LINK_MASSES, FittedEffect, SearchState
 
@@ -107,7 +107,7 @@ def rejection_reason(before: SearchState, after: SearchState, fit_context: FitCo
 def held_out_gain(before: SearchState, after: SearchState, fit_context: FitContext) -> tuple[float, float]:
     """Share of the held-out squared error that goes from one state to another, and its standard error."""
     if after.linear is None:
-        return held_out_improvement(before.stage, after.stage, fit_context.split)
+        return error_reduction(before.stage.held_residual, after.stage.held_residual, fit_context.split)
     few = fit_context.part(before.fit.model)  # a linear refit predicts only samples that are fitted
     own, split = before.stage.held_residual, fit_context.split
     if few is not None:
