@@ -8,6 +8,7 @@ import re
 from dataclasses import dataclass, replace
 from functools import cached_property
 
+from planner.cell.file import ControllerFile
 from planner.common.errors import InputError
 from planner.runs.run import Mounting
 
@@ -135,9 +136,9 @@ Instruction = (
 class Program:
     """A whole measuring session, checked for sense when it is made.
 
-    Without ``sync_output`` no output is switched and without ``gauge_input`` no input is waited on, whatever the
-    instructions mark. ``map_mm`` and ``com_mm`` are in the flange frame: the measured point, and the centre of
-    mass of what is bolted on.
+    Where ``controller`` names no ``sync_output`` no output is switched, and without ``gauge_input`` no input is waited
+    on, whatever the instructions mark. ``map_mm`` and ``com_mm`` are in the flange frame: the measured point, and the
+    centre of mass of what is bolted on.
 
     Raises:
         InputError: an angle, time, speed or blend that no controller could drive, or a stop asked for
@@ -149,18 +150,11 @@ class Program:
     n_joints: int
     home_deg: tuple[float, ...]
     instructions: tuple[Instruction, ...]
-    tool: int | None = None
-    base: int | None = None
-    load: int | None = None
-    sync_output: int | None = None
-    gauge_input: int | None = None
+    controller: ControllerFile
+    """Numbers to select, signals to use, and what takes the place of the dialect's own limits."""
     map_mm: tuple[float, float, float] = (0.0, 0.0, 0.0)
     mass_kg: float = 0.0
     com_mm: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    part_lines: int | None = None
-    """Most lines of a file of the program, in place of the dialect's own limit."""
-    block_ms: float | None = None
-    """Time that the controller takes to prepare a block [ms], in place of the dialect's own figure."""
     joint_names: tuple[str, ...] = ()
     changed: str = ""
     """What is said at the head of a program whose plan is not as it was planned, though it bears that plan's id."""
@@ -169,9 +163,6 @@ class Program:
         if not re.fullmatch(r"[0-9a-f]{12}", self.plan_id):
             raise InputError(f"plan_id '{self.plan_id}' is not 12 hex digits")
         _check_angles(self.home_deg, self.n_joints, "home")
-        for number in (self.tool, self.base, self.load, self.sync_output, self.gauge_input):
-            if number is not None and not 0 <= number <= 9999:
-                raise InputError(f"tool, base, load and signals are numbers from 0 to 9999, found {number}")
         if not all(math.isfinite(v) for v in (*self.map_mm, *self.com_mm, self.mass_kg)) or self.mass_kg < 0.0:
             raise InputError(f"the tool has a place or a mass ({self.mass_kg} kg) that is no sensible number")
         if not self.moves:

@@ -31,19 +31,19 @@ START_NOTE = (
 
 def operator_cautions(program: Program, dialect: Dialect, steps: tuple[ProgramStep, ...]) -> tuple[str, ...]:
     """Return what the program does not do by itself, or not where one would think; one sentence each."""
+    control = program.controller
     found = [program.changed] if program.changed else []
-    if program.sync_output is None and any(isinstance(i, Sync) for i in program.instructions):
+    if control.sync_output is None and any(isinstance(i, Sync) for i in program.instructions):
         found.append("no output marks the poses and none is touched, the cell names no controller.sync_output")
-    if program.sync_output is not None and not dialect.sync.rest:
+    if control.sync_output is not None and not dialect.sync.rest:
         found.append("this format switches no output: where the arm comes to rest tells the poses")
-    if program.gauge_input is None and any(isinstance(i, WaitInput) for i in program.instructions):
+    if control.gauge_input is None and any(isinstance(i, WaitInput) for i in program.instructions):
         found.append(
             "no input says that the gauge is ready, the operator alone goes on, "
             "the cell names no controller.gauge_input"
         )
-    by_hand = [
-        f"{name} {getattr(program, name)}" for name in NUMBERS if _needs_selection_by_hand(program, dialect, name)
-    ]
+    numbers = ((name, getattr(control, name)) for name in NUMBERS if not getattr(dialect.select, name))
+    by_hand = [f"{name} {number}" for name, number in numbers if number is not None]
     if by_hand:
         found.append(f"select {', '.join(by_hand)} by hand before the start, the program does not")
     if any(s.kind == "unlogged" for s in steps):
@@ -60,8 +60,8 @@ def operator_cautions(program: Program, dialect: Dialect, steps: tuple[ProgramSt
 def explanations(program: Program, dialect: Dialect) -> tuple[str, ...]:
     """Return what the program's signals and selections mean, and what must exist on the controller for them."""
     notes = [
-        dialect.sync.note if program.sync_output is not None else "",
-        dialect.wait_note if program.gauge_input is not None else "",
+        dialect.sync.note if program.controller.sync_output is not None else "",
+        dialect.wait_note if program.controller.gauge_input is not None else "",
         dialect.select.note,
         dialect.speed.note,
         dialect.abort,
@@ -75,14 +75,14 @@ def explanations(program: Program, dialect: Dialect) -> tuple[str, ...]:
     elif dialect.resume is None:
         notes.append("this controller has no variable to start at a later pose: it starts at the first")
     place = "[" + ", ".join(format_fixed(v, 3) for v in program.map_mm) + "]"
-    told = (dialect.signal(n, program.sync_output, program.gauge_input) for n in notes if n)
+    told = (dialect.signal(n, program.controller.sync_output, program.controller.gauge_input) for n in notes if n)
     return tuple(n.replace("{map}", place) for n in told)
 
 
 def _cycle_note(program: Program, dialect: Dialect) -> str:
     """Say how quickly blocks follow one another, where there are many or some are quicker than the controller."""
     times = sorted(1e3 * m.duration_s for m in program.moves if m.blend_mm > 0.0)
-    block_ms = program.block_ms or dialect.block_ms
+    block_ms = program.controller.block_ms or dialect.block_ms
     short = bisect_left(times, block_ms * (1.0 - 1e-9))
     if len(times) < MANY_BLOCKS and not short:
         return ""
@@ -91,10 +91,6 @@ def _cycle_note(program: Program, dialect: Dialect) -> str:
         f"{times[len(times) // 2]:.0f} ms: a block must be prepared in less, {block_ms:g} ms are reckoned with"
     )
     return f"{said}; it brakes at {short} quicker ones, lower the measuring speed" if short else said
-
-
-def _needs_selection_by_hand(program: Program, dialect: Dialect, name: str) -> bool:
-    return getattr(program, name) is not None and not getattr(dialect.select, name)
 
 
 def fill_words(text: str, words: Mapping[str, object]) -> str:
@@ -181,7 +177,7 @@ def _render_files(
     }
     module = template.make_module(context)
     blocks = _step_lines(module, program, dialect, steps)
-    limit = program.part_lines or dialect.part_lines
+    limit = program.controller.part_lines or dialect.part_lines
     if limit is not None and sum(map(len, blocks)) > limit:
         name = program_name(stem, dialect, room=4)
         module = template.make_module({**context, "name": name})

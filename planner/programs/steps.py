@@ -120,8 +120,8 @@ class _StepBuilder:
 
     def __init__(self, program: ins.Program, dialect: Dialect) -> None:
         self.dialect = dialect
-        self.pulses = program.sync_output is not None and bool(dialect.sync.rest)
-        self.waits = program.gauge_input is not None
+        self.pulses = program.controller.sync_output is not None and bool(dialect.sync.rest)
+        self.waits = program.controller.gauge_input is not None
         self.blends = blend_values(program.home_deg, program.moves, dialect.blend)
         self.overrides = choose_overrides(program.moves, dialect.speed)
         self.steps: list[ProgramStep] = []

@@ -118,7 +118,7 @@ def _complaints(program: Program, dialect: Dialect, found: ReadBack) -> Iterator
     if len(dwells) != len(found.dwells_s) or not np.allclose(dwells, found.dwells_s, rtol=0.0, atol=1e-3):
         yield f"it dwells {len(found.dwells_s)} times, planned are {len(dwells)}, or the times differ"
     marked = sum(isinstance(i, Sync) for i in program.instructions)
-    syncs = marked if program.sync_output is not None and dialect.sync.rest else 0
+    syncs = marked if program.controller.sync_output is not None and dialect.sync.rest else 0
     if syncs != found.syncs:
         yield f"it pulses {found.syncs} times, planned are {syncs}"
     if found.centrings != _centrings(program):

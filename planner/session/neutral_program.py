@@ -153,23 +153,16 @@ def write_session(cell: Cell, program: Program, dialect: str, stem: str) -> tupl
 
 def build_program(cell: Cell, plan_id: str, body: list[Instruction]) -> Program:
     """Return a session as a program: home first, then ``body``."""
-    control = cell.controller
     return Program(
         plan_id=plan_id,
         robot=cell.robot.name,
         n_joints=cell.robot.n_joints,
         home_deg=degrees(cell.home),
         instructions=(Section("home"), move_home(cell), *body),
-        tool=control.tool,
-        base=control.base,
-        load=control.load,
-        sync_output=control.sync_output,
-        gauge_input=control.gauge_input,
+        controller=cell.controller,
         map_mm=_mm(cell.tool.p_FM),
         mass_kg=cell.tool.mass,
         com_mm=_mm(cell.tool.com_F),
-        part_lines=control.part_lines,
-        block_ms=control.block_ms,
         joint_names=cell.robot.joint_names,
     )
 

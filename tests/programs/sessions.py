@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from planner.cell.file import ControllerFile
 from planner.programs.dialect import dialects
 from planner.programs.instructions import (
     Comment,
@@ -56,12 +57,13 @@ def _frame(n_joints: int, tour: list[Instruction]) -> Program:
         n_joints,
         home,
         tuple([*start, *tour, *end]),
-        tool=1,
-        base=0,
-        load=2,
-        sync_output=5,
-        gauge_input=7,
+        ControllerFile(tool=1, base=0, load=2, sync_output=5, gauge_input=7),
     )
+
+
+def with_controller(program: Program, **changes: object) -> Program:
+    """The same program for a controller with other numbers, signals or limits."""
+    return replace(program, controller=program.controller.model_copy(update=changes))
 
 
 def static(n_joints: int = 6, n_poses: int = 4) -> Program:

@@ -135,5 +135,5 @@ def test_the_signals_of_another_cell_are_not_released() -> None:
         if "{output}" not in str(d.sync.rest + d.reading.passive):  # an M function, or a format without signals
             continue
         with pytest.raises(ProgramMismatchError, match=r"does not know|pulses"):
-            verify(replace(sessions.static(), sync_output=8), name, files)
+            verify(sessions.with_controller(sessions.static(), sync_output=8), name, files)
         assert read_back(name, files).unknown == ()

@@ -5,6 +5,7 @@ import math
 
 import pytest
 
+from planner.cell.file import ControllerFile
 from planner.common.errors import InputError
 from planner.programs.instructions import Dwell, Instruction, JointMove, LogAxes, Pause, Program, Sync
 
@@ -15,7 +16,7 @@ ROUNDED = dataclasses.replace(MOVE, blend_mm=5.0)
 
 def _program(*instructions: Instruction, **changes: object) -> Program:
     fields = {"plan_id": "0" * 12, "robot": "r", "n_joints": 6, "home_deg": HOME, "instructions": instructions}
-    return Program(**{**fields, **changes})  # type: ignore[arg-type]
+    return Program(**{**fields, "controller": ControllerFile(), **changes})  # type: ignore[arg-type]
 
 
 def test_a_good_one() -> None:
@@ -32,7 +33,6 @@ def test_a_good_one() -> None:
         ((), {}, "no move"),
         ((MOVE,), {"plan_id": "xyz"}, "12 hex digits"),
         ((MOVE,), {"home_deg": (0.0,) * 5}, "home has 5 angles"),
-        ((MOVE,), {"tool": -1}, "numbers from 0 to 999"),
         ((MOVE, dataclasses.replace(MOVE, q_deg=(0.0,) * 7)), {}, "move 2 has 7 angles"),
         ((dataclasses.replace(MOVE, q_deg=(math.nan, *HOME[1:])),), {}, "no finite number"),
         ((dataclasses.replace(MOVE, duration_s=0.0),), {}, "duration_s = 0.0"),

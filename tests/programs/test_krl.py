@@ -29,7 +29,7 @@ SYSTEM = {
         sessions.dense(6, 2500),
         sessions.resumable(),
         sessions.with_circle(),
-        dataclasses.replace(sessions.with_circle(), tool=None, base=None),
+        sessions.with_controller(sessions.with_circle(), tool=None, base=None),
         sessions.resumable(rounded=True),
     ],
     ids=["static", "seven joints", "continuous", "in parts", "resumable", "circle", "circle, no tool", "in passing"],

@@ -1,6 +1,5 @@
 """LinuxCNC's own interpreter runs the program; its canonical commands are compared with the plan."""
 
-import dataclasses
 import re
 import shutil
 import subprocess
@@ -109,7 +108,7 @@ def test_without_signals_no_output_is_switched_and_no_input_awaited(session, tmp
     program = session()
     signals = ("SET_AUX", "CLEAR_AUX", "SET_MOTION_OUTPUT", "CLEAR_MOTION_OUTPUT", "WAIT(")
     counts = []
-    for one in (program, dataclasses.replace(program, sync_output=None, gauge_input=None)):
+    for one in (program, sessions.with_controller(program, sync_output=None, gauge_input=None)):
         code, commands = _canonical(_written(one), tmp_path)
         assert code == 0
         counts.append(sum(c.startswith(signals) for c in commands))

@@ -1,7 +1,5 @@
 """The third-party RAPID checker reads every module."""
 
-import dataclasses
-
 import numpy as np
 import pytest
 
@@ -27,7 +25,7 @@ def _check(text: str) -> tuple[int, str]:
         sessions.static(6, 1),
         sessions.static(7, 1),
         sessions.continuous(6, 2),
-        dataclasses.replace(sessions.continuous(6, 1), tool=None, sync_output=None, gauge_input=None),
+        sessions.with_controller(sessions.continuous(6, 1), tool=None, sync_output=None, gauge_input=None),
     ],
     ids=["static", "seven joints", "continuous", "no tool and no signals"],
 )

@@ -1,7 +1,6 @@
 """Every dialect that is on disk: what is written is what is read back, and it is the plan."""
 
 import re
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -101,7 +100,7 @@ def test_long_legs_stop_where_millimetres_cannot_be_said(name: str) -> None:
 @pytest.mark.parametrize("name", [d.name for d in dialects() if load_dialect(d.name).part_lines])
 def test_long_programs_are_split_and_still_run_in_order(name: str) -> None:
     limit = 300
-    program = replace(sessions.dense(6, 1500), part_lines=limit)
+    program = sessions.with_controller(sessions.dense(6, 1500), part_lines=limit)
     files = write_program(program, name, "a_name_that_is_longer_than_a_controller_takes")
     dialect = load_dialect(name)
     found = read_back(name, files)
@@ -115,7 +114,7 @@ def test_long_programs_are_split_and_still_run_in_order(name: str) -> None:
 @pytest.mark.parametrize("name", [d.name for d in dialects() if load_dialect(d.name).part_lines])
 @pytest.mark.parametrize("rounded", [False, True])
 def test_a_program_in_parts_can_be_started_at_a_later_pose(name: str, rounded: bool) -> None:
-    program = replace(sessions.resumable(6, 6, rounded), part_lines=20)
+    program = sessions.with_controller(sessions.resumable(6, 6, rounded), part_lines=20)
     files = write_program(program, name, "s")
     found = read_back(name, files)
     assert found.stretches == program.stretches
@@ -129,7 +128,7 @@ def test_a_program_in_parts_can_be_started_at_a_later_pose(name: str, rounded: b
 
 @pytest.mark.parametrize("name", [n for n in NAMES if not load_dialect(n).part_lines])
 def test_a_file_beyond_the_limit_of_a_controller_without_parts_is_refused(name: str) -> None:
-    program = replace(sessions.dense(6, 300), part_lines=100)
+    program = sessions.with_controller(sessions.dense(6, 300), part_lines=100)
     with pytest.raises(InputError, match=r"part_lines allows 100"):
         write_program(program, name, "a")
 
@@ -143,6 +142,6 @@ def test_a_program_that_the_controller_takes_not_is_refused() -> None:
 
 def test_blocks_that_are_quicker_than_the_controller_are_told() -> None:
     program = sessions.dense(6, 100)
-    slow = write_program(replace(program, block_ms=200.0), "krl", "a")[0].text
+    slow = write_program(sessions.with_controller(program, block_ms=200.0), "krl", "a")[0].text
     assert "it brakes at" in slow.replace("\r\n; ", " ")
     assert "brakes" not in write_program(program, "krl", "a")[0].text

@@ -33,7 +33,7 @@ def _code(program: Program, name: str) -> str:
 @pytest.mark.parametrize("session", SESSIONS)
 def test_unnamed_signals_are_not_touched(name, session):
     named = session()
-    unnamed = replace(named, sync_output=None, gauge_input=None)
+    unnamed = sessions.with_controller(named, sync_output=None, gauge_input=None)
     assert TOUCHES.search(_code(named, name))
     found = TOUCHES.search(_code(unnamed, name))
     assert found is None, found
@@ -50,7 +50,7 @@ def test_unnamed_signals_are_not_touched(name, session):
 @pytest.mark.parametrize("name", NAMES)
 def test_without_an_input_the_operator_says_when(name):
     """The pause before stands for it; where there is none, the program pauses of itself."""
-    program = replace(sessions.static(), gauge_input=None)
+    program = sessions.with_controller(sessions.static(), gauge_input=None)
     asked = sum(isinstance(i, WaitInput) for i in program.instructions)
     alone = replace(program, instructions=tuple(i for i in program.instructions if type(i).__name__ != "Pause"))
     pause = re.compile(r"^HALT$|^M0?0$|^ *Stop;$|^ *PAUSE$|^ *popup", re.MULTILINE)
@@ -63,7 +63,7 @@ def test_without_an_input_the_operator_says_when(name):
 def test_named_signals_are_those_of_the_cell(name, session):
     texts = {}
     for output, gauge_input in ((37, 41), (38, 42)):
-        program = replace(session(), sync_output=output, gauge_input=gauge_input)
+        program = sessions.with_controller(session(), sync_output=output, gauge_input=gauge_input)
         text = "\n".join(f.text for f in write_program(program, name, "s"))
         assert not [w for w in ("{output}", "{input}", "{what}", "{number}") if w in text]
         for number in (output, gauge_input):
@@ -100,7 +100,7 @@ def test_a_log_without_an_output_and_an_output_without_a_log(name):
     syncs = sum(isinstance(i, Sync) for i in program.instructions)
     bare = replace(program, instructions=tuple(i for i in program.instructions if not isinstance(i, LogAxes)))
     assert read_back(name, write_program(bare, name, "s")).syncs == syncs
-    silent = replace(program, sync_output=None)
+    silent = sessions.with_controller(program, sync_output=None)
     files = write_program(silent, name, "s")
     assert read_back(name, files).syncs == 0
     logged = {"krl": r"PASS_\w+ \( \) PRIO", "rapid": r"PassPose \d+;"}
@@ -113,13 +113,15 @@ def test_what_cannot_be_selected_is_left_to_the_operator(name):
     text = write_program(sessions.static(), name, "s")[0].text
     by_hand = "select tool 1, base 0, load 2 by hand"
     assert (by_hand in notes) == (by_hand in text) == (name not in ("krl", "rapid"))
-    assert "by hand" not in " ".join(program_notes(replace(sessions.static(), tool=None, base=None, load=None), name))
+    assert "by hand" not in " ".join(
+        program_notes(sessions.with_controller(sessions.static(), tool=None, base=None, load=None), name)
+    )
 
 
 def test_rapid_drives_the_measured_point():
     """Without a tool in the cell the module's own tooldata ends in it; a tool of the cell must."""
     program = replace(sessions.static(), map_mm=(40.0, -1.5, 100.25), mass_kg=1.2, com_mm=(1.0, 2.0, 30.0))
-    own = write_program(replace(program, tool=None), "rapid", "s")[0].text
+    own = write_program(sessions.with_controller(program, tool=None), "rapid", "s")[0].text
     (data,) = re.findall(r"PERS tooldata (\w+) := (\[.*\]);", own)
     assert data[0] == f"edbb_{sessions.PLAN_ID}"
     assert data[1] == "[TRUE,[[40.000,-1.500,100.250],[1,0,0,0]],[1.200,[1.000,2.000,30.000],[1,0,0,0],0,0,0]]"
@@ -140,7 +142,7 @@ def test_where_the_feed_is_of_the_tool_point_the_program_says_of_which():
 
 
 def test_rapid_tooldata_without_a_mass_is_that_of_tool0():
-    text = write_program(replace(sessions.static(), tool=None), "rapid", "s")[0].text
+    text = write_program(sessions.with_controller(sessions.static(), tool=None), "rapid", "s")[0].text
     assert "[0.001,[0.000,0.000,0.001],[1,0,0,0],0,0,0]]" in text
     assert "enter it before the first run" in text
 

@@ -111,4 +111,4 @@ def test_sinumerik_drives_what_a_start_asks_for(start: int) -> None:
 
 def _without_signals(program: Program) -> Program:
     kept = tuple(i for i in program.instructions if not isinstance(i, LogAxes))
-    return replace(program, instructions=kept, sync_output=None, gauge_input=None)
+    return sessions.with_controller(replace(program, instructions=kept), sync_output=None, gauge_input=None)

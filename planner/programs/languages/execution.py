@@ -271,7 +271,7 @@ def _with_numbers(text: str, dialect: Dialect, program: Program | None) -> str |
     """Return ``text`` with numbers and signals in it; nothing where it wants one that the program has not."""
 
     def number(key: str) -> int | None:
-        found = int(ANY) if program is None else getattr(program, key)
+        found = int(ANY) if program is None else getattr(program.controller, key)
         return None if found is None else int(found)
 
     for name in NUMBERS:
