@@ -81,6 +81,8 @@ class PlanHeader(PartialModel):
     kind: Literal["circular"] | None = None
     plan_id: str = Field(pattern="^[0-9a-f]{12}$")
     robot: OneLine = ""
+    cell: OneLine = ""
+    seed: int = 0
 
     def content(self) -> dict[str, object]:
         """Return what ``plan.json`` says, in the contract's keys."""
@@ -90,8 +92,6 @@ class PlanHeader(PartialModel):
 class PlanDocument(PlanHeader):
     """A plan of poses; what is only reported is kept as it is written."""
 
-    cell: OneLine = ""
-    seed: int = 0
     parameters: tuple[str, ...] = ()
     dropped: tuple[dict[str, str], ...] = ()
     funnel: dict[str, int] = {}

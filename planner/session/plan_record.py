@@ -4,6 +4,7 @@ import hashlib
 import json
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
+from typing import TypeVar
 
 import numpy as np
 
@@ -19,22 +20,24 @@ from planner.design.pose_selection import PoseChoice
 from planner.design.selection.certificate import Certificate
 from planner.motion.path.verdict import Verdict
 from planner.session.course import Waypoints
-from planner.session.document import SCHEMA, PlanDocument
+from planner.session.document import SCHEMA, PlanDocument, PlanHeader
 from planner.session.movable_cell import movable_cell
-from planner.session.plan_types import Drive, Plan, Programs, Visit
+from planner.session.plan_types import Drive, Plan, SessionPlan, Visit
 from planner.session.tour_cost import cost_name
+
+Document = TypeVar("Document", bound=PlanHeader)
 
 
 def plan_document(plan: Plan) -> PlanDocument:
     """Return a plan as the document that ``plan.json`` holds."""
-    content = {"schema": SCHEMA, "plan_id": plan.plan_id, **plan_record(plan)}
-    return PlanDocument.model_validate(round_numbers(content | closing_record(plan.programs, plan.notes)))
+    return fill_document(PlanDocument, plan, plan_record(plan))
 
 
-def closing_record(programs: Programs, notes: tuple[str, ...]) -> dict[str, object]:
-    """Return what any plan says last: its programs and its notes."""
-    files = [{"dialect": name, "file": f.name} for name, files in programs for f in files]
-    return {"programs": files, "notes": list(notes)}
+def fill_document(document: type[Document], plan: SessionPlan, content: dict[str, object]) -> Document:
+    """Return a plan of any kind as its document: its id, its content, its programs and its notes."""
+    files = [{"dialect": name, "file": f.name} for name, files in plan.programs for f in files]
+    whole = {"schema": SCHEMA, "plan_id": plan.plan_id, **content, "programs": files, "notes": list(plan.notes)}
+    return document.model_validate(round_numbers(whole))
 
 
 def content_hash(content: dict[str, object], cell: Cell) -> str:
@@ -47,7 +50,7 @@ def plan_record(plan: Plan) -> dict[str, object]:
     """Return the plan's content, without its id, its programs and its notes."""
     choice, drives = plan.choice, plan.drives
     return {
-        **_origin_record(plan.cell, plan.seed),
+        **origin_record(plan.cell, plan.seed),
         **_seen_record(choice, plan.pool),
         "poses": [_pose_record(plan, v) for d in drives for v in d.visits],
         "supports": [s for d in drives for s in _support_records(d)],
@@ -64,7 +67,8 @@ def plan_record(plan: Plan) -> dict[str, object]:
     } | (_separation_record(plan.separation) | _expected_error_record(plan.expected_error))
 
 
-def _origin_record(cell: Cell, seed: int) -> dict[str, object]:
+def origin_record(cell: Cell, seed: int) -> dict[str, object]:
+    """Return what a plan is for, and the seed of everything random in it."""
     return {"robot": cell.robot.name, "cell": cell.name, "seed": seed}
 
 
@@ -247,7 +251,7 @@ class UnprovenPoses:
         """Return what ``plan.json`` says: its schema is that of poses, and no command takes it for a plan."""
         content: dict[str, object] = {
             "schema": UNPROVEN_SCHEMA,
-            **_origin_record(self.cell, self.seed),
+            **origin_record(self.cell, self.seed),
             "not_proven": self.why,
             **_seen_record(self.choice, self.pool),
             "poses": [self._pose(k) for k in range(len(self.choice.q))],

@@ -10,7 +10,7 @@ from pydantic import Field
 from planner.cell.cell import Cell
 from planner.cell.circles import CircleFile
 from planner.common.errors import InputError
-from planner.common.schema import PartialModel, read_json, validate
+from planner.common.schema import OneLine, PartialModel, read_json, validate
 from planner.common.units import MM, from_deg, round_angles, to_deg, to_mm
 from planner.instruments.circular.plan import (
     Arc,
@@ -23,8 +23,8 @@ from planner.instruments.circular.plan import (
 )
 from planner.runs.run import Mounting
 from planner.session.course import time_path
-from planner.session.document import SCHEMA, PlanHeader, TrajectoryRecord, WaypointRecord, read_waypoints
-from planner.session.plan_record import closing_record, round_numbers, verdict_records, waypoint_records
+from planner.session.document import PlanHeader, TrajectoryRecord, WaypointRecord, read_waypoints
+from planner.session.plan_record import fill_document, origin_record, verdict_records, waypoint_records
 from planner.session.planned_session import check_trust, read_cell_beside
 
 OFF = 1e-3 * MM  # by which the plan's points may miss its circles
@@ -69,9 +69,7 @@ class CircularDocument(PlanHeader):
     """The plan of a circular test."""
 
     kind: Literal["circular"]
-    robot: str
-    cell: str = ""
-    seed: int = 0
+    robot: OneLine
     circles: tuple[ArcRecord, ...] = Field(min_length=1)
     path: dict[str, Any] = {}
     trajectory: TrajectoryRecord | None = None
@@ -101,17 +99,14 @@ def read_circular_plan(path: Path) -> CircularDocument:
 
 def circular_document(plan: CircularPlan) -> CircularDocument:
     """Return a plan as the document that ``plan.json`` holds."""
-    content = {"schema": SCHEMA, "kind": "circular", "plan_id": plan.plan_id, **circular_record(plan)}
-    return CircularDocument.model_validate(round_numbers(content | closing_record(plan.programs, plan.notes)))
+    return fill_document(CircularDocument, plan, {"kind": "circular", **circular_record(plan)})
 
 
 def circular_record(plan: CircularPlan) -> dict[str, object]:
     """Return the plan's content, without its id, its programs and its notes."""
     cell, drives, verdicts = plan.cell, plan.drives, plan.verdicts
     return {
-        "robot": cell.robot.name,
-        "cell": cell.name,
-        "seed": plan.seed,
+        **origin_record(cell, plan.seed),
         "circles": [_arc_record(cell, a) for a in plan.arcs],
         "path": {
             "checked": "continuous",
