@@ -78,6 +78,7 @@ def evaluate_circular_runs(runs: Sequence[Path], plan: Path, stages: Stages) -> 
     cell = load_circular_cell(plan, file)
     with stages.stage("reading"):
         run = load_runs(runs, cell.robot.n_joints)
+        check_run_of_plan(run, plan, file, cell.robot.name)
     with stages.stage("evaluation"):
         return CircularTestResult(evaluate_circles(cell, file, run), cell, stages, run.simulated)
 

@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 
 from planner.cell.cell import Cell
-from planner.common.errors import InputError
 from planner.common.units import in_units
 from planner.instruments.circular.document import CircularDocument
 from planner.instruments.circular.figures import CircleFigures, PathFigures, circle_figures
@@ -23,15 +22,11 @@ class CircularTest:
 
 
 def evaluate_circles(cell: Cell, plan: CircularDocument, run: Run) -> CircularTest:
-    """Evaluate the run of a circular test.
+    """Evaluate the run of a circular test, planned for the robot of this cell.
 
     Raises:
-        InputError: the run belongs to another plan or robot, or holds no whole sweep.
+        InputError: the run holds no whole sweep.
     """
-    if plan.robot != cell.robot.name:
-        raise InputError(f"the plan is one for {plan.robot}, but {cell.path} is a cell of {cell.robot.name}")
-    if run.plan_id not in (None, plan.plan_id):
-        raise InputError(f"{run.name} belongs to plan {run.plan_id}, but the plan given is {plan.plan_id}")
     rings = measured_circles(cell, [c.name for c in plan.circles])
     traces = find_sweeps(cell, rings, run)
     keys = sorted({(t.ring, t.load or 0.0) for t in traces})

@@ -84,3 +84,23 @@ def test_a_plan_without_its_cell_is_refused(folder, tmp_path):
     assert done.returncode == 2
     assert "misses circle arc" in done.stderr
     assert not (tmp_path / "none").exists()
+
+
+def test_a_run_and_a_plan_that_do_not_belong_together_are_refused(folder, tmp_path):
+    one, run = folder / "one", tmp_path / "run.csv"
+    assert edbb("simulate", one / "plan.json", "-o", run).returncode == 0
+    plan_id = json.loads((one / "plan.json").read_text())["plan_id"]
+    text = run.read_text()
+    assert plan_id in text
+    run.write_text(text.replace(plan_id, "0123456789ab"))
+    done = edbb("circular", run, "--plan", one / "plan.json", "-o", tmp_path / "found")
+    assert done.returncode == 2
+    assert f"belongs to the plan 0123456789ab, but {one / 'plan.json'} is the plan {plan_id}" in done.stderr
+    changed = (one / "plan.json").read_text().replace('"robot": "', '"robot": "other-')
+    (tmp_path / "plan.json").write_text(changed)
+    (tmp_path / "cell.toml").write_bytes((one / "cell.toml").read_bytes())
+    run.write_text(text)
+    done = edbb("circular", run, "--plan", tmp_path / "plan.json", "-o", tmp_path / "found")
+    assert done.returncode == 2
+    assert "for other-" in done.stderr
+    assert not (tmp_path / "found").exists()
