@@ -8,6 +8,7 @@ from html import escape
 from pathlib import Path
 from typing import Any, ClassVar
 
+from planner.common.errors import InputError
 from planner.common.files import document_text, write_bytes, write_text
 from planner.common.result_folder import draft_folder, move_all
 
@@ -49,7 +50,7 @@ class Result(ABC):
 
     @abstractmethod
     def write(self, folder: Path | str) -> list[Path]:
-        """Write everything into a folder, all of it or nothing, or the one file that there is; return the files."""
+        """Write everything into a folder, or the one file that there is; return the files."""
 
     def files(self, folder: Path) -> str:
         """Name the files that a person looks for in the folder once it is written."""
@@ -88,17 +89,24 @@ class Result(ABC):
 
 
 class FolderResult(Result):
-    """A result that is a folder: its main ``document``, which is the content, and what goes with that."""
+    """A result that is a folder: its ``main_file``, which is the content, and what goes with that."""
 
-    document: ClassVar[str]
+    main_file: ClassVar[str]
 
     @abstractmethod
     def fill(self, draft: Path) -> None:
-        """Write everything but the main document into an empty folder."""
+        """Write everything but the main file into an empty folder."""
 
     def write(self, folder: Path | str) -> list[Path]:
-        """Write the folder, all of it or nothing; return the files."""
-        with draft_folder(Path(folder)) as draft:
-            write_text(draft / self.document, self.to_json())
+        """Write the folder, all of it or nothing; return the files.
+
+        Raises:
+            InputError: it is a file, or the folder that you are in; or it holds files that are not to be written over.
+        """
+        folder = Path(folder)
+        if folder.exists() and not folder.is_dir():
+            raise InputError(f"{folder} is a file; results need a folder")
+        with draft_folder(folder) as draft:
+            write_text(draft / self.main_file, self.to_json())
             self.fill(draft)
-            return move_all(draft, Path(folder))
+            return move_all(draft, folder)

@@ -10,11 +10,9 @@ from threadpoolctl import threadpool_limits
 
 from planner.cell.cell import Cell
 from planner.cell.reading import load_cell
-from planner.common.errors import InputError
 from planner.common.files import write_bytes
 from planner.common.progress import Progress, no_progress
-from planner.common.result import Plot, Result
-from planner.common.result_folder import draft_folder, move_all
+from planner.common.result import FolderResult, Plot
 from planner.design.observability.information import find_rule
 from planner.report.page import Report, report_overview
 from planner.studies.basis import compute_basis
@@ -35,8 +33,10 @@ FILES = (
 
 
 @dataclass(frozen=True)
-class StudyResult(Result):
+class StudyResult(FolderResult):
     """What can be seen in a cell."""
+
+    main_file = "study.json"
 
     findings: StudySummary
     progress: Progress = no_progress
@@ -53,21 +53,16 @@ class StudyResult(Result):
         """Return what ``study.json`` says."""
         return self.findings.content()
 
-    def write(self, folder: Path | str) -> list[Path]:
-        """Write tables, pictures and ``study.json``; nothing is written before all of it is there."""
-        folder = Path(folder)
-        if folder.exists() and not folder.is_dir():
-            raise InputError(f"{folder} is a file; a study needs a folder")
+    def fill(self, draft: Path) -> None:
+        """Write tables, pictures and the page."""
         self.progress("pictures", 0, 0)
         with threadpool_limits(1, user_api="blas"):
             files = {name: table(self.findings).encode() for name, table in TABLES.items()}
             page = self._report()
             files |= {f"{name}.png": png for name, png in page.pngs.items()} | {MAP: self._map}
-        files |= {"study.json": self.to_json().encode(), PAGE: page.html().encode()}
-        with draft_folder(folder) as draft:
-            for name in NAMES:
-                write_bytes(draft / name, files[name])
-            return move_all(draft, folder)
+        files[PAGE] = page.html().encode()
+        for name, data in files.items():
+            write_bytes(draft / name, data)
 
     def preview(self) -> Plot:
         """Return the map of places for the fixture."""

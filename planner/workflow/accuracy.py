@@ -25,7 +25,7 @@ GAUGES = ("tracker", "trical")
 class AccuracyCheck(FolderResult):
     """What was judged, and the cell that it stands in."""
 
-    document = "accuracy.json"
+    main_file = "accuracy.json"
     cell: Cell
     found: Validation | RepeatedCentrings
     stages: Stages = field(default_factory=Stages)

@@ -24,7 +24,7 @@ from planner.session.planning import plan_session
 from planner.workflow.plan_results import PlanResult, evaluation_command
 from planner.workflow.planning import pose_session
 from planner.workflow.run_checks import check_unit
-from planner.workflow.writing import write_plan
+from planner.workflow.writing import fill_plan
 
 POSES = 10
 
@@ -40,9 +40,9 @@ class CheckPlanResult(PlanResult):
         kept = [line for line in super().summary().split("\n") if not line.startswith("  O")]
         return "\n".join([*kept, *self.forecast.lines()])
 
-    def write(self, folder: Path | str) -> list[Path]:
+    def fill(self, draft: Path) -> None:
         """Write what every plan has, and ``shows.json``."""
-        return write_plan(self.plan, Path(folder), self.stages, self.forecast)
+        fill_plan(self.plan, draft, self.stages, self.forecast)
 
     def next_step(self, folder: Path) -> str:
         """Say how the check is measured and judged."""
@@ -53,7 +53,7 @@ class CheckPlanResult(PlanResult):
 class CheckResult(FolderResult):
     """What a check found."""
 
-    document = "check.json"
+    main_file = "check.json"
     cell: Cell
     verdict: CheckVerdict
     simulated: bool = False

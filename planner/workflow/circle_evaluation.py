@@ -28,7 +28,7 @@ from planner.session.document import check_run_of_plan, read_plan_header
 class CircularTestResult(FolderResult):
     """The figures of a circular test."""
 
-    document = "circular.json"
+    main_file = "circular.json"
     test: CircularTest
     cell: Cell
     stages: Stages = field(default_factory=Stages)
@@ -87,7 +87,7 @@ def evaluate_circular_runs(runs: Sequence[Path], plan: Path, stages: Stages) -> 
 class LoadedTestEvaluation(FolderResult):
     """What the loaded circles say, and with unloaded runs in one fit."""
 
-    document = "loaded.json"
+    main_file = "loaded.json"
     found: LoadedEvaluation
     cell: Cell
     joint: JointFit | None = None

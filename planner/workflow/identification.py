@@ -44,7 +44,7 @@ NAMED = 3  # rivals that are listed by name
 class CalibrationResult(FolderResult):
     """An identified robot; ``stages`` holds the seconds of each stage."""
 
-    document = "identification.json"
+    main_file = "identification.json"
     calibration: Calibration
     cell: Cell
     stages: Stages = field(default_factory=Stages)

@@ -38,8 +38,9 @@ from planner.instruments.loaded.place_results import (
 from planner.instruments.loaded.results import share_text
 from planner.session.options import PlanOptions
 from planner.session.plan_types import Plan
+from planner.workflow.plan_results import CircularPlanResult, PlanResult
 from planner.workflow.planning import plan_cell
-from planner.workflow.writing import write_cell, write_plan
+from planner.workflow.writing import write_cell
 
 UNLOADED, LOADED = "unloaded", "loaded"  # folders of the two plans
 BOTH_FILES = (
@@ -61,7 +62,7 @@ class BothPlan(FolderResult):
         known: what each kind of run alone, and one fit of both, would know.
     """
 
-    document = "both.json"
+    main_file = "both.json"
     source: Path | None
     unloaded: Plan | None
     free: UnloadedPoses
@@ -104,8 +105,8 @@ class BothPlan(FolderResult):
         from planner.report.page import report_overview
 
         if self.unloaded is not None:
-            write_plan(self.unloaded, draft / UNLOADED, self.stages)
-        write_plan(self.loaded, draft / LOADED, self.stages)
+            PlanResult(self.unloaded, self.stages).write(draft / UNLOADED)
+        CircularPlanResult(self.loaded, self.stages).write(draft / LOADED)
         with self.stages.stage("report"):
             write_cell(fit_cell(self.free.cell, self.loaded.cell), draft)
             cell, charts = self.loaded.cell, (draw_common_fit(self.known),)
@@ -199,7 +200,7 @@ class CirclePlacesResult(FolderResult):
         both: what the best of them and poses without load would know in one fit, where that was asked.
     """
 
-    document = "places.json"
+    main_file = "places.json"
     cell: Cell
     found: CirclePlaceChoice
     count: int

@@ -23,12 +23,14 @@ from planner.session.document import PlanDocument
 from planner.session.plan_record import UnprovenPoses, plan_document
 from planner.session.plan_types import Plan, Programs
 from planner.session.tour_cost import cost_name
-from planner.workflow.writing import FORECAST, plan_content, write_cell, write_plan, write_program_as
+from planner.workflow.writing import FORECAST, fill_plan, plan_content, write_cell, write_program_as
 
 
 @dataclass(frozen=True)
-class SessionResult(Result):
+class SessionResult(FolderResult):
     """A planned session; ``cut_short``: what a limit of time left undone."""
+
+    main_file = "plan.json"
 
     plan: Plan | CircularPlan
     stages: Stages = field(default_factory=Stages)
@@ -38,9 +40,9 @@ class SessionResult(Result):
         """Return what ``plan.json`` says."""
         return plan_content(self.plan)
 
-    def write(self, folder: Path | str) -> list[Path]:
-        """Write ``plan.json``, programs, ``trajectory.csv``, ``cell.toml``, the report and its pictures."""
-        return write_plan(self.plan, Path(folder), self.stages)
+    def fill(self, draft: Path) -> None:
+        """Write programs, ``trajectory.csv``, ``cell.toml``, the report and its pictures."""
+        fill_plan(self.plan, draft, self.stages)
 
     def files(self, folder: Path) -> str:
         """Name the programs and what every plan has."""
@@ -136,7 +138,7 @@ class PlanResult(SessionResult):
 class PosesResult(FolderResult):
     """Poses that a limit of time left without a proven path; ``cut_short``: what it left undone."""
 
-    document = "plan.json"
+    main_file = "plan.json"
     poses: UnprovenPoses
     cut_short: tuple[str, ...]
 

@@ -17,7 +17,7 @@ from planner.instruments.record import Circumstances, RobotRecord, add_entry
 class RecordResult(FolderResult):
     """The record of a robot."""
 
-    document = "history.json"
+    main_file = "history.json"
     record: RobotRecord
 
     def summary(self) -> str:

@@ -1,4 +1,4 @@
-"""Writes a finished plan into its folder: all of it, or nothing."""
+"""Writes the files of a finished plan."""
 
 from __future__ import annotations
 
@@ -14,7 +14,6 @@ from planner.common.errors import InputError
 from planner.common.files import check_writing, document_text, write_bytes, write_text
 from planner.common.lazy_modules import pl
 from planner.common.progress import Stages
-from planner.common.result_folder import draft_folder, move_all
 from planner.instruments.check.results import CheckForecast
 from planner.instruments.circular.document import circular_document
 from planner.instruments.circular.plan import CircularPlan
@@ -33,28 +32,22 @@ FORECAST = "shows.json"  # of a check, beside its plan
 SAMPLE = 0.05  # [s] of trajectory.csv
 
 
-def write_plan(
-    plan: Plan | CircularPlan, folder: Path, stages: Stages, forecast: CheckForecast | None = None
-) -> list[Path]:
-    """Write ``plan.json``, programs, ``trajectory.csv``, ``cell.toml``, ``report.html``, pictures, ``timings.json``.
+def fill_plan(plan: Plan | CircularPlan, folder: Path, stages: Stages, forecast: CheckForecast | None = None) -> None:
+    """Write programs, ``trajectory.csv``, ``cell.toml``, ``report.html``, pictures, ``timings.json`` into a folder.
 
-    Everything is written beside the folder first, then moved in: a failure leaves the folder as it was. Of a check
-    ``forecast`` is written too, as ``shows.json``.
+    Of a check ``forecast`` is written too, as ``shows.json``.
     """
-    with draft_folder(folder) as draft:
-        with stages.stage("report"):
-            page = _report(plan, forecast)
-            page.draw_beside()
-            for file in (file for _, files in plan.programs for file in files):
-                write_text(draft / file.name, file.text, file.encoding)
-            write_text(draft / "trajectory.csv", trajectory_csv(plan))
-            if forecast is not None:
-                write_text(draft / FORECAST, document_text(forecast.content()))
-            write_cell(plan.cell, draft)
-            page.write(draft)
-            write_text(draft / "plan.json", document_text(plan_content(plan)))
-        write_text(draft / "timings.json", json.dumps(stages.seconds, indent=1) + "\n")
-        return move_all(draft, folder)
+    with stages.stage("report"):
+        page = _report(plan, forecast)
+        page.draw_beside()
+        for file in (file for _, files in plan.programs for file in files):
+            write_text(folder / file.name, file.text, file.encoding)
+        write_text(folder / "trajectory.csv", trajectory_csv(plan))
+        if forecast is not None:
+            write_text(folder / FORECAST, document_text(forecast.content()))
+        write_cell(plan.cell, folder)
+        page.write(folder)
+    write_text(folder / "timings.json", json.dumps(stages.seconds, indent=1) + "\n")
 
 
 def plan_content(plan: Plan | CircularPlan) -> dict[str, object]:

@@ -15,7 +15,7 @@ from planner.cli.app import main
 from planner.cli.terminal import give
 from planner.common.errors import InputError, NoSolutionError
 from planner.common.files import INPUTS, OVERWRITING, read_utf8, write_text
-from planner.common.result import Result
+from planner.common.result import FolderResult, Result
 from planner.common.result_folder import changed_files, draft_folder, move_all
 from planner.programs.rendering import ProgramFile
 from planner.workflow.writing import write_program_as
@@ -273,3 +273,23 @@ def test_a_result_that_is_written_says_what_comes_next_and_one_that_must_not_be_
     with pytest.raises(NoSolutionError, match="the fit failed"):
         give(lambda stages: Written(), tmp_path / "out", False)
     assert "next" not in capfd.readouterr().err
+
+
+def test_a_file_where_a_folder_of_results_is_written_stays(tmp_path):
+    class Written(FolderResult):
+        main_file = "done.json"
+
+        def summary(self):
+            return "done"
+
+        def content(self):
+            return {}
+
+        def fill(self, draft):
+            pass
+
+    (tmp_path / "file").write_text("mine")
+    with pytest.raises(InputError, match="is a file"):
+        Written().write(tmp_path / "file")
+    assert (tmp_path / "file").read_text() == "mine"
+    assert Written().write(tmp_path / "out") == [tmp_path.resolve() / "out" / "done.json"]

@@ -18,8 +18,8 @@ from planner.session.neutral_program import session_program
 from planner.session.options import PlanOptions
 from planner.session.plan_record import plan_document
 from planner.session.planning import with_programs
+from planner.workflow.plan_results import PlanResult
 from planner.workflow.planning import plan_cell
-from planner.workflow.writing import write_plan
 from tests.programs.reading import read_back, verify
 
 SWEEP = 25  # states on each motion
@@ -129,7 +129,7 @@ def test_a_dialect_without_a_centring_call_is_refused(planned):
 
 
 def test_it_is_written_whole(planned, tmp_path):
-    write_plan(planned, tmp_path / "out", Stages(lambda *_: None))
+    PlanResult(planned).write(tmp_path / "out")
     written = {p.name for p in (tmp_path / "out").rglob("*") if p.is_file()}
     assert {"plan.json", "cell.toml", "report.html", "trajectory.csv", "contact.png", "view.png"} <= written
     head = (tmp_path / "out" / "trajectory.csv").read_text().splitlines()[0]
