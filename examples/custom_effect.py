@@ -5,7 +5,6 @@ Defined and registered here, it can be simulated by its name and is sought by tr
 
 import sys
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +28,6 @@ repeatability_mm = 0.002
 """
 
 
-@dataclass(frozen=True)
 class HoseWinding(BasisFunction, key="hose:JOINT"):
     """φ = how far a joint has wound up the hose beyond its slack [rad]."""
 
