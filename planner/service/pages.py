@@ -21,7 +21,6 @@ from planner.identification.baseline import NAME as BASELINE
 from planner.instruments.circular.document import CircularDocument
 from planner.instruments.record import CheckedChange, CheckFile
 from planner.model.identification_document import Identification
-from planner.report.formatting import duration_text
 from planner.report.page import template_environment
 from planner.service.answers import Job
 from planner.service.context import Context, ServiceContext
@@ -51,7 +50,7 @@ from planner.service.record_api import (
     list_records,
 )
 from planner.service.record_store import RecordedEntry
-from planner.service.sheets import certificate_content, session_steps
+from planner.service.sheets import certificate_content, session_content
 from planner.session.document import PlanDocument, PlanHeader
 
 LOG = logging.getLogger("edbb.service")
@@ -250,8 +249,7 @@ def show_session(id: JobId, context: Context) -> HTMLResponse:
         return render("problem", 404, detail="Only a finished plan has a session.")
     plan = _plan(context, job)
     cell = read_toml(output_path(context, id, "cell.toml"), CellFile)
-    lasts = duration_text(plan.trajectory.duration_s) if plan.trajectory else ""
-    return render("session", job=job, plan=plan, lasts=lasts, steps=session_steps(plan, cell, job.files))
+    return render("session", job=job, **session_content(plan, cell, job.files))
 
 
 @PAGES.get("/jobs/{id}/certificate")

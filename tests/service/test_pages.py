@@ -2,6 +2,7 @@
 
 import json
 import re
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,9 +13,10 @@ from planner.common.errors import InputError
 from planner.service.job_requests import CommandRequest
 from planner.service.job_store import JobCommand, JobInput, JobOutput
 from planner.service.page_content import GENERAL, find_action, plan_facts
+from planner.service.pages import render
 from planner.service.runner import SHIPPED
 from planner.service.serving import build_context
-from planner.service.sheets import RMS_OF_REPEATABILITY, find_validation, session_steps
+from planner.service.sheets import RMS_OF_REPEATABILITY, find_validation, session_content
 from planner.service.tasks import check_run
 from planner.service.views import check_view
 from planner.session.document import PlanDocument
@@ -83,7 +85,8 @@ def test_the_steps_at_the_cell_speak_of_its_gauge_and_no_other(name):
             "drives": [{"fixture": "A", "travel": [], "waypoints": []}],
         }
     )
-    text = " ".join(f"{s.title} {s.text}" for s in session_steps(plan, cell.file, []))
+    page = render("session", job=SimpleNamespace(id="a", title="", kind="plan"), **session_content(plan, cell.file, []))
+    text = bytes(page.body).decode().partition("<ol")[2].partition("</ol>")[0]
     assert "0123456789ab" in text
     placed = (*cell.file.fixtures[:1], cell.file.tracker, cell.file.artifact)
     assert any(", ".join(f"{v:g}" for v in p.position_mm) in text for p in placed if p)
