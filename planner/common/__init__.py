@@ -1,6 +1,7 @@
-"""Errors with exit codes, units at the border, files written as a whole, schema checks, results."""
+"""Arrays by row, errors with exit codes, units at the border, files written as a whole, schema checks, results."""
 
 __all__ = [
+    "arrays",
     "choices",
     "determinism",
     "errors",

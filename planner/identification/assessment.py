@@ -6,6 +6,7 @@ import numpy as np
 
 from planner.cell.cell import Cell
 from planner.cell.file import FIRST_POINT
+from planner.common.arrays import mean_by_group
 from planner.common.determinism import even_positions
 from planner.common.errors import NoSolutionError
 from planner.common.units import DEG, MM, Array, display_unit, format_value
@@ -340,5 +341,5 @@ def _noise_floor(run: Run, residual: Array) -> float | None:
     spare = int((count - 1).sum())
     if spare < 3:
         return None
-    mean = np.stack([np.bincount(group, residual[:, k]) / count for k in range(residual.shape[1])], axis=1)
+    mean = mean_by_group(residual, group)
     return float(np.sqrt((error_size(residual - mean[group]) ** 2).sum() / spare))

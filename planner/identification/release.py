@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from planner.cell.cell import Cell
+from planner.common.arrays import mean_by_group
 from planner.common.units import MM, Array, to_mm
 from planner.identification.cross_validation import Split, predict_held_out
 from planner.identification.least_squares import Fit
@@ -78,8 +79,7 @@ def predicts_better(other: Array, plain: Array, split: Split) -> bool:
     """Tell whether other residuals (n, r) of samples held out are smaller than plain ones, beyond chance and enough."""
     size = np.sqrt((plain**2).mean(axis=0))
     mine, theirs = (((h / np.where(size > 0, size, 1.0)) ** 2).mean(axis=1) for h in (other, plain))
-    each = np.bincount(split.group, theirs - mine) / np.maximum(np.bincount(split.group), 1)
-    gain = each[np.bincount(split.group) > 0]
+    gain = mean_by_group(theirs - mine, split.group)[np.unique(split.group)]
     surely = gain.mean() - BEYOND_CHANCE * gain.std() / np.sqrt(len(gain))
     return bool(surely > 0 and mine.mean() < (1 - LEAST_GAIN) * theirs.mean())
 

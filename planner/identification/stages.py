@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from planner.cell.setup import Targets
+from planner.common.arrays import mean_by_group
 from planner.common.determinism import even_positions
 from planner.common.units import MM, Array
 from planner.effects.context import Context
@@ -159,8 +160,8 @@ def error_reduction(before: Array, after: Array, split: Split) -> tuple[float, f
     for block in blocks:
         was, now = before[:, block], after[:, block]
         fall += ((was**2).sum(axis=1) - (now**2).sum(axis=1)) / max(float((was**2).sum(axis=1).mean()), 1e-300)
-    count = np.bincount(split.fine)
-    each = np.bincount(split.fine, fall)[count > 0] / count[count > 0] / len(blocks)  # a part may lack a group
+    filled = np.unique(split.fine)  # a part may lack a group
+    each = mean_by_group(fall, split.fine)[filled] / len(blocks)
     return float(each.mean()), float(each.std(ddof=1) / np.sqrt(len(each)))
 
 

@@ -7,6 +7,7 @@ import numpy as np
 
 from planner.cell.cell import Cell
 from planner.cell.places import nests_frame
+from planner.common.arrays import mean_by_group
 from planner.common.errors import InputError
 from planner.common.units import UM, Array, in_units, read_only, to_mm
 from planner.model.model import Model
@@ -111,7 +112,7 @@ def _deviations(position: Array, group: np.ndarray) -> tuple[np.ndarray, np.ndar
     often = np.flatnonzero(count[member] > 1)
     if not often.size:
         raise InputError("no pose was centred more than once: plan.repeat says how many poses are")
-    mean = np.stack([np.bincount(member, position[:, k]) for k in range(3)], axis=1) / count[:, None]
+    mean = mean_by_group(position, member)
     return often, member[often], count[member[often]], (position - mean[member])[often]
 
 

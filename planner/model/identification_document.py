@@ -9,6 +9,7 @@ import numpy as np
 from pydantic import Field, GetPydanticSchema
 from pydantic_core.core_schema import any_schema
 
+from planner.common.arrays import mean_by_group
 from planner.common.schema import read_json, validate
 from planner.common.units import Array
 from planner.model.document_section import DocumentSection
@@ -36,7 +37,7 @@ class Metrics(DocumentSection):
         size = error_size(residual)
         spread = None
         if fold is not None:
-            square = np.bincount(fold, size**2) / np.bincount(fold)
+            square = mean_by_group(size**2, fold)
             spread = float(np.std(np.sqrt(square), ddof=1)) if len(square) > 1 else None
         return cls(
             rms=float(np.sqrt((size**2).mean())), mean=float(size.mean()), largest=float(size.max()), spread=spread

@@ -5,6 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
+from planner.common.arrays import mean_by_group
 from planner.common.determinism import even_positions
 from planner.common.units import Array, to_deg, to_mm
 from planner.effects.context import Context
@@ -129,6 +130,6 @@ def error_by_pose(told: CalibrationFacts) -> tuple[tuple[str, ...], Array, Array
     pose, first = np.unique(run.samples.pose, return_index=True)
     pose = pose[np.argsort(first)]
     place = np.argsort(pose)[np.searchsorted(np.sort(pose), run.samples.pose)]
-    count, few = np.bincount(place), even_positions(len(pose), SHOWN_POSES)
-    was, left = (np.sqrt(np.bincount(place, size**2) / count)[few] for size in (before, after))
+    few = even_positions(len(pose), SHOWN_POSES)
+    was, left = (np.sqrt(mean_by_group(size**2, place))[few] for size in (before, after))
     return tuple(f"pose {p}" for p in pose[few]), was, left

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from planner.common.arrays import mean_by_group
 from planner.common.units import Array
 from planner.effects.effect import Role, implausible_text
 from planner.identification.covariance import correlation_time
@@ -32,7 +33,7 @@ def screening_correlation_time(state: SearchState, continuous: bool) -> float:
         return 1.0
     white = state.fit.problem.white_residual(state.fit.errors)[:, 0]
     segment = np.arange(len(white)) * DETREND_SEGMENTS // len(white)
-    mean = np.bincount(segment, white) / np.bincount(segment)
+    mean = mean_by_group(white, segment)
     return correlation_time(white - mean[segment])
 
 

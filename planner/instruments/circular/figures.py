@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import linprog
 
+from planner.common.arrays import mean_by_group
 from planner.common.units import DEG, Array, read_only
 from planner.instruments.circular.sweeps import MeasuredCircle, Sweep
 
@@ -75,9 +76,7 @@ def _joint_extremes(angle: Array, q: Array) -> list[float]:
     """Angles at which one joint's angle (n,) has an extreme within the sweep, by a parabola through its bins."""
     count = max(3, round((angle[-1] - angle[0]) / BIN))
     which = np.clip(((angle - angle[0]) / (angle[-1] - angle[0]) * count).astype(int), 0, count - 1)
-    filled = np.flatnonzero(np.bincount(which, minlength=count))
-    place = np.bincount(which, angle, count)[filled] / np.bincount(which, minlength=count)[filled]
-    mean = np.bincount(which, q, count)[filled] / np.bincount(which, minlength=count)[filled]
+    place, mean = (mean_by_group(v, which)[np.unique(which)] for v in (angle, q))
     side = max(1, round(BESIDE / BIN))
     found = []
     for k in range(1, len(mean) - 1):
@@ -288,8 +287,6 @@ def _direction_difference(ring: MeasuredCircle, ccw: PathFigures, cw: PathFigure
     for path in (ccw, cw):
         place = np.round((path.angle - start) / sweep * (len(grid) - 1)).astype(int)
         which = np.clip(place, 0, len(grid) - 1)
-        count = np.bincount(which, minlength=len(grid))
-        full = np.flatnonzero(count)
-        mean = np.bincount(which, path.radial, len(grid))[full] / count[full]
-        values.append(np.interp(grid, grid[full], mean))
+        full = np.unique(which)
+        values.append(np.interp(grid, grid[full], mean_by_group(path.radial, which)[full]))
     return np.asarray(values[0] - values[1])

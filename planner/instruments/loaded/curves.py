@@ -7,6 +7,7 @@ import numpy as np
 
 from planner.cell.circles import NEAR_CIRCLE
 from planner.cell.setup import MeasurementSetup
+from planner.common.arrays import mean_by_group
 from planner.common.errors import InputError
 from planner.common.units import DEG, Array, read_only
 from planner.instruments.loaded.compliance import smooth_spectrum, turn_noise
@@ -101,8 +102,7 @@ def bin_turn(run: Run, turn: Turn, values: Array, bins: int, joints: int) -> Arr
     if np.any(count == 0):
         gap = float(np.degrees((int(np.flatnonzero(count == 0)[0]) + 0.5) * width))
         raise InputError(f"{run.name}: a turn has no sample about {gap:.0f} degrees; the log has a hole there")
-    at = np.bincount(where, angle, bins) / count
-    mean = np.stack([np.bincount(where, v, bins) / count for v in values.T], axis=1)
+    at, mean = mean_by_group(angle, where), mean_by_group(values, where)
     span = (np.roll(at, -1) - np.roll(at, 1)) % (2 * np.pi)
     slope = (np.roll(mean, -1, axis=0) - np.roll(mean, 1, axis=0)) / span[:, None]
     middle = (np.arange(bins) + 0.5) * width

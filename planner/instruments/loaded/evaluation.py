@@ -8,6 +8,7 @@ import numpy as np
 from planner.cell.cell import Cell
 from planner.cell.circles import NEAR_CIRCLE
 from planner.cell.setup import MeasurementSetup
+from planner.common.arrays import mean_by_group
 from planner.common.determinism import even_positions, on_one_thread
 from planner.common.errors import InputError
 from planner.common.units import DEG, MM, UM, Array, read_only
@@ -207,7 +208,7 @@ def _on_grid(run: Run, theta: Array, error: Array, grid: Array) -> Array:
             "is needed"
         )
     there = np.flatnonzero(count)
-    mean = np.bincount(where, error, B)[there] / count[there]
+    mean = mean_by_group(error, where)[there]
     return np.asarray(np.interp(grid, grid[there], mean, period=2 * np.pi))
 
 
