@@ -11,10 +11,11 @@ import numpy as np
 
 from planner.cell.cell import STANDARD_GRAVITY, Cell
 from planner.cell.gauge import Gauge
+from planner.common.arrays import Rows
 from planner.common.units import Array
 from planner.kinematics.chain import Chain, xyz_transforms
 from planner.kinematics.robot import BASE_TRANSFORMS, Robot
-from planner.runs.run import Readings, SampleColumns, Samples
+from planner.runs.run import Readings, Samples
 
 N_BASE_TRANSFORMS = len(BASE_TRANSFORMS)  # before the robot's: small corrections of how the base stands to the gauge
 
@@ -120,7 +121,7 @@ class MeasurementSetup(RobotSetup):
 
 
 @dataclass(frozen=True)
-class Targets(SampleColumns):
+class Targets(Rows):
     """Readings in the base frame: length (n,) [m], position p_BM (n, 3) [m], rotation R_BF' (n, 3, 3)."""
 
     length: Array | None = None

@@ -1,8 +1,27 @@
-"""Arrays with one entry a row: their means by group."""
+"""Arrays with one entry a row: some of the rows, the rows of several, means by group."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
+from typing import Self
 
 import numpy as np
 
 from planner.common.units import Array
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Arrays of equal length, the fields of a dataclass; ``None`` where there is nothing."""
+
+    def take(self, which: slice | np.ndarray) -> Self:
+        """Return the rows at ``which`` (a slice, indices, or a mask)."""
+        return replace(self, **{f.name: v[which] for f in fields(self) if (v := getattr(self, f.name)) is not None})
+
+    @classmethod
+    def concatenate(cls, parts: Sequence[Self]) -> Self:
+        """Return the rows of all, one after the other, in the fields that all of them have."""
+        columns = {f.name: [getattr(p, f.name) for p in parts] for f in fields(cls)}
+        return cls(**{name: np.concatenate(v) for name, v in columns.items() if not any(part is None for part in v)})
 
 
 def mean_by_group(values: Array, group: np.ndarray) -> Array:

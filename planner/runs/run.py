@@ -1,12 +1,13 @@
 """A measured run: where the arm stood, what the gauge read, and what else was logged, in SI units."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import NamedTuple, Self
+from typing import NamedTuple
 
 import numpy as np
 
+from planner.common.arrays import Rows
 from planner.common.errors import InputError
 from planner.common.units import Array, IntArray, from_mm, read_only, to_mm
 
@@ -25,16 +26,7 @@ FIRST_MOUNTING = Mounting()
 
 
 @dataclass(frozen=True)
-class SampleColumns:
-    """Columns with one entry a sample; ``None`` where there is nothing."""
-
-    def take(self, which: slice | np.ndarray) -> Self:
-        """Return the samples at ``which`` (a slice, indices, or a mask)."""
-        return replace(self, **{f.name: v[which] for f in fields(self) if (v := getattr(self, f.name)) is not None})
-
-
-@dataclass(frozen=True)
-class Samples(SampleColumns):
+class Samples(Rows):
     """Where the arm stood and under which circumstances, one entry a sample; what was not logged is ``None``.
 
     Attributes:
@@ -105,15 +97,9 @@ class Samples(SampleColumns):
         """Tell which samples have the gauge held like that, (n,) bool."""
         return np.asarray((self.place == mounting.fixture) & (self.point_numbers == mounting.point))
 
-    @classmethod
-    def concatenate(cls, parts: Sequence["Samples"]) -> "Samples":
-        """Return the samples of all, one after the other, in the columns that all of them have."""
-        columns = {f.name: [getattr(p, f.name) for p in parts] for f in fields(cls)}
-        return cls(**{name: np.concatenate(v) for name, v in columns.items() if not any(part is None for part in v)})
-
 
 @dataclass(frozen=True)
-class Readings(SampleColumns):
+class Readings(Rows):
     """What the gauge read, one entry a sample: one of length, position (and rotation), or socket.
 
     Attributes:

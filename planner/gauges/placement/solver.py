@@ -7,6 +7,7 @@ from typing import Literal, Protocol, Self, TypeVar
 
 import numpy as np
 
+from planner.common.arrays import Rows
 from planner.common.errors import NoSolutionError
 from planner.common.units import Array, IntArray
 from planner.gauges.placement.flange_poses import FlangePoses
@@ -40,16 +41,12 @@ class PlacementProblem(Protocol):
 
 
 @dataclass(frozen=True)
-class RefinedStates:
+class RefinedStates(Rows):
     """States (k, D), block norms of their residuals (k, n) [m], and derivatives (k, n, d, P)."""
 
     state: Array
     error: Array
     jacobian: Array
-
-    def take(self, which: IntArray) -> "RefinedStates":
-        """Return only the states at ``which``."""
-        return RefinedStates(self.state[which], self.error[which], self.jacobian[which])
 
 
 def robust_scale(error: Array, d: int) -> Array:

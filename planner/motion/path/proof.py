@@ -1,13 +1,13 @@
 """Continuous proof that motions keep every constraint, by adaptive bisection, and the extremes over motions by
 branch and bound."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Protocol
 
 import numpy as np
 
+from planner.common.arrays import Rows
 from planner.common.progress import check_time
 from planner.common.second_process import ForkedWorker
 from planner.common.units import Array
@@ -15,7 +15,7 @@ from planner.motion.path.margins import PairBounds, WorkspaceBounds
 
 
 @dataclass(frozen=True)
-class Neighbourhoods:
+class Neighbourhoods(Rows):
     """Open neighbourhoods: the hull of K corners each, 2 for an interval of a motion, 3 for a triangle.
 
     Attributes:
@@ -44,10 +44,6 @@ class Neighbourhoods:
         """From centre to corners (n, K, N) [rad]; one of the two is enough for an interval."""
         spread = self.corners - self.q[:, None]
         return spread[:, :1] if self.corners.shape[1] == 2 else spread
-
-    def take(self, rows: np.ndarray) -> "Neighbourhoods":
-        """Return the cells ``rows``."""
-        return Neighbourhoods(self.motion[rows], self.corners[rows], self.place[rows])
 
     def halves(self) -> "Neighbourhoods":
         """Cut every cell at the middle of its longest edge; the halves of cell i are i and n + i."""
@@ -81,7 +77,7 @@ class Distances(Protocol):
 
 
 @dataclass(frozen=True)
-class Proof:
+class Proof(Rows):
     """What is known of m motions; nothing is known against any when a proof begins.
 
     Attributes:
@@ -111,15 +107,6 @@ class Proof:
                 self.failed[cells.motion[row]] = np.argmin(margins[row])
                 self.failed_at[cells.motion[row]] = cells.place[row].mean()
         return np.flatnonzero(self.failed[cells.motion] < 0)
-
-    def take(self, motions: np.ndarray) -> "Proof":
-        """Return what is known of the motions at these positions."""
-        return Proof(*(getattr(self, f.name)[motions] for f in fields(self)))
-
-    @classmethod
-    def concatenate(cls, parts: Sequence["Proof"]) -> "Proof":
-        """Return what is known of the motions of all parts, in their order."""
-        return cls(*(np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(cls)))
 
 
 @dataclass(frozen=True)

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from planner.common.arrays import Rows
 from planner.common.units import Array, read_only
 from planner.motion.timing.curve import PathCurve
 from planner.motion.timing.limits import Index, Limits, Mask, ReadingLimits, ToolJacobian
@@ -145,7 +146,7 @@ USEFUL = 1.0 - 1e-9  # of the time over single stretches: a wider step must be a
 
 
 @dataclass(frozen=True)
-class Steps:
+class Steps(Rows):
     """Moves from end ``first`` to end ``last``: length [m], and the bounds on ds/dt, d²s/dt², d³s/dt³; all (n,).
 
     v0 and v1 (n,) [m/s] are the speeds at either end once they are chosen (zero before).
@@ -159,10 +160,6 @@ class Steps:
     jerk: Array
     v0: Array
     v1: Array
-
-    def take(self, rows: Index) -> "Steps":
-        """Return these rows."""
-        return Steps(*(getattr(self, name)[rows] for name in self.__dataclass_fields__))
 
     def between(self, v0: Array, v1: Array) -> "Steps":
         """Return the same moves with these speeds at their ends."""
@@ -187,7 +184,7 @@ def choose_speeds(stretches: Stretches, limits: Limits) -> Steps:
             wide = _steps(stretches, limits, width, share)
             useful = wide.length / wide.speed < (base_time[wide.last] - base_time[wide.first]) * USEFUL
             found.append(wide.take(np.flatnonzero(useful)))
-    steps = Steps(*(np.concatenate([getattr(f, name) for f in found]) for name in single.__dataclass_fields__))
+    steps = Steps.concatenate(found)
     top = np.maximum(_speeds(steps, stretches, single.speed), base)
     levels = base + (top - base) * (np.arange(LEVELS) / (LEVELS - 1))[:, None]
     return _quickest_chain(steps, levels)

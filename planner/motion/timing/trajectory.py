@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from planner.common.arrays import Rows
 from planner.common.lazy_modules import pl
 from planner.common.units import Array, read_only, to_deg, to_mm
 from planner.motion.timing.curve import Corners, PathCurve, build_curve, closest_passages, round_corners
@@ -28,7 +29,7 @@ PART_TIMES = 8192  # evaluated at a time: what they need stays in the processor'
 
 
 @dataclass(frozen=True)
-class MotionSamples:
+class MotionSamples(Rows):
     """The state at n times: t (n,) [s]; q, dq, ddq, dddq (n, N) [rad, /s, /s², /s³]; s [m], tool_speed [m/s], (n,)."""
 
     t: Array
@@ -71,7 +72,7 @@ class Trajectory:
             evaluate_motion(self.curve, self.phases, self.tool_jacobian, t[k : k + PART_TIMES])
             for k in range(0, max(len(t), 1), PART_TIMES)
         ]
-        return MotionSamples(*(np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(MotionSamples)))
+        return MotionSamples.concatenate(parts)
 
     def angles(self, t: ArrayLike) -> Array:
         """Return the joint angles at times t (n,) [s], (n, N) [rad]; quicker than all of :meth:`at`."""
