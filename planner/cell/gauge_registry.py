@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from planner.cell.gauge import Gauge
 
 G = TypeVar("G", bound="type[Gauge]")
+ROOM = "planner.gauges"
 _KINDS: dict[str, type["Gauge"]] = {}
 
 
@@ -19,6 +20,8 @@ def register_gauge(kind: G) -> G:
     Raises:
         ValueError: another gauge has that name.
     """
+    if not kind.__module__.startswith(f"{ROOM}."):
+        _import_shipped()  # so that who takes one of their names is the one who is told
     if kind.kind in _KINDS:
         raise ValueError(f"gauge kind '{kind.kind}': {_KINDS[kind.kind].__module__} has registered it already")
     _KINDS[kind.kind] = kind
@@ -27,11 +30,14 @@ def register_gauge(kind: G) -> G:
 
 def gauge_kinds() -> dict[str, type["Gauge"]]:
     """Return all kinds by their names: those of ``planner.gauges``, and any registered beside them."""
-    room = import_module("planner.gauges")
-    for module in sorted(m.name for m in iter_modules(room.__path__) if not m.ispkg):
-        import_module(f"planner.gauges.{module}")
+    _import_shipped()
     load_extensions()
     return _KINDS
+
+
+def _import_shipped() -> None:
+    for module in sorted(m.name for m in iter_modules(import_module(ROOM).__path__) if not m.ispkg):
+        import_module(f"{ROOM}.{module}")
 
 
 def attached_kinds() -> tuple[str, ...]:

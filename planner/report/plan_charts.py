@@ -166,17 +166,18 @@ def bar_chart(cell: Cell, way: DrivenPath, drive: Drive) -> Chart:
     ends = (ReferenceLine(low, f"shortest, {low:g} mm", below=True), ReferenceLine(high, f"longest, {high:g} mm"))
     title, label, span = f"Length of the {g.noun}", f"{g.noun} length (mm)", (low - pad, high + pad)
     length = _over_time(way, title, label, lines, span, limits=ends)
+    panels = (length,) if way.tilt is None else (length, _tilt_panel(cell, way, way.tilt))
+    return Chart("bar", f"The {g.noun} along the way", f"Points are measuring poses. {_there(way)}", panels)
+
+
+def _tilt_panel(cell: Cell, way: DrivenPath, tilt: Array) -> Panel:
+    """Tilt (n, 2) [rad] in both ball joints, against what they allow."""
+    g, names = cell.gauge, ("at the fixture", "at the tool")
     cones = sorted({float(to_deg(c)) for c in (g.cone_fixture, g.cone_map)})
-    tilts = [
-        Series(name, t, tilt, colour)
-        for name, tilt, colour in zip(
-            ("at the fixture", "at the tool"), to_deg(way.tilt).T, (BLUE, ORANGE), strict=True
-        )
-    ]
+    tilts = [Series(*s) for s in zip(names, (way.motion.t,) * 2, to_deg(tilt).T, (BLUE, ORANGE), strict=True)]
     largest = tuple(ReferenceLine(c, f"largest tilt, {c:g} deg") for c in cones)
     title, span = f"Tilt of the {g.noun} at its ends", (0.0, cones[-1] * 1.15)
-    tilt = _over_time(way, title, "tilt (deg)", tilts, span, limits=largest)
-    return Chart("bar", f"The {g.noun} along the way", f"Points are measuring poses. {_there(way)}", (length, tilt))
+    return _over_time(way, title, "tilt (deg)", tilts, span, limits=largest)
 
 
 def contact_chart(cell: Cell, drive: Drive) -> Chart | None:

@@ -25,7 +25,7 @@ class DrivenPath:
     Attributes:
         motion: state at n times.
         length: bar length, (n,) [m].
-        tilt: of the bar at the fixture and at the tool, (n, 2) [rad].
+        tilt: of the bar at the fixture and at the tool, (n, 2) [rad]; None where the gauge has no cone at both ends.
         share: joint speed as a part of its limit, (n, N).
         passed: times of the visits [s], (k,), with the bar's length then, (k,) [m].
         ends: when the last visit is done [s]; a drive both ways then goes the same way back.
@@ -34,7 +34,7 @@ class DrivenPath:
 
     motion: MotionSamples
     length: Array
-    tilt: Array
+    tilt: Array | None
     share: Array
     passed: Array
     passed_length: Array
@@ -50,11 +50,12 @@ def sample_drive(cell: Cell, drive: Drive, samples: int = PATH_SAMPLES) -> Drive
     motion = trajectory.at(np.linspace(0.0, ends, samples))
     workspace = Workspace(cell, drive.mounting)
     cones = np.array([cell.gauge.cone_fixture, cell.gauge.cone_map])
+    margins = workspace.stage("cones", motion.q)
     passed = trajectory.waypoint_time[:count][drive.path.node >= 0]
     return DrivenPath(
         motion=motion,
         length=cell.bar_length(motion.q, drive.mounting),
-        tilt=cones - workspace.stage("cones", motion.q),
+        tilt=cones - margins if margins.shape[1] == len(cones) else None,
         share=np.abs(motion.dq) / axis_limits(cell, bar=True).speed,
         passed=passed,
         passed_length=cell.bar_length(trajectory.angles(passed), drive.mounting),

@@ -56,3 +56,29 @@ def test_a_module_that_cannot_be_used_is_named(tmp_path, text, said):
     done = edbb("plan", "ur10/edbb", "-o", tmp_path / "out", PYTHONPATH=path)
     assert done.returncode == 2
     assert done.stderr == f"edbb: extension 'cables' (cables_of_mine): {said}\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (
+            "from planner.effects.catalogue import register\nregister('backlash')(lambda run: ())",
+            "ValueError: effect 'backlash': planner.effects.backlash has registered it already",
+        ),
+        (
+            "from planner.cell.gauge import Gauge\nfrom planner.cell.gauge_registry import register_gauge\n"
+            "register_gauge(type('Mine', (Gauge,), {'kind': 'tracker'}))",
+            "ValueError: gauge kind 'tracker': planner.gauges.tracker has registered it already",
+        ),
+    ],
+)
+def test_who_takes_a_shipped_name_is_told_at_once(text, said):
+    done = subprocess.run(
+        [sys.executable, "-c", text],
+        capture_output=True,
+        text=True,
+        check=False,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+    )
+    assert done.returncode == 1
+    assert done.stderr.splitlines()[-1] == said

@@ -1,8 +1,9 @@
 """A gauge is one file: one that the project does not ship plans, simulates and identifies like those that it does."""
 
 import re
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 import pytest
@@ -21,9 +22,13 @@ from planner.instruments.simulation import simulate_run
 from planner.instruments.truth import draw_truth
 from planner.model.model import Model
 from planner.motion.path.margins import WorkspaceBounds
+from planner.report.plan_charts import bar_chart
+from planner.report.plan_data import sample_drive
+from planner.report.plan_report import report_plan
 from planner.runs.run import Samples
 from planner.session.options import PlanOptions
 from planner.session.point_poses import PointPoses
+from planner.workflow.planning import plan_cell
 from tests.gauges.plane_dial import PlaneDial
 
 SHIPPED = load_cell("comau-nj130/edbb").path.read_text()
@@ -83,6 +88,36 @@ def test_its_plan_speaks_of_no_other_gauge(cell):
     poses = PointPoses(replace(cell, plan=replace(cell.plan, candidates=200)), PlanOptions())
     poses.draw(Stages())
     assert not re.search("tracker|reflector|beam|bar", poses.pool.funnel.text())
+
+
+@register_gauge
+@dataclass(frozen=True)
+class SteepDial(PlaneDial):
+    """A dial that reads however the tool leans: it has no cone."""
+
+    kind: ClassVar[str] = "steep-dial"
+
+    @property
+    def margin_columns(self):
+        return super().margin_columns[:2]
+
+    def margins(self, stage, place, p_BM, axis_B):
+        return super().margins(stage, place, p_BM, axis_B) if stage == "workspace" else np.empty((len(p_BM), 0))
+
+    def margin_changes(self, travel):
+        return super().margin_changes(travel)[:2]
+
+
+@pytest.mark.parametrize("kind", ["plane-dial", "steep-dial"])
+def test_its_plan_is_written_whatever_cones_it_has(kind, tmp_path):
+    cell = read(tmp_path, cell_text(GAUGE.replace("plane-dial", kind)))
+    made = plan_cell(replace(cell, plan=replace(cell.plan, candidates=600)), PlanOptions(poses=40), Stages())
+    way = sample_drive(made.cell, made.drives[0])
+    assert way.tilt is None
+    length = bar_chart(made.cell, way, made.drives[0]).panels
+    assert [p.title for p in length] == ["Length of the gauge"]
+    report_plan(made).write(tmp_path)
+    assert "Tilt of the" not in (tmp_path / "report.html").read_text()
 
 
 def test_its_kind_is_taken(cell):
