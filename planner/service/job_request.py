@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+from abc import ABC, abstractmethod
 from typing import Annotated, Any, ClassVar, Self
 
 from pydantic import Field, model_validator
@@ -28,7 +29,7 @@ ExtraFiles = Annotated[
 ]
 
 
-class JobRequest(StrictModel):
+class JobRequest(StrictModel, ABC):
     """Something that a job does.
 
     ``verb`` is the command that does it, or the ``task`` of the service, where that is not the kind; ``document`` the
@@ -46,22 +47,27 @@ class JobRequest(StrictModel):
         """What the job is to a person, whoever started it."""
         return self.kind
 
+    @property
+    def first_word(self) -> str:
+        """The command that does it, or the service's task."""
+        return self.verb or self.kind
+
     def command(self, folder: JobFolder) -> JobCommand:
         """Lay the files into the folder of the job; return the command with them.
 
         Raises:
             InputError: a file or a job that the request names is not there, or two files have one name.
         """
-        words = (self.verb or self.kind, *self.arguments(folder))
+        words = (self.first_word, *self.arguments(folder))
         return JobCommand(words, folder.inputs, self.task)
 
+    @abstractmethod
     def arguments(self, folder: JobFolder) -> list[str]:
-        """Return the words after the verb."""
-        raise NotImplementedError
+        """Return the words after the first."""
 
+    @abstractmethod
     def subject(self, folder: JobFolder) -> str:
         """Return of what the job is, for a person."""
-        raise NotImplementedError
 
     def job_id(self, command: JobCommand) -> str:
         """Return the identifier of the job: a hash of what it is asked for and of its files."""

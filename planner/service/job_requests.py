@@ -21,7 +21,6 @@ from planner.service.job_request import (
     Word,
     options,
 )
-from planner.service.job_store import JobCommand
 
 VERBS = (  # commands that run on a server
     "plan", "study", "export", "simulate", "identify", "import", "compensate", "accuracy", "plan-check", "check",
@@ -56,11 +55,16 @@ class CommandRequest(JobRequest):
                 raise ValueError(f"'{word}' leads out of the folder of the job")
         return self
 
-    def command(self, folder: JobFolder) -> JobCommand:
-        """Lay the files where the words name them."""
+    @property
+    def first_word(self) -> str:
+        """The command that was called."""
+        return self.words[0]
+
+    def arguments(self, folder: JobFolder) -> list[str]:
+        """Lay the files where the words name them; return the words."""
         for file in self.files:
             folder.file(file)
-        return JobCommand(tuple(self.words), folder.inputs)
+        return self.words[1:]
 
     def subject(self, folder: JobFolder) -> str:
         """Return the title that the client gave, or the words."""
