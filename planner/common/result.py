@@ -8,7 +8,6 @@ from html import escape
 from pathlib import Path
 from typing import Any, ClassVar
 
-from planner.common.errors import InputError
 from planner.common.files import document_text, write_bytes, write_text
 from planner.common.result_folder import draft_folder, move_all
 
@@ -104,8 +103,6 @@ class FolderResult(Result):
             InputError: it is a file, or the folder that you are in; or it holds files that are not to be written over.
         """
         folder = Path(folder)
-        if folder.exists() and not folder.is_dir():
-            raise InputError(f"{folder} is a file; results need a folder")
         with draft_folder(folder) as draft:
             write_text(draft / self.main_file, self.to_json())
             self.fill(draft)

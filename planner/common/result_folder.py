@@ -29,9 +29,11 @@ def draft_folder(folder: Path) -> Iterator[Path]:
     """A folder beside ``folder`` in which to write what is moved there once all of it is right.
 
     Raises:
-        InputError: ``folder`` is the one that the command runs in, or its parent cannot be made.
+        InputError: ``folder`` is a file, or the folder that the command runs in, or its parent cannot be made.
     """
     folder = folder.resolve()
+    if folder.exists() and not folder.is_dir():
+        raise InputError(f"{folder} is a file; results need a folder")
     check_not_inside(folder)
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)

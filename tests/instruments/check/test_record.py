@@ -118,6 +118,10 @@ def test_a_record_refuses_what_is_not_its_own(record, tmp_path):
         add_entry(record, other, day, None)
     with pytest.raises(InputError, match="no record yet"):
         add_entry(tmp_path / "none", other, day, None)
+    (tmp_path / "file").write_text("mine")
+    with pytest.raises(InputError, match="is a file"):
+        add_entry(tmp_path / "file", other, day, "S9")
+    assert (tmp_path / "file").read_text() == "mine"
     path = record / "entries" / "0002-check" / "check.json"
     path.write_text(path.read_text().replace("unchanged", "changed"))
     with pytest.raises(InputError, match="not what was added"):
