@@ -18,11 +18,9 @@ from planner.identification.pipeline import FitSettings, identify
 from planner.runs.loader import load_run, load_runs
 from planner.runs.run import Run
 
-DATA = Path(__file__).resolve().parents[3] / "shared" / "data"
+DATA = Path(__file__).resolve().parents[1] / "data"
 CELLS = Path(__file__).parent / "cells"
 STAGES = FitSettings(release=False)  # where the stages are looked at, and not the robot that is released
-
-pytestmark = pytest.mark.skipif(not DATA.is_dir(), reason=f"the measured runs are not at {DATA}")
 
 PANDA = """schema = "edbb-cell/1"
 robot = "{urdf}"

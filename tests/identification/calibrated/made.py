@@ -16,7 +16,7 @@ from planner.model.model import Model
 from planner.runs.run import Samples
 from tests.cell.test_robots import urdf_text
 
-PANDA = Path(__file__).resolve().parents[4] / "shared" / "data" / "panda-ball" / "panda.urdf"
+PANDA = Path(__file__).resolve().parents[2] / "data" / "panda-ball" / "panda.urdf"
 SLANTED = ["0.6 0 0.8", "0 1 1", "0 0 1", "0 -1 0", "-1 0 0", "0 0 1"]
 TILT = np.array([0.3, -0.2, 0.7])  # of the base [rad]
 COM = np.array([0.02, -0.03, 0.11])  # of the tool [m]
@@ -75,9 +75,9 @@ def poses(robot, n=50, seed=5):
 
 
 def robot_called(name, folder):
-    """A shipped robot, ``panda`` (skipped where its file is missing), or ``slanted``: axes of all directions."""
-    if name == "panda":
-        return load_robot(str(PANDA), tip="ball_link" if 'name="ball_link"' in PANDA.read_text() else None)
+    """A shipped robot, ``panda.urdf`` (the arm of the measured runs), or ``slanted``: axes of all directions."""
+    if name == "panda.urdf":
+        return load_robot(str(PANDA), tip="ball_link")
     if name == "slanted":
         (folder / "slanted.urdf").write_text(urdf_text(SLANTED))
         return load_robot(str(folder / "slanted.urdf"))

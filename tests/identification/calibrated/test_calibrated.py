@@ -32,8 +32,7 @@ from tests.identification.calibrated.made import (
 )
 from tests.identification.calibrated.test_keys import KEYS
 
-NO_PANDA = pytest.mark.skipif(not making.PANDA.is_file(), reason=f"{making.PANDA} is not on this machine")
-URDFS = [pytest.param("panda", marks=NO_PANDA), "slanted"]
+URDFS = ["panda.urdf", "slanted"]
 EVERY = [*list_robots(), *URDFS]
 
 
