@@ -132,11 +132,19 @@ def write_text(path: Path, text: str, encoding: str = "utf-8", own: bool = False
     Raises:
         InputError: the folder does not exist, or may not be written, or the text does not fit ``encoding``.
     """
+    write_bytes(path, encode_text(path, text, encoding), own)
+
+
+def encode_text(path: Path, text: str, encoding: str) -> bytes:
+    """Return the bytes of ``text`` as it is to be written to ``path``.
+
+    Raises:
+        InputError: the text does not fit ``encoding``.
+    """
     try:
-        data = text.encode(encoding)
+        return text.encode(encoding)
     except UnicodeEncodeError as err:
         raise InputError(f"{path}: the character {text[err.start]!r} does not exist in {encoding}") from err
-    write_bytes(path, data, own)
 
 
 def document_text(content: object) -> str:
@@ -153,27 +161,54 @@ def write_bytes(path: Path, data: bytes, own: bool = False) -> None:
         InputError: the folder does not exist, or may not be written; this command has read the file, or somebody else
             has written it, and overwriting was not asked for.
     """
+    write_together([(path, data)], own)
+
+
+def write_together(files: Sequence[tuple[Path, bytes]], own: bool = False) -> None:
+    """Write files that need one another, each as :func:`write_bytes`; the first is the one that a person starts.
+
+    All are on the disk under temporary names before one takes its own, so a full disk leaves what was there. The first
+    takes its name last, and an older one is gone before the others change: it never stands beside files of another
+    writing.
+
+    Raises:
+        InputError: as :func:`write_bytes`.
+    """
+    drafts: list[tuple[Path, str]] = []
+    placed: list[Path] = []
+    path = files[0][0]
     try:
-        path = path.resolve()
-        if path.exists() and not path.is_file() and not path.is_dir():
-            path.write_bytes(data)
-            return
-        if not own:
-            _check_overwriting(path, data)
-        handle, name = tempfile.mkstemp(prefix=draft_prefix(), dir=path.parent)
-    except (OSError, RuntimeError, ValueError) as err:
-        raise _unwritable(path, err) from err
+        for path, data in files:
+            drafts += _draft(path.resolve(), data, own)
+        if len(drafts) > 1:
+            drafts[0][0].unlink(missing_ok=True)
+        for path, name in reversed(drafts):
+            os.replace(name, path)
+            placed.append(path)
+    except BaseException as err:
+        for name in (*(name for _, name in drafts), *(placed if len(files) > 1 else ())):
+            Path(name).unlink(missing_ok=True)
+        if isinstance(err, OSError | RuntimeError | ValueError):
+            raise _unwritable(path, err) from err
+        raise
+
+
+def _draft(path: Path, data: bytes, own: bool) -> list[tuple[Path, str]]:
+    """Put ``data`` on the disk beside ``path``, under a temporary name; a device is written to, and has none."""
+    if path.exists() and not path.is_file() and not path.is_dir():
+        path.write_bytes(data)
+        return []
+    if not own:
+        _check_overwriting(path, data)
+    handle, name = tempfile.mkstemp(prefix=draft_prefix(), dir=path.parent)
     try:
         with os.fdopen(handle, "wb") as file:
             file.write(data)
         os.chmod(name, _file_mode(path))
-        os.replace(name, path)
-    except OSError as err:
-        Path(name).unlink(missing_ok=True)
-        raise _unwritable(path, err) from err
     except BaseException:
         Path(name).unlink(missing_ok=True)
         raise
+    return [(path, name)]
 
 
 def check_writing(path: Path, data: bytes = b"") -> None:

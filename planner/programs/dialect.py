@@ -26,6 +26,7 @@ To add one: copy the nearest folder, change both files, run ``tests/programs``, 
 
 import re
 import unicodedata
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
@@ -90,6 +91,11 @@ def comment_text(text: str, style: CommentStyle) -> str:
     kept = "".join(instead.get(c, c if c.isprintable() else " ") for c in ascii_text)
     kept = re.sub(r"\s*,(\s*,)*(?=\s|$)", ",", kept).strip(", ")
     return " ".join(kept.split())[: style.max_length].rstrip()
+
+
+def fill_words(pattern: str, words: Mapping[str, object]) -> str:
+    """Return ``pattern`` with its words in braces replaced, all at once: what is put in is no pattern itself."""
+    return re.sub(r"\{(\w+)\}", lambda found: str(words.get(found[1], found[0])), pattern)
 
 
 class BlendStyle(StrictModel):
@@ -349,12 +355,14 @@ class Dialect(StrictModel):
             return "at rest and in passing"
         return f"at rest; in passing: {self.trace}" if self.logs_axes else f"no: {self.trace}"
 
-    def signal(self, text: str, output: int | None, gauge_input: int | None) -> str:
-        """Return ``text`` with the names of the cell's output and input in it, as far as the cell has them."""
-        for word, pattern, number in (("{output}", self.output, output), ("{input}", self.input, gauge_input)):
-            if number is not None:
-                text = text.replace(word, pattern.replace("{number}", str(number)))
-        return text
+    def fill(self, pattern: str, output: int | None, gauge_input: int | None, **words: object) -> str:
+        """Return a line of the dialect's file with ``words`` in it, and the cell's output and input where it has them.
+
+        All are put in at once, so that braces in a person's words stay what they are.
+        """
+        signals = (("output", self.output, output), ("input", self.input, gauge_input))
+        named = {word: fill_words(name, {"number": n}) for word, name, n in signals if n is not None}
+        return fill_words(pattern, named | words)
 
 
 def dialect_root() -> Path:

@@ -3,7 +3,6 @@
 import re
 import textwrap
 from bisect import bisect_left
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import accumulate
@@ -14,7 +13,7 @@ from jinja2.environment import TemplateModule
 from jinja2.runtime import Context
 
 from planner.common.errors import InputError
-from planner.programs.dialect import Dialect, comment_text, dialect_root
+from planner.programs.dialect import Dialect, comment_text, dialect_root, fill_words
 from planner.programs.instructions import Centre, Program, Sync, WaitInput
 from planner.programs.motion_words import format_fixed
 from planner.programs.steps import ProgramStep, lower_program
@@ -71,12 +70,12 @@ def explanations(program: Program, dialect: Dialect) -> tuple[str, ...]:
     if dialect.resume is not None and program.entries:
         last = max(until for until, _ in program.stretches)
         words = {"last": last, "ID": program.plan_id.upper(), "id": program.plan_id}
-        notes.append(fill_words(START_NOTE.replace("{how}", dialect.resume.how), words))
+        notes.append(fill_words(fill_words(START_NOTE, {"how": dialect.resume.how}), words))
     elif dialect.resume is None:
         notes.append("this controller has no variable to start at a later pose: it starts at the first")
     place = "[" + ", ".join(format_fixed(v, 3) for v in program.map_mm) + "]"
-    told = (dialect.signal(n, program.controller.sync_output, program.controller.gauge_input) for n in notes if n)
-    return tuple(n.replace("{map}", place) for n in told)
+    control = program.controller
+    return tuple(dialect.fill(n, control.sync_output, control.gauge_input, map=place) for n in notes if n)
 
 
 def _cycle_note(program: Program, dialect: Dialect) -> str:
@@ -91,13 +90,6 @@ def _cycle_note(program: Program, dialect: Dialect) -> str:
         f"{times[len(times) // 2]:.0f} ms: a block must be prepared in less, {block_ms:g} ms are reckoned with"
     )
     return f"{said}; it brakes at {short} quicker ones, lower the measuring speed" if short else said
-
-
-def fill_words(text: str, words: Mapping[str, object]) -> str:
-    """Return ``text`` with the words in braces replaced."""
-    for key, value in words.items():
-        text = text.replace(f"{{{key}}}", str(value))
-    return text
 
 
 LINE_END = {"lf": "\n", "crlf": "\r\n"}

@@ -11,7 +11,14 @@ import numpy as np
 
 from planner.cell.cell import Cell
 from planner.common.errors import InputError
-from planner.common.files import check_writing, document_text, write_bytes, write_text
+from planner.common.files import (
+    check_writing,
+    document_text,
+    encode_text,
+    write_bytes,
+    write_text,
+    write_together,
+)
 from planner.common.lazy_modules import pl
 from planner.common.progress import Stages
 from planner.instruments.check.results import CheckForecast
@@ -96,12 +103,9 @@ def write_program_as(files: tuple[ProgramFile, ...], path: Path) -> list[str]:
     if len({t.name.lower() for t in targets}) < len(targets):
         raise InputError(f"{path}: this name is that of another file of the program; {first.name} starts it")
     check_writing(path)
-    if len(files) > 1:
-        if path.exists() and not path.is_file():
-            raise InputError(f"{path}: is no plain file, and the program is {len(files)} files; name a file")
-        path.unlink(missing_ok=True)  # a kill between the files leaves nothing that could be started
-    for target, file in zip(reversed(targets), reversed(files), strict=True):  # what starts it comes last
-        write_text(target, file.text, file.encoding)
+    if len(files) > 1 and path.exists() and not path.is_file():
+        raise InputError(f"{path}: is no plain file, and the program is {len(files)} files; name a file")
+    write_together([(t, encode_text(t, f.text, f.encoding)) for t, f in zip(targets, files, strict=True)])
     said = [f"{asked} is written; the controller takes it under the name {first.name}"]
     needed = [f"{target} is written too: {path.name} needs it beside it" for target in targets[1:]]
     return (said if path.name != first.name else []) + needed

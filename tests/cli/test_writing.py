@@ -3,6 +3,7 @@
 import hashlib
 import json
 import os
+import resource
 import signal
 import stat
 import time
@@ -293,3 +294,44 @@ def test_a_file_where_a_folder_of_results_is_written_stays(tmp_path):
         Written().write(tmp_path / "file")
     assert (tmp_path / "file").read_text() == "mine"
     assert Written().write(tmp_path / "out") == [tmp_path.resolve() / "out" / "done.json"]
+
+
+def _fill_disk_at(size):
+    """Let no file grow beyond ``size`` bytes, as on a disk that fills up."""
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, resource.RLIM_INFINITY))
+
+
+@pytest.mark.parametrize("before", [None, "an older program, plan_id: 0123456789ab\n"])
+def test_a_full_disk_leaves_no_file_of_a_program_without_the_others(tmp_path, before):
+    names = ["p.src", "p_001.src", "p.dat"]
+    files = tuple(
+        ProgramFile(n, f"plan_id {n}\n" + size * "x") for n, size in zip(names, (10, 50_000, 10), strict=True)
+    )
+    for name in names if before else ():
+        (tmp_path / name).write_text(before)
+    _fill_disk_at(20_000)
+    try:
+        with pytest.raises(InputError, match=r"p_001.src: cannot be written \(File too large\)"):
+            write_program_as(files, tmp_path / "p.src")
+    finally:
+        _fill_disk_at(resource.RLIM_INFINITY)
+    assert {p.name: p.read_text() for p in tmp_path.iterdir()} == dict.fromkeys(names if before else (), before)
+    write_program_as(files, tmp_path / "p.src")
+    assert {p.name: p.read_text() for p in tmp_path.iterdir()} == {f.name: f.text for f in files}
+
+
+@pytest.mark.parametrize("failing", [0, 1, 2])
+def test_a_name_that_cannot_be_taken_leaves_none_of_the_new_files(tmp_path, monkeypatch, failing):
+    files = tuple(ProgramFile(n, f"plan_id new {n}") for n in ("p.src", "p_001.src", "p.dat"))
+    calls, replace_file = [], os.replace
+
+    def refuse(source, target):
+        calls.append(target)
+        if len(calls) == failing + 1:
+            raise OSError(28, "No space left on device")
+        replace_file(source, target)
+
+    monkeypatch.setattr("planner.common.files.os.replace", refuse)
+    with pytest.raises(InputError, match="cannot be written"):
+        write_program_as(files, tmp_path / "p.src")
+    assert list(tmp_path.iterdir()) == []

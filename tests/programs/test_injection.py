@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 import tests.programs.sessions as sessions
 from planner.programs.dialect import dialects, load_dialect
-from planner.programs.instructions import Comment, Program
+from planner.programs.instructions import Comment, Pause, Program, WaitInput
 from planner.programs.rendering import ProgramFile
 from planner.programs.verification import EXECUTIONS, ProgramMismatchError, write_program
 from tests.programs.reading import read_back, verify
@@ -137,3 +137,19 @@ def test_the_signals_of_another_cell_are_not_released() -> None:
         with pytest.raises(ProgramMismatchError, match=r"does not know|pulses"):
             verify(sessions.with_controller(sessions.static(), sync_output=8), name, files)
         assert read_back(name, files).unknown == ()
+
+
+IN_BRACES = ("number", "what", "name", "input", "output", "map", "ID", "tool", "until")
+
+
+@pytest.mark.parametrize("word", IN_BRACES)
+@pytest.mark.parametrize("name", NAMES)
+def test_braces_in_a_persons_words_stay_what_they_are(name, word):
+    """What a person calls a fixture is printed letter by letter, whatever the dialect's own lines have in braces."""
+    program, text = sessions.static(), f"VV{{{word}}}WW"
+    items = [replace(i, message=text) if isinstance(i, Pause) else i for i in program.instructions]
+    items = [replace(i, what=text) if isinstance(i, WaitInput) else i for i in items]
+    files = write_program(replace(program, instructions=(*items, Comment(text))), name, "a")
+    printed = [set(re.findall("VV(.*?)WW", f.text)) for f in files if "VV" in f.text]
+    assert printed
+    assert all(found == {f"{{{word}}}"} for found in printed)

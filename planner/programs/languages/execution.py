@@ -277,7 +277,7 @@ def _with_numbers(text: str, dialect: Dialect, program: Program | None) -> str |
     for name in NUMBERS:
         if f"{{{name}}}" in text and (chosen := number(name)) is not None:
             text = text.replace(f"{{{name}}}", str(chosen))
-    text = dialect.signal(text, number("sync_output"), number("gauge_input"))
+    text = dialect.fill(text, number("sync_output"), number("gauge_input"))
     return None if re.search(r"\{(tool|base|load|output|input)\}", text) else text
 
 
