@@ -1,9 +1,14 @@
-"""Plan the shipped cell, simulate the run, identify the robot and correct its own program."""
+"""Plan the shipped cell, simulate the run, identify the robot and correct targets of its work."""
 
 import sys
 from pathlib import Path
 
 from planner import compensate, identify, plan, simulate
+
+TARGETS = """q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg
+10,-80,95,5,40,0
+-20,-95,100,20,50,30
+"""
 
 
 def main(folder: str = "seed_cell", cell: str = "kuka-kr6-r700/edbb", poses: int = 40) -> None:
@@ -18,10 +23,11 @@ def main(folder: str = "seed_cell", cell: str = "kuka-kr6-r700/edbb", poses: int
     print(found.summary())
     found.write(out / "calibrated")
 
-    program = next(path for path in (out / "session").iterdir() if path.suffix == ".src")
-    corrected = compensate(program, model=found)  # singular targets stay and are listed
+    targets = out / "targets.csv"  # or a robot program; measuring programs stay as they are
+    targets.write_text(TARGETS)
+    corrected = compensate(targets, model=found)  # singular targets stay and are listed
     print(corrected.summary())
-    corrected.write(out / program.name)
+    corrected.write(out / "corrected.csv")
 
 
 if __name__ == "__main__":

@@ -118,7 +118,7 @@ def import_command(
 
 def compensate_command(
     targets: Annotated[Path, typer.Argument(metavar="PROGRAM|TARGETS", help="a robot program, or targets as CSV")],
-    model: Annotated[Path, typer.Option(metavar="DIR/robot.toml", help="the calibrated robot")],
+    model: Annotated[Path, typer.Option(metavar="DIR/robot.toml", help="the calibrated robot, or its folder")],
     output: OutputFile,
     dialect: Annotated[str | None, typer.Option(help="language of the file, or csv, where it does not tell")] = None,
     tool: Annotated[str | None, typer.Option(metavar="X,Y,Z,A,B,C", help="tool in the flange, mm and degrees")] = None,
@@ -129,6 +129,15 @@ def compensate_command(
     ] = False,
     cell: Annotated[
         str | None, typer.Option(metavar="CELL", help="the cell, to make sure that its controller does not correct too")
+    ] = None,
+    again: Annotated[
+        bool, typer.Option("--again", help="add to the correction by another model, whose mark the file bears")
+    ] = False,
+    measuring: Annotated[
+        bool, typer.Option("--measuring", help="correct a measuring program too, whose way is proven uncorrected only")
+    ] = False,
+    date: Annotated[
+        str | None, typer.Option(metavar="YYYY-MM-DD", help="in the mark of the file (default: of the model's file)")
     ] = None,
 ) -> None:
     """Correct the targets of a program so that the calibrated robot stands where the nominal one should."""
@@ -144,6 +153,9 @@ def compensate_command(
             frames=frames,
             strict=strict,
             cell=cell,
+            again=again,
+            measuring=measuring,
+            date=date,
         )
     if output != "-":
         check_writing(Path(output), done.file.text.encode(done.file.encoding))

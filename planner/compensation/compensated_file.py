@@ -11,6 +11,7 @@ from planner.common.files import read_bytes
 from planner.common.units import DEG, Array
 from planner.compensation.arm_shapes import NEAR, has_shapes, shape_margins
 from planner.compensation.correction import MOVE_LIMIT, Correction, FlangeModel, NominalFlange, correct_joints
+from planner.compensation.correction_mark import CorrectionMark, check_no_measuring_program, check_not_corrected
 from planner.compensation.languages import (
     add_head,
     check_reach,
@@ -89,12 +90,15 @@ def compensate_file(
     dialect: str | None = None,
     frames: ToolAndBase = NO_FRAMES,
     strict: bool = False,
+    mark: CorrectionMark | None = None,
+    again: bool = False,
+    measuring: bool = False,
 ) -> CompensatedFile:
     """Replace every target in a file by its fake target; the text between the numbers stays byte for byte.
 
-    What cannot be corrected for certain is left exactly as it is; the report and a comment at the head of the
-    file list its lines and the reasons. The corrected text is read again as a file of its own: a target that does
-    not come back as it was meant is left as it was.
+    A comment at the head of the file bears the ``mark`` of the model. What cannot be corrected for certain is left
+    exactly as it is; the report and the same comment list its lines and the reasons. The corrected text is read again
+    as a file of its own: a target that does not come back as it was meant is left as it was.
 
     Args:
         path: targets (CSV) or a robot program (KRL, RAPID, PDL2, G-code of the shipped dialects).
@@ -103,12 +107,20 @@ def compensate_file(
         dialect: name of the dialect, or ``csv``, where suffix and content do not tell.
         frames: tool and base of Cartesian targets that the file does not say.
         strict: fail instead of leaving anything as it is.
+        mark: of the model; without one the file is neither marked nor looked at for an earlier correction.
+        again: correct what another model has corrected before.
+        measuring: correct a measuring program, too.
 
     Raises:
-        InputError: the file cannot be read, or nothing in it can be corrected for certain (each line is named).
+        InputError: the file cannot be read, was corrected before or is a measuring program, or nothing in it can be
+            corrected for certain (each line is named).
         NoSolutionError: no target has a correction, or most are out of the robot's reach.
     """
     text, encoding = _read(path)
+    if mark is not None:
+        check_not_corrected(path.name, text, mark, again)
+        if not measuring:
+            check_no_measuring_program(path.name, text)
     language = dialect or detect_dialect(path, text)
     companion, seeds = companion_of(path, language, _read), SearchSeeds(nominal)
     source = _Source(path.name, language, text, encoding, companion, nominal, calibrated, frames, seeds)
@@ -133,7 +145,7 @@ def compensate_file(
     problems += written.wrong
     if not written.rows.size or (written.wrong and strict):
         raise NoSolutionError("\n".join([_summary(path, problems, targets), *list_lines(path.name, problems)]))
-    return _finish(source, written, (*notes, *reading.notes), [*reading.left, *problems])
+    return _finish(source, written, (*notes, *reading.notes), [*reading.left, *problems], mark)
 
 
 @dataclass(frozen=True)
@@ -180,13 +192,14 @@ def _modal_words(targets: list[Target], rows: np.ndarray) -> list[tuple[Slot, fl
     return [(slot, angle) for slot, angle in both if slot.start == slot.end]
 
 
-def _finish(source: _Source, done: _Written, notes: Sequence[Note], left: list[Note]) -> CompensatedFile:
-    """Measure what was done, and say at the head of the file what was not."""
+def _finish(
+    source: _Source, done: _Written, notes: Sequence[Note], left: list[Note], mark: CorrectionMark | None
+) -> CompensatedFile:
+    """Measure what was done, and say at the head of the file which model did it, and what was not done."""
     report = report_of(source.robot, source.calibrated, done.chosen, done.printed, done.q, done.q_new, done.q_printed)
     report = replace(report, notes=(*notes, *report.notes), kept=tuple(sorted(left)))
-    text = done.text
-    if report.kept:
-        text = add_head(text, source.dialect, source.robot.name, report.corrected, report.kept)
+    said = "" if mark is None else mark.sentence(source.robot.name)
+    text = add_head(done.text, source.dialect, source.robot.name, report.corrected, report.kept, said)
     return CompensatedFile(source.name, text, source.encoding, report, tuple(done.chosen), done.q)
 
 

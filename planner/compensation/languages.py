@@ -108,7 +108,7 @@ _SPELLED = str.maketrans({"µ": "u", "°": " deg", "…": "...", "−": "-"})
 _BEHIND = {  # the lines that must stay first
     "krl": re.compile(r"\s*(&|;|(GLOBAL\s+)?DEF(DAT|FCT)?\b)", re.IGNORECASE),
     "rapid": re.compile(r"\s*(!|%%%|VERSION:|LANGUAGE:|MODULE\b)", re.IGNORECASE),
-    "gcode": re.compile(r"\s*(%|;\$PATH)", re.IGNORECASE),
+    "gcode": re.compile(r"\s*(%|;\$PATH|O\d+\s*(\(|$))", re.IGNORECASE),
     "csv": re.compile(r"(?!)"),
     "pdl2": re.compile(r"(?!)"),
     "urscript": re.compile(r"\s*(#|def\b)"),
@@ -116,8 +116,13 @@ _BEHIND = {  # the lines that must stay first
 }
 
 
-def add_head(text: str, dialect: str, robot: str, corrected: Sequence[int], left: Sequence[Note]) -> str:
-    """Return ``text`` with a comment: lines as counted in it that were corrected, those that were left, and why."""
+def add_head(
+    text: str, dialect: str, robot: str, corrected: Sequence[int], left: Sequence[Note], mark: str = ""
+) -> str:
+    """Return ``text`` with a comment: ``mark``, and where lines were left those that were corrected, and why not.
+
+    Lines are as counted in the text that is returned; without a mark and with nothing left it is ``text`` itself.
+    """
     style = _comment_style(dialect)
     at, before = _place(text, _BEHIND[_family_of(dialect)])
     shift, head = -1, [""] * 0
@@ -125,11 +130,13 @@ def add_head(text: str, dialect: str, robot: str, corrected: Sequence[int], left
         shift = len(head)
         head = [
             f"{style.start}{row}{style.end}"
-            for said in _sentences(robot, corrected, left, before, shift)
+            for said in ([mark] * bool(mark) + [*_sentences(robot, corrected, left, before, shift)] * bool(left))
             for row in textwrap.wrap(
                 comment_text(said.translate(_SPELLED), style.model_copy(update={"max_length": MOST})), style.max_length
             )
         ]
+    if not head:
+        return text
     end = "\r\n" if "\r\n" in text else "\n"
     gap = end if at and not text[:at].endswith(("\n", "\r")) else ""
     return text[:at] + gap + "".join(row + end for row in head) + text[at:]
@@ -164,7 +171,7 @@ def _place(text: str, behind: re.Pattern[str]) -> tuple[int, int]:
         end = start + len(said)
         end += len(re.match(r"\r\n|\n|\r|", text[end:])[0])  # type: ignore[index]
         place = end, line
-        if re.match(r"\s*(MODULE|(GLOBAL\s+)?DEF)", said, re.IGNORECASE):
+        if re.match(r"\s*(MODULE|(GLOBAL\s+)?DEF(DAT|FCT)?)\b", said, re.IGNORECASE):
             break
     return place
 

@@ -307,12 +307,14 @@ class CompensationRequest(JobRequest):
     base: FrameText | None = None
     frames: FileReference | None = None
     strict: bool = False
+    again: bool = Field(False, description="add to the correction by another model, whose mark the file bears")
+    measuring: bool = Field(False, description="correct a measuring program of a plan, too")
 
     def arguments(self, folder: JobFolder) -> list[str]:
         """Return the program and options."""
         program = folder.file(self.program)
         model = f"{folder.results(self.model, 'identification', 'calibrated')}/robot.toml"
-        chosen = self.model_dump(include={"dialect", "tool", "base", "strict"})
+        chosen = self.model_dump(include={"dialect", "tool", "base", "strict", "again", "measuring"})
         frames = self.frames and folder.file(self.frames)
         return [program, "-o", f"out/{program}", *options(model=model, **chosen, frames=frames)]
 

@@ -1,7 +1,11 @@
 """``edbb compensate``: corrected targets from the calibrated robot and the nominal one that it was calibrated from."""
 
+import os
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from datetime import date as Day
+from hashlib import sha256
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
@@ -16,6 +20,7 @@ from planner.common.result import Result
 from planner.common.schema import read_json
 from planner.common.units import Array, from_deg, from_mm, read_only
 from planner.compensation.compensated_file import CompensatedFile, compensate_file
+from planner.compensation.correction_mark import CorrectionMark
 from planner.compensation.program_error import ProgramError, program_error
 from planner.compensation.rotations import frame, from_abc
 from planner.compensation.targets import ToolAndBase
@@ -80,12 +85,15 @@ def compensate(
     frames: Path | str | None = None,
     strict: bool = False,
     cell: str | None = None,
+    again: bool = False,
+    measuring: bool = False,
+    date: str | None = None,
 ) -> CompensationResult:
     """Correct the targets of a file so that the calibrated robot stands where the nominal one should.
 
     Args:
         targets: a robot program, or targets as CSV.
-        model: the calibrated robot: ``robot.toml``, or the identification itself.
+        model: the calibrated robot: ``robot.toml`` or its folder, or the identification itself.
         dialect: the file's language, where suffix and content do not tell.
         tool: x, y, z in mm and A, B, C (Z-Y'-X") in degrees, separated by commas; of poses that do not say them.
         base: the same of the base.
@@ -93,43 +101,102 @@ def compensate(
         strict: fail instead of leaving anything as it is.
         cell: the cell, whose controller must not correct the robot itself; points that were taught with the accuracy
             model of the controller (KUKA's status bit 4) are corrected only where a cell says that it is off.
+        again: add the correction to that of another model, whose mark the file bears.
+        measuring: correct a measuring program of a plan, too.
+        date: in the mark of the file, as YYYY-MM-DD; where it is not given that of ``SOURCE_DATE_EPOCH``, or of the
+            model's file.
 
     Raises:
-        InputError: the model is not calibrated, the controller already corrects it, or the file is not understood.
+        InputError: the model is not calibrated, the controller already corrects it, or the file is not understood, was
+            corrected before, or belongs to a measuring plan.
         NoSolutionError: no target has a fake target near the nominal one, most are out of the robot's reach, or the
             corrected robot is expected to be worse than the nominal one.
     """
-    robot, known = _read_model(model)
+    found = _find_model(model)
+    robot, known, mark = found.robot, found.known, found.mark
+    if date is not None:
+        mark = replace(mark, day=_day(date))
     uncorrected = cell is not None and _check_controller(cell, robot.name)
     calibrated = CalibratedRobot(robot)
     data = "" if frames is None else _text(Path(frames))
     given = ToolAndBase(_frame("--tool", tool), _frame("--base", base), data, uncorrected)
-    done = compensate_file(Path(targets), robot.nominal, calibrated, dialect=dialect, frames=given, strict=strict)
-    simulated = _is_simulated(Path(model)) if isinstance(model, Path | str) else model.simulated
-    return CompensationResult(done, _expect(done, known, given.T_FT), calibrated.sentence, simulated)
+    done = compensate_file(
+        Path(targets),
+        robot.nominal,
+        calibrated,
+        dialect=dialect,
+        frames=given,
+        strict=strict,
+        mark=mark,
+        again=again,
+        measuring=measuring,
+    )
+    return CompensationResult(done, _expect(done, known, given.T_FT), calibrated.sentence, bool(mark.simulated))
 
 
-def _is_simulated(model: Path) -> bool:
-    """Tell whether the identification beside a calibrated robot says that nobody measured it."""
-    beside = model.parent / "identification.json"
-    content = read_json(beside) if beside.is_file() else None
-    return isinstance(content, dict) and content.get("simulated") is True
+@dataclass(frozen=True)
+class _Model:
+    """A calibrated robot, what is known of its errors or why nothing is, and what is said of it in corrected files."""
+
+    robot: Robot
+    known: ExpectedError | str
+    mark: CorrectionMark
 
 
-def _read_model(model: "CalibrationResult | Path | str") -> tuple[Robot, ExpectedError | str]:
-    """Return the calibrated robot, and what is known of its errors or why nothing is."""
-    if not isinstance(model, Path | str):
-        with TemporaryDirectory() as folder:
-            model.write_robot(Path(folder))
-            return _read_model(Path(folder) / "robot.toml")
-    path = Path(model).absolute()
+def _find_model(model: "CalibrationResult | Path | str") -> _Model:
+    """Read the calibrated robot from its file, from the folder that holds it, or from an identification in memory."""
+    if isinstance(model, Path | str):
+        path = Path(model).absolute()
+        return _read_model(path / "robot.toml" if path.is_dir() else path)
+    with TemporaryDirectory() as folder:
+        model.write_robot(Path(folder))
+        found = _read_model(Path(folder) / "robot.toml")
+    return replace(found, mark=replace(found.mark, simulated=model.simulated, day=_build_day()))
+
+
+def _read_model(path: Path) -> _Model:
     robot = load_robot(str(path))
     if robot.nominal is robot:
         raise InputError(
-            f"{model}: is no calibrated robot, it has neither [nominal] values nor [[effects]]; "
+            f"{path}: is no calibrated robot, it has neither [nominal] values nor [[effects]]; "
             "give the robot.toml that 'edbb identify' wrote"
         )
-    return robot, ExpectedError.read(robot, path)
+    known = ExpectedError.read(robot, path)
+    day = _build_day() or datetime.fromtimestamp(robot.path.stat().st_mtime, UTC).date()
+    mark = CorrectionMark(sha256(read_bytes(robot.path)).hexdigest(), _simulated_beside(robot.path), day)
+    return _Model(robot, known, mark)
+
+
+def _simulated_beside(model: Path) -> bool | None:
+    """Tell whether the identification beside a calibrated robot says that nobody measured it; ``None``: there is none.
+
+    Any file of that name tells, of whatever version.
+    """
+    beside = model.parent / "identification.json"
+    content = read_json(beside) if beside.is_file() else None
+    return content.get("simulated") is True if isinstance(content, dict) else None
+
+
+def _day(said: str) -> Day:
+    try:
+        return Day.fromisoformat(said)
+    except ValueError as err:
+        raise InputError(f"--date {said}: a day such as 2026-03-31 is allowed") from err
+
+
+def _build_day() -> Day | None:
+    """Return the day of ``SOURCE_DATE_EPOCH``, by which a build says the date of everything that it makes.
+
+    Raises:
+        InputError: it is no number of seconds since 1970.
+    """
+    said = os.environ.get("SOURCE_DATE_EPOCH")
+    if not said:
+        return None
+    try:
+        return datetime.fromtimestamp(int(said), UTC).date()
+    except (ValueError, OverflowError, OSError) as err:
+        raise InputError(f"SOURCE_DATE_EPOCH = '{said}': a number of seconds since 1970 is allowed") from err
 
 
 def _expect(done: CompensatedFile, known: ExpectedError | str, T_FT: Array | None) -> ProgramError | str:

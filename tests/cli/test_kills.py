@@ -211,7 +211,7 @@ def _compensate(place: Path, out: Path, small) -> tuple[Words, Words, Path]:
     robot = _calibrated(place, small)
     text = next(p for p in small.folder.iterdir() if p.suffix == ".src").read_text()
     sources = [_written(place / "a.src", text), _written(place / "b.src", text.replace("A1 0.0000", "A1 0.1000"))]
-    one, two = (("compensate", s, "--model", robot, "-o", out / "c.src", "--force") for s in sources)
+    one, two = (("compensate", s, "--model", robot, "--measuring", "-o", out / "c.src", "--force") for s in sources)
     return one, two, out / "c.src"
 
 

@@ -13,6 +13,7 @@ from tests.golden.condense import condense, short
 
 ROOT = Path(__file__).resolve().parents[2]
 QUIET = {
+    "SOURCE_DATE_EPOCH": "1767225600",  # the date that corrected programs bear: 2026-01-01
     "OMP_NUM_THREADS": "1",
     "OPENBLAS_NUM_THREADS": "1",
     "MKL_NUM_THREADS": "1",

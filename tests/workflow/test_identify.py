@@ -136,7 +136,10 @@ def test_a_program_is_corrected(identified):
     assert "1 joint target and 1 pose corrected" in told
     assert "of these with another tool (0.0, 0.0, 100.0) mm" in told
     assert out != PROGRAM
-    kept = [line for line in out.splitlines() if "{" not in line]
+    lines = out.splitlines()
+    assert lines[2].startswith("; edbb-compensated ")
+    assert lines[3].endswith("never correct it again.")
+    kept = [line for line in lines[:2] + lines[4:] if "{" not in line]
     assert kept == [line for line in PROGRAM.splitlines() if "{" not in line]
     code, _, told = edbb("compensate", identified / "part.src", *model, "--strict", "-o", identified / "new.src")
     assert code == 2
@@ -158,7 +161,10 @@ def test_corrected_joints_bring_the_found_robot_where_the_nominal_should_be(iden
     model = identified / "out" / "robot.toml"
     code, _, told = edbb("compensate", identified / "t.csv", "--model", model, "-o", identified / "new.csv")
     assert code == 0, told
-    new = np.deg2rad(np.loadtxt(identified / "new.csv", delimiter=",", skiprows=1))
+    mark, more, *rows = (identified / "new.csv").read_text().splitlines()
+    assert mark.startswith("# edbb-compensated ")
+    assert more.startswith("# ")
+    new = np.deg2rad(np.loadtxt(rows, delimiter=",", skiprows=1))
     _, wanted = Arm.from_toml("kuka-kr6-r700").flange(np.deg2rad(TARGETS))
     found = load_robot(str(model))
     there = found.chain.forward(found.theta(new)).x.T

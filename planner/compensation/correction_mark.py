@@ -1,0 +1,102 @@
+"""The mark of a corrected file, by which it is never corrected a second time, and that of a measuring program.
+
+The mark is a comment at the head of every corrected file: ``edbb-compensated``, the first digits of the SHA-256 of the
+model's ``robot.toml``, whether anybody measured that robot, and a date. It is looked for in the whole file and whatever
+the case of its letters: editors and controllers move, indent and capitalise comments.
+"""
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from datetime import date
+
+from planner.common.errors import InputError
+from planner.programs.languages.statements import Lines
+
+WORD = "edbb-compensated"
+HASH_DIGITS = 12  # of the hash in the mark: a remark of FANUC has 31 characters
+_MARK = re.compile(rf"{WORD}\b(?:[^\w\n\r]{{1,8}}(?P<hash>[0-9a-f]{{1,64}})\b)?", re.IGNORECASE)
+_OLD_MARK = re.compile(
+    r"\bCompensated in part for\b", re.IGNORECASE
+)  # of files corrected in part before marks named a model
+_PLAN = re.compile(r'\bplan_id"?:\s*"?(?P<plan>[0-9a-f]{12})\b', re.IGNORECASE)
+
+
+@dataclass(frozen=True)
+class CorrectionMark:
+    """Which model corrects a file.
+
+    Attributes:
+        model_hash: SHA-256 of the model's ``robot.toml``, hexadecimal.
+        simulated: whether the model comes of a simulated run; ``None`` where nothing beside it tells.
+        day: of the model, or the one that the person has named; ``None`` where there is none.
+    """
+
+    model_hash: str
+    simulated: bool | None = None
+    day: date | None = None
+
+    def sentence(self, robot: str) -> str:
+        """Return what the head of the corrected file says; its first two words are the mark."""
+        origin = {True: "SIMULATED", False: "measured", None: "origin of the model unknown"}[self.simulated]
+        day = "" if self.day is None else f", {self.day.isoformat()}"
+        return f"{WORD} {self.model_hash[:HASH_DIGITS]}, {origin}{day}. Corrected for {robot}: never correct it again."
+
+    def is_of(self, found: str) -> bool:
+        """Tell whether a hash that was found, all of its digits or the first ones, is that of this model."""
+        return self.model_hash.startswith(found[:HASH_DIGITS])
+
+
+def check_not_corrected(name: str, text: str, mark: CorrectionMark, again: bool) -> None:
+    """Refuse a file that was corrected before: a second correction would add to the first.
+
+    Args:
+        name: of the file.
+        text: its content.
+        mark: of the model that is to correct it now.
+        again: the person says that the correction by another model is to be added.
+
+    Raises:
+        InputError: the file bears the mark of this model, or one that names no model; or that of another model, and
+            ``again`` is not said.
+    """
+    for line, found in _find_marks(text):
+        if not found:
+            raise InputError(
+                f"{name}:{line}: the file was corrected before, by a model that the mark there does not name; correct "
+                "the original program instead"
+            )
+        if mark.is_of(found):
+            raise InputError(
+                f"{name}:{line}: the file was corrected before, by this same model ({found}): a second correction "
+                "would be added to the first; correct the original program instead"
+            )
+        if not again:
+            raise InputError(
+                f"{name}:{line}: the file was corrected before, by another model, whose robot.toml has a SHA-256 that "
+                f"begins with {found}; the corrections would add up. Correct the original program instead; --again "
+                "only where this model was identified with programs that the other one corrects"
+            )
+
+
+def _find_marks(text: str) -> Iterator[tuple[int, str]]:
+    """Yield line and hash, small letters, of every mark; the hash is empty where the mark holds none."""
+    for line, _, said in Lines.of(text):
+        yield from ((line, (match["hash"] or "").lower()) for match in _MARK.finditer(said))
+        if _OLD_MARK.search(said) and not _MARK.search(text):
+            yield line, ""
+
+
+def check_no_measuring_program(name: str, text: str) -> None:
+    """Refuse what drives or lists the poses of a plan.
+
+    Raises:
+        InputError: the file names its plan.
+    """
+    for line, _, said in Lines.of(text):
+        if match := _PLAN.search(said):
+            raise InputError(
+                f"{name}:{line}: the file belongs to the measuring plan {match['plan'].lower()}: its poses are nominal "
+                "on purpose, and its way (range of the bar, distances) is proven as it stands, not as corrected; "
+                "compensation is for programs that work. --measuring corrects it all the same"
+            )

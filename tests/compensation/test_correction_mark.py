@@ -1,0 +1,239 @@
+"""A corrected file is known again, whatever editors and controllers do to it, and is never corrected twice."""
+
+import json
+import os
+import re
+from dataclasses import replace
+from datetime import date
+from hashlib import sha256
+
+import numpy as np
+import pytest
+
+import tests.programs.sessions as sessions
+from planner.common.errors import InputError
+from planner.common.files import data_folder
+from planner.compensation.compensated_file import compensate_file
+from planner.compensation.correction_mark import CorrectionMark
+from planner.programs.verification import write_program
+from tests.command import edbb
+from tests.compensation.robots import unlimited
+from tests.compensation.test_formats import CSV, NAMES, shifted
+from tests.compensation.test_partial import GOOD, krl
+from tests.programs.reading import read_back
+
+HERE = CorrectionMark("ab" * 32, False, date(2026, 3, 31))
+OTHER = CorrectionMark("cd" * 32, True, date(2026, 4, 1))
+KRL_DAT = "DEFDAT P PUBLIC\r\nDECL E6AXIS X1={A1 10,A2 -80,A3 100,A4 20,A5 40,A6 30}\r\nENDDAT\r\n"
+
+
+@pytest.fixture(scope="module")
+def robot():
+    from planner.kinematics.robot_reader import load_robot
+
+    return unlimited(load_robot("kuka-kr6-r700"))
+
+
+def file_of(folder, name):
+    """A program in a dialect that is no measuring program (its plan is not named), and its files as they are read."""
+    if name == "csv":
+        path = folder / "targets.csv"
+        path.write_text(CSV)
+        return path, None
+    if name == "dat":
+        path = folder / "p.dat"
+        path.write_bytes(KRL_DAT.encode())
+        return path, None
+    files = write_program(replace(sessions.mixed(6, 6), robot="kuka-kr6-r700"), name, "session")
+    for file in files:
+        (folder / file.name).write_bytes(re.sub("plan_id", "plan", file.text).encode(file.encoding))
+    return folder / files[0].name, files
+
+
+def upper(text):
+    return text.upper()
+
+
+def other_ends(text):
+    return text.replace("\r\n", "\n") if "\r\n" in text else text.replace("\n", "\r\n")
+
+
+def cut_tail(text):
+    return text[: len(text) * 3 // 4]
+
+
+def head_behind(text):
+    """The lines of the head behind all others, as an editor that sorts or a controller that collects remarks leaves."""
+    lines = text.splitlines(keepends=True)
+    first = next(k for k, line in enumerate(lines) if "edbb-compensated" in line)
+    return "".join(lines[:first] + lines[first + 1 :]) + lines[first]
+
+
+def indented(text):
+    return "".join(f"   {line}" for line in text.splitlines(keepends=True))
+
+
+def no_blanks(text):
+    return "\n".join(line.replace("edbb-compensated ", "edbb-compensated:") for line in text.splitlines())
+
+
+@pytest.mark.parametrize("change", [str, upper, other_ends, cut_tail, head_behind, indented, no_blanks])
+@pytest.mark.parametrize("name", [*NAMES, "csv", "dat"])
+def test_a_corrected_file_is_never_corrected_by_the_same_model(name, change, robot, tmp_path):
+    path, _ = file_of(tmp_path, name)
+    done = compensate_file(path, robot, shifted(robot), mark=HERE)
+    assert done.text.isascii() or name == "csv"
+    path.write_bytes(change(done.text).encode(done.encoding))
+    for again in (False, True):
+        with pytest.raises(InputError, match=rf"{path.name}:\d+: the file was corrected before, by this same model"):
+            compensate_file(path, robot, shifted(robot), mark=HERE, again=again)
+    with pytest.raises(InputError, match=r"by another model, whose robot\.toml has a SHA-256 that begins with abab"):
+        compensate_file(path, robot, shifted(robot), mark=OTHER)
+    if change is str:
+        assert compensate_file(path, robot, shifted(robot), mark=OTHER, again=True).text != done.text
+
+
+@pytest.mark.parametrize("name", [*NAMES, "csv", "dat"])
+def test_the_mark_is_a_comment_that_says_which_model_and_whether_it_was_measured(name, robot, tmp_path):
+    path, files = file_of(tmp_path, name)
+    plain = compensate_file(path, robot, shifted(robot))
+    for mark, word in ((HERE, "measured"), (OTHER, "SIMULATED")):
+        done = compensate_file(path, robot, shifted(robot), mark=mark)
+        before, after = plain.text.splitlines(), done.text.splitlines()
+        first = next(k for k, (a, b) in enumerate(zip(before, after, strict=False)) if a != b)
+        length = len(after) - len(before)
+        assert before == after[:first] + after[first + length :]  # lines were added, in one place, and nothing else
+        head = " ".join(re.sub(r"^\W*|\W*;?$", "", line) for line in after[first : first + length])
+        assert f"edbb-compensated {mark.model_hash[:12]} {word} {mark.day.isoformat()}" in head.replace(",", "")
+        assert first < 20
+        if files:  # the language's own reader takes it for a remark
+            changed = [replace(files[0], text=done.text.replace("plan:", "plan_id:")), *files[1:]]
+            angles = read_back(name, changed).joint_path_deg
+            expected = read_back(name, files).joint_path_deg - 0.5 * np.eye(6)[3]
+            np.testing.assert_allclose(angles, expected, atol=1.1e-5)
+        path.write_bytes(done.text.encode(done.encoding))
+        assert len(compensate_file(path, robot, shifted(robot)).targets) == len(plain.targets)
+        path.write_bytes(files[0].text.replace("plan_id", "plan").encode(files[0].encoding) if files else b"")
+        if not files:
+            file_of(tmp_path, name)
+
+
+def test_a_remark_of_fanuc_holds_the_mark_whole(robot, tmp_path):
+    path, _ = file_of(tmp_path, "fanuc-tp")
+    done = compensate_file(path, robot, shifted(robot), mark=HERE)
+    (line,) = [line for line in done.text.splitlines() if "edbb-compensated" in line]
+    assert "edbb-compensated abababababab" in line
+    assert len(line.split("!")[1].rstrip(" ;")) <= 32
+    assert done.text.index("/MN") < done.text.index("edbb-compensated") < done.text.index("   1:")
+
+
+def test_each_half_of_a_module_is_judged_by_itself(robot, tmp_path):
+    src, dat = tmp_path / "p.src", tmp_path / "p.dat"
+    src.write_text(krl(GOOD, "PTP X1"))
+    dat.write_text(KRL_DAT)
+    done = compensate_file(src, robot, shifted(robot), mark=HERE)
+    src.write_text(done.text)
+    half = compensate_file(dat, robot, shifted(robot), mark=HERE)  # its other half is corrected, it is not
+    assert "A4 19.5" in half.text
+    dat.write_text(half.text)
+    for path in (src, dat):
+        with pytest.raises(InputError, match="corrected before"):
+            compensate_file(path, robot, shifted(robot), mark=HERE)
+
+
+@pytest.mark.parametrize("said", ["edbb-compensated", "edbb-compensated, measured", "Compensated in part for kr6"])
+def test_a_mark_that_names_no_model_is_refused_whatever_is_said(said, robot, tmp_path):
+    (tmp_path / "p.src").write_text(krl(f"; {said}", GOOD))
+    for again in (False, True):
+        with pytest.raises(InputError, match=r"p\.src:2: the file was corrected before, by a model that the mark"):
+            compensate_file(tmp_path / "p.src", robot, shifted(robot), mark=HERE, again=again)
+
+
+def test_the_first_digits_of_a_mark_that_was_cut_tell_the_model(robot, tmp_path):
+    (tmp_path / "p.src").write_text(krl("; edbb-compensated abab", GOOD))
+    with pytest.raises(InputError, match="by this same model"):
+        compensate_file(tmp_path / "p.src", robot, shifted(robot), mark=HERE, again=True)
+
+
+@pytest.mark.parametrize("name", [*NAMES, "poses-csv"])
+def test_a_measuring_program_is_corrected_only_where_that_is_asked_for(name, robot, tmp_path):
+    if name == "poses-csv":
+        (tmp_path / "run.csv").write_text(
+            "# plan_id: 0123456789ab\nq1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg\n1,-80,90,1,9,1\n"
+        )
+        path = tmp_path / "run.csv"
+    else:
+        files = write_program(replace(sessions.mixed(6, 6), robot="kuka-kr6-r700"), name, "session")
+        for file in files:
+            (tmp_path / file.name).write_bytes(file.text.encode(file.encoding))
+        path = tmp_path / files[0].name
+    with pytest.raises(
+        InputError, match="belongs to the measuring plan 0123456789ab: its poses are nominal on purpose"
+    ):
+        compensate_file(path, robot, shifted(robot), mark=HERE)
+    assert "edbb-compensated" in compensate_file(path, robot, shifted(robot), mark=HERE, measuring=True).text
+
+
+@pytest.fixture
+def model(tmp_path):
+    """The folder of a calibrated robot, with the identification that says that nobody measured it."""
+    folder = tmp_path / "found"
+    folder.mkdir()
+    text = (data_folder("robots") / "kuka-kr6-r700" / "robot.toml").read_text()
+    (folder / "robot.toml").write_text(text.replace("a_mm = 315.0", "a_mm = 315.4") + "[nominal]\na2_mm = 315.0\n")
+    (folder / "identification.json").write_text(json.dumps({"simulated": True}))
+    (tmp_path / "p.src").write_text(krl(GOOD))
+    return folder
+
+
+def test_the_command_marks_refuses_and_writes_over_its_own_result(model, tmp_path):
+    words = ("compensate", tmp_path / "p.src", "--model", model / "robot.toml", "-o", tmp_path / "out.src")
+    first = edbb(*words)
+    assert first.returncode == 0, first.stderr
+    text = (tmp_path / "out.src").read_text()
+    number = sha256((model / "robot.toml").read_bytes()).hexdigest()[:12]
+    assert f"edbb-compensated {number}, SIMULATED, " in text
+    second = edbb(*words)  # the same command again gives the same file
+    assert second.returncode == 0, second.stderr
+    assert (tmp_path / "out.src").read_text() == text
+    twice = ("compensate", tmp_path / "out.src", *words[2:4], "-o", tmp_path / "twice.src")
+    for more in ((), ("--again",)):
+        done = edbb(*twice, *more)
+        assert done.returncode == 2
+        assert "out.src:2: the file was corrected before, by this same model" in " ".join(done.stderr.split())
+    with (model / "robot.toml").open("a") as file:
+        file.write("a1_mm = 24.9\n")
+    assert edbb(*twice).returncode == 2
+    assert "--again" in edbb(*twice).stderr
+    done = edbb(*twice, "--again")
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "twice.src").read_text().count("edbb-compensated") == 2
+
+
+def test_a_folder_stands_for_the_robot_in_it(model, tmp_path):
+    by_file, by_folder = (
+        edbb("compensate", tmp_path / "p.src", "--model", path, "-o", "-") for path in (model / "robot.toml", model)
+    )
+    assert by_file.returncode == by_folder.returncode == 0
+    assert by_file.stdout == by_folder.stdout
+    assert by_file.stderr == by_folder.stderr
+    assert "SIMULATED" in by_folder.stderr
+
+
+def test_the_date_is_the_one_that_is_named_or_of_a_build_or_of_the_model(model, tmp_path, monkeypatch):
+    words = ("compensate", tmp_path / "p.src", "--model", model, "-o", "-")
+    os.utime(model / "robot.toml", (1_700_000_000, 1_700_000_000))  # 2023-11-14
+    assert ", 2023-11-14." in edbb(*words).stdout
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", "1000000000")
+    assert ", 2001-09-09." in edbb(*words).stdout
+    assert ", 2026-03-31." in edbb(*words, "--date", "2026-03-31").stdout
+    wrong = edbb(*words, "--date", "31.3.2026")
+    assert (wrong.returncode, "allowed" in wrong.stderr) == (2, True)
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", "today")
+    wrong = edbb(*words)
+    assert (wrong.returncode, "seconds since 1970 is allowed" in wrong.stderr) == (2, True)
+
+
+def test_a_model_without_its_identification_says_that_its_origin_is_unknown(model, tmp_path):
+    (model / "identification.json").unlink()
+    assert "origin of the model unknown" in edbb("compensate", tmp_path / "p.src", "--model", model, "-o", "-").stdout
