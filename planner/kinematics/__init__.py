@@ -1,3 +1,13 @@
 """The chain of elementary transforms and its forward pass, robots by DH, MDH and URDF, bodies, inverse kinematics."""
 
-__all__ = ["bodies", "chain", "geometry", "inverse_kinematics", "robot", "robot_reader", "robot_writer", "srdf", "urdf"]
+__all__ = [
+    "bodies",
+    "chain",
+    "geometry",
+    "inverse_kinematics",
+    "robot",
+    "robot_reader",
+    "robot_writer",
+    "srdf",
+    "urdf",
+]

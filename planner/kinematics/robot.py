@@ -8,8 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
+from planner.common.errors import InputError, did_you_mean
 from planner.common.lazy_modules import pin
-from planner.common.units import Array
+from planner.common.units import Array, read_only
+from planner.kinematics.axes import AxisConvention, advice, names_of
 from planner.kinematics.bodies import Body
 from planner.kinematics.chain import Chain, Transform, xyz_transforms
 
@@ -80,8 +82,8 @@ class Robot:
         link_end: number of transforms up to the end of link frame 0 (the base) … N.
         sense_matrix: A of ``theta = A q + theta_zero``, (N, N).
         theta_zero: (N,) [rad].
-        q_lower, q_upper: controller's joint limits, (N,) [rad].
-        speed, acceleration, jerk: (N,) [rad/s, rad/s², rad/s³].
+        q_lower, q_upper: limits of the joints, (N,) [rad].
+        speed, acceleration, jerk: of the joints, (N,) [rad/s, rad/s², rad/s³].
         repeatability: of the tool point [m].
         payload: rated payload [kg], or ``None``.
         masses: of links 1 … N, ``None`` where unknown.
@@ -97,6 +99,7 @@ class Robot:
         effects: what a calibration found beyond geometry; ``loads`` those that it was found under.
         priors: how large its errors usually are.
         nominal_transforms: those of the controller's own model, where they differ from ``transforms``.
+        conventions: how the controllers that its file names count its axes.
     """
 
     name: str
@@ -128,6 +131,7 @@ class Robot:
     loads: Loads | None = None
     priors: Priors = Priors()
     nominal_transforms: tuple[Transform, ...] = ()
+    conventions: tuple[AxisConvention, ...] = ()
 
     @cached_property
     def nominal(self) -> Robot:
@@ -148,8 +152,39 @@ class Robot:
         return Chain(self.transforms)
 
     def theta(self, q: Array) -> Array:
-        """Convert controller angles (n, N) [rad] to the variable part of the kinematic rows' angles."""
+        """Convert joint angles (n, N) [rad] to the variable part of the kinematic rows' angles."""
         return q @ self.sense_matrix.T + self.theta_zero
+
+    def axes_of(self, controller: str) -> AxisConvention:
+        """Return how a controller counts the axes of this robot; ``controller`` is the name of its language.
+
+        Raises:
+            InputError: the robot's file does not say; with the lines to be added.
+        """
+        found = {c.controller: c for c in self.conventions}
+        if controller in found:
+            return found[controller]
+        raise InputError(
+            f"{self.path}: does not say how the axes of '{controller}' follow from the joints of {self.name}"
+            f"{did_you_mean(controller, list(found))} (it says so of: {names_of(self.conventions)}), and a program or "
+            "log in the wrong axes makes a wrong robot. Jog each axis by +10 degrees, compare with the model "
+            f"(docs/how-to/robot.md), and add\n{advice(controller, self.n_joints)}{_needs_file(self)}"
+        )
+
+    def in_axes(self, convention: AxisConvention) -> Robot:
+        """Return this robot, rigid, with the axes of a controller as its joints: its q are the controller's angles."""
+        back = self.sense_matrix @ convention.inverse
+        return replace(
+            self.nominal,
+            sense_matrix=read_only(back),
+            theta_zero=read_only(self.theta_zero - back @ convention.zero),
+            q_lower=convention.lower,
+            q_upper=convention.upper,
+            speed=convention.speed,
+            acceleration=convention.largest(self.acceleration),
+            jerk=convention.largest(self.jerk),
+            conventions=(),
+        )
 
     def usual_error(self, q: Array, p_FM: Array) -> float:
         """Return how far off a point (3,) [m] of the flange usually is at q (N,) [rad], one sigma of a direction [m].
@@ -196,6 +231,23 @@ class Robot:
         for t in self.transforms[self.link_end[-1] :]:
             T = T * elementary_placement(t, t.nominal)
         return T
+
+
+def _needs_file(robot: Robot) -> str:
+    """Say what has to be written first where the robot was read from a file that has no room for such tables."""
+    if robot.path.suffix == ".toml":
+        return ""
+    kind = (
+        "a table of rows has no room for it: write"
+        if robot.path.suffix == ".csv"
+        else "a URDF has no room for it: write"
+    )
+    if robot.path.suffix == ".csv":
+        return f"\n({kind} the rows as [[joints]] of a robot.toml)"
+    return (
+        f'\n({kind} a robot.toml beside it with schema = "edbb-robot/1", name = "{robot.name}", convention = "urdf", '
+        f'urdf = "{robot.path.name}", tip = "{robot.tip}", and give that to the cell)'
+    )
 
 
 def elementary_placement(t: Transform, value: float) -> pin.SE3:

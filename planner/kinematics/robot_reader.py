@@ -12,6 +12,7 @@ from planner.common.errors import InputError, did_you_mean
 from planner.common.files import data_folder
 from planner.common.schema import Coordinate, OneLine, PositiveFloat, StrictModel, read_toml, validate
 from planner.common.units import DEG, MM, Array, from_deg, from_mm, read_only
+from planner.kinematics.axes import AxisConvention, ControllerTable, JointRange, convention_from_table
 from planner.kinematics.bodies import LinkBodyFile, Vector
 from planner.kinematics.chain import Transform, dh_row, frame_transforms, is_near_parallel
 from planner.kinematics.robot import LinkMass, Priors, Robot
@@ -139,6 +140,7 @@ class RobotDescription(StrictModel):
     effects: tuple[RobotEffectTable, ...] = ()
     loads: LoadsTable | None = None
     nominal: dict[str, float] = {}
+    controllers: dict[Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9-]*$")], ControllerTable] = {}
 
     @model_validator(mode="after")
     def _complete(self) -> "RobotDescription":
@@ -284,6 +286,7 @@ def _build_robot(
     if unsaid := ", ".join(_unsaid_drives(file)):
         sources[unsaid] = f"estimated: {SPEED_TIME} s to full speed"
     joints = tuple(j.with_estimates() for j in joints)
+    limits = JointRange(_limits(joints, 0), _limits(joints, 1), _limit_or_infinity(j.speed_deg_s for j in joints))
     if urdf is not None:
         masses = masses if any(masses) else tuple(j.mass for j in urdf.joints)
         shapes = shapes or urdf.bodies
@@ -295,9 +298,9 @@ def _build_robot(
         link_end=ends,
         sense_matrix=read_only(A),
         theta_zero=read_only(-sense * zero),
-        q_lower=_limits(joints, 0),
-        q_upper=_limits(joints, 1),
-        speed=_limit_or_infinity(j.speed_deg_s for j in joints),
+        q_lower=limits.lower,
+        q_upper=limits.upper,
+        speed=limits.speed,
         acceleration=_limit_or_infinity(j.acceleration_deg_s2 for j in joints),
         jerk=_limit_or_infinity(j.jerk_deg_s3 for j in joints),
         repeatability=file.repeatability_mm * MM,
@@ -317,7 +320,25 @@ def _build_robot(
         effects=effects_from_tables(path, file.effects, whole),
         loads=loads_from_table(file.loads),
         nominal_transforms=nominal_from_table(path, file.nominal, whole) if file.nominal else (),
+        conventions=tuple(_conventions(file, path, limits, None if urdf is None else (urdf, A, -sense * zero))),
     )
+
+
+URDF_JOINTS = "ros2-trajectory"  # the language whose axes are the joints of the URDF
+
+
+def _conventions(
+    file: RobotDescription, path: Path, limits: JointRange, urdf: tuple[UrdfChain, Array, Array] | None
+) -> Iterable[AxisConvention]:
+    """Yield how each controller counts; the joints of a URDF follow from the file's own (``theta = A q + zero``)."""
+    yield from (convention_from_table(str(path), name, table, limits) for name, table in file.controllers.items())
+    if urdf is None or URDF_JOINTS in file.controllers:
+        return
+    chain, A, zero = urdf
+    sense = np.array([float(j.sense) for j in chain.joints])
+    matrix, offset = sense[:, None] * A, sense * zero
+    seen, said = limits.seen_by(matrix, offset), f"the joints of {file.urdf}"
+    yield AxisConvention(URDF_JOINTS, read_only(matrix), read_only(offset), seen.lower, seen.upper, seen.speed, said)
 
 
 def _unsaid_drives(file: RobotDescription) -> list[str]:

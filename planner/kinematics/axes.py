@@ -1,0 +1,273 @@
+"""How the axes of a controller count: from the model's joint angles q to the angles c that the controller shows.
+
+``c = M q + z``: each axis has a sense and a zero of its own, and on some arms an axis counts with another one (J3 of
+FANUC with J2, arms with a parallelogram). What leaves the planner for a controller, and what comes back from one,
+passes here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from planner.common.errors import InputError
+from planner.common.schema import Coordinate, OneLine, PositiveFloat, StrictModel
+from planner.common.units import Array, from_deg, read_only, to_deg
+
+EXACT = 9  # decimals of a degree kept at the border: sums of decimals as people write them have no more digits
+WITHIN = 1e-6  # [rad] by which an angle may stand over the end of a stroke: rounding
+MODEL = "model"  # stands for the model's own angles, where a controller's name is asked for
+
+
+class ControllerTable(StrictModel):
+    """``[controllers.NAME]`` of ``robot.toml``: how the axes of a controller follow from the model's joints.
+
+    ``c[i] = sense[i] · q[i] + zero_deg[i]``, plus ``factor · c[other]`` for each ``[axis, other, factor]`` of
+    ``coupling``, axes counted from 1; or ``same = true``. ``limit_deg`` and ``speed_deg_s`` are the controller's axes'.
+    """
+
+    same: bool = False
+    sense: tuple[Literal[1, -1], ...] = ()
+    zero_deg: tuple[Coordinate, ...] = ()
+    coupling: tuple[tuple[int, int, Coordinate], ...] = ()
+    limit_deg: tuple[tuple[Coordinate, Coordinate], ...] = ()
+    speed_deg_s: tuple[PositiveFloat, ...] = ()
+    source: Annotated[OneLine, Field(min_length=1)]
+
+    @model_validator(mode="after")
+    def _stated(self) -> ControllerTable:
+        if self.same and (self.sense or self.zero_deg or self.coupling):
+            raise ValueError("same = true leaves no room for sense, zero_deg or coupling: give one of the two")
+        if not self.same and not (self.sense and self.zero_deg):
+            raise ValueError("give sense and zero_deg of every axis, or same = true where all count as the model's do")
+        if any(low >= high for low, high in self.limit_deg):
+            raise ValueError("limit_deg: the lower limit must lie below the upper one")
+        return self
+
+
+@dataclass(frozen=True)
+class AxisConvention:
+    """How a controller of a robot with N joints counts its axes: ``c = M q + z``.
+
+    Attributes:
+        controller: name of the controller's language, such as ``pdl2``.
+        matrix: M, (N, N); it has an inverse.
+        zero: z, (N,) [rad].
+        lower, upper: strokes of the controller's axes, (N,) [rad]; infinite where none is known.
+        speed: full speeds of the controller's axes, (N,) [rad/s].
+        source: where this is known from.
+    """
+
+    controller: str
+    matrix: Array
+    zero: Array
+    lower: Array
+    upper: Array
+    speed: Array
+    source: str = ""
+
+    @classmethod
+    def same(cls, controller: str, lower: Array, upper: Array, speed: Array, source: str = "") -> AxisConvention:
+        """Return the convention of a controller that counts as the model does, with its strokes and speeds."""
+        n = len(speed)
+        return cls(controller, read_only(np.eye(n)), read_only(np.zeros(n)), lower, upper, speed, source)
+
+    @property
+    def n_axes(self) -> int:
+        """Number of axes N."""
+        return len(self.zero)
+
+    @property
+    def is_same(self) -> bool:
+        """Whether the controller counts as the model does."""
+        return bool(np.array_equal(self.matrix, np.eye(self.n_axes)) and not self.zero.any())
+
+    @property
+    def is_coupled(self) -> bool:
+        """Whether an axis counts with another one."""
+        return not np.array_equal(np.diag(np.diag(self.matrix)), self.matrix)
+
+    @cached_property
+    def inverse(self) -> Array:
+        """Return the inverse of ``matrix``, (N, N)."""
+        return read_only(np.linalg.inv(self.matrix))
+
+    def to_controller(self, q: Array) -> Array:
+        """Return the controller's angles of the model's q, both (…, N) [rad]."""
+        return np.asarray(q if self.is_same else q @ self.matrix.T + self.zero)
+
+    def to_model(self, c: Array) -> Array:
+        """Return the model's angles of the controller's c, both (…, N) [rad]."""
+        return np.asarray(c if self.is_same else (c - self.zero) @ self.inverse.T)
+
+    def torque_to_model(self, torque: Array) -> Array:
+        """Return the torques about the model's joints of those about the controller's axes, both (…, N) [Nm]."""
+        return np.asarray(torque @ self.matrix)
+
+    def degrees_to_controller(self, q_deg: Sequence[float]) -> tuple[float, ...]:
+        """Return the controller's angles (N,) of the model's (N,), both in degrees, so that decimals stay decimals."""
+        if self.is_same:
+            return tuple(q_deg)
+        c = np.asarray(q_deg) @ self.matrix.T + np.round(to_deg(self.zero), EXACT)
+        return tuple((np.round(c, EXACT) + 0.0).tolist())
+
+    def degrees_to_model(self, c_deg: Sequence[float]) -> tuple[float, ...]:
+        """Return the model's angles (N,) of the controller's (N,), both in degrees, so that decimals stay decimals."""
+        if self.is_same:
+            return tuple(c_deg)
+        q = (np.asarray(c_deg) - np.round(to_deg(self.zero), EXACT)) @ self.inverse.T
+        return tuple((np.round(q, EXACT) + 0.0).tolist())
+
+    def largest(self, rate: Array) -> Array:
+        """Return how much each axis can change (N,) where each joint changes by ``rate`` (N,) at most, in its unit."""
+        size = np.where(self.matrix == 0.0, 0.0, np.abs(self.matrix) * _finite(rate)).sum(axis=1)
+        return read_only(_infinite(size))
+
+    def is_within(self, c: Array) -> np.ndarray:
+        """Return whether each of the controller's angles (…, N) [rad] lies inside its stroke, (…, N) bool."""
+        return np.asarray((c >= self.lower - WITHIN) & (c <= self.upper + WITHIN))
+
+    def sentences(self, axes: Sequence[str]) -> tuple[str, ...]:
+        """Return for each axis how it follows from the model's joints: ``A3 = -q3 - 90 deg``.
+
+        ``axes``: names of the controller's axes; ``=`` behind a name is left out.
+        """
+        zero = np.round(to_deg(self.zero), EXACT)
+        rows = enumerate(zip(axes, self.matrix, zero, strict=False))
+        return tuple(f"{name.rstrip('=')} = {_terms(j, row, offset)}" for j, (name, row, offset) in rows)
+
+
+def _terms(own: int, row: Array, offset: float) -> str:
+    order = sorted(np.flatnonzero(row), key=lambda j: j != own)
+    text = ""
+    for j in order:
+        size = f"{abs(row[j]):.6g} " if abs(row[j]) != 1.0 else ""
+        sign = ("-" if row[j] < 0 else "") if not text else (" - " if row[j] < 0 else " + ")
+        text += f"{sign}{size}q{j + 1}"
+    return text + (f" {'-' if offset < 0 else '+'} {abs(offset):.9g} deg" if offset else "")
+
+
+@dataclass(frozen=True)
+class JointRange:
+    """Limits (N,) [rad] and full speeds (N,) [rad/s] of the model's joints, which a controller's follow from."""
+
+    lower: Array
+    upper: Array
+    speed: Array
+
+    def seen_by(self, matrix: Array, zero: Array) -> JointRange:
+        """Return the limits of ``M q + z``, each axis alone: of axes that are coupled the widest that can occur."""
+        ends = [np.where(matrix == 0.0, 0.0, matrix * end) for end in (_finite(self.lower), _finite(self.upper))]
+        low, high = np.minimum(*ends).sum(axis=1) + zero, np.maximum(*ends).sum(axis=1) + zero
+        speed = np.where(matrix == 0.0, 0.0, np.abs(matrix) * _finite(self.speed)).max(axis=1)
+        return JointRange(
+            *(read_only(np.where(np.abs(v) > HUGE / 2, np.sign(v) * np.inf, v)) for v in (low, high, speed))
+        )
+
+
+HUGE = 1e15  # stands for infinity where it is multiplied
+
+
+def _finite(v: Array) -> Array:
+    return np.clip(v, -HUGE, HUGE)
+
+
+def _infinite(v: Array) -> Array:
+    return np.where(np.abs(v) > HUGE / 2, np.sign(v) * np.inf, v)
+
+
+def convention_from_table(where: str, controller: str, table: ControllerTable, joints: JointRange) -> AxisConvention:
+    """Return what a ``[controllers.NAME]`` table says, in SI units.
+
+    Args:
+        where: the robot's file, for messages.
+        controller: NAME.
+        table: the table.
+        joints: limits and speeds of the model's joints; the controller's are those where the table says no others.
+
+    Raises:
+        InputError: the table has another number of axes than the robot joints, a coupling that makes no sense, or
+            strokes that the model's joints leave.
+    """
+    n, at = len(joints.speed), f"{where}: [controllers.{controller}]"
+    for key in ("sense", "zero_deg", "limit_deg", "speed_deg_s"):
+        count = len(getattr(table, key))
+        if count not in (0, n):
+            raise InputError(f"{at} {key} has {count} values, the robot has {n} joints")
+    matrix: Array = np.eye(n)
+    zero: Array = np.zeros(n)
+    if not table.same:
+        back: Array = np.asarray(np.linalg.inv(np.eye(n) - _coupling(at, table, n)), dtype=float)
+        matrix = np.asarray(back @ np.diag([float(s) for s in table.sense]))
+        zero = np.asarray(back @ from_deg(table.zero_deg))
+    seen = joints.seen_by(matrix, zero)
+    lower, upper = (
+        (from_deg(side) for side in zip(*table.limit_deg, strict=True)) if table.limit_deg else (seen.lower, seen.upper)
+    )
+    found = AxisConvention(
+        controller=controller,
+        matrix=read_only(matrix),
+        zero=read_only(zero),
+        lower=read_only(lower),
+        upper=read_only(upper),
+        speed=read_only(from_deg(table.speed_deg_s)) if table.speed_deg_s else seen.speed,
+        source=table.source,
+    )
+    if not found.is_coupled:
+        _check_strokes(at, found, seen)
+    return found
+
+
+def _coupling(at: str, table: ControllerTable, n: int) -> Array:
+    """Return K (n, n): each axis turns by K times the controller's other axes."""
+    out = np.zeros((n, n))
+    for axis, other, factor in table.coupling:
+        if not (1 <= axis <= n and 1 <= other <= n) or axis == other or factor == 0.0 or out[axis - 1, other - 1]:
+            raise InputError(
+                f"{at} coupling [{axis}, {other}, {factor:g}]: [axis, other_axis, factor] with two different axes of 1 "
+                f"to {n}, each pair once, and a factor that is not 0 is allowed"
+            )
+        out[axis - 1, other - 1] = factor
+    if np.linalg.matrix_power(out, n).any():
+        raise InputError(
+            f"{at} coupling: axes count with one another in a ring; each may count with others before it only"
+        )
+    return out
+
+
+def _check_strokes(at: str, found: AxisConvention, seen: JointRange) -> None:
+    """Refuse strokes of the controller that the model's joints leave: a sense or a zero is likely to be wrong."""
+    over = np.maximum(found.lower - _finite(seen.lower), _finite(seen.upper) - found.upper)
+    over = np.where(over < HUGE / 2, over, 0.0)  # a joint without limits leaves no stroke
+    j = int(np.argmax(over))
+    if over[j] > WITHIN:
+        low, high, own, end = np.rad2deg([found.lower[j], found.upper[j], seen.lower[j], seen.upper[j]])
+        raise InputError(
+            f"{at} limit_deg of axis {j + 1} is {low:g} … {high:g}, but limit_deg of joint {j + 1} reaches {own:g} … "
+            f"{end:g} there: sense or zero_deg is wrong, or the joint's limits are too wide"
+        )
+
+
+def advice(controller: str, n: int) -> str:
+    """Return the lines of TOML that state a convention, to be completed."""
+    ones, zeros = ", ".join(["1"] * n), ", ".join(["0"] * n)
+    return (
+        f"    [controllers.{controller}]\n"
+        f"    sense = [{ones}]  # -1 where the controller's axis counts the other way\n"
+        f"    zero_deg = [{zeros}]  # what the controller shows where the model's joints stand at 0\n"
+        '    source = "jogged at the robot on <date>"\n'
+        "or, where every axis counts as the model's does:\n"
+        f"    [controllers.{controller}]\n"
+        "    same = true\n"
+        '    source = "jogged at the robot on <date>"'
+    )
+
+
+def names_of(conventions: Iterable[AxisConvention]) -> str:
+    """Return the names of the controllers, for messages."""
+    return ", ".join(sorted(c.controller for c in conventions)) or "none"
