@@ -11,7 +11,7 @@ import numpy as np
 from planner.cell.circles import Circle
 from planner.cell.file import CellFile, ControllerFile
 from planner.cell.gauge import Gauge
-from planner.common.choices import Aim
+from planner.common.choices import Aim, SelectionMethod, TourOrder
 from planner.common.errors import InputError
 from planner.common.units import Array, read_only
 from planner.kinematics.bodies import Body
@@ -144,7 +144,7 @@ class MotionSettings:
     dwell: float
     settle: float
     travel: float
-    tour_cost: Literal["limits", "axes"] = "limits"
+    order: TourOrder = "slowest-limit"
 
     @property
     def is_continuous(self) -> bool:
@@ -182,6 +182,7 @@ class PlanSettings:
     validate: int
     effects: tuple[str, ...] = ()
     aim: Aim | None = None
+    method: SelectionMethod | None = None
 
 
 class NamedPlace(Protocol):

@@ -17,7 +17,7 @@ from pydantic import (
 
 from planner.cell.circles import CircleFile
 from planner.cell.gauge_registry import gauge_kinds
-from planner.common.choices import Aim
+from planner.common.choices import Aim, SelectionMethod, TourOrder
 from planner.common.extensions import HINT
 from planner.common.schema import Coordinate, NonNegativeFloat, OneLine, OptionalKeys, PositiveFloat, StrictModel
 from planner.kinematics.bodies import BodyFile, Vector
@@ -196,8 +196,8 @@ class FixtureFile(StrictModel):
 class MotionFile(OptionalKeys):
     """``[motion]``: how the measuring poses are joined.
 
-    ``tour_cost``: what the order of the poses is the shortest of, the time of each leg's slowest limit (axes, tool and
-    bar), or of its slowest axis alone at full speed (EDBB paper, eq. 7).
+    ``order``: what the order of the poses is the shortest of, the time of each leg's slowest limit (axes, tool and
+    bar), or of its slowest axis alone at full speed (EDBB paper, eq. 7). ``tour_cost`` is its earlier name.
     """
 
     measure: Literal["continuous", "static"] = "continuous"
@@ -208,8 +208,15 @@ class MotionFile(OptionalKeys):
     dwell_s: NonNegativeFloat = 1.0
     settle_s: NonNegativeFloat = 0.5
     travel_percent: Annotated[float, Field(ge=0.1, le=100)] = 100.0
-    tour_cost: Literal["limits", "axes"] = "limits"
-    LATER: ClassVar[tuple[str, ...]] = ("tour_cost",)
+    order: TourOrder = "slowest-limit"
+    tour_cost: Literal["limits", "axes"] | None = None
+    LATER: ClassVar[tuple[str, ...]] = ("order", "tour_cost")
+
+    @model_validator(mode="after")
+    def _one_order(self) -> "MotionFile":
+        if self.tour_cost and "order" in self.model_fields_set:
+            raise ValueError("order and its earlier name tour_cost are both there: leave tour_cost out")
+        return self
 
 
 class TwistFile(StrictModel):
@@ -262,7 +269,8 @@ class PlanSettingsFile(OptionalKeys):
     validate_: NonNegativeInt = Field(default=10, alias="validate")
     effects: tuple[str, ...] = ()  # kinds of the catalogue that the fit will have beside geometry
     aim: Aim | None = None  # poses by the index, or by what would be left of what nobody declared
-    LATER: ClassVar[tuple[str, ...]] = ("effects", "aim")
+    method: SelectionMethod | None = None  # how the index selects: by exchange where nothing is said
+    LATER: ClassVar[tuple[str, ...]] = ("effects", "aim", "method")
 
 
 class CellFile(OptionalKeys):

@@ -277,7 +277,7 @@ def _read_motion(file: CellFile) -> MotionSettings:
         m.dwell_s,
         m.settle_s,
         m.travel_percent / 100,
-        m.tour_cost,
+        "slowest-axis" if m.tour_cost == "axes" else m.order,
     )
 
 
@@ -297,4 +297,7 @@ def _read_plan_options(file: CellFile) -> PlanSettings:
     if file.gauge.zero == "known":
         free -= {"zero"}
     step = None if p.grid_step_deg is None else float(from_deg(p.grid_step_deg))
-    return PlanSettings(free, p.poses, p.candidates, step, p.index, p.refine, p.repeat, p.validate_, p.effects, p.aim)
+    chosen_by = p.aim, p.method
+    return PlanSettings(
+        free, p.poses, p.candidates, step, p.index, p.refine, p.repeat, p.validate_, p.effects, *chosen_by
+    )

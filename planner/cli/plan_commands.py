@@ -23,7 +23,7 @@ from planner.cli.terminal import (
     give,
     print_next,
 )
-from planner.common.choices import Aim, IndexName
+from planner.common.choices import Aim, IndexName, SelectionMethod, TourOrder
 from planner.common.errors import PARTLY_DONE, InputError
 from planner.common.lazy_modules import LazyModule
 from planner.common.progress import Stages
@@ -60,6 +60,13 @@ def plan_command(
     aim: Annotated[
         Aim | None, typer.Option(help="poses by the index, or by the error that is left once hidden effects are traced")
     ] = None,
+    method: Annotated[
+        SelectionMethod | None,
+        typer.Option(help="how the index selects: by exchange (default), or one pose at a time taken away"),
+    ] = None,
+    order: Annotated[
+        TourOrder | None, typer.Option(help="order of the poses: by each leg's slowest limit (default), or axis")
+    ] = None,
     time_limit: Annotated[
         float | None,
         typer.Option(min=1, metavar="SECONDS", help="search no longer; what that leaves open is said (exit code 5)"),
@@ -79,6 +86,8 @@ def plan_command(
                 separate=separate,
                 fixtures=fixtures,
                 aim=aim,
+                method=method,
+                order=order,
                 time_limit=time_limit,
                 progress=stages.say,
             ),

@@ -7,3 +7,9 @@ Aim = Literal["index", "tracing"]
 
 IndexName = Literal["O1", "O2", "O3", "O4", "O5"]
 """Observability index by which poses are selected."""
+
+SelectionMethod = Literal["exchange", "pruning"]
+"""How the index selects: poses exchanged until none betters it, or one taken away at a time (EDBB paper)."""
+
+TourOrder = Literal["slowest-limit", "slowest-axis"]
+"""What the order of the poses is the shortest of: the time of each leg's slowest limit, or of its slowest axis."""

@@ -7,6 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from planner.cell.cell import Cell
+from planner.common.choices import SelectionMethod
 from planner.common.determinism import Positions, even_positions, on_one_thread
 from planner.common.errors import InputError, NoSolutionError
 from planner.common.units import Array
@@ -27,6 +28,7 @@ from planner.design.selection.index_criterion import index_of_information
 from planner.design.selection.index_curves import BackgroundCurve
 from planner.design.selection.index_search import exchange_poses
 from planner.design.selection.matrix_forms import information_matrix
+from planner.design.selection.pruning import PrunedPoses
 from planner.model.model import Model
 from planner.runs.run import Samples
 
@@ -41,6 +43,19 @@ SHOWN_SIZES = (22, 28, 40, 60, 100, 200)  # where the number of poses is given, 
 
 
 @dataclass(frozen=True)
+class Pruning:
+    """How poses were left of the candidates when one at a time was taken away.
+
+    Attributes:
+        left: what is left for each number of poses.
+        exchanged: the index that exchange reaches with as many poses as were chosen.
+    """
+
+    left: PrunedPoses
+    exchanged: float
+
+
+@dataclass(frozen=True)
 class PoseChoice:
     """The poses that a plan measures, and why.
 
@@ -52,6 +67,7 @@ class PoseChoice:
         certificate: no set of as many candidates beats its value.
         q: controller angles (n, N) [rad], those of the candidates or moved off their grid.
         approach: wanted sign of each axis' last movement before each pose, (n, N), 0 where any will do.
+        pruning: how the poses were left of the candidates, where one at a time was taken away.
     """
 
     model: Model
@@ -61,6 +77,7 @@ class PoseChoice:
     certificate: Certificate
     q: Array
     approach: np.ndarray | None = None
+    pruning: Pruning | None = None
 
     @classmethod
     def among(
@@ -170,11 +187,12 @@ def select_poses(
     index: str,
     seed: int,
     near: Certificate | None = None,
+    method: SelectionMethod = "exchange",
 ) -> tuple[PoseChoice, BackgroundCurve]:
     """Choose the poses; ``poses`` ``None`` takes the number where the curve of the index bends.
 
-    By exchange, or by DETMAX with as many at each ball where an artifact's balls are measured. ``near``: a
-    certificate of the index over the pool for some number of poses, where the bounds begin.
+    By exchange or by pruning, or by DETMAX with as many at each ball where an artifact's balls are measured. ``near``:
+    a certificate of the index over the pool for some number of poses, where the bounds begin.
 
     Returns:
         The choice, and the curve, which is still being computed on the other processor.
@@ -188,17 +206,38 @@ def select_poses(
     _check_count(poses, least, len(pool), seen.rank)
     if pool.ball is not None and poses is not None:
         _ = EqualShares.of(pool.ball, poses)  # told before the bound is sought
-    sizes = [n for n in sorted({poses, *SHOWN_SIZES} if poses else CURVE_SIZES) if least < n <= len(pool)]
-    with BackgroundCurve(rows, sizes, index, seed, near, help_out=poses is None) as curve:
-        n = poses or curve.result().knee
-        near = near if poses else curve.result().certificate(n)
+    bends = poses is None and method == "exchange"
+    wanted = CURVE_SIZES if bends else sorted({*SHOWN_SIZES, *([poses] if poses else [])})
+    sizes = [n for n in wanted if least < n <= len(pool)]
+    with BackgroundCurve(rows, sizes, index, seed, near, help_out=bends) as curve:
+        left = PrunedPoses.of(rows, index, max(poses or 0, CURVE_SIZES[-1])) if method == "pruning" else None
+        n = poses or (left.knee if left else curve.result().knee)
+        near = curve.result().certificate(n) if bends else near
         certificate = certify_bound(rows, index, n, tolerance=TIGHT if near else LOOSE, near=near)
         if pool.ball is None:
-            chosen = exchange_poses(rows, n, index, seed=seed, certificate=certificate).chosen
+            chosen, pruning = _choose(rows, n, index, seed, certificate, left)
         else:
             likely = _likely_at_balls(rows, pool.ball, certificate, n)
-            chosen = detmax(rows, n, seed=seed, group=pool.ball, likely=likely)
-    return PoseChoice.among(pool, chosen, model, seen, certificate), curve
+            chosen, pruning = detmax(rows, n, seed=seed, group=pool.ball, likely=likely), None
+    return replace(PoseChoice.among(pool, chosen, model, seen, certificate), pruning=pruning), curve
+
+
+def _choose(
+    rows: Array, n: int, index: str, seed: int, certificate: Certificate, left: PrunedPoses | None
+) -> tuple[Positions, Pruning | None]:
+    """Return the candidates that exchange chooses, or those that pruning has left, with what exchange reaches."""
+    found = exchange_poses(rows, n, index, seed=seed, certificate=certificate)
+    return (left.choose(n), Pruning(left, found.value)) if left else (found.chosen, None)
+
+
+def describe_pruning(choice: PoseChoice) -> str:
+    """Say what pruning and exchange reach, and the bound of the candidates; nothing of poses chosen otherwise."""
+    if choice.pruning is None:
+        return ""
+    gap, bound = find_rule(choice.index).gap, choice.certificate.value
+    reached = (("pruning", choice.on_grid_value), ("exchange", choice.pruning.exchanged))
+    told = [f"{how} {value:#.4g} (gap {100 * gap(value, bound):.1f} %)" for how, value in reached]
+    return f"{', '.join(told)}, bound {bound:#.4g}"
 
 
 def _likely_at_balls(rows: Array, ball: Positions, certificate: Certificate, n: int) -> Positions:

@@ -104,6 +104,12 @@ def certificate_text(plan: Plan) -> tuple[str, ...]:
         else f"The {n} here were not chosen by it, and have {digits(choice.on_grid_value, 4)}."
     )
     out = [f"{who} {verb} a {rule.what} {'above' if rule.maximise else 'below'} {limit}.", own]
+    if choice.pruning is not None:
+        other = rule.gap(choice.pruning.exchanged, bound.value)
+        out.append(
+            "They are what pruning left when it took one pose after the other away; exchange among the same candidates "
+            f"reaches {digits(choice.pruning.exchanged, 4)}, at most {percent_text(other)} {side} what is possible."
+        )
     if plan.by_index and choice.value != choice.on_grid_value:
         off = plan.certificate
         sought = count_text(off.candidates - bound.candidates - n)

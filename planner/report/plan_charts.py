@@ -1,7 +1,7 @@
 """Charts of a plan: choice of the poses, tour, joints, bar and speeds."""
 
 from collections.abc import Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from itertools import pairwise
 from typing import Any
 
@@ -50,6 +50,14 @@ def index_chart(plan: Plan, curve: IndexCurve) -> Chart:
         Series("bound of the candidates", sizes, bounds, GREY, dashed=True),
         _this_plan(n, choice.value, f"{n} poses: {choice.value:.4g}"),
     ]
+    if choice.pruning is not None:
+        left = choice.pruning.left
+        each = tuple(f"{k} poses: {v:.4g}" for k, v in zip(left.sizes.tolist(), left.values, strict=True))
+        series[0] = replace(series[0], name="exchange")
+        series[1:1] = [
+            Series("pruning, one pose at a time", left.sizes.astype(float), left.values, ORANGE, hover=each),
+            Series(f"exchange, {n} poses", np.array([n]), np.array([choice.pruning.exchanged]), BLUE, "points"),
+        ]
     if choice.value != choice.on_grid_value:
         limit = np.array([plan.certificate.value])
         series.append(Series("bound with its moved poses", np.array([n]), limit, GREY, "points"))
@@ -57,13 +65,15 @@ def index_chart(plan: Plan, curve: IndexCurve) -> Chart:
     every = np.concatenate([s.y for s in series])
     span = _span(every[np.isfinite(every)], 0.08, 1e-9)
     better = "higher" if rule.maximise else "lower"
-    shared = "" if choice.ball is None else " The plan shares its poses evenly between the balls, the curve does not."
+    more = "" if choice.ball is None else " The plan shares its poses evenly between the balls, the curve does not."
+    if choice.pruning:
+        more = f" Pruning bends at {choice.pruning.left.knee} poses."
     return Chart(
         "index_curve",
         "How many poses are worth measuring",
         f"{choice.index} ({rule.what}; {better} is better) of the best set found for each number of poses. "
         "No set of the candidates can cross the dashed line; poses moved off the grid have a bound of their own. "
-        f"The flatter the curve, the less a further pose brings.{shared}",
+        f"The flatter the curve, the less a further pose brings.{more}",
         (Panel("", "number of poses", label, tuple(series), y_range=span),),
     )
 

@@ -4,7 +4,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from planner.common.choices import Aim, IndexName
+from planner.common.choices import Aim, IndexName, SelectionMethod, TourOrder
 from planner.common.errors import InputError
 from planner.programs.dialect import load_dialect
 from planner.service.job_folder import FileInFolder, FileReference, JobFolder, JobId
@@ -87,11 +87,13 @@ class PlanRequest(CellRequest):
     )
     fixtures: Annotated[int, Field(ge=1, le=6)] | None = None
     aim: Aim | None = None
+    method: SelectionMethod | None = None
+    order: TourOrder | None = None
 
     def arguments(self, folder: JobFolder) -> list[str]:
         """Return cell and options."""
         cell = super().arguments(folder)
-        chosen = self.model_dump(include={"poses", "index", "seed", "tsp", "fixtures", "aim"})
+        chosen = self.model_dump(include={"poses", "index", "seed", "tsp", "fixtures", "aim", "method", "order"})
         rivals = self.separate and f"{folder.results(self.separate, 'identification', 'before')}/identification.json"
         return [*cell, *TO_OUT, *options(**chosen, dialect=self.dialects, separate=rivals)]
 

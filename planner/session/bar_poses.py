@@ -45,6 +45,8 @@ class BarPoses(PoseSession):
         self.tracing = options.for_tracing(cell)
         robot, file = cell.robot, options.separate
         self.rivals = read_identification(file, robot.name, robot.n_joints) if file else None
+        if self.rivals:  # they choose the poses, whatever the cell says
+            self.method = "exchange"
 
     def draw(self, stages: Stages) -> None:
         """Settle fixtures and mount poses, and draw the candidates, those that a path joins to them."""
@@ -80,7 +82,7 @@ class BarPoses(PoseSession):
                 return Selection(judge_poses(cell, pool, expected.chosen, index, self.near), expected_error=expected)
         with stages.stage("selection"):
             poses = traceable_pose_count(cell, pool) if self.rivals and poses is None else poses
-            choice, curve = select_poses(cell, pool, poses, index, seed, near=self.near)
+            choice, curve = select_poses(cell, pool, poses, index, seed, self.near, self.method)
         if not self.rivals:
             return Selection(choice, curve)
         with curve, stages.stage("separation"):
@@ -88,7 +90,7 @@ class BarPoses(PoseSession):
         return Selection(parted.choice, curve, parted)
 
     def refine(self, chosen: Selection, stages: Stages) -> PoseChoice:
-        """Replace what no path joins, then move the poses off the grid, but for those that tell rivals apart."""
+        """Replace what no path joins, then move the poses off the grid; pruned ones and those for rivals stay on it."""
         cell, seed = self.cell, self.options.seed
         with stages.stage("refinement"):
             choice, count = replace_all(
@@ -106,7 +108,8 @@ class BarPoses(PoseSession):
             if chosen.expected_error and cell.plan.refine:
                 unknown = chosen.expected_error.unknown
                 return replace(choice, q=refine_bayesian_poses(cell, unknown, choice.samples, seed))
-            return choice if chosen.discriminating or chosen.expected_error else refine_poses(cell, choice, seed)
+            settled = chosen.discriminating or chosen.expected_error or choice.pruning
+            return choice if settled else refine_poses(cell, choice, seed)
 
     def _find_unjoined(self, choice: PoseChoice) -> np.ndarray:
         """Positions of the chosen poses that are not in the part of their mount pose."""

@@ -1,13 +1,13 @@
 """What a person may ask of a plan, and all that is checked of it and of the cell before any planning."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from planner.cell.cell import Cell
-from planner.common.choices import Aim
+from planner.common.choices import Aim, SelectionMethod, TourOrder
 from planner.common.errors import InputError
 from planner.motion.collision.surroundings import check_surroundings
 from planner.motion.tour.solve import Method, require_concorde
@@ -33,17 +33,35 @@ class PlanOptions:
     separate: Path | None = None
     fixtures: int | None = None
     aim: Aim | None = None
+    method: SelectionMethod | None = None
+    order: TourOrder | None = None
+
+    def in_order(self, cell: Cell) -> Cell:
+        """Return the cell with the order of the poses that is asked for, in its file as well."""
+        if self.order is None:
+            return cell
+        asked = cell.file.motion.model_copy(update={"order": self.order, "tour_cost": None})
+        file = cell.file.model_copy(update={"motion": asked})
+        return replace(cell, file=file, motion=replace(cell.motion, order=self.order))
 
     def for_tracing(self, cell: Cell) -> bool:
         """Tell whether the poses are to show what nobody has declared: where nothing else is asked for, they are.
 
         Raises:
-            InputError: they are to tell rivals apart as well.
+            InputError: they are to tell rivals apart as well, or an index is to select them by some method.
         """
-        aim = self.aim or cell.plan.aim
+        asked = self.aim or self.method
+        aim, method = (self.aim, self.method) if asked else (cell.plan.aim, cell.plan.method)
+        if self.separate and self.method:
+            raise InputError(f"{cell.path}: --separate chooses the poses, and so does --method: leave one out")
         if aim is None:
-            return not (self.separate or self.index or self.poses or cell.plan.poses)
+            return not (self.separate or self.index or self.poses or cell.plan.poses or method)
         wanted = aim == "tracing"
+        if wanted and method:
+            raise InputError(
+                f"{cell.path}: the method '{method}' chooses the poses by an index, the aim 'tracing' by the error "
+                "that is left: leave one out"
+            )
         if wanted and self.separate:
             raise InputError(f"{cell.path}: --separate chooses the poses, and so does the aim 'tracing': leave one out")
         return wanted
@@ -70,7 +88,7 @@ def check_circle_options(cell: Cell, options: PlanOptions) -> None:
     Raises:
         InputError: with the options to leave out.
     """
-    names = ("poses", "index", "separate", "fixtures", "aim")
+    names = ("poses", "index", "separate", "fixtures", "aim", "method", "order")
     given = ", ".join(f"--{name}" for name in names if getattr(options, name) is not None)
     if given:
         raise InputError(f"{cell.path}: a circular test has no poses to be chosen; leave out {given}")
@@ -82,6 +100,10 @@ def check_point_options(cell: Cell, options: PlanOptions) -> None:
     Raises:
         InputError: with the option to leave out.
     """
+    if cell.gauge.at_balls and (options.method or cell.plan.method) == "pruning":
+        raise InputError(
+            f"{cell.path}: pruning keeps the poses of any ball, and each ball is to have as many: leave the method out"
+        )
     here = f"the gauge here is '{cell.gauge.kind}'; leave it out"
     if options.fixtures is not None:
         raise InputError(f"{cell.path}: --fixtures is for a bar, {here}")

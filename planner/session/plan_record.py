@@ -94,7 +94,7 @@ def _support_records(drive: Drive) -> list[dict[str, object]]:
 def observability_record(choice: PoseChoice, bound: Certificate) -> dict[str, object]:
     """Return the indices of the chosen poses and what bounds them."""
     rule, among = INDEX_RULES[choice.index], choice.certificate
-    return {
+    return _method_record(choice) | {
         "index": choice.index,
         "n": len(choice.q),
         **choice.raw,
@@ -109,6 +109,15 @@ def observability_record(choice: PoseChoice, bound: Certificate) -> dict[str, ob
             "gap": rule.gap(choice.on_grid_value, among.value),
         },
     }
+
+
+def _method_record(choice: PoseChoice) -> dict[str, object]:
+    """How the poses were chosen where exchange did not, and what that would have reached."""
+    if choice.pruning is None:
+        return {}
+    exchanged, bound = choice.pruning.exchanged, choice.certificate.value
+    gap = INDEX_RULES[choice.index].gap(exchanged, bound)
+    return {"method": "pruning", "exchange": {"value": exchanged, "gap": gap}}
 
 
 def _separation_record(separation: Discrimination | None) -> dict[str, object]:

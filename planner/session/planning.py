@@ -10,6 +10,7 @@ from typing import Protocol, TypeVar
 import numpy as np
 
 from planner.cell.cell import Cell
+from planner.common.choices import SelectionMethod
 from planner.common.determinism import on_one_thread
 from planner.common.errors import NoSolutionError
 from planner.common.progress import Stages, TimeIsOverError, current_limit
@@ -117,6 +118,7 @@ class PoseSession(ABC):
         self.cell, self.options, self.chooser = cell, options, chooser
         self.notes: list[str] = []
         self.index, self.poses = options.index or cell.plan.index, options.poses or cell.plan.poses
+        self.method: SelectionMethod = options.method or cell.plan.method or "exchange"
 
     def drive(self, stages: Stages) -> Plan:
         """Draw, choose and refine the poses, and drive the tour of every mounting."""

@@ -32,7 +32,7 @@ class PointPoses(PoseSession):
     def __init__(self, cell: Cell, options: PlanOptions, chooser: PoseChooser | None = None) -> None:
         super().__init__(cell, options, chooser)
         self.at_balls = cell.gauge.at_balls
-        self.only_validates = bool(cell.gauge.validates_with) and not (self.poses or chooser)
+        self.only_validates = bool(cell.gauge.validates_with) and not (self.poses or self.options.method or chooser)
         if self.at_balls and chooser is None:
             _check_shares(cell, self.poses, self.index)
 
@@ -75,7 +75,7 @@ class PointPoses(PoseSession):
         cell, pool, index, seed = self.cell, self.pool, self.index, self.options.seed
         with stages.stage("selection"):
             if not self.only_validates:
-                return Selection(*select_poses(cell, pool, self.poses, index, seed))
+                return Selection(*select_poses(cell, pool, self.poses, index, seed, method=self.method))
             asked = "validate_" in cell.file.plan.model_fields_set
             count = cell.plan.validate if asked else cell.gauge.validates_with
             return Selection(judge_poses(cell, pool, _draw_poses(pool, count, seed), index))

@@ -24,10 +24,10 @@ def leg_times(cell: Cell, mounting: Mounting, start: Array, end: Array) -> Array
     """Return the time of straight joint legs (m, N) [rad] with the gauge attached, (m,) [s].
 
     Each piece of a leg takes as long as its slowest limit: the axes' speeds that are allowed, the tool's speed, the
-    gauge's rate. Acceleration, dwells and detours are not in it. Where the cell asks for ``tour_cost = "axes"``, it is
-    the slowest axis at full speed alone (EDBB paper, eq. 7).
+    gauge's rate. Acceleration, dwells and detours are not in it. Where the cell asks for ``order = "slowest-axis"``, it
+    is that of the slowest axis at full speed alone (EDBB paper, eq. 7).
     """
-    if cell.motion.tour_cost == "axes":
+    if cell.motion.order == "slowest-axis":
         return _axis_times(start, end, cell.robot.speed)
     speed, limit = axis_limits(cell, bar=True).speed, tool_speed(cell, bar=True)
     by_axes = _axis_times(start, end, speed)
@@ -49,7 +49,7 @@ def tour_costs(cell: Cell, mounting: Mounting, nodes: Array) -> Array:
 
 def cost_name(cell: Cell) -> str:
     """Say what the tour is the shortest of."""
-    if cell.motion.tour_cost == "axes":
+    if cell.motion.order == "slowest-axis":
         return "slowest axis at full speed"
     limited = np.isfinite(tool_speed(cell, bar=True))
     return "slowest of axes, tool speed and gauge rate" if limited else "slowest axis at the speed allowed"

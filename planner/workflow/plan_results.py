@@ -15,6 +15,7 @@ from planner.common.units import to_deg, to_mm
 from planner.design.bayesian_design import describe_bayesian_design, describe_numbers_of_poses
 from planner.design.observability.identifiability import DroppedParameter
 from planner.design.observability.information import INDEX_RULES
+from planner.design.pose_selection import describe_pruning
 from planner.instruments.circular.plan import CircularPlan
 from planner.instruments.simulation import SimulatedRun
 from planner.programs.rendering import ProgramFile
@@ -77,6 +78,7 @@ class PlanResult(SessionResult):
             if plan.by_index
             else f"it did not choose the poses (no set of the candidates does better than {bound:#.4g})"
         )
+        proof = describe_pruning(choice) or proof
         lines = [
             f"{plan.cell.name}: {_numbers_of_poses(plan)}, plan {plan.plan_id}",
             f"  candidates  {plan.pool.funnel.text()}",

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from planner.cell.cell import Cell
 from planner.cell.reading import load_cell
-from planner.common.choices import Aim
+from planner.common.choices import Aim, SelectionMethod, TourOrder
 from planner.common.progress import Progress, Stages, TimeLimit, limit_time, no_progress
 from planner.design.free_parameters import check_effects
 from planner.motion.tour.solve import Method
@@ -31,6 +31,8 @@ def plan(
     separate: Path | str | None = None,
     fixtures: int | None = None,
     aim: Aim | None = None,
+    method: SelectionMethod | None = None,
+    order: TourOrder | None = None,
     time_limit: float | None = None,
     progress: Progress = no_progress,
 ) -> PlanResult | PosesResult | CircularPlanResult:
@@ -46,6 +48,9 @@ def plan(
         separate: an ``identification.json``: choose poses that tell its findings from their rivals.
         fixtures: how many in all: good places are found for those beside the first.
         aim: poses by the index, or by the error that is left once hidden effects are traced.
+        method: how the index selects: by exchange (``None``), or one pose at a time taken away, as in the EDBB paper;
+            what exchange reaches is then told beside it.
+        order: what the order of the poses is the shortest of; by default what the cell says.
         time_limit: seconds for planning; searches stop early, and the notes say what they left. The same seed then no
             longer gives the same bytes. Over before a path is proven: the poses alone, without a program.
         progress: called with the stage, how much of it is done, and of how much.
@@ -55,7 +60,7 @@ def plan(
         NoSolutionError: a stage has no solution; the message says which.
     """
     file = None if separate is None else Path(separate)
-    options = PlanOptions(poses, index, seed, tuple(dialect), tsp, file, fixtures, aim)
+    options = PlanOptions(poses, index, seed, tuple(dialect), tsp, file, fixtures, aim, method, order)
     stages, chosen = Stages(progress), cell if isinstance(cell, Cell) else load_cell(str(cell))
     limit = None if time_limit is None else TimeLimit(time_limit)
     with limit_time(limit):
@@ -78,7 +83,7 @@ def plan_cell(cell: Cell, options: PlanOptions, stages: Stages) -> Plan:
         NoSolutionError: a stage has no solution; the message says which.
     """
     check_effects(cell)
-    return plan_session(pose_session(cell, options), options, stages, _begin_drawing)
+    return plan_session(pose_session(options.in_order(cell), options), options, stages, _begin_drawing)
 
 
 def _begin_drawing(plan: Plan) -> None:

@@ -37,6 +37,8 @@ CASES = [
     ("plan", {"cell": "ur10/edbb", "poses": 9, "dialects": ["krl", "rapid"], "separate": KNOWN},
      "plan ur10/edbb -o out --json --poses 9 --seed 0 --tsp auto --dialect krl --dialect rapid"
      " --separate before/identification.json", [f"before/{n}" for n in NEEDED]),
+    ("plan", {"cell": "ur10/edbb", "method": "pruning", "order": "slowest-axis"},
+     "plan ur10/edbb -o out --json --seed 0 --tsp auto --method pruning --order slowest-axis", []),
     ("fixture-view", {"cell": "ur10/edbb", "position_mm": [1, 2, 3]}, "fixture-view ur10/edbb 0 1.0 2.0 3.0", []),
     ("export", {"plan": CHECK, "dialect": "krl"}, "export plan/plan.json --dialect krl -o out/program.src",
      ["plan/plan.json"]),

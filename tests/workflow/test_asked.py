@@ -24,6 +24,10 @@ from tests.command import edbb
             "--fixtures is for a bar, the gauge here is 'tracker'",
         ),
         ("comau-nj130/edbb", ["--aim", "tracing", "--separate", "i.json"], "leave one out"),
+        ("comau-nj130/edbb", ["--aim", "tracing", "--method", "pruning"], "by the error that is left: leave one out"),
+        ("comau-nj130/edbb", ["--method", "pruning", "--separate", "i.json"], "and so does --method: leave one out"),
+        ("comau-nj130/circular", ["--method", "pruning", "--order", "slowest-axis"], "leave out --method, --order"),
+        ("kuka-kr6-r700/trical", ["--method", "pruning"], "each ball is to have as many: leave the method out"),
     ],
 )
 def test_what_cannot_be_asked_of_a_cell(cell, words, message, tmp_path):

@@ -1,4 +1,4 @@
-"""The paper's backward pruning: take poses away one at a time, each time the one whose loss hurts the index least.
+"""The EDBB paper's backward pruning: poses go one at a time, each time the one whose loss hurts the index least.
 
 Made fast by laziness. Taking pose i away cannot leave the smallest eigenvalue above the smallest of M - J_i'J_i within
 the plane of the two lowest eigenvectors of M, nor the largest below its like at the top (Cauchy interlacing); so a few
@@ -6,16 +6,20 @@ numbers a candidate bound its cost from below, and exact eigenvalues are compute
 until no bound is left that could win. The result is the one that an SVD per candidate and step would give.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from planner.common.determinism import Positions, on_one_thread, round_significant
 from planner.common.errors import InputError
 from planner.common.units import Array
-from planner.design.observability.information import find_rule
+from planner.design.observability.information import find_rule, index_value
+from planner.design.selection.index_curves import find_knee
 from planner.design.selection.matrix_forms import information_matrix, quadratic_form
 
-EXACT_FROM = 2_000
-"""Larger pools are first thinned: a twelfth goes at a time, those with the least bounds, all judged at once."""
+EXACT_FROM = 3_400
+"""As many as the EDBB paper prunes one at a time. Larger pools are first thinned: a twelfth goes at a time, those with
+the least bounds, all judged at once."""
 _SHARE = 12
 _BATCH = 12
 _REFRESH = 64
@@ -25,8 +29,17 @@ _REFRESH = 64
 def prune_poses(rows: Array, n: int, index: str = "O2", exact_from: int = EXACT_FROM) -> Positions:
     """Return the ``n`` candidates (n,) that backward pruning leaves of ``rows`` (N, r, P), ascending.
 
-    From ``exact_from`` candidates on it is step for step the naive pruning; ties go to the lower index. Source: the
-    pruning of the EDBB paper (section 2.1), after Borm and Menq 1991.
+    Raises:
+        InputError: unknown index, or n outside what the candidates and parameters allow.
+    """
+    return np.sort(order_by_pruning(rows, n, index, exact_from)[:n])
+
+
+def order_by_pruning(rows: Array, n: int, index: str = "O2", exact_from: int = EXACT_FROM) -> Positions:
+    """Return candidates (K,) of ``rows`` (N, r, P) so that the first k are those left with k poses, for k from n to K.
+
+    From K, the larger of n and ``exact_from``, on it is step for step the naive pruning; ties go to the lower index.
+    Source: the pruning of the EDBB paper (section 2.1), after Borm and Menq 1991.
 
     Raises:
         InputError: unknown index, or n outside what the candidates and parameters allow.
@@ -41,13 +54,54 @@ def prune_poses(rows: Array, n: int, index: str = "O2", exact_from: int = EXACT_
         costs = round_significant(_bound_cost(rows[kept], information_matrix(rows[kept]), index))
         kept = np.sort(kept[np.lexsort((kept, costs))[count:]])
     mass = information_matrix(rows[kept])
+    gone: list[int] = []
     for step in range(len(kept) - n):
         if step % _REFRESH == 0:
             mass = information_matrix(rows[kept])
         out = _find_least_missed(rows[kept], mass, index)
         mass = mass - information_matrix(rows[kept[out : out + 1]])
+        gone.append(int(kept[out]))
         kept = np.delete(kept, out)
-    return kept
+    return np.concatenate([kept, np.array(gone[::-1], dtype=kept.dtype)])
+
+
+@dataclass(frozen=True)
+class PrunedPoses:
+    """What backward pruning leaves of the candidates for each number of poses (EDBB paper, Fig. 5).
+
+    Attributes:
+        index: name of the index.
+        order: candidates (K,); the first n are those left with n poses.
+        sizes: numbers of poses, ascending from as few as the parameters take, (k,).
+        values: the index of each, (k,).
+    """
+
+    index: str
+    order: Positions
+    sizes: Positions
+    values: Array
+
+    @classmethod
+    @on_one_thread
+    def of(cls, rows: Array, index: str, most: int) -> "PrunedPoses":
+        """Prune the candidates ``rows`` (N, r, P) until n = m; the index is told for up to ``most`` poses.
+
+        Raises:
+            InputError: unknown index, or fewer candidates than parameters.
+        """
+        least = -(-rows.shape[2] // rows.shape[1])
+        order = order_by_pruning(rows, least, index, max(EXACT_FROM, most))
+        sizes = np.arange(least, min(most, len(order)) + 1)
+        return cls(index, order, sizes, np.array([index_value(index, rows[order[:n]]) for n in sizes]))
+
+    @property
+    def knee(self) -> int:
+        """The number of poses where the curve bends (see :func:`find_knee`)."""
+        return find_knee(self.sizes, self.values, self.index)
+
+    def choose(self, n: int) -> Positions:
+        """Return the candidates that are left with ``n`` poses, ascending, (n,)."""
+        return np.sort(self.order[:n])
 
 
 def _find_least_missed(rows: Array, mass: Array, index: str) -> int:

@@ -31,8 +31,9 @@ async function start(route, body) {
 
 find("#plan-form").addEventListener("submit", (event) => {
   event.preventDefault();
-  const poses = find("#poses").value, aim = find("#aim").value;
+  const poses = find("#poses").value, chosen = find("#aim").value;
+  const how = chosen === "pruning" ? { method: chosen } : chosen && { aim: chosen };
   const dialects = [...document.querySelectorAll("input[name=dialect]:checked")].map((i) => i.value);
-  start("plans", { dialects, ...(poses && { poses: Number(poses) }), ...(aim && { aim }) });
+  start("plans", { dialects, ...(poses && { poses: Number(poses) }), ...how });
 });
 find("#study").addEventListener("click", () => start("studies", {}));

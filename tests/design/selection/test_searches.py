@@ -20,7 +20,7 @@ from planner.design.selection.index_criterion import (
 from planner.design.selection.index_curves import compute_index_curve, find_knee
 from planner.design.selection.index_search import exchange_poses
 from planner.design.selection.matrix_forms import information_matrix
-from planner.design.selection.pruning import prune_poses
+from planner.design.selection.pruning import PrunedPoses, prune_poses
 from planner.design.selection.refinement import refine_off_grid
 from planner.design.selection.search import Swap
 from tests.design.observability.dh_arm import NJ130
@@ -54,6 +54,16 @@ def naive_prune(rows, n, kind):
 def test_pruning_is_the_naive_pruning(kind, seed, readings):
     rows = pool(seed, readings=readings)
     assert prune_poses(rows, 6, kind).tolist() == naive_prune(rows, 6, kind)
+
+
+@pytest.mark.parametrize("kind", INDICES)
+def test_pruning_until_as_many_poses_as_parameters_has_every_number_on_its_way(kind):
+    rows = pool(3, count=25)
+    left = PrunedPoses.of(rows, kind, 20)
+    assert left.sizes.tolist() == list(range(4, 21))
+    for n, value in zip(left.sizes.tolist(), left.values, strict=True):
+        assert left.choose(n).tolist() == naive_prune(rows, n, kind)
+        assert value == pytest.approx(index_value(kind, rows[left.choose(n)]), rel=1e-12)
 
 
 def test_pruning_of_the_arm_is_the_naive_pruning(arm_pool):

@@ -38,7 +38,7 @@ def test_ways_use_the_path_and_its_shortcuts_only_and_none_is_quicker(seed):
 
 def test_the_slowest_axis_sets_the_pace_where_that_is_asked_for():
     cell = load_cell("kuka-kr6-r700/edbb")
-    cell = replace(cell, motion=replace(cell.motion, tour_cost="axes"))
+    cell = replace(cell, motion=replace(cell.motion, order="slowest-axis"))
     q = np.zeros((3, 6))
     q[1:, 0], q[2, 3] = cell.robot.speed[0], -3.0 * cell.robot.speed[3]  # one second, and three
     assert tour_costs(cell, FIRST_MOUNTING, q) == pytest.approx(np.array([[0, 1, 3], [1, 0, 3], [3, 3, 0]]))

@@ -1,0 +1,122 @@
+"""Poses chosen and ordered as the EDBB paper does it: pruned by the condition number, shortest by the slowest axis."""
+
+import json
+
+import numpy as np
+import pytest
+
+import planner.report.cell_view_print as cell_view_print
+import planner.report.matplotlib_backend as matplotlib_backend
+from planner.cell.reading import load_cell
+from planner.common.errors import InputError
+from planner.common.progress import Stages
+from planner.session.bar_poses import BarPoses
+from planner.session.options import PlanOptions
+from planner.workflow.planning import plan
+from tests.command import edbb
+from tests.workflow.conftest import small_cell
+
+FEW = (("candidates = 3000", "candidates = 400"), ("validate = 4", "validate = 2"))
+
+
+@pytest.fixture(scope="module")
+def pruned(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("pruned")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(matplotlib_backend, "chart_png", lambda chart, small: b"drawn in tests/report")
+        patch.setattr(cell_view_print, "view_png", lambda view: b"drawn in tests/report")
+        path = small_cell("comau-nj130/paper", folder, *FEW)
+        done = edbb("plan", path, "--method", "pruning", "--poses", 30, "-o", folder / "out")
+    assert done.returncode == 0, done.stderr
+    return path, folder / "out", done.stdout + done.stderr
+
+
+def naive_condition(rows, n):
+    """The condition number that is left when one row after the other goes, each time the least missed."""
+    kept = list(range(len(rows)))
+    while len(kept) > n:
+        kept.pop(int(np.argmin([np.linalg.cond(rows[kept[:k] + kept[k + 1 :]]) for k in range(len(kept))])))
+    return np.linalg.cond(rows[kept])
+
+
+def test_a_pruned_plan_says_its_value_the_exchange_s_and_the_bound(pruned):
+    _, folder, said = pruned
+    seen = json.loads((folder / "plan.json").read_text())["observability"]
+    assert seen["method"] == "pruning"
+    assert seen["on_grid"]["value"] == seen["O2"]  # no pose was moved afterwards
+    assert seen["bound"] < seen["exchange"]["value"] < seen["O2"]
+    assert seen["gap"] == pytest.approx(seen["O2"] / seen["bound"] - 1, abs=1e-6)
+    assert seen["exchange"]["gap"] == pytest.approx(seen["exchange"]["value"] / seen["bound"] - 1, abs=1e-6)
+    words = (
+        f"pruning {seen['O2']:#.4g} (gap {100 * seen['gap']:.1f} %), exchange {seen['exchange']['value']:#.4g} (gap "
+    )
+    assert words in said
+    assert f"bound {seen['bound']:#.4g}" in said
+    assert "pruning, one pose at a time" in (folder / "report.html").read_text()
+
+
+def test_the_poses_are_those_that_naive_pruning_leaves(pruned):
+    path, folder, _ = pruned
+    session = BarPoses(load_cell(str(path)), PlanOptions(poses=30, method="pruning"))
+    session.draw(Stages())
+    choice = session.select(Stages()).choice
+    rows = choice.model.rows(session.pool.samples)[:, 0]
+    seen = json.loads((folder / "plan.json").read_text())["observability"]
+    assert naive_condition(rows, 30) == pytest.approx(seen["O2"], rel=1e-6)
+
+
+def test_the_method_of_the_cell_is_that_of_the_command_line(pruned, tmp_path):
+    path, folder, _ = pruned
+    asked = tmp_path / "cell.toml"
+    asked.write_text(path.read_text().replace("[plan]", '[plan]\nmethod = "pruning"'))
+    made = plan(asked, poses=30).plan
+    told = json.loads((folder / "plan.json").read_text())
+    assert made.choice.pruning is not None
+    assert made.choice.raw["O2"] == pytest.approx(told["observability"]["O2"])
+
+
+def test_without_a_number_pruned_poses_are_as_many_as_its_curve_bends_at(pruned):
+    path, _, _ = pruned
+    session = BarPoses(load_cell(str(path)), PlanOptions(method="pruning"))
+    session.draw(Stages())
+    choice = session.select(Stages()).choice
+    assert not session.tracing
+    assert len(choice.q) == choice.pruning.left.knee
+
+
+@pytest.mark.parametrize(
+    ("line", "order"),
+    [
+        ("", "slowest-limit"),
+        ('order = "slowest-limit"', "slowest-limit"),
+        ('order = "slowest-axis"', "slowest-axis"),
+        ('tour_cost = "axes"', "slowest-axis"),
+        ('tour_cost = "limits"', "slowest-limit"),
+    ],
+)
+def test_the_order_and_its_earlier_name_are_read(line, order, tmp_path):
+    path = tmp_path / "cell.toml"
+    path.write_text(load_cell("comau-nj130/edbb").path.read_text().replace("[motion]", f"[motion]\n{line}"))
+    assert load_cell(str(path)).motion.order == order
+
+
+def test_both_names_of_the_order_are_refused(tmp_path):
+    path = tmp_path / "cell.toml"
+    both = '[motion]\norder = "slowest-limit"\ntour_cost = "axes"'
+    path.write_text(load_cell("comau-nj130/edbb").path.read_text().replace("[motion]", both))
+    with pytest.raises(InputError, match="leave tour_cost out"):
+        load_cell(str(path))
+
+
+def test_an_order_on_the_command_line_is_in_the_plan_and_in_its_cell(pruned, tmp_path):
+    cell = load_cell("comau-nj130/edbb")
+    asked = PlanOptions(order="slowest-axis").in_order(cell)
+    assert asked.motion.order == asked.file.motion.order == "slowest-axis"
+    path, folder, _ = pruned
+    again = edbb("plan", path, "--order", "slowest-limit", "--poses", 24, "-o", tmp_path / "out")
+    assert again.returncode == 0, again.stderr
+    made = json.loads((tmp_path / "out" / "plan.json").read_text())["tour"]
+    assert made["cost_of_leg"] == "slowest of axes, tool speed and gauge rate"
+    told = json.loads((folder / "plan.json").read_text())["tour"]
+    assert told["cost_of_leg"] == "slowest axis at full speed"
+    assert load_cell(str(tmp_path / "out" / "cell.toml")).motion.order == "slowest-limit"
