@@ -40,13 +40,14 @@ def detect_dialect(path: Path, text: str) -> str:
     """Return the name of the dialect of a file, or ``csv``.
 
     Raises:
-        InputError: neither suffix nor content tells.
+        InputError: neither suffix nor content tells, or X Y Z may be a place as well as joint angles.
     """
     suffix = path.suffix.lower()
     read = (d for d in map(load_dialect, dialect_names()) if d.reading.family in READERS)
     own = {end.lower(): d.name for d in read for end in d.extensions}
     known = own | MORE_SUFFIXES
     if suffix in known:
+        _check_axis_words(path, text, known[suffix])
         return known[suffix]
     for name, pattern in CONTENT_PATTERNS.items():
         if re.search(pattern, text, re.IGNORECASE | re.MULTILINE):
@@ -54,6 +55,22 @@ def detect_dialect(path: Path, text: str) -> str:
     raise InputError(
         f"{path}: neither the suffix '{suffix}' nor the content tells the language; suffixes that do: "
         f"{', '.join(sorted(known))}; or name the dialect (csv, {', '.join(dialect_names())})"
+    )
+
+
+def _check_axis_words(path: Path, text: str, name: str) -> None:
+    """Refuse words that are joint angles on one machine and a place on another, unless the planner wrote the file.
+
+    Raises:
+        InputError: nobody has said which of the two they are.
+    """
+    if name == TABLE or "X" not in load_dialect(name).axes or _OWN_HEAD.search("\n".join(text.splitlines()[:HEAD])):
+        return
+    axes = " ".join(load_dialect(name).axes)
+    raise InputError(
+        f"{path}: {axes} are joint angles only on a machine whose INI says KINEMATICS = trivkins; elsewhere they are a "
+        f"place, and the program does not say which: name the dialect (--dialect {name}) if they are joint angles; "
+        "places are not corrected in this language"
     )
 
 
@@ -178,6 +195,7 @@ def _place(text: str, behind: re.Pattern[str]) -> tuple[int, int]:
 
 HEAD = 60  # lines in which a program says what it is
 BEYOND = 0.5 * DEG  # a taught angle may stand a little over a limit
+_OWN_HEAD = re.compile(r"^[ \t]*\([ \t]*plan_id:", re.MULTILINE)  # of a program that this planner wrote
 _OWN = re.compile(r"\brobot:\s*(?P<name>[^\r\n)]*)")
 _MODEL = re.compile(r"\b(?:KR[ _-]?\d{1,4}(?:[ _-]?R\d{3,4})?|IRB[ _-]?\d{3,5}|NJ[ _-]?\d{2,3}|UR\d{1,2}e?)(?!\w)")
 

@@ -90,6 +90,8 @@ class PointTable:
             pose.uses.append(use)
         if line and (why := self._why_computed(name)):
             self.reading.leave(line, f"{_short(name)} {why}")
+        elif line and found and not any(pose.line for pose in found):
+            self.reading.leave(line, f"{_short(name)} is declared in the other half of the module: compensate that too")
         return found[0].index if len(found) == 1 else None
 
     def finish(self) -> Iterator[DeclaredPose]:

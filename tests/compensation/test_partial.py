@@ -358,9 +358,10 @@ def test_rapid_lines_that_are_not_certain_are_left_and_named(name, abb, tmp_path
     line = 7 if name == "offset" else line
     body = body.replace("{E}", target(abb[0], external="500"))
     body = re.sub(r"\{cfx (\d)\}", lambda m: target(abb[0]).replace(",0],[9E9", f",{m[1]}],[9E9"), body)
+    track = "0" if "[500," in body else "9E9"  # an axis that moves has a value in every target that is certain
     text = (
-        f"MODULE M\nCONST robtarget p1:={target(abb[0])};\n"
-        f"CONST robtarget p2:={target(abb[0], (5, 10, 20, 30, 40, 50))};\n"
+        f"MODULE M\nCONST robtarget p1:={target(abb[0], external=track)};\n"
+        f"CONST robtarget p2:={target(abb[0], (5, 10, 20, 30, 40, 50), external=track)};\n"
         "PERS tooldata t1:=[TRUE,[[0,0,9],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];\nPROC main()\n"
         f"MoveL p1,v9,fine,tool0; {WOBJ}\n{body}\nENDPROC\nENDMODULE\n"
     )

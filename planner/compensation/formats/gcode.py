@@ -198,12 +198,12 @@ class _GcodeTargets:
         self.reading.add(Target(block.line, tuple(slots), q=read_only(np.array(self.last, dtype=float))))
 
     def _take_offset(self, block: Block) -> bool:
-        """Take in whether a block is driven with the work offset, which must be the first one, and zero."""
+        """Take in whether a block is driven with the work offset, which nobody has selected, and is taken as zero."""
         whole = self.work_offset in block.codes
         if whole != self.whole and self.whole is not None:
             self.forget()  # what stands in one system has other numbers in the other
         self.whole = whole
-        if not whole and self.offset not in ("", "G54"):
+        if not whole and self.offset:
             self.reading.refuse(block.line, f"no {self.work_offset} after {self.offset}: the offset is not known here")
             return False
         if not whole:

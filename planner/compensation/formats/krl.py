@@ -9,9 +9,11 @@ import planner.programs.languages.statements as st
 from planner.common.units import DEG, MM, read_only
 from planner.compensation.arm_shapes import ACCURATE, StatusTurn
 from planner.compensation.formats.krl_calls import (
+    CIRCLE_ANGLE,
     MORE_THAN_A_MOVE,
     OWN_FRAMES,
     calls_function,
+    hidden_target,
     names_given_away,
     names_set_beside,
 )
@@ -23,7 +25,12 @@ from planner.programs.languages.krl import EXTERNAL, POSE_KEYS, Aggregate, Bas, 
 _JOINT_TYPES, _POSE_TYPES = ("E6AXIS", "AXIS"), ("E6POS", "POS", "FRAME")
 _COMPONENTS = (*POSE_KEYS, "S", "T", *(f"A{i}" for i in range(1, 7)), *EXTERNAL)
 _DRIVEN = re.compile(r"\b(E[1-6])(?:\s+(?!-?0*\.?0*(?:E[-+]?\d+)?\s*[,}])[^,}\s]|\s*=(?!=))", re.IGNORECASE)
+_HIDDEN = "{} found; targets of moves, and positions with a name of their own, are corrected"
+_GLOBAL = "is global: programs of other files may drive to it with another tool or base"
+_IS_GLOBAL = re.compile(r"(?:DECL\s+)?(?:CONST\s+)?GLOBAL\b", re.IGNORECASE)
+_CONTROLLERS_OWN = re.compile(r"DEFDAT\s+\$", re.IGNORECASE)  # $config.dat: all that it declares is seen everywhere
 _PLAIN = "plain numbers are allowed"
+_WHERE_IT_STANDS = ("$AXIS_ACT", "$POS_ACT")  # a move to it moves nothing
 _HINT = (
     ": say it by $TOOL, $BASE, BAS (#TOOL,n), BAS (#BASE,n) before the move (outside of IF and loops), give the "
     "controller's $config.dat for numbered frames (--frames), or name them yourself (--tool, --base) where no line of "
@@ -37,7 +44,7 @@ def read(text: str, _dialect: Dialect, reading: tg.TargetReading) -> None:
     """Note the targets of one file, declared or written at their move."""
     own, other = list(parse(text)), list(parse(reading.companion))
     data_first = [other, own] if any(isinstance(s, st.Routine) for s in own) else [own, other]
-    targets = _KrlTargets([*other, *own], reading)
+    targets = _KrlTargets(own, other, reading)
     for statements in data_first:
         for statement in statements:
             targets.take(statement, statements is own)
@@ -47,8 +54,12 @@ def read(text: str, _dialect: Dialect, reading: tg.TargetReading) -> None:
 class _KrlTargets:
     """What a controller knows, statement by statement, as far as the meaning of a target depends on it."""
 
-    def __init__(self, statements: Sequence[st.Statement], reading: tg.TargetReading) -> None:
+    def __init__(self, own: Sequence[st.Statement], other: Sequence[st.Statement], reading: tg.TargetReading) -> None:
+        statements = [*other, *own]
         self.reading = reading
+        self.public = {  # whether all that the file, or its other half, declares is seen by every program
+            mine: any(_CONTROLLERS_OWN.match(s.text) for s in half) for mine, half in ((True, own), (False, other))
+        }
         self.frames = FrameState(statements, reading.frames)
         said = [*parse(reading.frames.data), *statements]
         self.driven = {axis.upper() for s in said for axis in _DRIVEN.findall(s.text)}  # external axes that move
@@ -63,6 +74,7 @@ class _KrlTargets:
         """Take in one statement of the file itself, or of the other half of its module."""
         self.own = own
         self._hand_points(statement)
+        self._note_hidden(statement, (st.Assignment, KrlMove))
         match statement:
             case KrlMove():
                 self._move(statement)
@@ -159,6 +171,8 @@ class _KrlTargets:
         """Say why a move does not go to where its target says for certain; nothing where it does."""
         if MORE_THAN_A_MOVE.search(move.rest):
             return f"'{move.rest[:60]}' in line {move.line} is no part of a move that is known here"
+        if CIRCLE_ANGLE.match(move.rest):
+            return f"the angle CA in line {move.line} ends the circle elsewhere than at the point that is written"
         return self.frames.keeps_orientation(move.rest) if linear else ""
 
     def _target(self, move: KrlMove, target: Aggregate | str, frames: pt.FramePair, linear: bool) -> None:
@@ -167,9 +181,12 @@ class _KrlTargets:
             if self.frames.hides(target):
                 self._leave(move.line, f"{target} is a variable of the routine: its value is not in the file")
                 return
-            named = not target.startswith("$")
-            line = move.line if self.own else 0
-            self.last = self.points.use(target, line, use) if named else None
+            if target.startswith("$"):
+                if target not in _WHERE_IT_STANDS:
+                    self._leave(move.line, f"{target} found: a position that the controller keeps is not in the file")
+                self.last = None
+                return
+            self.last = self.points.use(target, move.line if self.own else 0, use)
         elif not self.own:
             self.last = None
         elif target.numbers is None:
@@ -181,27 +198,44 @@ class _KrlTargets:
 
     def _read_assignment(self, statement: st.Assignment) -> None:
         """Note a position declared with its numbers, or computed; other structures are none of ours."""
-        name, kind, line = statement.name, statement.kind, statement.line if self.own else 0
-        where = f"line {statement.line}" + ("" if self.own else " of the other half of the module")
         if calls_function(statement):
             self.last = None
             self.frames.forget()
-        if name.startswith("$"):
-            return
-        self.frames.assign_named(statement)
-        if statement.part or not statement.value.startswith("{"):
-            if not kind and (not statement.part or statement.part in _COMPONENTS):
-                self.points.compute(name, f"is computed while the program runs ({where})")
-            return
-        value = aggregate(statement.value, statement.value_start)
-        keys = set() if value.numbers is None else value.numbers.keys()
+        if not statement.name.startswith("$"):
+            self.frames.assign_named(statement)
+            if self._declare(statement):
+                return
+        self._note_hidden(statement)
+
+    def _note_hidden(self, statement: st.Statement, read: tuple[type[st.Statement], ...] = ()) -> None:
+        """Leave a target that stands where none is read: in any statement but those of these classes."""
+        if not isinstance(statement, read) and (hidden := hidden_target(statement)):
+            self._leave(statement.line, _HIDDEN.format(hidden))
+
+    def _declare(self, statement: st.Assignment) -> bool:
+        """Take in what a name gets, and return whether that is a position with plain numbers, or declared as one."""
+        name, kind, line = statement.name, statement.kind, statement.line if self.own else 0
+        where = f"line {statement.line}" + ("" if self.own else " of the other half of the module")
+        value = aggregate(statement.value, statement.value_start) if statement.value.startswith("{") else None
+        keys = value.numbers.keys() if value is not None and value.numbers is not None else set[str]()
         typed = kind in (*_JOINT_TYPES, *_POSE_TYPES)
-        if (value.numbers is None and typed) or "A1" in keys or set(POSE_KEYS) <= keys:
+        whole = not statement.part and value is not None and ("A1" in keys or set(POSE_KEYS) <= keys)
+        if value is not None and not statement.part and (whole or (typed and value.numbers is None)):
             sure = kind in (*_JOINT_TYPES, "E6POS", "POS") or "S" in keys or (not kind and "A1" in keys)
             if typed or not kind:
                 self.points.declare(pt.DeclaredPose(name, line, value.numbers, sure))
-        elif not kind and value.numbers is not None:
+            if "A1" not in keys and (typed or not kind) and self._is_global(statement):
+                self.points.compute(name, _GLOBAL)
+                if sure:
+                    self._leave(statement.line, f"{name} {_GLOBAL}")
+            return typed or not kind
+        if not kind and (not statement.part or statement.part in _COMPONENTS):
             self.points.compute(name, f"is computed while the program runs ({where})")
+        return False
+
+    def _is_global(self, statement: st.Assignment) -> bool:
+        """Tell whether programs of other files may drive to a position that is declared here."""
+        return statement.kind != "" and (self.public[self.own] or _IS_GLOBAL.match(statement.text) is not None)
 
     def _complete(self, line: int, found: Numbers, needed: Sequence[str], beside: Sequence[str]) -> bool:
         if set(needed) <= found.keys() <= {*needed, *beside, *EXTERNAL}:

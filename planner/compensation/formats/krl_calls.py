@@ -4,12 +4,13 @@ import re
 from collections.abc import Sequence
 
 import planner.programs.languages.statements as st
-from planner.programs.languages.krl import Bas
+from planner.programs.languages.krl import POSE_KEYS, Bas
 
 SELECTS_TAUGHT = ("PTP_PARAMS", "CP_PARAMS", "FRAMES")  # functions of BAS that take tool and base from FDAT_ACT
 RESETS_FRAMES = ("INITMOV", "EX_BASE", "BASE_TCP", "TCP_IPO", "EX_TOOL")
 SET_BESIDE = re.compile(r"\$(TOOL|BASE|IPO_MODE)\b[^=<>]*=(?!=)", re.IGNORECASE)
 MORE_THAN_A_MOVE = re.compile(r"\bWITH\b.*\$ORI_TYPE\s*=\s*#(?!VAR\b)|[{}]|\b(S?PTP|S?LIN|S?CIRC|SPL)\b", re.IGNORECASE)
+CIRCLE_ANGLE = re.compile(r"\s*,\s*CA\b", re.IGNORECASE)
 OWN_FRAMES = re.compile(r"\bWITH\b.*\$(TOOL|BASE|IPO_MODE|ROBROOT|WORLD)\b", re.IGNORECASE)
 _SET_FRAMES, _NUMBERED_FRAMES = ("$TOOL", "$BASE", "$IPO_MODE", "$ORI_TYPE", "FDAT_ACT"), ("TOOL", "BASE")
 _BUILT_IN = (
@@ -22,7 +23,7 @@ _TYPES = "INT|REAL|BOOL|CHAR|FRAME|POS|E6POS|AXIS|E6AXIS"
 _FRAMES = r"\$(?:TOOL|BASE|IPO_MODE|ROBROOT|WORLD)\b|(?:TOOL|BASE)_DATA\b"
 _LEAVE_FRAMES = (  # statements that the parser yields as unknown, and that leave tool and base alone
     rf"(?:{_TYPES}|SIGNAL|EXT|EXTP|EXTFCT|EXTFCTP|ENUM|CHANNEL|IMPORT)\s+\S.*",
-    r"(?:END)?(?:PTP_?)?SPLINE|CONTINUE|BRAKE(\s+F)?|EXIT|RESUME|ON_ERROR_PROCEED",
+    r"(?:END)?(?:PTP_?)?SPLINE(?:\s+WITH\b(?!.*\$(?:TOOL|BASE|IPO_MODE|ORI_TYPE|ROBROOT|WORLD)\b).*)?|CONTINUE|BRAKE(\s+F)?|EXIT|RESUME|ON_ERROR_PROCEED",
     r"(?:RETURN|WAIT|STOP\s+WHEN|TIME_BLOCK|CONST_VEL|ASYPTP|ASYCONT|ASYSTOP|ANOUT|CWRITE|SWRITE)\b.*",
     rf"(?:TRIGGER\b.*\bDO\s+)?(?!{_FRAMES})\$?[A-Z_][\w$]*(?:\s*[.\[][^=]*)?=(?!=).*",
 )
@@ -55,6 +56,25 @@ def names_given_away(statement: st.Statement) -> set[str]:
         return set()
     given = statement.text.upper().partition("(")[2]
     return {re.sub(r"\s", "", name) for name in re.findall(r"(?<![\w.$#'])[A-Z_]\w*(?:\s*\[[^\]]*\])?", given)}
+
+
+_MOVE_INSIDE = re.compile(r"(?<![#$\w.])S?(?:PTP|LIN|CIRC)(?:_REL)?\s*(?=[\s{])\s*[{$A-Z_]|\bSPL\s*\{", re.IGNORECASE)
+_NUMBERED_KEY = re.compile(r"\b([A-Z]\w*)\s+([-+]?[\d.]+)")
+
+
+def hidden_target(statement: st.Statement) -> str:
+    """Return what in a statement, that is none of a move or a position with a name, is a target; or nothing.
+
+    Values that are all zero are places that the program fills.
+    """
+    frame = isinstance(statement, st.Assignment)  # six plain components are then a frame, as far as it says
+    for inside in re.findall(r"\{([^{}]*)\}", statement.text):
+        found = dict(_NUMBERED_KEY.findall(inside.upper()))
+        spelled = "A1" in found or {"X", "S", "T"} <= found.keys() or (not frame and set(POSE_KEYS) <= found.keys())
+        if spelled and any(number.strip("-+0.") for number in found.values()):
+            return f"{{{inside[:60]}}}"
+    move = None if frame else _MOVE_INSIDE.search(statement.text)
+    return statement.text[:60] if move else ""
 
 
 class FrameChanges:

@@ -27,6 +27,10 @@ from planner.programs.languages.rapid import JOINT_TARGET, ROB_TARGET, UNUSED, A
 
 QUATERNION_DECIMALS = 8
 _DISPLACED = re.compile(r"\b(PDispOn|PDispSet|EOffsOn|EOffsSet|CorrCon|Set(?:All)?DataVal|DeactUnit)\b", re.IGNORECASE)
+_WRIST_FREE = re.compile(r"\bSingArea\s*\\\s*(Wrist|LockAxis4)\b", re.IGNORECASE)
+_WRIST_KEPT = re.compile(r"\bSingArea\s*\\\s*Off\b", re.IGNORECASE)
+_EXTERNAL_MOVE = re.compile(r"\bMoveExtJ\b", re.IGNORECASE)
+_TARGETS = {"jointtarget": JOINT_TARGET, "robtarget": ROB_TARGET}
 _CONF_OFF = re.compile(r"\b(Conf[JL])\s*\\\s*Off\b", re.IGNORECASE)
 _OPTIONS = r"(?:\s*\\\s*\w+\s*(?::=\s*[\w.{}]+)?)*"
 _RELATIVE = re.compile(r"(Offs|RelTool)\s*\(\s*(\w+)", re.IGNORECASE)
@@ -66,6 +70,9 @@ class _RapidTargets:
         self.displaced = next((p for p in placed if _DISPLACED.search(p.statement.text)), None)
         self.conf_off = {m[1].lower(): p.where for p in own if (m := _CONF_OFF.search(p.statement.text))}
         self.conf_off_beside = next((p for p in beside if _CONF_OFF.search(p.statement.text)), None)
+        self.wrist_free = next((p for p in placed if _WRIST_FREE.search(p.statement.text)), None)
+        self.wrist_kept = False  # whether SingArea \Off certainly holds
+        self.driven = _driven_axes(placed)
         self.last: int | None = None  # index of the target that the arm comes from, where that is certain
 
     def read_changes(self, p: Placed) -> None:
@@ -88,10 +95,13 @@ class _RapidTargets:
         if not kind:
             key = self.names.resolve(p, statement.name)
             self._use_elsewhere(p, set(re.findall(r"[A-Za-z]\w*", value)))
-            if not self.frames.knows(key):
+            if self._is_given_whole(p, statement, key):
+                given = _numbers(value, statement.value_start)
+                self.points.declare(pt.DeclaredPose(key, statement.line, given))
+            elif not self.frames.knows(key):
                 self.points.compute(key, f"{_COMPUTED} ({p.where})")
-        elif kind in ("jointtarget", "robtarget") and not p.beside:
-            pattern = JOINT_TARGET if kind == "jointtarget" else ROB_TARGET
+        elif kind in _TARGETS and not p.beside:
+            pattern = _TARGETS[kind]
             rows = list(pattern.finditer(value)) if statement.part else [pattern.fullmatch(value)]
             name = self.names.own(p, statement.name)
             if statement.part and (others := re.findall(r"[A-Za-z]\w*", pattern.sub(" ", value))):
@@ -102,12 +112,47 @@ class _RapidTargets:
                 line = statement.line + (0 if row is None else value[: row.start()].count("\n"))
                 self.points.declare(pt.DeclaredPose(f"{name}{{{k}}}" if statement.part else name, line, numbers))
 
+    def _is_given_whole(self, p: Placed, statement: st.Assignment, key: str) -> bool:
+        """Tell whether a variable without a value of its own gets a target with plain numbers here."""
+        whole = any(pattern.fullmatch(statement.value) for pattern in _TARGETS.values())
+        plain = re.fullmatch(r"\w+", statement.text.partition(":=")[0].strip())
+        return bool(whole and plain) and not p.beside and self.names.is_variable(key)
+
+    def _note_hidden(self, p: Placed) -> None:
+        """Leave the targets of a statement that is no move, and no declaration of a target."""
+        said = p.statement
+        text, value = said.text, said.value if isinstance(said, st.Assignment) else said.text
+        if isinstance(said, RapidMove) or (isinstance(said, st.Assignment) and said.kind in _TARGETS):
+            return
+        if isinstance(said, st.Assignment) and self._is_given_whole(p, said, self.names.resolve(p, said.name)):
+            return
+        for pattern in _TARGETS.values():
+            for found in pattern.finditer(value):
+                line = said.line + value[: found.start()].count("\n")
+                self.reading.leave(line, f"a target in '{text[:60]}' found; those of moves are corrected")
+
+    def _follow_wrist(self, said: st.Statement) -> None:
+        """Take in whether the orientation is certainly kept on the way of a line, in the order of the file."""
+        if re.match(r"SingArea\b", said.text, re.IGNORECASE):
+            self.wrist_kept = _WRIST_KEPT.match(said.text) is not None
+        elif isinstance(said, st.Call | st.Flow | st.Routine | st.RoutineEnd) or type(said) is st.Statement:
+            self.wrist_kept = False
+
+    def _frames_of(self, p: Placed, move: RapidMove) -> pt.FramePair:
+        """Return tool and base of a move, or why it does not go to where its target says."""
+        if self.wrist_free is None or (self.wrist_kept and not p.beside) or not _is_linear(move):
+            return self.frames.of(p, move)
+        word = _WRIST_FREE.search(self.wrist_free.statement.text)
+        assert word is not None
+        why = f"SingArea \\{word[1]} in {self.wrist_free.where} lets the tool turn otherwise in a line or a circle"
+        return why, why
+
     def take(self, p: Placed) -> None:
         """Take in one statement, now that all declarations are known."""
         said = p.statement
         self._hand_points(p)
-        if type(said) in (st.Call, st.Statement) and (ROB_TARGET.search(said.text) or JOINT_TARGET.search(said.text)):
-            self.reading.leave(said.line, f"a target in '{said.text[:60]}' found; those of moves are corrected")
+        self._note_hidden(p)
+        self._follow_wrist(said)
         match said:
             case RapidMove() as move:
                 beside = not move.text.lower().startswith(move.word)  # behind a condition, a label, a case, ERROR
@@ -135,7 +180,7 @@ class _RapidTargets:
                 name = re.match(r"(?:(?:Offs|RelTool)\s*\(\s*)?([A-Za-z]\w*)\s*(\{[^}]*\})?", argument.text)
                 key = self.names.resolve(p, name[1]) + (name[2] or "") if name else ""
                 if self.points.has(key):
-                    self.points.use(key, 0, pt.Use(self.frames.of(p, move), None, linear=False))
+                    self.points.use(key, 0, pt.Use(self._frames_of(p, move), None, linear=False))
 
     def _use_elsewhere(self, p: Placed, names: set[str]) -> None:
         """Note points that a statement hands on: a routine of the file, or that of another, may drive to them."""
@@ -143,7 +188,7 @@ class _RapidTargets:
         if not points:
             return
         why = f"it is handed on in line {p.statement.line}"
-        frames = self.frames.of(p, p.statement) if isinstance(p.statement, RapidMove) else (why, why)
+        frames = self._frames_of(p, p.statement) if isinstance(p.statement, RapidMove) else (why, why)
         if isinstance(p.statement, st.Call) and p.statement.name != "return" and not self._says_frames(p):
             frames = self.frames.default_frames(why)
         for key in points:
@@ -183,8 +228,8 @@ class _RapidTargets:
             self.points.compute(found, f"{_COMPUTED} (line {move.line})")
         last = first + (2 if re.match(r"(move|trigg|search|arc|cap|disp|paint)c", move.word) else 1)
         for argument in move.arguments[first:last]:
-            linear = re.match(r"(move|trigg)(j|absj)|spotj", move.word) is None
-            self.last = self._argument(p, move.line, argument, pt.Use(self.frames.of(p, move), self.last, linear))
+            use = pt.Use(self._frames_of(p, move), self.last, _is_linear(move))
+            self.last = self._argument(p, move.line, argument, use)
 
     def _argument(self, p: Placed, line: int, argument: Argument, use: pt.Use) -> int | None:
         value = re.sub(rf"{_OPTIONS}\s*$", "", argument.text)
@@ -251,11 +296,33 @@ class _RapidTargets:
             return f"{word[0]} in {self.displaced.where} makes the meaning of this target uncertain"
         if why := next((f for f in frames if isinstance(f, str)), ""):
             return why
+        kept = next((k for k in sorted(self.driven) if values[11 + k] > UNUSED), None)
+        if kept is not None:
+            axis = "abcdef"[kept]
+            return f"external axis eax_{axis} has no value here and keeps its last one, which other targets set"
         return tg.EXTERNAL if any(abs(v) < UNUSED and v != 0.0 for v in values[11:]) else ""
 
 
 def _numbers(value: str, start: int) -> list[st.PlacedNumber]:
     return st.placed_numbers(value, start, st.EXPONENT_NUMBER)
+
+
+def _is_linear(move: RapidMove) -> bool:
+    return re.match(r"(move|trigg)(j|absj)|spotj", move.word) is None
+
+
+def _driven_axes(placed: Sequence[Placed]) -> set[int]:
+    """Return which external axes the files move, from 0: all of them where a target of theirs is not in the files."""
+    driven = set[int]()
+    for p in placed:
+        text = p.statement.text
+        for pattern in _TARGETS.values():
+            for found in pattern.finditer(text):
+                external = [float(m[0]) for m in re.finditer(st.EXPONENT_NUMBER, found[0])][-6:]
+                driven |= {k for k, value in enumerate(external) if value != 0.0 and value < UNUSED}
+        if _EXTERNAL_MOVE.search(text) and not JOINT_TARGET.search(text):
+            driven |= set(range(6))
+    return driven
 
 
 def _pose_of(values: Sequence[float]) -> Array:

@@ -56,11 +56,15 @@ class Names:
         self._modules: list[str] = []
         self._keys: set[str] = set()
         self._local: set[str] = set()  # seen in their own module alone
+        self._variables: set[str] = set()  # declared without a value, to get it in the program
         for p in placed:
             if p.module not in self._modules:
                 self._modules.append(p.module)
             keys = {_key(p.module, p.routine, name) for name in _declared_names(p.statement)}
             self._keys |= keys
+            self._variables |= (
+                keys if type(p.statement) is not st.Routine and _VALUELESS.search(p.statement.text) else set()
+            )
             self._local |= keys if re.search(r"\bLOCAL\b", p.statement.text, re.IGNORECASE) else set()
 
     def own(self, p: Placed, name: str) -> str:
@@ -70,6 +74,10 @@ class Names:
     def declares(self, key: str) -> bool:
         """Tell whether a key is one of a declaration or a parameter in the files."""
         return key in self._keys
+
+    def is_variable(self, key: str) -> bool:
+        """Tell whether a key is one of data that are declared without a value."""
+        return key in self._variables
 
     def resolve(self, p: Placed, name: str) -> str:
         """Return the key of ``name`` as it is used in this statement, or the bare name if the file does not have it."""

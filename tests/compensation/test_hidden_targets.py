@@ -1,0 +1,205 @@
+"""Targets that hide: each is corrected, or left and named by its line, or the file is refused; never silently wrong."""
+
+import re
+
+import pytest
+
+from planner.common.errors import InputError
+from planner.compensation.compensated_file import compensate_file
+from planner.compensation.targets import ToolAndBase
+from tests.compensation.robots import bent
+from tests.compensation.test_formats import krl
+from tests.compensation.test_partial import FREE, GOOD, GOOD_RAPID, NULL, changed, pose, reasons, run, target
+
+
+@pytest.fixture(scope="module")
+def kuka():
+    return bent("kuka-kr6-r700", seed=4)
+
+
+@pytest.fixture(scope="module")
+def abb():
+    return bent("abb-irb120", seed=4)
+
+
+AXES = GOOD[4:]
+LEFT_KRL = {  # row, why; it stands in line 5
+    "home of the controller": ("PTP $H_POS", r"\$H_POS found: a position that the controller keeps"),
+    "home by number": ("PTP $AXIS_HOME[1]", r"\$AXIS_HOME\[1\] found: a position that the controller keeps"),
+    "where it was left": ("LIN $POS_RET", r"\$POS_RET found: a position that the controller keeps"),
+    "home set": ("$H_POS={A}", "found; targets of moves"),
+    "handed to a routine": ("GRIP({P})", "found; targets of moves"),
+    "handed to a function": ("OK=GRIP({A})", "found; targets of moves"),
+    "inverse": ("XA=INVERSE({P},$AXIS_ACT,ERR)", "found; targets of moves"),
+    "in a structure": ("S1={P1 {P},V 5}", "found; targets of moves"),
+    "behind a condition": ("IF $IN[1] THEN PTP {P}", "found; targets of moves"),
+    "behind a condition, by name": ("IF $IN[1] THEN PTP XP1", "'?IF .* PTP XP1'? found"),
+    "angle of a circle": ("CIRC {P},{P},CA 270", "the angle CA in line 5 ends the circle elsewhere"),
+    "angle of a spline circle": ("SCIRC {P},{P}, CA=90 WITH $VEL.CP=1", "CA in line 5 ends the circle elsewhere"),
+}
+
+
+@pytest.mark.parametrize("name", LEFT_KRL)
+def test_krl_targets_that_hide_are_left_and_named(name, kuka, tmp_path):
+    row, why = LEFT_KRL[name]
+    row = row.replace("{P}", pose(kuka[0])).replace("{A}", AXES)
+    text = krl(*NULL, GOOD, row, GOOD)
+    done = run(tmp_path / "p.src", text, kuka)
+    assert re.search(why, reasons(done)[5])
+    assert changed(done, text) == [4, 6]
+
+
+def test_krl_moves_to_where_the_arm_stands_are_no_targets(kuka, tmp_path):
+    done = run(tmp_path / "p.src", krl("PTP $AXIS_ACT", GOOD, "PTP $POS_ACT"), kuka)
+    assert not done.partly
+
+
+def test_krl_values_of_zero_are_places_that_the_program_fills(kuka, tmp_path):
+    row = "LOG[1]={POSE 1,AX {A1 0.0,A2 0.0,A3 0.0,A4 0.0,A5 0.0,A6 0.0}}"
+    assert not run(tmp_path / "p.src", krl(GOOD, row), kuka).partly
+
+
+@pytest.mark.parametrize("head", ["DEFDAT P PUBLIC", "DEFDAT $CONFIG PUBLIC"])
+def test_krl_global_poses_belong_to_whoever_drives_there(head, kuka, tmp_path):
+    """Its tool and base are those of a program elsewhere; joint angles need neither."""
+    word = "GLOBAL " if "$" not in head else ""
+    (tmp_path / "p.src").write_text(krl(*NULL, "PTP XP1", GOOD))
+    text = f"{head}\nDECL {word}E6POS XP1={pose(kuka[0])}\nDECL {word}E6AXIS XA={AXES}\nENDDAT\n"
+    done = run(tmp_path / "p.dat", text, kuka, frames=FREE)
+    assert changed(done, text) == [3]
+    assert reasons(done)[2] == "XP1 is global: programs of other files may drive to it with another tool or base"
+    (tmp_path / "p.dat").write_text(text)
+    assert "XP1 is global" in reasons(compensate_file(tmp_path / "p.src", *kuka))[4]
+
+
+def test_krl_private_poses_of_a_public_file_keep_their_frames(kuka, tmp_path):
+    (tmp_path / "p.src").write_text(krl(*NULL, "PTP XP1", GOOD))
+    text = f"DEFDAT P PUBLIC\nDECL E6POS XP1={pose(kuka[0])}\nENDDAT\n"
+    assert changed(run(tmp_path / "p.dat", text, kuka), text) == [2]
+
+
+def test_krl_a_name_that_gets_an_expression_in_braces_is_computed(kuka, tmp_path):
+    (tmp_path / "p.src").write_text(krl(*NULL, "XP1={X XNEW,Y 0,Z 0,A 0,B 0,C 0,S 2,T 2}", "PTP XP1", GOOD))
+    text = f"DEFDAT P\nDECL E6POS XP1={pose(kuka[0])}\nDECL E6AXIS XA={AXES}\nENDDAT\n"
+    done = run(tmp_path / "p.dat", text, kuka)
+    assert "XP1 is computed while the program runs (line 4 of the other half" in reasons(done)[2]
+
+
+def test_krl_moves_to_points_of_the_other_half_are_named(kuka, tmp_path):
+    (tmp_path / "p.dat").write_text(f"DEFDAT P\nDECL E6POS XP1={pose(kuka[0])}\nENDDAT\n")
+    text = krl(*NULL, "PTP XP1", GOOD)
+    done = run(tmp_path / "p.src", text, kuka)
+    assert reasons(done) == {4: "XP1 is declared in the other half of the module: compensate that too"}
+
+
+@pytest.mark.parametrize("head", ["SPLINE", "SPLINE WITH $VEL.CP=1.0", "PTP_SPLINE WITH $VEL_AXIS[1]=50"])
+def test_krl_splines_keep_the_frames_that_hold(head, kuka, tmp_path):
+    move = "SPTP" if head.startswith("PTP") else "SPL"
+    text = krl(*NULL, head, f"{move} {pose(kuka[0])}", "ENDSPLINE")
+    assert changed(run(tmp_path / "p.src", text, kuka), text) == [5]
+
+
+def test_krl_splines_that_say_a_base_are_left(kuka, tmp_path):
+    text = krl(*NULL, GOOD, "SPLINE WITH $BASE={X 9,Y 0,Z 0,A 0,B 0,C 0}", f"SPL {pose(kuka[0])}", "ENDSPLINE")
+    done = run(tmp_path / "p.src", text, kuka)
+    assert changed(done, text) == [4]
+    assert "line 5 sets it" in reasons(done)[6]
+
+
+def rapid(*rows, data=()):
+    return "\n".join(["MODULE M", *data, "PROC main()", *rows, GOOD_RAPID, "ENDPROC", "ENDMODULE", ""])
+
+
+@pytest.mark.parametrize("word", ["Wrist", "LockAxis4", "LockAxis4 \\Off"])
+@pytest.mark.parametrize("first", [True, False])
+def test_rapid_lines_that_do_not_keep_the_orientation_are_left(word, first, abb, tmp_path):
+    """The tool ends otherwise than written; it holds until another SingArea, and over the start of the next cycle."""
+    line, joint = (f"Move{k} {target(abb[0])},v9,fine,tool0;" for k in "LJ")
+    text = rapid(*([f"SingArea \\{word};", line] if first else [line, f"SingArea\\{word};"]), joint)
+    done = run(tmp_path / "p.mod", text, abb)
+    row = 4 if first else 3
+    assert reasons(done).keys() == {row}
+    assert "lets the tool turn otherwise in a line or a circle" in reasons(done)[row]
+    assert changed(done, text) == [5, 6]
+
+
+def test_rapid_lines_after_singarea_off_are_corrected(abb, tmp_path):
+    line = f"MoveL {target(abb[0])},v9,fine,tool0;"
+    rows = ["SingArea \\Wrist;", line, "SingArea \\Off;", line, "IF a THEN", "SingArea \\LockAxis4;", "ENDIF", line]
+    text = rapid(*rows)
+    done = run(tmp_path / "p.mod", text, abb)
+    assert list(reasons(done)) == [4, 10]
+    assert changed(done, text) == [6, 11]
+    alone = rapid("SingArea \\Off;", line)
+    assert not run(tmp_path / "q.mod", alone, abb).partly
+
+
+LEFT_RAPID = {  # row in line 4, why
+    "handed to a function": ("j:=CalcJointT({R},tool0);", "a target in 'j:=CalcJointT"),
+    "in a record": ("CONST station s1:=[5,{R}];", "a target in 'CONST station"),
+    "in a condition": ("IF IsThere({R}) THEN\nENDIF", "a target in 'IF IsThere"),
+    "of another module": ("pElse:={R};", "a target in 'pElse:="),
+    "of who calls": ("p9:={R};", "a target in 'p9:="),
+    "of a row": ("pR{2}:={R};", "a target in 'pR{2}:="),
+}
+
+
+@pytest.mark.parametrize("name", LEFT_RAPID)
+def test_rapid_targets_that_hide_are_left_and_named(name, abb, tmp_path):
+    row, why = LEFT_RAPID[name]
+    text = f"MODULE M\nVAR robtarget pR{{3}};\nPROC do(INOUT robtarget p9)\n{row}\n{GOOD_RAPID}\nENDPROC\nENDMODULE\n"
+    text = text.replace("{R}", target(abb[0]))
+    done = run(tmp_path / "p.mod", text, abb)
+    assert why in reasons(done)[4]
+    assert list(done.report.corrected) == [text[: text.index("MoveAbsJ")].count("\n") + 1]
+
+
+def test_a_rapid_variable_that_gets_one_value_is_corrected_there(abb, tmp_path):
+    """And with two it has none that is certain."""
+    data, first = ["VAR robtarget p1;"], f"p1:={target(abb[0])};"
+    text = rapid(first, "MoveL p1,v9,fine,tool0;", data=data)
+    done = run(tmp_path / "p.mod", text, abb)
+    assert changed(done, text) == [4, 6]
+    assert not done.partly
+    second = first.replace("p1:=", "p1:=").replace(target(abb[0]), target(abb[0], (5, 10, 20, 30, 40, 50)))
+    text = rapid(first, second, "MoveL p1,v9,fine,tool0;", data=data)
+    done = run(tmp_path / "p.mod", text, abb)
+    assert changed(done, text) == [7]
+    assert {4, 5} <= reasons(done).keys()
+    text = rapid(first, "p1.trans.z:=5;", "MoveL p1,v9,fine,tool0;", data=data)
+    done = run(tmp_path / "p.mod", text, abb)
+    assert changed(done, text) == [7]
+    assert {4, 6} <= reasons(done).keys()
+
+
+@pytest.mark.parametrize("mover", ["MoveJ {E},v9,fine,tool0;", "MoveExtJ jTrack,v9,fine;"])
+def test_rapid_external_axes_keep_their_value_where_none_is_said(mover, abb, tmp_path):
+    """The arm may stand on that axis."""
+    text = rapid(mover.replace("{E}", target(abb[0], external="500")), f"MoveJ {target(abb[0])},v9,fine,tool0;")
+    done = run(tmp_path / "p.mod", text, abb)
+    assert "external axis eax_a has no value here and keeps its last one" in reasons(done)[4]
+    assert changed(done, text) == [5]
+
+
+G_CODE = "G17 G21 G90\n{offset}\n{whole}G0 X10 Y-20 Z10 A20 B30 C5\n{whole}G1 X12 F100\nM2\n"
+
+
+@pytest.mark.parametrize(("offset", "whole"), [("G54", ""), ("", ""), ("", "G53 ")])
+def test_linuxcnc_words_are_joint_angles_only_where_somebody_says_so(offset, whole, abb, tmp_path):
+    """The kinematics stand in the machine's INI, not in the program: the same words are a place elsewhere."""
+    path, text = tmp_path / "p.ngc", G_CODE.format(offset=offset, whole=whole)
+    path.write_text(text)
+    with pytest.raises(InputError, match=r"trivkins; elsewhere they are a place.*--dialect linuxcnc"):
+        compensate_file(path, *abb)
+    if offset:
+        with pytest.raises(InputError, match=r"p\.ngc:3: no G53 after G54"):
+            compensate_file(path, *abb, dialect="linuxcnc")
+    else:
+        assert changed(compensate_file(path, *abb, dialect="linuxcnc"), text) == [3, 4]
+    path.write_text("(plan_id: 0123456789ab)\n" + text.replace("G54", "M9"))
+    assert compensate_file(path, *abb).report.joint_targets == 2
+
+
+def test_a_frame_of_its_own_is_no_hidden_target(kuka, tmp_path):
+    text = krl("BASE_DATA[3]={X 5,Y 0,Z 0,A 0,B 0,C 0}", "$LOAD={M 5,CM {X 1,Y 2,Z 3,A 0,B 0,C 0}}", GOOD)
+    assert not run(tmp_path / "p.src", text, kuka, frames=ToolAndBase()).partly
