@@ -77,28 +77,33 @@ def no_blanks(text):
     return "\n".join(line.replace("edbb-compensated ", "edbb-compensated:") for line in text.splitlines())
 
 
+def correct(name, *args, **more):
+    """Correct a file; whether X Y Z are joint angles, somebody has to say."""
+    return compensate_file(*args, dialect=name if name == "linuxcnc" else None, **more)
+
+
 @pytest.mark.parametrize("change", [str, upper, other_ends, cut_tail, head_behind, indented, no_blanks])
 @pytest.mark.parametrize("name", [*NAMES, "csv", "dat"])
 def test_a_corrected_file_is_never_corrected_by_the_same_model(name, change, robot, tmp_path):
     path, _ = file_of(tmp_path, name)
-    done = compensate_file(path, robot, shifted(robot), mark=HERE)
+    done = correct(name, path, robot, shifted(robot), mark=HERE)
     assert done.text.isascii() or name == "csv"
     path.write_bytes(change(done.text).encode(done.encoding))
     for again in (False, True):
         with pytest.raises(InputError, match=rf"{path.name}:\d+: the file was corrected before, by this same model"):
-            compensate_file(path, robot, shifted(robot), mark=HERE, again=again)
+            correct(name, path, robot, shifted(robot), mark=HERE, again=again)
     with pytest.raises(InputError, match=r"by another model, whose robot\.toml has a SHA-256 that begins with abab"):
-        compensate_file(path, robot, shifted(robot), mark=OTHER)
+        correct(name, path, robot, shifted(robot), mark=OTHER)
     if change is str:
-        assert compensate_file(path, robot, shifted(robot), mark=OTHER, again=True).text != done.text
+        assert correct(name, path, robot, shifted(robot), mark=OTHER, again=True).text != done.text
 
 
 @pytest.mark.parametrize("name", [*NAMES, "csv", "dat"])
 def test_the_mark_is_a_comment_that_says_which_model_and_whether_it_was_measured(name, robot, tmp_path):
     path, files = file_of(tmp_path, name)
-    plain = compensate_file(path, robot, shifted(robot))
+    plain = correct(name, path, robot, shifted(robot))
     for mark, word in ((HERE, "measured"), (OTHER, "SIMULATED")):
-        done = compensate_file(path, robot, shifted(robot), mark=mark)
+        done = correct(name, path, robot, shifted(robot), mark=mark)
         before, after = plain.text.splitlines(), done.text.splitlines()
         first = next(k for k, (a, b) in enumerate(zip(before, after, strict=False)) if a != b)
         length = len(after) - len(before)
@@ -112,7 +117,7 @@ def test_the_mark_is_a_comment_that_says_which_model_and_whether_it_was_measured
             expected = read_back(name, files).joint_path_deg - 0.5 * np.eye(6)[3]
             np.testing.assert_allclose(angles, expected, atol=1.1e-5)
         path.write_bytes(done.text.encode(done.encoding))
-        assert len(compensate_file(path, robot, shifted(robot)).targets) == len(plain.targets)
+        assert len(correct(name, path, robot, shifted(robot)).targets) == len(plain.targets)
         path.write_bytes(files[0].text.replace("plan_id", "plan").encode(files[0].encoding) if files else b"")
         if not files:
             file_of(tmp_path, name)
@@ -170,8 +175,8 @@ def test_a_measuring_program_is_corrected_only_where_that_is_asked_for(name, rob
     with pytest.raises(
         InputError, match="belongs to the measuring plan 0123456789ab: its poses are nominal on purpose"
     ):
-        compensate_file(path, robot, shifted(robot), mark=HERE)
-    assert "edbb-compensated" in compensate_file(path, robot, shifted(robot), mark=HERE, measuring=True).text
+        correct(name, path, robot, shifted(robot), mark=HERE)
+    assert "edbb-compensated" in correct(name, path, robot, shifted(robot), mark=HERE, measuring=True).text
 
 
 @pytest.fixture
