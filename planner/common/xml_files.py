@@ -1,0 +1,52 @@
+"""Reads XML that a stranger may have written: no entities, no documents elsewhere, no depth without end."""
+
+import xml.etree.ElementTree as ET
+from xml.parsers import expat
+
+MOST_DEPTH = 100  # of elements in one another; a URDF has about ten
+
+
+class XmlError(ValueError):
+    """What is wrong with a document."""
+
+
+def parse_xml(data: bytes, comments: bool = False) -> ET.Element:
+    """Return the root of a document; names keep their prefixes as they are written.
+
+    Args:
+        data: the file's bytes.
+        comments: whether comments become part of the tree.
+
+    Raises:
+        XmlError: the bytes are no XML, declare an entity, or nest deeper than any robot's file.
+    """
+    builder = ET.TreeBuilder(insert_comments=comments)
+    parser = expat.ParserCreate()
+    parser.buffer_text = True
+    depth = 0
+
+    def start(tag: str, attributes: dict[str, str]) -> None:
+        nonlocal depth
+        depth += 1
+        if depth > MOST_DEPTH:
+            raise XmlError(f"more than {MOST_DEPTH} elements stand in one another")
+        builder.start(tag, attributes)
+
+    def end(tag: str) -> None:
+        nonlocal depth
+        depth -= 1
+        builder.end(tag)
+
+    def refuse_entity(name: str, *_: object) -> None:
+        raise XmlError(f"declares the entity '{name}': entities are not read, write out what it stands for")
+
+    parser.StartElementHandler, parser.EndElementHandler = start, end
+    parser.CharacterDataHandler = builder.data
+    parser.EntityDeclHandler = refuse_entity
+    if comments:
+        parser.CommentHandler = builder.comment
+    try:
+        parser.Parse(data, True)
+    except expat.ExpatError as err:
+        raise XmlError(str(err)) from err
+    return builder.close()
