@@ -279,6 +279,7 @@ class CellFile(OptionalKeys):
     schema_: Literal["edbb-cell/1"] = Field(alias="schema")
     robot: OneLine
     tip: str | None = None
+    packages: dict[str, str] = {}  # folders of ROS packages that the robot's URDF names
     home_deg: tuple[float, ...] | None = None
     tool: ToolFile | None = None
     gauge: GaugeFile
@@ -293,7 +294,7 @@ class CellFile(OptionalKeys):
     base: BaseFile = BaseFile()
     controller: ControllerFile = ControllerFile()
     plan: PlanSettingsFile = PlanSettingsFile()
-    LATER: ClassVar[tuple[str, ...]] = ("artifact", "tracker", "circles")
+    LATER: ClassVar[tuple[str, ...]] = ("artifact", "tracker", "circles", "packages")
 
     @model_validator(mode="before")
     @classmethod

@@ -26,6 +26,7 @@ from planner.common.errors import InputError, did_you_mean, read_together
 from planner.common.files import data_folder
 from planner.common.schema import read_toml
 from planner.common.units import MM, MM_PER_MIN, Array, from_deg, from_mm, read_only
+from planner.kinematics.packages import named_packages
 from planner.kinematics.robot import Robot
 from planner.kinematics.robot_reader import load_robot
 
@@ -160,7 +161,8 @@ def cell_of(file: CellFile, path: Path, name: str, planning: bool = True) -> Cel
         file = file.model_copy(update={"motion": file.motion.model_copy(update={"measure": gauge.usual_measure})})
     if planning:
         check_units(path, file)
-    robot = load_robot(file.robot, path.parent, file.tip, file.plan.beta)
+    packages = named_packages(str(path), file.packages, path.parent)
+    robot = load_robot(file.robot, path.parent, file.tip, file.plan.beta, packages)
     _, home, tool, instrument, places = read_together(
         lambda: _check_drives(robot) if planning else None,
         lambda: _read_home(path, file, robot, planning),

@@ -18,6 +18,7 @@ from planner import __version__
 from planner.cli.terminal import errors
 from planner.common.errors import InputError, PlannerError
 from planner.common.files import INPUTS, OVERWRITING, short_path
+from planner.kinematics.packages import COMMAND_PACKAGES
 
 PLANNING, CALIBRATION, CELL, SERVICE = "plan_commands", "calibration_commands", "cell_commands", "service_commands"
 VERBS = {  # name: (module, line in the list of commands); plan-check is plan_check_command there
@@ -61,23 +62,33 @@ class Verb(PlainSwitches, TyperCommand):
 
 
 Force = Annotated[bool, typer.Option("--force", help="write over files that somebody else has written")]
+PackageFolders = Annotated[
+    list[str] | None,
+    typer.Option("--package", metavar="NAME=DIR", help="folder of a ROS package that a URDF names; may be repeated"),
+]
+ROBOT_WORDS = {"cell", "unloaded", "model"}  # parameters that name a file with a robot
 
 
-def with_force(function: Callable[..., None]) -> Callable[..., None]:
-    """Give a command that writes files the switch ``--force``."""
+def with_shared_options(function: Callable[..., None]) -> Callable[..., None]:
+    """Give a command that writes files the switch ``--force``, one that reads a robot's file ``--package``."""
     plain = signature(function, eval_str=True)
-    if "output" not in plain.parameters:
+    shared = []
+    if "output" in plain.parameters:
+        shared.append(Parameter("force", Parameter.KEYWORD_ONLY, default=False, annotation=Force))
+    if ROBOT_WORDS & plain.parameters.keys():
+        shared.append(Parameter("package", Parameter.KEYWORD_ONLY, default=None, annotation=PackageFolders))
+    if not shared:
         return function
 
     @wraps(function)
-    def wrapped(*, force: bool = False, **values: object) -> None:
+    def wrapped(*, force: bool = False, package: list[str] | None = None, **values: object) -> None:
         OVERWRITING.allowed = force
+        COMMAND_PACKAGES.set(package or ())
         function(**values)
 
-    switch = Parameter("force", Parameter.KEYWORD_ONLY, default=False, annotation=Force)
     parameters = [p.replace(kind=Parameter.KEYWORD_ONLY) for p in plain.parameters.values()]
-    wrapped.__signature__ = plain.replace(parameters=[*parameters, switch])  # type: ignore[attr-defined]
-    wrapped.__annotations__ = {p.name: p.annotation for p in (*parameters, switch)}
+    wrapped.__signature__ = plain.replace(parameters=[*parameters, *shared])  # type: ignore[attr-defined]
+    wrapped.__annotations__ = {p.name: p.annotation for p in (*parameters, *shared)}
     return wrapped
 
 
@@ -106,7 +117,7 @@ def command_function(name: str) -> Callable[..., None]:
 def load_command(name: str) -> Any:
     """Return the command ``name``, with the libraries that it needs."""
     alone = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
-    alone.command(name, cls=Verb)(with_force(command_function(name)))
+    alone.command(name, cls=Verb)(with_shared_options(command_function(name)))
     return typer.main.get_command(alone)
 
 

@@ -8,6 +8,7 @@ import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from http.client import HTTPException, HTTPResponse
+from itertools import pairwise
 from pathlib import Path
 from urllib.error import HTTPError, URLError
 from urllib.parse import quote, urlencode
@@ -18,10 +19,12 @@ from planner.cli.terminal import Screen, check_folder, errors
 from planner.common.errors import InputError, MissingProgramError
 from planner.common.files import write_bytes
 from planner.common.result_folder import MANIFEST, draft_folder, move_all
+from planner.kinematics.packages import COMMAND_PACKAGES
 from planner.session.movable_cell import cell_files
 
 FILE_VERBS = ("simulate", "export", "import", "compensate")  # -o names a file
 OUTPUT = ("-o", "--output")
+PACKAGE = "--package"
 NOT_SENT = ("report.html", "residuals.csv", "timings.json", MANIFEST)
 MOST_TITLE = 120  # letters
 LARGEST = 200 << 20  # of a file beside one that is named
@@ -112,7 +115,11 @@ class RemoteWords:
     def of(cls, words: Sequence[str]) -> "RemoteWords":
         """Take a command apart: every word that is a file or folder here becomes one there."""
         made, rest = cls(), iter(words)
+        COMMAND_PACKAGES.set(_package_words(words))  # a URDF is made whole here, before it is sent
         for word in rest:
+            if word.partition("=")[0] == PACKAGE:
+                _ = next(rest, "") if word == PACKAGE else ""
+                continue
             if word in OUTPUT:
                 made.output = next(rest, "")
                 there = f"out/{Path(made.output).name}" if words[0] in FILE_VERBS else "out"
@@ -144,6 +151,12 @@ class RemoteWords:
         for path in sorted((*home.glob("*.json"), *home.glob("*.toml"), *home.glob("*.urdf"), *home.glob("meshes/*"))):
             if path.is_file() and path.name not in NOT_SENT and path.stat().st_size < LARGEST:
                 self.files[f"{folder}/{path.relative_to(home).as_posix()}"] = path.read_bytes()
+
+
+def _package_words(words: Sequence[str]) -> list[str]:
+    """Return what ``--package NAME=DIR`` or ``--package=NAME=DIR`` says."""
+    after = [b for a, b in pairwise(words) if a == PACKAGE]
+    return after + [word.partition("=")[2] for word in words if word.startswith(f"{PACKAGE}=")]
 
 
 def run_remotely(server: Server, words: Sequence[str]) -> int:

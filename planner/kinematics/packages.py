@@ -32,6 +32,9 @@ class Packages:
         return self.folders[name]
 
 
+NO_PACKAGES = Packages()
+
+
 def how_to_name(name: str) -> str:
     """Return what a person adds so that a package is found."""
     return f'add --package {name}=DIR, or to robot.toml or cell.toml the lines [packages] and {name} = "DIR"'

@@ -14,6 +14,7 @@ from planner.common.units import Array, read_only
 from planner.kinematics.axes import AxisConvention, advice, names_of
 from planner.kinematics.bodies import Body
 from planner.kinematics.chain import Chain, Transform, xyz_transforms
+from planner.kinematics.packages import NO_PACKAGES, Packages
 
 
 @dataclass(frozen=True)
@@ -132,6 +133,7 @@ class Robot:
     priors: Priors = Priors()
     nominal_transforms: tuple[Transform, ...] = ()
     conventions: tuple[AxisConvention, ...] = ()
+    packages: Packages = NO_PACKAGES
 
     @cached_property
     def nominal(self) -> Robot:

@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -15,6 +16,7 @@ from planner.common.units import DEG, MM, Array, from_deg, from_mm, read_only
 from planner.kinematics.axes import AxisConvention, ControllerTable, JointRange, convention_from_table
 from planner.kinematics.bodies import LinkBodyFile, Vector
 from planner.kinematics.chain import Transform, dh_row, frame_transforms, is_near_parallel
+from planner.kinematics.packages import COMMAND_PACKAGES, NO_PACKAGES, Packages, named_packages
 from planner.kinematics.robot import LinkMass, Priors, Robot
 from planner.kinematics.robot_tables import (
     LENGTHS,
@@ -126,6 +128,7 @@ class RobotDescription(StrictModel):
     urdf: str | None = None
     srdf: str | None = None
     tip: str | None = None
+    packages: dict[str, str] = {}  # folders of ROS packages that the URDF names
     repeatability_mm: Annotated[float, Field(ge=0)] = 0.05
     dialect: str | None = None
     payload_kg: PositiveFloat | None = None
@@ -176,7 +179,13 @@ def list_robots() -> tuple[str, ...]:
     return tuple(sorted(p.parent.name for p in data_folder("robots").glob("*/robot.toml")))
 
 
-def load_robot(reference: str | Path, beside: Path = Path(), tip: str | None = None, beta: str = "auto") -> Robot:
+def load_robot(
+    reference: str | Path,
+    beside: Path = Path(),
+    tip: str | None = None,
+    beta: str = "auto",
+    packages: Packages = NO_PACKAGES,
+) -> Robot:
     """Load a robot by shipped name, or by path to a ``robot.toml``, ``.urdf``, ``.xacro``, or ``.csv`` of DH rows.
 
     Args:
@@ -184,6 +193,7 @@ def load_robot(reference: str | Path, beside: Path = Path(), tip: str | None = N
         beside: folder that a relative path starts from.
         tip: last link of a URDF.
         beta: ``auto`` adds Hayati's parameter where neighbouring axes are near-parallel; ``none`` leaves it out.
+        packages: folders of ROS packages that the cell names; they go before those that the robot's file names.
 
     Raises:
         InputError: no such robot, or its file is wrong.
@@ -196,7 +206,7 @@ def load_robot(reference: str | Path, beside: Path = Path(), tip: str | None = N
     if os.path.isdir(path):
         path = path / "robot.toml"
     if os.path.isfile(path):  # false for a name that no file can have
-        return _from_file(path, beta, tip)
+        return _from_file(path, beta, tip, packages)
     known = list(list_robots())
     raise InputError(
         f"robot '{reference}': neither a shipped robot nor a file{did_you_mean(reference, known)} "
@@ -227,10 +237,11 @@ def describe_robot(path: Path, tip: str | None = None) -> RobotDescription:
     return read_toml(path, RobotDescription)
 
 
-def _from_file(path: Path, beta: str, tip: str | None = None) -> Robot:
+def _from_file(path: Path, beta: str, tip: str | None = None, packages: Packages = NO_PACKAGES) -> Robot:
     file = describe_robot(path, tip)
     if file.convention == "urdf":
-        return _from_urdf(file, path)
+        named = named_packages(str(path), file.packages, path.parent)
+        return _from_urdf(file, path, named | packages | COMMAND_PACKAGES.packages)
     n = len(file.joints)
     _check_count(path, n)
     transforms: list[Transform] = []
@@ -244,8 +255,8 @@ def _from_file(path: Path, beta: str, tip: str | None = None) -> Robot:
     return _build_robot(file, path, tuple(transforms), tuple(ends))
 
 
-def _from_urdf(file: RobotDescription, path: Path) -> Robot:
-    chain = read_urdf(path.parent / str(file.urdf), file.tip)
+def _from_urdf(file: RobotDescription, path: Path, packages: Packages) -> Robot:
+    chain = read_urdf(path.parent / str(file.urdf), file.tip, packages)
     n = len(chain.joints)
     _check_count(path, n)
     if file.joints and len(file.joints) != n:
@@ -259,7 +270,7 @@ def _from_urdf(file: RobotDescription, path: Path) -> Robot:
         pairs = read_allowed_pairs(path.parent / file.srdf, chain)
         why = f"{file.srdf} allows them to touch"
         file = file.model_copy(update={"never_meet": pairs, "never_meet_reason": why})
-    return _build_robot(file, path, chain.transforms, chain.link_end, chain)
+    return replace(_build_robot(file, path, chain.transforms, chain.link_end, chain), packages=packages)
 
 
 def _check_count(path: Path, n: int) -> None:

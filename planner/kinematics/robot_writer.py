@@ -152,9 +152,10 @@ def write_robot(robot: Robot, found: RobotCorrections) -> tuple[tuple[str, str],
     files: list[tuple[str, str]] = []
     changed = frozenset(t.name for t in robot.transforms if values.get(t.name, t.nominal) != t.nominal)
     if robot.convention == "urdf":
-        text, changed = write_urdf(urdf_path(robot), robot.tip, values, meshes, found.source)
+        text, changed = write_urdf(urdf_path(robot), robot.tip, values, meshes, found.source, robot.packages)
         content |= {"urdf": "robot.urdf", "tip": str(robot.tip)}
         content.pop("srdf", None)
+        content.pop("packages", None)
         if robot.srdf is not None:
             pairs = [list(pair) for pair in sorted(robot.never_meet)]
             content |= {"never_meet": pairs, "never_meet_reason": robot.never_meet_reason}
@@ -176,7 +177,7 @@ def mesh_names(robot: Robot) -> dict[Path, str]:
     """Return where each mesh of the robot's collision bodies goes beside the written files: file and new name."""
     bodies = [b for _, b in robot.bodies]
     if robot.convention == "urdf":  # the file's own bodies, where robot.toml has others
-        bodies += [b for _, b in read_urdf(urdf_path(robot), robot.tip).bodies]
+        bodies += [b for _, b in read_urdf(urdf_path(robot), robot.tip, robot.packages).bodies]
     out: dict[Path, str] = {}
     for path in dict.fromkeys(b.mesh.resolve() for b in bodies if b.mesh is not None):
         again = sum(p.name == path.name for p in out)

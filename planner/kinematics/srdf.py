@@ -1,11 +1,11 @@
 """Which links an SRDF allows to touch."""
 
-import xml.etree.ElementTree as ET
 from itertools import product
 from pathlib import Path
 
 from planner.common.errors import InputError
 from planner.common.files import MOST_TOML, read_bytes
+from planner.common.xml_files import XmlError, parse_xml
 from planner.kinematics.urdf import UrdfChain
 
 NEXT_BUT_ONE = 2  # links apart
@@ -21,8 +21,8 @@ def read_allowed_pairs(path: Path, chain: UrdfChain) -> tuple[tuple[int, int], .
         InputError: no XML, or a pair without names.
     """
     try:
-        root = ET.fromstring(read_bytes(path, MOST_TOML))
-    except (ET.ParseError, ValueError, LookupError, RecursionError) as err:
+        root = parse_xml(read_bytes(path, MOST_TOML))
+    except (XmlError, ValueError, LookupError) as err:
         raise InputError(f"{path}: cannot be read as SRDF ({err})") from err
     allowed = set[frozenset[str | None]]()
     for element in root.findall("disable_collisions"):

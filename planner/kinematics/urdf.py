@@ -4,7 +4,7 @@ origins."""
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -12,14 +12,17 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from planner.common.errors import InputError
-from planner.common.files import MOST_TOML, read_bytes
+from planner.common.files import INPUTS, MOST_TOML, read_bytes
 from planner.common.lazy_modules import pin
 from planner.common.units import Array, read_only
+from planner.common.xml_files import XmlError, parse_xml
 from planner.kinematics.bodies import Body, Vector, capsule_between, rotation_from_z
 from planner.kinematics.chain import Transform, fixed_turns, frame_with_errors
 from planner.kinematics.geometry import pose
+from planner.kinematics.packages import NO_PACKAGES, Packages, how_to_name
 from planner.kinematics.robot import LinkMass, elementary_placement
 from planner.kinematics.urdf_tree import UrdfError, find_child, read_tree
+from planner.kinematics.xacro.expander import expand_template
 
 TURN = 2 * np.pi
 MOST_TURNS = 4  # to either side: wrists with an end turn up to twice, limits in degrees would be tens of turns
@@ -55,15 +58,68 @@ class UrdfChain:
     links: tuple[tuple[str, int], ...]
 
 
-def read_urdf(path: Path, tip: str | None) -> UrdfChain:
+@dataclass(frozen=True)
+class MeshFinder:
+    """Finds the meshes that the URDF at ``path`` names; ``packages``: where ``package://`` leads."""
+
+    path: Path
+    packages: Packages
+
+    def find(self, filename: str) -> Path | None:
+        """Return a mesh in a named package, else beside the URDF or below a folder above it; ``None``: there is none.
+
+        A link out of a named package is not followed, and ``..`` leads out of no package.
+        """
+        relative = filename.removeprefix("file://")
+        if not relative.startswith("package://"):
+            return _first_file(folder / relative for folder in self.path.resolve().parents)
+        relative = relative.removeprefix("package://")
+        name, _, rest = relative.partition("/")
+        if ".." in Path(relative).parts:
+            return None
+        if name in self.packages.folders:
+            found = _first_file([self.packages.folders[name] / rest])
+            inside = found is not None and found.resolve().is_relative_to(self.packages.folders[name])
+            return found if inside else None
+        tails = [relative] + ([rest] if rest else [])
+        return _first_file(folder / tail for folder in self.path.resolve().parents for tail in tails)
+
+    def find_for(self, filename: str, name: str) -> Path:
+        """Return the mesh of the link ``name``.
+
+        Raises:
+            InputError: there is none; with what to add.
+        """
+        found = self.find(filename)
+        if found is None:
+            package = filename.removeprefix("package://").partition("/")[0]
+            known = package in self.packages.folders or not filename.startswith("package://")
+            raise InputError(
+                f"{self.path}: the mesh '{filename}' of link '{name}' does not exist in "
+                + ("any folder above the file" if not known or package == filename else f"the package '{package}'")
+                + ("" if known else f"; {how_to_name(package)}")
+            )
+        return found
+
+
+def _first_file(candidates: Iterable[Path]) -> Path | None:
+    try:
+        return next((p for p in candidates if INPUTS.allows(p) and p.is_file()), None)
+    except (OSError, ValueError, RuntimeError):  # a name that no file can have
+        return None
+
+
+def read_urdf(path: Path, tip: str | None, packages: Packages = NO_PACKAGES) -> UrdfChain:
     """Read the revolute chain from the root to ``tip`` (default: the only leaf) of the URDF at ``path``.
+
+    ``packages``: where ``package://`` of meshes and ``$(find …)`` of templates lead.
 
     Raises:
         InputError: no XML, no such link, a joint that is neither revolute, continuous nor fixed, a missing mesh.
     """
     try:
-        links, joints, base = read_tree(path, _parse_xml(path), tip)
-        return _assemble(path, links, joints, base)
+        links, joints, base = read_tree(path, _parse_urdf(path, packages), tip)
+        return _assemble(MeshFinder(path, packages), links, joints, base)
     except UrdfError as err:
         raise InputError(f"{path}: {err}") from err
 
@@ -78,36 +134,18 @@ def plain_name(path: Path) -> Path:
     return path if path.suffix != ".xacro" else path.with_suffix("").with_suffix(".urdf")
 
 
-def _expand_xacro(path: Path) -> bytes:
-    """Return the URDF that a template makes with its own default arguments."""
-    plain = plain_name(path).name
+def _parse_urdf(path: Path, packages: Packages, comments: bool = False) -> ET.Element:
     try:
-        import xacro
-    except ImportError as err:
-        raise InputError(
-            f"{path}: is a template of a URDF, and the package that expands it is not installed: pip install xacro, or "
-            f"xacro {path.name} > {plain} where ROS is"
-        ) from err
-    try:
-        return bytes(xacro.process_file(str(path)).toxml(encoding="utf-8"))
-    except Exception as err:  # whatever a template's own expressions raise
-        raise InputError(
-            f"{path}: xacro cannot expand it ({err}); where the packages that it names are installed, make the URDF by "
-            f"xacro {path.name} > {plain}, with its arguments"
-        ) from err
-
-
-def _parse_xml(path: Path, parser: ET.XMLParser | None = None) -> ET.Element:
-    try:
-        return ET.fromstring(_expand_xacro(path) if path.suffix == ".xacro" else read_bytes(path, MOST_TOML), parser)
-    except (ET.ParseError, ValueError, LookupError, RecursionError) as err:
+        data = expand_template(path, packages) if path.suffix == ".xacro" else read_bytes(path, MOST_TOML)
+        return parse_xml(data, comments)
+    except (XmlError, ValueError, LookupError, RecursionError) as err:
         raise InputError(f"{path}: cannot be read as URDF ({err})") from err
 
 
-def _assemble(path: Path, links: dict[str, ET.Element], joints: list[ET.Element], base: str) -> UrdfChain:
+def _assemble(meshes: MeshFinder, links: dict[str, ET.Element], joints: list[ET.Element], base: str) -> UrdfChain:
     transforms: list[Transform] = []
     ends, revolute = [0], list[UrdfJoint]()
-    bodies = [(0, b) for b in _read_bodies(path, links[base], np.eye(4))]
+    bodies = [(0, b) for b in _read_bodies(meshes, links[base], np.eye(4))]
     parts: list[tuple[str, int]] = []
     named = [(base, 0)]
     carried = np.eye(4)  # pose of the current URDF link in the last link frame
@@ -120,10 +158,10 @@ def _assemble(path: Path, links: dict[str, ET.Element], joints: list[ET.Element]
             transforms += frame_with_errors(f"_{name}", xyz, rpy)
             parts.append((name, len(transforms)))
             carried = carried @ _pose_matrix(xyz, rpy)
-            bodies += [(len(revolute), b) for b in _read_bodies(path, child, carried)]
+            bodies += [(len(revolute), b) for b in _read_bodies(meshes, child, carried)]
             continue
         if kind not in ("revolute", "continuous"):
-            raise InputError(f"{path}: joint '{name}' is '{kind}'; only revolute, continuous and fixed are supported")
+            raise UrdfError(f"joint '{name}' is '{kind}'; only revolute, continuous and fixed are supported")
         if (leader := joint.find("mimic")) is not None:
             raise UrdfError(
                 f"joint '{name}' is moved by joint '{leader.get('joint')}' (<mimic>); only joints with a drive of "
@@ -146,7 +184,7 @@ def _assemble(path: Path, links: dict[str, ET.Element], joints: list[ET.Element]
             )
         speed = 0.0 if limit is None else _number(limit, "velocity", 1e6)
         revolute.append(UrdfJoint(name, sign, lower, upper, speed, _read_mass(child)))
-        bodies += [(i, b) for b in _read_bodies(path, child, np.eye(4))]
+        bodies += [(i, b) for b in _read_bodies(meshes, child, np.eye(4))]
     tip = named[-1][0]
     return UrdfChain(tuple(transforms), tuple(ends), tuple(revolute), tuple(bodies), tip, tuple(parts), tuple(named))
 
@@ -170,7 +208,7 @@ def _joint_transforms(i: int, xyz: Array, rpy: Array, axis: Array) -> tuple[list
     return [*origin, *there, *errors[:2], Transform(f"theta{i}", "rotation", 2, 0.0, i - 1), *back], 1
 
 
-def _read_bodies(path: Path, link: ET.Element, T_link: Array) -> list[Body]:
+def _read_bodies(meshes: MeshFinder, link: ET.Element, T_link: Array) -> list[Body]:
     out = []
     for k, element in enumerate(link.findall("collision")):
         T = T_link @ _pose_matrix(*_read_origin(element))
@@ -190,26 +228,9 @@ def _read_bodies(path: Path, link: ET.Element, T_link: Array) -> list[Body]:
             x, y, z = _read_numbers(shape, "scale", (1, 1, 1))
             if not min(abs(x), abs(y), abs(z)) > 0:
                 raise UrdfError(f"the mesh of link '{link.get('name')}' has scale 0")
-            file = _mesh_path(path, str(shape.get("filename")), name)
+            file = meshes.find_for(str(shape.get("filename")), name)
             out.append(Body(name, "mesh", (), read_only(T), file, (x, y, z), hull=True))
     return out
-
-
-def _mesh_path(path: Path, filename: str, name: str) -> Path:
-    found = find_mesh(path, filename)
-    if found is None:
-        raise InputError(f"{path}: the mesh '{filename}' of link '{name}' does not exist in any folder above the file")
-    return found
-
-
-def find_mesh(path: Path, filename: str) -> Path | None:
-    """Find a mesh beside the URDF: a ``package://`` path is tried below each folder above the file."""
-    relative = filename.removeprefix("file://")
-    package = relative.startswith("package://")
-    relative = relative.removeprefix("package://")
-    tails = [relative] + ([relative.split("/", 1)[1]] if package and "/" in relative else [])
-    places = (folder / tail for folder in path.resolve().parents for tail in tails)
-    return next((p for p in places if p.is_file()), None)
 
 
 def _read_mass(link: ET.Element) -> LinkMass | None:
@@ -269,7 +290,12 @@ ORIGIN_DIGITS = 13  # decimals of an origin, in m and rad
 
 
 def write_urdf(
-    path: Path, tip: str | None, values: Mapping[str, float], meshes: Mapping[Path, str], remark: str
+    path: Path,
+    tip: str | None,
+    values: Mapping[str, float],
+    meshes: Mapping[Path, str],
+    remark: str,
+    packages: Packages = NO_PACKAGES,
 ) -> tuple[str, frozenset[str]]:
     """Return the text of the URDF at ``path`` with corrected joint origins, and the transforms of the joints concerned.
 
@@ -282,12 +308,13 @@ def write_urdf(
         values: corrected values of elementary transforms by name [m, rad].
         meshes: what to write for a mesh of a collision body.
         remark: comment for the head of the file.
+        packages: as :func:`read_urdf` takes them.
 
     Raises:
         InputError: as :func:`planner.kinematics.urdf.read_urdf`.
     """
-    chain = read_urdf(path, tip)
-    root = _parse_xml(path, ET.XMLParser(target=ET.TreeBuilder(insert_comments=True)))
+    chain = read_urdf(path, tip, packages)
+    root = _parse_urdf(path, packages, comments=True)
     joints = {str(j.get("name")): j for j in root.findall("joint")}
     changed: set[str] = set()
     start = 0
@@ -297,7 +324,7 @@ def write_urdf(
         if any(values.get(t.name, t.nominal) != t.nominal for t in part):
             _set_origin(joints[name], part, values)
             changed.update(t.name for t in part)
-    _rename_meshes(path, root, meshes)
+    _rename_meshes(MeshFinder(path, packages), root, meshes)
     safe = remark.replace("--", "- -")
     return f'<?xml version="1.0"?>\n<!-- {safe} -->\n{ET.tostring(root, encoding="unicode")}\n', frozenset(changed)
 
@@ -314,10 +341,10 @@ def _set_origin(joint: ET.Element, part: tuple[Transform, ...], values: Mapping[
     origin.set("rpy", _format_vector(pin.rpy.matrixToRpy(T.rotation)))
 
 
-def _rename_meshes(path: Path, root: ET.Element, meshes: Mapping[Path, str]) -> None:
+def _rename_meshes(finder: MeshFinder, root: ET.Element, meshes: Mapping[Path, str]) -> None:
     """Let collision bodies look for their meshes where these are laid beside the new file."""
     for mesh in root.iterfind("link/collision/geometry/mesh"):
-        found = find_mesh(path, str(mesh.get("filename")))
+        found = finder.find(str(mesh.get("filename")))
         if found is not None and found in meshes:
             mesh.set("filename", meshes[found])
 

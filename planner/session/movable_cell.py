@@ -22,6 +22,7 @@ def movable_cell(cell: Cell) -> tuple[dict[str, object], dict[str, Path]]:
     content = cell.file.model_dump(mode="json", by_alias=True)
     if not is_shipped(cell):
         content["robot"] = plain_name(cell.robot.path).name
+    content.pop("packages", None)
     meshes: dict[str, Path] = {}
     for body in _bodies(content):
         if body.get("kind") == "mesh" and body.get("file"):
@@ -50,7 +51,7 @@ def _robot_files(cell: Cell) -> Iterator[tuple[str, bytes]]:
     yield from ((name, read_bytes(path)) for path, name in meshes.items())
     if robot.convention == "urdf":
         urdf = urdf_path(robot)
-        text, _ = write_urdf(urdf, robot.tip, {}, meshes, "as it was planned")
+        text, _ = write_urdf(urdf, robot.tip, {}, meshes, "as it was planned", robot.packages)
         yield plain_name(urdf).name, text.encode()
         if robot.srdf is not None:
             yield robot.srdf.name, read_bytes(robot.srdf)
@@ -68,6 +69,7 @@ def _robot_files(cell: Cell) -> Iterator[tuple[str, bytes]]:
         body["file"] = meshes[(robot.path.parent / str(body["file"])).resolve()]
     if robot.convention == "urdf":
         content["urdf"] = plain_name(urdf_path(robot)).name
+        content.pop("packages", None)  # the URDF is whole, and its meshes lie beside it
         if robot.srdf is not None:
             content["srdf"] = robot.srdf.name
     yield robot.path.name, tomli_w.dumps(content).encode()

@@ -17,8 +17,9 @@ from scipy.spatial.transform import Rotation
 
 from planner.cell.cell import Cell
 from planner.cell.setup import setup_of
+from planner.kinematics.packages import NO_PACKAGES
 from planner.kinematics.robot import Robot
-from planner.kinematics.urdf import find_mesh
+from planner.kinematics.urdf import MeshFinder
 from tests.simulation.generator.arm import Arm
 
 TURN, SHIFT = 5e-4, 3e-4  # [rad, m] standard deviation of each error
@@ -149,7 +150,7 @@ def readable_urdf(path: Path, folder: Path) -> Path:
     """Return a URDF whose meshes are there; a copy where its package calls them otherwise (``BASE``, ``base_link``)."""
     tree = ET.parse(path)
     meshes = list(tree.iter("mesh"))
-    if all(find_mesh(path, m.get("filename", "")) for m in meshes):
+    if all(MeshFinder(path, NO_PACKAGES).find(m.get("filename", "")) for m in meshes):
         return path
     files = {f.stem.lower().removesuffix("_link"): f for f in sorted(path.parents[1].rglob("*.[Ss][Tt][Ll]"))}
     for mesh in meshes:

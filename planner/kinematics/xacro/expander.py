@@ -170,7 +170,7 @@ class _Expander:
             place.values[f"**{name}"] = element
         elif place is scope and self._switch(element, "lazy_eval", "true", scope):
             literal = read_literal(text)
-            place.values[name] = Unevaluated(text) if isinstance(literal, str) and literal == text else literal
+            place.values[name] = Unevaluated(literal) if isinstance(literal, str) else literal
         else:
             place.values[name] = read_literal(self._evaluate(text, scope))
 
