@@ -9,10 +9,12 @@ __all__ = [
     "files",
     "lazy_modules",
     "progress",
+    "quiet",
     "result",
     "result_folder",
     "schema",
     "second_process",
     "sequences",
     "units",
+    "xml_files",
 ]

@@ -5,6 +5,7 @@ __all__ = [
     "chain",
     "geometry",
     "inverse_kinematics",
+    "packages",
     "robot",
     "robot_reader",
     "robot_writer",

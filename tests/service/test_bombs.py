@@ -28,8 +28,8 @@ FILES = {
 @pytest.mark.parametrize(
     ("cell", "words"),
     [
-        (CELL.replace('"ur10"', '"laughs.urdf"\ntip = "a"'), "amplification"),
-        (CELL.replace('"ur10"', '"leak.urdf"\ntip = "a"'), "external entity"),
+        (CELL.replace('"ur10"', '"laughs.urdf"\ntip = "a"'), "declares the entity 'l0'"),
+        (CELL.replace('"ur10"', '"leak.urdf"\ntip = "a"'), "declares the entity 'l0'"),
         (CELL + MESH, "cannot be read as a mesh"),
         (f'schema = "edbb-cell/1"\nrobot = {"[" * 100_000}', "nested too deeply"),
     ],

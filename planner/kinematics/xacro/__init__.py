@@ -4,5 +4,3 @@ A template is a stranger's file. Its expressions are read by a parser of arithme
 the robot's folder and from packages that the user has named, and its work is counted: a file that asks for more than
 any robot needs is refused.
 """
-
-__all__ = ["expander"]

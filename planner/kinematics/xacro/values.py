@@ -109,13 +109,13 @@ def _is_equal(a: object, b: object) -> bool:
     return check_scalar(a) == check_scalar(b)
 
 
-def _ordered(compare: Callable[[float, float], bool]) -> Callable[[object, object], bool]:
-    def ordered(a: object, b: object) -> bool:
+def _compare_alike(compare: Callable[[float, float], bool]) -> Callable[[object, object], bool]:
+    def compare_alike(a: object, b: object) -> bool:
         if isinstance(a, str) and isinstance(b, str):
             return compare(a, b)  # type: ignore[arg-type]
         return compare(_number(a), _number(b))
 
-    return ordered
+    return compare_alike
 
 
 def _of_numbers(function: Function) -> Function:
@@ -142,10 +142,10 @@ COMPARE: Mapping[type, Callable[[object, object], bool]] = {
     ast.IsNot: lambda a, b: not (a is b or (type(a) is type(b) and _is_equal(a, b))),
     ast.In: _contains,
     ast.NotIn: lambda a, b: not _contains(a, b),
-    ast.Lt: _ordered(operator.lt),
-    ast.LtE: _ordered(operator.le),
-    ast.Gt: _ordered(operator.gt),
-    ast.GtE: _ordered(operator.ge),
+    ast.Lt: _compare_alike(operator.lt),
+    ast.LtE: _compare_alike(operator.le),
+    ast.Gt: _compare_alike(operator.gt),
+    ast.GtE: _compare_alike(operator.ge),
 }
 
 

@@ -16,6 +16,7 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
 from planner.common.progress import TOUR, seconds_left
+from planner.common.quiet import quiet_output
 from planner.common.units import Array, IntArray
 from planner.motion.tour.instance import TourInstance
 from planner.motion.tour.local_search import LocalSearch, greedy_tour, nearest_neighbours, walk_tour
@@ -64,7 +65,8 @@ class _Program:
         self.legs: IntArray = np.zeros((0, 2), dtype=np.int64)
         self.sets: BoolArray = np.zeros((0, self.size), dtype=np.bool_)
         solver: Any = highspy.Highs  # its Python side carries no types
-        self.solver = solver()
+        with quiet_output():  # since HiGHS 1.16 this prints a banner, before any option can be set
+            self.solver = solver()
         for option, value in {"output_flag": False, "threads": 1, "random_seed": 0, **options}.items():
             self.solver.setOptionValue(option, value)
         two, none = np.full(self.size, 2.0), np.empty(0, dtype=np.int32)
