@@ -135,11 +135,11 @@ class AxisConvention:
     def sentences(self, axes: Sequence[str]) -> tuple[str, ...]:
         """Return for each axis how it follows from the model's joints: ``A3 = -q3 - 90 deg``.
 
-        ``axes``: names of the controller's axes; ``=`` behind a name is left out.
+        ``axes``: names of the controller's axes.
         """
         zero = np.round(to_deg(self.zero), EXACT)
         rows = enumerate(zip(axes, self.matrix, zero, strict=False))
-        return tuple(f"{name.rstrip('=')} = {_terms(j, row, offset)}" for j, (name, row, offset) in rows)
+        return tuple(f"{name} = {_terms(j, row, offset)}" for j, (name, row, offset) in rows)
 
 
 def _terms(own: int, row: Array, offset: float) -> str:

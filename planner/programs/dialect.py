@@ -1,10 +1,10 @@
 """A controller's dialect as data: a folder ``g-code/<name>`` with two files; Python only for a language that is new.
 
 ``dialect.toml``
-    What the controller takes: names and number of its axes, decimals, line ends and limits (``part_lines`` of a
-    file, ``max_lines`` where a program has no parts, ``block_ms`` to prepare a block), comment, the kind and word of
-    its blending (``none``, ``mm``, ``percent``
-    of half the leg, ``path_degrees``, or ``dense``: only a path in small steps runs without stops), the kind and word
+    What the controller takes: names and number of its axes (``angles``: whether they are the ``controller``'s,
+    which the robot's file describes, or the ``model``'s), decimals, line ends and limits (``part_lines`` of a
+    file, ``max_lines`` where a program has no parts, ``block_ms`` to prepare a block), comment, blending (``none``,
+    ``mm``, ``percent`` of half the leg, ``path_degrees``, or ``dense``: only small steps run on), the kind and word
     of its speed (``axis_percent``, ``tool_speed``, ``inverse_time``, ``leading_axis`` that turns furthest,
     ``duration`` of the leg), the circle of the tool where the language has one (``[circle]``), dwell, the pulse at
     a pose standing still and in passing, pause, wait, the log of its own axes,
@@ -276,6 +276,7 @@ class Dialect(StrictModel):
     name_rule: NameRule = Field(alias="name")
     units: str
     axes: tuple[str, ...] = Field(min_length=1)
+    angles: Literal["controller", "model"] = "controller"
     min_joints: int = Field(default=1, ge=1)
     decimals: int = Field(ge=1, le=6)
     encoding: Literal["ascii", "utf-8", "latin-1"] = "ascii"

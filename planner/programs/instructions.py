@@ -1,6 +1,7 @@
 """The neutral program: what the robot shall do, before any controller's language.
 
-Angles are the controller's own, in degrees; they are printed as they are.
+Angles are those of the robot's model, in degrees, until :mod:`planner.programs.controller_axes` has turned the program
+into the axes of the controller that runs it; from there on they are printed as they are.
 """
 
 import math
@@ -10,6 +11,7 @@ from functools import cached_property
 
 from planner.cell.file import ControllerFile
 from planner.common.errors import InputError
+from planner.kinematics.axes import AxisConvention
 from planner.runs.run import Mounting
 
 
@@ -156,6 +158,8 @@ class Program:
     mass_kg: float = 0.0
     com_mm: tuple[float, float, float] = (0.0, 0.0, 0.0)
     joint_names: tuple[str, ...] = ()
+    axes: AxisConvention | None = None
+    """How the controller counts whose axes the angles are; ``None`` while they are the model's."""
     changed: str = ""
     """What is said at the head of a program whose plan is not as it was planned, though it bears that plan's id."""
 

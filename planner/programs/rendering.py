@@ -13,6 +13,7 @@ from jinja2.environment import TemplateModule
 from jinja2.runtime import Context
 
 from planner.common.errors import InputError
+from planner.kinematics.axes import MODEL
 from planner.programs.dialect import Dialect, comment_text, dialect_root, fill_words
 from planner.programs.instructions import Centre, Program, Sync, WaitInput
 from planner.programs.motion_words import format_fixed
@@ -59,6 +60,7 @@ def operator_cautions(program: Program, dialect: Dialect, steps: tuple[ProgramSt
 def explanations(program: Program, dialect: Dialect) -> tuple[str, ...]:
     """Return what the program's signals and selections mean, and what must exist on the controller for them."""
     notes = [
+        axes_note(program, dialect),
         dialect.sync.note if program.controller.sync_output is not None else "",
         dialect.wait_note if program.controller.gauge_input is not None else "",
         dialect.select.note,
@@ -76,6 +78,25 @@ def explanations(program: Program, dialect: Dialect) -> tuple[str, ...]:
     place = "[" + ", ".join(format_fixed(v, 3) for v in program.map_mm) + "]"
     control = program.controller
     return tuple(dialect.fill(n, control.sync_output, control.gauge_input, map=place) for n in notes if n)
+
+
+def axis_names(dialect: Dialect) -> tuple[str, ...]:
+    """Return what a person calls the axes: ``A1`` for the word ``A1=``, ``J1`` where the language counts them."""
+    names = (word.rstrip("=") for word in dialect.axes)
+    return tuple(f"J{name}" if name.isdigit() else name for name in names)
+
+
+def axes_note(program: Program, dialect: Dialect) -> str:
+    """Say whose axes the angles of a program are, and how they follow from the joints of the plan."""
+    axes, names = program.axes, axis_names(dialect)[: program.n_joints]
+    if axes is None:
+        return ""
+    joints = f"q1 to q{program.n_joints}"
+    if axes.controller == MODEL:
+        return f"axes: {joints} are the joints of the planner's model; robot.toml says how a controller counts"
+    if axes.is_same:
+        return f"axes: {names[0]} to {names[-1]} count as the plan's {joints} ({axes.source})"
+    return f"axes: {', '.join(axes.sentences(names))}, of the plan's {joints} ({axes.source})"
 
 
 def _cycle_note(program: Program, dialect: Dialect) -> str:

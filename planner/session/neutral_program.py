@@ -7,7 +7,9 @@ import numpy as np
 
 from planner.cell.cell import Cell
 from planner.common.units import Array, to_mm
+from planner.kinematics.axes import AxisConvention
 from planner.kinematics.geometry import points_on_arc
+from planner.programs.controller_axes import axes_for, check_model_angles, in_controller_axes
 from planner.programs.dialect import Dialect, PathForm, load_dialect
 from planner.programs.instructions import (
     Centre,
@@ -38,26 +40,28 @@ SLACK = 1.0 + 1e-3
 PRINTED = 1e-5  # [m] of travel that the rounding of printed angles may add to a short step
 
 
-def check_emitted_speeds(cell: Cell, program: Program, dialect: Dialect, found: ReadBack) -> None:
+def check_emitted_speeds(cell: Cell, program: Program, axes: AxisConvention, dialect: Dialect, found: ReadBack) -> None:
     """Hold the largest speed of tool and gauge on every leg of a program against their limits.
 
-    ``found`` is what was read back of its text. The joints are taken to move evenly over the time that the speed words
-    give the leg, the tool evenly round a circle; a speed word of the tool is that of the tool.
+    ``program`` is in the joints of the model, ``found`` what was read back of its text, in the controller's ``axes``.
+    The joints are taken to move evenly over the time that the speed words give the leg, the tool evenly round a circle;
+    a speed word of the tool is that of the tool.
 
     Raises:
         ProgramMismatchError: naming the move, the speed and the limit.
     """
     limited = [k for k, m in enumerate(program.moves) if np.isfinite(m.tool_limit_mm_s)]
-    q = np.deg2rad(np.vstack([program.home_deg, found.joint_path_deg]))
+    c = np.deg2rad(np.vstack([axes.degrees_to_controller(program.home_deg), found.joint_path_deg]))
+    q = axes.to_model(c)
     speeds = np.array([m.speed for m in found.moves])
-    circles = {k: m.via_deg for k, m in enumerate(found.moves) if m.via_deg is not None}
+    circles = {k: axes.to_model(np.deg2rad(m.via_deg)) for k, m in enumerate(found.moves) if m.via_deg is not None}
     for mounting in sorted({program.moves[k].mounting for k in limited}, key=str):
         rows = np.array([k for k in limited if k > 0 and program.moves[k].mounting == mounting], dtype=int)
         if not len(rows):
             continue
         x = _tool_points(cell, q, rows, circles, mounting)
         travel, change = (part.max(axis=0) * PIECES for part in travel_and_change(cell, mounting, x))
-        seconds = _leg_seconds(cell, dialect, q, speeds, rows, travel)
+        seconds = _leg_seconds(axes, dialect, c, speeds, rows, travel)
         round_legs = np.isin(rows, list(circles))
         seconds[round_legs] = travel[round_legs] / (speeds[rows[round_legs]] / 1e3)
         limit = np.array([program.moves[k].tool_limit_mm_s for k in rows]) / 1e3
@@ -67,31 +71,33 @@ def check_emitted_speeds(cell: Cell, program: Program, dialect: Dialect, found: 
 
 
 def _tool_points(
-    cell: Cell, q: Array, rows: np.ndarray, circles: Mapping[int, tuple[float, ...]], mounting: Mounting | None
+    cell: Cell, q: Array, rows: np.ndarray, circles: Mapping[int, Array], mounting: Mounting | None
 ) -> Array:
     """Where the tool is at equal shares of the legs ``rows`` of a path q (n + 1, N) [rad], (PIECES + 1, m, 3) [m]."""
     x = tool_positions(cell, mounting, q[rows], q[rows + 1], PIECES)
     at = cell if mounting is None else cell.at(mounting)
     for i, k in enumerate(rows):
         if k in circles:
-            ends = at.map_position(np.stack([q[k], np.deg2rad(circles[k]), q[k + 1]]))
+            ends = at.map_position(np.stack([q[k], circles[k], q[k + 1]]))
             x[:, i] = points_on_arc(ends, np.linspace(0.0, 1.0, PIECES + 1))[0]
     return x
 
 
-def _leg_seconds(cell: Cell, dialect: Dialect, q: Array, speeds: Array, rows: np.ndarray, travel: Array) -> Array:
-    """Time that the speed words give each leg, (m,) [s]."""
-    said = speeds[rows]
+def _leg_seconds(
+    axes: AxisConvention, dialect: Dialect, c: Array, speeds: Array, rows: np.ndarray, travel: Array
+) -> Array:
+    """Time that the speed words give each leg of the controller's axes c (n + 1, N) [rad], (m,) [s]."""
+    said, leg = speeds[rows], np.abs(c[rows + 1] - c[rows])
     match dialect.speed.kind:
         case "axis_percent":
-            quickest = (np.abs(q[rows + 1] - q[rows]) / cell.robot.speed).max(axis=1)
+            quickest = (leg / axes.speed).max(axis=1)
             return np.asarray(quickest / (said / 100.0))
         case "inverse_time":
             return np.asarray(60.0 / said)
         case "duration":
             return np.asarray(said)
         case "leading_axis":
-            return np.asarray(np.rad2deg(np.abs(q[rows + 1] - q[rows])).max(axis=1) / said)
+            return np.asarray(np.rad2deg(leg).max(axis=1) / said)
         case "tool_speed":
             per_second = said / (60.0 if dialect.speed.unit == "mm/min" else 1.0) / 1e3
             return np.asarray(travel / per_second)
@@ -140,14 +146,19 @@ def write_programs(cell: Cell, programs: Mapping[str, Program]) -> Programs:
 
 
 def write_session(cell: Cell, program: Program, dialect: str, stem: str) -> tuple[ProgramFile, ...]:
-    """Write a session in one dialect; the text is read back, compared, and its speeds held against the limits.
+    """Write a session in one dialect, in the axes of its controller; the text is read back, compared, and its speeds
+    held against the limits.
 
     Raises:
-        InputError: no such dialect, or it cannot carry the program.
+        InputError: no such dialect, it cannot carry the program, or the robot's file does not say how its axes count.
+        NoSolutionError: a move leaves the stroke of one of the controller's axes.
         ProgramMismatchError: the text does something else, or drives tool or gauge beyond their limits.
     """
-    files, found = write_checked(program, dialect, stem)
-    check_emitted_speeds(cell, program, load_dialect(dialect), found)
+    language, robot = load_dialect(dialect), cell.robot
+    axes = axes_for(robot, language)
+    files, found = write_checked(in_controller_axes(program, axes, language, robot.speed), dialect, stem)
+    check_model_angles(program, axes, found, language.decimals)
+    check_emitted_speeds(cell, program, axes, language, found)
     return files
 
 

@@ -11,11 +11,11 @@ from planner.common.choices import Aim, SelectionMethod, TourOrder
 from planner.common.errors import InputError
 from planner.motion.collision.surroundings import check_surroundings
 from planner.motion.tour.solve import Method, require_concorde
+from planner.programs.controller_axes import axes_for
 from planner.programs.dialect import load_dialect
 from planner.programs.instructions import Centre, Instruction, JointMove
-from planner.programs.verification import write_program
 from planner.runs.run import FIRST_MOUNTING
-from planner.session.neutral_program import build_program, preparation
+from planner.session.neutral_program import build_program, preparation, write_session
 
 ANY_ROBOT = "poses-csv"
 """Written where neither the cell nor the robot names a language: a list that anybody can read."""
@@ -70,14 +70,15 @@ class PlanOptions:
         """The dialects to write; what is wrong with them, the cell or the solver is told before a minute's work.
 
         Raises:
-            InputError: there is no such dialect, or the cell is wrong (see :mod:`planner.session.options`).
+            InputError: there is no such dialect, the robot's file does not say how its controller counts the axes, or
+                the cell is wrong (see :mod:`planner.session.options`).
             MissingProgramError: Concorde was asked for and is not there.
         """
         if self.tsp == "concorde":
             _ = require_concorde()
         dialects = self.dialects or cell.controller.dialects or (cell.robot.dialect or ANY_ROBOT,)
         for name in dialects:
-            _ = load_dialect(name)
+            _ = axes_for(cell.robot, load_dialect(name))
         check_cell(cell, dialects)
         return dialects
 
@@ -134,7 +135,7 @@ def check_cell(cell: Cell, dialects: Sequence[str]) -> None:
     body += preparation(cell, FIRST_MOUNTING)
     for name in dialects:
         try:
-            write_program(build_program(cell, NO_PLAN, [*body, home]), name, cell.robot.name)
+            write_session(cell, build_program(cell, NO_PLAN, [*body, home]), name, cell.robot.name)
         except InputError as err:
             raise InputError(f"{cell.path}: the program in '{name}' cannot be written: {err}") from err
 

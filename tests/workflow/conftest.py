@@ -60,7 +60,7 @@ def moving(tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def resting(tmp_path_factory):
-    return planned("kuka-kr6-r700/edbb", tmp_path_factory.mktemp("kr6"), POSES, "krl", "rapid", changes=FEWER)
+    return planned("kuka-kr6-r700/edbb", tmp_path_factory.mktemp("kr6"), POSES, "krl", "sinumerik", changes=FEWER)
 
 
 @pytest.fixture(params=["moving", "resting"])

@@ -10,6 +10,7 @@ import pytest
 from planner.cell.reading import load_cell, read_cell
 from planner.common.errors import InputError
 from planner.common.units import MM, round_angles
+from planner.kinematics.axes import AxisConvention
 from planner.programs.dialect import dialect_names, load_dialect
 from planner.programs.verification import ProgramMismatchError, shared_notes, write_checked
 from planner.runs.run import FIRST_MOUNTING
@@ -22,6 +23,7 @@ from planner.session.planned_session import NOT_HASHED, load_session
 from planner.workflow.plan_use import export
 from planner.workflow.writing import write_cell, write_program_as
 from tests.command import edbb
+from tests.speaking import let_speak_all
 
 POSES = ([10, -80, 100, 10, 60, 20], [25, -70, 90, -20, 50, 0])
 
@@ -94,6 +96,7 @@ def test_signals_and_numbers_may_be_named_later(folder):
 
 @pytest.mark.parametrize("dialect", dialect_names())
 def test_the_program_of_a_changed_plan_says_so_at_its_head(folder, monkeypatch, dialect):
+    let_speak_all(monkeypatch)
     path = folder / "plan.json"
     plain = export(path, dialect=dialect, name="a").programs[0].text
     note = f"{path} is not as it was planned: a)\nG0 X999 was changed; its path was proven anew by both engines"
@@ -165,7 +168,8 @@ def test_the_name_of_a_companion_is_refused(folder, tmp_path):
     assert not (tmp_path / "p.dat").exists()
 
 
-def test_a_name_that_fits_needs_no_word(folder, tmp_path):
+def test_a_name_that_fits_needs_no_word(folder, tmp_path, monkeypatch):
+    let_speak_all(monkeypatch)
     files = export(folder / "plan.json", dialect="rapid", name="tour.mod").programs
     assert write_program_as(files, tmp_path / "tour.mod") == []
     assert (tmp_path / "tour.mod").read_text() == files[0].text
@@ -219,10 +223,12 @@ def test_speeds_as_written_are_held_against_those_of_tool_and_gauge(folder, name
     session, dialect = load_session(folder / "plan.json", "exported"), load_dialect(name)
     program = session_program(session.cell, session.courses, session.plan_id, dialect.path_form)
     found = write_checked(program, name, "a")[1]
-    check_emitted_speeds(session.cell, program, dialect, found)
+    robot = session.cell.robot
+    axes = AxisConvention.same(name, robot.q_lower, robot.q_upper, robot.speed)
+    check_emitted_speeds(session.cell, program, axes, dialect, found)
     slow = replace(session.cell, gauge=replace(session.cell.gauge, rate=1.0 * MM))
     with pytest.raises(ProgramMismatchError, match=r"drives the gauge at \d"):
-        check_emitted_speeds(slow, program, dialect, found)
+        check_emitted_speeds(slow, program, axes, dialect, found)
     tight = [replace(m, tool_limit_mm_s=0.1) if hasattr(m, "tool_limit_mm_s") else m for m in program.instructions]
     with pytest.raises(ProgramMismatchError, match=r"drives the tool at \d"):
-        check_emitted_speeds(session.cell, replace(program, instructions=tuple(tight)), dialect, found)
+        check_emitted_speeds(session.cell, replace(program, instructions=tuple(tight)), axes, dialect, found)

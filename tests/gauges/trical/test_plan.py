@@ -123,7 +123,7 @@ def test_the_krl_program_centres_at_each_pose_and_a_wrong_call_is_caught(planned
 
 
 def test_a_dialect_without_a_centring_call_is_refused(planned):
-    for name in ("rapid", "din66025"):
+    for name in ("sinumerik", "din66025"):
         with pytest.raises(InputError, match="no call of a centring routine"):
             written(planned, name)
 
