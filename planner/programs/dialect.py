@@ -12,13 +12,12 @@
     under ``[centre]``, and under ``[reading]`` the family of the reader. Every key is checked; a wrong one is named.
 ``program.j2``
     A Jinja2 template with a macro ``step(s)``, which prints one step (``s.kind`` is one of move, dwell,
-    sync, sync_on, sync_off, log, log_passing, unlogged, centre, pause, wait, comment, section, override; the branches
+    sync, sync_on, sync_off, log, log_passing, unlogged, centre, pause, wait, comment, section, reduction; the branches
     of ``[resume]`` are printed as it says; ``usual(s)`` of ``common.j2`` prints what needs no words of its own), and a
     macro ``main(parts)``, which prints the file around the parts' lines; ``part(part)`` and
     ``data(parts)`` where ``[files]`` names such files. ``d`` is the dialect, ``p`` the program, ``name``
     its name, ``rows`` the steps that log, ``passing`` those of them that log while the robot moves,
-    ``overridden`` whether the override is scaled, ``remarks`` what the head of the program tells the
-    operator. An undefined name is an error.
+    ``remarks`` what the head of the program tells the operator. An undefined name is an error.
 
 To add one: copy the nearest folder, change both files, run ``tests/programs``, which takes every folder that is there.
 ``docs/extend/dialect.md`` says which tables a new folder, and a new language, are entered in.
@@ -110,7 +109,8 @@ class BlendStyle(StrictModel):
 
 
 class SpeedStyle(StrictModel):
-    """How a leg's speed is said. ``overrides``: coarse percentages, set at stops, that scale ``percent``.
+    """How a leg's speed is said. ``reductions``: coarse percentages of the program's own, that scale
+    ``axis_percent`` and change at stops only; the operator's override is never one of them.
 
     A ``duration`` is that of the leg times ``ease``, the peak over the mean of the controller's own profile between
     two stops, and ``ramp_s`` longer, so that the peak speed stays within what was planned.
@@ -120,11 +120,31 @@ class SpeedStyle(StrictModel):
     word: str = ""
     unit: Literal["%", "mm/s", "mm/min", "1/min", "deg/s", "s"]
     decimals: int = Field(ge=0, le=6)
-    overrides: tuple[int, ...] = (100,)
+    reductions: tuple[int, ...] = (100,)
     ease: float = Field(default=1.0, ge=1.0)
     ramp_s: float = Field(default=0.0, ge=0.0)
     approach: str = ""
     note: str = ""
+
+
+class OverrideStyle(StrictModel):
+    """What the operator slows the robot with, which no program sets or switches off.
+
+    ``knob`` names it, empty where the controller has none; ``note`` says what else the operator must know of it, such
+    as that it goes beyond 100 %.
+    """
+
+    knob: str
+    note: str = ""
+
+    @property
+    def sentence(self) -> str:
+        """Return what the head of a program says about it."""
+        said = (
+            f"{self.knob} is the operator's: this program neither sets it nor switches it off, turned down at any "
+            "moment it slows the robot, and stays; the speeds are those at 100 %"
+        )
+        return "; ".join(filter(None, (said if self.knob else "", self.note)))
 
 
 class DwellStyle(StrictModel):
@@ -299,6 +319,7 @@ class Dialect(StrictModel):
     blend: BlendStyle
     circle: CircleStyle | None = None
     speed: SpeedStyle
+    override: OverrideStyle
     dwell: DwellStyle
     sync: SyncStyle
     select: SelectStyle = SelectStyle()

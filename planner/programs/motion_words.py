@@ -8,7 +8,7 @@ from planner.programs.dialect import BlendStyle, SpeedStyle
 from planner.programs.instructions import JointMove
 
 COARSE = 5.0
-"""A printed whole percentage below this loses too much by rounding, if a smaller override can help [%]."""
+"""A printed whole percentage below this loses too much by rounding, if a smaller reduction can help [%]."""
 
 Leg = tuple[tuple[float, ...], JointMove]
 """Where a leg begins [deg], and the move."""
@@ -62,7 +62,7 @@ def _blend_value(before: Leg, after: Leg, blend: BlendStyle) -> float | None:
 
 
 def speed_value(
-    move: JointMove, override: int, speed: SpeedStyle, start_deg: tuple[float, ...] = (), exact: bool = True
+    move: JointMove, reduction: int, speed: SpeedStyle, start_deg: tuple[float, ...] = (), exact: bool = True
 ) -> float:
     """Return the number of the speed word of a move from ``start_deg``, rounded to the slower of what can be printed.
 
@@ -73,7 +73,7 @@ def speed_value(
     """
     match speed.kind:
         case "axis_percent":
-            value = min(100.0, move.axis_percent * 100.0 / override)
+            value = min(100.0, move.axis_percent * 100.0 / reduction)
         case "tool_speed":
             value = max(move.tool_speed_mm_s, 0.1) * (60.0 if speed.unit == "mm/min" else 1.0)
         case "inverse_time":  # the move takes 1/F minutes
@@ -97,11 +97,11 @@ def leading_speed(move: JointMove, start_deg: tuple[float, ...]) -> float:
     return max(abs(b - a) for a, b in zip(start_deg, move.q_deg, strict=True)) / move.duration_s
 
 
-def choose_overrides(moves: tuple[JointMove, ...], speed: SpeedStyle) -> list[int]:
-    """Return the coarse override of each move [%], the same from one exact stop to the next.
+def choose_reductions(moves: tuple[JointMove, ...], speed: SpeedStyle) -> list[int]:
+    """Return the program's own coarse reduction of each move [%], the same from one exact stop to the next.
 
     Whole percents of full axis speed are too coarse for measuring (1000 mm/min is often below 1 %):
-    between two stops the largest override is taken that leaves every leg a percentage of 5 or more.
+    between two stops the largest reduction is taken that leaves every leg a percentage of 5 or more.
     """
     chosen: list[int] = []
     stretch: list[JointMove] = []
@@ -109,7 +109,7 @@ def choose_overrides(moves: tuple[JointMove, ...], speed: SpeedStyle) -> list[in
         stretch.append(move)
         if move.blend_mm <= 0.0:
             slowest = min(m.axis_percent for m in stretch)
-            fits = [o for o in speed.overrides if slowest * 100.0 / o >= COARSE]
-            chosen += [max(fits, default=min(speed.overrides))] * len(stretch)
+            fits = [r for r in speed.reductions if slowest * 100.0 / r >= COARSE]
+            chosen += [max(fits, default=min(speed.reductions))] * len(stretch)
             stretch = []
     return chosen

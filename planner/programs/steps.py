@@ -8,7 +8,7 @@ from typing import Literal, assert_never
 import planner.programs.instructions as ins
 from planner.common.errors import InputError
 from planner.programs.dialect import Dialect, comment_text
-from planner.programs.motion_words import blend_values, choose_overrides, format_fixed, round_down, speed_value
+from planner.programs.motion_words import blend_values, choose_reductions, format_fixed, round_down, speed_value
 
 
 @dataclass(frozen=True)
@@ -52,8 +52,8 @@ class MoveWords:
     """Sum of the axes' mean speeds [deg/s]: no direction of the tool turns faster at the planned time."""
     approach: bool
     """True for the first move, which starts wherever the robot happens to stand."""
-    override: int
-    """The coarse override that ``speed`` is a part of [%]."""
+    reduction: int
+    """The program's own coarse reduction that ``speed`` is a part of [%]."""
     sync: int | None
     """Pose marked in passing, where the dialect says so together with the move."""
     pose: int | None
@@ -77,7 +77,7 @@ class MoveWords:
 
 Kind = Literal[
     "move", "dwell", "sync", "sync_on", "sync_off", "log", "log_passing", "unlogged",
-    "centre", "pause", "wait", "comment", "section", "override", "stretch", "entry", "end",
+    "centre", "pause", "wait", "comment", "section", "reduction", "stretch", "entry", "end",
 ]  # fmt: skip
 WITH_TEXT: dict[type, Kind] = {ins.Comment: "comment", ins.Section: "section", ins.Pause: "pause"}
 
@@ -98,7 +98,7 @@ class ProgramStep:
 
 
 RADIAN_DECIMALS = 7
-UNKNOWN = 0  # an override that depends on where the operator has started
+UNKNOWN = 0  # a reduction that depends on where the operator has started
 
 
 def lower_program(program: ins.Program, dialect: Dialect) -> tuple[ProgramStep, ...]:
@@ -123,22 +123,22 @@ class _StepBuilder:
         self.pulses = program.controller.sync_output is not None and bool(dialect.sync.rest)
         self.waits = program.controller.gauge_input is not None
         self.blends = blend_values(program.home_deg, program.moves, dialect.blend)
-        self.overrides = choose_overrides(program.moves, dialect.speed)
+        self.reductions = choose_reductions(program.moves, dialect.speed)
         self.steps: list[ProgramStep] = []
         self.moves = self.rows = self.printed = 0
-        self.override = 100
+        self.reduction = 100
         self.here = program.home_deg
         self.last_blend: str | None = None
         self.last_speed = ""
         self.flying = self.pulse_open = False
-        ways = [o for e in program.entries for o in choose_overrides(e.moves, dialect.speed)]
-        self.scaled = any(o != 100 for o in (*self.overrides, *ways))
+        ways = [r for e in program.entries for r in choose_reductions(e.moves, dialect.speed)]
+        self.scaled = any(r != 100 for r in (*self.reductions, *ways))
         self.branch = 0
         self.marks = find_marks(program.instructions)
         for item in program.instructions:
             self._add(item)
         if self.scaled:
-            self._set_override(100)
+            self._set_reduction(100)
 
     def _add(self, item: ins.Instruction) -> None:
         match item:
@@ -170,6 +170,7 @@ class _StepBuilder:
                 self._log("log", pose)
             case ins.Centre(ball=ball, pose=pose):
                 self.steps.append(ProgramStep("centre", text=self._centring(ball, pose)))
+                self.last_speed = ""  # the routine drives at speeds of its own
             case ins.WaitInput(what=text):
                 self._wait(comment_text(text, self.dialect.comment))
             case _:
@@ -188,31 +189,31 @@ class _StepBuilder:
         self._begin_branch("stretch", until)
         self.last_speed, self.last_blend = "", None
         if not self.flying and self.scaled:
-            self.override = UNKNOWN
+            self.reduction = UNKNOWN
 
     def _begin_branch(self, kind: Literal["stretch", "entry"], number: int) -> None:
         self.branch = len(self.steps) + 1
         self.steps.append(ProgramStep(kind, number=self.branch, row=self.rows, until=number))
 
     def _enter(self, entry: ins.Entry) -> None:
-        """The way to a start: exact stops, and then the override that the path goes on with."""
+        """The way to a start: exact stops, and then the reduction that the path goes on with."""
         self._begin_branch("entry", entry.at)
-        override, here = self.override, self.here
-        self.override, self.here = UNKNOWN if self.scaled else override, entry.origin_deg
-        for move, wanted in zip(entry.moves, choose_overrides(entry.moves, self.dialect.speed), strict=True):
-            self._set_override(wanted)
+        reduction, here = self.reduction, self.here
+        self.reduction, self.here = UNKNOWN if self.scaled else reduction, entry.origin_deg
+        for move, wanted in zip(entry.moves, choose_reductions(entry.moves, self.dialect.speed), strict=True):
+            self._set_reduction(wanted)
             self.last_speed, self.last_blend = "", None
             self.steps.append(ProgramStep("move", move=self._print_move(move, None, PoseMark())))
             self.here = move.q_deg
-        self._set_override(override)
-        self.override, self.here = override, here
+        self._set_reduction(reduction)
+        self.reduction, self.here = reduction, here
         self.steps.append(ProgramStep("end", number=self.branch))
 
-    def _set_override(self, override: int) -> None:
-        if override not in (self.override, UNKNOWN):
-            self.override = override
+    def _set_reduction(self, reduction: int) -> None:
+        if reduction not in (self.reduction, UNKNOWN):
+            self.reduction = reduction
             self.last_speed = ""
-            self.steps.append(ProgramStep("override", number=override))
+            self.steps.append(ProgramStep("reduction", number=reduction))
 
     def _log(self, kind: Literal["log", "log_passing"], pose: int) -> None:
         self.rows += 1
@@ -230,7 +231,7 @@ class _StepBuilder:
     def _move(self, item: ins.JointMove) -> None:
         mark = self.marks[self.moves]
         if not self.flying:
-            self._set_override(self.overrides[self.moves])
+            self._set_reduction(self.reductions[self.moves])
         move = self._print_move(item, self.blends[self.moves], mark)
         self.steps.append(ProgramStep("move", move=move))
         self.moves += 1
@@ -253,7 +254,7 @@ class _StepBuilder:
         points = [self.here, *([] if item.via_deg is None else [item.via_deg]), item.q_deg]
         if d.blend.kind == "dense" and value is not None:
             blend = d.blend.tolerance
-        speed = format_fixed(speed_value(item, self.override, d.speed, self.here, value is None), d.speed.decimals)
+        speed = format_fixed(speed_value(item, self.reduction, d.speed, self.here, value is None), d.speed.decimals)
         if item.via_deg is not None:
             blend, speed = self._circle_words(item)
         with_move = value is not None and d.sync.flying == "with_move"
@@ -269,7 +270,7 @@ class _StepBuilder:
             speed_changed=speed != self.last_speed,
             turn_deg_s=turned / item.duration_s,
             approach=self.moves == 0,
-            override=self.override,
+            reduction=self.reduction,
             sync=mark.pose if with_move else None,
             pose=item.pose,
             pulse=pulse,

@@ -3,19 +3,19 @@
 import dataclasses
 import re
 import tomllib
-from itertools import pairwise
 from pathlib import Path
 
 import pytest
 from lark import Lark
 
 import tests.programs.sessions as sessions
-from planner.programs.instructions import LogAxes
+from planner.programs.dialect import dialect_root
+from planner.programs.instructions import Centre, JointMove, LogAxes
 from planner.programs.verification import import_map, write_program
 
 GRAMMAR = Lark((Path(__file__).parent / "grammars" / "krl.lark").read_text(), parser="lalr")
 SYSTEM = {
-    "$STOPMESS", "$ADVANCE", "$OUT", "$IN", "$LOAD", "LOAD_DATA", "$OV_PRO", "$APO.CPTP", "$AXIS_ACT", "$ORI_TYPE",
+    "$STOPMESS", "$ADVANCE", "$OUT", "$IN", "$LOAD", "LOAD_DATA", "$RED_VEL", "$APO.CPTP", "$AXIS_ACT", "$ORI_TYPE",
     "$CIRC_TYPE", "$TOOL", "$BASE", "$NULLFRAME", "$VEL.CP", "$APO.CDIS",
 }  # fmt: skip
 
@@ -55,32 +55,35 @@ def test_log_row_is_read_by_the_import_map() -> None:
     assert set(rows[0]) == {"pose", *(f"q{i}_deg" for i in range(1, 7))}
 
 
-def test_override_changes_only_at_a_stop_and_is_given_back() -> None:
+def test_the_reduction_changes_only_at_a_stop_and_ends_at_100() -> None:
     text = write_program(sessions.continuous(), "krl", "a")[0].text
     lines = [x for x in text.split("\r\n") if x and not x.startswith(";")]
-    moves = [x for x in lines if x.startswith(("PTP", "$OV_PRO"))]
-    for before, line in pairwise(moves):
-        if line.startswith("$OV_PRO"):
+    moves = [x for x in lines if x.startswith(("PTP", "$RED_VEL", "WAIT"))]
+    for before, stop, line in zip(moves, moves[1:], moves[2:], strict=False):
+        if line.startswith("$RED_VEL"):
+            assert stop == "WAIT SEC 0", "the advance run stops, so that it acts on no move before"
             assert not before.endswith("C_PTP")
-    overrides = [x for x in moves if x.startswith("$OV_PRO") and "CAP_" not in x]
-    assert overrides[0] == "$OV_PRO=OV_0123456789AB", "what a cancelled run has left is given back first"
-    assert overrides[1] != "$OV_PRO=OV_0123456789AB"
-    assert overrides[-1] == "$OV_PRO=OV_0123456789AB"
-    assert lines.index("OV_0123456789AB=$OV_PRO") < lines.index(overrides[0])
-    assert lines[lines.index("INTERRUPT OFF 20") + 2] == "OV_0123456789AB=0", "the next run keeps its own"
-    assert not re.search(r"\$OV_PRO=\d", text)
+    reductions = [int(x.partition("=")[2]) for x in lines if x.startswith("$RED_VEL")]
+    assert reductions[0] == reductions[-1] == 100
+    assert min(reductions) < 100
+    assert all(1 <= r <= 100 for r in reductions)
 
 
-@pytest.mark.parametrize("found", [1, 3, 30, 99, 100])
-def test_override_is_a_part_of_the_one_found(found: int) -> None:
-    """The printed expression, with KRL's whole-number division: never nothing, never more than found or planned."""
-    text = write_program(sessions.continuous(), "krl", "a")[0].text
-    scaled = re.findall(r"\$OV_PRO=\(\w+\*(\d+)\+99\)/100", text)
-    assert scaled
-    for percent in map(int, scaled):
-        value = (found * percent + 99) // 100
-        assert 1 <= value <= min(found, percent)
-        assert value - 1 < found * percent / 100 <= value
+def test_a_leg_slower_than_one_percent_is_said_in_whole_numbers_of_both_words() -> None:
+    """0.52 % of axis speed: neither word alone can say it."""
+    text = write_program(sessions.static(), "krl", "a")[0].text
+    said = dict(percent=100, reduction=100)
+    driven = []
+    for line in text.split("\r\n"):
+        if match := re.fullmatch(r"BAS \(#VEL_PTP,(\d+) \)", line):
+            said["percent"] = int(match[1])
+        elif match := re.fullmatch(r"\$RED_VEL=(\d+)", line):
+            said["reduction"] = int(match[1])
+        elif line.startswith("PTP"):
+            driven.append(said["percent"] * said["reduction"] / 100.0)
+    planned = [m.axis_percent for m in sessions.static().moves]
+    assert min(planned) < 1.0
+    assert all(0.8 * p <= d <= p for d, p in zip(driven, planned, strict=True))
 
 
 def test_axes_in_passing_are_read_in_the_subprogram_that_pulses() -> None:
@@ -103,3 +106,24 @@ def test_without_a_log_the_trigger_pulses_by_itself() -> None:
     source, _ = write_program(dataclasses.replace(program, instructions=bare), "krl", "a")
     assert source.text.count("TRIGGER WHEN DISTANCE=1 DELAY=0 DO PULSE ($OUT[5],TRUE,0.05)") == 4
     assert "PASS_" not in source.text
+
+
+def test_a_move_after_a_centring_says_its_speed_anew() -> None:
+    """CENTRE drives at percentages of its own, and gives back what it has changed of the program's."""
+    program = sessions.static()
+    plain = write_program(program, "krl", "a")[0].text
+    called = tuple(
+        x
+        for i in program.instructions
+        for x in ((i, Centre(1, i.pose)) if isinstance(i, JointMove) and i.pose else (i,))
+    )
+    text = write_program(dataclasses.replace(program, instructions=called), "krl", "a")[0].text
+    legs = re.findall(r"(BAS \(#VEL_PTP,\d+ \)\r\n)?PTP ", text.partition("CENTRE (1,1)")[2])
+    assert len(legs) > 4
+    assert all(legs[:4]), "each of the next moves to a pose, and the one after the last"
+    assert text.count("BAS (#VEL_PTP") > plain.count("BAS (#VEL_PTP")
+    routine = (dialect_root() / "krl" / "centring.src.j2").read_text()
+    (body,) = re.findall(r"GLOBAL DEF CENTRE(.*?)\nEND\n", routine, re.DOTALL)
+    kept = re.findall(r"^(\w+)=(\$[\w.]+)$", body, re.MULTILINE)
+    assert {variable for _, variable in kept} == {"$ADVANCE", "$RED_VEL", "$VEL.CP", "$ACC.CP"}
+    assert all(f"\n{variable}={name}" in body for name, variable in kept)

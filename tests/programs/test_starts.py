@@ -42,7 +42,7 @@ def test_all_starts_are_read_back(name: str, rounded: bool) -> None:
 
 @pytest.mark.parametrize("name", STARTED)
 def test_a_way_may_be_slower_than_any_move_of_the_session(name: str) -> None:
-    """Then only the way lowers the override, and what follows a stop has it back."""
+    """Then only the way lowers the reduction, and what follows a stop has it back."""
     program = sessions.resumable(6, POSES)
     quick = tuple(
         replace(i, axis_percent=60.0, duration_s=1.0) if isinstance(i, JointMove) else i for i in program.instructions

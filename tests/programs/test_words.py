@@ -8,9 +8,9 @@ import pytest
 from planner.common.errors import InputError
 from planner.programs.dialect import BlendStyle, SpeedStyle
 from planner.programs.instructions import JointMove
-from planner.programs.motion_words import blend_values, choose_overrides, format_fixed, round_down, speed_value
+from planner.programs.motion_words import blend_values, choose_reductions, format_fixed, round_down, speed_value
 
-PERCENT = SpeedStyle(kind="axis_percent", unit="%", decimals=0, overrides=(100, 50, 20, 10, 5, 2, 1))
+PERCENT = SpeedStyle(kind="axis_percent", unit="%", decimals=0, reductions=(100, 50, 20, 10, 5, 2, 1))
 
 
 def _legs(seed: int) -> tuple[tuple[float, ...], tuple[JointMove, ...]]:
@@ -60,23 +60,23 @@ def test_a_planned_stop_stays_one(kind: str, seed: int) -> None:
 
 
 @pytest.mark.parametrize("seed", range(30))
-def test_percent_times_override_is_below_the_limit_and_not_far(seed: int) -> None:
+def test_percent_times_reduction_is_below_the_limit_and_not_far(seed: int) -> None:
     _, moves = _legs(seed)
-    chosen = choose_overrides(moves, PERCENT)
-    for i, (move, override) in enumerate(zip(moves, chosen, strict=True)):
-        effective = speed_value(move, override, PERCENT) * override / 100.0
+    chosen = choose_reductions(moves, PERCENT)
+    for i, (move, reduction) in enumerate(zip(moves, chosen, strict=True)):
+        effective = speed_value(move, reduction, PERCENT) * reduction / 100.0
         assert effective <= move.axis_percent * (1 + 1e-9)
-        assert effective <= override
+        assert effective <= reduction
         if i and moves[i - 1].blend_mm > 0.0:
-            assert override == chosen[i - 1]  # never changed while the robot runs through
+            assert reduction == chosen[i - 1]  # never changed while the robot runs through
         if move.blend_mm == 0.0 and (i == 0 or moves[i - 1].blend_mm == 0.0) and move.axis_percent >= 0.1:
             assert effective >= 0.83 * move.axis_percent
 
 
 def test_measuring_at_half_a_percent_is_not_driven_at_one() -> None:
     move = JointMove((0.0,) * 6, 12.0, 16.667, 0.48)
-    (override,) = choose_overrides((move,), PERCENT)
-    assert speed_value(move, override, PERCENT) * override / 100.0 == pytest.approx(0.45)
+    (reduction,) = choose_reductions((move,), PERCENT)
+    assert speed_value(move, reduction, PERCENT) * reduction / 100.0 == pytest.approx(0.45)
 
 
 def test_inverse_time_is_never_too_short() -> None:

@@ -24,7 +24,7 @@ class ReadMove:
     blend: float | None
     """None for an exact stop, else the number that the dialect rounds the corner with."""
     speed: float
-    """The number of its speed word, in the dialect's unit, overrides multiplied in; of a circle in mm/s."""
+    """The number of its speed word, in the dialect's unit, any reduction multiplied in; of a circle in mm/s."""
     via_deg: tuple[float, ...] | None = None
     """At the middle point of a circle [deg]."""
 
@@ -116,7 +116,7 @@ class Execution(ABC):
 
     @property
     def overall_speed(self) -> float:
-        """Return what scales all speeds [%]."""
+        """Return by what the program itself scales all its speeds [%]."""
         return 100.0
 
     @property
@@ -194,7 +194,9 @@ class Execution(ABC):
             return
         self.moves, speed, dwells, syncs = self.entered
         if (len(self.dwells), self.syncs) != (dwells, syncs) or not (self._stopped or self.overall_speed == speed):
-            raise InputError(f"{where}: the way to a start measures, or leaves another override than the path has")
+            raise InputError(
+                f"{where}: the way to a start measures, or leaves another reduction of the speed than the path has"
+            )
         self.entered = None
 
     def move(

@@ -39,8 +39,6 @@ _WAIT = _pattern(r"WAIT\s+SEC\s+(\S+)\s*$")
 _PULSE = _pattern(rf"{_TRIGGER}PULSE\s*\(")
 _CALL = _pattern(rf"{_TRIGGER}(?!WAIT\b|INTERRUPT\b)(?P<name>\w+)\s*\(.*\)(?:\s+PRIO\s*=\s*-?\d+)?\s*$")
 _PASSIVE = _pattern(r"(?:&\w+|(?:GLOBAL\s+)?INTERRUPT|WAIT\s+FOR|HALT|DECL|GLOBAL|STRUC|INT|DEFDAT|ENDDAT)\b")
-_SCALED = re.compile(r"\(\w+\*(\d+)\+99\)/100")
-_FOUND = re.compile(r"OV_\w+")
 
 
 @dataclass(frozen=True)
@@ -145,7 +143,7 @@ def _value(text: str) -> float:
     return float(text)
 
 
-_WORDS, _CIRCLE_WORDS = ("$OV_PRO", "$APO.CPTP"), ("$APO.CDIS", "$VEL.CP")  # variables that say how a move is driven
+_WORDS, _CIRCLE_WORDS = ("$RED_VEL", "$APO.CPTP"), ("$APO.CDIS", "$VEL.CP")  # variables that say how a move is driven
 
 
 class KrlExecution(Execution):
@@ -155,19 +153,20 @@ class KrlExecution(Execution):
 
     def __init__(self, dialect: Dialect, program: Program | None = None) -> None:
         super().__init__(dialect, program)
-        self.values = {"$APO.CPTP": 0.0, "VEL_PTP": 100.0}  # and $OV_PRO where the program sets it
+        self.values = {"$APO.CPTP": 0.0, "VEL_PTP": 100.0, "$RED_VEL": 100.0}
+        self.reduces = False  # whether $RED_VEL was ever below 100
         self.words = _WORDS if program is not None and not program.has_circles else (*_WORDS, *_CIRCLE_WORDS)
         self.axes: dict[str, list[float]] = {}  # variables that hold angles, and places worked out of such
 
     def forget(self, stopped: bool) -> None:
-        """Forget speed and rounding, and at a stop the override of a program that sets one."""
-        lost = ["$APO.CPTP", "VEL_PTP", *(["$OV_PRO"] if stopped and "$OV_PRO" in self.values else [])]
+        """Forget speed and rounding, and at a stop the reduction of a program that has one."""
+        lost = ["$APO.CPTP", "VEL_PTP", *(["$RED_VEL"] if stopped and self.reduces else [])]
         self.values |= dict.fromkeys(lost, math.nan)
 
     @property
     def overall_speed(self) -> float:
-        """Return the override."""
-        return self.values.get("$OV_PRO", 100.0)
+        """Return the reduction of the program itself."""
+        return self.values["$RED_VEL"]
 
     def order(self, statements: Sequence[st.Statement]) -> Iterator[st.Statement]:
         """Yield the statements from the first DEF of the first file on."""
@@ -190,7 +189,8 @@ class KrlExecution(Execution):
             case st.Assignment(name=name, part=part, value=value) if (
                 key := f"{name}.{part}".rstrip(".")
             ) in self.words:
-                self.values[key] = _percentage(value, statement.text)
+                self.values[key] = st.parse_fixed(value, statement.text)
+                self.reduces = self.reduces or self.values["$RED_VEL"] != 100.0
             case st.Call() if centring and (match := re.fullmatch(centring, statement.text, re.IGNORECASE)):
                 self.centrings.append((len(self.moves), int(match["ball"]), int(match["pose"])))
             case _:
@@ -218,13 +218,6 @@ class KrlExecution(Execution):
         speed = 1e3 * self.values["$VEL.CP"] * self.overall_speed / 100.0
         via, end = (self.axes.pop(n) for n in names)
         self.move(end, self.values["$APO.CDIS"] if blended else None, speed, via)
-
-
-def _percentage(text: str, statement: str) -> float:
-    """Return the number; of the override that the operator had set, taken as 100, where it is scaled or given back."""
-    if scaled := _SCALED.fullmatch(text):
-        return st.parse_fixed(scaled[1], statement)
-    return 100.0 if _FOUND.fullmatch(text) else st.parse_fixed(text, statement)
 
 
 def _angles(move: KrlMove) -> list[float]:
