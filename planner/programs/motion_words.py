@@ -4,8 +4,8 @@ import math
 from itertools import pairwise
 
 from planner.common.errors import InputError
-from planner.programs.dialect import BlendStyle, SpeedStyle
 from planner.programs.instructions import JointMove
+from planner.programs.motion_styles import BlendStyle, SpeedStyle
 
 COARSE = 5.0
 """A printed whole percentage below this loses too much by rounding, if a smaller reduction can help [%]."""

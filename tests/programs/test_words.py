@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from planner.common.errors import InputError
-from planner.programs.dialect import BlendStyle, SpeedStyle
 from planner.programs.instructions import JointMove
+from planner.programs.motion_styles import BlendStyle, SpeedStyle
 from planner.programs.motion_words import blend_values, choose_reductions, format_fixed, round_down, speed_value
 
 PERCENT = SpeedStyle(kind="axis_percent", unit="%", decimals=0, reductions=(100, 50, 20, 10, 5, 2, 1))
