@@ -11,7 +11,7 @@ import numpy as np
 from planner.cell.circles import Circle
 from planner.cell.file import CellFile, ControllerFile
 from planner.cell.gauge import Gauge
-from planner.common.choices import Aim, SelectionMethod, TourOrder
+from planner.common.choices import Aim, SelectionMethod, SetUp, TourOrder
 from planner.common.errors import InputError
 from planner.common.units import Array, read_only
 from planner.kinematics.bodies import Body
@@ -95,7 +95,7 @@ class Fixture:
     ``mounts`` (N,) [rad], one for each of the tool's points, are the poses where the bar is attached, ``None`` until
     one is chosen. The artifact of a head with indicators and the station of a tracker stand here too: ``R_BX`` (3, 3)
     is how they are turned, ``turn`` the prior size of the error of that [rad], and their mount is where the head is
-    mastered or the reflector put in.
+    mastered or the reflector put in. ``set_up`` tells whether the robot's own tool point was driven there to place it.
     """
 
     name: str
@@ -105,6 +105,7 @@ class Fixture:
     mounts: tuple[Array | None, ...] = (None,)
     R_BX: Array = field(default_factory=lambda: read_only(np.eye(3)))
     turn: float = np.inf
+    set_up: SetUp = "measured"
 
 
 @dataclass(frozen=True)

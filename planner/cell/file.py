@@ -17,7 +17,7 @@ from pydantic import (
 
 from planner.cell.circles import CircleFile
 from planner.cell.gauge_registry import gauge_kinds
-from planner.common.choices import Aim, SelectionMethod, TourOrder
+from planner.common.choices import Aim, SelectionMethod, SetUp, TourOrder
 from planner.common.extensions import HINT
 from planner.common.schema import Coordinate, NonNegativeFloat, OneLine, OptionalKeys, PositiveFloat, StrictModel
 from planner.kinematics.bodies import BodyFile, Vector
@@ -183,14 +183,21 @@ class GaugeFile(OptionalKeys):
         return value
 
 
-class FixtureFile(StrictModel):
-    """``[[fixtures]]``: one magnet cup that holds the bar's fixed ball."""
+class FixtureFile(OptionalKeys):
+    """``[[fixtures]]``: one magnet cup that holds the bar's fixed ball.
+
+    ``set_up``: how it comes to its place. "robot": the tool's ball is driven to ``position_mm`` and the cup adjusted to
+    it there, so that it stands where the robot truly comes (EDBB paper, 3.1); "measured": its place was measured from
+    the robot's base. Without the key it is what is usual for the gauge.
+    """
 
     name: OneLine = "A"
     position_mm: Vector
     axis: Vector = (0.0, 0.0, 1.0)
     prior_mm: PositiveFloat = 5.0
     mount_deg: tuple[float, ...] | None = None
+    set_up: SetUp | None = None
+    LATER: ClassVar[tuple[str, ...]] = ("set_up",)
 
 
 class MotionFile(OptionalKeys):

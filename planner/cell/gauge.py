@@ -22,6 +22,7 @@ from planner.cell.gauge_types import (
     RecordedPose,
     SessionGuide,
 )
+from planner.common.choices import SetUp
 from planner.common.errors import InputError
 from planner.common.schema import validate
 from planner.common.sequences import sobol_points
@@ -82,6 +83,7 @@ class Gauge(ABC):
     left_to_person: float = 0.0  # share of the last way to a ball that a person goes, not the program
     reads_moving: ClassVar[bool] = False  # whether it can be read while the robot moves
     usual_measure: ClassVar[Literal["continuous", "static"]] = "static"  # where the cell does not say
+    usual_set_up: ClassVar[SetUp] = "measured"  # of its fixtures, where the cell does not say
     can_be_loaded: ClassVar[bool] = False  # whether loaded circles can be measured with its kind
     is_loaded: ClassVar[bool] = False  # whether it pulls
     validates_with: ClassVar[int] = 0  # poses of a plan that only validates, where no number is given; 0: it calibrates

@@ -7,6 +7,8 @@ from scipy.spatial.transform import Rotation
 
 from planner.cell.cell import Ball, Fixture, Nest, Tool, ToolPoint
 from planner.cell.file import FIRST_POINT, CellFile, FixtureFile, PlacedFile, ToolFile
+from planner.cell.gauge_registry import gauge_kinds
+from planner.common.choices import SetUp
 from planner.common.errors import InputError
 from planner.common.units import MM, UM, Array, from_deg, from_mm, read_only
 from planner.kinematics.bodies import Body
@@ -64,15 +66,19 @@ def read_fixtures(path: Path, robot: Robot, file: CellFile) -> tuple[Fixture, ..
             f"{path}: '{given[0]}' cannot hold the bar at each of {len(more) + 1} tool points: leave it out, good "
             "mount poses are found"
         )
-    return tuple(_read_fixture(path, robot, f, file.gauge.mount_deg, 1 + len(more)) for f in file.fixtures)
+    common, usual = file.gauge.mount_deg, gauge_kinds()[file.gauge.kind].usual_set_up
+    return tuple(_read_fixture(path, robot, f, common, 1 + len(more), usual) for f in file.fixtures)
 
 
-def _read_fixture(path: Path, robot: Robot, f: FixtureFile, common: tuple[float, ...] | None, points: int) -> Fixture:
+def _read_fixture(
+    path: Path, robot: Robot, f: FixtureFile, common: tuple[float, ...] | None, points: int, usual: SetUp
+) -> Fixture:
     key = f"fixtures.{f.name}.mount_deg" if f.mount_deg else "gauge.mount_deg"
     given = f.mount_deg or common
     mount = None if given is None else read_joint_angles(path, robot, key, given)
     axis = unit_vector(path, f"fixtures.{f.name}.axis", f.axis)
-    return Fixture(f.name, read_only(from_mm(f.position_mm)), axis, f.prior_mm * MM, (mount,) * points)
+    at = read_only(from_mm(f.position_mm))
+    return Fixture(f.name, at, axis, f.prior_mm * MM, (mount,) * points, set_up=f.set_up or usual)
 
 
 def read_joint_angles(path: Path, robot: Robot, key: str, value: tuple[float, ...] | None) -> Array:

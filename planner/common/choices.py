@@ -13,3 +13,6 @@ SelectionMethod = Literal["exchange", "pruning"]
 
 TourOrder = Literal["slowest-limit", "slowest-axis"]
 """What the order of the poses is the shortest of: the time of each leg's slowest limit, or of its slowest axis."""
+
+SetUp = Literal["robot", "measured"]
+"""How a fixture comes to its place: adjusted to the tool point where the robot drives it, or measured from the base."""

@@ -14,6 +14,7 @@ from planner.cell.gauge_registry import register_gauge
 from planner.cell.gauge_types import GaugeBody, PlannedVisit, RecordedPose, SessionGuide
 from planner.cell.places import read_fixtures
 from planner.cell.setup import MeasurementSetup, Targets
+from planner.common.choices import SetUp
 from planner.common.errors import InputError
 from planner.common.schema import NonNegativeFloat, PositiveFloat, StrictModel, validate
 from planner.common.units import MM, UM, Array, from_deg, from_mm, read_only, to_mm
@@ -339,6 +340,7 @@ class DoubleBallBar(LengthGauge):
 
     kind: ClassVar[str] = "edbb"
     can_be_loaded: ClassVar[bool] = True
+    usual_set_up: ClassVar[SetUp] = "robot"  # both its balls are alike: the tool's finds the fixture's cup
     default_noise_um: ClassVar[float] = 1.0
 
 

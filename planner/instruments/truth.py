@@ -18,6 +18,7 @@ from planner.common.units import DEG, MM, UM, Array, read_only, si_unit
 from planner.effects.catalogue import catalogue
 from planner.effects.compliance import compliance_parameters, is_joint_compliance
 from planner.effects.effect import Effect, Parameter
+from planner.instruments.set_up import place_fixtures_by_robot, set_up_sizes
 from planner.model.model import Model
 from planner.runs.run import SIMULATED, Samples
 
@@ -221,13 +222,14 @@ def _add_change(file: TruthFile, change: str) -> TruthFile:
 def draw_truth(cell: Cell, seed: int) -> Truth:
     """Draw every error from its prior size, by its name: one robot in all cells of a seed.
 
-    Joints give way in the direction of their load only.
+    Joints give way in the direction of their load only. Fixtures that are set up by the robot stand where it truly
+    comes, see :mod:`planner.instruments.set_up`.
     """
     model = _truth_model(cell)
     drawn = [np.random.default_rng([seed, crc32(name.encode())]).standard_normal() for name in model.names]
-    sizes = np.array(drawn) * model.prior
+    sizes = np.array(drawn) * set_up_sizes(cell, model)
     gives = np.array([is_joint_compliance(p) for p in model.parameters])
-    errors = np.where(gives, np.abs(sizes), sizes)
+    errors = place_fixtures_by_robot(cell, model, np.where(gives, np.abs(sizes), sizes))
     short = [_round_value(p, float(v)) for p, v in zip(model.parameters, errors, strict=True)]
     return Truth(model, read_only(short))
 

@@ -65,10 +65,11 @@ def _table9(table):
     yield "<h2>TriCal paper, Table 9 and Figure 9</h2>"
     yield (
         "<p>One simulated KUKA KR 6 R700: its errors are those of Table 8, and it has what the paper's 31 parameters "
-        "lack: five gears that run unevenly, play in joint 4, a link that bends. These are sized so that the tracker "
-        "leaves a mean of the published order; the distribution, the maximum and everything that TriCal leaves follow "
-        "from that. All measure the poses that <code>edbb plan</code> chooses, and are judged at the same 500 random "
-        "poses, free of collisions and with the reflector in sight, in a frame that 40 other poses placed.</p>"
+        "lack: five gears that run unevenly, play in joint 4, a link that bends. One size is common to these: that at "
+        "which the tracker leaves the published mean on the average of five such arms; its maximum, its standard "
+        "deviation and everything that TriCal leaves are predictions. All measure the poses that "
+        "<code>edbb plan</code> chooses, and are judged at the same 500 random poses, free of collisions and with the "
+        "reflector in sight, in a frame that 40 other poses placed.</p>"
     )
     head = ("instrument", "poses", "mean (mm)", "max", "std", "published mean / max / std", "difference")
     yield _table(head, lines)

@@ -20,8 +20,7 @@ LENGTHS_MM = {
     "d6": -0.279,
 }  # fmt: skip
 COMPLIANCES = {2: 2.987e-3, 3: -3.238e-3, 4: -8.723e-3, 5: -25.489e-3, 6: -28.161e-3}  # [deg/Nm]
-# what is there besides: uneven gears, a link that bends, play; one size for all, so that what a tracker leaves after
-# calibration is of the published order (0.231 mm)
+# what is there besides: uneven gears, a link that bends, play; one size for all of them, see ``table9.SIZE``
 UNEVEN = {1: 17.0, 2: 15.0, 3: 19.0, 4: 14.0, 5: 16.0}  # joint: knots a turn
 UNEVEN_RAD = 2.2e-4
 BACKLASH_RAD = 2.5e-4

@@ -164,7 +164,8 @@ def test_joints_wander_along_a_drive(tmp_path):
 
 
 def test_drawn_errors_have_the_sizes_of_the_prior_and_are_told(tmp_path):
-    plan = plan_folder(tmp_path)
+    measured = ("[[fixtures]]\n", '[[fixtures]]\nset_up = "measured"\n')  # else it stands where the robot comes
+    plan = plan_folder(tmp_path, changes=(measured,))
     a, b, c = (simulated_run(plan, None, seed) for seed in (1, 1, 2))
     assert a.truth == b.truth != c.truth
     assert (a.readings.length == b.readings.length).all()

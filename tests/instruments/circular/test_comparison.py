@@ -6,10 +6,11 @@ import pytest
 from planner.cell.setup import Targets
 from planner.design.candidates.pool import draw_candidates
 from planner.instruments.circular.plan import circle_samples
+from planner.instruments.set_up import ADJUSTED, solve_fixture_pose
 from planner.instruments.simulation import SAMPLE_RATE
 from planner.instruments.truth import draw_truth
 from planner.runs.run import Samples
-from tests.reproduction.comparison import PAPER, compare_samples, place_fixtures_by_robot, solve_fixture_pose
+from tests.reproduction.comparison import PAPER, compare_samples
 
 
 def test_published_numbers():
@@ -32,10 +33,9 @@ def test_the_fixture_stands_where_the_robot_put_it(planned):
     """Driven onto its fixture again, in that very state, the robot finds the ball: the bar has no length."""
     cell = planned.cell
     truth = draw_truth(cell, 3)
-    errors = place_fixtures_by_robot(cell, truth.model, np.array(truth.errors))
-    moved = errors[[truth.model.names.index(f"fixture_A_{a}") for a in "xyz"]]
+    moved = truth.errors[[truth.model.names.index(f"fixture_A_{a}") for a in "xyz"]]
     assert 1e-4 < np.linalg.norm(moved) < 2e-2
     q = solve_fixture_pose(cell, cell.fixtures[0].p_BX)
     assert np.abs(cell.map_position(q)[0] - cell.fixtures[0].p_BX).max() < 1e-9
-    length = -truth.model.residual(Samples(q, np.zeros(1, dtype=int)), Targets(length=np.zeros(1)), errors)
-    assert np.abs(length).max() < 1e-9
+    length = -truth.model.residual(Samples(q, np.zeros(1, dtype=int)), Targets(length=np.zeros(1)), truth.errors)
+    assert np.abs(length).max() < 5 * ADJUSTED  # the hand's care in three directions, and that of the zero

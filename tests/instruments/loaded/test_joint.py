@@ -28,7 +28,7 @@ NAMES = [f"compliance{i + 1}" for i in range(6)]
 def cell(tmp_path_factory):
     """The shipped cell with a second fixture for the other bar."""
     path = tmp_path_factory.mktemp("cell") / "cell.toml"
-    text = shared.cell_text().replace("length_mm = [129, 136]", "length_mm = [125, 620]")
+    text = shared.cell_text().replace("length_mm = [128, 135]", "length_mm = [125, 620]")
     path.write_text(text + '\n[[fixtures]]\nname = "E"\nposition_mm = [1300, 900, 900]\n')
     return load_cell(str(path), planning=False)
 
