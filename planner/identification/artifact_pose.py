@@ -1,5 +1,6 @@
 """Pose of the gauge's frame: as the cell declares it, and as fitted."""
 
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +12,14 @@ from planner.cell.setup import N_BASE_TRANSFORMS, MeasurementSetup
 from planner.common.units import DEG, MM, Array
 from planner.gauges.placement.flange_poses import LOCATED_TURN_SIGMA
 from planner.identification.least_squares import Fit
-from planner.model.identification_document import FixturePosition, GaugeFrames, PlacePose, ToolPointPosition, Vector
+from planner.model.identification_document import (
+    Estimate,
+    FixturePosition,
+    GaugeFrames,
+    PlacePose,
+    ToolPointPosition,
+    Vector,
+)
 
 # from the cell's place, as a robot by its data sheet finds it; beyond them, moved
 NEAR_DECLARED, NEAR_DECLARED_TURN = 20 * MM, 6 * DEG
@@ -58,22 +66,29 @@ def _apart(R: Array, p: Array, setup: MeasurementSetup) -> tuple[float, float]:
     return float(np.linalg.norm(setup.p_BG[0] - p)), float(turn)
 
 
-def gauge_frames(fit: Fit) -> GaugeFrames:
-    """Compose the poses before the fit with the fitted corrections."""
-    setup, error = fit.setup, fit.values
+def gauge_frames(fit: Fit, estimates: Iterable[Estimate] = ()) -> GaugeFrames:
+    """Compose the poses before the fit with the fitted corrections; standard deviations are those of ``estimates``."""
+    setup, error, std = fit.setup, fit.values, {e.name: e.std for e in estimates}
     framed, places = setup.gauge.frees_base, range(len(setup.place_names))
     return GaugeFrames(
         fixtures=tuple(
-            FixturePosition(name=n, position=_triple(setup.p_BX[s] + _shift(error, "fixture", n)))
+            FixturePosition(
+                name=n,
+                position=_triple(setup.p_BX[s] + _shift(error, "fixture", n)),
+                position_std=_std(std, "fixture", n),
+            )
             for s, n in enumerate(setup.place_names)
             if not framed
         ),
         places=tuple(_place(setup, s, error) for s in places) if framed else (),
         tool=tuple(
-            ToolPointPosition(name=n, p_FM=_triple(setup.p_FM[t] + _shift(error, "map", n)))
+            ToolPointPosition(
+                name=n, p_FM=_triple(setup.p_FM[t] + _shift(error, "map", n)), position_std=_std(std, "map", n)
+            )
             for t, n in enumerate(setup.point_names)
         ),
         zero=setup.zero + error.get("zero", 0.0) if setup.gauge.has_zero else None,
+        zero_std=std.get("zero") if setup.gauge.has_zero else None,
     )
 
 
@@ -94,6 +109,12 @@ def _label(what: str, name: str) -> str:
 
 def _shift(error: dict[str, float], what: str, name: str) -> Array:
     return np.array([error.get(f"{_label(what, name)}_{axis}", 0.0) for axis in "xyz"])
+
+
+def _std(std: Mapping[str, float | None], what: str, name: str) -> Vector | None:
+    """Standard deviations of a position's coordinates [m]; ``None`` where one of them is not known."""
+    known = [v for axis in "xyz" if (v := std.get(f"{_label(what, name)}_{axis}")) is not None]
+    return _triple(np.array(known)) if len(known) == len("xyz") else None
 
 
 def _triple(values: Array) -> Vector:

@@ -31,6 +31,7 @@ from planner.identification.cross_validation import (
 from planner.identification.identifiable_parameters import FittedParameters, estimate_parameters
 from planner.identification.least_squares import Fit
 from planner.identification.release import describe_release, release_robot, tool_point_advice
+from planner.identification.released_parameters import released_estimates
 from planner.identification.released_robot import ReleasedRobot
 from planner.identification.residual_tests import diagnose_residual
 from planner.identification.run_setup import setup_for_run
@@ -220,6 +221,7 @@ def assess_fit(
     released = _release(stages, free, context, cell, time, basis)
     expected = workspace_error(cell, run, found, covariance) if released is None else released.anywhere
     table = _estimate_all(free, found, covariance, traced)
+    estimates = table if released is None else released_estimates(table, released)
     diagnosis = diagnose_residual(found, run.continuous, last.train.rms)
     return Calibration(
         schema_="edbb-identification/1",
@@ -229,7 +231,8 @@ def assess_fit(
         n_validation=None if validation is None else len(validation),
         split=HoldOut(by=parts.by, hold_out=1.0 / parts.folds, within=_within(run, parts, found)),
         stages=tuple(s.stage for s in stages),
-        estimates=table,
+        estimates=estimates,
+        fitted=() if released is None else tuple(e for e in table if e.identifiable),
         degrees_of_freedom=max(1.0, len(found.problem) * found.model.width / time - found.effective),
         findings=tuple(_with_estimates(traced.findings, table)),
         limits=traced.limits,
@@ -241,7 +244,7 @@ def assess_fit(
         release=None if released is None else describe_release(released),
         condition_number=_condition(found),
         correlation_time=time,
-        frames=gauge_frames(found if released is None else released.fit),
+        frames=gauge_frames(found if released is None else released.fit, estimates),
         problems=find_problems(table, stages, found, traced, run, cell),
         warnings=(
             *(*run.warnings, *collect_warnings(run, cell, found, validation)),

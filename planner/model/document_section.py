@@ -25,7 +25,9 @@ KEYS = {
     "position": "position_mm",
     "rpy": "rpy_deg",
     "p_FM": "map_mm",
+    "position_std": "std_mm",
     "zero": "zero_mm",
+    "zero_std": "zero_std_mm",
 }
 """Field of a section and its key in the file, where they differ."""
 SCALES = {"_mm": MM, "_deg": DEG, "held_out_gain": MM}  # by the end of a key

@@ -92,15 +92,15 @@ class Stage(DocumentSection):
 
 
 class Estimate(DocumentSection):
-    """One parameter after the fit.
+    """One parameter, of the robot that is released or of the last stage's fit.
 
     An interval about ``value`` is ``std`` times Student's t at the document's ``degrees_of_freedom``.
 
     Attributes:
         name, unit, what: as in the model.
         value, nominal: of the elementary transform, the fixture, the reading, or a number inside an effect.
-        std: standard deviation; ``None`` where the data do not show the parameter.
-        identifiable: whether it was fitted.
+        std: standard deviation; ``None`` where nothing is known of the parameter.
+        identifiable: whether the run shows it; what it does not show has its usual size for a standard deviation.
         absorbs: names of left-out parameters whose error it also carries.
         because: why it was left out.
         group: ``gauge``, ``geometry`` or the effect it belongs to.
@@ -217,10 +217,12 @@ class Unexplained(DocumentSection):
 
 
 class FixturePosition(DocumentSection):
-    """Where a length gauge's fixture stands in the base frame of the calibrated robot [m]."""
+    """Where a length gauge's fixture stands in the base frame of the calibrated robot, and its deviations [m]."""
 
+    if_any = ("std_mm",)
     name: str
     position: Vector
+    position_std: Vector | None = None
 
 
 class PlacePose(FixturePosition):
@@ -230,20 +232,23 @@ class PlacePose(FixturePosition):
 
 
 class ToolPointPosition(DocumentSection):
-    """Where a measured point sits in the flange frame [m]."""
+    """Where a measured point sits in the flange frame of the calibrated robot, and its standard deviations [m]."""
 
+    if_any = ("std_mm",)
     name: str
     p_FM: Vector
+    position_std: Vector | None = None
 
 
 class GaugeFrames(DocumentSection):
-    """Where the gauge stands after the fit; ``zero`` [m] is what a bar reads beyond its length."""
+    """Where the gauge stands by the calibrated robot; ``zero`` [m] is what a bar reads beyond its length."""
 
-    if_any = ("zero_mm",)
+    if_any = ("zero_mm", "zero_std_mm")
     fixtures: tuple[FixturePosition, ...] = ()
     places: tuple[PlacePose, ...] = ()
     tool: tuple[ToolPointPosition, ...] = ()
     zero: float | None = None
+    zero_std: float | None = None
 
 
 class SizeOfFamily(DocumentSection):
@@ -311,7 +316,9 @@ class Identification(DocumentSection):
         n_samples, n_groups: of the run, and the groups that are held out together; ``n_validation``: samples that took
             no part in any fit.
         stages: in order.
-        estimates: every parameter, seen or not.
+        estimates: every parameter of the robot that is released, seen or not, as it is written.
+        fitted: those that the last stage fitted, as that fit has them: what its findings and residuals belong to, and
+            no robot. Empty where the last stage itself is released, and in files written before there was a difference.
         degrees_of_freedom: readings, correlated ones counted as fewer, less the parameters that they decide.
         findings: effects that tracing found, in the order in which they were found.
         limits: for every effect that was looked for and not found.
@@ -335,6 +342,7 @@ class Identification(DocumentSection):
     split: HoldOut = HoldOut(by="pose", hold_out=0.2)
     stages: tuple[Stage, ...] = Field(min_length=1)
     estimates: tuple[Estimate, ...]
+    fitted: tuple[Estimate, ...] = ()
     degrees_of_freedom: float = Field(ge=1)
     findings: tuple[Finding, ...]
     limits: tuple[DetectionLimit, ...] = ()
@@ -350,6 +358,11 @@ class Identification(DocumentSection):
     problems: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
     simulated: Literal[True] | None = None
+
+    @property
+    def last_fit(self) -> tuple[Estimate, ...]:
+        """Return what the last stage fitted, with the standard deviations of that fit alone."""
+        return self.fitted or tuple(e for e in self.estimates if e.identifiable)
 
     @classmethod
     def read(cls, path: Path) -> Self:

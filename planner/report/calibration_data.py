@@ -61,9 +61,13 @@ class CalibrationFacts:
 
     @cached_property
     def moves(self) -> Array:
-        """How far each fitted error moves the reading, (P,) [m], root mean square over the samples looked at."""
+        """How far the error of each fitted parameter moves the reading, (P,) [m], rms over the samples looked at.
+
+        Errors are those of the robot as it is written; 0 for an effect that it does not hold.
+        """
         fit, samples = self.calibration.fit, self.calibration.run.samples.take(self.looked_samples)
-        rows = fit.model.rows(samples, fit.errors)[:, :3] * fit.errors
+        error = {e.name: e.value - e.nominal for e in self.calibration.estimates}
+        rows = fit.model.rows(samples, fit.errors)[:, :3] * np.array([error.get(n, 0.0) for n in fit.model.names])
         return np.asarray(np.sqrt((rows**2).sum(axis=1).mean(axis=0)))
 
     @cached_property

@@ -1,5 +1,6 @@
 """The report of a calibration: one page that needs nothing else, and a PNG of each chart."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -55,7 +56,7 @@ def calibration_content(facts: CalibrationFacts) -> dict[str, Any]:
         "trials": [(t.along, chance_text(t.p_value), in_mm(t.rms, 2)) for t in trials],
         "moved": _most_moved(facts),
         "parameters": [_parameter(facts, e) for e in c.estimates if e.identifiable],
-        "unseen": [(e.name, e.what, _nominal(e), e.because or "") for e in c.estimates if not e.identifiable],
+        "unseen": [_unseen(e) for e in c.estimates if not e.identifiable],
         "correlations": text.correlation_text(c.fit.model.names, facts.correlation) if len(c.fit.errors) > 1 else (),
         "outliers": [_outlier(c, int(k)) for k in c.fit.outliers[:OUTLIERS]],
         "outliers_more": max(0, len(c.fit.outliers) - OUTLIERS),
@@ -83,7 +84,11 @@ def _facts(facts: CalibrationFacts) -> tuple[Row, ...]:
         (f"{read}, mean", f"{in_mm(after.mean)} mm", f"held out; was {in_mm(before.mean)} mm"),
         ("largest", f"{in_mm(after.largest)} mm", f"held out; was {in_mm(before.largest)} mm"),
         ("readings", count_text(len(c.run)), f"in {count_text(c.n_groups)} {several}"),
-        ("parameters", f"{len(c.fit.errors)} of {len(c.estimates)}", "seen and fitted"),
+        (
+            "parameters",
+            f"{len(c.fit.errors)} of {len({e.name for e in (*c.estimates, *c.last_fit)})}",
+            "seen and fitted",
+        ),
         ("condition", digits(c.condition_number or np.inf), "of the rows, scaled"),
         ("outliers", count_text(len(c.fit.outliers)), floor),
     )
@@ -107,10 +112,10 @@ def _metrics(m: Metrics | None) -> Row:
 
 
 def _most_moved(facts: CalibrationFacts) -> list[Row]:
-    """The fitted errors of the robot that move the reading most: name, what, change, unit, by how much, absorbed."""
+    """The errors of the written robot that move the reading most: name, what, change, unit, by how much, absorbed."""
     c = facts.calibration
     by_name = {e.name: e for e in c.estimates}
-    shown = [(by_name[n], float(m)) for n, m in zip(c.fit.model.names, facts.moves, strict=True)]
+    shown = [(by_name[n], float(m)) for n, m in zip(c.fit.model.names, facts.moves, strict=True) if n in by_name]
     robot = sorted((x for x in shown if x[0].group != "gauge"), key=lambda x: (-x[1], x[0].name))
     rows = list[Row]()
     for e, moves in robot[:MOST_MOVED]:
@@ -127,6 +132,12 @@ def _parameter(facts: CalibrationFacts, e: Estimate) -> Row:
     times = f"{abs(change) / e.std:.1f}" if e.std > 0 else "–"
     numbers = (_nominal(e), _format(e, e.value), _format(e, change, "+"), _format(e, e.std))
     return (e.name, e.what, unit, *numbers, times, in_mm(moves, 2), ", ".join(e.absorbs))
+
+
+def _unseen(e: Estimate) -> Row:
+    """Name, what, unit, nominal, value of the robot as it is written, ±, and why the run does not show it."""
+    numbers = (_nominal(e), _nominal(e) if e.value == e.nominal else _format(e, e.value), _format(e, e.std))
+    return (e.name, e.what, text.estimate_unit(e)[0], *numbers, e.because or "")
 
 
 def _nominal(e: Estimate) -> str:
@@ -154,17 +165,28 @@ def _outlier(c: Calibration, k: int) -> Row:
 def _gauge(facts: CalibrationFacts) -> tuple[Row, ...]:
     """Where the gauge stands: (what, position or angles)."""
     f = facts.calibration.frames
-    rows = [(f"fixture {x.name}".strip(), f"{_triple(to_mm(x.position))} mm in the base frame") for x in f.fixtures]
+    rows = [
+        (f"fixture {x.name}".strip(), f"{_position(x.position, x.position_std)} mm in the base frame")
+        for x in f.fixtures
+    ]
     for place in f.places:
         what = f"frame of the gauge {place.name}".strip()
         rows.append((what, f"{_triple(to_mm(place.position))} mm in the base frame"))
         rows.append(("its roll, pitch, yaw", f"{_triple(to_deg(place.rpy), 4)} deg"))
     for point in f.tool:
         what = f"tool point {point.name}" if len(f.tool) > 1 else "tool point"
-        rows.append((what, f"{_triple(to_mm(point.p_FM))} mm in the flange frame"))
+        rows.append((what, f"{_position(point.p_FM, point.position_std)} mm in the flange frame"))
     if f.zero is not None:
-        rows.append(("zero of the gauge", f"{float(to_mm(f.zero)):.4f} mm"))
+        std = "" if f.zero_std is None else f" ± {float(to_mm(f.zero_std)):.4f}"
+        rows.append(("zero of the gauge", f"{float(to_mm(f.zero)):.4f}{std} mm"))
     return tuple(rows)
+
+
+def _position(p: Sequence[float], std: Sequence[float] | None) -> str:
+    """Return a position [m] in mm, each coordinate with its standard deviation where that is known."""
+    if std is None:
+        return _triple(to_mm(p))
+    return ", ".join(f"{v:.3f} ± {s:.3f}" for v, s in zip(to_mm(p), to_mm(std), strict=True))
 
 
 def _triple(values: np.ndarray, decimals: int = 3) -> str:

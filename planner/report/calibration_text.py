@@ -25,16 +25,18 @@ LISTED_PARAMETERS = 8  # parameters of one effect that are listed
 
 
 def declared_effects_text(c: Calibration) -> tuple[str, ...]:
-    """Say one sentence for each effect of the last stage that no tracing brought, with its values."""
+    """Say one sentence for each effect of the last stage that no tracing brought, with its values as written."""
     traced = {f.name for f in c.findings}
     return tuple(_sentence(c, kind) for kind in c.stages[-1].effects if kind not in traced and ", " not in kind)
 
 
 def _sentence(c: Calibration, kind: str) -> str:
-    own = [e for e in c.estimates if e.group == kind and e.identifiable]
+    written = [e for e in c.estimates if e.group == kind and e.identifiable]
+    own = written or [e for e in c.last_fit if e.group == kind]
     listed = ", ".join(_value(e) for e in own[:LISTED_PARAMETERS])
     more = f" and {len(own) - LISTED_PARAMETERS} more" if len(own) > LISTED_PARAMETERS else ""
-    return f"Fitted beside the geometry: {kind} ({listed}{more})."
+    where = "" if written else "; the robot as written does not hold it"
+    return f"Fitted beside the geometry: {kind} ({listed}{more}){where}."
 
 
 def _value(e: Estimate) -> str:

@@ -47,7 +47,7 @@ def certificate_content(context: ServiceContext, job: Job) -> dict[str, object]:
         "recorded": find_recorded(context, job.id),
         "gauge": _gauge(cell),
         "plan_id": "" if plan is None else str(json.loads(context.files.path(plan).read_bytes()).get("plan_id", "")),
-        "fitted": sum(e.identifiable for e in found.document.estimates),
+        "fitted": len(found.document.last_fit),
         "results": _results(found),
         "validation": find_validation(context, outputs["robot.toml"]),
         "repeatability_mm": scatter,

@@ -53,7 +53,7 @@ class CalibrationResult(FolderResult):
         """Return how far off the robot is before and after, and why."""
         found = self.calibration
         wide = 2 + max(26, *(len(s.name) for s in found.stages))
-        fitted = sum(e.identifiable for e in found.estimates)
+        fitted = len(found.last_fit)
         release = None if found.problems else found.release
         leads = [] if release is None else [_workspace_text(release, found.workspace_error)]
         lines = [

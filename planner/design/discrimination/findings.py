@@ -38,7 +38,7 @@ class IdentificationResult:
     Attributes:
         path: of the file.
         found: its findings.
-        values: of all parameters by name, in SI units.
+        values: of the parameters that its last stage fitted, by name, in SI units: those of the findings' sizes.
         document: the file.
     """
 
@@ -80,4 +80,4 @@ def read_identification(path: Path, robot: str, n_joints: int) -> Identification
         )
         for f in part.findings
     )
-    return IdentificationResult(path, found, {e.name: e.value for e in part.estimates}, part)
+    return IdentificationResult(path, found, {e.name: e.value for e in part.last_fit}, part)
