@@ -12,14 +12,8 @@ from planner.cell.setup import N_BASE_TRANSFORMS, MeasurementSetup
 from planner.common.units import DEG, MM, Array
 from planner.gauges.placement.flange_poses import LOCATED_TURN_SIGMA
 from planner.identification.least_squares import Fit
-from planner.model.identification_document import (
-    Estimate,
-    FixturePosition,
-    GaugeFrames,
-    PlacePose,
-    ToolPointPosition,
-    Vector,
-)
+from planner.model.gauge_frames import FixturePosition, GaugeFrames, PlacePose, ToolPointPosition, Vector
+from planner.model.identification_document import Estimate
 
 # from the cell's place, as a robot by its data sheet finds it; beyond them, moved
 NEAR_DECLARED, NEAR_DECLARED_TURN = 20 * MM, 6 * DEG
@@ -66,8 +60,11 @@ def _apart(R: Array, p: Array, setup: MeasurementSetup) -> tuple[float, float]:
     return float(np.linalg.norm(setup.p_BG[0] - p)), float(turn)
 
 
-def gauge_frames(fit: Fit, estimates: Iterable[Estimate] = ()) -> GaugeFrames:
-    """Compose the poses before the fit with the fitted corrections; standard deviations are those of ``estimates``."""
+def gauge_frames(fit: Fit, estimates: Iterable[Estimate], beside_robot: Mapping[str, float | None]) -> GaugeFrames:
+    """Compose the poses before the fit with the fitted corrections.
+
+    Standard deviations are those of ``estimates``, and by name those ``beside_robot``, which counts as known.
+    """
     setup, error, std = fit.setup, fit.values, {e.name: e.std for e in estimates}
     framed, places = setup.gauge.frees_base, range(len(setup.place_names))
     return GaugeFrames(
@@ -83,7 +80,10 @@ def gauge_frames(fit: Fit, estimates: Iterable[Estimate] = ()) -> GaugeFrames:
         places=tuple(_place(setup, s, error) for s in places) if framed else (),
         tool=tuple(
             ToolPointPosition(
-                name=n, p_FM=_triple(setup.p_FM[t] + _shift(error, "map", n)), position_std=_std(std, "map", n)
+                name=n,
+                p_FM=_triple(setup.p_FM[t] + _shift(error, "map", n)),
+                position_std=_std(std, "map", n),
+                std_beside_robot=_std(beside_robot, "map", n),
             )
             for t, n in enumerate(setup.point_names)
         ),

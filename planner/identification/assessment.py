@@ -14,7 +14,7 @@ from planner.design.observability.information import r_factor
 from planner.effects.steps import SLIP
 from planner.identification.angle_hints import angle_hint
 from planner.identification.artifact_pose import declared_pose_warnings, gauge_frames
-from planner.identification.calibration import Calibration, ResidualDiagnosis, TracingResult
+from planner.identification.calibration import Calibration, ResidualDiagnosis, TracingResult, find_joint_zeros
 from planner.identification.covariance import (
     consider_covariance,
     parameter_covariance,
@@ -31,11 +31,12 @@ from planner.identification.cross_validation import (
 from planner.identification.identifiable_parameters import FittedParameters, estimate_parameters
 from planner.identification.least_squares import Fit
 from planner.identification.release import describe_release, release_robot, tool_point_advice
-from planner.identification.released_parameters import released_estimates
+from planner.identification.released_parameters import released_estimates, std_beside_robot
 from planner.identification.released_robot import ReleasedRobot
 from planner.identification.residual_tests import diagnose_residual
 from planner.identification.run_setup import setup_for_run
 from planner.identification.stages import FitContext, FittedStage
+from planner.model.gauge_frames import GaugeFrames
 from planner.model.identification_document import (
     Estimate,
     Finding,
@@ -232,6 +233,7 @@ def assess_fit(
         split=HoldOut(by=parts.by, hold_out=1.0 / parts.folds, within=_within(run, parts, found)),
         stages=tuple(s.stage for s in stages),
         estimates=estimates,
+        joint_zeros=find_joint_zeros(found.setup.robot, estimates),
         fitted=() if released is None else tuple(e for e in table if e.identifiable),
         degrees_of_freedom=max(1.0, len(found.problem) * found.model.width / time - found.effective),
         findings=tuple(_with_estimates(traced.findings, table)),
@@ -244,7 +246,7 @@ def assess_fit(
         release=None if released is None else describe_release(released),
         condition_number=_condition(found),
         correlation_time=time,
-        frames=gauge_frames(found if released is None else released.fit, estimates),
+        frames=_frames(found, released, estimates),
         problems=find_problems(table, stages, found, traced, run, cell),
         warnings=(
             *(*run.warnings, *collect_warnings(run, cell, found, validation)),
@@ -261,6 +263,12 @@ def assess_fit(
         diagnosis=diagnosis,
         released=released,
     )
+
+
+def _frames(found: Fit, released: ReleasedRobot | None, estimates: Sequence[Estimate]) -> GaugeFrames:
+    """Return where gauge and tool are by the robot that is written."""
+    written, known = (found, found) if released is None else (released.fit, released.posterior.fit)
+    return gauge_frames(written, estimates, std_beside_robot(known))
 
 
 def _fit_all_samples(stages: list[FittedStage], context: FitContext) -> list[FittedStage]:

@@ -20,7 +20,7 @@ from planner.effects.effect import Parameter, ParameterMove
 from planner.effects.phi_keys import belongs_to_gauge, functions_in, is_static, needs_loads, phi_from_key
 from planner.effects.steps import SLIP, STEP
 from planner.identification.calibration import Calibration
-from planner.kinematics.robot import Loads, Robot, RobotEffect
+from planner.kinematics.robot import Loads, Robot, RobotEffect, ToolPoint
 from planner.kinematics.robot_writer import RobotCorrections, mesh_files, write_robot
 from planner.model.model import chunks
 from planner.runs.run import Samples
@@ -193,7 +193,8 @@ def calibrated_files(calibration: Calibration) -> tuple[tuple[str, str], ...]:
     """Return name and text of ``robot.toml`` and, for a robot given as URDF, of the corrected ``robot.urdf``.
 
     The geometry goes into the kinematic rows (or the URDF's origins), effects of the robot into ``[[effects]]`` and
-    the loads that they were found under into ``[loads]``; what belongs to the gauge stays out. All else is as it was.
+    the loads that they were found under into ``[loads]``, the measured points of the tool, as they sit in the flange of
+    this robot, into ``[[tool_points]]``; what else belongs to the gauge stays out. All else is as it was.
 
     Raises:
         InputError: the robot's own file can no longer be read.
@@ -201,12 +202,24 @@ def calibrated_files(calibration: Calibration) -> tuple[tuple[str, str], ...]:
     robot = calibration.setup.robot
     effects = tuple(_effects(calibration))
     loads = _loads(calibration.setup) if effects else None
-    return write_robot(robot, RobotCorrections(tuple(_geometry(calibration)), effects, loads, _source(calibration)))
+    geometry, points, simulated = (
+        tuple(_geometry(calibration)),
+        tuple(_tool_points(calibration)),
+        bool(calibration.simulated),
+    )
+    found = RobotCorrections(geometry, effects, loads, _source(calibration), points, simulated)
+    return write_robot(robot, found)
 
 
 def calibrated_meshes(calibration: Calibration) -> tuple[tuple[str, bytes], ...]:
     """Return name (``meshes/…``) and content of the collision meshes that :func:`calibrated_files` refers to."""
     return mesh_files(calibration.setup.robot)
+
+
+def _tool_points(c: Calibration) -> Iterator[ToolPoint]:
+    for t in c.frames.tool:
+        own, beside = (None if v is None else read_only(v) for v in (t.position_std, t.std_beside_robot))
+        yield ToolPoint(t.name, read_only(t.p_FM), own, beside)
 
 
 def _geometry(c: Calibration) -> Iterator[tuple[str, float]]:

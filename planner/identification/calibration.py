@@ -1,5 +1,6 @@
 """The result of identification: the document, and the parts of the fit that stay in memory."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -11,7 +12,16 @@ from planner.common.units import Array, to_deg
 from planner.design.observability.identifiability import DroppedParameter
 from planner.identification.least_squares import Fit
 from planner.identification.released_robot import ReleasedRobot
-from planner.model.identification_document import DetectionLimit, Finding, Identification, OnlyInMemory, RejectedEffect
+from planner.kinematics.robot import Robot
+from planner.model.gauge_frames import JointZero
+from planner.model.identification_document import (
+    DetectionLimit,
+    Estimate,
+    Finding,
+    Identification,
+    OnlyInMemory,
+    RejectedEffect,
+)
 from planner.runs.run import Run
 
 
@@ -88,28 +98,59 @@ class Calibration(Identification):
         return self.fit.setup
 
 
-def joint_zeros_text(c: Calibration) -> str:
-    """Return the joint zeros [deg] with their standard deviations; empty where the run shows none.
+ZEROS_OR_MODEL = "set these zeros in the controller, or correct programs by robot.toml, not both"
+MOST_DECIMALS = 6  # of a degree
+
+
+def find_joint_zeros(robot: Robot, estimates: Sequence[Estimate]) -> tuple[JointZero, ...]:
+    """Return what the joints' zeros are off, by the values of a robot's parameters.
 
     A controller's angle q turns the model by A q + θ₀, so errors of θ are A times errors of q. A joint that the run
-    does not show, or that is coupled to such a joint, has none; one whose zero also stands for other errors bears a *.
+    does not show, or that is coupled to such a joint, has none.
     """
-    robot = c.setup.robot
     names = [f"theta{k + 1}" for k in range(robot.n_joints)]
-    seen = {e.name: e for e in c.estimates if e.identifiable}
+    seen = {e.name: e for e in estimates if e.identifiable}
     shift = np.array([seen[n].value - seen[n].nominal if n in seen else 0.0 for n in names])
     std = np.array([(seen[n].std or 0.0) if n in seen else 0.0 for n in names])
     turn = np.linalg.inv(robot.sense_matrix)
-    zero, sigma = to_deg(turn @ shift), to_deg(np.sqrt(turn**2 @ std**2))
+    zero, sigma = turn @ shift, np.sqrt(turn**2 @ std**2)
     shown = ((turn == 0.0) | np.array([n in seen for n in names])).all(axis=1)
-    if not shown.any():
+    return tuple(
+        JointZero(
+            joint=int(k) + 1,
+            offset=float(zero[k]),
+            offset_std=float(sigma[k]),
+            absorbs=seen[names[k]].absorbs if names[k] in seen else (),
+        )
+        for k in np.flatnonzero(shown)
+    )
+
+
+def joint_zeros_text(c: Calibration) -> str:
+    """Return the joint zeros [deg] with their standard deviations; empty where the run shows none.
+
+    One whose zero also stands for other errors bears a *. The decimals are those of the standard deviation.
+    """
+    if not c.joint_zeros:
         return ""
-    stars = ["*" if n in seen and seen[n].absorbs else "" for n in names]
-    parts = [f"joint {k + 1} {zero[k]:+.3f} ± {sigma[k]:.3f}°{stars[k]}" for k in np.flatnonzero(shown)]
-    unseen = ", ".join(str(k + 1) for k in np.flatnonzero(~shown))
+    parts = [
+        f"joint {z.joint} {_degrees(z.offset, z.offset_std, '+')} ± {_degrees(z.offset_std, z.offset_std)}°"
+        f"{'*' if z.absorbs else ''}"
+        for z in c.joint_zeros
+    ]
+    shown = {z.joint for z in c.joint_zeros}
+    unseen = ", ".join(str(k) for k in range(1, c.setup.robot.n_joints + 1) if k not in shown)
     remarks = [
         "add it to the angle that is shown",
-        "* also stands for errors that the run does not show" if any(stars) else "",
+        "* also stands for errors that the run does not show" if any(z.absorbs for z in c.joint_zeros) else "",
         f"not seen: joint {unseen}" if unseen else "",
+        ZEROS_OR_MODEL,
     ]
     return f"{', '.join(parts)} ({'; '.join(filter(None, remarks))})"
+
+
+def _degrees(value: float, std: float, sign: str = "") -> str:
+    """Write an angle [rad] in degrees, with two digits of its standard deviation; never as minus zero."""
+    size = float(to_deg(std))
+    decimals = 3 if size <= 0 else int(np.clip(1 - np.floor(np.log10(size)), 1, MOST_DECIMALS))
+    return f"{round(float(to_deg(value)), decimals) + 0.0:{sign}.{decimals}f}"

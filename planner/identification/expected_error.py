@@ -67,7 +67,7 @@ class ExpectedErrorFile(StrictModel):
 
     Attributes:
         robot_sha256: of the ``robot.toml`` that it belongs to.
-        tool_mm: measured tool point in the flange frame.
+        tool_mm: measured tool point in the flange frame of the released robot.
         parameters: P that move the tool.
         nominal, geometry, released: values of the three robots less what the run expects, (P,) [m, rad, …].
         spread: root of the parameters' covariance, (P, r).
@@ -107,7 +107,7 @@ def expected_error_text(released: ReleasedRobot, robot_toml: str) -> str:
         "schema": "edbb-expected-error/1",
         "robot": setup.robot.name,
         "robot_sha256": sha256(robot_toml.encode()).hexdigest(),
-        "tool_mm": few_digits(to_mm(tool.p_FM), DIGITS).tolist(),
+        "tool_mm": few_digits(to_mm(released.tool_point), DIGITS).tolist(),
         "parameters": list(_describe(tool.names, moving_effects(released.posterior.fit), setup)),
         **offsets,
         "spread": few_digits(root, DIGITS).tolist(),

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from planner.common.units import Array
+from planner.identification.least_squares import Fit
 from planner.identification.released_robot import ReleasedRobot
 from planner.model.identification_document import Estimate
 
@@ -32,3 +33,17 @@ def released_std(released: ReleasedRobot, names: Sequence[str]) -> Array:
     """Return the standard deviation of parameters of the released robot, (K,); 0 where the posterior lacks one."""
     spread, off = released.spread(names), released.offset(names, released.fit)
     return np.asarray(np.sqrt((spread**2).sum(axis=1) + off**2))
+
+
+def std_beside_robot(fit: Fit) -> dict[str, float]:
+    """Return the standard deviations of the gauge's parameters, by name, where the robot counts as known as it is.
+
+    A tool point and the last link can often not be told apart: each alone is known to a millimetre, and the point as it
+    belongs to one robot to a hundredth of it. By the block of the information that the gauge's parameters have.
+    """
+    gauge = [k for k, p in enumerate(fit.model.parameters) if p.group == "gauge"]
+    if not gauge:
+        return {}
+    own = fit.solution.factor[:, gauge]
+    std = fit.problem.prior[gauge] * np.sqrt(np.diag(np.linalg.pinv(own.T @ own)))
+    return {fit.model.names[k]: float(s) for k, s in zip(gauge, std, strict=True)}

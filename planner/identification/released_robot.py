@@ -105,6 +105,13 @@ class ReleasedRobot:
             del kept[faint[k]]
         return kept
 
+    @property
+    def tool_point(self) -> Array:
+        """The first tool point in the flange of this robot, (3,) [m]."""
+        first = next(iter(self.fit.setup.point_names), "")
+        axes = [f"map_{first}_{axis}" if first else f"map_{axis}" for axis in "xyz"]
+        return np.asarray(self.tool.p_FM + self.fit.at(axes))
+
     def _rows_of(self, names: Sequence[str]) -> Array:
         rows = self.tool.rows.reshape(-1, len(self.tool.names))
         return np.asarray(rows[:, [self.tool.names.index(n) for n in names]])

@@ -16,7 +16,8 @@ from planner.identification.calibrated_robot import CalibratedRobot
 from planner.kinematics.geometry import registration, skew
 from planner.kinematics.robot import Loads, Robot
 from planner.kinematics.robot_reader import load_robot
-from planner.model.identification_document import Identification, PlacePose
+from planner.model.gauge_frames import PlacePose
+from planner.model.identification_document import Identification
 from planner.model.model import Model
 from planner.runs.run import Run
 

@@ -59,6 +59,23 @@ class Loads:
 
 
 @dataclass(frozen=True)
+class ToolPoint:
+    """A measured point of the tool.
+
+    Attributes:
+        name: of the point, empty where the tool has only one.
+        p_FM: in the flange of the calibrated robot, (3,) [m].
+        std: its standard deviations in the true flange, (3,) [m], or ``None``.
+        std_beside_robot: the same in the flange of this robot, which counts as known.
+    """
+
+    name: str
+    p_FM: Array
+    std: Array | None = None
+    std_beside_robot: Array | None = None
+
+
+@dataclass(frozen=True)
 class Priors:
     """One-sigma sizes of errors before calibration: lengths [m], angles [rad], compliances of joints [rad/Nm].
 
@@ -101,6 +118,8 @@ class Robot:
         priors: how large its errors usually are.
         nominal_transforms: those of the controller's own model, where they differ from ``transforms``.
         conventions: how the controllers that its file names count its axes.
+        tool_points: of a calibrated robot, where the points that were measured sit in its flange.
+        simulated: of a calibrated robot, whether its readings were simulated; ``None`` where its file does not say.
     """
 
     name: str
@@ -134,6 +153,8 @@ class Robot:
     nominal_transforms: tuple[Transform, ...] = ()
     conventions: tuple[AxisConvention, ...] = ()
     packages: Packages = NO_PACKAGES
+    tool_points: tuple[ToolPoint, ...] = ()
+    simulated: bool | None = None
 
     @cached_property
     def nominal(self) -> Robot:

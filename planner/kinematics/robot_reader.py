@@ -23,6 +23,7 @@ from planner.kinematics.robot_tables import (
     ROW_KEYS,
     LoadsTable,
     RobotEffectTable,
+    ToolPointTable,
     effects_from_tables,
     loads_from_table,
     nominal_from_table,
@@ -143,6 +144,8 @@ class RobotDescription(StrictModel):
     effects: tuple[RobotEffectTable, ...] = ()
     loads: LoadsTable | None = None
     nominal: dict[str, float] = {}
+    tool_points: tuple[ToolPointTable, ...] = ()
+    simulated: bool | None = None
     controllers: dict[Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9-]*$")], ControllerTable] = {}
 
     @model_validator(mode="after")
@@ -331,6 +334,8 @@ def _build_robot(
         effects=effects_from_tables(path, file.effects, whole),
         loads=loads_from_table(file.loads),
         nominal_transforms=nominal_from_table(path, file.nominal, whole) if file.nominal else (),
+        tool_points=tuple(t.point() for t in file.tool_points),
+        simulated=file.simulated,
         conventions=tuple(_conventions(file, path, limits, None if urdf is None else (urdf, A, -sense * zero))),
     )
 

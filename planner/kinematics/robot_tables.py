@@ -16,7 +16,7 @@ from planner.common.schema import StrictModel
 from planner.common.units import DEG, MM, from_deg, from_mm, read_only, si_unit
 from planner.kinematics.bodies import Vector
 from planner.kinematics.chain import Transform
-from planner.kinematics.robot import BASE_TRANSFORMS, Loads, RobotEffect
+from planner.kinematics.robot import BASE_TRANSFORMS, Loads, RobotEffect, ToolPoint
 
 
 class RobotEffectTable(StrictModel):
@@ -42,6 +42,20 @@ class LoadsTable(StrictModel):
     payload_kg: Annotated[float, Field(ge=0)] = 0.0
     com_mm: Vector = (0.0, 0.0, 0.0)
     base_rpy_deg: Vector = (0.0, 0.0, 0.0)
+
+
+class ToolPointTable(StrictModel):
+    """One ``[[tool_points]]`` table: where a measured point sits in the flange that belongs to a calibrated robot."""
+
+    name: str = ""
+    position_mm: Vector
+    std_mm: Vector | None = None
+    std_beside_robot_mm: Vector | None = None
+
+    def point(self) -> ToolPoint:
+        """Return it in SI units."""
+        own, beside = (None if v is None else read_only(from_mm(v)) for v in (self.std_mm, self.std_beside_robot_mm))
+        return ToolPoint(self.name, read_only(from_mm(self.position_mm)), own, beside)
 
 
 def effects_from_tables(

@@ -14,7 +14,7 @@ import tomli_w
 from planner.common.lazy_modules import pin
 from planner.common.units import DEG, MM, Array, file_unit, si_unit, to_deg, to_mm
 from planner.kinematics.chain import Transform, is_of_link_before
-from planner.kinematics.robot import Loads, Robot, RobotEffect, elementary_placement
+from planner.kinematics.robot import Loads, Robot, RobotEffect, ToolPoint, elementary_placement
 from planner.kinematics.robot_reader import describe_robot
 from planner.kinematics.robot_tables import ROW_KEYS, nominal_key
 from planner.kinematics.urdf import is_urdf, read_urdf, write_urdf
@@ -118,6 +118,7 @@ HEADER = """\
 # Calibrated robot, to be used wherever the nominal one is. {remark}
 # The controller's own model stays as it is: where it differs from this file, its values stand in [nominal].
 """
+STD_DECIMALS = 5  # of a standard deviation in mm
 NOMINAL_MARK = "#\n# The nominal file says:\n"
 NUMBERS = re.compile(r"\[\s+((?:[-+.\deE]+,\s+)+)\]")  # an array of numbers, one a line
 
@@ -130,12 +131,16 @@ class RobotCorrections:
         values: elementary transforms that changed: name and corrected value [m, rad].
         effects: what was found beyond geometry, and the ``loads`` it was found under.
         source: one sentence: which run, which fit.
+        tool_points: where the measured points sit in the flange of the corrected robot.
+        simulated: whether the readings were simulated; ``None`` leaves it unsaid.
     """
 
     values: tuple[tuple[str, float], ...]
     effects: tuple[RobotEffect, ...]
     loads: Loads | None
     source: str
+    tool_points: tuple[ToolPoint, ...] = ()
+    simulated: bool | None = None
 
 
 def write_robot(robot: Robot, found: RobotCorrections) -> tuple[tuple[str, str], ...]:
@@ -200,7 +205,7 @@ def _nominal_content(robot: Robot) -> dict[str, object]:
     if is_urdf(robot.path):
         return {"schema": "edbb-robot/1", "name": robot.name, "convention": "urdf"}
     file = describe_robot(robot.path)
-    added = {"effects", "loads", "nominal"}
+    added = {"effects", "loads", "nominal", "tool_points", "simulated"}
     return file.model_dump(mode="json", by_alias=True, exclude=added, exclude_unset=True, exclude_none=True)
 
 
@@ -229,7 +234,7 @@ def _correct_rows(robot: Robot, content: dict[str, object], values: Mapping[str,
 
 
 def _calibration_tables(robot: Robot, changed: frozenset[str], found: RobotCorrections) -> dict[str, object]:
-    """Return the tables ``nominal``, ``loads`` and ``effects``."""
+    """Return the tables ``nominal``, ``loads``, ``effects`` and ``tool_points``, and whether it was simulated."""
     nominal = {
         nominal_key(t): _file_value(t.kind == "translation", t.nominal)
         for t, now in zip(robot.nominal.transforms, robot.transforms, strict=True)
@@ -242,9 +247,22 @@ def _calibration_tables(robot: Robot, changed: frozenset[str], found: RobotCorre
             "com_mm": _rounded_list(to_mm(found.loads.com_F)),
             "base_rpy_deg": _rounded_list(to_deg(found.loads.base_rpy)),
         }
+    if found.tool_points:
+        out["tool_points"] = [_tool_point_table(t) for t in found.tool_points]
+    if found.simulated is not None:
+        out["simulated"] = found.simulated
     if found.effects:
         out["effects"] = [_effect_table(e) for e in found.effects]
     return out
+
+
+def _tool_point_table(t: ToolPoint) -> dict[str, object]:
+    std = {"std_mm": t.std, "std_beside_robot_mm": t.std_beside_robot}
+    return {
+        **({"name": t.name} if t.name else {}),
+        "position_mm": _rounded_list(to_mm(t.p_FM), DIGITS["translation"]),
+        **{key: _rounded_list(to_mm(v), STD_DECIMALS) for key, v in std.items() if v is not None},
+    }
 
 
 def _effect_table(e: RobotEffect) -> dict[str, object]:
@@ -265,5 +283,5 @@ def _file_value(length: bool, value: float) -> float:
     return round(value / MM, DIGITS["translation"]) + 0.0 if length else round(value / DEG, DIGITS["rotation"]) + 0.0
 
 
-def _rounded_list(v: Array) -> list[float]:
-    return [round(float(c), 10) + 0.0 for c in v]
+def _rounded_list(v: Array, decimals: int = 10) -> list[float]:
+    return [round(float(c), decimals) + 0.0 for c in v]

@@ -26,6 +26,9 @@ KEYS = {
     "rpy": "rpy_deg",
     "p_FM": "map_mm",
     "position_std": "std_mm",
+    "std_beside_robot": "std_beside_robot_mm",
+    "offset": "zero_deg",
+    "offset_std": "std_deg",
     "zero": "zero_mm",
     "zero_std": "zero_std_mm",
 }

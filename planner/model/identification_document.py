@@ -13,8 +13,8 @@ from planner.common.arrays import mean_by_group
 from planner.common.schema import read_json, validate
 from planner.common.units import Array
 from planner.model.document_section import DocumentSection
+from planner.model.gauge_frames import GaugeFrames, JointZero
 
-Vector = tuple[float, float, float]
 DIGITS = 9  # significant ones: what lies below differs with the order of a sum
 LEAST_LOG_P = -700.0  # logarithm of the smallest chance that JSON's numbers hold without loss
 OnlyInMemory = GetPydanticSchema(lambda *_: any_schema())
@@ -216,41 +216,6 @@ class Unexplained(DocumentSection):
     note: str = ""
 
 
-class FixturePosition(DocumentSection):
-    """Where a length gauge's fixture stands in the base frame of the calibrated robot, and its deviations [m]."""
-
-    if_any = ("std_mm",)
-    name: str
-    position: Vector
-    position_std: Vector | None = None
-
-
-class PlacePose(FixturePosition):
-    """How a tracker's or plate's frame stands there; roll, pitch, yaw about the base's fixed axes [rad]."""
-
-    rpy: Vector
-
-
-class ToolPointPosition(DocumentSection):
-    """Where a measured point sits in the flange frame of the calibrated robot, and its standard deviations [m]."""
-
-    if_any = ("std_mm",)
-    name: str
-    p_FM: Vector
-    position_std: Vector | None = None
-
-
-class GaugeFrames(DocumentSection):
-    """Where the gauge stands by the calibrated robot; ``zero`` [m] is what a bar reads beyond its length."""
-
-    if_any = ("zero_mm", "zero_std_mm")
-    fixtures: tuple[FixturePosition, ...] = ()
-    places: tuple[PlacePose, ...] = ()
-    tool: tuple[ToolPointPosition, ...] = ()
-    zero: float | None = None
-    zero_std: float | None = None
-
-
 class SizeOfFamily(DocumentSection):
     """How large effects of one family are: rms factor on the sizes that the catalogue expects.
 
@@ -268,7 +233,7 @@ class WorkToolError(DocumentSection):
     ``nominal_anywhere`` is that of the robot before. Where the point sits in the true flange counts as known.
     """
 
-    position: Vector
+    position: tuple[float, float, float]
     anywhere: float
     nominal_anywhere: float
 
@@ -319,6 +284,7 @@ class Identification(DocumentSection):
         estimates: every parameter of the robot that is released, seen or not, as it is written.
         fitted: those that the last stage fitted, as that fit has them: what its findings and residuals belong to, and
             no robot. Empty where the last stage itself is released, and in files written before there was a difference.
+        joint_zeros: what the controller's zeros of the released robot's joints are off, of joints that the run shows.
         degrees_of_freedom: readings, correlated ones counted as fewer, less the parameters that they decide.
         findings: effects that tracing found, in the order in which they were found.
         limits: for every effect that was looked for and not found.
@@ -343,6 +309,7 @@ class Identification(DocumentSection):
     stages: tuple[Stage, ...] = Field(min_length=1)
     estimates: tuple[Estimate, ...]
     fitted: tuple[Estimate, ...] = ()
+    joint_zeros: tuple[JointZero, ...] = ()
     degrees_of_freedom: float = Field(ge=1)
     findings: tuple[Finding, ...]
     limits: tuple[DetectionLimit, ...] = ()

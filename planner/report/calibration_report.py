@@ -7,7 +7,7 @@ import numpy as np
 
 import planner.report.calibration_text as text
 from planner.common.units import to_deg, to_mm
-from planner.identification.calibration import Calibration
+from planner.identification.calibration import Calibration, joint_zeros_text
 from planner.model.identification_document import Estimate, Metrics, Stage, error_size
 from planner.report.calibration_charts import draw_calibration_charts
 from planner.report.calibration_data import CalibrationFacts
@@ -61,6 +61,7 @@ def calibration_content(facts: CalibrationFacts) -> dict[str, Any]:
         "outliers": [_outlier(c, int(k)) for k in c.fit.outliers[:OUTLIERS]],
         "outliers_more": max(0, len(c.fit.outliers) - OUTLIERS),
         "gauge": _gauge(facts),
+        "zeros": joint_zeros_text(c),
     }
 
 

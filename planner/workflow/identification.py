@@ -24,7 +24,8 @@ from planner.identification.residual_table import residuals_csv
 from planner.identification.run_setup import drop_unreadable, number_samples
 from planner.instruments.precision import check_mastering
 from planner.instruments.simulation import SimulatedRun
-from planner.model.identification_document import Metrics, Release
+from planner.model.gauge_frames import ToolPointPosition
+from planner.model.identification_document import Estimate, Metrics, Release
 from planner.runs.loader import load_runs
 from planner.runs.run import Run, read_reference_readings
 from planner.session.document import read_plan
@@ -84,6 +85,16 @@ class CalibrationResult(FolderResult):
         model, rivals = folder / "robot.toml", any(f.rivals for f in self.calibration.findings)
         apart = f"; edbb plan CELL --separate {folder / 'identification.json'} -o apart tells the rivals apart"
         return f"edbb compensate PROGRAM --model {model} -o CORRECTED corrects a program{apart if rivals else ''}"
+
+    @property
+    def parameters(self) -> Mapping[str, Estimate]:
+        """Every parameter of the robot as it is written, by its name, with its standard deviation."""
+        return {e.name: e for e in self.calibration.estimates}
+
+    @property
+    def tool(self) -> tuple[ToolPointPosition, ...]:
+        """Where each measured tool point sits in the flange of the robot as it is written."""
+        return self.calibration.frames.tool
 
     @property
     def simulated(self) -> bool:

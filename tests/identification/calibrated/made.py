@@ -12,6 +12,7 @@ from planner.gauges.tracker import Tracker
 from planner.identification.identifiable_parameters import estimate_parameters
 from planner.identification.least_squares import Fit, Solution
 from planner.kinematics.robot_reader import load_robot
+from planner.model.gauge_frames import GaugeFrames
 from planner.model.model import Model
 from planner.runs.run import Samples
 from tests.cell.test_robots import urdf_text
@@ -50,6 +51,7 @@ def calibration(robot, seed, effects=()):
     run = type("Made", (), {"name": "monday.csv", "__len__": lambda self: 40})()
     stages = (SimpleNamespace(effects=groups),)
     made = SimpleNamespace(run=run, fit=fit, setup=setup, stages=stages, released=None, release=None)
+    made.frames, made.simulated = GaugeFrames(), None
     made.estimates = estimates_of(made)
     return made
 
