@@ -22,7 +22,7 @@ def moved(by_mm):
 
 
 def base_mm(found):
-    told = {e.name: e.value for e in found.estimates}
+    told = {e.name: e.value for e in found.last_fit}
     return 1e3 * np.array([told[f"base_{axis}"] for axis in "xyz"])
 
 

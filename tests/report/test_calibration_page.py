@@ -173,8 +173,13 @@ def test_parameters_stand_with_value_and_deviation(c: Calibration, page: ReadPag
         assert std == pytest.approx(step, rel=0.06)
         assert float(rows[name][7]) == pytest.approx(abs(e.value - e.nominal) / e.std, abs=0.051)
         assert rows[name][9] == ", ".join(e.absorbs)
-    held = {r[0]: r[3].removeprefix("why") for r in page.table("held")}  # unfolded on demand
+    held = {r[0]: r[6].removeprefix("why") for r in page.table("unseen")}  # unfolded on demand
     assert held == {e.name: e.because for e in c.estimates if not e.identifiable}
+    factor = {"m": 1e3, "rad": math.degrees(1)}
+    for e in (e for e in c.estimates if not e.identifiable):
+        (row,) = [r for r in page.table("unseen") if r[0] == e.name]
+        assert float(row[4]) == pytest.approx(e.value * factor[e.unit], abs=0.06 * e.std * factor[e.unit])
+        assert float(row[5]) == pytest.approx(e.std * factor[e.unit], rel=0.06)
 
 
 def test_what_moved_most_moves_the_reading_most(c: Calibration) -> None:

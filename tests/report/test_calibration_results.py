@@ -38,7 +38,7 @@ def test_keys_are_the_contracts(c: Calibration) -> None:
         assert stage["held_out"].keys() >= {"rms_mm", "mean_mm", "max_mm"}
     for p in content["parameters"]:
         assert p.keys() >= {"name", "value", "nominal", "std", "unit", "identifiable", "absorbs"}
-        assert p["identifiable"] == (p["std"] is not None)
+        assert p["std"] > 0  # of what the run does not show its usual size is known
         assert p["identifiable"] or p["because"]
     assert content["unexplained"].keys() >= {"structured", "along", "rms_mm"}
 

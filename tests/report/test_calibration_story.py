@@ -60,8 +60,8 @@ def test_findings_stand_in_the_file_with_their_units(c: Calibration) -> None:
         assert abs(f["value"] - math.degrees(size)) < 4 * f["std"]
         assert f["p_value"] == pytest.approx(10 ** f["log10_p"])
         assert f["held_out_gain"] > 0
-        own = [p["value"] for p in content["parameters"] if p["group"] == f"{f['effect']}, {f['on']}"]
-        shape = [p for p in content["parameters"] if p["name"].endswith("frequency") and f is ripple]
+        own = [p["value"] for p in content["fitted"] if p["group"] == f"{f['effect']}, {f['on']}"]
+        shape = [p for p in content["fitted"] if p["name"].endswith("frequency") and f is ripple]
         assert math.hypot(*(v for v in own if not shape or v != shape[0]["value"])) == pytest.approx(
             f["value"], rel=1e-6
         )
@@ -69,7 +69,7 @@ def test_findings_stand_in_the_file_with_their_units(c: Calibration) -> None:
     assert inner["name"] == "frequency"
     assert inner["unit"] == "1/turn"
     assert abs(inner["value"] - WAVES) < 4 * inner["std"]
-    whole = next(p for p in content["parameters"] if p["name"] == "gear ripple, joint 3, frequency")
+    whole = next(p for p in content["fitted"] if p["name"] == "gear ripple, joint 3, frequency")
     assert whole["value"] == pytest.approx(inner["value"], abs=inner["std"])
     assert "inner" not in play
 
