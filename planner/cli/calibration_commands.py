@@ -139,6 +139,9 @@ def compensate_command(
     date: Annotated[
         str | None, typer.Option(metavar="YYYY-MM-DD", help="in the mark of the file (default: of the model's file)")
     ] = None,
+    axes_of: Annotated[
+        str | None, typer.Option(metavar="LANGUAGE", help="of the controller whose axes a table's joint angles are")
+    ] = None,
 ) -> None:
     """Correct the targets of a program so that the calibrated robot stands where the nominal one should."""
     with Screen():
@@ -156,6 +159,7 @@ def compensate_command(
             again=again,
             measuring=measuring,
             date=date,
+            axes_of=axes_of,
         )
     if output != "-":
         check_writing(Path(output), done.file.text.encode(done.file.encoding))

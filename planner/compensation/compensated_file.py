@@ -12,6 +12,7 @@ from planner.common.units import DEG, Array
 from planner.compensation.arm_shapes import NEAR, has_shapes, shape_margins
 from planner.compensation.correction import MOVE_LIMIT, Correction, FlangeModel, NominalFlange, correct_joints
 from planner.compensation.correction_mark import CorrectionMark, check_no_measuring_program, check_not_corrected
+from planner.compensation.file_axes import FlangeInAxes, axes_notes, axes_of_file
 from planner.compensation.languages import (
     add_head,
     check_reach,
@@ -25,6 +26,7 @@ from planner.compensation.points import SENTENCE, is_service_name
 from planner.compensation.report import CompensationReport, read_printed, report_of
 from planner.compensation.rotations import frame, inverse, to_abc, to_quaternion
 from planner.compensation.targets import SAME, CorrectedArm, Note, Target, TargetReading, ToolAndBase, list_lines
+from planner.kinematics.axes import AxisConvention
 from planner.kinematics.robot import Robot
 from planner.programs.languages.statements import Slot, write_values
 
@@ -58,7 +60,10 @@ class CompensatedFile:
 
 @dataclass(frozen=True)
 class _Source:
-    """A file as it was read: name, language, text, the other half of its module, and who is to drive it."""
+    """A file as it was read: name, language, text, the other half of its module, and who is to drive it.
+
+    ``robot`` and ``calibrated`` have the axes of the file's controller: their q are the angles that it counts.
+    """
 
     name: str
     dialect: str
@@ -69,6 +74,7 @@ class _Source:
     calibrated: FlangeModel
     frames: ToolAndBase
     seeds: SearchSeeds
+    axes: AxisConvention
 
     def read(self, text: str) -> TargetReading:
         """Return what ``text`` asks the robot to do.
@@ -93,6 +99,7 @@ def compensate_file(
     mark: CorrectionMark | None = None,
     again: bool = False,
     measuring: bool = False,
+    axes_of: str | None = None,
 ) -> CompensatedFile:
     """Replace every target in a file by its fake target; the text between the numbers stays byte for byte.
 
@@ -110,10 +117,12 @@ def compensate_file(
         mark: of the model; without one the file is neither marked nor looked at for an earlier correction.
         again: correct what another model has corrected before.
         measuring: correct a measuring program, too.
+        axes_of: name of the controller whose axes the angles of a table are, where its head does not say it.
 
     Raises:
-        InputError: the file cannot be read, was corrected before or is a measuring program, or nothing in it can be
-            corrected for certain (each line is named).
+        InputError: the file cannot be read, the robot's file does not say how its controller counts the axes, it was
+            corrected before or is a measuring program, or nothing in it can be corrected for certain (each line is
+            named).
         NoSolutionError: no target has a correction, or most are out of the robot's reach.
     """
     text, encoding = _read(path)
@@ -122,9 +131,11 @@ def compensate_file(
         if not measuring:
             check_no_measuring_program(path.name, text)
     language = dialect or detect_dialect(path, text)
-    companion, seeds = companion_of(path, language, _read), SearchSeeds(nominal)
-    source = _Source(path.name, language, text, encoding, companion, nominal, calibrated, frames, seeds)
-    notes = list(foreign_robot_notes(path.name, text, nominal))
+    companion, axes = companion_of(path, language, _read), axes_of_file(path.name, language, text, nominal, axes_of)
+    notes = [*axes_notes(language, nominal, axes), *foreign_robot_notes(path.name, text, nominal)]
+    nominal, calibrated = nominal.in_axes(axes), FlangeInAxes(calibrated, axes)
+    seeds = SearchSeeds(nominal)
+    source = _Source(path.name, language, text, encoding, companion, nominal, calibrated, frames, seeds, axes)
     if is_service_name(path.stem):
         raise InputError(f"{path}: the file {SENTENCE}")
     reading = source.read(text)
@@ -200,7 +211,7 @@ def _finish(
     report = replace(report, notes=(*notes, *report.notes), kept=tuple(sorted(left)))
     said = "" if mark is None else mark.sentence(source.robot.name)
     text = add_head(done.text, source.dialect, source.robot.name, report.corrected, report.kept, said)
-    return CompensatedFile(source.name, text, source.encoding, report, tuple(done.chosen), done.q)
+    return CompensatedFile(source.name, text, source.encoding, report, tuple(done.chosen), source.axes.to_model(done.q))
 
 
 def _certain_targets(path: Path, reading: TargetReading, strict: bool) -> list[Target]:

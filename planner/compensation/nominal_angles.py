@@ -195,7 +195,8 @@ def _choose_turns(
     Returns:
         The angles (N,) [rad], NaN where there are none, and why there are none.
     """
-    options = solution + 2.0 * np.pi * np.arange(-3, 4)[:, None]
+    whole = (robot.sense_matrix == np.round(robot.sense_matrix)).all(axis=0)  # a turn of it alone leaves the pose
+    options = solution + 2.0 * np.pi * np.arange(-3, 4)[:, None] * whole
     within = (options >= robot.q_lower - FOUND) & (options <= robot.q_upper + FOUND)
     nothing = np.full(len(solution), np.nan)
     if not within.any(axis=0).all():

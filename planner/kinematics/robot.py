@@ -196,6 +196,8 @@ class Robot:
 
     def in_axes(self, convention: AxisConvention) -> Robot:
         """Return this robot, rigid, with the axes of a controller as its joints: its q are the controller's angles."""
+        if convention.is_same:
+            return self.nominal
         back = self.sense_matrix @ convention.inverse
         return replace(
             self.nominal,

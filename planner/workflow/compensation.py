@@ -88,6 +88,7 @@ def compensate(
     again: bool = False,
     measuring: bool = False,
     date: str | None = None,
+    axes_of: str | None = None,
 ) -> CompensationResult:
     """Correct the targets of a file so that the calibrated robot stands where the nominal one should.
 
@@ -105,6 +106,7 @@ def compensate(
         measuring: correct a measuring program of a plan, too.
         date: in the mark of the file, as YYYY-MM-DD; where it is not given that of ``SOURCE_DATE_EPOCH``, or of the
             model's file.
+        axes_of: name of the controller whose axes the angles of a table are; the model's where nothing says it.
 
     Raises:
         InputError: the model is not calibrated, the controller already corrects it, or the file is not understood, was
@@ -130,6 +132,7 @@ def compensate(
         mark=mark,
         again=again,
         measuring=measuring,
+        axes_of=axes_of,
     )
     return CompensationResult(done, _expect(done, known, given.T_FT), calibrated.sentence, bool(mark.simulated))
 

@@ -1,0 +1,67 @@
+"""Whose axes the joint angles of a file are: of its language's controller, or of a table as its head says."""
+
+import re
+from dataclasses import dataclass
+
+from planner.common.errors import InputError
+from planner.common.units import Array
+from planner.compensation.correction import FlangeModel
+from planner.compensation.languages import TABLE
+from planner.compensation.targets import Note
+from planner.kinematics.axes import MODEL, AxisConvention
+from planner.kinematics.robot import Robot
+from planner.programs.controller_axes import log_axes
+from planner.programs.dialect import load_dialect
+from planner.programs.rendering import axis_names
+
+KEY = "axes_of"  # at the head of a table: "# axes_of: pdl2"
+_SAID = re.compile(rf"^\ufeff?[ \t]*#[ \t]*{KEY}[ \t]*:[ \t]*(?P<name>[^\s#]*)", re.MULTILINE)
+
+
+def axes_of_file(name: str, language: str, text: str, robot: Robot, option: str | None) -> AxisConvention:
+    """Return how the joint angles of a file count.
+
+    Args:
+        name: of the file, for messages.
+        language: name of its dialect, or ``csv`` for a table.
+        text: its content.
+        robot: the nominal robot, whose file says how controllers count.
+        option: the controller that the person has named, of a table.
+
+    Raises:
+        InputError: a controller that the robot's file says nothing of; or table and person name two.
+    """
+    if language != TABLE:
+        if option is not None:
+            raise InputError(
+                f"{name}: --axes-of is for tables; the angles of a program are those of its own controller ({language})"
+            )
+        return log_axes(robot, language)
+    said = {found["name"] for found in _SAID.finditer(text)} | (set() if option is None else {option})
+    if len(said) > 1:
+        raise InputError(f"{name}: the angles are said to be of {' and of '.join(sorted(said))}; name one")
+    return log_axes(robot, next(iter(said), MODEL))
+
+
+def axes_notes(language: str, robot: Robot, axes: AxisConvention) -> list[Note]:
+    """Return what the person should know of the angles of a file."""
+    if not axes.is_same:
+        names = axis_names(load_dialect(axes.controller))
+        return [(1, f"joint angles are those of {axes.controller}: {', '.join(axes.sentences(names))}")]
+    others = [c.controller for c in robot.conventions if not c.is_same]
+    if language == TABLE and axes.controller == MODEL and others:
+        said = f"a line '# {KEY}: {others[0]}' says it"
+        return [(1, f"joint angles are taken for the model's; where they are a controller's, {said}")]
+    return []
+
+
+@dataclass(frozen=True)
+class FlangeInAxes:
+    """A robot whose angles are those of a controller."""
+
+    model: FlangeModel
+    axes: AxisConvention
+
+    def flange(self, q: Array) -> tuple[Array, Array]:
+        """Return p_BF (n, 3) [m] and R_BF (n, 3, 3) at the controller's angles q (n, N) [rad], all effects included."""
+        return self.model.flange(self.axes.to_model(q))
