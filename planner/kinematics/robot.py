@@ -120,6 +120,8 @@ class Robot:
         conventions: how the controllers that its file names count its axes.
         tool_points: of a calibrated robot, where the points that were measured sit in its flange.
         simulated: of a calibrated robot, whether its readings were simulated; ``None`` where its file does not say.
+        packages: folders of ROS packages that its URDF names.
+        unchecked_links: links of its URDF that no collision check knows: the name, and why.
     """
 
     name: str
@@ -155,6 +157,7 @@ class Robot:
     packages: Packages = NO_PACKAGES
     tool_points: tuple[ToolPoint, ...] = ()
     simulated: bool | None = None
+    unchecked_links: tuple[tuple[str, str], ...] = ()
 
     @cached_property
     def nominal(self) -> Robot:

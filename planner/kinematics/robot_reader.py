@@ -273,7 +273,16 @@ def _from_urdf(file: RobotDescription, path: Path, packages: Packages) -> Robot:
         pairs = read_allowed_pairs(path.parent / file.srdf, chain)
         why = f"{file.srdf} allows them to touch"
         file = file.model_copy(update={"never_meet": pairs, "never_meet_reason": why})
-    return replace(_build_robot(file, path, chain.transforms, chain.link_end, chain), packages=packages)
+    robot = _build_robot(file, path, chain.transforms, chain.link_end, chain)
+    return replace(robot, packages=packages, unchecked_links=_unchecked_links(file, chain))
+
+
+def _unchecked_links(file: RobotDescription, chain: UrdfChain) -> tuple[tuple[str, str], ...]:
+    """Return the URDF's links that no collision check knows, where ``robot.toml`` gives them no bodies either."""
+    beside = [(name, f"not between the base and '{chain.tip}'") for name in chain.beside]
+    embodied = {body.link for body in file.bodies}
+    shapeless = [name for name, k in chain.shapeless if k not in embodied]
+    return (*((name, "no collision shape") for name in shapeless), *beside)
 
 
 def _check_count(path: Path, n: int) -> None:

@@ -21,7 +21,7 @@ from planner.kinematics.chain import Transform, fixed_turns, frame_with_errors
 from planner.kinematics.geometry import pose
 from planner.kinematics.packages import NO_PACKAGES, Packages, how_to_name
 from planner.kinematics.robot import LinkMass, elementary_placement
-from planner.kinematics.urdf_tree import UrdfError, find_child, read_tree
+from planner.kinematics.urdf_tree import UrdfError, find_bodily_links, find_child, read_tree
 from planner.kinematics.xacro.expander import expand_template
 
 TURN = 2 * np.pi
@@ -46,7 +46,8 @@ class UrdfChain:
     """What a URDF says of the chain from its root link to the tip (joints in order, SI units).
 
     ``parts`` are the joints of the chain, fixed ones too: the name, and the number of transforms up to its end;
-    ``links`` the URDF's links: the name, and the number of the link that it belongs to.
+    ``links`` the URDF's links: the name, and the number of the link that it belongs to; ``shapeless`` those
+    of them that can touch something and have no collision shape, ``beside`` those that can and are not in the chain.
     """
 
     transforms: tuple[Transform, ...]
@@ -56,6 +57,8 @@ class UrdfChain:
     tip: str
     parts: tuple[tuple[str, int], ...]
     links: tuple[tuple[str, int], ...]
+    shapeless: tuple[tuple[str, int], ...]
+    beside: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -118,8 +121,10 @@ def read_urdf(path: Path, tip: str | None, packages: Packages = NO_PACKAGES) -> 
         InputError: no XML, no such link, a joint that is neither revolute, continuous nor fixed, a missing mesh.
     """
     try:
-        links, joints, base = read_tree(path, _parse_urdf(path, packages), tip)
-        return _assemble(MeshFinder(path, packages), links, joints, base)
+        root = _parse_urdf(path, packages)
+        links, joints, base = read_tree(path, root, tip)
+        chain = _assemble(MeshFinder(path, packages), links, joints, base)
+        return _with_unchecked_links(chain, links, find_bodily_links(root))
     except UrdfError as err:
         raise InputError(f"{path}: {err}") from err
 
@@ -186,7 +191,15 @@ def _assemble(meshes: MeshFinder, links: dict[str, ET.Element], joints: list[ET.
         revolute.append(UrdfJoint(name, sign, lower, upper, speed, _read_mass(child)))
         bodies += [(i, b) for b in _read_bodies(meshes, child, np.eye(4))]
     tip = named[-1][0]
-    return UrdfChain(tuple(transforms), tuple(ends), tuple(revolute), tuple(bodies), tip, tuple(parts), tuple(named))
+    return UrdfChain(
+        tuple(transforms), tuple(ends), tuple(revolute), tuple(bodies), tip, tuple(parts), tuple(named), (), ()
+    )
+
+
+def _with_unchecked_links(chain: UrdfChain, links: Mapping[str, ET.Element], bodily: frozenset[str]) -> UrdfChain:
+    inside = {name for name, _ in chain.links}
+    shapeless = ((name, k) for name, k in chain.links if name in bodily and links[name].find("collision") is None)
+    return replace(chain, shapeless=tuple(shapeless), beside=tuple(n for n in links if n in bodily - inside))
 
 
 def _joint_transforms(i: int, xyz: Array, rpy: Array, axis: Array) -> tuple[list[Transform], int]:

@@ -23,6 +23,19 @@ def find_child(element: ET.Element, tag: str) -> ET.Element:
     return found
 
 
+BODY = ("visual", "collision", "inertial")  # what makes a link more than the name of a frame
+
+
+def find_bodily_links(root: ET.Element) -> frozenset[str]:
+    """Return the links that can touch something: they have a shape or a mass, or a joint moves them.
+
+    A link without any of these, fixed to another, is the name of a frame.
+    """
+    moved = {_link_of(j, "child") for j in root.findall("joint") if j.get("type") != "fixed"}
+    named = ((str(link.get("name")), link) for link in root.findall("link"))
+    return frozenset(name for name, link in named if name in moved or any(link.find(tag) is not None for tag in BODY))
+
+
 def read_tree(path: Path, root: ET.Element, tip: str | None) -> tuple[dict[str, ET.Element], list[ET.Element], str]:
     """Return the links by name, the joints from the root to ``tip`` (default: the only leaf), and the root link's name.
 

@@ -162,6 +162,8 @@ class Program:
     """How the controller counts whose axes the angles are; ``None`` while they are the model's."""
     changed: str = ""
     """What is said at the head of a program whose plan is not as it was planned, though it bears that plan's id."""
+    cautions: tuple[str, ...] = ()
+    """What the plan has to say at the head of a program of any language."""
 
     def __post_init__(self) -> None:
         if not re.fullmatch(r"[0-9a-f]{12}", self.plan_id):

@@ -231,7 +231,7 @@ def _comment(context: Context, text: str) -> str:
 
 def _remarks(program: Program, dialect: Dialect, steps: tuple[ProgramStep, ...]) -> list[str]:
     """Return what the head of the program says, in lines that fit into comments."""
-    said = (*operator_cautions(program, dialect, steps), *explanations(program, dialect))
+    said = (*program.cautions, *operator_cautions(program, dialect, steps), *explanations(program, dialect))
     width = dialect.comment.max_length
     return [comment_text(line, dialect.comment) for text in said for line in textwrap.wrap(text, width)]
 

@@ -62,6 +62,20 @@ def describe_polytopes(cell: Cell) -> tuple[str, ...]:
     )
 
 
+def describe_unchecked_links(cell: Cell) -> tuple[str, ...]:
+    """Return a sentence with every link of the robot's URDF that no proof of this program knows; none if all are."""
+    reasons: dict[str, list[str]] = {}
+    for name, reason in cell.robot.unchecked_links:
+        reasons.setdefault(reason, []).append(name)
+    if not reasons:
+        return ()
+    links = "; ".join(f"{', '.join(names)} ({reason})" for reason, names in reasons.items())
+    return (
+        f"not checked for collisions are these links of the robot: {links}; keep them clear by hand, or give their "
+        "shapes in tool.bodies, in obstacles or as collision shapes of the URDF",
+    )
+
+
 def _check_apart(cell: Cell) -> None:
     """Refuse bodies that touch wherever the robot stands: everything would collide, and nothing may be left out."""
     scene = build_scene(cell).without_bar()
