@@ -2,7 +2,6 @@
 
 import json
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -103,19 +102,19 @@ def test_the_head_of_every_program_lists_them(crowded, dialect):
 
 def test_screen_plan_report_and_program_name_them(crowded):
     out = crowded.parent / "out"
-    done = edbb("plan", crowded, "-o", out, "--poses", 25, "--dialect", "krl")
+    done = edbb("plan", crowded, "-o", out, "--poses", 25, "--dialect", "poses-csv")
     assert done.returncode == 0, done.stderr
     notes = json.loads((out / "plan.json").read_text())["notes"]
     report = re.sub(r"\s+", " ", (out / "report.html").read_text())
-    (program,) = (p for p in Path(out).rglob("*.src"))
+    program = out / "six_edbb.csv"
     for name in ("l4", "head", "arm2_upper", "arm2_lower"):
         assert sum(name in note and "not checked for collisions" in note for note in notes) == 1
         assert name in done.stderr
         assert name in report
         assert name in program.read_text()[:4000]
-    exported = edbb("export", out / "plan.json", "--dialect", "rapid", "-o", crowded.parent / "six.mod")
+    exported = edbb("export", out / "plan.json", "--dialect", "poses-json", "-o", crowded.parent / "six.json")
     assert exported.returncode == 0, exported.stderr
-    assert "arm2_lower" in (crowded.parent / "six.mod").read_text()[:4000]
+    assert "arm2_lower" in (crowded.parent / "six.json").read_text()[:4000]
 
 
 def test_of_a_robot_that_is_checked_whole_nothing_is_said(tmp_path):
