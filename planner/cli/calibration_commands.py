@@ -121,7 +121,9 @@ def compensate_command(
     model: Annotated[Path, typer.Option(metavar="DIR/robot.toml", help="the calibrated robot, or its folder")],
     output: OutputFile,
     dialect: Annotated[str | None, typer.Option(help="language of the file, or csv, where it does not tell")] = None,
-    tool: Annotated[str | None, typer.Option(metavar="X,Y,Z,A,B,C", help="tool in the flange, mm and degrees")] = None,
+    tool: Annotated[
+        str | None, typer.Option(metavar="X,Y,Z,A,B,C|model", help="tool in the flange, mm and degrees, or the model's")
+    ] = None,
     base: Annotated[str | None, typer.Option(metavar="X,Y,Z,A,B,C", help="base of poses, mm and degrees")] = None,
     frames: Annotated[Path | None, typer.Option(metavar="FILE", help="tools and bases: $config.dat, a module")] = None,
     strict: Annotated[

@@ -114,12 +114,14 @@ class ToolAndBase:
         T_WB: base in the robot's own frame, (4, 4) [m], or None.
         data: text of the controller's own table of frames (KUKA ``$config.dat``, a RAPID module).
         uncorrected: somebody has said that the controller's own accuracy model is off.
+        p_FM: the measured tool point of the calibrated robot in the flange, (3,) [m], where its file has one.
     """
 
     T_FT: Array | None = None
     T_WB: Array | None = None
     data: str = ""
     uncorrected: bool = False
+    p_FM: Array | None = None
 
 
 @dataclass

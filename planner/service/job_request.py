@@ -21,7 +21,9 @@ CellReference = Annotated[
 ]
 Seed = Annotated[int, Field(ge=0, le=2**31, description="the same seed gives the same bytes")]
 Dialect = Annotated[str, Field(pattern="^[a-z0-9-]{1,40}$", examples=["krl"])]
-FrameText = Annotated[str, Field(pattern="^-?[0-9.eE+-]{1,30}(,-?[0-9.eE+-]{1,30}){5}$", examples=["0,0,120,0,0,0"])]
+_NUMBERS = "-?[0-9.eE+-]{1,30}(,-?[0-9.eE+-]{1,30}){5}"
+FrameText = Annotated[str, Field(pattern=f"^{_NUMBERS}$", examples=["0,0,120,0,0,0"])]
+ToolText = Annotated[str, Field(pattern=f"^({_NUMBERS}|model)$", examples=["0,0,120,0,0,0"])]
 Coordinate = Annotated[float, Field(ge=-50_000, le=50_000)]
 Word = Annotated[str, Field(max_length=500, pattern=r"^[^\x00-\x1f]*$")]
 ExtraFiles = Annotated[

@@ -18,6 +18,7 @@ from planner.service.job_request import (
     OfIdentificationRequest,
     OfPlanRequest,
     Seed,
+    ToolText,
     Word,
     options,
 )
@@ -305,7 +306,7 @@ class CompensationRequest(JobRequest):
     program: FileReference
     model: JobId = Field(description="the identification whose robot is used")
     dialect: Dialect | None = None
-    tool: FrameText | None = None
+    tool: ToolText | None = None
     base: FrameText | None = None
     frames: FileReference | None = None
     strict: bool = False

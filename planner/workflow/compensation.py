@@ -1,7 +1,7 @@
 """``edbb compensate``: corrected targets from the calibrated robot and the nominal one that it was calibrated from."""
 
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from datetime import date as Day
@@ -18,7 +18,7 @@ from planner.common.errors import InputError, NoSolutionError
 from planner.common.files import read_bytes, write_text
 from planner.common.result import Result
 from planner.common.schema import read_json
-from planner.common.units import Array, from_deg, from_mm, read_only
+from planner.common.units import Array, from_deg, from_mm, read_only, to_mm
 from planner.compensation.compensated_file import CompensatedFile, compensate_file
 from planner.compensation.correction_mark import CorrectionMark
 from planner.compensation.program_error import ProgramError, program_error
@@ -41,6 +41,7 @@ class CompensationResult(Result):
         file: the text and what was done.
         expected: how good the robot is expected to be at its targets, or why that is not known.
         left_out: which effects of the robot targets cannot be corrected for.
+        warnings: what a person should know of the tool that was named.
         simulated: whether nobody measured the robot that it is corrected for.
     """
 
@@ -48,13 +49,16 @@ class CompensationResult(Result):
     expected: ProgramError | str
     left_out: str | None = None
     simulated: bool = False
+    warnings: tuple[str, ...] = ()
 
     def summary(self) -> str:
         """Return what was done."""
         said = (
             (f"expected error unknown: {self.expected}",) if isinstance(self.expected, str) else self.expected.sentences
         )
-        return "\n".join([self.file.summary, *said, *([] if self.left_out is None else [self.left_out])])
+        return "\n".join(
+            [self.file.summary, *said, *([] if self.left_out is None else [self.left_out]), *self.warnings]
+        )
 
     def content(self) -> Mapping[str, Any]:
         """Return what was done, and the corrected text."""
@@ -96,7 +100,8 @@ def compensate(
         targets: a robot program, or targets as CSV.
         model: the calibrated robot: ``robot.toml`` or its folder, or the identification itself.
         dialect: the file's language, where suffix and content do not tell.
-        tool: x, y, z in mm and A, B, C (Z-Y'-X") in degrees, separated by commas; of poses that do not say them.
+        tool: x, y, z in mm and A, B, C (Z-Y'-X") in degrees, separated by commas; of poses that do not say them;
+            ``model`` for the measured tool point of the robot's file, turned as the flange is.
         base: the same of the base.
         frames: the controller's own table of frames (``$config.dat``, a RAPID module).
         strict: fail instead of leaving anything as it is.
@@ -121,7 +126,9 @@ def compensate(
     uncorrected = cell is not None and _check_controller(cell, robot.name)
     calibrated = CalibratedRobot(robot)
     data = "" if frames is None else _text(Path(frames))
-    given = ToolAndBase(_frame("--tool", tool), _frame("--base", base), data, uncorrected)
+    own = robot.tool_points[0].p_FM if len(robot.tool_points) == 1 else None
+    T_FT = _tool_of_model(robot) if tool == MODEL_TOOL else _frame("--tool", tool)
+    given = ToolAndBase(T_FT, _frame("--base", base), data, uncorrected, own)
     done = compensate_file(
         Path(targets),
         robot.nominal,
@@ -134,7 +141,55 @@ def compensate(
         measuring=measuring,
         axes_of=axes_of,
     )
-    return CompensationResult(done, _expect(done, known, given.T_FT), calibrated.sentence, bool(mark.simulated))
+    expected, warnings = _expect(done, known, given.T_FT), tuple(_tool_warnings(robot, given.T_FT))
+    return CompensationResult(done, expected, calibrated.sentence, bool(mark.simulated), warnings)
+
+
+MODEL_TOOL = "model"  # word that stands for the tool point of the robot's file
+ALLOWED = 3.0  # standard deviations by which a tool that is named may be off the measured one
+WRITTEN = 0.5e-6  # [m] by which rounding to a thousandth of a millimetre moves it
+SAME_MOUNT = 0.02  # [m] farther away a tool is meant to be another one
+
+
+def _tool_of_model(robot: Robot) -> Array:
+    """Return the measured tool point of a calibrated robot as a tool, turned as the flange is, (4, 4) [m].
+
+    Raises:
+        InputError: its file has no such point, or several.
+    """
+    points = robot.tool_points
+    if len(points) != 1:
+        said = f"several tool points ({', '.join(p.name for p in points)})" if points else "no [[tool_points]]"
+        raise InputError(f"--tool {MODEL_TOOL}: {robot.path} has {said}; name the tool: --tool X,Y,Z,A,B,C")
+    T = np.eye(4)
+    T[:3, 3] = points[0].p_FM
+    return read_only(T)
+
+
+def _tool_warnings(robot: Robot, T_FT: Array | None) -> Iterator[str]:
+    """Yield a warning where a tool that was named is off the measured one by more than its deviations allow.
+
+    They are those beside the robot: with this robot goes the tool that belongs to it, and no other that is as likely.
+    """
+    if T_FT is None or not robot.tool_points:
+        return
+    point = min(robot.tool_points, key=lambda p: float(np.linalg.norm(T_FT[:3, 3] - p.p_FM)))
+    off, std = T_FT[:3, 3] - point.p_FM, point.std_beside_robot
+    if (np.abs(off) <= WRITTEN + ALLOWED * (0.0 if std is None else std)).all():
+        return
+    place = ", ".join(f"{v:.3f}" for v in to_mm(point.p_FM))
+    sure = "" if std is None else f" ± {', '.join(f'{v:.3f}' for v in to_mm(std))}"
+    size = float(to_mm(np.linalg.norm(off)))
+    if np.linalg.norm(off) < SAME_MOUNT:
+        yield (
+            f"warning: --tool is {size:.3f} mm off the tool point that belongs to this robot ({place}{sure} mm), more "
+            f"than its standard deviations allow: if that point is meant, say --tool {MODEL_TOOL}"
+        )
+    else:
+        yield (
+            f"warning: --tool is another tool ({size:.0f} mm away) than the one that was measured ({place}{sure} mm): "
+            "where it sits in the true flange is taken as it is named"
+        )
 
 
 @dataclass(frozen=True)
@@ -166,18 +221,19 @@ def _read_model(path: Path) -> _Model:
         )
     known = ExpectedError.read(robot, path)
     day = _build_day() or datetime.fromtimestamp(robot.path.stat().st_mtime, UTC).date()
-    mark = CorrectionMark(sha256(read_bytes(robot.path)).hexdigest(), _simulated_beside(robot.path), day)
+    mark = CorrectionMark(sha256(read_bytes(robot.path)).hexdigest(), _is_simulated(robot), day)
     return _Model(robot, known, mark)
 
 
-def _simulated_beside(model: Path) -> bool | None:
-    """Tell whether the identification beside a calibrated robot says that nobody measured it; ``None``: there is none.
+def _is_simulated(robot: Robot) -> bool | None:
+    """Tell whether a calibrated robot, or the identification beside it, says that nobody measured it.
 
-    Any file of that name tells, of whatever version.
+    ``None``: neither tells. Any identification of that name tells, of whatever version.
     """
-    beside = model.parent / "identification.json"
+    beside = robot.path.parent / "identification.json"
     content = read_json(beside) if beside.is_file() else None
-    return content.get("simulated") is True if isinstance(content, dict) else None
+    said = content.get("simulated") is True if isinstance(content, dict) else None
+    return said if robot.simulated is None else robot.simulated or bool(said)
 
 
 def _day(said: str) -> Day:

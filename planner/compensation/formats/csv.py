@@ -6,12 +6,16 @@ import numpy as np
 
 from planner.common.errors import InputError
 from planner.common.units import DEG, MM, Array, read_only
+from planner.compensation.correction import NominalFlange
 from planner.compensation.rotations import pose_matrix
 from planner.compensation.targets import CartesianTarget, Target, TargetReading
 from planner.programs.languages.statements import EXPONENT_NUMBER, Lines, Slot
 
 _UNITS = {"deg": DEG, "rad": 1.0, "mm": MM, "m": 1.0, "": 1.0}
 _DECIMALS = {"deg": 6, "rad": 8, "mm": 5, "m": 8, "": 9}
+POSES_OF_TOOL = (
+    "no tool is named: by the joint angles beside them these are poses of the measured tool point, which robot.toml has"
+)
 Column = tuple[int, str]  # index, unit
 
 
@@ -111,13 +115,29 @@ def _row(number: int, start: int, line: str, separator: str, columns: _TargetCol
     if columns.spelling == "quaternion" and abs(np.linalg.norm(words) - 1.0) > 1e-3:
         reading.refuse(number, f"the quaternion has the length {np.linalg.norm(words):.4f}; 1 is allowed")
         return
+    frames = _frames(number, numbers[:3], q, reading)
     pose = CartesianTarget(
-        pose_matrix(numbers[:3], words), columns.spelling, read_only(words), *_frames(reading), start=read_only(q)
+        pose_matrix(numbers[:3], words), columns.spelling, read_only(words), *frames, start=read_only(q)
     )
     reading.add(Target(number, tuple(slots), pose=pose))
 
 
-def _frames(reading: TargetReading) -> tuple[Array, Array]:
-    """Return base and tool: those the person named, else the robot's own frame and the flange."""
-    T_WB, T_FT = reading.frames.T_WB, reading.frames.T_FT
-    return np.eye(4) if T_WB is None else T_WB, np.eye(4) if T_FT is None else T_FT
+def _frames(number: int, p_BT: Array, q: Array, reading: TargetReading) -> tuple[Array, Array]:
+    """Return base and tool of a pose: those the person named, else the robot's own frame and the flange.
+
+    Where no tool is named and the joint angles beside the pose bring the measured tool point nearer to it than the
+    flange, it is a pose of that point.
+    """
+    T_WB, T_FT, p_FM = reading.frames.T_WB, reading.frames.T_FT, reading.frames.p_FM
+    base = np.eye(4) if T_WB is None else T_WB
+    if T_FT is not None or p_FM is None:
+        return base, np.eye(4) if T_FT is None else T_FT
+    p_WT = base[:3, :3] @ p_BT + base[:3, 3]
+    p, R = NominalFlange(reading.robot).flange(q[None])
+    if np.linalg.norm(p[0] + R[0] @ p_FM - p_WT) >= np.linalg.norm(p[0] - p_WT):
+        return base, np.eye(4)
+    if not any(said == POSES_OF_TOOL for _, said in reading.notes):
+        reading.notes.append((number, POSES_OF_TOOL))
+    T = np.eye(4)
+    T[:3, 3] = p_FM
+    return base, T

@@ -1,0 +1,108 @@
+"""The tool that belongs to a calibrated robot stands in its file; compensation takes it, and warns of another one."""
+
+import re
+
+import numpy as np
+import pytest
+
+from planner.common.files import data_folder
+from planner.kinematics.robot_reader import load_robot
+from tests.command import edbb
+from tests.compensation.robots import exact, pin_flange
+from tests.compensation.test_cartesian import abc_of
+
+NAME = "kuka-kr6-r700"
+TOOL = np.array([12.0, -7.5, 151.412])  # [mm]
+POINT = """
+[[tool_points]]
+position_mm = [12.0, -7.5, 151.412]
+std_mm = [0.5, 0.5, 0.8]
+std_beside_robot_mm = [0.004, 0.004, 0.003]
+"""
+Q = np.radians([[10, -80, 100, 20, 40, 30], [-20, -60, 80, 10, 50, 0]])
+JOINTS = ",".join(f"q{k}_deg" for k in range(1, 7))
+
+
+@pytest.fixture
+def model(tmp_path):
+    text = (data_folder("robots") / NAME / "robot.toml").read_text()
+    text = text.replace("a_mm = 315.0", "a_mm = 315.4") + "[nominal]\na2_mm = 315.0\n" + POINT
+    (tmp_path / "robot.toml").write_text(text)
+    return tmp_path / "robot.toml"
+
+
+def poses(path, tool):
+    """A table of the poses of a tool [mm] at the angles Q, by pinocchio."""
+    rows = []
+    for q in Q:
+        T = pin_flange(exact(load_robot(NAME)), q)
+        T[:3, 3] += T[:3, :3] @ tool * 1e-3
+        rows.append([*abc_of(T), *np.degrees(q)])
+    np.savetxt(path, rows, "%.6f", ",", header=f"x_mm,y_mm,z_mm,a_deg,b_deg,c_deg,{JOINTS}", comments="")
+    return path
+
+
+def table_of(text):
+    return np.loadtxt([line for line in text.splitlines() if not line.startswith("#")], delimiter=",", skiprows=1)
+
+
+def wanted(model):
+    """Joint angles at which the calibrated arm stands where the nominal one should, by a plain table."""
+    table = model.with_name("q.csv")
+    np.savetxt(table, np.degrees(Q), "%.6f", ",", header=JOINTS, comments="")
+    return table_of(edbb("compensate", table, "--model", model, "-o", "-").stdout)
+
+
+def test_a_table_of_the_tools_poses_is_taken_for_what_its_angles_say(model, tmp_path):
+    for tool, says in ((TOOL, True), (np.zeros(3), False)):
+        done = edbb("compensate", poses(tmp_path / "t.csv", tool), "--model", model, "-o", "-")
+        assert done.returncode == 0, done.stderr
+        np.testing.assert_allclose(table_of(done.stdout)[:, 6:], wanted(model), atol=2e-5)
+        assert ("these are poses of the measured tool point" in " ".join(done.stderr.split())) == says
+
+
+def test_the_word_model_stands_for_the_tool_of_the_file(model, tmp_path):
+    table = poses(tmp_path / "t.csv", TOOL)
+    by_word, by_number = (
+        edbb("compensate", table, "--model", model, "--tool", tool, "-o", "-")
+        for tool in ("model", "12,-7.5,151.412,0,0,0")
+    )
+    assert by_word.returncode == 0, by_word.stderr
+    assert by_word.stdout == by_number.stdout
+    assert "warning" not in by_word.stderr + by_number.stderr
+    model.write_text(model.read_text().replace(POINT, ""))
+    none = edbb("compensate", table, "--model", model, "--tool", "model", "-o", "-")
+    assert (none.returncode, "has no [[tool_points]]" in " ".join(none.stderr.split())) == (2, True)
+    named = "".join(POINT.replace("pos", f'name = "{name}"\npos') for name in "AB")
+    model.write_text(model.read_text() + named)
+    several = edbb("compensate", table, "--model", model, "--tool", "model", "-o", "-")
+    assert (several.returncode, "several tool points (A, B)" in " ".join(several.stderr.split())) == (2, True)
+
+
+@pytest.mark.parametrize(
+    ("z", "said"),
+    [
+        (151.412, ""),
+        (151.420, ""),  # within three deviations
+        (151.425, "0.013 mm off the tool point"),
+        (153.042, "1.630 mm off the tool point"),  # nearly as likely by itself, and wrong with this robot
+        (251.412, "another tool (100 mm away)"),
+    ],
+)
+def test_a_tool_that_is_off_by_more_than_its_deviation_is_warned_of(z, said, model, tmp_path):
+    table = poses(tmp_path / "t.csv", np.array([12.0, -7.5, z]))
+    done = edbb("compensate", table, "--model", model, "--tool", f"12,-7.5,{z},0,0,0", "-o", "-")
+    told = " ".join(done.stderr.split())
+    assert done.returncode == 0, told
+    assert bool(re.search(r"warning: --tool", told)) == bool(said)
+    assert said in told
+
+
+def test_a_robot_that_left_its_folder_still_says_that_it_was_simulated(model, tmp_path):
+    table = poses(tmp_path / "t.csv", TOOL)
+    text = model.read_text()
+    for line, word in (("simulated = true", "SIMULATED"), ("simulated = false", "measured"), ("", "unknown")):
+        model.write_text(text.replace("schema =", f"{line}\nschema ="))
+        done = edbb("compensate", table, "--model", model, "-o", "-")
+        assert word in done.stdout.splitlines()[0]
+        assert ("SIMULATED" in done.stderr) == (word == "SIMULATED")
