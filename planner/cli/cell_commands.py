@@ -80,6 +80,9 @@ def centre_command(
 
 def _read_cell(plan_file: Path, needed: bool) -> Cell | None:
     """Return the cell beside a plan, once it has a head and the plan holds; nothing where no cell lies there."""
+    from planner.programs.dialect import PathForm
+    from planner.session.judgement import judge_plan
+    from planner.session.neutral_program import session_program
     from planner.session.planned_session import load_session
 
     if not (needed or (plan_file.parent / "cell.toml").is_file()):
@@ -87,7 +90,8 @@ def _read_cell(plan_file: Path, needed: bool) -> Cell | None:
         return None
     planned = load_session(plan_file, "centred", check=True)
     _ = planned.cell.gauge.indicators  # refused where there are none
-    print_notes(planned.notes)
+    program = session_program(planned.cell, planned.courses, planned.plan_id, PathForm())
+    print_notes(judge_plan(plan_file, planned.cell, program, planned.notes))
     return planned.cell
 
 

@@ -80,9 +80,14 @@ class Centre:
 
 @dataclass(frozen=True)
 class Pause:
-    """Stop until the operator has done what ``message`` says and starts again."""
+    """Stop until the operator has done what ``message`` says and starts again.
+
+    Where a person leads the robot meanwhile, ``led_to_deg`` are the angles there, and ``ball`` the one that is touched.
+    """
 
     message: str
+    led_to_deg: tuple[float, ...] | None = None
+    ball: int | None = None
 
 
 @dataclass(frozen=True)

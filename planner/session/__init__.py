@@ -4,6 +4,8 @@ __all__ = [
     "bar_poses",
     "course",
     "document",
+    "driven_motion",
+    "judgement",
     "mount",
     "movable_cell",
     "neutral_program",

@@ -43,7 +43,7 @@ def joint_moves(cell: Cell, path: TimedPath, mounting: Mounting | None) -> list[
     quickest = (np.abs(np.diff(path.q, axis=0)) / robot.speed).max(axis=1)
     percent = np.minimum(percent, 100.0 * quickest / np.maximum(shortest, 1e-9))
     tool = np.minimum(trajectory.leg_peak_tool_speed, cell.gauge.rate if mounting is not None else np.inf)
-    radius = np.linalg.norm(cell.map_position(trajectory.entry) - cell.map_position(path.q), axis=1)
+    radius = corner_radii(cell, path.q, trajectory)
     return [
         JointMove(
             degrees(path.q[k + 1]),
@@ -58,6 +58,18 @@ def joint_moves(cell: Cell, path: TimedPath, mounting: Mounting | None) -> list[
         )
         for k in range(len(path.q) - 1)
     ]
+
+
+def corner_radii(cell: Cell, q: Array, trajectory: Trajectory) -> Array:
+    """Return how far from each point of a path (m, N) [rad] a program may let the tool leave it, (m,) [m].
+
+    A controller has one distance for both legs of a corner: the smaller of the two that the trajectory has.
+    """
+    x = cell.map_position(q)
+    sides = [
+        np.linalg.norm(cell.map_position(side[: len(q)]) - x, axis=1) for side in (trajectory.entry, trajectory.exit)
+    ]
+    return np.minimum(*sides)
 
 
 def even_moves(cell: Cell, q: Array, visit: np.ndarray, mounting: Mounting) -> list[JointMove]:

@@ -33,6 +33,7 @@ from planner.programs.verification import ProgramMismatchError, write_checked
 from planner.runs.run import Mounting
 from planner.session.course import Course, TimedPath
 from planner.session.driven_moves import circle_moves, degrees, dense_moves, joint_moves
+from planner.session.judgement import judge_program
 from planner.session.plan_types import Programs
 from planner.session.tour_cost import cut_stretches, tool_positions, travel_and_change
 
@@ -141,7 +142,13 @@ def assemble_programs(dialects: Sequence[str], assemble: Callable[[PathForm], Pr
 
 
 def write_programs(cell: Cell, programs: Mapping[str, Program]) -> Programs:
-    """Write a session in each dialect; every program is read back and compared before it is returned."""
+    """Write a session in each dialect; every program is proven, and read back and compared before it is returned.
+
+    Raises:
+        NoSolutionError: a motion of a program is not proven.
+    """
+    for program in {id(p): p for p in programs.values()}.values():
+        judge_program(cell, program)
     stem = f"{cell.robot.name}_{cell.name.rpartition('/')[2]}"
     return tuple((name, write_session(cell, program, name, stem)) for name, program in programs.items())
 
@@ -275,10 +282,16 @@ def measured_moves(cell: Cell, path: TimedPath, mounting: Mounting, form: PathFo
         ball = cell.gauge.ball_to_centre(cell, np.deg2rad(move.q_deg))
         if ball is not None:
             mark = [Centre(ball + 1, move.pose), *mark]
-        mark = [Pause(asked), *mark] if asked else mark
+        mark = [Pause(asked, move.q_deg, _nearest_ball(cell, move)), *mark] if asked else mark
         mark = [Dwell(cell.motion.settle), *mark, Dwell(cell.motion.dwell)] if rests else mark
         out += [(-1, item) for item in mark]
     return out
+
+
+def _nearest_ball(cell: Cell, move: JointMove) -> int:
+    """Return the ball that a move leads to."""
+    there = cell.map_position(np.deg2rad([move.q_deg]))
+    return int(np.argmin(np.linalg.norm(cell.p_BS - there, axis=1)))
 
 
 def _stop_short(cell: Cell, path: TimedPath) -> TimedPath:

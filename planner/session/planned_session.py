@@ -1,6 +1,6 @@
 """A plan with its cell, what programs and simulated runs are made of, and whether its proofs hold there."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,49 +12,22 @@ from planner.common.errors import InputError
 from planner.common.files import data_folder
 from planner.common.result_folder import changed_files
 from planner.common.schema import read_json
-from planner.motion.path.constraints import Constraints
-from planner.motion.path.verdict import Verdict
+from planner.common.units import to_deg
 from planner.session.course import Course, Waypoints, time_course
 from planner.session.document import DriveRecord, PlanDocument, WaypointRecord, read_plan, read_waypoints
+from planner.session.driven_motion import SAME
 from planner.session.plan_record import content_hash, plan_document
 from planner.session.plan_types import Plan
-from planner.session.release import judge_corners, separate_motions
 
 NOT_HASHED = ("schema", "kind", "plan_id", "programs", "notes")
 PLAN, CELL = "plan.json", "cell.toml"
 NEEDED = (".json", ".toml", ".urdf", ".stl", ".obj", ".dae", ".ply")  # of a plan's files what a program is made of
 
 
-def check_trust(path: Path, cell: Cell, courses: Sequence[Course]) -> tuple[str, ...]:
-    """Accept a plan that is as it was written; prove every motion of any other anew, with both engines.
-
-    Args:
-        path: of ``plan.json``.
-        cell: the one beside it.
-        courses: what would be driven.
-
-    Returns:
-        What a person must know of a plan that was changed and holds all the same.
-
-    Raises:
-        InputError: it was changed, and its path is not proven.
-    """
-    because = _why_not(path, cell)
-    if because is None:
-        return ()
-    balls = _balls_of_visits(path, cell)
-    for course in courses:
-        for failure in _failures(cell, course, balls):
-            raise InputError(
-                f"{path}: is not as it was planned ({because}), and its path is not proven anew: {failure}; plan again"
-            )
-    return (f"{path} is not as it was planned: {because}; its path was proven anew by both engines",)
-
-
 def doubts(path: Path, cell: Cell) -> tuple[str, ...]:
-    """Say why a plan is not known to be as it was written; no robot moves by it, so its path is not proven anew."""
+    """Say why a plan is not known to be as it was written."""
     because = _why_not(path, cell)
-    return () if because is None else (f"{path} is not as it was planned ({because})",)
+    return () if because is None else (f"{path} is not as it was planned: {because}",)
 
 
 def _why_not(path: Path, cell: Cell) -> str | None:
@@ -72,22 +45,25 @@ def _why_not(path: Path, cell: Cell) -> str | None:
     return None if shipped or changed is not None else "no manifest.json tells whether robot and meshes are the same"
 
 
-def _failures(cell: Cell, course: Course, balls: Mapping[int, int]) -> list[str]:
-    """Say what either engine does not prove of a course, and what the cell does not allow."""
-    here = cell.with_mount(course.mounting, course.passes[0].path.q[0])
-    found: list[Verdict] = []
-    for path, bar in [(course.travel, False), *((p.path, True) for p in course.passes)]:
-        constraints = Constraints(here, course.mounting, bar=bar)
-        m = path.one_way
-        separate = separate_motions(constraints, [balls.get(int(v), -1) for v in path.visit[:m]]) if bar else []
-        found += judge_corners(constraints, path.q[:m], path.trajectory, separate)[0]
-    return [f"{v.engine}: {f}" for v in found for f in v.failures[:1]]
+def check_joined(path: Path, cell: Cell, courses: Sequence[Course]) -> None:
+    """Refuse a plan one of whose paths does not begin where the one before ends, from home to where it turns back.
 
-
-def _balls_of_visits(path: Path, cell: Cell) -> dict[int, int]:
-    content, names = read_json(path), [b.name for b in cell.balls]
-    poses = content.get("poses", []) if isinstance(content, dict) else []
-    return {int(p["id"]): names.index(str(p["ball"])) for p in poses if str(p.get("ball")) in names}
+    Raises:
+        InputError: naming the fixture and the joint.
+    """
+    for course in courses:
+        ends = [("home", cell.home), ("the way to the first pose", course.travel.q[-1])]
+        ends += [(f"'{p.heading}'", p.path.q[-1]) for p in course.passes]
+        begins = [course.travel.q[0], *(p.path.q[0] for p in course.passes), course.travel.q[-1]]
+        for (name, end), begin in zip(ends, begins, strict=True):
+            off = np.abs(end - begin)
+            j = int(off.argmax())
+            if not off[j] <= SAME:
+                raise InputError(
+                    f"{path}: the drive at fixture {cell.place_name(course.mounting)} does not join: {name} ends with "
+                    f"joint {j + 1} at {to_deg(end[j]):.4f} deg, what follows begins at {to_deg(begin[j]):.4f} deg; "
+                    "one of them was changed after planning; use the plan as it was written, or plan again"
+                )
 
 
 OWN_CELL = "put the cell.toml that was written with the plan beside it"
@@ -142,8 +118,8 @@ def load_session(path: Path, purpose: str, check: bool = False) -> PlannedSessio
     _check_visits(path, cell, document)
     if check:
         _check_courses(path, beside, cell, document, courses)
-    notes = check_trust(path, cell, courses) if check else doubts(path, cell)
-    return PlannedSession(cell, document, courses, notes)
+        check_joined(path, cell, courses)
+    return PlannedSession(cell, document, courses, doubts(path, cell))
 
 
 def _check_shortcuts(path: Path, drive: DriveRecord) -> tuple[int, ...]:

@@ -10,8 +10,10 @@ from planner.common.units import DEG, Array, read_only, round_angles
 from planner.design.candidates.pool import PoseSet
 from planner.motion.path.constraints import Constraints
 from planner.motion.path.verdict import PathLeg, ProvenPath, SeparateMotions, Verdict, judge_path
+from planner.motion.timing.curve import corner_ends, distinct_points
 from planner.motion.timing.trajectory import Trajectory, blend_corners
 from planner.session.course import Role, TimedPath, Waypoints, axis_limits, time_path, tool_speed
+from planner.session.driven_moves import corner_radii
 from planner.session.plan_types import motion_signs
 
 HALVINGS = 4  # of a blend that does not fit, before it becomes a stop
@@ -69,9 +71,13 @@ def judge_corners(
     A trajectory that is driven both ways has the same blends on the way back. Returned beside the verdicts: the path
     points whose blends an engine does not prove.
     """
-    count = len(q)
+    count, place = len(q), constraints.cell.map_position
     corner = np.flatnonzero(~trajectory.stop[:count])
-    triangles = np.stack([trajectory.entry[corner], q[corner], trajectory.exit[corner]], axis=1)
+    point = distinct_points(q)
+    radius = corner_radii(constraints.cell, q, trajectory)[corner]
+    first = np.searchsorted(point, np.arange(point[-1] + 1))
+    entry, leave = corner_ends(q[first], point[corner], radius, place)
+    triangles = np.stack([entry, q[corner], leave], axis=1)
     verdicts = judge_path(constraints, q, triangles, separate)
     unproven = np.unique([k - (count - 1) for v in verdicts for k in v.unproven if k >= count - 1]).astype(int)
     return verdicts, corner[unproven]

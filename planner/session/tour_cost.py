@@ -125,16 +125,20 @@ def prove_shortcuts(constraints: Constraints, q: Array, visit: np.ndarray) -> tu
 def entry_ways(cell: Cell, mounting: Mounting, q: Array, shortcuts: Sequence[int]) -> list[list[int]]:
     """Return the quickest proven way from the first point to each point of a path q (m, N), one way, as its points.
 
-    Its legs are legs of the path, driven either way, and the shortcuts from the first point.
+    Its legs are legs of the path, driven either way, and the shortcuts from the first point. Where the path comes to a
+    point again, from a ball that it has touched, that counts as one point: no way leads over the ball.
     """
     m = len(q)
-    a = np.concatenate([np.arange(m - 1), np.zeros(len(shortcuts), dtype=int)])
-    b = np.concatenate([np.arange(1, m), np.array(shortcuts, dtype=int)])
+    _, first, again = np.unique(q, axis=0, return_index=True, return_inverse=True)
+    same = first[again.ravel()]
+    a = np.concatenate([same[:-1], np.zeros(len(shortcuts), dtype=int)])
+    b = np.concatenate([same[1:], same[np.array(shortcuts, dtype=int)]])
+    a, b = np.unique(np.sort(np.column_stack([a, b])[a != b], axis=1), axis=0).T
     cost = leg_times(cell, mounting, q[a], q[b]) + 1e-3
     _, before = dijkstra(csr_array((cost, (a, b)), shape=(m, m)), directed=False, indices=0, return_predecessors=True)
     ways: list[list[int]] = []
     for point in range(m):
-        way = [point]
+        way = [int(same[point])]
         while way[-1] != 0:
             way.append(int(before[way[-1]]))
         ways.append(way[::-1])
@@ -164,17 +168,28 @@ def cut_stretches(
     ends = np.array(legs, dtype=int).ravel()  # every second of the moves between them is a leg
     moves = dict(zip(legs, even_moves(cell, path.q[ends], path.visit[ends], mounting)[::2], strict=True))
     out: list[Instruction] = [StretchBegin(first)]
-    number = first - 1
+    number, here = first - 1, degrees(path.q[0])
     for point, item in written:
         if point >= 0:
             number += 1
             if number > first:
                 there = ways[min(point, 2 * m - 2 - point)]
-                way = tuple(moves[leg] for leg in pairwise(there))
+                way = tuple(moves[leg] for leg in pairwise(there)) + _to_step(cell, mounting, path.q[point], here)
                 out += [StretchEnd(), Entry(number, degrees(path.q[0]), way), StretchBegin(number)]
             later = path.visit[point + 1 :]
             pose = int(later[later >= 0][0])
             if isinstance(item, JointMove) and pose != number:
                 out.append(Comment(f"start {number}: pose {pose}"))
         out.append(item)
+        here = item.q_deg if isinstance(item, JointMove) else here
     return [*out, StretchEnd()]
+
+
+STEP_OFF = 1e-9  # [deg] between a corner of the path and the step that a start goes on with
+
+
+def _to_step(cell: Cell, mounting: Mounting, q: Array, here: tuple[float, ...]) -> tuple[JointMove, ...]:
+    """Lead from a corner q (N,) [rad] to where a path in small steps, which cuts it, goes on."""
+    if np.abs(np.subtract(np.rad2deg(q), here)).max() <= STEP_OFF:
+        return ()
+    return tuple(even_moves(cell, np.stack([q, np.deg2rad(here)]), np.array([-1, -1]), mounting))

@@ -4,6 +4,7 @@ import tomllib
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import TypeVar
 
 from planner.common.determinism import on_one_thread
 from planner.common.errors import InputError
@@ -13,11 +14,12 @@ from planner.instruments.circular.document import is_circular, load_circular_pla
 from planner.instruments.circular.plan import CircularPlan, circle_samples
 from planner.instruments.simulation import SAMPLE_RATE, planned_samples, simulate_run
 from planner.instruments.truth import draw_truth, read_truth
-from planner.programs.dialect import load_dialect
+from planner.programs.dialect import PathForm, load_dialect
 from planner.programs.verification import import_map
 from planner.runs.run import Run
 from planner.runs.traces import ColumnMap, import_mapped, is_trace_of
 from planner.session.document import read_plan
+from planner.session.judgement import judge_plan
 from planner.session.neutral_program import session_program, write_session
 from planner.session.plan_types import Plan
 from planner.session.planned_session import PlannedSession, load_session
@@ -39,10 +41,11 @@ def export(plan: Path | str, *, dialect: str, name: str = "-") -> ExportResult:
     form = load_dialect(dialect).path_form
     path = Path(plan)
     planned = load_circular_plan(path) if is_circular(path) else load_session(path, "exported", check=True)
-    changed = " ".join(n.replace(str(path), "the plan") for n in planned.notes)
-    program = replace(session_program(planned.cell, planned.courses, planned.plan_id, form), changed=changed)
+    program = session_program(planned.cell, planned.courses, planned.plan_id, form)
+    notes = judge_plan(path, planned.cell, program, planned.notes)
+    changed = " ".join(n.replace(str(path), "the plan") for n in notes)
     stem = f"{planned.cell.robot.name}_{planned.plan_id}" if name == "-" else Path(name).stem
-    return ExportResult(write_session(planned.cell, program, dialect, stem), planned.notes)
+    return ExportResult(write_session(planned.cell, replace(program, changed=changed), dialect, stem), notes)
 
 
 @on_one_thread
@@ -81,10 +84,22 @@ def simulate(
 def _read_drives(path: Path) -> PlannedSession | CircularPlan:
     """Read what is driven; a path by hand has only its drives, and not all that a program is made of."""
     if is_circular(path):
-        return load_circular_plan(path)
+        return _judged(path, load_circular_plan(path))
     content = read_json(path)
     whole = isinstance(content, dict) and {"robot", "poses", "trajectory"} <= content.keys()
-    return load_session(path, "simulated", check=whole)
+    session = load_session(path, "simulated", check=whole)
+    return _judged(path, session) if whole else session
+
+
+S = TypeVar("S", PlannedSession, CircularPlan)
+
+
+def _judged(path: Path, session: S) -> S:
+    """Return a session whose path is proven: that of a plan as it was written is, any other's is proven anew."""
+    if not session.notes:
+        return session
+    program = session_program(session.cell, session.courses, session.plan_id, PathForm())
+    return replace(session, notes=judge_plan(path, session.cell, program, session.notes))
 
 
 def _drives_of(plan: Plan | CircularPlan) -> PlannedSession | CircularPlan:

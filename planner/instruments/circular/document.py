@@ -25,7 +25,7 @@ from planner.runs.run import Mounting
 from planner.session.course import time_path
 from planner.session.document import PlanHeader, TrajectoryRecord, WaypointRecord, read_waypoints
 from planner.session.plan_record import fill_document, origin_record, verdict_records, waypoint_records
-from planner.session.planned_session import check_trust, read_cell_beside
+from planner.session.planned_session import check_joined, doubts, read_cell_beside
 
 OFF = 1e-3 * MM  # by which the plan's points may miss its circles
 
@@ -180,7 +180,8 @@ def load_circular_plan(path: Path) -> CircularPlan:
         mounting = Mounting([f.name for f in cell.fixtures].index(session.fixture))
         mine = tuple(a for a in arcs if a.circle.mounting == mounting)
         drives.append(_read_drive(cell, mounting, mine, session, 2 * sum(len(d.passes) for d in drives)))
-    notes = check_trust(path, cell, [d.course for d in drives])
+    check_joined(path, cell, [d.course for d in drives])
+    notes = doubts(path, cell)
     return CircularPlan(cell=cell, seed=file.seed, drives=tuple(drives), notes=notes, plan_id=file.plan_id)
 
 

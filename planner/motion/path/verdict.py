@@ -136,9 +136,28 @@ def judge_path(
     motions = np.stack([q[:-1], q[1:]], axis=1) if len(q) > 1 else np.stack([q, q], axis=1)
     others = np.concatenate([np.zeros(0, dtype=int), *(a.motions for a in apart)])
     common = SeparateMotions(constraints, np.setdiff1d(np.arange(len(motions)), others))
-    parts = [_Motions(a.constraints, motions[a.motions], a.motions, "motion") for a in (common, *apart)]
+    names = [f"motion {k + 1}" for k in range(len(motions))]
+    parts = [
+        Motions(a.constraints, motions[a.motions], a.motions, [names[k] for k in a.motions]) for a in (common, *apart)
+    ]
     if triangles is not None:
-        parts.append(_Motions(constraints, triangles, np.arange(len(triangles)), "blend", len(motions)))
+        blends = np.arange(len(triangles))
+        parts.append(Motions(constraints, triangles, len(motions) + blends, [f"blend {k + 1}" for k in blends]))
+    return judge_motions(parts)
+
+
+@dataclass(frozen=True)
+class Motions:
+    """Motions or triangles (m, K, N) [rad] under one set of constraints, with a number (m,) and a name of each."""
+
+    constraints: Constraints
+    corners: Array
+    numbers: np.ndarray
+    names: Sequence[str]
+
+
+def judge_motions(parts: Sequence[Motions]) -> tuple[Verdict, Verdict]:
+    """Prove motions and triangles, each part under its own constraints, with coal's distances and with python-fcl's."""
     parts = [p for p in parts if len(p.numbers)]
     found = [p.constraints.extremes(p.corners, TOLERANCE) for p in parts]
     by_coal = [p.constraints.judge_by_coal(p.corners) for p in parts]
@@ -146,24 +165,10 @@ def judge_path(
     return _summarize("coal", parts, by_coal, found), _summarize("python-fcl", parts, by_fcl, found)
 
 
-@dataclass(frozen=True)
-class _Motions:
-    """Motions or triangles (m, K, N) [rad] under one set of constraints, their numbers (m,) among those of a kind.
-
-    ``before``: how many motions are counted before those of this kind.
-    """
-
-    constraints: Constraints
-    corners: Array
-    numbers: np.ndarray
-    kind: str
-    before: int = 0
-
-
-def _summarize(engine: str, parts: list[_Motions], proofs: list[Proof], found: list[Extremes]) -> Verdict:
+def _summarize(engine: str, parts: Sequence[Motions], proofs: list[Proof], found: list[Extremes]) -> Verdict:
     """Sum up proofs of named motions; both engines' own sightings count beside the extremes found."""
     failures = [
-        (part.before + number, f"{part.kind} {number + 1}: {part.constraints.failure(proof, k)}")
+        (number, f"{part.names[k]}: {part.constraints.failure(proof, k)}")
         for part, proof in zip(parts, proofs, strict=True)
         for k, number in enumerate(part.numbers.tolist())
         if not proof.proven[k]

@@ -81,6 +81,23 @@ def round_corners(request: TimingRequest, tool_position: ToolPosition, speed: Ar
     return Corners(read_only(q), node, stop, *parts)
 
 
+def corner_ends(q: Array, corner: Index, radius: Array, tool_position: ToolPosition) -> tuple[Array, Array]:
+    """Return where cutting corners begins and ends, (k, N) [rad] both: on either leg the tool point is ``radius`` away.
+
+    Args:
+        q: path points (m, N) [rad], each other than the one before.
+        corner: the points that are cut, (k,), neither the first nor the last.
+        radius: of each (k,) [m]; half a leg is cut at most.
+        tool_position: of the tool point.
+    """
+    halves = 0.5 * np.concatenate([q[corner - 1] - q[corner], q[corner + 1] - q[corner]])
+    if not len(corner):
+        return halves, halves
+    share = _crossing(np.tile(q[corner], (2, 1)), halves, np.tile(radius, 2), tool_position)
+    entry, leave = np.split(np.tile(q[corner], (2, 1)) + share[:, None] * halves, 2)
+    return entry, leave
+
+
 def _pace(q: Array, stop: Mask, tool_speed: Array, tool_position: ToolPosition, speed: Array) -> Array:
     """Return the joint-space speed (M-1,) [rad/s] on each leg that the joints and the tool's limit allow on average.
 

@@ -1,0 +1,282 @@
+"""The motion that a neutral program makes the robot drive, recovered from its instructions and nothing else."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+
+import numpy as np
+
+from planner.cell.cell import Cell
+from planner.common.errors import NoSolutionError
+from planner.common.units import Array, read_only
+from planner.kinematics.geometry import fit_circle_in_space, points_on_arc
+from planner.kinematics.inverse_kinematics import solve_pose_ik, tool_pose
+from planner.programs.instructions import Centre, Entry, JointMove, Pause, Program, StretchBegin, StretchEnd
+from planner.runs.run import FIRST_MOUNTING, Mounting
+
+NO_BALL = -1
+SAME = 1e-6  # [rad] by which a way may miss where the next begins, as the numbers of a plan are rounded
+
+
+@dataclass(frozen=True)
+class Held:
+    """How the gauge is held on a motion: at which mounting, and the pose (N,) [rad] where it was attached to the robot.
+
+    ``attached`` is false on the ways to and from that pose. ``ball``: which the motion comes to or leaves, or −1.
+    """
+
+    mounting: Mounting
+    attached: bool
+    mount_deg: tuple[float, ...] = ()
+    ball: int = NO_BALL
+
+
+@dataclass(frozen=True)
+class Chain:
+    """Points that are driven one after the other under the same constraints.
+
+    Attributes:
+        held: how the gauge is held.
+        q: the points (n, N) [rad].
+        blend: distance from each at which its corner may be cut (n,) [m]; 0 where the robot rests.
+        rounded: whether the way may leave a point's corner anywhere on both its legs, (n,) bool: on circles.
+        number: of the program's move that leads to the next point, (n − 1,), counted from 1.
+        way: number of the start that the chain leads to, or 0.
+    """
+
+    held: Held
+    q: Array
+    blend: Array
+    rounded: np.ndarray
+    number: np.ndarray
+    way: int = 0
+
+
+@dataclass
+class _Walk:
+    """Where the robot stands while the instructions are followed, and the points since its constraints changed."""
+
+    cell: Cell
+    here: tuple[float, ...]
+    held: Held
+    chains: list[Chain] = field(default_factory=list)
+    points: list[tuple[float, ...]] = field(default_factory=list)
+    blends: list[float] = field(default_factory=list)
+    rounded: list[bool] = field(default_factory=list)
+    numbers: list[int] = field(default_factory=list)
+    paused: bool = True
+
+    def go(self, move: JointMove, number: int, held: Held) -> None:
+        if held != self.held or not self.points:
+            self.close()
+            self.points, self.blends, self.rounded, self.held = [self.here], [0.0], [False], held
+        path = [move.q_deg] if move.via_deg is None else circle_points(self.cell.at(held.mounting), self.here, move)
+        self.points += path
+        self.blends += [0.0] * (len(path) - 1) + [move.blend_mm / 1e3]
+        self.rounded += [True] * (len(path) - 1) + [False]
+        self.numbers += [number] * len(path)
+        self.here, self.paused = move.q_deg, False
+
+    def close(self) -> None:
+        if len(self.points) > 1:
+            q, number = read_only(np.deg2rad(self.points)), np.array(self.numbers)
+            self.chains.append(Chain(self.held, q, read_only(self.blends), np.array(self.rounded), number))
+        self.points, self.blends, self.rounded, self.numbers = [], [], [], []
+
+
+def recover_motion(cell: Cell, program: Program) -> list[Chain]:
+    """Return what is driven from home to the end of the program, and on the way to each of its later starts.
+
+    The first move, to home, is not planned: the operator stands the robot near it, and it is slow.
+
+    Raises:
+        NoSolutionError: the program does not begin at the cell's home, the gauge is attached or taken off without a
+            pause, or a start leaves out what moves the robot to where it goes on.
+    """
+    off = np.abs(np.subtract(np.rad2deg(cell.home), program.moves[0].q_deg)).max()
+    if off > np.rad2deg(SAME):
+        raise not_released(f"it begins {off:.4g} deg away from the cell's home")
+    check_starts(program, cell.gauge.is_attached)
+    mountings, balls = _next_mountings(program), _balls(program)
+    walk = _Walk(cell, program.moves[0].q_deg, Held(FIRST_MOUNTING, False))
+    ways: list[Chain] = []
+    attached: Mounting | None = None
+    mount: tuple[float, ...] = ()
+    number = 0
+    for item in program.instructions:
+        if isinstance(item, Pause):
+            walk.paused = True
+            if item.led_to_deg is not None:
+                _lead(walk, item, number)
+        elif isinstance(item, Entry):
+            ways.append(_way(item, mount))
+        elif isinstance(item, JointMove):
+            number += 1
+            if item.mounting != attached:
+                if cell.gauge.is_attached and not walk.paused:
+                    raise not_released(f"before move {number} the gauge is attached or taken off without a pause")
+                attached, mount = item.mounting, walk.here
+            if number == 1:
+                continue
+            here = mountings[number - 1] if attached is None else attached
+            ball = max(balls[number - 1], balls[number - 2])
+            walk.go(item, number, Held(here, attached is not None, () if attached is None else mount, ball))
+    walk.close()
+    return walk.chains + ways
+
+
+def _lead(walk: _Walk, item: Pause, number: int) -> None:
+    """A person leads the robot from where it waits to where it is measured."""
+    assert item.led_to_deg is not None
+    walk.go(JointMove(item.led_to_deg, 1.0, 0.0, 100.0), number, walk.held)
+    walk.paused = True
+
+
+def _way(entry: Entry, mount: tuple[float, ...]) -> Chain:
+    """The way to a later start; the gauge is held there as it is on its moves."""
+    mounting = entry.moves[0].mounting
+    held = Held(mounting or FIRST_MOUNTING, mounting is not None, mount if mounting is not None else ())
+    q = np.deg2rad([entry.origin_deg, *(m.q_deg for m in entry.moves)])
+    blend = np.array([0.0, *(m.blend_mm / 1e3 for m in entry.moves)])
+    return Chain(held, read_only(q), read_only(blend), blend < 0.0, np.arange(1, len(q)), entry.at)
+
+
+def _next_mountings(program: Program) -> list[Mounting]:
+    """How the gauge is held next, for each move; after the last time, how it was held."""
+    found = [m.mounting for m in program.moves]
+    last = next((m for m in reversed(found) if m is not None), FIRST_MOUNTING)
+    out: list[Mounting] = []
+    for mounting in reversed(found):
+        last = last if mounting is None else mounting
+        out.append(last)
+    return out[::-1]
+
+
+def _balls(program: Program) -> list[int]:
+    """At which ball each move ends, −1 at none."""
+    out: list[int] = []
+    for item in program.instructions:
+        if isinstance(item, JointMove):
+            out.append(NO_BALL)
+        elif isinstance(item, Centre):
+            out[-1] = item.ball - 1
+        elif isinstance(item, Pause) and item.ball is not None:
+            out[-1] = item.ball
+    return out
+
+
+@dataclass
+class _Piece:
+    """A part of a program that is driven or left out as a whole.
+
+    ``until`` of its stretch, or 0; ``at``: the start whose way it is, or 0; from where it was planned and where it
+    ends, with the gauge held as told (``before``, ``after``), in words for messages ``what``.
+    """
+
+    until: int
+    at: int
+    first: tuple[float, ...]
+    before: Mounting | None
+    last: tuple[float, ...] = ()
+    after: Mounting | None = None
+    rests: bool = True
+    paused_first: bool = False
+    paused: bool = False
+    moved: bool = False
+
+    def add(self, move: JointMove) -> None:
+        if not self.moved:
+            self.paused_first, self.before = self.paused, move.mounting
+        self.last, self.after, self.rests = move.q_deg, move.mounting, move.blend_mm == 0.0
+        self.moved, self.paused = True, False
+
+
+def check_starts(program: Program, attached: bool) -> None:
+    """Refuse a program in which a later start goes on elsewhere than where the robot then stands.
+
+    Args:
+        program: what is driven.
+        attached: whether the gauge is held at a fixture too, so that a person takes it off between two ways.
+
+    Raises:
+        NoSolutionError: naming the start.
+    """
+    pieces = [p for p in _pieces(program) if p.moved]
+    following = {(id(one), id(other)) for one, other in pairwise(p for p in pieces if not p.at)}
+    for start in sorted({p.at for p in pieces if p.at}):
+        driven = [p for p in pieces if (p.at == start if p.at else p.until == 0 or p.until >= start)]
+        for one, other in pairwise(driven):
+            gap = max(abs(a - b) for a, b in zip(one.last, other.first, strict=True))
+            held = not attached or one.after == other.before or one.paused or other.paused_first
+            rests = one.rests or (id(one), id(other)) in following
+            if gap > np.rad2deg(SAME) or not held or not rests:
+                raise not_released(
+                    f"started at {start}, it goes on {gap:.4g} deg away from where the robot then stands"
+                )
+
+
+def _pieces(program: Program) -> list[_Piece]:
+    """Cut the program where something may be left out."""
+    here, held = program.home_deg, None
+    out = [_Piece(0, 0, here, held)]
+    for item in program.instructions:
+        if isinstance(item, StretchBegin | StretchEnd):
+            out.append(_Piece(item.until if isinstance(item, StretchBegin) else 0, 0, here, held))
+        elif isinstance(item, Entry):
+            way = _Piece(0, item.at, item.origin_deg, held)
+            for move in item.moves:
+                way.add(move)
+            out += [way, _Piece(0, 0, here, held)]
+        elif isinstance(item, Pause):
+            out[-1].paused = True
+        elif isinstance(item, JointMove):
+            out[-1].add(item)
+            here, held = item.q_deg, item.mounting
+    return out
+
+
+CIRCLE_STEP = np.deg2rad(1.0)  # of a circle between two points at which the joints are found
+CIRCLE_ROUNDS = 8  # of Newton from one such point to the next
+ENDS_OFF = 1e-4  # [rad] by which the joints may miss the end of a circle: the plan's own points miss it by a micrometre
+BRANCH = np.deg2rad(20.0)  # that no joint turns from one such point to the next, unless the arm passes a singular pose
+
+
+def circle_points(cell: Cell, start_deg: tuple[float, ...], move: JointMove) -> list[tuple[float, ...]]:
+    """Return the corners (k, N) [deg] of a polygon about the way of the joints while the tool runs on a circle.
+
+    The tool does not turn. Between two points that are found the joints run on a parabola nearly (the rest is below
+    1e-7 rad), which lies in the triangle of the points and the polygon's corner between them.
+
+    Raises:
+        NoSolutionError: the joints do not lead round it to where the move ends.
+    """
+    assert move.via_deg is not None
+    ends = np.deg2rad([start_deg, move.via_deg, move.q_deg])
+    tool = cell.map_position(ends)
+    turn = points_on_arc(tool, np.zeros(1))[1] / fit_circle_in_space(tool)[2]
+    count = max(8, int(np.ceil(turn / CIRCLE_STEP)))
+    x, _ = points_on_arc(tool, np.linspace(0.0, 1.0, 2 * count + 1))
+    R = tool_pose(cell.chain, cell.robot, ends[:1])[1]
+    q = [ends[0]]
+    for k in range(1, len(x)):
+        guess = q[-1] if k == 1 else 2 * q[-1] - q[-2]
+        found, good = solve_pose_ik(cell.chain, cell.robot, guess[None], x[k : k + 1], R, CIRCLE_ROUNDS)
+        if not good[0] or np.abs(found[0] - q[-1]).max() > BRANCH:
+            raise not_released("the arm does not get round a circle without turning the tool")
+        q.append(found[0])
+    if np.abs(q[-1] - ends[2]).max() > ENDS_OFF:
+        raise not_released("a circle ends in other angles of the joints than where the tool is led round it")
+    points = np.array(q)
+    corners = 2 * points[1::2] - (points[:-2:2] + points[2::2]) / 2
+    return [tuple(c) for c in np.rad2deg(corners).tolist()] + [move.q_deg]
+
+
+def not_released(because: str) -> NoSolutionError:
+    """Return the error of a program that must not be driven."""
+    return NoSolutionError(f"the program is not released: {because}")
+
+
+def each_leg(chains: Sequence[Chain]) -> Iterator[tuple[Chain, int]]:
+    """Yield every leg of every chain."""
+    for chain in chains:
+        yield from ((chain, k) for k in range(len(chain.number)))
