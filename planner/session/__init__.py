@@ -4,7 +4,6 @@ __all__ = [
     "bar_poses",
     "course",
     "document",
-    "driven_motion",
     "judgement",
     "mount",
     "movable_cell",

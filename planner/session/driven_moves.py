@@ -66,10 +66,10 @@ def corner_radii(cell: Cell, q: Array, trajectory: Trajectory) -> Array:
     A controller has one distance for both legs of a corner: the smaller of the two that the trajectory has.
     """
     x = cell.map_position(q)
-    sides = [
+    one, other = (
         np.linalg.norm(cell.map_position(side[: len(q)]) - x, axis=1) for side in (trajectory.entry, trajectory.exit)
-    ]
-    return np.minimum(*sides)
+    )
+    return np.asarray(np.minimum(one, other))
 
 
 def even_moves(cell: Cell, q: Array, visit: np.ndarray, mounting: Mounting) -> list[JointMove]:

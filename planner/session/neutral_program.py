@@ -29,9 +29,10 @@ from planner.programs.instructions import (
 )
 from planner.programs.languages.execution import ReadBack
 from planner.programs.rendering import ProgramFile
-from planner.programs.verification import ProgramMismatchError, write_checked
+from planner.programs.verification import write_checked
 from planner.runs.run import Mounting
 from planner.session.course import Course, TimedPath
+from planner.session.driven_motion import not_released
 from planner.session.driven_moves import circle_moves, degrees, dense_moves, joint_moves
 from planner.session.judgement import judge_program
 from planner.session.plan_types import Programs
@@ -50,7 +51,7 @@ def check_emitted_speeds(cell: Cell, program: Program, axes: AxisConvention, dia
     a speed word of the tool is that of the tool.
 
     Raises:
-        ProgramMismatchError: naming the move, the speed and the limit.
+        NoSolutionError: naming the move, the speed and the limit.
     """
     limited = [k for k, m in enumerate(program.moves) if np.isfinite(m.tool_limit_mm_s)]
     c = np.deg2rad(np.vstack([axes.degrees_to_controller(program.home_deg), found.joint_path_deg]))
@@ -110,9 +111,8 @@ def _refuse(rows: np.ndarray, travel: Array, seconds: Array, limit: Array, what:
     over = np.flatnonzero(speed > limit * SLACK)
     if len(over):
         k = int(over[np.argmax(speed[over] / limit[over])])
-        raise ProgramMismatchError(
-            f"the program is not released: move {rows[k] + 1} drives {what} at {to_mm(speed[k]):.2f} mm/s, allowed "
-            f"are {to_mm(limit[k]):.2f} mm/s"
+        raise not_released(
+            f"move {rows[k] + 1} drives {what} at {to_mm(speed[k]):.2f} mm/s, allowed are {to_mm(limit[k]):.2f} mm/s"
         )
 
 
@@ -159,8 +159,9 @@ def write_session(cell: Cell, program: Program, dialect: str, stem: str) -> tupl
 
     Raises:
         InputError: no such dialect, it cannot carry the program, or the robot's file does not say how its axes count.
-        NoSolutionError: a move leaves the stroke of one of the controller's axes.
-        ProgramMismatchError: the text does something else, or drives tool or gauge beyond their limits.
+        NoSolutionError: a move leaves the stroke of one of the controller's axes, or drives tool or gauge beyond their
+            limits.
+        ProgramMismatchError: the text does something else.
     """
     language, robot = load_dialect(dialect), cell.robot
     axes = axes_for(robot, language)

@@ -84,17 +84,17 @@ def simulate(
 def _read_drives(path: Path) -> PlannedSession | CircularPlan:
     """Read what is driven; a path by hand has only its drives, and not all that a program is made of."""
     if is_circular(path):
-        return _judged(path, load_circular_plan(path))
+        return _prove_anew(path, load_circular_plan(path))
     content = read_json(path)
     whole = isinstance(content, dict) and {"robot", "poses", "trajectory"} <= content.keys()
     session = load_session(path, "simulated", check=whole)
-    return _judged(path, session) if whole else session
+    return _prove_anew(path, session) if whole else session
 
 
 S = TypeVar("S", PlannedSession, CircularPlan)
 
 
-def _judged(path: Path, session: S) -> S:
+def _prove_anew(path: Path, session: S) -> S:
     """Return a session whose path is proven: that of a plan as it was written is, any other's is proven anew."""
     if not session.notes:
         return session
