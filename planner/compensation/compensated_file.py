@@ -125,13 +125,16 @@ def compensate_file(
             named).
         NoSolutionError: no target has a correction, or most are out of the robot's reach.
     """
-    text, encoding = _read(path)
+    text, encoding = read_program(path)
     if mark is not None:
         check_not_corrected(path.name, text, mark, again)
         if not measuring:
             check_no_measuring_program(path.name, text)
     language = dialect or detect_dialect(path, text)
-    companion, axes = companion_of(path, language, _read), axes_of_file(path.name, language, text, nominal, axes_of)
+    companion, axes = (
+        companion_of(path, language, read_program),
+        axes_of_file(path.name, language, text, nominal, axes_of),
+    )
     notes = [*axes_notes(language, nominal, axes), *foreign_robot_notes(path.name, text, nominal)]
     nominal, calibrated = nominal.in_axes(axes), FlangeInAxes(calibrated, axes)
     seeds = SearchSeeds(nominal)
@@ -239,8 +242,12 @@ def _certain_targets(path: Path, reading: TargetReading, strict: bool) -> list[T
 MOST_LINE = 20_000  # the longest of 585 real programs has 1 248
 
 
-def _read(path: Path) -> tuple[str, str]:
-    """Return the text and the encoding that gives the same bytes back."""
+def read_program(path: Path) -> tuple[str, str]:
+    """Return the text and the encoding that gives the same bytes back.
+
+    Raises:
+        InputError: it is no text, or has a line that no program has.
+    """
     data = read_bytes(path)
     if b"\0" in data:
         raise InputError(f"{path}: holds zero bytes and is no text; UTF-8 and Latin-1 are allowed")

@@ -148,16 +148,20 @@ class TargetReading:
     left: list[Note] = field(default_factory=list)
     notes: list[Note] = field(default_factory=list)
     _found: list[Target | None] = field(default_factory=list)
+    _said: set[tuple[int, Note]] = field(default_factory=set)  # what stands in the lists of lines
 
     def refuse(self, line: int, sentence: str) -> None:
         """Note that the file cannot be compensated because of ``line``, and why."""
-        if (line, sentence) not in self.refused:
-            self.refused.append((line, sentence))
+        self._note_once(self.refused, (line, sentence))
 
     def leave(self, line: int, sentence: str) -> None:
         """Note that the target in ``line`` stays as it is, and why."""
-        if (line, sentence) not in self.left:
-            self.left.append((line, sentence))
+        self._note_once(self.left, (line, sentence))
+
+    def _note_once(self, list_: list[Note], note: Note) -> None:
+        if (id(list_), note) not in self._said:
+            self._said.add((id(list_), note))
+            list_.append(note)
 
     def check(self) -> None:
         """Raise what was refused.

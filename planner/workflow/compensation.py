@@ -19,7 +19,7 @@ from planner.common.files import read_bytes, write_text
 from planner.common.result import Result
 from planner.common.schema import read_json
 from planner.common.units import Array, from_deg, from_mm, read_only, to_mm
-from planner.compensation.compensated_file import CompensatedFile, compensate_file
+from planner.compensation.compensated_file import CompensatedFile, compensate_file, read_program
 from planner.compensation.correction_mark import CorrectionMark
 from planner.compensation.program_error import ProgramError, program_error
 from planner.compensation.rotations import frame, from_abc
@@ -125,7 +125,7 @@ def compensate(
         mark = replace(mark, day=_day(date))
     uncorrected = cell is not None and _check_controller(cell, robot.name)
     calibrated = CalibratedRobot(robot)
-    data = "" if frames is None else _text(Path(frames))
+    data = "" if frames is None else read_program(Path(frames))[0]
     own = robot.tool_points[0].p_FM if len(robot.tool_points) == 1 else None
     T_FT = _tool_of_model(robot) if tool == MODEL_TOOL else _frame("--tool", tool)
     given = ToolAndBase(T_FT, _frame("--base", base), data, uncorrected, own)
@@ -296,7 +296,3 @@ def _frame(option: str, text: str | None) -> Array | None:
     if len(numbers) != 6 or not np.isfinite(numbers).all():
         raise InputError(f"{option} = '{text}': six numbers x,y,z,A,B,C are needed, in mm and degrees (Z-Y'-X\")")
     return read_only(frame(from_mm(numbers[None, :3]), from_abc(from_deg(numbers[None, 3:])))[0])
-
-
-def _text(path: Path) -> str:
-    return read_bytes(path).decode("utf-8", errors="replace")

@@ -1,12 +1,16 @@
 """Targets that hide: each is corrected, or left and named by its line, or the file is refused; never silently wrong."""
 
+import contextlib
 import re
+import time
 
 import pytest
 
 from planner.common.errors import InputError
+from planner.common.files import data_folder
 from planner.compensation.compensated_file import compensate_file
 from planner.compensation.targets import ToolAndBase
+from planner.workflow.compensation import compensate
 from tests.compensation.robots import bent
 from tests.compensation.test_formats import krl
 from tests.compensation.test_partial import FREE, GOOD, GOOD_RAPID, NULL, changed, pose, reasons, run, target
@@ -203,3 +207,35 @@ def test_linuxcnc_words_are_joint_angles_only_where_somebody_says_so(offset, who
 def test_a_frame_of_its_own_is_no_hidden_target(kuka, tmp_path):
     text = krl("BASE_DATA[3]={X 5,Y 0,Z 0,A 0,B 0,C 0}", "$LOAD={M 5,CM {X 1,Y 2,Z 3,A 0,B 0,C 0}}", GOOD)
     assert not run(tmp_path / "p.src", text, kuka, frames=ToolAndBase()).partly
+
+
+MODULE_HEAD = f"MODULE M\nPROC main()\n{GOOD_RAPID}\n"
+MANY = {  # name, text, frames: each was read in a time that grows with the square of its size
+    "braces of frames": ("p.mod", f"{MODULE_HEAD}ENDPROC\nENDMODULE\n", "MODULE F\n" + "a{ \n" * 20_000),
+    "names of frames": ("p.mod", f"{MODULE_HEAD}ENDPROC\nENDMODULE\n", "MODULE F\n" + "a \n" * 20_000),
+    "braces and numbers": ("p.mod", MODULE_HEAD + "{X 1\n" * 20_000 + ";ENDPROC\nENDMODULE\n", ""),
+    "nested conditions": ("p.src", krl(GOOD, *["IF a THEN"] * 10_000), ""),
+    "lines that are left": ("p.src", krl(GOOD, *["PTP XELSE"] * 10_000), ""),
+    "empty lines of TP": ("p.ls", "/MN\n:J P[1] 9% FINE ;\n" + "\n" * 20_000 + "/POS\n/END\n", ""),
+    "empty lines of G-code": ("p.mpf", "G500 G90\n" + "\n" * 20_000 + "M30\n", ""),
+    "rows that are refused": ("p.csv", "q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg\n" + "x\n" * 20_000, ""),
+}
+
+
+@pytest.mark.parametrize("name", MANY)
+def test_long_files_are_read_once(name, kuka, abb, tmp_path):
+    file, text, frames = MANY[name]
+    (tmp_path / file).write_text(text)
+    start = time.process_time()
+    with contextlib.suppress(InputError):
+        compensate_file(tmp_path / file, *(kuka if file.endswith(".src") else abb), frames=ToolAndBase(data=frames))
+    assert time.process_time() - start < 3.0
+
+
+def test_a_table_of_frames_is_read_as_a_program_is(tmp_path):
+    robot = (data_folder("robots") / "abb-irb120" / "robot.toml").read_text()
+    (tmp_path / "robot.toml").write_text(f"{robot}\n[nominal]\na2_mm = 270.1\n")
+    (tmp_path / "p.mod").write_text(f"{MODULE_HEAD}ENDPROC\nENDMODULE\n")
+    (tmp_path / "frames.mod").write_text("MODULE F " + "{" * 200_000)
+    with pytest.raises(InputError, match=r"frames\.mod:1: the line has 200009 signs; at most 20000 are read"):
+        compensate(tmp_path / "p.mod", model=tmp_path / "robot.toml", frames=tmp_path / "frames.mod")

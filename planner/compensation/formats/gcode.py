@@ -269,7 +269,7 @@ _JUMPS_TO_BLOCK = re.compile(
 
 def _jumps_to_blocks(text: str) -> bool:
     """Tell whether a program may go on at any of its blocks: jumps but to a label that it holds, modal calls."""
-    labels = {label.upper() for label in re.findall(r"(?m)^\s*(?:N\d+\s*)?([A-Za-z_]\w*)\s*:", text)}
+    labels = {label.upper() for label in re.findall(r"(?m)^[ \t]*(?:N\d+[ \t]*)?([A-Za-z_]\w*)[ \t]*:", text)}
     targets = (m["target"].strip().upper() for m in _JUMP.finditer(text))
     return _JUMPS_TO_BLOCK.search(text) is not None or any(target not in labels for target in targets)
 

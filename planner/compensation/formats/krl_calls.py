@@ -142,14 +142,16 @@ class FrameChanges:
         return not declares and (calls_function(statement) or not leaves)
 
     def _changing_loops(self, statements: Sequence[st.Statement]) -> set[int]:
-        found, begun = set[int](), list[st.Flow]()
+        found, begun, looked = set[int](), list[st.Flow](), 0  # how many of those begun have been looked at
         for s in statements:
-            if self._changes(s):
-                found |= {id(loop) for loop in begun if _LOOP.match(loop.text)}
+            if looked < len(begun) and self._changes(s):
+                found |= {id(loop) for loop in begun[looked:] if _LOOP.match(loop.text)}
+                looked = len(begun)
             if isinstance(s, st.Routine | st.RoutineEnd):
                 begun.clear()
             elif isinstance(s, st.Flow) and s.depth > 0:
                 begun.append(s)
             elif isinstance(s, st.Flow) and s.depth < 0 and begun:
                 begun.pop()
+            looked = min(looked, len(begun))
         return found

@@ -79,9 +79,11 @@ class _RapidTargets:
         """Take in what gives points a value, and which parts of them are handed to routines that may write them."""
         if isinstance(p.statement, st.Assignment):
             self._read_value(p, p.statement)
-        for name, part in handed_names(p.statement):
-            if part or self._may_write(p.statement):
-                self.points.compute(self.names.resolve(p, name), may_change(p))
+        if handed := set(handed_names(p.statement)):
+            why, may_write = may_change(p), self._may_write(p.statement)
+            for name, part in sorted(handed):
+                if part or may_write:
+                    self.points.compute(self.names.resolve(p, name), why)
 
     def _may_write(self, statement: st.Statement) -> bool:
         """Tell whether a routine that a statement calls is not in the file, or takes anything to be written."""

@@ -14,8 +14,8 @@ from planner.compensation.targets import ToolAndBase
 from planner.programs.languages.rapid import POSE, RapidMove
 
 _MODULE = re.compile(r"(?<!END)\bMODULE\s+(\w+)", re.IGNORECASE)
-_VALUELESS = re.compile(r"\b(?:VAR|PERS)\s+(?P<kind>\w+)\s+(?P<name>\w+)\s*(?:\{[^}]*\})?\s*$", re.IGNORECASE)
-_PARAMETERS = re.compile(r"\b(?:VAR\s+|PERS\s+|INOUT\s+)?(\w+)\s+(\w+)\s*(?:\{[^}]*\})?\s*(?=[,)|\\])", re.IGNORECASE)
+_VALUELESS = re.compile(r"\b(?:VAR|PERS)\s+(?P<kind>\w+)\s+(?P<name>\w+)\s*(?:\{[^{}]*\})?\s*$", re.IGNORECASE)
+_PARAMETERS = re.compile(r"\b(?:VAR\s+|PERS\s+|INOUT\s+)?(\w+)\s+(\w+)\s*(?:\{[^{}]*\})?\s*(?=[,)|\\])", re.IGNORECASE)
 
 
 @dataclass(frozen=True)
@@ -184,9 +184,11 @@ class FrameTable:
         for p in placed:
             if isinstance(p.statement, st.Assignment) and not p.statement.kind:
                 self._change(p, p.statement, names.resolve(p, p.statement.name))
-            for name, _ in handed_names(p.statement):
+            if handed := {name for name, _ in handed_names(p.statement)}:
                 table = self._handed if not p.beside or calls_any(p.statement, routines) else self._doubted
-                table.setdefault(names.resolve(p, name), f"{name} {may_change(p)}")
+                why = may_change(p)
+                for name in sorted(handed):
+                    table.setdefault(names.resolve(p, name), f"{name} {why}")
         self.notes: dict[str, tuple[int, str]] = {}
         self._missing: dict[str, set[str]] = {"tool": set(), "base": set()}
         for p in placed:

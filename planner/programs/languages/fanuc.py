@@ -12,7 +12,7 @@ from planner.programs.languages.execution import Execution
 
 MAIN, POSITIONS = re.compile(r"^/MN\b", re.MULTILINE), re.compile(r"^/POS\b", re.MULTILINE)
 _LINE, TO_SEMICOLON = re.compile(r"[^\r\n]+"), re.compile(r"[^;]+")
-_NUMBERED = re.compile(r"^\s*\d*\s*:", re.MULTILINE)
+_NUMBERED = re.compile(r"^[ \t]*\d*[ \t]*:", re.MULTILINE)
 _MOTION = re.compile(r"[JLCAS] P(?:R)?\[.*")
 _MOVE = re.compile(rf"J P\[(?P<number>\d+)\] (?P<speed>{st.NUMBER})(?P<unit>sec|%) (?P<end>FINE|CNT\d+)")
 _MESSAGE = re.compile(r"MESSAGE\[[^\[\];]*\]")  # shows its text, like a remark

@@ -31,14 +31,14 @@ _CHUNK = _pattern(
     r"|(?P<statement>[^;]+;))"
 )
 _DECLARED = _pattern(
-    r"\b(?:CONST|PERS|VAR)\s+(?P<kind>\w+)\s+(?P<name>\w+)\s*(?P<part>\{[^}]*\})?\s*:=\s*(?P<value>.*)"
+    r"\b(?:CONST|PERS|VAR)\s+(?P<kind>\w+)\s+(?P<name>\w+)\s*(?P<part>\{[^{}]*\})?\s*:=\s*(?P<value>.*)"
 )
 _MOVE = _pattern(
     r"\b(?P<word>(?:Move|Trigg)(?:AbsJ|J|L|C)(?:DO|AO|GO|Sync|IOs)?|Search[LC]|(?:Arc|Cap|Disp|Paint)[LC](?:Start|End|\d)*"
     r"|Spot[LJ])\b(?P<rest>.*)"
 )
 _ASSIGNED = _pattern(
-    r"(?:^|\s)(?P<kind>)(?P<name>\w+)\s*(?P<part>\{[^}]*\})?(?:\s*\.\s*\w+(?:\s*\{[^}]*\})?)*\s*:=\s*(?P<value>.*)"
+    r"(?:^|\s)(?P<kind>)(?P<name>\w+)\s*(?P<part>\{[^{}]*\})?(?:\s*\.\s*\w+(?:\s*\{[^}]*\})?)*\s*:=\s*(?P<value>.*)"
 )
 _PASSIVE = _pattern(r"(?:VAR|AccSet|SetDO|WaitDI|GripLoad|Open|Close|Write|TPWrite|Stop)\b.*")
 
