@@ -53,6 +53,7 @@ def in_controller_axes(program: Program, axes: AxisConvention, dialect: Dialect,
     turned = replace(
         program,
         home_deg=axes.degrees_to_controller(program.home_deg),
+        acceleration_deg_s2=_accelerations(program, axes),
         instructions=tuple(_turn_instructions(program, axes, speed)),
         axes=axes,
     )
@@ -69,6 +70,12 @@ def in_controller_axes(program: Program, axes: AxisConvention, dialect: Dialect,
                 f"({axes.sentences(axis_names(dialect))[j]})"
             )
     return turned
+
+
+def _accelerations(program: Program, axes: AxisConvention) -> tuple[float, ...]:
+    """Return the limit of each axis of the controller [deg/s²]."""
+    limits = program.acceleration_deg_s2
+    return tuple(axes.largest(np.array(limits)).tolist()) if limits else ()
 
 
 def check_model_angles(program: Program, axes: AxisConvention, found: ReadBack, decimals: int) -> None:

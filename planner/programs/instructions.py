@@ -37,6 +37,8 @@ class JointMove:
     """What the tool's speed must not exceed on the leg [mm/s]."""
     mounting: Mounting | None = None
     """Where a gauge is attached on the leg, counted from 0; its own rate is limited as well."""
+    shortest_s: float | None = None
+    """Least time in which even motion of the joints keeps every limit of speed [s]; unknown: ``duration_s``."""
     via_deg: tuple[float, ...] | None = None
     """Angles at a middle point of a circle that the tool runs on without turning, in controllers that know circles."""
 
@@ -163,6 +165,8 @@ class Program:
     mass_kg: float = 0.0
     com_mm: tuple[float, float, float] = (0.0, 0.0, 0.0)
     joint_names: tuple[str, ...] = ()
+    acceleration_deg_s2: tuple[float, ...] = ()
+    """Limit of each joint, for whom a program must say its ramps [deg/s²]; none where it is not known."""
     axes: AxisConvention | None = None
     """How the controller counts whose axes the angles are; ``None`` while they are the model's."""
     changed: str = ""
@@ -176,6 +180,10 @@ class Program:
         _check_angles(self.home_deg, self.n_joints, "home")
         if not all(math.isfinite(v) for v in (*self.map_mm, *self.com_mm, self.mass_kg)) or self.mass_kg < 0.0:
             raise InputError(f"the tool has a place or a mass ({self.mass_kg} kg) that is no sensible number")
+        if self.acceleration_deg_s2 and (
+            len(self.acceleration_deg_s2) != self.n_joints or not min(self.acceleration_deg_s2) > 0.0
+        ):
+            raise InputError(f"acceleration_deg_s2 is no limit above 0 for each of {self.n_joints} joints")
         if not self.moves:
             raise InputError("the program holds no move")
         for number, move in enumerate(self.moves, start=1):

@@ -28,7 +28,9 @@ class SpeedStyle(StrictModel):
     ``axis_percent`` and change at stops only; the operator's override is never one of them.
 
     A ``duration`` is that of the leg times ``ease``, the peak over the mean of the controller's own profile between
-    two stops, and ``ramp_s`` longer, so that the peak speed stays within what was planned.
+    two stops, and ``ramp_s`` longer, so that the peak speed stays within what was planned. ``stream``: whoever follows
+    the program keeps no limit of acceleration, so the ramps are in it: goals with velocities that are joined by cubics,
+    or ``frames``, ``word`` of them a second.
     """
 
     kind: SpeedKind
@@ -38,6 +40,7 @@ class SpeedStyle(StrictModel):
     reductions: tuple[int, ...] = (100,)
     ease: float = Field(default=1.0, ge=1.0)
     ramp_s: float = Field(default=0.0, ge=0.0)
+    stream: Literal["", "cubic", "frames"] = ""
     approach: str = ""
     note: str = ""
 

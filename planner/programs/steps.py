@@ -9,6 +9,7 @@ import planner.programs.instructions as ins
 from planner.common.errors import InputError
 from planner.programs.dialect import Dialect, comment_text
 from planner.programs.motion_words import blend_values, choose_reductions, format_fixed, round_down, speed_value
+from planner.programs.streams import TimedLeg, time_legs
 
 
 @dataclass(frozen=True)
@@ -64,15 +65,12 @@ class MoveWords:
     via: tuple[tuple[str, str], ...] = ()
     """(axis name, angle) pairs of the middle point of a circle of the tool."""
     radians: tuple[str, ...] = ()
-    start: tuple[str, ...] = ()
-    """Where the leg begins [deg]."""
+    radians_s: tuple[str, ...] = ()
+    """Velocities at the end, of a stream that says them [rad/s]."""
+    frames: tuple[str, ...] = ()
+    """Angles of the frames inside the leg, separated by commas, of a stream in frames [deg]."""
     number: int = 0
     """Counts the moves from 1, ways to later starts among them."""
-
-    def between(self, share: float, decimals: int) -> str:
-        """Return the angles at a share of the leg, separated by commas [deg]."""
-        pairs = ((float(a), float(b)) for a, (_, b) in zip(self.start, self.words, strict=True))
-        return ",".join(format_fixed(a + (b - a) * share, decimals) for a, b in pairs)
 
 
 Kind = Literal[
@@ -124,6 +122,10 @@ class _StepBuilder:
         self.waits = program.controller.gauge_input is not None
         self.blends = blend_values(program.home_deg, program.moves, dialect.blend)
         self.reductions = choose_reductions(program.moves, dialect.speed)
+        stops, limits = [b is None for b in self.blends], program.acceleration_deg_s2
+        self.stream = (
+            time_legs(program.home_deg, program.moves, stops, dialect.speed, limits) if dialect.speed.stream else ()
+        )
         self.steps: list[ProgramStep] = []
         self.moves = self.rows = self.printed = 0
         self.reduction = 100
@@ -254,7 +256,9 @@ class _StepBuilder:
         points = [self.here, *([] if item.via_deg is None else [item.via_deg]), item.q_deg]
         if d.blend.kind == "dense" and value is not None:
             blend = d.blend.tolerance
-        speed = format_fixed(speed_value(item, self.reduction, d.speed, self.here, value is None), d.speed.decimals)
+        leg = self.stream[self.moves] if self.stream else TimedLeg(0.0, ())
+        seconds = speed_value(item, self.reduction, d.speed, self.here, value is None)
+        speed = format_fixed(leg.seconds if self.stream else seconds, d.speed.decimals)
         if item.via_deg is not None:
             blend, speed = self._circle_words(item)
         with_move = value is not None and d.sync.flying == "with_move"
@@ -277,7 +281,8 @@ class _StepBuilder:
             log=log,
             via=() if item.via_deg is None else self._words(item.via_deg),
             radians=tuple(format_fixed(math.radians(q), RADIAN_DECIMALS) for q in item.q_deg),
-            start=tuple(format_fixed(q, d.decimals) for q in self.here),
+            radians_s=tuple(format_fixed(math.radians(v), RADIAN_DECIMALS) for v in leg.velocity_deg_s),
+            frames=tuple(",".join(format_fixed(q, d.decimals) for q in frame) for frame in leg.frames_deg),
             number=self.printed,
         )
 

@@ -55,6 +55,7 @@ def joint_moves(cell: Cell, path: TimedPath, mounting: Mounting | None) -> list[
             tool_travel_mm=float(run.point[k]) * 1e3,
             tool_limit_mm_s=float(trajectory.tool_speed_limit[k]) * 1e3,
             mounting=mounting,
+            shortest_s=max(float(shortest[k]), float(quickest[k])),
         )
         for k in range(len(path.q) - 1)
     ]
@@ -116,15 +117,15 @@ def _leg_travel(cell: Cell, q: Array, mounting: Mounting | None, samples: int, m
 
 
 def dense_moves(
-    cell: Cell, path: TimedPath, mounting: Mounting, shortest: float
+    cell: Cell, path: TimedPath, mounting: Mounting, block_s: float
 ) -> tuple[list[JointMove], dict[int, int]]:
     """Return the blended path in small steps, each with the time it takes; corners stay inside what was proven.
 
-    ``shortest`` time of a step [s]. Beside them: which step begins at which of the path's points, for the points before
-    the poses.
+    ``block_s``: least time of a step [s]. Beside them: which step begins at which of the path's points, for the points
+    before the poses.
     """
     trajectory, ids = path.trajectory, path.visit
-    t = _dense_times(cell, trajectory, shortest)
+    t = _dense_times(cell, trajectory, block_s)
     motion = trajectory.at(t)
     marks = {
         int(np.argmin(np.abs(t[1:] - s))): int(i)
@@ -133,8 +134,10 @@ def dense_moves(
     }
     limit = np.full(len(t) - 1, trajectory.tool_speed_limit.max())
     run = _leg_travel(cell, motion.q, mounting, STEP_SAMPLES, STEP_MARGIN)
+    quickest = np.abs(np.diff(motion.q, axis=0)) / cell.robot.speed
+    least = np.maximum(run.shortest_times(limit, cell.gauge.rate), quickest.max(axis=1)).tolist()
     step = np.maximum(np.diff(t), run.shortest_times(limit, cell.gauge.rate))
-    full = np.abs(np.diff(motion.q, axis=0)) / cell.robot.speed / step[:, None] * 100
+    full = quickest / step[:, None] * 100
     out = []
     for k in range(len(step)):
         speed = float(motion.tool_speed[k : k + 2].max()) * 1e3
@@ -143,7 +146,9 @@ def dense_moves(
         blend, pose = 0.0 if rest else 1e3 * DENSE_TRAVEL / 2, marks.get(k)
         angles = degrees(motion.q[k + 1])
         out.append(
-            JointMove(angles, float(step[k]), speed, percent, blend, pose, None, float(limit[k]) * 1e3, mounting)
+            JointMove(
+                angles, float(step[k]), speed, percent, blend, pose, None, float(limit[k]) * 1e3, mounting, least[k]
+            )
         )
     before = np.flatnonzero(ids[1:] >= 0)
     return out, {int(np.argmin(np.abs(t[:-1] - trajectory.waypoint_time[w]))): int(w) for w in before}

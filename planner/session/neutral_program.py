@@ -47,8 +47,9 @@ def check_emitted_speeds(cell: Cell, program: Program, axes: AxisConvention, dia
     """Hold the largest speed of tool and gauge on every leg of a program against their limits.
 
     ``program`` is in the joints of the model, ``found`` what was read back of its text, in the controller's ``axes``.
-    The joints are taken to move evenly over the time that the speed words give the leg, the tool evenly round a circle;
-    a speed word of the tool is that of the tool.
+    The joints are taken to move evenly over the time that the speed words give the leg, faster by the peak over the
+    mean speed where the program itself says how the joints speed up, and the tool evenly round a circle; a speed word
+    of the tool is that of the tool.
 
     Raises:
         NoSolutionError: naming the move, the speed and the limit.
@@ -56,7 +57,7 @@ def check_emitted_speeds(cell: Cell, program: Program, axes: AxisConvention, dia
     limited = [k for k, m in enumerate(program.moves) if np.isfinite(m.tool_limit_mm_s)]
     c = np.deg2rad(np.vstack([axes.degrees_to_controller(program.home_deg), found.joint_path_deg]))
     q = axes.to_model(c)
-    speeds = np.array([m.speed for m in found.moves])
+    speeds = np.array([m.speed / m.peak for m in found.moves])
     circles = {k: axes.to_model(np.deg2rad(m.via_deg)) for k, m in enumerate(found.moves) if m.via_deg is not None}
     for mounting in sorted({program.moves[k].mounting for k in limited}, key=str):
         rows = np.array([k for k in limited if k > 0 and program.moves[k].mounting == mounting], dtype=int)
@@ -185,6 +186,7 @@ def build_program(cell: Cell, plan_id: str, body: list[Instruction]) -> Program:
         com_mm=_mm(cell.tool.com_F),
         joint_names=cell.robot.joint_names,
         cautions=describe_unchecked_links(cell),
+        acceleration_deg_s2=degrees(cell.robot.acceleration),
     )
 
 

@@ -27,6 +27,8 @@ class ReadMove:
     """The number of its speed word, in the dialect's unit, any reduction multiplied in; of a circle in mm/s."""
     via_deg: tuple[float, ...] | None = None
     """At the middle point of a circle [deg]."""
+    peak: float = 1.0
+    """Largest over mean speed on the leg, of the joint that moves furthest, where the program itself says it."""
 
 
 @dataclass(frozen=True)
@@ -205,6 +207,8 @@ class Execution(ABC):
         blend: float | None,
         speed: float,
         via_deg: Sequence[float] | None = None,
+        *,
+        peak: float = 1.0,
     ) -> None:
         """Note a joint move, or with ``via_deg`` a circle of the tool; all must drive the same number of axes."""
         number, n_axes = len(self.moves) + 1, len(angles_deg)
@@ -212,7 +216,7 @@ class Execution(ABC):
             raise InputError(f"move {number} is a circle where none can be")
         if self.moves and n_axes != (before := len(self.moves[0].angles_deg)):
             raise InputError(f"move {number} drives {n_axes} axes, those before {before}")
-        self.moves.append(ReadMove(tuple(angles_deg), blend, speed, None if via_deg is None else tuple(via_deg)))
+        self.moves.append(ReadMove(tuple(angles_deg), blend, speed, None if via_deg is None else tuple(via_deg), peak))
 
     def dwell(self, seconds: float) -> None:
         """Note a dwell; one of no time only empties the controller's look-ahead and is no dwell."""

@@ -14,10 +14,13 @@ from planner.programs.languages.execution import Execution
 
 CUBIC = 1.5
 """Peak over mean speed of the cubic that a controller joins two points at rest with."""
+CUBIC_PARTS = 32  # of a leg that is passed, at which its speed is looked at
+BENT = 0.35  # of a short step, by which the cubic between two points that are passed leaves the straight line at most
 _ROW = rf"\[({st.NUMBER}(?:, {st.NUMBER})*)\]"
 _ZEROS = r"\[0\.0(?:, 0\.0)*\]"
 _POINT = re.compile(
-    rf"- \{{positions: {_ROW}(?P<rest>, velocities: {_ZEROS})?(?P<dwell>, accelerations: {_ZEROS})?"
+    rf"- \{{positions: {_ROW}, velocities: (?P<velocities>\[{st.NUMBER}(?:, {st.NUMBER})*\])"
+    rf"(?P<dwell>, accelerations: {_ZEROS})?"
     r", time_from_start: \{sec: (?P<sec>\d+), nanosec: (?P<nanosec>\d{1,9})\}\}"
 )
 _COLUMNS = re.compile(r"timestamp,((?:[A-Za-z][\w/-]*\.pos,)+)event")
@@ -31,11 +34,13 @@ class FileHead(st.Statement):
 
 @dataclass(frozen=True)
 class TimedGoal(st.MotionStatement):
-    """Angles [deg], their time from the start of the file [s], and the event there: the end of a move, via or dwell."""
+    """Angles [deg], their time from the start of the file [s], the event there (the end of a move, via or dwell), and
+    the velocities [deg/s] where they are said."""
 
     angles: tuple[float, ...]
     time: float
     event: str
+    velocities: tuple[float, ...] = ()
 
 
 class TimedExecution(Execution):
@@ -62,8 +67,11 @@ def parse_trajectory(text: str) -> Iterator[st.Statement]:
         if match := _POINT.fullmatch(place[2]):
             angles = tuple(math.degrees(float(n.value)) for n in st.placed_numbers(match[1], 0, st.NUMBER))
             time = int(match["sec"]) + 1e-9 * int(match["nanosec"])
-            event = "dwell" if match["dwell"] is not None else "via" if match["rest"] is None else "move"
-            yield TimedGoal(*place, "point", angles, time, event)
+            velocities = tuple(math.degrees(n.value) for n in st.placed_numbers(match["velocities"], 0, st.NUMBER))
+            event = "dwell" if match["dwell"] is not None else "via" if any(velocities) else "move"
+            known = len(velocities) == len(angles) and not (event == "dwell" and any(velocities))
+            goal = TimedGoal(*place, "point", angles, time, event, velocities)
+            yield goal if known else st.Statement(*place)
         else:
             yield (FileHead if place[2].startswith("joint_names:") else st.Statement)(*place)
 
@@ -74,6 +82,7 @@ class TrajectoryExecution(TimedExecution):
     parse_file = staticmethod(parse_trajectory)
     seconds: dict[int, float]
     """Since the point before, by the identity of the statement [s]."""
+    before: TimedGoal | None = None
 
     def order(self, statements: Sequence[st.Statement]) -> Iterator[st.Statement]:
         """Yield the points as they are driven.
@@ -101,13 +110,29 @@ class TrajectoryExecution(TimedExecution):
         if not isinstance(statement, TimedGoal):
             return isinstance(statement, FileHead)
         seconds = self.seconds[id(statement)]
+        before, self.before = self.before, statement
         if statement.event == "dwell":
             self.dwell(seconds)
-        elif statement.event == "move":
+        elif statement.event == "move" and (before is None or before.event != "via"):
             self.move(statement.angles, None, seconds / CUBIC)
         else:
-            self.move(statement.angles, 0.0, seconds)
+            blend = None if statement.event == "move" else 0.0
+            self.move(statement.angles, blend, seconds, peak=_cubic_peak(before, statement, seconds))
         return True
+
+
+def _cubic_peak(before: TimedGoal | None, goal: TimedGoal, seconds: float) -> float:
+    """Return the largest over the mean speed of the cubic between two points, of the joint that moves furthest."""
+    if before is None:
+        raise InputError(f"line {goal.line}: '{goal.text}' passes the first point, where nobody knows the way to it")
+    moved = [b - a for a, b in zip(before.angles, goal.angles, strict=True)]
+    j = max(range(len(moved)), key=lambda k: abs(moved[k]))
+    if moved[j] == 0.0:
+        return 1.0
+    begin, end = (velocities[j] * seconds / moved[j] for velocities in (before.velocities, goal.velocities))
+    parts = (k / CUBIC_PARTS for k in range(CUBIC_PARTS + 1))
+    speeds = ((1 - 4 * u + 3 * u * u) * begin + 6 * u * (1 - u) + (3 * u * u - 2 * u) * end for u in parts)
+    return max(abs(speed) for speed in speeds)
 
 
 def parse_frames(text: str) -> Iterator[st.Statement]:
@@ -172,13 +197,27 @@ class FramesExecution(TimedExecution):
         self.dwell(seconds)
 
     def _leg(self, frames: list[TimedGoal]) -> None:
-        """A leg is a straight line at even speed from where the last one ended."""
+        """A leg follows the straight line from where the last one ended, in the time that its frames give it."""
         end, n = frames[-1], len(frames)
         begin = self.here or end.angles
-        slack = 1.01 * 10.0**-self.dialect.decimals
-        for k, frame in enumerate(frames, start=1):
-            straight = [a + (b - a) * k / n for a, b in zip(begin, end.angles, strict=True)]
-            if max(abs(g - s) for g, s in zip(frame.angles, straight, strict=True)) > slack:
+        moved = [b - a for a, b in zip(begin, end.angles, strict=True)]
+        j = max(range(len(moved)), key=lambda k: abs(moved[k]))
+        printed = 1.01 * 10.0**-self.dialect.decimals
+        passed = end.event == "via" or (bool(self.moves) and not self._stopped)
+        bent = BENT * abs(moved[j]) if passed else 0.0
+        last, quickest = begin[j], 0.0
+        for frame in frames:
+            share = (frame.angles[j] - begin[j]) / moved[j] if moved[j] else 0.0
+            straight = [a + m * share for a, m in zip(begin, moved, strict=True)]
+            off = max(abs(g - s) for g, s in zip(frame.angles, straight, strict=True))
+            back = (last - frame.angles[j]) * math.copysign(1.0, moved[j])
+            if off > 2.0 * printed + bent or max(back, share - 1.0) > printed + bent:
                 raise InputError(f"line {frame.line}: '{frame.text}' leaves the straight line of its leg")
+            last, quickest = frame.angles[j], max(quickest, -back)
         self.here = end.angles
-        self.move(end.angles, None if end.event == "move" else 0.0, n / self.rate)
+        even = abs(moved[j]) / n
+        peak = max(1.0, (quickest - printed) / even) if even > 0.0 else 1.0
+        if passed:
+            self.move(end.angles, None if end.event == "move" else 0.0, n / self.rate, peak=peak)
+        else:
+            self.move(end.angles, None, n / self.rate / peak)
