@@ -83,6 +83,7 @@ Number = Annotated[int, Field(ge=0, le=9999)]
 Signal = Annotated[int, Field(ge=1, le=9999)]
 AngleDeg = Annotated[float, Field(gt=0, le=180)]
 MOST_OBSTACLES = 500  # each pair of bodies is judged by itself; many small ones are one mesh
+MOST_TOOL_KG = 5000.0  # more than any arm carries
 APART_MM = 1.0  # less between two fixtures or tool points, and they are one
 FIRST_POINT = "1"  # name of the tool point at map_mm, where there are others
 
@@ -100,7 +101,7 @@ class ToolFile(OptionalKeys):
 
     map_mm: Vector
     map_axis: Vector = (0.0, 0.0, 1.0)
-    mass_kg: NonNegativeFloat = 0.0
+    mass_kg: Annotated[float, Field(ge=0, le=MOST_TOOL_KG)] = 0.0
     com_mm: Vector = (0.0, 0.0, 0.0)
     bodies: tuple[BodyFile, ...] = ()
     prior_mm: PositiveFloat = 1.0

@@ -18,6 +18,14 @@ from planner.kinematics.bodies import LinkBodyFile, Vector
 from planner.kinematics.chain import Transform, dh_row, frame_transforms, is_near_parallel
 from planner.kinematics.packages import COMMAND_PACKAGES, NO_PACKAGES, Packages, named_packages
 from planner.kinematics.robot import LinkMass, Priors, Robot
+from planner.kinematics.robot_numbers import (
+    LinkMassKg,
+    PayloadKg,
+    ReachMm,
+    RepeatabilityMm,
+    check_joint_limits,
+    check_reach,
+)
 from planner.kinematics.robot_tables import (
     LENGTHS,
     ROW_KEYS,
@@ -53,7 +61,7 @@ class JointTable(StrictModel):
     acceleration_deg_s2: PositiveFloat | None = None
     jerk_deg_s3: Annotated[float, Field(gt=0, le=1e9)] | None = None
     gear_ratio: PositiveFloat | None = None
-    mass_kg: Annotated[float, Field(ge=0, le=1e5)] | None = None
+    mass_kg: LinkMassKg | None = None
     com_mm: Vector | None = None
 
     @field_validator("limit_deg")
@@ -130,10 +138,10 @@ class RobotDescription(StrictModel):
     srdf: str | None = None
     tip: str | None = None
     packages: dict[str, str] = {}  # folders of ROS packages that the URDF names
-    repeatability_mm: Annotated[float, Field(ge=0)] = 0.05
+    repeatability_mm: RepeatabilityMm = 0.05
     dialect: str | None = None
-    payload_kg: PositiveFloat | None = None
-    reach_mm: PositiveFloat | None = None
+    payload_kg: PayloadKg | None = None
+    reach_mm: ReachMm | None = None
     sources: dict[str, str] = {}
     flange: FlangeTable = FlangeTable()
     priors: PriorsTable = PriorsTable()
@@ -299,6 +307,8 @@ def _build_robot(
 ) -> Robot:
     joints = file.joints
     whole = (*rows, *_flange_transforms(file))
+    check_reach(path, whole, file.reach_mm)
+    check_joint_limits(path, _limits(joints, 0), _limits(joints, 1))
     couple = np.array([[j.couple.get(k, 0.0) for k in range(1, len(joints) + 1)] for j in joints])
     sense = np.array([float(j.sense) for j in joints])
     A = sense[:, None] * (np.eye(len(joints)) + couple)

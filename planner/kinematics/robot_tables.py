@@ -39,7 +39,7 @@ class RobotEffectTable(StrictModel):
 class LoadsTable(StrictModel):
     """The ``[loads]`` table: tool and base as they were when the effects were found."""
 
-    payload_kg: Annotated[float, Field(ge=0)] = 0.0
+    payload_kg: Annotated[float, Field(ge=0, le=5000)] = 0.0
     com_mm: Vector = (0.0, 0.0, 0.0)
     base_rpy_deg: Vector = (0.0, 0.0, 0.0)
 

@@ -24,6 +24,7 @@ MOST_BYTES = 50_000_000
 MOST_FACES = 240  # of a polytope about a mesh
 CLOSE = 1e-3  # [m] that a polytope may stand beyond the hull's faces before it gets more of them
 _BATCH = 12  # faces at a time
+FARTHEST = 1e3  # [m] from a mesh's own zero: nothing in a cell is a kilometre away
 FLAT = 1e-6  # [m] thickness below which a mesh encloses no space
 
 
@@ -67,8 +68,13 @@ def _read(path: Path, scale: Vector) -> coal.BVHModelBase:
         raise InputError(f"{path}: cannot be read as a mesh ({str(err).splitlines()[0]})") from err
     if mesh.num_tris == 0:
         raise InputError(f"{path}: the mesh has no triangles")
-    if not np.isfinite(mesh.vertices()).all():
-        raise InputError(f"{path}: the mesh has a vertex that is no finite number")
+    far = np.flatnonzero(~(np.abs(mesh.vertices()) <= FARTHEST).all(axis=1))  # what is no number is far too
+    if len(far):
+        place = ", ".join(f"{v:.4g}" for v in mesh.vertices()[far[0]])
+        raise InputError(
+            f"{path}: vertex {far[0] + 1} of the mesh, of {len(mesh.vertices())}, is at ({place}) m with its scale, "
+            f"and {FARTHEST:g} m is the farthest that is allowed"
+        )
     return mesh
 
 

@@ -1,0 +1,66 @@
+"""Numbers that the file of a robot can hold in earnest: a slip of the pen or of the unit is told when it is read.
+
+The bounds are wide of every arm on the market; what they refuse is no arm, or one in other units.
+"""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+
+from planner.common.errors import InputError
+from planner.common.units import MM, Array, to_deg, to_mm
+from planner.kinematics.chain import Transform
+
+PayloadKg = Annotated[float, Field(gt=0, le=5000)]  # the strongest arm of today carries 2300 kg
+LinkMassKg = Annotated[float, Field(ge=0, le=20_000)]
+ReachMm = Annotated[float, Field(ge=50, le=20_000)]
+RepeatabilityMm = Annotated[float, Field(ge=1e-3, le=10)]  # the best arms repeat to 5 µm, toys to a millimetre
+SHORTEST, LONGEST = 0.05, 20.0  # [m] from base to flange along the links
+REACH_SHARE = (0.3, 1.1)  # of that length: makers state the reach of the wrist's centre from axis 1, 0.58 to 0.77 of it
+ARM_AXES = 3  # the first ones carry the arm; cables and castings stop them
+ARM_MOST = 400.0  # [deg] that such an axis turns to either side
+WRIST_MOST = 8 * 360.0  # [deg] an end of the wrist may turn several times, some to ±2700°
+ONE_SIDED = (540.0, 2.0)  # [deg] beyond which both limits of an axis are alike to this factor: it has no own stop there
+
+
+def check_joint_limits(path: Path, lower: Array, upper: Array) -> None:
+    """Refuse joint limits (N,) [rad] that no arm has; infinite ones are not stated.
+
+    Raises:
+        InputError: naming the joint, its limits and what is allowed.
+    """
+    for i, limits in enumerate(zip(to_deg(lower), to_deg(upper), strict=True), 1):
+        near, far = sorted(map(abs, limits))
+        if not np.isfinite(far):
+            continue
+        most = ARM_MOST if i <= ARM_AXES else WRIST_MOST
+        said = f"{path}: joint {i} has the limits {limits[0]:.6g}° and {limits[1]:.6g}°"
+        if far > most:
+            raise InputError(f"{said}: allowed are {most:g}° to either side for this axis")
+        if far > ONE_SIDED[0] and far > ONE_SIDED[1] * near:
+            raise InputError(
+                f"{said}: an axis that turns beyond {ONE_SIDED[0]:g}° does so to both sides; is one of them mistyped?"
+            )
+
+
+def check_reach(path: Path, rows: Sequence[Transform], stated_mm: float | None) -> None:
+    """Hold the length of the links, and the reach that the file states, against what arms have and one another.
+
+    Raises:
+        InputError: with both numbers.
+    """
+    length = float(sum(abs(t.nominal) for t in rows if t.kind == "translation"))
+    if not SHORTEST <= length <= LONGEST:
+        raise InputError(
+            f"{path}: the links from base to flange add up to {to_mm(length):.6g} mm, arms have {SHORTEST / MM:g} to "
+            f"{LONGEST / MM:g} mm: are these lengths in another unit?"
+        )
+    low, high = (share * length / MM for share in REACH_SHARE)
+    if stated_mm is not None and not low <= stated_mm <= high:
+        raise InputError(
+            f"{path}: reach_mm = {stated_mm:g} does not belong to these links, which add up to {length / MM:.6g} mm "
+            f"from base to flange; a reach of {low:.4g} to {high:.4g} mm is allowed"
+        )
