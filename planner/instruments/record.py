@@ -21,6 +21,7 @@ from planner.common.files import document_text, read_bytes, write_text
 from planner.common.result_folder import draft_folder, file_hash, move_all
 from planner.common.schema import PartialModel, StrictModel, read_json, read_toml, validate
 from planner.common.units import to_mm
+from planner.kinematics.nominal_model import describe_difference, nominal_numbers
 from planner.model.identification_document import Identification
 
 EntryKind = Literal["calibration", "validation", "check"]
@@ -29,7 +30,8 @@ DOCUMENTS: dict[str, EntryKind] = {
     "accuracy.json": "validation",
     "check.json": "check",
 }
-BESIDE = ("robot.toml", "posterior.json", "expected_error.json")  # kept with a calibration
+ROBOT = "robot.toml"
+BESIDE = (ROBOT, "posterior.json", "expected_error.json")  # kept with a calibration
 EARLIEST = date(2000, 1, 1)  # of anything in a record: before it there is nothing to add
 MOVED = 3.0  # standard deviations between two calibrations
 
@@ -180,6 +182,12 @@ class RobotRecord:
         file = read_toml(folder / "record.toml", RecordFile)
         found = sorted(p for p in (folder / "entries").glob("[0-9]*-*") if p.is_dir())
         entries = sorted(map(_read_entry, found), key=lambda e: (e.file.circumstances.date, e.number))
+        other = next((e for e in entries if e.document.robot != file.robot), None)
+        if other is not None:
+            raise InputError(
+                f"{folder / 'record.toml'} is the record of {file.robot}, but entry {other.number} is of "
+                f"{other.document.robot}: one of them was changed; fetch it from a backup"
+            )
         return cls(file, tuple(entries))
 
     @property
@@ -285,6 +293,18 @@ def _require_day(day: date, kind: EntryKind, known: RobotRecord, baseline: date 
         )
 
 
+def _require_same_model(path: Path, record: Path) -> None:
+    """Refuse a calibration whose nominal model is another than that of the first calibration of the record."""
+    first = next(iter(sorted((record / "entries").glob(f"[0-9]*-*/{ROBOT}"))), None)
+    if first is None or not path.is_file():
+        return
+    if said := describe_difference(nominal_numbers(first), nominal_numbers(path)):
+        raise InputError(
+            f"{path} has another nominal model than {first}: {said}; a record is of one robot and one nominal model, "
+            "keep what belongs to another under a serial number of its own"
+        )
+
+
 def add_entry(
     record: Path, results: Path, circumstances: Circumstances, serial: str | None, baseline: date | None = None
 ) -> RobotRecord:
@@ -294,8 +314,8 @@ def add_entry(
     first of the record is taken.
 
     Raises:
-        InputError: the folder holds no results for a record, or those of another robot; there is no record; the date
-            is in the future, or before the calibration.
+        InputError: the folder holds no results for a record, or those of another robot or nominal model; there is no
+            record; the date is in the future, or before the calibration.
     """
     name = next((n for n in DOCUMENTS if (results / n).is_file()), None)
     if name is None:
@@ -320,6 +340,7 @@ def add_entry(
     if file_hash(results / name) in [e.file.document_sha256 for e in known.entries]:
         raise InputError(f"{results / name} is in the record already")
     _require_day(circumstances.date, kind, known, baseline)
+    _require_same_model(results / ROBOT, record)
     entry = EntryFile(
         schema="edbb-record-entry/1",
         kind=kind,

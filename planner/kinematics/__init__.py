@@ -6,6 +6,7 @@ __all__ = [
     "chain",
     "geometry",
     "inverse_kinematics",
+    "nominal_model",
     "packages",
     "robot",
     "robot_reader",

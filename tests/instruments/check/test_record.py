@@ -11,6 +11,7 @@ from planner.common.units import DEG
 from planner.instruments.check.results import verdict_content
 from planner.instruments.opcua import map_to_opcua
 from planner.instruments.record import Circumstances, RobotRecord, add_entry
+from planner.kinematics.robot_reader import load_robot
 from planner.report.check_report import drift_chart, record_rows, report_record
 from planner.workflow.plan_results import FORECAST, evaluation_command
 from tests.command import edbb
@@ -126,6 +127,30 @@ def test_a_record_refuses_what_is_not_its_own(record, tmp_path):
     path.write_text(path.read_text().replace("unchanged", "changed"))
     with pytest.raises(InputError, match="not what was added"):
         RobotRecord.read(record)
+
+
+def test_a_record_does_not_change_its_robot(tmp_path):
+    shipped = load_robot("ur10").path.read_text()
+    day = Circumstances(date=date(2024, 6, 1))
+
+    def add(name, text):
+        folder = results(tmp_path / name, "identification.json", calibration(len(name) / 1e3, "ur10"))
+        (folder / "robot.toml").write_text(text)
+        return add_entry(tmp_path / "record", folder, day, "S1")
+
+    corrected = shipped.replace("a_mm = -612.0", "a_mm = -612.4") + "\n[nominal]\na2_mm = -612\n"
+    assert corrected.count("-612.4") == 1
+    add("first", corrected)
+    assert len(add("second", shipped).entries) == 2  # the same model, of which nothing was corrected
+    with pytest.raises(InputError, match=r"another nominal model than .*: a2_mm is -613.0 instead of -612.0"):
+        add("another", shipped.replace("a_mm = -612.0", "a_mm = -613.0"))
+    with pytest.raises(InputError, match="convention is mdh instead of dh"):
+        add("convention", shipped.replace('convention = "dh"', 'convention = "mdh"'))
+    assert len(RobotRecord.read(tmp_path / "record").entries) == 2
+    path = tmp_path / "record" / "record.toml"
+    path.write_text(path.read_text().replace('robot = "ur10"', 'robot = "ur5e"'))
+    with pytest.raises(InputError, match="is the record of ur5e, but entry 1 is of ur10"):
+        RobotRecord.read(tmp_path / "record")
 
 
 def test_the_command_shows_it(record):
