@@ -130,7 +130,17 @@ def test_the_table_of_targets_is_corrected(tmp_path):
 
 def test_the_options_that_compensate_is_said_to_have_are_there():
     options = set(re.findall(r"`(--[a-z-]+)`", COMPENSATE))
-    assert options == {"--strict", "--tool", "--base", "--frames", "--cell", "--again", "--measuring", "--date"}
+    assert options == {
+        "--strict",
+        "--tool",
+        "--base",
+        "--frames",
+        "--cell",
+        "--again",
+        "--measuring",
+        "--date",
+        "--zeros-set",
+    }
     assert all(option in help_of("compensate") for option in options)
 
 

@@ -144,6 +144,9 @@ def compensate_command(
     axes_of: Annotated[
         str | None, typer.Option(metavar="LANGUAGE", help="of the controller whose axes a table's joint angles are")
     ] = None,
+    zeros_set: Annotated[
+        str, typer.Option(metavar="2,3,…", help="axes whose zeros were set in the controller by this identification")
+    ] = "",
 ) -> None:
     """Correct the targets of a program so that the calibrated robot stands where the nominal one should."""
     with Screen():
@@ -162,6 +165,7 @@ def compensate_command(
             measuring=measuring,
             date=date,
             axes_of=axes_of,
+            zeros_set=_axes(zeros_set),
         )
     if output != "-":
         check_writing(Path(output), done.file.text.encode(done.file.encoding))
@@ -170,6 +174,13 @@ def compensate_command(
     give_file(done.file.text, done.write, output, step)
     if done.file.partly:
         raise typer.Exit(PARTLY_DONE)
+
+
+def _axes(text: str) -> tuple[int, ...]:
+    """Return the numbers of axes that an option lists."""
+    if not all(word.strip().isdecimal() for word in text.split(",") if text):
+        raise InputError(f"--zeros-set '{text}': numbers of axes are allowed, such as 2,3,4")
+    return tuple(sorted({int(word) for word in text.split(",") if text}))
 
 
 def accuracy_command(

@@ -30,17 +30,21 @@ class CorrectionMark:
         model_hash: SHA-256 of the model's ``robot.toml``, hexadecimal.
         simulated: whether the model comes of a simulated run; ``None`` where nothing beside it tells.
         day: of the model, or the one that the person has named; ``None`` where there is none.
+        zeros: joints, from 1, whose zeros were set in the controller, so that they are not corrected for.
     """
 
     model_hash: str
     simulated: bool | None = None
     day: date | None = None
+    zeros: tuple[int, ...] = ()
 
     def sentence(self, robot: str) -> str:
         """Return what the head of the corrected file says; its first two words are the mark."""
         origin = {True: "SIMULATED", False: "measured", None: "origin of the model unknown"}[self.simulated]
         day = "" if self.day is None else f", {self.day.isoformat()}"
-        return f"{WORD} {self.model_hash[:HASH_DIGITS]}, {origin}{day}. Corrected for {robot}: never correct it again."
+        zeros = f" whose zeros {', '.join(map(str, self.zeros))} are set in the controller" if self.zeros else ""
+        said = f"Corrected for {robot}{zeros}: never correct it again."
+        return f"{WORD} {self.model_hash[:HASH_DIGITS]}, {origin}{day}. {said}"
 
     def is_of(self, found: str) -> bool:
         """Tell whether a hash that was found, all of its digits or the first ones, is that of this model."""

@@ -16,4 +16,5 @@ __all__ = [
     "row_basis",
     "run_setup",
     "stages",
+    "zeros_set",
 ]

@@ -10,6 +10,7 @@ from pydantic import Field
 from planner.cell.setup import MeasurementSetup
 from planner.common.units import Array, to_deg
 from planner.design.observability.identifiability import DroppedParameter
+from planner.identification.axis_zeros import AxisZeros
 from planner.identification.least_squares import Fit
 from planner.identification.released_robot import ReleasedRobot
 from planner.kinematics.robot import Robot
@@ -99,25 +100,27 @@ class Calibration(Identification):
 
 
 ZEROS_OR_MODEL = "set these zeros in the controller, or correct programs by robot.toml, not both"
+OWN_ANGLES = "add it to the angle of the model, which the controller may count in another sense"
 MOST_DECIMALS = 6  # of a degree
 
 
 def find_joint_zeros(robot: Robot, estimates: Sequence[Estimate]) -> tuple[JointZero, ...]:
-    """Return what the joints' zeros are off, by the values of a robot's parameters.
+    """Return what the zeros of the controller's axes are off, by the values of a robot's parameters.
 
-    A controller's angle q turns the model by A q + θ₀, so errors of θ are A times errors of q. A joint that the run
-    does not show, or that is coupled to such a joint, has none.
+    An axis that the run does not show, or that counts with a joint that it does not show, has none.
     """
     names = [f"theta{k + 1}" for k in range(robot.n_joints)]
     seen = {e.name: e for e in estimates if e.identifiable}
     shift = np.array([seen[n].value - seen[n].nominal if n in seen else 0.0 for n in names])
     std = np.array([(seen[n].std or 0.0) if n in seen else 0.0 for n in names])
-    turn = np.linalg.inv(robot.sense_matrix)
+    axes = AxisZeros.of(robot)
+    turn = axes.turn
     zero, sigma = turn @ shift, np.sqrt(turn**2 @ std**2)
     shown = ((turn == 0.0) | np.array([n in seen for n in names])).all(axis=1)
     return tuple(
         JointZero(
             joint=int(k) + 1,
+            axes_of=axes.controller or None,
             offset=float(zero[k]),
             offset_std=float(sigma[k]),
             absorbs=seen[names[k]].absorbs if names[k] in seen else (),
@@ -140,8 +143,9 @@ def joint_zeros_text(c: Calibration) -> str:
     ]
     shown = {z.joint for z in c.joint_zeros}
     unseen = ", ".join(str(k) for k in range(1, c.setup.robot.n_joints + 1) if k not in shown)
+    axes = c.joint_zeros[0].axes_of
     remarks = [
-        "add it to the angle that is shown",
+        f"add it to the angle that the controller shows ({axes})" if axes else OWN_ANGLES,
         "* also stands for errors that the run does not show" if any(z.absorbs for z in c.joint_zeros) else "",
         f"not seen: joint {unseen}" if unseen else "",
         ZEROS_OR_MODEL,

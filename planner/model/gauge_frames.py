@@ -46,15 +46,18 @@ class GaugeFrames(DocumentSection):
 
 
 class JointZero(DocumentSection):
-    """What the angle that the controller shows of a joint lacks, and its standard deviation [rad].
+    """What the angle that the controller shows of an axis lacks, and its standard deviation [rad].
 
     Attributes:
-        joint: from 1.
+        joint: number of the axis, from 1.
+        axes_of: name of the language of the controller whose axes they are; ``None``: the joints of the model.
         offset: to be added to the angle that is shown, by the robot that is released; ``offset_std`` its deviation.
         absorbs: names of parameters that the run does not show and whose error it also carries.
     """
 
+    if_any = ("axes_of",)
     joint: int
+    axes_of: str | None = None
     offset: float
     offset_std: float
     absorbs: tuple[str, ...] = ()

@@ -1,7 +1,7 @@
 """``edbb compensate``: corrected targets from the calibrated robot and the nominal one that it was calibrated from."""
 
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from datetime import date as Day
@@ -26,6 +26,7 @@ from planner.compensation.rotations import frame, from_abc
 from planner.compensation.targets import ToolAndBase
 from planner.identification.calibrated_robot import CalibratedRobot
 from planner.identification.expected_error import ExpectedError
+from planner.identification.zeros_set import set_zeros
 from planner.kinematics.robot import Robot
 from planner.kinematics.robot_reader import load_robot
 
@@ -93,6 +94,7 @@ def compensate(
     measuring: bool = False,
     date: str | None = None,
     axes_of: str | None = None,
+    zeros_set: Sequence[int] = (),
 ) -> CompensationResult:
     """Correct the targets of a file so that the calibrated robot stands where the nominal one should.
 
@@ -112,6 +114,8 @@ def compensate(
         date: in the mark of the file, as YYYY-MM-DD; where it is not given that of ``SOURCE_DATE_EPOCH``, or of the
             model's file.
         axes_of: name of the controller whose axes the angles of a table are; the model's where nothing says it.
+        zeros_set: axes, from 1, whose zeros were set in the controller by as much as this identification stated:
+            programs are not corrected for them once more.
 
     Raises:
         InputError: the model is not calibrated, the controller already corrects it, or the file is not understood, was
@@ -123,6 +127,9 @@ def compensate(
     robot, known, mark = found.robot, found.known, found.mark
     if date is not None:
         mark = replace(mark, day=_day(date))
+    if zeros_set:
+        robot, known = set_zeros(robot, known, zeros_set)
+        mark = replace(mark, zeros=tuple(zeros_set))
     uncorrected = cell is not None and _check_controller(cell, robot.name)
     calibrated = CalibratedRobot(robot)
     data = "" if frames is None else read_program(Path(frames))[0]

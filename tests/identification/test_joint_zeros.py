@@ -1,13 +1,16 @@
 """Joint zeros as the screen states them, against an arm whose zeros alone are off."""
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from planner.cell.reading import load_cell
-from planner.identification.calibration import joint_zeros_text
+from planner.identification.calibration import find_joint_zeros, joint_zeros_text
 from planner.identification.pipeline import FitSettings, identify
+from planner.kinematics.robot_reader import load_robot
+from planner.model.identification_document import Estimate
 from planner.runs.loader import load_runs
 from tests.identification.worlds import arm_of
 from tests.simulation.generator import runs
@@ -32,6 +35,31 @@ def test_zeros_are_what_the_controller_shows_too_little(tmp_path) -> None:
     for joint, (value, std) in stated.items():
         assert abs(value - np.rad2deg(off[joint - 1])) < 4 * std + 1e-3
         assert std < 0.05
+
+
+def test_zeros_are_those_of_the_controllers_axes() -> None:
+    """Comau counts five axes of the NJ-130 the other way round; where the file states no convention, that is said."""
+    robot = load_robot("comau-nj130")
+    off = np.deg2rad([0.1, 0.2, -0.3, 0.4, -0.5, 0.6])  # of the joints
+    shift = robot.sense_matrix @ off
+    rows = [
+        Estimate(name=f"theta{k + 1}", value=float(v), std=1e-5, unit="rad", group="geometry")
+        for k, v in enumerate(shift)
+    ]
+    found = find_joint_zeros(robot, rows)
+    assert [z.axes_of for z in found] == ["pdl2"] * 6
+    assert np.allclose([z.offset for z in found], off * [-1, 1, -1, -1, -1, -1])
+    plain = find_joint_zeros(replace(robot, conventions=()), rows)
+    assert [z.axes_of for z in plain] == [None] * 6
+    assert np.allclose([z.offset for z in plain], off)
+    unseen = [rows[0], rows[1].model_copy(update={"identifiable": False}), *rows[2:]]
+    assert [z.joint for z in find_joint_zeros(robot, unseen)] == [1, 3, 4, 5, 6]
+    coupled = np.eye(6)
+    coupled[2, 1] = 1.0  # as FANUC's axis 3 counts with axis 2
+    axes = replace(robot.conventions[0], controller="pdl2", matrix=coupled)
+    both = {z.joint: z.offset for z in find_joint_zeros(replace(robot, conventions=(axes,)), rows)}
+    assert np.isclose(both[3], off[2] + off[1])
+    assert 3 not in {z.joint for z in find_joint_zeros(replace(robot, conventions=(axes,)), unseen)}
 
 
 def _turned_robot():
