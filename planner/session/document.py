@@ -83,6 +83,7 @@ class PlanHeader(PartialModel):
     robot: OneLine = ""
     cell: OneLine = ""
     seed: int = 0
+    hashes: dict[str, str] = {}
 
     def content(self) -> dict[str, object]:
         """Return what ``plan.json`` says, in the contract's keys."""

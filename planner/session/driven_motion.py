@@ -203,7 +203,7 @@ def check_starts(program: Program, attached: bool) -> None:
     """
     pieces = [p for p in _pieces(program) if p.moved]
     following = {(id(one), id(other)) for one, other in pairwise(p for p in pieces if not p.at)}
-    for start in sorted({p.at for p in pieces if p.at}):
+    for start in sorted({number for p in pieces for number in (p.at, p.until) if number}):
         driven = [p for p in pieces if (p.at == start if p.at else p.until == 0 or p.until >= start)]
         for one, other in pairwise(driven):
             gap = max(abs(a - b) for a, b in zip(one.last, other.first, strict=True))

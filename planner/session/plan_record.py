@@ -37,13 +37,49 @@ def fill_document(document: type[Document], plan: SessionPlan, content: dict[str
     """Return a plan of any kind as its document: its id, its content, its programs and its notes."""
     files = [{"dialect": name, "file": f.name} for name, files in plan.programs for f in files]
     whole = {"schema": SCHEMA, "plan_id": plan.plan_id, **content, "programs": files, "notes": list(plan.notes)}
-    return document.model_validate(round_numbers(whole))
+    filled = document.model_validate(round_numbers(whole))
+    return filled.model_copy(update={"hashes": part_hashes(filled.content(), plan.cell)})
+
+
+PART_DIGITS = 8  # of the hash of a part: it tells which part was changed, while plan_id tells whether any was
+IN_PARTS = ("drives", "sessions")  # lists whose entries are hashed key by key
+
+
+def part_hashes(content: Mapping[str, object], cell: Cell) -> dict[str, str]:
+    """Return the hash of every part of what a plan says, and of its cell, so that a later reader can name what changed.
+
+    Parts are the keys of the document, of its tables and of its drives: ``seed``, ``path.clearance_mm``,
+    ``drives[0].travel``.
+    """
+    parts: dict[str, object] = {"cell.toml": movable_cell(cell)[0]}
+    for key, value in content.items():
+        if isinstance(value, dict):
+            parts |= {f"{key}.{name}": v for name, v in value.items()}
+        elif key in IN_PARTS and isinstance(value, list | tuple):
+            tables = [v if isinstance(v, dict) else {"": v} for v in value]
+            parts |= {f"{key}[{k}].{name}": v for k, table in enumerate(tables) for name, v in table.items()}
+        else:
+            parts[key] = value
+    return {name: _short_hash(value)[:PART_DIGITS] for name, value in parts.items()}
+
+
+def changed_parts(content: Mapping[str, object], cell: Cell) -> list[str]:
+    """Return the parts of what ``plan.json`` says that are not as they were written; none of a plan without hashes."""
+    written = content.get("hashes")
+    if not isinstance(written, dict):
+        return []
+    found = part_hashes({k: v for k, v in content.items() if k != "hashes"}, cell)
+    return sorted(name for name in found.keys() | written.keys() if found.get(name) != written.get(name))
+
+
+def _short_hash(value: object) -> str:
+    return hashlib.sha256(json.dumps(round_numbers(value), sort_keys=True).encode()).hexdigest()[:12]
 
 
 def content_hash(content: dict[str, object], cell: Cell) -> str:
     """Return 12 hex digits of a hash over what a plan says and the cell it is for."""
     whole = content | {"cell_file": movable_cell(cell)[0]}
-    return hashlib.sha256(json.dumps(round_numbers(whole), sort_keys=True).encode()).hexdigest()[:12]
+    return _short_hash(whole)
 
 
 def plan_record(plan: Plan) -> dict[str, object]:

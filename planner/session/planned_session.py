@@ -16,10 +16,11 @@ from planner.common.units import to_deg
 from planner.session.course import Course, Waypoints, time_course
 from planner.session.document import DriveRecord, PlanDocument, WaypointRecord, read_plan, read_waypoints
 from planner.session.driven_motion import SAME
-from planner.session.plan_record import content_hash, plan_document
+from planner.session.plan_record import changed_parts, content_hash, plan_document
 from planner.session.plan_types import Plan
 
-NOT_HASHED = ("schema", "kind", "plan_id", "programs", "notes")
+NOT_HASHED = ("schema", "kind", "plan_id", "programs", "notes", "hashes")
+NAMED = 6  # parts of a plan that are named of those that were changed
 PLAN, CELL = "plan.json", "cell.toml"
 NEEDED = (".json", ".toml", ".urdf", ".stl", ".obj", ".dae", ".ply")  # of a plan's files what a program is made of
 
@@ -35,6 +36,12 @@ def _why_not(path: Path, cell: Cell) -> str | None:
     content = read_json(path)
     assert isinstance(content, dict)
     said = {k: v for k, v in content.items() if k not in NOT_HASHED}
+    if parts := changed_parts(content, cell):
+        more = f" and {len(parts) - NAMED} more" if len(parts) > NAMED else ""
+        return (
+            f"changed since it was planned: {', '.join(parts[:NAMED])}{more}; "
+            "the index, the clearance and whatever else it states were those of the plan as it was written"
+        )
     if content_hash(said, cell) != content.get("plan_id"):
         return "plan.json or cell.toml was changed, or another version wrote it"
     changed = changed_files(path.parent, path.name)

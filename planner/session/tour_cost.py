@@ -175,7 +175,8 @@ def cut_stretches(
             if number > first:
                 there = ways[min(point, 2 * m - 2 - point)]
                 way = tuple(moves[leg] for leg in pairwise(there)) + _to_step(cell, mounting, path.q[point], here)
-                out += [StretchEnd(), Entry(number, degrees(path.q[0]), way), StretchBegin(number)]
+                entry = [Entry(number, degrees(path.q[0]), way)] if way else []  # the robot stands there already
+                out += [StretchEnd(), *entry, StretchBegin(number)]
             later = path.visit[point + 1 :]
             pose = int(later[later >= 0][0])
             if isinstance(item, JointMove) and pose != number:
