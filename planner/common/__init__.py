@@ -8,6 +8,7 @@ __all__ = [
     "extensions",
     "files",
     "lazy_modules",
+    "numbers",
     "progress",
     "quiet",
     "result",

@@ -12,6 +12,7 @@ from pydantic import Field, field_validator
 
 from planner.common.errors import InputError, did_you_mean
 from planner.common.files import read_utf8
+from planner.common.numbers import parse_number
 from planner.common.schema import StrictModel
 from planner.common.units import DEG, MM, from_deg, from_mm, read_only, si_unit
 from planner.kinematics.bodies import Vector
@@ -174,7 +175,7 @@ def _joint(where: str, columns: list[tuple[str, float]], row: list[str]) -> dict
             joint["name"] = field.strip()
             continue
         try:
-            found[key] = float(field) * factor
+            found[key] = parse_number(field) * factor
         except ValueError as err:
             raise InputError(f"{where}, column '{key}': {field.strip()!r} is no number") from err
     joint |= {KEYS[key]: value for key, value in found.items() if key in KEYS}

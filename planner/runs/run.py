@@ -9,6 +9,7 @@ import numpy as np
 
 from planner.common.arrays import Rows
 from planner.common.errors import InputError
+from planner.common.numbers import parse_number
 from planner.common.units import Array, IntArray, from_mm, read_only, to_mm
 
 SIMULATED = "simulated, nobody measured this"
@@ -229,7 +230,7 @@ def read_reference_readings(path: Path) -> ReferenceReadings:
 
 def _point(path: Path, k: int, line: str, words: list[str]) -> Array:
     try:
-        found = np.array([float(w) for w in words])
+        found = np.array([parse_number(w) for w in words])
     except ValueError:
         found = np.zeros(0)
     if found.shape != (3,) or not np.all(np.isfinite(found)):

@@ -175,7 +175,7 @@ def number_labels(labels: pl.Series) -> pl.Series | None:
 
     With one beginning it is the number behind it; with several, of one or two letters, these count ten thousands.
     """
-    parts = labels.str.to_uppercase().str.extract_groups(r"^(?<begin>.*?)(?<number>\d{1,4})$").struct.unnest()
+    parts = labels.str.to_uppercase().str.extract_groups(r"^(?<begin>.*?)(?<number>[0-9]{1,4})$").struct.unnest()
     begins = sorted(parts["begin"].drop_nulls().unique())
     if (parts["number"].is_null() & labels.is_not_null()).any():
         return None

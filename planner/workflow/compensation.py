@@ -16,6 +16,7 @@ from planner.cell.reading import load_cell
 from planner.common.determinism import on_one_thread
 from planner.common.errors import InputError, NoSolutionError
 from planner.common.files import read_bytes, write_text
+from planner.common.numbers import parse_number
 from planner.common.result import Result
 from planner.common.schema import read_json
 from planner.common.units import Array, from_deg, from_mm, read_only, to_mm
@@ -297,7 +298,7 @@ def _frame(option: str, text: str | None) -> Array | None:
     if text is None:
         return None
     try:
-        numbers = np.array([float(word) for word in text.split(",")])
+        numbers = np.array([parse_number(word) for word in text.split(",")])
     except ValueError:
         numbers = np.empty(0)
     if len(numbers) != 6 or not np.isfinite(numbers).all():

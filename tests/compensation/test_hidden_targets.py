@@ -239,3 +239,25 @@ def test_a_table_of_frames_is_read_as_a_program_is(tmp_path):
     (tmp_path / "frames.mod").write_text("MODULE F " + "{" * 200_000)
     with pytest.raises(InputError, match=r"frames\.mod:1: the line has 200009 signs; at most 20000 are read"):
         compensate(tmp_path / "p.mod", model=tmp_path / "robot.toml", frames=tmp_path / "frames.mod")
+
+
+SCRIPTS = {  # digits that are none to a controller
+    "p.src": krl(GOOD, "PTP {A1 ٣,A2 -80,A3 100,A4 20,A5 40,A6 30}"),
+    "p.mod": f"MODULE M\nPROC main()\n{GOOD_RAPID}\n{GOOD_RAPID.replace('[10,', '[٣,')}\nENDPROC\nENDMODULE\n",
+    "p.script": "def p():\n movej([0.1,-0.2,0.1,0.2,0.5,0.1])\n movej([0.٣,-0.2,0.1,0.2,0.5,0.1])\nend\n",
+    "p.csv": "q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg\n10,20,10,20,40,30\n٣,20,10,20,40,30\n",
+    "p.mpf": "G500 G90\nG0 A1=10 A2=-20 A3=10 A4=20 A5=30 A6=5\nG0 A1=٣\nM30\n",
+}
+
+
+@pytest.mark.parametrize("name", SCRIPTS)
+def test_digits_of_other_scripts_are_no_numbers(name, kuka, abb, tmp_path):
+    (tmp_path / name).write_text(SCRIPTS[name], encoding="utf-8")
+    robot = kuka if name.endswith(".src") else abb
+    if name.endswith(("csv", "mpf")):
+        with pytest.raises(InputError, match=rf"{name}:3: .*٣"):
+            compensate_file(tmp_path / name, *robot)
+    else:
+        done = compensate_file(tmp_path / name, *robot)
+        assert len(done.report.corrected) == 1
+        assert any("٣" in why for _, why in done.report.kept)

@@ -16,6 +16,15 @@ CASES = {
     "blank": (rows(change=(1, 2, "")), r"line 3, column 'q2_deg': the field is blank$"),
     "spaces": (rows(change=(1, 2, "  ")), r"line 3, column 'q2_deg': the field is blank$"),
     "not a number": (rows(change=(4, 3, "low")), r"line 6, column 'length_mm': 'low' is no number"),
+    "digits of another script": (rows(change=(4, 3, "٣٥٠")), r"line 6, column 'length_mm': '٣٥٠' is no number"),
+    "pose in another script": (
+        "pose,q1_deg,q2_deg,length_mm\n1,1,20,3\n٣,1,20,3\n",
+        r"line 3, column 'pose': '٣' is no number \(poses are numbered, or called like P1",
+    ),
+    "name of a pose in another script": (
+        "pose,q1_deg,q2_deg,length_mm\nP1,1,20,3\nP٣,1,20,3\n",
+        r"column 'pose': 'P1' is no number \(poses are numbered, or called like P1",
+    ),
     "decimal comma": (rows(change=(0, 3, '"400,5"')), r"line 2, column 'length_mm': '400,5' is no number"),
     "below comments": ("# a\n\n" + rows(change=(2, 1, "x")), r"line 6, column 'q1_deg': 'x' is no number"),
     "after a blank line": (rows(change=(2, 1, "x")).replace("\n1,", "\n\n# b\n1,"), r"line 6, column 'q1_deg': 'x'"),

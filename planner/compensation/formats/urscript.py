@@ -10,7 +10,7 @@ from planner.programs.languages.statements import NUMBER, PlacedNumber
 from planner.programs.languages.urscript import UrMove, parse
 
 _TARGET = re.compile(r"movej\(\s*\[([^\]]*)\]\s*(?:,(?:(?!move[jlpc]\s*\()[^\[\]])*)?\)")
-_ANGLE = re.compile(rf"\s*(?:d2r\(\s*(?P<deg>{NUMBER})\s*\)|(?P<rad>{NUMBER}(?:[eE][-+]?\d+)?))\s*")
+_ANGLE = re.compile(rf"\s*(?:d2r\(\s*(?P<deg>{NUMBER})\s*\)|(?P<rad>{NUMBER}(?:[eE][-+]?[0-9]+)?))\s*")
 _ALLOWED = "movej([...], …) alone with plain angles or d2r() of plain degrees is corrected"
 _SHIFTED = re.compile(r"\b(?:track_conveyor_\w+|path_offset_\w+)")  # motion that is added to every target
 RAD_DECIMALS = 7

@@ -15,7 +15,7 @@ EXTERNAL = tuple(f"E{i}" for i in range(1, 7))
 AXES = (*(f"A{i}" for i in range(1, 7)), *EXTERNAL)
 POSE_KEYS = ("X", "Y", "Z", "A", "B", "C")
 _NAME = r"\$?[A-Za-z_][\w$]*(?:\[[^\]]*\])?"
-_WHOLE = r"'B\s*[01]+'|'H\s*[0-9A-F]+'|\d+"
+_WHOLE = r"'B\s*[01]+'|'H\s*[0-9A-F]+'|[0-9]+"
 _MOST_LINES = 20  # of one statement: beyond, a brace has been forgotten
 _TRIGGER = r"(?P<trigger>TRIGGER\s+WHEN\s.*\bDO\s+)?"
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 from planner.common.errors import InputError
 
-NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)"
-EXPONENT_NUMBER = NUMBER + r"(?:[eE][-+]?\d+)?"
+NUMBER = r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)"  # in the digits that controllers read, not those of every script
+EXPONENT_NUMBER = NUMBER + r"(?:[eE][-+]?[0-9]+)?"
 
 
 @dataclass(frozen=True)
@@ -240,7 +240,7 @@ def _inline_calls(bodies: dict[str, list[Statement]], name: str, depth: int = 0)
 
 def parse_fixed(text: str, where: str) -> float:
     """Return the number that ``text`` spells in fixed point, as every controller takes it."""
-    if not re.fullmatch(r"-?\d+(\.\d*)?", text):
+    if not re.fullmatch(r"-?[0-9]+(\.[0-9]*)?", text):
         raise InputError(f"{where}: '{text}' is no number in fixed point")
     return float(text)
 
