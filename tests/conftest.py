@@ -18,6 +18,7 @@ TOGETHER = (
     "tests/instruments/loaded",
 )  # fmt: skip
 LONGEST = (  # by default, and of those that are run on demand
+    "tests/programs/linuxcnc/test_motion_controller.py",
     "tests/workflow/test_plan.py", "tests/reproduction/test_table9.py", "tests/test_examples.py",
     "tests/fuzz/test_fuzz.py", "tests/service/test_remote.py", "tests/blind/test_blind.py",
     "tests/workflow/test_places.py", "tests/test_readme.py", *TOGETHER, "tests/motion/path/test_join.py",
