@@ -1,7 +1,8 @@
 """A machine of six joints under LinuxCNC's own motion controller, in simulation: its INI, its HAL, and a drive.
 
-The joints are X Y Z A B C of ``trivkins``; each motor's command is looped back as its feedback. A sampler in a thread
-of its own logs the six joints and the output that marks the poses.
+The joints are X Y Z A B C of ``trivkins``; each motor's command is looped back as its feedback. A sampler logs
+the six joints and the output that marks the poses in each cycle of the motion controller: where the computer is busy, the
+cycles come late, but each is still a millisecond of the motion.
 """
 
 import contextlib
@@ -16,7 +17,9 @@ from pathlib import Path
 import numpy as np
 
 JOINTS = 6
-SAMPLE_S = 0.02
+CYCLE_S = 0.001
+KEPT = 20  # one cycle of so many is kept of the log
+SAMPLE_S = KEPT * CYCLE_S
 OUTPUT = INPUT = 1  # motion.digital-out-01 marks the poses, motion.digital-in-01 says that the gauge is ready
 AXES = "XYZABC"
 
@@ -33,7 +36,7 @@ PARAMETER_FILE = machine.var
 [EMCMOT]
 EMCMOT = motmod
 COMM_TIMEOUT = 1.0
-SERVO_PERIOD = 1000000
+SERVO_PERIOD = {cycle}
 [EMCIO]
 EMCIO = io
 CYCLE_TIME = 0.1
@@ -72,11 +75,10 @@ MIN_FERROR = 1
 """
 HAL = f"""loadrt [KINS]KINEMATICS
 loadrt [EMCMOT]EMCMOT servo_period_nsec=[EMCMOT]SERVO_PERIOD num_joints=[KINS]JOINTS
-loadrt threads name1=slow period1={round(SAMPLE_S * 1e9)}
-loadrt sampler depth=4000 cfg=ffffffb
+loadrt sampler depth=30000 cfg=ffffffb
 addf motion-command-handler servo-thread
 addf motion-controller servo-thread
-addf sampler.0 slow
+addf sampler.0 servo-thread
 setp motion.digital-in-0{INPUT} 1
 net mark motion.digital-out-0{OUTPUT} => sampler.0.pin.{JOINTS}
 net estop iocontrol.0.user-enable-out => iocontrol.0.emc-enable-in
@@ -123,7 +125,7 @@ def write_machine(folder: Path, limits: list[JointLimits], program: str) -> None
         for i, j in enumerate(limits)
     ]  # fmt: skip
     loops = [f"net j{i} joint.{i}.motor-pos-cmd => joint.{i}.motor-pos-fb sampler.0.pin.{i}" for i in range(JOINTS)]
-    (folder / "machine.ini").write_text(INI.format(**largest) + "".join(joints))
+    (folder / "machine.ini").write_text(INI.format(cycle=round(CYCLE_S * 1e9), **largest) + "".join(joints))
     (folder / "machine.hal").write_text(HAL.format(loops="\n".join(loops)))
     (folder / "tool.tbl").write_text("")
     (folder / "program.ngc").write_text(program)
@@ -140,9 +142,11 @@ def drive(program: str, limits: list[JointLimits], kept: Path, seconds: float) -
     try:
         write_machine(folder, limits, program)
         _run(folder, seconds)
-        shutil.copy(folder / "log.txt", kept)
+        rows = np.loadtxt(folder / "log.txt")
+        assert np.all(np.diff(rows[:, 0]) == 1.0), "the sampler lost cycles"
+        rows = rows[::KEPT]
+        np.savetxt(kept, rows, fmt=["%d", *["%.6f"] * JOINTS, "%d"])
         said = "".join(p.read_text() for p in [folder / "words.txt", *folder.glob("operator.txt")])
-        rows = np.loadtxt(kept)
         return Log(kept, rows[:, 1 : 1 + JOINTS], rows[:, 1 + JOINTS], said)
     finally:
         shutil.rmtree(folder, ignore_errors=True)

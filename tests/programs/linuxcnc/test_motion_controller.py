@@ -107,7 +107,6 @@ def test_the_bar_stays_within_its_range(log, measured, planned):
 
 
 def test_the_tool_keeps_its_speed(log, measured):
-    """Means over a second: on a busy machine the samples are not evenly spaced."""
     first, last = measured
     x = tool_point(log.q_deg[first : last + 1], ROWS, TOOL)
     way, window = np.linalg.norm(np.diff(x, axis=0), axis=1), round(1.0 / machine.SAMPLE_S)
@@ -148,7 +147,7 @@ def test_its_log_calibrates_the_robot(log, measured, plan, planned, tmp_path):
     joints = "".join(f"q{k + 1}_deg = {k + 2}\n" for k in range(machine.JOINTS))
     (tmp_path / "map.toml").write_text(
         'schema = "edbb-map/1"\nseparator = " "\nheader = false\n'
-        f"[columns]\nt_s = {{ column = 1, factor = {machine.SAMPLE_S} }}\n{joints}"
+        f"[columns]\nt_s = {{ column = 1, factor = {machine.CYCLE_S} }}\n{joints}"
         '[[traces]]\n[traces.columns]\nt_s = "time"\nlength_mm = "length"\n'
     )
     run, out = tmp_path / "run.csv", tmp_path / "found"
