@@ -1,8 +1,8 @@
 """A machine of six joints under LinuxCNC's own motion controller, in simulation: its INI, its HAL, and a drive.
 
 The joints are X Y Z A B C of ``trivkins``; each motor's command is looped back as its feedback. A sampler logs
-the six joints and the output that marks the poses in each cycle of the motion controller: where the computer is busy, the
-cycles come late, but each is still a millisecond of the motion.
+the six joints and the output that marks the poses in each cycle of the motion controller: where the computer is busy,
+the cycles come late, but each is still a millisecond of the motion.
 """
 
 import contextlib
