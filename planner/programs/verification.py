@@ -293,6 +293,7 @@ def import_map(dialect_name: str, n_joints: int) -> str:
     if log is None:
         raise InputError(f"{dialect.title} keeps no log of its own axes; record them with the controller's trace")
     lines = ['schema = "edbb-map/1"', *(f"# {line}" for line in log.note.splitlines())]
+    lines += [f'axes_of = "{dialect_name.partition("+")[0]}"']
     lines += [f'encoding = "{log.encoding}"', f'decimal = "{log.decimal}"']
     if log.row is not None:
         axes = (log.axis.format(axis=a, joint=i) for i, a in enumerate(dialect.axes[:n_joints], start=1))

@@ -16,6 +16,7 @@ from planner.runs.joint_motion import (
     marks_rests,
     number_sessions,
 )
+from planner.runs.model_axes import AxesOf, in_model_axes
 from planner.runs.quantities import check_jumps, joint_angles, readings_of
 from planner.runs.run import Readings, Run, Samples, sort_names
 from planner.runs.synchronisation import pair_tables
@@ -28,13 +29,15 @@ UNNAMED = frozenset({"session", "point", "file", "line"})  # left out of a joine
 T = TypeVar("T", Samples, Readings)
 
 
-def load_run(path: Path | str, n_joints: int = 6) -> Run:
+def load_run(path: Path | str, n_joints: int = 6, axes_of: AxesOf | None = None) -> Run:
     """Load one run of an arm with ``n_joints`` joints from ``.csv`` or ``.parquet``.
+
+    ``axes_of``: how the robot's controllers count, for files whose angles are a controller's (``# axes_of: pdl2``).
 
     Raises:
         InputError: with file, line and column of the first thing that is wrong.
     """
-    return run_of(read_table(Path(path), n_joints), n_joints)
+    return run_of(in_model_axes(read_table(Path(path), n_joints), axes_of), n_joints)
 
 
 def run_of(table: RunTable, n_joints: int) -> Run:
@@ -157,11 +160,11 @@ def _sessions(table: RunTable, t: Array | None) -> tuple[IntArray, list[str]]:
     return read_only(session, np.int64), [warning]
 
 
-def load_runs(paths: Sequence[Path], n_joints: int) -> Run:
+def load_runs(paths: Sequence[Path], n_joints: int, axes_of: AxesOf | None = None) -> Run:
     """Load several files as one run; each begins a new session and, unless it names fixtures, a new placement.
 
     A file with readings but no angles is the gauge's own log and is joined with the one that has angles but no
-    readings (see `planner.runs.synchronisation`).
+    readings (see `planner.runs.synchronisation`). ``axes_of``: as of :func:`load_run`.
 
     Raises:
         InputError: a file is wrong, or they do not read the same kind of gauge.
@@ -172,7 +175,8 @@ def load_runs(paths: Sequence[Path], n_joints: int) -> Run:
     for i, file in enumerate(files):
         if file.resolve() in (other.resolve() for other in files[:i]):
             raise InputError(f"{file} is given twice; the same samples would count as new ones")
-    runs = [run_of(table, n_joints) for table in pair_tables([read_table(file, n_joints) for file in files])]
+    tables = [in_model_axes(read_table(file, n_joints), axes_of) for file in files]
+    runs = [run_of(table, n_joints) for table in pair_tables(tables)]
     return join_runs(_distinguish_names(runs, files))
 
 

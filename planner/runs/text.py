@@ -18,7 +18,7 @@ from planner.common.schema import MOST_NAME
 from planner.common.units import IntArray
 
 MOST_RUN = 250_000_000  # bytes of a run's or trace's text: 1.7 GB while they are read
-NOTES = ("plan_id", "robot", "measure", "angles", "clocks", "truth")  # what comment lines may say
+NOTES = ("plan_id", "robot", "measure", "angles", "clocks", "truth", "axes_of")  # what comment lines may say
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,10 @@ from pydantic import AfterValidator, Field, model_validator
 from planner.common.errors import InputError, did_you_mean
 from planner.common.lazy_modules import pl
 from planner.common.schema import StrictModel, check_pattern, read_toml
+from planner.kinematics.axes import MODEL
+from planner.kinematics.robot_reader import load_robot
 from planner.runs.loader import run_of
+from planner.runs.model_axes import NOTE, AxesOf, in_model_axes
 from planner.runs.run import SIMULATED, Run
 from planner.runs.synchronisation import pair_tables
 from planner.runs.table import (
@@ -141,11 +144,16 @@ class TraceMap(StrictModel):
 
 
 class ColumnMap(TraceMap):
-    """A whole map: the first trace at the top level, further ones (another file each) under ``[[traces]]``."""
+    """A whole map: the first trace at the top level, further ones (another file each) under ``[[traces]]``.
+
+    ``axes_of`` names the language of the controller whose axes the angles are (``model``: the joints of the robot's
+    model), ``robot`` the shipped robot, or its file beside the map, that says how that controller counts.
+    """
 
     schema_: Literal["edbb-map/1"] = Field(alias="schema")
     measure: Literal["static", "continuous"] | None = None
     robot: str | None = None
+    axes_of: str | None = None
     plan_id: str | None = None
     traces: tuple[TraceMap, ...] = ()
 
@@ -322,21 +330,36 @@ def _without_unwritten(table: RunTable) -> RunTable:
     return replace(table, source=source, frame=table.frame[written], warnings=(*table.warnings, said))
 
 
+UNSAID = (
+    "the map does not say whose axes the angles are: they were taken for the joints of the model; "
+    'axes_of = "model", or the language of the controller with robot = "NAME", says it'
+)
+
+
 def import_run(traces: Sequence[Path], map_file: Path) -> Run:
     """Return the run that ``traces`` hold, read by the column map (schema ``edbb-map/1``) in a file.
 
     Raises:
-        InputError: the map or a trace is wrong, with file, line and column.
+        InputError: the map or a trace is wrong, with file, line and column; or the robot's file does not say how the
+            controller counts whose axes the angles are.
     """
-    return import_mapped(traces, read_toml(Path(map_file), ColumnMap), str(map_file))
+    path = Path(map_file)
+    mapping = read_toml(path, ColumnMap)
+    axes_of: AxesOf | None = None
+    if mapping.axes_of not in (None, MODEL) and mapping.robot is not None:
+        robot = load_robot(mapping.robot, path.parent)
+        mapping, axes_of = mapping.model_copy(update={"robot": robot.name}), robot.axes_of
+    run = import_mapped(traces, mapping, str(map_file), axes_of)
+    unsaid = mapping.axes_of is None and mapping.n_joints > 0
+    return replace(run, warnings=(*run.warnings, UNSAID)) if unsaid else run
 
 
-def import_mapped(traces: Sequence[Path], mapping: ColumnMap, name: str) -> Run:
+def import_mapped(traces: Sequence[Path], mapping: ColumnMap, name: str, axes_of: AxesOf | None = None) -> Run:
     """Return the run that ``traces`` hold by a column map, which messages call ``name``.
 
     The map's top level reads the first trace, its ``[[traces]]`` the further ones in their order; a trace that the map
     says nothing of is read in the columns of a run. The gauge's trace and the controller's are joined by time, or pose
-    by pose where they have no time.
+    by pose where they have no time. ``axes_of``: how the robot's controllers count.
 
     Raises:
         InputError: a trace is wrong, with file, line and column.
@@ -345,12 +368,12 @@ def import_mapped(traces: Sequence[Path], mapping: ColumnMap, name: str) -> Run:
         raise InputError(f"no trace was given; {name} reads {len(mapping.all_traces)}")
     if len(traces) < len(mapping.all_traces):
         raise InputError(f"{name} reads {len(mapping.all_traces)} traces, but {len(traces)} were given")
-    said = {"measure": mapping.measure, "robot": mapping.robot, "plan_id": mapping.plan_id}
+    said = {"measure": mapping.measure, "robot": mapping.robot, "plan_id": mapping.plan_id, NOTE: mapping.axes_of}
     notes = {key: value for key, value in said.items() if value is not None}
     n_joints = mapping.n_joints
     mapped = [read_trace(Path(p), trace, notes) for p, trace in zip(traces, mapping.all_traces, strict=False)]
     tables = [*mapped, *(read_table(Path(path), n_joints or 16) for path in traces[len(mapped) :])]
-    whole = pair_tables(tables)
+    whole = pair_tables([in_model_axes(table, axes_of) for table in tables])
     if len(whole) > 1:
         files = ", ".join(t.source.file for t in whole)
         raise InputError(f"{files} are several runs, each whole; import them one by one")

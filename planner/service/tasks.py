@@ -95,7 +95,7 @@ def check_run(paths: Sequence[Path], cell: Cell) -> RunCheck:
     Raises:
         InputError: they cannot be read, or are not of its gauge.
     """
-    runs = [load_run(p, cell.robot.n_joints) for p in paths]
+    runs = [load_run(p, cell.robot.n_joints, cell.robot.axes_of) for p in paths]
     for run in runs:
         cell.gauge.check_run(cell, run)
     first, samples = runs[0], sum(len(r) for r in runs)

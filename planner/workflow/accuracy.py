@@ -75,7 +75,7 @@ def check_accuracy(
     """
     where = load_cell(cell, planning=False)
     with stages.stage("reading"):
-        run, said = load_runs([path], where.robot.n_joints), read_reference_readings(path)
+        run, said = load_runs([path], where.robot.n_joints, where.robot.axes_of), read_reference_readings(path)
         _check_kind(where, run)
         known = None if plan is None else read_plan(plan, "drives")
         if plan is not None and known is not None:

@@ -141,7 +141,7 @@ def check(
     with stages.stage("reading"):
         where = load_cell(str(cell) if plan is None else str(Path(plan).parent / "cell.toml"), planning=False)
         known = Baseline.read(Path(baseline), where)
-        measured = load_runs([Path(run)], where.robot.n_joints)
+        measured = load_runs([Path(run)], where.robot.n_joints, where.robot.axes_of)
         if plan is not None:
             check_run_of_plan(measured, Path(plan), read_plan(Path(plan), "drives"), where.robot.name)
         check_unit(measured, where)

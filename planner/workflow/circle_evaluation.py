@@ -77,7 +77,7 @@ def evaluate_circular_runs(runs: Sequence[Path], plan: Path, stages: Stages) -> 
     file = read_circular_plan(plan)
     cell = load_circular_cell(plan, file)
     with stages.stage("reading"):
-        run = load_runs(runs, cell.robot.n_joints)
+        run = load_runs(runs, cell.robot.n_joints, cell.robot.axes_of)
         check_run_of_plan(run, plan, file, cell.robot.name)
     with stages.stage("evaluation"):
         return CircularTestResult(evaluate_circles(cell, file, run), cell, stages, run.simulated)
@@ -171,9 +171,9 @@ def evaluate_loaded(
     """
     where = load_cell(cell, planning=False)
     with stages.stage("reading"):
-        run = drop_unreadable(where, load_runs(runs, where.robot.n_joints))
-        other = None if tracker is None else load_runs([tracker], where.robot.n_joints)
-        free = load_runs(unloaded, where.robot.n_joints) if unloaded else None
+        run = drop_unreadable(where, load_runs(runs, where.robot.n_joints, where.robot.axes_of))
+        other = None if tracker is None else load_runs([tracker], where.robot.n_joints, where.robot.axes_of)
+        free = load_runs(unloaded, where.robot.n_joints, where.robot.axes_of) if unloaded else None
         if plan is not None:
             check_run_of_plan(run, plan, read_plan_header(plan), where.robot.name)
     with stages.stage("evaluation"):

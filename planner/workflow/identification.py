@@ -24,6 +24,7 @@ from planner.identification.residual_table import residuals_csv
 from planner.identification.run_setup import drop_unreadable, number_samples
 from planner.instruments.precision import check_mastering
 from planner.instruments.simulation import SimulatedRun
+from planner.kinematics.robot import Robot
 from planner.model.gauge_frames import ToolPointPosition
 from planner.model.identification_document import Estimate, Metrics, Release
 from planner.runs.loader import load_runs
@@ -220,11 +221,12 @@ def _cell_of(cell: Cell | Path | str | None, plan: "PlanResult | Path | str | No
     return cell if isinstance(cell, Cell) else load_cell(str(cell), planning=False)
 
 
-def load_any(runs: Runs, n_joints: int) -> Run:
+def load_any(runs: Runs, robot: Robot) -> Run:
     """Return one run from what was measured, loaded already or not."""
     if isinstance(runs, Run):
         return runs
-    return load_runs([Path(runs)] if isinstance(runs, Path | str) else [Path(r) for r in runs], n_joints)
+    paths = [Path(runs)] if isinstance(runs, Path | str) else [Path(r) for r in runs]
+    return load_runs(paths, robot.n_joints, robot.axes_of)
 
 
 def identify_runs(
@@ -246,8 +248,8 @@ def identify_runs(
         NoSolutionError: the fit does not come to rest.
     """
     with stages.stage("reading"):
-        run = _with_mastering_warnings(cell, load_any(runs, cell.robot.n_joints), runs)
-        other = None if validate is None else load_any(validate, cell.robot.n_joints)
+        run = _with_mastering_warnings(cell, load_any(runs, cell.robot), runs)
+        other = None if validate is None else load_any(validate, cell.robot)
         if plan is not None:
             path = Path(plan) if isinstance(plan, Path | str) else Path("plan.json")
             document = read_plan(path, "drives") if isinstance(plan, Path | str) else plan.document()

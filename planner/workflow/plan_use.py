@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TypeVar
 
+from planner.cell.reading import load_cell
 from planner.common.determinism import on_one_thread
 from planner.common.errors import InputError
 from planner.common.schema import read_json, validate
@@ -14,6 +15,9 @@ from planner.instruments.circular.document import is_circular, load_circular_pla
 from planner.instruments.circular.plan import CircularPlan, circle_samples
 from planner.instruments.simulation import SAMPLE_RATE, planned_samples, simulate_run
 from planner.instruments.truth import draw_truth, read_truth
+from planner.kinematics.robot import Robot
+from planner.kinematics.robot_reader import load_robot
+from planner.programs.controller_axes import axes_for
 from planner.programs.dialect import PathForm, load_dialect
 from planner.programs.verification import import_map
 from planner.runs.run import Run
@@ -36,11 +40,13 @@ def export(plan: Path | str, *, dialect: str, name: str = "-") -> ExportResult:
     """Return the program of the plan at a path in any dialect; ``name`` of the file, ``-`` for one of the plan's own.
 
     Raises:
-        InputError: no plan, no cell beside it, or the two do not belong together; an unknown dialect.
+        InputError: no plan, no cell beside it, or the two do not belong together; an unknown dialect, or one of a
+            controller whose axes the robot's file does not describe.
     """
     form = load_dialect(dialect).path_form
     path = Path(plan)
     planned = load_circular_plan(path) if is_circular(path) else load_session(path, "exported", check=True)
+    _ = axes_for(planned.cell.robot, load_dialect(dialect))
     program = session_program(planned.cell, planned.courses, planned.plan_id, form)
     notes = judge_plan(path, planned.cell, program, planned.notes)
     changed = " ".join(n.replace(str(path), "the plan") for n in notes)
@@ -115,11 +121,18 @@ def import_log(traces: Sequence[Path], plan: Path | str, dialect: str) -> Run:
         dialect: in which the program was written.
 
     Raises:
-        InputError: no plan, an unknown dialect or one that keeps no log, or a trace that is wrong.
+        InputError: no plan, an unknown dialect or one that keeps no log, a trace that is wrong, or the robot's file
+            does not say how that controller counts its axes.
     """
     planned, name = read_plan(Path(plan), "poses"), f"the log of {dialect}"
     content = tomllib.loads(import_map(dialect, len(planned.poses[0].q_deg))) | {"plan_id": planned.plan_id}
     mapping = validate(content, ColumnMap, name)
     if len(traces) == 2 and not is_trace_of(traces[0], mapping) and is_trace_of(traces[1], mapping):
         raise InputError(f"{traces[0]} is not {name}, {traces[1]} is: give the log first, then the gauge's trace")
-    return import_mapped(traces, mapping, name)
+    return import_mapped(traces, mapping, name, _robot_of(Path(plan), planned.robot).axes_of)
+
+
+def _robot_of(plan: Path, name: str) -> Robot:
+    """Return the robot of a plan: that of the cell beside it, else the shipped one of its name."""
+    cell = plan.parent / "cell.toml"
+    return load_cell(str(cell), planning=False).robot if cell.is_file() else load_robot(name)

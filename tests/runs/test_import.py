@@ -12,6 +12,7 @@ from planner.runs.loader import load_runs
 from planner.runs.traces import import_run
 from tests.programs.sessions import PLAN_ID, static
 from tests.runs.made import rows, sine_path, write
+from tests.speaking import let_speak_all
 
 ANGLES = np.round(np.random.default_rng(4).uniform(-120, 120, (6, 6)), 5)
 LENGTHS = "pose,length_mm\n" + "".join(f"{i},{400 + i}\n" for i in (1, 2, 3, 4, 5, 6))
@@ -60,9 +61,19 @@ WRITTEN = {
 }
 
 
+def own_map(name):
+    """The map of a dialect's log, of a robot."""
+    return import_map(name, 6).replace("axes_of", 'robot = "kuka-kr6-r700"\naxes_of', 1)
+
+
+@pytest.fixture
+def every_language(monkeypatch):
+    let_speak_all(monkeypatch)
+
+
 @pytest.mark.parametrize("name", LOGGING)
-def test_each_dialects_own_log(tmp_path, name):
-    path = write(tmp_path / "map.toml", import_map(name, 6))
+def test_each_dialects_own_log(every_language, tmp_path, name):
+    path = write(tmp_path / "map.toml", own_map(name))
     log, gauge = write(tmp_path / "log.txt", WRITTEN[name]()), write(tmp_path / "gauge.csv", LENGTHS)
     run = import_run([log, gauge], path)
     n = 4 if name == "krl" else 6
@@ -75,12 +86,12 @@ def test_each_dialects_own_log(tmp_path, name):
         assert "2 rows hold 0 for every axis" in run.warnings[0]
 
 
-def test_a_log_of_axes_alone_is_no_run(tmp_path):
-    path = write(tmp_path / "map.toml", import_map("rapid", 6))
+def test_a_log_of_axes_alone_is_no_run(every_language, tmp_path):
+    path = write(tmp_path / "map.toml", own_map("rapid"))
     with pytest.raises(InputError, match="there is no reading"):
         import_run([write(tmp_path / "log.csv", rapid_rows())], path)
     empty = write(tmp_path / "log.dat", re.sub(r"(A\d) [-\d.]+", r"\1 0.0", krl_rows()))
-    path = write(tmp_path / "krl.toml", import_map("krl", 6))
+    path = write(tmp_path / "krl.toml", own_map("krl"))
     with pytest.raises(InputError, match="all 6 rows hold 0 for every axis"):
         import_run([empty], path)
 
