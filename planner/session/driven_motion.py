@@ -1,6 +1,6 @@
 """The motion that a neutral program makes the robot drive, recovered from its instructions and nothing else."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from itertools import pairwise
 
@@ -9,13 +9,16 @@ import numpy as np
 from planner.cell.cell import Cell
 from planner.common.errors import NoSolutionError
 from planner.common.units import Array, read_only
-from planner.kinematics.geometry import fit_circle_in_space, points_on_arc
-from planner.kinematics.inverse_kinematics import solve_pose_ik, tool_pose
 from planner.programs.instructions import Centre, Entry, JointMove, Pause, Program, StretchBegin, StretchEnd
 from planner.runs.run import FIRST_MOUNTING, Mounting
+from planner.session.circle_motion import Angles, circle_polygons
 
 NO_BALL = -1
 SAME = 1e-6  # [rad] by which a way may miss where the next begins, as the numbers of a plan are rounded
+
+
+PlacedCircle = tuple[Mounting, Angles, Angles, Angles]
+"""At which mounting a piece of a circle is driven, and its angles as :data:`CirclePiece` has them [deg]."""
 
 
 @dataclass(frozen=True)
@@ -56,9 +59,9 @@ class Chain:
 class _Walk:
     """Where the robot stands while the instructions are followed, and the points since its constraints changed."""
 
-    cell: Cell
-    here: tuple[float, ...]
+    here: Angles
     held: Held
+    circles: Mapping[PlacedCircle, list[Angles]]
     chains: list[Chain] = field(default_factory=list)
     points: list[tuple[float, ...]] = field(default_factory=list)
     blends: list[float] = field(default_factory=list)
@@ -70,7 +73,9 @@ class _Walk:
         if held != self.held or not self.points:
             self.close()
             self.points, self.blends, self.rounded, self.held = [self.here], [0.0], [False], held
-        path = [move.q_deg] if move.via_deg is None else circle_points(self.cell.at(held.mounting), self.here, move)
+        path = (
+            [move.q_deg] if move.via_deg is None else self.circles[held.mounting, self.here, move.via_deg, move.q_deg]
+        )
         self.points += path
         self.blends += [0.0] * (len(path) - 1) + [move.blend_mm / 1e3]
         self.rounded += [True] * (len(path) - 1) + [False]
@@ -98,7 +103,7 @@ def recover_motion(cell: Cell, program: Program) -> list[Chain]:
         raise not_released(f"it begins {off:.4g} deg away from the cell's home")
     check_starts(program, cell.gauge.is_attached)
     mountings, balls = _next_mountings(program), _balls(program)
-    walk = _Walk(cell, program.moves[0].q_deg, Held(FIRST_MOUNTING, False))
+    walk = _Walk(program.moves[0].q_deg, Held(FIRST_MOUNTING, False), _circles(cell, program))
     ways: list[Chain] = []
     attached: Mounting | None = None
     mount: tuple[float, ...] = ()
@@ -123,6 +128,25 @@ def recover_motion(cell: Cell, program: Program) -> list[Chain]:
             walk.go(item, number, Held(here, attached is not None, () if attached is None else mount, ball))
     walk.close()
     return walk.chains + ways
+
+
+def _circles(cell: Cell, program: Program) -> dict[PlacedCircle, list[Angles]]:
+    """Return a polygon about the way of the joints on each circle of a program."""
+    starts = (program.home_deg, *(m.q_deg for m in program.moves))
+    found = [
+        (m.mounting or FIRST_MOUNTING, start, m.via_deg, m.q_deg)
+        for start, m in zip(starts, program.moves, strict=False)
+        if m.via_deg is not None
+    ]
+    out: dict[PlacedCircle, list[Angles]] = {}
+    for mounting in sorted({place for place, *_ in found}):
+        here = list(dict.fromkeys(key for key in found if key[0] == mounting))
+        try:
+            polygons = circle_polygons(cell.at(mounting), [(a, via, b) for _, a, via, b in here])
+        except NoSolutionError as err:
+            raise not_released(str(err)) from err
+        out |= dict(zip(here, polygons, strict=True))
+    return out
 
 
 def _lead(walk: _Walk, item: Pause, number: int) -> None:
@@ -235,48 +259,6 @@ def _pieces(program: Program) -> list[_Piece]:
     return out
 
 
-CIRCLE_STEP = np.deg2rad(1.0)  # of a circle between two points at which the joints are found
-CIRCLE_ROUNDS = 8  # of Newton from one such point to the next
-ENDS_OFF = 1e-4  # [rad] by which the joints may miss the end of a circle: the plan's own points miss it by a micrometre
-BRANCH = np.deg2rad(20.0)  # that no joint turns from one such point to the next, unless the arm passes a singular pose
-
-
-def circle_points(cell: Cell, start_deg: tuple[float, ...], move: JointMove) -> list[tuple[float, ...]]:
-    """Return the corners (k, N) [deg] of a polygon about the way of the joints while the tool runs on a circle.
-
-    The tool does not turn. Between two points that are found the joints run on a parabola nearly (the rest is below
-    1e-7 rad), which lies in the triangle of the points and the polygon's corner between them.
-
-    Raises:
-        NoSolutionError: the joints do not lead round it to where the move ends.
-    """
-    assert move.via_deg is not None
-    ends = np.deg2rad([start_deg, move.via_deg, move.q_deg])
-    tool = cell.map_position(ends)
-    turn = points_on_arc(tool, np.zeros(1))[1] / fit_circle_in_space(tool)[2]
-    count = max(8, int(np.ceil(turn / CIRCLE_STEP)))
-    x, _ = points_on_arc(tool, np.linspace(0.0, 1.0, 2 * count + 1))
-    R = tool_pose(cell.chain, cell.robot, ends[:1])[1]
-    q = [ends[0]]
-    for k in range(1, len(x)):
-        guess = q[-1] if k == 1 else 2 * q[-1] - q[-2]
-        found, good = solve_pose_ik(cell.chain, cell.robot, guess[None], x[k : k + 1], R, CIRCLE_ROUNDS)
-        if not good[0] or np.abs(found[0] - q[-1]).max() > BRANCH:
-            raise not_released("the arm does not get round a circle without turning the tool")
-        q.append(found[0])
-    if np.abs(q[-1] - ends[2]).max() > ENDS_OFF:
-        raise not_released("a circle ends in other angles of the joints than where the tool is led round it")
-    points = np.array(q)
-    corners = 2 * points[1::2] - (points[:-2:2] + points[2::2]) / 2
-    return [tuple(c) for c in np.rad2deg(corners).tolist()] + [move.q_deg]
-
-
 def not_released(because: str) -> NoSolutionError:
     """Return the error of a program that must not be driven."""
     return NoSolutionError(f"the program is not released: {because}")
-
-
-def each_leg(chains: Sequence[Chain]) -> Iterator[tuple[Chain, int]]:
-    """Yield every leg of every chain."""
-    for chain in chains:
-        yield from ((chain, k) for k in range(len(chain.number)))
