@@ -261,3 +261,29 @@ def test_digits_of_other_scripts_are_no_numbers(name, kuka, abb, tmp_path):
         done = compensate_file(tmp_path / name, *robot)
         assert len(done.report.corrected) == 1
         assert any("٣" in why for _, why in done.report.kept)
+
+
+def script(*rows):
+    return "\n".join(["def p():", " movej([0.1,-0.2,0.1,0.2,0.5,0.1])", *(f" {row}" for row in rows), "end", ""])
+
+
+LEFT_UR = {  # rows, lines that are left, lines that are corrected beside line 2
+    "pose in a variable": (["W=p[0.4,0.2,0.3,0,3.1,0]", "movel(W)"], [3, 4], []),
+    "joints handed on": (["go([0.2,-0.2,0.1,0.2,0.5,0.1], 1)"], [3], []),
+    "row of joints": (["w=[[0.2,-0.2,0.1,0.2,0.5,0.1],[0,0,0,0,1,0]]", "movej(w[0])"], [3, 4], []),
+    "between two": (["s=interpolate_pose(p[1,2,3,4,5,6],a,0.5)"], [3], []),
+    "tool": (["set_tcp(p[0,0,0.1,0,0,0.1])", "set_gravity([0,0,9.8])"], [], []),
+    "joints in a variable": (["global q=[0.2,-0.2,0.1,0.2,0.5,0.1]", "movej(q, a=1, v=1)", "movej(q)"], [], [3]),
+    "changed": (["q=[0.2,-0.2,0.1,0.2,0.5,0.1]", "q[0]=0.3", "movej(q)"], [3, 5], []),
+    "given twice": (["q=[0.2,-0.2,0.1,0.2,0.5,0.1]", "q=[0.3,-0.2,0.1,0.2,0.5,0.1]", "movej(q)"], [3, 4, 5], []),
+    "copied": (["q=[0.2,-0.2,0.1,0.2,0.5,0.1]", "r=q", "movej(q)", "movej(r)"], [3, 5, 6], []),
+    "read by a line": (["q=[0.2,-0.2,0.1,0.2,0.5,0.1]", "movel(q)"], [3, 4], []),
+}
+
+
+@pytest.mark.parametrize("name", LEFT_UR)
+def test_urscript_targets_outside_of_moves(name, abb, tmp_path):
+    rows, left, corrected = LEFT_UR[name]
+    done = run(tmp_path / "p.script", script(*rows), abb)
+    assert sorted(reasons(done)) == left
+    assert list(done.report.corrected) == [2, *corrected]

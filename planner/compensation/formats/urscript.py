@@ -2,38 +2,79 @@
 
 import math
 import re
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Iterator, Sequence
 
 from planner.compensation.targets import TargetReading
 from planner.programs.dialect import Dialect
-from planner.programs.languages.statements import NUMBER, PlacedNumber
+from planner.programs.languages.statements import NUMBER, PlacedNumber, Statement
 from planner.programs.languages.urscript import UrMove, parse
 
 _TARGET = re.compile(r"movej\(\s*\[([^\]]*)\]\s*(?:,(?:(?!move[jlpc]\s*\()[^\[\]])*)?\)")
 _ANGLE = re.compile(rf"\s*(?:d2r\(\s*(?P<deg>{NUMBER})\s*\)|(?P<rad>{NUMBER}(?:[eE][-+]?[0-9]+)?))\s*")
 _ALLOWED = "movej([...], …) alone with plain angles or d2r() of plain degrees is corrected"
+_NAMED = re.compile(r"(?:(?:global|local)\s+)?(?P<name>[A-Za-z_]\w*)\s*=\s*\[(?P<angles>[^\[\]]*)\]")
+_MOVE_BY_NAME = re.compile(r"movej\(\s*(?P<name>[A-Za-z_]\w*)\s*(?:,(?:(?!move[jlpc]\s*\()[^\[\]])*)?\)")
+_NO_TARGET = re.compile(r"(?:set_|get_|force_mode|zero_|tool_|def |thread )")  # tools, loads, forces
+_LISTED = re.compile(r"p?\[(?P<cells>[^\[\]]*)\]")
 _SHIFTED = re.compile(r"\b(?:track_conveyor_\w+|path_offset_\w+)")  # motion that is added to every target
 RAD_DECIMALS = 7
 
 
 def read(text: str, _dialect: Dialect, reading: TargetReading) -> None:
-    """Note the joint targets of one program."""
-    for statement in parse(text):
+    """Note the joint targets of one program, at their move or in a variable that only moves use."""
+    statements = list(parse(text))
+    named = _named_targets(statements)
+    for statement in statements:
         if shifted := _SHIFTED.search(statement.text):
             reading.refuse(statement.line, f"{shifted[0]} found: what it adds to the targets is not known here")
         if not isinstance(statement, UrMove):
+            given = _NAMED.fullmatch(statement.text)
+            if given and given["name"] in named:
+                _joints(reading, statement, given, "angles")
+            elif not _NO_TARGET.match(statement.text) and (found := _hidden_target(statement.text)):
+                reading.leave(statement.line, f"'{found}' found; {_ALLOWED}")
             continue
-        match = _TARGET.fullmatch(statement.text)
-        angles = [_ANGLE.fullmatch(a) for a in match[1].split(",")] if match else []
-        if match is None or None in angles:
-            reading.leave(statement.line, f"'{statement.text}' found; {_ALLOWED}")
-        elif len(angles) != reading.robot.n_joints:
-            reading.leave(statement.line, f"{len(angles)} angles found, the robot has {reading.robot.n_joints} joints")
-        else:
-            _add(reading, statement, statement.start + match.start(1), [a for a in angles if a is not None])
+        by_name = _MOVE_BY_NAME.fullmatch(statement.text)
+        if by_name is None or by_name["name"] not in named:
+            _joints(reading, statement, _TARGET.fullmatch(statement.text), 1)
 
 
-def _add(reading: TargetReading, statement: UrMove, start: int, angles: Sequence[re.Match[str]]) -> None:
+def _named_targets(statements: Sequence[Statement]) -> set[str]:
+    """Return the variables that get six plain angles once, and that nothing but moves to them reads."""
+    given = [m["name"] for s in statements if (m := _NAMED.fullmatch(s.text)) and _is_plain(m["angles"])]
+    read = (m["name"] for s in statements if isinstance(s, UrMove) and (m := _MOVE_BY_NAME.fullmatch(s.text)))
+    said, moved = (Counter(names) for names in (_words(statements), read))
+    return {name for name in given if moved[name] and said[name] == 1 + moved[name]}
+
+
+def _words(statements: Sequence[Statement]) -> Iterator[str]:
+    for s in statements:
+        yield from re.findall(r"[A-Za-z_]\w*", s.text)
+
+
+def _is_plain(cells: str) -> bool:
+    return all(_ANGLE.fullmatch(cell) for cell in cells.split(","))
+
+
+def _hidden_target(said: str) -> str:
+    """Return the six numbers or more of a place or of joints that stand where no move is, or nothing."""
+    found = (m[0] for m in _LISTED.finditer(said) if m["cells"].count(",") >= 5)
+    return next((text[:60] for text in found if re.search(r"[1-9]", text)), "")
+
+
+def _joints(reading: TargetReading, statement: Statement, match: re.Match[str] | None, group: str | int) -> None:
+    """Note the angles in a group of a match, or why they are left."""
+    angles = [_ANGLE.fullmatch(a) for a in match[group].split(",")] if match else []
+    if match is None or None in angles:
+        reading.leave(statement.line, f"'{statement.text}' found; {_ALLOWED}")
+    elif len(angles) != reading.robot.n_joints:
+        reading.leave(statement.line, f"{len(angles)} angles found, the robot has {reading.robot.n_joints} joints")
+    else:
+        _add(reading, statement, statement.start + match.start(group), [a for a in angles if a is not None])
+
+
+def _add(reading: TargetReading, statement: Statement, start: int, angles: Sequence[re.Match[str]]) -> None:
     """Angles are in one unit throughout: those of a target in two are told and left."""
     units = {a.lastgroup for a in angles}
     if len(units) != 1:
