@@ -18,6 +18,7 @@ from planner import __version__
 from planner.cli.terminal import errors
 from planner.common.errors import InputError, PlannerError
 from planner.common.files import INPUTS, OVERWRITING, short_path
+from planner.common.quiet import results_alone
 from planner.kinematics.packages import COMMAND_PACKAGES
 
 PLANNING, CALIBRATION, CELL, SERVICE = "plan_commands", "calibration_commands", "cell_commands", "service_commands"
@@ -169,7 +170,8 @@ def _run_on_server(url: str, words: list[str]) -> int:
 def main() -> None:
     """Run the command line; the exit code is the error's own (0 done, 1 bug, 2 input, 3 no solution, 4 missing)."""
     try:
-        _run_and_flush()
+        with results_alone():
+            _run_and_flush()
     except PlannerError as err:
         errors.print(f"edbb: {err}")
         sys.exit(err.exit_code)

@@ -1,12 +1,16 @@
-"""Keeps what a library prints on its own off standard output: that belongs to the results of a command."""
+"""Keeps what libraries print on their own off standard output: that belongs to the results of a command."""
 
 import ctypes
 import os
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from threading import Lock
 
-STANDARD_OUTPUT = 1  # the descriptor: compiled code does not know what stands in for Python's sys.stdout
+STANDARD_OUTPUT, STANDARD_ERROR = (
+    1,
+    2,
+)  # the descriptors: compiled code does not know what stands in for Python's sys.stdout
 _ONE_AT_A_TIME = Lock()
 
 
@@ -33,6 +37,38 @@ def quiet_output() -> Iterator[None]:
             _flush_compiled_code()
             os.dup2(kept, STANDARD_OUTPUT)
             os.close(kept)
+
+
+@contextmanager
+def results_alone() -> Iterator[None]:
+    """Let Python's ``sys.stdout`` alone write to standard output; what compiled code and programs print goes to errors.
+
+    Whatever a library prints, and whenever, what a command writes there stays what it says it is, such as JSON.
+    Nothing is done where ``sys.stdout`` is not the process's own, or either of the two is closed.
+    """
+    plain = sys.stdout
+    try:
+        own = plain is not None and plain.fileno() == STANDARD_OUTPUT
+        kept = os.dup(STANDARD_OUTPUT) if own else -1
+        if own:
+            os.fstat(STANDARD_ERROR)
+    except (OSError, ValueError):
+        own = False
+    if not own:
+        yield
+        return
+    plain.flush()
+    os.dup2(STANDARD_ERROR, STANDARD_OUTPUT)
+    lines = 1 if os.isatty(kept) else -1
+    try:
+        with open(kept, "w", buffering=lines, encoding=plain.encoding, errors=plain.errors, closefd=False) as results:
+            sys.stdout = results
+            yield
+    finally:
+        sys.stdout = plain
+        _flush_compiled_code()
+        os.dup2(kept, STANDARD_OUTPUT)
+        os.close(kept)
 
 
 def _flush_compiled_code() -> None:
