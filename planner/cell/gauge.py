@@ -80,6 +80,7 @@ class Gauge(ABC):
     measured_by: ClassVar[str] = "run the program and log it (to try it: edbb simulate PLAN -o run.csv)"
     at_balls: ClassVar[bool] = False  # whether each pose is at one of the balls or sockets of an artifact
     usual_scale: ClassVar[float] = 1e-5  # one sigma of its scale, as of steel 1 K off: all lengths of the arm have it
+    largest_scale: ClassVar[float] = 1e-3  # no more is plausible: steel 30 K off, or all refraction of air, is 3e-4
     left_to_person: float = 0.0  # share of the last way to a ball that a person goes, not the program
     reads_moving: ClassVar[bool] = False  # whether it can be read while the robot moves
     usual_measure: ClassVar[Literal["continuous", "static"]] = "static"  # where the cell does not say

@@ -17,6 +17,7 @@ from planner.kinematics.chain import Chain, xyz_transforms
 from planner.kinematics.robot import BASE_TRANSFORMS, Robot
 from planner.runs.run import Readings, Samples
 
+FREEABLE = frozenset({"fixture", "tool", "zero"})  # what of a set-up a cell may free
 N_BASE_TRANSFORMS = len(BASE_TRANSFORMS)  # before the robot's: small corrections of how the base stands to the gauge
 
 
@@ -64,6 +65,7 @@ class MeasurementSetup(RobotSetup):
         joint_sigma: repeatability of one joint [rad].
         zero: what a bar reads beyond its length, as far as known [m].
         loaded: names of the places of a loaded bar, where another bar stands elsewhere: each has a zero of its own.
+        fixed: what of ``FREEABLE`` the cell holds for known, so that it is not in the model.
     """
 
     gauge: Gauge
@@ -82,6 +84,7 @@ class MeasurementSetup(RobotSetup):
     zero: float = 0.0
     loaded: tuple[str, ...] = ()
     ball_names: tuple[str, ...] = ()
+    fixed: frozenset[str] = frozenset()
 
     @cached_property
     def chain(self) -> Chain:
@@ -158,7 +161,14 @@ def setup_of(cell: Cell) -> MeasurementSetup:
         com_F=tool.com_F,
         loaded=tuple(dict.fromkeys(fixtures[c.fixture].name for c in cell.circles if c.loads)),
         ball_names=tuple(b.name for b in cell.balls),
+        fixed=_known_parts(cell),
     )
+
+
+def _known_parts(cell: Cell) -> frozenset[str]:
+    """Return what a cell holds for known without having measured it: what a CMM measured is not sought elsewhere."""
+    measured = {"tool"} if cell.tool.measured or not cell.tool.known else set()
+    return FREEABLE - cell.plan.free - measured
 
 
 def _repeatability_of_joint(cell: Cell) -> float:

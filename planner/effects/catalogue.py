@@ -98,7 +98,9 @@ class Excitation:
         return float(np.abs(self.values(phi)).max())
 
 
-SHIPPED = ("compliance", "gears", "backlash", "thermal", "gauge_errors", "sessions", "nonparametric", "steps")
+SHIPPED = (
+    "compliance", "gears", "backlash", "thermal", "gauge_errors", "set_up_errors", "sessions", "nonparametric", "steps",
+)  # fmt: skip
 EffectGenerator = Callable[[Excitation], Iterator[Effect]]
 
 

@@ -146,6 +146,9 @@ class Role(Flag):
     CHANGE = auto()
     """Something that stood otherwise before a sample that the search found, or a single wrong row."""
 
+    SET_UP = auto()
+    """Something of the set-up that the cell holds for known: where one thing is off, others easily are."""
+
 
 @dataclass(frozen=True)
 class Place:
@@ -279,4 +282,5 @@ def implausible_text(effect: Effect, size: float) -> str:
     """Say that an effect of this size is refused because no arm or gauge has it."""
     unit = display_unit(effect.unit, size)
     size_text, most = (format_value(v, None, *unit) for v in (size, effect.largest))
-    return f"{size_text} is not plausible: at most {most} ({effect.literature})"
+    what = f"the {effect.kind}" if effect.place.number is None else f"the {effect.kind} of {effect.place}"
+    return f"{what} would have to be {size_text}, which is not plausible: at most {most} ({effect.literature})"

@@ -229,8 +229,8 @@ def own_errors(run: Excitation) -> Iterator[Effect]:
 @register("gauge scale", by_gauge=True, background=Background.KNOWN)
 def length_scale(run: Excitation) -> Iterator[Effect]:
     """Scale of a bar or wire."""
-    sentence = "the gauge's scale is off, {size} of its length"
-    yield _of_gauge("gauge scale", "1", reading_move(BarLength()), 1e-4, 5e-3, sentence, KAKINO)
+    sentence, most = "the gauge's scale is off, {size} of its length", run.setup.gauge.largest_scale
+    yield _of_gauge("gauge scale", "1", reading_move(BarLength()), 1e-4, most, sentence, KAKINO)
 
 
 @register(
@@ -313,7 +313,8 @@ def position_scale(run: Excitation) -> Iterator[Effect]:
     """Scale of a tracker, or of the distances in a plate of balls."""
     what = "the plate's distances are" if _in_sockets(run) else "the tracker's scale is"
     moves = _each_axis([GaugeRay(a) for a in range(3)])
-    yield _of_gauge("gauge scale", "1", moves, 1e-5, 5e-3, f"{what} off, {{size}}", TRACKER)
+    most = run.setup.gauge.largest_scale
+    yield _of_gauge("gauge scale", "1", moves, 1e-5, most, f"{what} off, {{size}}", TRACKER)
 
 
 @register("ball place", by_gauge=True)

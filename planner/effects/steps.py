@@ -26,11 +26,11 @@ from planner.effects.effect import (
     reading_move,
     transform_move,
 )
+from planner.effects.set_up_errors import set_up_parts
 
 STEP, SLIP = "step", "wrong row"
 USUAL_STEP, LARGEST_STEP = 2e-4, 0.2  # [m, rad]: one sigma, and the most that is plausible
 USUAL_SLIP, LARGEST_SLIP = 1e-2, 100.0  # [m, rad] a digit may be wrong anywhere in a reading
-FREE = frozenset({"fixture", "tool", "zero"})  # what places a gauge
 ESTIMATED = "estimated"
 
 
@@ -127,9 +127,7 @@ def wrong_row(width: int, sample: int, scanned: int) -> Effect:
 def steppables(run: Excitation) -> Iterator[Steppable]:
     """Yield everything in a set-up that may step: what places the gauge, base, payload, and each joint's zero."""
     setup, several = run.setup, len(run.setup.place_names) > 1
-    groups: dict[str, list[Parameter]] = {}
-    for p in setup.gauge.parameters(setup, FREE):
-        groups.setdefault(p.name if p.main.on == "reading" else p.name.rpartition("_")[0], []).append(p)
+    groups = set_up_parts(setup)
     if several:
         groups["base"] = [
             Parameter(f"base_{m.name}", "m", 1.0, f"base {m.words}", m.times(ONE)) for m in (*BASE_SHIFTS, *BASE_TURNS)

@@ -46,6 +46,7 @@ class BallSocket(BallGauge):
     approach: float = 40 * MM
 
     kind: ClassVar[str] = "ball-socket"
+    largest_scale: ClassVar[float] = 5e-3  # a printed plate shrinks by half a percent at most
     default_noise_um: ClassVar[float] = 100.0
     pose_columns: ClassVar[tuple[str, str]] = ("socket", "tilt in it (°)")
     OwnKeys: ClassVar[type[SocketKeys]] = SocketKeys

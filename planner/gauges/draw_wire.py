@@ -30,6 +30,9 @@ class DrawWire(LengthGauge):
     noun: ClassVar[str] = "wire"
     usual_measure: ClassVar[Literal["continuous", "static"]] = "static"  # read at each pose, by a person or over a line
     default_noise_um: ClassVar[float] = 100.0
+    largest_scale: ClassVar[float] = (
+        5e-3  # of the plainest encoders' drums: classes of linearity go up to half a percent
+    )
     pose_columns: ClassVar[tuple[str, str]] = ("fixture", "wire (mm)")
     removal: ClassVar[str] = "unhook the wire and let it run in slowly"
     checklist: ClassVar[BarChecklist] = BarChecklist(

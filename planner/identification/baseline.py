@@ -19,7 +19,7 @@ from scipy.linalg import block_diag
 from scipy.spatial.transform import Rotation
 
 from planner.cell.cell import Cell
-from planner.cell.setup import MeasurementSetup, setup_of
+from planner.cell.setup import FREEABLE, MeasurementSetup, setup_of
 from planner.common.determinism import even_positions
 from planner.common.errors import InputError
 from planner.common.files import read_bytes
@@ -40,7 +40,6 @@ LEFT_OUT = 0.15  # times the noise: so much of a reading's uncertainty the direc
 DIGITS = 7  # significant ones
 ANEW = 0.02  # [m, rad] size of what is set up anew: far more than any reading leaves open of it
 SETTLING = 4  # steps in which what was set up anew is found: Gauss-Newton, from where it was placed by the run
-EVERYTHING = frozenset({"fixture", "tool", "zero"})
 
 
 class BaselineParameter(StrictModel):
@@ -106,9 +105,10 @@ def baseline_text(released: ReleasedRobot, freedom: float, run: Run, cell: Cell,
     kept = [k for k, p in enumerate(fit.model.parameters) if not any(depends_on_run(m.phi.key) for m in p.moves)]
     model = fit.model.subset(kept)
     root, rest = _few_columns(model, fit.solution.root(fit.problem.prior)[kept], run, cell, fit.errors[kept])
+    own = set(Model.of(setup, FREEABLE).names)  # what a cell holds for known was found as an effect
     parameters = [
         {"name": p.name, "value": float(few_digits(v, DIGITS))}
-        | ({"moves": describe_moves(p, setup)} if p.is_effect else {})
+        | ({"moves": describe_moves(p, setup)} if p.is_effect and p.name not in own else {})
         for p, v in zip(model.parameters, fit.errors[kept], strict=True)
     ]
     robot, gauge, places, points = _names(cell, setup)
@@ -214,7 +214,7 @@ class Baseline:
     @classmethod
     def build(cls, file: BaselineFile, setup: MeasurementSetup) -> "Baseline":
         """Build the model in a set-up; what is set up anew comes last and is not known yet."""
-        own = {p.name: p for p in Model.of(setup, EVERYTHING).parameters}
+        own = {p.name: p for p in Model.of(setup, FREEABLE).parameters}
         anew = [p for p in own.values() if _is_anew(p, setup)]
         lasts = [bool(p.moves) or not p.name.startswith(setup.gauge.set_anew) for p in file.parameters]
         known = [p for p, there in zip(file.parameters, lasts, strict=True) if there]

@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import Field, NonNegativeFloat
 
 from planner.cell.cell import Cell
-from planner.cell.setup import MeasurementSetup, setup_of
+from planner.cell.setup import FREEABLE, MeasurementSetup, setup_of
 from planner.common.errors import InputError, did_you_mean
 from planner.common.files import read_utf8
 from planner.common.schema import StrictModel, read_toml, validate
@@ -112,7 +112,6 @@ UNIT_SPELLINGS = {
 }  # of a parameter's unit in a key, the first is how it is written; other units stand as they are
 TRUTH_LINE = "# truth: "  # of a simulated run begins a line that says what is true
 WRITTEN_DIGITS = 9  # of a drawn error as it is written
-ALL_GAUGE_PARAMETERS = frozenset({"fixture", "tool", "zero"})
 
 
 class NoiseFile(StrictModel):
@@ -236,7 +235,7 @@ def draw_truth(cell: Cell, seed: int) -> Truth:
 
 def _truth_model(cell: Cell) -> Model:
     setup = setup_of(cell)
-    return Model.of(setup, ALL_GAUGE_PARAMETERS).plus(compliance_parameters(setup))
+    return Model.of(setup, FREEABLE).plus(compliance_parameters(setup))
 
 
 def _with_noise(cell: Cell, noise: NoiseFile) -> Cell:

@@ -18,6 +18,7 @@ from planner.effects.basis import BasisFunction
 from planner.effects.effect import Place
 from planner.effects.steps import STEP, AtSample, BeforeSample, Steppable, acting_throughout, wrong_row
 from planner.identification.least_squares import MEDIAN_RMS
+from planner.runs.run import Samples
 from planner.tracing.candidate_ranking import merit_of
 from planner.tracing.column_space import row_products
 from planner.tracing.dictionary import whiten
@@ -26,7 +27,10 @@ from planner.tracing.search_context import SearchContext
 from planner.tracing.significance import LOG_SIGNIFICANCE
 from planner.tracing.state import FittedEffect, SearchState
 
-FEWEST_SAMPLES = 3  # on either side of a step
+FEWEST_SAMPLES = 3  # on either side of a step: of one alone it would be a wrong row, of two nobody knows which errs
+# the same of a drive, as share of it: its samples follow each other so closely that a few of them are one. So long is a
+# stretch that is held out (identification.cross_validation): with less no other samples could bear the step out
+SHARE_OF_DRIVE = 1 / 40
 # tries that are as good as one: neighbouring samples and things look much alike. Of 200 clean runs of 80, and of 200,
 # poses the surest step in a hundred had a chance of 0.2 and 0.05 by Bonferroni's correction for all tries
 ALIKE = 8
@@ -67,7 +71,7 @@ def best_steps(
 ) -> Iterator[EffectScore]:
     """Yield the likeliest steps of different things but those at places and samples that are taken.
 
-    Those that a drift explains as well have no chance.
+    Those that a drift explains as well have no chance, and those that one sample alone speaks for.
     """
     free = [
         (columns, s)
@@ -77,8 +81,9 @@ def best_steps(
     best = max((s.gain for _, s in free), default=0.0)
     near = sorted((own for own in free if own[1].gain >= SIMILAR_GAIN * best), key=lambda own: -own[1].merit)
     for columns, score in near[:MOST_STEPS]:
-        slow = score.log_p < LOG_SIGNIFICANCE and not _is_sudden(test, columns, score)
-        yield replace(score, log_p=0.0) if slow else score
+        sure = score.log_p < LOG_SIGNIFICANCE
+        real = sure and _is_sudden(test, columns, score) and _is_borne_by_several(test, columns, score)
+        yield replace(score, log_p=0.0) if sure and not real else score
 
 
 def score_steps(test: ScoreTest, steppables: Sequence[Steppable]) -> Iterator[tuple[Array, EffectScore]]:
@@ -155,10 +160,31 @@ def _best_step(test: ScoreTest, steppable: Steppable, columns: Array, count: int
     number = np.asarray(test.problem.samples.number)
     information, along, length = _sums_before(test, columns, " ".join(p.name for p in steppable.parameters))
     gain, size = score_gains(information, along, length)
-    allowed = np.arange(FEWEST_SAMPLES, len(number) - FEWEST_SAMPLES + 1) - 1
+    allowed = _allowed(test.problem.samples)
     j = int(allowed[np.argmax(gain[allowed])])
     effect = steppable.step(int(number[j + 1]), -(-len(number) * count // ALIKE))
     return _with_chance(test, EffectScore(effect, None, float(gain[j]), int(size[j]), information[j], along[j]))
+
+
+def _allowed(samples: Samples) -> np.ndarray:
+    """Positions of the last samples before which something may have stepped: with enough of them on either side."""
+    n = len(samples)
+    fewest = FEWEST_SAMPLES if samples.speed is None else max(FEWEST_SAMPLES, round(SHARE_OF_DRIVE * n))
+    return np.arange(fewest, n - fewest + 1) - 1
+
+
+def _is_borne_by_several(test: ScoreTest, columns: Array, score: EffectScore) -> bool:
+    """Tell whether a step holds without the sample of its shorter side that speaks for it most: else that is wrong."""
+    n, r, _ = columns.shape
+    before = np.asarray(test.problem.samples.number) < change_sample(FittedEffect(score.effect))
+    shorter = before if before.sum() <= n - before.sum() else ~before
+    lone = int(np.argmax(np.where(shorter, (test.residual.reshape(n, r) ** 2).sum(axis=1), -1.0)))
+    A, residual = _as_stepped(test, columns, score), test.residual.copy()
+    A[lone], residual[lone * r : (lone + 1) * r] = 0.0, 0.0
+    A = A.reshape(n * r, -1)
+    shared = test.products(A)
+    gain, size = score_gains((A.T @ A - shared.T @ shared)[None], (A.T @ residual)[None], (A**2).sum(axis=0)[None])
+    return test.log_p(float(gain[0]), int(size[0]), score.effect.scanned) < LOG_SIGNIFICANCE
 
 
 def _is_sudden(test: ScoreTest, columns: Array, score: EffectScore) -> bool:
@@ -239,13 +265,14 @@ def locate_step(state: SearchState, found: FittedEffect) -> StepTime:
     shift = _acting_throughout(state, found)
     before = (number < here)[:, None]
     still = np.where(before, piece.residual - shift, piece.residual)  # as if it had stood always as at the end
-    fall = np.cumsum((still**2 - (still + shift) ** 2).sum(axis=1))[:-1]
+    allowed = _allowed(problem.samples)
+    fall = np.cumsum((still**2 - (still + shift) ** 2).sum(axis=1))[allowed]
     scale = max(1.0, float((piece.residual**2).mean()))
     chance = np.exp((fall - fall.max()) / (2 * scale))
     chance /= chance.sum()
     low, high = np.searchsorted(np.cumsum(chance), [(1 - SURE) / 2, (1 + SURE) / 2])
     last = len(fall) - 1
-    return StepTime(*(int(number[1 + min(int(k), last)]) for k in (np.argmax(fall), low, high)))
+    return StepTime(*(int(number[1 + allowed[min(int(k), last)]]) for k in (np.argmax(fall), low, high)))
 
 
 def relocate_steps(context: SearchContext, state: SearchState, steppables: Sequence[Steppable]) -> SearchState:

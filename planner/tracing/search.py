@@ -218,10 +218,10 @@ def search(start: SearchState, effects: Sequence[Effect], fit_context: FitContex
     may_step = tuple(steppables(Excitation(start.base.setup, test.problem.samples)))
     context = SearchContext(tuple(effects), dictionary, fit_context, report, may_step)
     path = _forward_selection(context, [start])
-    compliant = _all_compliances(context, start)
-    if compliant is not None:
-        path = _start_from_compliances(context, start, compliant, path)
-    path = _try_gear_curves(context, compliant, path)
+    together = _causes_together(context, start)
+    for state in together:
+        path = _start_from(context, start, state, path)
+    path = _try_gear_curves(context, context.likeliest(together, at=start) if together else None, path)
     for _ in range(SWAP_ROUNDS):
         other = swap_effects(context, path[-1])
         if other is None:
@@ -284,33 +284,43 @@ def _is_worse(context: SearchContext, before: SearchState, after: SearchState) -
     return context.evidence_fall(before, after) < 0 or (nameless and gone)
 
 
-def _all_compliances(context: SearchContext, start: SearchState) -> SearchState | None:
-    """Return the model in which all joints give way and nothing else; ``None`` where the run cannot tell."""
-    compliances = tuple(FittedEffect(e) for e in context.effects if e.has(Role.COMPLIANCE))
-    readings = len(start.fit.problem) * start.fit.model.width
-    if not compliances or readings < len(start.fit.errors) + 2 * len(compliances):
-        return None
-    return context.try_refit(start, compliances)
+def _causes_together(context: SearchContext, start: SearchState) -> list[SearchState]:
+    """Return the models with all causes of one role at once and nothing else, as far as the run can tell of them.
 
-
-def _start_from_compliances(
-    context: SearchContext, start: SearchState, compliant: SearchState, path: list[SearchState]
-) -> list[SearchState]:
-    """Begin with all joints that give way at once, where that alone is likelier than where single steps ended.
-
-    In a short run of a soft arm no joint's compliance gains while the others' are missing.
+    All joints that give way; all of the set-up that the cell holds for known; and both.
     """
-    if context.evidence_fall(path[-1], compliant, at=start) < SWAP_EVIDENCE:
+    out, seen = list[SearchState](), list[Trial]()
+    readings = len(start.fit.problem) * start.fit.model.width
+    for role in (Role.COMPLIANCE, Role.SET_UP, Role.COMPLIANCE | Role.SET_UP):
+        effects = tuple(FittedEffect(e) for e in context.effects if e.has(role))
+        size = sum(len(f.parameters) for f in effects)
+        if not effects or effects in seen or readings < len(start.fit.errors) + 2 * size:
+            continue
+        seen.append(effects)
+        state = context.try_refit(start, effects)
+        out += [] if state is None else [state]
+    return out
+
+
+def _start_from(
+    context: SearchContext, start: SearchState, together: SearchState, path: list[SearchState]
+) -> list[SearchState]:
+    """Begin with causes of a role at once, where that alone is likelier than where single steps ended.
+
+    In a short run of a soft arm no joint's compliance gains while the others' are missing, nor does the place of a
+    fixture while a zero is off as well.
+    """
+    if context.evidence_fall(path[-1], together, at=start) < SWAP_EVIDENCE:
         return path
-    kept = _keep_if_significant(context, compliant)
+    kept = _keep_if_significant(context, together)
     return path if kept is None else _forward_selection(context, [start, kept])
 
 
 def _try_gear_curves(
-    context: SearchContext, compliant: SearchState | None, path: list[SearchState]
+    context: SearchContext, together: SearchState | None, path: list[SearchState]
 ) -> list[SearchState]:
     """Go on with the curves of all gears at once, where the run is likelier so."""
-    curves = all_gear_curves(context, path[-1], compliant)
+    curves = all_gear_curves(context, path[-1], together)
     kept = None if curves is None else _keep_if_significant(context, curves)
     if kept is None:
         return path

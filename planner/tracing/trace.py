@@ -44,7 +44,9 @@ def find_rivals(context: SearchContext, state: SearchState, found: FittedEffect)
 
     own = with_link_masses(bare, [bare.score_one(found.effect, found.value)])[0]
     best: dict[str, float] = {}
-    steps = [s for _, s in score_steps(bare, context.steppables)] if test.problem.samples.number is not None else []
+    # a step near the end of the run is nearly the same as what stood so all along
+    may_step = test.problem.samples.number is not None and not found.has(Role.SET_UP)
+    steps = [s for _, s in score_steps(bare, context.steppables)] if may_step else []
     for s in (*scores_beside(bare, context.dictionary, rest, SIZE_COST), *steps):
         if s.effect.name != found.effect.family:
             best[s.effect.name] = max(best.get(s.effect.name, -np.inf), merit(s))
@@ -251,7 +253,7 @@ def describe_effect(found: FittedEffect, value: float, std: float, inner_std: fl
     """Fill the effect's sentence with its size, its nonlinear value, and the periods of a curve."""
     effect, nonlinear = found.effect, found.effect.nonlinear
     unit = display_unit(effect.unit, value)
-    if effect.has(Role.CHANGE) and effect.unit == "m" and abs(value) > LEAST_MM:
+    if effect.has(Role.CHANGE | Role.SET_UP) and effect.unit == "m" and abs(value) > LEAST_MM:
         unit = ("mm", 1e3)
     size = format_value(abs(value), std, *unit)
     inner = ""
