@@ -69,9 +69,15 @@ class Result(ABC):
         """Tell whether it is made of readings that nobody measured."""
         return False
 
+    @property
+    def alarm(self) -> str:
+        """Return what must be read before anything else; empty where nothing."""
+        return ""
+
     def full_summary(self) -> str:
-        """Return the summary; where nobody measured, that comes first."""
-        return f"{NOT_MEASURED}\n{self.summary()}" if self.simulated else self.summary()
+        """Return the summary, after what must be read first, and that nobody measured."""
+        first = (self.alarm, NOT_MEASURED if self.simulated else "")
+        return "\n".join((*(line for line in first if line), self.summary()))
 
     def to_json(self) -> str:
         """Return the machine-readable form as text."""

@@ -30,6 +30,7 @@ from planner.identification.cross_validation import (
 )
 from planner.identification.identifiable_parameters import FittedParameters, estimate_parameters
 from planner.identification.least_squares import Fit
+from planner.identification.nominal_comparison import worse_than_nominal
 from planner.identification.release import describe_release, release_robot, tool_point_advice
 from planner.identification.released_parameters import released_estimates, std_beside_robot
 from planner.identification.released_robot import ReleasedRobot
@@ -224,14 +225,16 @@ def assess_fit(
     table = _estimate_all(free, found, covariance, traced)
     estimates = table if released is None else released_estimates(table, released)
     diagnosis = diagnose_residual(found, run.continuous, last.train.rms)
+    release, kept = None if released is None else describe_release(released), tuple(s.stage for s in stages)
     return Calibration(
         schema_="edbb-identification/1",
+        worse_than_nominal=worse_than_nominal(kept, release, expected),
         robot=found.setup.robot.name,
         n_samples=len(run),
         n_groups=parts.groups,
         n_validation=None if validation is None else len(validation),
         split=HoldOut(by=parts.by, hold_out=1.0 / parts.folds, within=_within(run, parts, found)),
-        stages=tuple(s.stage for s in stages),
+        stages=kept,
         estimates=estimates,
         joint_zeros=find_joint_zeros(found.setup.robot, estimates),
         fitted=() if released is None else tuple(e for e in table if e.identifiable),
@@ -243,7 +246,7 @@ def assess_fit(
         unexplained=_describe_rest(diagnosis, last),
         noise_floor=_noise_floor(run, last.residual),
         workspace_error=expected,
-        release=None if released is None else describe_release(released),
+        release=release,
         condition_number=_condition(found),
         correlation_time=time,
         frames=_frames(found, released, estimates),

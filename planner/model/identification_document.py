@@ -294,13 +294,15 @@ class Identification(DocumentSection):
         release: what the robot's file holds and how good it is expected to be.
         condition_number: of the rows per prior size; ``None`` where it is not finite.
         correlation_time: how many samples are worth one.
+        worse_than_nominal: in what the robot that is written is worse than the nominal one; ``None`` where in nothing.
         problems: reasons not to use the result; empty when the fit passed its own checks.
         warnings: what a person should know.
         simulated: true where a run was simulated, else ``None``: nobody measured this robot.
     """
 
-    if_any = ("release", "n_validation", "simulated")
+    if_any = ("release", "n_validation", "simulated", "worse_than_nominal")
     schema_: Literal["edbb-identification/1"]
+    worse_than_nominal: str | None = None
     robot: str
     n_samples: int = Field(gt=0)
     n_groups: int = 0

@@ -58,13 +58,14 @@ def headline_text(facts: CalibrationFacts) -> tuple[str, ...]:
     """Say what the calibration brought: the sentence that a customer reads; nothing where the fit may not be used."""
     c, groups = facts.calibration, GROUP_NAMES[facts.calibration.split.by][0]
     first, before, after = c.stages[0].held_out, facts.before.held_out, facts.after.held_out
+    worse = [] if c.worse_than_nominal is None else [f"{c.worse_than_nominal}."]
     if c.problems:
         left = (
             f"It leaves a mean error of {in_mm(after.mean)} mm on {groups} that it never saw; that says nothing of the "
             "robot, only of the fit."
         )
         return ("No robot was calibrated: the fit failed its own checks.", left)
-    out = _workspace_sentences(c)
+    out = [*worse, *_workspace_sentences(c)]
     read = c.setup.gauge.plural
     out.append(f"Mean error of {read} {in_mm(before.mean)} mm → {in_mm(after.mean)} mm on {groups} that no fit saw.")
     factor, a, b = before.mean / max(after.mean, 1e-300), in_mm(before.largest), in_mm(after.largest)

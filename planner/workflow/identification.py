@@ -103,6 +103,11 @@ class CalibrationResult(FolderResult):
         return bool(self.calibration.simulated)
 
     @property
+    def alarm(self) -> str:
+        """Say of a robot that is worse than the nominal one; that comes before everything else."""
+        return self.calibration.worse_than_nominal or ""
+
+    @property
     def problems(self) -> tuple[str, ...]:
         """Return why the robot must not be used."""
         why = self.calibration.problems
@@ -280,7 +285,8 @@ def _workspace_text(r: Release, anywhere: float) -> str:
     """Say how good the tool is expected to be anywhere: the figure that leads."""
     out = f"tool error over the workspace, rms: {r.nominal_anywhere / MM:.3f} mm → {anywhere / MM:.3f} mm"
     out += f" (median; 95 % below {r.at_most / MM:.3f} mm"
-    out += "" if r.basis == "geometry" else f"; geometry alone {r.geometry_anywhere / MM:.3f} mm"
+    worse = ", worse than the nominal robot" if r.geometry_anywhere > r.nominal_anywhere else ""
+    out += "" if r.basis == "geometry" else f"; geometry alone {r.geometry_anywhere / MM:.3f} mm{worse}"
     own = r.work_tool
     if own is None:
         return f"{out}; at a tool point that was not measured {r.other_tool / MM:.3f} mm)"

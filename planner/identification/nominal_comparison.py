@@ -1,0 +1,40 @@
+"""Whether a calibrated robot is worse than the nominal one: what a person must read before anything else."""
+
+from collections.abc import Iterator, Sequence
+
+from planner.common.units import MM
+from planner.model.identification_document import Metrics, Release, Stage
+
+FRAMES = 1  # position of the stage of the nominal robot, its gauge placed as well as may be
+
+
+def worse_than_nominal(stages: Sequence[Stage], release: Release | None, anywhere: float) -> str | None:
+    """Return the sentence that says in what the robot that is written is worse than the nominal one; else ``None``.
+
+    Judged are the tool's error over the workspace, and the errors of the samples that no fit saw, against the nominal
+    robot with the gauge placed for it.
+
+    Args:
+        stages: of the fit, in order.
+        release: what is written, ``None`` where that is the last stage.
+        anywhere: error of its tool over the workspace, rms [m].
+    """
+    grown = _grown(stages, release, anywhere)
+    figures = [f"{what} {before / MM:.3f} → {after / MM:.3f} mm" for what, before, after in grown]
+    if not figures:
+        return None
+    return f"WORSE THAN THE NOMINAL ROBOT, do not use it: {', '.join(figures)} (rms)"
+
+
+def _grown(stages: Sequence[Stage], release: Release | None, anywhere: float) -> Iterator[tuple[str, float, float]]:
+    """Yield what has grown, before and after [m]."""
+    if release is not None and anywhere > release.nominal_anywhere:
+        yield "error over the workspace", release.nominal_anywhere, anywhere
+    nominal, now = stages[min(FRAMES, len(stages) - 1)], stages[-1] if release is None else release
+    pairs: tuple[tuple[str, Metrics | None, Metrics | None], ...] = (
+        ("held-out samples", nominal.held_out, now.held_out),
+        ("validation", nominal.validation, now.validation),
+    )
+    for what, before, after in pairs:
+        if before is not None and after is not None and after.rms > before.rms:
+            yield what, before.rms, after.rms
