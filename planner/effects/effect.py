@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 
 from planner.cell.setup import N_BASE_TRANSFORMS, MeasurementSetup
-from planner.common.units import Array, display_unit, format_value, si_unit
+from planner.common.units import Array, display_unit, si_unit
 from planner.effects.basis import ONE, AtPoint, BasisFunction
 
 
@@ -280,7 +280,7 @@ class Effect:
 
 def implausible_text(effect: Effect, size: float) -> str:
     """Say that an effect of this size is refused because no arm or gauge has it."""
-    unit = display_unit(effect.unit, size)
-    size_text, most = (format_value(v, None, *unit) for v in (size, effect.largest))
+    unit, factor = display_unit(effect.unit, size)
+    size_text, most = (f"{abs(v) * factor:.4g} {unit}" for v in (size, effect.largest))
     what = f"the {effect.kind}" if effect.place.number is None else f"the {effect.kind} of {effect.place}"
     return f"{what} would have to be {size_text}, which is not plausible: at most {most} ({effect.literature})"

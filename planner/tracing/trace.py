@@ -224,6 +224,8 @@ def _finding(result: SearchResult, found: FittedEffect, gain: float, others: tup
     value = float(np.linalg.norm(sizes))
     # of the effect as a whole, its shape held: how the parameters share what the geometry can take up too is not size
     std = value * np.sqrt(inflation / max(float(sizes @ np.linalg.solve(own @ own.T, sizes)), 1e-300))
+    if found.has(Role.SET_UP):  # where something stands is measured from where the geometry has the robot
+        std = float(np.linalg.norm(own.T @ sizes)) / max(value, 1e-300) * np.sqrt(inflation)
     signed = value if len(which) > 1 else float(sizes[0])
     inner_std = None
     if found.sensitivity_name in last.fit.model.names:
