@@ -160,13 +160,13 @@ def _best_step(test: ScoreTest, steppable: Steppable, columns: Array, count: int
     number = np.asarray(test.problem.samples.number)
     information, along, length = _sums_before(test, columns, " ".join(p.name for p in steppable.parameters))
     gain, size = score_gains(information, along, length)
-    allowed = _allowed(test.problem.samples)
+    allowed = _step_positions(test.problem.samples)
     j = int(allowed[np.argmax(gain[allowed])])
     effect = steppable.step(int(number[j + 1]), -(-len(number) * count // ALIKE))
     return _with_chance(test, EffectScore(effect, None, float(gain[j]), int(size[j]), information[j], along[j]))
 
 
-def _allowed(samples: Samples) -> np.ndarray:
+def _step_positions(samples: Samples) -> np.ndarray:
     """Positions of the last samples before which something may have stepped: with enough of them on either side."""
     n = len(samples)
     fewest = FEWEST_SAMPLES if samples.speed is None else max(FEWEST_SAMPLES, round(SHARE_OF_DRIVE * n))
@@ -265,7 +265,7 @@ def locate_step(state: SearchState, found: FittedEffect) -> StepTime:
     shift = _acting_throughout(state, found)
     before = (number < here)[:, None]
     still = np.where(before, piece.residual - shift, piece.residual)  # as if it had stood always as at the end
-    allowed = _allowed(problem.samples)
+    allowed = _step_positions(problem.samples)
     fall = np.cumsum((still**2 - (still + shift) ** 2).sum(axis=1))[allowed]
     scale = max(1.0, float((piece.residual**2).mean()))
     chance = np.exp((fall - fall.max()) / (2 * scale))
