@@ -19,14 +19,16 @@ def worse_than_nominal(stages: Sequence[Stage], release: Release | None, anywher
         release: what is written, ``None`` where that is the last stage.
         anywhere: error of its tool over the workspace, rms [m].
     """
-    grown = _grown(stages, release, anywhere)
-    figures = [f"{what} {before / MM:.3f} → {after / MM:.3f} mm" for what, before, after in grown]
+    larger = _larger_errors(stages, release, anywhere)
+    figures = [f"{what} {before / MM:.3f} → {after / MM:.3f} mm" for what, before, after in larger]
     if not figures:
         return None
     return f"WORSE THAN THE NOMINAL ROBOT, do not use it: {', '.join(figures)} (rms)"
 
 
-def _grown(stages: Sequence[Stage], release: Release | None, anywhere: float) -> Iterator[tuple[str, float, float]]:
+def _larger_errors(
+    stages: Sequence[Stage], release: Release | None, anywhere: float
+) -> Iterator[tuple[str, float, float]]:
     """Yield what has grown, before and after [m]."""
     if release is not None and anywhere > release.nominal_anywhere:
         yield "error over the workspace", release.nominal_anywhere, anywhere
