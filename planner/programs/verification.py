@@ -126,7 +126,19 @@ def _complaints(program: Program, dialect: Dialect, found: ReadBack) -> Iterator
     yield from _other_circles(program, dialect, found)
     yield from _too_round(program, dialect, found)
     yield from _too_fast(dialect, program.home_deg, program.moves, found.moves, "move")
+    yield from _too_abrupt(program, found)
     yield from _wrong_starts(program, dialect, found)
+
+
+def _too_abrupt(program: Program, found: ReadBack) -> Iterator[str]:
+    """Compare the accelerations that a stream of goals asks of the joints with their limits."""
+    if not program.acceleration_deg_s2 or not found.acceleration_deg_s2:
+        return
+    for joint, (asked, limit) in enumerate(
+        zip(found.acceleration_deg_s2, program.acceleration_deg_s2, strict=True), start=1
+    ):
+        if not asked <= limit * _SLACK:
+            yield f"it accelerates joint {joint} at {asked:.0f} deg/s2, allowed are {limit:.0f} deg/s2"
 
 
 def _centrings(program: Program) -> tuple[tuple[int, int, int], ...]:

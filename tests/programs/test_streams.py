@@ -116,20 +116,36 @@ def test_without_limits_the_stream_is_written_as_planned() -> None:
         verify(sessions.dense(), name, write_program(sessions.dense(), name, "s"))
 
 
-def test_a_velocity_that_is_edited_is_found() -> None:
-    """The peak that the cubics of the text have is what the release holds against the tool's speed."""
+EDITS = [
+    ("ros2-trajectory", r", -?[\d.]+\], time", ", 9.0], time", "accelerates joint 6"),
+    ("ros2-trajectory", "velocities: ", "velocity: ", "does not know"),
+    ("lerobot", r"(?<=,)(-?\d+)\.\d(\d\d,)(?=via)", r"\1.9\2", "off by"),
+]
+
+
+@pytest.mark.parametrize(("name", "pattern", "new", "because"), EDITS)
+def test_an_edit_in_the_middle_of_a_stream_is_found(name: str, pattern: str, new: str, because: str) -> None:
     program = replace(sessions.dense(), acceleration_deg_s2=LIMIT)
-    first, tour, *rest = write_program(program, "ros2-trajectory", "s")
+    first, tour, *rest = write_program(program, name, "s")
     middle = len(tour.text) // 2
-    for pattern, velocity in ((r", -?[\d.]+\], time", ", 9.0], time"), ("velocities: ", "velocity: ")):
-        text = tour.text[:middle] + re.sub(pattern, velocity, tour.text[middle:], count=1)
-        changed = (first, ProgramFile(tour.name, text), *rest)
-        if "9.0" in velocity:
-            before, after = (verify(program, "ros2-trajectory", f) for f in ((first, tour, *rest), changed))
-            assert max(m.peak for m in after.moves) > 3.0 * max(m.peak for m in before.moves)
-        else:
-            with pytest.raises(ProgramMismatchError, match="does not know"):
-                verify(program, "ros2-trajectory", changed)
+    text, changes = re.subn(pattern, new, tour.text[middle:], count=1)
+    assert changes
+    with pytest.raises(ProgramMismatchError, match=because):
+        verify(program, name, (first, ProgramFile(tour.name, tour.text[:middle] + text), *rest))
+
+
+@pytest.mark.parametrize("name", STREAMS)
+@pytest.mark.parametrize("session", [sessions.static, sessions.dense])
+def test_a_stream_is_not_released_for_joints_that_accelerate_less(name: str, session) -> None:  # type: ignore[no-untyped-def]
+    """The reader finds the acceleration that the follower finds, from the text alone."""
+    program = _quick(session(), 3.0)
+    files = write_program(program, name, "s")
+    found = verify(program, name, files).acceleration_deg_s2
+    share = largest_share(name, files, program.moves[0].q_deg, np.array(LIMIT))
+    assert max(a / (b + PRINTED[name]) for a, b in zip(found, LIMIT, strict=True)) == pytest.approx(share, abs=0.03)
+    weaker = replace(program, acceleration_deg_s2=tuple(0.8 * a for a in found))
+    with pytest.raises(ProgramMismatchError, match="accelerates joint"):
+        verify(weaker, name, files)
 
 
 def test_the_peak_that_is_read_is_that_of_the_cubic() -> None:

@@ -47,6 +47,8 @@ class ReadBack:
     """Stretches that a later start leaves out: up to which start, and how many moves come before."""
     entries: tuple[tuple[int, tuple[ReadMove, ...]], ...] = ()
     """Ways to a start in the middle: which, and their exact stops."""
+    acceleration_deg_s2: tuple[float, ...] = ()
+    """Largest of each joint where the program itself says how the joints speed up, beyond what rounding explains."""
     unknown: tuple[Statement, ...] = ()
     """Statements that are neither a known motion, speed or signal nor one that the dialect's own file lists."""
 
@@ -107,6 +109,7 @@ class Execution(ABC):
         self.syncs = 0
         self.centrings: list[tuple[int, int, int]] = []
         self.unknown: list[Statement] = []
+        self.acceleration: tuple[float, ...] = ()
         self.stretches: list[tuple[int, int]] = []
         self.entries: list[tuple[int, list[ReadMove]]] = []
         self.branches = Branches(dialect)
@@ -230,7 +233,7 @@ class Execution(ABC):
         entries = tuple((at, tuple(moves)) for at, moves in self.entries)
         return ReadBack(
             plan_id, tuple(self.moves), tuple(self.dwells), self.syncs, tuple(self.centrings),
-            tuple(self.stretches), entries, tuple(self.unknown),
+            tuple(self.stretches), entries, self.acceleration, tuple(self.unknown),
         )  # fmt: skip
 
 

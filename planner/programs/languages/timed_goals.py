@@ -8,13 +8,17 @@ import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 import planner.programs.languages.statements as st
 from planner.common.errors import InputError
+from planner.common.units import Array
 from planner.programs.languages.execution import Execution
 
 CUBIC = 1.5
 """Peak over mean speed of the cubic that a controller joins two points at rest with."""
 CUBIC_PARTS = 32  # of a leg that is passed, at which its speed is looked at
+RADIAN_ROUNDING = 1e-7  # of a printed angle of a trajectory, both its neighbours and its velocity taken together
 BENT = 0.35  # of a short step, by which the cubic between two points that are passed leaves the straight line at most
 _ROW = rf"\[({st.NUMBER}(?:, {st.NUMBER})*)\]"
 _ZEROS = r"\[0\.0(?:, 0\.0)*\]"
@@ -92,6 +96,7 @@ class TrajectoryExecution(TimedExecution):
         """
         self.check_heads(statements, "name the joints", f"joint_names: [{', '.join(self.joint_names)}]")
         self.seconds = {}
+        goals: list[TimedGoal] = []
         last: TimedGoal | None = None  # a file may begin with a stay where the one before ended
         since = 0.0
         for each in statements:
@@ -103,7 +108,9 @@ class TrajectoryExecution(TimedExecution):
                     raise InputError(f"line {each.line}: '{each.text}' goes back in time, or stays elsewhere")
                 self.seconds[id(each)] = each.time - since
                 last, since = each, each.time
+                goals.append(each)
                 yield each
+        self.acceleration = _of_cubics(goals, np.array([self.seconds[id(g)] for g in goals[1:]]))
 
     def execute(self, statement: st.Statement) -> bool:
         """Take in a point."""
@@ -119,6 +126,29 @@ class TrajectoryExecution(TimedExecution):
             blend = None if statement.event == "move" else 0.0
             self.move(statement.angles, blend, seconds, peak=_cubic_peak(before, statement, seconds))
         return True
+
+
+def _of_cubics(goals: list[TimedGoal], seconds: Array) -> tuple[float, ...]:
+    """Return each joint's largest acceleration on the cubics between goals: that is at an end of one [deg/s²]."""
+    if len(goals) < 2 or len({len(g.angles) for g in goals}) > 1:
+        return ()
+    q, v, h = np.array([g.angles for g in goals]), np.array([g.velocities for g in goals]), seconds[:, None]
+    moved = np.diff(q, axis=0) / h
+    ends = np.abs([6.0 * moved - 4.0 * v[:-1] - 2.0 * v[1:], 4.0 * v[1:] + 2.0 * v[:-1] - 6.0 * moved]).max(axis=0) / h
+    rounding = 6.0 * math.degrees(RADIAN_ROUNDING) * (1.0 / h**2 + 1.0 / h)
+    return tuple(np.maximum(ends - rounding, 0.0).max(axis=0).tolist())
+
+
+def _of_frames(files: list[list[TimedGoal]], rate: float, printed: float) -> tuple[float, ...]:
+    """Return each joint's largest acceleration from frame to frame, at rest where a file ends [deg/s²]."""
+    if len({len(g.angles) for frames in files for g in frames}) != 1:
+        return ()
+    largest, here = np.zeros(len(files[0][0].angles)), files[0][0].angles
+    for frames in files:
+        q = np.array([here, here, *(g.angles for g in frames), frames[-1].angles])
+        here = frames[-1].angles
+        largest = np.maximum(largest, np.abs(np.diff(q, n=2, axis=0)).max(axis=0))
+    return tuple((np.maximum(largest - 2.0 * printed, 0.0) * rate**2).tolist())
 
 
 def _cubic_peak(before: TimedGoal | None, goal: TimedGoal, seconds: float) -> float:
@@ -170,13 +200,20 @@ class FramesExecution(TimedExecution):
         self.here: tuple[float, ...] | None = None
         self.waiting: list[TimedGoal] = []
         number = 0
+        files: list[list[TimedGoal]] = []
         for statement in statements:
+            if isinstance(statement, FileHead):
+                files.append([])
+            elif isinstance(statement, TimedGoal) and files:
+                files[-1].append(statement)
             number = 0 if isinstance(statement, FileHead) else number + isinstance(statement, TimedGoal)
             if isinstance(statement, TimedGoal) and abs(statement.time - number / self.rate) > 1e-3:
                 raise InputError(f"line {statement.line}: frame {number} is at {statement.time} s")
             yield statement
         if self.waiting:
             raise InputError(f"line {self.waiting[0].line}: the last frames end neither a leg nor a stay")
+        driven = [frames for frames in files if frames]
+        self.acceleration = _of_frames(driven, self.rate, 10.0**-self.dialect.decimals) if driven else ()
 
     def execute(self, statement: st.Statement) -> bool:
         """Take in a frame."""
