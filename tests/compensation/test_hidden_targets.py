@@ -287,3 +287,11 @@ def test_urscript_targets_outside_of_moves(name, abb, tmp_path):
     done = run(tmp_path / "p.script", script(*rows), abb)
     assert sorted(reasons(done)) == left
     assert list(done.report.corrected) == [2, *corrected]
+
+
+def test_pdl2_places_in_variables_are_named(abb, tmp_path):
+    rows = ["pnt1 := POS(1, 2, 3, 4, 5, 6, '')", "$TOOL := POS(0, 0, 9, 0, 0, 0, '')", "MOVE LINEAR TO pnt1"]
+    text = "\n".join(["PROGRAM p", "BEGIN", "  MOVE TO {10,-20,10,20,30,5}", *rows, "END p", ""])
+    done = run(tmp_path / "p.pdl", text, abb)
+    assert sorted(reasons(done)) == [4, 6]
+    assert list(done.report.corrected) == [3]

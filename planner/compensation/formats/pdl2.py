@@ -11,7 +11,7 @@ from planner.programs.languages.statements import Routine, Statement
 _MANNER = re.compile(r"(?:ARM\s*\[\s*(?P<arm>\d+)\s*\]\s*)?(?:JOINT|LINEAR)?", re.IGNORECASE)
 _CLAUSES = re.compile(r"(?:ADVANCE\b)?\s*,?\s*(?:$|(?:WITH|TIL|UNTIL)\b)", re.IGNORECASE)
 _OWN_ARM = re.compile(r"^[ \t]*+PROGRAM\b[^\r\n]*\bPROG_ARM\s*=\s*(\w+)", re.IGNORECASE | re.MULTILINE)
-_TARGETED = re.compile(r"\bMOVE(?:FLY)?\b|[{}]", re.IGNORECASE)
+_TARGETED = re.compile(r"\bMOVE(?:FLY)?\b|[{}]|(?<![\w$])\w+\s*:=\s*(?:POS|XTNDPOS|JNTP)\s*\(", re.IGNORECASE)
 _ALLOWED = "MOVE TO {…} and MOVEFLY TO {…} in lines of their own with plain angles are corrected"
 
 
