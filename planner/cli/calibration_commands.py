@@ -1,5 +1,6 @@
 """The commands of calibration: simulate, identify, import, compensate, evaluations of instruments, checks, records."""
 
+import re
 from datetime import date as Day
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -178,7 +179,7 @@ def compensate_command(
 
 def _axes(text: str) -> tuple[int, ...]:
     """Return the numbers of axes that an option lists."""
-    if not all(word.strip().isdecimal() for word in text.split(",") if text):
+    if text and not re.fullmatch(r"\s*[0-9]{1,3}\s*(,\s*[0-9]{1,3}\s*)*", text):
         raise InputError(f"--zeros-set '{text}': numbers of axes are allowed, such as 2,3,4")
     return tuple(sorted({int(word) for word in text.split(",") if text}))
 

@@ -105,7 +105,12 @@ def test_a_robot_whose_zeros_are_set_stands_where_the_nominal_one_should(name, j
 
 @pytest.mark.parametrize(
     ("words", "said"),
-    [("9", "has the axes 1 to 6"), ("1", "its zero is not off"), ("two", "numbers of axes are allowed")],
+    [
+        ("9", "has the axes 1 to 6"),
+        ("1", "its zero is not off"),
+        ("two", "numbers of axes are allowed"),
+        ("٣", "numbers of axes"),
+    ],
 )
 def test_zeros_that_cannot_have_been_set_are_refused(words, said, tmp_path):
     model = calibrated(tmp_path / "robot.toml", "kuka-kr6-r700")
