@@ -17,7 +17,8 @@ TEMPLATE = """<robot name="arm" xmlns:xacro="http://www.ros.org/wiki/xacro">
 <xacro:include filename="$(find arm_description)/urdf/link.xacro"/><link name="l0"/>{}</robot>"""
 LINK = """<robot xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:macro name="part" params="k axis">
 <link name="l${k}"><collision><geometry>
-<mesh filename="package://arm_description/meshes/link.stl" scale="0.1 0.1 0.1"/></geometry></collision></link><joint name="j${k}" type="revolute"><parent link="l${k - 1}"/><child link="l${k}"/>
+<mesh filename="package://arm_description/meshes/link.stl" scale="0.1 0.1 0.1"/></geometry></collision></link>
+<joint name="j${k}" type="revolute"><parent link="l${k - 1}"/><child link="l${k}"/>
 <origin xyz="0 0 0.2"/><axis xyz="${axis}"/><limit lower="-2" upper="2" velocity="2"/></joint></xacro:macro></robot>"""
 CELL = """schema = "edbb-cell/1"
 robot = "arm.urdf.xacro"
