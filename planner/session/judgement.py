@@ -26,7 +26,7 @@ def judge_program(cell: Cell, program: Program) -> tuple[Verdict, Verdict]:
     ball is touched. Of the plan that it was made of nothing is taken over.
 
     Returns:
-        What coal says, and what python-fcl says; both are clear.
+        What coal says, and what python-fcl says; both are clear. Their clearance is the smallest seen, no bound.
 
     Raises:
         NoSolutionError: a motion is not proven, or one does not begin where the one before ended.

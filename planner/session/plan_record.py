@@ -221,7 +221,7 @@ def _path_record(plan: Plan) -> dict[str, object]:
         "direct_legs": direct,
         "planned_legs": len(legs) - direct,
         "checked": "continuous",
-        "clearance_mm": min(d.path.clearance for d in drives) * 1e3,
+        "clearance_mm": min(d.clearance for d in drives) * 1e3,
         **({"length_min_mm": shortest * 1e3, "length_max_mm": longest * 1e3} if matter else {}),
         "verdicts": verdict_records(v for d in drives for v in d.verdicts),
     }

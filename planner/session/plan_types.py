@@ -80,6 +80,11 @@ class Drive(SessionDrive):
     limits: LimitReport
 
     @property
+    def clearance(self) -> float:
+        """Distance that no two bodies come nearer than, with the gauge or on the way to it [m]."""
+        return min(v.clearance for v in self.verdicts)
+
+    @property
     def trajectory(self) -> Trajectory:
         """The measuring path blended and timed, both ways where asked."""
         return self.course.trajectory

@@ -114,8 +114,9 @@ def drive_tour(place: MountingSession, stops: Sequence[TourStop], tsp: Method, s
     with ForkedTask(task) as checking:
         travelling = release_way(place.travelling, travel)
         shortcuts = prove_shortcuts(constraints, points.q, points.visit)
-    if not constraints.bar:  # the ways to the balls are in it since it was first judged
-        path = replace(path, verdict=measuring.verdicts[0], second=measuring.verdicts[1])
+    path = replace(
+        path, verdict=measuring.verdicts[0], second=measuring.verdicts[1]
+    )  # with its blends, as it is driven
     course = Course.of_poses(cell, place.mounting, travelling.path, measuring.path, shortcuts)
     limits = checking.result()
     verdicts = measuring.verdicts + travelling.verdicts

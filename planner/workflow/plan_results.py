@@ -71,7 +71,7 @@ class PlanResult(SessionResult):
         least = 100 * max(gap(choice.value, off), 0.0)
         moved = f"; with poses sought off the grid among them {off:#.4g}, gap {least:.1f} %"
         tour_s, unsorted_s = sum(d.tour.cost_s for d in drives), sum(d.tour.unsorted_s for d in drives)
-        clearance = min(d.path.clearance for d in drives) * 1e3
+        clearance = min(d.clearance for d in drives) * 1e3
         proof = (
             f"no set of the candidates does better than {bound:#.4g} (chosen among them: {choice.on_grid_value:#.4g}, "
             f"gap {100 * gap(choice.on_grid_value, bound):.1f} %{moved if off != bound else ''})"

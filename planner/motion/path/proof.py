@@ -183,13 +183,17 @@ class Prover:
 EXTREME_LEVELS = 18  # of bisection at most
 
 
+NEAR = 1e-5  # [m] to which the smallest clearance is found
+PRINTED = np.deg2rad(5e-4)  # [rad] by which a printed angle may be off: half a digit of the coarsest dialect
+
+
 @dataclass(frozen=True)
 class Extremes:
-    """Over all motions together, each reached by some state and passed by none by more than the tolerance.
+    """Over all motions together.
 
     Attributes:
-        clearance: smallest distance of two bodies [m].
-        length_min, length_max: of the bar [m].
+        clearance: smallest distance of two bodies [m], rounded angles included: none comes nearer.
+        length_min, length_max: of the bar [m]; each is reached, and passed by none by more than the tolerance.
     """
 
     clearance: float
@@ -198,24 +202,46 @@ class Extremes:
 
 
 def find_extremes(prover: Prover, corners: Array, tolerance: float) -> Extremes:
-    """Search motions with corners (m, K, N) [rad] until none can hold a value beyond by ``tolerance`` [m]."""
+    """Search motions with corners (m, K, N) [rad] until none can hold a value beyond by ``tolerance`` [m].
+
+    The clearance is searched to ``NEAR``, and what is left open counts against it.
+    """
     cells = Neighbourhoods.of(corners)
     asked = np.ones((len(corners), len(prover.pairs.scene.pairs)), dtype=bool)
     nearest, shortest, longest = np.inf, np.inf, 0.0
+    least = open_ = np.inf
+    rounding = _rounding_losses(prover, corners)
     for _ in range(EXTREME_LEVELS):
         if len(cells.motion) == 0:
             break
         q, spokes = cells.q, cells.spokes
         pose, far = prover.bounds.travel(q, spokes)
         change = prover.pairs.changes(far)
-        found = prover.distances.distances(q, asked, np.maximum(change, tolerance) + nearest)
+        found = prover.distances.distances(q, asked, np.maximum(change, tolerance) + nearest + rounding) - rounding
         nearest = min(nearest, float(found.min(initial=np.inf)))
         shortest, longest = min(shortest, float(pose.length.min())), max(longest, float(pose.length.max()))
-        asked &= found - change < nearest - tolerance
+        bound = found - change
+        settled = asked & (bound >= nearest - NEAR)
+        least = min(least, float(bound[settled].min(initial=np.inf)))
+        asked &= ~settled
+        open_ = float(bound[asked].min(initial=np.inf))
         shorter = pose.length - far.stretch < shortest - tolerance
         longer = pose.length + far.stretch > longest + tolerance
         if not prover.bounds.workspace.cell.gauge.is_attached:  # nothing whose length matters
             shorter, longer = np.zeros_like(shorter), np.zeros_like(longer)
         rows = np.flatnonzero(asked.any(axis=1) | shorter | longer)
         cells, asked = cells.take(rows).halves(), np.tile(asked[rows], (2, 1))
-    return Extremes(nearest, shortest, longest)
+    return Extremes(min(nearest, least, open_), shortest, longest)
+
+
+def _rounding_losses(prover: Prover, corners: Array) -> Array:
+    """Return what the distance of each pair can lose where all angles are rounded as they are printed, (pairs,) [m].
+
+    The joints are turned one after the other, at the ends of the motions (m, K, N) [rad], where that is largest nearly.
+    """
+    q = np.unique(corners.reshape(-1, corners.shape[2]), axis=0)
+    loss = np.zeros(len(prover.pairs.scene.pairs))
+    for spoke in np.eye(corners.shape[2]) * PRINTED:
+        _, far = prover.bounds.travel(q, np.broadcast_to(spoke, (len(q), 1, len(spoke))))
+        loss += prover.pairs.changes(far).max(axis=0, initial=0.0)
+    return loss

@@ -35,7 +35,7 @@ class Verdict:
 
     Attributes:
         engine: its name.
-        clearance: smallest distance of two bodies on the path, to half a millimetre [m].
+        clearance: distance that no two bodies on the path come nearer than, wherever its angles are printed [m].
         length_min, length_max: shortest and longest bar on the path, to half a millimetre [m].
         failures: a sentence for each motion that is not proven.
         unproven: which these are, counted from 0; blends count on after the motions.
@@ -108,7 +108,7 @@ class PathGaps:
     reasons: tuple[str, ...]
 
 
-TOLERANCE = 5e-4  # [m] to which the clearance and the bar's lengths on a path are found
+TOLERANCE = 5e-4  # [m] to which the bar's lengths on a path are found
 
 
 @dataclass(frozen=True)
@@ -143,7 +143,7 @@ def judge_path(
     if triangles is not None:
         blends = np.arange(len(triangles))
         parts.append(Motions(constraints, triangles, len(motions) + blends, [f"blend {k + 1}" for k in blends]))
-    return judge_motions(parts)
+    return judge_motions(parts, [p.constraints.extremes(p.corners, TOLERANCE) for p in parts if len(p.numbers)])
 
 
 @dataclass(frozen=True)
@@ -156,16 +156,18 @@ class Motions:
     names: Sequence[str]
 
 
-def judge_motions(parts: Sequence[Motions]) -> tuple[Verdict, Verdict]:
-    """Prove motions and triangles, each part under its own constraints, with coal's distances and with python-fcl's."""
+def judge_motions(parts: Sequence[Motions], found: Sequence[Extremes] = ()) -> tuple[Verdict, Verdict]:
+    """Prove motions and triangles, each part under its own constraints, with coal's distances and with python-fcl's.
+
+    ``found``: the extremes on them; without, the verdicts tell those that the engines have seen alone, and no lengths.
+    """
     parts = [p for p in parts if len(p.numbers)]
-    found = [p.constraints.extremes(p.corners, TOLERANCE) for p in parts]
     by_coal = [p.constraints.judge_by_coal(p.corners) for p in parts]
     by_fcl = [p.constraints.judge(p.corners) for p in parts]
     return _summarize("coal", parts, by_coal, found), _summarize("python-fcl", parts, by_fcl, found)
 
 
-def _summarize(engine: str, parts: Sequence[Motions], proofs: list[Proof], found: list[Extremes]) -> Verdict:
+def _summarize(engine: str, parts: Sequence[Motions], proofs: list[Proof], found: Sequence[Extremes]) -> Verdict:
     """Sum up proofs of named motions; both engines' own sightings count beside the extremes found."""
     failures = [
         (number, f"{part.names[k]}: {part.constraints.failure(proof, k)}")
@@ -177,8 +179,8 @@ def _summarize(engine: str, parts: Sequence[Motions], proofs: list[Proof], found
     return Verdict(
         engine,
         clearance=min([float(p.clearance.min(initial=np.inf)) for p in proofs] + [e.clearance for e in found]),
-        length_min=min(e.length_min for e in found),
-        length_max=max(e.length_max for e in found),
+        length_min=min((e.length_min for e in found), default=np.inf),
+        length_max=max((e.length_max for e in found), default=0.0),
         failures=tuple(text for _, text in failures),
         unproven=tuple(number for number, _ in failures),
     )

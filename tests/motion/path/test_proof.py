@@ -56,6 +56,21 @@ def test_extremes_are_those_of_dense_sampling() -> None:
     assert abs(found.clearance - world.distances(dense(a[proven], b[proven], 100)).min()) < 2e-3
 
 
+def test_no_stop_of_a_printed_path_comes_nearer_than_is_stated() -> None:
+    """Every single motion's clearance, held against another engine's distances at its ends, with rounded angles too."""
+    cell, world = cell_and_world()
+    constraints, other = Constraints(cell, scene=world.scene), FclWorld(world.scene)
+    a, b = motions(60)
+    proven = constraints.prove(a, b).proven
+    rng, half = np.random.default_rng(3), np.deg2rad(5e-4)
+    for start, end in zip(a[proven], b[proven], strict=True):
+        stated = constraints.extremes(np.stack([start, end])[None], 5e-4).clearance
+        path = np.vstack([start, end, dense(start[None], end[None], 50)])
+        off = rng.choice([-half, half], (len(path), path.shape[1]))
+        least = min(other.distances(path).min(), other.distances(path + off).min())
+        assert least - 4e-4 < stated <= least + 2e-6
+
+
 def test_refused_motions_fail_where_the_proof_says() -> None:
     cell, world = cell_and_world()
     constraints = Constraints(cell, scene=world.scene)
