@@ -24,7 +24,7 @@ from planner.kinematics.xacro.values import (
 )
 
 MOST_EXPRESSION = 2000  # letters of one expression
-ENTRIES_A_STEP = 16  # letters or entries that are worth a step of work
+LETTERS_A_STEP, ENTRIES_A_STEP = 16, 4  # that are worth a step of work
 MOST_SHOWN = 100  # letters of an expression in a message
 
 
@@ -85,7 +85,7 @@ class _Evaluation:
 
     def value(self, node: ast.expr) -> object:
         value = check_value(self._raw_value(node))
-        self._spend(1 + (len(value) if isinstance(value, str | list | dict) else 0) // ENTRIES_A_STEP)
+        self._spend(1 + _size_of(value))
         return value
 
     def _raw_value(self, node: ast.expr) -> object:
@@ -200,6 +200,13 @@ class _Evaluation:
         ast.Attribute: _attribute,
         ast.Call: _call,
     }
+
+
+def _size_of(value: object) -> int:
+    """Return the steps of work that are about what a value took."""
+    if isinstance(value, str):
+        return len(value) // LETTERS_A_STEP
+    return len(value) // ENTRIES_A_STEP if isinstance(value, list | tuple) else 0
 
 
 def _not_evaluated(node: ast.expr) -> XacroError:
