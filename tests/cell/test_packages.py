@@ -7,6 +7,7 @@ import pytest
 
 from planner.cell.reading import load_cell
 from planner.common.errors import InputError
+from planner.common.files import INPUTS
 from planner.kinematics.packages import COMMAND_PACKAGES
 from planner.kinematics.robot_reader import load_robot
 from planner.session.movable_cell import cell_files
@@ -100,3 +101,16 @@ def test_a_word_that_names_no_folder_is_told(folder, word):
     done = edbb("plan", folder / "cell.toml", "-o", folder / "out", "--package", word)
     assert done.returncode == 2
     assert "--package" in done.stderr
+
+
+def test_a_job_of_strangers_names_no_folder_of_others(folder, monkeypatch):
+    (folder / "cell.toml").write_text(CELL.format(NAMED))
+    monkeypatch.setattr(INPUTS, "_within", (folder.resolve(),))
+    with pytest.raises(InputError, match=r"packages: arm_description = .* lies outside the folder of this job"):
+        load_cell(folder / "cell.toml")
+    (folder / "cell.toml").write_text(CELL.format(""))
+    (folder / "arm.urdf.xacro").write_text(
+        TEMPLATE.format("").replace("$(find arm_description)/urdf/link.xacro", "../checkout/urdf/link.xacro")
+    )
+    with pytest.raises(InputError, match="outside the folders that this template may read"):
+        load_cell(folder / "cell.toml")
