@@ -46,10 +46,11 @@ class Program:
 
     def __init__(self, src, dat, arm):
         self.values, self.arm, self.alive = declared(dat), arm, True
-        self.system = {"$ADVANCE": 3, "$VEL.CP": 0.25, "$ACC.CP": 2.3}
+        self.system = {"$ADVANCE": 3, "$RED_VEL": 100, "$VEL.CP": 0.25, "$ACC.CP": 2.3}
         self.timer = 0.0  # when timer 10 passes zero
         self.interrupts, self.on, self.depth = {}, {}, 0
         self.done = []  # statements that were carried out
+        self.reduced = []  # $RED_VEL at every move of the centring
         self.parts, self.takes, self.local = {}, {}, [{}]
         form = r"^(?:GLOBAL )?DEF (\w+) ?\(([^)]*)\)\r?\n(.*?)^END\r?$"
         for name, takes, body in re.findall(form, src, re.MULTILINE | re.DOTALL):
@@ -137,6 +138,7 @@ class Program:
         elif found := re.fullmatch(r"PTP ({.*}|\w+)", line):
             self._moved(self.arm.ptp(self.values[found[1]] if found[1] in self.values else value_of(found[1])))
         elif found := re.fullmatch(r"LIN_REL (\w+) #TOOL", line):
+            self.reduced.append(self.system["$RED_VEL"])
             self._moved(self.arm.lin_rel(self.values[found[1]]))
         elif found := re.fullmatch(r"WAIT SEC (\S+)", line):
             time.sleep(min(float(found[1]), 0.001))

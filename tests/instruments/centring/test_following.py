@@ -10,7 +10,7 @@ from tests.instruments.centring.test_session import angles, rows_of
 def program(content, poses=None):
     """What a plan's program comes down to: moves, and a call at each ball."""
     ball = {p["id"]: p.get("ball") for p in content["poses"]}
-    lines = ["DEF PLANNED ( )"]
+    lines = ["DEF PLANNED ( )", "$RED_VEL=5"]
     for point in content["drives"][0]["waypoints"]:
         axes = ",".join(f"A{j + 1} {a:.6f}" for j, a in enumerate(point["q_deg"]))
         lines.append("PTP {" + axes + "}")
@@ -37,10 +37,11 @@ def test_every_ball_is_centred(following):
     assert all(made.world.miss(q) < 0.0055 for q in angles(table))
     left = [made.world.miss(q) for q in made.controller.starts]  # where each of the program's moves began
     assert sum(m < 0.0055 for m in left) >= 2  # on the ball: the routine leaves the arm there, the program logs it
+    assert set(made.controller.krl.reduced) == {100}  # centring is as quick as the routine says
     made.controller.threads[1].join(5.0)  # the program goes on to its end by itself
     assert not made.controller.threads[1].is_alive()
-    left = {name: made.controller.krl.system[name] for name in ("$ADVANCE", "$VEL.CP", "$ACC.CP")}
-    assert left == {"$ADVANCE": 3, "$VEL.CP": 0.25, "$ACC.CP": 2.3}  # as the plan's program had them
+    left = {name: made.controller.krl.system[name] for name in ("$ADVANCE", "$RED_VEL", "$VEL.CP", "$ACC.CP")}
+    assert left == {"$ADVANCE": 3, "$RED_VEL": 5, "$VEL.CP": 0.25, "$ACC.CP": 2.3}  # as the plan's program had them
 
 
 def test_what_is_measured_is_left_at_once(following):
