@@ -4,6 +4,7 @@ import contextlib
 import re
 import time
 
+import numpy as np
 import pytest
 
 from planner.common.errors import InputError
@@ -11,7 +12,8 @@ from planner.common.files import data_folder
 from planner.compensation.compensated_file import compensate_file
 from planner.compensation.targets import ToolAndBase
 from planner.workflow.compensation import compensate
-from tests.compensation.robots import bent
+from tests.compensation.robots import bent, exact, pin_flange
+from tests.compensation.test_cartesian import abc_of
 from tests.compensation.test_formats import krl
 from tests.compensation.test_partial import FREE, GOOD, GOOD_RAPID, NULL, changed, pose, reasons, run, target
 
@@ -295,3 +297,23 @@ def test_pdl2_places_in_variables_are_named(abb, tmp_path):
     done = run(tmp_path / "p.pdl", text, abb)
     assert sorted(reasons(done)) == [4, 6]
     assert list(done.report.corrected) == [3]
+
+
+@pytest.mark.parametrize("length", [0.0, 0.2])
+def test_a_table_of_poses_of_a_tool_that_nobody_names_is_left(length, abb, tmp_path):
+    """The pose of a gripper, taken for the flange's, is solved with other angles than those beside it."""
+    q = np.radians([10.0, 20.0, 10.0, 20.0, 40.0, 30.0])
+    T = pin_flange(exact(abb[0]), q)
+    T[:3, 3] += length * T[:3, 2]
+    head = "x_mm,y_mm,z_mm,a_deg,b_deg,c_deg," + ",".join(f"q{i}_deg" for i in range(1, 7))
+    text = f"{head}\n" + ",".join(f"{v:.6f}" for v in (*abc_of(T), *np.degrees(q))) + "\n"
+    path = tmp_path / "t.csv"
+    path.write_text(text)
+    gripper = np.eye(4)
+    gripper[2, 3] = length
+    assert compensate_file(path, *abb, frames=ToolAndBase(gripper)).report.poses == 1
+    if length:
+        with pytest.raises(InputError, match=r"t\.csv:2: the pose is 200 mm from where the arm stands"):
+            compensate_file(path, *abb)
+    else:
+        assert compensate_file(path, *abb).report.poses == 1

@@ -16,6 +16,7 @@ _DECIMALS = {"deg": 6, "rad": 8, "mm": 5, "m": 8, "": 9}
 POSES_OF_TOOL = (
     "no tool is named: by the joint angles beside them these are poses of the measured tool point, which robot.toml has"
 )
+AWAY = 60 * MM  # joint angles that a search starts from may be rounded; a base or a gripper is farther off
 Column = tuple[int, str]  # index, unit
 
 
@@ -119,7 +120,18 @@ def _row(number: int, start: int, line: str, separator: str, columns: _TargetCol
     pose = CartesianTarget(
         pose_matrix(numbers[:3], words), columns.spelling, read_only(words), *frames, start=read_only(q)
     )
+    off = _distance(pose, q, reading) if reading.frames.T_FT is None and reading.frames.T_WB is None else 0.0
+    if off > AWAY:
+        said = "name its tool and its base (--tool, --base; six zeros where it is the flange in the robot's own frame)"
+        reading.leave(number, f"the pose is {off / MM:.0f} mm from where the arm stands at its joint angles: {said}")
+        return
     reading.add(Target(number, tuple(slots), pose=pose))
+
+
+def _distance(pose: CartesianTarget, q: Array, reading: TargetReading) -> float:
+    """Return how far a pose is from the tool point at the angles beside it [m]."""
+    p, R = NominalFlange(reading.robot).flange(q[None])
+    return float(np.linalg.norm(p[0] + R[0] @ pose.T_FT[:3, 3] - (pose.T_WB @ pose.T_BT)[:3, 3]))
 
 
 def _frames(number: int, p_BT: Array, q: Array, reading: TargetReading) -> tuple[Array, Array]:
