@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field, NonNegativeInt, field_validator
@@ -15,14 +15,18 @@ from planner.session.course import Role, Waypoints
 
 SCHEMA = "edbb-plan/1"
 MOST_WAYPOINTS = 20_000  # of a drive: a plan has hundreds
+MOST_DEG, MOST_BLEND_MM = 1e5, 1e4  # angles and corners that no controller could drive
+
+JointDeg = Annotated[float, Field(gt=-MOST_DEG, lt=MOST_DEG)]
+"""Angle of a joint [deg]."""
 
 
 class WaypointRecord(PartialModel):
     """One waypoint of a driven path; ``visit`` is the id of the pose or −1."""
 
-    q_deg: tuple[float, ...]
+    q_deg: tuple[JointDeg, ...]
     visit: int
-    blend_mm: float = Field(ge=0)
+    blend_mm: float = Field(ge=0, lt=MOST_BLEND_MM)
 
 
 class DriveRecord(PartialModel):
@@ -39,7 +43,7 @@ class PoseRecord(PartialModel):
     """One pose in visiting order."""
 
     id: int
-    q_deg: tuple[float, ...]
+    q_deg: tuple[JointDeg, ...]
     length_mm: float | None = None
     fixture: OneLine = ""
     point: OneLine = ""
@@ -60,7 +64,7 @@ class SupportRecord(PartialModel):
     """A support pose, driven after a pose."""
 
     after: int
-    q_deg: tuple[float, ...]
+    q_deg: tuple[JointDeg, ...]
 
 
 class TrajectoryRecord(PartialModel):

@@ -19,6 +19,7 @@ from planner.kinematics.robot import Robot
 from planner.kinematics.robot_reader import load_robot
 from planner.programs.controller_axes import axes_for
 from planner.programs.dialect import PathForm, load_dialect
+from planner.programs.instructions import Program
 from planner.programs.verification import import_map
 from planner.runs.run import Run
 from planner.runs.traces import ColumnMap, import_mapped, is_trace_of
@@ -47,7 +48,7 @@ def export(plan: Path | str, *, dialect: str, name: str = "-") -> ExportResult:
     path = Path(plan)
     planned = load_circular_plan(path) if is_circular(path) else load_session(path, "exported", check=True)
     _ = axes_for(planned.cell.robot, load_dialect(dialect))
-    program = session_program(planned.cell, planned.courses, planned.plan_id, form)
+    program = _program_of(path, planned, form)
     notes = judge_plan(path, planned.cell, program, planned.notes)
     changed = " ".join(n.replace(str(path), "the plan") for n in notes)
     stem = f"{planned.cell.robot.name}_{planned.plan_id}" if name == "-" else Path(name).stem
@@ -97,6 +98,18 @@ def _read_drives(path: Path) -> PlannedSession | CircularPlan:
     return _prove_anew(path, session) if whole else session
 
 
+def _program_of(path: Path, session: PlannedSession | CircularPlan, form: PathForm) -> Program:
+    """Return the neutral program of the plan at ``path``.
+
+    Raises:
+        InputError: it asks for what no controller could drive.
+    """
+    try:
+        return session_program(session.cell, session.courses, session.plan_id, form)
+    except InputError as err:
+        raise InputError(f"{path}: {err}") from err
+
+
 S = TypeVar("S", PlannedSession, CircularPlan)
 
 
@@ -104,7 +117,7 @@ def _prove_anew(path: Path, session: S) -> S:
     """Return a session whose path is proven: that of a plan as it was written is, any other's is proven anew."""
     if not session.notes:
         return session
-    program = session_program(session.cell, session.courses, session.plan_id, PathForm())
+    program = _program_of(path, session, PathForm())
     return replace(session, notes=judge_plan(path, session.cell, program, session.notes))
 
 

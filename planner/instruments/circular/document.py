@@ -23,7 +23,14 @@ from planner.instruments.circular.plan import (
 )
 from planner.runs.run import Mounting
 from planner.session.course import time_path
-from planner.session.document import PlanHeader, TrajectoryRecord, WaypointRecord, read_waypoints
+from planner.session.document import (
+    MOST_BLEND_MM,
+    JointDeg,
+    PlanHeader,
+    TrajectoryRecord,
+    WaypointRecord,
+    read_waypoints,
+)
 from planner.session.plan_record import fill_document, origin_record, verdict_records, waypoint_records
 from planner.session.planned_session import check_joined, doubts, read_cell_beside
 
@@ -40,9 +47,9 @@ class ArcRecord(CircleFile):
     length_max_mm: float = 0.0
     off_circle_um: float = 0.0
     chosen: str = ""
-    blend_mm: float = Field(default=10.0, gt=0)
-    angle_deg: tuple[float, ...] = ()
-    q_deg: tuple[tuple[float, ...], ...] = ()
+    blend_mm: float = Field(default=10.0, gt=0, lt=MOST_BLEND_MM)
+    angle_deg: tuple[JointDeg, ...] = ()
+    q_deg: tuple[tuple[JointDeg, ...], ...] = ()
 
 
 class PassRecord(PartialModel):
