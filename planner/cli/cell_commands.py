@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from planner.instruments.centring.session import CentringSession
     from planner.instruments.centring.settings import CentringSettings
     from planner.instruments.centring.stop import StopRequest
+    from planner.kinematics.robot import Robot
 
 
 def centre_command(
@@ -52,6 +53,7 @@ def centre_command(
     from planner.instruments.centring.session import open_session
     from planner.instruments.centring.settings import read_settings
     from planner.instruments.centring.stop import StopRequest
+    from planner.kinematics.robot_reader import load_robot
 
     settings = read_settings(settings_file, plan_file.parent / "cell.toml")
     if program is not None:
@@ -70,7 +72,8 @@ def centre_command(
     if session.pending and simulate and cell:
         _simulate(session, cell, settings, stop, seed)
     elif session.pending and robot and indicators:
-        _run(session, robot, indicators.split(","), settings, stop, follow)
+        known = load_robot(session.way.robot) if cell is None else cell.robot
+        _run(session, robot, known, indicators.split(","), settings, stop, follow)
     if as_json:
         print_json(_summary(session, output))
     else:
@@ -96,10 +99,16 @@ def _read_cell(plan_file: Path, needed: bool) -> Cell | None:
 
 
 def _run(
-    session: CentringSession, robot: str, ports: list[str], settings: CentringSettings, stop: StopRequest, follow: bool
+    session: CentringSession,
+    address: str,
+    robot: Robot,
+    ports: list[str],
+    settings: CentringSettings,
+    stop: StopRequest,
+    follow: bool,
 ) -> None:
     from planner.instruments.centring.indicators import open_indicators
-    from planner.instruments.centring.robot_link import open_link
+    from planner.instruments.centring.robot_link import DIALECT, open_link
     from planner.instruments.centring.session import CentringBench, run_session
     from planner.instruments.centring.settings import find_protocol
     from planner.instruments.centring.stop import stop_on_signals
@@ -108,7 +117,7 @@ def _run(
         opened.enter_context(stop_on_signals(stop))
         head = open_indicators(ports, find_protocol(settings.head.protocol), settings.head, stop)
         opened.callback(head.close)
-        link = open_link(robot, session.way.q.shape[1], settings.robot, stop, follow)
+        link = open_link(address, robot.axes_of(DIALECT), settings.robot, stop, follow)
         opened.callback(link.close)
         run_session(session, CentringBench(head, link, settings, stop, lambda line: errors.print(line)), follow)
 

@@ -17,6 +17,7 @@ from planner.common.files import data_folder, write_text
 from planner.common.units import MM, Array, from_deg, read_only, to_deg, to_mm
 from planner.instruments.centring.settings import RobotSettings
 from planner.instruments.centring.stop import LinkError, StoppedError, StopRequest
+from planner.kinematics.axes import AxisConvention
 
 PORT = 7000
 READ, WRITE = 0, 1
@@ -127,13 +128,13 @@ class RobotLink(Protocol):
     """
 
     def move(self, q: Array, slow: bool = False) -> None:
-        """Go to the controller angles q (N,) [rad], joint by joint; ``slow`` where tips and ball touch."""
+        """Go to the joint angles q (N,) [rad] of the model, joint by joint; ``slow`` where tips and ball touch."""
 
     def shift(self, step: Array) -> None:
         """Move the tool by ``step`` (3,) [m] in its own frame, on a line."""
 
     def joints(self) -> tuple[Array, Array]:
-        """Return the controller angles as read and as commanded, both (N,) [rad]."""
+        """Return the joint angles of the model as read and as commanded, both (N,) [rad]."""
 
     def orientation(self) -> Array:
         """Return R_BT (3, 3), the tool's axes in the controller's base."""
@@ -200,12 +201,12 @@ _PART = re.compile(r"\b([A-Z]\d?)\s+(-?\d+\.?\d*(?:[eE][-+]?\d+)?)")
 
 
 class KukaLink:
-    """Moves a KUKA robot; see :class:`planner.instruments.centring.robot_link.RobotLink`."""
+    """Moves a KUKA robot, whose axes count as ``axes`` says; see :class:`RobotLink`."""
 
     def __init__(
-        self, host: str, port: int, n_joints: int, how: RobotSettings, stop: StopRequest, follow: bool = False
+        self, host: str, port: int, axes: AxisConvention, how: RobotSettings, stop: StopRequest, follow: bool = False
     ) -> None:
-        self._n, self._how, self._stop = n_joints, how, stop
+        self._axes, self._how, self._stop = axes, how, stop
         self._proxy = VarProxy(host, port, how.answer_s)
         try:
             self._order = int(self._number("EDBB_GO"))
@@ -219,13 +220,13 @@ class KukaLink:
             raise
 
     def move(self, q: Array, slow: bool = False) -> None:
-        """Go to the controller angles q (N,) [rad], joint by joint; ``slow`` where tips and ball touch."""
-        target = to_deg(q)
+        """Go to the joint angles q (N,) [rad] of the model, joint by joint; ``slow`` where tips and ball touch."""
+        target = to_deg(self._axes.to_controller(q))
         self._proxy.write("EDBB_VEL", str(self._how.touch_percent if slow else self._how.ptp_percent))
         axes = [f"A{j} {angle:.6f}" for j, angle in enumerate(target, start=1)]
         self._proxy.write("EDBB_AX", "{E6AXIS: " + ", ".join([*axes, *self._beside]) + "}")
         self._do(MOVE)
-        off = np.abs(to_deg(self.joints()[1]) - target)
+        off = np.abs(to_deg(self._angles("$AXIS_ACT")) - target)
         if off.max() > self._how.arrived_deg:
             raise LinkError(f"axis {off.argmax() + 1} stands {off.max():.3f} deg away from where it was sent")
 
@@ -236,8 +237,9 @@ class KukaLink:
         self._do(SHIFT)
 
     def joints(self) -> tuple[Array, Array]:
-        """Return the controller angles as read and as commanded, both (N,) [rad]."""
-        return self._angles("$AXIS_ACT_MEAS"), self._angles("$AXIS_ACT")
+        """Return the joint angles of the model as read and as commanded, both (N,) [rad]."""
+        read, commanded = (self._axes.to_model(self._angles(name)) for name in ("$AXIS_ACT_MEAS", "$AXIS_ACT"))
+        return read_only(read), read_only(commanded)
 
     def orientation(self) -> Array:
         """Return R_BT (3, 3): KUKA's A, B, C turn about z, y, x of the tool in turn."""
@@ -306,7 +308,7 @@ class KukaLink:
         )
 
     def _angles(self, name: str) -> Array:
-        return from_deg(self._parts(name, [f"A{j}" for j in range(1, self._n + 1)]))
+        return from_deg(self._parts(name, [f"A{j}" for j in range(1, self._axes.n_axes + 1)]))
 
     def _parts(self, name: str, wanted: str | list[str]) -> Array:
         """Return parts of a structure, ``{E6AXIS: A1 -12.5, A2 …}``."""
@@ -335,10 +337,12 @@ _END_STATES = {
 }
 
 
-def open_link(address: str, n_joints: int, how: RobotSettings, stop: StopRequest, follow: bool = False) -> RobotLink:
+def open_link(
+    address: str, axes: AxisConvention, how: RobotSettings, stop: StopRequest, follow: bool = False
+) -> RobotLink:
     """Connect to the robot at ``tcp://HOST[:PORT]``, a KUKA controller with KUKAVARPROXY (port 7000).
 
-    With ``follow`` the plan's own program drives the robot.
+    ``axes`` says how that controller counts the robot's axes. With ``follow`` the plan's own program drives the robot.
 
     Raises:
         InputError: no such form of address.
@@ -351,4 +355,4 @@ def open_link(address: str, n_joints: int, how: RobotSettings, stop: StopRequest
         url, host, port = urlsplit(""), None, None
     if url.scheme != "tcp" or not host or url.path not in ("", "/"):
         raise InputError(f"--robot {address}: an address is tcp://HOST or tcp://HOST:PORT (KUKAVARPROXY, port {PORT})")
-    return KukaLink(host, port or PORT, n_joints, how, stop, follow)
+    return KukaLink(host, port or PORT, axes, how, stop, follow)

@@ -17,6 +17,7 @@ from planner.instruments.centring.settings import (
     find_protocol,
 )
 from planner.instruments.centring.stop import StopRequest
+from planner.kinematics.robot_reader import load_robot
 from tests.instruments.centring.devices import Controller, indicator
 from tests.instruments.centring.world import World
 from tests.instruments.centring.world import plan as plan_of
@@ -33,13 +34,29 @@ def settings(head=None, rest=None, moves=None, robot=None):
     )
 
 
+KUKA = load_robot("kuka-kr6-r700").axes_of("krl")
+
+
+def _as_joints(content, axes):
+    """A plan of KUKA's angles as one of a model that counts its joints otherwise."""
+    if isinstance(content, list):
+        return [_as_joints(each, axes) for each in content]
+    if not isinstance(content, dict):
+        return content
+    return {
+        key: list(axes.degrees_to_model(value)) if key == "q_deg" else _as_joints(value, axes)
+        for key, value in content.items()
+    }
+
+
 class Cell:
     """A world with its devices; ``run()`` is one session."""
 
-    def __init__(self, folder, stack, count=3, lose=0.0, faults=None, plan_id="0123456789ab", **world):
+    def __init__(self, folder, stack, count=3, lose=0.0, faults=None, plan_id="0123456789ab", axes=None, **world):
+        self.axes = axes or KUKA
         self.content = plan_of(count, plan_id)
         self.plan, self.output = folder / "plan.json", folder / "run.csv"
-        self.plan.write_text(json.dumps(self.content))
+        self.plan.write_text(json.dumps(_as_joints(self.content, self.axes)))
         self.world = World(self.content, OFFSETS, **world)
         self.stack = stack
         self.terminals = [indicator(self.world, k, lose=lose, seed=k) for k in range(3)]
@@ -62,7 +79,7 @@ class Cell:
             session = open_session(self.plan, self.output)
             head = open_indicators(self.ports, find_protocol(how.head.protocol), how.head, self.stop)
             opened.callback(head.close)
-            link = open_link(self.controller.address, 6, how.robot, self.stop, follow)
+            link = open_link(self.controller.address, self.axes, how.robot, self.stop, follow)
             opened.callback(link.close)
             run_session(session, CentringBench(head, link, how, self.stop, self.said.append), follow)
         return session

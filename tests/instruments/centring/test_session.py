@@ -7,6 +7,7 @@ from planner.runs.loader import load_run
 from tests.instruments.centring.conftest import OFFSETS, settings
 from tests.instruments.centring.devices import multiplexer
 from tests.instruments.centring.world import pose, turn
+from tests.programs.test_controller_axes import as_the_pendant_shows, convention
 
 
 def rows_of(path):
@@ -32,6 +33,18 @@ def test_every_ball_is_centred_to_3_micrometres(cell):
     assert run.warnings == ()
     assert not run.continuous
     assert np.allclose(made.world.q_set, made.content["poses"][0]["q_deg"], atol=1e-5)  # it is back at home
+
+
+def test_a_model_that_counts_its_joints_otherwise_finds_the_same_balls(cell):
+    """The controller counts with sense, zero and coupling: rows are the joints of the model."""
+    axes = convention("krl")
+    made = cell(tilt=2.0, noise=0.0003, landing=0.0008, ringing=0.05, seed=3, axes=axes)
+    made.run()
+    table = rows_of(made.output)
+    assert table["pose"].to_list() == [1, 3, 5]
+    for q in angles(table):
+        assert made.world.miss(as_the_pendant_shows(q)) < 0.0055
+    assert np.allclose(made.world.q_set, made.content["poses"][0]["q_deg"], atol=1e-5)
 
 
 def test_the_larger_offset_takes_more_moves_and_none_is_larger_than_allowed(cell):
