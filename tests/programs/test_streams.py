@@ -11,6 +11,7 @@ import yaml
 from scipy.interpolate import CubicHermiteSpline
 
 import tests.programs.sessions as sessions
+from planner.common.errors import InputError
 from planner.programs.instructions import JointMove, Program
 from planner.programs.rendering import ProgramFile
 from planner.programs.verification import ProgramMismatchError, write_program
@@ -164,3 +165,17 @@ def test_the_peak_that_is_read_is_that_of_the_cubic() -> None:
         speed = CubicHermiteSpline(time[k - 1 : k + 1], q[k - 1 : k + 1, j], v[k - 1 : k + 1, j]).derivative()
         peak = np.abs(speed(np.linspace(time[k - 1], time[k], 33))).max() / abs(q[k, j] - q[k - 1, j])
         assert found.moves[first + n].peak == pytest.approx(peak * (time[k] - time[k - 1]), rel=1e-4)
+
+
+@pytest.mark.parametrize("limits", [(100.0,) * 5, (100.0, 100.0, 0.0, 100.0, 100.0, 100.0), (-1.0,) * 6])
+def test_a_limit_that_is_none_is_refused(limits: tuple[float, ...]) -> None:
+    with pytest.raises(InputError, match="acceleration_deg_s2 is no limit above 0 for each of 6 joints"):
+        replace(sessions.static(), acceleration_deg_s2=limits)
+
+
+def test_a_joint_that_nobody_limits_needs_no_ramp() -> None:
+    """As a URDF leaves it that states no acceleration: the frames of a leg are then as even as planned."""
+    program = replace(sessions.static(), acceleration_deg_s2=(np.inf,) * 6)
+    files = write_program(program, "lerobot", "s")
+    found = verify(program, "lerobot", files)
+    assert found.moves[1].speed == pytest.approx(program.moves[1].duration_s, rel=1e-3)
