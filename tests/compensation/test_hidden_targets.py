@@ -317,3 +317,24 @@ def test_a_table_of_poses_of_a_tool_that_nobody_names_is_left(length, abb, tmp_p
             compensate_file(path, *abb)
     else:
         assert compensate_file(path, *abb).report.poses == 1
+
+
+@pytest.mark.parametrize("other", [False, True])
+def test_a_rapid_point_that_is_copied_stays_certain_where_the_copy_is_named(other, abb, tmp_path):
+    """Moves to the copy are left; a copy that another module has may be driven to with any tool."""
+    data = [f"CONST robtarget p1:={target(abb[0])};", "VAR robtarget pt;"]
+    text = rapid("pt:=p1;", "pt.trans.z:=pt.trans.z+50;", "MoveL pt,v9,z1,tool0;", "MoveL p1,v9,fine,tool0;", data=data)
+    if other:
+        text = text.replace("VAR robtarget pt;", "VAR num n;")
+    done = run(tmp_path / "p.mod", text, abb)
+    assert changed(done, text) == ([9] if other else [2, 9])
+    assert (2 in reasons(done)) == other
+    assert 7 in reasons(done)
+
+
+def test_a_rapid_point_whose_copy_is_handed_on_is_left(abb, tmp_path):
+    data = [f"CONST robtarget p1:={target(abb[0])};", "VAR robtarget pt;", "VAR robtarget pu;"]
+    text = rapid("pt:=p1;", "pu:=pt;", "pick pu;", "MoveL p1,v9,fine,tool0;", data=data)
+    done = run(tmp_path / "p.mod", text, abb)
+    assert changed(done, text) == [10]
+    assert "it is handed on in line 8" in reasons(done)[2]

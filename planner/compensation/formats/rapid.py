@@ -34,6 +34,7 @@ _TARGETS = {"jointtarget": JOINT_TARGET, "robtarget": ROB_TARGET}
 _CONF_OFF = re.compile(r"\b(Conf[JL])\s*\\\s*Off\b", re.IGNORECASE)
 _OPTIONS = r"(?:\s*\\\s*\w+\s*(?::=\s*[\w.{}]+)?)*"
 _RELATIVE = re.compile(r"(Offs|RelTool)\s*\(\s*(\w+)", re.IGNORECASE)
+_WHOLE = re.compile(r"(?<![\w.])[A-Za-z]\w*+(?!\s*\.)")  # names of which no component is taken
 _COMPUTED = "is computed while the program runs"
 
 
@@ -71,6 +72,7 @@ class _RapidTargets:
         self.conf_off = {m[1].lower(): p.where for p in own if (m := _CONF_OFF.search(p.statement.text))}
         self.conf_off_beside = next((p for p in beside if _CONF_OFF.search(p.statement.text)), None)
         self.wrist_free = next((p for p in placed if _WRIST_FREE.search(p.statement.text)), None)
+        self.copies: dict[str, set[str]] = {}  # of variables, the points that they are copies of
         self.wrist_kept = False  # whether SingArea \Off certainly holds
         self.driven = _driven_axes(placed)
         self.last: int | None = None  # index of the target that the arm comes from, where that is certain
@@ -96,7 +98,8 @@ class _RapidTargets:
         kind, value = statement.kind, statement.value
         if not kind:
             key = self.names.resolve(p, statement.name)
-            self._use_elsewhere(p, set(re.findall(r"[A-Za-z]\w*", value)))
+            if not self._is_copy(p, statement, key):
+                self._use_elsewhere(p, set(re.findall(r"[A-Za-z]\w*", value)), set(_WHOLE.findall(value)))
             if self._is_given_whole(p, statement, key):
                 given = _numbers(value, statement.value_start)
                 self.points.declare(pt.DeclaredPose(key, statement.line, given))
@@ -113,6 +116,14 @@ class _RapidTargets:
                 numbers = None if row is None else _numbers(row[0], statement.value_start + row.start())
                 line = statement.line + (0 if row is None else value[: row.start()].count("\n"))
                 self.points.declare(pt.DeclaredPose(f"{name}{{{k}}}" if statement.part else name, line, numbers))
+
+    def _is_copy(self, p: Placed, statement: st.Assignment, key: str) -> bool:
+        """Tell whether a variable of the file gets a point as it is: moves to it are left, as it is computed."""
+        names = [text.strip() for text in (statement.text.partition(":=")[0], statement.value)]
+        if not self.names.is_variable(key) or not all(re.fullmatch(r"\w+", name) for name in names):
+            return False
+        self.copies.setdefault(key, set()).add(self.names.resolve(p, names[1]))
+        return True
 
     def _is_given_whole(self, p: Placed, statement: st.Assignment, key: str) -> bool:
         """Tell whether a variable without a value of its own gets a target with plain numbers here."""
@@ -172,7 +183,7 @@ class _RapidTargets:
         names = {name for name, part in handed_names(said) if not part}
         if isinstance(said, st.Call):
             names |= set(re.findall(r"[A-Za-z]\w*", said.text.partition(said.text.split()[0])[2]))
-        self._use_elsewhere(p, names)
+        self._use_elsewhere(p, names, names)
 
     def take_beside(self, p: Placed) -> None:
         """Take in where a statement of another module drives to points of the file."""
@@ -184,9 +195,16 @@ class _RapidTargets:
                 if self.points.has(key):
                     self.points.use(key, 0, pt.Use(self._frames_of(p, move), None, linear=False))
 
-    def _use_elsewhere(self, p: Placed, names: set[str]) -> None:
-        """Note points that a statement hands on: a routine of the file, or that of another, may drive to them."""
-        points = [key for name in sorted(names) if self.points.has(key := self.names.resolve(p, name))]
+    def _use_elsewhere(self, p: Placed, names: set[str], whole: set[str]) -> None:
+        """Note points that a statement hands on: a routine of the file, or that of another, may drive to them.
+
+        Of those that are handed on ``whole``, the points that they are copies of count too.
+        """
+        keys = dict.fromkeys(self.names.resolve(p, name) for name in sorted(names))
+        for key in (queue := [self.names.resolve(p, name) for name in sorted(whole)]):
+            queue += (more := sorted(self.copies.get(key, set()) - keys.keys()))
+            keys |= dict.fromkeys(more)
+        points = [key for key in keys if self.points.has(key)]
         if not points:
             return
         why = f"it is handed on in line {p.statement.line}"
