@@ -338,3 +338,22 @@ def test_a_rapid_point_whose_copy_is_handed_on_is_left(abb, tmp_path):
     done = run(tmp_path / "p.mod", text, abb)
     assert changed(done, text) == [10]
     assert "it is handed on in line 8" in reasons(done)[2]
+
+
+def test_the_mark_of_an_encoding_before_the_first_line_hides_no_routine(kuka, tmp_path):
+    """A frame that gets its value in a branch is none of the whole file."""
+    frame = "{X 5,Y 0,Z 0,A 0,B 0,C 0}"
+    rows = [*NULL, GOOD, "IF $IN[1] THEN", f"BASE_DATA[1]={frame}", "ENDIF", "$BASE=BASE_DATA[1]"]
+    text = "\ufeff" + krl(*rows, f"PTP {pose(kuka[0])}")
+    done = run(tmp_path / "p.src", text, kuka)
+    assert list(reasons(done)) == [9]
+
+
+@pytest.mark.parametrize("sign", ["\x0c", "\x0b", "\u2028"])
+def test_lines_of_gcode_end_where_a_controller_ends_them(sign, abb, tmp_path):
+    """The second program of a file begins anew, whatever stands in remarks."""
+    row = "G0 A1=10 A2=-20 A3=10 A4=20 A5=30 A6=5"
+    text = f"%1\nG500 G90\n;{sign * 3}\n{row}\nM9\n%2\nG0 A1=11\nM30\n"
+    (tmp_path / "p.mpf").write_text(text, encoding="utf-8", newline="")
+    with pytest.raises(InputError, match=r"p\.mpf:7: the angle of A2, A3, A4, A5, A6 is not known"):
+        compensate_file(tmp_path / "p.mpf", *abb)

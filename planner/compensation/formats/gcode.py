@@ -14,7 +14,7 @@ from planner.compensation.targets import DEG_DECIMALS, Target, TargetReading
 from planner.programs.dialect import Dialect
 from planner.programs.languages.execution import known_statements
 from planner.programs.languages.gcode import Block, parse
-from planner.programs.languages.statements import PlacedNumber, Slot
+from planner.programs.languages.statements import Lines, PlacedNumber, Slot
 
 _MOTION_WORDS = {"G0", "G1", "G2", "G3", "G5", "G33", "G100", "G101", "G102", "G103"}
 _BESIDE = {
@@ -38,7 +38,7 @@ def read(text: str, dialect: Dialect, reading: TargetReading) -> None:
     """Note the target of every block, and refuse blocks that move in a way that is not known."""
     targets = _GcodeTargets(dialect, reading)
     blocks, jumps = list(parse(text, dialect)), _jumps_to_blocks(text)
-    begins = [n for n, row in enumerate(text.splitlines(), 1) if row.lstrip().startswith("%")]
+    begins = [n for n, _, row in Lines.of(text) if row.lstrip("\ufeff \t").startswith("%")]
     for block in blocks:
         if begins and block.line >= begins[0]:  # another program of the same file
             begins = [n for n in begins if n > block.line]

@@ -63,6 +63,8 @@ def spaces_once(pattern: str, flags: re.RegexFlag) -> re.Pattern[str]:
 def mask_comments(text: str, comment: str, strings: str = '"') -> str:
     """Return ``text`` with remarks (regular expression ``comment``) and quoted strings blanked, places unchanged.
 
+    So is the mark of its encoding that editors put before the first line.
+
     A remark that ends in an empty group ``unfinished`` stays: it is passed over once, not tried from each of its signs.
     """
     quoted = "".join(rf"|{q}[^{q}\r\n]*{q}" for q in strings)
@@ -70,7 +72,7 @@ def mask_comments(text: str, comment: str, strings: str = '"') -> str:
     def blank(match: re.Match[str]) -> str:
         return " " * len(match[0]) if match.groupdict().get("unfinished") is None else match[0]
 
-    return re.sub(f"(?:{comment}){quoted}", blank, text)
+    return re.sub(f"(?:{comment}){quoted}", blank, text.replace("\ufeff", " "))
 
 
 def write_values(text: str, values: Iterable[tuple[Slot, float]]) -> str:
