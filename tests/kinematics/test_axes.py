@@ -4,6 +4,7 @@ import tomllib
 from pathlib import Path
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from scipy.spatial.transform import Rotation
 
@@ -196,3 +197,33 @@ def test_a_calibrated_robot_keeps_its_tables(tmp_path):
     again = load_robot(str(tmp_path / "robot.toml")).axes_of("pdl2")
     np.testing.assert_array_equal(again.matrix, robot.axes_of("pdl2").matrix)
     np.testing.assert_array_equal(again.zero, robot.axes_of("pdl2").zero)
+
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+
+
+def test_a_urdf_alone_is_known_to_ros_and_to_no_other_controller():
+    robot = load_robot(str(EXAMPLES / "arm.urdf"), tip="flange")
+    assert robot.axes_of("ros2-trajectory").is_same
+    with pytest.raises(
+        InputError, match=r'(?s)\[controllers\.rapid\].*convention = "urdf".*urdf = "arm\.urdf".*"flange"'
+    ):
+        robot.axes_of("rapid")
+
+
+def test_joints_of_a_urdf_are_ros_joints_whatever_the_model_calls_them(tmp_path):
+    """A robot.toml may count the joints of its URDF otherwise; pinocchio reads the URDF itself."""
+    path = EXAMPLES / "arm.urdf"
+    joint = "[[joints]]\nsense = {}\nzero_deg = {}\nlimit_deg = [-90, 90]\nspeed_deg_s = 100\n"
+    joints = "".join(joint.format(s, z) for s, z in ((-1, 10), (1, 0), (1, -20), (-1, 0), (1, 5), (-1, 0)))
+    text = f'schema = "edbb-robot/1"\nname = "arm"\nconvention = "urdf"\nurdf = "{path}"\ntip = "flange"\n'
+    (tmp_path / "robot.toml").write_text(text + joints)
+    robot = load_robot(str(tmp_path / "robot.toml"))
+    axes, model = robot.axes_of("ros2-trajectory"), pin.buildModelFromUrdf(str(path))
+    assert not axes.is_same
+    data, frame = model.createData(), model.getFrameId("flange")
+    for c in np.random.default_rng(4).uniform(-1, 1, (10, 6)):
+        pin.framesForwardKinematics(model, data, c)
+        made = models_flange(robot, axes.to_model(c))
+        np.testing.assert_allclose(made[:3, 3] / 1e3, data.oMf[frame].translation, atol=1e-9)
+        np.testing.assert_allclose(made[:3, :3], data.oMf[frame].rotation, atol=1e-9)
