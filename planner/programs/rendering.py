@@ -94,10 +94,10 @@ def axes_note(program: Program, dialect: Dialect) -> str:
         return ""
     joints = f"q1 to q{program.n_joints}"
     if axes.controller == MODEL:
-        return f"axes: {joints} are the joints of the planner's model; robot.toml says how a controller counts"
+        return f"axes: {joints} are the joints of the robot model; robot.toml says how a controller counts"
     if axes.is_same:
-        return f"axes: {names[0]} to {names[-1]} count as the plan's {joints} ({axes.source})"
-    return f"axes: {', '.join(axes.sentences(names))}, of the plan's {joints} ({axes.source})"
+        return f"axes: {names[0]} to {names[-1]} count as {joints} of the plan ({axes.source})"
+    return f"axes: {', '.join(axes.sentences(names))}, by {joints} of the plan ({axes.source})"
 
 
 def _cycle_note(program: Program, dialect: Dialect) -> str:

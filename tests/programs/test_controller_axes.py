@@ -121,7 +121,7 @@ def test_lists_are_in_the_joints_of_the_model_and_say_so():
     robot, cell = load_robot("comau-nj130"), load_cell("comau-nj130/edbb")
     assert axes_for(robot, load_dialect("poses-csv")).is_same
     (file,) = write_session(cell, build_program(cell, "0" * 12, []), "poses-csv", "a")
-    assert "q1 to q6 are the joints of the planner's model" in file.text
+    assert "q1 to q6 are the joints of the robot model" in file.text
 
 
 def test_an_option_of_a_dialect_has_the_axes_of_its_controller():
