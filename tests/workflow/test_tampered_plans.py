@@ -11,6 +11,8 @@ import pytest
 
 from planner.common.errors import InputError, NoSolutionError
 from planner.common.units import PLAN_DIGITS
+from planner.session import judgement
+from planner.session.judgement import judge_program
 from planner.workflow.plan_use import export
 from tests.workflow.driven_check import complaints, map_positions
 from tests.workflow.small_plan import proven_tour, write_small_plan
@@ -28,6 +30,25 @@ def written(tmp_path_factory):
 
 def _exported(folder: Path) -> str:
     return export(folder / "plan.json", dialect="poses-csv", name="a").programs[0].text
+
+
+@pytest.fixture
+def judged_once(monkeypatch):
+    """Judge every distinct drive once: most changes are of numbers that nothing is driven by."""
+    known: dict[tuple, object] = {}
+
+    def judge(cell, program):
+        key = (program.home_deg, program.instructions)
+        if key not in known:
+            try:
+                known[key] = judge_program(cell, program)
+            except NoSolutionError as err:
+                known[key] = err
+        if isinstance(known[key], NoSolutionError):
+            raise NoSolutionError(str(known[key]))
+        return known[key]
+
+    monkeypatch.setattr(judgement, "judge_program", judge)
 
 
 def _numbers(value: object, way: tuple = ()) -> list[tuple]:
@@ -133,7 +154,7 @@ def test_changed_numbers_are_refused_or_said_and_right(written):
 
 
 @pytest.mark.long
-def test_two_thousand_changed_numbers_are_refused_or_said_and_right(written):
+def test_two_thousand_changed_numbers_are_refused_or_said_and_right(written, judged_once):
     exported = [_try(written, k) for k in range(FEW, FEW + MANY)]
     assert 0.2 < np.mean(exported) < 0.9
 
