@@ -178,7 +178,16 @@ def test_a_rapid_variable_that_gets_one_value_is_corrected_there(abb, tmp_path):
     assert {4, 6} <= reasons(done).keys()
 
 
-@pytest.mark.parametrize("mover", ["MoveJ {E},v9,fine,tool0;", "MoveExtJ jTrack,v9,fine;"])
+@pytest.mark.parametrize(
+    "mover",
+    [
+        "MoveJ {E},v9,fine,tool0;",
+        "MoveExtJ jTrack,v9,fine;",
+        "IndAMove TRACK,1\\ToAbsNum:=500,20;",
+        "p2.extax.eax_a:=500;",
+        "p2.extax:=found;",
+    ],
+)
 def test_rapid_external_axes_keep_their_value_where_none_is_said(mover, abb, tmp_path):
     """The arm may stand on that axis."""
     text = rapid(mover.replace("{E}", target(abb[0], external="500")), f"MoveJ {target(abb[0])},v9,fine,tool0;")

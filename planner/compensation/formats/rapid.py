@@ -29,7 +29,8 @@ QUATERNION_DECIMALS = 8
 _DISPLACED = re.compile(r"\b(PDispOn|PDispSet|EOffsOn|EOffsSet|CorrCon|Set(?:All)?DataVal|DeactUnit)\b", re.IGNORECASE)
 _WRIST_FREE = re.compile(r"\bSingArea\s*\\\s*(Wrist|LockAxis4)\b", re.IGNORECASE)
 _WRIST_KEPT = re.compile(r"\bSingArea\s*\\\s*Off\b", re.IGNORECASE)
-_EXTERNAL_MOVE = re.compile(r"\bMoveExtJ\b", re.IGNORECASE)
+_EXTERNAL_MOVE = re.compile(r"\bMoveExtJ\b|\bInd[ACDR]Move\b", re.IGNORECASE)
+_EXTERNAL_GIVEN = re.compile(r"\.\s*extax\s*+(?:\.\s*eax_(?P<axis>[a-f])\s*+)?$", re.IGNORECASE)
 _TARGETS = {"jointtarget": JOINT_TARGET, "robtarget": ROB_TARGET}
 _CONF_OFF = re.compile(r"\b(Conf[JL])\s*\\\s*Off\b", re.IGNORECASE)
 _OPTIONS = r"(?:\s*\\\s*\w+\s*(?::=\s*[\w.{}]+)?)*"
@@ -342,6 +343,10 @@ def _driven_axes(placed: Sequence[Placed]) -> set[int]:
                 driven |= {k for k, value in enumerate(external) if value != 0.0 and value < UNUSED}
         if _EXTERNAL_MOVE.search(text) and not JOINT_TARGET.search(text):
             driven |= set(range(6))
+        if isinstance(p.statement, st.Assignment) and (given := _EXTERNAL_GIVEN.search(text.partition(":=")[0])):
+            number = re.fullmatch(st.EXPONENT_NUMBER, p.statement.value)
+            if number is None or (float(number[0]) != 0.0 and float(number[0]) < UNUSED):
+                driven |= {"abcdef".index(given["axis"].lower())} if given["axis"] else set(range(6))
     return driven
 
 
