@@ -24,7 +24,7 @@ CELLS = tuple(f"{path.parents[1].name}/{path.stem}" for path in sorted(ROBOTS.gl
 GOOD = (0, 5)  # exit codes: done, and done in part
 MOST_OUTSIDE = 0.01  # share of the readings that the gauge could not have made
 SMALL = {  # keys of a smaller session
-    "plan": {"poses": 45, "repeat": 2, "validate": 4, "candidates": 3000, "refine": False},
+    "plan": {"poses": 48, "repeat": 2, "validate": 4, "candidates": 3000, "refine": False},
     "motion": {"measure": "static"},
 }
 VALIDATES = ("kuka-kr6-r700/tracker",)  # random poses that judge a robot, none that calibrate it
@@ -45,7 +45,9 @@ def planned(folder, name, small):
     if small and name not in IN_CIRCLES:
         file = tomllib.loads(load_cell(name).path.read_text())
         sections = {key: file.get(key, {}) | own for key, own in SMALL.items()}
-        sections["plan"] |= {"poses": 0, "validate": 40} if name in VALIDATES else {}
+        if name in VALIDATES:
+            del sections["plan"]["poses"]
+            sections["plan"]["validate"] = 40
         cell, more = folder / f"{out.name}.toml", ()
         cell.write_text(tomli_w.dumps(file | {key: own for key, own in sections.items()}))
     succeed("plan", cell, "-o", out, "--seed", int(small), *more)
