@@ -226,6 +226,7 @@ MANY = {  # name, text, frames: each was read in a time that grows with the squa
     "names of frames": ("p.mod", f"{MODULE_HEAD}ENDPROC\nENDMODULE\n", "MODULE F\n" + "a \n" * 20_000),
     "braces and numbers": ("p.mod", MODULE_HEAD + "{X 1\n" * 20_000 + ";ENDPROC\nENDMODULE\n", ""),
     "nested conditions": ("p.src", krl(GOOD, *["IF a THEN"] * 10_000), ""),
+    "spaces behind a word": ("p.src", krl(GOOD, *["IF PTP" + " " * 19_000 + "THEN"] * 20), ""),
     "lines that are left": ("p.src", krl(GOOD, *["PTP XELSE"] * 10_000), ""),
     "empty lines of TP": ("p.ls", "/MN\n:J P[1] 9% FINE ;\n" + "\n" * 20_000 + "/POS\n/END\n", ""),
     "empty lines of G-code": ("p.mpf", "G500 G90\n" + "\n" * 20_000 + "M30\n", ""),

@@ -18,7 +18,7 @@ _BUILT_IN = (
     "|S(?:VEL|ACC)_(?:JOINT|PTP|CP)|STOOL2?|SBASE|SIPO_MODE|SLOAD|SORI_TYP|SAPO(?:_PTP)?|S(?:GEAR_)?JERK|USE_CM_PRO_VALUES"
 )
 _KEYWORDS = "IF|WHILE|UNTIL|SWITCH|CASE|FOR|AND|OR|NOT|EXOR|TO|STEP|PULSE|SEC|DO|THEN|WAIT|RETURN"
-_FUNCTION = re.compile(rf"(?<![.\w$])(?!(?:{_BUILT_IN}|{_KEYWORDS})\b)[A-Z_]\w*\s*\(", re.IGNORECASE)
+_FUNCTION = re.compile(rf"(?<![.\w$])(?!(?:{_BUILT_IN}|{_KEYWORDS})\b)[A-Z_]\w*+\s*+\(", re.IGNORECASE)
 _TYPES = "INT|REAL|BOOL|CHAR|FRAME|POS|E6POS|AXIS|E6AXIS"
 _FRAMES = r"\$(?:TOOL|BASE|IPO_MODE|ROBROOT|WORLD)\b|(?:TOOL|BASE)_DATA\b"
 _LEAVE_FRAMES = (  # statements that the parser yields as unknown, and that leave tool and base alone
@@ -58,8 +58,8 @@ def names_given_away(statement: st.Statement) -> set[str]:
     return {re.sub(r"\s", "", name) for name in re.findall(r"(?<![\w.$#'])[A-Z_]\w*(?:\s*\[[^\]]*\])?", given)}
 
 
-_MOVE_INSIDE = re.compile(r"(?<![#$\w.])S?(?:PTP|LIN|CIRC)(?:_REL)?\s*(?=[\s{])\s*[{$A-Z_]|\bSPL\s*\{", re.IGNORECASE)
-_NUMBERED_KEY = re.compile(r"\b([A-Z]\w*)\s+([-+]?[\d.]+)")
+_MOVE_INSIDE = re.compile(r"(?<![#$\w.])S?(?:PTP|LIN|CIRC)(?:_REL)?(?:\s++|(?=\{))[{$A-Z_]|\bSPL\s*+\{", re.IGNORECASE)
+_NUMBERED_KEY = re.compile(r"\b([A-Z]\w*+)\s++([-+]?[0-9.]++)")
 
 
 def hidden_target(statement: st.Statement) -> str:
