@@ -226,7 +226,7 @@ MANY = {  # name, text, frames: each was read in a time that grows with the squa
     "names of frames": ("p.mod", f"{MODULE_HEAD}ENDPROC\nENDMODULE\n", "MODULE F\n" + "a \n" * 20_000),
     "braces and numbers": ("p.mod", MODULE_HEAD + "{X 1\n" * 20_000 + ";ENDPROC\nENDMODULE\n", ""),
     "nested conditions": ("p.src", krl(GOOD, *["IF a THEN"] * 10_000), ""),
-    "spaces behind a word": ("p.src", krl(GOOD, *["IF PTP" + " " * 19_000 + "THEN"] * 20), ""),
+    "spaces behind a word": ("p.src", krl(GOOD, *["IF PTP" + " " * 19_000 + "THEN"] * 5), ""),
     "lines that are left": ("p.src", krl(GOOD, *["PTP XELSE"] * 10_000), ""),
     "empty lines of TP": ("p.ls", "/MN\n:J P[1] 9% FINE ;\n" + "\n" * 20_000 + "/POS\n/END\n", ""),
     "empty lines of G-code": ("p.mpf", "G500 G90\n" + "\n" * 20_000 + "M30\n", ""),
@@ -367,3 +367,36 @@ def test_lines_of_gcode_end_where_a_controller_ends_them(sign, abb, tmp_path):
     (tmp_path / "p.mpf").write_text(text, encoding="utf-8", newline="")
     with pytest.raises(InputError, match=r"p\.mpf:7: the angle of A2, A3, A4, A5, A6 is not known"):
         compensate_file(tmp_path / "p.mpf", *abb)
+
+
+def test_pdl2_moves_in_texts_and_of_an_arm_that_changes_are_named(abb, tmp_path):
+    move = "MOVE TO {10,-20,10,20,30,5}"
+    text = f"PROGRAM p\nBEGIN\n{move}\nEXECUTE 'MOVE TO {{1,2,3,4,5,6}}'\nEXECUTE cmd\nEND p\n"
+    done = run(tmp_path / "p.pdl", text, abb)
+    assert sorted(reasons(done)) == [4, 5]
+    (tmp_path / "q.pdl").write_text(f"PROGRAM p\nBEGIN\n{move}\n$PROG_ARM := 2\n{move}\nEND p\n")
+    with pytest.raises(InputError, match=r"q\.pdl:3: .* an arm that is not certain.*set in line 4(.|\n)*q\.pdl:5:"):
+        compensate_file(tmp_path / "q.pdl", *abb)
+
+
+SUBPROGRAMS = {  # file, text, what its line 3 lacks (nothing where it is corrected)
+    "relative or not": ("u.SPF", "PROC U\nG153\nG153 G1 {A}\nRET\n", "whether G90 or G91 holds is its caller's"),
+    "frames": ("u.SPF", "PROC U SAVE\nG90\nG1 {A}\nM17\n", "frames and offsets are its caller's"),
+    "no head": ("u.SPF", "; grip\nG90\nG1 {A}\nM17\n", "frames and offsets are its caller's"),
+    "by its end": ("u.nc", "%\nG94\nG53 G1 {A}\nM99\n", "whether G90 or G91 holds is its caller's"),
+    "whole": ("u.SPF", "PROC U\nG90\nG153 G1 {A}\nRET\n", ""),
+    "cleared": ("u.SPF", "TRANS\nG90 G500 D0\nG1 {A}\nM17\n", ""),
+    "main": ("u.MPF", "; main\nG500\nG1 {A}\nM30\n", ""),
+}
+
+
+@pytest.mark.parametrize("name", SUBPROGRAMS)
+def test_subprograms_of_gcode_say_what_their_callers_may_have_changed(name, abb, tmp_path):
+    file, text, why = SUBPROGRAMS[name]
+    text = text.replace("{A}", "A1=10 A2=-20 A3=10 A4=20 A5=30 A6=5")
+    (tmp_path / file).write_text(text)
+    if why:
+        with pytest.raises(InputError, match=rf"{file}:3: .*{why}"):
+            compensate_file(tmp_path / file, *abb)
+    else:
+        assert changed(compensate_file(tmp_path / file, *abb), text) == [3]

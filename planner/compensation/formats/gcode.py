@@ -31,6 +31,8 @@ _REFUSED = {"G20": "inches", "G70": "inches", "G700": "inches", "G91": "relative
 _SWITCHED = {"linuxcnc": {f"M{k}" for k in (128, 129, 130, 428, 429, 430)}}  # that change what axis words mean
 _OFFSET_OFF = {"sinumerik": re.compile(r"\bG(?:500|53|153)\b|\bSUPA\b", re.IGNORECASE)}
 _UNKNOWN = "found: what it does to the axes is not known here"
+_SUB_ENDS = re.compile(r"M0?17|M99\b.*|RET\b.*|O\S+\s+ENDSUB\b.*")  # of a subprogram
+_SUB_BEGINS = re.compile(r"PROC\b.*|O\S+\s+SUB\b.*")
 _ENDS = {"M2", "M30", "M17", "M99"}  # of a program: the next one in the file begins anew
 
 
@@ -38,6 +40,7 @@ def read(text: str, dialect: Dialect, reading: TargetReading) -> None:
     """Note the target of every block, and refuse blocks that move in a way that is not known."""
     targets = _GcodeTargets(dialect, reading)
     blocks, jumps = list(parse(text, dialect)), _jumps_to_blocks(text)
+    within = _lines_of_subprograms(blocks, reading.name)
     begins = [n for n, _, row in Lines.of(text) if row.lstrip("\ufeff \t").startswith("%")]
     for block in blocks:
         if begins and block.line >= begins[0]:  # another program of the same file
@@ -45,7 +48,7 @@ def read(text: str, dialect: Dialect, reading: TargetReading) -> None:
             targets.begin_program()
         if jumps:  # any block may be come to from anywhere
             targets.forget()
-        targets.take(block)
+        targets.take(block, block.line in within)
     targets.note_assumptions(text, blocks)
 
 
@@ -67,7 +70,8 @@ class _GcodeTargets:
 
     def begin_program(self) -> None:
         """Begin with what a controller holds before a program: nothing is known of the modal state."""
-        self.mode, self.offset, self.called = "", "", 0
+        self.mode, self.offset, self.called, self.said = "", "", 0, set[str]()  # words that a subprogram has said
+        self.is_sub = False
         self.whole: bool | None = None  # whether the last move was without the work offset
         self.forget()
 
@@ -86,8 +90,12 @@ class _GcodeTargets:
         """Forget where the axes stand: what comes next may be driven from anywhere."""
         self.last: list[float | None] = [None] * len(self.joints)
 
-    def take(self, block: Block) -> None:
+    def take(self, block: Block, in_subprogram: bool) -> None:
         """Take in one block."""
+        if in_subprogram and _SUB_BEGINS.fullmatch(block.text):
+            self.begin_program()
+        self.is_sub = in_subprogram
+        self.said |= {block.text} if block.text == "TRANS" else {code for code in block.codes if code in _SAID_BY_SUB}
         if not (self._own(block) or any(re.fullmatch(p, block.text) for p in self._said)):
             if block.words is None or ("=" in block.text and not self.equals):
                 self._statement(block)
@@ -173,6 +181,7 @@ class _GcodeTargets:
         if wrong := self._why_not(block, [name for name, _ in words]):
             self.reading.refuse(block.line, wrong)
             return
+        self._check_subprogram(block)
         if self.called:
             said = f"absolute angles without an offset are taken for granted after what line {self.called} calls"
             self.reading.notes.append((block.line, said))
@@ -196,6 +205,19 @@ class _GcodeTargets:
             self.reading.refuse(block.line, sentence)
             return
         self.reading.add(Target(block.line, tuple(slots), q=read_only(np.array(self.last, dtype=float))))
+
+    def _check_subprogram(self, block: Block) -> None:
+        """Refuse a move of a subprogram that does not say for itself what its caller may have said otherwise."""
+        if not self.is_sub:
+            return
+        if "G90" not in self.said:
+            said = (
+                "a subprogram moves here, and whether G90 or G91 holds is its caller's: G90 in the subprogram says it"
+            )
+            self.reading.refuse(block.line, said)
+        if not {"G53", "G153"} & set(block.codes) and not {"G500", "TRANS"} <= self.said:
+            said = "a subprogram moves here, and frames and offsets are its caller's: G53 or G153 here leaves them out"
+            self.reading.refuse(block.line, said)
 
     def _take_offset(self, block: Block) -> bool:
         """Take in whether a block is driven with the work offset, which nobody has selected, and is taken as zero."""
@@ -225,6 +247,24 @@ class _GcodeTargets:
             if names.count(name) > 1:
                 return f"axis {name} stands twice"
         return ""
+
+
+_SAID_BY_SUB = {"G90", "G500"}
+
+
+def _lines_of_subprograms(blocks: Sequence[Block], name: str) -> set[int]:
+    """Return the lines of the blocks that another program runs: up to an end as subprograms have it, or their head."""
+    found, begun, is_sub = set[int](), list[int](), name.lower().endswith(".spf")
+    for block in blocks:
+        if _SUB_BEGINS.fullmatch(block.text):
+            found |= set(begun) if is_sub else set()
+            begun, is_sub = [], True
+        begun.append(block.line)
+        ends = _SUB_ENDS.fullmatch(block.text) is not None
+        if ends or _functions(block) & _ENDS:
+            found |= set(begun) if is_sub or ends else set()
+            begun, is_sub = [], False
+    return found | (set(begun) if is_sub else set())
 
 
 def _unit_sentence(code: str) -> str:

@@ -11,7 +11,10 @@ from planner.programs.languages.statements import Routine, Statement
 _MANNER = re.compile(r"(?:ARM\s*\[\s*(?P<arm>\d+)\s*\]\s*)?(?:JOINT|LINEAR)?", re.IGNORECASE)
 _CLAUSES = re.compile(r"(?:ADVANCE\b)?\s*,?\s*(?:$|(?:WITH|TIL|UNTIL)\b)", re.IGNORECASE)
 _OWN_ARM = re.compile(r"^[ \t]*+PROGRAM\b[^\r\n]*\bPROG_ARM\s*=\s*(\w+)", re.IGNORECASE | re.MULTILINE)
-_TARGETED = re.compile(r"\bMOVE(?:FLY)?\b|[{}]|(?<![\w$])\w+\s*:=\s*(?:POS|XTNDPOS|JNTP)\s*\(", re.IGNORECASE)
+_ARM_CHANGED = re.compile(r"\$PROG_ARM\s*:=", re.IGNORECASE)
+_TARGETED = re.compile(
+    r"\b(?:MOVE(?:FLY)?|EXECUTE)\b|[{}]|(?<![\w$])\w+\s*:=\s*(?:POS|XTNDPOS|JNTP)\s*\(", re.IGNORECASE
+)
 _ALLOWED = "MOVE TO {…} and MOVEFLY TO {…} in lines of their own with plain angles are corrected"
 
 
@@ -21,7 +24,11 @@ def read(text: str, _dialect: Dialect, reading: TargetReading) -> None:
     own = _OWN_ARM.search(text)
     if own and own[1] != "1":
         reading.notes.append((1, f"PROG_ARM = {own[1]}: the robot is taken to be that arm"))
-    for statement in parse(text):
+    statements = list(parse(text))
+    arm = own[1] if own else "1"
+    if changed := next((s.line for s in statements if _ARM_CHANGED.search(s.text)), 0):
+        arm = f"set in line {changed}"
+    for statement in statements:
         if isinstance(statement, Routine):
             routine = statement.name
         is_move = isinstance(statement, Pdl2Move)
@@ -29,7 +36,7 @@ def read(text: str, _dialect: Dialect, reading: TargetReading) -> None:
         for line, said in inside:
             reading.leave(line, f"'{said}' found; {_ALLOWED}")
         if isinstance(statement, Pdl2Move):
-            _move(statement, routine, own[1] if own else "1", bool(inside), reading)
+            _move(statement, routine, arm, bool(inside), reading)
 
 
 def _targeted_rows(statement: Statement) -> list[tuple[int, str]]:
@@ -43,6 +50,8 @@ def _move(move: Pdl2Move, routine: str, own_arm: str, unclear: bool, reading: Ta
     manner, n = _MANNER.fullmatch(move.how), reading.robot.n_joints
     if is_service_name(routine) or is_service_name(move.target):
         reading.leave(line, f"'{said}' {SENTENCE}")
+    elif manner and not own_arm.isdigit():
+        reading.leave(line, f"'{said}' moves an arm that is not certain: the program's own one is {own_arm}")
     elif manner and manner["arm"] not in (None, own_arm):
         reading.leave(line, f"'{said}' moves arm {manner['arm']}; the program's own arm is {own_arm}")
     elif unclear or not manner or not move.target.startswith("{") or not _CLAUSES.match(move.rest) or "{" in move.rest:
