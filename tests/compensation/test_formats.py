@@ -217,7 +217,7 @@ REFUSED = {
     "computed.ngc": ("G[20]\nG53 G0 X1 Y-20 Z3 A4 B5 C6\n", 1, "what it does to the axes is not known"),
     "second.ngc": ("G55\nG0 X1 Y-20 Z3 A4 B5 C6\n", 2, "no G53 after G55"),
     "written.ngc": ("#5221=30\nG0 X1 Y-20 Z3 A4 B5 C6\n", 1, "#5221="),
-    "both.ngc": ("G53 G0 X1 Y-20 Z3 A4 B5 C6\nM8\nG0 X2\n", 3, "Y, Z, A, B, C is not known"),
+    "both.ngc": ("G53 G0 X1 Y-20 Z3 A4 B5 C6\nM8\nG0 X2\n", 3, "no G53: the work offset is not known"),
     "modal.nc": ("G1 A1=1 A2=2\nM30\n", 1, "A3, A4, A5, A6 is not known"),
     "loop.ngc": (
         "G90\nG53 G1 X1 Y2 Z3 A4 B5 C6 F1\no1 repeat [3]\nG53 G1 X5\no1 endrepeat\nM2\n",

@@ -206,11 +206,12 @@ def test_linuxcnc_words_are_joint_angles_only_where_somebody_says_so(offset, who
     path.write_text(text)
     with pytest.raises(InputError, match=r"trivkins; elsewhere they are a place.*--dialect linuxcnc"):
         compensate_file(path, *abb)
-    if offset:
-        with pytest.raises(InputError, match=r"p\.ngc:3: no G53 after G54"):
+    if not whole:
+        after = " after G54" if offset else ""
+        with pytest.raises(InputError, match=rf"p\.ngc:3: no G53{after}: the work offset is not known"):
             compensate_file(path, *abb, dialect="linuxcnc")
-    else:
-        assert changed(compensate_file(path, *abb, dialect="linuxcnc"), text) == [3, 4]
+        return
+    assert changed(compensate_file(path, *abb, dialect="linuxcnc"), text) == [3, 4]
     path.write_text("(plan_id: 0123456789ab)\n" + text.replace("G54", "M9"))
     assert compensate_file(path, *abb).report.joint_targets == 2
 
@@ -400,3 +401,21 @@ def test_subprograms_of_gcode_say_what_their_callers_may_have_changed(name, abb,
             compensate_file(tmp_path / file, *abb)
     else:
         assert changed(compensate_file(tmp_path / file, *abb), text) == [3]
+
+
+@pytest.mark.parametrize("row", ["G1 A01=5", "G1 J1=5", "E1=100", "G1 AP=30 RP=50", "G1 AXIS1=5", "J1=5"])
+def test_words_of_gcode_that_may_be_an_axis_are_refused(row, abb, tmp_path):
+    text = f"DEF INT NR\nG500 G90\nG0 A1=10 A2=-20 A3=10 A4=20 A5=30 A6=5\nNR=5\nCOUNT=7\nR1=3\n{row}\nM30\n"
+    (tmp_path / "p.mpf").write_text(text)
+    with pytest.raises(InputError, match=r"p\.mpf:7: ") as caught:
+        compensate_file(tmp_path / "p.mpf", *abb)
+    assert "p.mpf:4" not in str(caught.value)
+    (tmp_path / "q.mpf").write_text(text.replace(row, "M9"))
+    assert compensate_file(tmp_path / "q.mpf", *abb).report.joint_targets == 1
+
+
+@pytest.mark.parametrize("row", ["CONV_TRACK(1)", "SENSOR_TRK(ON)", "$SENSOR_ENBL := ON"])
+def test_pdl2_motion_that_a_belt_or_a_sensor_adds_is_refused(row, abb, tmp_path):
+    (tmp_path / "p.pdl").write_text(f"PROGRAM p\nBEGIN\n{row}\nMOVE LINEAR TO {{10,-20,10,20,30,5}}\nEND p\n")
+    with pytest.raises(InputError, match=r"p\.pdl:3: .*adds to the targets"):
+        compensate_file(tmp_path / "p.pdl", *abb)

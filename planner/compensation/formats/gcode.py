@@ -41,6 +41,8 @@ def read(text: str, dialect: Dialect, reading: TargetReading) -> None:
     targets = _GcodeTargets(dialect, reading)
     blocks, jumps = list(parse(text, dialect)), _jumps_to_blocks(text)
     within = _lines_of_subprograms(blocks, reading.name)
+    declarations = (b.text for b in blocks if b.text.startswith("DEF "))
+    targets.variables = {name for text in declarations for name in re.findall(r"[A-Z_]\w*", text)}
     begins = [n for n, _, row in Lines.of(text) if row.lstrip("\ufeff \t").startswith("%")]
     for block in blocks:
         if begins and block.line >= begins[0]:  # another program of the same file
@@ -66,13 +68,13 @@ class _GcodeTargets:
         self._own = known_statements(dialect, lambda texts: (b for text in texts for b in parse(text, dialect)), None)
         self._said = [p for p in (reads.dwell, reads.exact, reads.blended, reads.sync, reads.pulse_end) if p]
         self.name = dialect.name
+        self.variables: set[str] = set()  # that the program declares
         self.begin_program()
 
     def begin_program(self) -> None:
         """Begin with what a controller holds before a program: nothing is known of the modal state."""
         self.mode, self.offset, self.called, self.said = "", "", 0, set[str]()  # words that a subprogram has said
         self.is_sub = False
-        self.whole: bool | None = None  # whether the last move was without the work offset
         self.forget()
 
     def note_assumptions(self, text: str, blocks: Sequence[Block]) -> None:
@@ -116,6 +118,8 @@ class _GcodeTargets:
         if foreign := [name for name, _ in found if name in _CARTESIAN and name not in self.axes]:
             sentence = f"the word {foreign[0]} found; the robot's axes are {' '.join(self.joints)} in this dialect"
             self.reading.refuse(block.line, sentence)
+        elif odd := self._unknown_word(block):
+            self.reading.refuse(block.line, f"the word {odd} found, which is not known here: it may move an axis")
         elif words := [word for word in found if word[0] in self.axes]:
             self._move(block, words)
         else:
@@ -136,6 +140,15 @@ class _GcodeTargets:
         """Return the word of a block that adds a tool or a group of offsets to axes, or nothing."""
         words = [(name, number) for name, number in block.words or () if number.value]
         return next((f"{n}{v.text}" for n, v in words if re.fullmatch(r"D|TOFFL?R?|TCARR|G\d+", n)), "")
+
+    def _unknown_word(self, block: Block) -> str:
+        """Return a word that may be an axis: any other beside a motion, or one that looks like an axis; or nothing."""
+        moves = any(code in _MOTION_WORDS for code in block.codes)
+        for name, _ in block.words or ():
+            known = name in self.axes or name in self.variables or _KNOWN_WORD.fullmatch(name)
+            if not known and (moves or _LIKE_AN_AXIS.fullmatch(name)):
+                return name
+        return ""
 
     def _check_codes(self, block: Block) -> None:
         """Refuse G words without axes that may move one, or shift what its angle means."""
@@ -220,17 +233,14 @@ class _GcodeTargets:
             self.reading.refuse(block.line, said)
 
     def _take_offset(self, block: Block) -> bool:
-        """Take in whether a block is driven with the work offset, which nobody has selected, and is taken as zero."""
-        whole = self.work_offset in block.codes
-        if whole != self.whole and self.whole is not None:
-            self.forget()  # what stands in one system has other numbers in the other
-        self.whole = whole
-        if not whole and self.offset:
-            self.reading.refuse(block.line, f"no {self.work_offset} after {self.offset}: the offset is not known here")
-            return False
-        if not whole:
-            self.reading.notes.append((block.line, f"no {self.work_offset}: the work offset is taken as zero"))
-        return True
+        """Take in whether a block is driven without the work offset, which always is the first one or another."""
+        if self.work_offset in block.codes:
+            return True
+        after = f" after {self.offset}" if self.offset else ""
+        said = f"no {self.work_offset}{after}: the work offset is not known here, and {self.work_offset} leaves it out"
+        self.reading.refuse(block.line, said)
+        self.forget()  # what stands in one system has other numbers in the other
+        return False
 
     def _why_not(self, block: Block, names: list[str]) -> str:
         """Say why a block with axis words cannot be compensated; nothing where it can."""
@@ -249,6 +259,8 @@ class _GcodeTargets:
         return ""
 
 
+_KNOWN_WORD = re.compile(r"[FGHMST]\d*|[DLNOPQ]|R\d*|ADIS(?:POS)?|TOFFL?R?|TCARR")
+_LIKE_AN_AXIS = re.compile(r"[A-Z]{1,2}\d{0,2}")
 _SAID_BY_SUB = {"G90", "G500"}
 
 

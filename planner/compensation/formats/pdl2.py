@@ -12,6 +12,7 @@ _MANNER = re.compile(r"(?:ARM\s*\[\s*(?P<arm>\d+)\s*\]\s*)?(?:JOINT|LINEAR)?", r
 _CLAUSES = re.compile(r"(?:ADVANCE\b)?\s*,?\s*(?:$|(?:WITH|TIL|UNTIL)\b)", re.IGNORECASE)
 _OWN_ARM = re.compile(r"^[ \t]*+PROGRAM\b[^\r\n]*\bPROG_ARM\s*=\s*(\w+)", re.IGNORECASE | re.MULTILINE)
 _ARM_CHANGED = re.compile(r"\$PROG_ARM\s*:=", re.IGNORECASE)
+_SHIFTED = re.compile(r"\b(?:CONV_TRACK|SENSOR_TRK|SENSOR_SET_OFST)\b|\$SENSOR_ENBL\s*:=", re.IGNORECASE)
 _TARGETED = re.compile(
     r"\b(?:MOVE(?:FLY)?|EXECUTE)\b|[{}]|(?<![\w$])\w+\s*:=\s*(?:POS|XTNDPOS|JNTP)\s*\(", re.IGNORECASE
 )
@@ -29,6 +30,9 @@ def read(text: str, _dialect: Dialect, reading: TargetReading) -> None:
     if changed := next((s.line for s in statements if _ARM_CHANGED.search(s.text)), 0):
         arm = f"set in line {changed}"
     for statement in statements:
+        if shifted := _SHIFTED.search(statement.text):
+            said = f"{shifted[0]} found: what a belt or a sensor adds to the targets is not known here"
+            reading.refuse(statement.line, said)
         if isinstance(statement, Routine):
             routine = statement.name
         is_move = isinstance(statement, Pdl2Move)
