@@ -290,6 +290,7 @@ LEFT_UR = {  # rows, lines that are left, lines that are corrected beside line 2
     "changed": (["q=[0.2,-0.2,0.1,0.2,0.5,0.1]", "q[0]=0.3", "movej(q)"], [3, 5], []),
     "given twice": (["q=[0.2,-0.2,0.1,0.2,0.5,0.1]", "q=[0.3,-0.2,0.1,0.2,0.5,0.1]", "movej(q)"], [3, 4, 5], []),
     "copied": (["q=[0.2,-0.2,0.1,0.2,0.5,0.1]", "r=q", "movej(q)", "movej(r)"], [3, 5, 6], []),
+    "statements of the network": (["interpreter_mode()"], [3], []),
     "read by a line": (["q=[0.2,-0.2,0.1,0.2,0.5,0.1]", "movel(q)"], [3, 4], []),
 }
 
@@ -375,9 +376,10 @@ def test_pdl2_moves_in_texts_and_of_an_arm_that_changes_are_named(abb, tmp_path)
     text = f"PROGRAM p\nBEGIN\n{move}\nEXECUTE 'MOVE TO {{1,2,3,4,5,6}}'\nEXECUTE cmd\nEND p\n"
     done = run(tmp_path / "p.pdl", text, abb)
     assert sorted(reasons(done)) == [4, 5]
-    (tmp_path / "q.pdl").write_text(f"PROGRAM p\nBEGIN\n{move}\n$PROG_ARM := 2\n{move}\nEND p\n")
-    with pytest.raises(InputError, match=r"q\.pdl:3: .* an arm that is not certain.*set in line 4(.|\n)*q\.pdl:5:"):
-        compensate_file(tmp_path / "q.pdl", *abb)
+    for change in ("$PROG_ARM := 2", f"{move} WITH $PROG_ARM = 2"):
+        (tmp_path / "q.pdl").write_text(f"PROGRAM p\nBEGIN\n{move}\n{change}\n{move}\nEND p\n")
+        with pytest.raises(InputError, match=r"q\.pdl:3: .* an arm that is not certain.*set in line 4(.|\n)*q\.pdl:5:"):
+            compensate_file(tmp_path / "q.pdl", *abb)
 
 
 SUBPROGRAMS = {  # file, text, what its line 3 lacks (nothing where it is corrected)
@@ -419,3 +421,13 @@ def test_pdl2_motion_that_a_belt_or_a_sensor_adds_is_refused(row, abb, tmp_path)
     (tmp_path / "p.pdl").write_text(f"PROGRAM p\nBEGIN\n{row}\nMOVE LINEAR TO {{10,-20,10,20,30,5}}\nEND p\n")
     with pytest.raises(InputError, match=r"p\.pdl:3: .*adds to the targets"):
         compensate_file(tmp_path / "p.pdl", *abb)
+
+
+def test_krl_points_taught_with_negative_numbers_are_left(kuka, tmp_path):
+    (tmp_path / "p.src").write_text(krl("FDAT_ACT=FP1", "BAS(#PTP_PARAMS,100)", "PTP XP1"))
+    fdat = "DECL FDAT FP1={TOOL_NO -1,BASE_NO 0,IPO_FRAME #BASE}"
+    text = f"DEFDAT P\nDECL E6POS XP1={pose(kuka[0])}\n{fdat}\nDECL E6AXIS XA={AXES}\nENDDAT\n"
+    done = run(tmp_path / "p.dat", text, kuka)
+    assert "name no tool or no base: their number is negative" in reasons(done)[2]
+    assert changed(done, text) == [4]
+    assert changed(run(tmp_path / "p.dat", text.replace("-1", "0"), kuka), text.replace("-1", "0")) == [2, 4]

@@ -98,7 +98,9 @@ class FrameValues:
             return "its tool stands still and the robot carries the part"
         if len(numbers) != 2:
             return "the data that its tool and base are taught with are not certain"
-        tool, base = (f"{which}_DATA[{max(int(numbers[which]), 0)}]" for which in KINDS)
+        if any(int(number) < 0 for number in numbers.values()):
+            return "the data that it is taught with name no tool or no base: their number is negative"
+        tool, base = (f"{which}_DATA[{int(numbers[which])}]" for which in KINDS)
         return tool, base
 
     def _take_frame(self, statement: st.Assignment) -> None:

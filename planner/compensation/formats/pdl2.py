@@ -11,7 +11,7 @@ from planner.programs.languages.statements import Routine, Statement
 _MANNER = re.compile(r"(?:ARM\s*\[\s*(?P<arm>\d+)\s*\]\s*)?(?:JOINT|LINEAR)?", re.IGNORECASE)
 _CLAUSES = re.compile(r"(?:ADVANCE\b)?\s*,?\s*(?:$|(?:WITH|TIL|UNTIL)\b)", re.IGNORECASE)
 _OWN_ARM = re.compile(r"^[ \t]*+PROGRAM\b[^\r\n]*\bPROG_ARM\s*=\s*(\w+)", re.IGNORECASE | re.MULTILINE)
-_ARM_CHANGED = re.compile(r"\$PROG_ARM\s*:=", re.IGNORECASE)
+_ARM_CHANGED = re.compile(r"\$PROG_ARM\s*:?=", re.IGNORECASE)
 _SHIFTED = re.compile(r"\b(?:CONV_TRACK|SENSOR_TRK|SENSOR_SET_OFST)\b|\$SENSOR_ENBL\s*:=", re.IGNORECASE)
 _TARGETED = re.compile(
     r"\b(?:MOVE(?:FLY)?|EXECUTE)\b|[{}]|(?<![\w$])\w+\s*:=\s*(?:POS|XTNDPOS|JNTP)\s*\(", re.IGNORECASE

@@ -32,6 +32,8 @@ def read(text: str, _dialect: Dialect, reading: TargetReading) -> None:
             given = _NAMED.fullmatch(statement.text)
             if given and given["name"] in named:
                 _joints(reading, statement, given, "angles")
+            elif re.match(r"interpreter_mode\s*\(", statement.text):
+                reading.leave(statement.line, f"'{statement.text}' found: what comes by the network is not in the file")
             elif not _NO_TARGET.match(statement.text) and (found := _hidden_target(statement.text)):
                 reading.leave(statement.line, f"'{found}' found; {_ALLOWED}")
             continue
