@@ -1,0 +1,11 @@
+MODULE Warm
+CONST jointtarget j1:=[[-31.628,23.241,7.681,12.138,38.268,-4.517],[9E9,9E9,9E9,9E9,9E9,9E9]];
+PERS jointtarget j2:=[[-25.565,23.082,12.176,18.856,68.162,18.458],[0,0,0,0,0,0]];
+PROC Warm()
+FOR i FROM 1 TO 10 DO
+MoveAbsJ j1,v500,z20,tool0;
+MoveAbsJ j2\NoEOffs,v500,z20,tool0\WObj:=wobj0;
+MoveAbsJ [[-31.628,23.241,7.681,12.138,38.268,-4.517],[9E+09,9E+09,9E+09,9E+09,9E+09,9E+09]],v500,fine,tool0;
+ENDFOR
+ENDPROC
+ENDMODULE

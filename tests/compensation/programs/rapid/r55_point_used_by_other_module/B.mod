@@ -1,0 +1,5 @@
+MODULE B
+  PROC bGo()
+    MoveJ p1,v500,fine,tB;
+  ENDPROC
+ENDMODULE
