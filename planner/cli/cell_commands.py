@@ -124,11 +124,12 @@ def _run(
 
 def _simulate(session: CentringSession, cell: Cell, settings: CentringSettings, stop: StopRequest, seed: int) -> None:
     from planner.instruments.centring.session import CentringBench, run_session
-    from planner.instruments.centring.simulated import SimulatedArm, draw_robot
+    from planner.instruments.centring.simulated import SimulatedArm
     from planner.instruments.centring.stop import stop_on_signals
+    from planner.instruments.truth import draw_truth
     from planner.runs.run import SIMULATED
 
-    truth = draw_robot(cell, seed)
+    truth = draw_truth(cell, seed)
     arm = SimulatedArm(cell, truth, settings, seed)
     session.journal.remarks = "".join(f"# truth: {line}\n" for line in (SIMULATED, *truth.lines()))
     at_once = settings.model_copy(update={"rest": settings.rest.model_copy(update={"settle_s": 0.0})})

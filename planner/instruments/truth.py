@@ -19,6 +19,7 @@ from planner.effects.catalogue import catalogue
 from planner.effects.compliance import compliance_parameters, is_joint_compliance
 from planner.effects.effect import Effect, Parameter
 from planner.instruments.set_up import place_fixtures_by_robot, set_up_sizes
+from planner.instruments.uncalibrated import UncalibratedBound, bound_uncalibrated
 from planner.model.model import Model
 from planner.runs.run import SIMULATED, Samples
 
@@ -138,11 +139,13 @@ class Truth:
         model: every error that may be named; its setup has the noise.
         errors: their values, (P,) in the parameters' units.
         effects: of the catalogue.
+        bound: by which errors that were drawn were made smaller, where the cell says how large they are at most.
     """
 
     model: Model
     errors: Array
     effects: tuple[TrueEffect, ...] = ()
+    bound: UncalibratedBound | None = None
 
     def complete(self) -> tuple[Model, Array]:
         """Return the model with the effects among its parameters, and all values."""
@@ -150,11 +153,12 @@ class Truth:
         return self.model.plus([p for p, _ in more]), np.append(self.errors, [v for _, v in more])
 
     def lines(self) -> tuple[str, ...]:
-        """Say every error that is not zero, every effect and the noise, as keys of ``TRUTH.toml``."""
+        """Say how it was drawn, then every error but zeros, every effect and the noise, as keys of ``TRUTH.toml``."""
         pairs = zip(self.model.parameters, self.errors, strict=True)
         said = [_format_error(p, float(v)) for p, v in pairs if v != 0.0]
         setup = self.model.setup
         return (
+            *(() if self.bound is None else (f"# {self.bound.text}",)),
             *said,
             *(f"effects = {e.said}" for e in self.effects),
             f"gauge_um = {setup.gauge.noise / UM:.6g}",
@@ -221,16 +225,21 @@ def _add_change(file: TruthFile, change: str) -> TruthFile:
 def draw_truth(cell: Cell, seed: int) -> Truth:
     """Draw every error from its prior size, by its name: one robot in all cells of a seed.
 
-    Joints give way in the direction of their load only. Fixtures that are set up by the robot stand where it truly
-    comes, see :mod:`planner.instruments.set_up`.
+    Where the cell says how far a robot errs at most before calibration, that robot's errors are made smaller by one
+    factor (:mod:`planner.instruments.uncalibrated`): the same arm, built with more care. Joints give way in the
+    direction of their load only. Fixtures that are set up by the robot stand where it truly comes, see
+    :mod:`planner.instruments.set_up`.
     """
     model = _truth_model(cell)
     drawn = [np.random.default_rng([seed, crc32(name.encode())]).standard_normal() for name in model.names]
     sizes = np.array(drawn) * set_up_sizes(cell, model)
     gives = np.array([is_joint_compliance(p) for p in model.parameters])
-    errors = place_fixtures_by_robot(cell, model, np.where(gives, np.abs(sizes), sizes))
+    errors = np.where(gives, np.abs(sizes), sizes)
+    if bound := bound_uncalibrated(cell, model, errors):
+        errors = np.where([p.group == "gauge" for p in model.parameters], errors, bound.factor * errors)
+    errors = place_fixtures_by_robot(cell, model, errors)
     short = [_round_value(p, float(v)) for p, v in zip(model.parameters, errors, strict=True)]
-    return Truth(model, read_only(short))
+    return Truth(model, read_only(short), bound=bound)
 
 
 def _truth_model(cell: Cell) -> Model:

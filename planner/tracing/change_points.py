@@ -174,17 +174,20 @@ def _step_positions(samples: Samples) -> np.ndarray:
 
 
 def _is_borne_by_several(test: ScoreTest, columns: Array, score: EffectScore) -> bool:
-    """Tell whether a step holds without the sample of its shorter side that speaks for it most: else that is wrong."""
+    """Tell whether a step holds without the sample of its shorter side that speaks for it most: else that is wrong.
+
+    That sample is left out with all that it does to the fit: it has an error of its own beside the step.
+    """
     n, r, _ = columns.shape
     before = np.asarray(test.problem.samples.number) < change_sample(FittedEffect(score.effect))
     shorter = before if before.sum() <= n - before.sum() else ~before
     lone = int(np.argmax(np.where(shorter, (test.residual.reshape(n, r) ** 2).sum(axis=1), -1.0)))
-    A, residual = _as_stepped(test, columns, score), test.residual.copy()
-    A[lone], residual[lone * r : (lone + 1) * r] = 0.0, 0.0
-    A = A.reshape(n * r, -1)
-    shared = test.products(A)
-    gain, size = score_gains((A.T @ A - shared.T @ shared)[None], (A.T @ residual)[None], (A**2).sum(axis=0)[None])
-    return test.log_p(float(gain[0]), int(size[0]), score.effect.scanned) < LOG_SIGNIFICANCE
+    left_out = np.zeros((n, r, r))
+    left_out[lone] = np.eye(r)
+    beside, A = _beside(test, left_out), _as_stepped(test, columns, score).reshape(n * r, -1)
+    shared, along = beside.products(A), A.T @ beside.residual
+    gain, size = score_gains((A.T @ A - shared.T @ shared)[None], along[None], (A**2).sum(axis=0)[None])
+    return beside.log_p(float(gain[0]), int(size[0]), score.effect.scanned) < LOG_SIGNIFICANCE
 
 
 def _is_sudden(test: ScoreTest, columns: Array, score: EffectScore) -> bool:

@@ -11,6 +11,7 @@ from planner.identification.pipeline import FitSettings, identify
 from planner.identification.run_setup import number_samples
 from planner.tracing.change_points import best_steps, change_sample, score_steps, step_series
 from planner.tracing.score_test import ScoreTest
+from planner.tracing.significance import LOG_SIGNIFICANCE
 from planner.tracing.state import FittedEffect
 from planner.tracing.trace import slip_of_the_pen, trace
 from tests.identification.worlds import declared, world
@@ -71,6 +72,36 @@ def test_what_steps_again_and_again_is_one_thing():
     series = step_series(test, things)[0]
     assert {s.effect.name for s in series} == {"step, gauge"}, "joint 2 alone would explain much of it"
     assert sorted(change_sample(FittedEffect(s.effect)) for s in series)[:3] == [30, 60, 95]
+
+
+@pytest.mark.parametrize("sample", [3, 60, 117])
+def test_a_step_has_three_samples_on_either_side(sample):
+    """The first and the last place that a step may take, and one in between."""
+    test, things = scanned((("step, gauge", sample, 60.0),))
+    best = min(best_steps(test, things), key=lambda s: s.log_p)
+    assert best.log_p < LOG_SIGNIFICANCE
+    assert change_sample(FittedEffect(best.effect)) == sample
+
+
+@pytest.mark.parametrize("sample", [1, 2, 118, 119])
+def test_one_or_two_samples_at_an_end_are_no_step_of_theirs(sample):
+    """Of so few nobody knows which errs: no step is placed there, however far off they are."""
+    test, things = scanned((("step, gauge", sample, 60.0),))
+    for _, score in score_steps(test, things):
+        assert 3 <= change_sample(FittedEffect(score.effect)) <= 117
+
+
+@pytest.mark.parametrize("row", [1, 4, 115, 118])
+def test_a_lone_outlier_is_no_step(row):
+    """One reading far off looks like a step of whatever moved it: without it there is none."""
+    w = world(n=120)
+    length = np.array(stepped(w, 1, ()).readings.length)
+    length[row] += 4e-4  # twenty times the noise
+    found, _ = w.fitted(number_samples(w.reading(length)))
+    test = ScoreTest.of(found)
+    things = list(steppables(Excitation(w.model.setup, test.problem.samples)))
+    assert min(s.log_p for _, s in score_steps(test, things)) < LOG_SIGNIFICANCE
+    assert min(s.log_p for s in best_steps(test, things)) > LOG_SIGNIFICANCE
 
 
 def test_a_step_and_a_mistyped_row_are_named():

@@ -41,11 +41,6 @@ class FirstContact:
             cell.gauge.indicators.uncalibrated / length_quantile(_prior_covariance(self._robot, states)).max()
         ) ** 2
 
-    @property
-    def robot_share(self) -> float:
-        """Factor on the prior sizes of the robot's errors that makes them as large as the cell says."""
-        return float(np.sqrt(self._scale))
-
     @classmethod
     def of(cls, cell: Cell) -> "FirstContact | None":
         """Return it for a head of indicators; a person leads the ball into a socket."""

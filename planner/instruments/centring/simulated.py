@@ -8,10 +8,9 @@ from scipy.spatial.transform import Rotation
 from planner.cell.cell import Cell
 from planner.cell.setup import Targets
 from planner.common.units import UM, Array, read_only
-from planner.design.candidates.balls import FirstContact
 from planner.instruments.centring.settings import CentringSettings
 from planner.instruments.centring.stop import LinkError
-from planner.instruments.truth import Truth, draw_truth
+from planner.instruments.truth import Truth
 from planner.kinematics.inverse_kinematics import solve_pose_ik, tool_pose
 from planner.runs.run import Samples
 
@@ -19,13 +18,6 @@ SCATTER = 0.5 * UM  # of an indicator
 BEYOND = 1.2  # times the usable range that a plunger stands out with nothing before it
 FORGOTTEN = float(np.deg2rad(1.0))  # [rad] travel of a joint over which it forgets by how much it stood off
 IK_STEPS = 20
-
-
-def draw_robot(cell: Cell, seed: int) -> Truth:
-    """Draw errors of gauge and robot, the robot's together as large as ``gauge.head.uncalibrated_mm``."""
-    drawn, share = draw_truth(cell, seed), FirstContact(cell).robot_share
-    factor = np.array([1.0 if p.group == "gauge" else share for p in drawn.model.parameters])
-    return replace(drawn, errors=read_only(drawn.errors * factor))
 
 
 class SimulatedArm:

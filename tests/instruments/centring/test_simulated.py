@@ -9,8 +9,9 @@ from planner.cell.setup import Targets
 from planner.design.candidates.balls import draw_ball_candidates
 from planner.instruments.centring.procedure import centre_ball, check_free
 from planner.instruments.centring.settings import CentringSettings, RestSettings
-from planner.instruments.centring.simulated import SimulatedArm, draw_robot
+from planner.instruments.centring.simulated import SimulatedArm
 from planner.instruments.centring.stop import StopRequest
+from planner.instruments.truth import draw_truth
 from planner.runs.run import Samples
 
 
@@ -18,7 +19,7 @@ def test_balls_are_met_millimetres_off_and_centred_to_micrometres():
     whole = load_cell("kuka-kr6-r700/trical")
     cell = replace(whole, plan=replace(whole.plan, candidates=8))
     pool = draw_ball_candidates(cell, 8)
-    truth, settings = draw_robot(cell, 1), CentringSettings(rest=RestSettings(settle_s=0.0))
+    truth, settings = draw_truth(cell, 1), CentringSettings(rest=RestSettings(settle_s=0.0))
     arm = SimulatedArm(cell, truth, settings, 1)
     model, errors = truth.complete()
     far = []
@@ -38,7 +39,7 @@ def test_balls_are_met_millimetres_off_and_centred_to_micrometres():
 
 def test_after_any_steps_the_arm_stands_as_well_as_it_repeats_to():
     cell = load_cell("kuka-kr6-r700/trical")
-    truth = draw_robot(cell, 1)
+    truth = draw_truth(cell, 1)
     arm = SimulatedArm(cell, truth, CentringSettings(rest=RestSettings(settle_s=0.0)), 1)
     off = []
     for _ in range(80):
