@@ -111,7 +111,7 @@ def _verdict(motion, outcome, lines, nominal, true):
     there = (holder["file"], holder["line"]) if holder else here
     before, after = _targets(motion, holder, outcome, lines) if holder and "point" in motion else (None, None)
     changed = after is not None and after != before
-    elsewhere = here in outcome.listed_as_elsewhere and there[0] not in outcome.after
+    elsewhere = here in outcome.listed_as_elsewhere and (holder is None or there[0] not in outcome.after)
     named = here in outcome.listed or (elsewhere and not changed)
     if here[0] in outcome.refused and not changed:
         return REFUSED, ""
