@@ -431,3 +431,77 @@ def test_krl_points_taught_with_negative_numbers_are_left(kuka, tmp_path):
     assert "name no tool or no base: their number is negative" in reasons(done)[2]
     assert changed(done, text) == [4]
     assert changed(run(tmp_path / "p.dat", text.replace("-1", "0"), kuka), text.replace("-1", "0")) == [2, 4]
+
+
+CHANGES_OF_A_FRAME = {  # rows of the program, BT being a frame of the module's data; the line that changes it
+    "component": (["BT.Z=BT.Z+0.5", "$BASE=BT", "PTP XP1"], 4),
+    "whole": (["BT=CamFrame()", "$BASE=BT", "PTP XP1"], 4),
+    "behind the move": (["$BASE=BT", "PTP XP1", "BT.Z=BT.Z+0.5"], 7),
+    "whole, behind the move": (["$BASE=BT", "PTP XP1", "BT=CamFrame()"], 7),
+    "plain numbers": (["$BASE=BT", "PTP XP1", "BT={X 9,Y 0,Z 0,A 0,B 0,C 0}"], 7),
+    "trigger": (["$BASE=BT", "TRIGGER WHEN DISTANCE=0 DELAY=0 DO BT=OTHER", "PTP XP1"], 6),
+    "analog input": (["ANIN ON BT.Z=1.0*SIG", "$BASE=BT", "PTP XP1"], 4),
+    "handed on": (["measure(BT)", "$BASE=BT", "PTP XP1"], 4),
+    "a row handed on": (["measure(BR[])", "$BASE=BR[1]", "PTP XP1"], 4),
+    "one of a row handed on": (["measure(BR[I])", "$BASE=BR[1]", "PTP XP1"], 4),
+    "one of a row": (["BR[1].X=BR[1].X+1", "$BASE=BR[1]", "PTP XP1"], 4),
+    "one of a row, computed": (["BR[I].X=BR[1].X+1", "$BASE=BR[1]", "PTP XP1"], 4),
+    "data of the point": (["MINE.BASE_NO=2", "FDAT_ACT=MINE", "BAS(#PTP_PARAMS,100)", "PTP XP1"], 0),
+    "way of turning": (["MOT.ORI_TYP=#CONSTANT", "LDAT_ACT=MOT", "$BASE=BT", "BAS(#CP_DAT)", "LIN XP1"], 4),
+    "way of turning, computed": (["MOT.ORI_TYP=HOW", "LDAT_ACT=MOT", "$BASE=BT", "BAS(#CP_DAT)", "LIN XP1"], 4),
+    "way of turning, handed on": (["set(MOT)", "LDAT_ACT=MOT", "$BASE=BT", "BAS(#CP_DAT)", "LIN XP1"], 4),
+    "way of turning, whole": (["MOT=HOW()", "LDAT_ACT=MOT", "$BASE=BT", "BAS(#CP_DAT)", "LIN XP1"], 4),
+    "nothing": (["$BASE=BT", "PTP XP1"], 0),
+    "nothing, a line": (["LDAT_ACT=MOT", "$BASE=BT", "BAS(#CP_DAT)", "LIN XP1"], 0),
+    "nothing, a row": (["OTHER=BR[2]", "$BASE=BR[1]", "PTP XP1"], 0),
+}
+
+
+@pytest.mark.parametrize("name", CHANGES_OF_A_FRAME)
+@pytest.mark.parametrize("half", ["p.dat", "p.src"])
+def test_krl_frames_of_the_module_that_the_program_changes_have_no_certain_value(name, half, kuka, tmp_path):
+    """Wherever the change stands, and whichever half is corrected: the order of the files says nothing."""
+    rows, line = CHANGES_OF_A_FRAME[name]
+    frame = "{X 5,Y 0,Z 0,A 0,B 0,C 0}"
+    row = [f"DECL FRAME BT={frame}", *(f"BR[{k}]={frame}" for k in (1, 2)), "DECL FRAME OTHER"]
+    row += ["DECL FDAT MINE={TOOL_NO 0,BASE_NO 0,IPO_FRAME #BASE}", "DECL LDAT MOT={VEL 2,ORI_TYP #VAR}"]
+    row += [f"DECL E6AXIS XA={AXES}"]
+    texts = {
+        "p.src": krl(GOOD, GOOD, *rows).replace("$BASE=", "$TOOL=$NULLFRAME\n$BASE="),
+        "p.dat": "\n".join(["DEFDAT P", *row, "ENDDAT", ""]),
+    }
+    texts[half] = texts[half].replace("ENDDAT", f"DECL E6POS XP1={pose(kuka[0])}\nENDDAT")
+    texts["p.src"] = texts["p.src"].replace("XP1", pose(kuka[0]) if half == "p.src" else "XP1")
+    for file, text in texts.items():
+        (tmp_path / file).write_text(text)
+    done = run(tmp_path / half, texts[half], kuka)
+    number = next(n for n, text in enumerate(texts[half].splitlines(), 1) if pose(kuka[0]) in text)
+    if name.startswith("nothing"):
+        assert number in changed(done, texts[half])
+        assert not done.partly
+    else:
+        assert number not in changed(done, texts[half])
+        assert f"line {line}" in reasons(done)[number] or not line
+
+
+@pytest.mark.parametrize("switch", ["Wrist45", "Wrist46", "Wrist56"])
+@pytest.mark.parametrize("first", [True, False])
+def test_rapid_circles_on_two_wrist_axes_are_left(switch, first, abb, tmp_path):
+    """They do not reach the orientation that is written; lines do, and so does a circle of another mode."""
+    line = f"MoveL {target(abb[0])},v9,fine,tool0;"
+    circle = f"MoveC {target(abb[0])},{target(abb[0])},v9,fine,tool0;"
+    mode = f"CirPathMode \\{switch};"
+    rows = [mode, circle, line, "SingArea \\Off;", circle] if first else [circle, line, "SetDO d,1;", circle, mode]
+    text = rapid(*rows, "CirPathMode\\CirPointOri;", circle, "CirPathMode;", "SingArea \\Off;", circle)
+    done = run(tmp_path / "p.mod", text, abb)
+    left = [4, 7] if first else [3, 6]
+    assert list(reasons(done)) == left
+    assert f"CirPathMode \\{switch}" in reasons(done)[left[0]]
+    assert {9, 12} <= set(changed(done, text))
+    assert left[0] + 1 in changed(done, text)
+
+
+@pytest.mark.parametrize("mode", ["PathFrame", "ObjectFrame", "CirPointOri"])
+def test_rapid_circles_that_reach_the_orientation_are_corrected(mode, abb, tmp_path):
+    text = rapid(f"CirPathMode \\{mode};", f"MoveC {target(abb[0])},{target(abb[0])},v9,fine,tool0;")
+    assert not run(tmp_path / "p.mod", text, abb).partly

@@ -103,7 +103,7 @@ class FrameState:
         """Say why a straight move here may keep the orientation that it begins with; nothing where it does not."""
         named = re.search(r"\bSORI_TYP\s*\(\s*(\w+)", rest, re.IGNORECASE)
         mode = self._values.orientation_of(named[1]) if named else self._now["ORI_TYPE"]
-        return "" if mode == _VARIABLE else self._turns
+        return "" if mode == _VARIABLE else self._turns or self._values.turned
 
     def _find_frame(self, name: str) -> Frame:
         """Return a frame by its name as it is at this statement."""
@@ -225,7 +225,7 @@ def _orientation(statements: Sequence[st.Statement]) -> str:
     for s in statements:
         if isinstance(s, st.Assignment) and s.name == "$ORI_TYPE" and s.value.upper() != _VARIABLE:
             return f"$ORI_TYPE may be {s.value} since line {s.line}: the arm keeps the orientation that it comes with"
-        if found := re.search(r"\bORI_TYP\s*=?\s*(#(?!VAR\b)\w+)", s.text, re.IGNORECASE):
+        if found := re.search(r"\bORI_TYP\s*(?:=(?!=)\s*(?!#VAR\b)|(?=#)(?!#VAR\b))([#$\w.]+)", s.text, re.IGNORECASE):
             return f"ORI_TYP is {found[1]} in line {s.line}: the arm may keep the orientation that it comes with"
     return ""
 

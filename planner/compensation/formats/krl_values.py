@@ -7,7 +7,7 @@ import numpy as np
 
 import planner.programs.languages.statements as st
 from planner.common.units import DEG, MM, Array, read_only
-from planner.compensation.formats.krl_calls import SELECTS_TAUGHT, FrameChanges, names_given_away
+from planner.compensation.formats.krl_calls import SELECTS_TAUGHT, FrameChanges, names_given_away, names_set_beside
 from planner.compensation.points import Frame
 from planner.compensation.rotations import frame, from_abc
 from planner.compensation.targets import ToolAndBase
@@ -47,6 +47,7 @@ class FrameValues:
 
     Attributes:
         everywhere: why no tool and base of the file are certain, or empty.
+        turned: why straight moves may keep their orientation, though no line says so; or empty.
         set_by_code: line of each frame that has its value only while the program runs.
     """
 
@@ -55,9 +56,10 @@ class FrameValues:
         self._fdats: dict[str, str] = {}
         self._orientations: dict[str, str] = {}  # of straight moves, by the name of their LDAT
         self._on_kinematic: dict[str, str] = {}  # bases that stand on an external kinematic
-        self.everywhere, self.set_by_code, self._changes = "", dict[str, int](), changes
+        self.everywhere, self.turned, self.set_by_code, self._changes = "", "", dict[str, int](), changes
         said = [*parse(given.data), *statements]
-        assigned = [s for s in said if isinstance(s, st.Assignment)]
+        assigned = sorted((s for s in said if isinstance(s, st.Assignment)), key=changes.is_in_routine)  # data first
+        self._plain = {one_spelling(s.name) for s in assigned if not s.part and plain_frame(s.value) is not None}
         for s in assigned:
             self._take_frame(s)
             self._take_taught(s, one_spelling(s.name))
@@ -111,11 +113,12 @@ class FrameValues:
             self.everywhere = f"{_variable(statement)} is set in line {statement.line}"
         elif _CORRECTIONS.fullmatch(name) and self._changes.is_in_routine(statement):
             self.everywhere = f"{name}, which is added to tool or base, is set in line {statement.line}"
-        elif name.startswith("$") or (T is None and name not in self._frames and not TABLE.fullmatch(name)):
+        elif name.startswith("$") or (T is None and name not in self._plain and not TABLE.fullmatch(name)):
             return
         elif (table := TABLE.fullmatch(name)) and not table[2].isdigit():
-            for index in range(1, _LONGEST + 1):
-                self._frames[f"{table[1]}_DATA[{index}]"] = describe_change(statement)
+            self._frames |= dict.fromkeys(_rows(table), describe_change(statement))
+        elif isinstance(self._frames.get(name), str):
+            return  # its first change is named
         elif T is None or not np.array_equal(T, self._frames.get(name, T)):
             self._frames[name] = describe_change(statement)
         else:
@@ -132,6 +135,8 @@ class FrameValues:
             _keep_unless_changed(self._fdats, name, value.upper() if value.startswith("{") else "")
         if name != "LDAT_ACT" and (statement.kind == "LDAT" or name in self._orientations):
             _keep_unless_changed(self._orientations, name, _orientation_in(value))
+            if not (statement.part or value.startswith("{") or one_spelling(value) in self._orientations):
+                self.turned = self.turned or describe_change(statement)
 
     def _take_kinematics(self, statements: Sequence[st.Assignment]) -> None:
         """Take in which bases do not stand on the floor (MACHINE_FRAME_DAT, MACHINE_DEF of ``$config.dat``)."""
@@ -147,13 +152,21 @@ class FrameValues:
     def _take_doubts(self, statements: Sequence[st.Statement]) -> None:
         """Take in frames of a row that is written at a computed place, and those that a routine is given."""
         for s in statements:
-            row, _, place = one_spelling(s.name).partition("[") if isinstance(s, st.Assignment) else ("", "", "")
-            computed = place and not place[:-1].isdigit()
-            given = names_given_away(s)
-            for name in self._frames:
-                if (computed and name.startswith(f"{row}[")) or name in given:
-                    self._frames[name] = f"{name} may be changed in line {s.line} while the program runs"
-            self._fdats |= dict.fromkeys(given & self._fdats.keys(), "")
+            written = names_given_away(s) | names_set_beside(s)
+            if isinstance(s, st.Assignment) and not _is_one(name := one_spelling(s.name)):
+                written.add(name)
+            for name in written:
+                table = TABLE.fullmatch(name)
+                found = {name} if name in self._frames else set(_rows(table)) if table else set[str]()
+                if not _is_one(name):
+                    row = name.partition("[")[0]
+                    found |= {other for other in self._frames if other.startswith(f"{row}[")}
+                for other in found:
+                    self._frames[other] = f"{other} may be changed in line {s.line} while the program runs"
+            self._fdats |= dict.fromkeys(written & self._fdats.keys(), "")
+            for name in sorted(written & self._orientations.keys()):
+                self._orientations[name] = ""
+                self.turned = self.turned or f"{name} may be changed in line {s.line} while the program runs"
 
     def _selections(self, statements: Sequence[st.Statement]) -> Iterator[tuple[str, str]]:
         """Yield the kind and the name of every frame that the statements select; empty where that is computed."""
@@ -179,6 +192,17 @@ class FrameValues:
             if T is not None and len(missing) == 1:
                 self._frames[missing.pop()] = T
             self.unsaid.append(None if names else T)
+
+
+def _is_one(name: str) -> bool:
+    """Tell whether a name, in one spelling, means one variable: it has no index, or one that is a number."""
+    return re.fullmatch(r"[^\[]*(\[\d+\])?", name) is not None
+
+
+def _rows(table: re.Match[str]) -> list[str]:
+    """Return the names that a match of ``TABLE`` stands for: all rows where its index is computed."""
+    rows = [int(table[2])] if table[2].isdigit() else range(1, _LONGEST + 1)
+    return [f"{table[1]}_DATA[{row}]" for row in rows]
 
 
 def _keep_unless_changed(table: dict[str, str], name: str, said: str) -> None:

@@ -21,14 +21,13 @@ from planner.compensation.formats.rapid_frames import (
     may_change,
     place,
 )
+from planner.compensation.formats.rapid_turning import ToolTurning, is_circle, is_linear
 from planner.compensation.rotations import pose_matrix
 from planner.programs.dialect import Dialect
 from planner.programs.languages.rapid import JOINT_TARGET, ROB_TARGET, UNUSED, Argument, RapidMove, parse
 
 QUATERNION_DECIMALS = 8
 _DISPLACED = re.compile(r"\b(PDispOn|PDispSet|EOffsOn|EOffsSet|CorrCon|Set(?:All)?DataVal|DeactUnit)\b", re.IGNORECASE)
-_WRIST_FREE = re.compile(r"\bSingArea\s*\\\s*(Wrist|LockAxis4)\b", re.IGNORECASE)
-_WRIST_KEPT = re.compile(r"\bSingArea\s*\\\s*Off\b", re.IGNORECASE)
 _EXTERNAL_MOVE = re.compile(r"\bMoveExtJ\b|\bInd[ACDR]Move\b", re.IGNORECASE)
 _EXTERNAL_GIVEN = re.compile(r"\.\s*extax\s*+(?:\.\s*eax_(?P<axis>[a-f])\s*+)?$", re.IGNORECASE)
 _TARGETS = {"jointtarget": JOINT_TARGET, "robtarget": ROB_TARGET}
@@ -72,9 +71,8 @@ class _RapidTargets:
         self.displaced = next((p for p in placed if _DISPLACED.search(p.statement.text)), None)
         self.conf_off = {m[1].lower(): p.where for p in own if (m := _CONF_OFF.search(p.statement.text))}
         self.conf_off_beside = next((p for p in beside if _CONF_OFF.search(p.statement.text)), None)
-        self.wrist_free = next((p for p in placed if _WRIST_FREE.search(p.statement.text)), None)
+        self.turning = ToolTurning(placed)
         self.copies: dict[str, set[str]] = {}  # of variables, the points that they are copies of
-        self.wrist_kept = False  # whether SingArea \Off certainly holds
         self.driven = _driven_axes(placed)
         self.last: int | None = None  # index of the target that the arm comes from, where that is certain
 
@@ -145,28 +143,17 @@ class _RapidTargets:
                 line = said.line + value[: found.start()].count("\n")
                 self.reading.leave(line, f"a target in '{text[:60]}' found; those of moves are corrected")
 
-    def _follow_wrist(self, said: st.Statement) -> None:
-        """Take in whether the orientation is certainly kept on the way of a line, in the order of the file."""
-        if re.match(r"SingArea\b", said.text, re.IGNORECASE):
-            self.wrist_kept = _WRIST_KEPT.match(said.text) is not None
-        elif isinstance(said, st.Call | st.Flow | st.Routine | st.RoutineEnd) or type(said) is st.Statement:
-            self.wrist_kept = False
-
     def _frames_of(self, p: Placed, move: RapidMove) -> pt.FramePair:
         """Return tool and base of a move, or why it does not go to where its target says."""
-        if self.wrist_free is None or (self.wrist_kept and not p.beside) or not _is_linear(move):
-            return self.frames.of(p, move)
-        word = _WRIST_FREE.search(self.wrist_free.statement.text)
-        assert word is not None
-        why = f"SingArea \\{word[1]} in {self.wrist_free.where} lets the tool turn otherwise in a line or a circle"
-        return why, why
+        why = self.turning.doubt(p, move)
+        return (why, why) if why else self.frames.of(p, move)
 
     def take(self, p: Placed) -> None:
         """Take in one statement, now that all declarations are known."""
         said = p.statement
         self._hand_points(p)
         self._note_hidden(p)
-        self._follow_wrist(said)
+        self.turning.follow(said)
         match said:
             case RapidMove() as move:
                 beside = not move.text.lower().startswith(move.word)  # behind a condition, a label, a case, ERROR
@@ -247,9 +234,9 @@ class _RapidTargets:
                 self.names.resolve(p, move.arguments[min(1, len(move.arguments) - 1)].text) if move.arguments else ""
             )
             self.points.compute(found, f"{_COMPUTED} (line {move.line})")
-        last = first + (2 if re.match(r"(move|trigg|search|arc|cap|disp|paint)c", move.word) else 1)
+        last = first + (2 if is_circle(move.word) else 1)
         for argument in move.arguments[first:last]:
-            use = pt.Use(self._frames_of(p, move), self.last, _is_linear(move))
+            use = pt.Use(self._frames_of(p, move), self.last, is_linear(move))
             self.last = self._argument(p, move.line, argument, use)
 
     def _argument(self, p: Placed, line: int, argument: Argument, use: pt.Use) -> int | None:
@@ -326,10 +313,6 @@ class _RapidTargets:
 
 def _numbers(value: str, start: int) -> list[st.PlacedNumber]:
     return st.placed_numbers(value, start, st.EXPONENT_NUMBER)
-
-
-def _is_linear(move: RapidMove) -> bool:
-    return re.match(r"(move|trigg)(j|absj)|spotj", move.word) is None
 
 
 def _driven_axes(placed: Sequence[Placed]) -> set[int]:
