@@ -90,11 +90,17 @@ def test_the_balls_stand_in_a_cell(tmp_path):
 def test_the_column_map_reads_two_traces(tmp_path):
     (tmp_path / "map.toml").write_text(TEXTS[2])
     times = [0.1 * k for k in range(200)]
-    (tmp_path / "axes.log").write_text("Time;A1\n" + "".join(f"{t:.2f};{10 * t:.3f}\n" for t in times))
+    rest = ";0" * 5  # all axes of Comau at 0: the arm straight up, joint 3 of the model at -90 degrees
+    rows = "".join(f"{t:.2f};{10 * t:.3f}{rest}\n" for t in times)
+    (tmp_path / "axes.log").write_text("Time;A1;A2;A3;A4;A5;A6\n" + rows)
     (tmp_path / "gauge.csv").write_text("t,L\n" + "".join(f"{t:.2f},{400_000 + 100 * t:.1f}\n" for t in times))
     run = import_run([tmp_path / "axes.log", tmp_path / "gauge.csv"], tmp_path / "map.toml")
     assert run.readings.length is not None
     assert 0.4 <= run.readings.length.min() <= run.readings.length.max() < 0.403
+    q_deg = np.rad2deg(run.samples.q)
+    assert q_deg[:, 0].min() < -19.5  # Comau's axis 1 counts the other way
+    np.testing.assert_allclose(q_deg[:, 0], -10 * run.samples.t, atol=0.2)
+    np.testing.assert_allclose(q_deg[:, 1:], np.tile([0, -90, 0, 0, 0], (len(q_deg), 1)), atol=1e-9)
 
 
 def test_the_truth_is_what_a_simulated_robot_has(tmp_path):
