@@ -382,9 +382,9 @@ def test_the_summary_says_what_was_left(tmp_path):
     assert "p.src:4: XP9 is declared elsewhere" in done.summary
 
 
-def test_a_program_called_in_between_is_told(robot, tmp_path):
+def test_a_switch_of_the_machine_in_between_is_told(robot, tmp_path):
     path, row = tmp_path / "p.MPF", "G0 A1=1 A2=-80 A3=90 A4=4 A5=20 A6=6\n"
-    path.write_text(f"{row}R1=5\n{row}MSG()\n{row}L6\n{row}{row}M30\n")
+    path.write_text(f"{row}R1=5\n{row}MSG()\n{row}M6\n{row}{row}M30\n")
     done = compensate_file(path, robot, exact(robot), dialect="sinumerik")
     assert [line for line, _ in done.report.notes] == [7, 1]
     assert "after what line 6 calls" in done.summary

@@ -505,3 +505,46 @@ def test_rapid_circles_on_two_wrist_axes_are_left(switch, first, abb, tmp_path):
 def test_rapid_circles_that_reach_the_orientation_are_corrected(mode, abb, tmp_path):
     text = rapid(f"CirPathMode \\{mode};", f"MoveC {target(abb[0])},{target(abb[0])},v9,fine,tool0;")
     assert not run(tmp_path / "p.mod", text, abb).partly
+
+
+BEHIND_CALLS = {  # rows before and behind the call, with their moves; the lines that are not certain
+    "a name": ("{A}\nNULLPUNKT\n{A}", [4]),
+    "arguments": ("{A}\nNULLPUNKT(1,2)\n{A}", [4]),
+    "a number": ("{A}\nL900 P2\n{A}\n{A}", [4, 5]),
+    "by text": ('{A}\nCALL "NP"\n{A}', [4]),
+    "by M98": ("{A}\nM98 P900\n{A}", [4]),
+    "a function": ("{A}\nR1=NP(1)\n{A}", [4]),
+    "no G90": ("NP\nG153 {A}", [3]),
+    "offsets": ("NP\nG90\n{A}", [4]),
+    "only off": ("NP\nG90 G500\n{A}", [4]),
+    "before": ("G90 G500\nTRANS\nNP\nG153 {A}", [5]),
+    "left out at will": ("NP\n/G90\nG153 {A}", [4]),
+    "in a branch": ("NP\nIF R1==1\nG90\nG153 {A}\nELSE\nG153 {A}\nENDIF\nG153 {A}", [7, 9]),
+    "called in a branch": ("IF R1==1\nNP\nENDIF\n{A}", [5]),
+    "in a loop": ("LOOP\n{A}\nNP\nENDLOOP", [3]),
+    "in an inner loop": ("WHILE R1==1\n{A}\nFOR R2=1 TO 3\nNP\nENDFOR\nENDWHILE", [3]),
+    "by a jump back": ("AGAIN:\n{A}\nNP\nGOTOB AGAIN", [3]),
+    "whole": ("{A}\nNP\nG90\nG153 {A}\nG153 {A}", []),
+    "in one block": ("{A}\nNP\nG90 G153 {A}", []),
+    "cleared": ("NP\nG90 G500\nTRANS\n{A}\n{A}", []),
+    "in a loop, whole": ("LOOP\nG90\nG153 {A}\nNP\nENDLOOP", []),
+    "behind a loop": ("LOOP\n{A}\nENDLOOP\nNP", []),
+    "a jump on": ("IF R1==1 GOTOF ENDE\n{A}\nENDE:\nNP", []),
+    "a switch of the machine": ("{A}\nM20\nM6\n{A}", []),
+    "in the file": ("{A}\nGRIP\n{A}\nM30\nPROC GRIP\nM8\nM17", []),
+}
+
+
+@pytest.mark.parametrize("name", BEHIND_CALLS)
+def test_moves_of_gcode_behind_a_program_that_is_not_at_hand_are_refused(name, abb, tmp_path):
+    """It may leave its caller G91, a work offset or a frame; the machine does not clear them at its end."""
+    rows, lines = BEHIND_CALLS[name]
+    text = f"G90\n{rows}\nM30\n".replace("{A}", "G1 A1=10 A2=-20 A3=10 A4=20 A5=30 A6=5")
+    (tmp_path / "p.mpf").write_text(text)
+    if lines:
+        with pytest.raises(InputError, match="is not in the file and may leave G91, an offset or a frame") as caught:
+            compensate_file(tmp_path / "p.mpf", *abb)
+        assert [int(n) for n in re.findall(r"p\.mpf:(\d+):", str(caught.value))] == lines
+    else:
+        done = compensate_file(tmp_path / "p.mpf", *abb)
+        assert changed(done, text) == [n for n, row in enumerate(text.splitlines(), 1) if "A1=" in row]

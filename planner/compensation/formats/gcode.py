@@ -10,6 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from planner.common.units import DEG, read_only
+from planner.compensation.formats.gcode_calls import NO_OFFSET, SAID_AGAIN, CallsElsewhere
 from planner.compensation.targets import DEG_DECIMALS, Target, TargetReading
 from planner.programs.dialect import Dialect
 from planner.programs.languages.execution import known_statements
@@ -38,8 +39,8 @@ _ENDS = {"M2", "M30", "M17", "M99"}  # of a program: the next one in the file be
 
 def read(text: str, dialect: Dialect, reading: TargetReading) -> None:
     """Note the target of every block, and refuse blocks that move in a way that is not known."""
-    targets = _GcodeTargets(dialect, reading)
     blocks, jumps = list(parse(text, dialect)), _jumps_to_blocks(text)
+    targets = _GcodeTargets(dialect, reading, CallsElsewhere(blocks, jumps))
     within = _lines_of_subprograms(blocks, reading.name)
     declarations = (b.text for b in blocks if b.text.startswith("DEF "))
     targets.variables = {name for text in declarations for name in re.findall(r"[A-Z_]\w*", text)}
@@ -52,13 +53,14 @@ def read(text: str, dialect: Dialect, reading: TargetReading) -> None:
             targets.forget()
         targets.take(block, block.line in within)
     targets.note_assumptions(text, blocks)
+    targets.refuse_behind_calls()
 
 
 class _GcodeTargets:
     """The modal state, as far as it decides what an axis word means."""
 
-    def __init__(self, dialect: Dialect, reading: TargetReading) -> None:
-        self.reading = reading
+    def __init__(self, dialect: Dialect, reading: TargetReading, calls: CallsElsewhere) -> None:
+        self.reading, self.calls = reading, calls
         self.equals = dialect.axes[0].endswith("=")
         self.axes = [axis.rstrip("=").upper() for axis in dialect.axes]
         self.joints = self.axes[: len(reading.axes)]
@@ -75,6 +77,7 @@ class _GcodeTargets:
         """Begin with what a controller holds before a program: nothing is known of the modal state."""
         self.mode, self.offset, self.called, self.said = "", "", 0, set[str]()  # words that a subprogram has said
         self.is_sub = False
+        self.calls.end_program()
         self.forget()
 
     def note_assumptions(self, text: str, blocks: Sequence[Block]) -> None:
@@ -88,6 +91,12 @@ class _GcodeTargets:
         if off is not None and not off.search(text):
             self.reading.notes.append((blocks[0].line, "no G500, G53 or G153: the work offset is taken as zero"))
 
+    def refuse_behind_calls(self) -> None:
+        """Refuse moves behind what another program may have changed, unless every move has to say G53 anyhow."""
+        self.calls.end_program()
+        for line, why in () if self.work_offset else self.calls.uncertain_moves():
+            self.reading.refuse(line, why)
+
     def forget(self) -> None:
         """Forget where the axes stand: what comes next may be driven from anywhere."""
         self.last: list[float | None] = [None] * len(self.joints)
@@ -97,7 +106,10 @@ class _GcodeTargets:
         if in_subprogram and _SUB_BEGINS.fullmatch(block.text):
             self.begin_program()
         self.is_sub = in_subprogram
-        self.said |= {block.text} if block.text == "TRANS" else {code for code in block.codes if code in _SAID_BY_SUB}
+        self.calls.say(block)
+        self.calls.branch(block)
+        if not block.optional:  # or the operator may have it left out
+            self.said |= SAID_AGAIN.intersection([*block.codes, block.text])
         if not (self._own(block) or any(re.fullmatch(p, block.text) for p in self._said)):
             if block.words is None or ("=" in block.text and not self.equals):
                 self._statement(block)
@@ -133,6 +145,8 @@ class _GcodeTargets:
             self.reading.refuse(block.line, f"{switched[0]} found: it changes what the words of the axes mean")
         elif not functions <= _SWITCHES or (not stays and {"L", "P"} & names):
             self.called = block.line
+        if "M98" in functions or (not stays and {"L", "P"} & names):
+            self.calls.call(block)
         if block.optional or not stays:
             self.forget()
 
@@ -186,8 +200,9 @@ class _GcodeTargets:
             return _unit_sentence(match[1])
         if re.search(r"(?<![A-Z0-9_])G\s*\d", said):
             return f"'{block.text}' is no row of words; axis words with plain numbers are allowed"
-        calls = _calls_program(said.strip())
-        self.called = block.line if calls else self.called
+        if calls := _calls_program(said.strip()):
+            self.called = block.line
+            self.calls.call(block)
         return "" if calls or _is_statement(said.strip()) else f"'{block.text[:60]}' {_UNKNOWN}"
 
     def _move(self, block: Block, words: list[tuple[str, PlacedNumber]]) -> None:
@@ -195,6 +210,7 @@ class _GcodeTargets:
             self.reading.refuse(block.line, wrong)
             return
         self._check_subprogram(block)
+        self.calls.move(block)
         if self.called:
             said = f"absolute angles without an offset are taken for granted after what line {self.called} calls"
             self.reading.notes.append((block.line, said))
@@ -228,7 +244,7 @@ class _GcodeTargets:
                 "a subprogram moves here, and whether G90 or G91 holds is its caller's: G90 in the subprogram says it"
             )
             self.reading.refuse(block.line, said)
-        if not {"G53", "G153"} & set(block.codes) and not {"G500", "TRANS"} <= self.said:
+        if not NO_OFFSET.intersection(block.codes) and not {"G500", "TRANS"} <= self.said:
             said = "a subprogram moves here, and frames and offsets are its caller's: G53 or G153 here leaves them out"
             self.reading.refuse(block.line, said)
 
@@ -261,7 +277,6 @@ class _GcodeTargets:
 
 _KNOWN_WORD = re.compile(r"[FGHMST]\d*|[DLNOPQ]|R\d*|ADIS(?:POS)?|TOFFL?R?|TCARR")
 _LIKE_AN_AXIS = re.compile(r"[A-Z]{1,2}\d{0,2}")
-_SAID_BY_SUB = {"G90", "G500"}
 
 
 def _lines_of_subprograms(blocks: Sequence[Block], name: str) -> set[int]:
