@@ -34,9 +34,9 @@ Proven = Callable[[Array], np.ndarray]
 
 
 def motion_hulls(chain: Chain, tool_position: ToolPosition, proven: Proven) -> Iterator[Hulls]:
-    """Yield what holds a chain: straight legs, the triangles of cut corners, and triangles about small steps.
+    """Yield what holds a chain: straight legs, the triangles of cut corners, and both about small steps.
 
-    ``proven``: a quick look at whether a large triangle about small steps will do.
+    ``proven``: a quick look at whether a large region about small steps will do.
     """
     way = f"on the way to start {chain.way}, " if chain.way else ""
     moved = np.abs(np.diff(chain.q, axis=0)).max(axis=1) > 0.0
@@ -59,30 +59,49 @@ def motion_hulls(chain: Chain, tool_position: ToolPosition, proven: Proven) -> I
     entry, leave = corner_ends(q, corner, blend[corner], tool_position)
     yield Hulls(np.stack([entry, q[corner], leave], axis=1), number[corner - 1], f"{way}corner after move")
     for a, b in zip(begin - 1, end, strict=True):  # the points of the run and one beside it on either side
-        yield Hulls(*enclose_steps(q[a : b + 1], number[a:b], proven), f"{way}move")
+        for corners, first in enclose_steps(q[a : b + 1], number[a:b], proven):
+            yield Hulls(corners, first, f"{way}move")
 
 
-def enclose_steps(q: Array, number: np.ndarray, proven: Proven) -> tuple[Array, np.ndarray]:
-    """Return triangles (m, 3, N) [rad] that hold the steps between points q (n, N) and the corners between these steps.
+def enclose_steps(q: Array, number: np.ndarray, proven: Proven) -> list[tuple[Array, np.ndarray]]:
+    """Return what holds the steps between points q (n, N) and the corners between these steps.
 
-    Steps on a straight line or a plane curve share a triangle, which ends at the tangents, where it is proven; others
-    have smaller ones, at last one for each corner.
-    ``number`` (n − 1,) of each step; beside the triangles that of the first of each.
+    Steps on a straight line share a segment: that is what was proven of the leg that they are cut from. (A triangle
+    without a width takes far more cells to prove: beside a limit more than ``CROWD``.) Steps on a plane curve share a
+    triangle, which ends at the tangents, where it is proven; others have smaller ones, at last one for each corner.
+
+    Args:
+        q: the points (n, N) [rad].
+        number: (n − 1,) of each step.
+        proven: a quick look at whether a region about several steps will do.
+
+    Returns:
+        Segments (m, 2, N) [rad] and triangles (k, 3, N) [rad], beside each of both the number of its first step.
     """
-    found, numbers = [], []
+    found: tuple[list[Array], list[Array]] = ([], [])
+    numbers: tuple[list[np.ndarray], list[np.ndarray]] = ([], [])
     starts, size = np.arange(0, max(len(q) - 2, 1), GROUP), GROUP
     while len(starts):
         rows = np.minimum(starts[:, None] + np.arange(size + 2), len(q) - 1)
-        apex, good = _apexes(q[rows]) if size > 1 else (q[rows[:, 1]], np.ones(len(rows), dtype=bool))
+        apex, holds = _apexes(q[rows]) if size > 1 else (q[rows[:, 1]], np.ones(len(rows), dtype=bool))
         triangles = np.stack([q[rows[:, 0]], apex, q[rows[:, -1]]], axis=1)
-        if size > 1:
-            good[good] = proven(triangles[good])
-        found.append(triangles[good])
-        numbers.append(number[np.minimum(starts[good], len(number) - 1)])
-        left, size = starts[~good], size // 2
+        straight, settled = _run_straight(q[rows]), np.zeros(len(rows), dtype=bool)
+        for k, (kind, hulls) in enumerate(((straight, triangles[:, ::2]), (holds & ~straight, triangles))):
+            good = kind.copy()
+            if size > 1:
+                good[kind] = proven(hulls[kind])
+            found[k].append(hulls[good])
+            numbers[k].append(number[np.minimum(starts[good], len(number) - 1)])
+            settled |= good
+        left, size = starts[~settled], size // 2
         starts = (left[:, None] + np.array([0, size])).ravel() if size else left[:0]
         starts = starts[starts < len(q) - 2]
-    return np.concatenate(found), np.concatenate(numbers)
+    return [(np.concatenate(f), np.concatenate(n)) for f, n in zip(found, numbers, strict=True)]
+
+
+def _run_straight(points: Array) -> np.ndarray:
+    """Tell which runs of points (g, k, N) lie between their ends to within ``ENCLOSED``, (g,) bool."""
+    return np.asarray((_off_side(points, points[:, :1], points[:, -1:]) <= ENCLOSED).all(axis=1))
 
 
 def _apexes(points: Array) -> tuple[Array, np.ndarray]:

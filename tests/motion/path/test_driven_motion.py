@@ -9,6 +9,7 @@ from planner.cell.reading import load_cell
 from planner.common.errors import NoSolutionError
 from planner.common.units import round_angles
 from planner.kinematics.inverse_kinematics import solve_pose_ik
+from planner.motion.path.constraints import Constraints
 from planner.programs.dialect import PathForm, load_dialect
 from planner.programs.instructions import Entry, JointMove, Pause, StretchBegin
 from planner.runs.run import FIRST_MOUNTING
@@ -92,10 +93,36 @@ def test_random_curves_lie_in_the_triangles_about_their_steps():
         turn = np.cumsum(rng.choice([0.0, 0.0, 0.02, 0.6], 150))
         steps = 0.01 * np.column_stack([np.cos(turn), np.sin(turn)]) @ frame
         q = np.cumsum(steps, axis=0)
-        triangles, _ = enclose_steps(q, np.arange(len(q) - 1), _accept)
+        (segments, _), (triangles, _) = enclose_steps(q, np.arange(len(q) - 1), _accept)
+        regions = np.concatenate([segments[:, [0, 1, 1]], triangles])
         middles = (q[1:] + q[:-1]) / 2
         cut = (middles[1:] + middles[:-1]) / 2  # the middle of the chord that cuts each corner
-        assert _off(np.concatenate([q, middles, cut]), triangles).max() < 2e-7
+        assert _off(np.concatenate([q, middles, cut]), regions).max() < 2e-7
+
+
+def test_a_leg_that_is_proven_beside_a_limit_is_proven_in_small_steps_too(cell):
+    """Between its ends, its tilt at the tool comes as near to the cone as planning has been seen to lead a leg."""
+    room = 1.6e-5  # [rad]
+    tour = proven_tour(CELL, 3)
+    held = Constraints(cell.with_mount(FIRST_MOUNTING, tour[0]))
+    column = [name for _, name in held.workspace.columns].index("tilt at the tool")
+    share = np.linspace(0.0, 1.0, 20001)[:, None]
+    legs = [(a, b) for k, a in enumerate(tour[:-1]) for b in tour[k + 1 : -1]]
+    margins = [held.bounds.margins(a + share * (b - a))[:, column] for a, b in legs]
+    k = next(k for k, m in enumerate(margins) if 1000 < np.argmin(m) < 19000)
+    near = Constraints(
+        replace(held.cell, gauge=replace(held.cell.gauge, cone_map=held.cell.gauge.cone_map - margins[k].min() + room))
+    )
+    (a, b), count = legs[k], int(np.ceil(np.abs(legs[k][1] - legs[k][0]).max() / 0.01))
+    assert near.prove(a[None], b[None]).proven[0]
+    points = a + np.linspace(0.0, 1.0, count + 1)[:, None] * (b - a)
+    blend = np.full(count + 1, 1e-3)
+    blend[[0, -1]] = 0.0
+    number = np.arange(count)
+    chain = Chain(Held(FIRST_MOUNTING, True), points, blend, np.zeros(count + 1, dtype=bool), number)
+    for hulls in motion_hulls(chain, near.cell.map_position, lambda c: near.prove_corners(c).proven):
+        assert near.prove_corners(hulls.corners).proven.all()
+        assert near.judge(hulls.corners).proven.all()
 
 
 def test_joints_on_a_circle_stay_within_its_polygon():
