@@ -11,6 +11,7 @@ __all__ = [
     "numbers",
     "progress",
     "quiet",
+    "remarks",
     "result",
     "result_folder",
     "schema",

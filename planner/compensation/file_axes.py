@@ -1,6 +1,5 @@
 """Whose axes the joint angles of a file are: of its language's controller, or of a table as its head says."""
 
-import re
 from dataclasses import dataclass
 
 from planner.common.errors import InputError
@@ -9,13 +8,11 @@ from planner.compensation.correction import FlangeModel
 from planner.compensation.languages import TABLE
 from planner.compensation.targets import Note
 from planner.kinematics.axes import MODEL, AxisConvention
+from planner.kinematics.axes_line import KEY, axes_lines
 from planner.kinematics.robot import Robot
 from planner.programs.controller_axes import log_axes
 from planner.programs.dialect import load_dialect
 from planner.programs.rendering import axis_names
-
-KEY = "axes_of"  # at the head of a table: "# axes_of: pdl2"
-_SAID = re.compile(rf"^\ufeff?[ \t]*#[ \t]*{KEY}[ \t]*:[ \t]*(?P<name>[^\s#]*)", re.MULTILINE)
 
 
 def axes_of_file(name: str, language: str, text: str, robot: Robot, option: str | None) -> AxisConvention:
@@ -37,7 +34,7 @@ def axes_of_file(name: str, language: str, text: str, robot: Robot, option: str 
                 f"{name}: --axes-of is for tables; the angles of a program are those of its own controller ({language})"
             )
         return log_axes(robot, language)
-    said = {found["name"] for found in _SAID.finditer(text)} | (set() if option is None else {option})
+    said = axes_lines(name, text.splitlines()) | (set() if option is None else {option})
     if len(said) > 1:
         raise InputError(f"{name}: the angles are said to be of {' and of '.join(sorted(said))}; name one")
     return log_axes(robot, next(iter(said), MODEL))

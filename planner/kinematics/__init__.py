@@ -2,6 +2,7 @@
 
 __all__ = [
     "axes",
+    "axes_line",
     "bodies",
     "chain",
     "geometry",

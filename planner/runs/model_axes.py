@@ -11,12 +11,11 @@ from planner.common.errors import InputError
 from planner.common.lazy_modules import pl
 from planner.common.units import Array
 from planner.kinematics.axes import MODEL, AxisConvention
+from planner.kinematics.axes_line import KEY
 from planner.runs.table import RunTable
 
 AxesOf = Callable[[str], AxisConvention]
 """Returns how the controller of a language counts; raises InputError where the robot's file does not say it."""
-
-NOTE = "axes_of"  # at the head of a file: "# axes_of: pdl2"
 
 
 def in_model_axes(table: RunTable, axes_of: AxesOf | None) -> RunTable:
@@ -27,16 +26,16 @@ def in_model_axes(table: RunTable, axes_of: AxesOf | None) -> RunTable:
     Raises:
         InputError: nobody says how that controller counts, or angles of some axes are missing.
     """
-    language = table.notes.get(NOTE, MODEL)
+    language = table.notes.get(KEY, MODEL)
     if language == MODEL:
         return table
     if axes_of is None:
         raise InputError(
-            f"{table.source.file}: says '{NOTE}: {language}', but not of which robot: how that controller counts is "
+            f"{table.source.file}: says '{KEY}: {language}', but not of which robot: how that controller counts is "
             'said by the file of a robot; name it by the cell, or in the map by robot = "NAME"'
         )
     axes = axes_of(language)
-    notes = {key: value for key, value in table.notes.items() if key != NOTE}
+    notes = {key: value for key, value in table.notes.items() if key != KEY}
     zero, inverse = axes.zero, axes.inverse
     frame, warnings = table.frame, list(table.warnings)
     for stem in ("q", "cmd"):

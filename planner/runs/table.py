@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -13,6 +13,8 @@ from planner.common.errors import InputError, did_you_mean
 from planner.common.files import check_readable
 from planner.common.lazy_modules import pl
 from planner.common.units import DEG, MM, UM, Array, IntArray, read_only
+from planner.kinematics.axes_line import KEY as AXES_OF
+from planner.kinematics.axes_line import axes_line
 from planner.runs.run import index_names
 from planner.runs.text import (
     NOTES,
@@ -230,7 +232,13 @@ def read_table(path: Path, n_joints: int) -> RunTable:
     numbers = frozenset(c.header for c in columns.values() if c.stem not in NAMES)
     unique = [h if headers.index(h) == i and h else f"{h}#{i + 1}" for i, h in enumerate(headers)]
     source, frame = parse_rows(source, unique, numbers)
-    return table_in_si(source, frame, list(columns.values()), notes_in(head), warnings)
+    return table_in_si(source, frame, list(columns.values()), _with_axes(path, notes_in(head), lines), warnings)
+
+
+def _with_axes(path: Path, notes: Mapping[str, str], lines: Iterable[str]) -> Mapping[str, str]:
+    """Return the notes of a file, and whose axes its angles are where a line says it."""
+    language = axes_line(str(path), lines)
+    return notes if language is None else {**notes, AXES_OF: language}
 
 
 def table_in_si(
@@ -289,4 +297,5 @@ def _read_parquet(path: Path, n_joints: int) -> RunTable:
             value = value.cast(pl.Int64)  # sockets numbered in floats are still called 1, 2
         frame = frame.with_columns(value.cast(wanted))
     notes = {key: value for key, value in sorted(meta.items()) if key in NOTES}
+    notes = _with_axes(path, notes, (f"# {key}: {value}" for key, value in sorted(meta.items())))
     return table_in_si(source, frame, known, notes, warnings)

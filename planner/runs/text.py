@@ -14,11 +14,12 @@ import numpy as np
 from planner.common.errors import InputError, printable
 from planner.common.files import read_bytes
 from planner.common.lazy_modules import pl
+from planner.common.remarks import CELL_ENDS, remark_of
 from planner.common.schema import MOST_NAME
 from planner.common.units import IntArray
 
 MOST_RUN = 250_000_000  # bytes of a run's or trace's text: 1.7 GB while they are read
-NOTES = ("plan_id", "robot", "measure", "angles", "clocks", "truth", "axes_of")  # what comment lines may say
+NOTES = ("plan_id", "robot", "measure", "angles", "clocks", "truth")  # what comment lines may say
 
 
 @dataclass(frozen=True)
@@ -109,16 +110,17 @@ def split_head(lines: Sequence[str]) -> tuple[list[str], list[str]]:
     """Return the lines before the names of the columns, and these names (none where the file is empty)."""
     head: list[str] = []
     for line in lines:
-        if line.strip() and not line.strip().startswith("#"):
+        remark = remark_of(line)
+        if line.strip() and remark is None:
             return head, [name.strip().strip('"') for name in line.strip().split(",")]
-        head.append(line.strip())
+        head.append("" if remark is None else f"# {remark}")
     return head, []
 
 
 def notes_in(lines: Sequence[str]) -> dict[str, str]:
     """Return what lines such as ``# plan_id: 0123456789ab`` say."""
-    pairs = (line.lstrip("# \t").partition(":") for line in lines if line.startswith("#"))
-    return {key.strip(): value.strip() for key, colon, value in pairs if colon and key.strip() in NOTES}
+    pairs = (remark.partition(":") for line in lines if (remark := remark_of(line)) is not None)
+    return {key.strip(): value.strip(CELL_ENDS) for key, colon, value in pairs if colon and key.strip() in NOTES}
 
 
 def parse_rows(

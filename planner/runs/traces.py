@@ -17,9 +17,11 @@ from planner.common.errors import InputError, did_you_mean
 from planner.common.lazy_modules import pl
 from planner.common.schema import StrictModel, check_pattern, read_toml
 from planner.kinematics.axes import MODEL
+from planner.kinematics.axes_line import KEY as AXES_OF
+from planner.kinematics.axes_line import axes_line
 from planner.kinematics.robot_reader import load_robot
 from planner.runs.loader import run_of
-from planner.runs.model_axes import NOTE, AxesOf, in_model_axes
+from planner.runs.model_axes import AxesOf, in_model_axes
 from planner.runs.run import SIMULATED, Run
 from planner.runs.synchronisation import pair_tables
 from planner.runs.table import (
@@ -205,6 +207,12 @@ def read_trace(path: Path, trace: TraceMap, notes: Mapping[str, str]) -> RunTabl
     other, wanted = found.get("plan_id"), notes.get("plan_id", found.get("plan_id"))
     if other != wanted and other is not None:
         raise InputError(f"{path}: was kept while plan {other} was driven, not plan {wanted}")
+    language = axes_line(str(path), lines)
+    if language not in (None, notes.get(AXES_OF)):
+        raise InputError(
+            f"{path}: says '{AXES_OF}: {language}', the map says {notes.get(AXES_OF, 'nothing of it')}: let both say "
+            "the same"
+        )
     notes = {**found, **notes}
     read = _read_matches if trace.pattern else _read_separated
     source, frame = read(str(path), lines, trace)
@@ -368,7 +376,7 @@ def import_mapped(traces: Sequence[Path], mapping: ColumnMap, name: str, axes_of
         raise InputError(f"no trace was given; {name} reads {len(mapping.all_traces)}")
     if len(traces) < len(mapping.all_traces):
         raise InputError(f"{name} reads {len(mapping.all_traces)} traces, but {len(traces)} were given")
-    said = {"measure": mapping.measure, "robot": mapping.robot, "plan_id": mapping.plan_id, NOTE: mapping.axes_of}
+    said = {"measure": mapping.measure, "robot": mapping.robot, "plan_id": mapping.plan_id, AXES_OF: mapping.axes_of}
     notes = {key: value for key, value in said.items() if value is not None}
     n_joints = mapping.n_joints
     mapped = [read_trace(Path(p), trace, notes) for p, trace in zip(traces, mapping.all_traces, strict=False)]

@@ -5,6 +5,7 @@ import re
 import numpy as np
 
 from planner.common.errors import InputError
+from planner.common.remarks import remark_of
 from planner.common.units import DEG, MM, Array, read_only
 from planner.compensation.correction import NominalFlange
 from planner.compensation.rotations import pose_matrix
@@ -28,7 +29,7 @@ def read(text: str, reading: TargetReading) -> None:
     """
     separator, groups = ",", None
     for number, start, line in Lines.of(text):
-        if not line.strip("\ufeff \t") or line.lstrip("\ufeff").startswith("#"):
+        if not line.strip("\ufeff \t") or remark_of(line) is not None:
             continue
         if groups is None:
             separator = max(",;\t", key=line.count)
