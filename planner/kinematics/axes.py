@@ -7,6 +7,7 @@ passes here.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -21,6 +22,10 @@ from planner.common.units import Array, from_deg, read_only, to_deg
 
 EXACT = 9  # decimals of a degree kept at the border: sums of decimals as people write them have no more digits
 WITHIN = 1e-6  # [rad] by which an angle may stand over the end of a stroke: rounding
+MOST_ZERO = 720.0  # [deg] a zero that is farther off is no zero of an axis: strokes of wrists end there
+MOST_FACTOR = 10.0  # by which an axis counts with another one: real ones are 1, or a ratio of gears at a wrist
+MOST_SPEED_RATIO = 20.0  # between full speeds of a controller's axis and the model's joints: more is a wrong unit
+PLACEHOLDER = re.compile(r"<[^<>]*>")  # what the lines that are advised leave to be filled in
 MODEL = "model"  # stands for the model's own angles, where a controller's name is asked for
 
 
@@ -33,8 +38,8 @@ class ControllerTable(StrictModel):
 
     same: bool = False
     sense: tuple[Literal[1, -1], ...] = ()
-    zero_deg: tuple[Coordinate, ...] = ()
-    coupling: tuple[tuple[int, int, Coordinate], ...] = ()
+    zero_deg: tuple[Annotated[float, Field(ge=-MOST_ZERO, le=MOST_ZERO)], ...] = ()
+    coupling: tuple[tuple[int, int, Annotated[float, Field(ge=-MOST_FACTOR, le=MOST_FACTOR)]], ...] = ()
     limit_deg: tuple[tuple[Coordinate, Coordinate], ...] = ()
     speed_deg_s: tuple[PositiveFloat, ...] = ()
     source: Annotated[OneLine, Field(min_length=1)]
@@ -45,6 +50,11 @@ class ControllerTable(StrictModel):
             raise ValueError("same = true leaves no room for sense, zero_deg or coupling: give one of the two")
         if not self.same and not (self.sense and self.zero_deg):
             raise ValueError("give sense and zero_deg of every axis, or same = true where all count as the model's do")
+        if (left := PLACEHOLDER.search(self.source)) is not None:
+            raise ValueError(
+                f"source still says {left[0]}: jog the axes at the robot first, then write there when that was, such "
+                'as source = "jogged at the robot on 2026-03-02"'
+            )
         if any(low >= high for low, high in self.limit_deg):
             raise ValueError("limit_deg: the lower limit must lie below the upper one")
         return self
@@ -218,6 +228,7 @@ def convention_from_table(where: str, controller: str, table: ControllerTable, j
         speed=read_only(from_deg(table.speed_deg_s)) if table.speed_deg_s else seen.speed,
         source=table.source,
     )
+    _check_speeds(at, found, seen)
     if not found.is_coupled:
         _check_strokes(at, found, seen)
     return found
@@ -238,6 +249,19 @@ def _coupling(at: str, table: ControllerTable, n: int) -> Array:
             f"{at} coupling: axes count with one another in a ring; each may count with others before it only"
         )
     return out
+
+
+def _check_speeds(at: str, found: AxisConvention, seen: JointRange) -> None:
+    """Refuse speeds of the controller's axes that are none beside those of the model's joints."""
+    known = np.isfinite(seen.speed) & (seen.speed > 0.0)
+    ratio = np.where(known, found.speed / np.where(known, seen.speed, 1.0), 1.0)
+    j = int(np.argmax(np.abs(np.log(ratio))))
+    if np.abs(np.log(ratio[j])) > np.log(MOST_SPEED_RATIO):
+        axis, own = np.rad2deg([found.speed[j], seen.speed[j]])
+        raise InputError(
+            f"{at} speed_deg_s of axis {j + 1} is {axis:g}, but by speed_deg_s of the joints it is {own:g}: over "
+            f"{MOST_SPEED_RATIO:g} times more or less is no speed of the same axis; degrees per second are expected"
+        )
 
 
 def _check_strokes(at: str, found: AxisConvention, seen: JointRange) -> None:

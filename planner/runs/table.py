@@ -296,6 +296,6 @@ def _read_parquet(path: Path, n_joints: int) -> RunTable:
         if wanted == pl.String and frame.schema[c.header].is_float() and (frame[c.header] % 1.0 == 0.0).all():
             value = value.cast(pl.Int64)  # sockets numbered in floats are still called 1, 2
         frame = frame.with_columns(value.cast(wanted))
-    notes = {key: value for key, value in sorted(meta.items()) if key in NOTES}
-    notes = _with_axes(path, notes, (f"# {key}: {value}" for key, value in sorted(meta.items())))
+    known_notes = {key: value for key, value in sorted(meta.items()) if key in NOTES}
+    notes = _with_axes(path, known_notes, (f"# {key}: {value}" for key, value in sorted(meta.items())))
     return table_in_si(source, frame, known, notes, warnings)

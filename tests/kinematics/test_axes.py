@@ -163,6 +163,9 @@ def test_a_controller_of_which_the_file_says_nothing_is_refused_with_the_lines_t
     said = str(err.value)
     assert all(w in said for w in ("robot.toml", "'krl'", "fanuc-tp", "[controllers.krl]", "same = true", "source = "))
     added = "\n".join(line.strip() for line in said.splitlines()[1:5]).replace("or, where", "#")
+    with pytest.raises(InputError, match=r"(?s)krl.*source still says <date>.*2026-03-02"):
+        six(tmp_path, FANUC + added + "\n")  # copied as it stands: nobody has jogged anything
+    added = added.replace("<date>", "2026-03-02")
     assert six(tmp_path, FANUC + added + "\n").axes_of("krl").is_same
 
 
@@ -174,6 +177,11 @@ WRONG = {
     "itself": ("[[3, 2, -1]]", "[[3, 3, -1]]", "two different axes of 1 to 6"),
     "axis 7": ("[[3, 2, -1]]", "[[7, 2, -1]]", "two different axes of 1 to 6"),
     "no source": ('source = "drawn for the test"\n', "", "source"),
+    "zero": ("zero_deg = [0, 90,", "zero_deg = [0, 1e6,", "zero_deg.*720"),
+    "factor": ("[[3, 2, -1]]", "[[3, 2, 1e6]]", "coupling.*10"),
+    "placeholder": ("drawn for the test", "jogged by <name>, today", "source still says <name>"),
+    "quick": ("source", "speed_deg_s = [90, 90, 90, 90, 90, 1900]\nsource", "speed_deg_s of axis 6 is 1900.* it is 90"),
+    "slow": ("source", "speed_deg_s = [90, 4, 90, 90, 90, 90]\nsource", "speed_deg_s of axis 2 is 4"),
     "stroke": ("coupling = [[3, 2, -1]]\nlimit_deg = [[-120, 120]", "limit_deg = [[-90, 120]", r"limit_deg of axis 1"),
 }
 
