@@ -1,8 +1,10 @@
 """The mark of a corrected file, by which it is never corrected a second time, and that of a measuring program.
 
-The mark is a comment at the head of every corrected file: ``edbb-compensated``, the first digits of the SHA-256 of the
-model's ``robot.toml``, whether anybody measured that robot, and a date. It is looked for in the whole file and whatever
-the case of its letters: editors and controllers move, indent and capitalise comments.
+The mark is a comment at the head of every corrected file: ``edbb-compensated``, the first digits of the hash of the
+model, whether anybody measured that robot, and a date. The hash is of what the model's files say, not of their bytes,
+which editors and version control change (line ends, comments): the same model always gives the same mark. The mark is
+looked for in the whole file and whatever the case of its letters: editors and controllers move, indent and capitalise
+comments.
 """
 
 import re
@@ -27,16 +29,18 @@ class CorrectionMark:
     """Which model corrects a file.
 
     Attributes:
-        model_hash: SHA-256 of the model's ``robot.toml``, hexadecimal.
+        model_hash: SHA-256 of what the model's ``robot.toml`` (and URDF) says, hexadecimal.
         simulated: whether the model comes of a simulated run; ``None`` where nothing beside it tells.
         day: of the model, or the one that the person has named; ``None`` where there is none.
         zeros: joints, from 1, whose zeros were set in the controller, so that they are not corrected for.
+        byte_hashes: SHA-256 of the bytes of ``robot.toml``, which earlier versions wrote into the mark.
     """
 
     model_hash: str
     simulated: bool | None = None
     day: date | None = None
     zeros: tuple[int, ...] = ()
+    byte_hashes: tuple[str, ...] = ()
 
     def sentence(self, robot: str) -> str:
         """Return what the head of the corrected file says; its first two words are the mark."""
@@ -48,7 +52,7 @@ class CorrectionMark:
 
     def is_of(self, found: str) -> bool:
         """Tell whether a hash that was found, all of its digits or the first ones, is that of this model."""
-        return self.model_hash.startswith(found[:HASH_DIGITS])
+        return any(known.startswith(found[:HASH_DIGITS]) for known in (self.model_hash, *self.byte_hashes))
 
 
 def check_not_corrected(name: str, text: str, mark: CorrectionMark, again: bool) -> None:
@@ -77,8 +81,8 @@ def check_not_corrected(name: str, text: str, mark: CorrectionMark, again: bool)
             )
         if not again:
             raise InputError(
-                f"{name}:{line}: the file was corrected before, by another model, whose robot.toml has a SHA-256 that "
-                f"begins with {found}; the corrections would add up. Correct the original program instead; --again "
+                f"{name}:{line}: the file was corrected before, by another model, whose hash begins with "
+                f"{found}; the corrections would add up. Correct the original program instead; --again "
                 "only where this model was identified with programs that the other one corrects"
             )
 

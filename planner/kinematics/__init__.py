@@ -10,6 +10,7 @@ __all__ = [
     "nominal_model",
     "packages",
     "robot",
+    "robot_hash",
     "robot_reader",
     "robot_writer",
     "srdf",

@@ -121,7 +121,7 @@ def read_urdf(path: Path, tip: str | None, packages: Packages = NO_PACKAGES) -> 
         InputError: no XML, no such link, a joint that is neither revolute, continuous nor fixed, a missing mesh.
     """
     try:
-        root = _parse_urdf(path, packages)
+        root = parse_urdf(path, packages)
         links, joints, base = read_tree(path, root, tip)
         chain = _assemble(MeshFinder(path, packages), links, joints, base)
         return _with_unchecked_links(chain, links, find_bodily_links(root))
@@ -139,7 +139,12 @@ def plain_name(path: Path) -> Path:
     return path if path.suffix != ".xacro" else path.with_suffix("").with_suffix(".urdf")
 
 
-def _parse_urdf(path: Path, packages: Packages, comments: bool = False) -> ET.Element:
+def parse_urdf(path: Path, packages: Packages, comments: bool = False) -> ET.Element:
+    """Return the root of a URDF, or of what a template makes, with its ``comments`` where they are asked for.
+
+    Raises:
+        InputError: it is no XML, or a template that makes none.
+    """
     try:
         data = expand_template(path, packages) if path.suffix == ".xacro" else read_bytes(path, MOST_TOML)
         return parse_xml(data, comments)
@@ -327,7 +332,7 @@ def write_urdf(
         InputError: as :func:`planner.kinematics.urdf.read_urdf`.
     """
     chain = read_urdf(path, tip, packages)
-    root = _parse_urdf(path, packages, comments=True)
+    root = parse_urdf(path, packages, comments=True)
     joints = {str(j.get("name")): j for j in root.findall("joint")}
     changed: set[str] = set()
     start = 0

@@ -29,7 +29,8 @@ from planner.identification.calibrated_robot import CalibratedRobot
 from planner.identification.expected_error import ExpectedError
 from planner.identification.zeros_set import set_zeros
 from planner.kinematics.robot import Robot
-from planner.kinematics.robot_reader import load_robot
+from planner.kinematics.robot_hash import robot_hash
+from planner.kinematics.robot_reader import list_robots, load_robot
 
 if TYPE_CHECKING:
     from planner.workflow.identification import CalibrationResult
@@ -212,12 +213,36 @@ class _Model:
 def _find_model(model: "CalibrationResult | Path | str") -> _Model:
     """Read the calibrated robot from its file, from the folder that holds it, or from an identification in memory."""
     if isinstance(model, Path | str):
-        path = Path(model).absolute()
-        return _read_model(path / "robot.toml" if path.is_dir() else path)
+        return _read_model(_model_file(Path(model).absolute(), str(model)))
     with TemporaryDirectory() as folder:
         model.write_robot(Path(folder))
         found = _read_model(Path(folder) / "robot.toml")
     return replace(found, mark=replace(found.mark, simulated=model.simulated, day=_build_day()))
+
+
+def _model_file(path: Path, said: str) -> Path:
+    """Return the ``robot.toml`` that is meant by a path, which was ``said`` to be the model.
+
+    Raises:
+        InputError: there is none; or the name of a shipped robot was said.
+    """
+    wanted = "give the robot.toml that 'edbb identify' wrote, or its folder"
+    if not path.exists() and said in list_robots():
+        raise InputError(
+            f"--model {said}: a shipped robot is the nominal one and not calibrated, so that nothing is known to "
+            f"correct by; {wanted}"
+        )
+    file = path / "robot.toml" if path.is_dir() else path
+    if not file.is_file():
+        raise InputError(f"--model {said}: no file {file} found; {wanted}")
+    return file
+
+
+def _byte_hashes(path: Path) -> tuple[str, ...]:
+    """Return the hashes by which earlier versions marked files: of the bytes as they are, and with either line end."""
+    data = read_bytes(path)
+    lines = data.replace(b"\r\n", b"\n")
+    return tuple(sha256(d).hexdigest() for d in (data, lines, lines.replace(b"\n", b"\r\n")))
 
 
 def _read_model(path: Path) -> _Model:
@@ -229,7 +254,7 @@ def _read_model(path: Path) -> _Model:
         )
     known = ExpectedError.read(robot, path)
     day = _build_day() or datetime.fromtimestamp(robot.path.stat().st_mtime, UTC).date()
-    mark = CorrectionMark(sha256(read_bytes(robot.path)).hexdigest(), _is_simulated(robot), day)
+    mark = CorrectionMark(robot_hash(robot), _is_simulated(robot), day, byte_hashes=_byte_hashes(robot.path))
     return _Model(robot, known, mark)
 
 

@@ -147,12 +147,13 @@ class PosesResult(FolderResult):
     def summary(self) -> str:
         """Return what there is, how good it provably is, and what is not proven."""
         found, choice, bound = self.poses, self.poses.choice, self.poses.certificate
-        gap = 100 * max(INDEX_RULES[choice.index].gap(choice.value, bound.value), 0.0)
+        rule = INDEX_RULES[choice.index]
+        gap, passes = 100 * max(rule.gap(choice.value, bound.value), 0.0), "exceeds" if rule.maximise else "falls below"
         lines = [
             f"{found.cell.name}: {len(choice.q)} poses for {choice.seen.rank} parameters, no path proven, no program",
             f"  not proven  {found.why}",
             f"  candidates  {found.pool.funnel.text()}",
-            f"  {choice.index:<10}  {choice.value:#.4g}; no set of these exceeds {bound.value:#.4g}, gap {gap:.1f} %",
+            f"  {choice.index:<10}  {choice.value:#.4g}; no set of these {passes} {bound.value:#.4g}, gap {gap:.1f} %",
         ]
         return "\n".join([*lines, *(f"  note        {note}" for note in found.notes)])
 

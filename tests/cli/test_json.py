@@ -60,6 +60,21 @@ def test_what_libraries_print_is_not_among_the_results(tmp_path, name):
         assert said in done.stderr  # it is not lost either
 
 
+@pytest.mark.parametrize(
+    ("words", "code"),
+    [
+        (("compensate", "none.src", "--model", "comau-nj130", "-o", "out.src"), 2),
+        (("identify", "none.csv", "--cell", "ur10/none", "-o", "out"), 2),
+        (("plan", "ur10/none", "-o", "out"), 2),
+    ],
+)
+def test_an_error_leaves_standard_output_empty(words, code, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    done = edbb(*words, "--json")
+    assert (done.returncode, done.stdout) == (code, "")
+    assert done.stderr.strip()
+
+
 def test_it_needs_no_standard_error():
     command = 'exec 2>&-; exec "$0" -m planner.cli robots --json'
     done = subprocess.run(["bash", "-c", command, sys.executable], capture_output=True, text=True, check=False)

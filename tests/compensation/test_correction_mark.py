@@ -6,15 +6,19 @@ import re
 from dataclasses import replace
 from datetime import date
 from hashlib import sha256
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+import tests
 import tests.programs.sessions as sessions
 from planner.common.errors import InputError
 from planner.common.files import data_folder
 from planner.compensation.compensated_file import compensate_file
 from planner.compensation.correction_mark import CorrectionMark
+from planner.kinematics.robot_hash import robot_hash
+from planner.kinematics.robot_reader import load_robot
 from planner.programs.verification import write_program
 from tests.command import edbb
 from tests.compensation.robots import unlimited
@@ -29,8 +33,6 @@ KRL_DAT = "DEFDAT P PUBLIC\r\nDECL E6AXIS X1={A1 10,A2 -80,A3 100,A4 20,A5 40,A6
 
 @pytest.fixture(scope="module")
 def robot():
-    from planner.kinematics.robot_reader import load_robot
-
     return unlimited(load_robot("kuka-kr6-r700"))
 
 
@@ -92,7 +94,7 @@ def test_a_corrected_file_is_never_corrected_by_the_same_model(name, change, rob
     for again in (False, True):
         with pytest.raises(InputError, match=rf"{path.name}:\d+: the file was corrected before, by this same model"):
             correct(name, path, robot, shifted(robot), mark=HERE, again=again)
-    with pytest.raises(InputError, match=r"by another model, whose robot\.toml has a SHA-256 that begins with abab"):
+    with pytest.raises(InputError, match="by another model, whose hash begins with abab"):
         correct(name, path, robot, shifted(robot), mark=OTHER)
     if change is str:
         assert correct(name, path, robot, shifted(robot), mark=OTHER, again=True).text != done.text
@@ -196,8 +198,7 @@ def test_the_command_marks_refuses_and_writes_over_its_own_result(model, tmp_pat
     first = edbb(*words)
     assert first.returncode == 0, first.stderr
     text = (tmp_path / "out.src").read_text()
-    number = sha256((model / "robot.toml").read_bytes()).hexdigest()[:12]
-    assert f"edbb-compensated {number}, SIMULATED, " in text
+    assert re.search(r"edbb-compensated [0-9a-f]{12}, SIMULATED, ", text)
     second = edbb(*words)  # the same command again gives the same file
     assert second.returncode == 0, second.stderr
     assert (tmp_path / "out.src").read_text() == text
@@ -242,3 +243,103 @@ def test_the_date_is_the_one_that_is_named_or_of_a_build_or_of_the_model(model, 
 def test_a_model_without_its_identification_says_that_its_origin_is_unknown(model, tmp_path):
     (model / "identification.json").unlink()
     assert "origin of the model unknown" in edbb("compensate", tmp_path / "p.src", "--model", model, "-o", "-").stdout
+
+
+def with_crlf(text):
+    return text.replace("\n", "\r\n")
+
+
+def with_comment(text):
+    return f"# fetched from the store\n{text}\n   # end\n".replace("a_mm = 315.4", "a_mm = 315.4   # measured")
+
+
+def reordered(text):
+    nominal = "[nominal]\na2_mm = 315.0\n"
+    return text.replace(nominal, "").replace("[[joints]]", f"{nominal}\n[[joints]]", 1)
+
+
+def spelled(text):
+    return text.replace("a2_mm = 315.0", "a2_mm = 3.15e2").replace("a_mm = 315.4", "a_mm = +315.40")
+
+
+def whole_numbers(text):
+    return re.sub(r"(= -?\d+)\.0$", r"\1", text, flags=re.MULTILINE)
+
+
+def titled(text):
+    return re.sub(r'^title = ".*"', 'title = "the one in hall 3"', text, flags=re.MULTILINE)
+
+
+@pytest.mark.parametrize("change", [with_crlf, with_comment, reordered, spelled, whole_numbers, titled])
+def test_the_same_robot_in_other_bytes_is_the_same_model(change, model, tmp_path):
+    out, file = tmp_path / "out.src", model / "robot.toml"
+    assert edbb("compensate", tmp_path / "p.src", "--model", model, "-o", out).returncode == 0
+    data = file.read_bytes()
+    file.write_bytes(change(data.decode()).encode())
+    assert file.read_bytes() != data
+    assert load_robot(str(file)).n_joints == 6
+    done = edbb("compensate", out, "--model", model, "--again", "-o", tmp_path / "twice.src")
+    assert (done.returncode, "by this same model" in " ".join(done.stderr.split())) == (2, True), done.stderr
+
+
+@pytest.mark.parametrize("digit", [("a_mm = 315.4", "a_mm = 315.5"), ("a2_mm = 315.0", "a2_mm = 315.0000001")])
+def test_a_changed_digit_is_another_model(digit, model, tmp_path):
+    out, file = tmp_path / "out.src", model / "robot.toml"
+    assert edbb("compensate", tmp_path / "p.src", "--model", model, "-o", out).returncode == 0
+    file.write_text(file.read_text().replace(*digit))
+    assert "by another model" in " ".join(edbb("compensate", out, "--model", model, "-o", "-").stderr.split())
+    assert edbb("compensate", out, "--model", model, "--again", "-o", "-").returncode == 0
+
+
+@pytest.mark.parametrize("change", [str, with_crlf])
+def test_the_mark_of_earlier_versions_is_known_again(change, model, tmp_path):
+    """It held the hash of the bytes of robot.toml."""
+    file = model / "robot.toml"
+    old = sha256(file.read_bytes()).hexdigest()[:12]
+    (tmp_path / "p.src").write_text(krl(f"; edbb-compensated {old}, measured, 2026-03-31.", GOOD))
+    file.write_bytes(change(file.read_text()).encode())
+    done = edbb("compensate", tmp_path / "p.src", "--model", model, "--again", "-o", "-")
+    assert (done.returncode, "by this same model" in " ".join(done.stderr.split())) == (2, True), done.stderr
+
+
+URDF = 'schema = "edbb-robot/1"\nname = "arm"\nconvention = "urdf"\nurdf = "arm.urdf"\ntip = "panda_link8"\n'
+CHANGED_URDF = {  # what is done to the URDF beside robot.toml, and whether it is the same robot then
+    "line ends": (lambda s: s.replace("\n", "\r\n"), True),
+    "comment": (lambda s: s.replace("</robot>", "<!-- as built -->\n</robot>"), True),
+    "order of attributes": (lambda s: re.sub(r'<origin (rpy="[^"]*") (xyz="[^"]*")', r"<origin \2  \1", s), True),
+    "spelling of numbers": (lambda s: s.replace('"0 0 0"', '"0.0  0 -0e0"'), True),
+    "a digit": (lambda s: s.replace("0.333", "0.3331", 1), False),
+}
+
+
+@pytest.mark.parametrize("name", CHANGED_URDF)
+def test_the_urdf_of_a_robot_counts_by_what_it_says(name, tmp_path):
+    change, same = CHANGED_URDF[name]
+    text = (Path(tests.__file__).parent / "data" / "panda-ball" / "panda.urdf").read_text()
+    text = re.sub(r"<(visual|collision)>.*?</\1>", "", text, flags=re.DOTALL)
+    assert change(text) != text
+    (tmp_path / "robot.toml").write_text(URDF)
+    hashes = set()
+    for urdf in (text, change(text)):
+        (tmp_path / "arm.urdf").write_text(urdf, newline="")
+        hashes.add(robot_hash(load_robot(str(tmp_path / "robot.toml"))))
+    assert len(hashes) == (1 if same else 2)
+
+
+def test_a_shipped_robot_is_no_calibrated_one(tmp_path):
+    (tmp_path / "p.src").write_text(krl(GOOD))
+    done = edbb("compensate", tmp_path / "p.src", "--model", "comau-nj130", "-o", "-")
+    said = " ".join(done.stderr.split())
+    assert done.returncode == 2
+    assert "--model comau-nj130: a shipped robot is the nominal one and not calibrated" in said
+    assert "give the robot.toml that 'edbb identify' wrote, or its folder" in said
+    assert "did you mean" not in said
+
+
+@pytest.mark.parametrize("name", ["comau-nj13", "empty", "empty/robot.toml"])
+def test_a_model_that_is_not_there_is_said_with_what_to_give(name, tmp_path):
+    (tmp_path / "p.src").write_text(krl(GOOD))
+    (tmp_path / "empty").mkdir()
+    done = edbb("compensate", tmp_path / "p.src", "--model", tmp_path / name, "-o", "-")
+    assert done.returncode == 2
+    assert "found; give the robot.toml that 'edbb identify' wrote, or its folder" in " ".join(done.stderr.split())

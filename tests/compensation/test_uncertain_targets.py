@@ -45,6 +45,23 @@ def test_pdl2_moves_of_uncertain_meaning_are_left(name, abb, tmp_path):
     ]
 
 
+@pytest.mark.parametrize(
+    "row",
+    [
+        f"  EXECUTE 'MOVE TO {{{ANGLES}}}'",
+        f"IF tool = 'it''s' THEN {MOVE}   -- {{1}}",
+        f"MOVE TO {{{ANGLES}}} VIA points('f')",
+        f"\t{MOVE} VIA p('', '')",
+    ],
+)
+def test_what_is_left_of_pdl2_is_quoted_as_it_is_written(row, abb, tmp_path):
+    text = "\r\n".join(["PROGRAM p", "BEGIN", MOVE, row, MOVE, "END p", ""])
+    done = run(tmp_path / "p.pdl", text, abb)
+    code = row.split("--")[0].strip()
+    assert reasons(done).keys() == {4}
+    assert f"'{code[:60]}' found" in reasons(done)[4]
+
+
 def position(label, axes=AXES, group="GP1"):
     return f"P[{label}]{{\n   {group}:\n\tUF : 0, UT : 1,\n\t{axes}\n}};\n"
 

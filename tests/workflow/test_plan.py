@@ -11,6 +11,7 @@ import planner.design.pose_selection as pose_selection
 from planner.cell.reading import load_cell, read_cell
 from planner.common.errors import InputError, PlannerError
 from planner.common.progress import TimeIsOverError
+from planner.design.pose_selection import PoseChoice
 from planner.model.model import Model
 from planner.motion.collision.engines import CollisionWorld
 from planner.motion.collision.fcl_world import FclWorld
@@ -294,6 +295,10 @@ def test_poses_that_no_proven_path_joins_in_time_are_told_and_are_no_plan(tmp_pa
     found = plan(cell, poses=POSES, time_limit=1e4)
     assert isinstance(found, PosesResult)
     assert found.cut_short[-1] in found.summary()
+    assert f"no set of these falls below {found.poses.certificate.value:#.4g}" in found.summary()  # less is better
+    with monkeypatch.context() as other:
+        other.setattr(PoseChoice, "index", "O1")
+        assert "no set of these exceeds" in found.summary()
     assert sorted(p.name for p in found.write(folder)) == ["cell.toml", "plan.json"]
     told = json.loads((folder / "plan.json").read_text())
     assert "motions are proven" in told["not_proven"]

@@ -1,12 +1,13 @@
 """Comau PDL2: joint targets in braces."""
 
 import re
+from collections.abc import Iterator
 
 from planner.compensation.points import SENTENCE, is_service_name
 from planner.compensation.targets import TargetReading
 from planner.programs.dialect import Dialect
 from planner.programs.languages.pdl2 import Pdl2Move, parse
-from planner.programs.languages.statements import Routine, Statement
+from planner.programs.languages.statements import Lines, Routine, Statement
 
 _MANNER = re.compile(r"(?:ARM\s*\[\s*(?P<arm>\d+)\s*\]\s*)?(?:JOINT|LINEAR)?", re.IGNORECASE)
 _CLAUSES = re.compile(r"(?:ADVANCE\b)?\s*,?\s*(?:$|(?:WITH|TIL|UNTIL)\b)", re.IGNORECASE)
@@ -16,6 +17,7 @@ _SHIFTED = re.compile(r"\b(?:CONV_TRACK|SENSOR_TRK|SENSOR_SET_OFST)\b|\$SENSOR_E
 _TARGETED = re.compile(
     r"\b(?:MOVE(?:FLY)?|EXECUTE)\b|[{}]|(?<![\w$])\w+\s*:=\s*(?:POS|XTNDPOS|JNTP)\s*\(", re.IGNORECASE
 )
+_TEXT_OR_REMARK = re.compile(r"(?P<text>'[^'\r\n]*')|--[^\r\n]*")
 _ALLOWED = "MOVE TO {…} and MOVEFLY TO {…} in lines of their own with plain angles are corrected"
 
 
@@ -25,7 +27,7 @@ def read(text: str, _dialect: Dialect, reading: TargetReading) -> None:
     own = _OWN_ARM.search(text)
     if own and own[1] != "1":
         reading.notes.append((1, f"PROG_ARM = {own[1]}: the robot is taken to be that arm"))
-    statements = list(parse(text))
+    statements, written = list(parse(text)), _written_lines(text)
     arm = own[1] if own else "1"
     if changed := next((s.line for s in statements if _ARM_CHANGED.search(s.text)), 0):
         arm = f"set in line {changed}"
@@ -36,21 +38,30 @@ def read(text: str, _dialect: Dialect, reading: TargetReading) -> None:
         if isinstance(statement, Routine):
             routine = statement.name
         is_move = isinstance(statement, Pdl2Move)
-        inside = [row for row in _targeted_rows(statement) if not is_move or row[0] > statement.line]
+        rows = list(_rows(statement, written))
+        inside = [
+            (n, said[:60]) for n, code, said in rows if _TARGETED.search(code) and (not is_move or n > rows[0][0])
+        ]
         for line, said in inside:
             reading.leave(line, f"'{said}' found; {_ALLOWED}")
         if isinstance(statement, Pdl2Move):
-            _move(statement, routine, arm, bool(inside), reading)
+            _move(statement, rows[0][2], routine, arm, bool(inside), reading)
 
 
-def _targeted_rows(statement: Statement) -> list[tuple[int, str]]:
-    """Return the lines of a statement that speak of a move or of angles in braces."""
-    rows = enumerate(re.split(r"\r\n|\n|\r", statement.text), start=statement.line)
-    return [(line, row.strip()[:60]) for line, row in rows if _TARGETED.search(row)]
+def _written_lines(text: str) -> list[str]:
+    """Return the lines as they are written, without remarks; texts in quotes stay."""
+    plain = _TEXT_OR_REMARK.sub(lambda found: found["text"] or " " * len(found[0]), text)
+    return [said.strip() for _, _, said in Lines.of(plain)]
 
 
-def _move(move: Pdl2Move, routine: str, own_arm: str, unclear: bool, reading: TargetReading) -> None:
-    line, said = move.line, move.text.splitlines()[0].rstrip()
+def _rows(statement: Statement, written: list[str]) -> Iterator[tuple[int, str, str]]:
+    """Yield the lines of a statement: number, code with its texts in quotes blanked, and the line as it is written."""
+    for line, code in enumerate(re.split(r"\r\n|\n|\r", statement.text), start=statement.line):
+        yield line, code, written[line - 1]
+
+
+def _move(move: Pdl2Move, said: str, routine: str, own_arm: str, unclear: bool, reading: TargetReading) -> None:
+    line = move.line
     manner, n = _MANNER.fullmatch(move.how), reading.robot.n_joints
     if is_service_name(routine) or is_service_name(move.target):
         reading.leave(line, f"'{said}' {SENTENCE}")
