@@ -171,8 +171,7 @@ def compensate_command(
     if output != "-":
         check_writing(Path(output), done.file.text.encode(done.file.encoding))
     errors.print(done.full_summary())
-    step = f"load {output} into the controller and drive it slowly the first time"
-    give_file(done.file.text, done.write, output, step)
+    give_file(done.file.text, done.write, output, done.file.step.format(file=output))
     if done.file.partly:
         raise typer.Exit(PARTLY_DONE)
 

@@ -12,7 +12,7 @@ from planner.common.units import DEG, Array
 from planner.compensation.arm_shapes import NEAR, has_shapes, shape_margins
 from planner.compensation.correction import MOVE_LIMIT, Correction, FlangeModel, NominalFlange, correct_joints
 from planner.compensation.correction_mark import CorrectionMark, check_no_measuring_program, check_not_corrected
-from planner.compensation.file_axes import FlangeInAxes, axes_notes, axes_of_file
+from planner.compensation.file_axes import FlangeInAxes, axes_notes, axes_of_file, axes_statement, next_step
 from planner.compensation.languages import (
     add_head,
     check_reach,
@@ -37,7 +37,8 @@ NO_FRAMES = ToolAndBase()
 class CompensatedFile:
     """The corrected text, in the encoding in which it was read, and the report.
 
-    ``targets`` are those that were corrected, as they were, ``q`` the nominal robot's angles there, (n, N) [rad].
+    ``targets`` are those that were corrected, as they were, ``q`` the nominal robot's angles there, (n, N) [rad];
+    ``step`` says what the person does next with ``{file}``, and for which controller its angles are.
     """
 
     name: str
@@ -46,6 +47,7 @@ class CompensatedFile:
     report: CompensationReport
     targets: tuple[Target, ...]
     q: Array
+    step: str
 
     @property
     def summary(self) -> str:
@@ -60,7 +62,7 @@ class CompensatedFile:
 
 @dataclass(frozen=True)
 class _Source:
-    """A file as it was read: name, language, text, the other half of its module, and who is to drive it.
+    """A file as it was read: name, language, text, the other half of its module, who is to drive it, and what is next.
 
     ``robot`` and ``calibrated`` have the axes of the file's controller: their q are the angles that it counts.
     """
@@ -75,6 +77,7 @@ class _Source:
     frames: ToolAndBase
     seeds: SearchSeeds
     axes: AxisConvention
+    step: str
 
     def read(self, text: str) -> TargetReading:
         """Return what ``text`` asks the robot to do.
@@ -136,9 +139,10 @@ def compensate_file(
         axes_of_file(path.name, language, text, nominal, axes_of),
     )
     notes = [*axes_notes(language, nominal, axes), *foreign_robot_notes(path.name, text, nominal)]
+    step = next_step(language, nominal, axes)
     nominal, calibrated = nominal.in_axes(axes), FlangeInAxes(calibrated, axes)
     seeds = SearchSeeds(nominal)
-    source = _Source(path.name, language, text, encoding, companion, nominal, calibrated, frames, seeds, axes)
+    source = _Source(path.name, language, text, encoding, companion, nominal, calibrated, frames, seeds, axes, step)
     if is_service_name(path.stem):
         raise InputError(f"{path}: the file {SENTENCE}")
     reading = source.read(text)
@@ -212,9 +216,11 @@ def _finish(
     """Measure what was done, and say at the head of the file which model did it, and what was not done."""
     report = report_of(source.robot, source.calibrated, done.chosen, done.printed, done.q, done.q_new, done.q_printed)
     report = replace(report, notes=(*notes, *report.notes), kept=tuple(sorted(left)))
-    said = "" if mark is None else mark.sentence(source.robot.name)
+    said = [] if mark is None else [mark.sentence(source.robot.name)]
+    said += axes_statement(source.name, source.dialect, source.text, source.axes)
     text = add_head(done.text, source.dialect, source.robot.name, report.corrected, report.kept, said)
-    return CompensatedFile(source.name, text, source.encoding, report, tuple(done.chosen), source.axes.to_model(done.q))
+    q = source.axes.to_model(done.q)
+    return CompensatedFile(source.name, text, source.encoding, report, tuple(done.chosen), q, source.step)
 
 
 def _certain_targets(path: Path, reading: TargetReading, strict: bool) -> list[Target]:

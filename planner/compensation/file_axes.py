@@ -10,9 +10,11 @@ from planner.compensation.targets import Note
 from planner.kinematics.axes import MODEL, AxisConvention
 from planner.kinematics.axes_line import KEY, axes_lines
 from planner.kinematics.robot import Robot
-from planner.programs.controller_axes import log_axes
+from planner.programs.controller_axes import controller_words, log_axes
 from planner.programs.dialect import load_dialect
 from planner.programs.rendering import axis_names
+
+SLOWLY = "drive it slowly the first time"
 
 
 def axes_of_file(name: str, language: str, text: str, robot: Robot, option: str | None) -> AxisConvention:
@@ -50,6 +52,30 @@ def axes_notes(language: str, robot: Robot, axes: AxisConvention) -> list[Note]:
         said = f"a line '# {KEY}: {others[0]}' says it"
         return [(1, f"joint angles are taken for the model's; where they are a controller's, {said}")]
     return []
+
+
+def axes_statement(name: str, language: str, text: str, axes: AxisConvention) -> list[str]:
+    """Return the remark by which a corrected table says whose axes its angles are; none where it says so itself."""
+    return [f"{KEY}: {axes.controller}"] if language == TABLE and not axes_lines(name, text.splitlines()) else []
+
+
+def next_step(language: str, robot: Robot, axes: AxisConvention) -> str:
+    """Return what a person does next with the corrected ``{file}``, and for which controller its angles are."""
+    if language != TABLE:
+        return f"load {{file}} into the controller and {SLOWLY}"
+    if axes.controller != MODEL:
+        words = controller_words(axes.controller)
+        return f"{{file}} has the angles of the axes of {words}: load it into that controller and {SLOWLY}"
+    own = sorted((c for c in robot.conventions if not c.is_same), key=lambda c: c.controller != robot.dialect)
+    if not own:
+        return f"{{file}} has the angles of the model's joints: load it into the controller and {SLOWLY}"
+    others = ", ".join(
+        f"{controller_words(c.controller)} counts {len(c.different)} of {c.n_axes} axes otherwise" for c in own
+    )
+    return (
+        f"{{file}} has the angles of the model's joints; {others}: a table of the angles of that controller is "
+        f"corrected with --axes-of {own[0].controller}"
+    )
 
 
 @dataclass(frozen=True)

@@ -134,11 +134,11 @@ _BEHIND = {  # the lines that must stay first
 
 
 def add_head(
-    text: str, dialect: str, robot: str, corrected: Sequence[int], left: Sequence[Note], mark: str = ""
+    text: str, dialect: str, robot: str, corrected: Sequence[int], left: Sequence[Note], said: Sequence[str] = ()
 ) -> str:
-    """Return ``text`` with a comment: ``mark``, and where lines were left those that were corrected, and why not.
+    """Return ``text`` with a comment: what is ``said``, and where lines were left those that were corrected, and why.
 
-    Lines are as counted in the text that is returned; without a mark and with nothing left it is ``text`` itself.
+    Lines are as counted in the text that is returned; with nothing said and nothing left it is ``text`` itself.
     """
     style = _comment_style(dialect)
     at, before = _place(text, _BEHIND[_family_of(dialect)])
@@ -147,9 +147,10 @@ def add_head(
         shift = len(head)
         head = [
             f"{style.start}{row}{style.end}"
-            for said in ([mark] * bool(mark) + [*_sentences(robot, corrected, left, before, shift)] * bool(left))
+            for sentence in (*said, *([*_sentences(robot, corrected, left, before, shift)] * bool(left)))
             for row in textwrap.wrap(
-                comment_text(said.translate(_SPELLED), style.model_copy(update={"max_length": MOST})), style.max_length
+                comment_text(sentence.translate(_SPELLED), style.model_copy(update={"max_length": MOST})),
+                style.max_length,
             )
         ]
     if not head:

@@ -102,6 +102,12 @@ class AxisConvention:
         """Whether an axis counts with another one."""
         return not np.array_equal(np.diag(np.diag(self.matrix)), self.matrix)
 
+    @property
+    def different(self) -> tuple[int, ...]:
+        """Numbers, from 1, of the axes that count otherwise than the model's joints do."""
+        apart = (self.matrix != np.eye(self.n_axes)).any(axis=1) | (self.zero != 0.0)
+        return tuple((np.flatnonzero(apart) + 1).tolist())
+
     @cached_property
     def inverse(self) -> Array:
         """Return the inverse of ``matrix``, (N, N)."""

@@ -9,7 +9,7 @@ from planner.common.errors import NoSolutionError
 from planner.common.units import Array, from_deg, to_deg
 from planner.kinematics.axes import MODEL, AxisConvention
 from planner.kinematics.robot import Robot
-from planner.programs.dialect import Dialect, load_dialect
+from planner.programs.dialect import Dialect, dialect_names, load_dialect
 from planner.programs.instructions import Entry, Instruction, JointMove, Program
 from planner.programs.languages.execution import ReadBack
 from planner.programs.rendering import axis_names
@@ -36,6 +36,11 @@ def log_axes(robot: Robot, controller: str) -> AxisConvention:
     if controller == MODEL:
         return AxisConvention.same(MODEL, robot.q_lower, robot.q_upper, robot.speed)
     return axes_for(robot, load_dialect(controller))
+
+
+def controller_words(controller: str) -> str:
+    """Return what people call the controller of a language: ``Comau PDL2`` for ``pdl2``."""
+    return load_dialect(controller).title.partition(" (")[0] if controller in dialect_names() else controller
 
 
 def in_controller_axes(program: Program, axes: AxisConvention, dialect: Dialect, speed: Array) -> Program:

@@ -8,6 +8,7 @@ import pytest
 
 from planner.common.errors import InputError
 from planner.compensation.compensated_file import compensate_file
+from planner.compensation.correction_mark import CorrectionMark
 from planner.compensation.languages import READERS
 from planner.kinematics.axes import AxisConvention
 from planner.kinematics.robot_reader import load_robot
@@ -145,6 +146,46 @@ def test_status_turn_and_confdata_are_of_the_controllers_axes(arm, language, suf
     assert one != path.read_text()
 
 
+def numbers_of(text):
+    rows = [line for line in text.splitlines() if not line.startswith("#")]
+    return np.loadtxt(rows[1:], delimiter=",")
+
+
+@pytest.mark.parametrize(
+    ("line", "option", "said", "step"),
+    [
+        ("", "pdl2", "pdl2", r"has the angles of the axes of Comau PDL2: load it into that controller"),
+        ("# axes_of: pdl2\n", None, "pdl2", r"has the angles of the axes of Comau PDL2: load it into that controller"),
+        ("", None, "model", r"of the model's joints; Comau PDL2 counts 5 of 6 axes otherwise: .*--axes-of pdl2"),
+        ("# Axes of = MODEL\n", None, "model", r"of the model's joints; Comau PDL2 counts 5 of 6 axes otherwise"),
+    ],
+)
+@pytest.mark.parametrize("marked", [True, False])
+def test_a_corrected_table_states_whose_axes_its_angles_are(line, option, said, step, marked, tmp_path):
+    """What comes out is a file of its own: read again without any option it has the same angles."""
+    robot, real = load_robot("comau-nj130"), BentComau.drawn(4)
+    q_deg = np.round(np.rad2deg(regular_angles(robot, 5, seed=3, margin=0.3)), 4)
+    shown = np.column_stack([-q_deg[:, 0], q_deg[:, 1], -q_deg[:, 2] - 90.0, *-q_deg[:, 3:].T])
+    rows = shown if said == "pdl2" else q_deg
+    head = ",".join(f"q{j}_deg" for j in range(1, 7)) + "\n"
+    path = tmp_path / "targets.csv"
+    path.write_text(line + head + "".join(",".join(f"{v:.6f}" for v in row) + "\n" for row in rows))
+    mark = CorrectionMark("0123456789abcdef", False) if marked else None
+    done = compensate_file(path, robot, real, axes_of=option, mark=mark)
+    comments = [text for text in done.text.splitlines() if text.startswith("#")]
+    stated = [text for text in comments if "axes" in text.lower()]
+    assert stated == ([line.strip()] if line else [f"# axes_of: {said}"])
+    assert re.search(step, done.step.format(file="corrected.csv"))
+    np.testing.assert_allclose(done.q, np.deg2rad(q_deg), atol=1e-6)
+    again = tmp_path / "again.csv"
+    again.write_text(done.text)
+    read = compensate_file(again, robot, real)
+    found = numbers_of(done.text)
+    if said == "pdl2":
+        found = np.column_stack([-found[:, 0], found[:, 1], -found[:, 2] - 90.0, *-found[:, 3:].T])
+    np.testing.assert_allclose(np.rad2deg(read.q), found, atol=1e-5)
+
+
 def test_a_table_says_whose_axes_its_angles_are(tmp_path):
     robot, real = load_robot("comau-nj130"), BentComau.drawn(4)
     q_deg = np.round(np.rad2deg(regular_angles(robot, 5, seed=3, margin=0.3)), 4)
@@ -160,7 +201,7 @@ def test_a_table_says_whose_axes_its_angles_are(tmp_path):
     ):
         path.write_text(text)
         done = compensate_file(path, robot, real, axes_of=option)
-        made.append(np.loadtxt(done.text.splitlines(), delimiter=",", skiprows=1 + text.startswith("#")))
+        made.append(numbers_of(done.text))
     plain = np.column_stack([-made[0][:, 0], made[0][:, 1], -made[0][:, 2] - 90.0, *-made[0][:, 3:].T])
     np.testing.assert_allclose(made[1], plain, atol=2e-6)
     np.testing.assert_allclose(made[2], made[1], atol=0)

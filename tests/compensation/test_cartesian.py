@@ -279,7 +279,7 @@ def test_a_table_of_poses_with_angles_to_start_from(tmp_path):
     path = tmp_path / "targets.csv"
     path.write_text("\n".join(rows))
     done = compensate_file(path, robot, real)
-    for row, line in zip(q, done.text.splitlines()[2:], strict=True):
+    for row, line in zip(q, done.text.splitlines()[3:], strict=True):
         values = np.array([float(v) for v in line.split(",")[1:]])
         found = controller(robot, matrix(values[:6]), row)
         np.testing.assert_allclose(found, np.radians(values[6:]), atol=1e-6)

@@ -28,7 +28,7 @@ def test_joints_that_move_far_for_a_small_correction_are_named(kuka, tmp_path):
     robot, real = kuka
     q = np.radians([[10, -80, 100, 20, 40, 30], [10, -80, 100, 20, 1.5, 30], [-20, -60, 80, 10, 50, 0]])
     done = compensate_file(joint_table(tmp_path / "t.csv", q), robot, real)
-    printed = np.loadtxt(done.text.splitlines()[1:], delimiter=",")
+    printed = np.loadtxt(done.text.splitlines()[2:], delimiter=",")
     moved = printed - np.degrees(q)
     far = np.flatnonzero(np.abs(moved).max(axis=1) > 2.0)
     assert list(far) == [1]
@@ -45,7 +45,7 @@ def test_of_many_the_farthest_are_told_and_the_others_counted(kuka, tmp_path):
     robot, real = kuka
     q = np.radians([[10, -80, 100, 20, b, 30] for b in np.linspace(1.4, 2.0, 20)])
     done = compensate_file(joint_table(tmp_path / "t.csv", q), robot, real)
-    moved = np.abs(np.loadtxt(done.text.splitlines()[1:], delimiter=",") - np.degrees(q)).max(axis=1)
+    moved = np.abs(np.loadtxt(done.text.splitlines()[2:], delimiter=",") - np.degrees(q)).max(axis=1)
     told = [line - 2 for line, s in done.report.notes if "moves by" in s and "over" not in s]
     assert len(told) == 8
     assert moved[told].min() >= np.delete(moved, told).max()

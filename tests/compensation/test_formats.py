@@ -78,7 +78,7 @@ def test_a_table_keeps_what_is_not_a_target(robot, tmp_path):
     path = tmp_path / "targets.csv"
     path.write_bytes(CSV.replace("\n", "\r\n").encode("latin-1"))
     done = compensate_file(path, robot, exact(robot))
-    assert done.text.encode(done.encoding) == path.read_bytes()
+    assert done.text.encode(done.encoding) == b"# axes_of: model\r\n" + path.read_bytes()
     moved = compensate_file(path, robot, shifted(robot))
     assert "\r\na; 10.5;-20;30.25;\t3.500000;55;6e1\r\n\r\n" in moved.text
     assert moved.encoding == "latin-1"
@@ -117,7 +117,7 @@ def test_blocks_that_leave_axes_out_get_them_all(robot, tmp_path):
     whole = tmp_path / "whole.csv"
     head = ",".join(f"q{i}_deg" for i in range(1, 7))
     whole.write_text(f"{head}\n10,-80,90,5,40,6\n10,-80,90,5,50,6\n")
-    rows = [line.split(",") for line in compensate_file(whole, robot, real).text.splitlines()[1:]]
+    rows = [line.split(",") for line in compensate_file(whole, robot, real).text.splitlines()[2:]]
     second = dict(w.split("=") for w in text.splitlines()[3].split() if "=" in w)
     np.testing.assert_allclose([float(second[f"A{i}"]) for i in range(1, 7)], np.array(rows[1], float), atol=6e-6)
     assert text.splitlines()[3].startswith("N20 A5=")
