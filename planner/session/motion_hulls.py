@@ -13,12 +13,16 @@ from planner.session.driven_motion import Chain
 SMALL = 0.02  # [rad] steps of a path that is given in many; their corners are anywhere between the steps' ends
 GROUP = 64  # small steps that are looked at together first
 ENCLOSED = 1e-7  # [rad] by which points may lie outside their region: a third of a micrometre at three metres
+NARROW = 0.05  # of its length: the height of a triangle that is proven as quadrilaterals, in fewer cells
 STRAIGHT = 1e-9  # of the sine between the first and the last step of a group that runs straight
 
 
 @dataclass(frozen=True)
 class Hulls:
-    """Regions that hold parts of a motion: hulls of corners (m, K, N) [rad], and of which moves (m,) they are what."""
+    """Regions that hold parts of a motion: hulls of corners (m, K, N) [rad], and of which moves (m,) they are what.
+
+    K is 2, 3 or 4, as for :class:`~planner.motion.path.proof.Neighbourhoods`.
+    """
 
     corners: Array
     number: np.ndarray
@@ -34,7 +38,7 @@ Proven = Callable[[Array], np.ndarray]
 
 
 def motion_hulls(chain: Chain, tool_position: ToolPosition, proven: Proven) -> Iterator[Hulls]:
-    """Yield what holds a chain: straight legs, the triangles of cut corners, and both about small steps.
+    """Yield what holds a chain: straight legs, the triangles of cut corners, and the like about small steps.
 
     ``proven``: a quick look at whether a large region about small steps will do.
     """
@@ -59,8 +63,11 @@ def motion_hulls(chain: Chain, tool_position: ToolPosition, proven: Proven) -> I
     entry, leave = corner_ends(q, corner, blend[corner], tool_position)
     yield Hulls(np.stack([entry, q[corner], leave], axis=1), number[corner - 1], f"{way}corner after move")
     for a, b in zip(begin - 1, end, strict=True):  # the points of the run and one beside it on either side
-        for corners, first in enclose_steps(q[a : b + 1], number[a:b], proven):
-            yield Hulls(corners, first, f"{way}move")
+        (segments, first), (triangles, begun) = enclose_steps(q[a : b + 1], number[a:b], proven)
+        narrow = _narrow(triangles)
+        yield Hulls(segments, first, f"{way}move")
+        yield Hulls(triangles[~narrow], begun[~narrow], f"{way}move")
+        yield Hulls(_quadrilaterals(triangles[narrow]), np.tile(begun[narrow], 2), f"{way}move")
 
 
 def enclose_steps(q: Array, number: np.ndarray, proven: Proven) -> list[tuple[Array, np.ndarray]]:
@@ -97,6 +104,27 @@ def enclose_steps(q: Array, number: np.ndarray, proven: Proven) -> list[tuple[Ar
         starts = (left[:, None] + np.array([0, size])).ravel() if size else left[:0]
         starts = starts[starts < len(q) - 2]
     return [(np.concatenate(f), np.concatenate(n)) for f, n in zip(found, numbers, strict=True)]
+
+
+def _narrow(triangles: Array) -> np.ndarray:
+    """Tell which triangles (m, 3, N) [rad] are less high than ``NARROW`` of their length, (m,) bool."""
+    height = np.linalg.norm(triangles[:, 1] - _foot(triangles), axis=1)
+    return np.asarray(height < NARROW * np.linalg.norm(triangles[:, 2] - triangles[:, 0], axis=1))
+
+
+def _quadrilaterals(triangles: Array) -> Array:
+    """Cut triangles (m, 3, N) [rad] at their heights, (2 m, 4, N): with a corner twice, they are proven like a leg."""
+    a, apex, c = (triangles[:, k] for k in range(3))
+    foot = _foot(triangles)
+    return np.concatenate([np.stack([a, foot, apex, a], axis=1), np.stack([foot, c, c, apex], axis=1)])
+
+
+def _foot(triangles: Array) -> Array:
+    """Return the place of the side between the ends that is nearest to the corner between them, (m, N) [rad]."""
+    a, apex, c = (triangles[:, k] for k in range(3))
+    side = c - a
+    share = ((apex - a) * side).sum(axis=1) / np.maximum((side**2).sum(axis=1), 1e-300)
+    return np.asarray(a + np.clip(share, 0.0, 1.0)[:, None] * side)
 
 
 def _run_straight(points: Array) -> np.ndarray:

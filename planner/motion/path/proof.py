@@ -16,7 +16,9 @@ from planner.motion.path.margins import PairBounds, WorkspaceBounds
 
 @dataclass(frozen=True)
 class Neighbourhoods(Rows):
-    """Open neighbourhoods: the hull of K corners each, 2 for an interval of a motion, 3 for a triangle.
+    """Open neighbourhoods: the hull of K corners each.
+
+    Two for an interval of a motion, 3 for a triangle, 4 for a plane convex quadrilateral, corners in turn round it.
 
     Attributes:
         motion: which motion each belongs to, (n,).
@@ -46,8 +48,14 @@ class Neighbourhoods(Rows):
         return spread[:, :1] if self.corners.shape[1] == 2 else spread
 
     def halves(self) -> "Neighbourhoods":
-        """Cut every cell at the middle of its longest edge; the halves of cell i are i and n + i."""
+        """Cut every cell at the middle of its longest edge; the halves of cell i are i and n + i.
+
+        A quadrilateral is cut at the middle of the edge opposite too: its halves are quadrilaterals, and a narrow one
+        becomes as many cells as a motion of its length, where narrow triangles lie over each other.
+        """
         n, K = self.place.shape
+        if K == 4:
+            return self._quadrilateral_halves()
         ends = [(a, b) for a in range(K) for b in range(a + 1, K)]
         length = np.stack([np.abs(self.corners[:, a] - self.corners[:, b]).sum(axis=1) for a, b in ends])
         first, last = np.array(ends)[np.argmax(length, axis=0)].T
@@ -60,6 +68,21 @@ class Neighbourhoods(Rows):
         place_one[rows, last], place_two[rows, first] = centre, centre
         return Neighbourhoods(
             np.tile(self.motion, 2), np.concatenate([one, two]), np.concatenate([place_one, place_two])
+        )
+
+    def _quadrilateral_halves(self) -> "Neighbourhoods":
+        length = np.abs(self.corners - np.roll(self.corners, -1, axis=1)).sum(axis=2)
+        turn = (np.argmax(length, axis=1) % 2)[:, None] + np.arange(4)  # the edges from 0 to 1 and from 2 to 3 are cut
+        rows = np.arange(len(turn))[:, None]
+        corners, place = self.corners[rows, turn % 4], self.place[rows, turn % 4]
+        one, two = [], []
+        for whole in (corners, place):
+            middle, opposite = (whole[:, 0] + whole[:, 1]) / 2, (whole[:, 2] + whole[:, 3]) / 2
+            one.append(np.stack([whole[:, 0], middle, opposite, whole[:, 3]], axis=1))
+            two.append(np.stack([middle, whole[:, 1], whole[:, 2], opposite], axis=1))
+        (q_one, place_one), (q_two, place_two) = one, two
+        return Neighbourhoods(
+            np.tile(self.motion, 2), np.concatenate([q_one, q_two]), np.concatenate([place_one, place_two])
         )
 
 

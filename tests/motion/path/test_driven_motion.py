@@ -10,6 +10,7 @@ from planner.common.errors import NoSolutionError
 from planner.common.units import round_angles
 from planner.kinematics.inverse_kinematics import solve_pose_ik
 from planner.motion.path.constraints import Constraints
+from planner.motion.path.proof import LEVELS, Neighbourhoods
 from planner.programs.dialect import PathForm, load_dialect
 from planner.programs.instructions import Entry, JointMove, Pause, StretchBegin
 from planner.runs.run import FIRST_MOUNTING
@@ -65,10 +66,13 @@ def moving(cell):
 
 def _regions(cell, program):
     chains = [c for c in recover_motion(cell, program) if c.held.attached]
-    return np.concatenate(
-        [np.pad(h.corners, ((0, 0), (0, 3 - h.corners.shape[1]), (0, 0)), mode="edge")
-         for c in chains for h in motion_hulls(c, cell.map_position, _accept) if len(h.corners)]
-    )  # fmt: skip
+    return np.concatenate([_triangles(h.corners) for c in chains for h in motion_hulls(c, cell.map_position, _accept)])
+
+
+def _triangles(corners):
+    """Cut hulls (m, K, N) into triangles (k, 3, N), a segment with its last point twice."""
+    K = corners.shape[1]
+    return np.concatenate([corners[:, [0, k, min(k + 1, K - 1)]] for k in range(1, max(K - 1, 2))])
 
 
 @pytest.mark.parametrize("form", [PathForm(), load_dialect("linuxcnc").path_form])
@@ -125,6 +129,28 @@ def test_a_leg_that_is_proven_beside_a_limit_is_proven_in_small_steps_too(cell):
         assert near.judge(hulls.corners).proven.all()
 
 
+@pytest.mark.parametrize("height", [0.0, 1e-5, 1e-4])
+def test_a_narrow_corner_of_steps_takes_few_cells(height):
+    """Where a blend begins beside a limit: a corner of two steps, nearly straight; the cells cover all of it."""
+    path = np.array([[0.0, 0.0], [0.013, height], [0.027, 0.0]])
+    q, blend = np.vstack([path[0] - [0.013, 0.0], path, path[2] + [0.013, 0.0]]), np.array([0.0, 0, 1e-3, 0, 0])
+    chain = Chain(Held(FIRST_MOUNTING, True), q, blend, np.zeros(5, dtype=bool), np.arange(4))
+    found = [h.corners for h in motion_hulls(chain, lambda q: np.pad(q, ((0, 0), (0, 1))), _accept)]
+    cells, closed = [Neighbourhoods.of(c) for c in found if len(c)], []
+    for _ in range(LEVELS):  # a margin that is 1.6e-5 rad where it is smallest, and grows with the square
+        left = []
+        for c in cells:
+            lost = np.linalg.norm(c.spokes, axis=2).max(axis=1)
+            proven = 1.6e-5 + 2.0 * (c.q[:, 0] - 0.006) ** 2 > lost
+            closed.append(_triangles(c.corners[proven]))
+            left.append(c.take(np.flatnonzero(~proven)).halves())
+        cells = left
+        assert sum(len(c.motion) for c in cells) < 500
+    assert sum(len(c.motion) for c in cells) == 0
+    inside = np.random.default_rng(0).dirichlet(np.ones(3), 200) @ path
+    assert _off(inside, np.concatenate(closed)).max() < 1e-12
+
+
 def test_joints_on_a_circle_stay_within_its_polygon():
     cell = load_cell("comau-nj130/circular")
     start = np.array([0.1, 0.2, -1.2, 0.3, 0.9, 0.2]) + cell.home * 0.0
@@ -145,9 +171,8 @@ def test_joints_on_a_circle_stay_within_its_polygon():
     chain = Chain(
         Held(FIRST_MOUNTING, True), points, np.zeros(len(points)), rounded, np.ones(len(points) - 1, dtype=int)
     )
-    regions = np.concatenate(
-        [h.corners for h in motion_hulls(chain, cell.map_position, _accept) if h.corners.shape[1] == 3]
-    )
+    found = [h.corners for h in motion_hulls(chain, cell.map_position, _accept)]
+    regions = np.concatenate([_triangles(c) for c in found if c.shape[1] > 2])
     assert _off(q, regions).max() < 3e-7
     with pytest.raises(NoSolutionError, match="do not come to where it ends"):
         circle_polygons(cell, [(piece[0], piece[1], tuple(np.add(piece[2], [0, 0, 0, 0, 0, 5.0])))])
