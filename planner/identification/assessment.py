@@ -14,7 +14,13 @@ from planner.design.observability.information import r_factor
 from planner.effects.steps import SLIP
 from planner.identification.angle_hints import angle_hint
 from planner.identification.artifact_pose import declared_pose_warnings, gauge_frames
-from planner.identification.calibration import Calibration, ResidualDiagnosis, TracingResult, find_joint_zeros
+from planner.identification.calibration import (
+    Calibration,
+    ResidualDiagnosis,
+    TracingResult,
+    find_joint_zeros,
+    find_other_zeros,
+)
 from planner.identification.covariance import (
     consider_covariance,
     parameter_covariance,
@@ -237,6 +243,7 @@ def assess_fit(
         stages=kept,
         estimates=estimates,
         joint_zeros=find_joint_zeros(found.setup.robot, estimates),
+        other_zeros=find_other_zeros(found.setup.robot, estimates, cell.controller.dialects),
         fitted=() if released is None else tuple(e for e in table if e.identifiable),
         degrees_of_freedom=max(1.0, len(found.problem) * found.model.width / time - found.effective),
         findings=tuple(_with_estimates(traced.findings, table)),
@@ -253,8 +260,7 @@ def assess_fit(
         problems=find_problems(table, stages, found, traced, run, cell),
         warnings=(
             *(*run.warnings, *collect_warnings(run, cell, found, validation)),
-            *(*notes, *_fitted_there(parts, stages[-1])),
-            *([NO_POSTERIOR] if released is None and basis != "fit" else []),
+            *(*notes, *_fitted_there(parts, stages[-1]), *([NO_POSTERIOR] if not released and basis != "fit" else [])),
             *workspace_warning(expected, last.held_out, found.model.width),
             *([] if released is None else tool_point_advice(released)),
         ),

@@ -23,6 +23,7 @@ from planner.model.identification_document import (
     OnlyInMemory,
     RejectedEffect,
 )
+from planner.programs.controller_axes import controller_words
 from planner.runs.run import Run
 
 
@@ -84,6 +85,7 @@ class Calibration(Identification):
         covariance: of the fitted parameters, (P, P).
         diagnosis: every test of the last stage's residual.
         released: the robot that is written; the last stage's where it is ``None``.
+        other_zeros: the joint zeros in the axes of the cell's other controllers, where these count otherwise.
     """
 
     run: Annotated[Run, OnlyInMemory] = Field(exclude=True)
@@ -92,6 +94,7 @@ class Calibration(Identification):
     covariance: Annotated[Array, OnlyInMemory] = Field(exclude=True)
     diagnosis: Annotated[ResidualDiagnosis, OnlyInMemory] = Field(exclude=True)
     released: Annotated[ReleasedRobot | None, OnlyInMemory] = Field(default=None, exclude=True)
+    other_zeros: Annotated[tuple[JointZero, ...], OnlyInMemory] = Field(default=(), exclude=True)
 
     @property
     def setup(self) -> MeasurementSetup:
@@ -104,16 +107,19 @@ OWN_ANGLES = "add it to the angle of the model, which the controller may count i
 MOST_DECIMALS = 6  # of a degree
 
 
-def find_joint_zeros(robot: Robot, estimates: Sequence[Estimate]) -> tuple[JointZero, ...]:
+def find_joint_zeros(
+    robot: Robot, estimates: Sequence[Estimate], controller: str | None = None
+) -> tuple[JointZero, ...]:
     """Return what the zeros of the controller's axes are off, by the values of a robot's parameters.
 
+    ``controller``: name of its language, where it is not the one of the robot's maker.
     An axis that the run does not show, or that counts with a joint that it does not show, has none.
     """
     names = [f"theta{k + 1}" for k in range(robot.n_joints)]
     seen = {e.name: e for e in estimates if e.identifiable}
     shift = np.array([seen[n].value - seen[n].nominal if n in seen else 0.0 for n in names])
     std = np.array([(seen[n].std or 0.0) if n in seen else 0.0 for n in names])
-    axes = AxisZeros.of(robot)
+    axes = AxisZeros.of(robot, controller)
     turn = axes.turn
     zero, sigma = turn @ shift, np.sqrt(turn**2 @ std**2)
     shown = ((turn == 0.0) | np.array([n in seen for n in names])).all(axis=1)
@@ -129,6 +135,15 @@ def find_joint_zeros(robot: Robot, estimates: Sequence[Estimate]) -> tuple[Joint
     )
 
 
+def find_other_zeros(robot: Robot, estimates: Sequence[Estimate], dialects: Sequence[str]) -> tuple[JointZero, ...]:
+    """Return the zeros in the axes of each controller of a cell that counts otherwise than the maker's."""
+    described = {c.controller for c in robot.conventions}
+    named = dict.fromkeys(name.partition("+")[0] for name in dialects)
+    own = AxisZeros.of(robot).turn
+    others = [n for n in named if n in described and not np.array_equal(AxisZeros.of(robot, n).turn, own)]
+    return tuple(zero for name in others for zero in find_joint_zeros(robot, estimates, name))
+
+
 def joint_zeros_text(c: Calibration) -> str:
     """Return the joint zeros [deg] with their standard deviations; empty where the run shows none.
 
@@ -136,21 +151,31 @@ def joint_zeros_text(c: Calibration) -> str:
     """
     if not c.joint_zeros:
         return ""
-    parts = [
-        f"joint {z.joint} {_degrees(z.offset, z.offset_std, '+')} ± {_degrees(z.offset_std, z.offset_std)}°"
-        f"{'*' if z.absorbs else ''}"
-        for z in c.joint_zeros
-    ]
     shown = {z.joint for z in c.joint_zeros}
     unseen = ", ".join(str(k) for k in range(1, c.setup.robot.n_joints + 1) if k not in shown)
     axes = c.joint_zeros[0].axes_of
     remarks = [
-        f"add it to the angle that the controller shows ({axes})" if axes else OWN_ANGLES,
+        f"in the axes of {controller_words(axes)}: add it to the angle that this controller shows"
+        if axes
+        else OWN_ANGLES,
         "* also stands for errors that the run does not show" if any(z.absorbs for z in c.joint_zeros) else "",
         f"not seen: joint {unseen}" if unseen else "",
         ZEROS_OR_MODEL,
     ]
-    return f"{', '.join(parts)} ({'; '.join(filter(None, remarks))})"
+    elsewhere = [
+        f"; in the axes of {controller_words(name)} instead: {_zero_list(zeros)}"
+        for name in dict.fromkeys(z.axes_of or "" for z in c.other_zeros)
+        if (zeros := [z for z in c.other_zeros if z.axes_of == name])
+    ]
+    return f"{_zero_list(c.joint_zeros)} ({'; '.join(filter(None, remarks))}){''.join(elsewhere)}"
+
+
+def _zero_list(zeros: Sequence[JointZero]) -> str:
+    return ", ".join(
+        f"joint {z.joint} {_degrees(z.offset, z.offset_std, '+')} ± {_degrees(z.offset_std, z.offset_std)}°"
+        f"{'*' if z.absorbs else ''}"
+        for z in zeros
+    )
 
 
 def _degrees(value: float, std: float, sign: str = "") -> str:

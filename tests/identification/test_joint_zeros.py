@@ -3,11 +3,12 @@
 import re
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 
 from planner.cell.reading import load_cell
-from planner.identification.calibration import find_joint_zeros, joint_zeros_text
+from planner.identification.calibration import find_joint_zeros, find_other_zeros, joint_zeros_text
 from planner.identification.pipeline import FitSettings, identify
 from planner.kinematics.robot_reader import load_robot
 from planner.model.identification_document import Estimate
@@ -60,6 +61,26 @@ def test_zeros_are_those_of_the_controllers_axes() -> None:
     both = {z.joint: z.offset for z in find_joint_zeros(replace(robot, conventions=(axes,)), rows)}
     assert np.isclose(both[3], off[2] + off[1])
     assert 3 not in {z.joint for z in find_joint_zeros(replace(robot, conventions=(axes,)), unseen)}
+
+
+def test_a_cell_of_another_controller_sees_the_zeros_in_its_axes() -> None:
+    """Comau counts five axes of the NJ-130 the other way round, B&R counts as the model does: the signs differ."""
+    robot = load_robot("comau-nj130")
+    off = np.deg2rad([0.1, 0.2, -0.3, 0.4, -0.5, 0.6])  # of the joints
+    rows = [
+        Estimate(name=f"theta{k + 1}", value=float(v), std=1e-5, unit="rad", group="geometry")
+        for k, v in enumerate(robot.sense_matrix @ off)
+    ]
+    others = find_other_zeros(robot, rows, ("bnr+g126", "pdl2", "poses-csv"))
+    assert {z.axes_of for z in others} == {"bnr"}  # the maker's stand before it, lists hold the model's own angles
+    assert np.allclose([z.offset for z in others], off)
+    setup = SimpleNamespace(robot=robot)
+    found = SimpleNamespace(joint_zeros=find_joint_zeros(robot, rows), other_zeros=others, setup=setup)
+    maker, bnr = joint_zeros_text(found).split("; in the axes of B&R instead: ")
+    assert "(in the axes of Comau PDL2: add it to the angle that this controller shows; " in maker
+    for text, sense in ((maker, [-1, 1, -1, -1, -1, -1]), (bnr, [1] * 6)):
+        stated = [float(v) for _, v, *_ in STATED.findall(text)]
+        np.testing.assert_allclose(stated, np.rad2deg(off) * sense, atol=1e-4)
 
 
 def _turned_robot():
