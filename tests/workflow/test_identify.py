@@ -161,9 +161,10 @@ def test_corrected_joints_bring_the_found_robot_where_the_nominal_should_be(iden
     model = identified / "out" / "robot.toml"
     code, _, told = edbb("compensate", identified / "t.csv", "--model", model, "-o", identified / "new.csv")
     assert code == 0, told
-    mark, more, *rows = (identified / "new.csv").read_text().splitlines()
+    mark, more, axes, *rows = (identified / "new.csv").read_text().splitlines()
     assert mark.startswith("# edbb-compensated ")
     assert more.startswith("# ")
+    assert axes == "# axes_of: model"
     new = np.deg2rad(np.loadtxt(rows, delimiter=",", skiprows=1))
     _, wanted = Arm.from_toml("kuka-kr6-r700").flange(np.deg2rad(TARGETS))
     found = load_robot(str(model))
