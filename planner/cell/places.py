@@ -7,7 +7,6 @@ from scipy.spatial.transform import Rotation
 
 from planner.cell.cell import Ball, Fixture, Nest, Tool, ToolPoint
 from planner.cell.file import FIRST_POINT, CellFile, FixtureFile, PlacedFile, ToolFile
-from planner.cell.gauge_registry import gauge_kinds
 from planner.common.choices import SetUp
 from planner.common.errors import InputError
 from planner.common.units import MM, UM, Array, from_deg, from_mm, read_only
@@ -52,8 +51,8 @@ def _read_tool_points(path: Path, tool: ToolFile) -> tuple[ToolPoint, ...]:
     return tuple(ToolPoint(name, read_only(from_mm(at)), unit_vector(path, key, axis)) for key, name, at, axis in given)
 
 
-def read_fixtures(path: Path, robot: Robot, file: CellFile) -> tuple[Fixture, ...]:
-    """Return the cups.
+def read_fixtures(path: Path, robot: Robot, file: CellFile, usual: SetUp) -> tuple[Fixture, ...]:
+    """Return the cups, set up in the ``usual`` way where the file does not say how.
 
     Raises:
         InputError: a mount pose that is none of the robot's, or one for several tool points.
@@ -66,8 +65,8 @@ def read_fixtures(path: Path, robot: Robot, file: CellFile) -> tuple[Fixture, ..
             f"{path}: '{given[0]}' cannot hold the bar at each of {len(more) + 1} tool points: leave it out, good "
             "mount poses are found"
         )
-    common, usual = file.gauge.mount_deg, gauge_kinds()[file.gauge.kind].usual_set_up
-    return tuple(_read_fixture(path, robot, f, common, 1 + len(more), usual) for f in file.fixtures)
+    common, points = file.gauge.mount_deg, 1 + len(more)
+    return tuple(_read_fixture(path, robot, f, common, points, usual) for f in file.fixtures)
 
 
 def _read_fixture(

@@ -168,7 +168,9 @@ def cell_of(file: CellFile, path: Path, name: str, planning: bool = True) -> Cel
         lambda: _read_home(path, file, robot, planning),
         lambda: read_tool(path, file.tool, robot, planning),
         lambda: gauge.read(path, robot, file, planning),
-        lambda: gauge.read_places(path, robot, file) if planning else read_fixtures(path, robot, file),
+        lambda: (
+            gauge.read_places(path, robot, file) if planning else read_fixtures(path, robot, file, gauge.usual_set_up)
+        ),
     )
     return Cell(
         name=name,

@@ -138,7 +138,7 @@ class LengthGauge(LineGauge):
         """Return the fixtures."""
         if not file.fixtures:
             raise InputError(f"{path}: a length gauge needs at least one [[fixtures]] table")
-        return read_fixtures(path, robot, file)
+        return read_fixtures(path, robot, file, cls.usual_set_up)
 
     @classmethod
     def session_guide(cls, file: CellFile) -> SessionGuide:

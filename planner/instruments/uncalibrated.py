@@ -38,7 +38,7 @@ def bound_uncalibrated(cell: Cell, model: Model, errors: Array) -> UncalibratedB
     """Return how errors (P,) of a robot are made as small as its cell says; ``None`` where it says nothing of that.
 
     A head of indicators reads near the centre of a ball alone, so its cell states how far an uncalibrated robot errs at
-    most (``gauge.head.uncalibrated_mm``), and its plan counts on that. The tool point's error, by geometry and
+    most (``uncalibrated_mm``), and its plan counts on that. The tool point's error, by geometry and
     compliance together, is looked at in postures from all over the joints' limits that bring it to the balls.
     """
     head = cell.gauge.head

@@ -142,7 +142,7 @@ def _drive(plan: Plan, k: int) -> dict[str, Any]:
     """One fixture's drive in words, and its charts."""
     cell, drive = plan.cell, plan.drives[k]
     way, number = sample_drive(cell, drive), f"_{k + 1}" if len(plan.drives) > 1 else ""
-    attached = cell.gauge.is_attached
+    attached = cell.has_bar()
     drawn = (
         plan_charts.tour_chart(tour_orders(cell, drive)),
         plan_charts.joint_chart(way),

@@ -101,7 +101,7 @@ def recover_motion(cell: Cell, program: Program) -> list[Chain]:
     off = np.abs(np.subtract(np.rad2deg(cell.home), program.moves[0].q_deg)).max()
     if off > np.rad2deg(SAME):
         raise not_released(f"it begins {off:.4g} deg away from the cell's home")
-    check_starts(program, cell.gauge.is_attached)
+    check_starts(program, cell.has_bar())
     mountings, balls = _next_mountings(program), _balls(program)
     walk = _Walk(program.moves[0].q_deg, Held(FIRST_MOUNTING, False), _circles(cell, program))
     ways: list[Chain] = []
@@ -118,7 +118,7 @@ def recover_motion(cell: Cell, program: Program) -> list[Chain]:
         elif isinstance(item, JointMove):
             number += 1
             if item.mounting != attached:
-                if cell.gauge.is_attached and not walk.paused:
+                if cell.has_bar() and not walk.paused:
                     raise not_released(f"before move {number} the gauge is attached or taken off without a pause")
                 attached, mount = item.mounting, walk.here
             if number == 1:

@@ -250,7 +250,7 @@ def find_extremes(prover: Prover, corners: Array, tolerance: float) -> Extremes:
         open_ = float(bound[asked].min(initial=np.inf))
         shorter = pose.length - far.stretch < shortest - tolerance
         longer = pose.length + far.stretch > longest + tolerance
-        if not prover.bounds.workspace.cell.gauge.is_attached:  # nothing whose length matters
+        if not prover.bounds.workspace.cell.has_bar():  # nothing whose length matters
             shorter, longer = np.zeros_like(shorter), np.zeros_like(longer)
         rows = np.flatnonzero(asked.any(axis=1) | shorter | longer)
         cells, asked = cells.take(rows).halves(), np.tile(asked[rows], (2, 1))

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import tests.identification.rigs as rigs
+from planner.cell.setup import FREEABLE
 from planner.common.errors import InputError
 from planner.design.discrimination.findings import read_identification
 from planner.design.discrimination.power import SURE, Discrimination, PairPower
@@ -85,7 +86,9 @@ def test_every_kind_that_an_identification_can_name_is_known():
         setup = rigs.setup(NJ, kind, rng)
         robot = replace(setup.robot, gear_ratio=(101.0,) * 6)
         setup = setup if kind == "sockets" else replace(setup, p_GS=np.zeros((0, 3)), ball_names=())
-        entries = catalogue(replace(setup, robot=robot), everything(setup, 60, rng))
+        looked = everything(setup, 60, rng)
+        entries = catalogue(replace(setup, robot=robot), looked)
+        entries += catalogue(replace(setup, robot=robot, fixed=FREEABLE), looked)  # nothing free
         found |= {e.kind for e in entries}
         for e in entries:
             check_effect_name(e.name, 6, "here")
