@@ -2,9 +2,12 @@
 
 Each cell runs as it is shipped with one seed, and with four more seeds of the robot in a smaller session of another
 seed of the plan: fewer poses, measured at rest. Circles are few enough to be driven as they are shipped with each seed.
+Two of the four seeds are among the long tests; the others, and the cells as they are shipped, take half an hour on two
+cores and are run on demand (``EDBB_ALL_TRIALS=1``).
 """
 
 import json
+import os
 import re
 import tomllib
 from functools import cache
@@ -30,6 +33,8 @@ SMALL = {  # keys of a smaller session
 VALIDATES = ("kuka-kr6-r700/tracker",)  # random poses that judge a robot, none that calibrate it
 IN_CIRCLES = tuple(name for name in CELLS if load_cell(name).circles)
 LARGE = {"comau-nj130/paper": ("--poses", "35")}  # as its documentation plans it
+ALL = bool(os.environ.get("EDBB_ALL_TRIALS"))
+ON_DEMAND = pytest.mark.skipif(not ALL, reason="takes half an hour: only with EDBB_ALL_TRIALS=1")
 QUICK = ("so101/sockets",)  # whose small session is part of the tests that always run
 
 
@@ -130,13 +135,14 @@ def test_a_small_session_of_a_quick_cell(folder, name):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("seed", [1, 2, 3, 4])
+@pytest.mark.parametrize("seed", [1, 2, *(pytest.param(k, marks=ON_DEMAND) for k in (3, 4))])
 @pytest.mark.parametrize("name", CELLS)
 def test_the_chain_of_a_smaller_session_ends_well(folder, name, seed):
     run_chain(folder, name, seed, small=True)
 
 
 @pytest.mark.long
+@ON_DEMAND
 @pytest.mark.parametrize("name", CELLS)
 def test_the_chain_ends_well_as_shipped(folder, name):
     run_chain(folder, name, 0, small=False)
