@@ -181,9 +181,7 @@ class JointRange:
         ends = [np.where(matrix == 0.0, 0.0, matrix * end) for end in (_finite(self.lower), _finite(self.upper))]
         low, high = np.minimum(*ends).sum(axis=1) + zero, np.maximum(*ends).sum(axis=1) + zero
         speed = np.where(matrix == 0.0, 0.0, np.abs(matrix) * _finite(self.speed)).max(axis=1)
-        return JointRange(
-            *(read_only(np.where(np.abs(v) > HUGE / 2, np.sign(v) * np.inf, v)) for v in (low, high, speed))
-        )
+        return JointRange(*(read_only(_infinite(v)) for v in (low, high, speed)))
 
 
 HUGE = 1e15  # stands for infinity where it is multiplied

@@ -5,10 +5,9 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-import planner
 from planner.runs.run import Readings, Run, Samples
 
-SHARED = Path(planner.__file__).parents[2] / "shared" / "data"
+MEASURED = Path(__file__).resolve().parents[1] / "data"  # runs that somebody else took
 
 
 def write(path, text):

@@ -7,9 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from planner.common.errors import InputError
 from planner.runs.loader import load_run, load_runs
-from tests.runs.made import SHARED, rows, write
-
-needs_shared = pytest.mark.skipif(not SHARED.is_dir(), reason=f"the measured data sets are not there ({SHARED})")
+from tests.runs.made import MEASURED, rows, write
 
 
 def test_both_units_of_a_pair_say_the_same(tmp_path):
@@ -159,9 +157,8 @@ def test_parquet_names_its_rows(tmp_path):
         load_run(write(tmp_path / "x.parquet", "no parquet"), 1)
 
 
-@needs_shared
 def test_measured_ur10():
-    run = load_runs([SHARED / "ur10-tracker" / "run.csv"], 6)
+    run = load_runs([MEASURED / "ur10-tracker" / "run.csv"], 6)
     assert (len(run), run.samples.session.max() + 1, run.continuous) == (11911, 10, False)
     assert run.readings.rotation.shape == (11911, 3, 3)
     assert run.samples.temperature.min() > 15.0
@@ -169,18 +166,16 @@ def test_measured_ur10():
     assert "the clock steps back 9 times" in run.warnings[0]
 
 
-@needs_shared
 def test_measured_ur5():
-    folder = SHARED / "ur5-tracker"
+    folder = MEASURED / "ur5-tracker"
     run, validation = (load_run(folder / name, 6) for name in ("run.csv", "validation.csv"))
     assert (len(run), len(validation), run.warnings) == (1000, 20, ())
     np.testing.assert_allclose(run.readings.position[0], [-0.42818372, -0.0027528, -0.09945126], atol=1e-12)
     np.testing.assert_allclose(np.rad2deg(run.samples.q[0, 5]), -5.552225, atol=1e-12)
 
 
-@needs_shared
 def test_measured_panda():
-    files = sorted((SHARED / "panda-ball").glob("*.csv"))
+    files = sorted((MEASURED / "panda-ball").glob("*.csv"))
     run = load_runs(files, 7)
     assert (len(run), run.balls, run.continuous) == (497, ("1", "2"), False)
     assert run.places == tuple(f.stem for f in files)
