@@ -288,6 +288,7 @@ class CellFile(OptionalKeys):
     robot: OneLine
     tip: str | None = None
     packages: dict[str, str] = {}  # folders of ROS packages that the robot's URDF names
+    parked: dict[str, Coordinate] = {}  # where joints of the URDF stand that the arm does not drive
     home_deg: tuple[float, ...] | None = None
     tool: ToolFile | None = None
     gauge: GaugeFile
@@ -302,7 +303,7 @@ class CellFile(OptionalKeys):
     base: BaseFile = BaseFile()
     controller: ControllerFile = ControllerFile()
     plan: PlanSettingsFile = PlanSettingsFile()
-    LATER: ClassVar[tuple[str, ...]] = ("artifact", "tracker", "circles", "packages")
+    LATER: ClassVar[tuple[str, ...]] = ("artifact", "tracker", "circles", "packages", "parked")
 
     @model_validator(mode="before")
     @classmethod

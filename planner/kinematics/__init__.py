@@ -10,9 +10,10 @@ __all__ = [
     "nominal_model",
     "packages",
     "robot",
+    "robot_file",
     "robot_hash",
     "robot_reader",
     "robot_writer",
-    "srdf",
     "urdf",
+    "urdf_writer",
 ]

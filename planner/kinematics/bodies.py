@@ -30,6 +30,8 @@ class Body:
         mesh: file of the mesh, or ``None``.
         scale: scale of the mesh.
         hull: whether the convex hull stands for the mesh.
+        part: of a robot from a URDF, the link that it is a shape of.
+        branch: whether that link hangs beside the chain from the base to the tip: a finger, a head, a second arm.
     """
 
     name: str
@@ -39,6 +41,8 @@ class Body:
     mesh: Path | None = None
     scale: Vector = (1.0, 1.0, 1.0)
     hull: bool = False
+    part: str = ""
+    branch: bool = False
 
 
 def capsule_between(name: str, a: Array, b: Array, radius: float) -> Body:

@@ -10,7 +10,7 @@ import numpy as np
 
 from planner.common.errors import InputError, did_you_mean
 from planner.common.lazy_modules import pin
-from planner.common.units import Array, read_only
+from planner.common.units import DEG, MM, Array, read_only
 from planner.kinematics.axes import AxisConvention, advice, names_of
 from planner.kinematics.bodies import Body
 from planner.kinematics.chain import Chain, Transform, xyz_transforms
@@ -76,6 +76,37 @@ class ToolPoint:
 
 
 @dataclass(frozen=True)
+class ParkedJoint:
+    """A joint of a URDF that stands still while the arm is measured.
+
+    Attributes:
+        name: as the URDF has it.
+        value: where it stands [rad, or m].
+        unit: ``deg`` or ``mm``, in which a person is told.
+        why: where the value comes from, if neither a file says it nor it is 0.
+        of_chain: whether it lies between the base and the tip.
+        follows: whether another joint moves it.
+    """
+
+    name: str
+    value: float
+    unit: str
+    why: str = ""
+    of_chain: bool = False
+    follows: bool = False
+
+    @property
+    def shown(self) -> float:
+        """Its value in degrees or millimetres."""
+        return float(self.value / (MM if self.unit == "mm" else DEG)) + 0.0
+
+    @property
+    def text(self) -> str:
+        """Its value as a person reads it."""
+        return f"{self.shown:.6g} {self.unit}"
+
+
+@dataclass(frozen=True)
 class Priors:
     """One-sigma sizes of errors before calibration: lengths [m], angles [rad], compliances of joints [rad/Nm].
 
@@ -121,6 +152,8 @@ class Robot:
         tool_points: of a calibrated robot, where the points that were measured sit in its flange.
         simulated: of a calibrated robot, whether its readings were simulated; ``None`` where its file does not say.
         packages: folders of ROS packages that its URDF names.
+        parked: joints of its URDF that stand still.
+        never_meet_parts: pairs of links of its URDF that are not checked against each other: both names, and why.
         unchecked_links: links of its URDF that no collision check knows: the name, and why.
     """
 
@@ -158,6 +191,8 @@ class Robot:
     tool_points: tuple[ToolPoint, ...] = ()
     simulated: bool | None = None
     unchecked_links: tuple[tuple[str, str], ...] = ()
+    parked: tuple[ParkedJoint, ...] = ()
+    never_meet_parts: tuple[tuple[str, str, str], ...] = ()
 
     @cached_property
     def nominal(self) -> Robot:
@@ -176,6 +211,11 @@ class Robot:
     def chain(self) -> Chain:
         """The chain from the base to the flange."""
         return Chain(self.transforms)
+
+    @property
+    def parked_table(self) -> dict[str, float]:
+        """Where the joints stand that are parked, as the table ``[parked]`` says it."""
+        return {f"{j.name}_{j.unit}": j.shown for j in self.parked if not j.follows}
 
     def theta(self, q: Array) -> Array:
         """Convert joint angles (n, N) [rad] to the variable part of the kinematic rows' angles."""

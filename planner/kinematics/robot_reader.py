@@ -1,188 +1,35 @@
 """Reads ``robot.toml`` (and URDF) into a :class:`Robot`, with every check that a typing error deserves."""
 
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import Field, field_validator, model_validator
 
 from planner.common.errors import InputError, did_you_mean
 from planner.common.files import data_folder
-from planner.common.schema import Coordinate, OneLine, PositiveFloat, StrictModel, read_toml, validate
-from planner.common.units import DEG, MM, Array, from_deg, from_mm, read_only
-from planner.kinematics.axes import AxisConvention, ControllerTable, JointRange, convention_from_table
-from planner.kinematics.bodies import LinkBodyFile, Vector
+from planner.common.schema import read_toml, validate
+from planner.common.units import MM, Array, from_deg, from_mm, read_only
+from planner.kinematics.axes import AxisConvention, JointRange, convention_from_table
 from planner.kinematics.chain import Transform, dh_row, frame_transforms, is_near_parallel
 from planner.kinematics.packages import COMMAND_PACKAGES, NO_PACKAGES, Packages, named_packages
-from planner.kinematics.robot import LinkMass, Priors, Robot
+from planner.kinematics.robot import Robot
+from planner.kinematics.robot_file import SPEED_TIME, JointTable, RobotDescription
 from planner.kinematics.robot_numbers import (
-    LinkMassKg,
-    PayloadKg,
-    ReachMm,
-    RepeatabilityMm,
     check_joint_limits,
     check_reach,
 )
 from planner.kinematics.robot_tables import (
-    LENGTHS,
-    ROW_KEYS,
-    LoadsTable,
-    RobotEffectTable,
-    ToolPointTable,
     effects_from_tables,
     loads_from_table,
     nominal_from_table,
     read_dh_table,
 )
-from planner.kinematics.srdf import NEXT_BUT_ONE, read_allowed_pairs
-from planner.kinematics.urdf import UrdfChain, UrdfJoint, is_urdf, plain_name, read_urdf
+from planner.kinematics.srdf import numbered_pairs, read_allowed_pairs
+from planner.kinematics.urdf import SHAPELESS, UrdfChain, is_urdf, plain_name, read_urdf
 
 FEWEST_JOINTS = 5
-SPEED_TIME = 0.25  # [s] to full speed, and the ratio acceleration/jerk, where a file leaves them unsaid
-
-
-class JointTable(StrictModel):
-    """One ``[[joints]]`` table, from base to flange; ``name`` as the arm's own software calls the joint."""
-
-    name: Annotated[str, Field(pattern=r"^[A-Za-z][\w/.-]*$")] = ""
-    alpha_deg: Coordinate | None = None
-    a_mm: Coordinate | None = None
-    d_mm: Coordinate | None = None
-    theta_deg: Coordinate | None = None
-    beta_deg: Coordinate | None = None
-    sense: Literal[1, -1] = 1
-    zero_deg: Coordinate = 0.0
-    couple: dict[int, Coordinate] = {}
-    limit_deg: tuple[Coordinate, Coordinate] | None = None  # these four may be left out where nothing is planned
-    speed_deg_s: PositiveFloat | None = None
-    acceleration_deg_s2: PositiveFloat | None = None
-    jerk_deg_s3: Annotated[float, Field(gt=0, le=1e9)] | None = None
-    gear_ratio: PositiveFloat | None = None
-    mass_kg: LinkMassKg | None = None
-    com_mm: Vector | None = None
-
-    @field_validator("limit_deg")
-    @classmethod
-    def _ordered(cls, value: tuple[float, float] | None) -> tuple[float, float] | None:
-        if value is None:
-            return None
-        if value[0] >= value[1]:
-            raise ValueError("the lower limit must lie below the upper one")
-        if max(abs(v) for v in value) <= 2 * np.pi + 1e-9:
-            raise ValueError("these look like radians; limits are in degrees")
-        return value
-
-    @classmethod
-    def from_urdf(cls, joint: UrdfJoint) -> "JointTable":
-        """Return what a URDF says of a joint."""
-        lower, upper, speed = (float(np.rad2deg(v)) for v in (joint.lower, joint.upper, joint.speed))
-        return cls.model_construct(  # limits of a few degrees are right in a file that has radians
-            sense=joint.sense,
-            limit_deg=(lower, upper),
-            speed_deg_s=speed,
-            name=joint.name,
-        )
-
-    def with_estimates(self) -> "JointTable":
-        """Return the joint with acceleration and jerk, each where it is unsaid estimated from the speed."""
-        if self.speed_deg_s is None:
-            return self
-        acceleration = self.acceleration_deg_s2 or self.speed_deg_s / SPEED_TIME
-        jerk = self.jerk_deg_s3 or acceleration / SPEED_TIME
-        return self.model_copy(update={"acceleration_deg_s2": acceleration, "jerk_deg_s3": jerk})
-
-    @property
-    def row(self) -> dict[str, float]:
-        """The joint's row of DH parameters, those that are given [m, rad]."""
-        given = {key: getattr(self, name) for key, name in ROW_KEYS.items()}
-        return {key: v * (MM if key in LENGTHS else DEG) for key, v in given.items() if v is not None}
-
-    @property
-    def mass(self) -> LinkMass | None:
-        """Mass and centre of mass of the link, where they are given."""
-        if self.mass_kg is None:
-            return None
-        return LinkMass(self.mass_kg, read_only(from_mm(self.com_mm or (0, 0, 0))))
-
-
-class FlangeTable(StrictModel):
-    """The fixed transform after the last row."""
-
-    position_mm: Vector = (0.0, 0.0, 0.0)
-    rpy_deg: Vector = (0.0, 0.0, 0.0)
-
-
-class PriorsTable(StrictModel):
-    """``[priors]``: one-sigma sizes of a robot's errors before it is calibrated."""
-
-    length_mm: PositiveFloat = 1.0
-    angle_deg: PositiveFloat = 0.0573
-    compliance_urad_Nm: PositiveFloat = 2.0
-
-    def priors(self) -> Priors:
-        """Return them in SI units."""
-        return Priors(self.length_mm * MM, float(from_deg(self.angle_deg)), self.compliance_urad_Nm * 1e-6)
-
-
-class RobotDescription(StrictModel):
-    """The whole ``robot.toml`` (schema ``edbb-robot/1``)."""
-
-    schema_: Literal["edbb-robot/1"] = Field(alias="schema")
-    name: OneLine
-    title: OneLine = ""
-    convention: Literal["dh", "mdh", "urdf"]
-    urdf: str | None = None
-    srdf: str | None = None
-    tip: str | None = None
-    packages: dict[str, str] = {}  # folders of ROS packages that the URDF names
-    repeatability_mm: RepeatabilityMm = 0.05
-    dialect: str | None = None
-    payload_kg: PayloadKg | None = None
-    reach_mm: ReachMm | None = None
-    sources: dict[str, str] = {}
-    flange: FlangeTable = FlangeTable()
-    priors: PriorsTable = PriorsTable()
-    joints: tuple[JointTable, ...] = ()
-    bodies: tuple[LinkBodyFile, ...] = ()
-    never_meet: tuple[tuple[int, int], ...] = ()
-    never_meet_reason: str = ""
-    effects: tuple[RobotEffectTable, ...] = ()
-    loads: LoadsTable | None = None
-    nominal: dict[str, float] = {}
-    tool_points: tuple[ToolPointTable, ...] = ()
-    simulated: bool | None = None
-    controllers: dict[Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9-]*$")], ControllerTable] = {}
-
-    @model_validator(mode="after")
-    def _complete(self) -> "RobotDescription":
-        apart = [pair for pair in self.never_meet if abs(pair[0] - pair[1]) != NEXT_BUT_ONE]
-        if apart:
-            raise ValueError(
-                f"never_meet = {[list(p) for p in apart]}: only links next but one may be left out (neighbours always "
-                "are); others that touch are a collision"
-            )
-        if self.never_meet and not self.never_meet_reason.strip():
-            raise ValueError("never_meet needs never_meet_reason: what keeps those links apart")
-        if self.srdf is not None and (self.convention != "urdf" or self.never_meet):
-            raise ValueError("srdf stands for never_meet of a URDF: give one of the two")
-        if self.convention == "urdf":
-            if self.urdf is None:
-                raise ValueError('convention "urdf" needs urdf = "file.urdf"')
-            return self
-        for i, joint in enumerate(self.joints, 1):
-            gone = [k for k in ("alpha_deg", "a_mm", "d_mm", "theta_deg") if getattr(joint, k) is None]
-            if gone:
-                raise ValueError(f"joint {i} has no {', '.join(gone)}, which convention '{self.convention}' needs")
-            wrong = [j for j in joint.couple if not 1 <= j <= len(self.joints)]
-            if wrong:
-                raise ValueError(f"joint {i} is coupled to joint {wrong[0]}, but there are {len(self.joints)} joints")
-        far = [b.link for b in self.bodies if b.link > len(self.joints)]
-        if far:
-            raise ValueError(f"a body sits on link {far[0]}, but the last link is {len(self.joints)}")
-        return self
 
 
 def list_robots() -> tuple[str, ...]:
@@ -196,6 +43,7 @@ def load_robot(
     tip: str | None = None,
     beta: str = "auto",
     packages: Packages = NO_PACKAGES,
+    parked: Mapping[str, float] | None = None,
 ) -> Robot:
     """Load a robot by shipped name, or by path to a ``robot.toml``, ``.urdf``, ``.xacro``, or ``.csv`` of DH rows.
 
@@ -205,6 +53,7 @@ def load_robot(
         tip: last link of a URDF.
         beta: ``auto`` adds Hayati's parameter where neighbouring axes are near-parallel; ``none`` leaves it out.
         packages: folders of ROS packages that the cell names; they go before those that the robot's file names.
+        parked: where the cell says that joints of the URDF stand, by name with unit; it goes before the robot's file.
 
     Raises:
         InputError: no such robot, or its file is wrong.
@@ -212,12 +61,12 @@ def load_robot(
     reference = str(reference)
     shipped = data_folder("robots") / reference / "robot.toml"
     if "/" not in reference and os.path.isfile(shipped):
-        return _from_file(shipped, beta)
+        return _from_file(shipped, beta, parked=parked)
     path = beside / reference
     if os.path.isdir(path):
         path = path / "robot.toml"
     if os.path.isfile(path):  # false for a name that no file can have
-        return _from_file(path, beta, tip, packages)
+        return _from_file(path, beta, tip, packages, parked)
     known = list(list_robots())
     raise InputError(
         f"robot '{reference}': neither a shipped robot nor a file{did_you_mean(reference, known)} "
@@ -248,9 +97,18 @@ def describe_robot(path: Path, tip: str | None = None) -> RobotDescription:
     return read_toml(path, RobotDescription)
 
 
-def _from_file(path: Path, beta: str, tip: str | None = None, packages: Packages = NO_PACKAGES) -> Robot:
+def _from_file(
+    path: Path,
+    beta: str,
+    tip: str | None = None,
+    packages: Packages = NO_PACKAGES,
+    parked: Mapping[str, float] | None = None,
+) -> Robot:
     file = describe_robot(path, tip)
+    if parked and file.convention != "urdf":
+        raise InputError(f"{path}: joints can be parked of a URDF only (the cell's table [parked]); this robot is none")
     if file.convention == "urdf":
+        file = file.model_copy(update={"parked": {**file.parked, **(parked or {})}})
         named = named_packages(str(path), file.packages, path.parent)
         return _from_urdf(file, path, named | packages | COMMAND_PACKAGES.packages)
     n = len(file.joints)
@@ -267,7 +125,7 @@ def _from_file(path: Path, beta: str, tip: str | None = None, packages: Packages
 
 
 def _from_urdf(file: RobotDescription, path: Path, packages: Packages) -> Robot:
-    chain = read_urdf(path.parent / str(file.urdf), file.tip, packages)
+    chain = read_urdf(path.parent / str(file.urdf), file.tip, packages, file.parked)
     n = len(chain.joints)
     _check_count(path, n)
     if file.joints and len(file.joints) != n:
@@ -277,20 +135,36 @@ def _from_urdf(file: RobotDescription, path: Path, packages: Packages) -> Robot:
         if still:
             raise InputError(f"{path}: joint {still[0]} has no positive velocity limit")
         file = file.model_copy(update={"joints": tuple(JointTable.from_urdf(j) for j in chain.joints)})
-    if file.srdf is not None:
-        pairs = read_allowed_pairs(path.parent / file.srdf, chain)
-        why = f"{file.srdf} allows them to touch"
+    parts = _never_meet_parts(file, path, chain)
+    if file.bodies and file.srdf is not None:  # which have numbers, no names
+        pairs = (*file.never_meet, *numbered_pairs(parts, chain.solid))
+        why = file.never_meet_reason or f"{file.srdf} allows them to touch"
         file = file.model_copy(update={"never_meet": pairs, "never_meet_reason": why})
     robot = _build_robot(file, path, chain.transforms, chain.link_end, chain)
-    return replace(robot, packages=packages, unchecked_links=_unchecked_links(file, chain))
+    unchecked = _unchecked_links(file, chain)
+    return replace(robot, packages=packages, unchecked_links=unchecked, parked=chain.parked, never_meet_parts=parts)
 
 
 def _unchecked_links(file: RobotDescription, chain: UrdfChain) -> tuple[tuple[str, str], ...]:
-    """Return the URDF's links that no collision check knows, where ``robot.toml`` gives them no bodies either."""
-    beside = [(name, f"not between the base and '{chain.tip}'") for name in chain.beside]
+    """Return the URDF's links that no collision check knows; bodies of ``robot.toml`` stand for all of the chain's."""
+    if not file.bodies:
+        return chain.unchecked
     embodied = {body.link for body in file.bodies}
-    shapeless = [name for name, k in chain.shapeless if k not in embodied]
-    return (*((name, "no collision shape") for name in shapeless), *beside)
+    of_chain = {name for name, _ in chain.solid}
+    bare = [(name, SHAPELESS) for name, k in chain.solid if k not in embodied]
+    return (*bare, *((name, why) for name, why in chain.unchecked if name not in of_chain))
+
+
+def _never_meet_parts(file: RobotDescription, path: Path, chain: UrdfChain) -> tuple[tuple[str, str, str], ...]:
+    """Return the pairs of links, by name, that ``robot.toml`` or its SRDF leaves out of every check, and why."""
+    known = [name for name, _ in chain.links]
+    for name in (name for pair in file.named_pairs for name in pair):
+        if name not in known:
+            raise InputError(f"{path}: never_meet: no link of the URDF is called '{name}'{did_you_mean(name, known)}")
+    own = tuple((min(p), max(p), file.never_meet_reason) for p in file.named_pairs)
+    of_srdf = () if file.srdf is None else read_allowed_pairs(path.parent / file.srdf)
+    said = {(a, b) for a, b, _ in own}
+    return (*own, *(p for p in of_srdf if {p[0], p[1]} <= set(known) and (p[0], p[1]) not in said))
 
 
 def _check_count(path: Path, n: int) -> None:
@@ -322,7 +196,7 @@ def _build_robot(
     limits = JointRange(_limits(joints, 0), _limits(joints, 1), _limit_or_infinity(j.speed_deg_s for j in joints))
     if urdf is not None:
         masses = masses if any(masses) else tuple(j.mass for j in urdf.joints)
-        shapes = shapes or urdf.bodies
+        shapes = (*shapes, *(b for b in urdf.bodies if b[1].branch or not shapes))
     return Robot(
         name=file.name,
         title=file.title or file.name,
@@ -342,7 +216,7 @@ def _build_robot(
         masses=masses,
         bodies=shapes,
         gear_ratio=tuple(j.gear_ratio for j in joints),
-        never_meet=frozenset((min(p), max(p)) for p in file.never_meet),
+        never_meet=frozenset((min(p), max(p)) for p in file.numbered_pairs),
         never_meet_reason=file.never_meet_reason,
         sources=tuple(sorted(sources.items())),
         path=path,

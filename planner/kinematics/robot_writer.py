@@ -11,13 +11,15 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 import tomli_w
 
+from planner.common.files import read_utf8
 from planner.common.lazy_modules import pin
 from planner.common.units import DEG, MM, Array, file_unit, si_unit, to_deg, to_mm
 from planner.kinematics.chain import Transform, is_of_link_before
 from planner.kinematics.robot import Loads, Robot, RobotEffect, ToolPoint, elementary_placement
 from planner.kinematics.robot_reader import describe_robot
 from planner.kinematics.robot_tables import ROW_KEYS, nominal_key
-from planner.kinematics.urdf import is_urdf, read_urdf, write_urdf
+from planner.kinematics.urdf import is_urdf, read_urdf
+from planner.kinematics.urdf_writer import write_urdf
 
 UR_LINKS = ("shoulder", "upper_arm", "forearm", "wrist_1", "wrist_2", "wrist_3")
 BEHIND = 1e-7  # [m, rad] of a transform behind the last joint that such a file has no place for
@@ -157,14 +159,17 @@ def write_robot(robot: Robot, found: RobotCorrections) -> tuple[tuple[str, str],
     files: list[tuple[str, str]] = []
     changed = frozenset(t.name for t in robot.transforms if values.get(t.name, t.nominal) != t.nominal)
     if robot.convention == "urdf":
-        text, changed = write_urdf(urdf_path(robot), robot.tip, values, meshes, found.source, robot.packages)
+        text, changed = write_urdf(
+            urdf_path(robot), robot.tip, values, meshes, found.source, robot.packages, robot.parked_table
+        )
         content |= {"urdf": "robot.urdf", "tip": str(robot.tip)}
-        content.pop("srdf", None)
         content.pop("packages", None)
-        if robot.srdf is not None:
-            pairs = [list(pair) for pair in sorted(robot.never_meet)]
-            content |= {"never_meet": pairs, "never_meet_reason": robot.never_meet_reason}
+        if robot.parked:
+            content["parked"] = robot.parked_table
         files.append(("robot.urdf", text))
+        if robot.srdf is not None:
+            content["srdf"] = "robot.srdf"
+            files.append(("robot.srdf", read_utf8(robot.srdf)))
     else:
         _correct_rows(robot, content, {n: values[n] for n in sorted(changed)})
         files += exported_models(robot, values)
@@ -182,7 +187,7 @@ def mesh_names(robot: Robot) -> dict[Path, str]:
     """Return where each mesh of the robot's collision bodies goes beside the written files: file and new name."""
     bodies = [b for _, b in robot.bodies]
     if robot.convention == "urdf":  # the file's own bodies, where robot.toml has others
-        bodies += [b for _, b in read_urdf(urdf_path(robot), robot.tip, robot.packages).bodies]
+        bodies += [b for _, b in read_urdf(urdf_path(robot), robot.tip, robot.packages, robot.parked_table).bodies]
     out: dict[Path, str] = {}
     for path in dict.fromkeys(b.mesh.resolve() for b in bodies if b.mesh is not None):
         again = sum(p.name == path.name for p in out)

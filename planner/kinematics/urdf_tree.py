@@ -31,7 +31,7 @@ def find_bodily_links(root: ET.Element) -> frozenset[str]:
 
     A link without any of these, fixed to another, is the name of a frame.
     """
-    moved = {_link_of(j, "child") for j in root.findall("joint") if j.get("type") != "fixed"}
+    moved = {link_of(j, "child") for j in root.findall("joint") if j.get("type") != "fixed"}
     named = ((str(link.get("name")), link) for link in root.findall("link"))
     return frozenset(name for name, link in named if name in moved or any(link.find(tag) is not None for tag in BODY))
 
@@ -45,8 +45,8 @@ def read_tree(path: Path, root: ET.Element, tip: str | None) -> tuple[dict[str, 
     """
     links = _by_name("two links are called", ((str(e.get("name")), e) for e in root.findall("link")))
     joints = _by_name("two joints are called", ((str(e.get("name")), e) for e in root.findall("joint")))
-    _check_rings({_link_of(j, "child"): _link_of(j, "parent") for j in joints.values()})
-    above = _by_name("two joints have the child", ((_link_of(j, "child"), j) for j in joints.values()))
+    _check_rings({link_of(j, "child"): link_of(j, "parent") for j in joints.values()})
+    above = _by_name("two joints have the child", ((link_of(j, "child"), j) for j in joints.values()))
     tip = tip or _only_leaf(path, links, above)
     if tip not in links:
         raise InputError(
@@ -56,15 +56,16 @@ def read_tree(path: Path, root: ET.Element, tip: str | None) -> tuple[dict[str, 
     link = tip
     while link in above:
         chain.append(above[link])
-        link = _link_of(above[link], "parent")
+        link = link_of(above[link], "parent")
     chain.reverse()
-    names = [link, *(_link_of(joint, "child") for joint in chain)]
+    names = [link, *(link_of(joint, "child") for joint in chain)]
     if gone := [name for name in names if name not in links]:
         raise UrdfError(f"a joint names the link '{gone[0]}', which is not there")
     return links, chain, link
 
 
-def _link_of(joint: ET.Element, end: str) -> str:
+def link_of(joint: ET.Element, end: str) -> str:
+    """Return the name of the link at an end of a joint, ``parent`` or ``child``."""
     return str(find_child(joint, end).get("link"))
 
 
@@ -93,7 +94,7 @@ def _check_rings(parent: Mapping[str, str]) -> None:
 
 
 def _only_leaf(path: Path, links: Mapping[str, ET.Element], above: Mapping[str, ET.Element]) -> str:
-    parents = {_link_of(j, "parent") for j in above.values()}
+    parents = {link_of(j, "parent") for j in above.values()}
     leaves = [name for name in links if name not in parents]
     if len(leaves) != 1:
         raise InputError(f'{path}: the chain ends in several links ({", ".join(leaves)}): give tip = "link name"')

@@ -9,7 +9,7 @@ from planner.cell.reading import gauge_class
 from planner.common.schema import read_json, read_toml, validate
 from planner.common.units import to_mm
 from planner.instruments.record import AccuracyFile
-from planner.kinematics.robot_reader import RobotDescription
+from planner.kinematics.robot_file import RobotDescription
 from planner.model.identification_document import Identification, Metrics
 from planner.service.answers import Job, OutputFile
 from planner.service.context import ServiceContext

@@ -13,6 +13,7 @@ from planner.design.candidates.pool import PoseSet, draw_candidates
 from planner.design.pose_selection import identify_candidates
 from planner.design.selection.certificate import Certificate
 from planner.design.selection.index_bound import certify_bound, price_core
+from planner.motion.collision.scene import advise_never_meet
 from planner.motion.path.constraints import Constraints
 from planner.motion.path.roadmap import PartMap, connected_parts
 from planner.runs.run import FIRST_MOUNTING, Mounting
@@ -35,7 +36,9 @@ def check_home(cell: Cell, without_bar: Constraints) -> None:
     """
     reason = without_bar.reason(cell.home)
     if reason is not None:
-        raise InputError(f"{cell.path}: home_deg cannot be the start pose: {reason}")
+        keys = without_bar.touching_links(cell.home)
+        cure = f"; where only crude shapes touch, {advise_never_meet(keys)}" if keys else ""
+        raise InputError(f"{cell.path}: home_deg cannot be the start pose: {reason}{cure}")
 
 
 def with_mounts(cell: Cell, seed: int) -> Cell:

@@ -11,7 +11,8 @@ from planner.cell.cell import Cell
 from planner.common.files import data_folder, read_bytes
 from planner.common.schema import read_toml_content
 from planner.kinematics.robot_writer import mesh_names, urdf_path
-from planner.kinematics.urdf import plain_name, write_urdf
+from planner.kinematics.urdf import plain_name
+from planner.kinematics.urdf_writer import write_urdf
 
 
 def movable_cell(cell: Cell) -> tuple[dict[str, object], dict[str, Path]]:
@@ -23,6 +24,8 @@ def movable_cell(cell: Cell) -> tuple[dict[str, object], dict[str, Path]]:
     if not is_shipped(cell):
         content["robot"] = plain_name(cell.robot.path).name
     content.pop("packages", None)
+    if stands := cell.robot.parked_table:
+        content["parked"] = stands  # those that nobody has said too: the proof holds where they stand
     meshes: dict[str, Path] = {}
     for body in _bodies(content):
         if body.get("kind") == "mesh" and body.get("file"):
@@ -51,7 +54,7 @@ def _robot_files(cell: Cell) -> Iterator[tuple[str, bytes]]:
     yield from ((name, read_bytes(path)) for path, name in meshes.items())
     if robot.convention == "urdf":
         urdf = urdf_path(robot)
-        text, _ = write_urdf(urdf, robot.tip, {}, meshes, "as it was planned", robot.packages)
+        text, _ = write_urdf(urdf, robot.tip, {}, meshes, "as it was planned", robot.packages, robot.parked_table)
         yield plain_name(urdf).name, text.encode()
         if robot.srdf is not None:
             yield robot.srdf.name, read_bytes(robot.srdf)

@@ -9,7 +9,7 @@ from planner.cell.cell import Cell
 from planner.common.units import Array, to_mm
 from planner.kinematics.axes import AxisConvention
 from planner.kinematics.geometry import points_on_arc
-from planner.motion.collision.surroundings import describe_unchecked_links
+from planner.motion.collision.surroundings import describe_parked_joints, describe_unchecked_links
 from planner.programs.controller_axes import axes_for, check_model_angles, in_controller_axes
 from planner.programs.dialect import Dialect, PathForm, load_dialect
 from planner.programs.instructions import (
@@ -185,7 +185,7 @@ def build_program(cell: Cell, plan_id: str, body: list[Instruction]) -> Program:
         mass_kg=cell.tool.mass,
         com_mm=_mm(cell.tool.com_F),
         joint_names=cell.robot.joint_names,
-        cautions=describe_unchecked_links(cell),
+        cautions=(*describe_unchecked_links(cell), *describe_parked_joints(cell)),
         acceleration_deg_s2=degrees(cell.robot.acceleration),
     )
 

@@ -11,7 +11,12 @@ from planner.design.discrimination.power import UNSURE, Discrimination
 from planner.design.discrimination.selection import DiscriminatingChoice
 from planner.design.observability.information import INDEX_RULES
 from planner.design.pose_selection import PoseChoice, warn_too_few_readings
-from planner.motion.collision.surroundings import describe_polytopes, describe_unchecked_links, left_out_pairs
+from planner.motion.collision.surroundings import (
+    describe_parked_joints,
+    describe_polytopes,
+    describe_unchecked_links,
+    left_out_pairs,
+)
 from planner.runs.joint_motion import last_reversals
 from planner.runs.run import Samples
 from planner.session.plan_types import Drive
@@ -23,7 +28,12 @@ MUCH = 1.5  # times worse that the index may be before a person is told
 
 def session_notes(cell: Cell) -> tuple[str, ...]:
     """Return what of a session is not as a person might have asked for it."""
-    collision = (*describe_unchecked_links(cell), *left_out_pairs(cell), *describe_polytopes(cell))
+    collision = (
+        *describe_unchecked_links(cell),
+        *describe_parked_joints(cell),
+        *left_out_pairs(cell),
+        *describe_polytopes(cell),
+    )
     return (*_repeat_notes(cell), *_speed_notes(cell), *collision)
 
 

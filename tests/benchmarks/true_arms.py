@@ -19,7 +19,7 @@ from planner.cell.cell import Cell
 from planner.cell.setup import setup_of
 from planner.kinematics.packages import NO_PACKAGES
 from planner.kinematics.robot import Robot
-from planner.kinematics.urdf import MeshFinder
+from planner.kinematics.urdf_elements import MeshFinder
 from tests.simulation.generator.arm import Arm
 
 TURN, SHIFT = 5e-4, 3e-4  # [rad, m] standard deviation of each error

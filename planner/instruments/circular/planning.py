@@ -29,7 +29,7 @@ from planner.instruments.circular.plan import (
     measured_passes,
 )
 from planner.kinematics.inverse_kinematics import solve_pose_ik
-from planner.motion.collision.surroundings import describe_unchecked_links, left_out_pairs
+from planner.motion.collision.surroundings import describe_parked_joints, describe_unchecked_links, left_out_pairs
 from planner.motion.path.connection import connect_poses
 from planner.motion.path.constraints import Constraints
 from planner.motion.path.verdict import PathGaps
@@ -77,7 +77,11 @@ class CircularSession:
                 arcs = self._plan_arcs([c for c in self.cell.circles if c.mounting == mounting])
             with stages.stage("path"):
                 drives.append(self._join_circles(mounting, arcs, 2 * sum(len(d.passes) for d in drives)))
-        collision = (*describe_unchecked_links(self.cell), *left_out_pairs(self.cell))
+        collision = (
+            *describe_unchecked_links(self.cell),
+            *describe_parked_joints(self.cell),
+            *left_out_pairs(self.cell),
+        )
         notes = (*load_notes(self.cell), *_way_notes(self.cell, drives), *collision)
         return CircularPlan(cell=self.cell, seed=self.seed, drives=tuple(drives), notes=notes)
 

@@ -1,5 +1,6 @@
 """Which bodies there are, their meshes and shapes for both collision engines, what carries each, which may meet."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from itertools import compress
@@ -17,6 +18,7 @@ from planner.common.errors import InputError
 from planner.common.files import check_readable
 from planner.common.units import Array, read_only, to_mm
 from planner.kinematics.bodies import Body, Vector
+from planner.kinematics.robot_file import NEXT_BUT_ONE
 from planner.runs.run import FIRST_MOUNTING, Mounting
 
 MOST_TRIANGLES = 50_000  # of a mesh as it is: with 200 000 the second engine takes a second a state
@@ -240,6 +242,16 @@ class Scene:
         a, b = (self.pieces[i].body.name for i in self.pairs[k])
         return f"{a} and {b}"
 
+    def never_meet_key(self, k: int) -> str:
+        """Return how ``never_meet`` of ``robot.toml`` names the links of pair ``k``, empty where it cannot."""
+        a, b = (self.pieces[i] for i in self.pairs[k])
+        if not (a.of_robot and b.of_robot):
+            return ""
+        if a.body.part and b.body.part:
+            return f'["{a.body.part}", "{b.body.part}"]'
+        low, high = sorted((a.link, b.link))
+        return f"[{low}, {high}]" if high - low == NEXT_BUT_ONE and not (a.body.branch or b.body.branch) else ""
+
     def blamed_pair(self, k: int) -> str:
         """Return the two bodies of pair ``k``, and the key of the cell that places one of them."""
         name, floor = self.pair_name(k), self.cell.base.floor
@@ -247,10 +259,18 @@ class Scene:
         return f"{name} (base.floor_mm = {to_mm(floor):g})" if has_floor and floor is not None else name
 
 
+def advise_never_meet(keys: Sequence[str]) -> str:
+    """Say which line of ``robot.toml`` leaves the pairs ``keys`` of links out of every check."""
+    return (
+        f"name the links in robot.toml (which can name a URDF): never_meet = [{', '.join(keys)}] and never_meet_reason"
+    )
+
+
 def build_scene(cell: Cell, mounting: Mounting = FIRST_MOUNTING) -> Scene:
     """Collect the bodies of robot, tool, bar, floor and obstacles, and the pairs that can meet.
 
-    Neighbouring links, bodies that do not move against each other, and the two parts of the bar are left out.
+    Neighbouring links of the chain, bodies that do not move against each other, pairs that the robot's files name,
+    and the two parts of the bar are left out. What branches off the chain is checked against neighbours too.
     """
     cell = cell.at(mounting)
     robot, n = cell.robot, cell.robot.n_joints
@@ -262,9 +282,13 @@ def build_scene(cell: Cell, mounting: Mounting = FIRST_MOUNTING) -> Scene:
     pieces += [_gauge_body(b, T_LF, n) for b in brought if b.carrier == "flange"]
     pieces += [SceneBody(b, "world", 0, body_reach(b)) for b in (*cell.obstacles, *_floor_body(cell))]
     pieces += [_gauge_body(b, T_LF, n) for b in brought if b.carrier != "flange"]
-    never = robot.never_meet
+    parts = frozenset(frozenset((one, other)) for one, other, _ in robot.never_meet_parts)
     pairs = [
-        (a, b) for a in range(len(pieces)) for b in range(a + 1, len(pieces)) if _may_meet(pieces[a], pieces[b], never)
+        (a, b)
+        for a in range(len(pieces))
+        for b in range(a + 1, len(pieces))
+        if _may_meet(pieces[a], pieces[b], robot.never_meet)
+        and frozenset((pieces[a].body.part, pieces[b].body.part)) not in parts
     ]
     return Scene(cell, tuple(pieces), tuple(pairs), cell.fixtures[mounting.fixture].p_BX)
 
@@ -292,5 +316,7 @@ def _may_meet(a: SceneBody, b: SceneBody, never: frozenset[tuple[int, int]]) -> 
     if a.carrier == "world" or b.carrier == "world":
         moving = b if a.carrier == "world" else a
         return moving.carrier == "link" and moving.link > 0
+    if a.body.branch or b.body.branch:
+        return a.link != b.link
     own = a.of_robot and b.of_robot and (min(a.link, b.link), max(a.link, b.link)) in never
     return abs(a.link - b.link) > 1 and not own

@@ -9,9 +9,16 @@ from planner.cell.cell import Cell
 from planner.common.errors import InputError
 from planner.common.units import to_mm
 from planner.kinematics.bodies import Body
-from planner.kinematics.srdf import NEXT_BUT_ONE
 from planner.motion.collision.engines import CollisionWorld
-from planner.motion.collision.scene import FLOOR, SceneBody, build_scene, coal_shape, excess_of_polytope, mesh_faces
+from planner.motion.collision.scene import (
+    FLOOR,
+    SceneBody,
+    advise_never_meet,
+    build_scene,
+    coal_shape,
+    excess_of_polytope,
+    mesh_faces,
+)
 
 SMALLEST = 1e-3  # [m] largest side of a mesh: nothing in a cell is smaller
 SHOWN_PAIRS = 12  # of those that always touch
@@ -40,13 +47,43 @@ def check_surroundings(cell: Cell) -> None:
 def left_out_pairs(cell: Cell) -> tuple[str, ...]:
     """Say which links of the robot are not checked against each other: neighbours, and those that its file names."""
     robot = cell.robot
-    links = sorted({link for link, _ in robot.bodies})
+    links = sorted({link for link, b in robot.bodies if not b.branch})
     if not links:
         return ()
     neighbours = [f"{a} and {b}" for a, b in pairwise(links) if b - a == 1]
     named = ", ".join(f"{a} and {b}" for a, b in sorted(robot.never_meet))
-    said = "; ".join(filter(None, (", ".join(neighbours), named and f"{named} ({robot.never_meet_reason})")))
-    return (f"bodies of these links are not checked against each other: {said}",) if said else ()
+    said = (", ".join(neighbours), named and f"{named} ({robot.never_meet_reason})", *_left_out_parts(cell))
+    told = "; ".join(filter(None, said))
+    return (f"bodies of these links are not checked against each other: {told}",) if told else ()
+
+
+def _left_out_parts(cell: Cell) -> list[str]:
+    """Say which links, by name, would be checked against each other if no file said that they may touch."""
+    robot = cell.robot
+    there = {b.part: (link, b.branch) for link, b in robot.bodies}
+    reasons: dict[str, list[str]] = {}
+    for one, other, why in robot.never_meet_parts:
+        if one in there and other in there:
+            (a, branch), (b, other_branch) = there[one], there[other]
+            if abs(a - b) > (0 if branch or other_branch else 1):
+                reasons.setdefault(why, []).append(f"{one} and {other}")
+    return [
+        ", ".join(pairs[:SHOWN_PAIRS])
+        + (f" and {len(pairs) - SHOWN_PAIRS} more pairs" if len(pairs) > SHOWN_PAIRS else "")
+        + f" ({why})"
+        for why, pairs in reasons.items()
+    ]
+
+
+def describe_parked_joints(cell: Cell) -> tuple[str, ...]:
+    """Return a sentence with every joint that must stand still where the proof has it; none if all are driven."""
+    if not cell.robot.parked:
+        return ()
+    stands = ", ".join(f"{j.name} at {j.text}{f' ({j.why})' if j.why else ''}" for j in cell.robot.parked)
+    return (
+        f"these joints stand still and must be there before the program starts: {stands}; another place is said in "
+        "[parked] of cell.toml or robot.toml",
+    )
 
 
 def describe_polytopes(cell: Cell) -> tuple[str, ...]:
@@ -84,16 +121,12 @@ def _check_apart(cell: Cell) -> None:
     if not found:
         return
     pieces = [tuple(scene.pieces[i] for i in scene.pairs[k]) for k in found]
-    robots = [sorted((a.link, b.link)) for a, b in pieces if a.of_robot and b.of_robot]
-    next_but_one = sorted({(low, high) for low, high in robots if high - low == NEXT_BUT_ONE})
+    keys = sorted({key for key in map(scene.never_meet_key, found) if key})
     hint = "mend their shapes or places"
     if any(FLOOR in (a.body.name, b.body.name) for a, b in pieces):
         hint += ", or set base.floor_mm to where the floor is"
-    if next_but_one:
-        hint += (
-            f", or, where only crude shapes touch, name the links in robot.toml (which can name a URDF): "
-            f"never_meet = {[list(pair) for pair in next_but_one]} and never_meet_reason"
-        )
+    if keys:
+        hint += f", or, where only crude shapes touch, {advise_never_meet(keys)}"
     distance = world.distances(cell.home[None])[0]
     names = "; ".join(
         f"{scene.blamed_pair(k)}, {to_mm(abs(distance[k])):.1f} mm "

@@ -78,6 +78,11 @@ class Constraints:
         k = int(np.argmin(found))
         return self._too_near(k, float(found[k])) if found[k] <= self.clearance else None
 
+    def touching_links(self, q: Array) -> list[str]:
+        """Return the robot's own links that are too near at q (N,) [rad], as ``never_meet`` would name each pair."""
+        near = np.flatnonzero(self.world.distances(q[None])[0] <= self.clearance).tolist()
+        return sorted({key for key in map(self.scene.never_meet_key, near) if key})
+
     def prove(self, q_from: Array, q_to: Array) -> Proof:
         """Prove the straight joint motions between states (m, N) and (m, N) [rad], continuously."""
         return self.prove_corners(np.stack([q_from, q_to], axis=1))
