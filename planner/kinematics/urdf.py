@@ -161,16 +161,7 @@ def _assemble(
         parts.append((name, len(transforms), np.eye(4)))
         carried = np.eye(4)
         placed[str(child.get("name"))] = (i, carried)
-        limit = joint.find("limit")
-        free = kind == "continuous"
-        lower, upper = (-TURN, TURN) if free or limit is None else (number(limit, k) for k in ("lower", "upper"))
-        if not -MOST_TURNS * TURN <= lower < upper <= MOST_TURNS * TURN:
-            raise UrdfError(
-                f"joint '{name}': lower = {lower:g} and upper = {upper:g} rad are no limits; the lower one lies below "
-                f"the upper one, both within {MOST_TURNS} turns ({MOST_TURNS * TURN:.3g} rad; are these degrees?); a "
-                "joint without an end is 'continuous'"
-            )
-        speed = 0.0 if limit is None else number(limit, "velocity", 1e6)
+        lower, upper, speed = _read_limits(joint)
         revolute.append(UrdfJoint(name, sign, lower, upper, speed, read_mass(child)))
         bodies += [(i, b) for b in read_bodies(meshes, child, np.eye(4))]
     named = tuple((link, k) for link, (k, _) in placed.items())
@@ -187,6 +178,20 @@ def _assemble(
         parked=parking.joints,
     )
     return chain, placed
+
+
+def _read_limits(joint: ET.Element) -> tuple[float, float, float]:
+    """Return the limits of a revolute joint [rad] and its largest speed [rad/s], 0 where the file does not say it."""
+    name, free = joint.get("name"), joint.get("type") == "continuous"
+    limit = joint.find("limit")
+    lower, upper = (-TURN, TURN) if free or limit is None else (number(limit, k) for k in ("lower", "upper"))
+    if not -MOST_TURNS * TURN <= lower < upper <= MOST_TURNS * TURN:
+        raise UrdfError(
+            f"joint '{name}': lower = {lower:g} and upper = {upper:g} rad are no limits; the lower one lies below "
+            f"the upper one, both within {MOST_TURNS} turns ({MOST_TURNS * TURN:.3g} rad; are these degrees?); a "
+            "joint without an end is 'continuous'"
+        )
+    return lower, upper, 0.0 if limit is None else number(limit, "velocity", 1e6)
 
 
 def _with_branches(
