@@ -6,6 +6,7 @@ import numpy as np
 
 from planner.common.units import Array, display_unit, file_unit, si_unit, to_mm
 from planner.identification.calibration import Calibration
+from planner.model.finding_groups import group_findings
 from planner.model.identification_document import DetectionLimit, Estimate, Finding
 from planner.report.calibration_data import CalibrationFacts
 from planner.report.effect_evidence import FindingStep, finding_steps
@@ -191,10 +192,11 @@ def findings_summary(c: Calibration) -> Row:
     named = declared_effects_text(c)
     if c.tried is None:
         return named
-    first = sorted(c.findings, key=lambda f: -f.gain)[:MOST_NAMED]
-    found = [_capital(f.note) + _or(f.rivals) + "." for f in c.findings if f in first] or [NOTHING_FOUND]
-    if len(first) < len(c.findings):
-        found.append(f"And {len(c.findings) - len(first)} more that bring less.")
+    groups = group_findings(c.findings)
+    first = sorted(groups, key=lambda g: -g.gain)[:MOST_NAMED]
+    found = [_capital(g.note) + _or(g.rivals) + "." for g in groups if g in first] or [NOTHING_FOUND]
+    if len(first) < len(groups):
+        found.append(f"And {len(groups) - len(first)} more that bring less.")
     return (*named, *found, *detection_text(c.limits))
 
 

@@ -8,6 +8,7 @@ from planner.common.units import to_mm
 from planner.design.observability.information import find_rule
 from planner.instruments.circular.document import CircularDocument
 from planner.instruments.record import DOCUMENTS
+from planner.model.finding_groups import FindingGroup, group_findings
 from planner.model.identification_document import Finding, Identification, Release, Stage
 from planner.report.formatting import duration_text
 from planner.service.answers import Job, OutputFile
@@ -135,7 +136,12 @@ class CalibrationPage:
     @property
     def titles(self) -> str:
         """What was found, and where."""
-        return "; ".join(f"{f.effect}, {f.on}" for f in self.document.findings)
+        return "; ".join(g.title for g in self.groups)
+
+    @property
+    def groups(self) -> tuple[FindingGroup, ...]:
+        """What was found, many findings of one kind as one."""
+        return group_findings(self.document.findings)
 
     @property
     def modelled(self) -> str:

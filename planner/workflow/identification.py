@@ -25,6 +25,7 @@ from planner.identification.run_setup import drop_unreadable, number_samples
 from planner.instruments.precision import check_mastering
 from planner.instruments.simulation import SimulatedRun
 from planner.kinematics.robot import Robot
+from planner.model.finding_groups import group_findings
 from planner.model.gauge_frames import ToolPointPosition
 from planner.model.identification_document import Estimate, Metrics, Release
 from planner.runs.loader import load_runs
@@ -68,7 +69,7 @@ class CalibrationResult(FolderResult):
         for stage in found.stages:
             lines.append(f"  {stage.name:<{wide}}{_stage_row(stage.held_out, stage.validation)}")
         if found.tried is not None:
-            lines += [f"  found       {f.note}" + _rival_text(f.rivals) for f in found.findings]
+            lines += [f"  found       {f.note}" + _rival_text(f.rivals) for f in group_findings(found.findings)]
             lines += [] if found.findings else ["  found       nothing beyond noise that the catalogue can name"]
         lines.append(f"  left        {found.diagnosis.sentence}")
         if release is not None:

@@ -1,0 +1,91 @@
+"""Findings of one kind as the one thing that they are: a reflector that was seated anew, play in joint after joint.
+
+Steps of one thing are draws of one random effect: what it changes by each time has a root mean square, which n of them
+tell within 1 / √(2 n) of itself.
+"""
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from planner.common.units import MM, display_unit, format_value
+from planner.model.identification_document import Finding
+
+MANY = 3  # findings of one kind from which on they are said in one sentence
+LEAST_MM = 1e-4  # [m] from which on what changed is said in millimetres
+JOINT = "joint "
+
+
+@dataclass(frozen=True)
+class FindingGroup:
+    """Findings that are said together.
+
+    Attributes:
+        findings: one, or MANY and more of one kind, in the order in which they were found.
+        note: sentence about all of them.
+        rivals: other effects that explain the same as one of them.
+    """
+
+    findings: tuple[Finding, ...]
+    note: str
+    rivals: tuple[str, ...]
+
+    @property
+    def title(self) -> str:
+        """Effect and place, and how often it was found."""
+        first = self.findings[0]
+        if len(self.findings) == 1:
+            return f"{first.effect}, {first.on}"
+        if first.after_sample is not None:
+            return f"{first.effect}, {first.on}, {len(self.findings)} times"
+        return f"{first.effect}, {len(self.findings)} joints"
+
+    @property
+    def gain(self) -> float:
+        """Largest of the falls of the rms error on held-out samples [m]."""
+        return max(f.gain for f in self.findings)
+
+
+def group_findings(findings: Iterable[Finding]) -> tuple[FindingGroup, ...]:
+    """Return the findings, many of one kind as one, each group in the place of its first member."""
+    kinds: dict[tuple[str, ...], list[Finding]] = {}
+    for k, f in enumerate(findings):
+        kinds.setdefault(_kind_of(f) or (str(k),), []).append(f)
+    return tuple(group for own in kinds.values() for group in _groups_of(own))
+
+
+def _kind_of(f: Finding) -> tuple[str, ...] | None:
+    """What a finding has in common with others of its kind; ``None`` where it stands alone."""
+    if f.after_sample is not None:
+        return f.effect, f.on, f.unit
+    is_one_joint = f.on.removeprefix(JOINT).isdigit() and f.inner is None and f.row is None
+    return (f.effect, JOINT, f.unit) if is_one_joint else None
+
+
+def _groups_of(own: Sequence[Finding]) -> Iterator[FindingGroup]:
+    if len(own) < MANY:
+        yield from (FindingGroup((f,), f.note, f.rivals) for f in own)
+        return
+    note = _steps_note(own) if own[0].after_sample is not None else _joints_note(own)
+    rivals = dict.fromkeys(r for f in own for r in f.rivals if not r.startswith(f"{own[0].effect}, "))
+    yield FindingGroup(tuple(own), note, tuple(rivals))
+
+
+def _steps_note(own: Sequence[Finding]) -> str:
+    """Say how often something changed, by how much each time, and when."""
+    value, std = np.array([f.value for f in own]), np.array([f.std for f in own])
+    each = float(np.sqrt(max(float((value**2 - std**2).mean()), float((std**2).mean()))))
+    in_mm = own[0].unit == "m" and each > LEAST_MM
+    unit = ("mm", 1 / MM) if in_mm else display_unit(own[0].unit, each)
+    size = format_value(each, each / np.sqrt(2 * len(own)), *unit)
+    when = ", ".join(str(k) for k in sorted(f.after_sample or 0 for f in own))
+    return f"{own[0].on}: changed {len(own)} times, by {size} each (root mean square), after samples {when}"
+
+
+def _joints_note(own: Sequence[Finding]) -> str:
+    """Say the size at each joint."""
+    unit = display_unit(own[0].unit, max(abs(f.value) for f in own))
+    ordered = sorted(own, key=lambda f: int(f.on.removeprefix(JOINT)))
+    each = ", ".join(f"{f.on.removeprefix(JOINT)}: {format_value(f.value, f.std, *unit)}" for f in ordered)
+    return f"{own[0].effect} of {len(own)} joints ({each})"
