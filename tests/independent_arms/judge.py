@@ -1,0 +1,136 @@
+"""One arm from its run to the verdict: what the product states of it, and what is true.
+
+The true error of a robot model is that of the tool where the model was used to correct the way there: joint targets
+anywhere in the workspace are corrected by `edbb compensate`, the true arm drives to the corrected angles, and its tool
+is compared with where the nominal robot, with the tool point of the model, says that it is. A rigid motion of all
+points is taken away (no run tells how the base stands; the documentation of the stated error aligns the base as well),
+a scale is not. Causes that depend on time or temperature stand where they stood in the middle of the run.
+"""
+
+import json
+import tomllib
+from dataclasses import dataclass
+
+import numpy as np
+
+from tests.command import edbb
+from tests.independent_arms import runs
+from tests.independent_arms.arm import TOOL, make_arm, workspace
+from tests.independent_arms.chain import frames, points
+from tests.independent_arms.fit import fit_geometry, rigid
+
+STATES = 400
+INSIDE = np.radians(3.0)  # targets keep off the strokes' ends, so that their correction is within them
+
+
+def rms_aligned(here, there):
+    """Root mean square distance of points after the best rigid motion, in mm."""
+    turn, shift = rigid(there, here)
+    return 1e3 * float(np.sqrt(np.mean(np.sum((there @ turn.T + shift - here) ** 2, 1))))
+
+
+def evaluation_states(arm, seed):
+    q = workspace(arm, 2 * STATES, np.random.default_rng([seed, 99]))
+    inside = np.all((q > arm.low + INSIDE) & (q < arm.high - INSIDE), 1)
+    return q[inside & (np.abs(np.sin(q[:, 4])) > 0.05)][:STATES]
+
+
+def correct(q, model, folder):
+    """Joint targets as `edbb compensate` corrects them, and which of them it has corrected."""
+    targets, corrected = folder / "targets.csv", folder / "corrected.csv"
+    rows = [",".join(runs.JOINTS)] + [",".join(f"{v:.9f}" for v in row) for row in np.degrees(q).tolist()]
+    targets.write_text("\n".join(rows) + "\n", encoding="utf-8")
+    done = edbb("compensate", targets, "--model", model, "-o", corrected, "--force")
+    if done.returncode not in (0, 5):
+        raise RuntimeError(f"edbb compensate: exit {done.returncode}: {done.stderr}")
+    lines = [row for row in corrected.read_text(encoding="utf-8").splitlines() if row and not row.startswith("#")]
+    names = lines[0].split(",")
+    columns = [names.index(name) for name in runs.JOINTS]
+    table = np.radians([[float(row.split(",")[k]) for k in columns] for row in lines[1:]])
+    return table, np.any(np.abs(table - q) > 1e-9, axis=1)
+
+
+def model_error(true, q, model, folder, condition):
+    """True rms error [mm] of the tool that is driven by a released robot, and the share of targets that it corrects."""
+    corrected, done = correct(q, model, folder)
+    tool = np.array(tomllib.loads(model.read_text(encoding="utf-8"))["tool_points"][0]["position_mm"]) / 1e3
+    meant = points(frames(true.arm, q[done])[6], tool)
+    return rms_aligned(true.points(corrected[done], **condition), meant), float(np.mean(done))
+
+
+@dataclass(frozen=True)
+class Names:
+    """Findings of a report against what is hidden."""
+
+    true: int  # hidden causes that a report can name
+    right: int
+    rival: int  # hidden causes named only as the rival of a finding
+    wrong: int  # findings that are no hidden cause, nor is one of their rivals
+    found: int
+
+
+def _is(effect, on, cause):
+    kind = any(effect.startswith(name) for name in cause.names)
+    digits = {int(c) for c in on if c.isdigit()}
+    return kind and (not cause.numbers or not digits or bool(digits & set(cause.numbers)))
+
+
+def _rivals(finding):
+    """Rivals as (effect, place), whether a report gives them as texts or as tables."""
+    for rival in finding.get("rivals", []):
+        if isinstance(rival, dict):
+            yield str(rival.get("effect", "")), str(rival.get("on", ""))
+        else:
+            effect, _, on = str(rival).partition(", ")
+            yield effect, on
+
+
+def judge_names(findings, causes):
+    known = [c for c in causes if c.names]
+    right = {id(c) for c in known for f in findings if _is(f["effect"], str(f["on"]), c)}
+    rival = {id(c) for c in known for f in findings for r in _rivals(f) if _is(*r, c)} - right
+    wrong = [
+        f for f in findings
+        if not any(_is(f["effect"], str(f["on"]), c) or any(_is(*r, c) for r in _rivals(f)) for c in known)
+    ]  # fmt: skip
+    return Names(len(known), len(right), len(rival), len(wrong), len(findings))
+
+
+def identify(columns, gauge, folder, *options):
+    """Run `edbb identify`; the folder of its result, or None where it refuses to write a robot."""
+    runs.write_run(columns, folder / "run.csv")
+    out = folder / "calibrated"
+    done = edbb("identify", folder / "run.csv", "--cell", runs.CELLS[gauge], "-o", out, "--force", *options)
+    if done.returncode == 3:
+        return None
+    if done.returncode:
+        raise RuntimeError(f"edbb identify: exit {done.returncode}: {done.stderr}")
+    return out
+
+
+def judge(seed, gauge, count, with_foreign, folder):
+    """One row of the table."""
+    true = make_arm(seed, gauge, count, with_foreign)
+    columns = runs.measure(true)
+    row = {
+        "seed": seed, "gauge": gauge, "causes": count, "foreign": int(with_foreign),
+        "hidden": "; ".join(f"{c.kind}, {c.where} ({c.size})" for c in true.causes),
+    }  # fmt: skip
+    condition = runs.middle(columns["t_s"])
+    q = evaluation_states(true.arm, seed)
+    place = true.points(q, **condition)
+    row["nominal_mm"] = rms_aligned(place, points(frames(true.arm, q)[6], TOOL))
+    row["geometry_mm"] = rms_aligned(place, fit_geometry(true.arm, columns).points(true.arm, q))
+    calibrated = identify(columns, gauge, folder)
+    if calibrated is None:
+        return row | {"refused": 1}
+    released, corrected = model_error(true, q, calibrated / "robot.toml", folder, condition)
+    report = json.loads((calibrated / "identification.json").read_text(encoding="utf-8"))
+    names = judge_names(report["findings"], true.causes)
+    return row | {
+        "refused": 0, "released_mm": released, "stated_mm": report["known_anywhere_mm"],
+        "bound_mm": report["release"]["at_most_mm"], "stated_geometry_mm": report["release"]["geometry_anywhere_mm"],
+        "stated_nominal_mm": report["release"]["nominal_anywhere_mm"], "corrected": corrected, "true": names.true,
+        "right": names.right, "rival": names.rival, "wrong": names.wrong, "found": names.found,
+        "findings": "; ".join(f"{f['effect']}, {f['on']}" for f in report["findings"]),
+    }  # fmt: skip
