@@ -28,23 +28,27 @@ def serve_command(
 ) -> None:
     """Serve the planner to browsers and programs: robots, plans, calibrations, as jobs that survive a crash."""
     try:
-        from planner.service.serving import serve
+        from planner.service.serving import serve, start_notices
     except ImportError as err:
         raise MissingProgramError(
             f"edbb serve needs {err.name}: pip install 'edbb-planner[service]' installs what it needs"
         ) from err
-    from planner.service.settings import JobLimits, ServiceSettings, default_folder, default_memory
+    from planner.service.settings import JobLimits, ServiceSettings, default_folder, machine_memory, share_memory
 
     most = min(workers or os.cpu_count() or 1, os.cpu_count() or 1)
-    memory = default_memory(most) if memory_gb is None else int(memory_gb * GB)
+    wanted = None if memory_gb is None else int(memory_gb * GB)
+    shares = share_memory(most, wanted, machine_memory())
+    for notice in start_notices(workers, shares):
+        errors.print(notice)
     settings = ServiceSettings(
         folder=(data or default_folder()).resolve(),
         host=host,
         port=port,
         names=tuple(name or ()),
         token=os.environ.get("EDBB_TOKEN", ""),
-        workers=most,
-        limits=JobLimits(memory, minutes * 60),
+        workers=shares.workers,
+        beside=shares.beside,
+        limits=JobLimits(shares.memory_bytes, minutes * 60),
     )
     serve(settings, lambda address: errors.print(f"serving at {address}, jobs and files in {settings.folder}"))
 

@@ -57,6 +57,16 @@ MOST_TEXT = 100_000_000  # bytes of a settings, plan or program file
 MOST_TOML = 20_000_000
 
 
+def check_allowed(path: Path) -> None:
+    """Refuse a file that may not be read, in the same words whether it is there or not.
+
+    Raises:
+        InputError: it lies outside the folders that this process may read.
+    """
+    if not INPUTS.allows(path):
+        raise InputError(f"{path}: lies outside the folder of this job; send the file along and name it alone")
+
+
 def check_readable(path: Path, most_bytes: int = MOST_TEXT, advice: str = "") -> None:
     """Refuse what is no plain file (a folder, a device, a pipe), or is larger than it can be in earnest.
 
@@ -64,8 +74,7 @@ def check_readable(path: Path, most_bytes: int = MOST_TEXT, advice: str = "") ->
         InputError: naming the file, its size and what is allowed.
     """
     try:
-        if not INPUTS.allows(path):
-            raise InputError(f"{path}: lies outside the folder of this job; send the file along and name it alone")
+        check_allowed(path)
         found = os.stat(path)
     except (OSError, ValueError) as err:
         reason = err.strerror if isinstance(err, OSError) and err.strerror else str(err)

@@ -9,6 +9,7 @@ from pydantic import Field, model_validator
 from scipy.spatial.transform import Rotation
 
 from planner.common.errors import InputError
+from planner.common.files import check_allowed
 from planner.common.schema import Coordinate, OptionalKeys
 from planner.common.units import MM, Array, from_deg, from_mm, read_only
 from planner.kinematics.geometry import pose
@@ -101,7 +102,7 @@ class BodyFile(OptionalKeys):
         """Convert to SI; ``where`` is the folder that mesh files are relative to.
 
         Raises:
-            InputError: the mesh file does not exist.
+            InputError: the mesh file does not exist, or lies where nothing may be read.
         """
         name = self.name or name
         if self.kind == "capsule":
@@ -113,6 +114,7 @@ class BodyFile(OptionalKeys):
         T = pose(R, from_mm(self.at_mm or (0.0, 0.0, 0.0)))
         if self.kind == "mesh":
             path = (where / str(self.file)).resolve()
+            check_allowed(path)
             if not path.is_file():
                 raise InputError(f"{where}: the mesh '{self.file}' of body '{name}' does not exist")
             x, y, z = (s * (MM if self.unit == "mm" else 1.0) for s in self.scale)

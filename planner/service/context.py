@@ -2,6 +2,7 @@
 
 import logging
 import shutil
+import sqlite3
 import threading
 import time
 from dataclasses import dataclass
@@ -26,9 +27,11 @@ LOG = logging.getLogger("edbb.service")
 class Supervisor:
     """The thread that takes jobs, and those that run them."""
 
-    def __init__(self, jobs: JobStore, files: FileStore, folder: Path, workers: int, limits: JobLimits) -> None:
+    def __init__(
+        self, jobs: JobStore, files: FileStore, folder: Path, workers: int, limits: JobLimits, beside: int = 1
+    ) -> None:
         self._jobs, self._files, self._folder = jobs, files, folder / "jobs"
-        self._workers, self._limits = workers, limits
+        self._workers, self._limits, self._beside = workers, limits, beside
         self._running: dict[threading.Thread, JobRunner] = {}
         self._news, self._stopping = threading.Event(), False
         self._thread = threading.Thread(target=self._run, name="supervisor", daemon=True)
@@ -63,9 +66,9 @@ class Supervisor:
             self._news.clear()
             self._running = {t: r for t, r in self._running.items() if t.is_alive()}
             try:
-                job = self._jobs.take(self._workers)
-            except Exception:  # the disk may be full: nothing is lost by waiting
-                LOG.exception("no job could be taken")
+                job = self._jobs.take(self._workers, self._beside)
+            except Exception as err:  # the disk may be full: nothing is lost by waiting
+                LOG.error("no job could be taken: %s", err, exc_info=not isinstance(err, sqlite3.Error))
                 self._news.wait(TROUBLE_S)
                 continue
             if job is None:

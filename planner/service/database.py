@@ -8,8 +8,7 @@ from pathlib import Path
 
 from planner.common.errors import InputError
 
-VERSION = 1
-SCHEMA = """
+FIRST = """
 CREATE TABLE jobs (
     id TEXT PRIMARY KEY, kind TEXT NOT NULL, title TEXT NOT NULL, request TEXT NOT NULL, command TEXT NOT NULL,
     state TEXT NOT NULL, fence INTEGER NOT NULL DEFAULT 0, owner TEXT NOT NULL DEFAULT '',
@@ -29,6 +28,20 @@ CREATE TABLE uploads (
     sha256 TEXT NOT NULL, name TEXT NOT NULL, size INTEGER NOT NULL, kind TEXT NOT NULL, at REAL NOT NULL,
     PRIMARY KEY (sha256, name, kind));
 """
+DEATHS = "ALTER TABLE jobs ADD COLUMN deaths INTEGER NOT NULL DEFAULT 0;"  # of servers while they ran the job
+MIGRATIONS = (FIRST, DEATHS)
+"""Statements that lead from one version of the store to the next; the version is how many of them it has seen."""
+VERSION = len(MIGRATIONS)
+
+
+def damage_text(err: sqlite3.Error) -> str:
+    """Return what to say of a store whose pages are not what was written."""
+    return f"the store of jobs is damaged ({err}); end the service and bring back a backup of its folder"
+
+
+def is_damage(err: BaseException) -> bool:
+    """Tell whether an error means that the file is no store any more, and not that it is busy or the disk full."""
+    return type(err) is sqlite3.DatabaseError
 
 
 class Database:
@@ -44,11 +57,13 @@ class Database:
         try:
             with self.write() as db:
                 found = int(db.execute("PRAGMA user_version").fetchone()[0])
-                if found == 0:
-                    for statement in SCHEMA.split(";"):
+                for step in MIGRATIONS[found:]:
+                    for statement in step.split(";"):
                         db.execute(statement)
-                    db.execute(f"PRAGMA user_version = {VERSION}")
+                db.execute(f"PRAGMA user_version = {max(found, VERSION)}")
         except sqlite3.Error as err:
+            if is_damage(err):
+                raise InputError(f"{path}: {damage_text(err)}") from err
             raise InputError(f"{path}: cannot be used as the store of jobs ({err})") from err
         if found > VERSION:
             raise InputError(f"{path}: was written by a later version of edbb (store {found}, known is {VERSION})")

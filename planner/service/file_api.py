@@ -50,7 +50,7 @@ async def upload_file(request: Request, context: Context, name: Name, sha256: Ha
     return await _receive(request, context, name, sha256, "file")
 
 
-@FILES.get("/files/{id}")
+@FILES.get("/files/{id}", responses={404: {"model": Problem}})
 def download_file(id: Sha256, context: Context) -> FileResponse:
     """Get the content of a file that was sent."""
     found = context.uploads.find(id)
@@ -84,7 +84,7 @@ def list_cells(context: Context) -> list[CellEntry]:
     return [*(CellEntry(id=c, name=c) for c in _shipped_names()), *sent]
 
 
-@FILES.get("/cells/{robot}/{cell}")
+@FILES.get("/cells/{robot}/{cell}", responses={404: {"model": Problem}})
 def get_shipped_cell(robot: str, cell: str) -> FileResponse:
     """Get the file of a shipped cell."""
     if f"{robot}/{cell}" not in _shipped_names():
@@ -112,10 +112,10 @@ async def receive_body(request: Request, files: FileStore, name: str, sha256: st
             draft.add(chunk)
             if draft.size - room > 16 << 20:
                 room = draft.size
-                files.check_room()
+                await run_in_threadpool(files.check_room)
         if draft.size == 0:
             raise InputError(f"'{name}': the file is empty")
-        found = files.keep(draft, expected=sha256)
+        found = await run_in_threadpool(files.keep, draft, sha256)  # a large file takes seconds to reach the disk
         return StoredFile(id=found, name=name, size=draft.size)
 
 

@@ -145,13 +145,16 @@ def copy_checked(source: Path, sha256: str, target: Path) -> None:
     """Copy a file of the store, and make sure that it is what its name says.
 
     Raises:
-        InputError: its content has changed.
+        InputError: its content has changed, or it is gone.
     """
     found = hashlib.sha256()
-    with source.open("rb") as read, target.open("xb") as written:
-        while data := read.read(CHUNK):
-            found.update(data)
-            written.write(data)
+    try:
+        with source.open("rb") as read, target.open("xb") as written:
+            while data := read.read(CHUNK):
+                found.update(data)
+                written.write(data)
+    except FileNotFoundError as err:
+        raise InputError(f"{target.name}: is gone from the store; send it again") from err
     if found.hexdigest() != sha256:
         raise InputError(f"{target.name}: its content in the store has changed; send it again")
 

@@ -76,7 +76,7 @@ class Guard:
         if not self._is_known(host):
             return ProblemResponse(421, "this service is not known by that name; see edbb serve --name")
         origin = headers.get("origin")
-        if origin is not None and urlsplit(origin).netloc.lower() != host.lower():
+        if origin is not None and _host_of(origin) != host.lower():
             return ProblemResponse(403, "requests from other sites are refused")
         if headers.get("sec-fetch-site") == "cross-site" and scope["method"] not in SAFE:
             return ProblemResponse(403, "requests from other sites are refused")
@@ -128,6 +128,14 @@ class Guard:
             await send(message)
 
         return with_headers
+
+
+def _host_of(origin: str) -> str:
+    """Return host and port of an origin; nothing of one that is none, such as ``null``."""
+    try:
+        return urlsplit(origin).netloc.lower()
+    except ValueError:
+        return ""
 
 
 def _count_bytes(receive: Receive, most: int) -> Receive:

@@ -11,6 +11,7 @@ import struct
 import sys
 import tempfile
 from collections.abc import Sequence
+from contextlib import suppress
 from ctypes import CDLL, c_char_p, c_int, c_long, c_size_t, c_uint32
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,6 +25,7 @@ from planner.service.file_store import copy_checked
 from planner.service.job_store import JobCommand
 from planner.service.settings import GB, JobLimits
 
+DAMAGED = 66  # exit code: a file of the store is not what it was; the request is not to blame
 _CREATE, _ADD, _RESTRICT = 444, 445, 446
 _NO_NEW_PRIVILEGES = 38
 _ONLY_VERSION, _RULE_PATH = 1, 1
@@ -34,6 +36,15 @@ _ALL_NETWORK = 3  # to bind and to connect by TCP, from version 4
 SYSTEM = ("/usr", "/bin", "/lib", "/lib32", "/lib64", "/etc", "/proc", "/sys/devices/system", "/nix", "/opt")
 
 
+def confinement_version() -> int:
+    """Return which version of Landlock this system has; 0 where it cannot confine a process."""
+    if sys.platform != "linux":
+        return 0
+    libc = CDLL(None)
+    libc.syscall.restype = c_long
+    return max(0, int(libc.syscall(c_long(_CREATE), None, c_size_t(0), c_uint32(_ONLY_VERSION))))
+
+
 def confine_process(folder: Path, readable: Sequence[Path]) -> bool:
     """Confine this process and its children for good; return whether the kernel can.
 
@@ -41,13 +52,11 @@ def confine_process(folder: Path, readable: Sequence[Path]) -> bool:
         folder: may be read and written.
         readable: may be read, beside the system's libraries and Python's.
     """
-    if sys.platform != "linux":
+    version = confinement_version()
+    if version < 1:
         return False
     libc = CDLL(None)
     libc.syscall.restype = c_long
-    version = libc.syscall(c_long(_CREATE), None, c_size_t(0), c_uint32(_ONLY_VERSION))
-    if version < 1:
-        return False
     rights = RIGHTS[min(version, 3)]
     rules = struct.pack("QQ", rights, _ALL_NETWORK) if version >= 4 else struct.pack("Q", rights)
     ruleset = libc.syscall(c_long(_CREATE), c_char_p(rules), c_size_t(len(rules)), c_uint32(0))
@@ -82,6 +91,7 @@ SPECIFICATION = "job.json"
 INPUT_FOLDER = "work"
 RESULTS = "out"  # folder in it for what the command writes
 MOST_WRITTEN = 2 * GB  # bytes of a file
+FIRST_TO_GO = "1000"  # the most that Linux knows
 _DIE_WITH_PARENT = 1  # PR_SET_PDEATHSIG
 NICE, TASK_NICE = 10, 3  # what answers a person goes first, then what a page waits for
 ADDRESS_SPACE = 4  # times the memory: libraries reserve more than they use; the server watches what is used
@@ -109,7 +119,7 @@ def main() -> None:
         lay_out(job)
     except PlannerError as err:
         sys.stderr.write(f"edbb: {err}\n")
-        raise SystemExit(err.exit_code) from err
+        raise SystemExit(DAMAGED) from err
     os.chdir(INPUT_FOLDER)
     here = Path.cwd()
     tempfile.tempdir = os.environ["TMPDIR"] = str(here.parent)
@@ -130,7 +140,9 @@ def die_with(parent: int) -> None:
 
 
 def limit_resources(job: JobSpecification) -> None:
-    """Set the limits that the system itself keeps."""
+    """Set the limits that the system itself keeps; where its memory ends, this process goes and not the server."""
+    with suppress(OSError):
+        Path("/proc/self/oom_score_adj").write_text(FIRST_TO_GO, encoding="ascii")
     os.nice(TASK_NICE if job.command.task else NICE)
     seconds = int(job.limits.time_s * (os.cpu_count() or 1)) + 1
     for what, most in (

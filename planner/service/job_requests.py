@@ -7,6 +7,7 @@ from pydantic import Field, model_validator
 from planner.common.choices import Aim, IndexName, SelectionMethod, TourOrder
 from planner.common.errors import InputError
 from planner.programs.dialect import load_dialect
+from planner.service.command_words import leads_outside
 from planner.service.job_folder import FileInFolder, FileReference, JobFolder, JobId
 from planner.service.job_request import (
     CellRequest,
@@ -52,7 +53,7 @@ class CommandRequest(JobRequest):
         if self.words[0] not in VERBS:
             raise ValueError(f"'{self.words[0]}' does not run on a server; {', '.join(VERBS)} do")
         for word in self.words:
-            if word.startswith("/") or "=/" in word or ".." in word:
+            if leads_outside(word):
                 raise ValueError(f"'{word}' leads out of the folder of the job")
         return self
 

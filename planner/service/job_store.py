@@ -53,6 +53,8 @@ def _start_time(pid: int) -> str:
 State = Literal["queued", "running", "done", "failed", "cancelled"]
 LEASE_S = 20.0
 MOST_CRASHES = 3
+MOST_DEATHS = 5  # of servers while they ran a job; more than its own crashes, as it may have run beside the guilty one
+TRIED_AGAIN = (None, 1, 4)  # exit codes after which the same request may succeed: killed, a mistake, a missing program
 
 
 @model(frozen=True)
@@ -153,6 +155,7 @@ class JobStore:
 
     def __init__(self, database: Database) -> None:
         self._db, self._owner = database, own_name()
+        self._leases: dict[str, tuple[float, float]] = {}  # of each running job: its lease, and since when it is that
 
     def submit(self, id: str, kind: str, title: str, request: str, command: JobCommand) -> JobRecord:
         """Accept a job, or return the one of the same content; one that was cancelled or crashed is tried again."""
@@ -165,10 +168,10 @@ class JobStore:
                     (id, kind, title, request, COMMAND.dump_json(command).decode(), time.time(), __version__),
                 )
                 _tell(db, id, "queued", {})
-            elif found.state == "cancelled" or (found.state == "failed" and found.exit_code in (None, 1)):
+            elif found.state == "cancelled" or (found.state == "failed" and found.exit_code in TRIED_AGAIN):
                 db.execute(
-                    "UPDATE jobs SET state = 'queued', crashes = 0, cancelled = 0, problem = '', exit_code = NULL,"
-                    " finished = NULL, stage = '', done = 0, total = 0 WHERE id = ?",
+                    "UPDATE jobs SET state = 'queued', crashes = 0, deaths = 0, cancelled = 0, problem = '',"
+                    " exit_code = NULL, finished = NULL, stage = '', done = 0, total = 0 WHERE id = ?",
                     (id,),
                 )
                 db.execute("DELETE FROM outputs WHERE job = ?", (id,))
@@ -192,19 +195,20 @@ class JobStore:
         query = "SELECT * FROM jobs WHERE kind = ifnull(?, kind) ORDER BY created DESC, id LIMIT ?"
         return [_record(r) for r in self._db.read(query, kind, most)]
 
-    def take(self, most: int) -> JobRecord | None:
+    def take(self, most: int, beside: int = 1) -> JobRecord | None:
         """Make the oldest waiting job this server's, under a new fence; nothing where ``most`` are running.
 
-        The short tasks of a page, at which a person looks, go before commands, and one may run beside ``most``.
+        The short tasks of a page, at which a person looks, go before commands, and ``beside`` may run beside
+        ``most``.
         A job whose server is gone, or has not renewed its lease, waits again.
         """
         with self._db.write() as db:
-            now, running = time.time(), len(_release_lost(db))
+            now, running = time.time(), len(self._release_lost(db))
             row = db.execute(
                 "SELECT id, json_extract(command, '$.task') AS task FROM jobs WHERE state = 'queued'"
                 " ORDER BY task DESC, created, id LIMIT 1"
             ).fetchone()
-            if row is None or running >= most + bool(row["task"]):
+            if row is None or running >= most + beside * bool(row["task"]):
                 return None
             db.execute(
                 "UPDATE jobs SET state = 'running', fence = fence + 1, owner = ?, lease_until = ?, started = ?,"
@@ -217,7 +221,7 @@ class JobStore:
     def running(self) -> set[str]:
         """Return identifier and fence of every job that a living server runs, as ``id-fence``; others wait again."""
         with self._db.write() as db:
-            return _release_lost(db)
+            return self._release_lost(db)
 
     def renew(self, job: JobRecord) -> bool:
         """Renew the lease; return whether the job is still this fence's and nobody wants it stopped."""
@@ -307,6 +311,26 @@ class JobStore:
         """Return the number of the latest event."""
         return int(self._db.read("SELECT ifnull(max(id), 0) FROM events")[0][0])
 
+    def _release_lost(self, db: sqlite3.Connection) -> set[str]:
+        """Let the jobs of servers that are gone, or do not renew their lease, wait again; return those that run.
+
+        A lease has run out when it has not changed for its length by this process's own steady clock: the time of day
+        may be set forward or back while jobs run.
+        """
+        kept, now, leases = set(), time.monotonic(), self._leases
+        self._leases = {}
+        query = "SELECT id, fence, owner, lease_until, deaths FROM jobs WHERE state = 'running'"
+        for row in db.execute(query).fetchall():
+            key = f"{row['id']}-{row['fence']}"
+            lease, since = leases.get(key, (None, now))
+            since = since if lease == row["lease_until"] else now
+            if row["lease_until"] > 0 and now - since < LEASE_S and not is_gone(row["owner"]):
+                self._leases[key] = (row["lease_until"], since)
+                kept.add(key)
+            else:
+                _count_death(db, row["id"], row["deaths"] + 1)
+        return kept
+
     def _find(self, id: str) -> JobRecord | None:
         rows = self._db.read("SELECT * FROM jobs WHERE id = ?", id)
         return _record(rows[0]) if rows else None
@@ -333,13 +357,14 @@ def _tell(db: sqlite3.Connection, job: str, kind: str, content: dict[str, object
     db.execute("INSERT INTO events (job, kind, content, at) VALUES (?, ?, ?, ?)", (job, kind, text, time.time()))
 
 
-def _release_lost(db: sqlite3.Connection) -> set[str]:
-    """Let the jobs of servers that are gone, or have not renewed their lease, wait again; return those that run."""
-    kept = set()
-    for row in db.execute("SELECT id, fence, owner, lease_until FROM jobs WHERE state = 'running'").fetchall():
-        if row["lease_until"] > time.time() and not is_gone(row["owner"]):
-            kept.add(f"{row['id']}-{row['fence']}")
-            continue
-        db.execute("UPDATE jobs SET state = 'queued', stage = '' WHERE id = ?", (row["id"],))
-        _tell(db, row["id"], "queued", {"because": "the server that ran it has gone"})
-    return kept
+def _count_death(db: sqlite3.Connection, job: str, deaths: int) -> None:
+    """Let a job whose server has gone wait again, or give it up where too many servers went while it ran."""
+    if deaths < MOST_DEATHS:
+        db.execute("UPDATE jobs SET state = 'queued', stage = '', deaths = ? WHERE id = ?", (deaths, job))
+        _tell(db, job, "queued", {"because": "the server that ran it has gone"})
+        return
+    detail = f"the server was killed or broke down {deaths} times while it ran; it may need more than this machine has"
+    problem = JobProblem("The server went while it ran", detail)
+    given_up = "state = 'failed', stage = '', deaths = ?, finished = ?, exit_code = NULL, problem = ?"
+    db.execute(f"UPDATE jobs SET {given_up} WHERE id = ?", (deaths, time.time(), _problem_text(problem), job))
+    _tell(db, job, "end", {"state": "failed", "detail": detail})

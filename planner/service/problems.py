@@ -11,6 +11,7 @@ from starlette.exceptions import HTTPException
 
 from planner.common.errors import MissingProgramError, NoSolutionError, PlannerError, printable
 from planner.common.schema import StrictModel
+from planner.service.database import damage_text, is_damage
 from planner.service.file_store import DiskFullError
 from planner.service.job_folder import UnfinishedJobError
 from planner.service.job_store import UnknownJobError
@@ -37,7 +38,7 @@ class Problem(StrictModel):
     exit_code: int | None = Field(None, description="of the command line", examples=[2])
 
 
-ERRORS = (RequestValidationError, HTTPException, PlannerError, sqlite3.OperationalError, Exception)
+ERRORS = (RequestValidationError, HTTPException, PlannerError, sqlite3.DatabaseError, Exception)
 
 
 class ProblemResponse(JSONResponse):
@@ -67,6 +68,8 @@ def problem_of(err: Exception) -> ProblemResponse:
             return ProblemResponse(507, "the disk of the service is full")
         case sqlite3.OperationalError():
             return ProblemResponse(503, "the store is busy")
+        case sqlite3.DatabaseError() if is_damage(err):
+            return ProblemResponse(500, damage_text(err))
     return ProblemResponse(500, "a mistake of the program; its log tells more")
 
 

@@ -13,10 +13,10 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from planner.common.errors import PARTLY_DONE
+from planner.common.errors import PARTLY_DONE, InputError
 from planner.common.files import data_folder
 from planner.service.file_store import FileStore
-from planner.service.job_process import INPUT_FOLDER, RESULTS, SPECIFICATION, SPECIFICATIONS, JobSpecification
+from planner.service.job_process import DAMAGED, INPUT_FOLDER, RESULTS, SPECIFICATION, SPECIFICATIONS, JobSpecification
 from planner.service.job_store import LEASE_S, MOST_CRASHES, JobOutput, JobProblem, JobRecord, JobStore, State
 from planner.service.settings import GB, JobLimits
 
@@ -73,7 +73,14 @@ SHIPPED = re.compile(rf"{re.escape(str(data_folder('robots')))}/([\w-]+)/cells/(
 LOOK_S = 0.1
 MEMORY_LOOK_S = 1.0
 MOST_LOG = 200_000  # bytes of what a command prints
-TITLES = {1: "Internal error", 2: "The input is wrong", 3: "There is no solution", 4: "A needed program is missing"}
+TITLES = {
+    1: "Internal error",
+    2: "The input is wrong",
+    3: "There is no solution",
+    4: "A needed program is missing",
+    DAMAGED: "A file of the store is damaged",
+}
+USAGE = re.compile(r"^╭─ Error ─+╮\n(.*?)^╰", re.MULTILINE | re.DOTALL)  # in which typer frames what is wrong
 TRACEBACK = re.compile(r"^Traceback \(most recent call last\):", re.MULTILINE)
 # as Python, numpy, C++, the loader, the C library and OpenBLAS say it
 OUT_OF_MEMORY = re.compile(
@@ -170,7 +177,8 @@ class JobRunner:
     def _end_with(self, code: int) -> None:
         state: State = "done" if code in (0, PARTLY_DONE) else "failed"
         problem = None if state == "done" else self._problem(code)
-        self._jobs.finish(self._job, state, self._take_outputs(), code, problem)
+        own_code = None if code == DAMAGED else code  # the command never ran
+        self._jobs.finish(self._job, state, self._take_outputs(), own_code, problem)
 
     def _take_outputs(self) -> list[JobOutput]:
         """Move what the command wrote and printed into the store."""
@@ -184,12 +192,15 @@ class JobRunner:
         with (self._folder / "log").open("rb") as log:
             log.seek(max(0, (self._folder / "log").stat().st_size - MOST_LOG))
             text = log.read().decode("utf-8", errors="replace")
-        return JobProblem(TITLES.get(code, f"Exit code {code}"), self._sentence(text, code), code)
+        own_code = None if code == DAMAGED else code
+        return JobProblem(TITLES.get(code, f"Exit code {code}"), self._sentence(text, code), own_code)
 
     def _sentence(self, log: str, code: int) -> str:
         """Return what the command said last, without the folder of the job."""
         if OUT_OF_MEMORY.search(log[-500:]):
             return "the job needed more memory than a job may use"
+        if code == InputError.exit_code and (framed := USAGE.search(log)):
+            return " ".join(line.strip("│ ") for line in framed[1].splitlines())
         _, found, sentence = log.rpartition("edbb: ")
         if not found or TRACEBACK.search(log):
             last = log.strip().rpartition("\n")[2][:500]

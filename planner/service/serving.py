@@ -1,5 +1,6 @@
 """``edbb serve``: the application, and the server that runs it."""
 
+import sqlite3
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from typing import Any
@@ -11,17 +12,19 @@ from starlette.types import ASGIApp
 from planner import __version__
 from planner.common.errors import InputError
 from planner.service.context import ServiceContext, Supervisor
-from planner.service.database import Database
+from planner.service.database import Database, damage_text
 from planner.service.file_api import FILES, LISTS
 from planner.service.file_store import FileStore, UploadList, disk_error
 from planner.service.guards import Guard
 from planner.service.job_api import EVENTS, JOBS
+from planner.service.job_process import confinement_version
 from planner.service.job_store import JobStore
+from planner.service.methods import PlainMethods
 from planner.service.pages import PAGES, STATIC, add_problem_handlers
-from planner.service.problems import Problem
+from planner.service.problems import MEDIA_TYPE, Problem
 from planner.service.record_api import RECORDS
 from planner.service.record_store import RecordStore
-from planner.service.settings import ServiceSettings
+from planner.service.settings import GB, JobShares, ServiceSettings
 
 GRACE_S = 3
 DESCRIPTION = (
@@ -29,7 +32,7 @@ DESCRIPTION = (
     "job: it is accepted once (the same content is the same job), followed by events, and leaves files."
 )
 PROBLEMS: dict[int | str, dict[str, Any]] = {
-    code: {"model": Problem, "description": text, "content": {"application/problem+json": {}}}
+    code: {"model": Problem, "description": text}
     for code, text in (
         (400, "no JSON, or a broken body"),
         (401, "a token is needed"),
@@ -55,7 +58,11 @@ def build_context(settings: ServiceSettings) -> ServiceContext:
         raise disk_error(err) from err
     database = Database(settings.folder / "jobs.sqlite3")
     jobs = JobStore(database)
-    supervisor = Supervisor(jobs, files, settings.folder, settings.workers, settings.limits)
+    try:
+        jobs.running()
+    except sqlite3.DatabaseError as err:
+        raise InputError(damage_text(err)) from err
+    supervisor = Supervisor(jobs, files, settings.folder, settings.workers, settings.limits, settings.beside)
     records = RecordStore(settings.folder, jobs, files)
     return ServiceContext(settings, jobs, files, UploadList(database), records, supervisor)
 
@@ -87,12 +94,44 @@ def build_app(context: ServiceContext) -> FastAPI:
     for router in (JOBS, EVENTS, LISTS, FILES, RECORDS, PAGES):
         app.include_router(router)
     app.mount("/static", StaticFiles(directory=STATIC), name="static")
+    describe = app.openapi
+
+    def describe_once() -> dict[str, Any]:
+        return app.openapi_schema or _name_media_type(describe())
+
+    app.openapi = describe_once  # type: ignore[method-assign]
     return app
+
+
+def _name_media_type(document: dict[str, Any]) -> dict[str, Any]:
+    """Say of every problem in an OpenAPI document that it comes as ``application/problem+json``."""
+    problem = {MEDIA_TYPE: {"schema": {"$ref": "#/components/schemas/Problem"}}}
+    for operations in document["paths"].values():
+        for operation in operations.values():
+            for code, answer in operation["responses"].items():
+                if code >= "400":
+                    answer["content"] = problem
+    return document
 
 
 def guarded_app(settings: ServiceSettings) -> ASGIApp:
     """Return the application behind its guard."""
-    return Guard(build_app(build_context(settings)), settings)
+    app = build_app(build_context(settings))
+    return Guard(PlainMethods(app, app), settings)
+
+
+def start_notices(workers: int | None, shares: JobShares) -> list[str]:
+    """Return what whoever starts the service should know: what this machine cannot do that was asked or is promised."""
+    said = []
+    if workers is not None and shares.workers < workers:
+        memory = f"{shares.memory_bytes / GB:.3g} GB"
+        said.append(f"jobs at a time: {shares.workers}, not {workers}, as each may use {memory} and has a core")
+    if confinement_version() == 0:
+        said.append(
+            "jobs are not confined: this system has no Landlock (Linux 5.13 or later, and not switched off); only the "
+            "files that commands read are held to a job's folder, so serve nobody whom you do not trust"
+        )
+    return said
 
 
 def serve(settings: ServiceSettings, announce: Callable[[str], None]) -> None:
@@ -103,10 +142,13 @@ def serve(settings: ServiceSettings, announce: Callable[[str], None]) -> None:
     """
     import uvicorn
 
+    from planner.service.connections import TimedProtocol
+
     app = guarded_app(settings)
     host = f"[{settings.host}]" if ":" in settings.host else settings.host
     config = uvicorn.Config(
         app,
+        http=TimedProtocol,
         host=settings.host,
         port=settings.port,
         log_level="warning",

@@ -29,7 +29,8 @@ class ServiceSettings:
         host, port: address to listen on.
         names: further names by which a browser may call this host.
         token: demanded of every caller where it is not empty; never printed.
-        workers: most jobs at a time.
+        workers: most commands at a time.
+        beside: short tasks of a page that may run beside them.
         limits: of each job.
         most_upload: bytes of one file.
         reserve: bytes that must stay free on the disk.
@@ -41,6 +42,7 @@ class ServiceSettings:
     names: tuple[str, ...] = ()
     token: str = field(default="", repr=False)
     workers: int = os.cpu_count() or 1
+    beside: int = 1
     limits: JobLimits = JobLimits()
     most_upload: int = GB
     reserve: int = GB // 4
@@ -63,7 +65,47 @@ def default_folder() -> Path:
     return (Path(data) if data else Path.home() / ".local" / "share") / "edbb"
 
 
-def default_memory(workers: int) -> int:
-    """Return the memory [bytes] of one job where none is named: three quarters of the machine's, shared evenly."""
+USABLE = 0.9  # of the machine's memory that jobs may use together; the rest is for the system and the service
+CONTAINER_LIMIT = Path("/sys/fs/cgroup/memory.max")
+
+
+def machine_memory() -> int:
+    """Return the memory [bytes] of this machine, or of the container that it runs in."""
     total = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
-    return max(GB, int(0.75 * total) // workers)
+    try:
+        return min(total, int(CONTAINER_LIMIT.read_text(encoding="ascii")))
+    except (OSError, ValueError):  # no container, or one without a limit ("max")
+        return total
+
+
+@dataclass(frozen=True)
+class JobShares:
+    """How many commands run at a time, how many short tasks of a page beside them, and the memory [bytes] of each."""
+
+    workers: int
+    beside: int
+    memory_bytes: int
+
+
+def share_memory(workers: int, memory_bytes: int | None, total: int) -> JobShares:
+    """Return how many jobs may run so that their limits together stay within the machine's memory.
+
+    Args:
+        workers: most commands at a time.
+        memory_bytes: of one job; ``None``: as much as one more than ``workers`` can have.
+        total: memory of the machine [bytes].
+
+    Raises:
+        InputError: the machine has not as much as one job is to have.
+    """
+    usable = int(USABLE * total)
+    if memory_bytes is None:
+        least = min(GB, usable)
+        memory_bytes = max(least, usable // (workers + 1))
+    slots = usable // memory_bytes
+    if slots < 1:
+        raise InputError(
+            f"--memory-gb {memory_bytes / GB:.3g}: this machine has {total / GB:.3g} GB, of which jobs may use "
+            f"{usable / GB:.3g} GB"
+        )
+    return JobShares(max(1, min(workers, slots - 1)), min(1, slots - 1), memory_bytes)

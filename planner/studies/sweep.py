@@ -22,7 +22,7 @@ from planner.cell.cell import Cell
 from planner.cell.file import CellFile
 from planner.cell.reading import cell_of, load_cell
 from planner.common.errors import MissingProgramError, PlannerError
-from planner.common.files import document_text, write_text
+from planner.common.files import INPUTS, document_text, write_text
 from planner.common.progress import Progress, no_progress
 from planner.common.result import Result
 from planner.common.schema import StrictModel, read_toml
@@ -157,7 +157,9 @@ class SweepFile(StrictModel):
 
     def tasks(self, folder: Path) -> list[SweepTask]:
         """Return the points in order; cells are shipped ones, or paths from ``folder``."""
-        cells = [str(p) if (p := (folder / c).resolve()).is_file() else c for c in self.cells]
+        paths = [(folder / c).resolve() for c in self.cells]
+        there = [INPUTS.allows(p) and p.is_file() for p in paths]
+        cells = [str(p) if is_file else c for c, p, is_file in zip(self.cells, paths, there, strict=True)]
         each = product(cells, self.poses, self.fixtures_mm or [None], self.bars_mm or [None], self.tools_mm or [None])
         return [SweepTask(c, n, self.trials, self.seed, self.candidates, f, b, t) for c, n, f, b, t in each]
 

@@ -1,9 +1,10 @@
-"""Every request that the OpenAPI document allows, and many that it does not: none is answered by a server error."""
+"""Every request that the OpenAPI document allows, and many that it does not: answered as the document says."""
 
 import hypothesis
 import pytest
 import schemathesis
 from schemathesis import GenerationMode
+from schemathesis.specs.openapi.checks import positive_data_acceptance
 
 from planner.service.context import Supervisor
 from planner.service.serving import build_app, build_context
@@ -33,7 +34,11 @@ def ask(operation, mode, examples):
     def ask_once(case):
         if case.path == "/api/events":  # else it would go on for ever
             case.query = {**(case.query or {}), "wait": "false"}
-        codes.add(case.call_and_validate(checks=[schemathesis.checks.not_a_server_error]).status_code)
+        answer = case.call()
+        # what a request names (files, jobs) may not be there, which no schema knows: a 422 of an allowed request
+        may_be_refused = [positive_data_acceptance] if answer.status_code == 422 else []
+        case.validate_response(answer, excluded_checks=may_be_refused)
+        codes.add(answer.status_code)
 
     try:
         ask_once()
@@ -52,5 +57,5 @@ def check(document, examples):
 
 
 @pytest.mark.long
-def test_no_request_is_answered_by_a_server_error(document):
+def test_every_answer_is_as_the_document_says(document):
     check(document, 5)

@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from planner.common.errors import InputError
+from planner.common.files import INPUTS
 from planner.kinematics.packages import Packages
 from planner.kinematics.xacro.expressions import Evaluator, Names
 from planner.kinematics.xacro.scope import (
@@ -145,7 +146,7 @@ class _Expander:
         if (space := element.get("ns")) is not None:
             inside = scope.inner(is_namespace=True)
             scope.values[check_name(to_text(self._evaluate(space, scope)))] = inside
-        if element.get("optional") == "true" and not path.is_file():
+        if element.get("optional") == "true" and not (INPUTS.allows(path) and path.is_file()):
             return
         document = self._files.document(path)
         self._open.append(path)
