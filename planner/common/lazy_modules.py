@@ -3,7 +3,7 @@
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-__all__ = ["LazyModule", "optimize", "pin", "pl", "stats"]
+__all__ = ["LazyModule", "optimize", "pl", "stats"]
 
 
 class LazyModule:
@@ -17,9 +17,8 @@ class LazyModule:
 
 
 if TYPE_CHECKING:
-    import pinocchio as pin
     import polars as pl
     from scipy import optimize, stats
 else:
-    pin, pl = LazyModule("pinocchio"), LazyModule("polars")
+    pl = LazyModule("polars")
     optimize, stats = LazyModule("scipy.optimize"), LazyModule("scipy.stats")  # they take most of a second

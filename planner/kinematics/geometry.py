@@ -36,6 +36,7 @@ def tilt_angle(direction: Array, axis: Array) -> Array:
     return np.asarray(2.0 * np.arctan2(apart, together))
 
 
+UPRIGHT = 1e-9  # cosine of a pitch below which the rounding of a rotation says nothing of roll
 _TIE = 1e-9  # weight of "closest to no rotation" where the data leave a rotation open
 
 
@@ -62,6 +63,18 @@ def exp3(w: Array) -> Array:
 def log3(R: Array) -> Array:
     """Return the rotation vectors (..., 3) [rad] of rotations R (..., 3, 3), exact up to π."""
     return np.asarray(Rotation.from_matrix(R.reshape(-1, 3, 3)).as_rotvec()).reshape(R.shape[:-1])
+
+
+def rpy_of(R: Array) -> Array:
+    """Return roll, pitch, yaw (3,) [rad] of a rotation (3, 3) = Rz(yaw) Ry(pitch) Rx(roll), as URDF has them.
+
+    Where pitch is a right angle, roll and yaw are not told apart: roll is 0 there.
+    """
+    level = float(np.hypot(R[0, 0], R[1, 0]))
+    pitch = float(np.arctan2(-R[2, 0], level))
+    if level < UPRIGHT:
+        return np.array([0.0, pitch, float(np.arctan2(-R[0, 1], R[1, 1]))])
+    return np.array([float(np.arctan2(R[2, 1], R[2, 2])), pitch, float(np.arctan2(R[1, 0], R[0, 0]))])
 
 
 def small_log3(R: Array) -> Array:

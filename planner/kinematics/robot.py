@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 
 from planner.common.errors import InputError, did_you_mean
-from planner.common.lazy_modules import pin
 from planner.common.units import DEG, MM, Array, read_only
 from planner.kinematics.axes import AxisConvention, advice, names_of
 from planner.kinematics.bodies import Body
@@ -270,34 +269,11 @@ class Robot:
         """How far its flange is usually turned from where it is told to be: an angle of ``priors`` a joint [rad]."""
         return self.priors.angle * float(np.sqrt(self.n_joints))
 
-    def pin_model(self) -> tuple[pin.Model, list[tuple[int, pin.SE3]]]:
-        """Build the pinocchio model; its configuration is ``theta(q)``.
-
-        Returns:
-            The model, and for link frames 0 … N the parent joint and the placement in it.
-        """
-        model, placement, joint = pin.Model(), pin.SE3.Identity(), 0
-        frames: list[tuple[int, pin.SE3]] = []
-        for k, t in enumerate(self.transforms):
-            while len(frames) < len(self.link_end) and self.link_end[len(frames)] == k:
-                frames.append((joint, placement))
-            placement = placement * elementary_placement(t, t.nominal)
-            if t.joint is not None:
-                kind = (pin.JointModelRX, pin.JointModelRY, pin.JointModelRZ)[t.axis]
-                joint = model.addJoint(joint, kind(), placement, f"joint{t.joint + 1}")
-                placement = pin.SE3.Identity()
-        while len(frames) < len(self.link_end):
-            frames.append((joint, placement))
-        for (parent, T), link in zip(frames[1:], self.masses, strict=True):
-            if link is not None:
-                model.appendBodyToJoint(parent, pin.Inertia(link.mass, np.array(link.com), np.zeros((3, 3))), T)
-        return model, frames
-
-    def flange_frame(self) -> pin.SE3:
-        """Return the flange in the last link frame (transforms after the last row)."""
-        T = pin.SE3.Identity()
+    def flange_frame(self) -> Array:
+        """Return the flange in the last link frame (transforms after the last row), (4, 4) [m]."""
+        T = np.eye(4)
         for t in self.transforms[self.link_end[-1] :]:
-            T = T * elementary_placement(t, t.nominal)
+            T = T @ elementary_placement(t, t.nominal)
         return T
 
 
@@ -318,8 +294,13 @@ def _needs_file(robot: Robot) -> str:
     )
 
 
-def elementary_placement(t: Transform, value: float) -> pin.SE3:
-    """Return one elementary transform as a pinocchio placement."""
-    v = np.zeros(3)
-    v[t.axis] = value
-    return pin.SE3(np.eye(3), v) if t.kind == "translation" else pin.SE3(pin.exp3(v), np.zeros(3))
+def elementary_placement(t: Transform, value: float) -> Array:
+    """Return one elementary transform of a value [m or rad] as a pose (4, 4) [m]."""
+    T = np.eye(4)
+    if t.kind == "translation":
+        T[t.axis, 3] = value
+        return T
+    b, c = (t.axis + 1) % 3, (t.axis + 2) % 3
+    cos, sin = np.cos(value), np.sin(value)
+    T[b, b], T[b, c], T[c, b], T[c, c] = cos, -sin, sin, cos
+    return T

@@ -12,9 +12,9 @@ import numpy as np
 import tomli_w
 
 from planner.common.files import read_utf8
-from planner.common.lazy_modules import pin
 from planner.common.units import DEG, MM, Array, file_unit, si_unit, to_deg, to_mm
 from planner.kinematics.chain import Transform, is_of_link_before
+from planner.kinematics.geometry import log3, rpy_of
 from planner.kinematics.robot import Loads, Robot, RobotEffect, ToolPoint, elementary_placement
 from planner.kinematics.robot_reader import describe_robot
 from planner.kinematics.robot_tables import ROW_KEYS, nominal_key
@@ -25,24 +25,24 @@ UR_LINKS = ("shoulder", "upper_arm", "forearm", "wrist_1", "wrist_2", "wrist_3")
 BEHIND = 1e-7  # [m, rad] of a transform behind the last joint that such a file has no place for
 
 
-def joint_origins(robot: Robot, values: Mapping[str, float]) -> tuple[list[pin.SE3], pin.SE3]:
+def joint_origins(robot: Robot, values: Mapping[str, float]) -> tuple[list[Array], Array]:
     """Return the frame of each joint in that of the joint before, at controller angle zero, and the flange in the last.
 
     A shift along a joint's own axis stands before its turn, as URDF files have it. ``values`` are corrected values of
     elementary transforms [m, rad]; the joints of the robot turn about z of their rows (DH and MDH).
     """
-    origins: list[pin.SE3] = []
-    T = pin.SE3.Identity()
+    origins: list[Array] = []
+    T = np.eye(4)
     after_turn = False  # what commutes with the turn that has just been passed
     for t in robot.transforms:
         step = elementary_placement(t, values.get(t.name, t.nominal) + _zero(robot, t))
         if after_turn and t.axis == 2:
-            origins[-1] = origins[-1] * step
+            origins[-1] = origins[-1] @ step
             continue
-        T, after_turn = T * step, t.joint is not None
+        T, after_turn = T @ step, t.joint is not None
         if after_turn:
             origins.append(T)
-            T = pin.SE3.Identity()
+            T = np.eye(4)
     return origins, T
 
 
@@ -83,13 +83,13 @@ def _urdf(robot: Robot, values: Mapping[str, float], sense: np.ndarray) -> str:
     return "\n".join([*lines, "</robot>", ""])
 
 
-def _between(parent: str, child: str, T: pin.SE3) -> list[str]:
+def _between(parent: str, child: str, T: Array) -> list[str]:
     xyz, rpy = (" ".join(f"{v + 0.0:.12g}" for v in np.round(part, 13)) for part in _pose(T))
     return [f'    <parent link="{parent}"/>', f'    <child link="{child}"/>', f'    <origin xyz="{xyz}" rpy="{rpy}"/>']
 
 
-def _pose(T: pin.SE3) -> tuple[np.ndarray, np.ndarray]:
-    return np.asarray(T.translation), np.asarray(pin.rpy.matrixToRpy(T.rotation))
+def _pose(T: Array) -> tuple[np.ndarray, np.ndarray]:
+    return T[:3, 3], rpy_of(T[:3, :3])
 
 
 def _ur_calibration(robot: Robot, values: Mapping[str, float]) -> str:
@@ -99,7 +99,7 @@ def _ur_calibration(robot: Robot, values: Mapping[str, float]) -> str:
         "# For kinematics_params_file of ur_description. The hash is not the robot's: its driver says that the robot's",
         "# own calibration is another, which is right.",
     ]
-    off = np.abs(np.concatenate([behind.translation, pin.log3(behind.rotation)]))
+    off = np.abs(np.concatenate([behind[:3, 3], log3(behind[:3, :3])]))
     if off.max() > BEHIND:
         lines.append(
             "# Behind the last joint more was found, which this file has no place for: it belongs to the tool:"

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from planner.common.lazy_modules import pin
 from planner.common.units import Array
 from planner.kinematics.chain import Transform
+from planner.kinematics.geometry import rpy_of
 from planner.kinematics.packages import NO_PACKAGES, Packages
 from planner.kinematics.robot import elementary_placement
 from planner.kinematics.urdf import parse_urdf, read_urdf
@@ -62,16 +62,16 @@ def write_urdf(
 
 def _set_origin(joint: ET.Element, part: tuple[Transform, ...], values: Mapping[str, float], motion: Array) -> None:
     """Write a joint's origin: the product of its transforms, without the ``motion`` (4, 4) to where it stands."""
-    T = pin.SE3.Identity()
+    T = np.eye(4)
     for t in part:
-        T = T * elementary_placement(t, values.get(t.name, t.nominal))
-    T = T * pin.SE3(motion).inverse()
+        T = T @ elementary_placement(t, values.get(t.name, t.nominal))
+    T = T @ np.linalg.inv(motion)
     origin = joint.find("origin")
     if origin is None:
         origin = ET.Element("origin")
         joint.insert(0, origin)
-    origin.set("xyz", _format_vector(T.translation))
-    origin.set("rpy", _format_vector(pin.rpy.matrixToRpy(T.rotation)))
+    origin.set("xyz", _format_vector(T[:3, 3]))
+    origin.set("rpy", _format_vector(rpy_of(T[:3, :3])))
 
 
 def _rename_meshes(finder: MeshFinder, root: ET.Element, meshes: Mapping[Path, str]) -> None:

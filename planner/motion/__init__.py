@@ -1,3 +1,3 @@
 """Collision, path, tour and timing."""
 
-__all__ = ["collision", "path", "timing", "tour"]
+__all__ = ["collision", "path", "planning_packages", "timing", "tour"]

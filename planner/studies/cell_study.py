@@ -14,6 +14,7 @@ from planner.common.files import write_bytes
 from planner.common.progress import Progress, no_progress
 from planner.common.result import FolderResult, Plot
 from planner.design.observability.information import find_rule
+from planner.motion.planning_packages import require_planning_packages
 from planner.report.page import Report, report_overview
 from planner.studies.basis import compute_basis
 from planner.studies.fixture_count import count_fixtures
@@ -96,7 +97,9 @@ def study(
     Raises:
         InputError: unknown index.
         NoSolutionError: no candidate pose passes the filters, or too few do.
+        MissingProgramError: a package of planning is not installed.
     """
+    require_planning_packages()
     cell = cell if isinstance(cell, Cell) else load_cell(str(cell))
     index = find_rule(index or cell.plan.index).name
     cell.require_bar("a study is of a bar and its fixtures (edbb plan says what can be seen)")

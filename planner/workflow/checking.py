@@ -16,6 +16,7 @@ from planner.instruments.check.evaluation import CheckVerdict, evaluate_check
 from planner.instruments.check.planning import CheckChooser, resting_cell
 from planner.instruments.check.results import CheckForecast, verdict_content, verdict_lines
 from planner.instruments.simulation import planned_samples
+from planner.motion.planning_packages import require_planning_packages
 from planner.runs.loader import load_runs
 from planner.session.document import check_run_of_plan, read_plan
 from planner.session.options import PlanOptions
@@ -103,7 +104,9 @@ def plan_check(
     Raises:
         InputError: a file is wrong, or cell and baseline do not belong together.
         NoSolutionError: a stage has no solution.
+        MissingProgramError: a package of planning is not installed.
     """
+    require_planning_packages()
     where, stages = load_cell(str(cell)), Stages(progress)
     known = Baseline.read(Path(baseline), where)
     options = PlanOptions(seed=seed, dialects=dialect)

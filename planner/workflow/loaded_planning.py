@@ -36,6 +36,7 @@ from planner.instruments.loaded.place_results import (
     places_csv,
 )
 from planner.instruments.loaded.results import share_text
+from planner.motion.planning_packages import require_planning_packages
 from planner.session.options import PlanOptions
 from planner.session.plan_types import Plan
 from planner.workflow.plan_results import CircularPlanResult, PlanResult
@@ -135,7 +136,9 @@ def plan_both(unloaded: str, loaded: str, places: int, options: PlanOptions, sta
     Raises:
         InputError: the cells do not belong together, or ask for what cannot be.
         NoSolutionError: a stage has no solution; the message says which.
+        MissingProgramError: a package of planning is not installed.
     """
+    require_planning_packages()
     cell = load_cell(loaded)
     source = Path(unloaded) if unloaded.endswith(".json") else None
     there = UnloadedPoses.read(source) if source else None
@@ -249,7 +252,9 @@ def study_places(cell: str, count: int, seed: int, stages: Stages, plan: Path | 
     Raises:
         InputError: the cell has no circle under load, or so many places make no sense.
         NoSolutionError: no circle can be followed, or fewer places than asked for.
+        MissingProgramError: a package of planning is not installed.
     """
+    require_planning_packages()
     where = load_cell(cell)
     with stages.stage("places"):
         found = study_circle_places(where, max(count, MOST), seed)

@@ -8,6 +8,7 @@ from planner.cell.reading import load_cell
 from planner.common.choices import Aim, SelectionMethod, TourOrder
 from planner.common.progress import Progress, Stages, TimeLimit, limit_time, no_progress
 from planner.design.free_parameters import check_effects
+from planner.motion.planning_packages import require_planning_packages
 from planner.motion.tour.solve import Method
 from planner.report.plan_report import report_plan
 from planner.report.standby import drawing_process
@@ -58,7 +59,9 @@ def plan(
     Raises:
         InputError: the cell or an argument is wrong.
         NoSolutionError: a stage has no solution; the message says which.
+        MissingProgramError: a package of planning is not installed.
     """
+    require_planning_packages()
     file = None if separate is None else Path(separate)
     options = PlanOptions(poses, index, seed, tuple(dialect), tsp, file, fixtures, aim, method, order)
     stages, chosen = Stages(progress), cell if isinstance(cell, Cell) else load_cell(str(cell))

@@ -7,6 +7,7 @@ import pytest
 from planner.cell.reading import load_cell, shipped_cells
 from planner.kinematics.chain import Chain
 from planner.kinematics.robot_reader import list_robots, load_robot
+from planner.motion.collision.engines import pin_model
 
 ROBOTS = list_robots()
 
@@ -19,14 +20,14 @@ def states(robot, count, seed=0):
 def test_positions_agree_with_pinocchio(name):
     robot = load_robot(name)
     q = states(robot, 50)
-    model, frames = robot.pin_model()
+    model, frames = pin_model(robot)
     data = model.createData()
     chain = robot.chain
     motion = chain.forward(robot.theta(q))
     joint, placement = frames[-1]
     for k, theta in enumerate(robot.theta(q)):
         pin.forwardKinematics(model, data, theta)
-        T = data.oMi[joint] * placement * robot.flange_frame()
+        T = data.oMi[joint] * placement * pin.SE3(robot.flange_frame())
         np.testing.assert_allclose(motion.x[:, k], T.translation, atol=1e-12)
         np.testing.assert_allclose(motion.R[:, :, k], T.rotation, atol=1e-12)
 

@@ -10,6 +10,7 @@ from planner.cell.reading import load_cell
 from planner.common.errors import InputError
 from planner.common.files import data_folder
 from planner.kinematics.robot_reader import list_robots, load_robot
+from planner.motion.collision.engines import pin_model
 
 TOPICS = ("kinematics", "limits", "speeds", "accelerations", "jerks", "bodies")
 
@@ -77,7 +78,7 @@ def test_urdf_agrees_with_pinocchio(tmp_path, axes):
         np.testing.assert_allclose(motion.x[:, k], data.oMf[frame].translation, atol=1e-9)
         np.testing.assert_allclose(motion.R[:, :, k], data.oMf[frame].rotation, atol=1e-9)
     assert [m.mass for m in robot.masses] == pytest.approx(range(1, len(axes) + 1))
-    ours, _ = robot.pin_model()
+    ours, _ = pin_model(robot)
     gravity = pin.computeGeneralizedGravity(ours, ours.createData(), robot.theta(q[:1])[0])
     theirs = pin.computeGeneralizedGravity(model, data, q[0])
     np.testing.assert_allclose(robot.sense_matrix.T @ gravity, theirs, atol=1e-9)

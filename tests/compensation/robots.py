@@ -8,6 +8,7 @@ import pinocchio as pin
 from planner.kinematics.chain import Chain
 from planner.kinematics.robot import elementary_placement
 from planner.kinematics.robot_reader import load_robot
+from planner.motion.collision.engines import pin_model
 
 
 @dataclass(frozen=True)
@@ -46,7 +47,7 @@ def pin_flange(bent_robot, q):
     theta, delta = robot.theta(q[None])[0], bent_robot.values(q[None])
     T = pin.SE3.Identity()
     for t, d in zip(robot.transforms, delta, strict=True):
-        T = T * elementary_placement(t, t.nominal + d[0] + (0.0 if t.joint is None else theta[t.joint]))
+        T = T * pin.SE3(elementary_placement(t, t.nominal + d[0] + (0.0 if t.joint is None else theta[t.joint])))
     return T.homogeneous
 
 
@@ -54,7 +55,7 @@ def regular_angles(robot, n, seed=0, margin=0.05):
     """Random angles away from limits and from singular positions of arm and wrist (six joints)."""
     rng = np.random.default_rng(seed)
     low, up = np.maximum(robot.q_lower, -np.pi) + margin, np.minimum(robot.q_upper, np.pi) - margin
-    model = robot.pin_model()[0]
+    model = pin_model(robot)[0]
     data, kept = model.createData(), []
     while len(kept) < n:
         q = rng.uniform(low, up)

@@ -230,7 +230,7 @@ def pin_flange_of_axis(robot, q, joint):
     for t in robot.transforms:
         if t.joint == joint:
             return T.homogeneous
-        T = T * elementary_placement(t, t.nominal + (0.0 if t.joint is None else theta[t.joint]))
+        T = T * pin.SE3(elementary_placement(t, t.nominal + (0.0 if t.joint is None else theta[t.joint])))
     raise AssertionError
 
 

@@ -76,7 +76,7 @@ def true_flange(name, q, left):
     T = pin.SE3.Identity()
     for t in robot.transforms:
         value = t.nominal + (LENGTH / 1e3 if t.name == "a2" else 0.0) + (0.0 if t.joint is None else theta[t.joint])
-        T = T * elementary_placement(t, value)
+        T = T * pin.SE3(elementary_placement(t, value))
     return T.homogeneous
 
 

@@ -22,6 +22,7 @@ from planner.kinematics.bodies import Body
 from planner.kinematics.robot import Robot
 from planner.kinematics.robot_reader import load_robot
 from planner.model.identification_document import Identification
+from planner.motion.collision.engines import pin_model
 from planner.motion.collision.scene import mesh_faces
 from planner.programs.dialect import load_dialect
 from planner.programs.verification import read_texts, write_program
@@ -60,7 +61,7 @@ def _urdf(_: Path) -> bytes:
 
 def _read_robot(path: Path) -> Robot:
     robot = load_robot(path.name, path.parent)
-    robot.pin_model()
+    pin_model(robot)
     return robot
 
 

@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 import tests.identification.rigs as rigs
 from planner.effects.context import Context
 from planner.model.model import Model
+from planner.motion.collision.engines import pin_model
 
 STEP = {"m": 1e-5, "rad": 1e-5, "rad/Nm": 1e-8, "1": 1e-5}
 
@@ -102,9 +103,9 @@ def test_load_torques_are_those_of_newton_and_euler(name):
     found = Context(setup, s).load_torque
     theta = robot.theta(s.q)
     for k in range(n):
-        model, frames = robot.pin_model()
+        model, frames = pin_model(robot)
         parent, T = frames[-1]
-        T_F = T * robot.flange_frame()
+        T_F = T * pin.SE3(robot.flange_frame())
         model.appendBodyToJoint(
             parent, pin.Inertia(float(s.payload[k] + setup.tool_mass), setup.com_F, np.zeros((3, 3))), T_F
         )

@@ -17,6 +17,7 @@ from planner.identification.least_squares import fit
 from planner.identification.problem import FitProblem
 from planner.identification.run_setup import add_motion, directions_by_row, number_samples, setup_for_run
 from planner.kinematics.robot_reader import load_robot
+from planner.motion.collision.engines import pin_model
 from planner.runs.joint_motion import looks_continuous
 from planner.runs.run import Samples
 from tests.cell.test_robots import urdf_text
@@ -76,7 +77,7 @@ def test_an_arm_of_ten_joints_is_read(tmp_path):
     path.write_text(urdf_text(["0 0 1", "0 1 0"] * 5))
     robot = load_robot(str(path), tip="tip")
     assert robot.n_joints == 10
-    assert robot.pin_model()[0].nq == 10
+    assert pin_model(robot)[0].nq == 10
 
 
 def test_compliance_without_masses_is_a_turn():

@@ -6,6 +6,7 @@ import pytest
 from matplotlib.image import imread
 
 from planner.kinematics.bodies import Body, capsule_between
+from planner.motion.collision.engines import pin_model
 from planner.report.cell_view import Mesh, body_mesh, carrier_poses, sphere_cap
 from planner.report.formatting import bound_text, digits, duration_text, percent_text
 from planner.report.plan_data import sample_drive, tour_orders
@@ -57,7 +58,7 @@ def test_bodies_stand_where_pinocchio_puts_them(plan: Plan) -> None:
     cell, robot = plan.cell, plan.cell.robot
     q = plan.pool.q[::100]
     poses = carrier_poses(cell, FIRST_MOUNTING, q)
-    model, frames = robot.pin_model()
+    model, frames = pin_model(robot)
     data = model.createData()
     for k, theta in enumerate(robot.theta(q)):
         pin.forwardKinematics(model, data, theta)

@@ -1,3 +1,3 @@
 """Distances between the bodies of a cell, by two engines."""
 
-__all__ = ["engines", "scene", "surroundings"]
+__all__ = ["engines", "placed_shapes", "scene", "surroundings"]

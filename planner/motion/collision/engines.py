@@ -1,16 +1,19 @@
 """The first collision engine: pinocchio with coal, for bulk checks and as first judge."""
 
+from __future__ import annotations
+
 from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
-import pinocchio as pin
 
 from planner.cell.cell import Cell
 from planner.common.second_process import available_threads
 from planner.common.units import Array
 from planner.kinematics.geometry import bar_state
+from planner.kinematics.robot import Robot, elementary_placement
 from planner.motion.collision.scene import Scene, build_scene, coal_shape
+from planner.motion.planning_packages import pin
 from planner.runs.run import FIRST_MOUNTING, Mounting
 
 OVERLAP_SAMPLES = 256  # states that decide which pairs always overlap
@@ -34,7 +37,7 @@ class CollisionWorld:
         self._data, self._geometry_data = self.model.createData(), self._geometry.createData()
 
     @classmethod
-    def from_cell(cls, cell: Cell, mounting: Mounting = FIRST_MOUNTING) -> "CollisionWorld":
+    def from_cell(cls, cell: Cell, mounting: Mounting = FIRST_MOUNTING) -> CollisionWorld:
         """Build the world of a cell with one fixture."""
         return cls(build_scene(cell, mounting))
 
@@ -98,9 +101,33 @@ class CollisionWorld:
         return [int(k) for k in np.flatnonzero(left)]
 
 
+def pin_model(robot: Robot) -> tuple[pin.Model, list[tuple[int, pin.SE3]]]:
+    """Build the pinocchio model of a robot; its configuration is ``robot.theta(q)``.
+
+    Returns:
+        The model, and for link frames 0 … N the parent joint and the placement in it.
+    """
+    model, placement, joint = pin.Model(), np.eye(4), 0
+    frames: list[tuple[int, pin.SE3]] = []
+    for k, t in enumerate(robot.transforms):
+        while len(frames) < len(robot.link_end) and robot.link_end[len(frames)] == k:
+            frames.append((joint, pin.SE3(placement)))
+        placement = placement @ elementary_placement(t, t.nominal)
+        if t.joint is not None:
+            kind = (pin.JointModelRX, pin.JointModelRY, pin.JointModelRZ)[t.axis]
+            joint = model.addJoint(joint, kind(), pin.SE3(placement), f"joint{t.joint + 1}")
+            placement = np.eye(4)
+    while len(frames) < len(robot.link_end):
+        frames.append((joint, pin.SE3(placement)))
+    for (parent, T), link in zip(frames[1:], robot.masses, strict=True):
+        if link is not None:
+            model.appendBodyToJoint(parent, pin.Inertia(link.mass, np.array(link.com), np.zeros((3, 3))), T)
+    return model, frames
+
+
 def _build_pin_models(scene: Scene) -> tuple[pin.Model, pin.GeometryModel]:
     """Return the pinocchio model with the bar's joints, and the geometry model with the checked pairs."""
-    model, frames = scene.cell.robot.pin_model()
+    model, frames = pin_model(scene.cell.robot)
     at_fixture = pin.SE3(np.eye(3), np.array(scene.p_BX))
     azimuth = model.addJoint(0, pin.JointModelRZ(), at_fixture, "bar_azimuth")
     polar = model.addJoint(azimuth, pin.JointModelRY(), pin.SE3.Identity(), "bar_polar")

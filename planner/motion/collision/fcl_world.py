@@ -1,8 +1,9 @@
 """The second collision engine, a judge beside coal: python-fcl with our own forward pass."""
 
+from __future__ import annotations
+
 from functools import cached_property
 
-import fcl
 import numpy as np
 
 from planner.common.units import Array
@@ -11,6 +12,7 @@ from planner.kinematics.geometry import bar_state
 from planner.motion.collision.engines import UNKNOWN
 from planner.motion.collision.round_bounds import ROUND, RoundBounds
 from planner.motion.collision.scene import Scene, fcl_shape, mesh_faces
+from planner.motion.planning_packages import fcl
 
 SLACK = 1e-5  # [m] that a proof of a distance may lack of it, and that fcl's collision test is given
 BISECTIONS = 14  # of a distance that was too large

@@ -1,5 +1,7 @@
 """Which bodies there are, their meshes and shapes for both collision engines, what carries each, which may meet."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
@@ -7,8 +9,6 @@ from itertools import compress
 from pathlib import Path
 from typing import Literal
 
-import coal
-import fcl
 import numpy as np
 from scipy.spatial import ConvexHull, HalfspaceIntersection
 
@@ -19,6 +19,7 @@ from planner.common.files import check_readable
 from planner.common.units import Array, read_only, to_mm
 from planner.kinematics.bodies import Body, Vector
 from planner.kinematics.robot_file import NEXT_BUT_ONE
+from planner.motion.planning_packages import coal, fcl
 from planner.runs.run import FIRST_MOUNTING, Mounting
 
 MOST_TRIANGLES = 50_000  # of a mesh as it is: with 200 000 the second engine takes a second a state
@@ -225,12 +226,12 @@ class Scene:
         """Whether any checked pair holds a part of the bar."""
         return any(self.pieces[k].of_bar for pair in self.pairs for k in pair)
 
-    def without_bar(self) -> "Scene":
+    def without_bar(self) -> Scene:
         """Return the scene of a robot that travels without the bar."""
         kept = tuple(p for p in self.pairs if not any(self.pieces[k].of_bar for k in p))
         return replace(self, pairs=kept)
 
-    def at_ball(self, ball: int) -> "Scene":
+    def at_ball(self, ball: int) -> Scene:
         """Return the scene in which the indicators' tips may touch one ball."""
         touching = (True, ball)
         pairs = [(self.pieces[a], self.pieces[b]) for a, b in self.pairs]
@@ -274,7 +275,7 @@ def build_scene(cell: Cell, mounting: Mounting = FIRST_MOUNTING) -> Scene:
     """
     cell = cell.at(mounting)
     robot, n = cell.robot, cell.robot.n_joints
-    T_LF = np.array(robot.flange_frame().homogeneous)
+    T_LF = robot.flange_frame()
     pieces = [SceneBody(b, "link", link, body_reach(b), of_robot=True) for link, b in robot.bodies]
     tool = [replace(b, T=read_only(T_LF @ b.T)) for b in cell.tool.bodies]
     pieces += [SceneBody(b, "link", n, body_reach(b)) for b in tool]

@@ -1,8 +1,9 @@
 """Whether the surroundings of a cell can be meant as they are written: sizes, units, reach, the floor."""
 
+from __future__ import annotations
+
 from itertools import pairwise
 
-import coal
 import numpy as np
 
 from planner.cell.cell import Cell
@@ -19,6 +20,7 @@ from planner.motion.collision.scene import (
     excess_of_polytope,
     mesh_faces,
 )
+from planner.motion.planning_packages import coal
 
 SMALLEST = 1e-3  # [m] largest side of a mesh: nothing in a cell is smaller
 SHOWN_PAIRS = 12  # of those that always touch

@@ -230,7 +230,7 @@ class PairBounds:
 
     def _distance_from_map(self, piece: SceneBody) -> float:
         """Largest distance of the core of a piece that the tool carries from the MAP [m]."""
-        T_LF, body = np.array(self.scene.cell.robot.flange_frame().homogeneous), piece.body
+        T_LF, body = self.scene.cell.robot.flange_frame(), piece.body
         p = T_LF[:3, :3] @ self.scene.cell.tool.p_FM + T_LF[:3, 3]
         if body.kind == "capsule":
             ends = [body.T[:3, 3] + s * body.T[:3, 2] * body.size[1] / 2 for s in (-1, 1)]

@@ -5,9 +5,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from ompl import base as ob
-from ompl import geometric as og
-from ompl import util as ou
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components, dijkstra
 from scipy.spatial import cKDTree
@@ -16,6 +13,7 @@ from scipy.spatial.distance import cdist
 from planner.common.progress import ROADMAP, must_stop
 from planner.common.units import Array
 from planner.motion.path.constraints import Constraints
+from planner.motion.planning_packages import ob, og, ou
 
 SPACING = 0.12  # [rad] of the fastest joint between the states that RRT-Connect looks at along a motion
 RANGE = 1.0  # [s] longest motion of RRT-Connect
@@ -36,7 +34,7 @@ def rrt_connect(
     speed = constraints.cell.robot.speed
     low, high = np.minimum(low, np.minimum(q_from, q_to)), np.maximum(high, np.maximum(q_from, q_to))
     info = _space(low / speed, high / speed, seed)
-    validator = _Validator(info, lambda a, b: _is_proven(constraints, a * speed, b * speed), len(speed))
+    validator = _motion_validator(info, lambda a, b: _is_proven(constraints, a * speed, b * speed), len(speed))
     info.setMotionValidator(validator)
     info.setup()
     problem = ob.ProblemDefinition(info)
@@ -82,16 +80,14 @@ def _state(info: Any, values: Array) -> Any:
     return state
 
 
-class _Validator(ob.MotionValidator):  # type: ignore[misc]
-    """Motions judged by a function of both ends (N,)."""
+def _motion_validator(info: Any, good: Callable[[Array, Array], bool], n: int) -> Any:
+    """Return a validator that judges motions by a function of both ends (N,)."""
 
-    def __init__(self, info: Any, good: Callable[[Array, Array], bool], n: int) -> None:
-        super().__init__(info)
-        self._good, self._range = good, range(n)
+    class Validator(ob.MotionValidator):  # type: ignore[misc]
+        def checkMotion(self, a: Any, b: Any, *_: Any) -> bool:
+            return good(np.array([a[i] for i in range(n)]), np.array([b[i] for i in range(n)]))
 
-    def checkMotion(self, a: Any, b: Any, *_: Any) -> bool:
-        """Tell whether the motion from state a to state b is good."""
-        return self._good(np.array([a[i] for i in self._range]), np.array([b[i] for i in self._range]))
+    return Validator(info)
 
 
 UNKNOWN, PROVEN, BROKEN = 0, 1, 2

@@ -3,13 +3,15 @@
 Where ruckig's tolerances leave it without an answer, the same profile is written down in closed form.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np
-import ruckig
 
 from planner.common.errors import PlannerError
 from planner.common.units import Array, read_only
+from planner.motion.planning_packages import ruckig
 from planner.motion.timing.limits import Mask
 from planner.motion.timing.profile import Steps
 from planner.motion.timing.ramps import double_s_phases

@@ -29,6 +29,7 @@ from planner.effects.phi_keys import phi_from_key
 from planner.effects.sessions import PlaceInSession
 from planner.effects.thermal import ElapsedTime, TemperatureRise, WarmUp
 from planner.model.model import Model
+from planner.motion.collision.engines import pin_model
 from planner.runs.run import Samples
 from tests.identification.test_jacobian import agreeing
 from tests.simulation.generator.arm import Arm
@@ -150,13 +151,13 @@ def test_weights_are_those_of_newton_and_euler():
     """A kilogram more in one link changes the torques that hold the arm by the weight's φ."""
     c = context("kuka-kr6-r700", "position")
     robot = c.setup.robot
-    model, frames = robot.pin_model()
+    model, frames = pin_model(robot)
     model.gravity.linear = c.setup.gravity_B
     theta = robot.theta(c.samples.q)
     data = model.createData()
     before = np.array([pin.rnea(model, data, t, np.zeros(6), np.zeros(6)) for t in theta])
     for link in (1, 2, 4):
-        heavier, _ = robot.pin_model()
+        heavier, _ = pin_model(robot)
         heavier.gravity.linear = c.setup.gravity_B
         parent, T = frames[link + 1]
         heavier.appendBodyToJoint(parent, pin.Inertia(1.0, np.array(robot.masses[link].com), np.zeros((3, 3))), T)

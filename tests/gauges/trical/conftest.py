@@ -9,6 +9,7 @@ import pytest
 import planner.design.candidates.balls as balls
 from planner.cell.reading import load_cell
 from planner.design.candidates.balls import draw_ball_candidates
+from planner.motion.collision.engines import pin_model
 
 
 @pytest.fixture(scope="session")
@@ -31,10 +32,10 @@ def impatient(monkeypatch):
 @pytest.fixture(scope="session")
 def tool_pose(cell):
     """Where pinocchio puts the tool point, and its axes: q (N,) -> p (3,), R (3, 3)."""
-    model, frames = cell.robot.pin_model()
+    model, frames = pin_model(cell.robot)
     data = model.createData()
     joint, T = frames[-1]
-    flange = T * cell.robot.flange_frame()
+    flange = T * pin.SE3(cell.robot.flange_frame())
 
     def pose(q):
         pin.forwardKinematics(model, data, cell.robot.theta(np.atleast_2d(q))[0])

@@ -59,7 +59,7 @@ def test_the_reflector_faces_the_tracker_and_nothing_stands_between(planned):
     tilt = np.rad2deg(np.arccos((direction * cell.map_axis(q)).sum(axis=1)))
     assert tilt.max() < 30
     along = x[:, None] + np.arange(0.03, 1.5, 1e-3)[None, :, None] * direction[:, None]
-    T = np.array(cell.robot.flange_frame().homogeneous)
+    T = cell.robot.flange_frame()
     bodies = [(link, b.T, b) for link, b in cell.robot.bodies] + [(6, T @ b.T, b) for b in cell.tool.bodies]
     for link, place, body in bodies:
         if body.kind == "box":

@@ -19,6 +19,7 @@ from planner.identification.calibrated_robot import (
 )
 from planner.kinematics.robot import RobotEffect
 from planner.kinematics.robot_reader import list_robots, load_robot
+from planner.motion.collision.engines import pin_model
 from planner.runs.run import Samples
 from tests.cell.test_robots import urdf_text
 from tests.identification.calibrated.made import (
@@ -114,18 +115,18 @@ def test_a_frame_whose_pitch_comes_to_90_degrees(tmp_path):
 
 def deflected(robot, calibrated, compliance, q):
     """The flange by pinocchio: torques on the nominal arm with tool, joints turned by compliance times torque."""
-    model, frames = robot.pin_model()
+    model, frames = pin_model(robot)
     joint, T_last = frames[-1]
-    T_flange = T_last * robot.flange_frame()
+    T_flange = T_last * pin.SE3(robot.flange_frame())
     model.appendBodyToJoint(joint, pin.Inertia(making.MASS, making.COM, np.zeros((3, 3))), T_flange)
     model.gravity.linear = making.gravity(making.TILT)
     data, zero = model.createData(), np.zeros(model.nv)
-    real, real_frames = calibrated.pin_model()
+    real, real_frames = pin_model(calibrated)
     real_data, p, R = real.createData(), [], []
     for theta in robot.theta(q):
         torque = -pin.rnea(model, data, theta, zero, zero)
         pin.forwardKinematics(real, real_data, theta + compliance * torque)
-        T = real_data.oMi[real_frames[-1][0]] * real_frames[-1][1] * calibrated.flange_frame()
+        T = real_data.oMi[real_frames[-1][0]] * real_frames[-1][1] * pin.SE3(calibrated.flange_frame())
         p.append(T.translation.copy())
         R.append(T.rotation.copy())
     return np.array(p), np.array(R)

@@ -12,6 +12,7 @@ from planner.instruments.circular.document import circular_document, read_circul
 from planner.instruments.circular.evaluation import circular_test_content, evaluate_circles
 from planner.instruments.circular.plan import circle_samples
 from planner.instruments.simulation import SAMPLE_RATE
+from planner.motion.collision.engines import pin_model
 from planner.runs.run import Readings, Run
 
 PLAY = 6e-5  # [rad] of joint 1
@@ -29,14 +30,14 @@ def plan_file(planned, tmp_path_factory):
 def made(planned):
     """The run, and the true bar's length as a function of the joint angles."""
     cell, samples = planned.cell, circle_samples(planned, SAMPLE_RATE)
-    model, frames = cell.robot.pin_model()
+    model, frames = pin_model(cell.robot)
     data, (joint, placement) = model.createData(), frames[-1]
 
     def length(q, fixture):
         out = np.empty(len(q))
         for k, theta in enumerate(cell.robot.theta(q)):
             pin.forwardKinematics(model, data, theta)
-            T = data.oMi[joint] * placement * cell.robot.flange_frame()
+            T = data.oMi[joint] * placement * pin.SE3(cell.robot.flange_frame())
             out[k] = np.linalg.norm(T.act(np.array(cell.tool.p_FM)) - fixture)
         return out
 

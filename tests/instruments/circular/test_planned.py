@@ -10,7 +10,7 @@ import pytest
 from planner.cell.reading import load_cell
 from planner.instruments.circular.plan import points_on_sweep
 from planner.instruments.circular.planning import plan_circles
-from planner.motion.collision.engines import CollisionWorld
+from planner.motion.collision.engines import CollisionWorld, pin_model
 from planner.motion.timing.trajectory import check_limits
 from planner.programs.dialect import load_dialect
 from planner.programs.verification import ProgramMismatchError
@@ -27,12 +27,12 @@ CENTRE = np.array([258.0, 1468.0, 708.0]) * 1e-3
 
 def tools(cell, q):
     """Measured points (n, 3) and flange orientations (n, 3, 3), by pinocchio."""
-    model, frames = cell.robot.pin_model()
+    model, frames = pin_model(cell.robot)
     data, (joint, placement) = model.createData(), frames[-1]
     points, turns = [], []
     for theta in cell.robot.theta(np.asarray(q)):
         pin.forwardKinematics(model, data, theta)
-        T = data.oMi[joint] * placement * cell.robot.flange_frame()
+        T = data.oMi[joint] * placement * pin.SE3(cell.robot.flange_frame())
         points.append(T.act(np.array(cell.tool.p_FM)))
         turns.append(T.rotation.copy())
     return np.array(points), np.array(turns)

@@ -1,0 +1,82 @@
+"""The compiled packages that planning alone needs, each imported when it is first used; nobody else names them.
+
+They have no wheels for every system (docs/install.md). Whoever does not plan never gets here, so that a run is
+identified, a program corrected and a page written on the computer beside the robot, whatever that is.
+"""
+
+from importlib import import_module
+from importlib.util import find_spec
+from typing import TYPE_CHECKING, Any
+
+from planner.common.errors import MissingProgramError
+from planner.common.lazy_modules import LazyModule
+
+__all__ = ["coal", "fcl", "has_planning_packages", "ob", "og", "ou", "pin", "require_planning_packages", "ruckig"]
+
+DISTRIBUTIONS = {"pinocchio": "pin", "coal": "coal", "fcl": "python-fcl", "ompl": "ompl", "ruckig": "ruckig"}
+"""Names to import: names to install."""
+ELSEWHERE = (
+    "plan on a computer that has all of them (Linux, macOS, WSL on Windows, or the container; docs/install.md) and bring its "
+    "folder here, or let a server do it: --server URL, where edbb serve runs"
+)
+
+
+class PlanningPackage(LazyModule):
+    """A package of planning; who uses it where it is not installed is told in one sentence what to do.
+
+    Raises:
+        MissingProgramError: with the first look at a name of it, where it cannot be imported.
+    """
+
+    def __getattr__(self, key: str) -> Any:
+        try:
+            module = import_module(self._name)
+        except ImportError as err:
+            raise _missing(_absent() or [self._name.partition(".")[0]]) from err
+        return getattr(module, key)
+
+
+def has_planning_packages() -> bool:
+    """Tell whether all packages of planning are installed; none is imported."""
+    return not _absent()
+
+
+def require_planning_packages() -> None:
+    """Refuse to begin what cannot be ended here.
+
+    Raises:
+        MissingProgramError: a package of planning is not installed; which, and where planning is possible.
+    """
+    if absent := _absent():
+        raise _missing(absent)
+
+
+def _absent() -> list[str]:
+    return [name for name in DISTRIBUTIONS if not _is_there(name)]
+
+
+def _is_there(name: str) -> bool:
+    try:
+        return find_spec(name) is not None
+    except ImportError:
+        return False
+
+
+def _missing(absent: list[str]) -> MissingProgramError:
+    names = ", ".join(DISTRIBUTIONS[name] for name in absent)
+    are = "packages {}, which are" if len(absent) > 1 else "package {}, which is"
+    return MissingProgramError(f"planning needs the Python {are.format(names)} not installed here: {ELSEWHERE}")
+
+
+if TYPE_CHECKING:
+    import coal
+    import fcl
+    import pinocchio as pin
+    import ruckig
+    from ompl import base as ob
+    from ompl import geometric as og
+    from ompl import util as ou
+else:
+    coal, fcl, ruckig = PlanningPackage("coal"), PlanningPackage("fcl"), PlanningPackage("ruckig")
+    pin = PlanningPackage("pinocchio")
+    ob, og, ou = PlanningPackage("ompl.base"), PlanningPackage("ompl.geometric"), PlanningPackage("ompl.util")

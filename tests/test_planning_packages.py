@@ -1,0 +1,99 @@
+"""Planning alone needs compiled packages that not every system has; all else works where they are not installed."""
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import planner
+from planner.kinematics.chain import Transform
+from planner.kinematics.geometry import rpy_of
+from planner.kinematics.robot import elementary_placement
+
+ROOT = Path(planner.__file__).parent
+PACKAGES = {"pinocchio", "coal", "ompl", "fcl", "ruckig"}
+DOOR = "planning_packages.py"
+EXAMPLES = ROOT.parent / "examples"
+WITHOUT = """
+import sys
+class Absent:
+    def find_spec(self, name, path=None, target=None):
+        if name.partition(".")[0] in {packages}:
+            raise ModuleNotFoundError(f"No module named {{name!r}}", name=name)
+sys.meta_path.insert(0, Absent())
+from planner.cli.app import main
+main()
+"""
+
+
+def edbb_without(*words, cwd=None):
+    """Run the command in a process of its own in which no package of planning can be imported."""
+    code = WITHOUT.format(packages=PACKAGES)
+    return subprocess.run(
+        [sys.executable, "-c", code, *map(str, words)], capture_output=True, text=True, cwd=cwd, check=False
+    )
+
+
+def _imported(path):
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            yield from (a.name.partition(".")[0] for a in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            yield str(node.module).partition(".")[0]
+
+
+def test_one_file_names_the_packages_of_planning():
+    naming = {p.name for p in ROOT.rglob("*.py") if PACKAGES & set(_imported(p))}
+    assert naming == {DOOR}
+
+
+def test_no_module_loads_a_package_of_planning():
+    code = (
+        "import sys, pkgutil, planner; from importlib import import_module\n"
+        "for m in pkgutil.walk_packages(planner.__path__, 'planner.'):\n"
+        "    if not m.name.endswith('__main__'): import_module(m.name)\n"
+        f"print('loaded:', *sorted({PACKAGES} & set(sys.modules)))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["loaded:"]
+
+
+def test_planning_without_its_packages_says_in_one_sentence_where_it_can_be_done(tmp_path):
+    for words in (["plan", "ur10/edbb"], ["study", "ur10/edbb"], ["plan-check", "ur10/edbb", "--baseline", "b"]):
+        done = edbb_without(*words, "-o", "out", cwd=tmp_path)
+        assert done.returncode == 4, done.stderr
+        (line,) = done.stderr.strip().splitlines()
+        assert line.startswith("edbb: planning needs")
+        for word in ("pin", "--server URL", "Linux, macOS, WSL", "container"):
+            assert word in line
+        assert not list(tmp_path.iterdir())
+
+
+def test_a_run_is_identified_without_packages_of_planning(tmp_path):
+    words = ("identify", EXAMPLES / "measured_run.csv", "--cell", EXAMPLES / "measured_run.toml", "-o", "out")
+    done = edbb_without(*words, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert {"report.html", "robot.toml", "identification.json"} <= {p.name for p in (tmp_path / "out").iterdir()}
+
+
+@pytest.mark.parametrize("kind", ["translation", "rotation"])
+def test_elementary_transforms_are_those_of_pinocchio(kind):
+    rng = np.random.default_rng(1)
+    for axis in range(3):
+        for value in rng.uniform(-7.0, 7.0, 20):
+            v = np.eye(3)[axis] * value
+            T = pin.SE3(np.eye(3), v) if kind == "translation" else pin.SE3(pin.exp3(v), np.zeros(3))
+            ours = elementary_placement(Transform("x", kind, axis, 0.0), value)
+            np.testing.assert_allclose(ours, T.homogeneous, atol=1e-15)
+
+
+def test_roll_pitch_and_yaw_are_those_of_pinocchio_and_at_a_right_angle_give_the_rotation_back():
+    for R in (pin.exp3(v) for v in np.random.default_rng(2).uniform(-3.0, 3.0, (50, 3))):
+        np.testing.assert_allclose(rpy_of(R), pin.rpy.matrixToRpy(R), atol=1e-12)
+    for pitch in (np.pi / 2, -np.pi / 2):
+        R = pin.rpy.rpyToMatrix(0.3, pitch, -0.8)
+        np.testing.assert_allclose(pin.rpy.rpyToMatrix(rpy_of(R)), R, atol=1e-9)
