@@ -16,8 +16,8 @@ __all__ = ["coal", "fcl", "has_planning_packages", "ob", "og", "ou", "pin", "req
 DISTRIBUTIONS = {"pinocchio": "pin", "coal": "coal", "fcl": "python-fcl", "ompl": "ompl", "ruckig": "ruckig"}
 """Names to import: names to install."""
 ELSEWHERE = (
-    "plan on a computer that has all of them (Linux, macOS, WSL on Windows, or the container; docs/install.md) and bring its "
-    "folder here, or let a server do it: --server URL, where edbb serve runs"
+    "plan on a computer that has all of them (Linux, macOS, WSL on Windows, or the container; docs/install.md) and "
+    "bring its folder here, or let a server do it: --server URL, where edbb serve runs"
 )
 
 
