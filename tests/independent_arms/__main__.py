@@ -13,14 +13,17 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")  # before numpy is imported
 def _one(task):
     from tests.independent_arms.judge import judge
 
-    seed, gauge, count, foreign = task
+    seed, session, count, foreign = task
     with tempfile.TemporaryDirectory() as folder:
-        return judge(seed, gauge, count, foreign, Path(folder))
+        return judge(seed, session, count, foreign, Path(folder))
 
 
 def _arguments():
     parser = argparse.ArgumentParser(prog="python -m tests.independent_arms", description=__doc__)
-    parser.add_argument("--gauge", choices=["bar", "tracker"], default="bar")
+    parser.add_argument("--gauge", choices=["bar", "driven", "tracker"], default="bar")
+    parser.add_argument(
+        "--plan", type=Path, help="folder of `edbb plan comau-nj130/edbb`, for a driven bar (else it is planned)"
+    )
     parser.add_argument("--causes", default="0,1,2,3,6", help="numbers of hidden causes, taken in turn")
     parser.add_argument("--foreign", type=int, choices=[0, 1], default=0, help="1: one cause that no catalogue lists")
     parser.add_argument("--arms", type=int, default=10)
@@ -31,12 +34,21 @@ def _arguments():
     return parser.parse_args()
 
 
-def _run(given):
+def _run(given, folder):
+    from tests.command import edbb
     from tests.independent_arms import table
+    from tests.independent_arms.runs import Session
 
+    plan = given.plan
+    if given.gauge == "driven" and plan is None:
+        plan = folder / "plan"
+        done = edbb("plan", "comau-nj130/edbb", "-o", plan)
+        if done.returncode:
+            raise SystemExit(f"edbb plan: exit {done.returncode}: {done.stderr}")
+    session = Session(given.gauge, plan)
     counts = [int(c) for c in given.causes.split(",")]
     tasks = [
-        (seed, given.gauge, counts[seed % len(counts)], bool(given.foreign))
+        (seed, session, counts[seed % len(counts)], bool(given.foreign))
         for seed in range(given.first_seed, given.first_seed + given.arms)
     ]
     rows = []
@@ -56,7 +68,8 @@ def main():
         tables = [Path(path).read_text(encoding="utf-8").splitlines() for path in given.read]
         rows = [row for table_rows in tables for row in csv.DictReader(table_rows)]
     else:
-        rows = _run(given)
+        with tempfile.TemporaryDirectory() as folder:
+            rows = _run(given, Path(folder))
     print(table.text(rows))
 
 

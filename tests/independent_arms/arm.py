@@ -6,11 +6,12 @@ import numpy as np
 
 from tests.independent_arms import causes, foreign
 from tests.independent_arms.chain import Arm, Masses, frames, loads, points, read_arm
-from tests.independent_arms.state import Errors, Reading, States
+from tests.independent_arms.state import Cause, Errors, Reading, States
 
 TOOL = np.array([0.050, 0.0, 0.150])  # nominal ball or reflector in the flange, as in the cells
 ANGLE, LENGTH = 0.5e-3, 0.3e-3  # one sigma of what a link is off in each direction, rad and m
 TOOL_OFF, HAND, ZERO_OFF = 0.3e-3, 0.4e-3, 0.05e-3  # tool, fixture beside where the robot shows it, bar's zero: m
+LATE = 1e-3  # s, one sigma
 SCALE = {"bar": 10e-6, "driven": 10e-6, "tracker": 2e-6}
 
 
@@ -39,6 +40,7 @@ class TrueArm:
     noise: float  # m, one sigma of a reading
     scale: float
     zero: float
+    late: float  # s, by how much the reading lags behind the axes while the robot drives
 
     def states(self, q, time=0.0, warm=0.0):
         n = len(q)
@@ -78,7 +80,10 @@ def make_arm(seed, gauge, count, with_foreign):
     hidden = causes.draw(np.random.default_rng([seed, count, 88]), gauge, count)
     if with_foreign:
         hidden.append(foreign.draw(np.random.default_rng([seed, 4099]), gauge, seed))
-    return TrueArm(seed, gauge, read_arm(), masses, link, tool, tuple(hidden), joint_noise, noise, scale, zero)
+    late = abs(rng.normal(0, LATE)) if gauge == "driven" else 0.0
+    if late:
+        hidden.append(Cause("gauge lag", "bar", None, None, ("gauge lag", "servo lag"), (), f"{late * 1e3:.2f} ms"))
+    return TrueArm(seed, gauge, read_arm(), masses, link, tool, tuple(hidden), joint_noise, noise, scale, zero, late)
 
 
 def workspace(arm, count, rng):

@@ -96,11 +96,11 @@ def judge_names(findings, causes):
     return Names(len(known), len(right), len(rival), len(wrong), len(findings))
 
 
-def identify(columns, gauge, folder, *options):
+def identify(columns, session, folder, *options):
     """Run `edbb identify`; the folder of its result, or None where it refuses to write a robot."""
     runs.write_run(columns, folder / "run.csv")
     out = folder / "calibrated"
-    done = edbb("identify", folder / "run.csv", "--cell", runs.CELLS[gauge], "-o", out, "--force", *options)
+    done = edbb("identify", folder / "run.csv", *session.words(), "-o", out, "--force", *options)
     if done.returncode == 3:
         return None
     if done.returncode:
@@ -108,12 +108,12 @@ def identify(columns, gauge, folder, *options):
     return out
 
 
-def judge(seed, gauge, count, with_foreign, folder):
+def judge(seed, session, count, with_foreign, folder):
     """One row of the table."""
-    true = make_arm(seed, gauge, count, with_foreign)
-    columns = runs.measure(true)
+    true = make_arm(seed, session.gauge, count, with_foreign)
+    columns = session.measure(true)
     row = {
-        "seed": seed, "gauge": gauge, "causes": count, "foreign": int(with_foreign),
+        "seed": seed, "gauge": session.gauge, "causes": count, "foreign": int(with_foreign),
         "hidden": "; ".join(f"{c.kind}, {c.where} ({c.size})" for c in true.causes),
     }  # fmt: skip
     condition = runs.middle(columns["t_s"])
@@ -121,7 +121,7 @@ def judge(seed, gauge, count, with_foreign, folder):
     place = true.points(q, **condition)
     row["nominal_mm"] = rms_aligned(place, points(frames(true.arm, q)[6], TOOL))
     row["geometry_mm"] = rms_aligned(place, fit_geometry(true.arm, columns).points(true.arm, q))
-    calibrated = identify(columns, gauge, folder)
+    calibrated = identify(columns, session, folder)
     if calibrated is None:
         return row | {"refused": 1}
     released, corrected = model_error(true, q, calibrated / "robot.toml", folder, condition)

@@ -1,8 +1,10 @@
 """Measured runs of true arms, in the product's format of a run: a bar at rest, a bar that is driven, a tracker."""
 
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from scipy.signal import lfilter
 
 from tests.independent_arms.arm import HAND, workspace
 from tests.independent_arms.chain import frames, points, transforms
@@ -14,6 +16,7 @@ FIXTURE = np.array([0.258, 1.468, 0.708])
 TRACKER = np.array([4.2, -0.6, 0.9])
 TRACKER_POSES = 110
 SECONDS_A_POSE = 21.0
+RESTLESS_S = 1.5
 JOINTS = [f"q{i}_deg" for i in range(1, 7)]
 
 
@@ -97,6 +100,41 @@ def write_run(columns, path, robot="comau-nj130"):
     Path(path).write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
-def measure(true):
-    """The columns of the run of an arm, by its gauge."""
-    return tracker_run(true) if true.gauge == "tracker" else bar_at_rest(true)
+def driven_rest(rng, time, sigma):
+    """Where the axes run beside where they should: noise that lasts for some RESTLESS_S seconds (n, 6)."""
+    keeps = np.exp(-np.median(np.diff(time)) / RESTLESS_S)
+    drawn = rng.normal(size=(len(time), 6)) * sigma * np.sqrt(1 - keeps**2)
+    return lfilter([1.0], [1.0, -keeps], drawn, axis=0)
+
+
+def bar_driven(true, plan):
+    """The bar as the robot drives the planned way, a row every 50 ms; its reading is a little late."""
+    rng = np.random.default_rng([true.seed, 8])
+    table = np.loadtxt(plan / "trajectory.csv", delimiter=",", skiprows=1)
+    time, q = table[:, 0], np.radians(table[:, 1:7])
+    fixture = fixture_as_set_up(true, q[:: len(q) // 200], rng)
+    rest = driven_rest(rng, time, true.joint_noise)
+    length = bar_lengths(true, q, time, rest, fixture)
+    late = np.interp(time - true.late, time, length) + rng.normal(0, true.noise, len(q))
+    columns = {"t_s": time, "temperature_degC": 20 + warming(time)}
+    return columns | {name: np.degrees(q[:, i]) for i, name in enumerate(JOINTS)} | {"length_mm": 1e3 * late}
+
+
+@dataclass(frozen=True)
+class Session:
+    """What is measured with, and for a bar that is driven the folder of its plan."""
+
+    gauge: str
+    plan: Path | None = None
+
+    def measure(self, true):
+        """The columns of the run of an arm."""
+        if self.gauge == "driven":
+            return bar_driven(true, self.plan)
+        return tracker_run(true) if self.gauge == "tracker" else bar_at_rest(true)
+
+    def words(self):
+        """What `edbb identify` is told beside the run."""
+        if self.gauge == "driven":
+            return "--cell", self.plan / "cell.toml", "--plan", self.plan / "plan.json"
+        return "--cell", CELLS[self.gauge]

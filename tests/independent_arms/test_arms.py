@@ -10,6 +10,7 @@ from tests.independent_arms.arm import TOOL, make_arm, workspace
 from tests.independent_arms.chain import GRAVITY, frames, loads, points, read_arm
 from tests.independent_arms.fit import fit_geometry, rigid
 from tests.independent_arms.judge import identify, judge, rms_aligned
+from tests.independent_arms.runs import Session
 from tests.independent_arms.state import Cause, Errors
 
 
@@ -88,7 +89,7 @@ def test_own_fit_finds_the_geometry_of_a_clean_arm():
     for gauge, most in (("bar", 0.08), ("tracker", 0.02)):
         true = make_arm(4, gauge, 0, False)
         q = workspace(true.arm, 300, np.random.default_rng(0))
-        fitted = fit_geometry(true.arm, runs.measure(true))
+        fitted = fit_geometry(true.arm, Session(gauge).measure(true))
         assert rms_aligned(true.points(q), fitted.points(true.arm, q)) < most
         assert rms_aligned(true.points(q), points(frames(true.arm, q)[6], TOOL)) > 0.5
 
@@ -101,7 +102,7 @@ def test_rigid_motion_is_found():
 
 
 def test_seeds_say_all_and_those_for_judgement_are_kept():
-    once, again = (runs.measure(make_arm(7, "tracker", 3, True)) for _ in range(2))
+    once, again = (Session("tracker").measure(make_arm(7, "tracker", 3, True)) for _ in range(2))
     assert all(np.array_equal(once[k], again[k]) for k in once)
     kept = ("tie rod with an oval bush", "furnace on one side")
     early = {make_arm(s, "bar", 0, True).causes[-1].kind for s in range(200)}
@@ -113,10 +114,26 @@ def test_seeds_say_all_and_those_for_judgement_are_kept():
 
 def test_the_product_reads_a_run(tmp_path):
     true = make_arm(5, "bar", 0, False)
-    out = identify(runs.measure(true), "bar", tmp_path, "--no-trace", "--geometry")
+    out = identify(Session("bar").measure(true), Session("bar"), tmp_path, "--no-trace", "--geometry")
     report = json.loads((out / "identification.json").read_text())
     assert report["robot"] == "comau-nj130"
     assert report["n_samples"] == len(runs.bar_poses())
+
+
+def test_a_driven_bar_reads_along_the_way(tmp_path):
+    """A made-up way of 20 s: its rows follow it, late by the gauge's lag, within the bar's noise and the axes'."""
+    time = np.arange(0, 20, 0.05)
+    q = runs.bar_poses()[:2]
+    way = q[0] + (q[1] - q[0]) * (time / 20)[:, None]
+    np.savetxt(
+        tmp_path / "trajectory.csv", np.c_[time, np.degrees(way), 0 * time], delimiter=",", header="t_s", fmt="%.9f"
+    )
+    true = make_arm(5, "driven", 0, False)
+    columns = Session("driven", tmp_path).measure(true)
+    np.testing.assert_allclose(columns["q3_deg"], np.degrees(way[:, 2]), atol=1e-8)
+    line = true.points(way) - runs.FIXTURE
+    difference = columns["length_mm"] - 1e3 * np.linalg.norm(line, axis=1)
+    assert np.std(difference - np.polyval(np.polyfit(time, difference, 3), time)) < 0.05
 
 
 @pytest.mark.long
@@ -124,7 +141,7 @@ def test_the_product_reads_a_run(tmp_path):
 def test_what_is_released_is_better_than_nominal(gauge, tmp_path):
     """Wide bands only: the table of the package is the measure."""
     for seed, count, with_foreign in ((0, 0, False), (1, 1, False), (2, 2, True), (3, 3, True)):
-        row = judge(seed, gauge, count, with_foreign, tmp_path)
+        row = judge(seed, Session(gauge), count, with_foreign, tmp_path)
         assert not row["refused"]
         assert row["released_mm"] < 0.7 * row["nominal_mm"]
         assert row["released_mm"] < 3 * row["bound_mm"]
