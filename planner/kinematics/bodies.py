@@ -32,7 +32,8 @@ class Body:
         scale: scale of the mesh.
         hull: whether the convex hull stands for the mesh.
         part: of a robot from a URDF, the link that it is a shape of.
-        branch: whether that link hangs beside the chain from the base to the tip: a finger, a head, a second arm.
+        rigid: of a robot from a URDF, the first of the links that fixed joints make one with that link.
+        branch: whether these hang beside the chain from the base to the tip: a finger, a head, a second arm.
     """
 
     name: str
@@ -43,6 +44,7 @@ class Body:
     scale: Vector = (1.0, 1.0, 1.0)
     hull: bool = False
     part: str = ""
+    rigid: str = ""
     branch: bool = False
 
 

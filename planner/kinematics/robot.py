@@ -152,6 +152,8 @@ class Robot:
         simulated: of a calibrated robot, whether its readings were simulated; ``None`` where its file does not say.
         packages: folders of ROS packages that its URDF names.
         parked: joints of its URDF that stand still.
+        neighbours: of a robot from a URDF, the pairs of rigid parts that a joint of the arm joins; of others those of
+            links with numbers that follow each other.
         never_meet_parts: pairs of links of its URDF that are not checked against each other: both names, and why.
         unchecked_links: links of its URDF that no collision check knows: the name, and why.
     """
@@ -191,6 +193,7 @@ class Robot:
     simulated: bool | None = None
     unchecked_links: tuple[tuple[str, str], ...] = ()
     parked: tuple[ParkedJoint, ...] = ()
+    neighbours: frozenset[frozenset[str]] = frozenset()
     never_meet_parts: tuple[tuple[str, str, str], ...] = ()
 
     @cached_property

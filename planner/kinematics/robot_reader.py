@@ -142,7 +142,14 @@ def _from_urdf(file: RobotDescription, path: Path, packages: Packages) -> Robot:
         file = file.model_copy(update={"never_meet": pairs, "never_meet_reason": why})
     robot = _build_robot(file, path, chain.transforms, chain.link_end, chain)
     unchecked = _unchecked_links(file, chain)
-    return replace(robot, packages=packages, unchecked_links=unchecked, parked=chain.parked, never_meet_parts=parts)
+    return replace(
+        robot,
+        packages=packages,
+        unchecked_links=unchecked,
+        parked=chain.parked,
+        neighbours=chain.neighbours,
+        never_meet_parts=parts,
+    )
 
 
 def _unchecked_links(file: RobotDescription, chain: UrdfChain) -> tuple[tuple[str, str], ...]:

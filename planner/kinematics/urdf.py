@@ -28,7 +28,7 @@ from planner.kinematics.urdf_elements import (
     read_origin,
 )
 from planner.kinematics.urdf_parked import UNITS, Branches, Parking, park_joints, parked_key, read_branches
-from planner.kinematics.urdf_tree import UrdfError, find_bodily_links, find_child, read_tree
+from planner.kinematics.urdf_tree import UrdfError, find_bodily_links, find_child, link_of, read_tree, rigid_groups
 from planner.kinematics.xacro.expander import expand_template
 
 TURN = 2 * np.pi
@@ -55,7 +55,8 @@ class UrdfChain:
     ``parts`` are the joints of the chain, fixed ones too: the name, the number of transforms up to its end, and its
     motion to where it stands, (4, 4); ``bodies`` all shapes with the number of the link that carries each; ``links``
     all links that have a place: the name, and that number. ``solid`` are those of the chain that can touch something,
-    ``unchecked`` the links whose shapes or places are not known: the name, and why.
+    ``unchecked`` the links whose shapes or places are not known: the name, and why; ``neighbours`` the rigid parts that
+    a driven joint joins.
     """
 
     transforms: tuple[Transform, ...]
@@ -68,6 +69,7 @@ class UrdfChain:
     solid: tuple[tuple[str, int], ...]
     unchecked: tuple[tuple[str, str], ...]
     parked: tuple[ParkedJoint, ...]
+    neighbours: frozenset[frozenset[str]] = frozenset()
 
 
 def read_urdf(
@@ -92,7 +94,8 @@ def read_urdf(
         meshes = MeshFinder(path, packages)
         chain, placed = _assemble(meshes, links, joints, base, parking)
         beside = read_branches(meshes, links, every, placed, parking)
-        return _with_branches(chain, links, beside, find_bodily_links(root))
+        whole = _with_branches(chain, links, beside, find_bodily_links(root))
+        return _with_rigid_parts(whole, joints, rigid_groups(links, every))
     except UrdfError as err:
         raise InputError(f"{path}: {err}") from err
 
@@ -206,6 +209,15 @@ def _with_branches(
         solid=tuple((name, k) for name, k in chain.links if name in bodily),
         unchecked=(*shapeless, *((name, why) for name, why in beside.unchecked if name in bodily)),
     )
+
+
+def _with_rigid_parts(chain: UrdfChain, joints: list[ET.Element], rigid: Mapping[str, str]) -> UrdfChain:
+    """Return the chain whose bodies know which links are one with theirs, with the neighbours among these."""
+    driven = {j.name for j in chain.joints}
+    ends = [[rigid[link_of(j, end)] for end in ("parent", "child")] for j in joints if j.get("name") in driven]
+    of_chain = {rigid[link_of(j, end)] for j in joints for end in ("parent", "child")}
+    bodies = tuple((k, replace(b, rigid=rigid[b.part], branch=rigid[b.part] not in of_chain)) for k, b in chain.bodies)
+    return replace(chain, bodies=bodies, neighbours=frozenset(map(frozenset, ends)))
 
 
 def _joint_transforms(i: int, xyz: Array, rpy: Array, axis: Array) -> tuple[list[Transform], int]:

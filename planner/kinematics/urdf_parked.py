@@ -190,7 +190,7 @@ def read_branches(
             link, T = placed[name]
             placed[child] = (link, T @ T_child)
             beside.append((child, link))
-            bodies += [(link, replace(b, branch=True)) for b in read_bodies(meshes, links[child], T @ T_child)]
+            bodies += [(link, b) for b in read_bodies(meshes, links[child], T @ T_child)]
     unchecked = [(name, f"moved by joint '{leader}'") for name, leader in following.items()]
     apart = [name for name in links if name not in placed and name not in following]
     unchecked += [(name, "joined to no link of the arm") for name in apart]

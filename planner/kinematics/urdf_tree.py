@@ -69,6 +69,17 @@ def link_of(joint: ET.Element, end: str) -> str:
     return str(find_child(joint, end).get("link"))
 
 
+def rigid_groups(links: Iterable[str], joints: Iterable[ET.Element]) -> dict[str, str]:
+    """Return for each link the first of those that fixed joints make one with it."""
+    out = {name: name for name in links}
+    for joint in joints:
+        if joint.get("type") == "fixed":
+            one, other = (out.get(link_of(joint, end)) for end in ("parent", "child"))
+            if one is not None and other is not None:
+                out = {name: one if group == other else group for name, group in out.items()}
+    return out
+
+
 def _by_name(fault: str, named: Iterable[tuple[str, ET.Element]]) -> dict[str, ET.Element]:
     out: dict[str, ET.Element] = {}
     for name, element in named:

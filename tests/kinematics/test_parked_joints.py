@@ -154,6 +154,27 @@ def test_fingers_are_checked_against_the_link_before_theirs(tmp_path: Path) -> N
     assert sorted(map(sorted, left)) == [["l2", "l4"], ["l5", "left"]]
 
 
+def checked_parts(robot: Robot) -> list[set[str]]:
+    scene = build_scene(replace(load_cell("ur10/edbb"), robot=robot))
+    return [{scene.pieces[k].body.part for k in pair} for pair in scene.pairs]
+
+
+def test_what_a_fixed_joint_holds_is_one_with_its_link(tmp_path: Path) -> None:
+    plate = LINK.format("plate") + joint("bolts", "fixed", "l6", "plate", "0 0 1", 0, 0)
+    (tmp_path / "tree.urdf").write_text(tree().replace("</robot>", plate + "</robot>"))
+    found = checked_parts(load_robot(tmp_path / "tree.urdf", tip="l6"))
+    assert {"plate", "l5"} not in found
+    assert {"plate", "l4"} in found
+
+
+def test_a_joint_that_stands_still_makes_two_links_no_neighbours_of_one(tmp_path: Path) -> None:
+    found = checked_parts(load_robot(write_robot(tmp_path, "[parked]", "j1_deg = 40")))
+    assert {"l0", "l1"} not in found  # j0 is driven
+    assert {"l0", "l2"} in found  # l2 moves with l1
+    assert {"l2", "l3"} not in found
+    assert {"l1", "l3"} in found
+
+
 @pytest.mark.parametrize(
     ("line", "said"),
     [

@@ -18,6 +18,7 @@ from planner.common.errors import InputError
 from planner.common.files import check_readable
 from planner.common.units import Array, read_only, to_mm
 from planner.kinematics.bodies import Body, Vector
+from planner.kinematics.robot import Robot
 from planner.kinematics.robot_file import NEXT_BUT_ONE
 from planner.motion.planning_packages import coal, fcl
 from planner.runs.run import FIRST_MOUNTING, Mounting
@@ -288,8 +289,7 @@ def build_scene(cell: Cell, mounting: Mounting = FIRST_MOUNTING) -> Scene:
         (a, b)
         for a in range(len(pieces))
         for b in range(a + 1, len(pieces))
-        if _may_meet(pieces[a], pieces[b], robot.never_meet)
-        and frozenset((pieces[a].body.part, pieces[b].body.part)) not in parts
+        if _may_meet(pieces[a], pieces[b], robot) and frozenset((pieces[a].body.part, pieces[b].body.part)) not in parts
     ]
     return Scene(cell, tuple(pieces), tuple(pairs), cell.fixtures[mounting.fixture].p_BX)
 
@@ -311,13 +311,16 @@ def _gauge_body(brought: GaugeBody, T_LF: Array, last: int) -> SceneBody:
     return SceneBody(body, carrier, 0, body_reach(body), ball=brought.ball, tip=brought.tip)
 
 
-def _may_meet(a: SceneBody, b: SceneBody, never: frozenset[tuple[int, int]]) -> bool:
+def _may_meet(a: SceneBody, b: SceneBody, robot: Robot) -> bool:
     if a.of_bar or b.of_bar:
         return not (a.of_bar and b.of_bar)
     if a.carrier == "world" or b.carrier == "world":
         moving = b if a.carrier == "world" else a
         return moving.carrier == "link" and moving.link > 0
-    if a.body.branch or b.body.branch:
-        return a.link != b.link
-    own = a.of_robot and b.of_robot and (min(a.link, b.link), max(a.link, b.link)) in never
-    return abs(a.link - b.link) > 1 and not own
+    if a.link == b.link:
+        return False
+    if a.of_robot and b.of_robot and (min(a.link, b.link), max(a.link, b.link)) in robot.never_meet:
+        return a.body.branch or b.body.branch
+    if a.body.rigid and b.body.rigid:
+        return frozenset((a.body.rigid, b.body.rigid)) not in robot.neighbours
+    return a.body.branch or b.body.branch or abs(a.link - b.link) > 1

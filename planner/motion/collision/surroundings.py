@@ -62,12 +62,12 @@ def left_out_pairs(cell: Cell) -> tuple[str, ...]:
 def _left_out_parts(cell: Cell) -> list[str]:
     """Say which links, by name, would be checked against each other if no file said that they may touch."""
     robot = cell.robot
-    there = {b.part: (link, b.branch) for link, b in robot.bodies}
+    there = {b.part: (link, b.rigid) for link, b in robot.bodies}
     reasons: dict[str, list[str]] = {}
     for one, other, why in robot.never_meet_parts:
         if one in there and other in there:
-            (a, branch), (b, other_branch) = there[one], there[other]
-            if abs(a - b) > (0 if branch or other_branch else 1):
+            (a, rigid), (b, other_rigid) = there[one], there[other]
+            if a != b and frozenset((rigid, other_rigid)) not in robot.neighbours:
                 reasons.setdefault(why, []).append(f"{one} and {other}")
     return [
         ", ".join(pairs[:SHOWN_PAIRS])
