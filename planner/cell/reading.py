@@ -208,7 +208,18 @@ def _check_drives(robot: Robot) -> None:
     parts = {"limit_deg": robot.q_upper, "speed_deg_s": robot.speed}
     for i in range(robot.n_joints):
         if missing := [key for key, values in parts.items() if np.isinf(values[i])]:
-            raise InputError(f"{robot.path}: joint {i + 1} has no {' and no '.join(missing)}, which planning needs")
+            raise InputError(
+                f"{robot.path}: joint {i + 1} has no {' and no '.join(missing)}, which planning needs"
+                + (_advise_drive(robot, i, missing) if robot.convention == "urdf" else "")
+            )
+
+
+def _advise_drive(robot: Robot, i: int, missing: Sequence[str]) -> str:
+    """Return the lines of ``robot.toml`` that say what the URDF does not say of joint ``i``."""
+    examples = {"limit_deg": "[-170, 170]", "speed_deg_s": "90"}
+    file = "" if robot.path.suffix == ".toml" else f' (which names it: urdf = "{robot.path.name}", tip = "{robot.tip}")'
+    lines = "\n".join(f"{key} = {examples[key]}" for key in missing)
+    return f'; say it in robot.toml{file}:\n[[joints]]\nname = "{robot.joint_names[i]}"\n{lines}'
 
 
 def _read_circles(path: Path, file: CellFile) -> tuple[Circle, ...]:

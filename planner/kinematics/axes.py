@@ -192,7 +192,7 @@ def _finite(v: Array) -> Array:
 
 
 def _infinite(v: Array) -> Array:
-    return np.where(np.abs(v) > HUGE / 2, np.sign(v) * np.inf, v)
+    return np.where(np.abs(v) > HUGE / 2, np.copysign(np.inf, v), v)
 
 
 def convention_from_table(where: str, controller: str, table: ControllerTable, joints: JointRange) -> AxisConvention:

@@ -50,15 +50,16 @@ class JointTable(StrictModel):
         return value
 
     @classmethod
-    def from_urdf(cls, joint: UrdfJoint) -> "JointTable":
-        """Return what a URDF says of a joint."""
+    def from_urdf(cls, joint: UrdfJoint, said: "JointTable | None" = None) -> "JointTable":
+        """Return what a URDF says of a joint, with what ``said`` has of it instead."""
         lower, upper, speed = (float(np.rad2deg(v)) for v in (joint.lower, joint.upper, joint.speed))
-        return cls.model_construct(  # limits of a few degrees are right in a file that has radians
+        found = cls.model_construct(  # limits of a few degrees are right in a file that has radians
             sense=joint.sense,
-            limit_deg=(lower, upper),
-            speed_deg_s=speed,
+            limit_deg=(lower, upper) if np.isfinite([lower, upper]).all() else None,
+            speed_deg_s=speed if speed > 0 else None,
             name=joint.name,
         )
+        return found.model_copy(update={} if said is None else {k: getattr(said, k) for k in said.model_fields_set})
 
     def with_estimates(self) -> "JointTable":
         """Return the joint with acceleration and jerk, each where it is unsaid estimated from the speed."""

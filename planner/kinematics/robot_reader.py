@@ -128,13 +128,7 @@ def _from_urdf(file: RobotDescription, path: Path, packages: Packages) -> Robot:
     chain = read_urdf(path.parent / str(file.urdf), file.tip, packages, file.parked)
     n = len(chain.joints)
     _check_count(path, n)
-    if file.joints and len(file.joints) != n:
-        raise InputError(f"{path}: {len(file.joints)} [[joints]] tables, but the chain of the URDF has {n} joints")
-    if not file.joints:
-        still = [i for i, j in enumerate(chain.joints, 1) if j.speed <= 0]
-        if still:
-            raise InputError(f"{path}: joint {still[0]} has no positive velocity limit")
-        file = file.model_copy(update={"joints": tuple(JointTable.from_urdf(j) for j in chain.joints)})
+    file = file.model_copy(update={"joints": _joints_of_urdf(file, path, chain)})
     parts = _never_meet_parts(file, path, chain)
     if file.bodies and file.srdf is not None:  # which have numbers, no names
         pairs = (*file.never_meet, *numbered_pairs(parts, chain.solid))
@@ -150,6 +144,26 @@ def _from_urdf(file: RobotDescription, path: Path, packages: Packages) -> Robot:
         neighbours=chain.neighbours,
         never_meet_parts=parts,
     )
+
+
+def _joints_of_urdf(file: RobotDescription, path: Path, chain: UrdfChain) -> tuple[JointTable, ...]:
+    """Return the joints of a URDF's chain; what a ``[[joints]]`` table says of one goes before what the URDF says.
+
+    Tables that all have names of joints of the chain are of these; others are of all joints, from base to tip.
+    """
+    names = [j.name for j in chain.joints]
+    said = [t.name for t in file.joints]
+    if not set(said) <= set(names):
+        if len(said) != len(names):
+            raise InputError(
+                f"{path}: {len(said)} [[joints]] tables, but the chain of the URDF has {len(names)} joints: give one "
+                f"for each, or name those that you mean ({', '.join(names)})"
+            )
+        said = names
+    if twice := [name for name in said if said.count(name) > 1]:
+        raise InputError(f"{path}: two [[joints]] tables have the name '{twice[0]}'")
+    tables = dict(zip(said, file.joints, strict=True))
+    return tuple(JointTable.from_urdf(j, tables.get(j.name)) for j in chain.joints)
 
 
 def _unchecked_links(file: RobotDescription, chain: UrdfChain) -> tuple[tuple[str, str], ...]:

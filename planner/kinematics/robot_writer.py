@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from itertools import count
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
@@ -18,8 +19,8 @@ from planner.kinematics.geometry import log3, rpy_of
 from planner.kinematics.robot import Loads, Robot, RobotEffect, ToolPoint, elementary_placement
 from planner.kinematics.robot_reader import describe_robot
 from planner.kinematics.robot_tables import ROW_KEYS, nominal_key
-from planner.kinematics.urdf import is_urdf, read_urdf
-from planner.kinematics.urdf_writer import write_urdf
+from planner.kinematics.urdf import is_urdf
+from planner.kinematics.urdf_writer import find_meshes, write_urdf
 
 UR_LINKS = ("shoulder", "upper_arm", "forearm", "wrist_1", "wrist_2", "wrist_3")
 BEHIND = 1e-7  # [m, rad] of a transform behind the last joint that such a file has no place for
@@ -184,14 +185,14 @@ def write_robot(robot: Robot, found: RobotCorrections) -> tuple[tuple[str, str],
 
 
 def mesh_names(robot: Robot) -> dict[Path, str]:
-    """Return where each mesh of the robot's collision bodies goes beside the written files: file and new name."""
-    bodies = [b for _, b in robot.bodies]
-    if robot.convention == "urdf":  # the file's own bodies, where robot.toml has others
-        bodies += [b for _, b in read_urdf(urdf_path(robot), robot.tip, robot.packages, robot.parked_table).bodies]
+    """Return where each mesh of the robot goes beside the written files: file and new name."""
+    files = [b.mesh.resolve() for _, b in robot.bodies if b.mesh is not None]
+    if robot.convention == "urdf":  # those to look at too, and the file's own bodies where robot.toml has others
+        files += find_meshes(urdf_path(robot), robot.packages)
     out: dict[Path, str] = {}
-    for path in dict.fromkeys(b.mesh.resolve() for b in bodies if b.mesh is not None):
-        again = sum(p.name == path.name for p in out)
-        out[path] = f"meshes/{path.stem}{f'_{again + 1}' if again else ''}{path.suffix}"
+    for path in dict.fromkeys(files):
+        again = (f"meshes/{path.stem}{f'_{k}' if k > 1 else ''}{path.suffix}" for k in count(1))
+        out[path] = next(name for name in again if name not in out.values())
     return out
 
 

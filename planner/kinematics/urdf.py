@@ -184,17 +184,26 @@ def _assemble(
 
 
 def _read_limits(joint: ET.Element) -> tuple[float, float, float]:
-    """Return the limits of a revolute joint [rad] and its largest speed [rad/s], 0 where the file does not say it."""
+    """Return the limits of a revolute joint [rad] and its largest speed [rad/s].
+
+    Limits that the file does not say are infinite, a speed is 0.
+    """
     name, free = joint.get("name"), joint.get("type") == "continuous"
     limit = joint.find("limit")
     lower, upper = (-TURN, TURN) if free or limit is None else (number(limit, k) for k in ("lower", "upper"))
+    if lower == upper == 0.0:  # what a file without these two numbers says: robot.toml has to
+        return -np.inf, np.inf, _read_speed(limit)
     if not -MOST_TURNS * TURN <= lower < upper <= MOST_TURNS * TURN:
         raise UrdfError(
             f"joint '{name}': lower = {lower:g} and upper = {upper:g} rad are no limits; the lower one lies below "
             f"the upper one, both within {MOST_TURNS} turns ({MOST_TURNS * TURN:.3g} rad; are these degrees?); a "
             "joint without an end is 'continuous'"
         )
-    return lower, upper, 0.0 if limit is None else number(limit, "velocity", 1e6)
+    return lower, upper, _read_speed(limit)
+
+
+def _read_speed(limit: ET.Element | None) -> float:
+    return 0.0 if limit is None else number(limit, "velocity", 1e6)
 
 
 def _with_branches(

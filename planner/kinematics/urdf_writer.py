@@ -37,7 +37,7 @@ def write_urdf(
     Args:
         path: nominal URDF; ``tip`` its last link.
         values: corrected values of elementary transforms by name [m, rad].
-        meshes: what to write for a mesh of a collision body.
+        meshes: what to write for a mesh, of a body or to look at.
         remark: comment for the head of the file.
         packages, parked: as :func:`planner.kinematics.urdf.read_urdf` takes them.
 
@@ -56,6 +56,7 @@ def write_urdf(
             _set_origin(joints[name], part, values, motion)
             changed.update(t.name for t in part)
     _rename_meshes(MeshFinder(path, packages), root, meshes)
+    _declare_prefixes(root)
     safe = remark.replace("--", "- -")
     return f'<?xml version="1.0"?>\n<!-- {safe} -->\n{ET.tostring(root, encoding="unicode")}\n', frozenset(changed)
 
@@ -75,11 +76,27 @@ def _set_origin(joint: ET.Element, part: tuple[Transform, ...], values: Mapping[
 
 
 def _rename_meshes(finder: MeshFinder, root: ET.Element, meshes: Mapping[Path, str]) -> None:
-    """Let collision bodies look for their meshes where these are laid beside the new file."""
-    for mesh in root.iterfind("link/collision/geometry/mesh"):
+    """Let links look for their meshes where these are laid beside the new file."""
+    for mesh in root.iterfind("link/*/geometry/mesh"):
         found = finder.find(str(mesh.get("filename")))
+        found = None if found is None else found.resolve()
         if found is not None and found in meshes:
             mesh.set("filename", meshes[found])
+
+
+def _declare_prefixes(root: ET.Element) -> None:
+    """Declare the prefixes of foreign tags that the file does not, as readers of XML name spaces want it."""
+    names = [n for e in root.iter() if isinstance(e.tag, str) for n in (e.tag, *e.attrib)]
+    declared = {n.partition(":")[2] for n in names if n.startswith("xmlns:")}
+    for prefix in sorted({n.partition(":")[0] for n in names if ":" in n} - declared - {"xmlns", "xml"}):
+        root.set(f"xmlns:{prefix}", f"urn:{prefix}")
+
+
+def find_meshes(path: Path, packages: Packages = NO_PACKAGES) -> tuple[Path, ...]:
+    """Return the meshes that the links of the URDF at ``path`` name, to touch and to look at, those that are there."""
+    finder = MeshFinder(path, packages)
+    named = (str(mesh.get("filename")) for mesh in parse_urdf(path, packages).iterfind("link/*/geometry/mesh"))
+    return tuple(dict.fromkeys(found.resolve() for found in map(finder.find, named) if found is not None))
 
 
 def _format_vector(v: Array) -> str:
