@@ -13,9 +13,9 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")  # before numpy is imported
 def _one(task):
     from tests.independent_arms.judge import judge
 
-    seed, session, count, foreign = task
+    seed, session, count, foreign, product_geometry = task
     with tempfile.TemporaryDirectory() as folder:
-        return judge(seed, session, count, foreign, Path(folder))
+        return judge(seed, session, count, foreign, Path(folder), product_geometry)
 
 
 def _arguments():
@@ -28,6 +28,7 @@ def _arguments():
     parser.add_argument("--foreign", type=int, choices=[0, 1], default=0, help="1: one cause that no catalogue lists")
     parser.add_argument("--arms", type=int, default=10)
     parser.add_argument("--first-seed", type=int, default=0, help="0 to 199 to develop, from 1000 on to judge")
+    parser.add_argument("--product-geometry", action="store_true", help="also judge `edbb identify --geometry`")
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--read", nargs="+", help="print the figures of tables that were written before")
     parser.add_argument("-o", dest="output", default="table.csv")
@@ -48,7 +49,7 @@ def _run(given, folder):
     session = Session(given.gauge, plan)
     counts = [int(c) for c in given.causes.split(",")]
     tasks = [
-        (seed, session, counts[seed % len(counts)], bool(given.foreign))
+        (seed, session, counts[seed % len(counts)], bool(given.foreign), given.product_geometry)
         for seed in range(given.first_seed, given.first_seed + given.arms)
     ]
     rows = []

@@ -96,10 +96,10 @@ def judge_names(findings, causes):
     return Names(len(known), len(right), len(rival), len(wrong), len(findings))
 
 
-def identify(columns, session, folder, *options):
+def identify(columns, session, folder, *options, name="calibrated"):
     """Run `edbb identify`; the folder of its result, or None where it refuses to write a robot."""
     runs.write_run(columns, folder / "run.csv")
-    out = folder / "calibrated"
+    out = folder / name
     done = edbb("identify", folder / "run.csv", *session.words(), "-o", out, "--force", *options)
     if done.returncode == 3:
         return None
@@ -108,8 +108,8 @@ def identify(columns, session, folder, *options):
     return out
 
 
-def judge(seed, session, count, with_foreign, folder):
-    """One row of the table."""
+def judge(seed, session, count, with_foreign, folder, product_geometry=False):
+    """One row of the table; ``product_geometry`` judges what `edbb identify --geometry` releases as well."""
     true = make_arm(seed, session.gauge, count, with_foreign)
     columns = session.measure(true)
     row = {
@@ -125,6 +125,9 @@ def judge(seed, session, count, with_foreign, folder):
     if calibrated is None:
         return row | {"refused": 1}
     released, corrected = model_error(true, q, calibrated / "robot.toml", folder, condition)
+    if product_geometry:
+        alone = identify(columns, session, folder, "--geometry", "--no-trace", name="alone")
+        row["product_geometry_mm"] = model_error(true, q, alone / "robot.toml", folder, condition)[0]
     report = json.loads((calibrated / "identification.json").read_text(encoding="utf-8"))
     names = judge_names(report["findings"], true.causes)
     return row | {
