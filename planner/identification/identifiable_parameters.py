@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from planner.cell.cell import Cell
-from planner.cell.setup import MeasurementSetup
+from planner.cell.setup import FREEABLE, MeasurementSetup
 from planner.common.determinism import even_positions
 from planner.common.units import Array
 from planner.design.free_parameters import (
@@ -63,6 +63,12 @@ class FittedParameters:
     dropped: tuple[DroppedParameter, ...]
     held: tuple[Parameter, ...] = ()
 
+    @property
+    def unseen(self) -> tuple[Parameter, ...]:
+        """What may be off and the run cannot tell from what is fitted."""
+        names = {d.name for d in self.dropped} - {p.name for p in self.held}
+        return tuple(p for p in self.whole.parameters if p.name in names)
+
     def upto(self, effects: Sequence[str]) -> Model:
         """Return the model with the identifiable parameters of gauge, geometry and these kinds of effect."""
         return parameters_of_groups(self.model, ("gauge", "geometry", *effects))
@@ -76,7 +82,7 @@ def choose_parameters(cell: Cell, setup: MeasurementSetup, run: Run, more: tuple
     Raises:
         InputError: the cell declares an effect that this run cannot show.
     """
-    whole = Model.of(setup, cell.plan.free | ({"tool"} if not cell.tool.known else frozenset()))
+    whole = _stated_model(cell, setup, run)
     if run.clocks == 2 and run.samples.speed is not None:
         whole = whole.before([clock_offset_parameter(setup)])
     whole = whole.plus(declared_parameters(cell, setup, run.samples, more))
@@ -91,14 +97,39 @@ def choose_parameters(cell: Cell, setup: MeasurementSetup, run: Run, more: tuple
     return FittedParameters(whole.plus(idle), model, (*seen.dropped, *out, *still), known)
 
 
+def _stated_model(cell: Cell, setup: MeasurementSetup, run: Run) -> Model:
+    """Return the model of gauge and robot with all of the set-up that may be off, whether or not the cell frees it.
+
+    What a cell holds for known is known no better than it says (``prior_mm``): it is in the model with that size, so
+    that it takes the shape of no error of robot or gauge, and what cannot be told from it is as uncertain as it is.
+    Only what is known better than one reading could show stands as stated, such as a zero that is set as well as the
+    bar reads.
+    """
+    free = cell.plan.free | ({"tool"} if not cell.tool.known else frozenset())
+    freed, whole = Model.of(setup, free), Model.of(setup, FREEABLE)
+    held = [k for k, p in enumerate(whole.parameters) if p.name not in freed.names and not p.name.startswith("zero")]
+    if not held:
+        return freed
+    few, noise = _few_samples(whole, run)
+    moves = np.sqrt((whole.subset(held).rows(few) ** 2).sum(axis=1).mean(axis=0))
+    shown = {whole.names[k] for k, size in zip(held, moves, strict=True) if whole.prior[k] * size > noise}
+    return whole.subset([k for k, name in enumerate(whole.names) if name in shown.union(freed.names)])
+
+
+def _few_samples(model: Model, run: Run) -> tuple[Samples, float]:
+    """Return some samples of a run, and the noise of one reading [m]."""
+    few = run.samples.take(even_positions(len(run), DECIDING_SAMPLES))
+    covariance = Whitener.of(model, few).covariance(slice(None))
+    each: Array = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2).max(axis=1))
+    return few, float(np.median(each))
+
+
 def _held_parameters(cell: Cell, model: Model, run: Run) -> tuple[DroppedParameter, ...]:
     """Return tool parameters whose declared uncertainty is smaller than this run could reach."""
     if not cell.tool.measured:
         return ()
-    few = run.samples.take(even_positions(len(run), DECIDING_SAMPLES))
-    covariance = Whitener.of(model, few).covariance(slice(None))
-    each: Array = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2).max(axis=1))
-    return hold_measured_tool(cell, model, model.rows(few), float(np.median(each)), len(run))
+    few, noise = _few_samples(model, run)
+    return hold_measured_tool(cell, model, model.rows(few), noise, len(run))
 
 
 ABSORBED_SHARE = 0.02  # part of a left-out parameter's direction, per prior size, below which nobody need hear of it

@@ -75,8 +75,8 @@ def identify(
     def judge(found: Fit) -> Metrics | None:
         return None if validation is None or bare is None else validate_fit(found, validation, bare)
 
-    context = FitContext(run, parts, judge, settings.robust)
     free = choose_parameters(cell, setup, run)
+    context = FitContext(run, parts, judge, settings.robust, free.unseen)
     _check_size(context, free.model)
     model = free.upto(())
     say("nominal robot")

@@ -10,6 +10,7 @@ from planner.common.arrays import mean_by_group
 from planner.common.determinism import even_positions
 from planner.common.units import MM, Array
 from planner.effects.context import Context
+from planner.effects.effect import Parameter
 from planner.identification.calibration import TracingResult
 from planner.identification.cross_validation import Split, predict_held_out
 from planner.identification.identifiable_parameters import FittedParameters
@@ -36,12 +37,20 @@ class FittedStage:
 
 @dataclass(frozen=True)
 class FitContext:
-    """What every fit of a run needs: run, split, judge of the validation run, and whether outliers count less."""
+    """What every fit of a run needs.
+
+    Attributes:
+        run, split: with what is held out.
+        judge: of the validation run.
+        robust: whether outliers count less.
+        unseen: parameters that may be off as well, and that the run cannot tell from those that are fitted.
+    """
 
     run: Run
     split: Split
     judge: Callable[[Fit], Metrics | None]
     robust: bool
+    unseen: tuple[Parameter, ...] = ()
     _problems: dict[bool, FitProblem] = field(default_factory=dict, repr=False, compare=False)
     _whole: list["_Piece"] = field(default_factory=list, repr=False, compare=False)
 

@@ -81,10 +81,10 @@ class Evidence:
 
 
 def finding_steps(facts: CalibrationFacts) -> tuple[FindingStep, ...]:
-    """Return the findings with their stages, in the order in which they came."""
+    """Return the findings that came with a stage, in the order in which they came; the set-up has none of its own."""
     c = facts.calibration
     out = list[tuple[int, FindingStep]]()
-    for f in c.findings:
+    for f in (f for f in c.findings if any(f.name in s.effects for s in c.stages)):
         without = [k for k, s in enumerate(c.stages) if f.name not in s.effects]
         first = min(without[-1] + 1, len(c.stages) - 1)  # one of that name may have come before, and gone
         before = c.stages[max(first - 1, 0)]

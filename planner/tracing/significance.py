@@ -130,15 +130,14 @@ class OwnGain:
     error: float
 
 
-def own_gains(state: SearchState, fit_context: FitContext) -> list[OwnGain]:
-    """What each effect of a state gains; noise, prior sizes and masses stay as they are."""
+def own_gains(state: SearchState, fit_context: FitContext, effects: Sequence[FittedEffect]) -> list[OwnGain]:
+    """What each of some effects in the model of a state gains; noise, prior sizes and masses stay as they are."""
     fit = state.fit
     few = fit_context.part(fit.model) if len(fit.problem) < len(fit_context.run) else None
     split = fit_context.split if few is None else fit_context.split.take(few)
     parameters = fit.model.parameters
     parts = [
-        [*state.positions(f), *(j for j, p in enumerate(parameters) if p.name == f.sensitivity_name)]
-        for f in state.effects
+        [*state.positions(f), *(j for j, p in enumerate(parameters) if p.name == f.sensitivity_name)] for f in effects
     ]
     masses = [j for j, p in enumerate(parameters) if p.group == LINK_MASSES]
     after = predict_held_out(fit, split).residual
@@ -147,8 +146,10 @@ def own_gains(state: SearchState, fit_context: FitContext) -> list[OwnGain]:
     return [OwnGain(Metrics.of(b).rms - least, *error_reduction(b, after, split)) for b in bare]
 
 
-def wald_statistic(state: SearchState, found: FittedEffect) -> tuple[float, int]:
+def wald_statistic(state: SearchState, found: FittedEffect, beside: Array | None = None) -> tuple[float, int]:
     """Wald statistic of an effect over the number of its parameters, and that number: how far its size is from zero.
+
+    ``beside`` is a covariance (k, k) of its sizes by what is not in the model.
 
     Of a gear's curve only what the readings decide is counted: waves that are too quick for the poses to show are
     expected near zero and found there. Masses other than stated count as known: they show through the compliances
@@ -157,15 +158,19 @@ def wald_statistic(state: SearchState, found: FittedEffect) -> tuple[float, int]
     kept, whole = state.known_root
     which = np.searchsorted(kept, state.positions(found))
     root = whole[which]
-    variance, axes = np.linalg.eigh(root @ root.T)  # per prior size: 1 where the readings say nothing
-    along = axes.T @ (state.fit.errors / state.fit.problem.prior)[kept][which]
+    prior = state.fit.problem.prior[kept][which]
+    spread = root @ root.T if beside is None else root @ root.T + beside / np.outer(prior, prior)
+    variance, axes = np.linalg.eigh(spread)  # per prior size: 1 where the readings say nothing
+    along = axes.T @ (state.fit.errors[kept][which] / prior)
     decided = variance < DETERMINED_VARIANCE
     if not found.has(Role.GEAR_CURVE) or not decided.any():
         decided = np.ones(len(which), dtype=bool)
     return float((along[decided] ** 2 / variance[decided]).mean()), int(decided.sum())
 
 
-def wald_log_p(state: SearchState, found: FittedEffect, tried: int, inflation: float | None = None) -> float:
+def wald_log_p(
+    state: SearchState, found: FittedEffect, tried: int, inflation: float | None = None, beside: Array | None = None
+) -> float:
     """Logarithm of the chance of so large an effect in the final model, corrected for everything that was tried.
 
     Beside other gears that run unevenly a gear's curve is one of as many as there are joints.
@@ -175,7 +180,7 @@ def wald_log_p(state: SearchState, found: FittedEffect, tried: int, inflation: f
     if found.has(Role.GEAR_CURVE) and sum(f.has(Role.GEAR_CURVE) for f in state.effects) > 1:
         tried = min(tried, state.base.setup.robot.n_joints)
     dof = max(1.0, len(state.fit.problem) * state.fit.model.width / inflation - state.fit.effective)
-    size, directions = wald_statistic(state, found)
+    size, directions = wald_statistic(state, found, beside)
     from scipy.stats import f as f_distribution  # costs most of a second
 
     one = f_distribution.logsf(size / inflation, directions, dof)

@@ -21,6 +21,7 @@ from planner.tracing.search import SearchResult, search
 from planner.tracing.search_context import Progress, SearchContext
 from planner.tracing.significance import LEAST_GAIN, LOG_SIGNIFICANCE, own_gains, variance_inflation, wald_log_p
 from planner.tracing.state import FittedEffect, SearchState
+from planner.tracing.stated_set_up import covariance_beside, stated_set_up
 from planner.tracing.transmission_error import dominant_waves
 
 RIVAL_MARGIN = 9.2  # fall of minus twice the log likelihood that tells two causes apart: a hundred to one
@@ -200,22 +201,30 @@ def trace(geometry: FittedStage, fit_context: FitContext, report: Progress) -> t
     A kind of effect that is in the model already is not looked for again.
     """
     offered = catalogue(geometry.fit.setup, fit_context.run.samples)
-    effects = [e for e in offered if not e.has(Role.UNTRACED) and e.kind not in geometry.stage.effects]
+    stated = stated_set_up(offered, geometry.fit.model)
+    there = {*geometry.stage.effects, *(f.name for f in stated)}
+    effects = [e for e in offered if not e.has(Role.UNTRACED) and not there & {e.kind, e.name}]
     result = search(SearchState(geometry.fit.model, (), geometry), effects, fit_context, report)
     last = result.last
     test = result.context.score_test(last)
     report("rivals")
-    gains = own_gains(last, fit_context)
+    beside = {f.name: covariance_beside(last, f, fit_context.unseen) for f in stated}
+    off = [f for f in stated if wald_log_p(last, f, len(stated), beside=beside[f.name]) < LOG_SIGNIFICANCE]
+    gains = own_gains(last, fit_context, (*off, *last.effects))
     findings = tuple(
-        _finding(result, f, own.fall, find_rivals(result.context, last, f), fit_context.run)
-        for f, own in zip(last.effects, gains, strict=True)
+        _finding(result, f, own.fall, find_rivals(result.context, last, f), fit_context.run, beside.get(f.name))
+        for f, own in zip((*off, *last.effects), gains, strict=True)
+        if f in last.effects or own.share > max(own.error, LEAST_GAIN)
     )
     report("detection limits")
     silent = tuple(detection_limits(test, [e for e in effects if e.name not in last.names], result.tried))
     return [s.fitted for s in result.path[1:]], TracingResult(findings, silent, result.rejected, result.tried)
 
 
-def _finding(result: SearchResult, found: FittedEffect, gain: float, others: tuple[str, ...], run: Run) -> Finding:
+def _finding(
+    result: SearchResult, found: FittedEffect, gain: float, others: tuple[str, ...], run: Run, beside: Array | None
+) -> Finding:
+    """Return what is said of an effect; ``beside`` is a covariance of its sizes by what is not in the model."""
     last, nonlinear = result.last, found.effect.nonlinear
     which = last.positions(found)
     root = last.fit.solution.root(last.fit.problem.prior)
@@ -225,7 +234,8 @@ def _finding(result: SearchResult, found: FittedEffect, gain: float, others: tup
     # of the effect as a whole, its shape held: how the parameters share what the geometry can take up too is not size
     std = value * np.sqrt(inflation / max(float(sizes @ np.linalg.solve(own @ own.T, sizes)), 1e-300))
     if found.has(Role.SET_UP):  # where something stands is measured from where the geometry has the robot
-        std = float(np.linalg.norm(own.T @ sizes)) / max(value, 1e-300) * np.sqrt(inflation)
+        spread = own @ own.T * inflation + (0.0 if beside is None else beside)
+        std = float(np.sqrt(sizes @ spread @ sizes)) / max(value, 1e-300)
     signed = value if len(which) > 1 else float(sizes[0])
     inner_std = None
     if found.sensitivity_name in last.fit.model.names:
@@ -234,7 +244,7 @@ def _finding(result: SearchResult, found: FittedEffect, gain: float, others: tup
     inner = None
     if found.value is not None and nonlinear is not None:
         inner = InnerNumber(name=nonlinear.name, value=found.value, std=inner_std, unit=nonlinear.unit)
-    log_p = wald_log_p(last, found, result.tried, inflation)
+    log_p = wald_log_p(last, found, result.tried, inflation, beside)
     finding = Finding(
         effect=found.effect.kind,
         on=str(found.effect.place),

@@ -133,7 +133,7 @@ def _refine_quickness(context: SearchContext, state: SearchState) -> SearchState
 def _drop_needless_curves(context: SearchContext, state: SearchState) -> SearchState:
     """Take out curves without which held-out samples lose nothing that matters, the least first."""
     while len(state.effects) > 1:
-        own = zip(own_gains(state, context.fit_context), state.effects, strict=True)
+        own = zip(own_gains(state, context.fit_context, state.effects), state.effects, strict=True)
         margins = [(g.share - max(g.error, LEAST_GAIN), f.name, f) for g, f in own if f.has(Role.GEAR_CURVE)]
         if not margins or (least := min(margins, key=lambda m: m[:2]))[0] > 0:
             break

@@ -31,7 +31,7 @@ COMPLIANCE = Effect("joint-compliance", 3, 0.0, (), 3.0)
 
 
 @cache
-def calibrated(off=(), effects=(), seed=1, build="edbb_static", free="[]", released=False):
+def calibrated(off=(), effects=(), seed=1, build="edbb_static", free="[]", released=False, known=""):
     """The arm's own errors drawn, of fixture, tool and zero those that are said; the cell frees what is said."""
     truth = draw_truth(arm(), seed, effects, USUAL, 0.1)
     stated = {n: v for n, v in truth.errors.items() if not n.startswith(("fixture", "map", "zero"))}
@@ -40,7 +40,9 @@ def calibrated(off=(), effects=(), seed=1, build="edbb_static", free="[]", relea
     with tempfile.TemporaryDirectory() as folder:
         run_csv, cell_toml = made.write(Path(folder))[:2]
         text = cell_toml.read_text()
-        cell_toml.write_text(text.replace('zero = "free"', 'zero = "known"') + f"\n[plan]\nfree = {free}\n")
+        text = text.replace('zero = "free"', 'zero = "known"').replace("[[fixtures]]\n", f"[[fixtures]]\n{known}")
+        text = text.replace("[tool]\n", f"[tool]\n{known}")
+        cell_toml.write_text(f"{text}\n[plan]\nfree = {free}\n")
         cell = load_cell(str(cell_toml), planning=False)
         run = load_runs([run_csv], cell.robot.n_joints)
         settings = FitSettings(release=released, geometry=released)
@@ -71,6 +73,36 @@ def test_a_fixture_and_a_zero_that_are_off_are_named_together(seed):
 )
 def test_one_thing_that_is_off_is_named_alone(off, name):
     assert names(calibrated(said(**off))[1]) == [name]
+
+
+TOGETHER = said(fixture_A_x=-1.4e-3, fixture_A_y=-0.7e-3, fixture_A_z=-7.7e-3, map_x=1.5e-3, map_y=0.1e-3, map_z=0.7e-3)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_what_a_cell_holds_is_as_uncertain_as_it_says(seed):
+    """A fixture and a tool that are off together were called a gauge scale, and joint zeros came out wrong by them."""
+    held, freed = calibrated(TOGETHER, seed=seed)[1], calibrated(TOGETHER, seed=seed, free='["fixture", "tool"]')[1]
+    assert held.workspace_error == pytest.approx(freed.workspace_error, rel=0.2)
+    assert {e.name for e in held.estimates if e.identifiable} == {e.name for e in freed.estimates if e.identifiable}
+    for e, other in zip(held.estimates, freed.estimates, strict=True):
+        if e.identifiable:
+            assert e.std == pytest.approx(other.std, rel=0.2)
+            assert abs(e.value - other.value) < 0.5 * e.std
+    fixture = next(f for f in held.findings if f.effect == "fixture place")
+    assert fixture.value == pytest.approx(7.86e-3, abs=3 * fixture.std)
+    assert 0.5e-3 < fixture.std < 2e-3  # the base stands no better than the robot's file says
+    assert {f.effect for f in held.findings} <= {"fixture place", "tool place"}
+    assert not freed.findings
+
+
+def test_a_set_up_that_is_known_well_stays_known():
+    """Measured to 5 µm nothing of the fixture is in the model; the base's height is told from it."""
+    text = "prior_mm = 0.005\n"
+    sure, vague = calibrated(known=text)[1], calibrated()[1]
+    names_of = [{e.name for e in c.estimates if e.identifiable} for c in (sure, vague)]
+    assert {"d1", "theta1"} <= names_of[0] - names_of[1]
+    assert {"fixture_A_x", "fixture_A_z"} <= names_of[1] - names_of[0]
+    assert {e.name: e.std for e in sure.estimates}["d1"] < 0.1e-3
 
 
 def test_along_a_drive_too():
