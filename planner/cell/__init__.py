@@ -3,6 +3,7 @@
 __all__ = [
     "cell",
     "circles",
+    "declared",
     "file",
     "gauge",
     "gauge_registry",

@@ -15,15 +15,16 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 
 from planner import __version__
+from planner.cli.declared import folder_command
 from planner.cli.terminal import errors
 from planner.common.errors import InputError, PlannerError
 from planner.common.files import INPUTS, OVERWRITING, short_path
 from planner.common.quiet import results_alone
 from planner.kinematics.packages import COMMAND_PACKAGES
+from planner.workflow.verbs import DECLARED
 
 PLANNING, CALIBRATION, CELL, SERVICE = "plan_commands", "calibration_commands", "cell_commands", "service_commands"
-VERBS = {  # name: (module, line in the list of commands); plan-check is plan_check_command there
-    "plan": (PLANNING, "Plan a measuring session: poses, path, robot program, report."),
+WRITTEN = {  # not declared: (module, line in the list of commands); plan-check is plan_check_command there
     "study": (PLANNING, "Observability offline: what can be seen, and from where."),
     "export": (PLANNING, "Write the robot program of a plan in any dialect."),
     "simulate": (CALIBRATION, "Simulate the measured run of a plan."),
@@ -44,6 +45,8 @@ VERBS = {  # name: (module, line in the list of commands); plan-check is plan_ch
     "robots": (SERVICE, "List the robots and cells that come with the planner."),
     "dialects": (SERVICE, "List the robot languages that programs can be written in."),
 }
+VERBS = {name: call.line for name, call in DECLARED.items()} | {name: line for name, (_, line) in WRITTEN.items()}
+"""Every command, and its line in the list."""
 
 
 class PlainSwitches:
@@ -98,7 +101,7 @@ class Verbs(PlainSwitches, TyperGroup):
 
     def __init__(self, **attributes: Any) -> None:
         super().__init__(**attributes)
-        for name, (_, line) in VERBS.items():
+        for name, line in VERBS.items():
             self.add_command(TyperCommand(name, help=line))
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
@@ -109,9 +112,10 @@ class Verbs(PlainSwitches, TyperGroup):
 
 def command_function(name: str) -> Callable[..., None]:
     """Return the function of the command ``name``."""
-    function: Callable[..., None] = getattr(
-        import_module(f"planner.cli.{VERBS[name][0]}"), f"{name.replace('-', '_')}_command"
-    )
+    if name in DECLARED:
+        return folder_command(DECLARED[name])
+    module = import_module(f"planner.cli.{WRITTEN[name][0]}")
+    function: Callable[..., None] = getattr(module, f"{name.replace('-', '_')}_command")
     return function
 
 

@@ -1,8 +1,8 @@
-"""The commands of planning: plan, study, export, plan-both, loaded-places."""
+"""The commands of planning: study, export, plan-both, loaded-places."""
 
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -23,80 +23,19 @@ from planner.cli.terminal import (
     give,
     print_next,
 )
-from planner.common.choices import Aim, IndexName, SelectionMethod, TourOrder
-from planner.common.errors import PARTLY_DONE, InputError
+from planner.common.choices import IndexName
+from planner.common.errors import InputError
 from planner.common.lazy_modules import LazyModule
 from planner.common.progress import Stages
 from planner.common.result import Result
-from planner.report.standby import stand_by
 
 if TYPE_CHECKING:
     from planner.studies import cell_study, sweep
-    from planner.workflow import loaded_planning, planning
+    from planner.workflow import loaded_planning
 else:  # imported by the work itself, once its progress shows
     cell_study = LazyModule("planner.studies.cell_study")
     sweep = LazyModule("planner.studies.sweep")
     loaded_planning = LazyModule("planner.workflow.loaded_planning")
-    planning = LazyModule("planner.workflow.planning")
-
-
-def plan_command(
-    cell: CellArgument,
-    output: Output,
-    poses: Annotated[
-        int | None, typer.Option(min=1, help="number of poses (default: where the index curve bends)")
-    ] = None,
-    index: Annotated[IndexName | None, typer.Option(help="observability index to select by")] = None,
-    seed: Seed = 0,
-    dialect: Dialects = None,
-    tsp: Annotated[Literal["auto", "exact", "concorde"], typer.Option(help="tour solver")] = "auto",
-    separate: Annotated[
-        Path | None,
-        typer.Option(metavar="IDENTIFICATION.json", help="choose poses that tell its findings from their rivals"),
-    ] = None,
-    fixtures: Annotated[
-        int | None, typer.Option(min=1, max=6, help="fixtures in all: good places are found for those beside the first")
-    ] = None,
-    aim: Annotated[
-        Aim | None, typer.Option(help="poses by the index, or by the error that is left once hidden effects are traced")
-    ] = None,
-    method: Annotated[
-        SelectionMethod | None,
-        typer.Option(help="how the index selects: by exchange (default), or one pose at a time taken away"),
-    ] = None,
-    order: Annotated[
-        TourOrder | None, typer.Option(help="order of the poses: by each leg's slowest limit (default), or axis")
-    ] = None,
-    time_limit: Annotated[
-        float | None,
-        typer.Option(min=1, metavar="SECONDS", help="search no longer; what that leaves open is said (exit code 5)"),
-    ] = None,
-    as_json: Json = False,
-) -> None:
-    """Plan a measuring session: poses, certificate, collision-free path, robot program, report."""
-    with stand_by():
-        result = give(
-            lambda stages: planning.plan(
-                cell,
-                poses=poses,
-                index=index,
-                seed=seed,
-                dialect=dialect or (),
-                tsp=tsp,
-                separate=separate,
-                fixtures=fixtures,
-                aim=aim,
-                method=method,
-                order=order,
-                time_limit=time_limit,
-                progress=stages.say,
-            ),
-            output,
-            as_json,
-            PLAN,
-        )
-    if result.cut_short:
-        raise typer.Exit(PARTLY_DONE)
 
 
 def study_command(
@@ -160,7 +99,7 @@ def plan_both_command(
     def work(stages: Stages) -> Result:
         from planner.session.options import PlanOptions  # once its progress shows
 
-        options = PlanOptions(poses=poses, seed=seed, dialects=tuple(dialect or ()))
+        options = PlanOptions(poses=poses, seed=seed, dialect=tuple(dialect or ()))
         return loaded_planning.plan_both(unloaded, loaded, places, options, stages)
 
     give(work, output, as_json, PLAN)

@@ -36,6 +36,7 @@ IDENTIFY = {
     "reading": 0.0, "placing the gauge": 0.02, "nominal robot": 0.03, "frames": 0.04, "geometry": 0.06, "rivals": 0.42,
     "detection limits": 0.46, "calibrated robot": 0.5, "report": 0.85,
 }  # fmt: skip
+STARTS = {"plan": PLAN, "plan-both": PLAN, "study": STUDY, "identify": IDENTIFY}  # by verb
 UNKNOWN = 0.15  # of the way to the next stage, for a step that nobody foresaw: how many come is not known
 EARLY = 0.04  # below this share a guess of the time left is worth nothing
 

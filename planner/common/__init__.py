@@ -2,6 +2,7 @@
 
 __all__ = [
     "arrays",
+    "calls",
     "choices",
     "determinism",
     "errors",

@@ -16,3 +16,6 @@ TourOrder = Literal["slowest-limit", "slowest-axis"]
 
 SetUp = Literal["robot", "measured"]
 """How a fixture comes to its place: adjusted to the tool point where the robot drives it, or measured from the base."""
+
+TourSolver = Literal["auto", "exact", "concorde"]
+"""What finds the shortest order of the poses: our own search as long as it pays, to the proof, or Concorde."""

@@ -39,6 +39,9 @@ NOT_MEASURED = "SIMULATED: nobody has measured this robot; nothing here is true 
 class Result(ABC):
     """What a command found; nothing is written before :meth:`write` is called."""
 
+    cut_short: tuple[str, ...] = ()
+    """What a limit left undone."""
+
     @abstractmethod
     def summary(self) -> str:
         """Return what was found, in a few lines."""

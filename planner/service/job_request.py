@@ -7,6 +7,7 @@ from typing import Annotated, Any, ClassVar, Self
 
 from pydantic import Field, model_validator
 
+from planner.common.calls import JobFile, ServedField
 from planner.common.schema import StrictModel
 from planner.service.job_folder import FileReference, JobFolder, JobId
 from planner.service.job_store import JobCommand
@@ -34,13 +35,15 @@ ExtraFiles = Annotated[
 class JobRequest(StrictModel, ABC):
     """Something that a job does.
 
-    ``verb`` is the command that does it, or the ``task`` of the service, where that is not the kind; ``document`` the
-    file of its results that pages and programs read, ``example`` a request for the interface.
+    ``verb`` is the command that does it, or the ``task`` of the service, where that is not the kind; ``declared``: the
+    fields that the verb's declaration gives; ``document`` the file of its results that pages and programs read,
+    ``example`` a request for the interface.
     """
 
     kind: ClassVar[str]
     verb: ClassVar[str] = ""
     task: ClassVar[bool] = False
+    declared: ClassVar[tuple[ServedField, ...]] = ()
     document: ClassVar[str] = ""
     example: ClassVar[dict[str, Any]]
 
@@ -60,12 +63,23 @@ class JobRequest(StrictModel, ABC):
         Raises:
             InputError: a file or a job that the request names is not there, or two files have one name.
         """
-        words = (self.first_word, *self.arguments(folder))
-        return JobCommand(words, folder.inputs, self.task)
+        words = [self.first_word, *self.arguments(folder)]
+        if self.declared:
+            words += [*self.output_words(), *self._declared_words(folder)]
+        return JobCommand(tuple(words), folder.inputs, self.task)
 
     @abstractmethod
     def arguments(self, folder: JobFolder) -> list[str]:
         """Return the words after the first."""
+
+    def output_words(self) -> tuple[str, ...]:
+        """Return the words that say where the results go."""
+        return ("-o", "out", "--json")
+
+    def _declared_words(self, folder: JobFolder) -> list[str]:
+        """Return the options that are given, and lay the files that they name into the folder of the job."""
+        given = [(s, getattr(self, s.name)) for s in self.declared]
+        return [w for s, value in given if value is not None for w in _option_words(s, value, folder)]
 
     @abstractmethod
     def subject(self, folder: JobFolder) -> str:
@@ -73,9 +87,22 @@ class JobRequest(StrictModel, ABC):
 
     def job_id(self, command: JobCommand) -> str:
         """Return the identifier of the job: a hash of what it is asked for and of its files."""
-        asked = json.loads(self.model_dump_json(exclude={"title"}))
+        asked = json.loads(self.model_dump_json(exclude={"title"}, exclude_none=True))
         content = [self.kind, asked, [[i.name, i.sha256] for i in command.inputs]]
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:24]
+
+
+def _option_words(served: ServedField, value: object, folder: JobFolder) -> list[str]:
+    """Return an option with its value, as often as it has one; a file that it names is laid in."""
+    source, flag = served.option.from_service, served.field.flag
+    if isinstance(source, JobFile):
+        _ = folder.results(str(value), source.kind, source.folder, source.also)
+        return [flag, source.word]
+    if isinstance(value, FileReference):
+        return [flag, folder.file(value)]
+    if isinstance(value, bool):
+        return [flag] if value else []
+    return [w for v in (value if isinstance(value, list) else [value]) for w in (flag, str(v))]
 
 
 def options(**values: object) -> list[str]:

@@ -1,13 +1,14 @@
 """What a client may ask for: one model a kind of job, with the command that it becomes."""
 
-from typing import Annotated, Literal, Self
+from typing import Annotated, Self
 
 from pydantic import Field, model_validator
 
-from planner.common.choices import Aim, IndexName, SelectionMethod, TourOrder
+from planner.common.choices import IndexName
 from planner.common.errors import InputError
 from planner.programs.dialect import load_dialect
 from planner.service.command_words import leads_outside
+from planner.service.declared_request import take_fields
 from planner.service.job_folder import FileInFolder, FileReference, JobFolder, JobId
 from planner.service.job_request import (
     CellRequest,
@@ -23,6 +24,7 @@ from planner.service.job_request import (
     Word,
     options,
 )
+from planner.workflow.plan_call import PlanCall
 
 VERBS = (  # commands that run on a server
     "plan", "study", "export", "simulate", "identify", "import", "compensate", "accuracy", "plan-check", "check",
@@ -73,31 +75,13 @@ class CommandRequest(JobRequest):
         return self.title or " ".join(self.words)[:MOST_TITLE]
 
 
+@take_fields(PlanCall)
 class PlanRequest(CellRequest):
-    """Plan a measuring session: poses, certificate, collision-free path, robot programs, report."""
+    """What is laid into the folder of a plan beside what it declares: the cell."""
 
     kind = "plan"
     document = "plan.json"
     example = {"cell": "comau-nj130/edbb", "poses": 60, "dialects": ["krl"]}
-    poses: Annotated[int, Field(ge=1, le=1000)] | None = None
-    index: IndexName | None = None
-    seed: Seed = 0
-    dialects: Annotated[list[Dialect], Field(max_length=10)] = []
-    tsp: Literal["auto", "exact"] = "auto"
-    separate: JobId | None = Field(
-        None, description="an identification: poses that tell its findings from their rivals"
-    )
-    fixtures: Annotated[int, Field(ge=1, le=6)] | None = None
-    aim: Aim | None = None
-    method: SelectionMethod | None = None
-    order: TourOrder | None = None
-
-    def arguments(self, folder: JobFolder) -> list[str]:
-        """Return cell and options."""
-        cell = super().arguments(folder)
-        chosen = self.model_dump(include={"poses", "index", "seed", "tsp", "fixtures", "aim", "method", "order"})
-        rivals = self.separate and f"{folder.results(self.separate, 'identification', 'before')}/identification.json"
-        return [*cell, *TO_OUT, *options(**chosen, dialect=self.dialects, separate=rivals)]
 
 
 class StudyRequest(CellRequest):

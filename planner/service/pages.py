@@ -24,6 +24,7 @@ from planner.model.identification_document import Identification
 from planner.report.page import template_environment
 from planner.service.answers import Job
 from planner.service.context import Context, ServiceContext
+from planner.service.declared_request import typed_options
 from planner.service.file_api import dialect_entries, robot_entries, robot_title
 from planner.service.guards import COOKIE, is_secure, session_cookie
 from planner.service.job_api import output_path
@@ -81,6 +82,7 @@ STATIC = FOLDER / "static"
 PAGES = APIRouter(include_in_schema=False, default_response_class=HTMLResponse)
 ENVIRONMENT = template_environment(FOLDER / "templates")
 ENVIRONMENT.globals |= {"version": __version__, "find_action": find_action, "finding_size": finding_size}
+ENVIRONMENT.globals["typed_options"] = typed_options
 
 
 def render(template: str, status: int = 200, /, **content: object) -> HTMLResponse:

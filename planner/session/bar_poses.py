@@ -1,6 +1,7 @@
 """Poses of a bar: drawn from its shell, chosen by the index, for discrimination or for tracing, and driven."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
@@ -44,7 +45,7 @@ class BarPoses(PoseSession):
         super().__init__(cell, options, chooser)
         self.tracing = options.for_tracing(cell)
         robot, file = cell.robot, options.separate
-        self.rivals = read_identification(file, robot.name, robot.n_joints) if file else None
+        self.rivals = read_identification(Path(file), robot.name, robot.n_joints) if file else None
         if self.rivals:  # they choose the poses, whatever the cell says
             self.method = "exchange"
 

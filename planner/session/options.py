@@ -1,42 +1,52 @@
-"""What a person may ask of a plan, and all that is checked of it and of the cell before any planning."""
+"""What a person may ask of a plan, and what of it does not go together."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
-import numpy as np
-
-from planner.cell.cell import Cell
-from planner.common.choices import Aim, SelectionMethod, TourOrder
+from planner.common.calls import Dialects, JobFile, Option, Seed
+from planner.common.choices import Aim, IndexName, SelectionMethod, TourOrder, TourSolver
 from planner.common.errors import InputError
-from planner.motion.collision.surroundings import check_surroundings
-from planner.motion.tour.solve import Method, require_concorde
-from planner.programs.controller_axes import axes_for
-from planner.programs.dialect import load_dialect
-from planner.programs.instructions import Centre, Instruction, JointMove
-from planner.runs.run import FIRST_MOUNTING
-from planner.session.neutral_program import build_program, preparation, write_session
 
-ANY_ROBOT = "poses-csv"
-"""Written where neither the cell nor the robot names a language: a list that anybody can read."""
+if TYPE_CHECKING:
+    from planner.cell.cell import Cell
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class PlanOptions:
-    """What the command line may change; ``None`` leaves it to the cell."""
+    """What a person may ask of the planning; ``None`` leaves it to the cell."""
 
-    poses: int | None = None
-    index: str | None = None
-    seed: int = 0
-    dialects: tuple[str, ...] = ()
-    tsp: Method = "auto"
-    separate: Path | None = None
-    fixtures: int | None = None
-    aim: Aim | None = None
-    method: SelectionMethod | None = None
-    order: TourOrder | None = None
+    poses: Annotated[
+        int | None, Option("number of poses (default: where the index curve bends)", min=1, max_served=1000)
+    ] = None
+    index: Annotated[IndexName | None, Option("observability index to select by")] = None
+    seed: Seed = 0
+    dialect: Dialects = ()
+    tsp: Annotated[TourSolver, Option("tour solver")] = "auto"
+    separate: Annotated[
+        Path | str | None,
+        Option(
+            "choose poses that tell its findings from their rivals",
+            typed=Path | None,
+            metavar="IDENTIFICATION.json",
+            from_service=JobFile("identification", "before", "identification.json"),
+        ),
+    ] = None
+    fixtures: Annotated[
+        int | None, Option("fixtures in all: good places are found for those beside the first", min=1, max=6)
+    ] = None
+    aim: Annotated[
+        Aim | None, Option("poses by the index, or by the error that is left once hidden effects are traced")
+    ] = None
+    method: Annotated[
+        SelectionMethod | None,
+        Option("how the index selects: by exchange (default), or one pose at a time taken away (EDBB paper)"),
+    ] = None
+    order: Annotated[TourOrder | None, Option("order of the poses: by each leg's slowest limit (default), or axis")] = (
+        None
+    )
 
-    def in_order(self, cell: Cell) -> Cell:
+    def in_order(self, cell: "Cell") -> "Cell":
         """Return the cell with the order of the poses that is asked for, in its file as well."""
         if self.order is None:
             return cell
@@ -44,7 +54,7 @@ class PlanOptions:
         file = cell.file.model_copy(update={"motion": asked})
         return replace(cell, file=file, motion=replace(cell.motion, order=self.order))
 
-    def for_tracing(self, cell: Cell) -> bool:
+    def for_tracing(self, cell: "Cell") -> bool:
         """Tell whether the poses are to show what nobody has declared: where nothing else is asked for, they are.
 
         Raises:
@@ -66,36 +76,20 @@ class PlanOptions:
             raise InputError(f"{cell.path}: --separate chooses the poses, and so does the aim 'tracing': leave one out")
         return wanted
 
-    def known_dialects(self, cell: Cell) -> tuple[str, ...]:
-        """The dialects to write; what is wrong with them, the cell or the solver is told before a minute's work.
 
-        Raises:
-            InputError: there is no such dialect, the robot's file does not say how its controller counts the axes, or
-                the cell is wrong (see :mod:`planner.session.options`).
-            MissingProgramError: Concorde was asked for and is not there.
-        """
-        if self.tsp == "concorde":
-            _ = require_concorde()
-        dialects = self.dialects or cell.controller.dialects or (cell.robot.dialect or ANY_ROBOT,)
-        for name in dialects:
-            _ = axes_for(cell.robot, load_dialect(name))
-        check_cell(cell, dialects)
-        return dialects
-
-
-def check_circle_options(cell: Cell, options: PlanOptions) -> None:
+def check_circle_options(cell: "Cell", options: PlanOptions) -> None:
     """Check that nothing is asked of a circular test that only a choice of poses can give.
 
     Raises:
         InputError: with the options to leave out.
     """
-    names = ("poses", "index", "separate", "fixtures", "aim", "method", "order")
-    given = ", ".join(f"--{name}" for name in names if getattr(options, name) is not None)
+    of_choice = [f.name for f in fields(PlanOptions) if f.default is None]
+    given = ", ".join(f"--{name}" for name in of_choice if getattr(options, name) is not None)
     if given:
         raise InputError(f"{cell.path}: a circular test has no poses to be chosen; leave out {given}")
 
 
-def check_point_options(cell: Cell, options: PlanOptions) -> None:
+def check_point_options(cell: "Cell", options: PlanOptions) -> None:
     """Check that nothing is asked of a plan for balls or a tracker that only the poses of a bar can give.
 
     Raises:
@@ -115,33 +109,3 @@ def check_point_options(cell: Cell, options: PlanOptions) -> None:
             f"{cell.path}: --separate chooses the poses of a bar, {here}, "
             "or measure with a bar what the identification left open"
         )
-
-
-NO_PLAN = "0" * 12
-
-
-def check_cell(cell: Cell, dialects: Sequence[str]) -> None:
-    """Write a program of two moves in every dialect, and hold the surroundings against what the robot can reach.
-
-    Raises:
-        InputError: naming the key.
-    """
-    check_surroundings(cell)
-    _check_home(cell)
-    home = JointMove(tuple(float(v) for v in np.rad2deg(cell.home)), 10.0, 50.0, 5.0)
-    body: list[Instruction] = [home]
-    if cell.gauge.ball_to_centre(cell, cell.home) is not None:
-        body.append(Centre(1, 1))
-    body += preparation(cell, FIRST_MOUNTING)
-    for name in dialects:
-        try:
-            write_session(cell, build_program(cell, NO_PLAN, [*body, home]), name, cell.robot.name)
-        except InputError as err:
-            raise InputError(f"{cell.path}: the program in '{name}' cannot be written: {err}") from err
-
-
-def _check_home(cell: Cell) -> None:
-    robot = cell.robot
-    off = np.flatnonzero((cell.home < robot.q_lower) | (cell.home > robot.q_upper))
-    if len(off):
-        raise InputError(f"{cell.path}: home_deg lies beyond the limit of joint {off[0] + 1}")

@@ -25,6 +25,7 @@ from planner.design.pose_selection import PoseChoice, replace_pose
 from planner.design.selection.certificate import Certificate
 from planner.design.selection.index_curves import BackgroundCurve
 from planner.programs.verification import shared_notes
+from planner.session.cell_checks import settle_dialects
 from planner.session.neutral_program import assemble_programs, session_program, write_programs
 from planner.session.notes import bar_notes, discrimination_as_driven, discrimination_notes, session_notes
 from planner.session.options import PlanOptions
@@ -81,7 +82,7 @@ def plan_session(
         InputError: the cell or an option is wrong.
         NoSolutionError: a stage has no solution; the message says which.
     """
-    dialects = options.known_dialects(session.cell)
+    dialects = settle_dialects(session.cell, options)
     bare = session.drive(stages)
     with stages.stage("programs"):
         if driven:

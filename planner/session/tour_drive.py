@@ -13,6 +13,7 @@ from functools import partial
 import numpy as np
 
 from planner.cell.cell import Cell
+from planner.common.choices import TourSolver
 from planner.common.errors import NoSolutionError
 from planner.common.second_process import ForkedTask
 from planner.common.units import Array
@@ -21,7 +22,7 @@ from planner.motion.path.connection import connect_poses, prove_detours
 from planner.motion.path.constraints import Constraints
 from planner.motion.path.verdict import PathGaps, ProvenPath
 from planner.motion.timing.trajectory import check_limits
-from planner.motion.tour.solve import Method, Tour, solve_tour
+from planner.motion.tour.solve import Tour, solve_tour
 from planner.runs.run import Mounting
 from planner.session.course import Course, axis_limits, reading_limits, time_measuring
 from planner.session.plan_types import Drive, Visit, motion_signs
@@ -79,7 +80,7 @@ class Unreachable(Exception):
     which: int
 
 
-def drive_tour(place: MountingSession, stops: Sequence[TourStop], tsp: Method, seed: int, first: int = 0) -> Drive:
+def drive_tour(place: MountingSession, stops: Sequence[TourStop], tsp: TourSolver, seed: int, first: int = 0) -> Drive:
     """Join the stops of one fixture into a driven, timed and twice-judged tour from the mount pose and back to it.
 
     Args:
@@ -143,7 +144,7 @@ def proof_nodes(poses: int) -> int:
     return 0 if poses > MANY else min(MOST, int(AT_200 * (200 / poses) ** 5))
 
 
-def join_tour(place: MountingSession, nodes: Array, tsp: Method, seed: int) -> tuple[Tour, ProvenPath]:
+def join_tour(place: MountingSession, nodes: Array, tsp: TourSolver, seed: int) -> tuple[Tour, ProvenPath]:
     """Return the shortest tour of the nodes (n, N) [rad] that a path joins, and that path.
 
     Raises:
@@ -190,7 +191,7 @@ def _note_forbidden_legs(tour: Tour, forbidden: dict[tuple[int, int], str]) -> T
 
 
 def _repeat_tour(
-    cost: Array, order: list[int], repeats: int, forbidden: set[tuple[int, int]], tsp: Method, seed: int
+    cost: Array, order: list[int], repeats: int, forbidden: set[tuple[int, int]], tsp: TourSolver, seed: int
 ) -> list[int]:
     """Poses visited a second time at the end, spread evenly along the tour: their scatter is the noise floor."""
     inner = order[1:-1]

@@ -7,8 +7,10 @@ __all__ = [
     "compensation",
     "identification",
     "loaded_planning",
+    "plan_call",
     "plan_results",
     "plan_use",
     "planning",
     "recording",
+    "verbs",
 ]

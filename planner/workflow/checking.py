@@ -109,7 +109,7 @@ def plan_check(
     require_planning_packages()
     where, stages = load_cell(str(cell)), Stages(progress)
     known = Baseline.read(Path(baseline), where)
-    options = PlanOptions(seed=seed, dialects=dialect)
+    options = PlanOptions(seed=seed, dialect=dialect)
     session = pose_session(resting_cell(where), options, CheckChooser(known, poses))
     plan = plan_session(session, session.options, stages)
     driven = PlannedSession.of(plan)  # with the sides from which joints come to the poses, as the run will have them

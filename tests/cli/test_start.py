@@ -40,7 +40,7 @@ def test_the_help_of_a_command_loads_no_library_of_numbers():
 
 
 def test_every_verb_is_there_and_is_called():
-    for name, (_, line) in VERBS.items():
+    for name, line in VERBS.items():
         own = inspect.getdoc(command_function(name)).split()
         assert {w.strip(".,:").lower() for w in line.split()} & {w.strip(".,:").lower() for w in own}, name
     listed = edbb("--help").stdout

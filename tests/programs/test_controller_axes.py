@@ -15,6 +15,7 @@ from planner.programs.dialect import dialect_names, load_dialect
 from planner.programs.instructions import Entry, JointMove
 from planner.programs.rendering import axis_names
 from planner.programs.verification import ProgramMismatchError, read_texts, write_checked
+from planner.session.cell_checks import settle_dialects
 from planner.session.neutral_program import build_program, write_session
 from planner.session.options import PlanOptions
 from tests.kinematics.test_axes import ARMS, makers_joints
@@ -111,7 +112,7 @@ def test_a_pdl2_program_of_the_seeds_cell_stands_in_comaus_strokes_where_the_pla
 def test_without_a_convention_nothing_is_written_and_planning_ends_at_once():
     cell = load_cell("comau-nj130/edbb")
     with pytest.raises(InputError, match=r"(?s)'urscript'.*\[controllers\.urscript\]"):
-        PlanOptions(dialects=("bnr", "urscript")).known_dialects(cell)
+        settle_dialects(cell, PlanOptions(dialect=("bnr", "urscript")))
     program = build_program(cell, "0" * 12, [])
     with pytest.raises(InputError, match=r"\[controllers\.urscript\]"):
         write_session(cell, program, "urscript", "a")

@@ -14,7 +14,7 @@ ROBOTS = 20
 
 def compared():
     """Rows (what, published, median, range) [mm] over drawn robots."""
-    stages, options = Stages(lambda *_: None), PlanOptions(dialects=("bnr",))
+    stages, options = Stages(lambda *_: None), PlanOptions(dialect=("bnr",))
     circles = plan_circles(load_cell("comau-nj130/circular"), options, stages)
     path = plan_cell(load_cell("comau-nj130/paper"), options, stages)
     each = compare_circle_and_path(circles, path, range(ROBOTS))

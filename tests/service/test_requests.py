@@ -35,7 +35,7 @@ def context(tmp_path_factory):
 
 CASES = [
     ("plan", {"cell": "ur10/edbb", "poses": 9, "dialects": ["krl", "rapid"], "separate": KNOWN},
-     "plan ur10/edbb -o out --json --poses 9 --seed 0 --tsp auto --dialect krl --dialect rapid"
+     "plan ur10/edbb -o out --json --poses 9 --seed 0 --dialect krl --dialect rapid --tsp auto"
      " --separate before/identification.json", [f"before/{n}" for n in NEEDED]),
     ("plan", {"cell": "ur10/edbb", "method": "pruning", "order": "slowest-axis"},
      "plan ur10/edbb -o out --json --seed 0 --tsp auto --method pruning --order slowest-axis", []),

@@ -3,10 +3,11 @@
 from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal, get_args
+from typing import get_args
 
 import numpy as np
 
+from planner.common.choices import TourSolver
 from planner.common.errors import InputError, MissingProgramError, NoSolutionError
 from planner.common.progress import TOUR, must_stop
 from planner.common.units import Array, IntArray
@@ -42,8 +43,6 @@ def shortest_order(cost_s: Array) -> tuple[list[int], float]:
 MOST_NODES = 100_000  # of the embedded solver's search tree
 _FEW = 12  # nodes up to which dynamic programming is quicker than everything else
 
-Method = Literal["auto", "exact", "concorde"]
-
 
 @dataclass(frozen=True)
 class Tour:
@@ -74,7 +73,7 @@ def solve_tour(
     cost_s: Array,
     *,
     forbidden: Collection[tuple[int, int]] = (),
-    method: Method = "auto",
+    method: TourSolver = "auto",
     seed: int = 0,
     nodes: int = MOST_NODES,
 ) -> Tour:
@@ -94,7 +93,7 @@ def solve_tour(
         MissingProgramError: Concorde was asked for and is not there.
 
     """
-    if method not in get_args(Method):
+    if method not in get_args(TourSolver):
         raise InputError(f'the tour is solved by "auto", "exact" or "concorde"; found "{method}"')
     request = _TourRequest(cost_s, frozenset(forbidden), method, seed, nodes)
     return request.by_dynamic_programming() if len(cost_s) <= _FEW else request.by_search()
@@ -106,7 +105,7 @@ class _TourRequest:
 
     cost_s: Array
     forbidden: frozenset[tuple[int, int]]
-    method: Method
+    method: TourSolver
     seed: int
     nodes: int
 

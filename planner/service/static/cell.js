@@ -1,4 +1,4 @@
-import { find, finished, get, plainName, post, say, showFacts } from "/static/common.js";
+import { find, finished, get, givenOptions, plainName, post, say, showFacts } from "/static/common.js";
 import { FixtureEditor } from "/static/editor.js";
 import { showView } from "/static/view3d.js";
 
@@ -34,6 +34,6 @@ find("#plan-form").addEventListener("submit", (event) => {
   const poses = find("#poses").value, chosen = find("#aim").value;
   const how = chosen === "pruning" ? { method: chosen } : chosen && { aim: chosen };
   const dialects = [...document.querySelectorAll("input[name=dialect]:checked")].map((i) => i.value);
-  start("plans", { dialects, ...(poses && { poses: Number(poses) }), ...how });
+  start("plans", { ...givenOptions(event.target), dialects, ...(poses && { poses: Number(poses) }), ...how });
 });
 find("#study").addEventListener("click", () => start("studies", {}));

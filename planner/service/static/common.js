@@ -85,3 +85,13 @@ export const isResult = (job) => !HELPERS.includes(job.kind);
 export const timeText = (iso) => `${iso.slice(0, 16).replace("T", " ")} UTC`;
 
 export const sizeText = (bytes) => bytes > 1e6 ? `${(bytes / 1e6).toFixed(1)} MB` : `${Math.max(1, Math.round(bytes / 1e3))} kB`;
+
+/** What was typed into the fields of a form that stand for options of a command, by their names. */
+export function givenOptions(form) {
+  const given = {};
+  for (const field of form.querySelectorAll("[data-option]")) {
+    if (field.type === "checkbox" ? !field.checked : field.value === "") continue;
+    given[field.dataset.option] = { checkbox: true, number: Number(field.value) }[field.type] ?? field.value;
+  }
+  return given;
+}

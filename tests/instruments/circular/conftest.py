@@ -44,4 +44,4 @@ def planned(tmp_path_factory):
         '\n[[circles]]\nname = "round"\nradius_mm = 350\nstart_deg = 180\nspeed_mm_s = 100\novershoot_deg = 10\n' + ARC
     )
     path = cell_file(tmp_path_factory.mktemp("cell"), circles)
-    return plan_circles(load_cell(str(path)), PlanOptions(dialects=("krl", "rapid", "din66025", "bnr")), quiet())
+    return plan_circles(load_cell(str(path)), PlanOptions(dialect=("krl", "rapid", "din66025", "bnr")), quiet())

@@ -30,7 +30,7 @@ def loaded(tmp_path_factory):
     text = load_cell("abb-irb6700/ldbb").path.read_text().split("[[circles]]")[0]
     path = tmp_path_factory.mktemp("loaded") / "ldbb.toml"
     path.write_text(text + CIRCLE)
-    return plan_circles(load_cell(str(path)), PlanOptions(dialects=("krl",)), quiet())
+    return plan_circles(load_cell(str(path)), PlanOptions(dialect=("krl",)), quiet())
 
 
 def test_a_turn_with_half_turns_before_and_after_ends_where_it_began(loaded):

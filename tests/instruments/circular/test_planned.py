@@ -160,7 +160,7 @@ def test_a_tool_that_turns_with_the_bar_is_driven_in_joints(tmp_path):
     circle = '\n[[circles]]\nname = "f"\nradius_mm = 350\nstart_deg = 180\nsweep_deg = 60\nspeed_mm_s = 100\n'
     for how, circles in (("constant", 2), ("follow", 0)):
         path = cell_file(tmp_path, circle + f'orientation = "{how}"\ndirections = ["ccw"]\n')
-        plan = plan_circles(load_cell(str(path)), PlanOptions(dialects=("krl",)), quiet())
+        plan = plan_circles(load_cell(str(path)), PlanOptions(dialect=("krl",)), quiet())
         moves = read_back("krl", plan.programs[0][1]).moves
         assert any(m.via_deg is not None for m in moves) == (circles > 0)
 

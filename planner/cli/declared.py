@@ -1,0 +1,66 @@
+"""A command, made of the declaration of its verb."""
+
+from collections.abc import Callable, Mapping
+from contextlib import nullcontext
+from inspect import Parameter, Signature, getdoc
+from typing import Annotated, Any, get_args
+
+import typer
+from typer.models import ArgumentInfo
+
+from planner.cli.terminal import STARTS, Json, Output, give
+from planner.common.calls import Call, CallField, Option, call_fields, find_function
+from planner.common.errors import PARTLY_DONE
+from planner.report.standby import stand_by
+
+Values = Mapping[str, Any]
+"""What was typed, by the names of the fields of a declaration."""
+
+
+def declare_command(call: type[Call], work: Callable[..., None], **own: tuple[Any, Any]) -> Callable[..., None]:
+    """Return the function of a command, with the parameters that its declaration says and those that are its ``own``.
+
+    Args:
+        call: the declaration.
+        work: what is done: it takes the values of the fields that were given, and its own parameters by name.
+        own: the parameters that the command line alone has, such as ``output``: annotation and default.
+    """
+    known = [_parameter(f, f.option) for f in call_fields(call) if f.option is not None]
+    words = [p for p in known if isinstance(get_args(p.annotation)[1], ArgumentInfo)]
+    alone = [Parameter(n, Parameter.KEYWORD_ONLY, default=d, annotation=a) for n, (a, d) in own.items()]
+    parameters = [*words, *alone, *(p for p in known if p not in words)]
+
+    def command(**values: Any) -> None:
+        mine = {name: values.pop(name) for name in own}
+        work({name: v for name, v in values.items() if v is not None and v != []}, **mine)
+
+    command.__doc__ = getdoc(call)
+    command.__signature__ = Signature(parameters)  # type: ignore[attr-defined]
+    command.__annotations__ = {p.name: p.annotation for p in parameters}
+    return command
+
+
+def _parameter(field: CallField, option: Option) -> Parameter:
+    """Return a field as the library of the command line knows it; of a list nothing stands where nothing is typed."""
+    how: dict[str, Any] = {"help": option.help, "metavar": option.metavar, "min": option.min, "max": option.max}
+    note = typer.Argument(**how) if option.is_word else typer.Option(field.flag, **how)
+    default = Parameter.empty if field.is_required else None if field.default == () else field.default
+    kind: Any = field.kind if option.typed is None else option.typed
+    return Parameter(field.name, Parameter.KEYWORD_ONLY, default=default, annotation=Annotated[kind, note])
+
+
+def folder_command(call: type[Call]) -> Callable[..., None]:
+    """Return the command whose result is a folder."""
+
+    def work(values: Values, output: Any, as_json: bool) -> None:
+        with stand_by() if call.draws else nullcontext():
+            result = give(
+                lambda stages: find_function(call)(**values, progress=stages.say),
+                output,
+                as_json,
+                STARTS.get(call.verb, {}),
+            )
+        if result.cut_short:
+            raise typer.Exit(PARTLY_DONE)
+
+    return declare_command(call, work, output=(Output, Parameter.empty), as_json=(Json, False))

@@ -1,0 +1,265 @@
+"""A verb is declared once: as a frozen dataclass, whose fields are all that it may be asked.
+
+Python's signature and docstring, the command line, the requests over HTTP, the forms of the pages and the tables of
+the documentation are made of that one declaration. To load one costs no library of numbers, so that the help is quick.
+"""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import MISSING, dataclass, fields
+from functools import wraps
+from inspect import Parameter, Signature, cleandoc
+from typing import Annotated, Any, ClassVar, Literal, ParamSpec, TypeVar, get_args, get_origin
+
+
+@dataclass(frozen=True)
+class JobFile:
+    """What an earlier job of a service wrote: its kind, the folder that it is laid into, and the file that is meant.
+
+    Without a file the folder itself is meant; ``also``: a kind of job that does as well.
+    """
+
+    kind: str
+    folder: str
+    file: str = ""
+    also: str = ""
+
+    @property
+    def word(self) -> str:
+        """By what a command names it."""
+        return f"{self.folder}/{self.file}" if self.file else self.folder
+
+
+SENT = "a file that a client has sent"
+
+
+@dataclass(frozen=True)
+class Option:
+    """What is to be known of a field of a verb beside its type and its default.
+
+    Attributes:
+        help: a line for a person.
+        min: least number that is allowed; ``max``: the largest.
+        max_served: the largest number that a service takes.
+        metavar: what stands for the value in the help.
+        flag: its name on the command line, where that is not the field's.
+        is_word: on the command line it is a word by itself, without a name.
+        typed: type on the command line, where Python takes more than can be typed there.
+        choices: of a text: a word for a person for each of its values; they stand in the forms.
+        pattern: regular expression of a text that a service takes.
+        request_name: its name in requests, where that is not the field's.
+        from_service: what names a file in a request: ``SENT``, or the job that has written it; ``None``: requests
+            have no such field.
+        is_served: whether requests have the field.
+    """
+
+    help: str
+    min: float | None = None
+    max: float | None = None
+    max_served: float | None = None
+    metavar: str | None = None
+    flag: str = ""
+    is_word: bool = False
+    typed: Any = None
+    choices: Mapping[str, str] | None = None
+    pattern: str | None = None
+    request_name: str = ""
+    from_service: JobFile | str | None = None
+    is_served: bool = True
+
+
+class Call:
+    """Base of the declarations; the docstring is the help of the command."""
+
+    verb: ClassVar[str]
+    """The command."""
+    line: ClassVar[str]
+    """What it does, in the list of all commands."""
+    function: ClassVar[str]
+    """The function that does it, as ``module:name``; it is imported when it is called."""
+    draws: ClassVar[bool] = False
+    """Whether its pictures are drawn by a process that stands by from the start."""
+
+
+Seed = Annotated[int, Option("the same seed gives the same bytes", min=0, max_served=2**31)]
+Dialects = Annotated[
+    Sequence[str],
+    Option(
+        "robot language; may be repeated (default: those that the cell names)",
+        typed=list[str] | None,
+        pattern="^[a-z0-9-]{1,40}$",
+        request_name="dialects",
+    ),
+]
+
+
+@dataclass(frozen=True)
+class CallField:
+    """A field of a declaration: its name, its type in Python, and what a person must know of it (``option``)."""
+
+    name: str
+    kind: Any
+    default: Any
+    option: Option | None
+    keyword: bool
+
+    @property
+    def is_required(self) -> bool:
+        """Whether there is no call without it."""
+        return self.default is MISSING
+
+    @property
+    def flag(self) -> str:
+        """Its name on the command line."""
+        return (self.option and self.option.flag) or f"--{self.name.replace('_', '-')}"
+
+    @property
+    def values(self) -> tuple[str, ...]:
+        """All that it may be, where these are words."""
+        parts = (self.kind, *get_args(self.kind))
+        return get_args(next((p for p in parts if get_origin(p) is Literal), None))
+
+
+def call_fields(call: type[Call]) -> tuple[CallField, ...]:
+    """Return the fields of a declaration: those without a name first, Python's own (without an option) last."""
+    found = []
+    for field in fields(call):  # type: ignore[arg-type]
+        noted = get_origin(field.type) is Annotated
+        kind, *notes = get_args(field.type) if noted else (field.type,)
+        option = next((note for note in notes if isinstance(note, Option)), None)
+        found.append(CallField(field.name, kind, field.default, option, bool(field.kw_only)))
+    return tuple(sorted(found, key=lambda f: (f.keyword, f.option is None)))
+
+
+@dataclass(frozen=True)
+class ServedField:
+    """A field that requests have, and its option."""
+
+    field: CallField
+    option: Option
+
+    @property
+    def name(self) -> str:
+        """What requests call it."""
+        return self.option.request_name or self.field.name
+
+    @property
+    def most(self) -> float | None:
+        """The largest number that a request may give."""
+        return self.option.max if self.option.max_served is None else self.option.max_served
+
+    @property
+    def label(self) -> str:
+        """What it is called in a form."""
+        return self.name.replace("_", " ").capitalize()
+
+    @property
+    def is_switch(self) -> bool:
+        """Whether it is on or off."""
+        return self.field.kind is bool
+
+    @property
+    def is_real(self) -> bool:
+        """Whether it is a number with decimals."""
+        return float in (self.field.kind, *get_args(self.field.kind))
+
+    @property
+    def is_number(self) -> bool:
+        """Whether it is a number."""
+        return self.is_real or int in (self.field.kind, *get_args(self.field.kind))
+
+    @property
+    def is_typed(self) -> bool:
+        """Whether a person can type it: it names no file and no job, and is no list."""
+        return not (self.option.is_word or self.option.from_service or self.field.default == ())
+
+
+def served_fields(call: type[Call]) -> list[ServedField]:
+    """Return the fields of a declaration that requests have."""
+    return [ServedField(f, f.option) for f in call_fields(call) if f.option is not None and f.option.is_served]
+
+
+P = ParamSpec("P")
+R = TypeVar("R")
+C = TypeVar("C", bound=Call)
+
+
+def called_with(declaration: Callable[P, C]) -> Callable[[Callable[[C], R]], Callable[P, R]]:
+    """Return a decorator that lets a function of a declaration's object be called with the fields of it.
+
+    A type checker takes the signature from the declaration (PEP 612); ``inspect`` and ``help`` find it, and the
+    arguments in the docstring.
+    """
+    call: type[Call] = declaration  # type: ignore[assignment]
+    known = call_fields(call)
+    parameters = [
+        Parameter(
+            f.name,
+            Parameter.KEYWORD_ONLY if f.keyword else Parameter.POSITIONAL_OR_KEYWORD,
+            default=Parameter.empty if f.is_required else f.default,
+            annotation=getattr(f.kind, "__forward_arg__", f.kind),
+        )
+        for f in known
+    ]
+
+    def decorate(function: Callable[[C], R]) -> Callable[P, R]:
+        signature = Signature(parameters, return_annotation=function.__annotations__["return"])
+
+        @wraps(function)
+        def called(*args: P.args, **kwargs: P.kwargs) -> R:
+            try:
+                _ = signature.bind(*args, **kwargs)
+            except TypeError as err:
+                raise TypeError(f"{function.__name__}(): {err}") from None
+            return function(declaration(*args, **kwargs))
+
+        called.__signature__ = signature  # type: ignore[attr-defined]
+        called.__doc__ = _with_arguments(cleandoc(function.__doc__ or ""), known)
+        return called
+
+    return decorate
+
+
+PROGRESS_HELP = "called with the stage, how much of it is done, and of how much"
+
+
+def _with_arguments(text: str, known: Sequence[CallField]) -> str:
+    """Return a docstring with the section of the arguments before that of the errors."""
+    lines = ["Args:", *(f"    {f.name}: {f.option.help if f.option else PROGRESS_HELP}." for f in known)]
+    head, raises, rest = text.partition("Raises:")
+    return f"{head.rstrip()}\n\n" + "\n".join(lines) + (f"\n\n{raises}{rest}" if raises else "\n")
+
+
+def options_table(call: type[Call]) -> str:
+    """Return the options of a verb as a table of Markdown: command line, Python, service, values and what they do."""
+    rows = [_table_row(f, f.option) for f in call_fields(call) if f.option is not None]
+    head = ["| on the command line | in Python | over HTTP | values | |", "|---|---|---|---|---|"]
+    return "\n".join([*head, *(f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in row)} |" for row in rows)])
+
+
+def _table_row(field: CallField, option: Option) -> tuple[str, ...]:
+    shown = option.metavar or field.name.upper()
+    typed = shown if option.is_word else field.flag
+    served = option.request_name or field.name if option.is_served else ""
+    codes = (f"`{word}`" if word else "" for word in (typed, field.name, served))
+    return (*codes, ", ".join(_values(field, option)), option.help)
+
+
+def _values(field: CallField, option: Option) -> Iterator[str]:
+    """Yield what a field may be, and what it is where nobody says it."""
+    if field.values:
+        yield ", ".join(f"`{v}`" for v in field.values)
+    elif option.min is not None:
+        yield f"{option.min:g} to {option.max:g}" if option.max is not None else f"from {option.min:g}"
+    elif option.metavar and not option.is_word:
+        yield f"`{option.metavar}`"
+    if field.default not in (MISSING, None, "", False, ()):
+        yield f"default {field.default}"
+
+
+def find_function(call: type[Call]) -> Callable[..., Any]:
+    """Return the function that does what is declared, with the libraries that it needs."""
+    from importlib import import_module
+
+    module, name = call.function.split(":")
+    function: Callable[..., Any] = getattr(import_module(module), name)
+    return function
