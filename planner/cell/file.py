@@ -248,6 +248,20 @@ class BaseFile(StrictModel):
     floor_mm: Coordinate | None = 0.0
 
 
+class FloorFile(StrictModel):
+    """``[floor]``: the rectangle in the base frame on which further stands of a bar may be put up."""
+
+    x_mm: tuple[Coordinate, Coordinate]
+    y_mm: tuple[Coordinate, Coordinate]
+
+    @field_validator("x_mm", "y_mm")
+    @classmethod
+    def _ordered(cls, value: tuple[float, float]) -> tuple[float, float]:
+        if value[0] >= value[1]:
+            raise ValueError("the first number must lie below the second one")
+        return value
+
+
 class ControllerFile(StrictModel):
     """``[controller]``: numbers to select, signals to use, what a file and a block may be, its own correction."""
 
@@ -301,9 +315,10 @@ class CellFile(OptionalKeys):
     motion: MotionFile = MotionFile()
     cable: CableFile = CableFile()
     base: BaseFile = BaseFile()
+    floor: FloorFile | None = None
     controller: ControllerFile = ControllerFile()
     plan: PlanSettingsFile = PlanSettingsFile()
-    LATER: ClassVar[tuple[str, ...]] = ("artifact", "tracker", "circles", "packages", "parked")
+    LATER: ClassVar[tuple[str, ...]] = ("artifact", "tracker", "circles", "packages", "parked", "floor")
 
     @model_validator(mode="before")
     @classmethod

@@ -310,11 +310,11 @@ def errors_after(white: Array, weight: Array) -> Array:
     return out
 
 
-FLOOR_SHARE = 0.5  # of the error that is left: where the places cannot show so much, another one pays
+FLOOR_SHARE = 0.5  # of the error that is left: where the places cannot show so much, another one may
 
 
 def describe_numbers_of_poses(expected: BayesianDesign) -> str:
-    """Return in a sentence what other numbers of poses would give, and whether another place pays."""
+    """Return in a sentence what other numbers of poses would give, and who says what another place would."""
     numbers = "; ".join(
         f"{f.poses} poses {float(to_mm(f.error)):.3f} mm{'' if f.minutes is None else f', about {f.minutes:.0f} min'}"
         for f in expected.by_number
@@ -322,7 +322,9 @@ def describe_numbers_of_poses(expected: BayesianDesign) -> str:
     if expected.floor < FLOOR_SHARE * expected.left:
         return numbers
     floor = f"{float(to_mm(expected.floor)):.3f} mm"
-    return f"{numbers}; all candidates together would leave {floor}: another fixture pays more (--fixtures)"
+    one = len(expected.unknown.model.setup.p_BX) == 1
+    cure = "what another fixture would leave, --fixtures 2 says" if one else "these fixtures show no more"
+    return f"{numbers}; all candidates together would leave {floor}: {cure}"
 
 
 def describe_bayesian_design(expected: BayesianDesign) -> str:

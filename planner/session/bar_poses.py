@@ -54,8 +54,9 @@ class BarPoses(PoseSession):
         seed = self.options.seed
         if self.options.fixtures is not None:
             with stages.stage("fixtures"):
-                self.cell = add_fixtures(self.cell, self.options.fixtures, seed, stages.say)
-            self.notes += describe_added_fixtures(self.cell)
+                added = add_fixtures(self.cell, self.options.fixtures, seed, stages.say)
+            self.cell = added.cell
+            self.notes += describe_added_fixtures(added)
         if self.poses is not None:
             check_pose_number(self.cell, self.poses, seed)
         with stages.stage("candidates") as progress:
