@@ -113,7 +113,7 @@ def thermal_growth(rng):
         beam = np.einsum("nji,nj->ni", turn, s.frame[link][:, :3, 3] - s.frame[link - 1][:, :3, 3])
         e.twist[link][:, :3] += 11e-6 * share * s.warm[:, None] * beam
 
-    names = ("warm-up", "drift", "thermal")
+    names = ("warm-up", "drift", "thermal", "link growth")
     return Cause("thermal growth", f"link {link}", acts, None, names, (link,), f"{11 * share:.0f} ppm/K")
 
 
@@ -138,7 +138,7 @@ def ball_ovality(rng):
 
 def bar_drift(rng):
     size = between(rng, 5e-6, 30e-6) / 3600 * rng.choice([-1, 1])
-    return Cause("gauge drift", "bar", None, lambda r: size * r.time, ("drift",), (), f"{size * 3.6e9:.1f} um/h")
+    return Cause("gauge drift", "gauge", None, lambda r: size * r.time, ("drift",), (), f"{size * 3.6e9:.1f} um/h")
 
 
 def tracker_cyclic(rng):
