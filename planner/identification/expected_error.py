@@ -71,7 +71,8 @@ class ExpectedErrorFile(StrictModel):
         parameters: P that move the tool.
         nominal, geometry, released: values of the three robots less what the run expects, (P,) [m, rad, …].
         spread: root of the parameters' covariance, (P, r).
-        rest_mm, rest_other_mm: tool error that the root lacks, rms, of the measured tool and of others.
+        rest_mm, rest_other_mm: tool error that the root lacks, rms, of the measured tool and of others: small
+            directions, and what poses held out show that follows no column.
         likely_share: error over the workspace that is as likely exceeded as not, over the root of the expected mean
             square: of nominal, geometry and released robot.
         states_deg: joint states at which the base is aligned, (n, N).
@@ -98,6 +99,7 @@ def expected_error_text(released: ReleasedRobot, robot_toml: str) -> str:
     whole, others = released.spread(tool.names), released.other_tools
     root = _few_columns(whole, (tool, *others), tool.names)
     rest = [_mean_square(whole, m, tool.names) - _mean_square(root, m, tool.names) for m in (tool, *others)]
+    rest = [released.misfit.rest_square + max(square, 0.0) for square in rest]
     offsets = {
         name: few_digits(released.offset(tool.names, fit), DIGITS).tolist()
         for name, fit in (("nominal", None), ("geometry", released.geometry), ("released", released.fit))
@@ -111,8 +113,8 @@ def expected_error_text(released: ReleasedRobot, robot_toml: str) -> str:
         "parameters": list(_describe(tool.names, moving_effects(released.posterior.fit), setup)),
         **offsets,
         "spread": few_digits(root, DIGITS).tolist(),
-        "rest_mm": float(few_digits(to_mm(np.sqrt(max(rest[0], 0.0))), DIGITS)),
-        "rest_other_mm": float(few_digits(to_mm(np.sqrt(max(float(np.mean(rest[1:])), 0.0))), DIGITS)),
+        "rest_mm": float(few_digits(to_mm(np.sqrt(rest[0])), DIGITS)),
+        "rest_other_mm": float(few_digits(to_mm(np.sqrt(np.mean(rest[1:]))), DIGITS)),
         "likely_share": [
             float(few_digits(released.likely_share(f), DIGITS)) for f in (None, released.geometry, released.fit)
         ],

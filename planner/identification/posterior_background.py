@@ -16,6 +16,7 @@ from planner.effects.catalogue import Background, Excitation, catalogue, effect_
 from planner.effects.effect import Effect, Parameter, Role, transform_move
 from planner.effects.gauge_shapes import gauge_shapes
 from planner.effects.gears import USUAL_WAVE, WAVES, JointWave
+from planner.effects.misfit_shapes import misfit_shapes
 from planner.effects.nonparametric import GEAR_CURVE, NONPARAMETRIC
 from planner.effects.phi_keys import belongs_to_gauge, is_static
 from planner.model.model import Model
@@ -27,6 +28,7 @@ RIPPLES, SLOWEST, QUICKEST = 24, 9.0, 170.0  # frequencies of a gear's ripple in
 PULLS, USUAL_PULL = 3, 1e-4  # harmonics of what one joint does to another, and the first one's size [rad]
 BAND = 4  # values of any other inner number
 BACKGROUND = "background"  # group of its parameters
+UNNAMED = "misfit"  # what the catalogue has no name for: first word of its families
 ABSENT = (Background.NAMED_ONLY, Background.OF_SHAPE)
 BY_PLACE = (Background.BY_PLACE, Background.COMMON)
 
@@ -39,12 +41,14 @@ class EffectFamily:
         name, parameters: of the family.
         known: whether the prior sizes stand as they are.
         common: whether most arms have it, whatever else they have.
+        unnamed: whether it is what the catalogue has no name for.
     """
 
     name: str
     parameters: tuple[Parameter, ...]
     known: bool = False
     common: bool = False
+    unnamed: bool = False
 
 
 def acts_on_robot(parameter: Parameter, setup: MeasurementSetup) -> bool:
@@ -71,9 +75,12 @@ def background_families(setup: MeasurementSetup, samples: Samples) -> tuple[Effe
     for name, parameters in _gears(setup, samples.q):
         out[name] = list(parameters)
     out["gauge of any shape"] = list(gauge_shapes(Excitation.of(setup, samples)))
+    unnamed = {f"{UNNAMED}, {name}": list(p) for name, p in misfit_shapes(Excitation.of(setup, samples))}
     return tuple(
-        EffectFamily(name, tuple(replace(p, group=BACKGROUND) for p in parameters), name in known, name in common)
-        for name, parameters in out.items()
+        EffectFamily(
+            name, tuple(replace(p, group=BACKGROUND) for p in own), name in known, name in common, name in unnamed
+        )
+        for name, own in (out | unnamed).items()
     )
 
 

@@ -260,12 +260,12 @@ class _Precision:
         self.toward = self.toward + sign * turned @ (axes.T @ self.toward[place])
 
 
-def draw_sizes(model: RandomEffects, start: SizeDraw, seed: int = 0) -> tuple[SizeDraw, ...]:
-    """Return draws of the sizes from their posterior, (SWEEPS − BURN_IN,)."""
+def draw_sizes(model: RandomEffects, start: SizeDraw, seed: int = 0, sweeps: int | None = None) -> tuple[SizeDraw, ...]:
+    """Return draws of the sizes from their posterior, (sweeps − BURN_IN,); SWEEPS if not given."""
     rng = np.random.default_rng(seed)
     chain = _Chain(model, start)
     out = []
-    for sweep in range(SWEEPS):
+    for sweep in range(SWEEPS if sweeps is None else sweeps):
         if sweep % NOISE_EVERY == 0:
             chain.draw_noise(rng)
         chain.draw_factors(rng)

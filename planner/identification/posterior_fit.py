@@ -110,7 +110,7 @@ class _DrawnFit:
 LEARNING_READINGS = 600  # of a long run that say how large the families are
 STEPS = 2  # of Gauss and Newton from the fit to the mean
 FINDING = float(np.exp(-6.0))  # probability of a finding: it is one of some hundred that were tried
-RARE, COMMON = 1, 2  # pools: few of many acts; joints and links that yield, of which most arms have some
+RARE, COMMON, UNNAMED = 1, 2, 3  # pools: few of many acts; joints and links that yield, of which most arms have some
 STANDS = 0.5  # probability by the run from which on a finding is said to stand
 SLAB: Array = 0.1 * 2.0 ** np.arange(7, dtype=float)  # factors of a family that acts; weights normal in the log
 SLAB_WEIGHT: Array = np.exp(-0.5 * (np.log(SLAB) + 1.0) ** 2)
@@ -181,6 +181,7 @@ def draw_posterior(
     background: Sequence[EffectFamily],
     correlation_time: float = 1.0,
     curves: frozenset[str] = frozenset(),
+    sweeps: int | None = None,
 ) -> DrawnPosterior:
     """Draw the sizes of everything that may act.
 
@@ -191,6 +192,7 @@ def draw_posterior(
         background: what else may be there.
         correlation_time: how many samples of the run are worth one.
         curves: groups of whole curves of gears that stand for what the background has of these gears.
+        sweeps: how often every size is drawn, as usual if not given.
     """
     most = LEARNING_READINGS // whole.width
     few = run.take(even_positions(len(run), most)) if len(run) > most else run
@@ -203,7 +205,7 @@ def draw_posterior(
     count = effects.noise.shape[1]
     noise = before.problem.whitener.noise
     logs = np.log([noise.gauge, noise.joints, noise.angle][:count])
-    draws = draw_sizes(effects, SizeDraw(families.start, logs))
+    draws = draw_sizes(effects, SizeDraw(families.start, logs), sweeps=sweeps)
     factors = np.stack([d.factors for d in draws])
     acting = factors.any(axis=0)
     kept = np.flatnonzero(np.append(acting, True)[families.family])
@@ -251,7 +253,8 @@ class _Families:
         findings = tuple(dict.fromkeys(p.group for p in before.parameters if label[p.name] == p.group))
         parameters, rest = dict(own), dict[str, str]()
         same = {p.moves: p.name for p in own.values()}
-        usual, common = set[str](), set[str]()  # findings that stand for a family of the background; what is common
+        # findings that stand for a family of the background; what is common; what has no name
+        usual, common, unnamed = set[str](), set[str](), set[str]()
         for family in background:
             for p in family.parameters:
                 if p.name in parameters or p.moves in same:
@@ -261,15 +264,17 @@ class _Families:
                     name = "" if family.known else f"{family.name} (background)"
                     parameters[p.name], rest[p.name] = p, name
                 common |= {name} if family.common else set()
+                unnamed |= {name} if family.unnamed else set()
         names = tuple(dict.fromkeys(v for v in (*label.values(), *rest.values()) if v))
         behind = set(rest.values())
         number = {name: k for k, name in enumerate(names)} | {"": -1}
         finite = tuple(p if np.isfinite(p.prior) else replace(p, prior=UNKNOWN) for p in parameters.values())
         family_of = np.array([number[(label | rest)[p.name]] for p in finite])
-        slab, often = (_spike_and_slab(SLAB, SLAB_WEIGHT, 0.5, pool) for pool in (RARE, COMMON))
+        slab, often, foreign = (_spike_and_slab(SLAB, SLAB_WEIGHT, 0.5, pool) for pool in (RARE, COMMON, UNNAMED))
         found, plain = _spike_and_slab(OWN, OWN_WEIGHT, FINDING), _spike_and_slab(OWN, OWN_WEIGHT, 1.0)
         usual = behind | usual.intersection(findings)
-        kinds = dict.fromkeys(findings, found) | dict.fromkeys(usual, slab) | dict.fromkeys(common & usual, often)
+        kinds = dict.fromkeys(findings, found) | dict.fromkeys(usual, slab)
+        kinds |= dict.fromkeys(common & usual, often) | dict.fromkeys(unnamed, foreign)
         priors = tuple(kinds.get(n, plain) for n in names)
         start = np.array([0.0 if n in behind else 1.0 for n in names])
         return cls(replace(whole, parameters=finite), names, family_of, priors, findings, start)

@@ -10,6 +10,7 @@ from planner.common.arrays import mean_by_group
 from planner.common.units import MM, Array, to_mm
 from planner.identification.cross_validation import Split, predict_held_out
 from planner.identification.least_squares import Fit
+from planner.identification.misfit import judge_misfit
 from planner.identification.posterior_background import background_families, curve_groups
 from planner.identification.posterior_fit import draw_posterior
 from planner.identification.released_robot import ReleasedRobot, ToolMap, tool_maps
@@ -57,8 +58,9 @@ def release_robot(
         if predicts_better(other.predict_held_out(split), drawn.predict_held_out(split), split):
             drawn = other
     posterior = drawn.fit()
-    maps, own = tool_maps(cell, context.run, posterior.fit), plain.stage
-    geometry = ReleasedRobot(plain.fit, plain.fit, posterior, *maps, own.held_out, own.validation, own.held_residual)
+    misfit = judge_misfit(last, run, split, whole, families, time, posterior.drawn.shape[1])
+    known, own = (posterior, misfit, *tool_maps(cell, context.run, posterior.fit)), plain.stage
+    geometry = ReleasedRobot(plain.fit, plain.fit, *known, own.held_out, own.validation, own.held_residual)
     aim = compromise(geometry)
     share = 0.0 if geometry_alone else safe_share(geometry, aim)
     if share < LEAST_SHARE:
@@ -72,7 +74,7 @@ def release_robot(
     if (held**2).sum() > (before**2).sum():  # what is expected of it is refuted by the poses that no fit saw
         return geometry
     errors = (Metrics.of(held, split.fold), context.judge(fit), held)
-    return ReleasedRobot(fit, plain.fit, posterior, *maps, *errors, share)
+    return ReleasedRobot(fit, plain.fit, *known, *errors, share)
 
 
 def predicts_better(other: Array, plain: Array, split: Split) -> bool:

@@ -6,6 +6,7 @@ errors. The posterior mean itself is best by that measure, and what is released 
 geometry alone would have; the nominal robot and geometry alone are judged beside it.
 Few directions, or an effect that is unlikely and large, often make up most of that square, and most robots are better:
 what is stated over the workspace is the median over robots drawn from the posterior, and what 95 % of them stay below.
+The robots drawn are as far from its mean as poses that it did not see say (``misfit``).
 """
 
 from collections.abc import Sequence
@@ -19,6 +20,7 @@ from planner.cell.setup import MeasurementSetup
 from planner.common.units import Array, read_only
 from planner.effects.effect import Parameter
 from planner.identification.least_squares import Fit
+from planner.identification.misfit import POSITION_AXES, Misfit
 from planner.identification.posterior_background import BACKGROUND, acts_on_robot
 from planner.identification.posterior_fit import PosteriorFit
 from planner.model.identification_document import Metrics
@@ -67,6 +69,7 @@ class ReleasedRobot:
         fit: whose values are written; of geometry alone, or on the way from there to the compromise with the posterior.
         geometry: the fit of geometry alone.
         posterior: what the errors are judged by.
+        misfit: how much farther off the drawn robots are than it says, by poses that it did not see.
         tool: motion of the measured tool point; other_tools: of points about the flange; work_tool: of the tool that
             the robot works with, where the cell names it.
         held_out, validation: errors of the released robot.
@@ -77,6 +80,7 @@ class ReleasedRobot:
     fit: Fit
     geometry: Fit
     posterior: PosteriorFit
+    misfit: Misfit
     tool: ToolMap
     other_tools: tuple[ToolMap, ...]
     work_tool: ToolMap | None
@@ -119,7 +123,8 @@ class ReleasedRobot:
     def expected_errors(self, fit: Fit | None) -> Array:
         """Return the tool's expected error at every state [m], (n,), with the values of ``fit``; ``None``: nominal."""
         off = self.offset(self.tool.names, fit)
-        return np.sqrt(self.tool.square(self.spread(self.tool.names)) + self.tool.square(off[:, None]))
+        known = self.tool.square(self.spread(self.tool.names)) + self.tool.square(off[:, None])
+        return np.asarray(np.sqrt(known + self.misfit.rest_square))
 
     def likely_errors(self, fit: Fit | None) -> Array:
         """Return the tool's error at every state [m], (n,), shared out over them as the expected mean square is.
@@ -149,9 +154,10 @@ class ReleasedRobot:
         at = [k for k, n in enumerate(where.names) if n in here and known.drawn[here[n]].any()]
         names = [where.names[k] for k in at]
         which = [here[n] for n in names]
-        off = known.drawn[which] - (mean.errors[which] + self.offset(names, fit))[:, None]
+        misfit = self.misfit
+        off = misfit.stretch * (known.drawn[which] - mean.errors[which, None]) - self.offset(names, fit)[:, None]
         square = (off * (where.gram[np.ix_(at, at)] @ off)).sum(axis=0)
-        return np.asarray(np.sqrt(np.maximum(square, 0.0) / len(where.q)))
+        return np.asarray(np.sqrt(np.maximum(square, 0.0) / len(where.q) + POSITION_AXES * misfit.rest**2))
 
     def distance(self, fit: Fit, other: Fit) -> float:
         """Return how far the tools of two robots are apart over the workspace, rms [m]."""
@@ -174,9 +180,9 @@ class ReleasedRobot:
         return float(np.sqrt(np.mean([self.anywhere_with(self.fit, t) ** 2 for t in self.other_tools])))
 
     def spread(self, names: Sequence[str]) -> Array:
-        """Return a square root (K, k) of the posterior's covariance of parameters ``names``."""
+        """Return a square root (K, k) of the covariance of parameters ``names``: the posterior's, stretched."""
         known = self.posterior.fit
-        root = known.solution.root(known.problem.prior)
+        root = known.solution.root(known.problem.prior) * np.sqrt((self.misfit.stretch**2).mean())
         here = {name: k for k, name in enumerate(known.model.names)}
         return np.stack([root[here[n]] if n in here else np.zeros(root.shape[1]) for n in names])
 

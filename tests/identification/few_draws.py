@@ -4,6 +4,7 @@ from contextlib import contextmanager
 
 import pytest
 
+import planner.identification.misfit as misfit
 import planner.identification.posterior_draws as posterior_draws
 
 
@@ -13,4 +14,5 @@ def few_draws():
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(posterior_draws, "SWEEPS", 12)
         patch.setattr(posterior_draws, "BURN_IN", 3)
+        patch.setattr(misfit, "SWEEPS", 6)
         yield

@@ -1,0 +1,82 @@
+"""What moves the tool and has no name: turns of the parts of an arm as smooth functions of how it stands.
+
+They are the discrepancy between arm and catalogue (Kennedy and O'Hagan 2001, J. R. Statist. Soc. B 63(3)): beside them
+an error that the catalogue lacks is not taken for geometry, and what is known of the tool tells of it. A cause acts
+where an arm yields, is worn or is pulled: each part may turn with the direction in which its weight pulls, whatever the
+law, and with the angle of any other joint. What it does with the angle of its own joint the catalogue has.
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from planner.common.units import Array
+from planner.effects.basis import BasisFunction
+from planner.effects.catalogue import Excitation
+from planner.effects.compliance import twist_moves
+from planner.effects.context import Context
+from planner.effects.effect import Parameter
+from planner.effects.gears import WAVES, JointWave
+
+GRAVITY_DEGREE = 3  # of the harmonics of gravity's direction: odd ones above the first tell a switch from a bend
+JOINT_WAVES = 2  # of another joint's angle: once and twice a turn
+USUAL_TURN = 1e-4  # [rad] of one part about one axis, as of a gear: one sigma of all its waves together
+
+
+class GravityHarmonic(BasisFunction, key="gravity:STATION:INDEX:INDEX", loads=True):
+    """φ = real spherical harmonic, of mean square 1, of the direction of gravity in the axes of a station.
+
+    The first index is the degree n, the second the order m plus n, 0 … 2n.
+    """
+
+    station: int
+    degree: int
+    index: int
+
+    def __call__(self, c: Context) -> Array:
+        """Return the harmonic."""
+        from scipy.special import sph_harm_y  # only here
+
+        down = c.setup.gravity_B / np.linalg.norm(c.setup.gravity_B)
+        x, y, z = np.einsum("jin,j->in", c.stations.R[self.station], down)
+        order = self.index - self.degree
+        wave = sph_harm_y(self.degree, abs(order), np.arccos(np.clip(z, -1.0, 1.0)), np.arctan2(y, x))
+        size = np.sqrt(4 * np.pi) * (np.sqrt(2) if order else 1.0)
+        return np.asarray(size * (wave.imag if order < 0 else wave.real))
+
+
+def misfit_shapes(run: Excitation) -> Iterator[tuple[str, tuple[Parameter, ...]]]:
+    """Yield families of parameters by name: a part that turns with gravity, or with the angle of another joint."""
+    for joint in run.joints:
+        if run.setup.weighs:
+            yield f"part {joint + 1} by gravity", tuple(_by_gravity(joint + 1))
+        turn = run.setup.chain.transforms[run.rotation(joint)].axis
+        across = [axis for axis in range(3) if axis != turn]
+        for other in run.moving_joints:
+            if other != joint:
+                yield f"part {joint + 1} by joint {other + 1}", tuple(_by_joint(joint + 1, across, other))
+
+
+def _by_gravity(station: int) -> Iterator[Parameter]:
+    """Yield turns about all axes of a station, each degree of the harmonics as large as the square of 1/n says."""
+    degrees = np.arange(1, GRAVITY_DEGREE + 1)
+    share = np.sqrt((2 * degrees + 1) / degrees**2)
+    sizes = USUAL_TURN / degrees / np.sqrt((share**2).sum())
+    for axis in range(3):
+        for n, size in zip(degrees.tolist(), sizes.tolist(), strict=True):
+            for k in range(2 * n + 1):
+                name = f"misfit{station}_{'xyz'[axis]}_gravity{n}_{k}"
+                moves = twist_moves(station, axis, GravityHarmonic(station, n, k))
+                yield Parameter(name, "rad", size, f"turn of part {station} by gravity", moves)
+
+
+def _by_joint(station: int, axes: list[int], joint: int) -> Iterator[Parameter]:
+    """Yield turns about some axes of a station by waves of a joint's angle, the k-th by k smaller."""
+    waves = np.arange(1, JOINT_WAVES + 1)
+    sizes = USUAL_TURN / waves / np.sqrt((2.0 / waves**2).sum())
+    for axis in axes:
+        for k, size in zip(waves.tolist(), sizes.tolist(), strict=True):
+            for wave in WAVES:
+                name = f"misfit{station}_{'xyz'[axis]}_{wave}{k}_joint{joint + 1}"
+                moves = twist_moves(station, axis, JointWave(wave, joint, float(k)))
+                yield Parameter(name, "rad", size, f"turn of part {station} by joint {joint + 1}", moves)

@@ -1,0 +1,85 @@
+"""What poses held out say of a posterior that is too sure, and the turns that have no name."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from planner.cell.reading import load_cell
+from planner.cell.setup import setup_of
+from planner.effects.catalogue import Excitation
+from planner.effects.context import Context
+from planner.effects.misfit_shapes import USUAL_TURN, GravityHarmonic, misfit_shapes
+from planner.identification.misfit import HeldOutReadings, Misfit, draw_misfit
+from planner.runs.run import Samples
+
+NOISE, OPEN = 1.5e-5, 1e-5  # [m]
+
+
+def held_out(seed, noise=1.0, stretch=1.0, rest=0.0, m=330):
+    """Readings whose noise, open part and rest are drawn so many times as large as is said."""
+    rng = np.random.default_rng(seed)
+    size = OPEN * np.exp(rng.normal(size=m))
+    parts = rng.normal(size=(3, m)) * [np.full(m, noise * NOISE), stretch * size, np.full(m, rest)]
+    return HeldOutReadings(parts.sum(axis=0), size**2, np.full(m, NOISE**2))
+
+
+def typical(misfit):
+    return float(np.median(misfit.stretch)), float(np.median(misfit.rest))
+
+
+def test_readings_as_expected_say_of_no_misfit():
+    found = [draw_misfit([held_out(seed)], 400) for seed in range(20)]
+    assert np.median([m.probability for m in found]) < 0.3
+    assert all(typical(m) == (1.0, 0.0) for m in found[:3])
+
+
+def test_a_posterior_that_is_too_sure_is_stretched():
+    found = np.array([typical(draw_misfit([held_out(seed, stretch=4.0)], 400))[0] for seed in range(20)])
+    assert abs(np.log(np.median(found) / 4.0)) < 0.2
+    assert np.std(np.log(found)) < 0.35
+
+
+def test_what_moves_the_tool_at_each_pose_alone_is_the_rest():
+    found = np.array([typical(draw_misfit([held_out(seed, rest=4e-5)], 400))[1] for seed in range(20)])
+    assert np.median(found) == pytest.approx(4e-5, rel=0.2)
+
+
+def test_a_gauge_that_is_a_little_noisier_than_its_data_sheet_is_no_misfit():
+    found = [draw_misfit([held_out(seed, noise=1.15)], 400) for seed in range(20)]
+    assert np.median([m.rest_square**0.5 for m in found]) < NOISE
+
+
+def test_no_misfit_is_said_by_no_draw():
+    assert Misfit(np.ones(5), np.zeros(5)).probability == 0.0
+    assert Misfit(np.array([1.0, 2.0]), np.zeros(2)).probability == 0.5
+
+
+def test_harmonics_of_gravity_are_those_of_the_direction_in_the_part():
+    """Degree 1 is the direction itself, and all are orthonormal over directions."""
+    cell = load_cell("comau-nj130/edbb", planning=False)
+    setup = setup_of(cell)
+    q = np.random.default_rng(0).uniform(*cell.joint_range, (20_000, 6))
+    context = Context(setup, Samples(q, np.zeros(len(q), dtype=int)))
+    R = np.moveaxis(context.stations.R[5], 2, 0)
+    down = Rotation.from_matrix(R).inv().apply(setup.gravity_B / np.linalg.norm(setup.gravity_B))
+    first = np.array([GravityHarmonic(5, 1, k)(context) for k in range(3)])
+    assert np.abs((first**2).sum(axis=0) - 3.0).max() < 1e-9
+    assert np.abs(np.abs(np.corrcoef([*first, *down.T])[:3, 3:]).max(axis=1) - 1).max() < 1e-9
+    polar = np.arccos(down[:, 2])
+    even = np.where(np.abs(np.cos(polar)) < 2, 1.0, 0.0)
+    third = np.array([GravityHarmonic(5, 3, k)(context) for k in range(7)])
+    assert (third**2).sum(axis=0) == pytest.approx(7.0 * even)  # addition theorem
+
+
+def test_a_part_turns_as_much_as_is_usual_whatever_moves_it():
+    cell = load_cell("comau-nj130/edbb", planning=False)
+    q = np.random.default_rng(1).uniform(*cell.joint_range, (500, 6))
+    run = Excitation.of(setup_of(cell), Samples(q, np.zeros(len(q), dtype=int)))
+    families = dict(misfit_shapes(run))
+    assert {"part 3 by gravity", "part 3 by joint 5"} < set(families)
+    assert "part 3 by joint 3" not in families
+    assert len({p.name for own in families.values() for p in own}) == sum(map(len, families.values()))
+    for name, own in families.items():
+        square = sum(p.prior**2 for p in own) / (3 if "gravity" in name else 2)  # axes
+        waves = 1.0 if "gravity" in name else 0.5  # mean square
+        assert np.sqrt(square * waves * 2 if "joint" in name else square) == pytest.approx(USUAL_TURN, rel=0.01), name
