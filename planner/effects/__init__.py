@@ -10,6 +10,7 @@ __all__ = [
     "gauge_errors",
     "gauge_shapes",
     "gears",
+    "misfit_shapes",
     "nonparametric",
     "phi_keys",
     "steps",
