@@ -1,6 +1,8 @@
 """Planning alone needs compiled packages that not every system has; all else works where they are not installed."""
 
 import ast
+import json
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -10,9 +12,19 @@ import pinocchio as pin
 import pytest
 
 import planner
+from planner.cell.reading import read_cell
+from planner.common.errors import MissingProgramError
 from planner.kinematics.chain import Transform
 from planner.kinematics.geometry import rpy_of
 from planner.kinematics.robot import elementary_placement
+from planner.motion import planning_packages
+from planner.motion.timing import phases
+from planner.programs.dialect import dialect_names
+from planner.session.neutral_program import driven_form
+from planner.session.plan_record import part_hashes
+from planner.session.planned_session import load_session
+from planner.workflow.plan_use import export, simulate
+from tests.workflow.small_plan import write_small_plan
 
 ROOT = Path(planner.__file__).parent
 PACKAGES = {"pinocchio", "coal", "ompl", "fcl", "ruckig"}
@@ -97,3 +109,74 @@ def test_roll_pitch_and_yaw_are_those_of_pinocchio_and_at_a_right_angle_give_the
     for pitch in (np.pi / 2, -np.pi / 2):
         R = pin.rpy.rpyToMatrix(0.3, pitch, -0.8)
         np.testing.assert_allclose(pin.rpy.rpyToMatrix(rpy_of(R)), R, atol=1e-9)
+
+
+@pytest.fixture
+def without_packages(monkeypatch):
+    """Let this process believe that no package of planning is installed."""
+    monkeypatch.setattr(planning_packages, "is_installed", lambda name: name not in PACKAGES)
+    monkeypatch.setattr(phases, "is_installed", lambda name: name not in PACKAGES)
+    monkeypatch.setattr("planner.session.judgement.judge_program", _not_called)
+
+
+def _not_called(*_):
+    raise AssertionError("there is no engine to judge with")
+
+
+@pytest.fixture
+def planned(tmp_path):
+    """A small plan as ``edbb plan`` writes it, with a program in KRL."""
+    plan = write_small_plan(tmp_path, "kuka-kr6-r700/edbb", 2)
+    plan["programs"] = [{"dialect": "krl", "file": "A.src"}, {"dialect": "krl", "file": "A.dat"}]
+    plan["hashes"] = part_hashes(
+        {k: v for k, v in plan.items() if k != "hashes"}, read_cell(tmp_path / "cell.toml", "cell")
+    )
+    path = tmp_path / "plan.json"
+    path.write_text(json.dumps(plan), encoding="utf-8")
+    return path
+
+
+def test_a_plan_as_it_was_proven_is_exported_without_engines_and_its_program_says_so(planned, without_packages):
+    made = export(planned, dialect="krl", name="a")
+    (note,) = made.notes
+    assert "was not judged anew" in note
+    assert "proven anew" not in note
+    head = re.sub(r"\W+", " ", made.programs[0].text[:3000])
+    assert "was not judged anew where it was written" in head
+
+
+def test_the_program_without_engines_drives_what_the_one_with_them_drives(planned, monkeypatch, request):
+    judged = export(planned, dialect="krl", name="a").programs
+    request.getfixturevalue("without_packages")
+    trusted = export(planned, dialect="krl", name="a").programs
+    for a, b in zip(judged, trusted, strict=True):
+        mine, theirs = ([x for x in f.text.splitlines() if not x.lstrip().startswith(";")] for f in (a, b))
+        assert mine == theirs
+
+
+def test_what_differs_from_what_was_proven_is_refused_without_engines(planned, without_packages):
+    cell = planned.parent / "cell.toml"
+    text = cell.read_text(encoding="utf-8")
+    cell.write_text(text.replace("sync_output = 1", "sync_output = 33"), encoding="utf-8")
+    with pytest.raises(MissingProgramError, match=r"not as it was planned.*proven anew by both.*not installed here"):
+        export(planned, dialect="krl", name="a")
+    cell.write_text(text, encoding="utf-8")
+    dense = next(n for n in dialect_names() if driven_form(n) != driven_form("krl") and n in ("bnr", "din66025"))
+    with pytest.raises(MissingProgramError, match="no program was proven with it that drives as this dialect does"):
+        export(planned, dialect=dense, name="a")
+
+
+def test_a_run_of_a_changed_plan_is_simulated_without_engines_and_that_is_said(planned, without_packages):
+    plan = json.loads(planned.read_text(encoding="utf-8"))
+    planned.write_text(json.dumps(plan | {"seed": 12}), encoding="utf-8")
+    said = simulate(planned, seed=1).run.warnings
+    assert any("not proven anew" in w for w in said)
+
+
+def test_ruckigs_profile_is_written_down_in_closed_form_where_ruckig_is_not_installed(planned, request):
+    with_ruckig = load_session(planned, "exported", check=True).courses[0].trajectory
+    request.getfixturevalue("without_packages")
+    closed = load_session(planned, "exported", check=True).courses[0].trajectory
+    assert closed.duration_s == pytest.approx(with_ruckig.duration_s, rel=1e-6)
+    t = np.linspace(0.0, closed.duration_s, 500)
+    np.testing.assert_allclose(closed.at(t).q, with_ruckig.at(t).q, atol=1e-6)

@@ -18,6 +18,7 @@ __all__ = [
     "schema",
     "second_process",
     "sequences",
+    "system",
     "units",
     "xml_files",
 ]

@@ -1,6 +1,5 @@
 """A folder of results, exchanged as a whole, with its manifest: which kind of command wrote what there."""
 
-import ctypes
 import errno
 import hashlib
 import json
@@ -9,17 +8,17 @@ import re
 import shutil
 import tempfile
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 
 from planner.common.errors import InputError
 from planner.common.files import INPUTS, OVERWRITING, document_text, draft_prefix
+from planner.common.system import process_exists, swap_folders
 
 MANIFEST = "manifest.json"
 SCHEMA = "edbb-manifest/1"
 UNHASHED = "timings.json"  # differs from run to run
 MOST_OTHERS = 2000  # files of others that a folder of results may hold
-_AT_FDCWD, _RENAME_EXCHANGE = -100, 2
 
 Hashes = dict[str, str]
 
@@ -149,7 +148,7 @@ def _link(source: Path, target: Path) -> None:
     target.parent.mkdir(parents=True, exist_ok=True)
     try:
         os.link(source, target, follow_symlinks=False)
-    except OSError:
+    except (OSError, NotImplementedError):  # Windows cannot be told whether a link is followed
         shutil.copy2(source, target, follow_symlinks=False)
 
 
@@ -159,18 +158,21 @@ def _exchange(draft: Path, folder: Path) -> None:
         os.rename(draft, folder)
         return
     os.chmod(draft, folder.stat().st_mode & 0o777)
-    with suppress(AttributeError, OSError):
-        rename = ctypes.CDLL(None, use_errno=True).renameat2
-        if rename(_AT_FDCWD, os.fsencode(draft), _AT_FDCWD, os.fsencode(folder), _RENAME_EXCHANGE) == 0:
-            return
+    if swap_folders(draft, folder):
+        return
+    aside = draft.with_name("old")
     try:
-        os.rename(folder, draft.with_name("old"))
-    except OSError as err:  # the folder is where a disk is mounted
+        os.rename(folder, aside)
+    except OSError as err:  # a disk is mounted there, or, on Windows, another program has a file of it open
         if err.errno not in (errno.EBUSY, errno.EXDEV, errno.EACCES, errno.EPERM):
             raise
         _replace_files(draft, folder)
         return
-    os.rename(draft, folder)
+    try:
+        os.rename(draft, folder)
+    except OSError:
+        os.rename(aside, folder)
+        raise
 
 
 def _replace_files(draft: Path, folder: Path) -> None:
@@ -189,19 +191,9 @@ def _clear_dead_drafts(parent: Path) -> None:
     own = draft_prefix().rpartition(f"{os.getpid()}-")[0]
     for path in parent.glob(f"{own}*"):
         found = re.match(r"(\d+)-", path.name[len(own) :])
-        if found is None or _is_alive(int(found[1])):
+        if found is None or process_exists(int(found[1])):
             continue
         if path.is_dir():
             shutil.rmtree(path, ignore_errors=True)
         else:
             path.unlink(missing_ok=True)
-
-
-def _is_alive(pid: int) -> bool:
-    try:
-        os.kill(pid, 0)
-    except ProcessLookupError:
-        return False
-    except OSError:
-        return True
-    return True

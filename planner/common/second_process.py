@@ -6,7 +6,6 @@ start parallel regions of OpenMP, whose threads are not copied; everything else 
 
 import os
 import pickle
-import signal
 import sys
 import threading
 import time
@@ -15,14 +14,14 @@ from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
 from multiprocessing import Pipe
-from multiprocessing.connection import Connection
 from types import TracebackType
-from typing import Generic, Self, TypeVar
+from typing import Any, Generic, Self, TypeVar
+
+from planner.common.system import LOOK, kill_process
 
 A = TypeVar("A")
 T = TypeVar("T")
 ENDED = "a process that worked beside this one was ended from outside: is there memory enough?"
-LOOK = 0.5  # [s] between two looks whether the parent lives
 _inside = False  # of a copy: it starts no further ones
 
 
@@ -38,16 +37,19 @@ class ForkedTask(Generic[T]):
     """
 
     def __init__(self, task: Callable[[], T]) -> None:
-        self._task, self.pid = task, 0
-        if _inside or sys.platform != "linux" or available_threads() < 2:
-            return
-        parent, (self._read, write) = os.getpid(), os.pipe()
-        self.pid = os.fork()
-        if self.pid == 0:
-            os.close(self._read)
-            _answer(task, write, parent)
-        os.close(write)
-        del self._task  # what it holds may go, though the copy lives
+        self._task, self.pid, self._read = task, 0, -1
+        if sys.platform == "linux" and not _inside and available_threads() >= 2:
+            self._fork(task)
+
+    def _fork(self, task: Callable[[], T]) -> None:
+        if sys.platform == "linux":  # elsewhere a copy is dear, or not safe
+            parent, (self._read, write) = os.getpid(), os.pipe()
+            self.pid = os.fork()
+            if self.pid == 0:
+                os.close(self._read)
+                _answer(task, write, parent)
+            os.close(write)
+            del self._task  # what it holds may go, though the copy lives
 
     def result(self) -> T:
         """Wait for what the task returns, or raise its error; to be called once.
@@ -71,7 +73,7 @@ class ForkedTask(Generic[T]):
     def stop(self) -> None:
         """End the copy: nobody waits for it any more."""
         if self.pid:
-            os.kill(self.pid, signal.SIGKILL)
+            kill_process(self.pid)
             os.waitpid(self.pid, 0)
             os.close(self._read)
             self.pid = 0
@@ -133,7 +135,7 @@ class ForkedWorker(Generic[A, T]):
         self._end()
 
 
-def _serve(task: Callable[[A], object], before: Callable[[], object] | None, asked: Connection) -> None:
+def _serve(task: Callable[[A], object], before: Callable[[], object] | None, asked: Any) -> None:
     if before:
         before()
     while True:
@@ -145,7 +147,7 @@ def _serve(task: Callable[[A], object], before: Callable[[], object] | None, ask
         asked.send(answer)
 
 
-def _end_copy(copy: ForkedTask[None], pipe: Connection, parent: int) -> None:
+def _end_copy(copy: ForkedTask[None], pipe: Any, parent: int) -> None:
     if os.getpid() == parent:
         copy.stop()
     pipe.close()

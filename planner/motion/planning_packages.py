@@ -11,10 +11,11 @@ from typing import TYPE_CHECKING, Any
 from planner.common.errors import MissingProgramError
 from planner.common.lazy_modules import LazyModule
 
-__all__ = ["coal", "fcl", "has_planning_packages", "ob", "og", "ou", "pin", "require_planning_packages", "ruckig"]
+__all__ = ["coal", "fcl", "has_judges", "is_installed", "ob", "og", "ou", "pin", "require_planning_packages", "ruckig"]
 
 DISTRIBUTIONS = {"pinocchio": "pin", "coal": "coal", "fcl": "python-fcl", "ompl": "ompl", "ruckig": "ruckig"}
 """Names to import: names to install."""
+JUDGES = ("pinocchio", "coal", "fcl")  # the two collision engines, the first with the model that it moves
 ELSEWHERE = (
     "plan on a computer that has all of them (Linux, macOS, WSL on Windows, or the container; docs/install.md) and "
     "bring its folder here, or let a server do it: --server URL, where edbb serve runs"
@@ -36,30 +37,34 @@ class PlanningPackage(LazyModule):
         return getattr(module, key)
 
 
-def has_planning_packages() -> bool:
-    """Tell whether all packages of planning are installed; none is imported."""
-    return not _absent()
+def has_judges() -> bool:
+    """Tell whether a drive can be judged here: both collision engines are installed; none is imported."""
+    return all(map(is_installed, JUDGES))
 
 
-def require_planning_packages() -> None:
-    """Refuse to begin what cannot be ended here.
-
-    Raises:
-        MissingProgramError: a package of planning is not installed; which, and where planning is possible.
-    """
-    if absent := _absent():
-        raise _missing(absent)
-
-
-def _absent() -> list[str]:
-    return [name for name in DISTRIBUTIONS if not _is_there(name)]
-
-
-def _is_there(name: str) -> bool:
+def is_installed(name: str) -> bool:
+    """Tell whether a package can be imported; it is not."""
     try:
         return find_spec(name) is not None
     except ImportError:
         return False
+
+
+def require_planning_packages() -> None:
+    """Refuse to begin what cannot be ended here: without a judge no path is proven.
+
+    Where ruckig is missing its profile is written down in closed form; where ompl is, RRT-Connect, which is seldom
+    needed, says so itself.
+
+    Raises:
+        MissingProgramError: a judge is not installed; which packages are missing, and where planning is possible.
+    """
+    if not has_judges():
+        raise _missing(_absent())
+
+
+def _absent() -> list[str]:
+    return [name for name in DISTRIBUTIONS if not is_installed(name)]
 
 
 def _missing(absent: list[str]) -> MissingProgramError:

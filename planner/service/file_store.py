@@ -12,6 +12,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from planner.common.errors import InputError
+from planner.common.system import process_exists, sync_folder
 from planner.service.answers import StoredFile
 from planner.service.database import Database
 
@@ -129,7 +130,7 @@ class FileStore:
         """Remove what dead processes were receiving."""
         for path in self._drafts.iterdir():
             pid = path.name.partition("-")[0]
-            if pid.isdigit() and int(pid) != os.getpid() and not Path(f"/proc/{pid}").exists():
+            if pid.isdigit() and int(pid) != os.getpid() and not process_exists(int(pid)):
                 path.unlink(missing_ok=True)
 
     def _move(self, path: Path, sha256: str) -> None:
@@ -157,15 +158,6 @@ def copy_checked(source: Path, sha256: str, target: Path) -> None:
         raise InputError(f"{target.name}: is gone from the store; send it again") from err
     if found.hexdigest() != sha256:
         raise InputError(f"{target.name}: its content in the store has changed; send it again")
-
-
-def sync_folder(folder: Path) -> None:
-    """Bring the names in a folder to the disk."""
-    handle = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)
 
 
 def disk_error(err: OSError) -> InputError:

@@ -4,9 +4,7 @@ Run as ``python -m planner.service.job_process`` in the folder of the job, which
 """
 
 import os
-import resource
 import runpy
-import signal
 import struct
 import sys
 import tempfile
@@ -21,6 +19,7 @@ from pydantic import TypeAdapter
 import planner
 from planner.common.errors import PlannerError
 from planner.common.files import INPUTS, data_folder
+from planner.common.system import die_with, give_way, limit_process
 from planner.service.file_store import copy_checked
 from planner.service.job_store import JobCommand
 from planner.service.settings import GB, JobLimits
@@ -76,6 +75,8 @@ def confine_process(folder: Path, readable: Sequence[Path]) -> bool:
 
 
 def _allow(libc: CDLL, ruleset: int, path: str, rights: int) -> None:
+    if sys.platform != "linux":  # the kernel of no other system has Landlock
+        return
     try:
         handle = os.open(path, os.O_PATH | os.O_CLOEXEC)
     except OSError:  # this system has no such folder
@@ -92,7 +93,6 @@ INPUT_FOLDER = "work"
 RESULTS = "out"  # folder in it for what the command writes
 MOST_WRITTEN = 2 * GB  # bytes of a file
 FIRST_TO_GO = "1000"  # the most that Linux knows
-_DIE_WITH_PARENT = 1  # PR_SET_PDEATHSIG
 NICE, TASK_NICE = 10, 3  # what answers a person goes first, then what a page waits for
 ADDRESS_SPACE = 4  # times the memory: libraries reserve more than they use; the server watches what is used
 
@@ -131,27 +131,13 @@ def main() -> None:
     )
 
 
-def die_with(parent: int) -> None:
-    """Let the system kill this process when its server dies, however that happens."""
-    if sys.platform == "linux":
-        CDLL(None).prctl(_DIE_WITH_PARENT, signal.SIGKILL)
-    if os.getppid() != parent:  # it died before it was asked for
-        os.kill(os.getpid(), signal.SIGKILL)
-
-
 def limit_resources(job: JobSpecification) -> None:
     """Set the limits that the system itself keeps; where its memory ends, this process goes and not the server."""
     with suppress(OSError):
         Path("/proc/self/oom_score_adj").write_text(FIRST_TO_GO, encoding="ascii")
-    os.nice(TASK_NICE if job.command.task else NICE)
+    give_way(TASK_NICE if job.command.task else NICE)
     seconds = int(job.limits.time_s * (os.cpu_count() or 1)) + 1
-    for what, most in (
-        (resource.RLIMIT_AS, ADDRESS_SPACE * job.limits.memory_bytes),
-        (resource.RLIMIT_FSIZE, MOST_WRITTEN),
-        (resource.RLIMIT_CPU, seconds),
-        (resource.RLIMIT_CORE, 0),
-    ):
-        resource.setrlimit(what, (most, most))
+    limit_process(ADDRESS_SPACE * job.limits.memory_bytes, MOST_WRITTEN, seconds)
 
 
 def lay_out(job: JobSpecification) -> None:

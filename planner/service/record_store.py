@@ -1,6 +1,5 @@
 """The records of robots that the service keeps: the plain folders of ``edbb record``, one a serial number."""
 
-import fcntl
 import shutil
 import tempfile
 from collections.abc import Iterator
@@ -12,6 +11,7 @@ from typing import Literal
 
 from planner.common.errors import InputError
 from planner.common.result_folder import file_hash
+from planner.common.system import locked
 from planner.instruments.record import BESIDE, DOCUMENTS, Circumstances, RobotRecord, add_entry, latest_day
 from planner.service.file_store import FileStore
 from planner.service.job_store import JobRecord, JobStore
@@ -106,8 +106,7 @@ class RecordStore:
     @contextmanager
     def _alone(self) -> Iterator[None]:
         """Hold off others that add: threads, and servers that share the folder."""
-        with (self._folder / ".lock").open("w") as lock:
-            fcntl.flock(lock, fcntl.LOCK_EX)
+        with locked(self._folder / ".lock"):
             yield
 
 

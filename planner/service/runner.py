@@ -4,23 +4,20 @@ import json
 import os
 import re
 import shutil
-import signal
 import subprocess
 import sys
 import threading
 import time
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
 from planner.common.errors import PARTLY_DONE, InputError
 from planner.common.files import data_folder
+from planner.common.system import group_memory, kill_group, start_in_own_group
 from planner.service.file_store import FileStore
 from planner.service.job_process import DAMAGED, INPUT_FOLDER, RESULTS, SPECIFICATION, SPECIFICATIONS, JobSpecification
 from planner.service.job_store import LEASE_S, MOST_CRASHES, JobOutput, JobProblem, JobRecord, JobStore, State
 from planner.service.settings import GB, JobLimits
-
-PAGE = os.sysconf("SC_PAGE_SIZE")
 
 
 class ProcessGroup:
@@ -35,13 +32,12 @@ class ProcessGroup:
             "MPLCONFIGDIR": str(folder),
         }
         with (folder / "printed").open("wb") as printed, (folder / "log").open("wb") as log:
-            self._process = subprocess.Popen(
+            self._process = start_in_own_group(
                 [sys.executable, "-m", module],
                 cwd=folder,
                 stdin=subprocess.DEVNULL,
                 stdout=printed,
                 stderr=log,
-                start_new_session=True,
                 env=environment | {"PYTHONPATH": os.pathsep.join(p for p in sys.path if p)},
             )
         self.id = self._process.pid
@@ -52,21 +48,12 @@ class ProcessGroup:
 
     def kill(self) -> None:
         """Kill all of it, and wait until the first process is gone."""
-        with suppress(ProcessLookupError, PermissionError):
-            os.killpg(self.id, signal.SIGKILL)
+        kill_group(self._process)
         self._process.wait()
 
     def memory(self) -> int:
         """Return the resident memory of all its processes [bytes]; 0 where the system does not tell."""
-        total = 0
-        for stat in Path("/proc").glob("[0-9]*/stat"):
-            try:
-                words = stat.read_text(encoding="utf-8", errors="replace").rpartition(")")[2].split()
-            except OSError:
-                continue
-            if int(words[2]) == self.id:
-                total += int(words[21]) * PAGE
-        return total
+        return group_memory(self.id)
 
 
 SHIPPED = re.compile(rf"{re.escape(str(data_folder('robots')))}/([\w-]+)/cells/([\w-]+)\.toml")  # cells, by path

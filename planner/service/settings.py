@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from planner.common.errors import InputError
+from planner.common.system import memory_bytes as system_memory
 
 LOOPBACK = ("127.0.0.1", "::1", "localhost")
 TOKEN_VARIABLE = "EDBB_TOKEN"
@@ -71,7 +72,7 @@ CONTAINER_LIMIT = Path("/sys/fs/cgroup/memory.max")
 
 def machine_memory() -> int:
     """Return the memory [bytes] of this machine, or of the container that it runs in."""
-    total = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    total = system_memory()
     try:
         return min(total, int(CONTAINER_LIMIT.read_text(encoding="ascii")))
     except (OSError, ValueError):  # no container, or one without a limit ("max")

@@ -146,6 +146,22 @@ def read_plan_header(path: Path) -> PlanHeader:
     return validate(read_json(path), PlanHeader, str(path))
 
 
+class _PlanPrograms(PlanHeader):
+    """The programs that were written with a plan of any kind."""
+
+    programs: tuple[dict[str, str], ...] = ()
+
+
+def read_dialects(path: Path) -> tuple[str, ...]:
+    """Return the dialects of the programs that were written with the plan at ``path``, of any kind.
+
+    Raises:
+        InputError: no such file, or no plan.
+    """
+    written = validate(read_json(path), _PlanPrograms, str(path)).programs
+    return tuple(dict.fromkeys(p["dialect"] for p in written if "dialect" in p))
+
+
 def check_run_of_plan(run: Run, path: Path, plan: PlanHeader, robot: str) -> None:
     """Refuse a plan for another robot, and a run of another plan.
 

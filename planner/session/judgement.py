@@ -8,10 +8,11 @@ from pathlib import Path
 import numpy as np
 
 from planner.cell.cell import Cell
-from planner.common.errors import NoSolutionError
+from planner.common.errors import MissingProgramError, NoSolutionError
 from planner.common.units import Array
 from planner.motion.path.constraints import Constraints
 from planner.motion.path.verdict import Motions, Verdict, judge_motions
+from planner.motion.planning_packages import has_judges
 from planner.programs.instructions import Program
 from planner.session.driven_motion import NO_BALL, Held, not_released, recover_motion
 from planner.session.motion_hulls import Hulls, motion_hulls
@@ -52,23 +53,54 @@ def _seem_proven(constraints: Constraints, corners: Array) -> np.ndarray:
     return constraints.prove_corners(corners).proven
 
 
-def judge_plan(path: Path, cell: Cell, program: Program, notes: Sequence[str]) -> tuple[str, ...]:
+def judge_plan(path: Path, cell: Cell, program: Program, notes: Sequence[str], proven: bool = False) -> tuple[str, ...]:
     """Judge the program of the plan at ``path``; return what a person must know of a plan that was changed and holds.
+
+    Where the collision engines are not installed nothing is judged: a program is trusted then if it is one that they
+    have proven, which is said, and refused otherwise.
 
     Args:
         path: of ``plan.json``, for messages.
         cell, program: as for :func:`judge_program`.
         notes: what was changed, nothing for a plan that is as it was written.
+        proven: whether a program that drives the same was proven when the plan was written.
 
     Raises:
         NoSolutionError: it is not proven.
+        MissingProgramError: it would have to be proven here, and the engines are not installed.
     """
+    if not has_judges():
+        return _trust_plan(path, notes, proven)
     try:
         judge_program(cell, program)
     except NoSolutionError as err:
         because = f" ({'; '.join(notes)})" if notes else ""
         raise NoSolutionError(f"{path}: {err}{because}") from err
     return tuple(f"{note}; its path was proven anew by both engines" for note in notes)
+
+
+NOT_JUDGED = (
+    "this program was not judged anew where it was written, no collision engine is installed there: plan and cell are, "
+    "by their hashes, those whose drive both engines proved when it was planned"
+)
+
+
+def _trust_plan(path: Path, notes: Sequence[str], proven: bool) -> tuple[str, ...]:
+    """Return what is said of a program that nobody judges here; refuse what differs from what was proven.
+
+    Raises:
+        MissingProgramError: it differs.
+    """
+    if notes:
+        differs = "; ".join(notes)
+    elif not proven:
+        differs = f"{path}: no program was proven with it that drives as this dialect does"
+    else:
+        return (NOT_JUDGED,)
+    raise MissingProgramError(
+        f"{differs}; it would have to be proven anew by both collision engines, which are not installed here: export "
+        "it where they are, or let a server do it (--server URL)"
+    )
 
 
 def _motions(constraints: Constraints, found: Sequence[Hulls]) -> Iterator[Motions]:

@@ -136,10 +136,19 @@ def _count_starts(course: Course) -> int:
 
 def assemble_programs(dialects: Sequence[str], assemble: Callable[[PathForm], Program]) -> dict[str, Program]:
     """Return the neutral program for each dialect; ``assemble`` is told how the path is wanted."""
-    forms = {name: load_dialect(name).path_form for name in dialects}
-    forms = {name: form if form.dense else replace(form, block_s=PathForm.block_s) for name, form in forms.items()}
+    forms = {name: driven_form(name) for name in dialects}
     made = {form: assemble(form) for form in dict.fromkeys(forms.values())}
     return {name: made[form] for name, form in forms.items()}
+
+
+def driven_form(dialect: str) -> PathForm:
+    """Return how the path of a session is wanted by a dialect: dialects of one form drive the same.
+
+    Raises:
+        InputError: no such dialect.
+    """
+    form = load_dialect(dialect).path_form
+    return form if form.dense else replace(form, block_s=PathForm.block_s)
 
 
 def write_programs(cell: Cell, programs: Mapping[str, Program]) -> Programs:

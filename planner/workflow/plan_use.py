@@ -17,15 +17,16 @@ from planner.instruments.simulation import SAMPLE_RATE, planned_samples, simulat
 from planner.instruments.truth import draw_truth, read_truth
 from planner.kinematics.robot import Robot
 from planner.kinematics.robot_reader import load_robot
+from planner.motion.planning_packages import has_judges
 from planner.programs.controller_axes import axes_for
-from planner.programs.dialect import PathForm, load_dialect
+from planner.programs.dialect import PathForm, dialect_names, load_dialect
 from planner.programs.instructions import Program
 from planner.programs.verification import import_map
 from planner.runs.run import Run
 from planner.runs.traces import ColumnMap, import_mapped, is_trace_of
-from planner.session.document import read_plan
+from planner.session.document import read_dialects, read_plan
 from planner.session.judgement import judge_plan
-from planner.session.neutral_program import session_program, write_session
+from planner.session.neutral_program import driven_form, session_program, write_session
 from planner.session.plan_types import Plan
 from planner.session.planned_session import PlannedSession, load_session
 from planner.workflow.plan_results import CircularPlanResult, ExportResult, PlanResult, SimulationResult
@@ -34,6 +35,7 @@ DRAWN_FOR_CHECK = (
     "this is the plan of a check, and a newly drawn robot was simulated: where the calibration was not of a robot "
     "drawn with the same seed, its check fails; --truth RUN.csv simulates the robot of the calibration's simulated run"
 )
+NOT_PROVEN_ANEW = "its path was not proven anew, as no collision engine is installed here"
 
 
 @on_one_thread
@@ -43,13 +45,14 @@ def export(plan: Path | str, *, dialect: str, name: str = "-") -> ExportResult:
     Raises:
         InputError: no plan, no cell beside it, or the two do not belong together; an unknown dialect, or one of a
             controller whose axes the robot's file does not describe.
+        NoSolutionError: its drive is not proven.
+        MissingProgramError: no collision engine is installed here, and it is not what was proven when it was planned.
     """
-    form = load_dialect(dialect).path_form
-    path = Path(plan)
+    form, path = driven_form(dialect), Path(plan)
     planned = load_circular_plan(path) if is_circular(path) else load_session(path, "exported", check=True)
     _ = axes_for(planned.cell.robot, load_dialect(dialect))
     program = _program_of(path, planned, form)
-    notes = judge_plan(path, planned.cell, program, planned.notes)
+    notes = judge_plan(path, planned.cell, program, planned.notes, form in _proven_forms(path))
     changed = " ".join(n.replace(str(path), "the plan") for n in notes)
     stem = f"{planned.cell.robot.name}_{planned.plan_id}" if name == "-" else Path(name).stem
     return ExportResult(write_session(planned.cell, replace(program, changed=changed), dialect, stem), notes)
@@ -98,6 +101,12 @@ def _read_drives(path: Path) -> PlannedSession | CircularPlan:
     return _prove_anew(path, session) if whole else session
 
 
+def _proven_forms(path: Path) -> list[PathForm]:
+    """Return the forms of the path that were proven when the plan at ``path`` was written: those of its programs."""
+    known = dialect_names()
+    return [driven_form(name) for name in read_dialects(path) if name in known]
+
+
 def _program_of(path: Path, session: PlannedSession | CircularPlan, form: PathForm) -> Program:
     """Return the neutral program of the plan at ``path``.
 
@@ -117,6 +126,8 @@ def _prove_anew(path: Path, session: S) -> S:
     """Return a session whose path is proven: that of a plan as it was written is, any other's is proven anew."""
     if not session.notes:
         return session
+    if not has_judges():  # nothing is driven: it is enough to say so
+        return replace(session, notes=tuple(f"{note}; {NOT_PROVEN_ANEW}" for note in session.notes))
     program = _program_of(path, session, PathForm())
     return replace(session, notes=judge_plan(path, session.cell, program, session.notes))
 

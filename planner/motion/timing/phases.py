@@ -1,6 +1,7 @@
 """From chosen steps to time: each timed by ruckig with one degree of freedom along the path, laid end to end.
 
-Where ruckig's tolerances leave it without an answer, the same profile is written down in closed form.
+Where ruckig's tolerances leave it without an answer, or it is not installed, the same profile is written down in
+closed form.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ import numpy as np
 
 from planner.common.errors import PlannerError
 from planner.common.units import Array, read_only
-from planner.motion.planning_packages import ruckig
+from planner.motion.planning_packages import is_installed, ruckig
 from planner.motion.timing.limits import Mask
 from planner.motion.timing.profile import Steps
 from planner.motion.timing.ramps import double_s_phases
@@ -94,7 +95,10 @@ def _time_moves(steps: Steps) -> Array:
     """Return duration, s, ds/dt, d²s/dt², d³s/dt³ at the start of the seven phases of every step: (n, 7, 5)."""
     if not np.isfinite(steps.time()).all():
         raise PlannerError("a step of the path was given speeds that its limits do not allow")
-    phases, solved = _ruckig_phases(steps)
+    if is_installed("ruckig"):
+        phases, solved = _ruckig_phases(steps)
+    else:
+        phases, solved = np.zeros((len(steps.length), 7, 5)), np.zeros(len(steps.length), dtype=bool)
     left = steps.take(np.flatnonzero(~solved))
     phases[~solved] = double_s_phases(left.length, left.v0, left.v1, left.speed, left.acceleration, left.jerk)
     return phases

@@ -20,6 +20,7 @@ import numpy as np
 
 from planner.common.errors import PlannerError
 from planner.common.progress import TOUR, seconds_left
+from planner.common.system import kill_group, start_in_own_group
 from planner.common.units import IntArray
 from planner.motion.tour.instance import TourInstance
 
@@ -121,20 +122,18 @@ def _run(command: list[str], folder: str, timeout_s: float) -> tuple[int, str]:
     """
     with (
         open(os.path.join(folder, "printed.txt"), "w+b") as printed,
-        subprocess.Popen(
+        start_in_own_group(
             command,
             cwd=folder,
             stdin=subprocess.DEVNULL,
             stdout=printed,
             stderr=subprocess.STDOUT,
-            start_new_session=True,
         ) as process,
     ):
         try:
             code = _wait(process, Path(folder, "printed.txt"), timeout_s)
         finally:
-            with suppress(ProcessLookupError, PermissionError):
-                os.killpg(process.pid, signal.SIGKILL)
+            kill_group(process)
         printed.seek(0)
         return code, printed.read().decode("utf-8", "replace")
 

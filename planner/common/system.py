@@ -1,0 +1,213 @@
+"""What the operating system does for a process, on Linux, macOS and Windows: the one place where they differ.
+
+Each function does its best on its system and says in its docstring what it cannot do there. What follows
+``sys.platform`` in a branch of its own is checked for each of the three by mypy (``--platform``).
+"""
+
+import ctypes
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+LOOK = 0.5  # [s] between two looks whether a process lives
+_SWAP_LINUX, _AT_FDCWD = 2, -100  # RENAME_EXCHANGE of renameat2, and the folder that paths count from
+_SWAP_MACOS = 2  # RENAME_SWAP of renamex_np
+_DIE_WITH_PARENT = 1  # PR_SET_PDEATHSIG
+_SYNCHRONIZE, _STILL_THERE = 0x00100000, 0x102  # access right of OpenProcess; WAIT_TIMEOUT
+_ACCESS_DENIED = 5
+_OPEN_ENDED = 0xFFFFFFFF  # INFINITE
+OTHERWISE_4_GIB = 4 << 30  # bytes of memory that are assumed where no system tells
+
+
+def process_exists(pid: int) -> bool:
+    """Tell whether a process of this number lives; nothing is sent to it."""
+    if sys.platform == "win32":  # os.kill(pid, 0) would press Ctrl-C there
+        kernel = _kernel32()
+        handle = kernel.OpenProcess(_SYNCHRONIZE, False, pid)
+        if not handle:
+            return bool(ctypes.get_last_error() == _ACCESS_DENIED)
+        try:
+            return bool(kernel.WaitForSingleObject(handle, 0) == _STILL_THERE)
+        finally:
+            kernel.CloseHandle(handle)
+    else:
+        try:
+            os.kill(pid, 0)
+        except ProcessLookupError:
+            return False
+        except OSError:
+            return True
+        return True
+
+
+def start_in_own_group(command: list[str], **options: Any) -> "subprocess.Popen[bytes]":
+    """Start a program that :func:`kill_group` ends together with all that it has started."""
+    if sys.platform == "win32":
+        return subprocess.Popen(command, creationflags=subprocess.CREATE_NEW_PROCESS_GROUP, **options)
+    else:
+        return subprocess.Popen(command, start_new_session=True, **options)
+
+
+def kill_group(process: "subprocess.Popen[bytes]") -> None:
+    """End a program of :func:`start_in_own_group` and what it has started, at once.
+
+    On Windows what it has started is found as long as the program itself lives.
+    """
+    if sys.platform == "win32":
+        if process.poll() is None:
+            subprocess.run(["taskkill", "/T", "/F", "/PID", str(process.pid)], capture_output=True, check=False)
+            with suppress(OSError):
+                process.kill()
+    else:
+        with suppress(ProcessLookupError, PermissionError):
+            os.killpg(process.pid, signal.SIGKILL)
+
+
+def kill_process(pid: int) -> None:
+    """End a process at once; it is not asked."""
+    if sys.platform == "win32":
+        os.kill(pid, signal.SIGTERM)  # whatever the number: it ends
+    else:
+        os.kill(pid, signal.SIGKILL)
+
+
+def die_with(parent: int) -> None:
+    """Let this process end when its parent does, however that happens: at once on Linux, else within a second."""
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(_DIE_WITH_PARENT, signal.SIGKILL)
+        if os.getppid() != parent:  # it died before it was asked for
+            kill_process(os.getpid())
+    else:
+        threading.Thread(target=_end_after, args=(parent,), daemon=True).start()
+
+
+def _end_after(parent: int) -> None:
+    """End this process once its parent is gone."""
+    if sys.platform == "win32":
+        kernel = _kernel32()
+        handle = kernel.OpenProcess(_SYNCHRONIZE, False, parent)
+        if handle:
+            kernel.WaitForSingleObject(handle, _OPEN_ENDED)
+    else:
+        while os.getppid() == parent:
+            time.sleep(LOOK)
+    os._exit(1)
+
+
+def give_way(steps: int) -> None:
+    """Let other processes go before this one: by so many steps of ``nice``, on Windows by one class."""
+    if sys.platform == "win32":
+        _kernel32().SetPriorityClass(_kernel32().GetCurrentProcess(), subprocess.BELOW_NORMAL_PRIORITY_CLASS)
+    else:
+        os.nice(steps)
+
+
+def limit_process(address_space: int, file_size: int, processor_s: int) -> None:
+    """Limit this process: bytes that it reserves, bytes of a file, seconds of processor time; no core file.
+
+    Windows has no such limits, and macOS does not keep that of the reserved bytes: who started the process watches it.
+    """
+    if sys.platform != "win32":
+        import resource
+
+        for what, most in (
+            (resource.RLIMIT_AS, address_space),
+            (resource.RLIMIT_FSIZE, file_size),
+            (resource.RLIMIT_CPU, processor_s),
+            (resource.RLIMIT_CORE, 0),
+        ):
+            try:
+                resource.setrlimit(what, (most, most))
+            except (ValueError, OSError):
+                if sys.platform == "linux":
+                    raise
+
+
+@contextmanager
+def locked(path: Path) -> Iterator[None]:
+    """Hold off every other process and thread that takes the same lock, at the file ``path``, meanwhile."""
+    with path.open("a+b") as file:
+        if sys.platform == "win32":
+            import msvcrt
+
+            file.seek(0)
+            while True:
+                with suppress(OSError):  # it gives up after ten seconds
+                    msvcrt.locking(file.fileno(), msvcrt.LK_LOCK, 1)
+                    break
+            try:
+                yield
+            finally:
+                file.seek(0)
+                msvcrt.locking(file.fileno(), msvcrt.LK_UNLCK, 1)
+        else:
+            import fcntl
+
+            fcntl.flock(file, fcntl.LOCK_EX)
+            yield
+
+
+def swap_folders(a: Path, b: Path) -> bool:
+    """Let two folders change places in one step; return whether this system and disk can."""
+    if sys.platform == "win32":
+        return False
+    with suppress(AttributeError, OSError):
+        libc = ctypes.CDLL(None, use_errno=True)
+        names = os.fsencode(a), os.fsencode(b)
+        if sys.platform == "darwin":
+            return bool(libc.renamex_np(*names, _SWAP_MACOS) == 0)
+        return bool(libc.renameat2(_AT_FDCWD, names[0], _AT_FDCWD, names[1], _SWAP_LINUX) == 0)
+    return False
+
+
+def sync_folder(folder: Path) -> None:
+    """Bring the names in a folder to the disk; Windows does so by itself."""
+    if sys.platform != "win32":
+        handle = os.open(folder, os.O_RDONLY)
+        try:
+            os.fsync(handle)
+        finally:
+            os.close(handle)
+
+
+def memory_bytes() -> int:
+    """Return the memory of this machine [bytes]."""
+    if sys.platform == "win32":
+        status = (ctypes.c_ulonglong * 8)()  # MEMORYSTATUSEX: two numbers of 32 bits, then seven of 64
+        ctypes.cast(status, ctypes.POINTER(ctypes.c_uint32))[0] = ctypes.sizeof(status)
+        return int(status[1]) if _kernel32().GlobalMemoryStatusEx(ctypes.byref(status)) else OTHERWISE_4_GIB
+    else:
+        return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+
+
+def group_memory(group: int) -> int:
+    """Return the resident memory of all processes of a group [bytes]; 0 where the system does not tell (not Linux)."""
+    if sys.platform != "linux":
+        return 0
+    total, page = 0, os.sysconf("SC_PAGE_SIZE")
+    for stat in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            words = stat.read_text(encoding="utf-8", errors="replace").rpartition(")")[2].split()
+        except OSError:
+            continue
+        if int(words[2]) == group:
+            total += int(words[21]) * page
+    return total
+
+
+def _kernel32() -> Any:
+    """The functions of Windows; a handle of it is as wide as a pointer."""
+    if sys.platform == "win32":
+        kernel = ctypes.WinDLL("kernel32", use_last_error=True)
+        kernel.OpenProcess.restype = kernel.GetCurrentProcess.restype = ctypes.c_void_p
+        for name in ("WaitForSingleObject", "CloseHandle", "SetPriorityClass"):
+            getattr(kernel, name).argtypes = [ctypes.c_void_p, ctypes.c_uint32][: 1 if name == "CloseHandle" else 2]
+        return kernel
+    raise OSError("no Windows")
