@@ -42,11 +42,16 @@ main()
 """
 
 
-def edbb_without(*words, cwd=None):
+def edbb_without(*words, cwd=None, env=None, flags=(), text=True):
     """Run the command in a process of its own in which no package of planning can be imported."""
     code = WITHOUT.format(packages=PACKAGES)
     return subprocess.run(
-        [sys.executable, "-c", code, *map(str, words)], capture_output=True, text=True, cwd=cwd, check=False
+        [sys.executable, *flags, "-c", code, *map(str, words)],
+        capture_output=True,
+        text=text,
+        cwd=cwd,
+        env=env,
+        check=False,
     )
 
 

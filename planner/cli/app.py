@@ -17,6 +17,7 @@ from typer.core import TyperCommand, TyperGroup
 from planner import __version__
 from planner.cli.declared import folder_command
 from planner.cli.terminal import errors
+from planner.common.console import speak_plainly
 from planner.common.errors import InputError, PlannerError
 from planner.common.files import INPUTS, OVERWRITING, short_path
 from planner.common.quiet import results_alone
@@ -173,6 +174,7 @@ def _run_on_server(url: str, words: list[str]) -> int:
 
 def main() -> None:
     """Run the command line; the exit code is the error's own (0 done, 1 bug, 2 input, 3 no solution, 4 missing)."""
+    speak_plainly()
     try:
         with results_alone():
             _run_and_flush()

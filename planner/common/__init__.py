@@ -4,6 +4,7 @@ __all__ = [
     "arrays",
     "calls",
     "choices",
+    "console",
     "determinism",
     "errors",
     "extensions",

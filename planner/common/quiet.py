@@ -44,6 +44,7 @@ def results_alone() -> Iterator[None]:
     """Let Python's ``sys.stdout`` alone write to standard output; what compiled code and programs print goes to errors.
 
     Whatever a library prints, and whenever, what a command writes there stays what it says it is, such as JSON.
+    What does not go to a screen is in UTF-8, unless PYTHONIOENCODING says otherwise, with the line ends that it has.
     Nothing is done where ``sys.stdout`` is not the process's own, or either of the two is closed.
     """
     plain = sys.stdout
@@ -59,9 +60,12 @@ def results_alone() -> Iterator[None]:
         return
     plain.flush()
     os.dup2(STANDARD_ERROR, STANDARD_OUTPUT)
-    lines = 1 if os.isatty(kept) else -1
+    screen = os.isatty(kept)
+    encoding = plain.encoding if screen or "PYTHONIOENCODING" in os.environ else "utf-8"
     try:
-        with open(kept, "w", buffering=lines, encoding=plain.encoding, errors=plain.errors, closefd=False) as results:
+        with open(
+            kept, "w", 1 if screen else -1, encoding, plain.errors, newline=None if screen else "", closefd=False
+        ) as results:
             sys.stdout = results
             yield
     finally:

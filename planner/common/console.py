@@ -1,0 +1,31 @@
+"""Text for a console that does not have every letter: units and signs are spelt in plain ones there."""
+
+import codecs
+import sys
+from contextlib import suppress
+
+PLAIN = {
+    "µ": "u", "μ": "u", "σ": "sigma", "φ": "phi", "θ": "theta", "Δ": "d", "Σ": "sum", "√": "sqrt",
+    "→": "->", "─": "-", "►": ">", "◄": "<", "│": "|", "━": "-", "•": "*", "·": "*", "×": "x", "±": "+-",
+    "≤": "<=", "≥": ">=", "≈": "~", "−": "-", "–": "-", "—": "-", "…": "...", "°": " deg", "²": "2", "³": "3",
+    "’": "'", "“": '"', "”": '"', "é": "e", "ä": "ae", "ö": "oe", "ü": "ue", "ß": "ss",
+}  # fmt: skip
+"""What stands for a sign that a console lacks; any other sign is a question mark."""
+NAME = "edbb-plain"
+
+
+def spell_plainly(err: UnicodeError) -> tuple[str, int]:
+    """Return plain letters for what could not be encoded, as the codecs of Python ask for them."""
+    if not isinstance(err, UnicodeEncodeError):
+        raise err
+    return "".join(PLAIN.get(letter, "?") for letter in err.object[err.start : err.end]), err.end
+
+
+def speak_plainly() -> None:
+    """Let standard output and errors spell plainly what their encoding lacks, where it is not UTF-8."""
+    codecs.register_error(NAME, spell_plainly)
+    for stream in (sys.stdout, sys.stderr):
+        encoding = str(getattr(stream, "encoding", None) or "utf-8")
+        if codecs.lookup(encoding).name != "utf-8":
+            with suppress(AttributeError, ValueError):
+                stream.reconfigure(errors=NAME)

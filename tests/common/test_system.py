@@ -1,0 +1,144 @@
+"""What the system does for a process, and that files are exchanged as a whole in the manner of each system."""
+
+import ctypes
+import os
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import pytest
+
+from planner.common import result_folder, system
+from planner.common.errors import InputError
+from planner.common.result_folder import MANIFEST, changed_files, draft_folder, move_all
+from tests.test_planning_packages import EXAMPLES, edbb_without
+
+
+def test_a_process_is_seen_and_nothing_is_sent_to_it():
+    sleeper = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(60)"])
+    assert system.process_exists(sleeper.pid)
+    assert sleeper.poll() is None
+    system.kill_process(sleeper.pid)
+    sleeper.wait()
+    assert not system.process_exists(sleeper.pid)
+
+
+def test_a_group_ends_with_all_that_it_has_started(tmp_path):
+    child = "import time; time.sleep(60)"
+    parent = (
+        f"import subprocess, sys; p = subprocess.Popen([sys.executable, '-c', {child!r}]); "
+        "open('pid', 'w').write(str(p.pid)); p.wait()"
+    )
+    group = system.start_in_own_group([sys.executable, "-c", parent], cwd=tmp_path)
+    until = time.monotonic() + 20
+    while not (tmp_path / "pid").is_file() or not (tmp_path / "pid").read_text():
+        assert time.monotonic() < until
+        time.sleep(0.02)
+    system.kill_group(group)
+    group.wait()
+    stat = Path("/proc", (tmp_path / "pid").read_text(), "stat")  # a killed one that nobody waits for may stay as Z
+    while stat.exists() and stat.read_text().rpartition(")")[2].split()[0] != "Z":
+        assert time.monotonic() < until
+        time.sleep(0.02)
+
+
+def test_a_lock_holds_off_others(tmp_path):
+    order = []
+
+    def enter():
+        with system.locked(tmp_path / "lock"):
+            order.append("second")
+
+    other = threading.Thread(target=enter)
+    with system.locked(tmp_path / "lock"):
+        other.start()
+        other.join(0.2)
+        order.append("first")
+    other.join()
+    assert order == ["first", "second"]
+
+
+def _results(folder, text):
+    """Write results of one kind into a folder as commands do."""
+    with draft_folder(folder) as draft:
+        (draft / "plan.json").write_text("{}", encoding="utf-8")
+        (draft / text).write_text(text, encoding="utf-8")
+        move_all(draft, folder)
+
+
+@pytest.fixture
+def like_windows(monkeypatch):
+    """No exchange in one step, no choice about links, no C library of the process."""
+    link = os.link
+
+    def plain_link(source, target, follow_symlinks=True):
+        if not follow_symlinks:
+            raise NotImplementedError("link: follow_symlinks unavailable on this platform")
+        link(source, target)
+
+    def no_library(name, *_, **__):
+        raise TypeError(f"no library {name}")
+
+    monkeypatch.setattr(os, "link", plain_link)
+    monkeypatch.setattr(ctypes, "CDLL", no_library)
+    monkeypatch.setattr(result_folder, "swap_folders", lambda a, b: False)
+
+
+def test_results_are_exchanged_as_a_whole_where_no_folders_can_be_swapped(tmp_path, like_windows):
+    out = tmp_path / "out"
+    _results(out, "old.txt")
+    (out / "mine.txt").write_text("of a person", encoding="utf-8")
+    _results(out, "new.txt")
+    assert {p.name for p in out.iterdir()} == {"plan.json", "new.txt", "mine.txt", MANIFEST}
+    assert changed_files(out, "plan.json") == []
+    assert [p.name for p in tmp_path.iterdir()] == ["out"]
+
+
+def test_what_was_there_stays_where_the_new_folder_cannot_take_its_place(tmp_path, like_windows, monkeypatch):
+    out, rename = tmp_path / "out", os.rename
+    _results(out, "old.txt")
+
+    def refuse_the_draft(a, b):
+        if Path(b) == out and Path(a).name != "old":
+            raise PermissionError(13, "the folder is open in another program", str(b))
+        rename(a, b)
+
+    monkeypatch.setattr(os, "rename", refuse_the_draft)
+    with pytest.raises(InputError, match="the folder is open in another program"):
+        _results(out, "new.txt")
+    assert {p.name for p in out.iterdir()} == {"plan.json", "old.txt", MANIFEST}
+    assert changed_files(out, "plan.json") == []
+
+
+PLAIN = {**os.environ, "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0", "LC_ALL": "C", "OMP_NUM_THREADS": "1"}
+"""Without UTF-8 anywhere but where a file is told to be in it: stricter than a Western Windows, whose µ is a byte."""
+
+
+def test_a_run_is_identified_where_nothing_is_utf_8_by_itself(tmp_path):
+    words = ["identify", EXAMPLES / "measured_run.csv", "--cell", EXAMPLES / "measured_run.toml", "-o", "out", "--json"]
+    done = edbb_without(*words, cwd=tmp_path, env=PLAIN, flags=("-X", "warn_default_encoding"), text=False)
+    assert done.returncode == 0, done.stderr
+    assert b"EncodingWarning" not in done.stderr or b"planner" not in done.stderr.split(b"EncodingWarning")[0][-300:]
+    assert "µm" in (tmp_path / "out" / "report.html").read_bytes().decode("utf-8")
+    assert done.stdout.decode("utf-8").startswith("{")
+
+
+def test_letters_that_a_console_does_not_have_are_spelt_plainly():
+    text = ascii("σ of 5 µm → ≤ 3 … 漢")
+    script = f"from planner.common.console import speak_plainly; speak_plainly(); print({text})"
+    for name, said in (("ascii", "sigma of 5 um -> <= 3 ... ?"), ("cp1252", "sigma of 5 µm -> <= 3 … ?")):
+        env = {**PLAIN, "PYTHONIOENCODING": name}
+        done = subprocess.run([sys.executable, "-c", script], capture_output=True, env=env, check=True)
+        assert done.stdout.decode(name).strip() == said
+
+
+def test_line_ends_of_results_are_those_that_were_written(tmp_path):
+    """A program for a controller that wants CR LF has them once, whatever the system adds to text."""
+    script = (
+        "import sys; from planner.common.quiet import results_alone\n"
+        "with results_alone(): sys.stdout.write('a\\r\\nb\\n')"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, check=True)
+    assert done.stdout == b"a\r\nb\n"
