@@ -2,7 +2,7 @@
 
 import codecs
 import sys
-from contextlib import suppress
+from io import TextIOWrapper
 
 PLAIN = {
     "µ": "u", "μ": "u", "σ": "sigma", "φ": "phi", "θ": "theta", "Δ": "d", "Σ": "sum", "√": "sqrt",
@@ -25,7 +25,5 @@ def speak_plainly() -> None:
     """Let standard output and errors spell plainly what their encoding lacks, where it is not UTF-8."""
     codecs.register_error(NAME, spell_plainly)
     for stream in (sys.stdout, sys.stderr):
-        encoding = str(getattr(stream, "encoding", None) or "utf-8")
-        if codecs.lookup(encoding).name != "utf-8":
-            with suppress(AttributeError, ValueError):
-                stream.reconfigure(errors=NAME)
+        if isinstance(stream, TextIOWrapper) and codecs.lookup(stream.encoding).name != "utf-8":
+            stream.reconfigure(errors=NAME)
