@@ -131,7 +131,7 @@ def limit_process(address_space: int, file_size: int, processor_s: int) -> None:
 
 
 @contextmanager
-def locked(path: Path) -> Iterator[None]:
+def hold_lock(path: Path) -> Iterator[None]:
     """Hold off every other process and thread that takes the same lock, at the file ``path``, meanwhile."""
     with path.open("a+b") as file:
         if sys.platform == "win32":

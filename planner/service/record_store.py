@@ -11,7 +11,7 @@ from typing import Literal
 
 from planner.common.errors import InputError
 from planner.common.result_folder import file_hash
-from planner.common.system import locked
+from planner.common.system import hold_lock
 from planner.instruments.record import BESIDE, DOCUMENTS, Circumstances, RobotRecord, add_entry, latest_day
 from planner.service.file_store import FileStore
 from planner.service.job_store import JobRecord, JobStore
@@ -106,7 +106,7 @@ class RecordStore:
     @contextmanager
     def _alone(self) -> Iterator[None]:
         """Hold off others that add: threads, and servers that share the folder."""
-        with locked(self._folder / ".lock"):
+        with hold_lock(self._folder / ".lock"):
             yield
 
 

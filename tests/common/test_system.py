@@ -48,11 +48,11 @@ def test_a_lock_holds_off_others(tmp_path):
     order = []
 
     def enter():
-        with system.locked(tmp_path / "lock"):
+        with system.hold_lock(tmp_path / "lock"):
             order.append("second")
 
     other = threading.Thread(target=enter)
-    with system.locked(tmp_path / "lock"):
+    with system.hold_lock(tmp_path / "lock"):
         other.start()
         other.join(0.2)
         order.append("first")
