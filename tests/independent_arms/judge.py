@@ -87,6 +87,7 @@ def _rivals(finding):
 
 def judge_names(findings, causes):
     known = [c for c in causes if c.names]
+    findings = [f for f in findings if f["effect"] != "unnamed"]  # described by what moves with what, called nothing
     right = {id(c) for c in known for f in findings if _is(f["effect"], str(f["on"]), c)}
     rival = {id(c) for c in known for f in findings for r in _rivals(f) if _is(*r, c)} - right
     wrong = [

@@ -9,7 +9,7 @@ from tests.independent_arms import causes, foreign, runs
 from tests.independent_arms.arm import TOOL, make_arm, workspace
 from tests.independent_arms.chain import GRAVITY, frames, loads, points, read_arm
 from tests.independent_arms.fit import fit_geometry, rigid
-from tests.independent_arms.judge import identify, judge, rms_aligned
+from tests.independent_arms.judge import Names, identify, judge, judge_names, rms_aligned
 from tests.independent_arms.runs import Session
 from tests.independent_arms.state import Cause, Errors
 
@@ -134,6 +134,21 @@ def test_a_driven_bar_reads_along_the_way(tmp_path):
     line = true.points(way) - runs.FIXTURE
     difference = columns["length_mm"] - 1e3 * np.linalg.norm(line, axis=1)
     assert np.std(difference - np.polyval(np.polyfit(time, difference, 3), time)) < 0.05
+
+
+def test_names_are_held_against_what_is_hidden():
+    """One named, one a rival of a finding, one not found; one finding that is nothing, one that says so itself."""
+    gear = Cause("gear twice a turn", "joint 3", names=("encoder twice a turn", "gear"), numbers=(3,))
+    base = Cause("soft base", "base", names=("soft base",))
+    bend = Cause("bending", "link 2", names=("link bending",), numbers=(2,))
+    findings = [
+        {"effect": "gear error curve", "on": "joint 3", "rivals": []},
+        {"effect": "axis wobble once a turn", "on": "joint 1", "rivals": ["soft base, base"]},
+        {"effect": "link bending", "on": "link 4", "rivals": []},
+        {"effect": "unnamed", "on": "joint 1", "rivals": []},
+    ]
+    assert judge_names(findings, [gear, base, bend]) == Names(true=3, right=1, rival=1, wrong=1, found=3)
+    assert judge_names(findings, []).wrong == 3
 
 
 @pytest.mark.long
