@@ -1,17 +1,22 @@
 """What the cell holds for known of its set-up and may have wrong: where fixtures stand, the tool point, a bar's zero.
 
-What a cell frees is in every model. What it does not free (``[plan] free``, ``gauge.zero = "known"``) is sought like
-any other cause: what is off there would else be named as something that it is not.
+What a cell frees is in every model, and so is what it holds for known but states no better than readings show. What is
+stated better than that is sought like any other cause: what is off there would else be named as something that it is
+not.
 """
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 from planner.cell.setup import FREEABLE, MeasurementSetup
+from planner.common.units import DEG, MM
 from planner.effects.catalogue import Background, Excitation, register
 from planner.effects.effect import Effect, Parameter, Place, Role
 
 LARGEST_OFF = 0.1  # [m, rad] beyond that the gauge was not there at all, and nothing was read
 STATED = "stated by the cell file; more than this is another place"
+# [m, rad] one sigma of a statement that is wrong, whatever it states: as large as what nobody has measured
+USUAL = {"fixture": 5 * MM, "map": 1 * MM, "zero": 1 * MM, "probe": 0.1 * DEG}
 KINDS = {"fixture": "fixture place", "map": "tool place", "probe": "tool place", "zero": "gauge zero"}
 
 
@@ -31,18 +36,28 @@ def set_up_errors(run: Excitation) -> Iterator[Effect]:
         thing, _, name = label.partition("_")
         if thing in KINDS and not free & {p.name for p in own}:
             place, sentence = _words(thing, name)
-            yield Effect(KINDS[thing], Place(place), tuple(own), sentence, LARGEST_OFF, STATED, role=Role.SET_UP)
+            wrong = tuple(replace(p, prior=max(p.prior, USUAL[thing])) for p in own)
+            yield Effect(KINDS[thing], Place(place), wrong, sentence, LARGEST_OFF, STATED, role=Role.SET_UP)
 
 
 def _words(thing: str, name: str) -> tuple[str, str]:
     """Return place and sentence of a thing, ``map``, and its name, empty where there is but one."""
     if thing == "fixture":
         which = f"fixture {name}" if name else "the fixture"
-        return which, f'{which} stands {{size}} from where the cell has it (plan.free = ["fixture"] would fit it)'
+        return (
+            which,
+            f'{which} stands {{size}} from where the cell has it (free it: plan.free = ["fixture"])',
+        )
     if thing == "zero":
         which = f"{name} gauge".strip()
-        return which, f'the zero of the {which} is off, it reads {{size}} {{more}} (gauge.zero = "free" would fit it)'
+        return (
+            which,
+            f'the zero of the {which} is off, it reads {{size}} {{more}} (free it: gauge.zero = "free")',
+        )
     if thing == "probe":
         return "probe", "the probe is turned by {size} from how the cell has it on the flange"
     which = f"tool point {name}".strip()
-    return which, f'{which} sits {{size}} from where the cell has it (plan.free = ["tool"] would fit it)'
+    return (
+        which,
+        f'{which} sits {{size}} from where the cell has it (free it: plan.free = ["tool"])',
+    )

@@ -82,3 +82,20 @@ def test_a_fixture_out_of_the_robots_reach_is_measured():
     cell = replace(cell, fixtures=(far,))
     drawn = [errors_of(draw_truth(cell, s))["fixture_A_x"] for s in range(60)]
     assert np.std(drawn) == pytest.approx(far.prior, rel=0.4)
+
+
+def test_what_the_robot_sets_up_is_known_no_better_than_the_robot(tmp_path):
+    """A cup said to stand within 0.1 mm is where an arm came that errs by millimetres, as it is drawn too."""
+    text = load_cell("comau-nj130/paper").path.read_text()
+    priors = {}
+    for how in ("robot", "measured"):
+        stated = f'[[fixtures]]\nset_up = "{how}"\nprior_mm = 0.1\n'
+        (tmp_path / "cell.toml").write_text(text.replace("[[fixtures]]\n", stated))
+        cell = read_cell(tmp_path / "cell.toml", "cell")
+        priors[how] = cell.fixtures[0].prior
+    assert priors["measured"] == pytest.approx(0.1e-3)
+    drawn = [errors_of(draw_truth(cell, seed)) for seed in range(3)]
+    assert max(abs(v) for e in drawn for n, v in e.items() if n.startswith("fixture")) < 0.5e-3  # as measured
+    robot = [errors_of(draw_truth(load_cell("comau-nj130/paper"), seed)) for seed in range(60)]
+    own = np.sqrt(np.mean([v**2 for e in robot for n, v in e.items() if n.startswith("fixture")]))
+    assert 0.4 * own < priors["robot"] < own  # what the joints give way by comes on top
