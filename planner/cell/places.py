@@ -65,39 +65,19 @@ def read_fixtures(path: Path, robot: Robot, file: CellFile, usual: SetUp) -> tup
             f"{path}: '{given[0]}' cannot hold the bar at each of {len(more) + 1} tool points: leave it out, good "
             "mount poses are found"
         )
-    common, points, arm = file.gauge.mount_deg, 1 + len(more), usual_tool_error(robot, file)
-    return tuple(_read_fixture(path, robot, f, common, points, usual, arm) for f in file.fixtures)
-
-
-def usual_tool_error(robot: Robot, file: CellFile) -> float:
-    """Return how far off the tool point usually is before calibration, at home, one sigma of a direction [m].
-
-    0 where the cell has no tool.
-    """
-    if file.tool is None:
-        return 0.0
-    home = file.home_deg if file.home_deg is not None and len(file.home_deg) == robot.n_joints else 0.0
-    return robot.usual_error(np.zeros(robot.n_joints) + from_deg(home), from_mm(file.tool.map_mm))
+    common, points = file.gauge.mount_deg, 1 + len(more)
+    return tuple(_read_fixture(path, robot, f, common, points, usual) for f in file.fixtures)
 
 
 def _read_fixture(
-    path: Path,
-    robot: Robot,
-    f: FixtureFile,
-    common: tuple[float, ...] | None,
-    points: int,
-    usual: SetUp,
-    arm: float,
+    path: Path, robot: Robot, f: FixtureFile, common: tuple[float, ...] | None, points: int, usual: SetUp
 ) -> Fixture:
-    """Return one cup; what the robot sets up stands no better than ``arm`` [m], its own error, whatever is stated."""
     key = f"fixtures.{f.name}.mount_deg" if f.mount_deg else "gauge.mount_deg"
     given = f.mount_deg or common
     mount = None if given is None else read_joint_angles(path, robot, key, given)
     axis = unit_vector(path, f"fixtures.{f.name}.axis", f.axis)
     at = read_only(from_mm(f.position_mm))
-    set_up = f.set_up or usual
-    prior = max(f.prior_mm * MM, arm if set_up == "robot" else 0.0)
-    return Fixture(f.name, at, axis, prior, (mount,) * points, set_up=set_up)
+    return Fixture(f.name, at, axis, f.prior_mm * MM, (mount,) * points, set_up=f.set_up or usual)
 
 
 def read_joint_angles(path: Path, robot: Robot, key: str, value: tuple[float, ...] | None) -> Array:

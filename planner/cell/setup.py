@@ -152,7 +152,7 @@ def setup_of(cell: Cell) -> MeasurementSetup:
         p_GS=np.array([b.p_GS for b in cell.balls]).reshape(-1, 3),
         place_names=tuple(f.name for f in fixtures) or ("",),
         point_names=tuple(p.name for p in points) if len(points) > 1 else ("",),
-        place_prior=np.array([f.prior for f in fixtures] or [np.inf]),
+        place_prior=_place_priors(cell),
         tool_prior=tool.prior,
         turn_prior=min([f.turn for f in fixtures] or [np.inf]),
         joint_sigma=_repeatability_of_joint(cell),
@@ -169,6 +169,20 @@ def _known_parts(cell: Cell) -> frozenset[str]:
     """Return what a cell holds for known without having measured it: what a CMM measured is not sought elsewhere."""
     measured = {"tool"} if cell.tool.measured or not cell.tool.known else set()
     return FREEABLE - cell.plan.free - measured
+
+
+def _place_priors(cell: Cell) -> Array:
+    """Return one-sigma sizes of the errors of the places, (S,) [m], by what the cell states.
+
+    A fixture that the robot sets up stands where the robot came, whatever is stated: one that is not freed, so that the
+    statement counts, is known no better than the tool point of a robot before calibration, looked at at home.
+    """
+    stated = np.array([f.prior for f in cell.fixtures] or [np.inf])
+    by_robot = [f.set_up == "robot" for f in cell.fixtures]
+    if "fixture" in cell.plan.free or not any(by_robot):
+        return stated
+    least = cell.robot.usual_error(cell.home, cell.tool.points[0].p_FM)
+    return np.where(by_robot, np.maximum(stated, least), stated)
 
 
 def _repeatability_of_joint(cell: Cell) -> float:

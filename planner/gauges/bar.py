@@ -12,12 +12,12 @@ from planner.cell.cell import Cell, Fixture
 from planner.cell.file import CellFile
 from planner.cell.gauge_registry import register_gauge
 from planner.cell.gauge_types import GaugeBody, PlannedVisit, RecordedPose, SessionGuide
-from planner.cell.places import read_fixtures, usual_tool_error
+from planner.cell.places import read_fixtures
 from planner.cell.setup import MeasurementSetup, Targets
 from planner.common.choices import SetUp
 from planner.common.errors import InputError
 from planner.common.schema import NonNegativeFloat, PositiveFloat, StrictModel, validate
-from planner.common.units import MM, UM, Array, read_only, to_mm
+from planner.common.units import MM, UM, Array, from_deg, from_mm, read_only, to_mm
 from planner.effects.basis import AtPlace
 from planner.effects.catalogue import Excitation
 from planner.effects.context import Context
@@ -70,10 +70,12 @@ def choose_stop_margin(robot: Robot, file: CellFile, keys: BarKeys) -> float:
         return 0.0
     if keys.stop_margin_mm is not None:
         return keys.stop_margin_mm * MM
-    tool, arm = 0.0, usual_tool_error(robot, file)
+    tool, arm = 0.0, 0.0
     if file.tool is not None:
         sigma = file.tool.map_sigma_um
         tool = file.tool.prior_mm * MM if sigma is None else sigma * UM
+        home = file.home_deg if file.home_deg is not None and len(file.home_deg) == robot.n_joints else 0.0
+        arm = robot.usual_error(np.zeros(robot.n_joints) + from_deg(home), from_mm(file.tool.map_mm))
     fixture = max((f.prior_mm for f in file.fixtures), default=0.0) * MM
     shortest, longest = file.gauge.length_mm
     return min(STOP_SIGMAS * float(np.hypot(np.hypot(fixture, tool), arm)), LARGEST_MARGIN * (longest - shortest) * MM)

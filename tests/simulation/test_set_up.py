@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from planner.cell.reading import load_cell, read_cell
+from planner.cell.setup import setup_of
 from planner.common.errors import InputError
 from planner.instruments.set_up import ADJUSTED, place_fixtures_by_robot, solve_fixture_pose
 from planner.instruments.truth import draw_truth
@@ -92,7 +93,7 @@ def test_what_the_robot_sets_up_is_known_no_better_than_the_robot(tmp_path):
         stated = f'[[fixtures]]\nset_up = "{how}"\nprior_mm = 0.1\n'
         (tmp_path / "cell.toml").write_text(text.replace("[[fixtures]]\n", stated))
         cell = read_cell(tmp_path / "cell.toml", "cell")
-        priors[how] = cell.fixtures[0].prior
+        priors[how] = float(setup_of(cell).place_prior[0])
     assert priors["measured"] == pytest.approx(0.1e-3)
     drawn = [errors_of(draw_truth(cell, seed)) for seed in range(3)]
     assert max(abs(v) for e in drawn for n, v in e.items() if n.startswith("fixture")) < 0.5e-3  # as measured

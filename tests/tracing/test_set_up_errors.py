@@ -27,6 +27,7 @@ from tests.tracing.worlds import arm, names
 SET_UP = {"fixture place", "tool place", "gauge zero"}
 FIXTURE = {"fixture_A_x": 3e-3, "fixture_A_y": -4e-3, "fixture_A_z": 2.3e-3}  # 5.5 mm
 ZERO = {"zero": 0.76e-3}
+MEASURED = 'set_up = "measured"\n'  # a fixture that the robot sets up is never known well
 COMPLIANCE = Effect("joint-compliance", 3, 0.0, (), 3.0)
 
 
@@ -40,7 +41,9 @@ def calibrated(off=(), effects=(), seed=1, build="edbb_static", free="[]", relea
     with tempfile.TemporaryDirectory() as folder:
         run_csv, cell_toml = made.write(Path(folder))[:2]
         text = cell_toml.read_text()
-        text = text.replace('zero = "free"', 'zero = "known"').replace("[[fixtures]]\n", f"[[fixtures]]\n{known}")
+        text = text.replace('zero = "free"', 'zero = "known"').replace(
+            "[[fixtures]]\n", f"[[fixtures]]\n{known}{MEASURED}"
+        )
         text = text.replace("[tool]\n", f"[tool]\n{known}")
         cell_toml.write_text(f"{text}\n[plan]\nfree = {free}\n")
         cell = load_cell(str(cell_toml), planning=False)
