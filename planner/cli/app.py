@@ -25,21 +25,8 @@ from planner.kinematics.packages import COMMAND_PACKAGES
 from planner.workflow.verbs import DECLARED
 
 PLANNING, CALIBRATION, CELL, SERVICE = "plan_commands", "calibration_commands", "cell_commands", "service_commands"
-WRITTEN = {  # not declared: (module, line in the list of commands); plan-check is plan_check_command there
-    "study": (PLANNING, "Observability offline: what can be seen, and from where."),
-    "export": (PLANNING, "Write the robot program of a plan in any dialect."),
-    "simulate": (CALIBRATION, "Simulate the measured run of a plan."),
-    "identify": (CALIBRATION, "Identify the robot from measured runs."),
-    "import": (CALIBRATION, "Bring controller and gauge traces into the run format."),
-    "compensate": (CALIBRATION, "Correct a program for the calibrated robot."),
-    "accuracy": (CALIBRATION, "Judge a robot by a tracker's run, or repeated centrings."),
-    "plan-check": (CALIBRATION, "Plan ten poses that tell whether a robot has changed."),
-    "check": (CALIBRATION, "Judge a check: what has changed, and what to do."),
+WRITTEN = {  # not declared: (module, line in the list of commands)
     "record": (CALIBRATION, "Keep the history of one robot, and show its drift."),
-    "circular": (CALIBRATION, "Evaluate a circular test in the manner of ISO 230-4."),
-    "loaded": (CALIBRATION, "Evaluate circles driven under load: joint compliances."),
-    "loaded-places": (PLANNING, "Find where loaded circles tell the compliances apart."),
-    "plan-both": (PLANNING, "Plan a session with an unloaded and a loaded bar."),
     "centre": (CELL, "Centre a head of indicators on the balls of a plan."),
     "measure": (CELL, "Read a bar or wire at each pose of a plan into a run."),
     "serve": (SERVICE, "Serve the planner to browsers and programs."),
@@ -48,6 +35,10 @@ WRITTEN = {  # not declared: (module, line in the list of commands); plan-check 
 }
 VERBS = {name: call.line for name, call in DECLARED.items()} | {name: line for name, (_, line) in WRITTEN.items()}
 """Every command, and its line in the list."""
+WITH_MORE = {  # declared, and more than that happens, or is typed, on the command line: the module
+    **dict.fromkeys(("study", "export"), PLANNING),
+    **dict.fromkeys(("simulate", "import", "compensate"), CALIBRATION),
+}
 
 
 class PlainSwitches:
@@ -113,9 +104,9 @@ class Verbs(PlainSwitches, TyperGroup):
 
 def command_function(name: str) -> Callable[..., None]:
     """Return the function of the command ``name``."""
-    if name in DECLARED:
+    if name in DECLARED and name not in WITH_MORE:
         return folder_command(DECLARED[name])
-    module = import_module(f"planner.cli.{WRITTEN[name][0]}")
+    module = import_module(f"planner.cli.{WITH_MORE.get(name) or WRITTEN[name][0]}")
     function: Callable[..., None] = getattr(module, f"{name.replace('-', '_')}_command")
     return function
 

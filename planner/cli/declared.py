@@ -8,8 +8,8 @@ from typing import Annotated, Any, get_args
 import typer
 from typer.models import ArgumentInfo
 
-from planner.cli.terminal import STARTS, Json, Output, give
-from planner.common.calls import Call, CallField, Option, call_fields, find_function
+from planner.cli.terminal import STARTS, Json, OptionalOutput, Output, give
+from planner.common.calls import Call, CallField, find_function, typed_fields
 from planner.common.errors import PARTLY_DONE
 from planner.report.standby import stand_by
 
@@ -25,10 +25,10 @@ def declare_command(call: type[Call], work: Callable[..., None], **own: tuple[An
         work: what is done: it takes the values of the fields that were given, and its own parameters by name.
         own: the parameters that the command line alone has, such as ``output``: annotation and default.
     """
-    known = [_parameter(f, f.option) for f in call_fields(call) if f.option is not None]
-    words = [p for p in known if isinstance(get_args(p.annotation)[1], ArgumentInfo)]
+    known = [_parameter(f) for f in typed_fields(call)]
     alone = [Parameter(n, Parameter.KEYWORD_ONLY, default=d, annotation=a) for n, (a, d) in own.items()]
-    parameters = [*words, *alone, *(p for p in known if p not in words)]
+    words = [p for p in known if isinstance(get_args(p.annotation)[1], ArgumentInfo) and p.name not in own]
+    parameters = [*words, *alone, *(p for p in known if p not in words and p.name not in own)]
 
     def command(**values: Any) -> None:
         mine = {name: values.pop(name) for name in own}
@@ -40,8 +40,9 @@ def declare_command(call: type[Call], work: Callable[..., None], **own: tuple[An
     return command
 
 
-def _parameter(field: CallField, option: Option) -> Parameter:
+def _parameter(field: CallField) -> Parameter:
     """Return a field as the library of the command line knows it; of a list nothing stands where nothing is typed."""
+    option = field.option
     how: dict[str, Any] = {"help": option.help, "metavar": option.metavar, "min": option.min, "max": option.max}
     note = typer.Argument(**how) if option.is_word else typer.Option(field.flag, **how)
     default = Parameter.empty if field.is_required else None if field.default == () else field.default
@@ -63,4 +64,5 @@ def folder_command(call: type[Call]) -> Callable[..., None]:
         if result.cut_short:
             raise typer.Exit(PARTLY_DONE)
 
-    return declare_command(call, work, output=(Output, Parameter.empty), as_json=(Json, False))
+    output = (Output, Parameter.empty) if call.needs_output else (OptionalOutput, None)
+    return declare_command(call, work, output=output, as_json=(Json, False))

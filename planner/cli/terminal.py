@@ -89,15 +89,7 @@ class SafeConsole(Console):
 
 errors = SafeConsole(stderr=True, soft_wrap=True)
 
-CELL = "a cell file, or robot/cell for a shipped one"
-CellArgument = Annotated[str, typer.Argument(metavar="CELL", help=CELL)]
-CellOption = Annotated[str, typer.Option(metavar="CELL", help=CELL)]
-Runs = Annotated[list[Path], typer.Argument(metavar="RUN...", help="measured runs, .csv or .parquet")]
-PlanFile = Annotated[Path, typer.Argument(metavar="PLAN.json", help="a plan with its cell.toml beside it")]
-MeasuredPlan = Annotated[Path | None, typer.Option(metavar="PLAN.json", help="the plan that was measured")]
-Dialects = Annotated[list[str] | None, typer.Option(help="robot language; may be repeated")]
 Json = Annotated[bool, typer.Option("--json", help="print a machine-readable summary on standard output")]
-Seed = Annotated[int, typer.Option(min=0, help="the same seed gives the same bytes")]
 OutputFile = Annotated[
     str, typer.Option("-o", "--output", metavar="FILE", help="file to write, or - for standard output")
 ]
@@ -111,6 +103,10 @@ def parse_folder(text: str) -> Path:
 
 
 Output = Annotated[Path, typer.Option("-o", "--output", metavar="DIR", parser=parse_folder, help="folder to write to")]
+
+OptionalOutput = Annotated[
+    Path | None, typer.Option("-o", "--output", metavar="DIR", help="folder to write the report to")
+]
 
 
 R = TypeVar("R", bound=Result)

@@ -10,6 +10,8 @@ from functools import wraps
 from inspect import Parameter, Signature, cleandoc
 from typing import Annotated, Any, ClassVar, Literal, ParamSpec, TypeVar, get_args, get_origin
 
+from planner.common.progress import Progress
+
 
 @dataclass(frozen=True)
 class JobFile:
@@ -50,6 +52,7 @@ class Option:
         from_service: what names a file in a request: ``SENT``, or the job that has written it; ``None``: requests
             have no such field.
         is_served: whether requests have the field.
+        python_only: whether it can be given to the function alone.
     """
 
     help: str
@@ -65,6 +68,7 @@ class Option:
     request_name: str = ""
     from_service: JobFile | str | None = None
     is_served: bool = True
+    python_only: bool = False
 
 
 class Call:
@@ -76,19 +80,27 @@ class Call:
     """What it does, in the list of all commands."""
     function: ClassVar[str]
     """The function that does it, as ``module:name``; it is imported when it is called."""
+    needs_output: ClassVar[bool] = True
+    """Whether its result is always written, not only where a folder is named for it."""
     draws: ClassVar[bool] = False
     """Whether its pictures are drawn by a process that stands by from the start."""
 
 
+LANGUAGE = "^[a-z0-9-]{1,40}$"  # name of a robot language
 Seed = Annotated[int, Option("the same seed gives the same bytes", min=0, max_served=2**31)]
 Dialects = Annotated[
     Sequence[str],
     Option(
         "robot language; may be repeated (default: those that the cell names)",
         typed=list[str] | None,
-        pattern="^[a-z0-9-]{1,40}$",
+        pattern=LANGUAGE,
         request_name="dialects",
     ),
+]
+
+
+ProgressKeyword = Annotated[
+    Progress, Option("called with the stage, how much of it is done, and of how much", python_only=True)
 ]
 
 
@@ -99,7 +111,7 @@ class CallField:
     name: str
     kind: Any
     default: Any
-    option: Option | None
+    option: Option
     keyword: bool
 
     @property
@@ -110,7 +122,7 @@ class CallField:
     @property
     def flag(self) -> str:
         """Its name on the command line."""
-        return (self.option and self.option.flag) or f"--{self.name.replace('_', '-')}"
+        return self.option.flag or f"--{self.name.replace('_', '-')}"
 
     @property
     def values(self) -> tuple[str, ...]:
@@ -120,14 +132,17 @@ class CallField:
 
 
 def call_fields(call: type[Call]) -> tuple[CallField, ...]:
-    """Return the fields of a declaration: those without a name first, Python's own (without an option) last."""
+    """Return the fields of a declaration: those without a name first, those of Python alone last."""
     found = []
     for field in fields(call):  # type: ignore[arg-type]
-        noted = get_origin(field.type) is Annotated
-        kind, *notes = get_args(field.type) if noted else (field.type,)
-        option = next((note for note in notes if isinstance(note, Option)), None)
+        kind, option = get_args(field.type)
         found.append(CallField(field.name, kind, field.default, option, bool(field.kw_only)))
-    return tuple(sorted(found, key=lambda f: (f.keyword, f.option is None)))
+    return tuple(sorted(found, key=lambda f: (f.keyword, f.option.python_only)))
+
+
+def typed_fields(call: type[Call]) -> list[CallField]:
+    """Return the fields of a declaration that the command line has."""
+    return [f for f in call_fields(call) if not f.option.python_only]
 
 
 @dataclass(frozen=True)
@@ -175,7 +190,7 @@ class ServedField:
 
 def served_fields(call: type[Call]) -> list[ServedField]:
     """Return the fields of a declaration that requests have."""
-    return [ServedField(f, f.option) for f in call_fields(call) if f.option is not None and f.option.is_served]
+    return [ServedField(f, f.option) for f in typed_fields(call) if f.option.is_served]
 
 
 P = ParamSpec("P")
@@ -219,33 +234,32 @@ def called_with(declaration: Callable[P, C]) -> Callable[[Callable[[C], R]], Cal
     return decorate
 
 
-PROGRESS_HELP = "called with the stage, how much of it is done, and of how much"
-
-
 def _with_arguments(text: str, known: Sequence[CallField]) -> str:
     """Return a docstring with the section of the arguments before that of the errors."""
-    lines = ["Args:", *(f"    {f.name}: {f.option.help if f.option else PROGRESS_HELP}." for f in known)]
+    lines = ["Args:", *(f"    {f.name}: {f.option.help}." for f in known)]
     head, raises, rest = text.partition("Raises:")
     return f"{head.rstrip()}\n\n" + "\n".join(lines) + (f"\n\n{raises}{rest}" if raises else "\n")
 
 
 def options_table(call: type[Call]) -> str:
     """Return the options of a verb as a table of Markdown: command line, Python, service, values and what they do."""
-    rows = [_table_row(f, f.option) for f in call_fields(call) if f.option is not None]
+    rows = [_table_row(f) for f in typed_fields(call)]
     head = ["| on the command line | in Python | over HTTP | values | |", "|---|---|---|---|---|"]
     return "\n".join([*head, *(f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in row)} |" for row in rows)])
 
 
-def _table_row(field: CallField, option: Option) -> tuple[str, ...]:
+def _table_row(field: CallField) -> tuple[str, ...]:
+    option = field.option
     shown = option.metavar or field.name.upper()
     typed = shown if option.is_word else field.flag
     served = option.request_name or field.name if option.is_served else ""
     codes = (f"`{word}`" if word else "" for word in (typed, field.name, served))
-    return (*codes, ", ".join(_values(field, option)), option.help)
+    return (*codes, ", ".join(_values(field)), option.help)
 
 
-def _values(field: CallField, option: Option) -> Iterator[str]:
+def _values(field: CallField) -> Iterator[str]:
     """Yield what a field may be, and what it is where nobody says it."""
+    option = field.option
     if field.values:
         yield ", ".join(f"`{v}`" for v in field.values)
     elif option.min is not None:

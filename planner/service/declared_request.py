@@ -19,14 +19,17 @@ def typed_options(verb: str, *others: str) -> list[ServedField]:
     return [s for s in served_fields(DECLARED[verb]) if s.is_typed and s.name not in others]
 
 
-def take_fields(call: type[Call]) -> Callable[[type[JobRequest]], type[JobRequest]]:
+def take_fields(call: type[Call], *laid: str) -> Callable[[type[JobRequest]], type[JobRequest]]:
     """Return a decorator that gives a request the fields that its verb declares.
 
-    Those that the class has by itself stay as they are: it lays them into the folder of the job.
+    Those that the class has by itself stay as they are: it lays them into the folder of the job, and so it does with
+    those called ``laid``, which no request names.
     """
 
     def decorate(request: type[JobRequest]) -> type[JobRequest]:
-        served = tuple(s for s in served_fields(call) if s.name not in request.model_fields)
+        served = tuple(
+            s for s in served_fields(call) if s.name not in request.model_fields and s.field.name not in laid
+        )
         new: dict[str, Any] = {s.name: _annotate(s) for s in served}
         about: dict[str, Any] = {"__module__": request.__module__, "__doc__": getdoc(call), **new}
         made: type[JobRequest] = create_model(request.__name__, __base__=request, **about)

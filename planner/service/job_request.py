@@ -20,11 +20,6 @@ CellReference = Annotated[
         examples=["comau-nj130/edbb"],
     ),
 ]
-Seed = Annotated[int, Field(ge=0, le=2**31, description="the same seed gives the same bytes")]
-Dialect = Annotated[str, Field(pattern="^[a-z0-9-]{1,40}$", examples=["krl"])]
-_NUMBERS = "-?[0-9.eE+-]{1,30}(,-?[0-9.eE+-]{1,30}){5}"
-FrameText = Annotated[str, Field(pattern=f"^{_NUMBERS}$", examples=["0,0,120,0,0,0"])]
-ToolText = Annotated[str, Field(pattern=f"^({_NUMBERS}|model)$", examples=["0,0,120,0,0,0"])]
 Coordinate = Annotated[float, Field(ge=-50_000, le=50_000)]
 Word = Annotated[str, Field(max_length=500, pattern=r"^[^\x00-\x1f]*$")]
 ExtraFiles = Annotated[
@@ -71,6 +66,10 @@ class JobRequest(StrictModel, ABC):
     @abstractmethod
     def arguments(self, folder: JobFolder) -> list[str]:
         """Return the words after the first."""
+
+    def value_of(self, name: str) -> object:
+        """Return the value of a declared field."""
+        return getattr(self, name)
 
     def output_words(self) -> tuple[str, ...]:
         """Return the words that say where the results go."""
@@ -175,6 +174,11 @@ class MeasuredRequest(JobRequest):
         plan = self.plan and f"{folder.results(self.plan, 'plan', 'plan', also)}/plan.json"
         cell = "plan/cell.toml" if self.cell is None else folder.cell(self.cell, self.files)
         return runs, cell, plan
+
+    def arguments(self, folder: JobFolder) -> list[str]:
+        """Return the runs, and what they were measured with."""
+        runs, cell, plan = self.lay_runs(folder)
+        return [*runs, *options(plan=plan, cell=cell)]
 
     def subject(self, folder: JobFolder) -> str:
         """Return the names of the runs, and of what they are."""

@@ -4,7 +4,6 @@ from typing import Annotated, Self
 
 from pydantic import Field, model_validator
 
-from planner.common.choices import IndexName
 from planner.common.errors import InputError
 from planner.programs.dialect import load_dialect
 from planner.service.command_words import leads_outside
@@ -13,24 +12,22 @@ from planner.service.job_folder import FileInFolder, FileReference, JobFolder, J
 from planner.service.job_request import (
     CellRequest,
     Coordinate,
-    Dialect,
-    FrameText,
     JobRequest,
     MeasuredRequest,
     OfIdentificationRequest,
     OfPlanRequest,
-    Seed,
-    ToolText,
     Word,
     options,
 )
+from planner.studies.study_call import StudyCall
+from planner.workflow.check_calls import AccuracyCall, CheckCall, PlanCheckCall
+from planner.workflow.compensate_call import CompensateCall
+from planner.workflow.identify_call import IdentifyCall
 from planner.workflow.plan_call import PlanCall
+from planner.workflow.plan_use_calls import ExportCall, SimulateCall
+from planner.workflow.verbs import DECLARED
 
-VERBS = (  # commands that run on a server
-    "plan", "study", "export", "simulate", "identify", "import", "compensate", "accuracy", "plan-check", "check",
-    "circular", "loaded", "loaded-places", "plan-both", "robots", "dialects",
-)  # fmt: skip
-TO_OUT = ("-o", "out", "--json")
+VERBS = (*DECLARED, "robots", "dialects")  # commands that run on a server
 MOST_TITLE = 120  # signs of a command that name it
 ERROR_MAP_FILES = ("expected_error.csv", "identification.json")
 SOME_JOB, SOME_FILE = "0123456789abcdef01234567", "0" * 64
@@ -84,17 +81,12 @@ class PlanRequest(CellRequest):
     example = {"cell": "comau-nj130/edbb", "poses": 60, "dialects": ["krl"]}
 
 
+@take_fields(StudyCall)
 class StudyRequest(CellRequest):
-    """Observability offline: what can be seen, with how many poses, from which fixture."""
+    """What a study has beside what it declares: the cell."""
 
     kind = "study"
     example = {"cell": "comau-nj130/edbb"}
-    index: IndexName | None = None
-    seed: Seed = 0
-
-    def arguments(self, folder: JobFolder) -> list[str]:
-        """Return cell and options."""
-        return [*super().arguments(folder), *TO_OUT, *options(index=self.index, seed=self.seed)]
 
 
 class CellCheckRequest(CellRequest):
@@ -130,39 +122,38 @@ class PlanViewRequest(OfPlanRequest):
     example = {"plan": SOME_JOB}
 
 
+@take_fields(SimulateCall)
 class SimulationRequest(OfPlanRequest):
-    """Simulate the measured run of a plan, on a robot with known or drawn errors; of a check on the calibrated one."""
+    """What a simulation has beside what it declares: the plan, and whose errors are true."""
 
     kind = "simulation"
-    verb = "simulate"
     example = {"plan": SOME_JOB, "seed": 1}
-    seed: Seed = 0
     truth: FileReference | None = None
-    change: Annotated[str, Field(pattern=r"^[a-z]+[a-z0-9_]{0,40}=-?[0-9]{1,6}(\.[0-9]{1,9})?$")] | None = Field(
-        None, description="added to an error of the truth, as in theta3_deg=0.2"
-    )
 
     def arguments(self, folder: JobFolder) -> list[str]:
-        """Return plan and options; the robot of a check is the one that was calibrated."""
+        """Return plan and truth; the robot of a check is the one that was calibrated."""
         plan, truth = super().arguments(folder), None
         if self.truth:
             truth = folder.file(self.truth)
         elif folder.jobs.get(self.plan).kind == "check-plan":
             truth = folder.simulated_robot_of(self.plan)
-        return [*plan, "-o", "out/run.csv", *options(seed=self.seed, truth=truth, change=self.change)]
+        return [*plan, *options(truth=truth)]
+
+    def output_words(self) -> tuple[str, ...]:
+        """Return the words for the file of the run."""
+        return ("-o", "out/run.csv")
 
 
+@take_fields(ExportCall)
 class ExportRequest(OfPlanRequest):
-    """Write the robot program of a plan in another language."""
+    """What an export has beside what it declares: the plan."""
 
     kind = "export"
     example = {"plan": SOME_JOB, "dialect": "rapid"}
-    dialect: Dialect
 
-    def arguments(self, folder: JobFolder) -> list[str]:
-        """Return the plan, the language and the file of the program."""
-        program = f"out/program{load_dialect(self.dialect).extensions[0]}"
-        return [*super().arguments(folder), "--dialect", self.dialect, "-o", program]
+    def output_words(self) -> tuple[str, ...]:
+        """Return the words for the file of the program."""
+        return ("-o", f"out/program{load_dialect(str(self.value_of('dialect'))).extensions[0]}")
 
 
 class RunCheckRequest(MeasuredRequest):
@@ -179,26 +170,13 @@ class RunCheckRequest(MeasuredRequest):
         return [cell, *runs]
 
 
+@take_fields(IdentifyCall)
 class IdentificationRequest(MeasuredRequest):
-    """Identify the robot from measured runs: parameters with uncertainties, errors before and after."""
+    """What an identification has beside what it declares: runs, plan and cell."""
 
     kind = "identification"
-    verb = "identify"
     document = "identification.json"
     example = {"runs": [{"id": SOME_FILE, "name": "run.csv"}], "plan": SOME_JOB}
-    validate_with: FileReference | None = None
-    no_trace: bool = False
-    geometry: bool = False
-    hold_out: Annotated[float, Field(ge=0.02, le=0.5)] = 0.2
-    robust: bool = False
-    seed: Seed = 0
-
-    def arguments(self, folder: JobFolder) -> list[str]:
-        """Return runs and options."""
-        runs, cell, plan = self.lay_runs(folder)
-        chosen = self.model_dump(include={"no_trace", "geometry", "hold_out", "robust", "seed"})
-        aside = self.validate_with and folder.file(self.validate_with)
-        return [*runs, *TO_OUT, *options(plan=plan, cell=cell, **chosen, validate=aside)]
 
 
 class ErrorMapRequest(OfIdentificationRequest):
@@ -217,94 +195,78 @@ class ErrorMapRequest(OfIdentificationRequest):
         return [folder.cell_of(self.identification)]
 
 
+@take_fields(AccuracyCall)
 class ValidationRequest(MeasuredRequest):
-    """Judge a robot before and after calibration by a tracker's run, or the precision of repeated centrings."""
+    """What a validation has beside what it declares: run, plan and cell."""
 
     kind = "validation"
-    verb = "accuracy"
     document = "accuracy.json"
     example = {"runs": [{"id": SOME_FILE, "name": "v.csv"}], "cell": "kuka-kr6-r700/tracker"}
-    model: JobId | None = Field(None, description="the identification whose robot is judged")
 
     def arguments(self, folder: JobFolder) -> list[str]:
-        """Return the run and options.
+        """Return the run and what it was measured with.
 
         Raises:
             InputError: it is not one run.
         """
-        runs, cell, plan = self.lay_runs(folder)
-        if len(runs) != 1:
-            raise InputError(f"a validation is of one run, found {len(runs)}")
-        model = self.model and f"{folder.results(self.model, 'identification', 'calibrated')}/robot.toml"
-        return [*runs, *TO_OUT, *options(plan=plan, cell=cell, model=model)]
+        many = len(self.runs) + (self.simulation is not None)
+        if many != 1:
+            raise InputError(f"a validation is of one run, found {many}")
+        return super().arguments(folder)
 
 
+@take_fields(PlanCheckCall, "cell")
 class CheckPlanRequest(OfIdentificationRequest):
-    """Plan about ten poses that tell whether and where a calibrated robot has changed."""
+    """What the plan of a check has beside what it declares: the calibration, and its cell."""
 
     kind = "check-plan"
-    verb = "plan-check"
     document = "plan.json"
     example = {"identification": SOME_JOB, "poses": 10}
     identification: JobId = Field(description="the baseline")
-    poses: Annotated[int, Field(ge=4, le=60)] = 10
-    seed: Seed = 0
-    dialects: Annotated[list[Dialect], Field(max_length=10)] = []
 
     def arguments(self, folder: JobFolder) -> list[str]:
-        """Return the cell that was identified in, and options."""
+        """Return the cell that was identified in, and the baseline."""
         cell = folder.cell_of(self.identification)
         known = folder.results(self.identification, "identification", "calibrated")
-        chosen = options(baseline=known, poses=self.poses, seed=self.seed, dialect=self.dialects)
-        return [cell, *TO_OUT, *chosen]
+        return [cell, *options(baseline=known)]
 
 
+@take_fields(CheckCall, "baseline", "plan", "cell")
 class CheckRequest(JobRequest):
-    """Judge the run of a check: has the robot changed, where most likely, and what is to be done."""
+    """What a check has beside what it declares: its plan, with the calibration, and its run."""
 
     kind = "check"
     document = "check.json"
     example = {"check_plan": SOME_JOB, "run": {"id": SOME_FILE, "name": "check.csv"}}
     check_plan: JobId
     run: FileReference
-    limit_mm: Annotated[float, Field(ge=0, le=100)] | None = Field(
-        None, description="motion of the tool that is allowed"
-    )
 
     def arguments(self, folder: JobFolder) -> list[str]:
-        """Return the run and options."""
+        """Return the run, its plan and the baseline."""
         plan = f"{folder.results(self.check_plan, 'check-plan', 'check')}/plan.json"
         run, known = folder.file(self.run), folder.baseline_of(self.check_plan)
-        return [run, *TO_OUT, *options(plan=plan, baseline=known, limit_mm=self.limit_mm)]
+        return [run, *options(plan=plan, baseline=known)]
 
     def subject(self, folder: JobFolder) -> str:
         """Return the name of the run, and where it was measured."""
         return f"{self.run.name} of {folder.place(self.check_plan)}"
 
 
+@take_fields(CompensateCall)
 class CompensationRequest(JobRequest):
-    """Correct the targets of a program so that the calibrated robot stands where the nominal one should."""
+    """What a compensation has beside what it declares: the program."""
 
     kind = "compensation"
-    verb = "compensate"
     example = {"program": {"id": SOME_FILE, "name": "p.src"}, "model": SOME_JOB}
     program: FileReference
-    model: JobId = Field(description="the identification whose robot is used")
-    dialect: Dialect | None = None
-    tool: ToolText | None = None
-    base: FrameText | None = None
-    frames: FileReference | None = None
-    strict: bool = False
-    again: bool = Field(False, description="add to the correction by another model, whose mark the file bears")
-    measuring: bool = Field(False, description="correct a measuring program of a plan, too")
 
     def arguments(self, folder: JobFolder) -> list[str]:
-        """Return the program and options."""
-        program = folder.file(self.program)
-        model = f"{folder.results(self.model, 'identification', 'calibrated')}/robot.toml"
-        chosen = self.model_dump(include={"dialect", "tool", "base", "strict", "again", "measuring"})
-        frames = self.frames and folder.file(self.frames)
-        return [program, "-o", f"out/{program}", *options(model=model, **chosen, frames=frames)]
+        """Return the program."""
+        return [folder.file(self.program)]
+
+    def output_words(self) -> tuple[str, ...]:
+        """Return the words for the file of the corrected program."""
+        return ("-o", f"out/{self.program.name}")
 
     def subject(self, folder: JobFolder) -> str:
         """Return the name of the program."""

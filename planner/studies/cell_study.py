@@ -10,6 +10,7 @@ from threadpoolctl import threadpool_limits
 
 from planner.cell.cell import Cell
 from planner.cell.reading import load_cell
+from planner.common.calls import called_with
 from planner.common.files import write_bytes
 from planner.common.progress import Progress, no_progress
 from planner.common.result import FolderResult, Plot
@@ -20,6 +21,7 @@ from planner.studies.basis import compute_basis
 from planner.studies.fixture_count import count_fixtures
 from planner.studies.fixture_places import map_fixture_places
 from planner.studies.pictures import draw_curves, draw_fixtures, draw_identifiability, draw_map, draw_sensitivity
+from planner.studies.study_call import StudyCall
 from planner.studies.summary import TABLES, StudySummary
 
 CHARTS = (draw_fixtures, draw_identifiability, draw_curves, draw_sensitivity)
@@ -83,16 +85,9 @@ class StudyResult(FolderResult):
         return report_overview(title, cell, self.summary(), charts, FILES, {"Where the fixture may stand": self._map})
 
 
-def study(
-    cell: Cell | Path | str, *, index: str | None = None, seed: int = 0, progress: Progress = no_progress
-) -> StudyResult:
+@called_with(StudyCall)
+def study(asked: StudyCall) -> StudyResult:
     """Study what can be seen in a cell, with how many poses, and from which place of its fixture.
-
-    Args:
-        cell: a cell, the path of its file, or ``robot/cell`` for a shipped one.
-        index: O1 … O5, or ``None`` for the cell's own.
-        seed: the same seed gives the same bytes.
-        progress: called with the stage, how much of it is done, and of how much.
 
     Raises:
         InputError: unknown index.
@@ -100,8 +95,8 @@ def study(
         MissingProgramError: a package of planning is not installed.
     """
     require_planning_packages()
-    cell = cell if isinstance(cell, Cell) else load_cell(str(cell))
-    index = find_rule(index or cell.plan.index).name
+    cell = asked.cell if isinstance(asked.cell, Cell) else load_cell(str(asked.cell))
+    index, seed, progress = find_rule(asked.index or cell.plan.index).name, asked.seed, asked.progress
     cell.require_bar("a study is of a bar and its fixtures (edbb plan says what can be seen)")
     with threadpool_limits(1, user_api="blas"):  # the same bytes whatever number of threads there are
         start = compute_basis(cell, index, seed, progress)

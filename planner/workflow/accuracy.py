@@ -7,6 +7,7 @@ import numpy as np
 
 from planner.cell.cell import Cell
 from planner.cell.reading import load_cell
+from planner.common.calls import called_with
 from planner.common.errors import InputError
 from planner.common.files import write_bytes, write_text
 from planner.common.progress import Stages
@@ -16,6 +17,7 @@ from planner.instruments.validation import Validation, validate_robot
 from planner.runs.loader import load_runs
 from planner.runs.run import Run, read_reference_readings
 from planner.session.document import PlanDocument, check_run_of_plan, read_plan
+from planner.workflow.check_calls import AccuracyCall
 from planner.workflow.run_checks import check_unit
 
 GAUGES = ("tracker", "trical")
@@ -63,9 +65,8 @@ class AccuracyCheck(FolderResult):
         return f"edbb record RECORD --add {folder} -o history keeps it with what is known of the robot"
 
 
-def check_accuracy(
-    path: Path, cell: str, stages: Stages, plan: Path | None = None, model: Path | None = None
-) -> AccuracyCheck:
+@called_with(AccuracyCall)
+def check_accuracy(asked: AccuracyCall) -> AccuracyCheck:
     """Judge a robot by a tracker's run, or a head of indicators by the centrings that it repeated.
 
     With a plan only its validation poses are judged; which centrings belong together stands in the plan.
@@ -73,7 +74,9 @@ def check_accuracy(
     Raises:
         InputError: a file is wrong, or run, cell, plan and model do not belong together.
     """
-    where = load_cell(cell, planning=False)
+    stages, path = Stages(asked.progress), Path(asked.run)
+    where = asked.cell if isinstance(asked.cell, Cell) else load_cell(str(asked.cell), planning=False)
+    plan, model = (None if file is None else Path(file) for file in (asked.plan, asked.model))
     with stages.stage("reading"):
         run, said = load_runs([path], where.robot.n_joints, where.robot.axes_of), read_reference_readings(path)
         _check_kind(where, run)

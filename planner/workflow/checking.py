@@ -7,8 +7,9 @@ from typing import Any
 
 from planner.cell.cell import Cell
 from planner.cell.reading import load_cell
+from planner.common.calls import called_with
 from planner.common.errors import InputError
-from planner.common.progress import Progress, Stages, no_progress
+from planner.common.progress import Stages
 from planner.common.result import FolderResult, simulated_section
 from planner.common.units import MM
 from planner.identification.baseline import Baseline
@@ -16,18 +17,16 @@ from planner.instruments.check.evaluation import CheckVerdict, evaluate_check
 from planner.instruments.check.planning import CheckChooser, resting_cell
 from planner.instruments.check.results import CheckForecast, verdict_content, verdict_lines
 from planner.instruments.simulation import planned_samples
-from planner.motion.planning_packages import require_planning_packages
 from planner.runs.loader import load_runs
 from planner.session.document import check_run_of_plan, read_plan
 from planner.session.options import PlanOptions
 from planner.session.planned_session import PlannedSession
 from planner.session.planning import plan_session
+from planner.workflow.check_calls import CheckCall, PlanCheckCall
 from planner.workflow.plan_results import PlanResult, evaluation_command
 from planner.workflow.planning import pose_session
 from planner.workflow.run_checks import check_unit
 from planner.workflow.writing import fill_plan
-
-POSES = 10
 
 
 @dataclass(frozen=True)
@@ -82,65 +81,35 @@ class CheckResult(FolderResult):
         return f"edbb record RECORD --add {folder} -o history keeps it with the robot's other checks"
 
 
-def plan_check(
-    cell: Path | str,
-    baseline: Path | str,
-    *,
-    poses: int = POSES,
-    seed: int = 0,
-    dialect: tuple[str, ...] = (),
-    progress: Progress = no_progress,
-) -> CheckPlanResult:
+@called_with(PlanCheckCall)
+def plan_check(asked: PlanCheckCall) -> CheckPlanResult:
     """Plan the poses that tell whether and where a robot has changed since its calibration.
-
-    Args:
-        cell: the cell that was calibrated, a file or ``robot/cell``.
-        baseline: folder of its identification.
-        poses: how many.
-        seed: the same seed gives the same bytes.
-        dialect: robot languages; by default those that the cell names.
-        progress: called with the stage, how much of it is done, and of how much.
 
     Raises:
         InputError: a file is wrong, or cell and baseline do not belong together.
         NoSolutionError: a stage has no solution.
-        MissingProgramError: a package of planning is not installed.
     """
-    require_planning_packages()
-    where, stages = load_cell(str(cell)), Stages(progress)
-    known = Baseline.read(Path(baseline), where)
-    options = PlanOptions(seed=seed, dialect=dialect)
-    session = pose_session(resting_cell(where), options, CheckChooser(known, poses))
+    where, stages = load_cell(str(asked.cell)), Stages(asked.progress)
+    known = Baseline.read(Path(asked.baseline), where)
+    options = PlanOptions(seed=asked.seed, dialect=asked.dialect)
+    session = pose_session(resting_cell(where), options, CheckChooser(known, asked.poses))
     plan = plan_session(session, session.options, stages)
     driven = PlannedSession.of(plan)  # with the sides from which joints come to the poses, as the run will have them
     samples = planned_samples(driven.cell, driven.document, driven.courses)
     return CheckPlanResult(plan, stages, forecast=CheckForecast.of(known, where, samples))
 
 
-def check(
-    run: Path | str,
-    baseline: Path | str,
-    *,
-    plan: Path | str | None = None,
-    cell: Path | str | None = None,
-    limit_mm: float | None = None,
-    progress: Progress = no_progress,
-) -> CheckResult:
+@called_with(CheckCall)
+def check(asked: CheckCall) -> CheckResult:
     """Judge the run of a check: has the robot changed since its calibration, where, and what is to be done.
-
-    Args:
-        run: what was measured.
-        baseline: folder of the identification.
-        plan: that was driven; or the ``cell`` that was measured in.
-        limit_mm: motion of the tool that is allowed [mm]; by default any change fails.
-        progress: called with the stage.
 
     Raises:
         InputError: a file is wrong, or run, plan, cell and baseline do not belong together.
     """
+    run, baseline, plan, cell, limit_mm = asked.run, asked.baseline, asked.plan, asked.cell, asked.limit_mm
     if (plan is None) == (cell is None):
         raise InputError("a check needs either its plan (--plan) or the cell that was measured in (--cell)")
-    stages = Stages(progress)
+    stages = Stages(asked.progress)
     with stages.stage("reading"):
         where = load_cell(str(cell) if plan is None else str(Path(plan).parent / "cell.toml"), planning=False)
         known = Baseline.read(Path(baseline), where)

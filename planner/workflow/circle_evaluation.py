@@ -1,17 +1,18 @@
 """Runs of circles, with and without load: from their logs to figures, and their folders."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from planner.cell.cell import Cell
 from planner.cell.reading import load_cell
+from planner.common.calls import called_with
 from planner.common.determinism import on_one_thread
 from planner.common.files import write_text
 from planner.common.progress import Stages
 from planner.common.result import FolderResult, simulated_section
-from planner.common.units import UM
+from planner.common.units import DEG, UM
 from planner.identification.run_setup import drop_unreadable
 from planner.instruments.circular.document import load_circular_cell, read_circular_plan
 from planner.instruments.circular.evaluation import CircularTest, circular_test_content, evaluate_circles
@@ -22,6 +23,7 @@ from planner.instruments.loaded.types import LoadedEvaluation
 from planner.runs.loader import load_runs
 from planner.runs.writer import run_text
 from planner.session.document import check_run_of_plan, read_plan_header
+from planner.workflow.circle_calls import CircularCall, LoadedCall
 
 
 @dataclass(frozen=True)
@@ -67,13 +69,15 @@ class CircularTestResult(FolderResult):
         return f"look at {folder / 'report.html'}; edbb plan CELL -o DIR plans the poses that show where it comes from"
 
 
+@called_with(CircularCall)
 @on_one_thread
-def evaluate_circular_runs(runs: Sequence[Path], plan: Path, stages: Stages) -> CircularTestResult:
-    """Evaluate one or more runs of the circular test at ``plan``; the cell beside it says where the bar stood.
+def evaluate_circular_runs(asked: CircularCall) -> CircularTestResult:
+    """Evaluate one or more runs of a circular test; the cell beside its plan says where the bar stood.
 
     Raises:
         InputError: a file is wrong, or run, cell and plan do not belong together.
     """
+    runs, plan, stages = asked.runs, asked.plan, Stages(asked.progress)
     file = read_circular_plan(plan)
     cell = load_circular_cell(plan, file)
     with stages.stage("reading"):
@@ -150,32 +154,26 @@ class LoadedTestEvaluation(FolderResult):
         return f"edbb identify {folder / 'joint.csv'} --cell {self.cell.path} -o calibrated"
 
 
-def evaluate_loaded(
-    runs: Sequence[Path],
-    cell: str,
-    stages: Stages,
-    plan: Path | None = None,
-    tracker: Path | None = None,
-    overshoot: float | None = None,
-    unloaded: Sequence[Path] = (),
-) -> LoadedTestEvaluation:
+@called_with(LoadedCall)
+def evaluate_loaded(asked: LoadedCall) -> LoadedTestEvaluation:
     """Evaluate one or more runs of loaded circles.
 
-    ``overshoot`` is how much of either end of a pass is left out [rad], by default as the cell says. A tracker's run
-    of the same circle, where one is given, is compared; runs of a bar without load are fitted together
+    A tracker's run of the same circle, where one is given, is compared; runs of a bar without load are fitted together
     with the loaded one.
 
     Raises:
         InputError: a file is wrong, or runs, cell, plan and tracker do not belong together.
         NoSolutionError: the tracker cannot be placed.
     """
-    where = load_cell(cell, planning=False)
+    stages, plan, tracker, unloaded = Stages(asked.progress), asked.plan, asked.tracker, asked.unloaded
+    where = asked.cell if isinstance(asked.cell, Cell) else load_cell(str(asked.cell), planning=False)
+    overshoot = None if asked.overshoot_deg is None else asked.overshoot_deg * DEG
     with stages.stage("reading"):
-        run = drop_unreadable(where, load_runs(runs, where.robot.n_joints, where.robot.axes_of))
+        run = drop_unreadable(where, load_runs(asked.runs, where.robot.n_joints, where.robot.axes_of))
         other = None if tracker is None else load_runs([tracker], where.robot.n_joints, where.robot.axes_of)
         free = load_runs(unloaded, where.robot.n_joints, where.robot.axes_of) if unloaded else None
         if plan is not None:
-            check_run_of_plan(run, plan, read_plan_header(plan), where.robot.name)
+            check_run_of_plan(run, Path(plan), read_plan_header(Path(plan)), where.robot.name)
     with stages.stage("evaluation"):
         found = evaluate_loaded_circles(run, where, other, overshoot)
         if free is None:

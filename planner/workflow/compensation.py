@@ -1,7 +1,7 @@
 """``edbb compensate``: corrected targets from the calibrated robot and the nominal one that it was calibrated from."""
 
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from datetime import date as Day
@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from planner.cell.reading import load_cell
+from planner.common.calls import called_with
 from planner.common.determinism import on_one_thread
 from planner.common.errors import InputError, NoSolutionError
 from planner.common.files import read_bytes, write_text
@@ -31,6 +32,7 @@ from planner.identification.zeros_set import set_zeros
 from planner.kinematics.robot import Robot
 from planner.kinematics.robot_hash import robot_hash
 from planner.kinematics.robot_reader import list_robots, load_robot
+from planner.workflow.compensate_call import CompensateCall
 
 if TYPE_CHECKING:
     from planner.workflow.identification import CalibrationResult
@@ -81,43 +83,16 @@ class CompensationResult(Result):
         return [Path(folder)]
 
 
+@called_with(CompensateCall)
 @on_one_thread
-def compensate(
-    targets: Path | str,
-    *,
-    model: "CalibrationResult | Path | str",
-    dialect: str | None = None,
-    tool: str | None = None,
-    base: str | None = None,
-    frames: Path | str | None = None,
-    strict: bool = False,
-    cell: str | None = None,
-    again: bool = False,
-    measuring: bool = False,
-    date: str | None = None,
-    axes_of: str | None = None,
-    zeros_set: Sequence[int] = (),
-) -> CompensationResult:
+def compensate(asked: CompensateCall) -> CompensationResult:
     """Correct the targets of a file so that the calibrated robot stands where the nominal one should.
 
-    Args:
-        targets: a robot program, or targets as CSV.
-        model: the calibrated robot: ``robot.toml`` or its folder, or the identification itself.
-        dialect: the file's language, where suffix and content do not tell.
-        tool: x, y, z in mm and A, B, C (Z-Y'-X") in degrees, separated by commas; of poses that do not say them;
-            ``model`` for the measured tool point of the robot's file, turned as the flange is.
-        base: the same of the base.
-        frames: the controller's own table of frames (``$config.dat``, a RAPID module).
-        strict: fail instead of leaving anything as it is.
-        cell: the cell, whose controller must not correct the robot itself; points that were taught with the accuracy
-            model of the controller (KUKA's status bit 4) are corrected only where a cell says that it is off.
-        again: add the correction to that of another model, whose mark the file bears.
-        measuring: correct a measuring program of a plan, too.
-        date: in the mark of the file, as YYYY-MM-DD; where it is not given that of ``SOURCE_DATE_EPOCH``, or of the
-            model's file.
-        axes_of: name of the controller whose axes the angles of a table are; the model's where nothing says it.
-        zeros_set: axes, from 1, whose zeros were set in the controller by as much as this identification stated:
-            programs are not corrected for them once more.
+    Tool and base are x, y, z in mm and A, B, C (Z-Y'-X") in degrees, of poses that do not say them; the model's tool is
+    the measured tool point of the robot's file, turned as the flange is. Points that were taught with the accuracy
+    model of the controller (KUKA's status bit 4) are corrected only where a cell says that it is off. The date in the
+    mark is by default that of ``SOURCE_DATE_EPOCH``, or of the model's file. For zeros that were set in the controller
+    by as much as this identification stated, programs are not corrected once more.
 
     Raises:
         InputError: the model is not calibrated, the controller already corrects it, or the file is not understood, was
@@ -125,30 +100,30 @@ def compensate(
         NoSolutionError: no target has a fake target near the nominal one, most are out of the robot's reach, or the
             corrected robot is expected to be worse than the nominal one.
     """
-    found = _find_model(model)
+    found = _find_model(asked.model)
     robot, known, mark = found.robot, found.known, found.mark
-    if date is not None:
-        mark = replace(mark, day=_day(date))
-    if zeros_set:
-        robot, known = set_zeros(robot, known, zeros_set)
-        mark = replace(mark, zeros=tuple(zeros_set))
-    uncorrected = cell is not None and _check_controller(cell, robot.name)
+    if asked.date is not None:
+        mark = replace(mark, day=_day(asked.date))
+    if asked.zeros_set:
+        robot, known = set_zeros(robot, known, asked.zeros_set)
+        mark = replace(mark, zeros=tuple(asked.zeros_set))
+    uncorrected = asked.cell is not None and _check_controller(asked.cell, robot.name)
     calibrated = CalibratedRobot(robot)
-    data = "" if frames is None else read_program(Path(frames))[0]
+    data = "" if asked.frames is None else read_program(Path(asked.frames))[0]
     own = robot.tool_points[0].p_FM if len(robot.tool_points) == 1 else None
-    T_FT = _tool_of_model(robot) if tool == MODEL_TOOL else _frame("--tool", tool)
-    given = ToolAndBase(T_FT, _frame("--base", base), data, uncorrected, own)
+    T_FT = _tool_of_model(robot) if asked.tool == MODEL_TOOL else _frame("--tool", asked.tool)
+    given = ToolAndBase(T_FT, _frame("--base", asked.base), data, uncorrected, own)
     done = compensate_file(
-        Path(targets),
+        Path(asked.targets),
         robot.nominal,
         calibrated,
-        dialect=dialect,
+        dialect=asked.dialect,
         frames=given,
-        strict=strict,
+        strict=asked.strict,
         mark=mark,
-        again=again,
-        measuring=measuring,
-        axes_of=axes_of,
+        again=asked.again,
+        measuring=asked.measuring,
+        axes_of=asked.axes_of,
     )
     expected, warnings = _expect(done, known, given.T_FT), tuple(_tool_warnings(robot, given.T_FT))
     return CompensationResult(done, expected, calibrated.sentence, bool(mark.simulated), warnings)

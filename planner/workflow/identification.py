@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 from planner.cell.cell import Cell
 from planner.cell.reading import load_cell
+from planner.common.calls import called_with
 from planner.common.errors import InputError
 from planner.common.files import write_bytes, write_text
-from planner.common.progress import Progress, Stages, no_progress
+from planner.common.progress import Stages
 from planner.common.result import FolderResult, Plot, Result
 from planner.common.units import MM
 from planner.identification.baseline import NAME as BASELINE
@@ -32,10 +33,11 @@ from planner.runs.loader import load_runs
 from planner.runs.run import Run, read_reference_readings
 from planner.session.document import read_plan
 from planner.tracing.trace import trace
+from planner.workflow.identify_call import IdentifyCall
 from planner.workflow.run_checks import check_unit, split_by_plan
 
 if TYPE_CHECKING:
-    from planner.workflow.plan_results import PlanResult, SimulationResult
+    from planner.workflow.plan_results import PlanResult
 
 Runs = Run | Path | str | Sequence[Path | str]
 """One run or several, loaded or by path."""
@@ -176,41 +178,18 @@ class CalibrationResult(FolderResult):
         return Plot(name, chart_png(charts[name], small=True))
 
 
-def identify(
-    runs: "Runs | SimulationResult",
-    *,
-    cell: Cell | Path | str | None = None,
-    plan: "PlanResult | Path | str | None" = None,
-    validate: Run | Path | str | None = None,
-    no_trace: bool = False,
-    geometry: bool = False,
-    hold_out: float = 0.2,
-    robust: bool = False,
-    seed: int = 0,
-    progress: Progress = no_progress,
-) -> CalibrationResult:
+@called_with(IdentifyCall)
+def identify(asked: IdentifyCall) -> CalibrationResult:
     """Identify a robot from measured runs: parameters with uncertainties, and the causes of what they leave.
-
-    Args:
-        runs: one run or several, loaded or by path, or what :func:`planner.simulate` returned.
-        cell: a cell, the path of its file, or ``robot/cell`` for a shipped one; the plan's where there is one.
-        plan: what was measured: its validation poses are kept out of the fit and judged.
-        validate: a run kept out of the fit, to judge it.
-        no_trace: do not seek the causes of what geometry and joint compliance leave.
-        geometry: write a robot with geometry alone instead of the posterior mean of all effects.
-        hold_out: share of the groups held out at a time.
-        robust: turn down outliers (Huber).
-        seed: of the folds.
-        progress: called with the stage, how much of it is done, and of how much.
 
     Raises:
         InputError: a file is wrong, or run, cell and plan do not belong together.
         NoSolutionError: the fit does not come to rest.
     """
-    stages, settings = Stages(progress), FitSettings(hold_out, robust, seed, geometry)
-    where = _cell_of(cell, plan)
-    measured = runs.run if isinstance(runs, Result) else runs
-    found = identify_runs(measured, where, stages, plan, validate, settings, tracing=not no_trace)
+    stages, where = Stages(asked.progress), _cell_of(asked.cell, asked.plan)
+    settings = FitSettings(asked.hold_out, asked.robust, asked.seed, asked.geometry)
+    measured = asked.runs.run if isinstance(asked.runs, Result) else asked.runs
+    found = identify_runs(measured, where, stages, asked.plan, asked.validate, settings, tracing=not asked.no_trace)
     return CalibrationResult(found, where, stages)
 
 

@@ -8,6 +8,7 @@ from typing import Any
 from planner.cell.cell import Cell
 from planner.cell.file import CellFile
 from planner.cell.reading import load_cell
+from planner.common.calls import called_with
 from planner.common.errors import InputError, NoSolutionError
 from planner.common.files import write_text
 from planner.common.progress import Stages
@@ -39,6 +40,7 @@ from planner.instruments.loaded.results import share_text
 from planner.motion.planning_packages import require_planning_packages
 from planner.session.options import PlanOptions
 from planner.session.plan_types import Plan
+from planner.workflow.circle_calls import LoadedPlacesCall, PlanBothCall
 from planner.workflow.plan_results import CircularPlanResult, PlanResult
 from planner.workflow.planning import plan_cell
 from planner.workflow.writing import write_cell
@@ -124,22 +126,17 @@ class BothPlan(FolderResult):
         return f"the four steps above, from {folder}; {folder / 'report.html'} shows what they would know"
 
 
-def plan_both(unloaded: str, loaded: str, places: int, options: PlanOptions, stages: Stages) -> BothPlan:
-    """Plan a session with an unloaded and a loaded bar.
-
-    Args:
-        unloaded: cell of the bar without load, or the ``plan.json`` of one that is planned already.
-        loaded: cell with the loaded circle; radius, loads and repeats are taken from it.
-        places: how many circles; ``options`` are those of both plans.
-        stages: what is told meanwhile.
+@called_with(PlanBothCall)
+def plan_both(asked: PlanBothCall) -> BothPlan:
+    """Plan a session with an unloaded and a loaded bar; radius, loads and repeats are those of the loaded circle.
 
     Raises:
         InputError: the cells do not belong together, or ask for what cannot be.
         NoSolutionError: a stage has no solution; the message says which.
-        MissingProgramError: a package of planning is not installed.
     """
-    require_planning_packages()
-    cell = load_cell(loaded)
+    unloaded, places, stages = asked.unloaded, asked.places, Stages(asked.progress)
+    options = PlanOptions(poses=asked.poses, seed=asked.seed, dialect=asked.dialect)
+    cell = load_cell(asked.loaded)
     source = Path(unloaded) if unloaded.endswith(".json") else None
     there = UnloadedPoses.read(source) if source else None
     free_cell = there.cell if there else load_cell(unloaded)
@@ -246,8 +243,9 @@ class CirclePlacesResult(FolderResult):
         return f"edbb plan {folder / 'cell.toml'} -o circles plans the {self.count} best circles"
 
 
-def study_places(cell: str, count: int, seed: int, stages: Stages, plan: Path | None = None) -> CirclePlacesResult:
-    """Study the places of a cell's loaded circle; with a ``plan`` without load also what one fit of both would know.
+@called_with(LoadedPlacesCall)
+def study_places(asked: LoadedPlacesCall) -> CirclePlacesResult:
+    """Study the places of a cell's loaded circle; with a plan without load also what one fit of both would know.
 
     Raises:
         InputError: the cell has no circle under load, or so many places make no sense.
@@ -255,9 +253,10 @@ def study_places(cell: str, count: int, seed: int, stages: Stages, plan: Path | 
         MissingProgramError: a package of planning is not installed.
     """
     require_planning_packages()
-    where = load_cell(cell)
+    count, plan, stages = asked.places, asked.plan, Stages(asked.progress)
+    where = asked.cell if isinstance(asked.cell, Cell) else load_cell(str(asked.cell))
     with stages.stage("places"):
-        found = study_circle_places(where, max(count, MOST), seed)
+        found = study_circle_places(where, max(count, MOST), asked.seed)
     if count > len(found.sets):
         raise InputError(f"{count} places were asked for, but only {len(found.sets)} circles can be followed")
     both = None if plan is None else predict_common_fit(UnloadedPoses.read(plan), where, found.best(count))

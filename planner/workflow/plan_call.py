@@ -4,8 +4,8 @@ from dataclasses import KW_ONLY, dataclass
 from typing import Annotated
 
 from planner.cell.declared import CellWord
-from planner.common.calls import Call, Option
-from planner.common.progress import Progress, no_progress
+from planner.common.calls import Call, Option, ProgressKeyword
+from planner.common.progress import no_progress
 from planner.session.options import PlanOptions
 
 
@@ -24,4 +24,4 @@ class PlanCall(PlanOptions, Call):
         float | None,
         Option("search no longer; what that leaves open is said (exit code 5)", min=1, metavar="SECONDS"),
     ] = None
-    progress: Progress = no_progress
+    progress: ProgressKeyword = no_progress

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from planner.cell.reading import load_cell
+from planner.common.calls import called_with
 from planner.common.determinism import on_one_thread
 from planner.common.errors import InputError
 from planner.common.schema import read_json, validate
@@ -23,13 +24,14 @@ from planner.programs.dialect import PathForm, dialect_names, load_dialect
 from planner.programs.instructions import Program
 from planner.programs.verification import import_map
 from planner.runs.run import Run
-from planner.runs.traces import ColumnMap, import_mapped, is_trace_of
+from planner.runs.traces import ColumnMap, import_mapped, import_run, is_trace_of
 from planner.session.document import read_dialects, read_plan
 from planner.session.judgement import judge_plan
 from planner.session.neutral_program import driven_form, session_program, write_session
 from planner.session.plan_types import Plan
 from planner.session.planned_session import PlannedSession, load_session
-from planner.workflow.plan_results import CircularPlanResult, ExportResult, PlanResult, SimulationResult
+from planner.workflow.plan_results import ExportResult, SimulationResult
+from planner.workflow.plan_use_calls import ExportCall, ImportCall, SimulateCall
 
 DRAWN_FOR_CHECK = (
     "this is the plan of a check, and a newly drawn robot was simulated: where the calibration was not of a robot "
@@ -38,9 +40,10 @@ DRAWN_FOR_CHECK = (
 NOT_PROVEN_ANEW = "its path was not proven anew, as no collision engine is installed here"
 
 
+@called_with(ExportCall)
 @on_one_thread
-def export(plan: Path | str, *, dialect: str, name: str = "-") -> ExportResult:
-    """Return the program of the plan at a path in any dialect; ``name`` of the file, ``-`` for one of the plan's own.
+def export(asked: ExportCall) -> ExportResult:
+    """Return the program of the plan at a path in any dialect.
 
     Raises:
         InputError: no plan, no cell beside it, or the two do not belong together; an unknown dialect, or one of a
@@ -48,7 +51,8 @@ def export(plan: Path | str, *, dialect: str, name: str = "-") -> ExportResult:
         NoSolutionError: its drive is not proven.
         MissingProgramError: no collision engine is installed here, and it is not what was proven when it was planned.
     """
-    form, path = driven_form(dialect), Path(plan)
+    path, dialect, name = Path(asked.plan), asked.dialect, asked.name
+    form = driven_form(dialect)
     planned = load_circular_plan(path) if is_circular(path) else load_session(path, "exported", check=True)
     _ = axes_for(planned.cell.robot, load_dialect(dialect))
     program = _program_of(path, planned, form)
@@ -58,14 +62,9 @@ def export(plan: Path | str, *, dialect: str, name: str = "-") -> ExportResult:
     return ExportResult(write_session(planned.cell, replace(program, changed=changed), dialect, stem), notes)
 
 
+@called_with(SimulateCall)
 @on_one_thread
-def simulate(
-    plan: PlanResult | CircularPlanResult | Path | str,
-    *,
-    truth: Path | str | None = None,
-    change: str = "",
-    seed: int = 0,
-) -> SimulationResult:
+def simulate(asked: SimulateCall) -> SimulationResult:
     """Simulate the measured run of a plan, on a robot with the errors of a file ``truth``, or with drawn ones.
 
     A smoke test of the chain, as planner and identifier share its model; the run carries what is true. ``truth`` may be
@@ -74,6 +73,7 @@ def simulate(
     Raises:
         InputError: no plan, no cell beside it, the two do not belong together, or a truth that is wrong.
     """
+    plan, truth, change, seed = asked.plan, asked.truth, asked.change, asked.seed
     session = _read_drives(Path(plan)) if isinstance(plan, Path | str) else _drives_of(plan.plan)
     cell, drawn = session.cell, truth is None
     changed = session.notes
@@ -134,6 +134,21 @@ def _prove_anew(path: Path, session: S) -> S:
 
 def _drives_of(plan: Plan | CircularPlan) -> PlannedSession | CircularPlan:
     return plan if isinstance(plan, CircularPlan) else PlannedSession.of(plan)
+
+
+@called_with(ImportCall)
+def import_traces(asked: ImportCall) -> Run:
+    """Return the run of controller and gauge traces: by a map, or the log of a plan's own program.
+
+    Raises:
+        InputError: neither or both are named, or a file is wrong.
+    """
+    plan, dialect, traces = asked.plan, asked.dialect, [Path(trace) for trace in asked.traces]
+    if asked.map_file is not None and not plan and not dialect:
+        return import_run(traces, Path(asked.map_file))
+    if asked.map_file is None and plan is not None and dialect is not None:
+        return import_log(traces, plan, dialect)
+    raise InputError("give either --map MAP.toml, or --plan PLAN.json and --dialect of the program that kept the log")
 
 
 def import_log(traces: Sequence[Path], plan: Path | str, dialect: str) -> Run:

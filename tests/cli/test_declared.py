@@ -16,8 +16,8 @@ from typer.testing import CliRunner
 import planner
 from planner.cell.declared import CellWord
 from planner.cli.declared import folder_command
-from planner.common.calls import Call, Option, call_fields, called_with, options_table
-from planner.common.progress import Progress, no_progress
+from planner.common.calls import Call, Option, ProgressKeyword, call_fields, called_with, options_table
+from planner.common.progress import no_progress
 from planner.common.result import Result
 from planner.service.declared_request import take_fields
 from planner.service.job_folder import JobFolder
@@ -40,7 +40,7 @@ class WarmCall(Call):
     _: KW_ONLY
     laps: Annotated[int, Option("times that the way is driven", min=1, max=50)] = 3
     pace: Annotated[Literal["slow", "fast"] | None, Option("how quickly")] = None
-    progress: Progress = no_progress
+    progress: ProgressKeyword = no_progress
 
 
 class Warmed(Result):

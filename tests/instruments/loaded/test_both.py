@@ -12,7 +12,6 @@ import tests.instruments.loaded.shared as shared
 import tests.instruments.loaded.world as world
 from planner.cell.reading import load_cell
 from planner.common.errors import InputError, NoSolutionError
-from planner.common.progress import Stages
 from planner.design.selection.d_optimal import augment_design
 from planner.instruments.loaded.both_bars import collision_free_places
 from planner.instruments.loaded.circle_candidates import find_circle_places
@@ -23,16 +22,11 @@ from planner.instruments.loaded.common_fit import (
     select_circles_beside,
 )
 from planner.instruments.loaded.place_results import common_fit_content, describe_common_fit
-from planner.session.options import PlanOptions
 from planner.workflow.loaded_planning import fit_cell, plan_both
 
 FREE = "abb-irb6700/edbb"
 FEW = {"loads_N = [125, 250, 375, 500, 625]": "loads_N = [125, 625]", "repeats = 5": "repeats = 1",
        '"rapid", "krl", "din66025"': '"rapid"', "overshoot_deg = 180": "overshoot_deg = 20"}  # fmt: skip
-
-
-def quiet():
-    return Stages(lambda *_: None)
 
 
 @pytest.fixture(scope="module")
@@ -71,7 +65,7 @@ def few_places():
 
 @pytest.fixture(scope="module")
 def done(folder, few_places):
-    return plan_both(str(folder / "plan.json"), str(folder / "loaded.toml"), 1, PlanOptions(), quiet())
+    return plan_both(str(folder / "plan.json"), str(folder / "loaded.toml"), places=1)
 
 
 def test_only_poses_that_are_fitted_count(folder):
@@ -156,7 +150,7 @@ def test_sentences(done):
 def test_cells_that_do_not_belong_together(folder, tmp_path):
     def refused(words, first, second=str(folder / "loaded.toml"), places=1):
         with pytest.raises(InputError, match=words):
-            plan_both(first, second, places, PlanOptions(), quiet())
+            plan_both(first, second, places=places)
 
     refused("needs one robot|one fit needs one robot", "comau-nj130/edbb")
     refused(r"the first cell is that of a bar without load.* with \[\[circles\]\]", shared.CELL)
@@ -175,7 +169,7 @@ def test_cells_that_do_not_belong_together(folder, tmp_path):
 
 def test_more_places_than_can_be_driven(folder):
     with pytest.raises(NoSolutionError, match="places were asked for, but only"):
-        plan_both(str(folder / "plan.json"), str(folder / "loaded.toml"), 1000, PlanOptions(), quiet())
+        plan_both(str(folder / "plan.json"), str(folder / "loaded.toml"), places=1000)
 
 
 def test_the_cell_of_the_fit_reaches_as_far_as_both_bars():

@@ -58,7 +58,7 @@ def folder(tmp_path_factory):
 @pytest.fixture(scope="module")
 def done(folder):
     return evaluate_loaded(
-        [folder / "loaded.csv"], str(folder / "cell.toml"), quiet(), tracker=folder / "tracker.csv",
+        [folder / "loaded.csv"], cell=str(folder / "cell.toml"), tracker=folder / "tracker.csv",
         unloaded=[folder / "free.csv"],
     )  # fmt: skip
 
@@ -156,7 +156,7 @@ def test_a_run_of_another_plan_is_refused(folder, tmp_path):
     text = "# plan_id: def\n" + (folder / "loaded.csv").read_text()
     (tmp_path / "run.csv").write_text(text)
     with pytest.raises(InputError, match="belongs to the plan def"):
-        evaluate_loaded([tmp_path / "run.csv"], shared.CELL, quiet(), plan=tmp_path / "plan.json")
+        evaluate_loaded([tmp_path / "run.csv"], cell=shared.CELL, plan=tmp_path / "plan.json")
 
 
 def test_joint_runs_need_fixtures_of_their_own(done):

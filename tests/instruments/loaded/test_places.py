@@ -12,7 +12,6 @@ import tests.instruments.loaded.world as world
 from planner.cell.reading import load_cell
 from planner.cell.setup import setup_of
 from planner.common.errors import InputError, NoSolutionError
-from planner.common.progress import Stages
 from planner.instruments.loaded.circle_candidates import (
     find_circle_places,
     find_own_place,
@@ -188,5 +187,5 @@ def test_a_circle_out_of_the_arms_reach_is_refused(cell):
 def test_more_places_than_there_are(monkeypatch, places, cell):
     monkeypatch.setattr("planner.workflow.loaded_planning.study_circle_places", lambda *_: places)
     with pytest.raises(InputError, match="only 4 circles"):
-        study_places(shared.CELL, 5, 0, Stages(lambda *_: None))
+        study_places(shared.CELL, places=5)
     assert len(with_circles(cell, places.best(2)).file.circles) == 2

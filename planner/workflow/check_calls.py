@@ -1,0 +1,80 @@
+"""The verbs ``accuracy``, ``plan-check`` and ``check``, declared."""
+
+from dataclasses import KW_ONLY, dataclass, replace
+from pathlib import Path
+from typing import Annotated
+
+from planner.cell.declared import CellOption, CellWord
+from planner.common.calls import Call, Dialects, Option, ProgressKeyword, Seed
+from planner.common.progress import no_progress
+from planner.workflow.declared import CALIBRATED, MeasuredPlan
+
+Baseline = Annotated[
+    Path | str,
+    Option("folder of the identification that edbb wrote", metavar="DIR", typed=Path, request_name="identification"),
+]
+
+
+@dataclass(frozen=True)
+class AccuracyCall(Call):
+    """Judge a robot before and after calibration by a tracker's run, or the precision of repeated centrings."""
+
+    verb = "accuracy"
+    line = "Judge a robot by a tracker's run, or repeated centrings."
+    function = "planner.workflow.accuracy:check_accuracy"
+    needs_output = False
+
+    run: Annotated[
+        Path | str,
+        Option(
+            "a tracker's run, or one of repeated centrings",
+            metavar="RUN",
+            is_word=True,
+            typed=Path,
+            request_name="runs",
+        ),
+    ]
+    _: KW_ONLY
+    cell: CellOption
+    plan: MeasuredPlan = None
+    model: Annotated[Path | str | None, replace(CALIBRATED, help="the calibrated robot", typed=Path | None)] = None
+    progress: ProgressKeyword = no_progress
+
+
+@dataclass(frozen=True)
+class PlanCheckCall(Call):
+    """Plan about ten poses that tell whether and where a robot has changed since its calibration."""
+
+    verb = "plan-check"
+    line = "Plan ten poses that tell whether a robot has changed."
+    function = "planner.workflow.checking:plan_check"
+
+    cell: CellWord
+    baseline: Baseline
+    _: KW_ONLY
+    poses: Annotated[int, Option("number of poses", min=4, max=60)] = 10
+    seed: Seed = 0
+    dialect: Dialects = ()
+    progress: ProgressKeyword = no_progress
+
+
+@dataclass(frozen=True)
+class CheckCall(Call):
+    """Judge the run of a check: has the robot changed, where most likely, and what is to be done."""
+
+    verb = "check"
+    line = "Judge a check: what has changed, and what to do."
+    function = "planner.workflow.checking:check"
+
+    run: Annotated[Path | str, Option("the run of a check, .csv or .parquet", metavar="RUN", is_word=True, typed=Path)]
+    baseline: Baseline
+    _: KW_ONLY
+    plan: MeasuredPlan = None
+    cell: Annotated[
+        Path | str | None, Option("where no plan was driven: the cell", metavar="CELL", typed=str | None)
+    ] = None
+    limit_mm: Annotated[
+        float | None,
+        Option("motion of the tool that is allowed (default: any change fails)", min=0.0, max_served=100.0),
+    ] = None
+    progress: ProgressKeyword = no_progress

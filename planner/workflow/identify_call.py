@@ -1,0 +1,50 @@
+"""The verb ``identify``, declared."""
+
+from dataclasses import KW_ONLY, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from planner.cell.declared import CELL
+from planner.common.calls import SENT, Call, Option, ProgressKeyword, Seed
+from planner.common.progress import no_progress
+from planner.workflow.declared import MEASURED, RUNS
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from planner.cell.cell import Cell
+    from planner.runs.run import Run
+    from planner.workflow.plan_results import PlanResult, SimulationResult
+
+
+@dataclass(frozen=True)
+class IdentifyCall(Call):
+    """Identify the robot from measured runs: parameters with uncertainties, errors before and after."""
+
+    verb = "identify"
+    line = "Identify the robot from measured runs."
+    function = "planner.workflow.identification:identify"
+
+    runs: Annotated["Run | SimulationResult | Path | str | Sequence[Path | str]", RUNS]
+    _: KW_ONLY
+    cell: Annotated[
+        "Cell | Path | str | None",
+        Option(f"{CELL} (default: the cell.toml beside the plan)", metavar="CELL", typed=str | None),
+    ] = None
+    plan: Annotated["PlanResult | Path | str | None", MEASURED] = None
+    validate: Annotated[
+        "Run | Path | str | None",
+        Option(
+            "a run kept out of the fit, to judge it",
+            metavar="RUN",
+            typed=Path | None,
+            request_name="validate_with",
+            from_service=SENT,
+        ),
+    ] = None
+    no_trace: Annotated[bool, Option("seek no causes of what geometry leaves")] = False
+    geometry: Annotated[bool, Option("the calibrated robot holds geometry alone")] = False
+    hold_out: Annotated[float, Option("share of the groups held out at a time", min=0.02, max=0.5)] = 0.2
+    robust: Annotated[bool, Option("turn down outliers (Huber)")] = False
+    seed: Seed = 0
+    progress: ProgressKeyword = no_progress
