@@ -50,7 +50,7 @@ def _annotate(served: ServedField) -> tuple[Any, Any]:
         kind = Annotated[list[Annotated[str, Field(pattern=option.pattern)]], Field(max_length=MOST_ENTRIES)]
     else:
         kind = Annotated[kind, Field(ge=option.min, le=served.most, pattern=option.pattern)]
-    if not required and not empty and field.default is None:
-        kind = kind | None
     default: Any = ... if required else [] if empty else field.default
+    if default in (None, ""):  # not given: as a request says it
+        kind, default = kind | None, None
     return kind, Field(default, description=option.help)

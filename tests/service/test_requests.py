@@ -69,6 +69,13 @@ def uploaded(context, value):
     return value
 
 
+def test_what_is_not_given_may_be_null():
+    request = REQUESTS["simulation"].model_validate({"plan": PLAN, "change": None, "truth": None})
+    assert request == REQUESTS["simulation"].model_validate({"plan": PLAN})
+    plan = {"cell": "ur10/edbb"}
+    assert REQUESTS["plan"].model_validate({**plan, "poses": None}) == REQUESTS["plan"].model_validate(plan)
+
+
 @pytest.mark.parametrize(("kind", "fields", "words", "names"), CASES)
 def test_a_request_becomes_a_command(context, kind, fields, words, names):
     request = REQUESTS[kind].model_validate({k: uploaded(context, v) for k, v in fields.items()})
