@@ -5,11 +5,13 @@ import json
 import re
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 import pytest
+from packaging.requirements import Requirement
 
 import planner
 from planner.cell.reading import read_cell
@@ -114,6 +116,34 @@ def test_roll_pitch_and_yaw_are_those_of_pinocchio_and_at_a_right_angle_give_the
     for pitch in (np.pi / 2, -np.pi / 2):
         R = pin.rpy.rpyToMatrix(0.3, pitch, -0.8)
         np.testing.assert_allclose(pin.rpy.rpyToMatrix(rpy_of(R)), R, atol=1e-9)
+
+
+def _mac(kernel, machine):
+    version = f"Darwin Kernel Version {kernel}.1.0: Mon Sep 16 2024; root:xnu-1/RELEASE_ARM64_T8103"
+    return {"sys_platform": "darwin", "platform_machine": machine, "platform_version": version}
+
+
+LINUX = {"sys_platform": "linux", "platform_machine": "x86_64", "platform_version": "#1 SMP Debian 6.1.0-18"}
+WINDOWS = {"sys_platform": "win32", "platform_machine": "AMD64", "platform_version": "10.0.22631"}
+
+
+@pytest.mark.parametrize(
+    ("system", "found"),
+    [
+        (LINUX, {"pin", "python-fcl", "ruckig", "ompl"}),
+        (WINDOWS, set()),
+        (_mac(23, "arm64"), {"pin", "python-fcl", "ruckig"}),  # macOS 14
+        (_mac(24, "arm64"), {"pin", "python-fcl", "ruckig", "ompl"}),
+        (_mac(24, "x86_64"), {"pin", "python-fcl", "ompl"}),
+    ],
+    ids=["linux", "windows", "macos-14", "macos-15", "macos-15-intel"],
+)
+def test_pip_is_asked_for_what_has_wheels(system, found):
+    """As looked up on the registry with ``pip download --platform … --only-binary=:all:``; docs/install.md."""
+    project = tomllib.loads((ROOT.parent / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    asked = {r.name for r in map(Requirement, project["dependencies"]) if not r.marker or r.marker.evaluate(system)}
+    assert asked & {"pin", "python-fcl", "ruckig", "ompl"} == found
+    assert {"numpy", "scipy", "highspy", "polars", "pyserial"} <= asked
 
 
 @pytest.fixture

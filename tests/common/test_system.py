@@ -9,10 +9,14 @@ import time
 from pathlib import Path
 
 import pytest
+import serial
 
 from planner.common import result_folder, system
 from planner.common.errors import InputError
 from planner.common.result_folder import MANIFEST, changed_files, draft_folder, move_all
+from planner.instruments.centring.indicators import SerialIndicators
+from planner.instruments.centring.settings import PROTOCOLS
+from planner.instruments.live_gauge import LiveGauge
 from tests.test_planning_packages import EXAMPLES, edbb_without
 
 
@@ -142,3 +146,12 @@ def test_line_ends_of_results_are_those_that_were_written(tmp_path):
     )
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, check=True)
     assert done.stdout == b"a\r\nb\n"
+
+
+@pytest.mark.parametrize("name", ["COM5", "COM12", "/dev/ttyUSB0", "/dev/cu.usbserial-1"])
+def test_a_serial_port_is_opened_under_the_name_that_its_system_gives_it(name, monkeypatch):
+    opened = []
+    monkeypatch.setattr(serial, "serial_for_url", lambda port, *_, **__: opened.append(port))
+    LiveGauge(name, 9600)
+    SerialIndicators([name], PROTOCOLS["sylvac"], None, None)
+    assert opened == [name, name]
