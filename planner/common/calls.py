@@ -227,6 +227,7 @@ def called_with(declaration: Callable[P, C]) -> Callable[[Callable[[C], R]], Cal
                 raise TypeError(f"{function.__name__}(): {err}") from None
             return function(declaration(*args, **kwargs))
 
+        del called.__wrapped__  # what is called is the signature, not the object behind it
         called.__signature__ = signature  # type: ignore[attr-defined]
         called.__doc__ = _with_arguments(cleandoc(function.__doc__ or ""), known)
         return called

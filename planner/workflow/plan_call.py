@@ -22,6 +22,10 @@ class PlanCall(PlanOptions, Call):
     _: KW_ONLY
     time_limit: Annotated[
         float | None,
-        Option("search no longer; what that leaves open is said (exit code 5)", min=1, metavar="SECONDS"),
+        Option(
+            "seconds after which nothing new is searched; what that leaves open is said (exit code 5)",
+            min=1,
+            metavar="SECONDS",
+        ),
     ] = None
     progress: ProgressKeyword = no_progress

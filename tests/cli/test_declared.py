@@ -76,6 +76,11 @@ def test_it_is_in_the_signature_of_the_function_and_in_its_docstring():
     assert warm("ur10/edbb", laps=7).asked.laps == warm(cell="ur10/edbb", laps=7).asked.laps == 7
 
 
+def test_the_documentation_sees_the_signature_and_not_what_is_behind_it():
+    assert inspect.unwrap(planner.plan) is planner.plan
+    assert list(inspect.signature(planner.plan).parameters)[:3] == ["cell", "poses", "index"]
+
+
 def test_what_is_not_declared_is_refused_by_the_name_of_the_function():
     with pytest.raises(TypeError, match=r"warm\(\): got an unexpected keyword argument 'rounds'"):
         warm("ur10/edbb", rounds=1)
