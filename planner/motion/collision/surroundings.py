@@ -81,7 +81,10 @@ def describe_parked_joints(cell: Cell) -> tuple[str, ...]:
     """Return a sentence with every joint that must stand still where the proof has it; none if all are driven."""
     if not cell.robot.parked:
         return ()
-    stands = ", ".join(f"{j.name} at {j.text}{f' ({j.why})' if j.why else ''}" for j in cell.robot.parked)
+    together: dict[str, list[str]] = {}
+    for j in cell.robot.parked:
+        together.setdefault(f"at {j.text}{f' ({j.why})' if j.why else ''}", []).append(j.name)
+    stands = "; ".join(f"{', '.join(names)} {place}" for place, names in together.items())
     return (
         f"these joints stand still and must be there before the program starts: {stands}; another place is said in "
         "[parked] of cell.toml or robot.toml",
