@@ -6,6 +6,7 @@ __all__ = [
     "calibration",
     "covariance",
     "cross_validation",
+    "error_parts",
     "expected_error",
     "identifiable_parameters",
     "least_squares",

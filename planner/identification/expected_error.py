@@ -25,6 +25,7 @@ from planner.common.schema import StrictModel, read_json, validate
 from planner.common.units import Array, few_digits, from_deg, from_mm, read_only, to_deg, to_mm
 from planner.effects.effect import Parameter
 from planner.identification.calibrated_robot import MovedBy, describe_moves, effect_parameter, loaded_robot
+from planner.identification.error_parts import error_parts
 from planner.identification.released_robot import ReleasedRobot, ToolMap, moving_effects
 from planner.kinematics.bodies import Vector
 from planner.kinematics.robot import Robot
@@ -75,6 +76,8 @@ class ExpectedErrorFile(StrictModel):
             directions, and what poses held out show that follows no column.
         likely_share: error over the workspace that is as likely exceeded as not, over the root of the expected mean
             square: of nominal, geometry and released robot.
+        parts_mm: error over the workspace by its parts: ``seen`` (noise and number of readings), ``unseen`` (what more
+            readings at the same poses cannot show: scale, tool, other postures) and ``misfit`` (no named cause).
         states_deg: joint states at which the base is aligned, (n, N).
     """
 
@@ -90,6 +93,7 @@ class ExpectedErrorFile(StrictModel):
     rest_mm: float
     rest_other_mm: float
     likely_share: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    parts_mm: dict[Literal["seen", "unseen", "misfit"], float] = Field(default_factory=dict)
     states_deg: tuple[tuple[float, ...], ...]
 
 
@@ -118,6 +122,9 @@ def expected_error_text(released: ReleasedRobot, robot_toml: str) -> str:
         "likely_share": [
             float(few_digits(released.likely_share(f), DIGITS)) for f in (None, released.geometry, released.fit)
         ],
+        "parts_mm": {
+            name: float(few_digits(to_mm(value), DIGITS)) for name, value in dict(error_parts(released)).items()
+        },
         "states_deg": np.round(to_deg(few), 3).tolist(),
     }
     return json.dumps(content, ensure_ascii=False, allow_nan=False) + "\n"

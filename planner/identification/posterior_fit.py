@@ -128,6 +128,7 @@ class PosteriorFit:
         fit: mean and information of all parameters that may act; its prior sizes and noise are means over the draws.
         mixture: sizes that were drawn.
         drawn: parameters drawn from it, (P, n) [m, rad, …].
+        gram: products of whitened rows per prior size and residuals, (P + 1, P + 1).
         families: sizes of them.
         findings: groups of ``before`` that stand.
     """
@@ -135,6 +136,7 @@ class PosteriorFit:
     fit: Fit
     mixture: SizeMixture
     drawn: Array
+    gram: Array
     families: tuple[SizeOfFamily, ...]
     findings: tuple[str, ...]
 
@@ -171,7 +173,7 @@ class DrawnPosterior:
         effective = float(len(z) - (found.inverse**2).sum())
         mean = Fit(problem, found, effective, np.array([], dtype=int))
         drawn = problem.prior[:, None] * self.mixture.draw_errors(gram, z)
-        return PosteriorFit(mean, self.mixture, drawn, self.families, self.findings)
+        return PosteriorFit(mean, self.mixture, drawn, gram, self.families, self.findings)
 
 
 def draw_posterior(

@@ -9,6 +9,7 @@ from planner.cell.cell import Cell
 from planner.common.arrays import mean_by_group
 from planner.common.units import MM, Array, to_mm
 from planner.identification.cross_validation import Split, predict_held_out
+from planner.identification.error_parts import error_parts, misfit_place
 from planner.identification.least_squares import Fit
 from planner.identification.misfit import judge_misfit
 from planner.identification.posterior_background import background_families, curve_groups
@@ -139,6 +140,8 @@ def describe_release(released: ReleasedRobot) -> Release:
         other_tool=released.other_tool_anywhere,
         work_tool=None if work is None else _describe_work_tool(released, work),
         families=posterior.families,
+        parts=error_parts(released),
+        unexplained=misfit_place(released),
     )
 
 

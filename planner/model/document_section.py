@@ -31,6 +31,11 @@ KEYS = {
     "offset_std": "std_deg",
     "zero": "zero_mm",
     "zero_std": "zero_std_mm",
+    "seen": "seen_mm",
+    "unseen": "unseen_mm",
+    "misfit": "misfit_mm",
+    "there": "there_mm",
+    "range": "range_deg",
 }
 """Field of a section and its key in the file, where they differ."""
 SCALES = {"_mm": MM, "_deg": DEG, "held_out_gain": MM}  # by the end of a key

@@ -238,6 +238,36 @@ class WorkToolError(DocumentSection):
     nominal_anywhere: float
 
 
+class ErrorParts(DocumentSection):
+    """Parts of the error over the workspace [m], rms; their squares add up to its square.
+
+    Attributes:
+        seen: by noise and the number of readings: more of the same make it less.
+        unseen: what a hundred times as many readings at the same poses would leave: the gauge's scale, the tool's
+            mount, postures that were not measured.
+        misfit: what no named cause explains, and what poses held out show beyond the posterior.
+    """
+
+    seen: float
+    unseen: float
+    misfit: float
+
+
+class MisfitPlace(DocumentSection):
+    """How far what no named cause explains moves the tool over the workspace [m], rms, and where most.
+
+    Attributes:
+        anywhere: over the workspace.
+        there, joint, range: where a joint, from 1, is within a range [rad]; ``None`` where it is alike everywhere.
+    """
+
+    if_any = ("there", "joint", "range")
+    anywhere: float
+    there: float | None = None
+    joint: int | None = None
+    range: tuple[float, float] | None = None
+
+
 ReleaseBasis = Literal["posterior", "geometry", "fit"]
 """What a released robot is made of: the mean over all that may be there, geometry alone, or the last stage."""
 
@@ -258,9 +288,11 @@ class Release(DocumentSection):
         other_tool: of a tool 200 mm about the flange that was not measured.
         work_tool: of the tool that the cell names.
         families: sizes of the effects as learnt.
+        parts: of the released robot's error.
+        unexplained: what no named cause explains, where the run shows it.
     """
 
-    if_any = ("validation", "work_tool")
+    if_any = ("validation", "work_tool", "parts", "unexplained")
     basis: Literal["posterior", "geometry"]
     share: float = 1.0
     findings: tuple[str, ...] = ()
@@ -272,6 +304,8 @@ class Release(DocumentSection):
     other_tool: float
     work_tool: WorkToolError | None = None
     families: tuple[SizeOfFamily, ...] = ()
+    parts: ErrorParts | None = None
+    unexplained: MisfitPlace | None = None
 
 
 class Identification(DocumentSection):

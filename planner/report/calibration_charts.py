@@ -5,7 +5,8 @@ from typing import Any
 import numpy as np
 
 from planner.common.determinism import even_positions
-from planner.common.units import Array, to_mm
+from planner.common.units import Array, to_deg, to_mm
+from planner.identification.error_parts import misfit_motion, misfit_place
 from planner.identification.released_robot import ReleasedRobot
 from planner.model.identification_document import error_size
 from planner.model.tool_error import tool_position
@@ -109,7 +110,9 @@ def draw_calibration_charts(facts: CalibrationFacts) -> tuple[Chart, ...]:
     matrix = (correlation_chart(facts),) if len(facts.calibration.fit.errors) > 1 else ()
     loop = (stage_chart(facts), *(finding_chart(facts, step) for step in finding_steps(facts)))
     released = facts.calibration.released
-    known = () if released is None else (error_map_chart(facts, released),)
+    known = [] if released is None else [error_map_chart(facts, released)]
+    if released is not None and misfit_place(released) is not None:
+        known.append(misfit_chart(facts, released))
     return (*known, histogram_chart(facts), pose_chart(facts), *loop, *drawn, *matrix)
 
 
@@ -214,6 +217,46 @@ def error_map_chart(facts: CalibrationFacts, robot: ReleasedRobot) -> Chart:
         "Each side has colours of its own. Points are measured poses: far from them the run knows less."
     )
     return Chart("expected_error", "Error to be expected over the workspace", caption, (*fields, *lines), columns=2)
+
+
+def misfit_chart(facts: CalibrationFacts, robot: ReleasedRobot) -> Chart:
+    """Draw how far what no named cause explains moves the tool, by reach and height, and along every joint."""
+    moved, q = to_mm(misfit_motion(robot)), to_deg(robot.tool.q)
+    reach, height = _reach_height(robot.tool.position)
+    x, y, near = _neighbourhoods(reach, height)
+    samples = facts.calibration.run.samples
+    few = samples.take(even_positions(len(samples), POSES))
+    poses = _reach_height(tool_position(few, facts.calibration.setup))
+    measured = Series("measured poses", *poses, BLACK, "points", size=3.0, opacity=0.6)
+    field = Panel(
+        f"over the workspace: {digits(float(np.sqrt((moved**2).mean())))} mm rms",
+        "reach from the axis of the base (mm)",
+        "height (mm)",
+        (measured,),
+        field=ColourField(x, y, _blur(near, moved), "tool moved by no named cause (mm)"),
+        x_range=(0.0, 1.03 * float(reach.max())),
+        y_range=(float(y[0]), float(y[-1])),
+        height=FIELD_HEIGHT,
+    )
+    seen = to_deg(few.q)
+    joints = tuple(
+        Panel(
+            "",
+            f"joint {j + 1} (deg)",
+            "moved by (mm, rms)" if j % 2 else "",  # beside the colours of the field there is no room
+            (
+                _rms_line("no named cause", moved, RED, q[:, j]),
+                Series("measured poses", seen[:, j], np.zeros(len(seen)), BLACK, "points", size=3.0, opacity=0.6),
+            ),
+            height=LINE_HEIGHT,
+        )
+        for j in range(q.shape[1])
+    )
+    caption = (
+        "What moves the tool and has no name, by the posterior and by poses that it did not see. Points are "
+        "measured poses: where the colour is strong and points are few, measure next."
+    )
+    return Chart("misfit", "What no named cause explains", caption, (field, *joints), columns=2)
 
 
 def _rms_line(name: str, error: Array, colour: str, along: Array) -> Series:

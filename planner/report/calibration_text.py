@@ -92,6 +92,13 @@ def _workspace_sentences(c: Calibration) -> list[str]:
         f"Error of the tool over the workspace, rms: {in_mm(r.nominal_anywhere)} mm → {in_mm(c.workspace_error)} mm "
         f"(median; 95 % below {in_mm(r.at_most)} mm)."
     ]
+    if (p := r.parts) is not None:
+        out.append(
+            f"Of this {in_mm(p.seen)} mm come of noise and the number of readings, {in_mm(p.unseen)} mm are what more "
+            f"readings at these poses cannot show (scale, tool, other postures), {in_mm(p.misfit)} mm are misfit."
+        )
+    if (m := r.unexplained) is not None:
+        out.append(f"No named cause explains what moves the tool by {in_mm(m.anywhere)} mm rms over the workspace.")
     if (w := r.work_tool) is not None:
         x, y, z = (f"{float(to_mm(v)):g}" for v in w.position)
         out.append(

@@ -1,6 +1,6 @@
 """``identify()``: from the log of a run to a calibrated robot, and its folder."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,7 +12,7 @@ from planner.common.errors import InputError
 from planner.common.files import write_bytes, write_text
 from planner.common.progress import Stages
 from planner.common.result import FolderResult, Plot, Result
-from planner.common.units import MM
+from planner.common.units import DEG, MM
 from planner.identification.baseline import NAME as BASELINE
 from planner.identification.baseline import baseline_text
 from planner.identification.calibrated_robot import calibrated_files, calibrated_meshes
@@ -75,6 +75,7 @@ class CalibrationResult(FolderResult):
             lines += [] if found.findings else ["  found       nothing beyond noise that the catalogue can name"]
         lines.append(f"  left        {found.diagnosis.sentence}")
         if release is not None:
+            lines += list(_part_lines(release, found.fit.model.width))
             lines.append(f"  written     {_release_text(release)}")
             zeros = joint_zeros_text(found)
             lines += [f"  zeros       {zeros}"] if zeros else []
@@ -271,6 +272,26 @@ def _workspace_text(r: Release, anywhere: float) -> str:
     if own is None:
         return f"{out}; at a tool point that was not measured {r.other_tool / MM:.3f} mm)"
     return f"{out}; with the robot's own tool {own.nominal_anywhere / MM:.3f} mm → {own.anywhere / MM:.3f} mm)"
+
+
+def _part_lines(r: Release, width: int) -> Iterator[str]:
+    """Say of what the stated error is made, and what no named cause explains: how much, where, what to measure next."""
+    if (p := r.parts) is not None:
+        yield (
+            f"  of this     {p.seen / MM:.3f} mm by noise and number of readings; {p.unseen / MM:.3f} mm that more "
+            f"readings at these poses cannot show (scale, tool, other postures); {p.misfit / MM:.3f} mm misfit"
+        )
+    if (m := r.unexplained) is not None:
+        where, there = "alike everywhere", "all over the workspace"
+        if m.range is not None and m.there is not None:
+            low, high = (f"{v / DEG:.0f}" for v in m.range)
+            there = f"with joint {m.joint} from {low} to {high} deg"
+            where = f"most {there} ({m.there / MM:.3f} mm)"
+        how = ", best those of edbb plan --aim tracing, or about a further fixture" if width == 1 else ""
+        yield (
+            f"  misfit      no named cause explains what moves the tool by {m.anywhere / MM:.3f} mm rms over the "
+            f"workspace, {where}; measure next: more poses {there}{how}"
+        )
 
 
 def _release_text(r: Release) -> str:

@@ -1,5 +1,9 @@
 """What poses held out say of a posterior that is too sure, and the turns that have no name."""
 
+import json
+import tempfile
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -9,8 +13,19 @@ from planner.cell.setup import setup_of
 from planner.effects.catalogue import Excitation
 from planner.effects.context import Context
 from planner.effects.misfit_shapes import USUAL_TURN, GravityHarmonic, misfit_shapes
+from planner.identification.expected_error import expected_error_text
 from planner.identification.misfit import HeldOutReadings, Misfit, draw_misfit
+from planner.model.identification_document import Identification
 from planner.runs.run import Samples
+from planner.tracing.trace import trace
+from tests.blind.trial import identified
+from tests.blind.workspace import difference, released_tool, states_anywhere, true_tool
+from tests.simulation.generator.arm import Arm
+from tests.simulation.generator.benches import BENCHES
+from tests.simulation.generator.catalogue import KINDS
+from tests.simulation.generator.kinds import Effect, Kind
+from tests.simulation.generator.runs import measured, tracker
+from tests.simulation.generator.truth import Noise, draw_truth
 
 NOISE, OPEN = 1.5e-5, 1e-5  # [m]
 
@@ -83,3 +98,47 @@ def test_a_part_turns_as_much_as_is_usual_whatever_moves_it():
         square = sum(p.prior**2 for p in own) / (3 if "gravity" in name else 2)  # axes
         waves = 1.0 if "gravity" in name else 0.5  # mean square
         assert np.sqrt(square * waves * 2 if "joint" in name else square) == pytest.approx(USUAL_TURN, rel=0.01), name
+
+
+def _cable(scene, e):
+    """A cable pulls a part aside by the angle of a joint far from it."""
+    turn = scene.joint(5)
+    return {"tilt_x2": e.size * np.sin(turn + 1.0), "tilt_y2": 0.7 * e.size * np.cos(turn)}
+
+
+@pytest.fixture(scope="module", params=["cable", ""])
+def identified_run(request):
+    """A tracker's run of an arm with a cause that no catalogue lists, and of one without any."""
+    arm, bench = Arm.from_toml("comau-nj130"), BENCHES["comau-nj130"]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setitem(KINDS, "cable", Kind("cable", "rad", (1e-4, 1e-3), _cable))
+        hidden = [Effect("cable", 2, 3e-4)] if request.param else []
+        truth = draw_truth(arm, 5, hidden, Noise(gauge=15e-6))
+        made = measured(arm, bench, "tracker", tracker(arm, 110, seed=3).scene.q, truth, 3)
+        found = identified(made, trace)[1]
+        q = states_anywhere(arm, bench, np.random.default_rng(1))
+        with tempfile.TemporaryDirectory() as folder:
+            off = difference(released_tool(found, bench, Path(folder), q), true_tool(arm, bench, truth, q))
+    return bool(hidden), found, float(np.sqrt((off**2).sum(axis=1).mean()))
+
+
+def test_a_run_with_a_cause_that_no_catalogue_lists_says_so(identified_run):
+    foreign, found, true = identified_run
+    release = found.release
+    assert true < release.at_most
+    assert 0.5 < found.workspace_error / true < 2.5
+    assert (release.unexplained is not None) == foreign
+    if foreign:
+        assert 1e-4 < release.unexplained.anywhere < 1e-3
+        assert release.parts.misfit > release.parts.unseen
+        assert found.workspace_error < 0.5 * release.geometry_anywhere
+
+
+def test_the_parts_make_up_what_is_stated(identified_run):
+    _, found, _ = identified_run
+    parts = found.release.parts
+    assert np.hypot(np.hypot(parts.seen, parts.unseen), parts.misfit) == pytest.approx(found.workspace_error, rel=1e-6)
+    file = json.loads(expected_error_text(found.released, "robot"))
+    assert file["parts_mm"]["misfit"] == pytest.approx(1e3 * parts.misfit, rel=1e-4)
+    again = Identification.model_validate_json(json.dumps(found.content()))
+    assert again.release.parts.seen == pytest.approx(parts.seen, rel=1e-6)

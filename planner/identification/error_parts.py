@@ -1,0 +1,88 @@
+"""Of what the stated error over the workspace is made, and where what has no name moves the tool."""
+
+from itertools import pairwise
+
+import numpy as np
+from scipy.linalg import cholesky, solve_triangular
+
+from planner.common.units import Array
+from planner.identification.misfit import POSITION_AXES
+from planner.identification.posterior_background import UNNAMED
+from planner.identification.posterior_fit import PosteriorFit
+from planner.identification.released_robot import ReleasedRobot
+from planner.model.identification_document import ErrorParts, MisfitPlace
+
+MANY = 100.0  # times as many readings at the same poses: what they leave, this gauge does not see from there
+LIKELY = 0.5  # probability from which on a run is said to show misfit
+STRETCHES = 4  # of a joint's range: where the misfit is largest is said as one of them
+LOCAL = 1.2  # rms there over that of the workspace, from which on a place is worth naming
+
+
+def error_parts(released: ReleasedRobot) -> ErrorParts:
+    """Return the parts of the stated error [m]; their squares add up to its square.
+
+    What is named and what is not hang together: each is counted as its own scatter is of both.
+    """
+    known, tool, misfit = released.posterior, released.tool, released.misfit
+    here = {name: k for k, name in enumerate(known.fit.model.names)}
+    at = [k for k, name in enumerate(tool.names) if name in here]
+    which, weight = [here[tool.names[k]] for k in at], tool.gram[np.ix_(at, at)] / len(tool.q)
+    off = (known.drawn - known.fit.errors[:, None])[which]
+    unnamed = np.array([known.fit.model.names[k].startswith(UNNAMED) for k in which])[:, None]
+    own, other = (_trace(weight, off * part) for part in (unnamed, ~unnamed))
+    share = own / max(own + other, 1e-300)
+    all_square = _trace(weight, off) / off.shape[1]
+    beyond = misfit.rest_square + all_square * (float((misfit.stretch**2).mean()) - 1 + share)
+    whole = max(float((released.expected_errors(released.fit) ** 2).mean()), 1e-300)
+    beyond = min(beyond, whole)
+    unseen = min((1 - share) * min(_trace(weight, _left_by_many(known)[which]), all_square), whole - beyond)
+    parts = np.sqrt(np.maximum([whole - beyond - unseen, unseen, beyond], 0.0) / whole) * released.anywhere
+    return ErrorParts(seen=float(parts[0]), unseen=float(parts[1]), misfit=float(parts[2]))
+
+
+def _trace(weight: Array, columns: Array) -> float:
+    return float((columns * (weight @ columns)).sum())
+
+
+def _left_by_many(known: PosteriorFit) -> Array:
+    """Return a root (P, P) of the covariance after MANY times as many readings at the same poses."""
+    size = np.sqrt((known.mixture.scaled**2).mean(axis=0))
+    information = MANY * size[:, None] * known.gram[:-1, :-1] * size + np.eye(len(size))
+    root = solve_triangular(cholesky(information, lower=True), np.diag(size * known.fit.problem.prior), lower=True)
+    return np.asarray(root.T)
+
+
+def misfit_likelihood(released: ReleasedRobot) -> float:
+    """Return the probability that something acts that has no name: of a family of the background, or of the rest."""
+    families = [f.probability for f in released.posterior.families if f.name.startswith(UNNAMED)]
+    return max([released.misfit.probability, *families])
+
+
+def misfit_motion(released: ReleasedRobot) -> Array:
+    """Return how far what has no name moves the tool at every state, rms, (n,) [m]; the base aligned anew."""
+    known, tool = released.posterior, released.tool
+    here = {name: k for k, name in enumerate(known.fit.model.names)}
+    drawn = np.zeros((len(tool.names), known.drawn.shape[1]))
+    for k, name in enumerate(tool.names):
+        if name.startswith(UNNAMED) and name in here:
+            drawn[k] = known.drawn[here[name]]
+    rest = POSITION_AXES * float((released.misfit.rest**2).mean())
+    return np.asarray(np.sqrt(tool.square(drawn) / drawn.shape[1] + rest))
+
+
+def misfit_place(released: ReleasedRobot) -> MisfitPlace | None:
+    """Return how much what has no name moves the tool and where most; ``None`` where the run shows nothing of it."""
+    if misfit_likelihood(released) < LIKELY:
+        return None
+    square, q = misfit_motion(released) ** 2, released.tool.q
+    best, joint, ends = 0.0, None, (0.0, 0.0)
+    for j, angles in enumerate(q.T):
+        edges = np.quantile(angles, np.linspace(0, 1, STRETCHES + 1))
+        for low, high in pairwise(edges):
+            there = float(square[(angles >= low) & (angles <= high)].mean())
+            if there > best:
+                best, joint, ends = there, j + 1, (float(low), float(high))
+    anywhere = float(np.sqrt(square.mean()))
+    if np.sqrt(best) < LOCAL * anywhere:
+        return MisfitPlace(anywhere=anywhere)
+    return MisfitPlace(anywhere=anywhere, there=float(np.sqrt(best)), joint=joint, range=ends)
