@@ -17,6 +17,7 @@ from planner.common.determinism import even_positions
 from planner.common.units import Array
 from planner.identification.cross_validation import Split
 from planner.identification.least_squares import Fit
+from planner.identification.noise import Noise
 from planner.identification.posterior_background import EffectFamily
 from planner.identification.posterior_fit import draw_posterior
 from planner.identification.problem import FitProblem
@@ -27,12 +28,12 @@ POSITION_AXES = 3
 FOLDS, SWEEPS = 2, 30  # of the split that are predicted, and how often sizes are drawn without each
 MOST_READINGS = 2_400  # of a long run that fit and judge
 NONE = 0.8  # probability that there is no stretch, and that there is no rest
-NOISES: Array = np.exp(np.linspace(-1.0, 1.2, 12))  # over the noise declared, and
+NOISES: Array = np.exp(np.linspace(-1.0, 1.2, 12))  # over the noise said, and
 NOISE_WIDTH = 0.3  # how well its logarithm is known beside the rest: data sheets are good to a third
 STRETCHES: Array = np.append(1.0, np.exp(np.linspace(0.25, 3.0, 12)))
 STRETCH_WIDTH = 0.7  # of its logarithm: twice is usual where it is any
-RESTS: Array = np.append(0.0, 0.05 * np.exp(np.linspace(0.0, 6.0, 19)))  # over the noise declared
-USUAL_REST, REST_WIDTH = 0.5, 1.5  # over the noise declared, and of its logarithm: hardly anything is known of it
+RESTS: Array = np.append(0.0, 0.05 * np.exp(np.linspace(0.0, 6.0, 19)))  # over the noise said
+USUAL_REST, REST_WIDTH = 0.5, 1.5  # over the noise said, and of its logarithm: hardly anything is known of it
 
 
 @dataclass(frozen=True)
@@ -65,7 +66,8 @@ class HeldOutReadings:
     Attributes:
         residual: what is left of them [m].
         open: variance of the prediction by what the posterior leaves open [m²].
-        noise: variance of the reading as declared [m²].
+        noise: variance of the reading, gauge and joints as large beside each other as was fitted, and together at most
+            as declared: what is fitted beyond that may be misfit [m²].
     """
 
     residual: Array
@@ -114,10 +116,14 @@ def _predict(
     seen, unseen = (_few(np.flatnonzero(which), whole.width) for which in (~test, test))
     time = max(1.0, time * len(seen) / (~test).sum())
     known = draw_posterior(before, run.take(seen), whole, background, time, sweeps=SWEEPS).fit()
-    there = FitProblem.of(known.fit.model, run.take(unseen))
+    there = FitProblem.of(known.fit.model, run.take(unseen), known.fit.problem.whitener.noise)
     linear, width = there.linear(slice(0, len(there)), known.fit.errors), min(POSITION_AXES, whole.width)
     moved = linear.rows[:, :width] @ (known.drawn - known.fit.errors[:, None])
-    noise = np.einsum("nii->ni", there.whitener.covariance(slice(None))[:, :width, :width])
+    fitted, declared = (
+        np.einsum("nii->ni", white.covariance(slice(None))[:, :width, :width])
+        for white in (there.whitener, there.whitener.with_noise(Noise()))
+    )
+    noise = fitted * min(1.0, declared.mean() / fitted.mean())
     return HeldOutReadings(linear.residual[:, :width].ravel(), (moved**2).mean(axis=2).ravel(), noise.ravel())
 
 
