@@ -7,7 +7,7 @@ import numpy as np
 from planner.common.units import Array, display_unit, file_unit, si_unit, to_mm
 from planner.identification.calibration import Calibration
 from planner.model.finding_groups import group_findings
-from planner.model.identification_document import DetectionLimit, Estimate, Finding
+from planner.model.identification_document import DetectionLimit, Estimate, Finding, Release
 from planner.report.calibration_data import CalibrationFacts
 from planner.report.effect_evidence import FindingStep, finding_steps
 from planner.report.formatting import count_text, decimals_of, digits, in_mm
@@ -80,7 +80,7 @@ def headline_text(facts: CalibrationFacts) -> tuple[str, ...]:
     checks = [s.validation for s in (facts.before, facts.after) if s.validation is not None]
     if len(checks) == 2:
         out.append(f"On the separate validation run: {in_mm(checks[0].mean)} mm → {in_mm(checks[1].mean)} mm.")
-    return tuple(out)
+    return (*out, *([] if c.release is None else _part_sentences(c.release)))
 
 
 def _workspace_sentences(c: Calibration) -> list[str]:
@@ -92,6 +92,18 @@ def _workspace_sentences(c: Calibration) -> list[str]:
         f"Error of the tool over the workspace, rms: {in_mm(r.nominal_anywhere)} mm → {in_mm(c.workspace_error)} mm "
         f"(median; 95 % below {in_mm(r.at_most)} mm)."
     ]
+    if (w := r.work_tool) is not None:
+        x, y, z = (f"{float(to_mm(v)):g}" for v in w.position)
+        out.append(
+            f"With the tool that the robot works with ({x}, {y}, {z} mm): {in_mm(w.nominal_anywhere)} mm → "
+            f"{in_mm(w.anywhere)} mm."
+        )
+    return out
+
+
+def _part_sentences(r: Release) -> list[str]:
+    """Say of what that error is made, and what no named cause explains."""
+    out = []
     if (p := r.parts) is not None:
         out.append(
             f"Of this {in_mm(p.seen)} mm come of noise and the number of readings, {in_mm(p.unseen)} mm are what more "
@@ -99,12 +111,6 @@ def _workspace_sentences(c: Calibration) -> list[str]:
         )
     if (m := r.unexplained) is not None:
         out.append(f"No named cause explains what moves the tool by {in_mm(m.anywhere)} mm rms over the workspace.")
-    if (w := r.work_tool) is not None:
-        x, y, z = (f"{float(to_mm(v)):g}" for v in w.position)
-        out.append(
-            f"With the tool that the robot works with ({x}, {y}, {z} mm): {in_mm(w.nominal_anywhere)} mm → "
-            f"{in_mm(w.anywhere)} mm."
-        )
     return out
 
 
