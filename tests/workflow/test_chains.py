@@ -1,132 +1,28 @@
-"""The whole chain of every shipped cell: plan, simulated run, evaluation with its report, compensation, check.
+"""The whole chain of every shipped cell without a bar, and of all cells as they are shipped.
 
-Each cell runs as it is shipped with one seed, and with four more seeds of the robot in a smaller session of another
-seed of the plan: fewer poses, measured at rest. Circles are few enough to be driven as they are shipped with each seed.
-Two of the four seeds are among the long tests; the others, and the cells as they are shipped, take half an hour on two
+Each cell runs with five seeds of the robot in a smaller session; those with a bar do in a file of their own, so that
+two processes share the work. The cells as they are shipped, with one seed of the robot, take twenty minutes on two
 cores and are run on demand (``EDBB_ALL_TRIALS=1``).
 """
 
-import json
 import os
-import re
-import tomllib
-from functools import cache
-from pathlib import Path
 
-import numpy as np
-import polars as pl
 import pytest
-import tomli_w
 
 from planner.cell.reading import load_cell
-from planner.kinematics.inverse_kinematics import smallest_singular_value
-from tests.command import edbb
+from tests.workflow.chains import CELLS, SEEDS, run_chain
 
-ROBOTS = Path(__file__).resolve().parents[2] / "robots"
-CELLS = tuple(f"{path.parents[1].name}/{path.stem}" for path in sorted(ROBOTS.glob("*/cells/*.toml")))
-GOOD = (0, 5)  # exit codes: done, and done in part
-MOST_OUTSIDE = 0.01  # share of the readings that the gauge could not have made
-SMALL = {  # keys of a smaller session
-    "plan": {"poses": 48, "repeat": 2, "validate": 4, "candidates": 3000, "refine": False},
-    "motion": {"measure": "static"},
-}
-VALIDATES = ("kuka-kr6-r700/tracker",)  # random poses that judge a robot, none that calibrate it
-IN_CIRCLES = tuple(name for name in CELLS if load_cell(name).circles)
-LARGE = {"comau-nj130/paper": ("--poses", "35")}  # as its documentation plans it
-ALL = bool(os.environ.get("EDBB_ALL_TRIALS"))
-ON_DEMAND = pytest.mark.skipif(not ALL, reason="takes half an hour: only with EDBB_ALL_TRIALS=1")
+ON_DEMAND = pytest.mark.skipif(
+    not os.environ.get("EDBB_ALL_TRIALS"), reason="takes twenty minutes: only with EDBB_ALL_TRIALS=1"
+)
 QUICK = ("so101/sockets",)  # whose small session is part of the tests that always run
+WITHOUT_BAR = [name for name in CELLS if not load_cell(name).has_bar()]
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
+    """A folder in which every cell's plan is made once."""
     return tmp_path_factory.mktemp("chains")
-
-
-@cache
-def planned(folder, name, small):
-    """The folder of a cell's plan, made once for all seeds of the robot."""
-    out, cell, more = folder / f"{name.replace('/', '-')}{'-small' * small}", name, LARGE.get(name, ())
-    if small and name not in IN_CIRCLES:
-        file = tomllib.loads(load_cell(name).path.read_text())
-        sections = {key: file.get(key, {}) | own for key, own in SMALL.items()}
-        if name in VALIDATES:
-            del sections["plan"]["poses"]
-            sections["plan"]["validate"] = 40
-        cell, more = folder / f"{out.name}.toml", ()
-        cell.write_text(tomli_w.dumps(file | {key: own for key, own in sections.items()}))
-    succeed("plan", cell, "-o", out, "--seed", int(small), *more)
-    return out
-
-
-def succeed(*words):
-    """Run a command that must end well; return all that it said."""
-    done = edbb(*words)
-    assert done.returncode in GOOD, f"edbb {' '.join(map(str, words))}: {done.returncode}\n{done.stderr}"
-    assert "Traceback" not in done.stderr
-    return done.stdout + done.stderr
-
-
-def check_readings(plan, run, said):
-    """Count the readings that the gauge could not have made: from the file itself, and as the command says."""
-    low, high = json_range(plan)
-    table = pl.read_csv(run, comment_prefix="#")
-    assert len(table) > 10
-    if "length_mm" in table.columns:
-        length = table["length_mm"].to_numpy()
-        assert ((length < low) | (length > high)).mean() <= MOST_OUTSIDE
-    for some, of in re.findall(r"note: (\d+) of (\d+) ", said):
-        assert int(some) <= MOST_OUTSIDE * int(of), said
-
-
-def json_range(plan):
-    """Shortest and longest length [mm] as the plan's own cell says them."""
-    return tomllib.loads((plan / "cell.toml").read_text())["gauge"].get("length_mm") or (-np.inf, np.inf)
-
-
-def evaluate(folder, name, plan, run, seed):
-    """Evaluate a run by what fits its cell; with a calibrated robot correct two targets, and check it."""
-    out, belongs = folder / f"{run.stem}-out", ("--cell", plan / "cell.toml", "--plan", plan / "plan.json")
-    if name in IN_CIRCLES:
-        loaded = any(c.loads for c in load_cell(name).circles)
-        said = (
-            succeed("loaded", run, *belongs, "-o", out) if loaded else succeed("circular", run, *belongs[2:], "-o", out)
-        )
-    elif name in VALIDATES:
-        said = succeed("accuracy", run, *belongs, "-o", out)
-    else:
-        said = succeed("identify", run, *belongs, "-o", out)
-        assert "WORSE THAN THE NOMINAL ROBOT" not in said
-        cell = load_cell(str(plan / "cell.toml"))
-        if cell.robot.n_joints > 5:  # an arm of five joints cannot correct place and orientation
-            compensate_two_targets(plan, cell, out)
-    assert (out / "report.html").stat().st_size > 10_000
-
-
-def compensate_two_targets(plan, cell, calibrated):
-    """Correct two poses of the plan as joint targets: they move, and by no more than a robot errs."""
-    poses = json.loads((plan / "plan.json").read_text())["poses"]
-    q = np.deg2rad([p["q_deg"] for p in poses if p["role"] == "calibrate"])
-    robot = cell.robot
-    room = np.minimum(q - robot.q_lower, robot.q_upper - q).min(axis=1)
-    roomy = q[np.argsort(-room)[:10]]  # far from the limits; of these the farthest from a singular position
-    bent = smallest_singular_value(cell.chain, robot, roomy)
-    q = np.rad2deg(roomy[np.argsort(-bent)[:2]])
-    header = ",".join(f"q{j + 1}_deg" for j in range(q.shape[1]))
-    targets = calibrated.parent / f"{calibrated.name}-targets.csv"
-    targets.write_text("\n".join([header, *(",".join(f"{v:.6f}" for v in row) for row in q)]) + "\n")
-    corrected = calibrated.parent / f"{calibrated.name}-corrected.csv"
-    succeed("compensate", targets, "--model", calibrated / "robot.toml", "-o", corrected)
-    moved = pl.read_csv(corrected, comment_prefix="#").select(pl.col("^q.*_deg$")).to_numpy() - q
-    assert 0.0 < np.abs(moved).max() < 10.0
-
-
-def run_chain(folder, name, seed, small):
-    plan = planned(folder, name, small)
-    run = folder / f"{plan.name}-{seed}.csv"
-    check_readings(plan, run, succeed("simulate", plan / "plan.json", "-o", run, "--seed", seed))
-    evaluate(folder, name, plan, run, seed)
-    return plan
 
 
 @pytest.mark.parametrize("name", QUICK)
@@ -135,8 +31,8 @@ def test_a_small_session_of_a_quick_cell(folder, name):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("seed", [1, 2, *(pytest.param(k, marks=ON_DEMAND) for k in (3, 4))])
-@pytest.mark.parametrize("name", CELLS)
+@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("name", WITHOUT_BAR)
 def test_the_chain_of_a_smaller_session_ends_well(folder, name, seed):
     run_chain(folder, name, seed, small=True)
 
@@ -146,15 +42,3 @@ def test_the_chain_of_a_smaller_session_ends_well(folder, name, seed):
 @pytest.mark.parametrize("name", CELLS)
 def test_the_chain_ends_well_as_shipped(folder, name):
     run_chain(folder, name, 0, small=False)
-
-
-@pytest.mark.long
-def test_a_calibrated_robot_is_checked(folder):
-    """Ten poses of the robot that was calibrated: nothing has changed."""
-    name, seed = "kuka-kr6-r700/edbb", 5
-    plan = run_chain(folder, name, seed, small=True)
-    check, out = folder / "check-plan", folder / f"{plan.name}-{seed}-out"
-    succeed("plan-check", plan / "cell.toml", "--baseline", out, "-o", check)
-    run = folder / "check.csv"
-    succeed("simulate", check / "plan.json", "-o", run, "--truth", folder / f"{plan.name}-{seed}.csv", "--seed", 9)
-    succeed("check", run, "--baseline", out, "--plan", check / "plan.json", "-o", folder / "check-out")

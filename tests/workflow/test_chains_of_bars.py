@@ -1,0 +1,33 @@
+"""The whole chain of every shipped cell with a bar, five seeds of the robot in a smaller session; then a check."""
+
+import pytest
+
+from planner.cell.reading import load_cell
+from tests.workflow.chains import CELLS, SEEDS, run_chain, succeed
+
+BARS = [name for name in CELLS if load_cell(name).has_bar()]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A folder in which every cell's plan is made once."""
+    return tmp_path_factory.mktemp("chains")
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("name", BARS)
+def test_the_chain_of_a_smaller_session_ends_well(folder, name, seed):
+    run_chain(folder, name, seed, small=True)
+
+
+@pytest.mark.long
+def test_a_calibrated_robot_is_checked(folder):
+    """Ten poses of the robot that was calibrated: nothing has changed."""
+    name, seed = "kuka-kr6-r700/edbb", 5
+    plan = run_chain(folder, name, seed, small=True)
+    check, out = folder / "check-plan", folder / f"{plan.name}-{seed}-out"
+    succeed("plan-check", plan / "cell.toml", "--baseline", out, "-o", check)
+    run = folder / "check.csv"
+    succeed("simulate", check / "plan.json", "-o", run, "--truth", folder / f"{plan.name}-{seed}.csv", "--seed", 9)
+    succeed("check", run, "--baseline", out, "--plan", check / "plan.json", "-o", folder / "check-out")
