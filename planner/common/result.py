@@ -3,7 +3,7 @@
 from abc import ABC, abstractmethod
 from base64 import b64encode
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from html import escape
 from pathlib import Path
 from typing import Any, ClassVar
@@ -22,7 +22,7 @@ class Plot:
     """A chart as a picture; a notebook shows it."""
 
     name: str
-    png: bytes
+    png: bytes = field(repr=False)
 
     def _repr_png_(self) -> bytes:
         return self.png
@@ -41,6 +41,17 @@ class Result(ABC):
 
     cut_short: tuple[str, ...] = ()
     """What a limit left undone."""
+
+    def __init_subclass__(cls, **arguments: Any) -> None:
+        """Let every kind of result show itself in one line, where it has no words of its own: its arrays are long."""
+        super().__init_subclass__(**arguments)
+        if "__repr__" not in cls.__dict__:
+            cls.__repr__ = Result.__repr__  # type: ignore[method-assign]
+
+    def __repr__(self) -> str:
+        """Return the kind of result and the first line of its summary."""
+        first = next((line.strip() for line in self.summary().splitlines() if line.strip()), "")
+        return f"<{type(self).__name__}{' (simulated)' if self.simulated else ''}: {first}>"
 
     @abstractmethod
     def summary(self) -> str:

@@ -196,6 +196,10 @@ class Robot:
     neighbours: frozenset[frozenset[str]] = frozenset()
     never_meet_parts: tuple[tuple[str, str, str], ...] = ()
 
+    def __repr__(self) -> str:
+        """Name the robot and its file."""
+        return f"Robot('{self.name}', joints={self.n_joints}, path='{self.path}')"
+
     @cached_property
     def nominal(self) -> Robot:
         """The robot that the controller believes in: without what a calibration changed; most robots are their own."""

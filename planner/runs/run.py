@@ -158,6 +158,10 @@ class Run:
     files: tuple[str, ...] = ()
     simulated: bool = False
 
+    def __repr__(self) -> str:
+        """Name the run, and say how long it is."""
+        return f"Run('{self.name}', samples={len(self)}, plan_id={self.plan_id!r}, simulated={self.simulated})"
+
     def __len__(self) -> int:
         """Return the number of samples n."""
         return len(self.samples)
