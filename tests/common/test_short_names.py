@@ -11,12 +11,9 @@ from tests.workflow.small_plan import write_small_plan
 def test_results_runs_and_robots_show_themselves_in_one_line(tmp_path):
     write_small_plan(tmp_path, "kuka-kr6-r700/edbb", 2)
     made = simulate(tmp_path / "plan.json", seed=1)
+    run, robot = made.run, load_cell("kuka-kr6-r700/edbb").robot
     assert repr(made) == f"<SimulationResult: {made.summary().splitlines()[0].strip()}>"
-    assert (
-        repr(made.run)
-        == f"Run('{made.run.name}', samples={len(made.run)}, plan_id='{made.run.plan_id}', simulated=True)"
-    )
-    robot = load_cell("kuka-kr6-r700/edbb").robot
+    assert repr(run) == f"Run('{run.name}', samples={len(run)}, plan_id='{run.plan_id}', simulated={run.simulated})"
     assert repr(robot) == f"Robot('kuka-kr6-r700', joints=6, path='{robot.path}')"
     for shown in (made, run, robot, Plot("errors", np.zeros(9999).tobytes())):
         assert "\n" not in repr(shown)
