@@ -20,7 +20,7 @@ FIXTURE_CHANGE_TIME = 60.0  # [s] for taking the bar to the next fixture
 CORRELATION_TIME = 1.0  # [s] over which the joints' deviation from where they read is correlated while moving
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class SimulatedRun(Run):
     """A run that nobody measured.
 

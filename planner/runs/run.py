@@ -160,7 +160,8 @@ class Run:
 
     def __repr__(self) -> str:
         """Name the run, and say how long it is."""
-        return f"Run('{self.name}', samples={len(self)}, plan_id={self.plan_id!r}, simulated={self.simulated})"
+        kind = type(self).__name__
+        return f"{kind}('{self.name}', samples={len(self)}, plan_id={self.plan_id!r}, simulated={self.simulated})"
 
     def __len__(self) -> int:
         """Return the number of samples n."""

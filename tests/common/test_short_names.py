@@ -13,7 +13,8 @@ def test_results_runs_and_robots_show_themselves_in_one_line(tmp_path):
     made = simulate(tmp_path / "plan.json", seed=1)
     run, robot = made.run, load_cell("kuka-kr6-r700/edbb").robot
     assert repr(made) == f"<SimulationResult: {made.summary().splitlines()[0].strip()}>"
-    assert repr(run) == f"Run('{run.name}', samples={len(run)}, plan_id='{run.plan_id}', simulated={run.simulated})"
+    said = f"'{run.name}', samples={len(run)}, plan_id='{run.plan_id}', simulated={run.simulated}"
+    assert repr(run) == f"SimulatedRun({said})"
     assert repr(robot) == f"Robot('kuka-kr6-r700', joints=6, path='{robot.path}')"
     for shown in (made, run, robot, Plot("errors", np.zeros(9999).tobytes())):
         assert "\n" not in repr(shown)
