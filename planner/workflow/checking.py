@@ -17,6 +17,7 @@ from planner.instruments.check.evaluation import CheckVerdict, evaluate_check
 from planner.instruments.check.planning import CheckChooser, resting_cell
 from planner.instruments.check.results import CheckForecast, verdict_content, verdict_lines
 from planner.instruments.simulation import planned_samples
+from planner.motion.planning_packages import require_planning_packages
 from planner.runs.loader import load_runs
 from planner.session.document import check_run_of_plan, read_plan
 from planner.session.options import PlanOptions
@@ -88,7 +89,9 @@ def plan_check(asked: PlanCheckCall) -> CheckPlanResult:
     Raises:
         InputError: a file is wrong, or cell and baseline do not belong together.
         NoSolutionError: a stage has no solution.
+        MissingProgramError: a package of planning is not installed.
     """
+    require_planning_packages()
     where, stages = load_cell(str(asked.cell)), Stages(asked.progress)
     known = Baseline.read(Path(asked.baseline), where)
     options = PlanOptions(seed=asked.seed, dialect=asked.dialect)

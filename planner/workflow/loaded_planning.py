@@ -134,6 +134,7 @@ def plan_both(asked: PlanBothCall) -> BothPlan:
         InputError: the cells do not belong together, or ask for what cannot be.
         NoSolutionError: a stage has no solution; the message says which.
     """
+    require_planning_packages()
     unloaded, places, stages = asked.unloaded, asked.places, Stages(asked.progress)
     options = PlanOptions(poses=asked.poses, seed=asked.seed, dialect=asked.dialect)
     cell = load_cell(asked.loaded)
