@@ -26,14 +26,17 @@ class PlanningPackage(LazyModule):
     """A package of planning; who uses it where it is not installed is told in one sentence what to do.
 
     Raises:
-        MissingProgramError: with the first look at a name of it, where it cannot be imported.
+        MissingProgramError: with the first look at a name of it, where it is not installed.
+        ImportError: it is there and cannot be loaded, for want of memory for instance.
     """
 
     def __getattr__(self, key: str) -> Any:
         try:
             module = import_module(self._name)
         except ImportError as err:
-            raise _missing(_absent() or [self._name.partition(".")[0]]) from err
+            if is_installed(self._name.partition(".")[0]):
+                raise
+            raise _missing(_absent()) from err
         return getattr(module, key)
 
 
