@@ -145,9 +145,17 @@ def compensate_file(
     source = _Source(path.name, language, text, encoding, companion, nominal, calibrated, frames, seeds, axes, step)
     if is_service_name(path.stem):
         raise InputError(f"{path}: the file {SENTENCE}")
-    reading = source.read(text)
+    return _correct_source(path, source, notes, strict, mark)
+
+
+def _correct_source(
+    path: Path, source: "_Source", notes: Sequence[str], strict: bool, mark: CorrectionMark | None
+) -> CompensatedFile:
+    """Solve the targets for the nominal robot, correct them, write them, and read what was written; raises as above."""
+    nominal, calibrated = source.robot, source.calibrated
+    reading = source.read(source.text)
     targets = _certain_targets(path, reading, strict)
-    q, problems = solve_nominal_angles(targets, seeds)
+    q, problems = solve_nominal_angles(targets, source.seeds)
     if foreign := check_reach(path.name, nominal, targets, q, problems):
         raise NoSolutionError("\n".join([foreign, *list_lines(path.name, problems)]))
     done = np.flatnonzero(~np.isnan(q).any(axis=1))

@@ -212,26 +212,20 @@ def _release(
 
 
 def assess_fit(
-    stages: list[FittedStage],
-    free: FittedParameters,
-    context: FitContext,
-    cell: Cell,
-    validation: Run | None,
-    traced: TracingResult,
-    notes: Sequence[str] = (),
-    basis: ReleaseBasis = "posterior",
-) -> Calibration:
+    stages: list[FittedStage], free: FittedParameters, context: FitContext, cell: Cell, validation: Run | None,
+    traced: TracingResult, notes: Sequence[str] = (), basis: ReleaseBasis = "posterior",
+) -> Calibration:  # fmt: skip
     """Assess the last stage and assemble the calibration; a long run is fitted once more to all of its samples."""
     run, parts, stages = context.run, context.split, _fit_all_samples(stages, context)
     found, last = stages[-1].fit, stages[-1].stage
-    covariance, time = parameter_covariance(found, run.continuous)
-    covariance = covariance + consider_covariance(found, free.held)
+    fitted, time = parameter_covariance(found, run.continuous)
+    covariance = fitted + consider_covariance(found, free.held)
     released = _release(stages, free, context, cell, time, basis)
     expected = workspace_error(cell, run, found, covariance) if released is None else released.anywhere
     table = _estimate_all(free, found, covariance, traced)
     estimates = table if released is None else released_estimates(table, released)
-    diagnosis = diagnose_residual(found, run.continuous, last.train.rms)
-    release, kept = None if released is None else describe_release(released), tuple(s.stage for s in stages)
+    diagnosis, kept = diagnose_residual(found, run.continuous, last.train.rms), tuple(s.stage for s in stages)
+    release = None if released is None else describe_release(released)
     return Calibration(
         schema_="edbb-identification/1",
         worse_than_nominal=worse_than_nominal(kept, release, expected),

@@ -110,7 +110,8 @@ def _part_sentences(r: Release) -> list[str]:
             f"readings at these poses cannot show (scale, tool, other postures), {in_mm(p.misfit)} mm are misfit."
         )
     if (m := r.unexplained) is not None:
-        out.append(f"No named cause explains what moves the tool by {in_mm(m.anywhere)} mm rms over the workspace.")
+        kept = "; the robot as written follows it where it was measured" if r.basis == "posterior" else ""
+        out.append(f"What moves the tool by {in_mm(m.anywhere)} mm rms over the workspace has no named cause{kept}.")
     return out
 
 

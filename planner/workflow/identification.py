@@ -288,9 +288,10 @@ def _part_lines(r: Release, width: int) -> Iterator[str]:
             there = f"with joint {m.joint} from {low} to {high} deg"
             where = f"most {there} ({m.there / MM:.3f} mm)"
         how = ", best those of edbb plan --aim tracing, or about a further fixture" if width == 1 else ""
+        kept = "; the robot as written follows it where it was measured" if r.basis == "posterior" else ""
         yield (
-            f"  misfit      no named cause explains what moves the tool by {m.anywhere / MM:.3f} mm rms over the "
-            f"workspace, {where}; measure next: more poses {there}{how}"
+            f"  misfit      what moves the tool by {m.anywhere / MM:.3f} mm rms over the workspace, {where}, has no "
+            f"named cause{kept}; measure next: more poses {there}{how}"
         )
 
 
