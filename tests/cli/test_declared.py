@@ -19,6 +19,7 @@ from planner.cli.declared import folder_command
 from planner.common.calls import Call, Option, ProgressKeyword, call_fields, called_with, options_table
 from planner.common.progress import no_progress
 from planner.common.result import Result
+from planner.effects.catalogue import effect_kinds
 from planner.service.declared_request import take_fields
 from planner.service.job_folder import JobFolder
 from planner.service.job_request import CellRequest
@@ -151,6 +152,10 @@ def test_it_is_in_the_table_of_the_documentation():
         assert f"## edbb {call.verb}\n" in page
         assert options_table(call) in page
     assert "<!--" not in page
+    causes = hook.on_page_markdown((ROOT / "docs" / "effects.md").read_text(), page=None)
+    assert "| joint compliance |  |" in causes
+    assert '| servo lag | a run measured while moving (motion.measure = "continuous") |' in causes
+    assert causes.count("\n| ") == len(effect_kinds()) + 1
 
 
 @pytest.mark.parametrize("call", CALLS, ids=lambda call: call.verb)
