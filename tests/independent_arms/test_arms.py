@@ -155,7 +155,7 @@ def test_names_are_held_against_what_is_hidden():
 @pytest.mark.parametrize("gauge", ["bar", "tracker"])
 def test_what_is_released_is_better_than_nominal(gauge, tmp_path):
     """Wide bands only: the table of the package is the measure."""
-    for seed, count, with_foreign in ((0, 0, False), (1, 1, False), (2, 2, True), (3, 3, True)):
+    for seed, count, with_foreign in ((0, 0, False), (3, 3, True)):
         row = judge(seed, Session(gauge), count, with_foreign, tmp_path)
         assert not row["refused"]
         assert row["released_mm"] < 0.7 * row["nominal_mm"]

@@ -1,20 +1,15 @@
 """The whole chain of every shipped cell without a bar, and of all cells as they are shipped.
 
-Each cell runs with five seeds of the robot in a smaller session; those with a bar do in a file of their own, so that
-two processes share the work. The cells as they are shipped, with one seed of the robot, take twenty minutes on two
-cores and are run on demand (``EDBB_ALL_TRIALS=1``).
+Each cell runs with two seeds of the robot in a smaller session; those with a bar do in a file of their own, so that
+two processes share the work. Three more seeds, and the cells as they are shipped, take half an hour on two cores and
+are run on demand (``EDBB_ALL_TRIALS=1``).
 """
-
-import os
 
 import pytest
 
 from planner.cell.reading import load_cell
-from tests.workflow.chains import CELLS, SEEDS, run_chain
+from tests.workflow.chains import CELLS, ON_DEMAND, SEEDS, run_chain
 
-ON_DEMAND = pytest.mark.skipif(
-    not os.environ.get("EDBB_ALL_TRIALS"), reason="takes twenty minutes: only with EDBB_ALL_TRIALS=1"
-)
 QUICK = ("so101/sockets",)  # whose small session is part of the tests that always run
 WITHOUT_BAR = [name for name in CELLS if not load_cell(name).has_bar()]
 

@@ -1,4 +1,7 @@
-"""The whole chain of every shipped cell with a bar, five seeds of the robot in a smaller session; then a check."""
+"""The chain of every shipped cell with a bar in a smaller session, five seeds of the robot, three of them on demand.
+
+Then a calibrated robot is checked.
+"""
 
 import pytest
 
