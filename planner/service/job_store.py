@@ -53,7 +53,7 @@ def _start_time(pid: int) -> str:
 State = Literal["queued", "running", "done", "failed", "cancelled"]
 LEASE_S = 20.0
 MOST_CRASHES = 3
-MOST_DEATHS = 5  # of servers while they ran a job; more than its own crashes, as it may have run beside the guilty one
+MOST_DEATHS = 20  # of servers while they ran a job: a machine that is switched off often is no fault of the job's
 TRIED_AGAIN = (None, 1, 4)  # exit codes after which the same request may succeed: killed, a mistake, a missing program
 
 
