@@ -56,7 +56,9 @@ def test_one_published_figure_sizes_the_arms_and_the_others_are_predicted():
     assert published[2] < std < 1.5 * published[2]
 
 
-def test_a_traced_bar_is_no_worse_than_the_tracker_whose_model_lacks_the_same():
+def test_a_traced_bar_is_no_worse_than_the_tracker_whose_model_lacks_the_same(monkeypatch):
+    for module in (instruments, judge):
+        monkeypatch.setattr(module, "VALIDATED", 500)  # as in the table: the largest of few poses is chance
     more = hidden(SIZE)
     measured, bar = tracked(more), bar_run(session(), "tracing", more)
     tracker = Row(measured, False, validated(identified(measured, traced=False), measured, more), None)
