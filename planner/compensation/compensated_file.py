@@ -149,7 +149,7 @@ def compensate_file(
 
 
 def _correct_source(
-    path: Path, source: "_Source", notes: Sequence[str], strict: bool, mark: CorrectionMark | None
+    path: Path, source: "_Source", notes: Sequence[Note], strict: bool, mark: CorrectionMark | None
 ) -> CompensatedFile:
     """Solve the targets for the nominal robot, correct them, write them, and read what was written; raises as above."""
     nominal, calibrated = source.robot, source.calibrated
