@@ -72,13 +72,16 @@ def _groups_of(own: Sequence[Finding]) -> Iterator[FindingGroup]:
     yield FindingGroup(tuple(own), note, tuple(rivals))
 
 
+def unit_of_change(unit: str, size: float) -> tuple[str, float]:
+    """Return how what changed by about ``size`` in the SI ``unit`` is written, and the factor to it."""
+    return ("mm", 1 / MM) if unit == "m" and abs(size) > LEAST_MM else display_unit(unit, size)
+
+
 def _steps_note(own: Sequence[Finding]) -> str:
     """Say how often something changed, by how much each time, and when."""
     value, std = np.array([f.value for f in own]), np.array([f.std for f in own])
     each = float(np.sqrt(max(float((value**2 - std**2).mean()), float((std**2).mean()))))
-    in_mm = own[0].unit == "m" and each > LEAST_MM
-    unit = ("mm", 1 / MM) if in_mm else display_unit(own[0].unit, each)
-    size = format_value(each, each / np.sqrt(2 * len(own)), *unit)
+    size = format_value(each, each / np.sqrt(2 * len(own)), *unit_of_change(own[0].unit, each))
     when = ", ".join(str(k) for k in sorted(f.after_sample or 0 for f in own))
     return f"{own[0].on}: changed {len(own)} times, by {size} each (root mean square), after samples {when}"
 

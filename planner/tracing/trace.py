@@ -12,6 +12,7 @@ from planner.effects.effect import Effect, Role
 from planner.effects.steps import STEP
 from planner.identification.calibration import TracingResult
 from planner.identification.stages import FitContext, FittedStage
+from planner.model.finding_groups import unit_of_change
 from planner.model.identification_document import DetectionLimit, Finding, InnerNumber, log10_p, p_value
 from planner.runs.run import Run
 from planner.tracing.candidate_ranking import scores_beside, with_link_masses
@@ -191,7 +192,6 @@ def slip_of_the_pen(read: float, wanted: float, tolerance: float) -> str:
     return ""
 
 
-LEAST_MM = 1e-4  # [m] from which on what changed is told in millimetres
 INNER_UNITS = {"1/turn": ("", 1.0), "m": ("mm", 1e3)}  # of numbers inside φ, where they are not those of errors
 
 
@@ -264,9 +264,7 @@ def _finding(
 def describe_effect(found: FittedEffect, value: float, std: float, inner_std: float | None, sizes: Array) -> str:
     """Fill the effect's sentence with its size, its nonlinear value, and the periods of a curve."""
     effect, nonlinear = found.effect, found.effect.nonlinear
-    unit = display_unit(effect.unit, value)
-    if effect.has(Role.CHANGE | Role.SET_UP) and effect.unit == "m" and abs(value) > LEAST_MM:
-        unit = ("mm", 1e3)
+    unit = (unit_of_change if effect.has(Role.CHANGE | Role.SET_UP) else display_unit)(effect.unit, value)
     size = format_value(abs(value), std, *unit)
     inner = ""
     if found.value is not None and nonlinear is not None:
