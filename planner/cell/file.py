@@ -241,11 +241,21 @@ class CableFile(StrictModel):
     tool_about_bar_deg: Annotated[float, Field(gt=0, lt=180)] | None = None
 
 
-class BaseFile(StrictModel):
-    """``[base]``: how the base stands (for gravity) and the floor's height in the base frame."""
+class BaseFile(OptionalKeys):
+    """``[base]``: how the base stands (for gravity), the floor's height in the base frame, and which link it is.
+
+    ``base = "torso"`` is short for ``[base]`` with ``link = "torso"``, the first link of the arm in the robot's URDF.
+    """
 
     rpy_deg: Vector = (0.0, 0.0, 0.0)
     floor_mm: Coordinate | None = 0.0
+    link: OneLine | None = None
+    LATER: ClassVar[tuple[str, ...]] = ("link",)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _named(cls, data: object) -> object:
+        return {"link": data} if isinstance(data, str) else data
 
 
 class FloorFile(StrictModel):

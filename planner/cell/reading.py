@@ -162,7 +162,7 @@ def cell_of(file: CellFile, path: Path, name: str, planning: bool = True) -> Cel
     if planning:
         check_units(path, file)
     packages = named_packages(str(path), file.packages, path.parent)
-    robot = load_robot(file.robot, path.parent, file.tip, file.plan.beta, packages, file.parked)
+    robot = load_robot(file.robot, path.parent, file.tip, file.plan.beta, packages, file.parked, file.base.link)
     _, home, tool, instrument, places = read_together(
         lambda: _check_drives(robot) if planning else None,
         lambda: _read_home(path, file, robot, planning),

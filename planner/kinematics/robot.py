@@ -141,6 +141,7 @@ class Robot:
         never_meet_reason: what keeps them apart, for the user.
         sources: topic → where the numbers come from.
         path: the file it was read from.
+        base: first link of the chain, where its file (or the cell's) says that it is not the root of the URDF.
         tip: last link, where the chain comes from a URDF; ``srdf`` the file that says which of its links may touch.
         joint_names: as the arm's own software calls them, empty where they have no names.
         dialect: language of its maker's controller.
@@ -179,6 +180,7 @@ class Robot:
     never_meet_reason: str
     sources: tuple[tuple[str, str], ...]
     path: Path
+    base: str | None = None
     tip: str | None = None
     srdf: Path | None = None
     joint_names: tuple[str, ...] = ()

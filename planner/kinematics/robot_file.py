@@ -111,6 +111,7 @@ class RobotDescription(StrictModel):
     convention: Literal["dh", "mdh", "urdf"]
     urdf: str | None = None
     srdf: str | None = None
+    base: str | None = None
     tip: str | None = None
     packages: dict[str, str] = {}  # folders of ROS packages that the URDF names
     repeatability_mm: RepeatabilityMm = 0.05
@@ -151,7 +152,7 @@ class RobotDescription(StrictModel):
 
     def _check_rows(self) -> None:
         """Refuse what a robot of DH or MDH rows lacks, or cannot have."""
-        if said := [k for k in ("srdf", "parked") if k in self.model_fields_set]:
+        if said := [k for k in ("srdf", "parked", "base", "tip") if k in self.model_fields_set]:
             raise ValueError(f"{said[0]} is for a URDF, and convention is '{self.convention}'")
         if self.named_pairs:
             raise ValueError(f"never_meet = {list(self.named_pairs[0])}: links of rows have numbers, 0 is the base")

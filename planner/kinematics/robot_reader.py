@@ -44,16 +44,18 @@ def load_robot(
     beta: str = "auto",
     packages: Packages = NO_PACKAGES,
     parked: Mapping[str, float] | None = None,
+    base: str | None = None,
 ) -> Robot:
     """Load a robot by shipped name, or by path to a ``robot.toml``, ``.urdf``, ``.xacro``, or ``.csv`` of DH rows.
 
     Args:
         reference: name or path.
         beside: folder that a relative path starts from.
-        tip: last link of a URDF.
+        tip: last link of a URDF's chain; it goes before what the robot's file says.
         beta: ``auto`` adds Hayati's parameter where neighbouring axes are near-parallel; ``none`` leaves it out.
         packages: folders of ROS packages that the cell names; they go before those that the robot's file names.
         parked: where the cell says that joints of the URDF stand, by name with unit; it goes before the robot's file.
+        base: first link of a URDF's chain, in whose frame everything is said; as ``tip``.
 
     Raises:
         InputError: no such robot, or its file is wrong.
@@ -61,12 +63,12 @@ def load_robot(
     reference = str(reference)
     shipped = data_folder("robots") / reference / "robot.toml"
     if "/" not in reference and os.path.isfile(shipped):
-        return _from_file(shipped, beta, parked=parked)
+        return _from_file(shipped, beta, tip, parked=parked, base=base)
     path = beside / reference
     if os.path.isdir(path):
         path = path / "robot.toml"
     if os.path.isfile(path):  # false for a name that no file can have
-        return _from_file(path, beta, tip, packages, parked)
+        return _from_file(path, beta, tip, packages, parked, base)
     known = list(list_robots())
     raise InputError(
         f"robot '{reference}': neither a shipped robot nor a file{did_you_mean(reference, known)} "
@@ -103,8 +105,13 @@ def _from_file(
     tip: str | None = None,
     packages: Packages = NO_PACKAGES,
     parked: Mapping[str, float] | None = None,
+    base: str | None = None,
 ) -> Robot:
     file = describe_robot(path, tip)
+    ends = {key: link for key, link in (("base", base), ("tip", tip)) if link is not None}
+    if ends and file.convention != "urdf":
+        raise InputError(f"{path}: {next(iter(ends))} names a link of a URDF; this robot is none")
+    file = file.model_copy(update=ends)
     if parked and file.convention != "urdf":
         raise InputError(f"{path}: joints can be parked of a URDF only (the cell's table [parked]); this robot is none")
     if file.convention == "urdf":
@@ -125,7 +132,7 @@ def _from_file(
 
 
 def _from_urdf(file: RobotDescription, path: Path, packages: Packages) -> Robot:
-    chain = read_urdf(path.parent / str(file.urdf), file.tip, packages, file.parked)
+    chain = read_urdf(path.parent / str(file.urdf), file.tip, packages, file.parked, file.base)
     n = len(chain.joints)
     _check_count(path, n)
     file = file.model_copy(update={"joints": _joints_of_urdf(file, path, chain)})
@@ -242,6 +249,7 @@ def _build_robot(
         sources=tuple(sorted(sources.items())),
         path=path,
         tip=None if urdf is None else urdf.tip,
+        base=file.base,
         srdf=None if file.srdf is None else path.parent / file.srdf,
         joint_names=tuple(j.name for j in joints) if all(j.name for j in joints) else (),
         dialect=file.dialect,

@@ -161,9 +161,11 @@ def write_robot(robot: Robot, found: RobotCorrections) -> tuple[tuple[str, str],
     changed = frozenset(t.name for t in robot.transforms if values.get(t.name, t.nominal) != t.nominal)
     if robot.convention == "urdf":
         text, changed = write_urdf(
-            urdf_path(robot), robot.tip, values, meshes, found.source, robot.packages, robot.parked_table
+            urdf_path(robot), robot.tip, values, meshes, found.source, robot.packages, robot.parked_table, robot.base
         )
         content |= {"urdf": "robot.urdf", "tip": str(robot.tip)}
+        if robot.base is not None:
+            content["base"] = robot.base
         content.pop("packages", None)
         if robot.parked:
             content["parked"] = robot.parked_table

@@ -73,26 +73,31 @@ class UrdfChain:
 
 
 def read_urdf(
-    path: Path, tip: str | None, packages: Packages = NO_PACKAGES, parked: Mapping[str, float] | None = None
+    path: Path,
+    tip: str | None,
+    packages: Packages = NO_PACKAGES,
+    parked: Mapping[str, float] | None = None,
+    base: str | None = None,
 ) -> UrdfChain:
-    """Read the revolute chain from the root to ``tip`` (default: the only leaf) of the URDF at ``path``.
+    """Read the chain from ``base`` (default: the root) to ``tip`` (default: the only leaf) of the URDF at ``path``.
 
     Args:
         path: of the URDF, or of a template of one.
         tip: the chain's last link.
         packages: where ``package://`` of meshes and ``$(find …)`` of templates lead.
         parked: where joints stand that the arm does not drive, by their names with their units (``finger_mm``).
+        base: the chain's first link; what it hangs on stands still and counts as fixed to it.
 
     Raises:
         InputError: no XML, no such link, a joint that is neither revolute, continuous nor fixed, a missing mesh.
     """
     try:
         root = parse_urdf(path, packages)
-        links, joints, base = read_tree(path, root, tip)
+        links, joints, start = read_tree(path, root, tip, base)
         every = root.findall("joint")
         parking = park_joints(every, joints, parked or {})
         meshes = MeshFinder(path, packages)
-        chain, placed = _assemble(meshes, links, joints, base, parking)
+        chain, placed = _assemble(meshes, links, joints, start, parking)
         beside = read_branches(meshes, links, every, placed, parking)
         whole = _with_branches(chain, links, beside, find_bodily_links(root))
         return _with_rigid_parts(whole, joints, rigid_groups(links, every))

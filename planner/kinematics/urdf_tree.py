@@ -36,28 +36,38 @@ def find_bodily_links(root: ET.Element) -> frozenset[str]:
     return frozenset(name for name, link in named if name in moved or any(link.find(tag) is not None for tag in BODY))
 
 
-def read_tree(path: Path, root: ET.Element, tip: str | None) -> tuple[dict[str, ET.Element], list[ET.Element], str]:
-    """Return the links by name, the joints from the root to ``tip`` (default: the only leaf), and the root link's name.
+def read_tree(
+    path: Path, root: ET.Element, tip: str | None, base: str | None = None
+) -> tuple[dict[str, ET.Element], list[ET.Element], str]:
+    """Return the links by name, the joints from ``base`` (default: the root) to ``tip`` (default: the only leaf).
+
+    The last of the three is the name of the base's link.
 
     Raises:
         UrdfError: a name twice, a link below two joints, a ring of links, a joint to a link that is not there.
-        InputError: no such link, or several leaves.
+        InputError: no such link, several leaves, or a tip that does not hang on the base.
     """
     links = _by_name("two links are called", ((str(e.get("name")), e) for e in root.findall("link")))
     joints = _by_name("two joints are called", ((str(e.get("name")), e) for e in root.findall("joint")))
     _check_rings({link_of(j, "child"): link_of(j, "parent") for j in joints.values()})
     above = _by_name("two joints have the child", ((link_of(j, "child"), j) for j in joints.values()))
     tip = tip or _only_leaf(path, links, above)
-    if tip not in links:
+    for end in (e for e in (tip, base) if e is not None and e not in links):
         raise InputError(
-            f"{path}: no link is called '{tip}'{did_you_mean(tip, list(links))} (links: {', '.join(links)})"
+            f"{path}: no link is called '{end}'{did_you_mean(end, list(links))} (links: {', '.join(links)})"
         )
     chain: list[ET.Element] = []
     link = tip
-    while link in above:
+    while link in above and link != base:
         chain.append(above[link])
         link = link_of(above[link], "parent")
     chain.reverse()
+    if base not in (None, link):
+        way = [link, *(link_of(joint, "child") for joint in chain)]
+        raise InputError(
+            f"{path}: the base is to be '{base}', but the link '{tip}' hangs on {' > '.join(way[:-1])}: give one "
+            "of these as the base, and hold what does not move by [parked]"
+        )
     names = [link, *(link_of(joint, "child") for joint in chain)]
     if gone := [name for name in names if name not in links]:
         raise UrdfError(f"a joint names the link '{gone[0]}', which is not there")

@@ -27,6 +27,7 @@ def write_urdf(
     remark: str,
     packages: Packages = NO_PACKAGES,
     parked: Mapping[str, float] | None = None,
+    base: str | None = None,
 ) -> tuple[str, frozenset[str]]:
     """Return the text of the URDF at ``path`` with corrected joint origins, and the transforms of the joints concerned.
 
@@ -35,16 +36,16 @@ def write_urdf(
     corrected geometry. Joints without an error keep their origins as they are written.
 
     Args:
-        path: nominal URDF; ``tip`` its last link.
+        path: nominal URDF; ``tip`` the chain's last link.
         values: corrected values of elementary transforms by name [m, rad].
         meshes: what to write for a mesh, of a body or to look at.
         remark: comment for the head of the file.
-        packages, parked: as :func:`planner.kinematics.urdf.read_urdf` takes them.
+        packages, parked, base: as :func:`planner.kinematics.urdf.read_urdf` takes them.
 
     Raises:
         InputError: as :func:`planner.kinematics.urdf.read_urdf`.
     """
-    chain = read_urdf(path, tip, packages, parked)
+    chain = read_urdf(path, tip, packages, parked, base)
     root = parse_urdf(path, packages, comments=True)
     joints = {str(j.get("name")): j for j in root.findall("joint")}
     changed: set[str] = set()

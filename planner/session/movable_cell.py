@@ -54,7 +54,8 @@ def _robot_files(cell: Cell) -> Iterator[tuple[str, bytes]]:
     yield from ((name, read_bytes(path)) for path, name in meshes.items())
     if robot.convention == "urdf":
         urdf = urdf_path(robot)
-        text, _ = write_urdf(urdf, robot.tip, {}, meshes, "as it was planned", robot.packages, robot.parked_table)
+        stands = robot.packages, robot.parked_table, robot.base
+        text, _ = write_urdf(urdf, robot.tip, {}, meshes, "as it was planned", *stands)
         yield plain_name(urdf).name, text.encode()
         if robot.srdf is not None:
             yield robot.srdf.name, read_bytes(robot.srdf)
