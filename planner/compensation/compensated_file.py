@@ -8,10 +8,16 @@ import numpy as np
 
 from planner.common.errors import InputError, NoSolutionError
 from planner.common.files import read_bytes
-from planner.common.units import DEG, Array
+from planner.common.units import Array
 from planner.compensation.arm_shapes import NEAR, has_shapes, shape_margins
-from planner.compensation.correction import MOVE_LIMIT, Correction, FlangeModel, NominalFlange, correct_joints
+from planner.compensation.correction import (
+    ALL_TURNS,
+    FlangeModel,
+    NominalFlange,
+    correct_joints,
+)
 from planner.compensation.correction_mark import CorrectionMark, check_no_measuring_program, check_not_corrected
+from planner.compensation.few_axes import TurnWeights
 from planner.compensation.file_axes import FlangeInAxes, axes_notes, axes_of_file, axes_statement, next_step
 from planner.compensation.languages import (
     add_head,
@@ -25,7 +31,16 @@ from planner.compensation.nominal_angles import SearchSeeds, solve_nominal_angle
 from planner.compensation.points import SENTENCE, is_service_name
 from planner.compensation.report import CompensationReport, read_printed, report_of
 from planner.compensation.rotations import frame, inverse, to_abc, to_quaternion
-from planner.compensation.targets import SAME, CorrectedArm, Note, Target, TargetReading, ToolAndBase, list_lines
+from planner.compensation.targets import (
+    SAME,
+    CorrectedArm,
+    Note,
+    Target,
+    TargetReading,
+    ToolAndBase,
+    list_lines,
+)
+from planner.compensation.unmet_targets import problems_summary, target_problems, turn_notes
 from planner.kinematics.axes import AxisConvention
 from planner.kinematics.robot import Robot
 from planner.programs.languages.statements import Slot, write_values
@@ -78,6 +93,16 @@ class _Source:
     seeds: SearchSeeds
     axes: AxisConvention
     step: str
+    turn_weights: TurnWeights
+
+    def tools(self, targets: Sequence[Target]) -> Array:
+        """Return the tools of targets in the flange, (n, 4, 4) [m]: a pose's, the named one, the measured."""
+        own = np.eye(4)
+        if self.frames.T_FT is not None:
+            own = self.frames.T_FT
+        elif self.frames.p_FM is not None:
+            own[:3, 3] = self.frames.p_FM
+        return np.array([own if t.pose is None else t.pose.T_FT for t in targets]).reshape(-1, 4, 4)
 
     def read(self, text: str) -> TargetReading:
         """Return what ``text`` asks the robot to do.
@@ -103,6 +128,7 @@ def compensate_file(
     again: bool = False,
     measuring: bool = False,
     axes_of: str | None = None,
+    turn_weights: TurnWeights = ALL_TURNS,
 ) -> CompensatedFile:
     """Replace every target in a file by its fake target; the text between the numbers stays byte for byte.
 
@@ -121,6 +147,7 @@ def compensate_file(
         again: correct what another model has corrected before.
         measuring: correct a measuring program, too.
         axes_of: name of the controller whose axes the angles of a table are, where its head does not say it.
+        turn_weights: what tilt and spin count on an arm with fewer than six axes.
 
     Raises:
         InputError: the file cannot be read, the robot's file does not say how its controller counts the axes, it was
@@ -142,7 +169,9 @@ def compensate_file(
     step = next_step(language, nominal, axes)
     nominal, calibrated = nominal.in_axes(axes), FlangeInAxes(calibrated, axes)
     seeds = SearchSeeds(nominal)
-    source = _Source(path.name, language, text, encoding, companion, nominal, calibrated, frames, seeds, axes, step)
+    source = _Source(
+        path.name, language, text, encoding, companion, nominal, calibrated, frames, seeds, axes, step, turn_weights
+    )
     if is_service_name(path.stem):
         raise InputError(f"{path}: the file {SENTENCE}")
     return _correct_source(path, source, notes, strict, mark)
@@ -161,16 +190,19 @@ def _correct_source(
     done = np.flatnonzero(~np.isnan(q).any(axis=1))
     good, q_new = np.zeros(0, dtype=bool), q[done]
     if done.size:
-        correction = correct_joints(nominal, NominalFlange(nominal), calibrated, q[done])
-        problems += _problems([targets[i].line for i in done], nominal, correction)
+        chosen = [targets[i] for i in done]
+        tools = source.tools(chosen)
+        correction = correct_joints(nominal, NominalFlange(nominal), calibrated, q[done], tools, source.turn_weights)
+        problems += target_problems([t.line for t in chosen], nominal, correction)
+        notes = (*notes, *turn_notes(nominal, chosen, q[done]))
         good, q_new = correction.good, correction.q
     if not good.any() or (problems and strict):
         said = [*problems, *reading.left]
-        raise NoSolutionError("\n".join([_summary(path, problems, targets), *list_lines(path.name, said)]))
+        raise NoSolutionError("\n".join([problems_summary(path, problems, targets), *list_lines(path.name, said)]))
     written = _write(source, targets, done[good], q[done[good]], q_new[good])
     problems += written.wrong
     if not written.rows.size or (written.wrong and strict):
-        raise NoSolutionError("\n".join([_summary(path, problems, targets), *list_lines(path.name, problems)]))
+        raise NoSolutionError("\n".join([problems_summary(path, problems, targets), *list_lines(path.name, problems)]))
     return _finish(source, written, (*notes, *reading.notes), [*reading.left, *problems], mark)
 
 
@@ -222,7 +254,10 @@ def _finish(
     source: _Source, done: _Written, notes: Sequence[Note], left: list[Note], mark: CorrectionMark | None
 ) -> CompensatedFile:
     """Measure what was done, and say at the head of the file which model did it, and what was not done."""
-    report = report_of(source.robot, source.calibrated, done.chosen, done.printed, done.q, done.q_new, done.q_printed)
+    tools = source.tools(done.chosen)
+    report = report_of(
+        source.robot, source.calibrated, done.chosen, done.printed, done.q, done.q_new, done.q_printed, tools
+    )
     report = replace(report, notes=(*notes, *report.notes), kept=tuple(sorted(left)))
     said = [] if mark is None else [mark.sentence(source.robot.name)]
     said += axes_statement(source.name, source.dialect, source.text, source.axes)
@@ -272,36 +307,6 @@ def read_program(path: Path) -> tuple[str, str]:
         return data.decode("utf-8"), "utf-8"
     except UnicodeDecodeError:
         return data.decode("latin-1"), "latin-1"
-
-
-def _problems(lines: list[int], nominal: Robot, c: Correction) -> list[Note]:
-    """Say of every target that cannot be used why."""
-    problems = []
-    for k in np.flatnonzero(~c.good):
-        if not c.within[k] and c.solved[k]:
-            j = int(np.argmax(np.maximum(nominal.q_lower - c.q[k], c.q[k] - nominal.q_upper)))
-            low, up = nominal.q_lower[j] / DEG, nominal.q_upper[j] / DEG
-            why = f"joint {j + 1} would have to stand at {c.q[k, j] / DEG:.4f}°; {low:g} … {up:g}° are allowed"
-        elif c.solved[k]:
-            j = int(np.abs(c.moved[k]).argmax())
-            why = (
-                f"joint {j + 1} would have to turn by {c.moved[k, j] / DEG:.1f}°, further than {MOVE_LIMIT / DEG:g}°: "
-                "the target is near a singular position"
-            )
-        else:
-            why = (
-                f"{c.residual_m[k] * 1e6:.1f} µm and {c.residual_rad[k] * 1e6:.1f} µrad are left: the arm is at a "
-                "singular position or at the end of its reach"
-            )
-        problems.append((lines[k], why))
-    return problems
-
-
-def _summary(path: Path, problems: list[Note], targets: list[Target]) -> str:
-    return (
-        f"{path.name}: {len(problems)} of {len(targets)} targets have no fake target near the nominal one; move them "
-        "away from limits and singular positions (a wrist that is straight)"
-    )
 
 
 def _values(robot: Robot, targets: list[Target], q: Array, q_new: Array) -> list[tuple[Slot, float]]:

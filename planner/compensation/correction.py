@@ -7,7 +7,14 @@ import numpy as np
 
 from planner.common.determinism import Positions
 from planner.common.units import Array, read_only
-from planner.kinematics.inverse_kinematics import rotation_between, shorten, solve_ik, tool_pose
+from planner.compensation.few_axes import FULL_AXES, ToolDeviation, ToolGoal, TurnWeights, solve_few_axes
+from planner.kinematics.inverse_kinematics import (
+    rotation_between,
+    shorten,
+    smallest_singular_value,
+    solve_ik,
+    tool_pose,
+)
 from planner.kinematics.robot import Robot
 
 
@@ -32,9 +39,13 @@ class NominalFlange:
 TOLERANCE = 1e-9  # [m and rad] of a solved target
 STEP_LIMIT = 0.1  # [rad] of any joint in one iteration
 MOVE_LIMIT = np.deg2rad(10.0)  # a calibration that moves a joint by more is no small correction
+MOVE_DEVIATIONS = 10.0  # of what an angle of this robot may be off before it is calibrated: the same, of coarse arms
 ROUNDS = (12, 20)  # iterations with the nominal Jacobian, and then with the own one
 DIFFERENCE = 1e-6  # [rad] of the numeric Jacobian
 PIVOT = 1e-7  # singular values below this part of the largest are directions that the arm has lost
+SINGULAR = 0.2  # part of an arm's usual smallest singular value below which it is near a singular position
+USUAL_STATES = 200  # random states that tell what is usual
+ALL_TURNS = TurnWeights()
 
 
 @dataclass(frozen=True)
@@ -43,21 +54,27 @@ class Correction:
 
     Attributes:
         q: corrected controller angles, (n, N) [rad]; where ``solved`` is false the best that was found.
-        residual_m: distance of the calibrated flange from the wanted one, (n,) [m].
-        residual_rad: angle between the two, (n,) [rad]; of the flange's z axis alone on robots of five joints.
+        before, after: how far the calibrated tool is from the wanted one, uncorrected and corrected.
         moved: how far each joint was moved, (n, N) [rad].
-        solved: whether the target was met, (n,) bool.
+        solved: whether the target was met, (n,) bool; of arms with fewer than six axes: came nearer.
         within: whether the angles are inside the joint limits, (n,) bool.
-        near: whether no joint moved further than ``MOVE_LIMIT``, (n,) bool.
+        near: whether no joint moved further than :func:`move_limit`, (n,) bool.
+        singular: whether the arm is near a singular position there, (n,) bool.
     """
 
     q: Array
-    residual_m: Array
-    residual_rad: Array
+    before: ToolDeviation
+    after: ToolDeviation
     moved: Array
     solved: np.ndarray
     within: np.ndarray
     near: np.ndarray
+    singular: np.ndarray
+
+    @property
+    def residual_rad(self) -> Array:
+        """Angle that is left between the tools, (n,) [rad]."""
+        return np.hypot(self.after.tilt, self.after.spin)
 
     @property
     def good(self) -> np.ndarray:
@@ -65,51 +82,87 @@ class Correction:
         return np.asarray(self.solved & self.within & self.near)
 
 
-def correct_joints(robot: Robot, nominal: FlangeModel, calibrated: FlangeModel, q: Array) -> Correction:
+def correct_joints(
+    robot: Robot,
+    nominal: FlangeModel,
+    calibrated: FlangeModel,
+    q: Array,
+    T_FT: Array | None = None,
+    weights: TurnWeights = ALL_TURNS,
+) -> Correction:
     """Return the joint angles that bring the calibrated flange to where the nominal one is at ``q``.
+
+    Robots with more than six joints make the least-norm step. With fewer than six the tool point is brought to its
+    place, and the tool is turned as nearly as the arm can (:mod:`planner.compensation.few_axes`).
 
     Args:
         robot: the nominal robot: screws, and the limits that the result is checked against.
         nominal: the robot that the controller believes in.
         calibrated: the robot as it is; its flange may depend on q in any smooth way (compliance, gear errors).
         q: controller angles of the targets, (n, N) [rad].
-
-    Robots with more than six joints make the least-norm step; with five, position and the flange's z axis are kept.
+        T_FT: tools in the flange, (n, 4, 4) [m], which count with fewer than six axes; without them the flange.
+        weights: of tilt and spin, with fewer than six axes.
     """
-    p, R = nominal.flange(q)
-    q_new = solve_flange_ik(robot, calibrated, q, p, R)
-    far_m, far_rad = flange_deviation(robot, calibrated, q_new, p, R)
+    goal = ToolGoal.of(nominal, q, np.broadcast_to(np.eye(4), (len(q), 4, 4)) if T_FT is None else T_FT)
+    before = ToolDeviation.at(goal, calibrated, q)
+    if robot.n_joints < FULL_AXES:
+        q_new = solve_few_axes(robot, calibrated, q, goal, weights, move_limit(robot))
+        after = ToolDeviation.at(goal, calibrated, q_new)
+        solved = (after.distance < 10 * TOLERANCE) | (after.distance < before.distance)
+    else:
+        p, R = nominal.flange(q)
+        q_new = solve_flange_ik(robot, calibrated, q, p, R)
+        after = ToolDeviation.at(goal, calibrated, q_new)
+        far_m, far_rad = flange_deviation(calibrated, q_new, p, R)
+        solved = (far_m < 10 * TOLERANCE) & (far_rad < 10 * TOLERANCE)
     moved = q_new - q
     slack = 1e-9  # [rad] a nominal target may stand on its limit
     within = ((q_new >= robot.q_lower - slack) & (q_new <= robot.q_upper + slack)).all(axis=1)
     return Correction(
         q=read_only(q_new),
-        residual_m=read_only(far_m),
-        residual_rad=read_only(far_rad),
+        before=before,
+        after=after,
         moved=read_only(moved),
-        solved=(far_m < 10 * TOLERANCE) & (far_rad < 10 * TOLERANCE),
+        solved=np.asarray(solved),
         within=np.asarray(within),
-        near=(np.abs(moved) <= MOVE_LIMIT).all(axis=1),
+        near=np.asarray((np.abs(moved) <= move_limit(robot)).all(axis=1)),
+        singular=near_singular(robot, q),
     )
 
 
-def flange_deviation(robot: Robot, poser: FlangeModel, q: Array, p: Array, R: Array) -> tuple[Array, Array]:
+def move_limit(robot: Robot) -> float:
+    """Return how far a correction may move a joint [rad]: over ten degrees where its parts are coarse."""
+    return max(float(MOVE_LIMIT), MOVE_DEVIATIONS * robot.priors.angle)
+
+
+def near_singular(robot: Robot, q: Array) -> np.ndarray:
+    """Return whether the arm at q (n, N) [rad] is near a singular position, (n,) bool.
+
+    The smallest singular value of its Jacobian is compared with the median over its joint limits, so that the size of
+    the arm does not count. An arm of five axes has lost nothing by having five.
+    """
+    lower, upper = np.maximum(robot.q_lower, -np.pi), np.minimum(robot.q_upper, np.pi)
+    states = np.random.default_rng(0).uniform(lower, upper, (USUAL_STATES, robot.n_joints))
+    usual = np.median(smallest_singular_value(robot.chain, robot, states))
+    return np.asarray(smallest_singular_value(robot.chain, robot, q) < SINGULAR * usual)
+
+
+def flange_deviation(poser: FlangeModel, q: Array, p: Array, R: Array) -> tuple[Array, Array]:
     """Return how far ``poser`` at q (n, N) [rad] is from p (n, 3), R (n, 3, 3): (n,) [m] and (n,) [rad]."""
-    e = _error(robot, poser, q, p, R)
+    e = _error(poser, q, p, R)
     return np.linalg.norm(e[:, :3], axis=1), np.linalg.norm(e[:, 3:], axis=1)
 
 
 def solve_flange_ik(
     robot: Robot, poser: FlangeModel, start: Array, p: Array, R: Array, rounds: tuple[int, int] = ROUNDS
 ) -> Array:
-    """Return angles (n, N) [rad] at which ``poser`` stands at p (n, 3) [m], R (n, 3, 3).
+    """Return angles (n, N) [rad] at which ``poser`` stands at p (n, 3) [m], R (n, 3, 3), for six joints or more.
 
     All targets step together; those that have arrived rest. A target that cannot be met ends at the best angles seen.
     """
 
     def task(q: Array, rows: Positions) -> tuple[Array, Array]:
-        J = tool_pose(robot.chain, robot, q)[2]
-        return _error(robot, poser, q, p[rows], R[rows]), _across_spin(robot, J, R[rows])
+        return _error(poser, q, p[rows], R[rows]), tool_pose(robot.chain, robot, q)[2]
 
     found = solve_ik(task, start, step=_step, iterations=rounds[0], tolerance=TOLERANCE)
     far = np.flatnonzero(found.error > TOLERANCE)
@@ -117,8 +170,7 @@ def solve_flange_ik(
         return found.best
 
     def own_task(q: Array, rows: Positions) -> tuple[Array, Array]:
-        wanted = p[far[rows]], R[far[rows]]
-        return _error(robot, poser, q, *wanted), _across_spin(robot, _own_jacobian(poser, q), wanted[1])
+        return _error(poser, q, p[far[rows]], R[far[rows]]), _own_jacobian(poser, q)
 
     again = solve_ik(own_task, found.best[far], step=_step, iterations=rounds[1], tolerance=TOLERANCE)
     q = found.best.copy()
@@ -126,29 +178,15 @@ def solve_flange_ik(
     return q
 
 
-def _error(robot: Robot, poser: FlangeModel, q: Array, p: Array, R: Array) -> Array:
-    """Return what is missing, (n, 6) [m, rad] in the base frame; five joints leave the turn about the flange's z."""
+def _error(poser: FlangeModel, q: Array, p: Array, R: Array) -> Array:
+    """Return what is missing, (n, 6) [m, rad] in the base frame."""
     x, R_now = poser.flange(q)
-    turn = rotation_between(R_now, R)
-    if robot.n_joints == 5:
-        turn = _across(turn, R[:, :, 2])
-    return np.concatenate([p - x, turn], axis=1)
-
-
-def _across_spin(robot: Robot, J: Array, R: Array) -> Array:
-    """Return the Jacobian (n, 6, N) of what is missing: five joints leave the turn about the flange's z."""
-    if robot.n_joints != 5:
-        return J
-    return np.concatenate([J[:, :3], np.swapaxes(_across(np.swapaxes(J[:, 3:], 1, 2), R[:, None, :, 2]), 1, 2)], axis=1)
+    return np.concatenate([p - x, rotation_between(R_now, R)], axis=1)
 
 
 def _step(J: Array, missing: Array) -> Array:
     step = np.einsum("nij,nj->ni", np.linalg.pinv(J, rcond=PIVOT), missing)
     return shorten(step, np.abs(step).max(axis=1), STEP_LIMIT)
-
-
-def _across(v: Array, axis: Array) -> Array:
-    return np.asarray(v - axis * np.einsum("...j,...j->...", v, axis)[..., None])
 
 
 def _own_jacobian(poser: FlangeModel, q: Array) -> Array:

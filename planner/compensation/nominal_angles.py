@@ -8,7 +8,8 @@ from scipy.spatial import KDTree
 from planner.common.sequences import sobol_points
 from planner.common.units import DEG, Array
 from planner.compensation.arm_shapes import has_shape, shape_of
-from planner.compensation.correction import NominalFlange, solve_flange_ik
+from planner.compensation.correction import ALL_TURNS, NominalFlange, solve_flange_ik
+from planner.compensation.few_axes import FULL_AXES, ToolGoal, solve_few_axes
 from planner.compensation.rotations import inverse
 from planner.compensation.targets import CartesianTarget, Note, Target
 from planner.kinematics.robot import Robot
@@ -172,14 +173,18 @@ def _search(T: Array, shapes: np.ndarray, seeds: SearchSeeds) -> tuple[Array, np
 
 
 def _reach(robot: Robot, start: Array, T: Array) -> tuple[Array, np.ndarray]:
-    nominal = NominalFlange(robot)
-    q = solve_flange_ik(robot, nominal, start, T[:, :3, 3], T[:, :3, :3], ROUNDS)
+    """Return angles (n, N) [rad] from which the nominal flange is at T (n, 4, 4), and which of them do reach it.
+
+    Of an arm with fewer than six axes the place is asked for, and the turn as nearly as it can.
+    """
+    nominal, p_BF, R_BF = NominalFlange(robot), T[:, :3, 3], T[:, :3, :3]
+    if robot.n_joints < FULL_AXES:
+        goal = ToolGoal(np.broadcast_to(np.eye(4), T.shape), p_BF, R_BF)
+        q = solve_few_axes(robot, nominal, start, goal, ALL_TURNS, np.inf)
+        return q, np.asarray(np.linalg.norm(goal.missing(nominal, q)[0], axis=1) < FOUND)
+    q = solve_flange_ik(robot, nominal, start, p_BF, R_BF, ROUNDS)
     p, R = nominal.flange(q)
-    far = np.abs(p - T[:, :3, 3]).max(axis=1)
-    if robot.n_joints == 5:
-        off = np.abs(R[:, :, 2] - T[:, :3, 2]).max(axis=1)
-    else:
-        off = np.abs(R - T[:, :3, :3]).max(axis=(1, 2))
+    far, off = np.abs(p - p_BF).max(axis=1), np.abs(R - R_BF).max(axis=(1, 2))
     return q, (far < FOUND) & (off < FOUND)
 
 

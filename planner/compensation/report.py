@@ -6,13 +6,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from planner.common.units import DEG, MM, UM, Array
-from planner.compensation.correction import FlangeModel, NominalFlange, flange_deviation
+from planner.compensation.correction import FlangeModel, NominalFlange, flange_deviation, near_singular
+from planner.compensation.few_axes import FULL_AXES, ToolDeviation, ToolGoal, TurnsLeft
 from planner.compensation.nominal_angles import SearchSeeds, solve_nominal_angles
 from planner.compensation.targets import Note, Target, line_ranges, list_lines
 from planner.kinematics.inverse_kinematics import rotation_between
 from planner.kinematics.robot import Robot
 
-FAR = 2.0 * DEG  # a joint that moves by more for a correction of millimetres is near a singular position
+FAR = 2.0 * DEG  # a joint that moves by more for a correction of millimetres is told
 TURNED = 1.0 * DEG  # change of A or C that no correction of the orientation explains
 SHOWN = 8  # targets that are told one by one
 
@@ -26,12 +27,14 @@ def large_joint_motions(robot: Robot, targets: Sequence[Target], q: Array, q_new
     shift = np.linalg.norm(nominal.flange(q_new)[0] - nominal.flange(q)[0], axis=1)
     moved, size = q_new - q, np.abs(q_new - q).max(axis=1, initial=0.0)
     far = [int(k) for k in np.argsort(-size, kind="stable") if size[k] > FAR]
-    for k in far[:SHOWN]:
+    singular = near_singular(robot, q[far[:SHOWN]]) if far else np.zeros(0, dtype=bool)
+    for k, lost in zip(far[:SHOWN], singular, strict=False):
         j = int(np.abs(moved[k]).argmax())
+        because = ": the target is near a singular position" if lost else ", which its calibration asks for"
         yield (
             targets[k].line,
-            f"joint {j + 1} moves by {moved[k, j] / DEG:.1f}° for a correction of {shift[k] / MM:.2f} mm: the target "
-            "is near a singular position; try it slowly",
+            f"joint {j + 1} moves by {moved[k, j] / DEG:.1f}° for a correction of {shift[k] / MM:.2f} mm{because}; "
+            "try it slowly",
         )
     if len(far) > SHOWN:
         line = targets[far[SHOWN]].line
@@ -65,6 +68,7 @@ class CompensationReport:
         left_m, left_rad: largest deviation of the calibrated robot as the numbers are printed [m, rad].
         corrected: lines of the targets that were corrected.
         kept: (line, why) of targets and moves that were left as they were.
+        turns_left: what an arm with fewer than six axes cannot do, target by target.
     """
 
     joint_targets: int
@@ -77,6 +81,7 @@ class CompensationReport:
     left_rad: float
     corrected: tuple[int, ...]
     kept: tuple[Note, ...] = ()
+    turns_left: TurnsLeft | None = None
 
     def summary(self, name: str) -> str:
         """Return what was done, with every line that the person should look at."""
@@ -84,13 +89,18 @@ class CompensationReport:
             f"{name}: {_count(self.joint_targets, 'joint target')} and {_count(self.poses, 'pose')} corrected by "
             f"{self.shift_mean_m / MM:.3f} mm on average, {self.shift_max_m / MM:.3f} mm at most; "
             f"no joint moved by more than {self.moved_max_rad / DEG:.3f}°",
-            f"as printed {self.left_m / UM:.2f} µm and {self.left_rad * 1e6:.2f} µrad of error are left at most",
+            *self._left(),
             *list_lines(name, self.notes),
         ]
         if self.kept:
             lines.append(f"corrected lines: {line_ranges(self.corrected)}")
             lines.append(f"lines left as they were: {line_ranges(line for line, _ in self.kept)}")
         return "\n".join([*lines, *(f"left as it was: {line}" for line in list_lines(name, self.kept))])
+
+    def _left(self) -> tuple[str, ...]:
+        if self.turns_left is not None:
+            return self.turns_left.sentences
+        return (f"as printed {self.left_m / UM:.2f} µm and {self.left_rad * 1e6:.2f} µrad of error are left at most",)
 
 
 def report_of(
@@ -101,12 +111,16 @@ def report_of(
     q: Array,
     q_new: Array,
     q_printed: Array,
+    T_FT: Array,
 ) -> CompensationReport:
-    """Say where the calibrated robot stands at the angles (n, N) [rad] that the ``printed`` targets give."""
+    """Say where the calibrated robot stands at the angles (n, N) [rad] that the ``printed`` targets give.
+
+    ``T_FT``: the tools in the flange, (n, 4, 4) [m].
+    """
     nominal = NominalFlange(robot)
     p, R = nominal.flange(q)
     poses = sum(t.pose is not None for t in targets)
-    left, turned = flange_deviation(robot, calibrated, q_printed, p, R)
+    left, turned = flange_deviation(calibrated, q_printed, p, R)
     shift = np.linalg.norm(nominal.flange(q_printed)[0] - p, axis=1)
     return CompensationReport(
         joint_targets=len(targets) - poses,
@@ -118,7 +132,18 @@ def report_of(
         left_m=float(left.max(initial=0.0)),
         left_rad=float(turned.max(initial=0.0)),
         corrected=tuple(sorted({t.line for t in targets})),
+        turns_left=_turns_left(robot, calibrated, targets, q, q_printed, T_FT),
     )
+
+
+def _turns_left(
+    robot: Robot, calibrated: FlangeModel, targets: list[Target], q: Array, q_printed: Array, T_FT: Array
+) -> TurnsLeft | None:
+    if robot.n_joints >= FULL_AXES:
+        return None
+    goal = ToolGoal.of(NominalFlange(robot), q, T_FT)
+    before, after = (ToolDeviation.at(goal, calibrated, v) for v in (q, q_printed))
+    return TurnsLeft(robot.n_joints, tuple(t.line for t in targets), before, after)
 
 
 def _count(number: int, noun: str) -> str:
@@ -134,6 +159,8 @@ def read_printed(
 ) -> tuple[Array, list[tuple[int, str]]]:
     """Return the angles (n, N) [rad] at which a controller stands at the printed targets, and which are wrong and why.
 
+    They are compared with what was asked for; of an arm with fewer than six axes with what ``q_new`` gives.
+
     Args:
         seeds: of the nominal robot, as which the controller reads the file.
         calibrated: the robot as it is.
@@ -145,10 +172,10 @@ def read_printed(
     found, problems = solve_nominal_angles(printed, seeds)
     angles = found[rows]
     said: dict[int, str] = dict(sorted(problems, reverse=True))
-    p, R = NominalFlange(robot).flange(q)
+    p, R = NominalFlange(robot).flange(q) if robot.n_joints >= FULL_AXES else calibrated.flange(q_new)
     known = np.asarray(~np.isnan(angles).any(axis=1))
     far_m, far_rad = np.full(len(q), np.inf), np.full(len(q), np.inf)
-    far_m[known], far_rad[known] = flange_deviation(robot, calibrated, angles[known], p[known], R[known])
+    far_m[known], far_rad[known] = flange_deviation(calibrated, angles[known], p[known], R[known])
     wrong = []
     for k, i in enumerate(rows):
         if not known[k]:

@@ -70,6 +70,14 @@ class CompensateCall(Call):
         str | None,
         Option("of the controller whose axes a table's joint angles are", metavar="LANGUAGE", pattern=LANGUAGE),
     ] = None
+    turn_weights: Annotated[
+        str | None,
+        Option(
+            "of an arm of fewer than six axes: what the tool's axis counts, and the turn about it (default: 1,0.3)",
+            metavar="AXIS,TURN",
+            pattern="^[0-9.]{1,9},[0-9.]{1,9}$",
+        ),
+    ] = None
     zeros_set: Annotated[
         Sequence[int],
         Option(

@@ -23,6 +23,7 @@ from planner.common.schema import read_json
 from planner.common.units import Array, from_deg, from_mm, read_only, to_mm
 from planner.compensation.compensated_file import CompensatedFile, compensate_file, read_program
 from planner.compensation.correction_mark import CorrectionMark
+from planner.compensation.few_axes import TurnWeights
 from planner.compensation.program_error import ProgramError, program_error
 from planner.compensation.rotations import frame, from_abc
 from planner.compensation.targets import ToolAndBase
@@ -73,6 +74,7 @@ class CompensationResult(Result):
             "summary": self.summary(),
             "corrected_lines": list(report.corrected),
             "left_lines": [{"line": line, "because": why} for line, why in report.kept],
+            "few_axes": None if report.turns_left is None else report.turns_left.content(),
             "expected_error": None if isinstance(self.expected, str) else self.expected.content(),
             "text": self.file.text,
         }
@@ -124,6 +126,7 @@ def compensate(asked: CompensateCall) -> CompensationResult:
         again=asked.again,
         measuring=asked.measuring,
         axes_of=asked.axes_of,
+        turn_weights=_turn_weights(asked.turn_weights),
     )
     expected, warnings = _expect(done, known, given.T_FT), tuple(_tool_warnings(robot, given.T_FT))
     return CompensationResult(done, expected, calibrated.sentence, bool(mark.simulated), warnings)
@@ -291,6 +294,19 @@ def _check_controller(reference: str, robot: str) -> bool:
             "compensation would do it twice; switch it off, measure again with it off, and compensate then"
         )
     return "accuracy_model" in cell.controller.model_fields_set
+
+
+def _turn_weights(text: str | None) -> TurnWeights:
+    """Return what tilt and spin of a tool count, of ``AXIS,TURN``."""
+    if text is None:
+        return TurnWeights()
+    try:
+        axis, spin = (parse_number(word) for word in text.split(","))
+    except ValueError:
+        axis = spin = -1.0
+    if not (np.isfinite([axis, spin]).all() and min(axis, spin) >= 0.0):
+        raise InputError(f"--turn-weights '{text}': two numbers that are not negative are needed, such as 1,0.3")
+    return TurnWeights(axis, spin)
 
 
 def _frame(option: str, text: str | None) -> Array | None:

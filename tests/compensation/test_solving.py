@@ -7,6 +7,7 @@ import pytest
 
 from planner.common.units import read_only
 from planner.compensation.correction import NominalFlange, correct_joints
+from planner.compensation.few_axes import TurnWeights
 from planner.kinematics.chain import Transform
 from planner.kinematics.inverse_kinematics import tool_pose
 from tests.compensation.robots import BentRobot, bent, exact, pin_flange, regular_angles
@@ -85,17 +86,18 @@ def test_seven_joints_move_as_little_as_possible():
     assert along.max() < 0.02
 
 
-def test_five_joints_keep_position_and_axis():
+def test_five_joints_keep_position_and_the_axis_where_it_alone_counts():
     robot, _ = bent("comau-nj130")
     five = five_joints(robot)
     rng = np.random.default_rng(3)
     arm = BentRobot(five, rng.normal(0, 1e-4, len(five.transforms)))
-    q = regular_angles(robot, 300)[:, :5]
-    done = correct_joints(five, NominalFlange(five), arm, q)
+    q = regular_angles(robot, 100)[:, :5]
+    done = correct_joints(five, NominalFlange(five), arm, q, weights=TurnWeights(1.0, 0.0))
     assert done.solved.mean() > 0.95
     (p, R), (p_new, R_new) = NominalFlange(five).flange(q), arm.flange(done.q)
     assert np.abs(p - p_new)[done.solved].max() < 1e-6
-    assert np.abs(R[:, :, 2] - R_new[:, :, 2])[done.solved].max() < 1e-6
+    off = np.abs(R[:, :, 2] - R_new[:, :, 2]).max(axis=1)
+    assert (off < 1e-6).mean() > 0.95  # elsewhere a direction that is nearly lost is not chased
     assert np.abs(R - R_new)[done.solved].max() > 1e-6  # the turn about the axis is not theirs to keep
 
 
