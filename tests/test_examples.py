@@ -91,11 +91,12 @@ def test_results_share_one_face():
         assert issubclass(getattr(planner, name), Result)
 
 
-def test_the_python_of_the_readme_uses_what_there_is():
-    (text,) = re.findall(r"```python\n(.*?)```", (EXAMPLES.parent / "README.md").read_text(), re.DOTALL)
+def test_the_python_of_the_pages_uses_what_there_is():
+    page = (EXAMPLES.parent / "docs" / "python.md").read_text()
+    (text,) = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
     names = re.search(r"from planner import (.*)", text)[1].split(", ")
     assert set(names) <= set(planner.__all__)
-    compile(text, "README.md", "exec")
+    compile(text, "python.md", "exec")
     for result, method in re.findall(r"^(?:\w+ = )?(session|robot)\.(\w+)", text, re.MULTILINE):
         assert hasattr({"session": planner.PlanResult, "robot": planner.CalibrationResult}[result], method)
 

@@ -1,0 +1,1 @@
+"""The pages: commands, links, words and pictures."""
