@@ -1,0 +1,116 @@
+"""Figures of the public runs in ``tests/data``: fitted as the command fits them, judged on poses that it never saw."""
+
+from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+from unittest.mock import patch
+
+import numpy as np
+
+import planner.identification.pipeline as pipeline
+from planner.cell.cell import Cell
+from planner.cell.reading import load_cell
+from planner.cell.setup import MeasurementSetup, Targets
+from planner.common.units import MM, Array, to_mm
+from planner.identification.calibration import Calibration
+from planner.identification.cross_validation import validate_fit, validation_residual
+from planner.identification.least_squares import Fit
+from planner.identification.pipeline import FitSettings
+from planner.identification.run_setup import setup_for_run
+from planner.model.identification_document import Metrics
+from planner.runs.loader import load_run, load_runs
+from planner.runs.run import Run
+from planner.tracing.trace import trace
+
+ROOT = Path(__file__).resolve().parents[2]
+DATA, CELLS = ROOT / "tests" / "data", ROOT / "tests" / "identification" / "cells"
+FAST = FitSettings(release=False)  # the stages of the fit are shown, not the robot that is written
+UM_DIGITS = 4  # of a millimetre
+PANDA_CELL = """schema = "edbb-cell/1"
+robot = "{urdf}"
+tip = "ball_link"
+[gauge]
+kind = "ball-socket"
+[[balls]]
+name = "1"
+position_mm = [0, 0, 0]
+[[balls]]
+name = "2"
+position_mm = [50, 0, 0]
+"""
+
+
+def measure_ur5() -> dict[str, Any]:
+    """UR5 and laser tracker: 1000 poses fitted, 20 kept apart; errors at these [mm], one a pose, after each stage."""
+    cell = load_cell(CELLS / "ur5-tracker.toml", planning=False)
+    run, apart = (load_run(DATA / "ur5-tracker" / f"{n}.csv", 6) for n in ("run", "validation"))
+    c, fits = _fit_judged(run, cell, apart, trace)
+    bare = setup_for_run(cell, apart)
+    last = c.stages[-1].name
+    errors = {name: _sizes(validation_residual(fits[name], apart, bare)) for name in ("nominal", "geometry", last)}
+    return {"errors_mm": errors, "last": last, **_stages(c)}
+
+
+def measure_ur10() -> dict[str, Any]:
+    """UR10 and laser tracker: 11 911 poses in ten sessions; held out by blocks in the order of measuring."""
+    cell = load_cell(CELLS / "ur10-tracker.toml", planning=False)
+    return _stages(pipeline.identify(load_run(DATA / "ur10-tracker" / "run.csv", 6), cell, settings=FAST))
+
+
+def measure_panda() -> dict[str, Any]:
+    """Panda and ball: one placement of the plate is fitted; distances to the socket's mean on the others [mm]."""
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "panda.toml"
+        path.write_text(PANDA_CELL.format(urdf=(DATA / "panda-ball" / "panda.urdf").as_posix()))
+        cell = load_cell(path, planning=False)
+        files = sorted(f for f in (DATA / "panda-ball").glob("*.csv") if f.stem != "front_center")
+        others = load_runs(files, 7)
+        c, fits = _fit_judged(load_run(DATA / "panda-ball" / "front_center.csv", 7), cell, others)
+        each = {name: _by_placement(fits[name], others) for name in ("nominal", c.stages[-1].name)}
+    return {"places": list(others.places), "mean_mm": each, "last": c.stages[-1].name, **_stages(c)}
+
+
+def _fit_judged(run: Run, cell: Cell, apart: Run, tracer: Any = None) -> tuple[Calibration, dict[str, Fit]]:
+    """Identify, and keep the fit of every stage that is judged on the run kept apart."""
+    judged: dict[float, Fit] = {}
+
+    def judge(found: Fit, other: Run, bare: MeasurementSetup) -> Metrics:
+        metrics = validate_fit(found, other, bare)
+        judged[metrics.mean] = found
+        return metrics
+
+    with patch.object(pipeline, "validate_fit", judge):
+        c = pipeline.identify(run, cell, apart, FAST, tracer=tracer)
+    return c, {s.name: judged[s.validation.mean] for s in c.stages if s.validation and s.validation.mean in judged}
+
+
+def _by_placement(found: Fit, run: Run) -> dict[str, Any]:
+    """Mean distance [mm] of the ball to the mean of its socket, of each placement and over all."""
+    samples = replace(run.samples, place=np.zeros(len(run), dtype=int))
+    model = found.model.fixing(found.errors)
+    x = -model.residual(samples, Targets(position=np.zeros((len(run), 3))), np.zeros(0))
+    socket = run.samples.place * len(run.balls) + run.readings.ball
+    centre = np.stack([x[socket == k].mean(axis=0) for k in range(socket.max() + 1)])
+    off = to_mm(np.linalg.norm(x - centre[socket], axis=1))
+    each = [float(off[run.samples.place == k].mean()) for k in range(len(run.places))]
+    return {"all": round(float(off.mean()), UM_DIGITS), "each": [round(v, UM_DIGITS) for v in each]}
+
+
+def _sizes(residual: Array) -> list[float]:
+    return [round(float(v), UM_DIGITS) for v in to_mm(np.linalg.norm(residual, axis=1))]
+
+
+def _stages(c: Calibration) -> dict[str, Any]:
+    """Return what the picture and the pages say of every stage, in mm."""
+    rows = [
+        {
+            "name": s.name,
+            "parameters": s.parameters,
+            "held_out_mean_mm": round(s.held_out.mean / MM, UM_DIGITS),
+            "held_out_rms_mm": round(s.held_out.rms / MM, UM_DIGITS),
+            "validation_mean_mm": None if s.validation is None else round(s.validation.mean / MM, UM_DIGITS),
+        }
+        for s in c.stages
+    ]
+    return {"samples": len(c.run), "by": c.split.by, "stages": rows, "found": [f.note for f in c.findings]}

@@ -1,0 +1,31 @@
+"""No picture is older than what it shows; all of them are small, and on a page."""
+
+from docs.make_pictures import INDEX, PICTURES, ROOT, digest, known, pictures, stale
+from tests.docs.test_pages import PAGES
+
+MOST_BYTES = 6_000_000
+
+
+def test_no_picture_is_older_than_what_it_shows():
+    assert stale() == [], "python -m docs.make_pictures"
+
+
+def test_what_has_changed_makes_its_picture_stale(monkeypatch):
+    one = next(pictures())
+    monkeypatch.setattr(
+        "docs.make_pictures.digest", lambda path: "other" if path == ROOT / one.shows[0] else digest(path)
+    )
+    assert one.name in stale()
+
+
+def test_there_are_twenty_and_they_are_small():
+    files = [p for p in PICTURES.iterdir() if p.is_file() and p != INDEX]
+    assert {p.name for p in files} == set(known())
+    assert len(files) >= 20
+    assert sum(p.stat().st_size for p in files) <= MOST_BYTES
+
+
+def test_every_picture_is_on_a_page():
+    shown = "".join(PAGES.values())
+    alone = [p.name for p in pictures() if not p.name.startswith("cell_")]  # the gallery has every cell
+    assert [name for name in alone if f"pictures/{name}" not in shown] == []
