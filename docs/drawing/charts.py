@@ -6,12 +6,15 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, NullFormatter
 
 from planner.report.chart import BLUE, GREY, ORANGE, RED
 from planner.report.matplotlib_backend import figure_png, print_style
 
 SHOWN = Path(__file__).resolve().parents[1] / "pictures" / "shown"
 WIDTH, HEIGHT = 8.0, 3.2  # [inch]
+TICKS = (1.0, 2.0, 5.0)  # first digits that a logarithmic axis says
+PLAIN = FuncFormatter(lambda v, _: f"{v:g}" if float(f"{v:.0e}"[0]) in TICKS else "")
 PUBLISHED = {"ur5": (2.566, 0.155), "panda": (7.79, 0.347)}  # mean errors before and after, as published [mm]
 
 
@@ -29,7 +32,7 @@ def ur5_before_after() -> bytes:
         figure = Figure(figsize=(WIDTH, HEIGHT), layout="constrained")
         ax = figure.subplots()
         at = np.arange(1, len(before) + 1)
-        ax.bar(at - 0.2, before, 0.4, color=RED, label=f"data sheet: mean {before.mean():.2f} mm")
+        ax.bar(at - 0.2, before, 0.4, color=RED, label=f"data sheet, frames fitted: mean {before.mean():.2f} mm")
         ax.bar(at + 0.2, after, 0.4, color=BLUE, label=f"calibrated: mean {after.mean():.3f} mm")
         _published(ax, "ur5")
         ax.set(xlabel="pose that took no part in the fit", ylabel="error (mm)", xticks=at, xlim=(0.3, len(at) + 0.7))
@@ -46,11 +49,11 @@ def panda_before_after() -> bytes:
         figure = Figure(figsize=(WIDTH, HEIGHT), layout="constrained")
         ax = figure.subplots()
         at = np.arange(len(before["each"]))
-        ax.bar(at - 0.2, before["each"], 0.4, color=RED, label=f"URDF of the maker: mean {before['all']:.2f} mm")
+        ax.bar(at - 0.2, before["each"], 0.4, color=RED, label=f"URDF: mean {before['all']:.2f} mm")
         ax.bar(at + 0.2, after["each"], 0.4, color=BLUE, label=f"calibrated: mean {after['all']:.3f} mm")
         _published(ax, "panda")
-        ax.set_xticks(at, [f"placement {k + 1}" for k in at])
-        ax.set_ylabel("mean error (mm)")
+        ax.set_xticks(at, [str(k + 1) for k in at])
+        ax.set(xlabel="placement of the plate that took no part in the fit", ylabel="mean error (mm)")
         ax.set_title("A real Panda and a printed plate: one placement fitted, seven kept apart", pad=24)
         _legend(ax, 3)
         return figure_png(figure, small=True)
@@ -69,6 +72,9 @@ def stages(name: str, title: str) -> bytes:
         if np.isfinite(apart).any():
             ax.plot(apart, at, "s--", color=ORANGE, label="poses kept apart")
         ax.set_xscale("log")
+        ax.xaxis.set_major_formatter(PLAIN)
+        ax.xaxis.set_minor_formatter(PLAIN)
+        ax.tick_params(axis="x", which="both", labelsize=8)
         ax.set_yticks(at, [f"{r['name']} ({r['parameters']})" for r in rows])
         ax.invert_yaxis()
         ax.grid(visible=True, axis="x", which="both")
@@ -99,6 +105,7 @@ def plan_charts(plan: Path) -> bytes:
         left.set_yticks(range(len(funnel)), list(funnel))
         left.invert_yaxis()
         left.set_xscale("log")
+        left.xaxis.set_minor_formatter(NullFormatter())
         left.set(title="Candidates that each filter leaves", xlabel="poses")
         both = [seen["on_grid"]["value"], seen["bound"]]
         right.bar(["chosen poses", "no choice is better"], both, color=[BLUE, GREY])

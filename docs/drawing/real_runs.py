@@ -17,7 +17,7 @@ from planner.identification.calibration import Calibration
 from planner.identification.cross_validation import validate_fit, validation_residual
 from planner.identification.least_squares import Fit
 from planner.identification.pipeline import FitSettings
-from planner.identification.run_setup import setup_for_run
+from planner.identification.run_setup import add_motion, setup_for_run
 from planner.model.identification_document import Metrics
 from planner.runs.loader import load_run, load_runs
 from planner.runs.run import Run
@@ -46,6 +46,7 @@ def measure_ur5() -> dict[str, Any]:
     cell = load_cell(CELLS / "ur5-tracker.toml", planning=False)
     run, apart = (load_run(DATA / "ur5-tracker" / f"{n}.csv", 6) for n in ("run", "validation"))
     c, fits = _fit_judged(run, cell, apart, trace)
+    apart = add_motion(apart)  # as the fit has judged it: play and hysteresis need the way that each axis came
     bare = setup_for_run(cell, apart)
     last = c.stages[-1].name
     errors = {name: _sizes(validation_residual(fits[name], apart, bare)) for name in ("nominal", "geometry", last)}

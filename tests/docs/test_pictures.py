@@ -1,5 +1,9 @@
 """No picture is older than what it shows; all of them are small, and on a page."""
 
+import json
+
+import pytest
+
 from docs.make_pictures import INDEX, PICTURES, ROOT, digest, known, pictures, stale
 from tests.docs.test_pages import PAGES
 
@@ -29,3 +33,10 @@ def test_every_picture_is_on_a_page():
     shown = "".join(PAGES.values())
     alone = [p.name for p in pictures() if not p.name.startswith("cell_")]  # the gallery has every cell
     assert [name for name in alone if f"pictures/{name}" not in shown] == []
+
+
+def test_what_the_ur5_picture_shows_is_what_the_fit_judged():
+    shown = json.loads((PICTURES / "shown" / "ur5.json").read_text())
+    by_name = {s["name"]: s["validation_mean_mm"] for s in shown["stages"]}
+    for name, errors in shown["errors_mm"].items():
+        assert sum(errors) / len(errors) == pytest.approx(by_name[name], abs=2e-4), name
