@@ -13,7 +13,7 @@ from planner.report.matplotlib_backend import figure_png, print_style
 
 SHOWN = Path(__file__).resolve().parents[1] / "pictures" / "shown"
 WIDTH, HEIGHT = 8.0, 3.2  # [inch]
-TICKS = (1.0, 2.0, 5.0)  # first digits that a logarithmic axis says
+TICKS = (1.0, 2.0, 4.0, 6.0, 8.0)  # first digits that a logarithmic axis says
 PLAIN = FuncFormatter(lambda v, _: f"{v:g}" if float(f"{v:.0e}"[0]) in TICKS else "")
 PUBLISHED = {"ur5": (2.566, 0.155), "panda": (7.79, 0.347)}  # mean errors before and after, as published [mm]
 
@@ -32,7 +32,7 @@ def ur5_before_after() -> bytes:
         figure = Figure(figsize=(WIDTH, HEIGHT), layout="constrained")
         ax = figure.subplots()
         at = np.arange(1, len(before) + 1)
-        ax.bar(at - 0.2, before, 0.4, color=RED, label=f"data sheet, frames fitted: mean {before.mean():.2f} mm")
+        ax.bar(at - 0.2, before, 0.4, color=RED, label=f"data sheet: mean {before.mean():.2f} mm")
         ax.bar(at + 0.2, after, 0.4, color=BLUE, label=f"calibrated: mean {after.mean():.3f} mm")
         _published(ax, "ur5")
         ax.set(xlabel="pose that took no part in the fit", ylabel="error (mm)", xticks=at, xlim=(0.3, len(at) + 0.7))
