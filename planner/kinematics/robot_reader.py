@@ -108,10 +108,10 @@ def _from_file(
     base: str | None = None,
 ) -> Robot:
     file = describe_robot(path, tip)
-    ends = {key: link for key, link in (("base", base), ("tip", tip)) if link is not None}
-    if ends and file.convention != "urdf":
-        raise InputError(f"{path}: {next(iter(ends))} names a link of a URDF; this robot is none")
-    file = file.model_copy(update=ends)
+    links = {key: link for key, link in (("base", base), ("tip", tip)) if link is not None}
+    if links and file.convention != "urdf":
+        raise InputError(f"{path}: {next(iter(links))} names a link of a URDF; this robot is none")
+    file = file.model_copy(update=links)
     if parked and file.convention != "urdf":
         raise InputError(f"{path}: joints can be parked of a URDF only (the cell's table [parked]); this robot is none")
     if file.convention == "urdf":
