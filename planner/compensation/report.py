@@ -89,7 +89,7 @@ class CompensationReport:
             f"{name}: {_count(self.joint_targets, 'joint target')} and {_count(self.poses, 'pose')} corrected by "
             f"{self.shift_mean_m / MM:.3f} mm on average, {self.shift_max_m / MM:.3f} mm at most; "
             f"no joint moved by more than {self.moved_max_rad / DEG:.3f}°",
-            *self._left(),
+            *self._sentences_of_turns(),
             *list_lines(name, self.notes),
         ]
         if self.kept:
@@ -97,7 +97,7 @@ class CompensationReport:
             lines.append(f"lines left as they were: {line_ranges(line for line, _ in self.kept)}")
         return "\n".join([*lines, *(f"left as it was: {line}" for line in list_lines(name, self.kept))])
 
-    def _left(self) -> tuple[str, ...]:
+    def _sentences_of_turns(self) -> tuple[str, ...]:
         if self.turns_left is not None:
             return self.turns_left.sentences
         return (f"as printed {self.left_m / UM:.2f} µm and {self.left_rad * 1e6:.2f} µrad of error are left at most",)

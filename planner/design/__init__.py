@@ -4,6 +4,7 @@ __all__ = [
     "bayesian_design",
     "candidates",
     "discrimination",
+    "expected_errors",
     "fixtures",
     "free_parameters",
     "observability",

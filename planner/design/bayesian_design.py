@@ -5,6 +5,7 @@ takes a C W C a' / (s^2 + a C a') off the mean square error trace(W C) of the to
 Statistical Science 10(3), 3.1; greedy as Krause, Singh and Guestrin 2008, JMLR 9).
 """
 
+from bisect import bisect_left
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Self
@@ -17,7 +18,8 @@ from planner.common.errors import NoSolutionError
 from planner.common.second_process import ForkedTask
 from planner.common.units import Array, to_mm
 from planner.design.candidates.pool import PoseSet
-from planner.design.free_parameters import ASSUMED, UndeclaredErrors, undeclared_errors
+from planner.design.expected_errors import ExpectedErrors, error_limit
+from planner.design.free_parameters import undeclared_errors
 from planner.design.selection.search import add_greedily, exchange_singly
 from planner.design.tool_error_bound import bound_tool_error
 from planner.runs.run import Samples
@@ -114,15 +116,17 @@ class BayesianDesign:
         after: expected error of the tool [m] after the first 1 … n of them, as driven.
         bound: no n of the candidates that were considered leave a smaller error than this [m].
         left: expected error of the tool [m] after the poses that are driven, some of which others may have replaced.
+        at_most: what 95 of 100 such robots stay below then [m].
         floor: expected error of the tool [m] after all candidates: what these places cannot show.
         by_number: of other numbers of poses, and of this one.
     """
 
-    unknown: UndeclaredErrors
+    unknown: ExpectedErrors
     chosen: np.ndarray
     after: Array
     bound: float
     left: float
+    at_most: float
     floor: float
     by_number: tuple[ErrorByNumber, ...]
 
@@ -136,15 +140,16 @@ class BayesianDesign:
 
         Other numbers, chosen among few candidates, are foreseen better by as much as this one came out better.
         """
-        after = errors_after(self.unknown.white(samples), self.unknown.weight_per_prior)
-        left, n = float(after[-1]), len(after)
+        white = self.unknown.white(samples)
+        after = errors_after(white, self.unknown)
+        left, n, at_most = float(after[-1]), len(after), error_limit(self.unknown, white)
         others = [f for f in self.by_number if f.poses != len(self.after)]
         numbers, errors = np.array([f.poses for f in others], dtype=float), np.array([f.error for f in others])
         share = left / float(np.exp(np.interp(np.log(n), np.log(numbers), np.log(errors)))) if others else 1.0
         found = [ErrorByNumber(f.poses, max(share * f.error, self.floor)) for f in others if f.poses != n]
         found = sorted([*found, ErrorByNumber(n, left)], key=lambda f: f.poses)
         by_number = tuple(replace(f, minutes=minutes(f.poses)) for f in found)
-        return replace(self, after=after, left=left, by_number=by_number)
+        return replace(self, after=after, left=left, at_most=at_most, by_number=by_number)
 
 
 class BackgroundDesign:
@@ -157,10 +162,10 @@ class BackgroundDesign:
 
     def __init__(
         self,
-        unknown: UndeclaredErrors,
+        unknown: ExpectedErrors,
         chosen: np.ndarray,
         after: Array,
-        limits: ForkedTask[tuple[float, float]],
+        limits: ForkedTask[tuple[float, float, float]],
         others: ForkedTask[dict[int, float]],
     ) -> None:
         self.unknown, self.chosen = unknown, chosen
@@ -168,11 +173,11 @@ class BackgroundDesign:
 
     def result(self) -> BayesianDesign:
         """Wait for the whole design; to be called once."""
-        bound, floor = self._limits.result()
+        bound, floor, at_most = self._limits.result()
         left, after = float(self._after[-1]), self._after
         by_number = {len(self.chosen): left} | self._others.result()
         numbers = tuple(ErrorByNumber(n, e) for n, e in sorted(by_number.items()))
-        return BayesianDesign(self.unknown, self.chosen, after, bound, left, floor, numbers)
+        return BayesianDesign(self.unknown, self.chosen, after, bound, left, at_most, floor, numbers)
 
     def __enter__(self) -> Self:
         """Return it."""
@@ -187,32 +192,71 @@ class BackgroundDesign:
 
 @on_one_thread
 def choose_bayesian_poses(
-    cell: Cell, pool: PoseSet, poses: int | None, progress: Progress | None = None
+    cell: Cell,
+    pool: PoseSet,
+    poses: int | None,
+    progress: Progress | None = None,
+    unknown: ExpectedErrors | None = None,
+    until: float | None = None,
 ) -> BackgroundDesign:
     """Choose ``poses`` candidates for a bar, or as many as bring the error down to a third of what stays untraced.
 
+    Args:
+        cell, pool, poses, progress: see above.
+        unknown: what may be wrong; everything that nobody has declared, where it is not given.
+        until: as many poses as bring down to this what 95 of 100 such robots stay below [m].
+
     Raises:
-        NoSolutionError: the pool has fewer candidates.
+        NoSolutionError: the pool has fewer candidates, or no number of them brings the error down to ``until``.
     """
     if poses is not None and poses > len(pool):
         raise NoSolutionError(
             f"{poses} poses are wanted, and only {len(pool)} candidates are left: widen the cones, the cable's "
             "budget or the clearance, or raise plan.candidates"
         )
-    unknown = undeclared_errors(cell, pool.samples)
+    unknown = undeclared_errors(cell, pool.samples) if unknown is None else unknown
     considered = even_positions(len(pool), max(CONSIDERED, poses or 0))
     white, weight = unknown.white(pool.samples.take(considered)), unknown.weight_per_prior
-    target = 0.0 if poses else TARGET_SHARE * unknown.untraced
+    target = 0.0 if poses or until is not None else TARGET_SHARE * unknown.untraced
     start = _start_factors(unknown)
-    others = ForkedTask(lambda: _expected_errors(white[even_positions(len(white), SAMPLE)], weight, start))
+    others = ForkedTask(lambda: _expected_errors(white[even_positions(len(white), SAMPLE)], unknown, start))
     begun = BayesianPosterior.prior(white * start, weight)
     first = select_greedily(begun, min(poses or MOST, len(white)), target, progress)
+    if until is not None:
+        first = first[: _count_until(unknown, white, first, until)]
     promising = np.union1d(first, np.argsort(-begun.gains(), kind="stable")[:SHORTLIST])
     chosen = promising[_exchange(white[promising], weight, np.searchsorted(promising, first))]
     chosen = _use_every_place(pool.samples.place[considered], chosen, white * start, weight)
-    after = errors_after(white[chosen], weight)
-    limits = ForkedTask(lambda: (bound_tool_error(white, weight, chosen), _error_left(white, weight)))
-    return BackgroundDesign(unknown, considered[chosen], after, limits, others)
+    after = errors_after(white[chosen], unknown)
+
+    def limits() -> tuple[float, float, float]:
+        bound = unknown.state(bound_tool_error(white, weight, chosen) ** 2)
+        return bound, _error_left(white, unknown), error_limit(unknown, white[chosen])
+
+    return BackgroundDesign(unknown, considered[chosen], after, ForkedTask(limits), others)
+
+
+def _count_until(unknown: ExpectedErrors, white: Array, order: np.ndarray, until: float) -> int:
+    """Return how many of the readings ``order`` (k,) of ``white`` (n, P) bring the error down to ``until`` [m].
+
+    Not fewer than tell where the gauge stands.
+
+    Raises:
+        NoSolutionError: not even all of them do.
+    """
+
+    def limit(count: int) -> float:
+        return error_limit(unknown, white[order[:count]])
+
+    if (best := limit(len(order))) > until:
+        every = error_limit(unknown, white)
+        raise NoSolutionError(
+            f"an error of {to_mm(until):.3g} mm over the workspace (95 of 100 such robots below it) cannot be reached "
+            f"with this gauge at these places: {len(order)} poses leave {to_mm(best):.3f} mm, all {len(white)} "
+            f"candidates {to_mm(every):.3f} mm; ask for more than that, or measure from another place as well"
+        )
+    count = bisect_left(range(len(order)), True, 1, key=lambda count: limit(count) <= until)
+    return max(count, FEWEST_AT_A_PLACE)
 
 
 def _use_every_place(place: np.ndarray, chosen: np.ndarray, white: Array, weight: Array) -> np.ndarray:
@@ -230,7 +274,7 @@ def _use_every_place(place: np.ndarray, chosen: np.ndarray, white: Array, weight
         begun = BayesianPosterior.prior(white[there], weight)
         parts.append(there[select_greedily(begun, min(FEWEST_AT_A_PLACE, len(there)), 0.0)])
     more = sum(map(len, parts[1:]))
-    return np.concatenate([chosen[: len(chosen) - more], *parts[1:]]).astype(np.intp)
+    return np.concatenate([chosen[: max(len(chosen) - more, 0)], *parts[1:]]).astype(np.intp)
 
 
 def _exchange(white: Array, weight: Array, chosen: np.ndarray) -> np.ndarray:
@@ -239,11 +283,12 @@ def _exchange(white: Array, weight: Array, chosen: np.ndarray) -> np.ndarray:
     return exchange_singly(known, chosen, PASSES, known.order)
 
 
-def _expected_errors(white: Array, weight: Array, start: Array) -> dict[int, float]:
+def _expected_errors(white: Array, unknown: ExpectedErrors, start: Array) -> dict[int, float]:
     """Return the expected error [m] by number of poses, chosen among the readings ``white`` (n, P)."""
+    weight = unknown.weight_per_prior
     numbers = [n for n in OTHER_NUMBERS if n < len(white)]
     taken = select_greedily(BayesianPosterior.prior(white * start, weight), max(numbers, default=0), 0.0)
-    return {n: _error_left(white[_exchange(white, weight, taken[:n])], weight) for n in numbers}
+    return {n: _error_left(white[_exchange(white, weight, taken[:n])], unknown) for n in numbers}
 
 
 def foresee_error(cell: Cell, samples: Samples, poses: int) -> tuple[float, float]:
@@ -251,21 +296,21 @@ def foresee_error(cell: Cell, samples: Samples, poses: int) -> tuple[float, floa
     unknown = undeclared_errors(cell, samples)
     white, weight = unknown.white(samples), unknown.weight_per_prior
     chosen = select_greedily(BayesianPosterior.prior(white * _start_factors(unknown), weight), poses, 0.0)
-    return _error_left(white[:0], weight), _error_left(white[chosen], weight)
+    return _error_left(white[:0], unknown), _error_left(white[chosen], unknown)
 
 
-def _error_left(white: Array, weight: Array) -> float:
+def _error_left(white: Array, unknown: ExpectedErrors) -> float:
     """Return the expected error [m] after all readings of ``white`` (n, P)."""
     covariance = np.linalg.inv(white.T @ white + np.eye(white.shape[1]))
-    return float(np.sqrt(max(float((weight * covariance).sum()), 0.0)))
+    return unknown.state(float((unknown.weight_per_prior * covariance).sum()))
 
 
-def _start_factors(unknown: UndeclaredErrors) -> Array:
+def _start_factors(unknown: ExpectedErrors) -> Array:
     """Factors (P,) of the rows, by which the greedy choice takes the gauge's places for nearly known.
 
     The first readings about a fixture only tell where it stands; one step ahead it would never look worth beginning.
     """
-    return np.array([START_PRIOR_SHARE if p.group == "gauge" else 1.0 for p in unknown.model.parameters])
+    return np.where(unknown.of_gauge, START_PRIOR_SHARE, 1.0)
 
 
 def select_greedily(
@@ -300,13 +345,13 @@ def _is_flat(squares: list[float]) -> bool:
     return len(squares) >= FEWEST and squares[-1] > (1 - FLAT) ** 2 * squares[before - 1]
 
 
-def errors_after(white: Array, weight: Array) -> Array:
+def errors_after(white: Array, unknown: ExpectedErrors) -> Array:
     """Return the error of the tool [m] after the first 1 … n readings of ``white`` (n, P), (n,)."""
-    known = BayesianPosterior.prior(white, weight)
+    known = BayesianPosterior.prior(white, unknown.weight_per_prior)
     out = np.empty(len(white))
     for k in range(len(white)):
         known.change(k)
-        out[k] = np.sqrt(max(known.square, 0.0))
+        out[k] = unknown.state(known.square)
     return out
 
 
@@ -329,12 +374,7 @@ def describe_numbers_of_poses(expected: BayesianDesign) -> str:
 
 def describe_bayesian_design(expected: BayesianDesign) -> str:
     """Return the error to be expected in a sentence."""
-    left, bound, untraced = (
-        f"{float(to_mm(v)):.3f}" for v in (expected.left, expected.bound, expected.unknown.untraced)
-    )
-    few = " (too few poses to gain by tracing)" if expected.left > expected.unknown.untraced else ""
-    return (
-        f"the tool would keep an error of {left} mm (rms, anywhere in the workspace) once the run is traced{few}; a "
-        f"fit of the geometry alone leaves {untraced} mm even after endless readings; no {len(expected.chosen)} "
-        f"candidates leave less than {bound} mm; all this if {ASSUMED}"
+    left, bound, at_most = (f"{float(to_mm(v)):.3f}" for v in (expected.left, expected.bound, expected.at_most))
+    return expected.unknown.describe(expected.left, left, at_most) + (
+        f"; no {len(expected.chosen)} candidates leave less than {bound} mm{expected.unknown.condition}"
     )

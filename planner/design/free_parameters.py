@@ -1,13 +1,14 @@
 """What a plan and the fit of its run free, what of it is preferred, and the errors that nobody has declared."""
 
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 
 from planner.cell.cell import Cell
 from planner.cell.setup import MeasurementSetup, setup_of
 from planner.common.errors import InputError, did_you_mean
-from planner.common.units import UM, Array
+from planner.common.units import UM, Array, to_mm
 from planner.design.observability.identifiability import DroppedParameter, Identifiability, explain_direction
 from planner.design.observability.information import predict_covariance
 from planner.effects.catalogue import catalogue
@@ -171,6 +172,32 @@ class UndeclaredErrors:
     prior: Array
     weight: Array
     untraced: float
+
+    untraced_label: ClassVar[str] = "geometry alone"
+    assumed: ClassVar[str] = ASSUMED
+    condition: ClassVar[str] = f"; all this if {ASSUMED}"
+
+    @property
+    def of_gauge(self) -> np.ndarray:
+        """Which errors only say where the gauge stands, (P,) bool."""
+        return np.array([p.group == "gauge" for p in self.model.parameters])
+
+    def state(self, square: float) -> float:
+        """Return the error of the tool [m], rms over robots and workspace, of a mean square [m²]."""
+        return float(np.sqrt(max(square, 0.0)))
+
+    def state_limit(self, square: float) -> float:
+        """Return the same of the square that 95 of 100 robots stay below [m²]."""
+        return self.state(square)
+
+    def describe(self, left: float, left_mm: str, at_most_mm: str) -> str:
+        """Say in half a sentence what the session would leave [m], written and as a limit [mm]."""
+        few = " (too few poses to gain by tracing)" if left > self.untraced else ""
+        return (
+            f"the tool would keep an error of {left_mm} mm (rms, anywhere in the workspace; 95 of 100 such robots below"
+            f" {at_most_mm} mm) once the run is traced{few}; a fit of the geometry alone leaves "
+            f"{float(to_mm(self.untraced)):.3f} mm even after endless readings"
+        )
 
     @property
     def weight_per_prior(self) -> Array:

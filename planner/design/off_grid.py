@@ -22,7 +22,7 @@ from planner.common.determinism import Positions, on_one_thread, round_significa
 from planner.common.progress import BOUND, REFINEMENT, must_stop
 from planner.common.units import Array
 from planner.design.candidates.pool import PoseSet
-from planner.design.free_parameters import UndeclaredErrors
+from planner.design.expected_errors import ExpectedErrors
 from planner.design.pose_selection import PoseChoice
 from planner.design.selection.certificate import Certificate, Dual
 from planner.design.selection.index_bound import WholePool, certify_bound
@@ -82,7 +82,7 @@ REACH, LONGER, SHORTER = 0.2, 1.2, 0.7  # [rad] of a trial at first, and times t
 
 
 @on_one_thread
-def refine_bayesian_poses(cell: Cell, unknown: UndeclaredErrors, samples: Samples, seed: int) -> Array:
+def refine_bayesian_poses(cell: Cell, unknown: ExpectedErrors, samples: Samples, seed: int) -> Array:
     """Return poses (n, N) [rad] near those of ``samples``, in their order, that leave a smaller expected error."""
     rng, valid, q = np.random.default_rng(seed), CandidateFilters(cell, samples), samples.q.copy()
     white, weight, reach = unknown.white(samples), unknown.weight_per_prior, np.full(len(q), REACH)

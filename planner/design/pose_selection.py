@@ -261,6 +261,21 @@ def judge_poses(
     return PoseChoice.among(pool, chosen, model, seen, certificate)
 
 
+def judge_few_poses(cell: Cell, pool: PoseSet, chosen: Positions, index: str) -> PoseChoice:
+    """As :func:`judge_poses`; poses that are fewer than the parameters are judged by the axes' zeros alone.
+
+    Raises:
+        InputError: fewer poses than axes.
+    """
+    model, seen, rows = identify_candidates(cell, pool)
+    zeros = [k for k, name in enumerate(model.names) if name.startswith("theta")]
+    if len(chosen) * model.width < seen.rank and zeros:
+        model, rows = model.subset(zeros), np.ascontiguousarray(rows[:, :, zeros])
+    _check_count(len(chosen), -(-len(model.names) // model.width), len(pool), len(model.names))
+    certificate = certify_bound(rows, index, len(chosen), tolerance=ROUGH)
+    return PoseChoice.among(pool, chosen, model, seen, certificate)
+
+
 def _check_count(poses: int | None, least: int, candidates: int, parameters: int) -> None:
     if poses is not None and poses < least:
         raise InputError(

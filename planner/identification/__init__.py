@@ -11,6 +11,7 @@ __all__ = [
     "identifiable_parameters",
     "least_squares",
     "pipeline",
+    "posterior_background",
     "problem",
     "released_robot",
     "residual_table",

@@ -241,6 +241,16 @@ class ExpectedError:
         known = square[:, 3:].sum(axis=1) + float(from_mm(rest)) ** 2
         return ErrorAtPoses(*(s * np.sqrt(square[:, k] + known) for k, s in enumerate(self.file.likely_share)))
 
+    def aligned_spread(self, q: Array) -> Array:
+        """Return how far the measured tool point moves at q (n, N) [rad] by each column of the root, (n, 3, r) [m].
+
+        The base is aligned anew, over the file's own states.
+        """
+        spread = self._vectors[:, 3:]
+        shift = np.linalg.lstsq(*self._motion(self._states, self.tool, spread))[0]
+        frame, motion = self._motion(q, self.tool, spread)
+        return np.asarray((motion - frame @ shift).reshape(len(q), 3, -1))
+
     def _motion(self, q: Array, p_FM: Array, vectors: Array) -> tuple[Array, Array]:
         """Tool motion per how the base stands, (3 n, 6), and by each vector of errors (P, k), (3 n, k) [m]."""
         names, frame, rows = self._rows(q, p_FM)

@@ -92,7 +92,7 @@ def expected_error_chart(expected: BayesianDesign) -> Chart:
     )
     untraced, bound = (float(to_mm(v)) for v in (expected.unknown.untraced, expected.bound))
     limits = (
-        ReferenceLine(untraced, "geometry alone"),
+        ReferenceLine(untraced, expected.unknown.untraced_label),
         ReferenceLine(bound, f"no {len(n)} poses leave less", below=True),
     )
     top = 1.5 * max(untraced, float(to_mm(expected.after[min(len(n), FEW_POSES) - 1])))

@@ -7,7 +7,7 @@ import numpy as np
 
 from planner.cell.cell import Cell
 from planner.common.progress import REFINEMENT, ROADMAP, Stages, must_stop
-from planner.common.units import Array
+from planner.common.units import Array, from_mm
 from planner.design.bayesian_design import choose_bayesian_poses
 from planner.design.candidates.pool import draw_candidates
 from planner.design.discrimination.findings import read_identification
@@ -44,6 +44,8 @@ class BarPoses(PoseSession):
     def __init__(self, cell: Cell, options: PlanOptions, chooser: PoseChooser | None = None) -> None:
         super().__init__(cell, options, chooser)
         self.tracing = options.for_tracing(cell)
+        self.until = None if options.until_mm is None else float(from_mm(options.until_mm))
+        self.poses = None if chooser else self.poses
         robot, file = cell.robot, options.separate
         self.rivals = read_identification(Path(file), robot.name, robot.n_joints) if file else None
         if self.rivals:  # they choose the poses, whatever the cell says
@@ -79,7 +81,7 @@ class BarPoses(PoseSession):
         cell, pool, index, seed, poses = self.cell, self.pool, self.index, self.options.seed, self.poses
         if self.tracing:
             with stages.stage("foresight") as progress:
-                expected = choose_bayesian_poses(cell, pool, poses, progress)
+                expected = choose_bayesian_poses(cell, pool, poses, progress, until=self.until)
             with stages.stage("selection"):
                 return Selection(judge_poses(cell, pool, expected.chosen, index, self.near), expected_error=expected)
         with stages.stage("selection"):

@@ -46,6 +46,27 @@ class PlanOptions:
         None
     )
 
+    after: Annotated[
+        Path | str | None,
+        Option(
+            "folder of an identification: poses that lower the error that it leaves most",
+            typed=Path | None,
+            metavar="CALIBRATED",
+            from_service=JobFile("identification", "calibrated"),
+        ),
+    ] = None
+    until_mm: Annotated[
+        float | None,
+        Option(
+            "as many poses as bring the error over the workspace down to this, for 95 of 100 such robots",
+            min=0.001,
+            max=10.0,
+            max_served=10.0,
+            flag="--until",
+            metavar="MM",
+        ),
+    ] = None
+
     def in_order(self, cell: "Cell") -> "Cell":
         """Return the cell with the order of the poses that is asked for, in its file as well."""
         if self.order is None:
@@ -60,6 +81,8 @@ class PlanOptions:
         Raises:
             InputError: they are to tell rivals apart as well, or an index is to select them by some method.
         """
+        if self._for_what_remains(cell):
+            return True
         asked = self.aim or self.method
         aim, method = (self.aim, self.method) if asked else (cell.plan.aim, cell.plan.method)
         if self.separate and self.method:
@@ -75,6 +98,23 @@ class PlanOptions:
         if wanted and self.separate:
             raise InputError(f"{cell.path}: --separate chooses the poses, and so does the aim 'tracing': leave one out")
         return wanted
+
+    def _for_what_remains(self, cell: "Cell") -> bool:
+        """Tell whether the error that is left chooses the poses because of ``--after`` or ``--until``.
+
+        Raises:
+            InputError: something else is asked for as well.
+        """
+        name = "--after" if self.after else "--until" if self.until_mm is not None else ""
+        if not name:
+            return False
+        others: dict[str, object] = {"--separate": self.separate, "--index": self.index, "--method": self.method}
+        others |= {"--poses": self.poses if self.until_mm is not None else None}
+        others |= {"--aim index": self.aim if self.aim != "tracing" else None}
+        if given := [k for k, v in others.items() if v is not None]:
+            why = "it says how many poses" if given[0] == "--poses" else "the error that is left chooses the poses"
+            raise InputError(f"{cell.path}: {name} does not go together with {given[0]} ({why}): leave one out")
+        return True
 
 
 def check_circle_options(cell: "Cell", options: PlanOptions) -> None:
@@ -104,6 +144,9 @@ def check_point_options(cell: "Cell", options: PlanOptions) -> None:
         raise InputError(f"{cell.path}: --fixtures is for a bar, {here}")
     if (options.aim or cell.plan.aim) == "tracing":
         raise InputError(f"{cell.path}: the aim 'tracing' is for a bar, {here}")
+    for name, value in (("--after", options.after), ("--until", options.until_mm)):
+        if value is not None:
+            raise InputError(f"{cell.path}: {name} chooses the poses of a bar or a wire, {here}")
     if options.separate is not None:
         raise InputError(
             f"{cell.path}: --separate chooses the poses of a bar, {here}, "

@@ -14,7 +14,6 @@ from planner.common.units import PLAN_DIGITS
 from planner.design.bayesian_design import BayesianDesign
 from planner.design.candidates.pool import PoseSet
 from planner.design.discrimination.power import Discrimination
-from planner.design.free_parameters import ASSUMED
 from planner.design.observability.information import INDEX_RULES
 from planner.design.pose_selection import PoseChoice
 from planner.design.selection.certificate import Certificate
@@ -174,8 +173,9 @@ def _expected_error_record(expected: BayesianDesign | None) -> dict[str, object]
     if expected is None:
         return {}
     told = {
-        "assumed": ASSUMED,
+        "assumed": expected.unknown.assumed,
         "error_mm": expected.left * 1e3,
+        "at_most_mm": expected.at_most * 1e3,
         "untraced_mm": expected.unknown.untraced * 1e3,
         "on_grid": {"error_mm": expected.after[-1] * 1e3, "gap": expected.gap},
         "bound_mm": expected.bound * 1e3,

@@ -1,10 +1,14 @@
 """``plan()``: the plan of a cell, whatever its gauge."""
 
+from pathlib import Path
+
 from planner.cell.cell import Cell
 from planner.cell.reading import load_cell
 from planner.common.calls import called_with
 from planner.common.progress import Stages, TimeLimit, limit_time
+from planner.common.units import from_mm
 from planner.design.free_parameters import check_effects
+from planner.instruments.next_session import CalibratedState, NextSessionChooser
 from planner.motion.planning_packages import require_planning_packages
 from planner.report.plan_report import report_plan
 from planner.report.standby import drawing_process
@@ -54,7 +58,16 @@ def plan_cell(cell: Cell, options: PlanOptions, stages: Stages) -> Plan:
         NoSolutionError: a stage has no solution; the message says which.
     """
     check_effects(cell)
-    return plan_session(pose_session(options.in_order(cell), options), options, stages, _begin_drawing)
+    session = pose_session(options.in_order(cell), options, _chooser(cell, options))
+    return plan_session(session, options, stages, _begin_drawing)
+
+
+def _chooser(cell: Cell, options: PlanOptions) -> PoseChooser | None:
+    """Return what chooses the poses after other sessions; ``None`` for a robot of which nothing is known."""
+    if options.after is None or not cell.has_bar():
+        return None
+    until = None if options.until_mm is None else float(from_mm(options.until_mm))
+    return NextSessionChooser(CalibratedState.read(Path(options.after), cell), options.poses, until)
 
 
 def _begin_drawing(plan: Plan) -> None:

@@ -76,7 +76,9 @@ def test_no_set_beats_the_bound_and_the_choice_is_near_the_best(seed):
 def test_the_bound_meets_the_error_where_all_candidates_are_taken():
     white, weight = drawn(3)
     everything = np.arange(len(white))
-    assert bound_tool_error(white, weight, everything) == pytest.approx(errors_after(white, weight)[-1], rel=1e-6)
+    assert bound_tool_error(white, weight, everything) == pytest.approx(
+        errors_after(white, plain(weight))[-1], rel=1e-6
+    )
 
 
 @pytest.fixture(scope="module")
@@ -85,8 +87,13 @@ def kuka():
     return cell, draw_candidates(cell, 1500, 0)
 
 
+def plain(weight):
+    """Errors whose mean square is stated as it is."""
+    return Of(weight_per_prior=weight, state=np.sqrt)
+
+
 def error_after(expected, samples):
-    return errors_after(expected.unknown.white(samples), expected.unknown.weight_per_prior)[-1]
+    return errors_after(expected.unknown.white(samples), expected.unknown)[-1]
 
 
 @pytest.fixture(scope="module")
@@ -114,7 +121,7 @@ def test_without_a_number_it_stops_at_the_target_or_where_no_pose_helps_much():
     white, weight = drawn(5, n=60)
     whole = np.sqrt(np.trace(weight))
     few = select_greedily(BayesianPosterior.prior(white, weight), 60, 0.3 * whole)
-    after = errors_after(white[few], weight)
+    after = errors_after(white[few], plain(weight))
     assert after[-1] <= 0.3 * whole < after[-2]
     many = np.tile(white, (10, 1)) * 1e-6  # readings that say nothing
     assert len(select_greedily(BayesianPosterior.prior(many, weight), 600, 0.3 * whole)) == FEWEST

@@ -1,0 +1,74 @@
+"""What may be wrong with a robot before a session is planned, and the error of its tool by it: one protocol."""
+
+from typing import Protocol
+
+import numpy as np
+
+from planner.common.units import Array
+from planner.model.model import Model
+from planner.runs.run import Samples
+
+LIMIT_SHARE = 0.95  # of such robots stay below the error that is asked for
+DRAWS = 4000  # robots that say how the error is distributed
+SEED = 11
+
+
+class ExpectedErrors(Protocol):
+    """Random errors of a robot and its gauge, normal and of unit size, and what they do to readings and tool."""
+
+    @property
+    def model(self) -> Model:
+        """The measurement model behind them."""
+
+    @property
+    def of_gauge(self) -> np.ndarray:
+        """Which of them only say where the gauge stands, (P,) bool."""
+
+    @property
+    def weight_per_prior(self) -> Array:
+        """Mean square error of the tool per squared errors, (P, P) [m²]."""
+
+    @property
+    def untraced(self) -> float:
+        """Error of the tool [m] that the session is to bring down."""
+
+    @property
+    def untraced_label(self) -> str:
+        """What that error is, in a few words."""
+
+    @property
+    def assumed(self) -> str:
+        """What all this rests on."""
+
+    @property
+    def condition(self) -> str:
+        """The same as the end of a sentence; may be empty."""
+
+    def white(self, samples: Samples) -> Array:
+        """Return what each error does to readings, in the readings' standard deviations, (n, P)."""
+
+    def state(self, square: float) -> float:
+        """Return the error of the tool that is stated [m], where the errors have the mean square ``square`` [m²]."""
+
+    def state_limit(self, square: float) -> float:
+        """Return the same of the square that 95 of 100 robots stay below."""
+
+    def describe(self, left: float, left_mm: str, at_most_mm: str) -> str:
+        """Say in half a sentence what the session would leave [m], written and as a limit [mm]."""
+
+
+def error_limit(errors: ExpectedErrors, white: Array) -> float:
+    """Return the error of the tool [m] that 95 of 100 robots stay below after readings ``white`` (n, P)."""
+    return errors.state_limit(square_limit(errors.weight_per_prior, white))
+
+
+def square_limit(weight: Array, white: Array) -> float:
+    """Return the square [m²] that 95 of 100 robots stay below, of errors of unit size after readings ``white`` (n, P).
+
+    It is a sum of squared normal numbers, weighted by the eigenvalues of ``weight`` (P, P) times the covariance that
+    the readings leave (Imhof 1961, Biometrika 48(3/4)); here by draws.
+    """
+    root = np.linalg.inv(np.linalg.cholesky(white.T @ white + np.eye(len(weight))))
+    values = np.linalg.eigvalsh(root @ weight @ root.T)
+    draws = np.random.default_rng(SEED).chisquare(1.0, (DRAWS, len(values)))
+    return float(np.quantile(draws @ np.maximum(values, 0.0), LIMIT_SHARE))

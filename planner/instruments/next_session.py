@@ -1,0 +1,209 @@
+"""The next session of a robot that was calibrated: poses that lower the error that is still to be expected of it.
+
+What is known of the robot is the covariance in ``expected_error.json``: of all causes that may act, with the sizes that
+the runs so far say, averaged over the rivals that they leave. Where gauge and fixtures stand counts as set up anew, so
+that the gauge may be another one. What no column of that covariance holds, the discrepancy among it, stays.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import ClassVar
+
+import numpy as np
+from scipy.linalg import block_diag
+
+from planner.cell.cell import Cell
+from planner.cell.setup import FREEABLE, MeasurementSetup, setup_of
+from planner.common.errors import InputError, NoSolutionError
+from planner.common.progress import Stages
+from planner.common.units import Array, from_mm, to_mm
+from planner.design.bayesian_design import choose_bayesian_poses
+from planner.design.expected_errors import square_limit
+from planner.design.pose_selection import judge_few_poses
+from planner.effects.effect import Parameter
+from planner.identification.calibrated_robot import effect_parameter
+from planner.identification.expected_error import ExpectedError
+from planner.identification.posterior_background import acts_on_robot, background_families
+from planner.model.identification_document import Identification
+from planner.model.model import Model
+from planner.model.tool_error import STATES, uniform_states
+from planner.runs.run import Samples
+from planner.session.planning import PoseSession, Selection
+
+POSES = 20  # of a session after another one, where nobody gives a number: about ten minutes
+UNKNOWN_PRIOR = 1.0  # [m, rad] of what stands anew and has no prior size
+TOGETHER = (
+    "identify this run together with those before, each by its own file: edbb identify BEFORE.csv run.csv --cell "
+    "CELL -o calibrated"
+)
+ROBOT, IDENTIFICATION = "robot.toml", "identification.json"
+
+
+@dataclass(frozen=True)
+class CalibratedState:
+    """What a folder that ``edbb identify`` wrote says of a robot.
+
+    Attributes:
+        folder: the folder.
+        known: covariance of what moves the tool.
+        stated: error of the tool over the workspace [m] that is as likely exceeded as not; at_most: what it stays below
+            with a probability of 95 %.
+    """
+
+    folder: Path
+    known: ExpectedError
+    stated: float
+    at_most: float
+
+    @classmethod
+    def read(cls, folder: Path, cell: Cell) -> "CalibratedState":
+        """Read the folder of an identification of the cell's robot.
+
+        Raises:
+            InputError: no such folder, another robot, or nothing is known of the robot's error.
+        """
+        if not (folder / ROBOT).is_file():
+            raise InputError(f"{folder}: --after takes the folder that 'edbb identify' wrote; it has no {ROBOT}")
+        document = Identification.read(folder / IDENTIFICATION)
+        if document.robot != cell.robot.name:
+            other = f"calibrates the robot '{document.robot}', but the cell's is '{cell.robot.name}'"
+            raise InputError(f"{folder}: {other}")
+        if document.release is None:
+            raise InputError(f"{folder / IDENTIFICATION}: no robot was released: there is no error to be lowered")
+        known = ExpectedError.read(cell.robot, folder / ROBOT)
+        if isinstance(known, str):
+            raise InputError(f"{folder}: {known}; --after needs it: identify the run again")
+        parts = known.file.parts_mm
+        return cls(folder, known, float(from_mm(np.sqrt(sum(v**2 for v in parts.values())))), document.release.at_most)
+
+
+@dataclass(frozen=True)
+class RemainingErrors:
+    """What may still be wrong with a calibrated robot, and where the gauge stands; see :class:`ExpectedErrors`.
+
+    Attributes:
+        state_before: what the runs so far say.
+        model: of all that moves the reading.
+        root: root of the covariance of its parameters, (P, r).
+        of_gauge: which columns of the root only say where the gauge stands, (r,) bool.
+        weight_per_prior: mean square error of the tool per squared columns, (r, r) [m²].
+    """
+
+    before: CalibratedState
+    model: Model
+    root: Array
+    of_gauge: np.ndarray
+    weight_per_prior: Array
+
+    untraced_label: ClassVar[str] = "before this session"
+    condition: ClassVar[str] = ""
+
+    @classmethod
+    def of(cls, before: CalibratedState, cell: Cell, samples: Samples) -> "RemainingErrors":
+        """Return what poses like ``samples`` of the cell's gauge may tell of.
+
+        Raises:
+            InputError: an effect moves a part that the cell's robot does not have.
+        """
+        setup, known = setup_of(cell), before.known
+        tool = {f"map_{axis}": name for axis, name in zip("xyz", _tool_names(setup), strict=True)}
+        names = [tool.get(p.name, p.name) for p in known.file.parameters]
+        own = {p.name: p for p in Model.of(setup, FREEABLE).parameters}
+        effects = [effect_parameter(p.name, p.moves, setup) for p in known.file.parameters if p.moves]
+        anew = [p for n, p in own.items() if n not in names and p.group != "geometry"]
+        anew += _gauge_errors(setup, samples)
+        robot = {p.name: p for p in (*own.values(), *effects) if p.name in names}
+        kept = [k for k, n in enumerate(names) if n in robot]
+        model = Model(setup, (*(robot[names[k]] for k in kept), *anew))
+        spread = np.array(known.file.spread).reshape(len(names), -1)[kept]
+        sizes = np.array([p.prior if np.isfinite(p.prior) else UNKNOWN_PRIOR for p in anew])
+        root = block_diag(spread, np.diag(sizes))
+        moved = known.aligned_spread(uniform_states(cell, STATES, 0)).reshape(-1, spread.shape[1])
+        weight = block_diag(3.0 * moved.T @ moved / len(moved), np.zeros((len(anew), len(anew))))
+        return cls(before, model, root, np.arange(root.shape[1]) >= spread.shape[1], weight)
+
+    @property
+    def untraced(self) -> float:
+        """Error of the tool [m] before the session."""
+        return self.before.stated
+
+    @property
+    def assumed(self) -> str:
+        """What all this rests on."""
+        return f"what {self.before.folder.name}/{IDENTIFICATION} says of the robot holds, sizes of effects included"
+
+    def white(self, samples: Samples) -> Array:
+        """Return what each column of the root does to readings, in their standard deviations, (n, r)."""
+        return np.asarray(self.model.rows(samples)[:, 0] @ self.root / self.model.noise(samples)[:, None])
+
+    def state(self, square: float) -> float:
+        """Return the error of the tool [m] as likely exceeded as not, where the columns leave a mean square [m²]."""
+        return self._factor(self.before.stated, float(np.trace(self.weight_per_prior))) * self._root_with_rest(square)
+
+    def state_limit(self, square: float) -> float:
+        """Return what 95 of 100 such robots stay below, for that quantile of the square [m²]."""
+        return self._factor(self.before.at_most, self._limit_square) * self._root_with_rest(square)
+
+    def describe(self, left: float, left_mm: str, at_most_mm: str) -> str:
+        """Say in half a sentence what the session would leave [m], written and as a limit [mm]."""
+        return (
+            f"the tool's error over the workspace, {to_mm(self.before.stated):.3f} mm as stated now (95 % below "
+            f"{to_mm(self.before.at_most):.3f} mm), is expected to be {left_mm} mm (95 % below {at_most_mm} mm) once "
+            "this session is identified together with the runs before"
+        )
+
+    @cached_property
+    def _limit_square(self) -> float:
+        """The square that 95 of 100 robots stay below before the session [m²]."""
+        return square_limit(self.weight_per_prior, np.zeros((0, self.root.shape[1])))
+
+    def _root_with_rest(self, square: float) -> float:
+        return float(np.sqrt(max(square, 0.0) + float(from_mm(self.before.known.file.rest_mm)) ** 2))
+
+    def _factor(self, stated: float, square: float) -> float:
+        """Return what is stated over the root of its square, as it was before the session: kept after it."""
+        return stated / max(self._root_with_rest(square), 1e-300)
+
+
+def _tool_names(setup: MeasurementSetup) -> list[str]:
+    """Names of the three parameters of the first tool point."""
+    first = next(iter(setup.point_names), "")
+    return [f"map_{first}_{axis}" if first else f"map_{axis}" for axis in "xyz"]
+
+
+def _gauge_errors(setup: MeasurementSetup, samples: Samples) -> list[Parameter]:
+    """Return errors of the gauge whose sizes are known, such as its scale: what no pose tells from the arm's size."""
+    known = [f for f in background_families(setup, samples) if f.known]
+    return [p for f in known for p in f.parameters if not acts_on_robot(p, setup)]
+
+
+@dataclass(frozen=True)
+class NextSessionChooser:
+    """Chooses the poses of a session after others.
+
+    Attributes:
+        before: what the sessions before say.
+        poses: their number; ``None``: ``POSES``, or as many as ``until`` needs.
+        until: as many as bring down to this what 95 of 100 such robots stay below [m].
+    """
+
+    before: CalibratedState
+    poses: int | None = None
+    until: float | None = None
+
+    def __call__(self, session: PoseSession, stages: Stages) -> Selection:
+        """Choose the poses by the error that they leave; the index only judges them."""
+        if self.until is not None and self.before.at_most <= self.until:
+            raise NoSolutionError(
+                f"{self.before.folder}: 95 of 100 such robots are below {to_mm(self.before.at_most):.3f} mm already: "
+                "nothing is to be measured for that; ask for less, or give --poses"
+            )
+        pool, cell = session.pool, session.cell
+        poses = self.poses or (None if self.until else POSES)
+        with stages.stage("foresight") as progress:
+            unknown = RemainingErrors.of(self.before, cell, pool.samples)
+            expected = choose_bayesian_poses(cell, pool, poses, progress, unknown, self.until)
+        session.notes.append(TOGETHER)
+        with stages.stage("selection"):
+            return Selection(judge_few_poses(cell, pool, expected.chosen, session.index), expected_error=expected)

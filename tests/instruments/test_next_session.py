@@ -1,0 +1,94 @@
+"""Poses after a calibration: what is foreseen of them, against the file's own figures and a second run as it comes out.
+
+Runs are the generator's: its own forward model, and effects that no cell declares.
+"""
+
+from types import SimpleNamespace as Of
+
+import numpy as np
+import pytest
+
+import tests.simulation.generator.runs as runs
+from planner.cell.reading import load_cell
+from planner.common.errors import InputError, NoSolutionError
+from planner.design.bayesian_design import errors_after
+from planner.design.expected_errors import error_limit, square_limit
+from planner.instruments.next_session import CalibratedState, NextSessionChooser, RemainingErrors
+from planner.model.identification_document import Identification
+from planner.runs.loader import load_runs
+from planner.runs.writer import save_run
+from planner.session.options import PlanOptions
+from planner.workflow.identification import identify
+from tests.identification.worlds import arm_of
+from tests.simulation.generator.kinds import Effect
+from tests.simulation.generator.truth import Noise, Truth, draw_errors
+
+NAME = "kuka-kr6-r700"
+FIRST, MORE = 50, 40  # poses
+
+
+@pytest.fixture(scope="module")
+def measured(tmp_path_factory):
+    """Two runs of one arm whose joints give way, its cell, and the calibration by the first run."""
+    folder = tmp_path_factory.mktemp("sessions")
+    arm = arm_of(NAME)
+    soft = tuple(Effect("joint-compliance", j, 3e-5) for j in (2, 3))
+    truth = Truth(3, draw_errors(arm, np.random.default_rng(3)), soft, Noise(1e-5, 2e-5), (1.0,) * 6)
+    made = runs.edbb_static(arm, n_poses=FIRST + MORE, seed=3, truth=truth, logs=())
+    path, cell = made.write(folder)
+    run = load_runs([path], 6)
+    first = np.isin(run.samples.pose, np.unique(run.samples.pose)[:FIRST])
+    for name, which in (("first", first), ("second", ~first)):
+        save_run(run.take(which), folder / f"{name}.csv")
+    cell = load_cell(str(cell), planning=False)
+    identify(folder / "first.csv", cell=cell).write(folder / "known")
+    return Of(folder=folder, cell=cell, second=run.take(~first))
+
+
+@pytest.mark.long
+def test_what_is_foreseen_is_what_the_second_run_brings(measured):
+    before = CalibratedState.read(measured.folder / "known", measured.cell)
+    release = Identification.read(measured.folder / "known" / "identification.json").release
+    samples = measured.second.samples
+    unknown = RemainingErrors.of(before, measured.cell, samples)
+    nothing = unknown.white(samples)[:0]
+    assert unknown.state(float(np.trace(unknown.weight_per_prior))) == pytest.approx(before.stated)
+    assert error_limit(unknown, nothing) == pytest.approx(release.at_most, rel=0.02)
+    share = before.known.file.likely_share[2]  # of the median in the root of the mean square, by robots drawn
+    assert unknown.state(1.0) == pytest.approx(share, rel=0.1)
+    foreseen = errors_after(unknown.white(samples), unknown)
+    assert np.all(np.diff(foreseen) <= 1e-12)
+    both = identify([measured.folder / "first.csv", measured.folder / "second.csv"], cell=measured.cell)
+    stated = both.calibration.workspace_error
+    assert foreseen[-1] < 0.9 * before.stated
+    assert 0.5 < stated / foreseen[-1] < 2.0  # the second run also tells how large the effects are
+
+
+@pytest.mark.long
+def test_what_does_not_belong_together_is_refused(measured, tmp_path):
+    with pytest.raises(InputError, match="the folder that 'edbb identify' wrote"):
+        CalibratedState.read(tmp_path, measured.cell)
+    with pytest.raises(InputError, match="calibrates the robot"):
+        CalibratedState.read(measured.folder / "known", load_cell("ur5e/edbb", planning=False))
+    before = CalibratedState.read(measured.folder / "known", measured.cell)
+    with pytest.raises(NoSolutionError, match="already"):
+        NextSessionChooser(before, until=2 * before.at_most)(None, None)
+
+
+@pytest.mark.parametrize(
+    ("asked", "other"),
+    [({"after": "known", "index": "O1"}, "--index"), ({"until_mm": 0.1, "poses": 30}, "--poses")],
+)
+def test_what_also_chooses_the_poses_is_refused(asked, other):
+    with pytest.raises(InputError, match=other):
+        PlanOptions(**asked).for_tracing(Of(path="cell.toml", plan=Of(aim=None, method=None, poses=None)))
+
+
+def test_ninety_five_of_a_hundred_sums_of_squares_stay_below():
+    white = np.random.default_rng(0).standard_normal((7, 4))
+    root = np.random.default_rng(1).standard_normal((3, 4))
+    draws = np.random.default_rng(2).multivariate_normal(
+        np.zeros(4), np.linalg.inv(white.T @ white + np.eye(4)), 200_000
+    )
+    expected = np.quantile(((draws @ root.T) ** 2).sum(axis=1), 0.95)
+    assert square_limit(root.T @ root, white) == pytest.approx(expected, rel=0.08)
