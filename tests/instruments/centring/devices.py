@@ -83,7 +83,7 @@ class Controller:
     """KUKAVARPROXY on a controller that runs the shipped KRL and moves ``world``.
 
     ``faults``: ``cut`` the connection when that order begins, ``deaf`` from that order on, ``slow`` seconds that a move
-    takes, ``idle`` (the program does not run), ``silence`` that it bears,
+    takes (with ``cut``: that move alone), ``idle`` (the program does not run), ``silence`` that it bears,
     ``short`` (the status is not counted in an answer's length).
     """
 
@@ -208,9 +208,12 @@ class Controller:
 
     def _going(self, kind, target, goal):
         self.orders.append((kind, target))
+        last = self.faults.get("slow", 0.004)
         if self.faults.get("cut") == len(self.orders):
             self.cut()
-        start, begun, last = self.world.q_set, time.monotonic(), self.faults.get("slow", 0.004)
+        elif "cut" in self.faults:
+            last = 0.004
+        start, begun = self.world.q_set, time.monotonic()
         while (share := (time.monotonic() - begun) / last) < 1.0:
             q = start + share * (goal - start)
             self.world.place(q, q)

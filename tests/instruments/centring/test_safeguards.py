@@ -22,7 +22,7 @@ from tests.instruments.centring.test_session import angles, rows_of
 from tests.instruments.centring.world import pose
 
 
-def wait_for(condition, seconds=5.0):
+def wait_for(condition, seconds=20.0):
     until = time.monotonic() + seconds
     while not condition():
         assert time.monotonic() < until
@@ -190,9 +190,10 @@ def test_a_robot_that_is_cut_off_and_the_session_goes_on(cell, order):
 
 
 def test_the_robot_stops_by_itself_when_the_planner_falls_silent(cell):
-    made = cell(faults={"cut": 3, "slow": 0.6, "silence": 0.1})
+    # a planner on a busy machine may well say nothing for a tenth of a second, and that is no silence
+    made = cell(faults={"cut": 3, "slow": 4.0, "silence": 1.0})
     with pytest.raises(LinkError):
-        made.run(settings(robot={"silence_s": 0.1}))
+        made.run(settings(robot={"silence_s": 1.0}))
     wait_for(lambda: made.controller.values["EDBB_STATE"] == 4)
     assert short(made) > 0.1
 
