@@ -34,7 +34,7 @@ LARGE = {"comau-nj130/paper": ("--poses", "35")}  # as its documentation plans i
 ON_DEMAND = pytest.mark.skipif(
     not os.environ.get("EDBB_ALL_TRIALS"), reason="takes half an hour with the others: only with EDBB_ALL_TRIALS=1"
 )
-SEEDS = (1, *(pytest.param(seed, marks=ON_DEMAND) for seed in (0, 2, 3, 4)))
+SEEDS = (1, 2, *(pytest.param(seed, marks=ON_DEMAND) for seed in (0, 3, 4)))
 
 
 @cache

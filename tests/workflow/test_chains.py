@@ -1,7 +1,7 @@
 """The whole chain of every shipped cell without a bar, and of all cells as they are shipped.
 
-Each cell runs with one seed of the robot in a smaller session; those with a bar do in a file of their own, so that
-two processes share the work. Four more seeds, and the cells as they are shipped, take half an hour on two cores and
+Each cell runs with two seeds of the robot in a smaller session; those with a bar do in a file of their own, so that
+two processes share the work. Three more seeds, and the cells as they are shipped, take half an hour on two cores and
 are run on demand (``EDBB_ALL_TRIALS=1``).
 """
 

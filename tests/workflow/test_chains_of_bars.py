@@ -1,4 +1,4 @@
-"""The chain of every shipped cell with a bar in a smaller session, five seeds of the robot, four of them on demand.
+"""The chain of every shipped cell with a bar in a smaller session, five seeds of the robot, three of them on demand.
 
 Then a calibrated robot is checked.
 """
