@@ -3,9 +3,19 @@
 import ast
 import re
 from functools import cache
+from inspect import get_annotations, isfunction
 from pathlib import Path
+from typing import Any
+
+import pytest
 
 import planner
+from planner.cell.gauge import Gauge
+from planner.cell.gauge_frames import GaugeFrames
+from planner.cell.gauge_reach import GaugeReach
+from planner.cell.gauge_reading import GaugeReading
+from planner.cell.gauge_session import GaugeSession
+from planner.effects.gauge_unknowns import GaugeUnknowns
 
 ROOT = Path(planner.__file__).parent
 # from the ground up; a room may import only what stands before it
@@ -79,6 +89,39 @@ def test_imports_point_down():
             if other != room and ORDER.index(other) > ORDER.index(room)
         ]
     assert not wrong, wrong
+
+
+def imports_of(path):
+    """The files of the package that a file imports, those that only its types need (``TYPE_CHECKING``) included."""
+    for parts in imported_modules(path):
+        target = ROOT.joinpath(*parts)
+        file = target / "__init__.py" if target.is_dir() else target.with_suffix(".py")
+        if file.exists() and file != path:
+            yield file
+
+
+def test_no_files_import_each_other():
+    """Kahn's order: what is left, once files that import none of the rest are taken away, goes round in a circle."""
+    left = {path: set(imports_of(path)) for path in ROOT.rglob("*.py") if path.name != "__init__.py"}
+    left = {path: {file for file in files if file in left} for path, files in left.items()}
+    while free := {path for path, files in left.items() if not files & left.keys()}:
+        left = {path: files for path, files in left.items() if path not in free}
+    assert not left, sorted(str(path.relative_to(ROOT)) for path in left)
+
+
+MOST_MEMBERS = 25
+GAUGE_PROTOCOLS = (GaugeReading, GaugeFrames, GaugeReach, GaugeSession, Gauge, GaugeUnknowns)
+
+
+@pytest.mark.parametrize("protocol", GAUGE_PROTOCOLS)
+def test_each_protocol_of_a_gauge_is_small(protocol):
+    made = {"_abc_impl"}  # by Python
+    members = {n for n in {*vars(protocol), *get_annotations(protocol)} - made if not n.startswith("__")}
+    assert 0 < len(members) <= MOST_MEMBERS, sorted(members)
+    methods = [getattr(m, "__func__", getattr(m, "fget", m)) for m in vars(protocol).values()]
+    typed = [(f.__name__, *item) for f in methods if isfunction(f) for item in get_annotations(f).items()]
+    vague = [(function, name) for function, name, kind in typed if kind is Any and name != "return"]
+    assert not vague
 
 
 def test_no_import_goes_past_the_public_modules_of_a_room():

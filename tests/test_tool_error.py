@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from planner.cell.cell import ToolPoint
+from planner.cell.parts import ToolPoint
 from planner.cell.reading import load_cell
 from planner.model.tool_error import ToolError
 from tests.simulation.generator.arm import Arm

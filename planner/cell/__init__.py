@@ -8,8 +8,11 @@ __all__ = [
     "gauge",
     "gauge_registry",
     "gauge_types",
+    "parts",
+    "placement",
     "places",
     "reading",
     "setup",
+    "site",
     "workspace",
 ]

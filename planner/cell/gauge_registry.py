@@ -1,17 +1,27 @@
 """The kinds of gauges by the names that cell files call them."""
 
+from collections.abc import Mapping
 from importlib import import_module
 from pkgutil import iter_modules
-from typing import TYPE_CHECKING, TypeVar
+from typing import ClassVar, Protocol, TypeVar
+
+from pydantic import BaseModel
 
 from planner.common.extensions import load_extensions
 
-if TYPE_CHECKING:
-    from planner.cell.gauge import Gauge
 
-G = TypeVar("G", bound="type[Gauge]")
+class GaugeKind(Protocol):
+    """What a cell file asks of a kind of gauge before it is read, see :class:`planner.cell.gauge.Gauge`."""
+
+    kind: ClassVar[str]
+    is_attached: ClassVar[bool]
+    usual_keys: ClassVar[Mapping[str, Mapping[str, object]]]
+    OwnKeys: ClassVar[type[BaseModel] | None]
+
+
+G = TypeVar("G", bound=type[GaugeKind])
 ROOM = "planner.gauges"
-_KINDS: dict[str, type["Gauge"]] = {}
+_KINDS: dict[str, type[GaugeKind]] = {}
 
 
 def register_gauge(kind: G) -> G:
@@ -28,7 +38,7 @@ def register_gauge(kind: G) -> G:
     return kind
 
 
-def gauge_kinds() -> dict[str, type["Gauge"]]:
+def gauge_kinds() -> dict[str, type[GaugeKind]]:
     """Return all kinds by their names: those of ``planner.gauges``, and any registered beside them."""
     _import_shipped()
     load_extensions()

@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from planner.cell.cell import Ball, Fixture, Nest, Tool, ToolPoint
 from planner.cell.file import FIRST_POINT, CellFile, FixtureFile, PlacedFile, ToolFile
+from planner.cell.parts import Ball, Fixture, Nest, Tool, ToolPoint
 from planner.common.choices import SetUp
 from planner.common.errors import InputError
 from planner.common.units import MM, UM, Array, from_deg, from_mm, read_only

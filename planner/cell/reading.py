@@ -8,11 +8,12 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from planner.cell.cell import BaseMounting, Cable, Cell, MotionSettings, PlanSettings
+from planner.cell.cell import Cell
 from planner.cell.circles import Circle, CircleFile
 from planner.cell.file import CellFile
 from planner.cell.gauge import Gauge
 from planner.cell.gauge_registry import gauge_kinds
+from planner.cell.parts import BaseMounting, Cable, MotionSettings, PlanSettings
 from planner.cell.places import (
     read_artifact_bodies,
     read_balls,
@@ -146,8 +147,15 @@ def read_cell(path: Path, name: str, planning: bool = True) -> Cell:
 
 
 def gauge_class(file: CellFile) -> type[Gauge]:
-    """Return the class of the gauge that a cell's file names."""
-    return gauge_kinds()[file.gauge.kind]
+    """Return the class of the gauge that a cell's file names.
+
+    Raises:
+        TypeError: what is registered by that name is no gauge.
+    """
+    kind = gauge_kinds()[file.gauge.kind]
+    if not issubclass(kind, Gauge):
+        raise TypeError(f"gauge '{kind.kind}': {kind.__name__} must be a Gauge")
+    return kind
 
 
 def cell_of(file: CellFile, path: Path, name: str, planning: bool = True) -> Cell:

@@ -11,8 +11,9 @@ from typing import Protocol
 
 import numpy as np
 
-from planner.cell.cell import Cell, Fixture
+from planner.cell.cell import Cell
 from planner.cell.gauge_types import FilterStage
+from planner.cell.parts import Fixture
 from planner.common.units import Array, read_only
 from planner.kinematics.chain import Transform
 from planner.kinematics.geometry import bar_state

@@ -9,6 +9,7 @@ __all__ = [
     "effect",
     "gauge_errors",
     "gauge_shapes",
+    "gauge_unknowns",
     "gears",
     "misfit_shapes",
     "nonparametric",

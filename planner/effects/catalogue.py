@@ -9,7 +9,8 @@ from importlib import import_module
 
 import numpy as np
 
-from planner.cell.setup import N_BASE_TRANSFORMS, MeasurementSetup
+from planner.cell.placement import N_BASE_TRANSFORMS
+from planner.cell.setup import MeasurementSetup
 from planner.common.determinism import even_positions
 from planner.common.errors import InputError, did_you_mean
 from planner.common.extensions import load_extensions

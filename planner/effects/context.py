@@ -7,7 +7,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from planner.cell.setup import MeasurementSetup, RobotSetup
+from planner.cell.placement import RobotSetup
+from planner.cell.setup import MeasurementSetup
 from planner.common.units import Array
 from planner.kinematics.chain import Chain, ForwardPass, Transform
 from planner.kinematics.geometry import BarState, bar_state
@@ -191,8 +192,11 @@ class Context:
     def pull(self) -> Array | None:
         """Force of the bar on the tool point, towards the fixture, (3, n) [N] in the base frame, where logged."""
         force = self.samples.force
-        along = None if force is None else self.measurement_setup.gauge.pull_direction(self)
-        return None if along is None or force is None else -force * along.T
+        if force is None:
+            return None
+        setup = self.measurement_setup
+        along = setup.gauge.pull_direction(setup, self.samples, self.motion)
+        return None if along is None else -force * along.T
 
     @cached_property
     def _ends(self) -> tuple[int, ...]:

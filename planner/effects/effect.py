@@ -8,7 +8,8 @@ from typing import Literal
 
 import numpy as np
 
-from planner.cell.setup import N_BASE_TRANSFORMS, MeasurementSetup
+from planner.cell.placement import N_BASE_TRANSFORMS, Placement
+from planner.cell.setup import MeasurementSetup
 from planner.common.units import Array, display_unit, si_unit
 from planner.effects.basis import ONE, AtPoint, BasisFunction
 
@@ -88,7 +89,7 @@ BASE_SHIFTS = tuple(BaseMotion(a, f"along {a}", k) for k, a in enumerate("xyz"))
 BASE_TURNS = tuple(BaseMotion(f"r{a}", f"about {a}", 3 + k) for k, a in enumerate("xyz"))
 
 
-def tool_parameters(setup: MeasurementSetup) -> Iterator[Parameter]:
+def tool_parameters(setup: Placement) -> Iterator[Parameter]:
     """Where the targets sit on the tool."""
     for t, name in enumerate(setup.point_names):
         label = f"map_{name}" if name else "map"

@@ -11,6 +11,7 @@ from planner.effects.basis import BasisFunction, EffectVariable
 from planner.effects.catalogue import CONTINUOUS_RUN, Background, Excitation, register
 from planner.effects.context import Context
 from planner.effects.effect import Effect, NonlinearParameter, Parameter, ParameterMove, Place, reading_move
+from planner.effects.gauge_unknowns import unknowns_of
 from planner.effects.thermal import against_temperature
 
 KAKINO = "Kakino, Ihara & Nakatsu 1987, CIRP Annals 36(1): errors of double ball bars, some micrometres"
@@ -217,13 +218,13 @@ class BeamRefraction(BasisFunction, key="refraction:AXIS", static=False, gauge=T
 def clock_offset_parameter(setup: MeasurementSetup) -> Parameter:
     """How late the gauge's clock runs against the controller's, where each was logged by its own [s]."""
     what = "lag of the gauge's clock behind the controller's"
-    return Parameter("lag", "s", PRIOR_LAG, what, setup.gauge.lag_moves(), "gauge")
+    return Parameter("lag", "s", PRIOR_LAG, what, unknowns_of(setup.gauge).lag_moves(), "gauge")
 
 
 @register()
 def own_errors(run: Excitation) -> Iterator[Effect]:
     """Those errors that the gauge of the run can have."""
-    yield from run.setup.gauge.errors(run)
+    yield from unknowns_of(run.setup.gauge).errors(run)
 
 
 @register("gauge scale", by_gauge=True, background=Background.KNOWN)
@@ -264,7 +265,7 @@ def length_growth(run: Excitation) -> Iterator[Effect]:
 def gauge_lag(run: Excitation) -> Iterator[Effect]:
     """A clock of the gauge that runs late."""
     if run.varies("speed"):
-        moves, sentence = run.setup.gauge.lag_moves(), "the gauge's clock runs {size} late"
+        moves, sentence = unknowns_of(run.setup.gauge).lag_moves(), "the gauge's clock runs {size} late"
         yield _of_gauge("gauge lag", "s", moves, 2e-3, 0.2, sentence, "estimated")
 
 

@@ -8,10 +8,12 @@ not.
 from collections.abc import Iterator
 from dataclasses import replace
 
-from planner.cell.setup import FREEABLE, MeasurementSetup
+from planner.cell.placement import FREEABLE
+from planner.cell.setup import MeasurementSetup
 from planner.common.units import DEG, MM
 from planner.effects.catalogue import Background, Excitation, register
 from planner.effects.effect import Effect, Parameter, Place, Role
+from planner.effects.gauge_unknowns import unknowns_of
 
 LARGEST_OFF = 0.1  # [m, rad] beyond that the gauge was not there at all, and nothing was read
 STATED = "stated by the cell file; more than this is another place"
@@ -23,7 +25,7 @@ KINDS = {"fixture": "fixture place", "map": "tool place", "probe": "tool place",
 def set_up_parts(setup: MeasurementSetup) -> dict[str, list[Parameter]]:
     """Return all parameters of the gauge that may be free, those of one thing (a fixture, a zero) under its label."""
     parts: dict[str, list[Parameter]] = {}
-    for p in setup.gauge.parameters(setup, FREEABLE):
+    for p in unknowns_of(setup.gauge).parameters(setup, FREEABLE):
         parts.setdefault(p.name if p.main.on == "reading" else p.name.rpartition("_")[0], []).append(p)
     return parts
 
@@ -31,7 +33,7 @@ def set_up_parts(setup: MeasurementSetup) -> dict[str, list[Parameter]]:
 @register(*dict.fromkeys(KINDS.values()), needs="a cell that does not free it", background=Background.NAMED_ONLY)
 def set_up_errors(run: Excitation) -> Iterator[Effect]:
     """Yield an effect for each thing of the set-up that is not free; it has the parameters by which it would be."""
-    free = {p.name for p in run.setup.gauge.parameters(run.setup, FREEABLE - run.setup.fixed)}
+    free = {p.name for p in unknowns_of(run.setup.gauge).parameters(run.setup, FREEABLE - run.setup.fixed)}
     for label, own in set_up_parts(run.setup).items():
         thing, _, name = label.partition("_")
         if thing in KINDS and not free & {p.name for p in own}:

@@ -10,12 +10,12 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
-from pydantic import PositiveFloat
+from pydantic import BaseModel, PositiveFloat
 
-from planner.cell.cell import Cell
 from planner.cell.file import CellFile, PlacedFile
 from planner.cell.gauge_registry import register_gauge
 from planner.cell.gauge_types import CellStep, GaugeBody, PlannedVisit, SessionGuide, place_text
+from planner.cell.site import Site
 from planner.common.errors import InputError
 from planner.common.schema import StrictModel, validate
 from planner.common.units import MM, Array, read_only, to_deg
@@ -49,7 +49,7 @@ class BallSocket(BallGauge):
     largest_scale: ClassVar[float] = 5e-3  # a printed plate shrinks by half a percent at most
     default_noise_um: ClassVar[float] = 100.0
     pose_columns: ClassVar[tuple[str, str]] = ("socket", "tilt in it (°)")
-    OwnKeys: ClassVar[type[SocketKeys]] = SocketKeys
+    OwnKeys: ClassVar[type[BaseModel] | None] = SocketKeys
     usual_keys: ClassVar[Mapping[str, Mapping[str, object]]] = {
         "plan": {"index": "O1", "poses": 60, "refine": False, "candidates": 24_000}
     }
@@ -91,32 +91,32 @@ class BallSocket(BallGauge):
             "it rests, log that row, then let the program go on.",
         )
 
-    def preparation(self, cell: Cell, mounting: Mounting) -> tuple[str, str]:
+    def preparation(self, cell: Site, mounting: Mounting) -> tuple[str, str]:
         """The ball is fitted to the tool."""
         size = 2e3 * cell.balls[0].radius
         return "", f"fit the {size:g} mm ball to the tool, wipe ball and sockets clean"
 
-    def seating(self, cell: Cell, q: Array, pose: int) -> str:
+    def seating(self, cell: Site, q: Array, pose: int) -> str:
         """The ball is led into the socket by hand, or by jogging."""
         socket = cell.balls[nearest_ball(cell, q)].name
         return f"pose {pose}: lead the ball into socket {socket} by hand or jogging, until it rests; note the joints"
 
-    def retract(self, cell: Cell, q: Array, ball: int) -> tuple[Array, Array]:
+    def retract(self, cell: Site, q: Array, ball: int) -> tuple[Array, Array]:
         """The ball leaves along the socket's axis; the tool may turn about it."""
         return shift_point(cell.chain, cell.robot, q, self.approach * _way_out(cell, ball))
 
-    def fits(self, cell: Cell, q: Array, ball: int) -> np.ndarray:
+    def fits(self, cell: Site, q: Array, ball: int) -> np.ndarray:
         """The tool's axis leads into the socket, within the cone."""
         return np.asarray(self._tilt(cell, q, ball) < min(self.cone_fixture, self.cone_map))
 
-    def _tilt(self, cell: Cell, q: Array, ball: int) -> Array:
+    def _tilt(self, cell: Site, q: Array, ball: int) -> Array:
         return np.asarray(np.arccos(np.clip(-cell.map_axis(q) @ _way_out(cell, ball), -1.0, 1.0)))
 
-    def describe(self, cell: Cell) -> str:
+    def describe(self, cell: Site) -> str:
         """Name the sockets."""
         return f"ball on the tool in the sockets {', '.join(b.name for b in cell.balls)}"
 
-    def visit_cells(self, cell: Cell, visit: PlannedVisit) -> tuple[str, str]:
+    def visit_cells(self, cell: Site, visit: PlannedVisit) -> tuple[str, str]:
         """Return the socket, and how far the tool is tilted in it."""
         if visit.ball < 0:
             return "", ""
@@ -127,7 +127,7 @@ class BallSocket(BallGauge):
         """Say how far a pose is off its socket."""
         return f"pose {pose} is {error:.3f} mm off its socket"
 
-    def bodies(self, cell: Cell) -> list[GaugeBody]:
+    def bodies(self, cell: Site) -> list[GaugeBody]:
         """The ball on the tool, which may touch the socket that it is led into; the plate, and its sockets."""
         T, place = artifact_frame(cell), pose(np.eye(3), cell.tool.p_FM)
         size = (min(b.radius for b in cell.balls),)
@@ -136,11 +136,11 @@ class BallSocket(BallGauge):
         return [ball, *plate, *(_socket(cell, k, T) for k in range(len(cell.balls)))]
 
 
-def _way_out(cell: Cell, ball: int) -> Array:
+def _way_out(cell: Site, ball: int) -> Array:
     return np.asarray(cell.fixtures[0].R_BX @ cell.balls[ball].axis_G)
 
 
-def _socket(cell: Cell, k: int, T: Array) -> GaugeBody:
+def _socket(cell: Site, k: int, T: Array) -> GaugeBody:
     """A sphere of the ball's size below it: its top is where the ball's centre comes to rest."""
     ball = cell.balls[k]
     place = pose(np.eye(3), ball.p_GS - ball.radius * ball.axis_G)

@@ -8,10 +8,10 @@ from typing import ClassVar
 
 import numpy as np
 
-from planner.cell.cell import Cell
 from planner.cell.file import CellFile, PlacedFile
 from planner.cell.gauge_types import CellStep, place_text
-from planner.cell.setup import MeasurementSetup
+from planner.cell.placement import P, Placement
+from planner.cell.site import Site
 from planner.common.errors import InputError
 from planner.common.units import Array, IntArray, read_only, to_mm
 from planner.gauges.frame_gauge import FrameGauge
@@ -56,17 +56,17 @@ class BallGauge(FrameGauge):
             )
         return file.artifact
 
-    def leg_speeds(self, cell: Cell, visit: np.ndarray) -> float | Array:
+    def leg_speeds(self, cell: Site, visit: np.ndarray) -> float | Array:
         """The last way to a ball, and the first away from it, are driven slowly: the indicators touch there."""
         at_ball = visit >= 0
         return np.where(at_ball[:-1] | at_ball[1:], cell.motion.tool_speed, np.inf)
 
-    def positions(self, setup: MeasurementSetup, readings: Readings) -> Array:
+    def positions(self, setup: Placement, readings: Readings) -> Array:
         """Return the ball's centre and what the gauge shows beside it, in the artifact's frame, (n, 3) [m]."""
         assert readings.ball is not None
         return np.asarray(setup.p_GS[readings.ball] + (0.0 if readings.offset is None else readings.offset))
 
-    def number_places(self, setup: MeasurementSetup, cell: Cell, run: Run) -> MeasurementSetup:
+    def number_places(self, setup: P, cell: Site, run: Run) -> P:
         """Return the setup with plates and balls as the run numbers them; a single plate needs no name."""
         names = run.places if len(run.places) > 1 else ("",)
         setup = super().number_places(setup, cell, replace(run, places=names))
@@ -74,7 +74,7 @@ class BallGauge(FrameGauge):
         order = [index_in_cell(run, name, balls, "ball", cell) for name in run.balls]
         return replace(setup, p_GS=setup.p_GS[order], ball_names=run.balls)
 
-    def place(self, setup: MeasurementSetup, run: Run, p_FM: Array | None) -> MeasurementSetup:
+    def place(self, setup: P, run: Run, p_FM: Array | None) -> P:
         """Find the plates, and the tool points where the cell has none."""
         stand, r = flange_poses(setup, run, p_FM), run.readings
         assert r.ball is not None
@@ -90,11 +90,11 @@ class BallGauge(FrameGauge):
         _check_exchanged(run, setup.ball_names, off, lambda ball: place(ball)[1])
         return replace(setup, R_BG=plate.R_BP, p_BG=plate.p_BP, p_FM=plate.p_FM)
 
-    def needs_new_frames(self, setup: MeasurementSetup, run: Run) -> bool:
+    def needs_new_frames(self, setup: Placement, run: Run) -> bool:
         """Another run may have been measured on a plate that was set down anew."""
         return True
 
-    def check_run(self, cell: Cell, run: Run) -> None:
+    def check_run(self, cell: Site, run: Run) -> None:
         """Refuse a run without balls in the cell."""
         super().check_run(cell, run)
         if not cell.balls:
@@ -103,7 +103,7 @@ class BallGauge(FrameGauge):
             )
 
     def simulate(
-        self, cell: Cell, samples: Samples, predict: Callable[[Samples], Array],
+        self, cell: Site, samples: Samples, predict: Callable[[Samples], Array],
         slopes: Callable[[Samples], Array], noise: Array,
     ) -> tuple[Samples, Readings]:  # fmt: skip
         """Centre the tool point on the ball nearest to each planned pose, millimetres away (Newton)."""
@@ -136,7 +136,7 @@ def _check_exchanged(run: Run, names: tuple[str, ...], off: float, off_with: Cal
         )
 
 
-def nearest_ball(cell: Cell, q: Array) -> int:
+def nearest_ball(cell: Site, q: Array) -> int:
     """Return the ball that the measured point is nearest to at q (N,) [rad]."""
     return int(np.argmin(np.linalg.norm(cell.p_BS - cell.map_position(q[None]), axis=1)))
 
@@ -148,6 +148,6 @@ def check_names(path: Path, file: CellFile) -> None:
         raise InputError(f"{path}: two balls share a name ({', '.join(names)})")
 
 
-def artifact_frame(cell: Cell) -> Array:
+def artifact_frame(cell: Site) -> Array:
     """Return how the artifact stands in the base frame, (4, 4) [m]."""
     return pose(cell.fixtures[0].R_BX, cell.fixtures[0].p_BX)

@@ -6,23 +6,24 @@ from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
-from pydantic import Field
+from pydantic import BaseModel, Field
 
-from planner.cell.cell import Cell, Fixture
 from planner.cell.file import CellFile
 from planner.cell.gauge_registry import register_gauge
 from planner.cell.gauge_types import GaugeBody, PlannedVisit, RecordedPose, SessionGuide
+from planner.cell.parts import Fixture
+from planner.cell.placement import P, Placement, Targets
 from planner.cell.places import read_fixtures
-from planner.cell.setup import MeasurementSetup, Targets
+from planner.cell.site import Site
 from planner.common.choices import SetUp
 from planner.common.errors import InputError
 from planner.common.schema import NonNegativeFloat, PositiveFloat, StrictModel, validate
 from planner.common.units import MM, UM, Array, from_deg, from_mm, read_only, to_mm
 from planner.effects.basis import AtPlace
 from planner.effects.catalogue import Excitation
-from planner.effects.context import Context
 from planner.effects.effect import Effect, Parameter, ParameterMove, reading_move, tool_parameters, transform_move
 from planner.effects.gauge_errors import LENGTH_ERRORS, LengthLag
+from planner.effects.gauge_unknowns import GaugeUnknowns
 from planner.gauges.lines import LOADED, BarChecklist, LineGauge
 from planner.gauges.placement.flange_poses import (
     LOCATED_SIGMA,
@@ -82,7 +83,7 @@ def choose_stop_margin(robot: Robot, file: CellFile, keys: BarKeys) -> float:
 
 
 @dataclass(frozen=True)
-class LengthGauge(LineGauge):
+class LengthGauge(LineGauge, GaugeUnknowns):
     """Reads the distance from a fixture to the tool point, and is held between them.
 
     Attributes:
@@ -92,7 +93,7 @@ class LengthGauge(LineGauge):
     housing: float = 0.0
     rod_radius: float = 0.0
 
-    OwnKeys = BarKeys
+    OwnKeys: ClassVar[type[BaseModel] | None] = BarKeys
     columns: ClassVar[str] = "length_mm"
     plural: ClassVar[str] = "lengths"
     is_attached: ClassVar[bool] = True
@@ -145,17 +146,17 @@ class LengthGauge(LineGauge):
         """It is held between fixture and tool while it reads."""
         return cls.checklist.guide(file, cls.noun, cls.removal)
 
-    def residual(self, setup: MeasurementSetup, samples: Samples, motion: ForwardPass, targets: Targets) -> Array:
+    def residual(self, setup: Placement, samples: Samples, motion: ForwardPass, targets: Targets) -> Array:
         """Length read less the distance of tool point and fixture, (n, 1) [m]."""
         assert targets.length is not None
         return (targets.length - bar_state(motion.x.T, setup.p_BX[samples.place]).length)[:, None]
 
-    def project(self, setup: MeasurementSetup, samples: Samples, motion: ForwardPass, which: np.ndarray) -> Array:
+    def project(self, setup: Placement, samples: Samples, motion: ForwardPass, which: np.ndarray) -> Array:
         """Components of the screws along the bar, (k, 1, n)."""
         e = bar_state(motion.x.T, setup.p_BX[samples.place]).direction
         return np.asarray(np.einsum("kin,ni->kn", motion.point_screws(which), e)[:, None])
 
-    def targets(self, setup: MeasurementSetup, samples: Samples, readings: Readings) -> Targets:
+    def targets(self, setup: Placement, samples: Samples, readings: Readings) -> Targets:
         """Return the lengths less the zero as far as it is known."""
         assert readings.length is not None
         return Targets(length=readings.length - setup.zero)
@@ -164,29 +165,29 @@ class LengthGauge(LineGauge):
         """Return lengths."""
         return Readings(length=read_only(values[:, 0]))
 
-    def describe(self, cell: Cell) -> str:
+    def describe(self, cell: Site) -> str:
         """Say the range and the fixtures."""
         names = ", ".join(f.name for f in cell.fixtures)
         several = len(cell.tool.points) > 1
         points = f", tool points {', '.join(p.name for p in cell.tool.points)}" if several else ""
         return f"{self.noun} {self._range_text} on fixture{'s' if ',' in names else ''} {names}{points}"
 
-    def preparation(self, cell: Cell, mounting: Mounting) -> tuple[str, str]:
+    def preparation(self, cell: Site, mounting: Mounting) -> tuple[str, str]:
         """The bar is attached."""
         fixture, point = cell.names_of(mounting)
         tool = f"tool point {point}" if point else "tool"
         return "", f"attach the {self.noun} (fixture {fixture} to {tool}), set its zero"
 
-    def session_names(self, cell: Cell, mounting: Mounting) -> tuple[str, str]:
+    def session_names(self, cell: Site, mounting: Mounting) -> tuple[str, str]:
         """Name the fixture, and the tool point where there are more."""
         place = f"fixture {cell.place_name(mounting)}"
         return f"the mount pose of {place}", f"measuring on {place}"
 
-    def tool_speed(self, cell: Cell) -> float:
+    def tool_speed(self, cell: Site) -> float:
         """The bar limits it, moving or at rest at the poses."""
         return cell.motion.tool_speed
 
-    def plan_errors(self, cell: Cell, poses: Sequence[RecordedPose], plan: Path) -> Array:
+    def plan_errors(self, cell: Site, poses: Sequence[RecordedPose], plan: Path) -> Array:
         """Bar length by the cell less that of the plan, one a pose [mm]."""
         held = cell.mountings_of(poses, plan)
         length = [float(cell.bar_length(np.deg2rad([p.q_deg]), m)[0]) for p, m in zip(poses, held, strict=True)]
@@ -196,7 +197,7 @@ class LengthGauge(LineGauge):
         """Say how much longer the bar would be."""
         return f"the {self.noun} at pose {pose} would be {error:+.3f} mm longer than planned"
 
-    def visit_cells(self, cell: Cell, visit: PlannedVisit) -> tuple[str, str]:
+    def visit_cells(self, cell: Site, visit: PlannedVisit) -> tuple[str, str]:
         """Return fixture and length."""
         return cell.place_name(visit.mounting), f"{float(to_mm(visit.length)):.2f}"
 
@@ -209,7 +210,7 @@ class LengthGauge(LineGauge):
         length = f"{float(to_mm(shortest)):.1f} – {float(to_mm(longest)):.1f} mm"
         return ((f"{self.noun} length", f"{length} of {self._range_text}"),)
 
-    def reach_surfaces(self, cell: Cell) -> tuple[tuple[Array, Array, float, float], ...]:
+    def reach_surfaces(self, cell: Site) -> tuple[tuple[Array, Array, float, float], ...]:
         """Return both shells about each fixture, as far as its cone is open."""
         ends = (self.length_min, self.length_max)
         return tuple((f.p_BX, f.axis_B, r, self.cone_fixture) for f in cell.fixtures for r in ends)
@@ -218,18 +219,18 @@ class LengthGauge(LineGauge):
     def _range_text(self) -> str:
         return f"{float(to_mm(self.length_min)):g} – {float(to_mm(self.length_max)):g} mm"
 
-    def visit_record(self, cell: Cell, visit: PlannedVisit) -> dict[str, object]:
+    def visit_record(self, cell: Site, visit: PlannedVisit) -> dict[str, object]:
         """Return length, fixture and, where the tool has several points, the one that the bar hangs from."""
         return {"length_mm": visit.length * 1e3, **cell.place_record(visit.mounting)}
 
-    def parameters(self, setup: MeasurementSetup, free: frozenset[str]) -> Iterator[Parameter]:
+    def parameters(self, setup: Placement, free: frozenset[str]) -> Iterator[Parameter]:
         """Fixtures, tool points and zeros, as far as they are free."""
         if "fixture" in free:
             yield from _fixture_parameters(setup)
         if "tool" in free:
             yield from tool_parameters(setup)
         if "zero" in free:
-            yield from _zero_parameters(setup)
+            yield from _zero_parameters(setup, self.noun)
 
     def lag_moves(self) -> tuple[ParameterMove, ...]:
         """Return how a late clock shows in the length."""
@@ -240,16 +241,17 @@ class LengthGauge(LineGauge):
         for generator in LENGTH_ERRORS:
             yield from generator(run)
 
-    def coordinates(self, context: Context) -> Iterator[tuple[str, Array]]:
+    def coordinates(self, setup: Placement, samples: Samples, motion: ForwardPass) -> Iterator[tuple[str, Array]]:
         """Yield length and direction of the bar."""
-        yield "length", context.bar.length
-        yield "direction of the bar", context.bar.direction
+        bar = bar_state(motion.x.T, setup.p_BX[samples.place])
+        yield "length", bar.length
+        yield "direction of the bar", bar.direction
 
-    def pull_direction(self, context: Context) -> Array | None:
+    def pull_direction(self, setup: Placement, samples: Samples, motion: ForwardPass) -> Array | None:
         """Return the bar's direction."""
-        return context.bar.direction
+        return bar_state(motion.x.T, setup.p_BX[samples.place]).direction
 
-    def number_places(self, setup: MeasurementSetup, cell: Cell, run: Run) -> MeasurementSetup:
+    def number_places(self, setup: P, cell: Site, run: Run) -> P:
         """Return the setup with the fixtures as the run numbers them; without any in the cell, all are to be found."""
         if not cell.fixtures:
             return setup.with_unknown_places(run.places, LOCATED_SIGMA, LOCATED_TURN_SIGMA)
@@ -261,11 +263,11 @@ class LengthGauge(LineGauge):
             place_names=tuple(setup.place_names[k] for k in which),
         )
 
-    def lasting_places(self, setup: MeasurementSetup) -> dict[str, Array] | None:
+    def lasting_places(self, setup: Placement) -> dict[str, Array] | None:
         """Return the fixtures."""
         return dict(zip(setup.place_names, setup.p_BX, strict=True)) if len(setup.p_BX) else None
 
-    def place(self, setup: MeasurementSetup, run: Run, p_FM: Array | None) -> MeasurementSetup:
+    def place(self, setup: P, run: Run, p_FM: Array | None) -> P:
         """Find fixtures, tool points and zero, unless the cell has the fixtures and the tool points."""
         if len(setup.p_BX) and p_FM is not None:
             return setup
@@ -295,7 +297,7 @@ class LengthGauge(LineGauge):
             "errors it would be pulled off there",
         )
 
-    def check_run(self, cell: Cell, run: Run) -> None:
+    def check_run(self, cell: Site, run: Run) -> None:
         """Refuse lengths in another unit than their column says."""
         super().check_run(cell, run)
         length = run.readings.length
@@ -309,7 +311,7 @@ class LengthGauge(LineGauge):
                 f"{run.name}: the lengths are about {typical / MM:.4g} mm, but {reach}: these look like {words}"
             )
 
-    def _expected_lengths(self, cell: Cell, run: Run) -> tuple[float, float, str]:
+    def _expected_lengths(self, cell: Site, run: Run) -> tuple[float, float, str]:
         """Shortest and longest that the gauge may read in a run [m], and in words why."""
         if np.isfinite(self.length_max):
             low, high = max(self.length_min, 1e-3), self.length_max
@@ -321,7 +323,7 @@ class LengthGauge(LineGauge):
         low, high = max(float(far.min()), 1e-3), float(far.max())
         return low, high, f"by the cell the tool is {low / MM:.4g} to {high / MM:.4g} mm from where it begins"
 
-    def bodies(self, cell: Cell) -> list[GaugeBody]:
+    def bodies(self, cell: Site) -> list[GaugeBody]:
         """Housing along z from the fixture's ball, rod along −z from the tool's ball, together always the whole bar."""
         rod_length = min(self.length_max - self.housing, self.length_min - self.trim)
         housing_length = max(self.housing, self.length_max - rod_length)
@@ -354,7 +356,7 @@ class LoadedBar(DoubleBallBar):
     checklist: ClassVar[BarChecklist] = LOADED
 
 
-def _fixture_parameters(setup: MeasurementSetup) -> Iterator[Parameter]:
+def _fixture_parameters(setup: Placement) -> Iterator[Parameter]:
     """A fixture that lies further out looks like a base that stands further back, hence the sign."""
     for s, name in enumerate(setup.place_names):
         label = f"fixture_{name}" if name else "fixture"
@@ -364,11 +366,11 @@ def _fixture_parameters(setup: MeasurementSetup) -> Iterator[Parameter]:
             yield Parameter(f"{label}_{axis}", "m", prior, what, transform_move(a, AtPlace(s, -1.0)), "gauge")
 
 
-def _zero_parameters(setup: MeasurementSetup) -> Iterator[Parameter]:
+def _zero_parameters(setup: Placement, noun: str) -> Iterator[Parameter]:
     """One zero, or where a loaded bar stands beside another one for each of the two."""
     under = [name in setup.loaded for name in setup.place_names]
     if all(under) or not any(under):
-        yield Parameter("zero", "m", PRIOR_ZERO, f"zero of the {setup.gauge.noun}", reading_move(), "gauge")
+        yield Parameter("zero", "m", PRIOR_ZERO, f"zero of the {noun}", reading_move(), "gauge")
         return
     for name, what, which in (("zero", "the bar without load", False), ("zero_loaded", "the loaded bar", True)):
         moves = tuple(m for s, loaded in enumerate(under) if loaded == which for m in reading_move(AtPlace(s)))

@@ -6,9 +6,9 @@ from typing import ClassVar, Literal
 
 import numpy as np
 
-from planner.cell.cell import Cell
 from planner.cell.gauge_registry import register_gauge
 from planner.cell.gauge_types import GaugeBody
+from planner.cell.site import Site
 from planner.gauges.bar import LengthGauge
 from planner.gauges.lines import BarChecklist
 from planner.kinematics.bodies import capsule_between
@@ -45,7 +45,7 @@ class DrawWire(LengthGauge):
         "body": {"radius_mm": EYELET, "rod_radius_mm": WIRE, "housing_mm": 2 * EYELET, "trim_mm": HOOK}
     }
 
-    def bodies(self, cell: Cell) -> list[GaugeBody]:
+    def bodies(self, cell: Site) -> list[GaugeBody]:
         """The eyelet, and the wire from both its ends, as far as it reaches at its shortest.
 
         What lies between them at a longer wire is checked as far as both ends reach: see ``unchecked_length``.

@@ -8,20 +8,21 @@ from typing import ClassVar
 
 import numpy as np
 
-from planner.cell.cell import Cell, Fixture
 from planner.cell.file import CellFile, PlacedFile
 from planner.cell.gauge import Gauge
 from planner.cell.gauge_registry import attached_kinds
 from planner.cell.gauge_types import PlannedVisit, RecordedPose
+from planner.cell.parts import Fixture
+from planner.cell.placement import P, Placement, Targets
 from planner.cell.places import placed_frame, read_joint_angles
-from planner.cell.setup import MeasurementSetup, Targets
+from planner.cell.site import Site
 from planner.common.errors import InputError
 from planner.common.units import MM, Array, from_deg, read_only, to_mm
 from planner.effects.basis import ONE, AtPlace
 from planner.effects.catalogue import Excitation
-from planner.effects.context import Context
 from planner.effects.effect import Effect, Parameter, ParameterMove, tool_parameters, transform_move
 from planner.effects.gauge_errors import POSITION_ERRORS, PointLag
+from planner.effects.gauge_unknowns import GaugeUnknowns
 from planner.gauges.lines import LineGauge
 from planner.gauges.placement.flange_poses import LOCATED_SIGMA, LOCATED_TURN_SIGMA
 from planner.kinematics.chain import ForwardPass
@@ -30,7 +31,7 @@ from planner.runs.run import Readings, Run, Samples
 
 
 @dataclass(frozen=True)
-class PositionGauge(Gauge):
+class PositionGauge(Gauge, GaugeUnknowns):
     """Reads the position of the tool point in a frame."""
 
     width: ClassVar[int] = 3
@@ -39,22 +40,22 @@ class PositionGauge(Gauge):
     frees_base: ClassVar[bool] = True
     set_anew: ClassVar[str] = "base"
 
-    def residual(self, setup: MeasurementSetup, samples: Samples, motion: ForwardPass, targets: Targets) -> Array:
+    def residual(self, setup: Placement, samples: Samples, motion: ForwardPass, targets: Targets) -> Array:
         """Position read less the tool point, (n, 3) [m]."""
         assert targets.position is not None
         return targets.position - motion.x.T
 
-    def project(self, setup: MeasurementSetup, samples: Samples, motion: ForwardPass, which: np.ndarray) -> Array:
+    def project(self, setup: Placement, samples: Samples, motion: ForwardPass, which: np.ndarray) -> Array:
         """The screws themselves, (k, 3, n)."""
         return motion.point_screws(which)
 
-    def targets(self, setup: MeasurementSetup, samples: Samples, readings: Readings) -> Targets:
+    def targets(self, setup: Placement, samples: Samples, readings: Readings) -> Targets:
         """Return the positions in the base frame."""
         place = samples.place
         position = np.einsum("nij,nj->ni", setup.R_BG[place], self.positions(setup, readings)) + setup.p_BG[place]
         return Targets(position=position)
 
-    def positions(self, setup: MeasurementSetup, readings: Readings) -> Array:
+    def positions(self, setup: Placement, readings: Readings) -> Array:
         """Return the positions read, in the gauge's frame, (n, 3) [m]."""
         assert readings.position is not None
         return readings.position
@@ -63,7 +64,7 @@ class PositionGauge(Gauge):
         """Return positions."""
         return Readings(position=read_only(values))
 
-    def parameters(self, setup: MeasurementSetup, free: frozenset[str]) -> Iterator[Parameter]:
+    def parameters(self, setup: Placement, free: frozenset[str]) -> Iterator[Parameter]:
         """How the base stands to each frame, and the tool points where they are free."""
         yield from _frame_parameters(setup)
         if "tool" in free:
@@ -78,21 +79,21 @@ class PositionGauge(Gauge):
         for generator in POSITION_ERRORS:
             yield from generator(run)
 
-    def coordinates(self, context: Context) -> Iterator[tuple[str, Array]]:
+    def coordinates(self, setup: Placement, samples: Samples, motion: ForwardPass) -> Iterator[tuple[str, Array]]:
         """Yield the position."""
-        yield "position", context.motion.x.T
+        yield "position", motion.x.T
 
-    def number_places(self, setup: MeasurementSetup, cell: Cell, run: Run) -> MeasurementSetup:
+    def number_places(self, setup: P, cell: Site, run: Run) -> P:
         """Return the setup with frames that are all to be found, as well as the nominal robot finds them."""
         turn = max(LOCATED_TURN_SIGMA, setup.robot.usual_turn)
         return setup.with_unknown_places(run.places, LOCATED_SIGMA, turn)
 
-    def set_up_again(self, setup: MeasurementSetup, cell: Cell, run: Run) -> MeasurementSetup:
+    def set_up_again(self, setup: P, cell: Site, run: Run) -> P:
         """Return the setup with the frames of the run; the targets sit where they sat."""
         there = self.place(self.number_places(setup, cell, run), run, setup.p_FM)
         return replace(there, p_FM=setup.p_FM, R_FM=setup.R_FM)
 
-    def needs_new_frames(self, setup: MeasurementSetup, run: Run) -> bool:
+    def needs_new_frames(self, setup: Placement, run: Run) -> bool:
         """Tell whether the run was measured from another station."""
         return not set(run.places) <= set(setup.place_names)
 
@@ -104,7 +105,7 @@ class ToolPosition(PositionGauge):
     kind: ClassVar[str] = "tool-position"
     default_noise_um: ClassVar[float] = 0.0
 
-    def place(self, setup: MeasurementSetup, run: Run, p_FM: Array | None) -> MeasurementSetup:
+    def place(self, setup: P, run: Run, p_FM: Array | None) -> P:
         """Return the setup as it is: the base's frame is the gauge's."""
         return setup
 
@@ -139,12 +140,12 @@ class FrameGauge(PositionGauge, LineGauge):
         turn = float(from_deg(placed.prior_deg))
         return (Fixture("", p, read_only(R[:, 2]), placed.prior_mm * MM, (mount,), R, turn),)
 
-    def visit_cells(self, cell: Cell, visit: PlannedVisit) -> tuple[str, str]:
+    def visit_cells(self, cell: Site, visit: PlannedVisit) -> tuple[str, str]:
         """Return the ball and how far off centre it is met."""
         met = "" if visit.contact is None else f"{float(to_mm(visit.contact)):.2f}"
         return cell.balls[visit.ball].name if visit.ball >= 0 else "", met
 
-    def plan_errors(self, cell: Cell, poses: Sequence[RecordedPose], plan: Path) -> Array:
+    def plan_errors(self, cell: Site, poses: Sequence[RecordedPose], plan: Path) -> Array:
         """Distance of the tool point from the ball that is centred there, one a pose [mm]; nothing is off elsewhere."""
         names = [b.name for b in cell.balls]
         x = cell.map_position(np.deg2rad([p.q_deg for p in poses]))
@@ -153,7 +154,7 @@ class FrameGauge(PositionGauge, LineGauge):
             [0.0 if k < 0 else float(np.linalg.norm(x[i] - cell.p_BS[k])) * 1e3 for i, k in enumerate(ball)]
         )
 
-    def visit_record(self, cell: Cell, visit: PlannedVisit) -> dict[str, object]:
+    def visit_record(self, cell: Site, visit: PlannedVisit) -> dict[str, object]:
         """Return the ball and how far off centre it is met."""
         if visit.ball < 0:
             return {}
@@ -161,7 +162,7 @@ class FrameGauge(PositionGauge, LineGauge):
         return said if visit.contact is None else said | {"first_contact_mm": visit.contact * 1e3}
 
 
-def _frame_parameters(setup: MeasurementSetup) -> Iterator[Parameter]:
+def _frame_parameters(setup: Placement) -> Iterator[Parameter]:
     for s, name in enumerate(setup.place_names):
         label = f"base_{name}" if name else "base"
         whose = f" for {name}" if name else ""

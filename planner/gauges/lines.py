@@ -7,10 +7,11 @@ from typing import ClassVar
 
 import numpy as np
 
-from planner.cell.cell import Cell, Fixture
 from planner.cell.file import CellFile
 from planner.cell.gauge import Gauge
 from planner.cell.gauge_types import CellStep, FilterStage, JointSamples, PointTravel, SessionGuide, place_text
+from planner.cell.parts import Fixture
+from planner.cell.site import Site
 from planner.common.errors import InputError
 from planner.common.second_process import available_threads
 from planner.common.sequences import sobol_points
@@ -25,10 +26,10 @@ class LineGauge(Gauge):
 
     noun: ClassVar[str] = "bar"
 
-    def joint_sampler(self, cell: Cell, mounting: Mounting, seed: int) -> Callable[[int], JointSamples]:
+    def joint_sampler(self, cell: Site, mounting: Mounting, seed: int) -> Callable[[int], JointSamples]:
         """Draw states whose first joint brings the tool point into the shell."""
         draw = shell_points(cell, seed)
-        return lambda count: sample_shell(cell, mounting, draw(count))
+        return lambda count: sample_shell(cell, mounting, draw(count), self.planned_range)
 
     @property
     def margin_columns(self) -> tuple[tuple[FilterStage, str], ...]:
@@ -60,7 +61,7 @@ ARC_STATES = 8192  # that a thread brings into the shell at a time
 PER_ARC = 4.0  # mean number of points on an arc that is not empty
 
 
-def shell_points(cell: Cell, seed: int) -> Callable[[int], Array]:
+def shell_points(cell: Site, seed: int) -> Callable[[int], Array]:
     """Return what draws low-discrepancy points over all joints but the first, which the arcs choose.
 
     Raises:
@@ -71,13 +72,14 @@ def shell_points(cell: Cell, seed: int) -> Callable[[int], Array]:
     return sobol_points(cell.robot.n_joints - 1, seed)
 
 
-def sample_shell(cell: Cell, mounting: Mounting, points: Array) -> JointSamples:
+def sample_shell(cell: Site, mounting: Mounting, points: Array, shell: tuple[float, float]) -> JointSamples:
     """Bring low-discrepancy points into the shell of one fixture.
 
     Args:
         cell: the cell.
         mounting: how the gauge is held.
         points: samples of all joints but the first in the unit cube, (m, N − 1).
+        shell: its inner and outer radius [m].
     """
     cell, p_BX = cell.at(mounting), cell.fixtures[mounting.fixture].p_BX
     lower, upper = cell.sampling_range
@@ -85,7 +87,7 @@ def sample_shell(cell: Cell, mounting: Mounting, points: Array) -> JointSamples:
     q[:, 0], q[:, 1:] = 0.0, lower[1:] + points * (upper - lower)[1:]
     chunks = [q[k : k + ARC_STATES] for k in range(0, len(q), ARC_STATES)]
     with ThreadPoolExecutor(available_threads()) as threads:
-        arcs = threads.map(lambda part: _arcs_in_shell(cell, p_BX, part, lower[0], upper[0]), chunks)
+        arcs = threads.map(lambda part: _arcs_in_shell(cell, p_BX, part, (lower[0], upper[0]), shell), chunks)
         inside, start, length = (np.concatenate(parts) for parts in zip(*arcs, strict=True))
     return _sample_arcs(q[inside], start, length, float(upper[0] - lower[0]), len(q))
 
@@ -104,7 +106,9 @@ def _sample_arcs(q: Array, start: Array, length: Array, full: float, count: int)
     return JointSamples(out, max(len(out), round(count * full / spacing)))
 
 
-def _arcs_in_shell(cell: Cell, p_BX: Array, q: Array, lower: float, upper: float) -> tuple[np.ndarray, Array, Array]:
+def _arcs_in_shell(
+    cell: Site, p_BX: Array, q: Array, joint_range: tuple[float, float], shell: tuple[float, float]
+) -> tuple[np.ndarray, Array, Array]:
     """Arcs of the first joint that lie in the shell, for q with q1 = 0: start and length, (m, A) [rad].
 
     Of those states alone, (n,) bool and returned first, whose circle meets the shell.
@@ -113,6 +117,7 @@ def _arcs_in_shell(cell: Cell, p_BX: Array, q: Array, lower: float, upper: float
     φ the angle between them.
     """
     chain, sense = cell.chain, float(cell.robot.sense_matrix[0, 0])
+    lower, upper = joint_range
     first = next(k for k, t in enumerate(chain.transforms) if t.joint == 0)
     motion = chain.forward(cell.robot.theta(q[:1]))
     u, c = motion.u[first, :, 0], motion.p[first, :, 0]
@@ -124,7 +129,7 @@ def _arcs_in_shell(cell: Cell, p_BX: Array, q: Array, lower: float, upper: float
     r = np.hypot(along, across)
     square = (x @ u - f @ u) ** 2 + r**2 + f_radial**2
     scale = np.maximum(2 * r * f_radial, 1e-12)
-    shortest, longest = cell.gauge.planned_range
+    shortest, longest = shell
     near, far = (np.clip((square - end**2) / scale, -1, 1) for end in (shortest, longest))
     inside = near > far
     near, far, phi0 = np.arccos(near[inside]), np.arccos(far[inside]), np.arctan2(across[inside], along[inside])

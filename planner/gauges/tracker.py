@@ -7,13 +7,13 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from planner.cell.cell import Cell
 from planner.cell.file import CellFile, PlacedFile
 from planner.cell.gauge import Gauge
 from planner.cell.gauge_registry import register_gauge
 from planner.cell.gauge_types import CellStep, GaugeBody, SessionGuide, place_text
+from planner.cell.placement import P, Placement, Targets
 from planner.cell.places import nests_frame
-from planner.cell.setup import MeasurementSetup, Targets
+from planner.cell.site import Site
 from planner.cell.workspace import axis_reach
 from planner.common.errors import InputError, NoSolutionError
 from planner.common.units import MM, Array, from_mm, read_only, to_mm
@@ -69,7 +69,7 @@ class Tracker(FrameGauge):
             )
         return file.tracker
 
-    def preparation(self, cell: Cell, mounting: Mounting) -> tuple[str, str]:
+    def preparation(self, cell: Site, mounting: Mounting) -> tuple[str, str]:
         """The tracker has to see the reflector."""
         return "", "put the reflector into its nest and let the tracker find it"
 
@@ -101,7 +101,7 @@ class Tracker(FrameGauge):
         stay = "Stay beside it: where the beam breaks, stop the program, lock it on again and go on from there."
         return SessionGuide(f"the reflector's position ({cls.columns})", tuple(steps), (seen,), stay)
 
-    def describe(self, cell: Cell) -> str:
+    def describe(self, cell: Site) -> str:
         """Say where it stands."""
         if not cell.fixtures:
             return "tracker, its place not declared"
@@ -117,27 +117,27 @@ class Tracker(FrameGauge):
             return self
         return PoseTracker(**{f.name: getattr(self, f.name) for f in fields(self)})
 
-    def place(self, setup: MeasurementSetup, run: Run, p_FM: Array | None) -> MeasurementSetup:
+    def place(self, setup: P, run: Run, p_FM: Array | None) -> P:
         """Find the stations, and the targets where the cell has none."""
         seen = _place_frames(setup, run, p_FM)
         return replace(setup, R_BG=seen.R_BG, p_BG=seen.p_BG, p_FM=seen.p_FM)
 
     def simulate(
-        self, cell: Cell, samples: Samples, predict: Callable[[Samples], Array],
+        self, cell: Site, samples: Samples, predict: Callable[[Samples], Array],
         slopes: Callable[[Samples], Array], noise: Array,
     ) -> tuple[Samples, Readings]:  # fmt: skip
         """Return the positions as the tracker sees them in its own frame."""
         place = cell.fixtures[0]
         return samples, self.readings((predict(samples) - place.p_BX) @ place.R_BX + noise)
 
-    def reference_readings(self, cell: Cell, rng: np.random.Generator) -> ReferenceReadings:
+    def reference_readings(self, cell: Site, rng: np.random.Generator) -> ReferenceReadings:
         """Return the nests as the tracker reads them."""
         R_BW, p_BW = nests_frame(cell.file)
         place = cell.fixtures[0]
         seen = [(n.name, (R_BW @ n.p_WN + p_BW - place.p_BX) @ place.R_BX) for n in cell.nests]
         return ReferenceReadings(tuple((name, read_only(p + self.noise * rng.standard_normal(3))) for name, p in seen))
 
-    def bodies(self, cell: Cell) -> list[GaugeBody]:
+    def bodies(self, cell: Site) -> list[GaugeBody]:
         """The beam from the reflector on, past all that the robot can put in its way."""
         reach = float(axis_reach(cell.chain.transforms, cell.robot.n_joints)[0])
         far = float(np.linalg.norm(cell.fixtures[0].p_BX)) - reach
@@ -154,26 +154,26 @@ class PoseTracker(Tracker):
     width: ClassVar[int] = 6
     angles: ClassVar[int] = 3
 
-    def residual(self, setup: MeasurementSetup, samples: Samples, motion: ForwardPass, targets: Targets) -> Array:
+    def residual(self, setup: Placement, samples: Samples, motion: ForwardPass, targets: Targets) -> Array:
         """Position and orientation read less those of the probe, (n, 6) [m, rad]."""
         apart = super().residual(setup, samples, motion, targets)
         assert targets.rotation is not None
         R = np.einsum("nij,kjn->nik", targets.rotation, motion.R)
         return np.concatenate([apart, small_log3(R)], axis=1)
 
-    def project(self, setup: MeasurementSetup, samples: Samples, motion: ForwardPass, which: np.ndarray) -> Array:
+    def project(self, setup: Placement, samples: Samples, motion: ForwardPass, which: np.ndarray) -> Array:
         """The screws and the axes of what turns, (k, 6, n)."""
         turns = motion.u[which] * motion.rotation[which, None, None]
         return np.concatenate([motion.point_screws(which), turns], axis=1)
 
-    def targets(self, setup: MeasurementSetup, samples: Samples, readings: Readings) -> Targets:
+    def targets(self, setup: Placement, samples: Samples, readings: Readings) -> Targets:
         """Return positions and orientations in the base frame."""
         R_BG, R_FM = setup.R_BG[samples.place], setup.R_FM[samples.point_numbers]
         assert readings.rotation is not None
         R = np.einsum("nij,njk,nlk->nil", R_BG, readings.rotation, R_FM)
         return replace(super().targets(setup, samples, readings), rotation=R)
 
-    def parameters(self, setup: MeasurementSetup, free: frozenset[str]) -> Iterator[Parameter]:
+    def parameters(self, setup: Placement, free: frozenset[str]) -> Iterator[Parameter]:
         """Yield beside a tracker's how the probe is turned on the tool."""
         yield from super().parameters(setup, free)
         for axis in "xyz" if "tool" in free else "":
@@ -181,13 +181,13 @@ class PoseTracker(Tracker):
             what = f"turn of the probe about {axis}"
             yield Parameter(f"probe_r{axis}", "rad", setup.turn_prior, what, transform_move(k), "gauge")
 
-    def place(self, setup: MeasurementSetup, run: Run, p_FM: Array | None) -> MeasurementSetup:
+    def place(self, setup: P, run: Run, p_FM: Array | None) -> P:
         """Find the stations and how the probes sit on the flange."""
         probe = _place_frames(setup, run, p_FM)
         return replace(setup, R_BG=probe.R_BG, p_BG=probe.p_BG, p_FM=probe.p_FM, R_FM=probe.R_FM)
 
 
-def _place_frames(setup: MeasurementSetup, run: Run, p_FM: Array | None) -> FramePlacement:
+def _place_frames(setup: Placement, run: Run, p_FM: Array | None) -> FramePlacement:
     """Find the stations, and how targets or probes sit on the flange.
 
     Raises:

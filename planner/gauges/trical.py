@@ -7,10 +7,11 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from planner.cell.cell import Ball, Cell, IndicatorHead
 from planner.cell.file import CellFile, IndicatorHeadFile, PlacedFile
 from planner.cell.gauge_registry import register_gauge
 from planner.cell.gauge_types import CellStep, GaugeBody, SessionGuide, place_text
+from planner.cell.parts import Ball, IndicatorHead
+from planner.cell.site import Site
 from planner.common.errors import InputError
 from planner.common.units import MM, UM, Array, read_only, to_mm
 from planner.gauges.balls import BallGauge, artifact_frame, artifact_step, check_names, nearest_ball
@@ -70,7 +71,7 @@ class TriCalHead(BallGauge):
         """The indicators are mastered with the head's opening upwards."""
         return None
 
-    def retract(self, cell: Cell, q: Array, ball: int) -> tuple[Array, Array]:
+    def retract(self, cell: Site, q: Array, ball: int) -> tuple[Array, Array]:
         """The head comes along its own axis, turned as at the ball."""
         return retract_tool(cell.chain, cell.robot, q, self.indicators.approach * cell.tool.axis_F)
 
@@ -79,11 +80,11 @@ class TriCalHead(BallGauge):
         """Time of one centring [s]."""
         return self.indicators.seconds
 
-    def mastered_reading(self, cell: Cell) -> float | None:
+    def mastered_reading(self, cell: Site) -> float | None:
         """Half of what the master ball's diameter is larger than a ball's."""
         return None if self.head is None or not cell.balls else self.head.master / 2 - cell.balls[0].radius
 
-    def preparation(self, cell: Cell, mounting: Mounting) -> tuple[str, str]:
+    def preparation(self, cell: Site, mounting: Mounting) -> tuple[str, str]:
         """The indicators are mastered on the master ball."""
         master, shown = float(to_mm(self.indicators.master)), float(to_mm(self.mastered_reading(cell) or 0.0))
         return (
@@ -91,15 +92,15 @@ class TriCalHead(BallGauge):
             f"set all three indicators to {shown:.3f} mm, then take the ball out",
         )
 
-    def ball_to_centre(self, cell: Cell, q: Array) -> int | None:
+    def ball_to_centre(self, cell: Site, q: Array) -> int | None:
         """Return the ball that the measured point is nearest to."""
         return nearest_ball(cell, q)
 
-    def describe(self, cell: Cell) -> str:
+    def describe(self, cell: Site) -> str:
         """Name the balls."""
         return f"head of three indicators on the balls {', '.join(b.name for b in cell.balls)}"
 
-    def check_run(self, cell: Cell, run: Run) -> None:
+    def check_run(self, cell: Site, run: Run) -> None:
         """Refuse distances from a ball's centre in another unit than is said."""
         super().check_run(cell, run)
         offset = run.readings.offset
@@ -114,7 +115,7 @@ class TriCalHead(BallGauge):
                 "millimetres?"
             )
 
-    def reference_readings(self, cell: Cell, rng: np.random.Generator) -> ReferenceReadings:
+    def reference_readings(self, cell: Site, rng: np.random.Generator) -> ReferenceReadings:
         """Return the indicators at the master ball, before and after."""
         wanted = self.mastered_reading(cell)
         if wanted is None:
@@ -122,7 +123,7 @@ class TriCalHead(BallGauge):
         masters = tuple(read_only(wanted + INDICATOR_NOISE * rng.standard_normal(3)) for _ in range(2))
         return ReferenceReadings(masters=masters)
 
-    def centring_warnings(self, cell: Cell, planned: Samples, run: Run) -> tuple[str, ...]:
+    def centring_warnings(self, cell: Site, planned: Samples, run: Run) -> tuple[str, ...]:
         """Count the balls that were met too far off centre; ``planned`` is where the arm was sent."""
         head = self.indicators
         apart = np.linalg.norm(cell.map_position(run.samples.q) - cell.map_position(planned.q), axis=1)
@@ -135,11 +136,11 @@ class TriCalHead(BallGauge):
             f"gauge.head.uncalibrated_mm = {head.uncalibrated / MM:g} says; give smaller errors with --truth",
         )
 
-    def bodies(self, cell: Cell) -> list[GaugeBody]:
+    def bodies(self, cell: Site) -> list[GaugeBody]:
         """The indicators' tips on the flange, and the artifact with balls and stems as the cell says that it stands."""
         return [] if self.head is None else [*self._tips(cell), *_artifact(cell)]
 
-    def _tips(self, cell: Cell) -> Iterator[GaugeBody]:
+    def _tips(self, cell: Site) -> Iterator[GaugeBody]:
         """Tips where they stand when a ball is centred (TriCal paper, 2.1).
 
         The round end of the capsule stands out of the flat disk by as much as its rim is cut off.
@@ -222,7 +223,7 @@ def read_head(path: Path, cell: CellFile) -> IndicatorHead | None:
     )
 
 
-def _artifact(cell: Cell) -> list[GaugeBody]:
+def _artifact(cell: Site) -> list[GaugeBody]:
     T = artifact_frame(cell)
     carrier = [replace(b, T=read_only(T @ b.T)) for b in cell.carrier]
     stems = [s for b in cell.balls if (s := _stem(b, T)) is not None]

@@ -7,8 +7,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from planner.cell.cell import Cell
+from planner.cell.placement import N_BASE_TRANSFORMS
 from planner.cell.places import placed_frame
-from planner.cell.setup import N_BASE_TRANSFORMS, MeasurementSetup
+from planner.cell.setup import MeasurementSetup
 from planner.common.units import DEG, MM, Array
 from planner.gauges.placement.flange_poses import LOCATED_TURN_SIGMA
 from planner.identification.least_squares import Fit

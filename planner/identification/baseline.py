@@ -19,7 +19,8 @@ from scipy.linalg import block_diag
 from scipy.spatial.transform import Rotation
 
 from planner.cell.cell import Cell
-from planner.cell.setup import FREEABLE, MeasurementSetup, setup_of
+from planner.cell.placement import FREEABLE
+from planner.cell.setup import MeasurementSetup, setup_of
 from planner.common.determinism import even_positions
 from planner.common.errors import InputError
 from planner.common.files import read_bytes

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from planner.cell.cell import Cell
-from planner.cell.setup import FREEABLE, MeasurementSetup
+from planner.cell.placement import FREEABLE
+from planner.cell.setup import MeasurementSetup
 from planner.common.determinism import even_positions
 from planner.common.units import Array
 from planner.design.free_parameters import (

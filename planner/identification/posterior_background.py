@@ -10,7 +10,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from planner.cell.setup import N_BASE_TRANSFORMS, MeasurementSetup
+from planner.cell.placement import N_BASE_TRANSFORMS
+from planner.cell.setup import MeasurementSetup
 from planner.common.units import Array
 from planner.effects.catalogue import Background, Excitation, catalogue, effect_kinds, registration_of
 from planner.effects.effect import Effect, Parameter, Role, transform_move

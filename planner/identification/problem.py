@@ -8,7 +8,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from planner.cell.setup import Targets
+from planner.cell.placement import Targets
 from planner.common.units import Array
 from planner.effects.context import Context
 from planner.identification.noise import Noise, Whitener

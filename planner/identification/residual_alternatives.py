@@ -69,7 +69,7 @@ def _gauge_alternatives(problem: FitProblem, detail: int) -> Iterator[tuple[str,
     On the nominal setup: what was read carries the very noise that is looked at.
     """
     each, c = _reading_rows(problem), problem.context
-    for name, values in c.measurement_setup.gauge.coordinates(c):
+    for name, values in c.measurement_setup.gauge.coordinates(c.measurement_setup, c.samples, c.motion):
         columns = _powers(values, detail) if values.ndim == 1 else _surface(values, detail)
         yield name, _outer_columns(columns, each)
 

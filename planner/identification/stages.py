@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from planner.cell.setup import Targets
+from planner.cell.placement import Targets
 from planner.common.arrays import mean_by_group
 from planner.common.determinism import even_positions
 from planner.common.units import MM, Array

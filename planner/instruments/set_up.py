@@ -6,8 +6,9 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from planner.cell.cell import Cell, Fixture
-from planner.cell.setup import Targets
+from planner.cell.cell import Cell
+from planner.cell.parts import Fixture
+from planner.cell.placement import Targets
 from planner.common.units import DEG, MM, Array
 from planner.gauges.frame_gauge import ToolPosition
 from planner.kinematics.inverse_kinematics import solve_pose_ik, tool_pose

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from planner.cell.cell import Cell
-from planner.cell.setup import Targets
+from planner.cell.placement import Targets
 from planner.common.errors import InputError
 from planner.common.units import Array, read_only
 from planner.instruments.loaded.equilibrium import solve_equilibrium

@@ -10,7 +10,8 @@ import numpy as np
 from pydantic import Field, NonNegativeFloat
 
 from planner.cell.cell import Cell
-from planner.cell.setup import FREEABLE, MeasurementSetup, setup_of
+from planner.cell.placement import FREEABLE
+from planner.cell.setup import MeasurementSetup, setup_of
 from planner.common.errors import InputError, did_you_mean
 from planner.common.files import read_utf8
 from planner.common.schema import StrictModel, read_toml, validate

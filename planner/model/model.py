@@ -12,11 +12,13 @@ from functools import cached_property
 import numpy as np
 
 from planner.cell.cell import Cell
-from planner.cell.setup import MeasurementSetup, Targets, setup_of
+from planner.cell.placement import Targets
+from planner.cell.setup import MeasurementSetup, setup_of
 from planner.common.units import Array
 from planner.effects.basis import BasisFunction
 from planner.effects.context import Context
 from planner.effects.effect import Parameter, robot_parameters
+from planner.effects.gauge_unknowns import unknowns_of
 from planner.kinematics.chain import ForwardPass
 from planner.model.columns import Columns
 from planner.runs.run import Samples
@@ -102,7 +104,7 @@ class Model:
 
         What places the gauge comes first: it is known worst.
         """
-        return cls(setup, (*setup.gauge.parameters(setup, free), *robot_parameters(setup)))
+        return cls(setup, (*unknowns_of(setup.gauge).parameters(setup, free), *robot_parameters(setup)))
 
     @property
     def names(self) -> tuple[str, ...]:

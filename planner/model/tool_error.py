@@ -6,7 +6,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from planner.cell.cell import Cell
-from planner.cell.setup import N_BASE_TRANSFORMS, MeasurementSetup, RobotSetup, setup_of
+from planner.cell.placement import N_BASE_TRANSFORMS, RobotSetup
+from planner.cell.setup import MeasurementSetup, setup_of
 from planner.common.units import Array, read_only
 from planner.effects.effect import Parameter
 from planner.gauges.frame_gauge import ToolPosition
@@ -89,9 +90,9 @@ def tool_setup(robot: RobotSetup, p_FM: Array) -> MeasurementSetup:
     """Return a robot that no gauge looks at, with a tool point (3,) [m] in the flange frame."""
     nowhere, upright = np.zeros((1, 3)), np.eye(3)[None]
     return MeasurementSetup(
-        robot.robot, robot.gravity_B, robot.tool_mass, robot.com_F, ToolPosition(noise=0.0), p_BX=nowhere, R_BG=upright,
-        p_BG=nowhere, p_FM=p_FM[None], R_FM=upright, p_GS=nowhere[:0], place_names=("",), point_names=("",),
-        place_prior=np.ones(1), tool_prior=1.0, turn_prior=1.0, joint_sigma=0.0,
+        robot.robot, robot.gravity_B, robot.tool_mass, robot.com_F, p_BX=nowhere, R_BG=upright, p_BG=nowhere,
+        gauge=ToolPosition(noise=0.0), p_FM=p_FM[None], R_FM=upright, p_GS=nowhere[:0], place_names=("",),
+        point_names=("",), place_prior=np.ones(1), tool_prior=1.0, turn_prior=1.0, joint_sigma=0.0,
     )  # fmt: skip
 
 

@@ -7,14 +7,15 @@ from typing import ClassVar
 import numpy as np
 from pydantic import BaseModel
 
-from planner.cell.cell import Fixture
 from planner.cell.gauge import Gauge
 from planner.cell.gauge_registry import register_gauge
-from planner.cell.setup import Targets
+from planner.cell.parts import Fixture
+from planner.cell.placement import Targets
 from planner.common.units import MM, from_mm
 from planner.effects.basis import ONE
 from planner.effects.effect import Parameter, ParameterMove, reading_move, tool_parameters, transform_move
 from planner.effects.gauge_errors import PointLag
+from planner.effects.gauge_unknowns import GaugeUnknowns
 from planner.runs.run import Readings
 
 
@@ -27,7 +28,7 @@ class PlaneKeys(BaseModel):
 
 @register_gauge
 @dataclass(frozen=True)
-class PlaneDial(Gauge):
+class PlaneDial(Gauge, GaugeUnknowns):
     """Reads the distance of the tool point from a plane, along the plane's normal."""
 
     point: np.ndarray = None
@@ -84,8 +85,8 @@ class PlaneDial(Gauge):
     def lag_moves(self):
         return tuple(ParameterMove("reading", 0, PointLag(a)) for a in range(3))
 
-    def coordinates(self, context):
-        yield "position", context.motion.x.T
+    def coordinates(self, setup, samples, motion):
+        yield "position", motion.x.T
 
     # ---- frames to be found
 

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from planner.cell.placement import Targets
 from planner.cell.reading import load_cell
-from planner.cell.setup import Targets
 from planner.common.units import MM
 from planner.identification.calibration import Calibration
 from planner.identification.cross_validation import split_run

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from planner.cell.cell import Cell
-from planner.cell.setup import Targets
+from planner.cell.placement import Targets
 from planner.common.units import MM, Array
 from planner.instruments.circular.plan import CircularPlan, circle_samples
 from planner.instruments.simulation import SAMPLE_RATE

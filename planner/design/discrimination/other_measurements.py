@@ -15,6 +15,7 @@ from planner.design.discrimination.criterion import PoolCoordinates, noncentrali
 from planner.design.discrimination.power import ALIKE, EVIDENCE
 from planner.design.discrimination.questions import PredictedReadings, QuestionSet, RivalPair, candidate_visits
 from planner.effects.effect import Parameter
+from planner.effects.gauge_unknowns import unknowns_of
 from planner.runs.run import FIRST_MOUNTING, Samples
 
 FEW = 800  # candidates of a cell that is tried
@@ -105,7 +106,7 @@ def _second_fixture(
         model = replace(few.model, setup=_add_place(setup, fixture.p_BX))
         there = tuple(replace(s, place=np.full(len(s), len(setup.p_BX))) for s in samples)
         both = tuple(Samples.concatenate((a, b)) for a, b in zip(few.samples, there, strict=True))
-        placed = model.setup.gauge.parameters(model.setup, frozenset({"fixture"}))
+        placed = unknowns_of(model.setup.gauge).parameters(model.setup, frozenset({"fixture"}))
         more = tuple(p for p in placed if p.name.startswith(f"fixture_{NEW}_"))
         place = ", ".join(f"{v:.0f}" for v in to_mm(fixture.p_BX))
         yield OtherMeasurement(

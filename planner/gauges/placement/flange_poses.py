@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from planner.cell.cell import Cell
-from planner.cell.setup import MeasurementSetup
+from planner.cell.placement import Placement
+from planner.cell.site import Site
 from planner.common.errors import InputError, did_you_mean
 from planner.common.units import MM, Array, IntArray, read_only
 from planner.runs.run import Run
@@ -14,7 +14,7 @@ LOCATED_SIGMA = 20.0 * MM  # one sigma of a frame or tool point that was placed 
 LOCATED_TURN_SIGMA = 0.02  # the same of a frame's orientation [rad]
 
 
-def index_in_cell(run: Run, name: str, known: tuple[str, ...], what: str, cell: Cell) -> int:
+def index_in_cell(run: Run, name: str, known: tuple[str, ...], what: str, cell: Site) -> int:
     """Return which of the cell's names a name of the run is.
 
     Raises:
@@ -36,7 +36,7 @@ def index_in_cell(run: Run, name: str, known: tuple[str, ...], what: str, cell: 
     )
 
 
-def nominal_flange_poses(setup: MeasurementSetup, q: Array) -> tuple[Array, Array]:
+def nominal_flange_poses(setup: Placement, q: Array) -> tuple[Array, Array]:
     """Positions (n, 3) [m] and orientations (n, 3, 3) of the flange of the nominal robot."""
     motion = setup.robot.chain.forward(setup.robot.theta(q))
     return motion.x.T.copy(), motion.R.transpose(2, 0, 1).copy()
@@ -111,9 +111,7 @@ class FlangePoses:
         return np.sort(np.concatenate(picks))
 
 
-def flange_poses(
-    setup: MeasurementSetup, run: Run, p_FM: Array | None = None, p_BX: Array | None = None
-) -> FlangePoses:
+def flange_poses(setup: Placement, run: Run, p_FM: Array | None = None, p_BX: Array | None = None) -> FlangePoses:
     """Return where the flange of the nominal robot stood at the samples of a run.
 
     ``p_FM`` (T, 3) and ``p_BX`` (S, 3) [m] are the targets and fixtures where they are known, measured or not.

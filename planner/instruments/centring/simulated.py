@@ -6,7 +6,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from planner.cell.cell import Cell
-from planner.cell.setup import Targets
+from planner.cell.placement import Targets
 from planner.common.units import UM, Array, read_only
 from planner.instruments.centring.settings import CentringSettings
 from planner.instruments.centring.stop import LinkError

@@ -11,7 +11,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.cell.setup import MeasurementSetup, Targets
+from planner.cell.placement import Targets
+from planner.cell.setup import MeasurementSetup
 from planner.common.units import MM, Array, read_only
 from planner.effects.compliance import compliance_parameters
 from planner.instruments.loaded.equilibrium import deflect_joints, lower_fixture, raise_fixture, samples_of

@@ -7,7 +7,7 @@ import numpy as np
 from scipy.linalg import block_diag, solve_triangular
 
 from planner.cell.cell import Cell
-from planner.cell.setup import Targets
+from planner.cell.placement import Targets
 from planner.common.errors import InputError
 from planner.common.units import UM, Array, read_only
 from planner.effects.compliance import compliance_parameters

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import tests.identification.rigs as rigs
-from planner.cell.setup import FREEABLE
+from planner.cell.placement import FREEABLE
 from planner.common.errors import InputError
 from planner.design.discrimination.findings import read_identification
 from planner.design.discrimination.power import SURE, Discrimination, PairPower

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from planner.cell.cell import Nest
+from planner.cell.parts import Nest
 from planner.cell.reading import load_cell
 from planner.common.errors import InputError
 from planner.instruments.precision import repeat_groups, repeat_precision, repeated_centrings

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from planner.cell.setup import Targets
+from planner.cell.placement import Targets
 from planner.common.errors import NoSolutionError
 from planner.design.candidates.balls import FirstContact, draw_ball_candidates, length_quantile
 from planner.model.model import Model

@@ -8,7 +8,7 @@ import planner.effects.basis as basis
 import planner.effects.compliance as compliance
 import planner.effects.sessions as sessions
 import tests.identification.calibrated.made as making
-from planner.cell.setup import Targets
+from planner.cell.placement import Targets
 from planner.effects.basis import FUNCTIONS
 from planner.effects.phi_keys import is_static, key_patterns, phi_from_key
 from planner.identification.calibrated_robot import (

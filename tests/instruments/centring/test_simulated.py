@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from planner.cell.placement import Targets
 from planner.cell.reading import load_cell
-from planner.cell.setup import Targets
 from planner.design.candidates.balls import draw_ball_candidates
 from planner.instruments.centring.procedure import centre_ball, check_free
 from planner.instruments.centring.settings import CentringSettings, RestSettings

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from planner.cell.setup import Targets
+from planner.cell.placement import Targets
 from planner.design.candidates.pool import draw_candidates
 from planner.instruments.circular.plan import circle_samples
 from planner.instruments.set_up import ADJUSTED, solve_fixture_pose

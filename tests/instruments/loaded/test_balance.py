@@ -7,7 +7,8 @@ import pytest
 
 import tests.instruments.loaded.shared as shared
 import tests.instruments.loaded.world as world
-from planner.cell.setup import Targets, setup_of
+from planner.cell.placement import Targets
+from planner.cell.setup import setup_of
 from planner.effects.compliance import compliance_parameters
 from planner.instruments.loaded.equilibrium import solve_equilibrium
 from planner.instruments.simulation import simulate_run

@@ -1,0 +1,111 @@
+"""What a person does with a gauge, and the words in which plans, programs and reports speak of it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import ClassVar
+
+import numpy as np
+
+from planner.cell.file import CellFile
+from planner.cell.gauge_types import PlannedVisit, RecordedPose, SessionGuide
+from planner.cell.parts import IndicatorHead
+from planner.cell.site import Site
+from planner.common.errors import InputError
+from planner.common.units import Array
+from planner.runs.run import Mounting, Run, Samples
+
+
+@dataclass(frozen=True, kw_only=True)
+class GaugeSession:
+    """A session with a gauge.
+
+    Attributes:
+        head: indicators that are centred on balls, where it has them.
+    """
+
+    head: IndicatorHead | None = None
+
+    kind: ClassVar[str]  # in cell files
+    columns: ClassVar[str]  # of a run that hold its readings
+    noun: ClassVar[str] = "gauge"  # what reports and messages call it
+    pose_columns: ClassVar[tuple[str, str]] = ("place", "reading (mm)")  # of a table of poses: where, and a figure
+    removal: ClassVar[str] = ""  # what a person does after the last pose
+    measured_by: ClassVar[str] = "run the program and log it (to try it: edbb simulate PLAN -o run.csv)"
+
+    @property
+    def indicators(self) -> IndicatorHead:
+        """The head of indicators, where only that will do.
+
+        Raises:
+            InputError: there is none.
+        """
+        if self.head is None:
+            raise InputError(f"a gauge '{self.kind}' has no head of indicators, which this needs")
+        return self.head
+
+    def mastered_reading(self, cell: Site) -> float | None:
+        """Return what indicators show at the master ball [m]; ``None`` where nothing is mastered."""
+        return None
+
+    def ball_to_centre(self, cell: Site, q: Array) -> int | None:
+        """Return which ball is centred at q (N,) [rad]; ``None`` where no ball is."""
+        return None
+
+    def centring_warnings(self, cell: Site, planned: Samples, run: Run) -> tuple[str, ...]:
+        """Say how many poses of a simulated run were met further off than the gauge can read."""
+        return ()
+
+    @property
+    def reading_seconds(self) -> float:
+        """Time that one reading takes beyond the dwell [s]."""
+        return 0.0
+
+    def preparation(self, cell: Site, mounting: Mounting) -> tuple[str, str]:
+        """Return what is explained to a person before the first pose, and what the person does then."""
+        return "", "set the gauge to zero"
+
+    def session_names(self, cell: Site, mounting: Mounting) -> tuple[str, str]:
+        """Return what a session calls the pose where it starts and what it measures from there."""
+        return "where the session starts", "measuring"
+
+    def seating(self, cell: Site, q: Array, pose: int) -> str:
+        """Return what a person does at a pose before it is read, q (N,) [rad]; empty where nothing."""
+        return ""
+
+    def starts_among(self, q: Array) -> Array | None:
+        """Return the states (n, N) [rad] among which a session starts; ``None``: where the tool's axis points up."""
+        return q
+
+    def plan_errors(self, cell: Site, poses: Sequence[RecordedPose], plan: Path) -> Array:
+        """Return by how much each pose misses what the plan at ``plan`` says of it, (n,) [mm]."""
+        return np.zeros(len(poses))
+
+    def plan_error_text(self, pose: int, error: float) -> str:
+        """Say such an error [mm] of the pose with that id."""
+        return f"pose {pose} is {error:.3f} mm off its ball"
+
+    @classmethod
+    def session_guide(cls, file: CellFile) -> SessionGuide:
+        """Return what a person at the cell does with it."""
+        return SessionGuide(f"the gauge's reading ({cls.columns})")
+
+    def describe(self, cell: Site) -> str:
+        """Say what stands where, for the heading of a report."""
+        return self.kind
+
+    def visit_cells(self, cell: Site, visit: PlannedVisit) -> tuple[str, str]:
+        """Return where a pose is measured and its figure, under ``pose_columns``."""
+        return cell.place_name(visit.mounting), ""
+
+    def length_text(self, length: float) -> str:
+        """Say a planned length [m] where it is what the gauge reads, else nothing."""
+        return ""
+
+    def visit_record(self, cell: Site, visit: PlannedVisit) -> dict[str, object]:
+        """Return what ``plan.json`` says of a pose beside its angles."""
+        return {}
+
+    def path_facts(self, shortest: float, longest: float) -> tuple[tuple[str, str], ...]:
+        """Say the lengths [m] along a path, where they matter: (what, value)."""
+        return ()
