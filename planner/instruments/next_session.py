@@ -14,7 +14,8 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from planner.cell.cell import Cell
-from planner.cell.setup import FREEABLE, MeasurementSetup, setup_of
+from planner.cell.placement import FREEABLE
+from planner.cell.setup import MeasurementSetup, setup_of
 from planner.common.errors import InputError, NoSolutionError
 from planner.common.progress import Stages
 from planner.common.units import Array, from_mm, to_mm
