@@ -49,7 +49,7 @@ def test_every_candidate_passes_every_filter(name):
 def test_the_shell_sample_is_as_dense_as_blind_rejection():
     """Kolmogorov–Smirnov of every joint against blind uniform samples, and the count that the arcs stand for."""
     cell = load_cell("comau-nj130/edbb")
-    sample = sample_shell(cell, FIRST_MOUNTING, shell_points(cell, 3)(1 << 15))
+    sample = sample_shell(cell, FIRST_MOUNTING, shell_points(cell, 3)(1 << 15), cell.gauge.planned_range)
     lower, upper = cell.sampling_range
     blind = np.random.default_rng(5).uniform(lower, upper, (1_500_000, 6))
     length = np.linalg.norm(cell.map_position(blind) - cell.fixtures[0].p_BX, axis=1)
