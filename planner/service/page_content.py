@@ -195,8 +195,8 @@ def plan_facts(plan: AnyPlan, is_check: bool = False) -> list[tuple[str, str]]:
         rows += [] if is_check else _what_it_tells(plan)
     if plan.trajectory is not None:
         rows.append(("driving", f"{duration_text(plan.trajectory.duration_s)}, with the stops"))
-    if plan.path.get("clearance_mm") is not None:
-        rows.append(("clearance", f"{_digits(plan.path['clearance_mm'])} mm, proven along the whole path"))
+    if plan.path.clearance_mm is not None:
+        rows.append(("clearance", f"{_digits(plan.path.clearance_mm)} mm, proven along the whole path"))
     return [*rows, ("plan", plan.plan_id)]
 
 
@@ -204,13 +204,13 @@ def _what_it_tells(plan: PlanDocument) -> list[tuple[str, str]]:
     """What the poses will tell."""
     seen = plan.observability
     rows = [("parameters", f"{len(plan.parameters)} can be told apart, {len(plan.dropped)} cannot")]
-    if seen.get("index"):
-        value, bound = _digits(seen.get(seen["index"])), _digits(seen.get("bound"))
-        way = "larger" if find_rule(str(seen["index"])).maximise else "smaller"
+    if seen.index:
+        value, bound = _digits(seen.indices().get(seen.index)), _digits(seen.bound)
+        way = "larger" if find_rule(seen.index).maximise else "smaller"
         text = f"{value} ({way} is better); no choice of as many poses has better than {bound}"
-        rows.append((f"index {seen['index']}", text))
-    if plan.foresight.get("error_mm") is not None:
-        rows.append(("error to be expected", f"{_digits(plan.foresight['error_mm'])} mm"))
+        rows.append((f"index {seen.index}", text))
+    if plan.foresight is not None and plan.foresight.error_mm is not None:
+        rows.append(("error to be expected", f"{_digits(plan.foresight.error_mm)} mm"))
     return rows
 
 

@@ -195,7 +195,7 @@ def _show_any(context: ServiceContext, job: Job) -> HTMLResponse:
 def _show_plan(context: ServiceContext, job: Job) -> HTMLResponse:
     """A plan, of a check too: what it is for, where it drives, and the files to take along."""
     plan = _plan(context, job) if job.state == "done" else None
-    names = {p["file"] for p in plan.programs} if plan else set()
+    names = {p.file for p in plan.programs} if plan else set()
     files = visible_files(job)
     check = None
     if job.kind == "check-plan" and plan:
@@ -209,7 +209,7 @@ def _show_plan(context: ServiceContext, job: Job) -> HTMLResponse:
         facts=plan_facts(plan, job.kind == "check-plan") if plan else [],
         notes=list(dict.fromkeys(plan.notes)) if plan else (),
         is_circular=isinstance(plan, CircularDocument),
-        foreseen=not isinstance(plan, PlanDocument) or bool(plan.foresight),
+        foreseen=not isinstance(plan, PlanDocument) or plan.foresight is not None,
         check=check,
         baseline=find_calibration(context, job.id) if check else None,
         dialects=dialect_entries(),

@@ -105,7 +105,7 @@ def _repeatability(context: ServiceContext, job: Job, found: CalibrationPage, wi
 
 def session_content(plan: AnyPlan, cell: CellFile, files: list[OutputFile]) -> dict[str, object]:
     """Return what the checklist from an empty cell to a saved log says of a plan; files of a program share its name."""
-    stems = tuple(Path(p["file"]).stem for p in plan.programs)
+    stems = tuple(Path(p.file).stem for p in plan.programs)
     return {
         "plan": plan,
         "guide": gauge_class(cell).session_guide(cell),

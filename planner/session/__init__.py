@@ -4,6 +4,7 @@ __all__ = [
     "bar_poses",
     "course",
     "document",
+    "document_parts",
     "judgement",
     "mount",
     "movable_cell",

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field, NonNegativeInt, field_validator
@@ -12,6 +12,16 @@ from planner.common.schema import OneLine, PartialModel, read_json, validate
 from planner.common.units import round_angles
 from planner.runs.run import Run
 from planner.session.course import Role, Waypoints
+from planner.session.document_parts import (
+    DroppedRecord,
+    ForesightRecord,
+    ObservabilityRecord,
+    PathRecord,
+    ProgramRecord,
+    SeparationProofRecord,
+    SeparationRecord,
+    TourRecord,
+)
 
 SCHEMA = "edbb-plan/1"
 MOST_WAYPOINTS = 20_000  # of a drive: a plan has hundreds
@@ -95,22 +105,22 @@ class PlanHeader(PartialModel):
 
 
 class PlanDocument(PlanHeader):
-    """A plan of poses; what is only reported is kept as it is written."""
+    """A plan of poses; ``funnel``: how many candidates each filter left, filters of the gauge among them."""
 
     parameters: tuple[str, ...] = ()
-    dropped: tuple[dict[str, str], ...] = ()
+    dropped: tuple[DroppedRecord, ...] = ()
     funnel: dict[str, int] = {}
     poses: tuple[PoseRecord, ...] = ()
     supports: tuple[SupportRecord, ...] = ()
-    observability: dict[str, Any] = {}
-    tour: dict[str, Any] = {}
-    path: dict[str, Any] = {}
+    observability: ObservabilityRecord = ObservabilityRecord()
+    tour: TourRecord = TourRecord()
+    path: PathRecord = PathRecord()
     trajectory: TrajectoryRecord | None = None
     drives: tuple[DriveRecord, ...] = Field(default=(), min_length=1)
-    separation: tuple[dict[str, Any], ...] = ()
-    separation_proof: dict[str, Any] = {}
-    foresight: dict[str, Any] = {}
-    programs: tuple[dict[str, str], ...] = ()
+    separation: tuple[SeparationRecord, ...] = ()
+    separation_proof: SeparationProofRecord | None = None
+    foresight: ForesightRecord | None = None
+    programs: tuple[ProgramRecord, ...] = ()
     notes: tuple[str, ...] = ()
 
     def ids(self, *roles: str) -> list[int]:
@@ -149,7 +159,7 @@ def read_plan_header(path: Path) -> PlanHeader:
 class _PlanPrograms(PlanHeader):
     """The programs that were written with a plan of any kind."""
 
-    programs: tuple[dict[str, str], ...] = ()
+    programs: tuple[ProgramRecord, ...] = ()
 
 
 def read_dialects(path: Path) -> tuple[str, ...]:
@@ -159,7 +169,7 @@ def read_dialects(path: Path) -> tuple[str, ...]:
         InputError: no such file, or no plan.
     """
     written = validate(read_json(path), _PlanPrograms, str(path)).programs
-    return tuple(dict.fromkeys(p["dialect"] for p in written if "dialect" in p))
+    return tuple(dict.fromkeys(p.dialect for p in written if p.dialect))
 
 
 def check_run_of_plan(run: Run, path: Path, plan: PlanHeader, robot: str) -> None:

@@ -7,6 +7,7 @@ from dataclasses import asdict, dataclass
 from typing import TypeVar
 
 import numpy as np
+from pydantic import BaseModel
 
 from planner.cell.cell import Cell
 from planner.common.errors import NoSolutionError
@@ -15,11 +16,26 @@ from planner.design.bayesian_design import BayesianDesign
 from planner.design.candidates.pool import PoseSet
 from planner.design.discrimination.power import Discrimination
 from planner.design.observability.information import INDEX_RULES
-from planner.design.pose_selection import PoseChoice
+from planner.design.pose_selection import PoseChoice, Pruning
 from planner.design.selection.certificate import Certificate
 from planner.motion.path.verdict import Verdict
 from planner.session.course import Waypoints
 from planner.session.document import SCHEMA, PlanDocument, PlanHeader
+from planner.session.document_parts import (
+    DroppedRecord,
+    ErrorByNumberRecord,
+    ExchangeRecord,
+    ForesightRecord,
+    GridErrorRecord,
+    ObservabilityRecord,
+    OnGridRecord,
+    PathRecord,
+    ProgramRecord,
+    SeparationProofRecord,
+    SeparationRecord,
+    TourRecord,
+    VerdictRecord,
+)
 from planner.session.movable_cell import movable_cell
 from planner.session.plan_types import Drive, Plan, SessionPlan, Visit
 from planner.session.tour_cost import cost_name
@@ -34,7 +50,7 @@ def plan_document(plan: Plan) -> PlanDocument:
 
 def fill_document(document: type[Document], plan: SessionPlan, content: dict[str, object]) -> Document:
     """Return a plan of any kind as its document: its id, its content, its programs and its notes."""
-    files = [{"dialect": name, "file": f.name} for name, files in plan.programs for f in files]
+    files = [ProgramRecord(dialect=name, file=f.name) for name, files in plan.programs for f in files]
     whole = {"schema": SCHEMA, "plan_id": plan.plan_id, **content, "programs": files, "notes": list(plan.notes)}
     filled = document.model_validate(round_numbers(whole))
     return filled.model_copy(update={"hashes": part_hashes(filled.content(), plan.cell)})
@@ -89,7 +105,7 @@ def plan_record(plan: Plan) -> dict[str, object]:
         **_seen_record(choice, plan.pool),
         "poses": [_pose_record(plan, v) for d in drives for v in d.visits],
         "supports": [s for d in drives for s in _support_records(d)],
-        "observability": observability_record(choice, plan.certificate) | {"path": {choice.index: plan.driven}},
+        "observability": _as_driven(observability_record(choice, plan.certificate), plan),
         "tour": _tour_record(plan.cell, drives),
         "path": _path_record(plan),
         "trajectory": {
@@ -109,7 +125,7 @@ def origin_record(cell: Cell, seed: int) -> dict[str, object]:
 
 def _seen_record(choice: PoseChoice, pool: PoseSet) -> dict[str, object]:
     """Return what the poses make identifiable, and which candidates they were chosen from."""
-    dropped = [{"name": d.name, "because": d.because} for d in choice.seen.dropped]
+    dropped = [DroppedRecord(name=d.name, because=d.because) for d in choice.seen.dropped]
     return {"parameters": list(choice.seen.names), "dropped": dropped, "funnel": asdict(pool.funnel)}
 
 
@@ -126,76 +142,85 @@ def _support_records(drive: Drive) -> list[dict[str, object]]:
     return [{"after": drive.visits[int(ids[k])].id, "q_deg": np.rad2deg(drive.path.q[k])} for k in support]
 
 
-def observability_record(choice: PoseChoice, bound: Certificate) -> dict[str, object]:
+def observability_record(choice: PoseChoice, bound: Certificate) -> ObservabilityRecord:
     """Return the indices of the chosen poses and what bounds them."""
-    rule, among = INDEX_RULES[choice.index], choice.certificate
-    return _method_record(choice) | {
-        "index": choice.index,
-        "n": len(choice.q),
-        **choice.raw,
-        "scaled": choice.scaled,
-        "bound": bound.value,
-        "gap": max(rule.gap(choice.value, bound.value), 0.0),
-        "bound_kind": bound.kind,
-        "bound_verified": bound.verified,
-        "on_grid": {
-            "value": choice.on_grid_value,
-            "bound": among.value,
-            "gap": rule.gap(choice.on_grid_value, among.value),
-        },
-    }
+    rule, among, raw = INDEX_RULES[choice.index], choice.certificate, choice.raw
+    stated = ObservabilityRecord(
+        index=choice.index,
+        n=len(choice.q),
+        O1=raw["O1"],
+        O2=raw["O2"],
+        O3=raw["O3"],
+        O4=raw["O4"],
+        O5=raw["O5"],
+        scaled=choice.scaled,
+        bound=bound.value,
+        gap=max(rule.gap(choice.value, bound.value), 0.0),
+        bound_kind=bound.kind,
+        bound_verified=bound.verified,
+        on_grid=OnGridRecord(
+            value=choice.on_grid_value,
+            bound=among.value,
+            gap=rule.gap(choice.on_grid_value, among.value),
+        ),
+    )
+    return stated if choice.pruning is None else stated.model_copy(update=_exchange_record(choice, choice.pruning))
 
 
-def _method_record(choice: PoseChoice) -> dict[str, object]:
+def _as_driven(stated: ObservabilityRecord, plan: Plan) -> ObservabilityRecord:
+    """Return it with the index along the path as it is driven."""
+    return stated.model_copy(update={"path": {plan.choice.index: plan.driven}})
+
+
+def _exchange_record(choice: PoseChoice, pruning: Pruning) -> dict[str, object]:
     """How the poses were chosen where exchange did not, and what that would have reached."""
-    if choice.pruning is None:
-        return {}
-    exchanged, bound = choice.pruning.exchanged, choice.certificate.value
-    gap = INDEX_RULES[choice.index].gap(exchanged, bound)
-    return {"method": "pruning", "exchange": {"value": exchanged, "gap": gap}}
+    gap = INDEX_RULES[choice.index].gap(pruning.exchanged, choice.certificate.value)
+    return {"method": "pruning", "exchange": ExchangeRecord(value=pruning.exchanged, gap=gap)}
 
 
 def _separation_record(separation: Discrimination | None) -> dict[str, object]:
     """How surely findings are told from their rivals; nothing where that was not asked."""
     if separation is None:
         return {}
-    proof = {
-        "gap": separation.gap,
-        "bound_kind": f"exactly {separation.poses} poses",
-        "bound_verified": separation.verified,
-        "noise_mm": separation.noise * 1e3,
-    }
-    return {"separation": [asdict(t) for t in separation.told], "separation_proof": proof}
+    proof = SeparationProofRecord(
+        gap=separation.gap,
+        bound_kind=f"exactly {separation.poses} poses",
+        bound_verified=separation.verified,
+        noise_mm=separation.noise * 1e3,
+    )
+    return {"separation": [SeparationRecord(**asdict(t)) for t in separation.told], "separation_proof": proof}
 
 
 def _expected_error_record(expected: BayesianDesign | None) -> dict[str, object]:
     """The error of the tool that is expected after tracing; nothing where the poses were not chosen by that."""
     if expected is None:
         return {}
-    told = {
-        "assumed": expected.unknown.assumed,
-        "error_mm": expected.left * 1e3,
-        "at_most_mm": expected.at_most * 1e3,
-        "untraced_mm": expected.unknown.untraced * 1e3,
-        "on_grid": {"error_mm": expected.after[-1] * 1e3, "gap": expected.gap},
-        "bound_mm": expected.bound * 1e3,
-        "after_mm": expected.after * 1e3,
-        "floor_mm": expected.floor * 1e3,
-        "numbers": [{"poses": f.poses, "error_mm": f.error * 1e3, "minutes": f.minutes} for f in expected.by_number],
-    }
+    told = ForesightRecord(
+        assumed=expected.unknown.assumed,
+        error_mm=expected.left * 1e3,
+        at_most_mm=expected.at_most * 1e3,
+        untraced_mm=expected.unknown.untraced * 1e3,
+        on_grid=GridErrorRecord(error_mm=expected.after[-1] * 1e3, gap=expected.gap),
+        bound_mm=expected.bound * 1e3,
+        after_mm=(expected.after * 1e3).tolist(),
+        floor_mm=expected.floor * 1e3,
+        numbers=tuple(
+            ErrorByNumberRecord(poses=f.poses, error_mm=f.error * 1e3, minutes=f.minutes) for f in expected.by_number
+        ),
+    )
     return {"foresight": told}
 
 
-def _tour_record(cell: Cell, drives: tuple[Drive, ...]) -> dict[str, object]:
-    return {
-        "cost_of_leg": cost_name(cell),
-        "solver": ", ".join(dict.fromkeys(d.tour.solver for d in drives)),
-        "unsorted_s": sum(d.tour.unsorted_s for d in drives),
-        "cost_s": sum(d.tour.cost_s for d in drives),
-        "lower_bound_s": sum(d.tour.lower_bound_s for d in drives),
-        "optimal": all(d.tour.optimal for d in drives),
-        "driven_s": sum(d.trajectory.duration_s for d in drives),
-    }
+def _tour_record(cell: Cell, drives: tuple[Drive, ...]) -> TourRecord:
+    return TourRecord(
+        cost_of_leg=cost_name(cell),
+        solver=", ".join(dict.fromkeys(d.tour.solver for d in drives)),
+        unsorted_s=sum(d.tour.unsorted_s for d in drives),
+        cost_s=sum(d.tour.cost_s for d in drives),
+        lower_bound_s=sum(d.tour.lower_bound_s for d in drives),
+        optimal=all(d.tour.optimal for d in drives),
+        driven_s=sum(d.trajectory.duration_s for d in drives),
+    )
 
 
 def _largest_speeds(cell: Cell, drives: tuple[Drive, ...]) -> dict[str, float]:
@@ -210,21 +235,21 @@ def _largest_speeds(cell: Cell, drives: tuple[Drive, ...]) -> dict[str, float]:
     }
 
 
-def _path_record(plan: Plan) -> dict[str, object]:
+def _path_record(plan: Plan) -> PathRecord:
     drives = plan.drives
     legs = [leg for d in drives for leg in d.path.legs]
     direct = sum(leg.direct for leg in legs)
     shortest, longest = min(d.path.length_min for d in drives), max(d.path.length_max for d in drives)
     matter = bool(plan.cell.gauge.path_facts(shortest, longest))
-    return {
-        "legs": len(legs),
-        "direct_legs": direct,
-        "planned_legs": len(legs) - direct,
-        "checked": "continuous",
-        "clearance_mm": min(d.clearance for d in drives) * 1e3,
+    return PathRecord(
+        legs=len(legs),
+        direct_legs=direct,
+        planned_legs=len(legs) - direct,
+        checked="continuous",
+        clearance_mm=min(d.clearance for d in drives) * 1e3,
         **({"length_min_mm": shortest * 1e3, "length_max_mm": longest * 1e3} if matter else {}),
-        "verdicts": verdict_records(v for d in drives for v in d.verdicts),
-    }
+        verdicts=verdict_records(v for d in drives for v in d.verdicts),
+    )
 
 
 def _drive_record(plan: Plan, drive: Drive) -> dict[str, object]:
@@ -246,13 +271,15 @@ def waypoint_records(path: Waypoints, count: int | None = None) -> list[dict[str
     ]
 
 
-def verdict_records(verdicts: Iterable[Verdict]) -> list[dict[str, object]]:
+def verdict_records(verdicts: Iterable[Verdict]) -> tuple[VerdictRecord, ...]:
     """Return what each collision engine says of each path."""
-    return [{"engine": v.engine, "proven": v.clear, "clearance_mm": v.clearance * 1e3} for v in verdicts]
+    return tuple(VerdictRecord(engine=v.engine, proven=v.clear, clearance_mm=v.clearance * 1e3) for v in verdicts)
 
 
 def round_numbers(value: object) -> object:
     """Round every number to what matters, so that the last bits of a sum do not change the bytes."""
+    if isinstance(value, BaseModel):
+        return round_numbers(value.model_dump(exclude_unset=True))
     if isinstance(value, dict):
         return {k: round_numbers(v) for k, v in value.items()}
     if isinstance(value, list | tuple):

@@ -20,6 +20,7 @@ from planner.service.sheets import RMS_OF_REPEATABILITY, find_validation, sessio
 from planner.service.tasks import check_run
 from planner.service.views import check_view
 from planner.session.document import PlanDocument
+from planner.session.document_parts import ForesightRecord
 from tests.service.conftest import client_of, ended, settings, upload
 from tests.service.test_crashes import CHEAP, Store
 
@@ -185,5 +186,5 @@ def test_a_log_is_offered_the_cells_of_its_gauge_and_refused_in_others(client, t
 
 
 def test_the_error_to_be_expected_of_a_plan_is_told():
-    plan = PlanDocument.model_construct(foresight={"error_mm": 0.3512}, plan_id="0" * 12)
+    plan = PlanDocument.model_construct(foresight=ForesightRecord(error_mm=0.3512), plan_id="0" * 12)
     assert ("error to be expected", "0.351 mm") in plan_facts(plan)

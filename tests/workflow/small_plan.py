@@ -55,7 +55,7 @@ def small_course(cell: Cell, tour: Array) -> Course:
 STATISTICS = {
     "seed": 3,
     "funnel": {"sampled": 4000, "joint_limits": 3900, "collision": 1200},
-    "observability": {"index": "O1", "n": 3, "O1": 2.5, "O2": 71.3, "scaled": 0.8, "gap": 0.012, "bound": 2.53},
+    "observability": {"index": "O1", "n": 3, "O1": 2.5, "O2": 71.3, "scaled": {"O1": 0.8}, "gap": 0.012, "bound": 2.53},
     "tour": {"unsorted_s": 50.5, "cost_s": 30.25, "lower_bound_s": 30.25, "optimal": True},
     "path": {"legs": 3, "direct_legs": 3, "clearance_mm": 11.37, "length_min_mm": 311.2, "length_max_mm": 498.4},
 }

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from pydantic import Field
@@ -31,6 +31,7 @@ from planner.session.document import (
     WaypointRecord,
     read_waypoints,
 )
+from planner.session.document_parts import PathRecord, ProgramRecord
 from planner.session.plan_record import fill_document, origin_record, verdict_records, waypoint_records
 from planner.session.planned_session import check_joined, doubts, read_cell_beside
 
@@ -78,10 +79,10 @@ class CircularDocument(PlanHeader):
     kind: Literal["circular"]
     robot: OneLine
     circles: tuple[ArcRecord, ...] = Field(min_length=1)
-    path: dict[str, Any] = {}
+    path: PathRecord = PathRecord()
     trajectory: TrajectoryRecord | None = None
     sessions: tuple[FixtureRecord, ...] = ()
-    programs: tuple[dict[str, str], ...] = ()
+    programs: tuple[ProgramRecord, ...] = ()
     notes: tuple[str, ...] = ()
 
 
@@ -115,11 +116,11 @@ def circular_record(plan: CircularPlan) -> dict[str, object]:
     return {
         **origin_record(cell, plan.seed),
         "circles": [_arc_record(cell, a) for a in plan.arcs],
-        "path": {
-            "checked": "continuous",
-            "clearance_mm": min(v.clearance for v in verdicts) * 1e3,
-            "verdicts": verdict_records(verdicts),
-        },
+        "path": PathRecord(
+            checked="continuous",
+            clearance_mm=min(v.clearance for v in verdicts) * 1e3,
+            verdicts=verdict_records(verdicts),
+        ),
         "trajectory": {
             "duration_s": sum(d.course.duration for d in drives),
             "measuring_s": sum(p.trajectory.duration_s for d in drives for p in d.passes if p.arc is not None),
