@@ -1,6 +1,7 @@
 """Which poses are measured: candidates, observability, selection with a certificate, discrimination of rivals."""
 
 __all__ = [
+    "assumptions",
     "bayesian_design",
     "candidates",
     "discrimination",

@@ -17,6 +17,15 @@ from planner.common.determinism import even_positions, on_one_thread
 from planner.common.errors import NoSolutionError
 from planner.common.second_process import ForkedTask
 from planner.common.units import Array, to_mm
+from planner.design.assumptions import (
+    FEWEST_POSES,
+    FEWEST_POSES_AT_A_PLACE,
+    FLAT_SHARE,
+    GREEDY_PLACE_PRIOR_SHARE,
+    MOST_POSES,
+    PLACE_LIMITED_SHARE,
+    UNTRACED_TARGET_SHARE,
+)
 from planner.design.candidates.pool import PoseSet
 from planner.design.expected_errors import ExpectedErrors, error_limit
 from planner.design.free_parameters import undeclared_errors
@@ -84,16 +93,8 @@ class BayesianPosterior:
         self.covariance = self.covariance - scale * np.outer(seen, seen)
 
 
-TARGET_SHARE = 1 / 3  # of what stays untraced: so far the error is brought down where no number of poses is given
-FEWEST, MOST = 100, 400  # poses, where no number is given
-START_PRIOR_SHARE = 1e-2  # of the prior sizes of the gauge's places, in the greedy choice
-FEWEST_AT_A_PLACE = 12  # poses at a fixture that would have none: its place has to be found
-PASSES = 2  # through the chosen, in which each may give way to another
-CONSIDERED = 24_000  # candidates among which the poses are chosen, evenly spread over the pool
-SHORTLIST = 6000  # of them that promise most, among which the chosen are exchanged
-OTHER_NUMBERS = (40, 80, 120, 200)  # of poses, of which the error is foreseen as well
-SAMPLE = 2000  # candidates by which it is foreseen
-FLAT = 0.01  # of the error: where the last tenth of the poses lessened it by no more, others would not either
+EXCHANGE_PASSES = 2  # through the chosen poses, in which each may give way to another
+FORESEEN_NUMBERS = (40, 80, 120, 200)  # [poses] of which the error is foreseen beside the number that is asked for
 Progress = Callable[[int, int], None]
 
 
@@ -215,16 +216,18 @@ def choose_bayesian_poses(
             "budget or the clearance, or raise plan.candidates"
         )
     unknown = undeclared_errors(cell, pool.samples) if unknown is None else unknown
-    considered = even_positions(len(pool), max(CONSIDERED, poses or 0))
+    # candidates considered, evenly spread over the pool
+    considered = even_positions(len(pool), max(24_000, poses or 0))
     white, weight = unknown.white(pool.samples.take(considered)), unknown.weight_per_prior
-    target = 0.0 if poses or until is not None else TARGET_SHARE * unknown.untraced
+    target = 0.0 if poses or until is not None else UNTRACED_TARGET_SHARE * unknown.untraced
     start = _start_factors(unknown)
-    others = ForkedTask(lambda: _expected_errors(white[even_positions(len(white), SAMPLE)], unknown, start))
+    # 2000 candidates, evenly spread, are enough for a forecast
+    others = ForkedTask(lambda: _expected_errors(white[even_positions(len(white), 2000)], unknown, start))
     begun = BayesianPosterior.prior(white * start, weight)
-    first = select_greedily(begun, min(poses or MOST, len(white)), target, progress)
+    first = select_greedily(begun, min(poses or MOST_POSES, len(white)), target, progress)
     if until is not None:
         first = first[: _count_until(unknown, white, first, until)]
-    promising = np.union1d(first, np.argsort(-begun.gains(), kind="stable")[:SHORTLIST])
+    promising = np.union1d(first, np.argsort(-begun.gains(), kind="stable")[:6000])  # those that promise most
     chosen = promising[_exchange(white[promising], weight, np.searchsorted(promising, first))]
     chosen = _use_every_place(pool.samples.place[considered], chosen, white * start, weight)
     after = errors_after(white[chosen], unknown)
@@ -256,7 +259,7 @@ def _count_until(unknown: ExpectedErrors, white: Array, order: np.ndarray, until
             f"candidates {to_mm(every):.3f} mm; ask for more than that, or measure from another place as well"
         )
     count = bisect_left(range(len(order)), True, 1, key=lambda count: limit(count) <= until)
-    return max(count, FEWEST_AT_A_PLACE)
+    return max(count, FEWEST_POSES_AT_A_PLACE)
 
 
 def _use_every_place(place: np.ndarray, chosen: np.ndarray, white: Array, weight: Array) -> np.ndarray:
@@ -272,7 +275,7 @@ def _use_every_place(place: np.ndarray, chosen: np.ndarray, white: Array, weight
     for p in np.setdiff1d(place, place[chosen]):
         there = np.flatnonzero(place == p)
         begun = BayesianPosterior.prior(white[there], weight)
-        parts.append(there[select_greedily(begun, min(FEWEST_AT_A_PLACE, len(there)), 0.0)])
+        parts.append(there[select_greedily(begun, min(FEWEST_POSES_AT_A_PLACE, len(there)), 0.0)])
     more = sum(map(len, parts[1:]))
     return np.concatenate([chosen[: max(len(chosen) - more, 0)], *parts[1:]]).astype(np.intp)
 
@@ -280,13 +283,13 @@ def _use_every_place(place: np.ndarray, chosen: np.ndarray, white: Array, weight
 def _exchange(white: Array, weight: Array, chosen: np.ndarray) -> np.ndarray:
     """Let each of the chosen give way to another of the readings ``white`` (n, P)."""
     known = BayesianPosterior.prior(white, weight).with_readings(chosen)
-    return exchange_singly(known, chosen, PASSES, known.order)
+    return exchange_singly(known, chosen, EXCHANGE_PASSES, known.order)
 
 
 def _expected_errors(white: Array, unknown: ExpectedErrors, start: Array) -> dict[int, float]:
     """Return the expected error [m] by number of poses, chosen among the readings ``white`` (n, P)."""
     weight = unknown.weight_per_prior
-    numbers = [n for n in OTHER_NUMBERS if n < len(white)]
+    numbers = [n for n in FORESEEN_NUMBERS if n < len(white)]
     taken = select_greedily(BayesianPosterior.prior(white * start, weight), max(numbers, default=0), 0.0)
     return {n: _error_left(white[_exchange(white, weight, taken[:n])], unknown) for n in numbers}
 
@@ -310,7 +313,7 @@ def _start_factors(unknown: ExpectedErrors) -> Array:
 
     The first readings about a fixture only tell where it stands; one step ahead it would never look worth beginning.
     """
-    return np.where(unknown.of_gauge, START_PRIOR_SHARE, 1.0)
+    return np.where(unknown.of_gauge, GREEDY_PLACE_PRIOR_SHARE, 1.0)
 
 
 def select_greedily(
@@ -342,7 +345,7 @@ def select_greedily(
 def _is_flat(squares: list[float]) -> bool:
     """Tell whether the last tenth of the poses hardly lessened the error: the rest cannot be seen from here."""
     before = int(0.9 * len(squares))
-    return len(squares) >= FEWEST and squares[-1] > (1 - FLAT) ** 2 * squares[before - 1]
+    return len(squares) >= FEWEST_POSES and squares[-1] > (1 - FLAT_SHARE) ** 2 * squares[before - 1]
 
 
 def errors_after(white: Array, unknown: ExpectedErrors) -> Array:
@@ -355,16 +358,13 @@ def errors_after(white: Array, unknown: ExpectedErrors) -> Array:
     return out
 
 
-FLOOR_SHARE = 0.5  # of the error that is left: where the places cannot show so much, another one may
-
-
 def describe_numbers_of_poses(expected: BayesianDesign) -> str:
     """Return in a sentence what other numbers of poses would give, and who says what another place would."""
     numbers = "; ".join(
         f"{f.poses} poses {float(to_mm(f.error)):.3f} mm{'' if f.minutes is None else f', about {f.minutes:.0f} min'}"
         for f in expected.by_number
     )
-    if expected.floor < FLOOR_SHARE * expected.left:
+    if expected.floor < PLACE_LIMITED_SHARE * expected.left:
         return numbers
     floor = f"{float(to_mm(expected.floor)):.3f} mm"
     one = len(expected.unknown.model.setup.p_BX) == 1

@@ -5,12 +5,9 @@ from typing import Protocol
 import numpy as np
 
 from planner.common.units import Array
+from planner.design.assumptions import LIMIT_QUANTILE
 from planner.model.model import Model
 from planner.runs.run import Samples
-
-LIMIT_SHARE = 0.95  # of such robots stay below the error that is asked for
-DRAWS = 4000  # robots that say how the error is distributed
-SEED = 11
 
 
 class ExpectedErrors(Protocol):
@@ -68,7 +65,9 @@ def square_limit(weight: Array, white: Array) -> float:
     It is a sum of squared normal numbers, weighted by the eigenvalues of ``weight`` (P, P) times the covariance that
     the readings leave (Imhof 1961, Biometrika 48(3/4)); here by draws.
     """
+    seed = 11  # fixed: the same errors give the same limit
+    robots = 4000  # drawn: the 95 % quantile of the error to about a per cent
     root = np.linalg.inv(np.linalg.cholesky(white.T @ white + np.eye(len(weight))))
     values = np.linalg.eigvalsh(root @ weight @ root.T)
-    draws = np.random.default_rng(SEED).chisquare(1.0, (DRAWS, len(values)))
-    return float(np.quantile(draws @ np.maximum(values, 0.0), LIMIT_SHARE))
+    draws = np.random.default_rng(seed).chisquare(1.0, (robots, len(values)))
+    return float(np.quantile(draws @ np.maximum(values, 0.0), LIMIT_QUANTILE))

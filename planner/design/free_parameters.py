@@ -9,6 +9,7 @@ from planner.cell.cell import Cell
 from planner.cell.setup import MeasurementSetup, setup_of
 from planner.common.errors import InputError, did_you_mean
 from planner.common.units import UM, Array, to_mm
+from planner.design.assumptions import HIGHEST_GEAR_WAVE, POSES_OF_AN_OPEN_PLAN, UNKNOWN_PRIOR, UNMEASURED_TOOL_PRIOR
 from planner.design.observability.identifiability import DroppedParameter, Identifiability, explain_direction
 from planner.design.observability.information import predict_covariance
 from planner.effects.catalogue import catalogue
@@ -19,10 +20,7 @@ from planner.model.model import Model
 from planner.model.tool_error import ToolError, uniform_states
 from planner.runs.run import Samples
 
-PROBE_STATES = 50  # states that tell whether an effect has a name
-PROBE_POSES = 2000  # poses of a pool that tell which effects show
-DEFAULT_POSES = 80  # poses, where the plan does not say how many
-UNMEASURED_TOOL_PRIOR = 1.0  # [m] what is known of a tool point that nobody measured: nothing
+PROBE_POSES = 2000  # of a pool, evenly spread, are enough to tell which effects show
 
 
 def planned_model(cell: Cell, samples: Samples) -> Model:
@@ -67,7 +65,8 @@ def check_effects(cell: Cell) -> None:
         InputError: as :func:`declared_parameters`.
     """
     setup = setup_of(cell)
-    _ = declared_parameters(cell, setup, Samples.at(uniform_states(cell, PROBE_STATES, 0)))
+    # any states: it is only asked whether each effect has a name
+    _ = declared_parameters(cell, setup, Samples.at(uniform_states(cell, 50, 0)))
 
 
 def preference_order(model: Model, frame_stated: bool = True) -> list[int]:
@@ -116,7 +115,7 @@ def hold_measured_tool(
     if not cell.tool.measured:
         return ()
     part = rows[:: max(1, len(rows) // PROBE_POSES)]
-    per_reading = noise * np.sqrt(len(part) / (poses or cell.plan.poses or DEFAULT_POSES))
+    per_reading = noise * np.sqrt(len(part) / (poses or cell.plan.poses or POSES_OF_AN_OPEN_PLAN))
     whose = "planned" if poses is None else "run's"
     moves = np.sqrt((part**2).sum(axis=1).mean(axis=0))
     out = []
@@ -149,12 +148,10 @@ def add_dropped(seen: Identifiability, names: tuple[str, ...], others: tuple[Dro
     return replace(seen, kept=kept, dropped=(*seen.dropped, *others))
 
 
-HIGHEST_WAVE = 15.0  # waves a turn within which most of a gear's error is expected
 ASSUMED = (
-    f"every gear errs by {CURVE_SIZE * 1e6:.0f} µrad in waves of up to {HIGHEST_WAVE:.0f} a turn, and every joint"
+    f"every gear errs by {CURVE_SIZE * 1e6:.0f} µrad in waves of up to {HIGHEST_GEAR_WAVE:.0f} a turn, and every joint"
     " gives way"
 )
-UNKNOWN_PRIOR = 1.0  # [m, rad] prior size of what is not known at all
 
 
 @dataclass(frozen=True)
@@ -217,7 +214,9 @@ def undeclared_errors(cell: Cell, samples: Samples) -> UndeclaredErrors:
     """
     base = planned_model(cell, samples)
     ends = np.array(cell.joint_range)
-    gears = [p for j in range(cell.robot.n_joints) for p in gear_curve(base.setup, ends, j, HIGHEST_WAVE).make(None)]
+    gears = [
+        p for j in range(cell.robot.n_joints) for p in gear_curve(base.setup, ends, j, HIGHEST_GEAR_WAVE).make(None)
+    ]
     declared = set(base.names)
     soft = compliance_parameters(base.setup) if base.setup.weighs else []
     model = base.plus([*gears, *(p for p in soft if p.name not in declared)])

@@ -77,28 +77,28 @@ def refine_poses(cell: Cell, choice: PoseChoice, seed: int) -> PoseChoice:
     return replace(choice, q=refine_off_grid(choice.q, rows, valid, choice.index, seed=seed))
 
 
-ROUNDS, TRIALS = 16, 12  # for the expected error of the tool
-REACH, LONGER, SHORTER = 0.2, 1.2, 0.7  # [rad] of a trial at first, and times that after a success and a failure
-
-
 @on_one_thread
 def refine_bayesian_poses(cell: Cell, unknown: ExpectedErrors, samples: Samples, seed: int) -> Array:
     """Return poses (n, N) [rad] near those of ``samples``, in their order, that leave a smaller expected error."""
+    shorter = 0.7  # times the reach after a failure
+    longer = 1.2  # times the reach after a success
+    trials = 12  # around each pose in a round
     rng, valid, q = np.random.default_rng(seed), CandidateFilters(cell, samples), samples.q.copy()
-    white, weight, reach = unknown.white(samples), unknown.weight_per_prior, np.full(len(q), REACH)
-    for _ in range(ROUNDS):
+    # [rad] of a trial at first
+    white, weight, reach = unknown.white(samples), unknown.weight_per_prior, np.full(len(q), 0.2)
+    for _ in range(16):  # rounds of trials around every pose
         if must_stop(REFINEMENT, "the poses were refined off the grid only in part"):
             break
-        steps = rng.normal(size=(len(q), TRIALS, q.shape[1])) * rng.random((len(q), TRIALS, 1))
+        steps = rng.normal(size=(len(q), trials, q.shape[1])) * rng.random((len(q), trials, 1))
         tried = (q[:, None] + reach[:, None, None] * steps).reshape(-1, q.shape[1])
-        of = np.repeat(np.arange(len(q)), TRIALS)
+        of = np.repeat(np.arange(len(q)), trials)
         kept = np.flatnonzero(valid(tried, of))
         tried, of = tried[kept], of[kept]
         taken = _accept_trials(white, unknown.white(replace(samples.take(of), q=tried)), of, weight)
         moved = of[taken]
         q[moved] = tried[taken]
-        reach *= SHORTER
-        reach[moved] *= LONGER / SHORTER
+        reach *= shorter
+        reach[moved] *= longer / shorter
     return q
 
 
@@ -125,10 +125,7 @@ def _accept_trials(white: Array, trials: Array, of: np.ndarray, weight: Array) -
     return np.array(taken, dtype=int)
 
 
-TOLERANCE = 1e-3  # of the bound
-BOUND_ROUNDS, SETTLED = 6, 2e-3  # of descents, and the relative move of the bound after which no more are made
-STARTS, STEPS = 400, 60
-STEP, WIDER, NARROWER = 0.15, 1.3, 0.93  # [rad] at first, and times that after a success and a failure
+MOST_DESCENTS = 6  # from the candidates of lowest price, before the bound is taken as it is
 
 
 @on_one_thread
@@ -143,11 +140,11 @@ def certify_off_grid(cell: Cell, pool: PoseSet, choice: PoseChoice) -> Certifica
         return found
     samples = Samples.concatenate([pool.samples, choice.samples])
     rows = choice.model.rows(samples)
-    for number in range(BOUND_ROUNDS):
+    for number in range(MOST_DESCENTS):
         before = found.value
-        found = certify_bound(rows, choice.index, found.poses, TOLERANCE, near=found)
-        settled = number > 0 and abs(found.value / before - 1.0) < SETTLED
-        if settled or number == BOUND_ROUNDS - 1 or must_stop(BOUND, "poses off the grid were sought only in part"):
+        found = certify_bound(rows, choice.index, found.poses, 1e-3, near=found)  # [1] of the bound
+        settled = number > 0 and abs(found.value / before - 1.0) < 2e-3  # relative move of the bound
+        if settled or number == MOST_DESCENTS - 1 or must_stop(BOUND, "poses off the grid were sought only in part"):
             break
         duals = [d for d in found.duals if not isinstance(d, WholePool)]
         more = [_descend_price(cell, choice.model, samples, rows, found.support, d, number) for d in duals]
@@ -168,8 +165,10 @@ def _descend_price(
         dual: whose price goes down.
         seed: of the steps.
     """
+    narrower = 0.93  # times the reach after a failure
+    wider = 1.3  # times the reach after a success
     first = round_significant(dual.prices(rows, support))
-    start = samples.take(np.lexsort((np.arange(len(first)), first))[:STARTS])
+    start = samples.take(np.lexsort((np.arange(len(first)), first))[:400])  # samples of the lowest price
     valid, scale, rng = CandidateFilters(cell, start), rows[support], np.random.default_rng(seed)
 
     def price(which: np.ndarray, q: Array) -> Array:
@@ -177,8 +176,8 @@ def _descend_price(
         return round_significant(dual.prices(shown, np.arange(len(scale)))[len(scale) :])
 
     every = np.arange(len(start))
-    q, reach, best = start.q.copy(), np.full(len(start), STEP), price(every, start.q)
-    for _ in range(STEPS):
+    q, reach, best = start.q.copy(), np.full(len(start), 0.15), price(every, start.q)  # [rad] of a step at first
+    for _ in range(60):  # steps: where none succeeds, the reach has shrunk to a hundredth
         tried = q + rng.normal(size=q.shape) * reach[:, None]
         which = np.flatnonzero(valid.keep_limits(tried, every))
         now = price(which, tried[which])
@@ -186,7 +185,7 @@ def _descend_price(
         which, now = which[lower], now[lower]
         free = valid.are_free(tried[which], which)
         which, now = which[free], now[free]
-        reach *= NARROWER
+        reach *= narrower
         q[which], best[which] = tried[which], now
-        reach[which] *= WIDER / NARROWER
+        reach[which] *= wider / narrower
     return replace(start, q=q)

@@ -11,6 +11,12 @@ from planner.common.choices import SelectionMethod
 from planner.common.determinism import Positions, even_positions, on_one_thread
 from planner.common.errors import InputError, NoSolutionError
 from planner.common.units import Array
+from planner.design.assumptions import (
+    CANDIDATES_PER_PARAMETER,
+    CLEARLY_TOO_FEW_SHARE,
+    SPARE_READINGS,
+    TRACEABLE_READINGS,
+)
 from planner.design.candidates.pool import PoseSet
 from planner.design.free_parameters import (
     add_dropped,
@@ -32,14 +38,8 @@ from planner.design.selection.pruning import PrunedPoses
 from planner.model.model import Model
 from planner.runs.run import Samples
 
-MIN_CANDIDATES_PER_PARAMETER = 2  # candidates for each parameter, below which there is no choice
-LOOSE, TIGHT = 5e-4, 1e-4  # tolerance of the bound: from nothing, and from a certificate nearby
-ROUGH = 5e-3  # where the index did not choose the poses, and only judges them
-LIKELY_EACH = 1000  # candidates of each ball among which poses are searched
-PROBED = 400  # states at each mounting that tell how many parameters there are before candidates are drawn
-CLEARLY_TOO_FEW = 0.9  # share of the readings that the parameters take, below which no candidates are drawn
-CURVE_SIZES = (22, 24, 26, 28, 30, 35, 40, 50, 60, 80, 100, 140, 200)
-SHOWN_SIZES = (22, 28, 40, 60, 100, 200)  # where the number of poses is given, and the curve only shown
+SHOWN_SIZES = (22, 28, 40, 60, 100, 200)  # [poses] where their number is given, and the curve is only shown
+ROUGH_TOLERANCE = 5e-3  # [1] of the bound where the index did not choose the poses, and only judges them
 
 
 @dataclass(frozen=True)
@@ -138,7 +138,7 @@ def identify_candidates(cell: Cell, pool: PoseSet) -> tuple[Model, Identifiabili
         NoSolutionError: too few candidates to tell.
     """
     model = planned_model(cell, pool.samples)
-    if len(pool) < MIN_CANDIDATES_PER_PARAMETER * len(model.names):
+    if len(pool) < CANDIDATES_PER_PARAMETER * len(model.names):
         raise NoSolutionError(
             f"only {len(pool)} candidate poses are left, too few to choose from for {len(model.names)} parameters: "
             "widen the cones, the cable's budget or the clearance, or raise plan.candidates"
@@ -168,15 +168,16 @@ def check_pose_number(cell: Cell, poses: int, seed: int) -> None:
     Raises:
         InputError: with the least number.
     """
+    probed = 400  # states at each mounting tell how many parameters show
     parts = []
     for mounting in cell.mountings:
-        q = cell.gauge.joint_sampler(cell, mounting, seed)(PROBED).q
-        parts.append(Samples.at(q[even_positions(len(q), PROBED)], mounting))
+        q = cell.gauge.joint_sampler(cell, mounting, seed)(probed).q
+        parts.append(Samples.at(q[even_positions(len(q), probed)], mounting))
     samples = Samples.concatenate(parts)
-    if len(samples) < PROBED:
+    if len(samples) < probed:
         return
     model, seen, _ = _identify(cell, planned_model(cell, samples), samples)
-    if poses < CLEARLY_TOO_FEW * seen.rank / model.width:
+    if poses < CLEARLY_TOO_FEW_SHARE * seen.rank / model.width:
         _check_count(poses, -(-seen.rank // model.width), poses, seen.rank)
 
 
@@ -201,19 +202,22 @@ def select_poses(
         InputError: fewer poses than parameters.
         NoSolutionError: fewer candidates than poses.
     """
+    curve_sizes = (22, 24, 26, 28, 30, 35, 40, 50, 60, 80, 100, 140, 200)  # [poses] dense where the index still bends
     model, seen, rows = identify_candidates(cell, pool)
     least = -(-seen.rank // model.width)
     _check_count(poses, least, len(pool), seen.rank)
     if pool.ball is not None and poses is not None:
         _ = EqualShares.of(pool.ball, poses)  # told before the bound is sought
     bends = poses is None and method == "exchange"
-    wanted = CURVE_SIZES if bends else sorted({*SHOWN_SIZES, *([poses] if poses else [])})
+    wanted = curve_sizes if bends else sorted({*SHOWN_SIZES, *([poses] if poses else [])})
     sizes = [n for n in wanted if least < n <= len(pool)]
     with BackgroundCurve(rows, sizes, index, seed, near, help_out=bends) as curve:
-        left = PrunedPoses.of(rows, index, max(poses or 0, CURVE_SIZES[-1])) if method == "pruning" else None
+        left = PrunedPoses.of(rows, index, max(poses or 0, curve_sizes[-1])) if method == "pruning" else None
         n = poses or (left.knee if left else curve.result().knee)
         near = curve.result().certificate(n) if bends else near
-        certificate = certify_bound(rows, index, n, tolerance=TIGHT if near else LOOSE, near=near)
+        loose = 5e-4  # [1] gap of the bound, sought from nothing
+        tight = 1e-4  # [1] gap of the bound, sought from a certificate nearby
+        certificate = certify_bound(rows, index, n, tolerance=tight if near else loose, near=near)
         if pool.ball is None:
             chosen, pruning = _choose(rows, n, index, seed, certificate, left)
         else:
@@ -243,7 +247,7 @@ def describe_pruning(choice: PoseChoice) -> str:
 def _likely_at_balls(rows: Array, ball: Positions, certificate: Certificate, n: int) -> Positions:
     """Return the candidates that an optimal set may hold by their price in the certificate, enough of each ball."""
     order, core = price_core(rows, certificate, n)
-    each = [order[ball[order] == k][:LIKELY_EACH] for k in range(int(ball.max()) + 1)]
+    each = [order[ball[order] == k][:1000] for k in range(int(ball.max()) + 1)]  # candidates of each ball
     return np.union1d(core, np.concatenate(each))
 
 
@@ -257,7 +261,7 @@ def judge_poses(
     """
     model, seen, rows = identify_candidates(cell, pool)
     _check_count(len(chosen), -(-seen.rank // model.width), len(pool), seen.rank)
-    certificate = certify_bound(rows, index, len(chosen), tolerance=ROUGH, near=near)
+    certificate = certify_bound(rows, index, len(chosen), tolerance=ROUGH_TOLERANCE, near=near)
     return PoseChoice.among(pool, chosen, model, seen, certificate)
 
 
@@ -272,7 +276,7 @@ def judge_few_poses(cell: Cell, pool: PoseSet, chosen: Positions, index: str) ->
     if len(chosen) * model.width < seen.rank and zeros:
         model, rows = model.subset(zeros), np.ascontiguousarray(rows[:, :, zeros])
     _check_count(len(chosen), -(-len(model.names) // model.width), len(pool), len(model.names))
-    certificate = certify_bound(rows, index, len(chosen), tolerance=ROUGH)
+    certificate = certify_bound(rows, index, len(chosen), tolerance=ROUGH_TOLERANCE)
     return PoseChoice.among(pool, chosen, model, seen, certificate)
 
 
@@ -289,31 +293,24 @@ def _check_count(poses: int | None, least: int, candidates: int, parameters: int
         )
 
 
-TRACEABLE = 20  # readings beyond the parameters, below which an identification traces nothing
-SPARE_READINGS = 10  # readings more, for the effects' own parameters and poses that are lost
-
-
 def traceable_pose_count(cell: Cell, pool: PoseSet) -> int | None:
     """Number of poses where nobody gives one; ``None`` for a run in motion, which has readings in plenty."""
     if cell.motion.is_continuous:
         return None
     model, seen, _ = identify_candidates(cell, pool)
-    return min(len(pool), -(-(seen.rank + TRACEABLE + SPARE_READINGS) // model.width))
+    return min(len(pool), -(-(seen.rank + TRACEABLE_READINGS + SPARE_READINGS) // model.width))
 
 
 def warn_too_few_readings(readings: int, parameters: int) -> str | None:
     """Say that so few readings will not be traced, or nothing."""
-    if readings - parameters >= TRACEABLE:
+    if readings - parameters >= TRACEABLE_READINGS:
         return None
+    enough = parameters + TRACEABLE_READINGS + SPARE_READINGS
     return (
         f"{readings} readings for {parameters} parameters and the effects beside them: an identification of this run"
-        f" alone traces nothing; ask for at least {parameters + TRACEABLE + SPARE_READINGS} readings (--poses), or"
+        f" alone traces nothing; ask for at least {enough} readings (--poses), or"
         " identify it together with the run before"
     )
-
-
-TRIED = 3000  # candidates that compete for one place
-ROUNDS = 8
 
 
 def replace_all(
@@ -331,7 +328,7 @@ def replace_all(
         NoSolutionError: replacements are lost again and again.
     """
     count = 0
-    for _ in range(ROUNDS):
+    for _ in range(8):  # rounds: what replaces a lost pose may be lost itself
         lost = find_lost(choice)
         if not len(lost):
             return choice, count
@@ -349,7 +346,7 @@ def replace_pose(pool: PoseSet, choice: PoseChoice, lost: int) -> PoseChoice:
     if pool.ball is not None:
         alike &= pool.ball == pool.ball[choice.chosen[lost]]
     others = np.setdiff1d(np.flatnonzero(alike), choice.chosen)
-    tried = np.sort(rng.choice(others, min(TRIED, len(others)), replace=False))
+    tried = np.sort(rng.choice(others, min(3000, len(others)), replace=False))  # candidates that compete for one place
     kept = choice.model.rows(there.take(np.arange(len(there)) != lost))
     rows = choice.model.rows(pool.samples.take(tried))
     mass = information_matrix(kept) + np.swapaxes(rows, 1, 2) @ rows

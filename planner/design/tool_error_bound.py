@@ -11,11 +11,6 @@ from planner.design.selection.certificate import ActiveSet, Dual, Pricing, gener
 from planner.design.selection.matrix_forms import quadratic_form, sum_largest
 from planner.design.selection.search import best_priced
 
-STEPS = 10  # they bring the bound to a part in thirty of what more of them would prove
-POWER = 0.8  # of a reading's gain in the step of its weight (Silvey, Titterington and Torsney 1978)
-START_SHARE = 0.7  # share of the weight that the given set starts with
-ACTIVE = 6000  # readings among which the bound is tightened; it is verified over all of them
-
 
 @dataclass(frozen=True)
 class ErrorTangent:
@@ -64,7 +59,8 @@ class ErrorPricing(Pricing):
     def grow(self, state: ActiveSet, dual: Dual) -> ActiveSet:
         """Give weight to readings that gain much."""
         gain = -dual.prices(self.rows, state.active)
-        return ActiveSet(state.active, _cap_weights(state.weights * gain**POWER, self.count))
+        # of a reading's gain (Silvey, Titterington and Torsney 1978)
+        return ActiveSet(state.active, _cap_weights(state.weights * gain**0.8, self.count))
 
 
 def bound_tool_error(white: Array, weight: Array, chosen: np.ndarray) -> float:
@@ -78,15 +74,18 @@ def bound_tool_error(white: Array, weight: Array, chosen: np.ndarray) -> float:
         weight: mean square error per squared errors in prior sizes, (P, P).
         chosen: a good set, from which the search starts, (n,) int.
     """
+    share = 0.7  # of the weight that the given set starts with
     count, rows = len(chosen), white[:, None]
-    w = np.full(len(white), (1 - START_SHARE) * count / len(white))
-    w[chosen] += START_SHARE
+    w = np.full(len(white), (1 - share) * count / len(white))
+    w[chosen] += share
     every = ErrorPricing(rows, count, "I", weight)
     _, begun, _ = every.solve(ActiveSet(np.arange(len(white)), w), 0.0)
-    active = np.union1d(chosen, best_priced(-begun.prices(rows, np.arange(len(rows))), min(ACTIVE, len(white))))
+    # readings among which the bound is tightened; it is verified over all of them
+    active = np.union1d(chosen, best_priced(-begun.prices(rows, np.arange(len(rows))), min(6000, len(white))))
     few = replace(every, rows=rows[active])
     state = ActiveSet(np.arange(len(active)), _cap_weights(w[active], count))
-    best = generate_columns(few, state, 0.0, 0.0, STEPS).duals[0].verify(rows)
+    # steps bring the bound to a part in thirty of what more would prove
+    best = generate_columns(few, state, 0.0, 0.0, 10).duals[0].verify(rows)
     size = np.sort(np.linalg.eigvalsh(weight))
     untaught = float(np.maximum(size[: max(len(size) - count, 0)], 0.0).sum())
     return float(np.sqrt(max(best, untaught, 0.0)))

@@ -7,7 +7,8 @@ import numpy as np
 
 from planner.cell.cell import Cell
 from planner.common.units import Array, to_mm
-from planner.design.discrimination.power import UNSURE, Discrimination
+from planner.design.assumptions import UNSURE_POWER
+from planner.design.discrimination.power import Discrimination
 from planner.design.discrimination.selection import DiscriminatingChoice
 from planner.design.observability.information import INDEX_RULES
 from planner.design.pose_selection import PoseChoice, warn_too_few_readings
@@ -95,7 +96,7 @@ def discrimination_notes(
         f"{t.finding} and {t.rival} are told apart with a power of {t.power_text} only; what would help: "
         + "; or ".join(("more --poses", *t.help))
         for t in separation.told
-        if t.power < UNSURE and t.named
+        if t.power < UNSURE_POWER and t.named
     )
     return (
         *(f"not told apart: {s}" for s in separation.inseparable),

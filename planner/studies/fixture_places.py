@@ -8,9 +8,10 @@ from planner.cell.cell import Cell
 from planner.common.errors import NoSolutionError
 from planner.common.progress import Progress
 from planner.common.units import Array, read_only
+from planner.design.assumptions import STRUCTURAL_ZERO_SHARE
 from planner.design.candidates.pool import PoseSet
 from planner.design.fixtures.places import FixtureReach, GridPlace, Status, move_fixture, place_grid, reach_poses
-from planner.design.observability.identifiability import STRUCTURAL, find_identifiable
+from planner.design.observability.identifiability import find_identifiable
 from planner.design.observability.information import find_rule, index_value, r_factor
 from planner.design.selection.pruning import prune_poses
 from planner.model.model import Model
@@ -139,7 +140,7 @@ def _judge_place(
     rank = find_identifiable(rows, model.names, model.prior, range(len(model.names)), noise).rank
     own = np.ascontiguousarray(rows[:, :, list(kept)])
     mu = np.linalg.svd(r_factor(own * model.prior[list(kept)]), compute_uv=False)
-    blind = mu[-1] <= STRUCTURAL * mu[0]
+    blind = mu[-1] <= STRUCTURAL_ZERO_SHARE * mu[0]
     factor = read_only(r_factor(rows) / np.sqrt(rows[..., 0].size))
     judged = replace(judged, rank=rank, information=factor)
     return replace(judged, status="blind") if blind else replace(judged, value=pruned_index(own, index, poses))

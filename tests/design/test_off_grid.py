@@ -53,7 +53,7 @@ def test_what_the_descents_find_are_poses(monkeypatch):
     found = []
     descend = off_grid._descend_price
     monkeypatch.setattr(off_grid, "_descend_price", lambda *given: found.append(descend(*given)) or found[-1])
-    monkeypatch.setattr(off_grid, "BOUND_ROUNDS", 2)
+    monkeypatch.setattr(off_grid, "MOST_DESCENTS", 2)
     certify_off_grid(cell, pool, choice)
     q = np.concatenate([s.q for s in found])
     assert len(q) >= 400

@@ -9,7 +9,8 @@ import pytest
 
 from planner.cell.reading import load_cell
 from planner.common.errors import InputError
-from planner.design.candidates.balls import ROOM, led_turns
+from planner.design.assumptions import TURN_MARGIN_SIGMAS
+from planner.design.candidates.balls import led_turns
 from planner.identification.pipeline import FitSettings, identify
 from planner.instruments.simulation import simulate_run
 from planner.instruments.truth import draw_truth
@@ -30,7 +31,7 @@ def planned():
         start = rng.uniform(robot.q_lower, robot.q_upper, (1000, robot.n_joints))
         q, off = solve_point_ik(CELL.chain, robot, start, CELL.p_BS[ball])
         room = np.minimum(q - robot.q_lower, robot.q_upper - q) / led_turns(CELL, q)
-        q = q[(off < POINT_TOLERANCE) & (room.min(axis=1) > ROOM)]
+        q = q[(off < POINT_TOLERANCE) & (room.min(axis=1) > TURN_MARGIN_SIGMAS)]
         out.append(q[CELL.gauge.fits(CELL, q, ball)][:40])
     return np.stack(out, axis=1).reshape(-1, robot.n_joints)
 

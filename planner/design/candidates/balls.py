@@ -11,15 +11,12 @@ from planner.cell.workspace import SAFETY_MARGIN, Workspace
 from planner.common.errors import NoSolutionError
 from planner.common.sequences import sobol_points
 from planner.common.units import Array, read_only, to_mm
+from planner.design.assumptions import BALL_MARGIN, CHANCE_OF_A_LED_ARM, LEAST_SINGULAR_VALUE, TURN_MARGIN_SIGMAS
 from planner.design.candidates.pool import Funnel, PoseSet, Progress
 from planner.kinematics.inverse_kinematics import POINT_TOLERANCE, smallest_singular_value, solve_point_ik
 from planner.model.model import Model
 from planner.motion.collision.engines import CollisionWorld
 from planner.runs.run import Samples
-
-LEVEL = 0.95
-ROOM = 3.0  # standard deviations of what its errors turn a led arm by, that its joints keep to their limits
-STATES = 2000  # of the whole arm, over which its errors are held to what the cell says of them
 
 
 class FirstContact:
@@ -36,7 +33,8 @@ class FirstContact:
         self._robot = model.subset(robot)
         self._rest = model.subset([k for k in range(len(model.parameters)) if k not in robot])
         rng = np.random.default_rng(0)
-        states = rng.uniform(cell.robot.q_lower, cell.robot.q_upper, (STATES, cell.robot.n_joints))
+        # states of the whole arm, over which its errors are held to what the cell says of them
+        states = rng.uniform(cell.robot.q_lower, cell.robot.q_upper, (2000, cell.robot.n_joints))
         self._scale = (
             cell.gauge.indicators.uncalibrated / length_quantile(_prior_covariance(self._robot, states)).max()
         ) ** 2
@@ -79,7 +77,7 @@ def length_quantile(covariance: Array) -> Array:
     degrees = trace**2 / square
     from scipy.stats import chi2  # costs most of a second
 
-    return np.asarray(np.sqrt(square / trace * chi2.ppf(LEVEL, degrees)))
+    return np.asarray(np.sqrt(square / trace * chi2.ppf(CHANCE_OF_A_LED_ARM, degrees)))
 
 
 def first_contact_advice(cell: Cell, found: Array) -> str:
@@ -99,13 +97,7 @@ def _prior_covariance(model: Model, q: Array) -> Array:
 
 
 DRAWS = (1 << 10, 1 << 14, 1 << 17)  # samples of a ball in the first round, at least and at most, and in any later one
-EACH = 16  # samples for each wanted pose in the first round; every round doubles the last
-GIVE_UP = 3 * DRAWS[1]  # samples of which none is left: no more are drawn
-ROUNDS = 12
-NEAR = 2e-4  # [m] beyond the clearance that a pose at a ball keeps: the head stands close to it by design
-ON_THE_WAY = (0.25, 0.5, 0.75)
-NIMBLE = 0.02  # smallest singular value of the tool's Jacobian; nearer to a stretched wrist its errors steer the tool
-BLAMED = 200  # colliding states asked for the pair that collides
+HOPELESS_SAMPLES = 3 * DRAWS[1]  # of which none is left: no more are drawn
 
 
 @dataclass(frozen=True)
@@ -178,13 +170,14 @@ class _BallFilter:
         points = sobol_points(len(lower), [seed, self.ball])
         found: list[tuple[Array, Array]] = []
         funnel = BallFunnel()
-        first = int(np.clip(1 << (EACH * count - 1).bit_length(), *DRAWS[:2]))
-        for k in range(ROUNDS):
+        # samples of a ball for each wanted pose in the first round
+        first = int(np.clip(1 << (16 * count - 1).bit_length(), *DRAWS[:2]))
+        for k in range(12):  # rounds, each twice the last
             q = lower + points(min(first << k, DRAWS[2])) * (upper - lower)
             passed, back, counted = self._filter(q)
             found.append((passed, back))
             funnel += counted
-            if funnel.contact >= count or (funnel.contact == 0 and funnel.sampled >= GIVE_UP):
+            if funnel.contact >= count or (funnel.contact == 0 and funnel.sampled >= HOPELESS_SAMPLES):
                 break
         if funnel.contact == 0:
             raise NoSolutionError(self._why_empty(funnel))
@@ -201,7 +194,7 @@ class _BallFilter:
         fitting = len(q)
         cable = (self.workspace.stage("cable", q) > SAFETY_MARGIN).all(axis=1)
         q = q[cable]
-        hits = self.at.collides(q, self.cell.motion.clearance + NEAR)
+        hits = self.at.collides(q, self.cell.motion.clearance + BALL_MARGIN)
         self._blame(q[hits])
         q = q[~hits]
         back, free = self._approach(q)
@@ -217,9 +210,9 @@ class _BallFilter:
         robot = self.cell.robot
         if self.contact is None:
             room = np.minimum(q - robot.q_lower, robot.q_upper - q)
-            return np.asarray((room > ROOM * led_turns(self.cell, q)).all(axis=1))
+            return np.asarray((room > TURN_MARGIN_SIGMAS * led_turns(self.cell, q)).all(axis=1))
         self.met = self.contact.at(q)
-        nimble = smallest_singular_value(self.cell.chain, self.cell.robot, q) > NIMBLE
+        nimble = smallest_singular_value(self.cell.chain, self.cell.robot, q) > LEAST_SINGULAR_VALUE
         return np.asarray((self.met < self.cell.gauge.indicators.usable) & nimble)
 
     def _approach(self, q: Array) -> tuple[Array, np.ndarray]:
@@ -230,15 +223,16 @@ class _BallFilter:
         back, off = cell.gauge.retract(cell, q, self.ball)
         ok = (off < 10 * POINT_TOLERANCE) & (self.workspace.margins(back) > SAFETY_MARGIN).all(axis=1)
         ok[ok] = ~self.away.collides(back[ok], cell.motion.clearance + SAFETY_MARGIN)
-        for share in ON_THE_WAY:
+        for share in (0.25, 0.5, 0.75):  # share of the approach that is looked at
             between = q + share * (back - q)
-            ok[ok] = ~self.at.collides(between[ok], cell.motion.clearance + NEAR)
+            ok[ok] = ~self.at.collides(between[ok], cell.motion.clearance + BALL_MARGIN)
         return back, ok
 
     def _blame(self, q: Array) -> None:
         """Count which pairs keep the first colliding states from being poses."""
         if len(q):
-            self.hit += (self.at.distances(q[:BLAMED]) < self.cell.motion.clearance).sum(axis=0)
+            # 200 colliding states say what is hit
+            self.hit += (self.at.distances(q[:200]) < self.cell.motion.clearance).sum(axis=0)
 
     def _why_empty(self, funnel: BallFunnel) -> str:
         name = self.cell.balls[self.ball].name

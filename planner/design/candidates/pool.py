@@ -17,15 +17,8 @@ from planner.common.units import Array
 from planner.motion.collision.engines import CollisionWorld
 from planner.runs.run import Mounting, Samples
 
+MOST_ROUNDS = 80  # of 20 million samples together: then nothing more is drawn
 DRAWS = (1 << 14, 1 << 18)  # samples of the other joints in the first round, and at most: each doubles the last
-ROUNDS = 80
-HOPELESS = 50_000  # states that all collide, after which no more are drawn
-OUT_OF_REACH = 2_000_000  # states of which none reads a length or is within the cones: ten times more find a handful
-BLAMED, SHOWN_PAIRS = 300, 4  # states of which it is said what collides, and pairs that are named
-GRID_BLOCK = 1 << 18
-LARGEST_GRID = 200_000_000
-CHUNK = 8192  # states that a thread filters
-BLOCK = 65_536  # states that pass all filters before it is seen whether they are enough
 Progress = Callable[[int, int], None]
 
 
@@ -124,9 +117,11 @@ def _draw_at(cell: Cell, mounting: Mounting, count: int, seed: int, progress: Pr
         found.append(q)
         if progress is not None:
             progress(min(total, count), count)
-        out_of_reach = funnel.workspace == 0 and funnel.sampled > OUT_OF_REACH and not whole
-        closed = funnel.cable == 0 and funnel.workspace > OUT_OF_REACH and not whole
-        hopeless = total == 0 and (funnel.cable > HOPELESS or out_of_reach or closed)
+        none_is_read = 2_000_000  # states that read no length or leave the cones, after which no more are drawn
+        out_of_reach = funnel.workspace == 0 and funnel.sampled > none_is_read and not whole
+        closed = funnel.cable == 0 and funnel.workspace > none_is_read and not whole
+        none_is_free = 50_000  # states that all collide, after which no more are drawn
+        hopeless = total == 0 and (funnel.cable > none_is_free or out_of_reach or closed)
         if (total >= count and not whole) or hopeless:
             break
         if must_stop(CANDIDATES if total else ROADMAP, f"{min(total, count)} of {count} candidates were drawn"):
@@ -142,7 +137,7 @@ def _sample_rounds(cell: Cell, mounting: Mounting, seed: int) -> Iterator[JointS
         yield from _grid_blocks(cell, cell.plan.grid_step)
         return
     draw = cell.gauge.joint_sampler(cell, mounting, seed)
-    for k in range(ROUNDS):
+    for k in range(MOST_ROUNDS):
         yield draw(min(DRAWS[0] << k, DRAWS[1]))
 
 
@@ -152,17 +147,19 @@ def _grid_blocks(cell: Cell, step: float) -> Iterator[JointSamples]:
     Raises:
         InputError: the grid has more states than can be visited.
     """
+    most_states = 200_000_000  # states that can be visited in a tolerable time
+    block = 1 << 18  # states at a time: 12 MB of joint angles
     lower, upper = cell.sampling_range
     counts = np.maximum(np.floor((upper - lower) / step + 1e-9).astype(int) + 1, 1)
     total = int(np.prod(counts.astype(object)))
-    if total > LARGEST_GRID:
+    if total > most_states:
         raise InputError(
-            f"plan.grid_step_deg = {np.rad2deg(step):g} gives {total:.3g} joint states; at most {LARGEST_GRID:.3g} can"
+            f"plan.grid_step_deg = {np.rad2deg(step):g} gives {total:.3g} joint states; at most {most_states:.3g} can"
             " be visited: take a wider step"
         )
     origin = (lower + upper) / 2 - (counts - 1) * step / 2
-    for start in range(0, total, GRID_BLOCK):
-        index = np.unravel_index(np.arange(start, min(start + GRID_BLOCK, total)), tuple(counts))
+    for start in range(0, total, block):
+        index = np.unravel_index(np.arange(start, min(start + block, total)), tuple(counts))
         q: Array = origin + np.stack(index, axis=1) * step
         yield JointSamples(q, len(q))
 
@@ -171,16 +168,17 @@ def _apply_filters(
     sample: JointSamples, workspace: Workspace, world: CollisionWorld, wanted: int | None
 ) -> tuple[Array, Funnel]:
     """Apply the filters to blocks of samples until ``wanted`` states have passed, or to all of them."""
+    block_size = 65_536  # states that pass the filters before it is seen whether there are enough
     if not len(sample.q):  # none of what was drawn reads a length: it counts all the same
         return sample.q, Funnel(sample.stands_for, sample.stands_for)
     found: list[Array] = [sample.q[:0]]
     funnel, left = Funnel(), sample
     while len(left.q) and (wanted is None or funnel.collision < wanted):
-        share = min(1.0, BLOCK / len(left.q))
+        share = min(1.0, block_size / len(left.q))
         stands_for = round(left.stands_for * share)
         block, left = (
-            JointSamples(left.q[:BLOCK], stands_for),
-            JointSamples(left.q[BLOCK:], left.stands_for - stands_for),
+            JointSamples(left.q[:block_size], stands_for),
+            JointSamples(left.q[block_size:], left.stands_for - stands_for),
         )
         q, counted = _filter_block(block, workspace, world)
         found.append(q)
@@ -190,7 +188,8 @@ def _apply_filters(
 
 def _filter_block(sample: JointSamples, workspace: Workspace, world: CollisionWorld) -> tuple[Array, Funnel]:
     """Apply the filters in order, the cheap ones first and in threads (numpy lets them run side by side)."""
-    chunks = [sample.q[i : i + CHUNK] for i in range(0, len(sample.q), CHUNK)]
+    chunk = 8192  # states that a thread filters: they stay in the processor's cache
+    chunks = [sample.q[i : i + chunk] for i in range(0, len(sample.q), chunk)]
     with ThreadPoolExecutor(available_threads()) as threads:
         results = list(threads.map(lambda q: _apply_workspace_filters(q, workspace), chunks))
     q = np.vstack([r[0] for r in results])
@@ -228,8 +227,8 @@ def _nearest_pairs(cell: Cell, mounting: Mounting) -> str:
     q, _ = _apply_workspace_filters(cell.gauge.joint_sampler(cell, mounting, 0)(DRAWS[0]).q, workspace)
     if not len(q):
         return "too few of them were drawn to say what with"
-    share = (world.distances(q[:BLAMED]) < cell.motion.clearance).mean(axis=0)
-    worst = np.argsort(-share, kind="stable")[:SHOWN_PAIRS]
+    share = (world.distances(q[:300]) < cell.motion.clearance).mean(axis=0)  # 300 states say what collides
+    worst = np.argsort(-share, kind="stable")[:4]  # as many pairs of bodies as a message can hold
     return ", ".join(
         f"{world.scene.blamed_pair(int(k))} in {share[k]:.0%} of the states" for k in worst if share[k] > 0
     )

@@ -21,13 +21,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from planner.common.units import Array
+from planner.design.assumptions import INFORMATION_RIDGE, INFORMATION_SHARE, SPAN_SHARE, UNSEEN_SHARE
 from planner.design.observability.information import r_factor
 from planner.design.selection.matrix_forms import pairwise_form, swap_log_ratios
-
-UNSEEN = 1e-8  # share of the largest singular value below which the pool does not see a direction
-ALONG = 1e-6  # the same for what some columns span
-OWN_SHARE = 0.25  # k: what is measured must still identify the robot
-RIDGE = 1e-8  # of the information of the whole pool
 
 
 @dataclass(frozen=True)
@@ -47,7 +43,7 @@ class PoolCoordinates:
         """Take the coordinates from the rows (n, r, P) of the whole pool."""
         size = np.maximum(np.linalg.norm(rows.reshape(-1, rows.shape[2]), axis=0), 1e-300)
         _, mu, axes = np.linalg.svd(r_factor(rows / size))
-        seen = mu > UNSEEN * mu[0]
+        seen = mu > UNSEEN_SHARE * mu[0]
         return cls((axes[seen].T / mu[seen]) / size[:, None], mu[seen, None] * axes[seen] * size)
 
     def rows(self, rows: Array) -> Array:
@@ -56,7 +52,7 @@ class PoolCoordinates:
 
     def span(self, which: np.ndarray) -> Array:
         """Orthonormal basis (p, k) of what some columns span."""
-        return orthonormal_span(self.columns[:, which], ALONG)
+        return orthonormal_span(self.columns[:, which], SPAN_SHARE)
 
 
 def orthonormal_span(columns: Array, least: float) -> Array:
@@ -97,7 +93,7 @@ class LogDetTerm:
 
     def of(self, mass: Array) -> Array:
         """T'MT, (k, k)."""
-        return np.asarray(self.basis.T @ mass @ self.basis + RIDGE * np.eye(self.basis.shape[1]))
+        return np.asarray(self.basis.T @ mass @ self.basis + INFORMATION_RIDGE * np.eye(self.basis.shape[1]))
 
 
 @dataclass(frozen=True)
@@ -149,8 +145,8 @@ def dt_criterion(
 ) -> DTCriterion:
     """Return the criterion for questions of some weights; ``own``: columns of the plan's own parameters."""
     basis = frame.span(own)
-    terms = [LogDetTerm(OWN_SHARE / basis.shape[1], basis)]
-    for question, share in zip(questions, weights * ((1.0 - OWN_SHARE) / weights.sum()), strict=True):
+    terms = [LogDetTerm(INFORMATION_SHARE / basis.shape[1], basis)]
+    for question, share in zip(questions, weights * ((1.0 - INFORMATION_SHARE) / weights.sum()), strict=True):
         others = frame.span(question.alternatives)
         signal = frame.columns[:, question.shows] @ question.values
         left = signal - others @ (others.T @ signal)

@@ -10,20 +10,15 @@ from planner.cell.cell import Cell
 from planner.cell.setup import MeasurementSetup
 from planner.common.errors import NoSolutionError
 from planner.common.units import Array, to_mm
+from planner.design.assumptions import ALIKE_SHARE, LOG_LIKELIHOOD_EVIDENCE, OTHER_MEASUREMENT_FACTOR, UNSAID_PAYLOAD
 from planner.design.candidates.pool import draw_candidates
 from planner.design.discrimination.criterion import PoolCoordinates, noncentrality
-from planner.design.discrimination.power import ALIKE, EVIDENCE
 from planner.design.discrimination.questions import PredictedReadings, QuestionSet, RivalPair, candidate_visits
 from planner.effects.effect import Parameter
 from planner.effects.gauge_unknowns import unknowns_of
 from planner.runs.run import FIRST_MOUNTING, Samples
 
-FEW = 800  # candidates of a cell that is tried
-PAYLOAD = 5.0  # [kg] where the robot's file does not say what it carries
-TURNS = (0.9, -0.9, 1.8, -1.8)  # [rad] about the base's axis to where a second fixture is tried
-LONGER = 1.5  # times the bar's length
 NEW = "another"  # name of that fixture
-SURELY = 2.0  # times what is needed, over poses that nobody chose
 
 
 @dataclass(frozen=True)
@@ -43,7 +38,7 @@ class OtherMeasurement:
         for question in pair.questions:
             q = replace(question, base=np.concatenate([question.base, new]))
             left, all_ = (noncentrality(frame, whole, q, beside)[0] for beside in (True, False))
-            if left < SURELY * max(EVIDENCE, ALIKE * all_):
+            if left < OTHER_MEASUREMENT_FACTOR * max(LOG_LIKELIHOOD_EVIDENCE, ALIKE_SHARE * all_):
                 return False
         return True
 
@@ -73,7 +68,7 @@ def propose_measurements(
 ) -> Iterator[OtherMeasurement]:
     """Yield ways of measuring otherwise; ``scale``: noise in the model's."""
     few = sight.thin()
-    kilograms = cell.robot.payload or PAYLOAD
+    kilograms = cell.robot.payload or UNSAID_PAYLOAD
     words = f"another payload (say {kilograms:g} kg) at half of the poses, payload_kg in the run"
     yield OtherMeasurement(words, few.repeat(payload=(0.0, kilograms)))
     if few.samples[0].speed is not None:
@@ -85,7 +80,8 @@ def propose_measurements(
             )
     if few.model.setup.gauge.is_attached:
         yield from _second_fixture(cell, few, scale, poses, seed)
-        longer = replace(cell, gauge=replace(cell.gauge, length_max=LONGER * cell.gauge.length_max))
+        # a bar half as long again
+        longer = replace(cell, gauge=replace(cell.gauge, length_max=1.5 * cell.gauge.length_max))
         samples = _draw_visits(longer, poses, seed)
         if samples:
             yield OtherMeasurement(f"a longer {cell.gauge.noun}", PredictedReadings.of(few.model, samples, scale))
@@ -96,7 +92,7 @@ def _second_fixture(
 ) -> Iterator[OtherMeasurement]:
     cell = cell.only(FIRST_MOUNTING).with_mount(FIRST_MOUNTING, None)
     first = cell.fixtures[0]
-    for turn in TURNS:
+    for turn in (0.9, -0.9, 1.8, -1.8):  # [rad] about the base's axis
         R = np.array([[np.cos(turn), -np.sin(turn), 0.0], [np.sin(turn), np.cos(turn), 0.0], [0.0, 0.0, 1.0]])
         fixture = replace(first, p_BX=R @ first.p_BX)
         samples = _draw_visits(replace(cell, fixtures=(fixture,)), poses, seed)
@@ -132,6 +128,7 @@ def _add_place(setup: MeasurementSetup, p_BX: Array) -> MeasurementSetup:
 def _draw_visits(cell: Cell, poses: int, seed: int) -> tuple[Samples, ...]:
     """Visits of candidates of another cell; none where it has none."""
     try:
-        return candidate_visits(cell.unwound, draw_candidates(cell.unwound, FEW, seed), poses, seed)
+        # candidates: enough to say whether it would help
+        return candidate_visits(cell.unwound, draw_candidates(cell.unwound, 800, seed), poses, seed)
     except NoSolutionError:
         return ()

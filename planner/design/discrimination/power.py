@@ -6,12 +6,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from planner.common.units import Array
+from planner.design.assumptions import (
+    ALIKE_SHARE,
+    IDENTICAL_SHARE,
+    LEAST_DIFFERENCE,
+    LEAST_UNNAMED_DIFFERENCE,
+    LOG_LIKELIHOOD_EVIDENCE,
+    SURE_POWER,
+)
 from planner.design.discrimination.criterion import PoolCoordinates, noncentrality
 from planner.design.discrimination.questions import QuestionSet, RivalPair, effect_kind
 from planner.design.selection.matrix_forms import sum_largest
-
-UNSURE = 0.8  # power below which a person is told what would help
-SURE = 0.98  # power below which an effect that nobody named is taken up as a rival
 
 
 @dataclass(frozen=True)
@@ -89,15 +94,8 @@ class Discrimination:
         return (
             *own,
             f"{effects} that nobody named and that poses chosen without a look at {them} would tell with a power below "
-            f"{100 * SURE:.0f} %; least surely now {least.text()}",
+            f"{100 * SURE_POWER:.0f} %; least surely now {least.text()}",
         )
-
-
-IDENTICAL_SHARE = 1e-6  # share of a finding's readings below which what a rival leaves of them is rounding
-LEAST = 1.0  # noise variances below which a difference is none
-HOPEFUL = 20.0  # the same for a rival that nobody named: no effort goes where none helps
-EVIDENCE = 9.2  # fall of minus twice the log likelihood that tells two causes apart: a hundred to one
-ALIKE = 0.02  # share of what a finding explains that a rival must leave, for the identification to drop it
 
 
 def discrimination_power(size: float, whole: float) -> float:
@@ -106,7 +104,7 @@ def discrimination_power(size: float, whole: float) -> float:
     Twice the log likelihood ratio has mean ``size``, the noncentrality, and variance four times that; ``whole`` is all
     that the truth explains.
     """
-    needed = max(EVIDENCE, ALIKE * whole)
+    needed = max(LOG_LIKELIHOOD_EVIDENCE, ALIKE_SHARE * whole)
     from scipy.stats import norm  # costs most of a second
 
     return float(norm.sf((needed - size) / (2 * np.sqrt(max(size, 1e-300)))))
@@ -136,7 +134,7 @@ def split_separable(
         alone = [noncentrality(frame, whole, q, beside=False)[0] for q in pair.questions]
         share = min(size / max(all_, 1e-300) for (size, _), all_ in zip(left, alone, strict=True))
         limit = min(sum_largest(((rows @ direction) ** 2).sum(axis=1), n) for _, direction in left)
-        if share >= IDENTICAL_SHARE and limit >= (LEAST if pair.named else HOPEFUL):
+        if share >= IDENTICAL_SHARE and limit >= (LEAST_DIFFERENCE if pair.named else LEAST_UNNAMED_DIFFERENCE):
             open_[k] = limit
         else:
             closed[k] = None if share < IDENTICAL_SHARE else limit
@@ -154,7 +152,7 @@ def explain_inseparable(pair: RivalPair, limit: float | None, n: int, help_: Seq
     both = f"{pair.finding} and {pair.rival}"
     if limit is None:
         return f"{both}: the same in every pose that this cell can measure; {would}"
-    needed = int(np.ceil(2 * EVIDENCE / limit * n))
+    needed = int(np.ceil(2 * LOG_LIKELIHOOD_EVIDENCE / limit * n))
     return (
         f"{both}: no {n} poses differ by more than {limit:.2g} noise variances; "
         f"about {needed} would be needed (--poses); {would}"

@@ -8,6 +8,7 @@ import numpy as np
 from planner.cell.cell import Cell
 from planner.common.determinism import even_positions
 from planner.common.units import Array, read_only
+from planner.design.assumptions import NEW_SPAN_SHARE, REMEMBERED_POSES, SECONDS_BETWEEN_POSES
 from planner.design.candidates.pool import PoseSet
 from planner.design.discrimination.criterion import DiscriminationQuestion, orthonormal_span
 from planner.design.discrimination.findings import IdentificationResult, IdentifiedEffect
@@ -16,11 +17,6 @@ from planner.effects.catalogue import catalogue, needs_of
 from planner.effects.effect import Effect, Parameter
 from planner.model.model import Model
 from planner.runs.run import Samples
-
-INNER_SEARCH_CANDIDATES = 1_500  # candidates over which inner numbers are looked for
-SPANNED = 1e-9  # share of the largest singular value below which columns span nothing new
-NARROWINGS = 3  # rounds of the search between grid neighbours, each five times finer
-PIECE = 300  # columns at a time
 
 
 @dataclass(frozen=True)
@@ -59,7 +55,7 @@ class PredictedReadings:
 
     def thin(self) -> "PredictedReadings":
         """Return a few of the candidates, evenly over all."""
-        return self.at(even_positions(len(self.sigma), INNER_SEARCH_CANDIDATES))
+        return self.at(even_positions(len(self.sigma), 1_500))  # 1500 candidates are enough to find an inner number by
 
     def at(self, which: np.ndarray) -> "PredictedReadings":
         """Return only some of the candidates."""
@@ -94,7 +90,7 @@ def best_matching_inner(sight: PredictedReadings, entry: Effect, signal: Array, 
     value = _best_on_grid(sight, entry, signal, base, grid)
     near = int(np.argmin(np.abs(grid - value)))
     width = float(max(np.abs(np.diff(grid[max(0, near - 1) : near + 2]))))
-    for _ in range(NARROWINGS):
+    for _ in range(3):  # rounds, each five times finer: to a hundredth of the grid's step
         tries = np.clip(value + width * np.linspace(-1, 1, 11), grid.min(), grid.max())
         value = _best_on_grid(sight, entry, signal, base, np.unique(tries))
         width /= 5
@@ -102,20 +98,17 @@ def best_matching_inner(sight: PredictedReadings, entry: Effect, signal: Array, 
 
 
 def _best_on_grid(sight: PredictedReadings, entry: Effect, signal: Array, base: Array, grid: Array) -> float:
+    columns_at_once = 300  # columns: a few MB
     shares: list[float] = []
     each = len(entry.make(float(grid[0])))
-    for start in range(0, len(grid), max(1, PIECE // each)):
-        part = grid[start : start + max(1, PIECE // each)]
+    for start in range(0, len(grid), max(1, columns_at_once // each)):
+        part = grid[start : start + max(1, columns_at_once // each)]
         columns = stack_rows(sight.rows([p for v in part for p in entry.make(float(v))]))
         left = project_out(columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300), base)
         for k in range(len(part)):
             own = left[:, k * each : (k + 1) * each]
             shares.append(float(np.sum((own @ np.linalg.lstsq(own, signal, rcond=1e-6)[0]) ** 2)))
     return float(grid[int(np.argmax(shares))])
-
-
-TIME_BETWEEN = 10.0  # [s] from pose to pose, about
-POSES_BEFORE = 3  # poses before that a joint's friction may remember
 
 
 def candidate_visits(cell: Cell, pool: PoseSet, poses: int, seed: int) -> tuple[Samples, ...]:
@@ -127,12 +120,12 @@ def candidate_visits(cell: Cell, pool: PoseSet, poses: int, seed: int) -> tuple[
     rng = np.random.default_rng([seed, 5])
     before = pool.q[rng.permutation(len(pool))]
     way = pool.q - before
-    t = rng.random(len(pool)) * poses * (TIME_BETWEEN + cell.motion.settle + cell.motion.dwell)
+    t = rng.random(len(pool)) * poses * (SECONDS_BETWEEN_POSES + cell.motion.settle + cell.motion.dwell)
     at = replace(pool.samples, t=read_only(t))
     if not cell.motion.is_continuous:
         return (replace(at, direction=read_only(np.sign(way))),)
     speed = _measuring_speed(cell, pool.q, way)
-    earlier = [pool.q[rng.permutation(len(pool))] for _ in range(POSES_BEFORE)]
+    earlier = [pool.q[rng.permutation(len(pool))] for _ in range(REMEMBERED_POSES)]
     there = replace(at, speed=read_only(speed), reversals=read_only(np.stack([*earlier, before], axis=2)))
     if not cell.motion.both_ways:
         return (there,)
@@ -256,7 +249,7 @@ def pose_questions(
         for name in (r for r in found.rivals if r in entries):
             rival = entries[name]
             base = np.concatenate([_own_columns_without(asked, entry, rival), *others])
-            taken = orthonormal_span(stack_rows(few.rows([asked.parameters[i] for i in base])), SPANNED)
+            taken = orthonormal_span(stack_rows(few.rows([asked.parameters[i] for i in base])), NEW_SPAN_SHARE)
             signal = project_out(stack_rows(few.rows(entry.make(found.inner))) @ values[:, None], taken)[:, 0]
             inner = best_matching_inner(few, rival, signal, taken)
             matching = _match_signal(project_out(stack_rows(few.rows(rival.make(inner))), taken), signal)

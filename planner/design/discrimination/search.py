@@ -7,7 +7,8 @@ import numpy as np
 
 from planner.common.determinism import Positions, round_significant
 from planner.common.units import Array
-from planner.design.discrimination.criterion import RIDGE, DTCriterion
+from planner.design.assumptions import INFORMATION_RIDGE
+from planner.design.discrimination.criterion import DTCriterion
 from planner.design.selection.certificate import ActiveSet, Certificate, Dual, Pricing, generate_columns
 from planner.design.selection.interior_point import solve_interior_point
 from planner.design.selection.matrix_forms import (
@@ -19,13 +20,8 @@ from planner.design.selection.matrix_forms import (
 from planner.design.selection.relaxation import ConcaveProblem
 from planner.design.selection.search import Swap, best_priced, descend, order_by_weight, search_starts
 
-_SAFE = 1e-9  # rounding in a sum of products
-_FIRST, _BATCH = 400, 150  # candidates at first, and those that come in each round
-_ROUNDS = 25
-_NEAR = 96  # candidates that are tried exactly, those with the best prices
-_BETTER = 1e-7  # gain below which a swap is none
-_STARTS = 3
-TOLERANCE = 2e-3
+LEAST_GAIN = 1e-7  # of the criterion [1]: below, a swap is rounding
+DRAWN_STARTS = 3  # from the relaxation and from draws by its weights; one more is the given start
 
 
 @dataclass(frozen=True)
@@ -41,7 +37,8 @@ class TangentDual:
         """Return the bound that the tangent proves over all candidates."""
         X = project_semidefinite(self.X)
         top = sum_largest(np.maximum(quadratic_form(rows, X), 0.0), self.poses)
-        return self.at + float(np.log(top + RIDGE * float(np.trace(X)))) + _SAFE
+        # and the rounding in a sum of products
+        return self.at + float(np.log(top + INFORMATION_RIDGE * float(np.trace(X)))) + 1e-9
 
     def prices(self, rows: Array, active: Positions) -> Array:
         """Return minus <X, J'J> of every candidate, (N,)."""
@@ -64,7 +61,7 @@ class DTPricing(Pricing):
 
     @property
     def _width(self) -> int:
-        return max(_FIRST, 3 * self.count)
+        return max(400, 3 * self.count)  # candidates at first
 
     def solve(self, state: ActiveSet, accuracy: float) -> tuple[ActiveSet, Dual, float]:
         """Solve on the active candidates; weights sum to the number of poses."""
@@ -84,7 +81,8 @@ class DTPricing(Pricing):
         """Keep those with weight and the best priced ones; bring in others that are priced better than the limit."""
         price = -dual.prices(self.rows, state.active)
         limit = -np.partition(-price[state.active], self.count - 1)[self.count - 1]
-        new = np.setdiff1d(best_priced(np.where(price > limit, price, 0.0), _BATCH), state.active)
+        # candidates that come in each round
+        new = np.setdiff1d(best_priced(np.where(price > limit, price, 0.0), 150), state.active)
         if len(new) == 0 or len(state.active) >= len(self.rows):
             return None
         kept = np.union1d(state.active[state.weights > 1e-4], best_priced(price, self._width))
@@ -95,8 +93,10 @@ class DTPricing(Pricing):
 
 def bound_criterion(rows: Array, aim: DTCriterion, poses: int, start: Positions) -> Certificate:
     """Return a bound on the criterion of any ``poses`` of the candidates ``rows`` (N, r, p); ``start``: a choice."""
+    tolerance = 2e-3  # [1] gap of the bound: finer than a reading can decide
+    most_rounds = 25  # of adding candidates; the gap that is left is told
     pricing = DTPricing(rows, poses, "DT", aim)
-    return generate_columns(pricing, pricing.first(start), TOLERANCE, TOLERANCE / 3, _ROUNDS)
+    return generate_columns(pricing, pricing.first(start), tolerance, tolerance / 3, most_rounds)
 
 
 @dataclass(frozen=True)
@@ -112,14 +112,14 @@ class DTSwaps:
         rows, group = self.rows, self.group
         mass = information_matrix(rows[chosen])
         price = round_significant(quadratic_form(rows[outside], self.aim.slope(mass)))
-        likely = outside[np.lexsort((outside, -price))[:_NEAR]]
+        likely = outside[np.lexsort((outside, -price))[:96]]  # best prices: these are tried exactly
         near = np.union1d(likely, outside[np.isin(group[outside], group[chosen])])
         if len(near) == 0:
             return None
         gains = self.aim.swap_gains(rows[chosen], rows[near], mass)
         gains[np.isin(group[near], group[chosen]) & (group[chosen][:, None] != group[near])] = -np.inf
         out, into = np.unravel_index(int(np.argmax(round_significant(gains))), gains.shape)
-        return Swap(int(out), int(near[into])) if gains[out, into] >= _BETTER else None
+        return Swap(int(out), int(near[into])) if gains[out, into] >= LEAST_GAIN else None
 
 
 def exchange_by_criterion(
@@ -132,7 +132,7 @@ def exchange_by_criterion(
 
     def search(turn: int) -> tuple[Positions, float] | None:
         chosen = start
-        if turn < _STARTS:
+        if turn < DRAWN_STARTS:
             order = order_by_weight(bound.support, np.maximum(bound.weights, 1e-12), seed, turn)
             first = np.sort(np.unique(group[order], return_index=True)[1])  # one of a group
             chosen = np.sort(order[first[: len(start)]])
@@ -141,4 +141,4 @@ def exchange_by_criterion(
         chosen = descend(DTSwaps(rows, aim, group), chosen, np.arange(len(rows)))
         return chosen, aim.value(information_matrix(rows[chosen]))
 
-    return search_starts(search, range(_STARTS + 1), lambda value, than: value > than + _BETTER)[0]
+    return search_starts(search, range(DRAWN_STARTS + 1), lambda value, than: value > than + LEAST_GAIN)[0]

@@ -9,13 +9,19 @@ from planner.cell.cell import Cell
 from planner.common.determinism import Positions, on_one_thread
 from planner.common.errors import NoSolutionError
 from planner.common.units import Array
+from planner.design.assumptions import (
+    INDUCED_RIVALS_PER_TRUTH,
+    INDUCED_WEIGHT,
+    NEW_SPAN_SHARE,
+    SURE_POWER,
+    UNSURE_POWER,
+    VISIBLE_SHARE,
+)
 from planner.design.candidates.pool import PoseSet
 from planner.design.discrimination.criterion import DTCriterion, PoolCoordinates, dt_criterion, orthonormal_span
 from planner.design.discrimination.findings import IdentificationResult
 from planner.design.discrimination.other_measurements import OtherMeasurements
 from planner.design.discrimination.power import (
-    SURE,
-    UNSURE,
     Discrimination,
     PairPower,
     discrimination_power,
@@ -24,7 +30,6 @@ from planner.design.discrimination.power import (
     split_separable,
 )
 from planner.design.discrimination.questions import (
-    SPANNED,
     PredictedReadings,
     QuestionSet,
     approach_axes,
@@ -41,9 +46,6 @@ from planner.design.selection.matrix_forms import information_matrix
 from planner.design.selection.search import descend
 from planner.effects.effect import Effect, Role
 from planner.runs.run import Samples
-
-RIVALS_PER_TRUTH = 2  # that are taken up for each truth at a time
-VISIBLE_SHARE = 1e-6  # share of a column that must be left off the model's for its parameter to count
 
 
 @dataclass(frozen=True)
@@ -99,7 +101,7 @@ def add_induced_rivals(
     pairs = [p for k, p in enumerate(asked.pairs) if k in open_ and p.named]
     truths = {q.truth: q for p in pairs[::-1] for q in p.questions[::-1]}
     for truth, q in sorted(truths.items()):
-        basis = orthonormal_span(rows[:, q.base], SPANNED)
+        basis = orthonormal_span(rows[:, q.base], NEW_SPAN_SHARE)
         signal = project_out(rows[:, q.shows] @ q.values, basis)
         whole = float(signal @ signal)
         left = whole - dictionary.explained_squares(basis, signal)
@@ -107,16 +109,12 @@ def add_induced_rivals(
         known, new = {n.split(" (")[0] for n in with_it}, set[str]()
         for k in np.argsort(left, kind="stable"):
             entry, inner = dictionary.items[k]
-            if len(new) == RIVALS_PER_TRUTH or discrimination_power(float(left[k]), whole) > SURE:
+            if len(new) == INDUCED_RIVALS_PER_TRUTH or discrimination_power(float(left[k]), whole) > SURE_POWER:
                 break
             if entry.name not in known | new:
                 new.add(entry.name)
                 asked = asked.with_rival(q, entry, inner)
     return asked
-
-
-ROUNDS = 3  # of choosing, and taking up the rivals that the chosen poses would bring up
-INDUCED_WEIGHT = 0.5  # weight of such a rival; all of them together weigh no more than half of those that are named
 
 
 @dataclass(frozen=True)
@@ -169,7 +167,7 @@ def select_discriminating_poses(
             f"{identified.path}: no poses of this cell tell any finding from its rivals: {'; '.join(sentences)}"
         )
     places = choice.chosen
-    for _ in range(ROUNDS):
+    for _ in range(3):  # rounds of choosing and taking up the rivals that the chosen poses would bring up
         places = descend(DTSwaps(rows, _make_criterion(frame, asked, open_), group), places, np.arange(len(rows)))
         known = len(asked.pairs)
         asked = add_induced_rivals(sight, entries, asked, open_, places)
@@ -184,7 +182,7 @@ def select_discriminating_poses(
     told = []
     for k, limit in sorted(open_.items()):
         pair, (size, power) = asked.pairs[k], now[k]
-        help_ = other_ways.help(asked, pair) if pair.named and power < UNSURE else ()
+        help_ = other_ways.help(asked, pair) if pair.named and power < UNSURE_POWER else ()
         told.append(PairPower(pair.finding, pair.rival, pair.named, size, power, before[k][0], limit, help_))
     separation = Discrimination(
         tuple(told),

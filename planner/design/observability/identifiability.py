@@ -9,23 +9,8 @@ from scipy.linalg import qr
 
 from planner.common.errors import InputError
 from planner.common.units import Array, read_only
+from planner.design.assumptions import FAINT_SHARE, STRUCTURAL_ZERO_SHARE
 from planner.design.observability.information import r_factor
-
-STRUCTURAL = 1e-9
-"""Singular values below this share of the largest count as exact zeros.
-
-Columns are scaled by the prior sizes first. A QR in double precision leaves about P * 2e-16 of rounding there, analytic
-columns agree with finite differences to better than 1e-9, and the faintest direction that a robot's geometry really
-shows lies above 1e-5: every cut between gives the same rank.
-"""
-FAINT = 0.1
-"""A direction is left out when readings and noise alone would know it ten times worse than its prior size says.
-
-Between that and the prior size itself it is kept and named weak: well-chosen poses see several times more of it than
-the average candidate does.
-"""
-_DROP = 0.5  # a parameter may stand for an unseen direction if its share is at least this part of the largest share
-_PREFER = 0.1  # with an explicit order of preference, a smaller share will do
 
 
 @dataclass(frozen=True)
@@ -75,7 +60,7 @@ class Identifiability:
 def _split_spectrum(scaled: Array, faint: float) -> tuple[Array, Array]:
     """Singular values (P,) of a scaled triangular factor and an orthonormal basis (P, k) of what is not seen."""
     _, mu, axes = np.linalg.svd(scaled)
-    seen = (mu > STRUCTURAL * mu[0]) & (mu > faint) & (mu > 0)
+    seen = (mu > STRUCTURAL_ZERO_SHARE * mu[0]) & (mu > faint) & (mu > 0)
     return mu, axes[~seen].T
 
 
@@ -105,15 +90,16 @@ def find_identifiable(
     factor, stock = r_factor(rows), rows[..., 0].size
     total = readings or stock
     mu, null = _split_spectrum(
-        factor * (size / np.sqrt(stock)), 0.0 if noise is None else FAINT * noise / np.sqrt(total)
+        factor * (size / np.sqrt(stock)), 0.0 if noise is None else FAINT_SHARE * noise / np.sqrt(total)
     )
     if null.shape[1] == count:
         raise InputError("no reading depends on any parameter: nothing can be identified from these poses")
-    out = _choose_dropped(null, order, _DROP if prefer is None else _PREFER)
+    # share of the largest share from which a parameter may stand for an unseen direction: less if a preference is named
+    out = _choose_dropped(null, order, 0.5 if prefer is None else 0.1)
     out = _ensure_full_rank(factor * size, out)
     kept = tuple(k for k in range(count) if k not in out)
     seen = len(kept)
-    faint = seen < count and bool(mu[seen] > STRUCTURAL * mu[0])
+    faint = seen < count and bool(mu[seen] > STRUCTURAL_ZERO_SHARE * mu[0])
     dropped = _explain_dropped(null, out, names, size, faint)
     weak = () if noise is None else _find_weak(factor / np.sqrt(stock / total), names, size, kept, noise)
     gap = float(mu[seen - 1] / mu[seen]) if seen < count and mu[seen] > 0 else float("inf")
@@ -148,7 +134,7 @@ def _ensure_full_rank(scaled: Array, out: list[int]) -> list[int]:
     """Check that the kept columns have full rank; if not, choose afresh by QR with column pivoting."""
     kept = [k for k in range(scaled.shape[1]) if k not in out]
     mu = np.linalg.svd(scaled[:, kept], compute_uv=False)
-    if mu[-1] > STRUCTURAL * mu[0]:
+    if mu[-1] > STRUCTURAL_ZERO_SHARE * mu[0]:
         return out
     pivots = qr(scaled, mode="r", pivoting=True)[1]
     return [int(k) for k in pivots[len(kept) :]]
@@ -187,7 +173,7 @@ Direction = Sequence[tuple[str, float]]
 
 _JOINT = re.compile(r"^(theta|alpha|a|d|beta|rx|ry|rz|x|y|z)_?(\d+)$")
 _TURNING = {"theta", "alpha", "beta", "rx", "ry", "rz"}
-_SHOWN = 4  # terms of a direction that are written out
+SHOWN_TERMS = 4  # of a direction that are written out
 
 
 @dataclass(frozen=True)
@@ -237,10 +223,10 @@ def join_names(names: Sequence[str]) -> str:
 def format_direction(direction: Direction) -> str:
     """Return a direction as text, such as ``0.95 theta6 + 0.32 alpha6``."""
     text = ""
-    for name, share in direction[:_SHOWN]:
+    for name, share in direction[:SHOWN_TERMS]:
         sign = ("- " if share < 0 else "+ ") if text else ("-" if share < 0 else "")
         text += f"{' ' if text else ''}{sign}{abs(share):.2g} {name}"
-    more = len(direction) - _SHOWN
+    more = len(direction) - SHOWN_TERMS
     return text + (f" + {more} smaller" if more > 0 else "")
 
 
@@ -248,8 +234,8 @@ def _list_coupled(terms: Sequence[_Term]) -> str:
     others = [t.name for t in terms[1:]]
     if not others:
         return f"{terms[0].name} is too faint"
-    if len(others) > _SHOWN:
-        others = [*others[: _SHOWN - 1], f"{len(others) - _SHOWN + 1} more"]
+    if len(others) > SHOWN_TERMS:
+        others = [*others[: SHOWN_TERMS - 1], f"{len(others) - SHOWN_TERMS + 1} more"]
     return f"{terms[0].name} moves with {join_names(others)}"
 
 

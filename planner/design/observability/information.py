@@ -115,9 +115,6 @@ def all_indices(rows: Array, scale: Array | None = None) -> dict[str, float]:
     return {name: _apply_rule(each, mu, len(rows)) for name, each in INDEX_RULES.items()}
 
 
-_PIECE = 16_384  # rows a piece: a few MB, and a tall enough matrix for blocked Householder
-
-
 def r_factor(rows: Array) -> Array:
     """Return R (P, P), upper triangular with R'R = J'J, of rows (n, r, P) or (n, P), by a tall-skinny QR in pieces.
 
@@ -126,11 +123,12 @@ def r_factor(rows: Array) -> Array:
     Raises:
         InputError: a row holds a number that is not finite.
     """
+    piece = 16_384  # rows: a few MB, and a tall enough matrix for blocked Householder
     tall = stack_rows(rows)
     if not np.all(np.isfinite(tall)):
         bad = int(np.flatnonzero(~np.all(np.isfinite(tall), axis=1))[0])
         raise InputError(f"row {bad} of the identification Jacobian holds a number that is not finite")
-    parts = [np.linalg.qr(tall[k : k + _PIECE], mode="r") for k in range(0, len(tall), _PIECE)]
+    parts = [np.linalg.qr(tall[k : k + piece], mode="r") for k in range(0, len(tall), piece)]
     factor = np.linalg.qr(np.concatenate(parts), mode="r") if parts else np.zeros((0, tall.shape[1]))
     out = np.zeros((tall.shape[1], tall.shape[1]))
     out[: len(factor)] = factor

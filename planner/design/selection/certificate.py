@@ -16,8 +16,6 @@ from planner.common.determinism import Positions
 from planner.common.progress import BOUND, must_stop
 from planner.common.units import Array, read_only
 
-_MARGIN = 1e-12  # relative: a bound that is verified again comes out the same
-
 
 class Dual(Protocol):
     """A proof that no set of candidates does better than some value."""
@@ -75,7 +73,7 @@ class Certificate:
         """Verify again, from the duals alone, over all ``rows``: does ``value`` follow?"""
         proven = [copy(dual).verify(rows) for dual in self.duals]  # without what the search has kept
         value = proven[0] if len(proven) == 1 else proven[0] / proven[1]
-        margin = abs(self.value) * _MARGIN
+        margin = abs(self.value) * 1e-12  # a bound that is verified again comes out the same but for rounding
         follows = value <= self.value + margin if self.duals[0].upper else value >= self.value - margin
         return bool(np.isfinite(value) and follows)
 

@@ -16,9 +16,7 @@ from planner.design.selection.index_criterion import BarrierPotential, Potential
 from planner.design.selection.matrix_forms import information_matrix
 from planner.design.selection.search import add_greedily, descend, exchange_singly, search_starts
 
-_REFRESH = 50
-_GAIN = 1e-9  # of the logarithm of the determinant: less is rounding
-_PASSES = 100  # no augmentation was seen to take a tenth of it
+LEAST_GAIN = 1e-9  # of the logarithm of the determinant: less is rounding
 Mask = NDArray[np.bool_]
 
 
@@ -85,7 +83,7 @@ class _DOptimalSet:
         self.inverse -= gain @ core @ gain.T
         self.within[candidate] = sign > 0
         self.moves += 1
-        if self.moves % _REFRESH == 0:
+        if self.moves % 50 == 0:  # moves after which rounding is taken out
             self._refresh()
 
     def at(self, chosen: Positions) -> "_DOptimalSet":
@@ -147,7 +145,7 @@ def detmax(
         design = _greedy_start(some, n, share) if turn == 0 else _sample_start(some, n, seed + turn, share)
         return _search_excursions(design, n, excursion)
 
-    best, _ = search_starts(search, range(starts), lambda value, than: value > than + _GAIN)
+    best, _ = search_starts(search, range(starts), lambda value, than: value > than + LEAST_GAIN)
     criterion = PotentialCriterion(white, BarrierPotential("O1", 1.0), group)
     return np.sort(descend(criterion, among[best], everything))
 
@@ -183,7 +181,7 @@ def _search_excursions(design: _DOptimalSet, n: int, excursion: int) -> tuple[Po
                 continue
             for move in [sign] * length + [-sign] * length:
                 design.change(first_maximum(design.gains(move)), move)
-            if design.logdet > value + _GAIN:
+            if design.logdet > value + LEAST_GAIN:
                 best, value, length = np.flatnonzero(design.within), design.logdet, 0
                 break
             design = design.at(best)
@@ -213,4 +211,5 @@ def augment_design(base: Array, blocks: Array, count: int) -> Positions:
     Greedily, then by exchange as long as any gains (Fedorov 1972).
     """
     design = _Augmentation(base, blocks)
-    return np.sort(exchange_singly(design, add_greedily(design, count), _PASSES))
+    # passes at most: no augmentation was seen to take a tenth of them
+    return np.sort(exchange_singly(design, add_greedily(design, count), 100))

@@ -35,11 +35,7 @@ from planner.design.selection.relaxation import (
     RootTrace,
 )
 
-_SAFE = 1e-9  # relative: rounding in 1e6 sums of products stays below 1e-10
-_BATCH = 150  # poses priced in a round
-_STAY, _USED = 150, 1e-3  # active ones that stay: the cheapest, and those with that share of the largest weight
-_ROUNDS = 40
-_CORE = 4_000
+ROUNDING = 1e-9  # relative: rounding in 1e6 sums of products stays below 1e-10
 
 
 @dataclass(frozen=True)
@@ -62,7 +58,7 @@ class IndexDual:
         x, y = (np.maximum(form, 0.0) for form in self._forms(rows))
         if self.index == "O2":
             return _condition_bound(x, y, float(np.trace(X)), float(np.trace(Y)), count)
-        top = sum_largest(x, count) * (1.0 + _SAFE)
+        top = sum_largest(x, count) * (1.0 + ROUNDING)
         mu = np.maximum(np.linalg.eigvalsh(X), 0.0)
         if self.index == "O1":
             share = top / count
@@ -125,7 +121,7 @@ class WholePool:
 def _condition_bound(x: Array, y: Array, trace_x: float, trace_y: float, count: int) -> float:
     if not (trace_x > 0 and trace_y > 0):
         return 1.0
-    ratio = _smallest_ratio(x, y, count) * (1.0 - _SAFE)
+    ratio = _smallest_ratio(x, y, count) * (1.0 - ROUNDING)
     holds = float(np.sum(np.partition(y - ratio * x, count - 1)[:count])) >= 0.0
     return max(1.0, float(np.sqrt(ratio * trace_x / trace_y))) if holds else 1.0
 
@@ -197,9 +193,11 @@ class IndexPricing(Pricing):
         count = self.count
         limit = np.partition(price[state.active], count - 1)[count - 1]
         violating = np.flatnonzero(outside & (price < limit))
-        order = np.lexsort((violating, round_significant(price[violating])))[:_BATCH]
-        stay = np.lexsort((state.active, round_significant(price[state.active])))[: max(_STAY, 3 * count)]
-        stay = np.union1d(stay, np.flatnonzero(state.weights > _USED * np.max(state.weights)))
+        order = np.lexsort((violating, round_significant(price[violating])))[:150]  # poses that come in a round
+        # cheapest active ones that stay, at least
+        stay = np.lexsort((state.active, round_significant(price[state.active])))[: max(150, 3 * count)]
+        # of the largest weight: in use
+        stay = np.union1d(stay, np.flatnonzero(state.weights > 1e-3 * np.max(state.weights)))
         active = np.concatenate([state.active[stay], violating[order]])
         weights = np.concatenate([state.weights[stay], np.zeros(len(order))])
         arranged = np.argsort(active)
@@ -225,6 +223,7 @@ def certify_bound(
     Raises:
         InputError: unknown index, more poses than candidates, or an index that needs a number of poses.
     """
+    most_rounds = 40  # of adding poses; the gap that is left is told
     find_rule(index)
     if rows.ndim != 3:
         raise InputError(f"candidate rows must have shape (candidates, readings, parameters), not {rows.shape}")
@@ -239,7 +238,7 @@ def certify_bound(
         return Certificate(index, value, poses, np.arange(poses), np.ones(poses), value, (dual,), True, 0, poses)
     pricing = IndexPricing(rows, poses, index)
     accuracy = 0.05 if near is None else tolerance
-    return generate_columns(pricing, pricing.first(seed, near), tolerance, accuracy, _ROUNDS)
+    return generate_columns(pricing, pricing.first(seed, near), tolerance, accuracy, most_rounds)
 
 
 def _divide_bounds(smallest: Certificate, condition: Certificate) -> Certificate:
@@ -269,5 +268,5 @@ def price_core(rows: Array, certificate: Certificate, n: int, margin: float = 0.
     order = np.lexsort((everything, round_significant(price)))
     scale = np.mean(quadratic_form(rows[order[:n]], dual.Y if dual.index == "O2" else dual.X))
     near = int(np.sum(price <= price[order[n - 1]] + margin * scale))
-    count = min(max(near, 150, 2 * n), _CORE)
+    count = min(max(near, 150, 2 * n), 4_000)  # the core: the poses of lowest price, 4000 at most
     return order, np.union1d(order[:count], certificate.support)

@@ -25,13 +25,10 @@ from planner.design.selection.search import Swap
 
 _LOWER = {"O2": 1.0, "O3": 1.0, "O4": 2.0}
 _UPPER = ("O2", "O4")
-_UPPER_SHARE = 0.15  # few eigenvalues crowd at the top, many at the bottom: the upper barrier wants another weight
-_NEWTON = 25
-_BLOCK = 2_000_000  # pairs scored at a time
-_TRIED = 48  # pairs whose eigenvalues are computed
-_GAIN = 1e-10  # below which a swap is none
-STRENGTHS = (0.1, 0.02, 0.003)
-"""Of the barriers, one after the other."""
+TRIED_PAIRS = 48  # of the best scores, whose eigenvalues are computed
+LEAST_GAIN = 1e-10  # of the criterion [1]: below, a swap is rounding
+# weights of the barriers, one after the other: the weakest follows the index closest
+BARRIER_STRENGTHS = (0.1, 0.02, 0.003)
 
 
 @dataclass(frozen=True)
@@ -45,7 +42,8 @@ class BarrierPotential:
         """Return the barrier weights (m, k) for ``size`` parameters."""
         if self.index not in _LOWER:
             return 1.0, 0.0
-        return self.strength / size, _UPPER_SHARE * self.strength if self.index in _UPPER else 0.0
+        upper = 0.15  # few eigenvalues crowd at the top, many at the bottom: the upper barrier wants another weight
+        return self.strength / size, upper * self.strength if self.index in _UPPER else 0.0
 
     def shifts(self, mu: Array) -> tuple[float, float]:
         """Return the best l and u for eigenvalues ``mu`` (P,), ascending; l 0 and u inf where a half is missing."""
@@ -80,7 +78,7 @@ def _solve_shift(poles: Array, weight: float, total: float) -> float:
     Newton on the reciprocal of the sum, which is concave and falls: from above it comes down monotonely, in few steps.
     """
     at = (1.0 - weight / total) / float(poles.max())
-    for _ in range(_NEWTON):
+    for _ in range(25):  # Newton steps at most
         inverse = 1.0 / (1.0 - at * poles)
         share = weight * float(inverse.sum()) / total
         if share <= 1.0 + 1e-9:
@@ -183,15 +181,15 @@ class PotentialCriterion:
         exact = is_exact(rows, potential.index)
         if exact and potential.index == "O1":
             outside = self._prefilter(chosen, outside)
-        swaps, scores = self.rank_swaps(chosen, outside, 1 if exact else _TRIED)
+        swaps, scores = self.rank_swaps(chosen, outside, 1 if exact else TRIED_PAIRS)
         if exact or not swaps:
-            return swaps[0] if swaps and scores[0] > _GAIN else None
+            return swaps[0] if swaps and scores[0] > LEAST_GAIN else None
         mu = eigenvalues(information_matrix(rows[chosen]))
         shifts = potential.shifts(mu)
         after = potential.barrier(eigenvalues(information_after(rows, chosen, swaps)), *shifts)
         gains = round_significant(after)
         best = int(np.argmax(gains))
-        return swaps[best] if gains[best] > potential.barrier(mu, *shifts) + _GAIN else None
+        return swaps[best] if gains[best] > potential.barrier(mu, *shifts) + LEAST_GAIN else None
 
     def rank_swaps(self, chosen: Positions, outside: Positions, keep: int) -> tuple[list[Swap], Array]:
         """Return the ``keep`` most promising swaps that are allowed and their scores, best first."""
@@ -200,7 +198,7 @@ class PotentialCriterion:
         score = SwapTable(self.rows[chosen], self.potential)
         if not score.exact and self.group is None:
             outside = self._likeliest(score, outside, keep)
-        width = max(1, _BLOCK // len(chosen))
+        width = max(1, 2_000_000 // len(chosen))  # pairs scored at a time: 16 MB
         scores, places = [], []
         for k in range(0, len(outside), width):
             part = outside[k : k + width]
@@ -241,14 +239,14 @@ class IndexCriterion:
     def best_swap(self, chosen: Positions, outside: Positions) -> Swap | None:
         """Return the best swap among those that the first barrier singles out that finds a better one, or None."""
         index, now = find_rule(self.index), index_of_rows(self.index, self.rows[chosen])
-        for strength in STRENGTHS[::-1]:
+        for strength in BARRIER_STRENGTHS[::-1]:
             potential = PotentialCriterion(self.rows, BarrierPotential(self.index, strength))
-            swaps, _ = potential.rank_swaps(chosen, outside, _TRIED)
+            swaps, _ = potential.rank_swaps(chosen, outside, TRIED_PAIRS)
             if not swaps:
                 continue
             mass = information_after(self.rows, chosen, swaps)
             values = round_significant(index_of_information(self.index, mass, len(chosen)))
             best = int(np.argmax(index.merit(values)))
-            if (index.gap(now, float(values[best])) if index.maximise else now / values[best] - 1) > _GAIN:
+            if (index.gap(now, float(values[best])) if index.maximise else now / values[best] - 1) > LEAST_GAIN:
                 return swaps[best]
         return None

@@ -15,9 +15,6 @@ from planner.design.selection.certificate import Certificate
 from planner.design.selection.index_bound import certify_bound
 from planner.design.selection.index_search import PoseSelection, exchange_poses
 
-_TOLERANCE = 5e-3
-_WIDTH = 4_000  # candidates by price: further down no swap was seen to help
-
 
 @dataclass(frozen=True)
 class IndexCurve:
@@ -76,8 +73,8 @@ def compute_index_curve(
     found: list[PoseSelection] = []
     before = near
     for n in sorted(set(sizes)):
-        before = certify_bound(rows, index, n, tolerance=_TOLERANCE, seed=seed, near=before)
-        found.append(exchange_poses(rows, n, index, starts=1, seed=seed, certificate=before, steps=steps, width=_WIDTH))
+        before = certify_bound(rows, index, n, tolerance=5e-3, seed=seed, near=before)  # [1] gap: a curve needs no more
+        found.append(exchange_poses(rows, n, index, starts=1, seed=seed, certificate=before, steps=steps, width=4_000))
     return IndexCurve(index, tuple(found))
 
 

@@ -12,7 +12,7 @@ from planner.design.observability.information import find_rule
 from planner.design.selection.certificate import Certificate
 from planner.design.selection.index_bound import certify_bound, price_core
 from planner.design.selection.index_criterion import (
-    STRENGTHS,
+    BARRIER_STRENGTHS,
     BarrierPotential,
     IndexCriterion,
     PotentialCriterion,
@@ -21,37 +21,33 @@ from planner.design.selection.index_criterion import (
 )
 from planner.design.selection.search import descend, order_by_weight, search_starts
 
-_HELD = 4  # draws with the barriers where they are
-_LOOK, _LOOK_EACH = 100, 2  # candidates looked at in a draw: at least, and for each pose
-_BLOCK = 256  # draws whose candidates are drawn together
-_HOT, _COLD = 0.015, 0.0008  # times (parameters / poses)^2: relative change of the squared index
-_WIDE, _TIGHT = 0.5, 0.25  # barrier strength, times that ratio and times its square: few poses make coarse swaps
-
 
 def anneal(rows: Array, chosen: Positions, pool: Positions, index: str, steps: int, seed: int) -> Positions:
     """Return the best set met in ``steps`` swaps between ``chosen`` (n,) and ``pool`` (K,), candidates of ``rows``."""
+    block = 256  # draws whose candidates are drawn together
     rng, better = np.random.default_rng(seed), find_rule(index)
     pool = np.union1d(pool, chosen)
     members, outer = np.searchsorted(pool, chosen), np.ascontiguousarray(rows[pool, 0])
     within = np.zeros(len(pool), dtype=bool)
     within[members] = True
     ratio = rows.shape[2] / len(chosen)
-    wide, tight = min(0.9, _WIDE * ratio), min(0.9, _TIGHT * ratio**2)
-    hot, cold = _HOT * ratio**2, _COLD * ratio**2
-    look = max(_LOOK, _LOOK_EACH * len(chosen))
+    wide, tight = min(0.9, 0.5 * ratio), min(0.9, 0.25 * ratio**2)  # barrier strengths: few poses make coarse swaps
+    # temperature at first and at last: a relative change of the squared index
+    hot, cold = 0.015 * ratio**2, 0.0008 * ratio**2
+    look = max(100, 2 * len(chosen))  # candidates looked at in a draw
     best, best_value = members.copy(), np.nan
     for step in range(steps):
         share = step / steps
-        if step % _BLOCK == 0:
+        if step % block == 0:
             if must_stop(CHOICE, "the search for the poses was cut short; the gap to the bound holds"):
                 break
-            candidates = rng.integers(0, len(pool), (_BLOCK, look))
-        if step % _HELD == 0:
+            candidates = rng.integers(0, len(pool), (block, look))
+        if step % 4 == 0:  # draws with the barriers where they are
             bath = _HeatBath(outer[members], BarrierPotential(index, wide * (tight / wide) ** share))
             value = float(better.of(np.sqrt(bath.mu[::-1]), len(members)))
             if np.isnan(best_value) or better.better(value, best_value):
                 best, best_value = members.copy(), value
-        looked = candidates[step % _BLOCK]
+        looked = candidates[step % block]
         looked = looked[~within[looked]]
         if len(looked) == 0:
             continue
@@ -109,10 +105,6 @@ class _HeatBath:
 def _draw_place(weights: Array, rng: np.random.Generator) -> int:
     total = weights.cumsum()
     return min(int(total.searchsorted(rng.random() * total[-1])), len(total) - 1)
-
-
-_SHORTLIST = 2_000  # candidates that the descent looks at before it looks at all
-_KICKS = 8
 
 
 @dataclass(frozen=True)
@@ -194,13 +186,13 @@ class _IndexSearch:
         support = order_by_weight(self.certificate.support, self.certificate.weights, self.seed, turn)[:n]
         rest = order[~np.isin(order, support)]  # fills up by rank
         chosen = np.concatenate([support, rest[: n - len(support)]]).astype(np.intp)
-        short = np.sort(order[: max(_SHORTLIST, 10 * n)])
+        short = np.sort(order[: max(2_000, 10 * n)])  # the descent looks at these before it looks at all
         whole = np.arange(len(rows)) if self.width is None else np.sort(order[: max(self.width, 2 * n)])
         if index == "O1":
             return descend(PotentialCriterion(rows, BarrierPotential(index, 1.0)), chosen, whole)
         if self.anneals:
             chosen = anneal(rows, chosen, near, index, self.steps, self.seed + 7919 * turn)
-            chosen = self._tighten(chosen, short, STRENGTHS[-1:])
+            chosen = self._tighten(chosen, short, BARRIER_STRENGTHS[-1:])
         else:
             chosen = self._iterate(chosen, near, short, np.random.default_rng([self.seed, turn, 2]))
         return descend(IndexCriterion(rows, index), chosen, whole)
@@ -209,7 +201,7 @@ class _IndexSearch:
         """Iterated descent, for scores that are not exact: throw out an eighth, descend, keep the better."""
         best = self._tighten(chosen, short)
         value = index_of_rows(self.index, self.rows[best])
-        for _ in range(_KICKS):
+        for _ in range(8):  # kicks
             count = max(1, len(best) // 8)
             fresh = rng.permutation(np.setdiff1d(near, best))[:count]
             trial = best.copy()
@@ -220,7 +212,9 @@ class _IndexSearch:
                 best, value = trial, new
         return best
 
-    def _tighten(self, chosen: Positions, short: Positions, strengths: tuple[float, ...] = STRENGTHS) -> Positions:
+    def _tighten(
+        self, chosen: Positions, short: Positions, strengths: tuple[float, ...] = BARRIER_STRENGTHS
+    ) -> Positions:
         for strength in strengths:
             chosen = descend(PotentialCriterion(self.rows, BarrierPotential(self.index, strength)), chosen, short)
         return chosen

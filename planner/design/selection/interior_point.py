@@ -14,8 +14,7 @@ from planner.common.progress import CHOICE, must_stop
 from planner.common.units import Array
 from planner.design.selection.relaxation import RelaxationProblem
 
-_STEPS = 60
-_BACK = 0.95  # share of the way to the boundary that a step may go
+BACKED_SHARE = 0.95  # of the way to the boundary that a step may go: all of it would leave the inside
 
 
 @dataclass(frozen=True)
@@ -32,7 +31,7 @@ def solve_interior_point(problem: RelaxationProblem, z: Array, tolerance: float)
     slack = problem.slacks(z)
     mu = max(abs(problem.objective(z)), 1.0) / (len(slack) + 1)
     point = _PrimalDual(z, [mu * _inverse(S) for S in problem.matrices(z)], mu / slack)
-    for _ in range(_STEPS):
+    for _ in range(60):  # Newton steps at most
         if must_stop(CHOICE, "the bound of the certificate holds, but is not as tight as it can be"):
             break  # any duals prove a bound
         gap, degree = _duality_gap(problem, point)
@@ -92,8 +91,8 @@ def _take_step(
         sigma = max(sigma, 1e-6)
         second = [_symmetrise(a @ b @ S) for a, b, S in zip(dX, dS, inverses, strict=True)]
         dz, dX, dx = _newton_direction(*args, sigma * mu, second, dx * ds / slack)
-        primal = _BACK * _step_limit(primal_roots, problem.changes(dz), slack, problem.slacks(dz))
-        dual = _BACK * _step_limit(dual_roots, dX, point.x, dx)
+        primal = BACKED_SHARE * _step_limit(primal_roots, problem.changes(dz), slack, problem.slacks(dz))
+        dual = BACKED_SHARE * _step_limit(dual_roots, dX, point.x, dx)
     except np.linalg.LinAlgError:
         return None
     primal, dual = min(1.0, primal), min(1.0, dual)
@@ -141,7 +140,7 @@ def _advance_duals(point: _PrimalDual, dX: list[Array], dx: Array, length: float
 def _step_limit(roots: list[Array], changes: list[Array], slack: Array, slack_change: Array) -> float:
     """Largest step before matrices, given by their Cholesky factors, or slacks leave their cone, at most 1 / 0.95."""
     rooms = [_matrix_step_limit(root, change) for root, change in zip(roots, changes, strict=True)]
-    return min(1.0 / _BACK, _vector_step_limit(slack, slack_change), *rooms)
+    return min(1.0 / BACKED_SHARE, _vector_step_limit(slack, slack_change), *rooms)
 
 
 def _vector_step_limit(value: Array, change: Array) -> float:

@@ -4,8 +4,6 @@ import numpy as np
 
 from planner.common.units import Array
 
-_BLOCK = 96  # rows of a product that stay in the cache
-
 
 def information_matrix(rows: Array) -> Array:
     """Sum of J_i'J_i, (P, P), over rows (n, r, P)."""
@@ -23,7 +21,8 @@ def quadratic_form(rows: Array, matrix: Array) -> Array:
 def pairwise_form(rows: Array, left: Array, right: Array) -> Array:
     """tr(left M_i right M_j) for all pairs of rows, (n, n), M_i = J_i'J_i; all matrices are symmetric."""
     n, r, size = rows.shape
-    tall, out, step = rows.reshape(-1, size), np.empty((n, n)), n if r == 1 else max(1, _BLOCK // r)
+    cached_rows = 96  # of a product: they stay in the processor's cache
+    tall, out, step = rows.reshape(-1, size), np.empty((n, n)), n if r == 1 else max(1, cached_rows // r)
     one = tall @ left
     two = one if right is left else tall @ right
     for k in range(0, n, step):  # upper triangle, in blocks that stay in the cache

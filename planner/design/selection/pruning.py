@@ -20,9 +20,6 @@ from planner.design.selection.matrix_forms import information_matrix, quadratic_
 EXACT_FROM = 3_400
 """As many as the EDBB paper prunes one at a time. Larger pools are first thinned: a twelfth goes at a time, those with
 the least bounds, all judged at once."""
-_SHARE = 12
-_BATCH = 12
-_REFRESH = 64
 
 
 @on_one_thread
@@ -50,13 +47,13 @@ def order_by_pruning(rows: Array, n: int, index: str = "O2", exact_from: int = E
         raise InputError(f"{n} poses cannot be kept: ask for {least} (the parameters) to {len(rows)} (the pool)")
     kept = np.arange(len(rows))
     while len(kept) > max(n, exact_from):
-        count = min(-(-len(kept) // _SHARE), len(kept) - max(n, exact_from))
+        count = min(-(-len(kept) // 12), len(kept) - max(n, exact_from))  # a twelfth goes at a time
         costs = round_significant(_bound_cost(rows[kept], information_matrix(rows[kept]), index))
         kept = np.sort(kept[np.lexsort((kept, costs))[count:]])
     mass = information_matrix(rows[kept])
     gone: list[int] = []
     for step in range(len(kept) - n):
-        if step % _REFRESH == 0:
+        if step % 64 == 0:  # moves after which rounding is taken out
             mass = information_matrix(rows[kept])
         out = _find_least_missed(rows[kept], mass, index)
         mass = mass - information_matrix(rows[kept[out : out + 1]])
@@ -106,13 +103,14 @@ class PrunedPoses:
 
 def _find_least_missed(rows: Array, mass: Array, index: str) -> int:
     """Position of the pose whose removal costs least, exactly."""
+    size = 12  # candidates whose cost is computed at a time
     floor = _bound_cost(rows, mass, index)
     if index == "O1" and rows.shape[1] == 1:
         return int(np.argmin(round_significant(floor)))  # the bound is the cost itself
     order = np.argsort(floor, kind="stable")
     best, at = np.inf, len(rows)
-    for k in range(0, len(order), _BATCH):
-        batch = order[k : k + _BATCH]
+    for k in range(0, len(order), size):
+        batch = order[k : k + size]
         if floor[batch[0]] > best + 1e-9 * abs(best):
             break
         left = mass - np.swapaxes(rows[batch], 1, 2) @ rows[batch]

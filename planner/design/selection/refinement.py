@@ -24,13 +24,8 @@ from planner.design.selection.index_criterion import (
 )
 from planner.design.selection.matrix_forms import information_matrix
 
-_STRENGTHS = (0.1, 0.03, 0.01, 0.003)
-_TRIALS = 24
-_LED = 12  # of them further along
-_LAST, _GOOD = 0.3, 1.4  # times the last step, and times the mean of the good trials
-_REACH = 0.2  # [rad] at first
-_SMALLEST = 1e-4  # [rad]
-_FEW = 0.05  # share of the poses that still move, below which they are left there
+FIRST_REACH = 0.2  # [rad] of a trial at first
+LEAST_REACH = 1e-4  # [rad] a pose whose trials reach no farther rests
 
 RowsOf = Callable[[Array, np.ndarray], Array]
 Valid = Callable[[Array, np.ndarray], "np.ndarray[tuple[int, ...], np.dtype[np.bool_]]"]
@@ -60,15 +55,16 @@ def refine_off_grid(
     rng = np.random.default_rng(seed)
     q, rows = q0.copy(), rows_of(q0, own)
     best = q, rows, index_of_rows(index, rows)
-    for strength in _STRENGTHS if index not in ("O1", "O5") else _STRENGTHS[:1]:
-        reach, lead = np.full(len(q), _REACH), np.zeros_like(q)
+    strengths = (0.1, 0.03, 0.01, 0.003)  # of the barriers, one after the other
+    for strength in strengths if index not in ("O1", "O5") else strengths[:1]:
+        reach, lead = np.full(len(q), FIRST_REACH), np.zeros_like(q)
         for _ in range(rounds):
             potential = BarrierPotential(index, strength)
             q, rows, reach, lead = _run_round(q, rows, reach, lead, rows_of, valid, potential, rng)
             value = index_of_rows(index, rows)
             if find_rule(index).better(value, best[2]):
                 best = q, rows, value
-            if np.mean(reach > _SMALLEST) < _FEW:
+            if np.mean(reach > LEAST_REACH) < 0.05:  # of the poses still move: they are left there
                 break
             if must_stop(REFINEMENT, "the poses were refined off the grid only in part"):
                 break
@@ -90,11 +86,12 @@ def _run_round(
 
     ``lead`` (n, N) [rad] is where half of the trials are led; that of the next round is returned with the poses.
     """
-    joints, busy = q.shape[1], np.flatnonzero(reach > _SMALLEST)
-    step = rng.standard_normal((len(busy), _TRIALS, joints)) / np.sqrt(joints)
+    trials = 24  # around each pose in a round
+    joints, busy = q.shape[1], np.flatnonzero(reach > LEAST_REACH)
+    step = rng.standard_normal((len(busy), trials, joints)) / np.sqrt(joints)
     trial = q[busy, None] + reach[busy, None, None] * step
-    trial[:, :_LED] += lead[busy, None]
-    which = np.repeat(busy, _TRIALS).reshape(-1, _TRIALS)
+    trial[:, :12] += lead[busy, None]  # the first half is led on by what helped before
+    which = np.repeat(busy, trials).reshape(-1, trials)
     trial_rows = rows_of(trial.reshape(-1, joints), which.ravel()).reshape(*which.shape, *rows.shape[1:])
     scores = (SwapTable if is_exact(rows, potential.index) else _MassScores)(rows, potential)
     gains = scores.of_each(busy, trial_rows)
@@ -115,9 +112,10 @@ def _run_round(
         else:
             reach[k] *= 0.7
     share = good / np.maximum(good.sum(axis=1, keepdims=True), 1e-300)
-    lead = _LAST * (q - start)
-    lead[busy] += _GOOD * np.einsum("kt,ktj->kj", share, trial - start[busy, None])
-    return q, rows, np.clip(reach, _SMALLEST / 2, 2 * _REACH), lead
+    lead = 0.3 * (q - start)
+    # times the last step, and times the mean of the good trials
+    lead[busy] += 1.4 * np.einsum("kt,ktj->kj", share, trial - start[busy, None])
+    return q, rows, np.clip(reach, LEAST_REACH / 2, 2 * FIRST_REACH), lead
 
 
 class _MassScores:

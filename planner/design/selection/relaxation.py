@@ -19,8 +19,6 @@ import numpy as np
 from planner.common.units import Array
 from planner.design.selection.matrix_forms import pairwise_form, quadratic_form
 
-CAP_ROUNDS = 200  # of weights that start at their cap
-
 
 @dataclass(frozen=True)
 class _CappedWeights:
@@ -76,7 +74,7 @@ class _CappedWeights:
         """Return weights (K,) near the given ones: some of each, none at its cap."""
         w = 0.9 * weights + 0.1 * np.mean(weights)
         if self.capped:
-            for _ in range(CAP_ROUNDS):
+            for _ in range(200):  # rounds at most, of weights that start at their cap
                 if np.max(w) < 0.97 * np.sum(w) / self.poses:
                     break
                 w = np.minimum(w, 0.9 * np.sum(w) / self.poses) + 0.02 * np.mean(w)

@@ -16,9 +16,6 @@ from planner.common.determinism import Positions, first_maximum, round_significa
 from planner.common.progress import CHOICE, must_stop
 from planner.common.units import Array
 
-_SWAPS = 2_000  # no descent was seen to take a tenth of it
-_BETTER = 1e-9  # relative gain below which an exchange is rounding
-
 
 @dataclass(frozen=True)
 class Swap:
@@ -47,7 +44,7 @@ class SequentialCriterion(Protocol):
 
 def descend(criterion: SwapCriterion, chosen: Positions, pool: Positions) -> Positions:
     """Take the best swap between ``chosen`` (n,) and the rest of ``pool`` until there is none."""
-    for _ in range(_SWAPS):
+    for _ in range(2_000):  # swaps at most: no descent was seen to take a tenth of them
         if must_stop(CHOICE, "the search for the poses was cut short; the gap to the bound holds"):
             break
         swap = criterion.best_swap(chosen, np.setdiff1d(pool, chosen))
@@ -103,7 +100,7 @@ def exchange_singly(
             criterion.change(int(out[k]), -1)
             gains = criterion.gains()
             best = _best_addition(gains, np.delete(out, k))
-            if gains[best] > gains[out[k]] * (1 + _BETTER):
+            if gains[best] > gains[out[k]] * (1 + 1e-9):  # relative gain below which an exchange is rounding
                 out[k] = best
                 criterion.change(best)
             else:

@@ -10,10 +10,10 @@ import pytest
 from planner.cell.reading import load_cell
 from planner.common.errors import NoSolutionError
 from planner.design import bayesian_design
+from planner.design.assumptions import FEWEST_POSES
 from planner.design.bayesian_design import (
-    FEWEST,
-    OTHER_NUMBERS,
-    PASSES,
+    EXCHANGE_PASSES,
+    FORESEEN_NUMBERS,
     BayesianPosterior,
     choose_bayesian_poses,
     describe_bayesian_design,
@@ -65,7 +65,7 @@ def test_no_set_beats_the_bound_and_the_choice_is_near_the_best(seed):
     white, weight = drawn(seed)
     best = min(left(white, weight, which) for which in combinations(range(len(white)), 4))
     known = BayesianPosterior.prior(white, weight)
-    chosen = exchange_singly(known, select_greedily(known, 4, 0.0), PASSES, known.order)
+    chosen = exchange_singly(known, select_greedily(known, 4, 0.0), EXCHANGE_PASSES, known.order)
     assert len(set(chosen)) == 4
     found = left(white, weight, chosen)
     assert known.square == pytest.approx(found)
@@ -124,7 +124,7 @@ def test_without_a_number_it_stops_at_the_target_or_where_no_pose_helps_much():
     after = errors_after(white[few], plain(weight))
     assert after[-1] <= 0.3 * whole < after[-2]
     many = np.tile(white, (10, 1)) * 1e-6  # readings that say nothing
-    assert len(select_greedily(BayesianPosterior.prior(many, weight), 600, 0.3 * whole)) == FEWEST
+    assert len(select_greedily(BayesianPosterior.prior(many, weight), 600, 0.3 * whole)) == FEWEST_POSES
 
 
 def test_more_poses_than_candidates_are_refused(kuka):
@@ -134,7 +134,7 @@ def test_more_poses_than_candidates_are_refused(kuka):
 
 
 def test_more_poses_leave_less_and_never_less_than_all_candidates(expected):
-    assert [f.poses for f in expected.by_number] == sorted({*OTHER_NUMBERS, 120})
+    assert [f.poses for f in expected.by_number] == sorted({*FORESEEN_NUMBERS, 120})
     errors = [f.error for f in expected.by_number]
     assert all(a > b for a, b in pairwise(errors))
     assert expected.floor < errors[-1]

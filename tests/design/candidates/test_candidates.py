@@ -105,7 +105,7 @@ def test_a_grid_too_fine_is_refused(tmp_path):
     ],
 )
 def test_an_empty_pool_says_which_filter_and_what_would_help(tmp_path, monkeypatch, change, words):
-    monkeypatch.setattr("planner.design.candidates.pool.ROUNDS", 2)
+    monkeypatch.setattr("planner.design.candidates.pool.MOST_ROUNDS", 2)
     cell = cell_with(tmp_path, change)
     if not words:
         assert len(draw_candidates(cell, 50)) <= 50  # the other way round the tool is merely hard to reach

@@ -8,10 +8,11 @@ import pytest
 
 import planner.identification.assessment as checks
 import planner.tracing.trace as traced
+from planner.design.assumptions import ALIKE_SHARE, LOG_LIKELIHOOD_EVIDENCE, TRACEABLE_READINGS
 from planner.design.discrimination.criterion import DiscriminationQuestion, PoolCoordinates, dt_criterion, noncentrality
-from planner.design.discrimination.power import ALIKE, EVIDENCE, discrimination_power
+from planner.design.discrimination.power import discrimination_power
 from planner.design.discrimination.search import bound_criterion, exchange_by_criterion
-from planner.design.pose_selection import TRACEABLE, warn_too_few_readings
+from planner.design.pose_selection import warn_too_few_readings
 from planner.design.selection.matrix_forms import information_matrix
 
 OWN = np.arange(3)
@@ -95,14 +96,14 @@ def test_a_bound_that_promises_too_little_is_refused():
 
 
 def test_as_many_readings_are_asked_for_as_the_identification_wants():
-    assert TRACEABLE == checks.TRACEABLE_READINGS
+    assert TRACEABLE_READINGS == checks.TRACEABLE_READINGS
     assert warn_too_few_readings(60, 40) is None
     assert "--poses" in warn_too_few_readings(59, 40)
 
 
 def test_power_asks_for_what_the_identification_asks_for():
-    assert traced.RIVAL_MARGIN == EVIDENCE
-    assert pytest.approx(1 - traced.RIVAL_SHARE) == ALIKE
+    assert traced.RIVAL_MARGIN == LOG_LIKELIHOOD_EVIDENCE
+    assert pytest.approx(1 - traced.RIVAL_SHARE) == ALIKE_SHARE
 
 
 def test_power_is_the_share_of_simulated_runs():
@@ -114,4 +115,4 @@ def test_power_is_the_share_of_simulated_runs():
     runs = size * one + rng.standard_normal((4000, 20))
     gain = (runs @ one) ** 2 - (runs @ two) ** 2
     left = size**2 * (1 - 0.81)
-    assert np.mean(gain > EVIDENCE) == pytest.approx(discrimination_power(left, size**2), abs=0.06)
+    assert np.mean(gain > LOG_LIKELIHOOD_EVIDENCE) == pytest.approx(discrimination_power(left, size**2), abs=0.06)

@@ -8,8 +8,9 @@ import pytest
 import tests.identification.rigs as rigs
 from planner.cell.placement import FREEABLE
 from planner.common.errors import InputError
+from planner.design.assumptions import SURE_POWER
 from planner.design.discrimination.findings import read_identification
-from planner.design.discrimination.power import SURE, Discrimination, PairPower
+from planner.design.discrimination.power import Discrimination, PairPower
 from planner.design.observability.information import INDEX_RULES
 from planner.effects.catalogue import catalogue, check_effect_name, effect_kinds
 from planner.effects.nonparametric import GEAR_CURVE, NONPARAMETRIC
@@ -110,7 +111,7 @@ def test_rivals_that_nobody_named_are_told_as_what_they_are():
     assert one.startswith(
         "1 more effect that nobody named and that poses chosen without a look at it would tell with a"
     )
-    assert f"below {100 * SURE:.0f} %" in one
+    assert f"below {100 * SURE_POWER:.0f} %" in one
     _, two = separation(told(True), told(False), told(False, 0.9, "drift, joint 1")).texts()
     assert two.startswith("2 more effects")
     assert "least surely now gauge lag, gauge from drift, joint 1: power 90 %" in two

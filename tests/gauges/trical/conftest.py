@@ -26,7 +26,7 @@ def pool(cell):
 @pytest.fixture
 def impatient(monkeypatch):
     """Let a search without any hope end after 5000 samples."""
-    monkeypatch.setattr(balls, "GIVE_UP", 5000)
+    monkeypatch.setattr(balls, "HOPELESS_SAMPLES", 5000)
 
 
 @pytest.fixture(scope="session")

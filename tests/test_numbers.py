@@ -1,0 +1,83 @@
+"""Numbers at the level of a module are few, and each says in which unit it is and why it is what it is."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+import planner
+
+ROOT = Path(planner.__file__).parent
+MOST_NUMBERS = 1040  # it only ever goes down
+EXPLAINED_ROOMS = ("design",)
+
+
+def is_number(value):
+    if isinstance(value, ast.Constant):
+        return isinstance(value.value, (int, float)) and not isinstance(value.value, bool)
+    if isinstance(value, ast.UnaryOp):
+        return is_number(value.operand)
+    if isinstance(value, ast.BinOp):
+        return is_number(value.left) or is_number(value.right)
+    return isinstance(value, ast.Tuple) and bool(value.elts) and all(is_number(v) for v in value.elts)
+
+
+def numbers_of(text):
+    """Each assignment of numbers at the level of a module: its node and the names, ``A, B = 1, 2`` being two."""
+    for node in ast.parse(text).body:
+        if isinstance(node, ast.Assign):
+            target, value = node.targets[0], node.value
+        elif isinstance(node, ast.AnnAssign) and node.value is not None:
+            target, value = node.target, node.value
+        else:
+            continue
+        pairs = [(target, value)]
+        if isinstance(target, ast.Tuple) and isinstance(value, ast.Tuple):
+            pairs = list(zip(target.elts, value.elts, strict=True))
+        names = [getattr(name, "id", "?") for name, number in pairs if is_number(number)]
+        if names:
+            yield node, names
+
+
+def has_reason(lines, node):
+    """Whether a comment stands in the assignment, or above it or above others in the same block, or a text below."""
+    if any("#" in line for line in lines[node.lineno - 1 : node.end_lineno]):
+        return True
+    below = lines[node.end_lineno] if node.end_lineno < len(lines) else ""
+    above = lines[node.lineno - 2] if node.lineno > 1 else ""
+    return below.startswith('"""') or above.startswith("#")
+
+
+def test_numbers_of_modules_are_few():
+    count = sum(len(names) for p in ROOT.rglob("*.py") for _, names in numbers_of(p.read_text()))
+    assert count <= MOST_NUMBERS, f"{count} numbers: one that is used once stands where it is used, with its reason"
+
+
+@pytest.mark.parametrize("room", EXPLAINED_ROOMS)
+def test_each_number_says_its_reason(room):
+    bare = []
+    for path in sorted((ROOT / room).rglob("*.py")):
+        text = path.read_text()
+        lines = text.splitlines()
+        bare += [f"{path}:{n.lineno} {', '.join(names)}" for n, names in numbers_of(text) if not has_reason(lines, n)]
+    assert not bare, "no comment and no docstring says unit and reason:\n" + "\n".join(bare)
+
+
+@pytest.mark.parametrize(
+    ("text", "names", "explained"),
+    [
+        ("A = 1  # [m] why\n", ["A"], True),
+        ("A = 1\n", ["A"], False),
+        ("A, B = 1, -2.0\n", ["A", "B"], False),
+        ('A: float = 2**3\n"""Why."""\n', ["A"], True),
+        ("# why\nA = (1, 2)\n", ["A"], True),
+    ],
+)
+def test_what_counts_as_a_number_with_a_reason(text, names, explained):
+    ((node, found),) = numbers_of(text)
+    assert (found, has_reason(text.splitlines(), node)) == (names, explained)
+
+
+@pytest.mark.parametrize("text", ["A = True\n", 'A = "1"\n', "A = f(1)\n", "A = ()\n", "def f():\n    A = 1\n"])
+def test_what_is_no_number(text):
+    assert not list(numbers_of(text))
