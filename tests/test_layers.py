@@ -12,6 +12,7 @@ import pytest
 import planner
 from planner.cell.gauge import Gauge
 from planner.cell.gauge_frames import GaugeFrames
+from planner.cell.gauge_numbers import GaugeNumbers
 from planner.cell.gauge_reach import GaugeReach
 from planner.cell.gauge_reading import GaugeReading
 from planner.cell.gauge_session import GaugeSession
@@ -110,7 +111,7 @@ def test_no_files_import_each_other():
 
 
 MOST_MEMBERS = 25
-GAUGE_PROTOCOLS = (GaugeReading, GaugeFrames, GaugeReach, GaugeSession, Gauge, GaugeUnknowns)
+GAUGE_PROTOCOLS = (GaugeReading, GaugeNumbers, GaugeFrames, GaugeReach, GaugeSession, Gauge, GaugeUnknowns)
 
 
 @pytest.mark.parametrize("protocol", GAUGE_PROTOCOLS)

@@ -14,6 +14,7 @@ from pydantic import BaseModel
 
 from planner.cell.file import CellFile
 from planner.cell.gauge_frames import GaugeFrames
+from planner.cell.gauge_numbers import GaugeNumbers
 from planner.cell.gauge_reach import GaugeReach
 from planner.cell.gauge_reading import GaugeReading
 from planner.cell.gauge_session import GaugeSession
@@ -26,7 +27,7 @@ from planner.kinematics.robot import Robot
 
 
 @dataclass(frozen=True, kw_only=True)
-class Gauge(GaugeReading, GaugeFrames, GaugeReach, GaugeSession):
+class Gauge(GaugeReading, GaugeNumbers, GaugeFrames, GaugeReach, GaugeSession):
     """What every kind of gauge has and does, and how it is read from a cell file."""
 
     reads_moving: ClassVar[bool] = False  # whether it can be read while the robot moves

@@ -101,11 +101,15 @@ P = TypeVar("P", bound=Placement)
 
 @dataclass(frozen=True)
 class Targets(Rows):
-    """Readings in the base frame: length (n,) [m], position p_BM (n, 3) [m], rotation R_BF' (n, 3, 3)."""
+    """Readings in the base frame: length (n,) [m], position p_BM (n, 3) [m], rotation R_BF' (n, 3, 3).
+
+    ``pixels`` (n, K, 2) [px] of an image need no frame; NaN where a corner is not seen.
+    """
 
     length: Array | None = None
     position: Array | None = None
     rotation: Array | None = None
+    pixels: Array | None = None
 
     @classmethod
     def at_base(cls, n: int) -> "Targets":

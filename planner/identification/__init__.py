@@ -10,6 +10,7 @@ __all__ = [
     "expected_error",
     "identifiable_parameters",
     "least_squares",
+    "own_errors",
     "pipeline",
     "posterior_background",
     "problem",

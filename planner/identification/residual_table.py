@@ -48,6 +48,8 @@ def _reading(run: Run) -> dict[str, np.ndarray]:
         return {"length_mm": _round_column(to_mm(r.length))}
     if r.position is not None:
         return {f"{axis}_mm": _round_column(to_mm(v)) for axis, v in zip("xyz", r.position.T, strict=True)}
+    if r.pixels is not None:
+        return {"corners": (~np.isnan(r.pixels[..., 0])).sum(axis=1)}
     assert r.ball is not None
     out: dict[str, np.ndarray] = {"ball": np.array(run.balls)[r.ball]}
     if r.offset is None:

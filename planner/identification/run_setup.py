@@ -74,6 +74,7 @@ def drop_unreadable(cell: Cell, run: Run) -> Run:
         InputError: another kind of reading, or hardly any at all could be made with the cell's gauge.
     """
     cell.gauge.check_run(cell, run)
+    run = cell.gauge.sift(cell, run)
     good = cell.gauge.readable(run)
     if good.all():
         return run

@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from planner.cell.cell import Cell
-from planner.cell.placement import Targets
 from planner.common.errors import InputError
 from planner.common.units import Array, read_only
 from planner.instruments.loaded.equilibrium import solve_equilibrium
@@ -79,12 +78,12 @@ def simulate_run(cell: Cell, plan_id: str, samples: Samples, truth: Truth, seed:
     off = model.joint_sigma * _repeatability_noise(rng, samples, moving)
     setup = model.setup
     gauge = setup.gauge
-    noise = gauge.sigmas * rng.standard_normal((len(samples), gauge.width))
+    noise = gauge.full_sigmas * rng.standard_normal((len(samples), len(gauge.full_sigmas)))
 
     def predict(told: Samples) -> Array:
         there = replace(told, q=told.q + off)
         where, stood = (model, there) if there.force is None else solve_equilibrium(model, there, errors)
-        return -where.residual(stood, Targets.at_base(len(told)), errors)
+        return where.full_reading(stood, errors)
 
     samples, readings = gauge.simulate(cell, samples, predict, model.joint_rows, noise)
     return SimulatedRun(

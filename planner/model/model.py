@@ -158,6 +158,12 @@ class Model:
             out[part] = self.linear_in(Context(self.setup, samples.take(part)), None, errors).rows
         return out
 
+    def full_reading(self, samples: Samples, errors: Array | None = None) -> Array:
+        """Predict all numbers that the gauge shows before it brings them together into readings, (n, m)."""
+        context = Context(self.setup, samples)
+        motion, shown = self._pass(context, errors)
+        return self.setup.gauge.full_reading(self.setup, context.samples, motion, shown)
+
     def residual(self, samples: Samples, targets: Targets, errors: Array | None = None) -> Array:
         """Reading − prediction, (n, r) [m, rad]."""
         out = np.empty((len(samples), self.width))

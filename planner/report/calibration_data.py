@@ -98,7 +98,8 @@ class CalibrationFacts:
         setup, samples = c.setup, c.run.samples.take(which)
         if c.run.readings.length is None:
             p = setup.targets(samples, c.run.readings.take(which)).position
-            assert p is not None
+            if p is None:
+                p = setup.chain.forward(setup.robot.theta(samples.q), setup.offsets(samples)).x.T
             return [PlotVariable("gauge", f"position {'xyz'[k]} (mm)", to_mm(v)) for k, v in enumerate(p.T)]
         motion = setup.chain.forward(setup.robot.theta(samples.q), setup.offsets(samples))
         bar, noun = bar_state(motion.x.T, setup.p_BX[samples.place]), setup.gauge.noun

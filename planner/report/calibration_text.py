@@ -6,6 +6,7 @@ import numpy as np
 
 from planner.common.units import Array, display_unit, file_unit, si_unit, to_mm
 from planner.identification.calibration import Calibration
+from planner.identification.own_errors import own_errors_text
 from planner.model.finding_groups import group_findings
 from planner.model.identification_document import DetectionLimit, Estimate, Finding, Release
 from planner.report.calibration_data import CalibrationFacts
@@ -69,6 +70,8 @@ def headline_text(facts: CalibrationFacts) -> tuple[str, ...]:
     out = [*worse, *_workspace_sentences(c)]
     read = c.setup.gauge.plural
     out.append(f"Mean error of {read} {in_mm(before.mean)} mm → {in_mm(after.mean)} mm on {groups} that no fit saw.")
+    own = own_errors_text(c)
+    out += [f"{own[0].upper()}{own[1:]}."] if own else []
     factor, a, b = before.mean / max(after.mean, 1e-300), in_mm(before.largest), in_mm(after.largest)
     if factor >= 1.2:
         fell = f"from {a} mm to {b} mm" if after.largest < before.largest else f"not: {a} mm before, {b} mm now"

@@ -9,6 +9,7 @@ import numpy as np
 
 from planner.common.errors import InputError
 from planner.common.units import Array, IntArray, read_only
+from planner.runs.images import pad_corners, split_images
 from planner.runs.joint_motion import (
     average_rests,
     check_order,
@@ -25,7 +26,8 @@ from planner.runs.table import RunTable, read_table
 STANDING, MOVED = 3, 1e-3  # rows that share a time, and the movement [rad] that they cannot have made in it
 MOST_BACK = 0.75  # share of the rows, in any order but the reverse, at which a clock steps back: half of them by chance
 MEASURES = ("static", "continuous")
-UNNAMED = frozenset({"session", "point", "file", "line"})  # left out of a joined run without a word
+OF_CORNERS = frozenset({"pixels", "seen"})  # of as many corners as a file names
+UNNAMED = frozenset({"session", "point", "file", "line", "seen"})  # left out of a joined run without a word
 T = TypeVar("T", Samples, Readings)
 
 
@@ -48,7 +50,8 @@ def run_of(table: RunTable, n_joints: int) -> Run:
     Raises:
         InputError: joints or reading are missing, the clock is wrong, or the arm never rests.
     """
-    run = _logged_run(table, n_joints)
+    table, pixels = split_images(table)
+    run = _logged_run(table, n_joints, pixels)
     _check_clock(table, run)
     said = table.notes.get("measure")
     if looks_continuous(run.samples.t, run.samples.q) and (said == "static" or (said is None and marks_rests(run))):
@@ -75,8 +78,8 @@ def _check_clock(table: RunTable, run: Run) -> None:
     )  # fmt: skip
 
 
-def _logged_run(table: RunTable, n_joints: int) -> Run:
-    """Return the run with every row a sample.
+def _logged_run(table: RunTable, n_joints: int, pixels: Array | None) -> Run:
+    """Return the run with every row a sample; ``pixels`` (n, K, 2) [px] of a run of images.
 
     Raises:
         InputError: joints or reading are missing, or the clock is wrong.
@@ -89,7 +92,7 @@ def _logged_run(table: RunTable, n_joints: int) -> Run:
             f"{table.source.file}: there are no joint angles; "
             f"q1_deg … q{n_joints}_deg (as read) or cmd1_deg … (as commanded) are needed"
         )
-    readings, balls = readings_of(table)
+    readings, balls = readings_of(table, pixels)
     t = table.optional("t")
     continuous = _is_continuous(table, t, q)
     session, said = _sessions(table, t)
@@ -111,6 +114,7 @@ def _logged_run(table: RunTable, n_joints: int) -> Run:
         direction=table.joints("direction", n_joints),
         file=read_only(np.zeros(len(q)), np.int64),
         line=read_only(table.source.lines, np.int64),
+        seen=None if pixels is None else read_only(~np.isnan(pixels[..., 0]), bool),
     )
     return Run(
         table.stem,
@@ -289,6 +293,8 @@ def _concatenate(parts: Sequence[T], names: Sequence[str], warnings: list[str]) 
     for name in (f.name for f in fields(parts[0])):
         values = [getattr(part, name) for part in parts]
         lacking = ", ".join(n for n, value in zip(names, values, strict=True) if value is None)
+        if not lacking:
+            values = pad_corners(values) if name in OF_CORNERS else values
         joined[name] = None if lacking else read_only(np.concatenate(values), values[0].dtype)
         if lacking and any(value is not None for value in values) and name not in UNNAMED:
             warnings.append(f"{name} is not logged in {lacking}, so it was left out of the other files too")

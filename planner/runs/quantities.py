@@ -5,6 +5,7 @@ from scipy.spatial.transform import Rotation
 
 from planner.common.errors import InputError
 from planner.common.units import Array, read_only, to_deg
+from planner.runs.images import PIXEL
 from planner.runs.joint_motion import DENSE
 from planner.runs.run import Readings
 from planner.runs.table import RunTable
@@ -76,16 +77,16 @@ def check_jumps(table: RunTable, n_joints: int) -> None:
 POSITION = ("x", "y", "z")
 TURNING = ("rx", "ry", "rz")
 OFFSET = ("dx", "dy", "dz")
-KINDS = {"length": "length_mm", "x": "x_mm, y_mm, z_mm", "ball": "ball"}
+KINDS = {"length": "length_mm", "x": "x_mm, y_mm, z_mm", "ball": "ball", "u": "corner, u_px, v_px"}
 
 
 def has_reading(table: RunTable) -> bool:
     """Return whether a table holds any part of a reading."""
-    return any(table.has(key) for key in ("length", *POSITION, "ball"))
+    return any(table.has(key) for key in ("length", *POSITION, "ball", *PIXEL))
 
 
-def readings_of(table: RunTable) -> tuple[Readings, tuple[str, ...]]:
-    """Return what the gauge read, and the names of the sockets.
+def readings_of(table: RunTable, pixels: Array | None = None) -> tuple[Readings, tuple[str, ...]]:
+    """Return what the gauge read, and the names of the sockets; ``pixels`` (n, K, 2) [px] of a run of images.
 
     Raises:
         InputError: no reading, several kinds of it, or a part of one.
@@ -93,7 +94,7 @@ def readings_of(table: RunTable) -> tuple[Readings, tuple[str, ...]]:
     file = table.source.file
     lacking = "there is no column {} beside the others"
     position, turning, offset = (table.group(keys, lacking) for keys in (POSITION, TURNING, OFFSET))
-    found = [columns for key, columns in KINDS.items() if table.has(key)]
+    found = [columns for key, columns in KINDS.items() if table.has(key) or (key == "u" and pixels is not None)]
     if not found:
         kinds = "; ".join(KINDS.values())
         raise InputError(f"{file}: there is no reading; one of {kinds} is needed beside the joint angles")
@@ -104,6 +105,8 @@ def readings_of(table: RunTable) -> tuple[Readings, tuple[str, ...]]:
         raise InputError(f"{file}: rx, ry, rz turn with a position, but there is no {KINDS['x']}")
     if offset is not None and not table.has("ball"):
         raise InputError(f"{file}: dx, dy, dz are from a ball's centre, but there is no column ball")
+    if pixels is not None:
+        return Readings(pixels=pixels), ()
     if table.has("ball"):
         index, names = table.names("ball")
         return Readings(ball=index, offset=offset), names

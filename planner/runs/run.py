@@ -48,6 +48,7 @@ class Samples(Rows):
         number: of each sample in the run as it was measured, from 0, (n,) int.
         speed: of the controller angles where the run is continuous, (n, N) [rad/s].
         file: index of the file that a sample was read from, (n,) int; ``line``: its line there (row of a Parquet file).
+        seen: which corners of a board the image shows, (n, K) bool.
     """
 
     q: Array
@@ -69,6 +70,7 @@ class Samples(Rows):
     number: IntArray | None = None
     file: IntArray | None = None
     line: IntArray | None = None
+    seen: np.ndarray | None = None
 
     def __len__(self) -> int:
         """Return the number of samples n."""
@@ -101,7 +103,7 @@ class Samples(Rows):
 
 @dataclass(frozen=True)
 class Readings(Rows):
-    """What the gauge read, one entry a sample: one of length, position (and rotation), or socket.
+    """What the gauge read, one entry a sample: one of length, position (and rotation), socket, or image.
 
     Attributes:
         length: (n,) [m].
@@ -109,6 +111,7 @@ class Readings(Rows):
         rotation: of the probe, R_GM (n, 3, 3).
         ball: index of the ball or socket that the point sits in, (n,) int.
         offset: of the point from that ball's centre in the plate's axes, (n, 3) [m].
+        pixels: corners of a board in an image, (n, K, 2) [px], NaN where one is not seen.
     """
 
     length: Array | None = None
@@ -116,10 +119,13 @@ class Readings(Rows):
     rotation: Array | None = None
     ball: IntArray | None = None
     offset: Array | None = None
+    pixels: Array | None = None
 
     @property
     def columns(self) -> str:
-        """Columns of a run that hold such readings: ``length_mm``, ``x_mm, y_mm, z_mm`` or ``ball``."""
+        """Columns of a run with them: ``length_mm``, ``x_mm, y_mm, z_mm``, ``ball``, or ``corner, u_px, v_px``."""
+        if self.pixels is not None:
+            return "corner, u_px, v_px"
         if self.length is not None:
             return "length_mm"
         return "ball" if self.position is None else "x_mm, y_mm, z_mm"

@@ -40,7 +40,8 @@ PLAIN: Mapping[str, Mapping[str, float]] = {
     "temperature": {"degC": 1.0},
     "force": {"N": 1.0},
     "payload": {"kg": 1.0},
-    **{name: NO_UNIT for name in ("session", "pose", "sync", "fixture", "ball", "point")},
+    **{name: {"px": 1.0} for name in ("u", "v")},
+    **{name: NO_UNIT for name in ("session", "pose", "sync", "fixture", "ball", "point", "corner")},
 }
 OF_JOINTS: Mapping[str, Mapping[str, float]] = {"q": ANGLE, "cmd": ANGLE, "torque": {"Nm": 1.0}, "direction": NO_UNIT}
 NAMES = frozenset({"fixture", "ball", "point"})  # columns that hold names, not numbers
@@ -49,8 +50,9 @@ PLAUSIBLE = {  # lowest and highest of any cell, in SI: beyond it a unit or a co
     **dict.fromkeys(("dx", "dy", "dz"), (-1.0, 1.0)), **dict.fromkeys(("q", "cmd"), (-1e4, 1e4)),
     "temperature": (-100.0, 500.0), "force": (-1e6, 1e6), "payload": (0.0, 1e5), "torque": (-1e6, 1e6),
     "pose": (-1.0, 1e7), "session": (-1e7, 1e7),
+    **dict.fromkeys(("u", "v"), (-1e5, 1e5)), "corner": (0.0, 1e4),
 }  # fmt: skip
-WHOLE = frozenset({"session", "pose", "sync", "direction"})  # columns of whole numbers
+WHOLE = frozenset({"session", "pose", "sync", "direction", "corner"})  # columns of whole numbers
 _NUMBERED = re.compile(r"(?P<stem>q|cmd|torque|direction)(?P<joint>[1-9]\d*)")
 
 

@@ -15,6 +15,7 @@ from planner.common.errors import InputError
 from planner.common.files import write_bytes
 from planner.common.lazy_modules import pl
 from planner.common.units import IntArray
+from planner.runs.images import frame_of_corners
 from planner.runs.quantities import OFFSET, POSITION, TURNING
 from planner.runs.run import SIMULATED, Run
 from planner.runs.table import units_of
@@ -81,7 +82,8 @@ def table_of(run: Run) -> pl.DataFrame:
         (_of_joints("torque", s.torque), s.torque),
         (_of_joints("direction", direction), direction),
     )
-    return pl.DataFrame(columns)
+    frame = pl.DataFrame(columns)
+    return frame if r.pixels is None else frame_of_corners(frame, r.pixels, DECIMALS)
 
 
 def _of_joints(stem: str, values: NDArray[Any] | None) -> list[str]:

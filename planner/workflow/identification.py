@@ -19,6 +19,7 @@ from planner.identification.calibrated_robot import calibrated_files, calibrated
 from planner.identification.calibration import Calibration, joint_zeros_text
 from planner.identification.expected_error import NAME as EXPECTED_ERROR
 from planner.identification.expected_error import expected_error_csv, expected_error_text
+from planner.identification.own_errors import own_errors_text
 from planner.identification.pipeline import FitSettings
 from planner.identification.pipeline import identify as fit_and_trace
 from planner.identification.residual_table import residuals_csv
@@ -70,6 +71,8 @@ class CalibrationResult(FolderResult):
         ]
         for stage in found.stages:
             lines.append(f"  {stage.name:<{wide}}{_stage_row(stage.held_out, stage.validation)}")
+        own = own_errors_text(found)
+        lines += [f"  in pixels   {own}"] if own else []
         if found.tried is not None:
             lines += [f"  found       {f.note}" + _rival_text(f.rivals) for f in group_findings(found.findings)]
             lines += [] if found.findings else ["  found       nothing beyond noise that the catalogue can name"]

@@ -1,0 +1,66 @@
+"""What a gauge shows, where that is more than its readings: all pixels of an image, of which six numbers are kept.
+
+Of most gauges both are the same, and nothing of this is written anew.
+"""
+
+from abc import abstractmethod
+from dataclasses import dataclass
+from typing import ClassVar
+
+from planner.cell.placement import Placement, Targets
+from planner.cell.site import Site
+from planner.common.units import Array
+from planner.kinematics.chain import ForwardPass
+from planner.runs.run import Readings, Run, Samples
+
+
+@dataclass(frozen=True, kw_only=True)
+class GaugeNumbers:
+    """The numbers that a gauge shows before they are brought together into readings."""
+
+    kind: ClassVar[str]  # in cell files
+
+    @property
+    @abstractmethod
+    def sigmas(self) -> Array:
+        """Standard deviation of each number of a reading, (r,) [m, rad]."""
+
+    @abstractmethod
+    def residual(self, setup: Placement, samples: Samples, motion: ForwardPass, targets: Targets) -> Array:
+        """Return reading − prediction, (n, r) [m, rad], where the motion puts the measured point."""
+
+    @property
+    def full_sigmas(self) -> Array:
+        """Standard deviation of each number that it shows before they are brought together into a reading, (m,)."""
+        return self.sigmas
+
+    def full_reading(self, setup: Placement, samples: Samples, motion: ForwardPass, shown: Array) -> Array:
+        """Return these numbers, (n, m), where ``shown`` (n, r) [m, rad] is what its own errors add to a reading."""
+        return shown - self.residual(setup, samples, motion, Targets.at_base(len(samples)))
+
+    def numbers_shown(self, samples: Samples, readings: Readings) -> Array | None:
+        """Return the numbers that a run shows, (n, m), NaN where there is none; ``None`` where readings are lengths."""
+        return None
+
+    def own_errors(self, setup: Placement, samples: Samples, fitted: Array, left: Array) -> float:
+        """Return the rms error of the numbers that it shows, in their unit.
+
+        Args:
+            setup: as placed, without fitted errors.
+            samples: of the run.
+            fitted: what a fit left of these numbers, (n, m).
+            left: what is left of the readings where they are judged, held out for instance, (n, r) [m, rad].
+        """
+        raise NotImplementedError(f"a gauge '{self.kind}' shows lengths")
+
+    def own_errors_text(self, before: float, after: float, count: int) -> str:
+        """Say these errors before and after, of ``count`` readings."""
+        return ""
+
+    def sift(self, cell: Site, run: Run) -> Run:
+        """Return the run without what contradicts itself, whatever the robot did, and warnings that say so.
+
+        Raises:
+            InputError: hardly anything is left.
+        """
+        return run

@@ -1,0 +1,31 @@
+"""Errors on held-out readings in the unit of what the gauge shows, where that is no length: pixels of a camera."""
+
+from planner.common.units import Array
+from planner.identification.calibration import Calibration
+
+
+def own_errors_text(found: Calibration) -> str:
+    """Say how far held-out readings are off in the gauge's own unit, before and after; empty where it is millimetres.
+
+    Before is the robot as its data sheet has it, the gauge placed on it; after is the robot as it is written.
+    """
+    fit, run = found.fit, found.run
+    gauge = fit.setup.gauge
+    shown = gauge.numbers_shown(run.samples, run.readings)
+    if shown is None:
+        return ""
+    fitted = shown - fit.model.full_reading(run.samples, fit.errors)
+
+    def size(left: Array) -> float:
+        return gauge.own_errors(fit.setup, run.samples, fitted, left)
+
+    before = next((s for s in found.stages if s.name == "frames"), found.stages[0])
+    return gauge.own_errors_text(size(before.held_residual), size(_residual_as_written(found)), len(run))
+
+
+def _residual_as_written(found: Calibration) -> Array:
+    """Return the held-out residuals of the robot as it is written, of the last stage where it saw a part of the run."""
+    robot = found.released
+    if robot is None or len(robot.held_residual) < len(found.run):
+        return found.stages[-1].held_residual
+    return robot.held_residual
