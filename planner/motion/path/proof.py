@@ -207,6 +207,9 @@ EXTREME_LEVELS = 18  # of bisection at most
 
 
 NEAR = 1e-5  # [m] to which the smallest clearance is found
+# neighbourhoods that may hold the smallest clearance, beyond which the search for it ends: a tool that goes round a
+# ball keeps one distance throughout, none of a million is nearer than the others, their common bound is 0.1 mm below
+MOST_NEIGHBOURHOODS = 30_000
 PRINTED = np.deg2rad(5e-4)  # [rad] by which a printed angle may be off: half a digit of the coarsest dialect
 
 
@@ -227,7 +230,8 @@ class Extremes:
 def find_extremes(prover: Prover, corners: Array, tolerance: float) -> Extremes:
     """Search motions with corners (m, K, N) [rad] until none can hold a value beyond by ``tolerance`` [m].
 
-    The clearance is searched to ``NEAR``, and what is left open counts against it.
+    The clearance is searched to ``NEAR``, or as far as ``MOST_NEIGHBOURHOODS`` allow. What is left open counts
+    against it.
     """
     cells = Neighbourhoods.of(corners)
     asked = np.ones((len(corners), len(prover.pairs.scene.pairs)), dtype=bool)
@@ -245,6 +249,8 @@ def find_extremes(prover: Prover, corners: Array, tolerance: float) -> Extremes:
         shortest, longest = min(shortest, float(pose.length.min())), max(longest, float(pose.length.max()))
         bound = found - change
         settled = asked & (bound >= nearest - NEAR)
+        if np.count_nonzero((asked & ~settled).any(axis=1)) > MOST_NEIGHBOURHOODS:
+            settled = asked.copy()
         least = min(least, float(bound[settled].min(initial=np.inf)))
         asked &= ~settled
         open_ = float(bound[asked].min(initial=np.inf))
