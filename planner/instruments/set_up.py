@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from planner.cell.cell import Cell
 from planner.cell.parts import Fixture
 from planner.cell.placement import Targets
-from planner.common.units import DEG, MM, Array
+from planner.common.units import MM, Array
 from planner.gauges.frame_gauge import ToolPosition
 from planner.kinematics.inverse_kinematics import solve_pose_ik, tool_pose
 from planner.model.model import Model
@@ -74,10 +74,11 @@ def solve_fixture_pose(cell: Cell, p_BX: Array) -> Array | None:
     """
     robot = cell.robot
     _, R, _ = tool_pose(cell.chain, robot, cell.home[None])
-    for turn in TURNS:
-        for tilt in TILTS:
-            wanted = Rotation.from_euler("xz", [tilt * DEG, turn * DEG]).as_matrix() @ R
-            q, good = solve_pose_ik(cell.chain, robot, cell.home[None], p_BX[None], wanted, ROUNDS)
-            if good[0] and bool(((q >= robot.q_lower) & (q <= robot.q_upper)).all()):
-                return q
+    turned = Rotation.from_euler("xz", [(tilt, turn) for turn in TURNS for tilt in TILTS], degrees=True).as_matrix() @ R
+    for some in (turned[:1], turned[1:]):  # mostly the first one is reached
+        start, point = np.tile(cell.home, (len(some), 1)), np.tile(p_BX, (len(some), 1))
+        q, good = solve_pose_ik(cell.chain, robot, start, point, some, ROUNDS)
+        reached = np.flatnonzero(good & ((q >= robot.q_lower) & (q <= robot.q_upper)).all(axis=1))
+        if len(reached):
+            return np.asarray(q[reached[:1]])
     return None
