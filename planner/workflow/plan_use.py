@@ -11,6 +11,7 @@ from planner.common.calls import called_with
 from planner.common.determinism import on_one_thread
 from planner.common.errors import InputError
 from planner.common.schema import read_json, validate
+from planner.gauges.vision.images import BoardInImages, find_corners
 from planner.instruments.check.planning import CHECK_NOTE
 from planner.instruments.circular.document import is_circular, load_circular_plan
 from planner.instruments.circular.plan import CircularPlan, circle_samples
@@ -23,6 +24,7 @@ from planner.programs.controller_axes import axes_for
 from planner.programs.dialect import PathForm, dialect_names, load_dialect
 from planner.programs.instructions import Program
 from planner.programs.verification import import_map
+from planner.runs.image_table import run_of_images
 from planner.runs.run import Run
 from planner.runs.traces import ColumnMap, import_mapped, import_run, is_trace_of
 from planner.session.document import read_dialects, read_plan
@@ -138,17 +140,41 @@ def _drives_of(plan: Plan | CircularPlan) -> PlannedSession | CircularPlan:
 
 @called_with(ImportCall)
 def import_traces(asked: ImportCall) -> Run:
-    """Return the run of controller and gauge traces: by a map, or the log of a plan's own program.
+    """Return the run of controller and gauge traces: by a map, the log of a plan's own program, or images.
 
     Raises:
-        InputError: neither or both are named, or a file is wrong.
+        InputError: none or several are named, or a file is wrong.
     """
     plan, dialect, traces = asked.plan, asked.dialect, [Path(trace) for trace in asked.traces]
+    if asked.images is not None or asked.board is not None:
+        return import_images(asked, traces)
     if asked.map_file is not None and not plan and not dialect:
         return import_run(traces, Path(asked.map_file))
     if asked.map_file is None and plan is not None and dialect is not None:
         return import_log(traces, plan, dialect)
-    raise InputError("give either --map MAP.toml, or --plan PLAN.json and --dialect of the program that kept the log")
+    raise InputError(
+        "give either --map MAP.toml, or --plan PLAN.json and --dialect of the program that kept the log, or --images "
+        "DIR and --board board.toml"
+    )
+
+
+def import_images(asked: ImportCall, tables: Sequence[Path]) -> Run:
+    """Return the run of the images of a folder, with the joint angles of a table beside them.
+
+    Raises:
+        InputError: something is missing or does not go with images, or no image can be used.
+        MissingProgramError: OpenCV is not installed.
+    """
+    beside = [f"--{n}" for n, v in (("map", asked.map_file), ("plan", asked.plan), ("dialect", asked.dialect)) if v]
+    if asked.images is None or asked.board is None or beside or len(tables) != 1:
+        raise InputError(
+            "images are brought in by --images DIR and --board board.toml together, with one table of the joint angles "
+            f"(pose, q1_deg …) before them{', without ' + ' and '.join(beside) if beside else ''}"
+        )
+    found = find_corners(Path(asked.images), BoardInImages.read(Path(asked.board)))
+    run, missing = run_of_images(tables[0], found.poses, found.pixels)
+    lacking = (f"{tables[0]}: has no pose {pose}; its image was left out" for pose in missing)
+    return replace(run, warnings=(*run.warnings, *(f"{text}; left out" for text in found.left_out), *lacking))
 
 
 def import_log(traces: Sequence[Path], plan: Path | str, dialect: str) -> Run:

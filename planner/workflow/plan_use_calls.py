@@ -59,7 +59,7 @@ class SimulateCall(Call):
 
 @dataclass(frozen=True)
 class ImportCall(Call):
-    """Bring controller and gauge traces into the run format: by a map, or the log of a plan's own program."""
+    """Bring traces into the run format: by a map, the log of a plan's own program, or images of a camera's board."""
 
     verb = "import"
     line = "Bring controller and gauge traces into the run format."
@@ -67,7 +67,12 @@ class ImportCall(Call):
 
     traces: Annotated[
         Sequence[Path | str],
-        Option("controller and gauge traces", metavar="TRACE...", is_word=True, typed=list[Path]),
+        Option(
+            "controller and gauge traces; with --images a table of the joint angles",
+            metavar="TRACE...",
+            is_word=True,
+            typed=list[Path],
+        ),
     ]
     _: KW_ONLY
     map_file: Annotated[
@@ -75,3 +80,18 @@ class ImportCall(Call):
     ] = None
     plan: MeasuredPlan = None
     dialect: Annotated[str | None, Option("of the plan's program, whose own log is the first trace")] = None
+    images: Annotated[
+        Path | str | None,
+        Option(
+            "folder of images whose names end in the numbers of their poses",
+            metavar="DIR",
+            typed=Path | None,
+            is_served=False,
+        ),
+    ] = None
+    board: Annotated[
+        Path | str | None,
+        Option(
+            "the board in the images, or the cell with it", metavar="board.toml", typed=Path | None, is_served=False
+        ),
+    ] = None

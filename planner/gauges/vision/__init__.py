@@ -1,3 +1,3 @@
 """What a camera needs beside its gauge: the lens, the board, where a board stands in one image, corners in images."""
 
-__all__: list[str] = []
+__all__ = ["images"]

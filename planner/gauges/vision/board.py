@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import Field, PositiveFloat, model_validator
 
 from planner.common.schema import StrictModel
-from planner.common.units import MM, Array, read_only
+from planner.common.units import MM, Array, IntArray, read_only
 
 BoardKind = Literal["charuco", "tags", "marker"]
 Count = Annotated[int, Field(ge=1, le=100)]
@@ -73,6 +73,13 @@ class Board:
         if f.kind != "charuco":
             middles = (middles[:, None] + TAG_CORNERS * f.marker_mm * MM).reshape(-1, 2)
         return read_only(np.column_stack([middles, np.zeros(len(middles))]))
+
+    @cached_property
+    def markers(self) -> IntArray:
+        """Numbers of its markers: of a chessboard every second square, the first one black, has one."""
+        f = self.file
+        count = f.columns * f.rows // 2 if f.kind == "charuco" else f.columns * f.rows
+        return read_only(np.arange(f.first, f.first + count), np.int64)
 
     @cached_property
     def radius(self) -> float:
