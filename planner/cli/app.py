@@ -16,7 +16,7 @@ from typer.core import TyperCommand, TyperGroup
 
 from planner import __version__
 from planner.cli.declared import folder_command
-from planner.cli.terminal import errors
+from planner.cli.terminal import TELLING, errors
 from planner.common.console import speak_plainly
 from planner.common.errors import InputError, PlannerError
 from planner.common.files import INPUTS, OVERWRITING, short_path
@@ -58,6 +58,7 @@ class Verb(PlainSwitches, TyperCommand):
 
 
 Force = Annotated[bool, typer.Option("--force", help="write over files that somebody else has written")]
+Verbose = Annotated[bool, typer.Option("-v", "--verbose", help="say more: every number, the proof, each note")]
 PackageFolders = Annotated[
     list[str] | None,
     typer.Option("--package", metavar="NAME=DIR", help="folder of a ROS package that a URDF names; may be repeated"),
@@ -66,18 +67,19 @@ ROBOT_WORDS = {"cell", "unloaded", "model"}  # parameters that name a file with 
 
 
 def with_shared_options(function: Callable[..., None]) -> Callable[..., None]:
-    """Give a command that writes files the switch ``--force``, one that reads a robot's file ``--package``."""
+    """Give a command ``--verbose``, one that writes files ``--force``, one that reads a robot's file ``--package``."""
     plain = signature(function, eval_str=True)
-    shared = []
+    shared = [Parameter("verbose", Parameter.KEYWORD_ONLY, default=False, annotation=Verbose)]
     if "output" in plain.parameters:
         shared.append(Parameter("force", Parameter.KEYWORD_ONLY, default=False, annotation=Force))
     if ROBOT_WORDS & plain.parameters.keys():
         shared.append(Parameter("package", Parameter.KEYWORD_ONLY, default=None, annotation=PackageFolders))
-    if not shared:
-        return function
 
     @wraps(function)
-    def wrapped(*, force: bool = False, package: list[str] | None = None, **values: object) -> None:
+    def wrapped(
+        *, verbose: bool = False, force: bool = False, package: list[str] | None = None, **values: object
+    ) -> None:
+        TELLING.all = verbose
         OVERWRITING.allowed = force
         COMMAND_PACKAGES.set(package or ())
         function(**values)

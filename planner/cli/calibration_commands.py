@@ -10,6 +10,7 @@ import typer
 
 from planner.cli.declared import Values, declare_command
 from planner.cli.terminal import (
+    TELLING,
     Json,
     OptionalOutput,
     OutputFile,
@@ -58,7 +59,7 @@ def _compensate(values: Values, output: str) -> None:
         done = find_function(CompensateCall)(**{**values, "zeros_set": _axes(values.get("zeros_set", ""))})
     if output != "-":
         check_writing(Path(output), done.file.text.encode(done.file.encoding))
-    errors.print(done.full_summary())
+    errors.print(done.full_summary(TELLING.all))
     give_file(done.file.text, done.write, output, done.file.step.format(file=output))
     if done.file.partly:
         raise typer.Exit(PARTLY_DONE)

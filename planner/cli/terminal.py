@@ -19,6 +19,7 @@ from planner.common.errors import InputError, NoSolutionError, printable
 from planner.common.progress import Progress, Stages
 from planner.common.result import Result
 from planner.common.result_folder import check_not_inside, check_overwriting
+from planner.common.summary import Aside, Fact, count_alike, fact_lines, keyed
 
 PLAN = {
     "fixtures": 0.0, "candidates": 0.02, "roadmap": 0.14, "foresight": 0.28, "selection": 0.38, "separation": 0.56,
@@ -87,6 +88,13 @@ class SafeConsole(Console):
         super().print(*(printable(o, MOST_PRINTED) if isinstance(o, str) else o for o in objects), **how)
 
 
+class Telling:
+    """How much a command says: ``all`` with ``--verbose``."""
+
+    all: bool = False
+
+
+TELLING = Telling()
 errors = SafeConsole(stderr=True, soft_wrap=True)
 
 Json = Annotated[bool, typer.Option("--json", help="print a machine-readable summary on standard output")]
@@ -132,10 +140,9 @@ def give(
         sys.stdout.write(result.to_json())
     else:
         files = "" if output is None else result.files(output)
-        written = f"\n  written to  {output}: {files}" if files else ""
+        facts = [("written to", f"{output}: {files}")] if files else []
         step = "" if output is None or result.problems else result.next_step(output)
-        then = f"\n  next        {step}" if step else ""
-        errors.print(result.full_summary() + written + then)
+        errors.print("\n".join([result.full_summary(TELLING.all), *fact_lines([*facts, *_next_facts(step)])]))
     if result.problems:
         raise NoSolutionError("; ".join(result.problems))
     return result
@@ -150,9 +157,14 @@ def give_file(text: str, write: Callable[[Path], object], output: str, step: str
     print_next(step)
 
 
+def _next_facts(step: str) -> list[Fact]:
+    """Return what a person does next, one step a line."""
+    return keyed("next", step.splitlines())
+
+
 def print_next(step: str) -> None:
     """Print what a person does next."""
-    errors.print(f"  next        {step}")
+    errors.print("\n".join(fact_lines(_next_facts(step))))
 
 
 def evaluation_step(run: Path | str, plan: Path) -> str:
@@ -196,7 +208,7 @@ def print_json(content: object) -> None:
 
 def print_notes(notes: tuple[str, ...]) -> None:
     """Print what a person must know of a file."""
-    for note in notes:
+    for note in count_alike(n for n in notes if TELLING.all or not isinstance(n, Aside)):
         errors.print(f"note: {note}")
 
 

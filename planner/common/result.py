@@ -10,6 +10,7 @@ from typing import Any, ClassVar
 
 from planner.common.files import document_text, write_bytes, write_text
 from planner.common.result_folder import draft_folder, move_all
+from planner.common.summary import Summary
 
 
 def simulated_section(simulated: bool) -> dict[str, bool]:
@@ -50,12 +51,15 @@ class Result(ABC):
 
     def __repr__(self) -> str:
         """Return the kind of result and the first line of its summary."""
-        first = next((line.strip() for line in self.summary().splitlines() if line.strip()), "")
-        return f"<{type(self).__name__}{' (simulated)' if self.simulated else ''}: {first}>"
+        return f"<{type(self).__name__}{' (simulated)' if self.simulated else ''}: {self.overview().title}>"
 
     @abstractmethod
-    def summary(self) -> str:
-        """Return what was found, in a few lines."""
+    def overview(self) -> Summary:
+        """Return what was found, fact by fact."""
+
+    def summary(self, verbose: bool = False) -> str:
+        """Return what was found, in about ten lines; ``verbose``: all that there is to say."""
+        return self.overview().text(verbose)
 
     @abstractmethod
     def content(self) -> Mapping[str, Any]:
@@ -88,10 +92,10 @@ class Result(ABC):
         """Return what must be read before anything else; empty where nothing."""
         return ""
 
-    def full_summary(self) -> str:
+    def full_summary(self, verbose: bool = False) -> str:
         """Return the summary, after what must be read first, and that nobody measured."""
         first = (self.alarm, NOT_MEASURED if self.simulated else "")
-        return "\n".join((*(line for line in first if line), self.summary()))
+        return "\n".join((*(line for line in first if line), self.summary(verbose)))
 
     def to_json(self) -> str:
         """Return the machine-readable form as text."""

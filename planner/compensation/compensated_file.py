@@ -67,7 +67,7 @@ class CompensatedFile:
     @property
     def summary(self) -> str:
         """What was done, for the person at the screen."""
-        return self.report.summary(self.name)
+        return self.report.overview(self.name).text()
 
     @property
     def partly(self) -> bool:

@@ -5,6 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from planner.common.numbers import counted
+from planner.common.summary import Summary, keyed
 from planner.common.units import DEG, MM, UM, Array
 from planner.compensation.correction import FlangeModel, NominalFlange, flange_deviation, near_singular
 from planner.compensation.few_axes import FULL_AXES, ToolDeviation, ToolGoal, TurnsLeft
@@ -83,24 +85,27 @@ class CompensationReport:
     kept: tuple[Note, ...] = ()
     turns_left: TurnsLeft | None = None
 
-    def summary(self, name: str) -> str:
+    def overview(self, name: str) -> Summary:
         """Return what was done, with every line that the person should look at."""
-        lines = [
-            f"{name}: {_count(self.joint_targets, 'joint target')} and {_count(self.poses, 'pose')} corrected by "
-            f"{self.shift_mean_m / MM:.3f} mm on average, {self.shift_max_m / MM:.3f} mm at most; "
-            f"no joint moved by more than {self.moved_max_rad / DEG:.3f}°",
-            *self._sentences_of_turns(),
-            *list_lines(name, self.notes),
-        ]
+        mean, most = self.shift_mean_m / MM, self.shift_max_m / MM
+        moved = (
+            f"{mean:.3f} mm on average, {most:.3f} mm at most; no joint by more than {self.moved_max_rad / DEG:.3f}°"
+        )
+        facts = [("moved", moved), *keyed("left", self._sentences_of_turns())]
+        facts += keyed("look at", list_lines(name, self.notes))
         if self.kept:
-            lines.append(f"corrected lines: {line_ranges(self.corrected)}")
-            lines.append(f"lines left as they were: {line_ranges(line for line, _ in self.kept)}")
-        return "\n".join([*lines, *(f"left as it was: {line}" for line in list_lines(name, self.kept))])
+            ranges = (
+                f"corrected lines: {line_ranges(self.corrected)}",
+                f"lines left as they were: {line_ranges(line for line, _ in self.kept)}",
+            )
+            facts += keyed("lines", [*ranges, *(f"left as it was: {line}" for line in list_lines(name, self.kept))])
+        what = f"{counted(self.joint_targets, 'joint target')} and {counted(self.poses, 'pose')}"
+        return Summary(f"{name}: {what} corrected", facts)
 
     def _sentences_of_turns(self) -> tuple[str, ...]:
         if self.turns_left is not None:
             return self.turns_left.sentences
-        return (f"as printed {self.left_m / UM:.2f} µm and {self.left_rad * 1e6:.2f} µrad of error are left at most",)
+        return (f"at most {self.left_m / UM:.2f} µm and {self.left_rad * 1e6:.2f} µrad, as the numbers are written",)
 
 
 def report_of(
@@ -144,10 +149,6 @@ def _turns_left(
     goal = ToolGoal.of(NominalFlange(robot), q, T_FT)
     before, after = (ToolDeviation.at(goal, calibrated, v) for v in (q, q_printed))
     return TurnsLeft(robot.n_joints, tuple(t.line for t in targets), before, after)
-
-
-def _count(number: int, noun: str) -> str:
-    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
 
 
 JOINTS = 1e-3  # [rad] of a joint between what is read and what was meant: another turn is 2π, another shape far more

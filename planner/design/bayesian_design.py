@@ -132,6 +132,11 @@ class BayesianDesign:
     by_number: tuple[ErrorByNumber, ...]
 
     @property
+    def before(self) -> float:
+        """Expected error of the tool [m] before any of the readings."""
+        return self.unknown.state(float(np.trace(self.unknown.weight_per_prior)))
+
+    @property
     def gap(self) -> float:
         """How much smaller, at most, the error of another set of candidates could be, as a part of the bound."""
         return float(self.after[-1]) / self.bound - 1.0
@@ -356,6 +361,11 @@ def errors_after(white: Array, unknown: ExpectedErrors) -> Array:
         known.change(k)
         out[k] = unknown.state(known.square)
     return out
+
+
+def another_place_pays(expected: BayesianDesign) -> bool:
+    """Tell whether a second fixture may show what all poses about the one there is cannot."""
+    return expected.floor >= FLOOR_SHARE * expected.left and len(expected.unknown.model.setup.p_BX) == 1
 
 
 def describe_numbers_of_poses(expected: BayesianDesign) -> str:

@@ -34,6 +34,10 @@ class ExpectedErrors(Protocol):
         """What that error is, in a few words."""
 
     @property
+    def before_label(self) -> str:
+        """Of which robots the error before any reading is, in a few words."""
+
+    @property
     def assumed(self) -> str:
         """What all this rests on."""
 

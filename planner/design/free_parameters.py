@@ -172,7 +172,11 @@ class UndeclaredErrors:
 
     untraced_label: ClassVar[str] = "geometry alone"
     assumed: ClassVar[str] = ASSUMED
-    condition: ClassVar[str] = f"; all this if {ASSUMED}"
+    before_label: ClassVar[str] = "as such a robot comes"
+    condition: ClassVar[str] = (
+        f"; expected where gears err by {CURVE_SIZE * 1e6:.0f} µrad, in up to {HIGHEST_WAVE:.0f} periods a turn, and "
+        "joints bend under load"
+    )
 
     @property
     def of_gauge(self) -> np.ndarray:
@@ -189,11 +193,10 @@ class UndeclaredErrors:
 
     def describe(self, left: float, left_mm: str, at_most_mm: str) -> str:
         """Say in half a sentence what the session would leave [m], written and as a limit [mm]."""
-        few = " (too few poses to gain by tracing)" if left > self.untraced else ""
+        few = " (too few poses for more than the geometry)" if left > self.untraced else ""
         return (
-            f"the tool would keep an error of {left_mm} mm (rms, anywhere in the workspace; 95 of 100 such robots below"
-            f" {at_most_mm} mm) once the run is traced{few}; a fit of the geometry alone leaves "
-            f"{float(to_mm(self.untraced)):.3f} mm even after endless readings"
+            f"the tool keeps an error of {left_mm} mm (rms over the workspace; 95 of 100 such robots below "
+            f"{at_most_mm} mm){few}; a fit of the geometry alone leaves {float(to_mm(self.untraced)):.3f} mm"
         )
 
     @property

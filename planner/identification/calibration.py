@@ -145,12 +145,18 @@ def find_other_zeros(robot: Robot, estimates: Sequence[Estimate], dialects: Sequ
 
 
 def joint_zeros_text(c: Calibration) -> str:
-    """Return the joint zeros [deg] with their standard deviations; empty where the run shows none.
+    """Return the joint zeros [deg] in one sentence with all that is said of them; empty where the run shows none."""
+    values, remarks = zeros_text(c)
+    return f"{values} ({'; '.join(remarks)}){''.join(f'; {text}' for text in other_zeros_text(c))}" if values else ""
+
+
+def zeros_text(c: Calibration) -> tuple[str, tuple[str, ...]]:
+    """Return the joint zeros [deg] with their standard deviations, and what to know of them; empty where none is shown.
 
     One whose zero also stands for other errors bears a *. The decimals are those of the standard deviation.
     """
     if not c.joint_zeros:
-        return ""
+        return "", ()
     shown = {z.joint for z in c.joint_zeros}
     unseen = ", ".join(str(k) for k in range(1, c.setup.robot.n_joints + 1) if k not in shown)
     axes = c.joint_zeros[0].axes_of
@@ -162,12 +168,16 @@ def joint_zeros_text(c: Calibration) -> str:
         f"not seen: joint {unseen}" if unseen else "",
         ZEROS_OR_MODEL,
     ]
-    elsewhere = [
-        f"; in the axes of {controller_words(name)} instead: {_zero_list(zeros)}"
+    return _zero_list(c.joint_zeros), tuple(filter(None, remarks))
+
+
+def other_zeros_text(c: Calibration) -> list[str]:
+    """Return the same zeros in the axes of each controller of the cell that counts otherwise."""
+    return [
+        f"in the axes of {controller_words(name)} instead: {_zero_list(zeros)}"
         for name in dict.fromkeys(z.axes_of or "" for z in c.other_zeros)
         if (zeros := [z for z in c.other_zeros if z.axes_of == name])
     ]
-    return f"{_zero_list(c.joint_zeros)} ({'; '.join(filter(None, remarks))}){''.join(elsewhere)}"
 
 
 def _zero_list(zeros: Sequence[JointZero]) -> str:

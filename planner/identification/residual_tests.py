@@ -299,6 +299,6 @@ def _verdict(trials: Sequence[ResidualTest], found: Sequence[ResidualTest], rms:
     if not trials:
         return TOO_FEW
     if not found:
-        return f"What is left is chance, as far as {len(trials)} tests can tell."
+        return f"What is left looks random in all {len(trials)} tests."
     names = ", ".join(t.along for t in found)
-    return f"What is left is not only chance: {rms * 1e3:.3g} mm (rms) of it follows {names}."
+    return f"What is left is not random: {rms * 1e3:.3g} mm (rms) of it follows {names}."

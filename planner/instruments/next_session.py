@@ -98,6 +98,7 @@ class RemainingErrors:
     weight_per_prior: Array
 
     untraced_label: ClassVar[str] = "before this session"
+    before_label: ClassVar[str] = "as stated by the runs so far"
     condition: ClassVar[str] = ""
 
     @classmethod

@@ -9,6 +9,7 @@ from planner.cell.cell import Cell
 from planner.cell.places import nests_frame
 from planner.common.arrays import mean_by_group
 from planner.common.errors import InputError
+from planner.common.summary import Summary
 from planner.common.units import UM, Array, in_units, read_only, to_mm
 from planner.model.model import Model
 from planner.runs.run import NO_REFERENCE_READINGS, ReferenceReadings, Run
@@ -149,17 +150,17 @@ class RepeatedCentrings:
     master: Mastering | None
     notes: tuple[str, ...]
 
-    def lines(self) -> list[str]:
-        """Return how closely the centrings agree, in a few lines."""
+    def overview(self) -> Summary:
+        """Return how closely the centrings agree."""
         s = self.summary
         std = ", ".join(f"{v / UM:.1f}" for v in s.axis_std)
-        lines = [
-            f"{self.run.name}: {s.centrings} centrings of {s.poses} poses",
-            f"  precision   at most {s.largest / UM:.1f} µm from the mean of a pose, rms {s.rms / UM:.1f} µm, "
-            f"two of a pose at most {s.apart / UM:.1f} µm apart; std {std} µm along x, y, z",
-            f"  expected    rms {self.expected / UM:.1f} µm of the robot's repeatability and the gauge's noise",
+        facts = [
+            ("precision", f"at most {s.largest / UM:.1f} µm from the mean of a pose, rms {s.rms / UM:.1f} µm"),
+            ("", f"two of a pose at most {s.apart / UM:.1f} µm apart; std {std} µm along x, y, z"),
+            ("expected", f"rms {self.expected / UM:.1f} µm of the robot's repeatability and the gauge's noise"),
+            *([] if self.master is None else [("mastering", self.master.text())]),
         ]
-        return lines if self.master is None else [*lines, f"  mastering   {self.master.text()}"]
+        return Summary(f"{self.run.name}: {s.centrings} centrings of {s.poses} poses", facts, notes=self.notes)
 
     def content(self, robot: str) -> dict[str, object]:
         """Return ``accuracy.json``."""

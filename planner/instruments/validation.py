@@ -8,6 +8,8 @@ import polars as pl
 
 from planner.cell.cell import Cell
 from planner.common.errors import InputError, did_you_mean
+from planner.common.numbers import counted
+from planner.common.summary import Summary
 from planner.common.units import MM, UM, Array, in_units, read_only, to_mm
 from planner.instruments.precision import DIGITS, SCHEMA
 from planner.instruments.reference_frame import (
@@ -154,14 +156,15 @@ class Validation:
     floor: ErrorFloor
     notes: tuple[str, ...]
 
-    def lines(self) -> list[str]:
-        """Return the errors before and after, in a few lines."""
+    def overview(self) -> Summary:
+        """Return the errors before and after."""
         misses = ", ".join(f"{n} {m / UM:.0f} µm" for n, m in zip(self.nests, self.frame.misses, strict=True))
-        lines = [f"{self.run.name}: {len(self.run)} poses", f"  frame       from the nests, which miss by {misses}"]
+        facts = []
         for name, judged in (("before", self.before), ("after", self.after)):
-            lines += [] if judged is None else [f"  {name:<12}{judged.figures.text()}"]
-            lines += [f"  {'':<12}{judged.performance.text()}"] if judged is not None and judged.performance else []
-        return [*lines, f"  floor       {self.floor.text()}"]
+            facts += [] if judged is None else [(name, judged.figures.text())]
+            facts += [("", judged.performance.text())] if judged is not None and judged.performance else []
+        facts += [("frame", f"from the nests, which miss by {misses}"), ("floor", self.floor.text())]
+        return Summary(f"{self.run.name}: {counted(len(self.run), 'pose')}", facts, notes=self.notes)
 
     def content(self, robot: str) -> dict[str, object]:
         """Return ``accuracy.json``."""

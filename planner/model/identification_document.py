@@ -66,7 +66,7 @@ class HoldOut(DocumentSection):
     @property
     def groups(self) -> str:
         """Name of the groups, in the plural."""
-        return f"{self.by}es" if self.by.endswith("ch") else f"{self.by}s"
+        return "sections" if self.by == "stretch" else f"{self.by}s"
 
 
 class Stage(DocumentSection):

@@ -51,7 +51,7 @@ GROUP_NAMES = {
     "placement": ("placements", "whole placements of the gauge"),
     "session": ("sessions", "whole sessions"),
     "block": ("blocks", "whole blocks of the run in its order"),
-    "stretch": ("stretches", "whole stretches of the drive, never single rows of it"),
+    "stretch": ("sections", "whole sections of the drive, never single rows of it"),
 }
 STRONG_CORRELATION, NAMED_PAIRS = 0.9, 6  # correlation worth a sentence, and how many sentences
 

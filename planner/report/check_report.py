@@ -6,7 +6,7 @@ import numpy as np
 
 from planner.common.units import UM, to_mm
 from planner.instruments.check.evaluation import CheckVerdict
-from planner.instruments.check.results import verdict_lines
+from planner.instruments.check.results import verdict_overview
 from planner.instruments.record import RobotRecord
 from planner.report.chart import (
     BLUE,
@@ -51,7 +51,8 @@ def check_chart(verdict: CheckVerdict) -> Chart:
 
 def report_check(robot: str, verdict: CheckVerdict) -> Report:
     """Return the page of a check and its picture."""
-    said = [line.strip() for line in verdict_lines(verdict) if not line.startswith("  note")]
+    shown = verdict_overview(verdict)
+    said = [shown.title, *(f"{key}: {text}" for key, text in shown.facts)]
     rows: list[Row] = []
     for j in verdict.judged:
         sizes = (f"{to_mm(size):.3f}" for size in (j.motion, j.motion_std, j.detectable))

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from planner.common.errors import InputError
+from planner.common.summary import Aside
 from planner.common.units import Array, IntArray, read_only
 from planner.runs.run import Readings, Run, Samples
 from planner.runs.text import RowSource, first_row
@@ -233,7 +234,7 @@ def average_rests(run: Run) -> Run:
     )
     lost = _poses_without_rest(run.samples, samples)
     missing = (f"{run.name}: the arm did not rest at the poses {lost}; they are left out",) if lost else ()
-    warnings = (*run.warnings, warning, *missing)
+    warnings = (*run.warnings, Aside(warning), *missing)
     return replace(run, samples=samples, readings=readings, continuous=False, warnings=warnings)
 
 

@@ -7,6 +7,7 @@ import numpy as np
 
 from planner.cell.cell import Cell
 from planner.common.progress import REFINEMENT, ROADMAP, Stages, must_stop
+from planner.common.summary import Aside
 from planner.common.units import Array, from_mm
 from planner.design.bayesian_design import choose_bayesian_poses
 from planner.design.candidates.pool import draw_candidates
@@ -105,7 +106,7 @@ class BarPoses(PoseSession):
                 "the shell into many parts; widen cable limits or choose another gauge.mount_deg",
             )
             if count:
-                self.notes.append(f"{count} chosen poses that no path joins to the mount pose were replaced")
+                self.notes.append(Aside(f"{count} chosen poses that no path joins to the mount pose were replaced"))
             if not cell.robot.bodies:
                 checked = f"only the {cell.gauge.noun} and the tool were checked against the surroundings"
                 self.notes.append(f"{cell.robot.name} has no collision bodies: {checked}")

@@ -8,6 +8,7 @@ from planner.cell.cell import Cell
 from planner.cell.workspace import Workspace
 from planner.common.errors import InputError, NoSolutionError
 from planner.common.progress import ROADMAP, must_stop
+from planner.common.summary import Aside
 from planner.common.units import Array, round_angles
 from planner.design.candidates.pool import PoseSet, draw_candidates
 from planner.design.pose_selection import identify_candidates
@@ -117,7 +118,7 @@ def drop_unreachable(
         order, _ = price_core(rows, rough, n)
         reach = join_to_mounts(cell, likely, seed, np.sort(order[:CERTAIN]))
     lost = len(pool) - int(reach.joined.sum())
-    note = f"{lost} of {len(pool)} candidates lie in parts of the shell that no path joins to the mount pose; left out"
+    note = Aside(f"{lost} of {len(pool)} candidates were left out: no path joins them to the mount pose")
     return likely.take(reach.joined), reach, (note,) if lost else (), rough.among(reach.joined)
 
 

@@ -15,6 +15,7 @@ from planner.common.determinism import on_one_thread
 from planner.common.errors import NoSolutionError
 from planner.common.progress import Stages, TimeIsOverError, current_limit
 from planner.common.second_process import ForkedTask
+from planner.common.summary import Aside
 from planner.common.units import Array
 from planner.design.bayesian_design import BackgroundDesign
 from planner.design.candidates.pool import PoseSet
@@ -136,7 +137,7 @@ class PoseSession(ABC):
         bar = bar_notes(cell, drives) if cell.has_bar() else ()
         notes = [*self.notes, *bar, *discrimination_notes(cell, driven, choice, drives)]
         if expected:
-            notes.append(f"the poses are chosen by the error that is foreseen; {choice.index} does not judge them")
+            notes.append(Aside(f"the poses were chosen by the expected error, not by {choice.index}"))
             minutes = session_minutes(cell, drives, len(choice.q))
             expected = expected.as_driven(choice.samples, minutes)
         return Plan(
@@ -194,7 +195,7 @@ class PoseSession(ABC):
                         checks = np.setdiff1d(checks, others[lost.which - len(mine)])
                     name = place.cell.place_name(place.mounting)
                     where = f" (fixture {name})" if name else ""
-                    self.notes.append(f"a pose that no path could join was replaced{where}")
+                    self.notes.append(Aside(f"a pose that no path could join was replaced{where}"))
             else:
                 raise NoSolutionError(
                     f"{REPLACEMENTS} poses in a row could not be joined to the tour: obstacles split the cell"

@@ -5,6 +5,7 @@ import numpy as np
 from planner.cell.cell import Cell
 from planner.common.errors import InputError, NoSolutionError
 from planner.common.progress import Stages
+from planner.common.summary import Aside
 from planner.common.units import Array
 from planner.design.candidates.balls import BallFunnel, draw_ball_candidates
 from planner.design.candidates.pool import PoseSet, draw_candidates
@@ -62,12 +63,11 @@ class PointPoses(PoseSession):
                 "lower motion.clearance_mm"
             )
         if lost := len(pool) - len(kept):
-            self.notes.append(
-                f"{lost} of {len(pool)} candidates cannot be reached from where the session starts; left out"
-            )
+            said = f"{lost} of {len(pool)} candidates cannot be reached from where the session starts; left out"
+            self.notes.append(Aside(said))
         funnel = pool.funnel
         if isinstance(funnel, BallFunnel) and (far := funnel.approach - funnel.contact):
-            self.notes.append(f"{far} poses were left out: {funnel.missed}")
+            self.notes.append(Aside(f"{far} poses were left out: {funnel.missed}"))
         return pool.take(kept)
 
     def select(self, stages: Stages) -> Selection:

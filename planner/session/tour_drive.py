@@ -16,6 +16,7 @@ from planner.cell.cell import Cell
 from planner.common.choices import TourSolver
 from planner.common.errors import NoSolutionError
 from planner.common.second_process import ForkedTask
+from planner.common.summary import Aside
 from planner.common.units import Array
 from planner.design.candidates.balls import FirstContact
 from planner.motion.path.connection import connect_poses, prove_detours
@@ -187,7 +188,7 @@ def _note_forbidden_legs(tour: Tour, forbidden: dict[tuple[int, int], str]) -> T
         return tour
     count, why = len(forbidden), next(iter(forbidden.values()))
     note = f"{count} legs that could not be proven were forbidden and the tour solved again (the first: {why})"
-    return replace(tour, notes=(*tour.notes, note))
+    return replace(tour, notes=(*tour.notes, Aside(note)))
 
 
 def _repeat_tour(

@@ -14,6 +14,7 @@ from planner.common.calls import called_with
 from planner.common.files import write_bytes
 from planner.common.progress import Progress, no_progress
 from planner.common.result import FolderResult, Plot
+from planner.common.summary import Summary
 from planner.design.observability.information import find_rule
 from planner.motion.planning_packages import require_planning_packages
 from planner.report.page import Report, report_overview
@@ -44,9 +45,9 @@ class StudyResult(FolderResult):
     findings: StudySummary
     progress: Progress = no_progress
 
-    def summary(self) -> str:
+    def overview(self) -> Summary:
         """Return what is seen, with how many poses, and from where."""
-        return self.findings.text()
+        return self.findings.overview()
 
     def next_step(self, folder: Path) -> str:
         """Say what to look at."""

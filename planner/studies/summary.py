@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import polars as pl
 
+from planner.common.summary import Summary
 from planner.common.units import DEG, MM, UM, Array
 from planner.design.fixtures.places import find_stands
 from planner.design.observability.identifiability import join_names
@@ -28,8 +29,8 @@ class StudySummary:
     fixtures: FixtureCount
     files: tuple[str, ...]
 
-    def text(self) -> str:
-        """Return a few lines for the person."""
+    def overview(self) -> Summary:
+        """Return what is seen, with how many poses, and from where."""
         b = self.basis
         own = b.curve
         share = b.predicted.std / b.model.prior
@@ -37,15 +38,17 @@ class StudySummary:
         least = ", ".join(f"{b.seen.names[k]} (σ {100 * share[k]:.0f} % of its prior)" for k in order)
         unseen = [d.name for d in b.seen.dropped]
         limit = f"no {own.knee} of the {len(b.pool)} candidates do better than {format_number(own.limit_at_knee)}"
-        lines = [
-            f"{b.cell.name}: {b.seen.rank} of {len(b.whole.names)} parameters can be seen, judged by {b.poses} poses",
-            *([f"  unseen      {join_names(unseen)} (why: unseen.csv)"] if unseen else []),
-            f"  poses       {b.index} bends at {own.knee} poses, {format_number(own.at_knee)}; {limit}",
-            f"  least sure  {least}",
-            f"  fixture     {describe_best_place(self.places)}{self._moved_along()}",
-            *[f"  fixtures    {sentence}" for sentence in describe_fixtures(self.fixtures, b.index)],
+        facts = [
+            *([("unseen", f"{join_names(unseen)} (why: unseen.csv)")] if unseen else []),
+            ("poses", f"{b.index} bends at {own.knee} poses, {format_number(own.at_knee)}; {limit}"),
+            ("least sure", least),
+            ("fixture", f"{describe_best_place(self.places)}{self._moved_along()}"),
+            *(("fixtures", sentence) for sentence in describe_fixtures(self.fixtures, b.index)),
         ]
-        return "\n".join(lines)
+        title = (
+            f"{b.cell.name}: {b.seen.rank} of {len(b.whole.names)} parameters can be seen, judged by {b.poses} poses"
+        )
+        return Summary(title, facts)
 
     def _stands(self) -> list[str]:
         """Names of the bodies that hold the fixture up."""

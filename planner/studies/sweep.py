@@ -26,6 +26,7 @@ from planner.common.files import INPUTS, document_text, write_text
 from planner.common.progress import Progress, no_progress
 from planner.common.result import Result
 from planner.common.schema import StrictModel, read_toml
+from planner.common.summary import Summary
 from planner.common.units import Array, to_mm
 from planner.design.candidates.pool import draw_candidates
 from planner.design.free_parameters import UndeclaredErrors, undeclared_errors
@@ -185,20 +186,23 @@ class SweepResult(Result):
             "posterior_mm", nulls_last=True, maintain_order=True
         )
 
-    def summary(self) -> str:
+    def overview(self) -> Summary:
         """Return the best points."""
-        known = f"{self.points} points, {self.known} of them computed before"
-        lines = [f"{known}; tool error over the workspace, median of arms:"]
+        facts = []
         for row in self.figures.head(8).iter_rows(named=True):
             where = ", ".join(f"{k} {v}" for k, v in row.items() if k in POINT and v is not None)
             if row["posterior_mm"] is None:
-                lines.append(f"  {where}: {row['because']}")
+                facts.append(("none", f"{where}: {row['because']}"))
                 continue
-            lines.append(
-                f"  {row['posterior_mm']:.3f} mm (95 % within {row['posterior_95_mm']:.3f}; geometry alone "
-                f"{row['geometry_mm']:.3f}, uncalibrated {row['nominal_mm']:.3f}): {where}"
+            facts.append(
+                (
+                    f"{row['posterior_mm']:.3f} mm",
+                    f"{where}; 95 % within {row['posterior_95_mm']:.3f}, geometry alone {row['geometry_mm']:.3f}, "
+                    f"uncalibrated {row['nominal_mm']:.3f} mm",
+                )
             )
-        return "\n".join(lines)
+        known = f"{self.points} points, {self.known} of them computed before"
+        return Summary(f"{known}; tool error over the workspace, median of arms:", facts)
 
     def content(self) -> Mapping[str, Any]:
         """Return the figures of every point."""

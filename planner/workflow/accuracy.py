@@ -12,6 +12,7 @@ from planner.common.errors import InputError
 from planner.common.files import write_bytes, write_text
 from planner.common.progress import Stages
 from planner.common.result import FolderResult, simulated_section
+from planner.common.summary import Summary
 from planner.instruments.precision import RepeatedCentrings, repeat_groups, repeated_centrings
 from planner.instruments.validation import Validation, validate_robot
 from planner.runs.loader import load_runs
@@ -32,9 +33,9 @@ class AccuracyCheck(FolderResult):
     found: Validation | RepeatedCentrings
     stages: Stages = field(default_factory=Stages)
 
-    def summary(self) -> str:
+    def overview(self) -> Summary:
         """Return the errors before and after, or how closely centrings agree."""
-        return "\n".join([*self.found.lines(), *(f"  note        {note}" for note in self.found.notes)])
+        return self.found.overview()
 
     def content(self) -> dict[str, object]:
         """Return what ``accuracy.json`` says."""

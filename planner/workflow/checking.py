@@ -11,11 +11,12 @@ from planner.common.calls import called_with
 from planner.common.errors import InputError
 from planner.common.progress import Stages
 from planner.common.result import FolderResult, simulated_section
+from planner.common.summary import Summary
 from planner.common.units import MM
 from planner.identification.baseline import Baseline
 from planner.instruments.check.evaluation import CheckVerdict, evaluate_check
 from planner.instruments.check.planning import CheckChooser, resting_cell
-from planner.instruments.check.results import CheckForecast, verdict_content, verdict_lines
+from planner.instruments.check.results import CheckForecast, verdict_content, verdict_overview
 from planner.instruments.simulation import planned_samples
 from planner.motion.planning_packages import require_planning_packages
 from planner.runs.loader import load_runs
@@ -24,6 +25,7 @@ from planner.session.options import PlanOptions
 from planner.session.planned_session import PlannedSession
 from planner.session.planning import plan_session
 from planner.workflow.check_calls import CheckCall, PlanCheckCall
+from planner.workflow.plan_overview import check_overview
 from planner.workflow.plan_results import PlanResult, evaluation_command
 from planner.workflow.planning import pose_session
 from planner.workflow.run_checks import check_unit
@@ -36,10 +38,9 @@ class CheckPlanResult(PlanResult):
 
     forecast: CheckForecast = field(kw_only=True)
 
-    def summary(self) -> str:
+    def overview(self) -> Summary:
         """Return what is driven, and from which size on it shows each change."""
-        kept = [line for line in super().summary().split("\n") if not line.startswith("  O")]
-        return "\n".join([*kept, *self.forecast.lines()])
+        return check_overview(self.plan, self.forecast)
 
     def fill(self, draft: Path) -> None:
         """Write what every plan has, and ``shows.json``."""
@@ -47,7 +48,7 @@ class CheckPlanResult(PlanResult):
 
     def next_step(self, folder: Path) -> str:
         """Say how the check is measured and judged."""
-        return f"run the program and log it; then {evaluation_command('run.csv', folder / 'plan.json', False)}"
+        return f"run the program and log it\n{evaluation_command('run.csv', folder / 'plan.json', False)}"
 
 
 @dataclass(frozen=True)
@@ -59,9 +60,9 @@ class CheckResult(FolderResult):
     verdict: CheckVerdict
     simulated: bool = False
 
-    def summary(self) -> str:
+    def overview(self) -> Summary:
         """Return the verdict, what to do, and why."""
-        return "\n".join(verdict_lines(self.verdict))
+        return verdict_overview(self.verdict)
 
     def content(self) -> Mapping[str, Any]:
         """Return what ``check.json`` says."""

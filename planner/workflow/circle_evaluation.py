@@ -10,8 +10,10 @@ from planner.cell.reading import load_cell
 from planner.common.calls import called_with
 from planner.common.determinism import on_one_thread
 from planner.common.files import write_text
+from planner.common.numbers import counted
 from planner.common.progress import Stages
 from planner.common.result import FolderResult, simulated_section
+from planner.common.summary import Summary
 from planner.common.units import DEG, UM
 from planner.identification.run_setup import drop_unreadable
 from planner.instruments.circular.document import load_circular_cell, read_circular_plan
@@ -36,18 +38,20 @@ class CircularTestResult(FolderResult):
     stages: Stages = field(default_factory=Stages)
     simulated: bool = False
 
-    def summary(self) -> str:
+    def overview(self) -> Summary:
         """Return the circular deviations, reversals and centres."""
         test = self.test
-        lines = [f"{test.run}: circular test of {test.robot}, plan {test.plan_id}"]
+        facts = []
         for c in test.circles:
             name = c.ring.circle.name if c.load is None else f"{c.ring.circle.name} {c.load:g} N"
             each = "  ".join(f"G({p.direction}) {p.G / UM:.1f}" for p in c.paths)
             both = "" if c.G_b is None or c.H is None else f"  G(b) {c.G_b / UM:.1f}  H {c.H / UM:.1f}"
             centre = ", ".join(f"{v / UM:.1f}" for v in c.centre.centre)
             extremes = f"F {min(p.F_min for p in c.paths) / UM:.1f} to {max(p.F_max for p in c.paths) / UM:.1f}"
-            lines.append(f"  {name:<10}  {each}{both}  {extremes}  D {c.D / UM:.1f} µm, centre [{centre}] µm taken off")
-        return "\n".join([*lines, *(f"  note        {warning}" for warning in test.warnings)])
+            said = f"{each}{both}  {extremes}  D {c.D / UM:.1f} µm, centre [{centre}] µm taken off"
+            facts.append((name, said))
+        title = f"{test.run}: circular test of {test.robot}, plan {test.plan_id}"
+        return Summary(title, facts, notes=test.warnings)
 
     def content(self) -> Mapping[str, Any]:
         """Return what ``circular.json`` says."""
@@ -98,24 +102,21 @@ class LoadedTestEvaluation(FolderResult):
     stages: Stages = field(default_factory=Stages)
     simulated: bool = False
 
-    def summary(self) -> str:
+    def overview(self) -> Summary:
         """Return the compliances, by the circles and by one fit with runs without load."""
-        found, joint = self.found, self.joint
-        c = found.compliances
-        lines = [f"{found.name}: {len(found.circles)} circle{'s' * (len(found.circles) > 1)} of {found.robot}"]
-        lines += [f"  {name:<12}{compliance_text(c, k)}" for k, name in enumerate(c.names)]
+        found, joint, c = self.found, self.joint, self.found.compliances
+        facts = [(name, compliance_text(c, k)) for k, name in enumerate(c.names)]
         if joint is not None:
-            lines.append(
-                f"  in one fit with runs without load: {len(joint.names)} parameters, {joint.rms[0] / UM:.1f} µm left "
-                f"without load, {joint.rms[1] / UM:.1f} µm under load"
-            )
-            lines += [
-                f"  {e.name:<12}{e.value * 1e6:.3f} ± {e.std * 1e6:.3f} µrad/Nm"
+            left = f"{joint.rms[0] / UM:.1f} µm left without load, {joint.rms[1] / UM:.1f} µm under load"
+            facts.append(("one fit", f"with runs without load: {len(joint.names)} parameters, {left}"))
+            facts += [
+                (e.name, f"{e.value * 1e6:.3f} ± {e.std * 1e6:.3f} µrad/Nm")
                 for e in joint.estimates
                 if e.name in c.names and e.std is not None
             ]
-        lines += [f"  found       {s}" for s in found.sentences]
-        return "\n".join([*lines, *(f"  note        {w}" for w in found.warnings)])
+        facts += [("found", s) for s in found.sentences]
+        title = f"{found.name}: {counted(len(found.circles), 'circle')} of {found.robot}"
+        return Summary(title, facts, notes=found.warnings)
 
     def content(self) -> Mapping[str, Any]:
         """Return what ``loaded.json`` says."""

@@ -20,6 +20,7 @@ from planner.common.files import read_bytes, write_text
 from planner.common.numbers import parse_number
 from planner.common.result import Result
 from planner.common.schema import read_json
+from planner.common.summary import Summary, keyed
 from planner.common.units import Array, from_deg, from_mm, read_only, to_mm
 from planner.compensation.compensated_file import CompensatedFile, compensate_file, read_program
 from planner.compensation.correction_mark import CorrectionMark
@@ -57,14 +58,14 @@ class CompensationResult(Result):
     simulated: bool = False
     warnings: tuple[str, ...] = ()
 
-    def summary(self) -> str:
-        """Return what was done."""
-        said = (
-            (f"expected error unknown: {self.expected}",) if isinstance(self.expected, str) else self.expected.sentences
-        )
-        return "\n".join(
-            [self.file.summary, *said, *([] if self.left_out is None else [self.left_out]), *self.warnings]
-        )
+    def overview(self) -> Summary:
+        """Return what was done, what is expected of it, and every line to look at."""
+        unknown = (f"error unknown: {self.expected}",)
+        said = unknown if isinstance(self.expected, str) else self.expected.sentences
+        done = self.file.report.overview(self.file.name)
+        facts = [*done.facts, *keyed("expected", said)]
+        left = () if self.left_out is None else (self.left_out,)
+        return Summary(done.title, facts, notes=(*done.notes, *left, *self.warnings))
 
     def content(self) -> Mapping[str, Any]:
         """Return what was done, and the corrected text."""

@@ -1,6 +1,6 @@
 """``identify()``: from the log of a run to a calibrated robot, and its folder."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,14 +12,13 @@ from planner.common.errors import InputError
 from planner.common.files import write_bytes, write_text
 from planner.common.progress import Stages
 from planner.common.result import FolderResult, Plot, Result
-from planner.common.units import DEG, MM
+from planner.common.summary import Summary
 from planner.identification.baseline import NAME as BASELINE
 from planner.identification.baseline import baseline_text
 from planner.identification.calibrated_robot import calibrated_files, calibrated_meshes
-from planner.identification.calibration import Calibration, joint_zeros_text
+from planner.identification.calibration import Calibration
 from planner.identification.expected_error import NAME as EXPECTED_ERROR
 from planner.identification.expected_error import expected_error_csv, expected_error_text
-from planner.identification.own_errors import own_errors_text
 from planner.identification.pipeline import FitSettings
 from planner.identification.pipeline import identify as fit_and_trace
 from planner.identification.residual_table import residuals_csv
@@ -27,13 +26,13 @@ from planner.identification.run_setup import drop_unreadable, number_samples
 from planner.instruments.precision import check_mastering
 from planner.instruments.simulation import SimulatedRun
 from planner.kinematics.robot import Robot
-from planner.model.finding_groups import group_findings
 from planner.model.gauge_frames import ToolPointPosition
-from planner.model.identification_document import Estimate, Metrics, Release
+from planner.model.identification_document import Estimate
 from planner.runs.loader import load_runs
 from planner.runs.run import Run, read_reference_readings
 from planner.session.document import read_plan
 from planner.tracing.trace import trace
+from planner.workflow.fit_overview import fit_overview
 from planner.workflow.identify_call import IdentifyCall
 from planner.workflow.run_checks import check_unit, split_by_plan
 
@@ -42,8 +41,6 @@ if TYPE_CHECKING:
 
 Runs = Run | Path | str | Sequence[Path | str]
 """One run or several, loaded or by path."""
-
-NAMED = 3  # rivals that are listed by name
 
 
 @dataclass(frozen=True)
@@ -55,34 +52,9 @@ class CalibrationResult(FolderResult):
     cell: Cell
     stages: Stages = field(default_factory=Stages)
 
-    def summary(self) -> str:
+    def overview(self) -> Summary:
         """Return how far off the robot is before and after, and why."""
-        found = self.calibration
-        wide = 2 + max(26, *(len(s.name) for s in found.stages))
-        fitted = len(found.last_fit)
-        release = None if found.problems else found.release
-        leads = [] if release is None else [_workspace_text(release, found.workspace_error)]
-        lines = [
-            *leads,
-            f"{found.run.name}: {len(found.run)} samples, {found.n_groups} {found.split.groups}, "
-            f"{100 * found.split.hold_out:.0f} % held out at a time, {fitted} parameters",
-            f"  {'':<{wide}}{'held out: rms':>14}{'mean':>10}{'largest':>10}"
-            + (f"{'validation: mean':>20}" if found.stages[-1].validation is not None else ""),
-        ]
-        for stage in found.stages:
-            lines.append(f"  {stage.name:<{wide}}{_stage_row(stage.held_out, stage.validation)}")
-        own = own_errors_text(found)
-        lines += [f"  in pixels   {own}"] if own else []
-        if found.tried is not None:
-            lines += [f"  found       {f.note}" + _rival_text(f.rivals) for f in group_findings(found.findings)]
-            lines += [] if found.findings else ["  found       nothing beyond noise that the catalogue can name"]
-        lines.append(f"  left        {found.diagnosis.sentence}")
-        if release is not None:
-            lines += list(_part_lines(release, found.fit.model.width))
-            lines.append(f"  written     {_release_text(release)}")
-            zeros = joint_zeros_text(found)
-            lines += [f"  zeros       {zeros}"] if zeros else []
-        return "\n".join([*lines, *(f"  note        {w}" for w in found.warnings)])
+        return fit_overview(self.calibration)
 
     def content(self) -> Mapping[str, Any]:
         """Return what ``identification.json`` says."""
@@ -91,7 +63,7 @@ class CalibrationResult(FolderResult):
     def next_step(self, folder: Path) -> str:
         """Say how findings are told apart and programs are corrected."""
         model, rivals = folder / "robot.toml", any(f.rivals for f in self.calibration.findings)
-        apart = f"; edbb plan CELL --separate {folder / 'identification.json'} -o apart tells the rivals apart"
+        apart = f"\nedbb plan CELL --separate {folder / 'identification.json'} -o apart tells the causes apart"
         return f"edbb compensate PROGRAM --model {model} -o CORRECTED corrects a program{apart if rivals else ''}"
 
     @property
@@ -263,53 +235,3 @@ def _with_mastering_warnings(cell: Cell, run: Run, source: Runs) -> Run:
         readings = [read_reference_readings(Path(path)) for path in paths]
     checks = [m for m in (check_mastering(cell, r) for r in readings) if m is not None and not m.good]
     return replace(run, warnings=(*run.warnings, *(m.text() for m in checks)))
-
-
-def _workspace_text(r: Release, anywhere: float) -> str:
-    """Say how good the tool is expected to be anywhere: the figure that leads."""
-    out = f"tool error over the workspace, rms: {r.nominal_anywhere / MM:.3f} mm → {anywhere / MM:.3f} mm"
-    out += f" (median; 95 % below {r.at_most / MM:.3f} mm"
-    worse = ", worse than the nominal robot" if r.geometry_anywhere > r.nominal_anywhere else ""
-    out += "" if r.basis == "geometry" else f"; geometry alone {r.geometry_anywhere / MM:.3f} mm{worse}"
-    own = r.work_tool
-    if own is None:
-        return f"{out}; at a tool point that was not measured {r.other_tool / MM:.3f} mm)"
-    return f"{out}; with the robot's own tool {own.nominal_anywhere / MM:.3f} mm → {own.anywhere / MM:.3f} mm)"
-
-
-def _part_lines(r: Release, width: int) -> Iterator[str]:
-    """Say of what the stated error is made, and what no named cause explains: how much, where, what to measure next."""
-    if (p := r.parts) is not None:
-        yield (
-            f"  of this     {p.seen / MM:.3f} mm by noise and number of readings; {p.unseen / MM:.3f} mm that more "
-            f"readings at these poses cannot show (scale, tool, other postures); {p.misfit / MM:.3f} mm misfit"
-        )
-    if (m := r.unexplained) is not None:
-        where, there = "alike everywhere", "all over the workspace"
-        if m.range is not None and m.there is not None:
-            low, high = (f"{v / DEG:.0f}" for v in m.range)
-            there = f"with joint {m.joint} from {low} to {high} deg"
-            where = f"most {there} ({m.there / MM:.3f} mm)"
-        how = ", best those of edbb plan --aim tracing, or about a further fixture" if width == 1 else ""
-        kept = "; the robot as written follows it where it was measured" if r.basis == "posterior" else ""
-        yield (
-            f"  misfit      what moves the tool by {m.anywhere / MM:.3f} mm rms over the workspace, {where}, has no "
-            f"named cause{kept}; measure next: more poses {there}{how}"
-        )
-
-
-def _release_text(r: Release) -> str:
-    what = "geometry and all effects, by their probability" if r.basis == "posterior" else "geometry alone"
-    return f"{what}, held out {r.held_out.rms / MM:.4f} mm rms"
-
-
-def _stage_row(held_out: Metrics, validation: Metrics | None) -> str:
-    row = "".join(f"{v / MM:{w}.4f}" for v, w in ((held_out.rms, 14), (held_out.mean, 10), (held_out.largest, 10)))
-    return f"{row} mm" + ("" if validation is None else f"{validation.mean / MM:13.4f} mm")
-
-
-def _rival_text(names: tuple[str, ...]) -> str:
-    if not names:
-        return ""
-    more = f" or {len(names) - NAMED} more" if len(names) > NAMED else ""
-    return f"; or {', or '.join(names[:NAMED])}{more}: the run cannot tell them apart"

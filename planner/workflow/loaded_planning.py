@@ -11,9 +11,11 @@ from planner.cell.reading import load_cell
 from planner.common.calls import called_with
 from planner.common.errors import InputError, NoSolutionError
 from planner.common.files import write_text
+from planner.common.numbers import counted
 from planner.common.progress import Stages
 from planner.common.result import FolderResult
 from planner.common.schema import validate
+from planner.common.summary import Fact, Summary, keyed
 from planner.common.units import to_mm
 from planner.instruments.circular.plan import CircularPlan
 from planner.instruments.loaded.both_bars import (
@@ -73,28 +75,29 @@ class BothPlan(FolderResult):
     known: CommonFit
     stages: Stages = field(default_factory=Stages)
 
-    def summary(self) -> str:
+    def overview(self) -> Summary:
         """Return what is measured, and what each bar alone and one fit of both would know."""
-        return self._text(self._predictions())
+        return self._overview(self._predictions())
 
-    def _text(self, predictions: Sequence[str] = ()) -> str:
+    def _overview(self, predictions: Sequence[Fact] = ()) -> Summary:
         known, arcs, robot = self.known, self.loaded.arcs, self.loaded.cell.robot.name
         minutes = sum(c.duration for c in self.loaded.courses) / 60
-        lines = [f"{robot}: {len(self.free.samples)} poses without load, {len(arcs)} loaded circles"]
+        facts: list[Fact] = []
         for arc in arcs:
             circle = arc.circle
             centre = ", ".join(f"{v:.0f}" for v in to_mm(circle.p_BC))
-            lines.append(f"  {circle.name:<12}{circle.plane} about [{centre}] mm; {arc.told}")
-        lines.append(f"  {'path':<12}{minutes:.1f} min with the loaded bar on, proven as every plan is")
-        lines += predictions
-        lines += [f"  found       {s}" for s in describe_common_fit(known)]
-        lines += [f"  {k + 1}.{'':<10}{text}" for k, text in enumerate(both_session_steps(self))]
-        return "\n".join([*lines, *(f"  note        {note}" for note in self.loaded.notes)])
+            facts.append((circle.name, f"{circle.plane} about [{centre}] mm; {arc.told}"))
+        facts.append(("drive", f"{minutes:.1f} min with the loaded bar on, proven as every plan is"))
+        facts += [*predictions, *(("found", s) for s in describe_common_fit(known))]
+        facts += [(f"{k + 1}.", text) for k, text in enumerate(both_session_steps(self))]
+        title = f"{robot}: {len(self.free.samples)} poses without load, {counted(len(arcs), 'loaded circle')}"
+        return Summary(title, facts, notes=self.loaded.notes)
 
-    def _predictions(self) -> list[str]:
-        head = f"  {'predicted':<12}{'':<14}{'without load':>14}{'circles':>12}{'one fit':>12}   of the prior size"
+    def _predictions(self) -> list[Fact]:
+        head = f"{'':<14}{'without load':>14}{'circles':>12}{'one fit':>12}   of the prior size"
         shares = [(name, *(share_text(float(v)) for v in parts)) for name, *parts in self.known.of("compliance")]
-        return [head, *(f"  {'':<12}{name:<14}{one:>14}{two:>12}{both:>12}" for name, one, two, both in shares)]
+        rows = (f"{name:<14}{one:>14}{two:>12}{both:>12}" for name, one, two, both in shares)
+        return keyed("predicted", [head, *rows])
 
     def content(self) -> Mapping[str, Any]:
         """Return what ``both.json`` says."""
@@ -114,7 +117,7 @@ class BothPlan(FolderResult):
             write_cell(fit_cell(self.free.cell, self.loaded.cell), draft)
             cell, charts = self.loaded.cell, (draw_common_fit(self.known),)
             title = f"A session with both bars for {cell.robot.title}"
-            report_overview(title, cell, self._text(), charts, BOTH_FILES).write(draft)
+            report_overview(title, cell, self._overview().text(), charts, BOTH_FILES).write(draft)
 
     def files(self, folder: Path) -> str:
         """Name what is written."""
@@ -208,16 +211,13 @@ class CirclePlacesResult(FolderResult):
     both: CommonFit | None = None
     stages: Stages = field(default_factory=Stages)
 
-    def summary(self) -> str:
+    def overview(self) -> Summary:
         """Return which places there are and what they tell."""
-        lines = [f"{self.cell.name}: {len(self.found.pool)} places can be driven"]
-        lines += [f"  {s}" for s in describe_places(self.found)]
+        facts = [("", s) for s in describe_places(self.found)]
         for name, unloaded, loaded, together in () if self.both is None else self.both.of("compliance"):
-            lines.append(
-                f"  {name}: without load {share_text(unloaded)}, the {self.count} circles {share_text(loaded)}, in one "
-                f"fit {share_text(together)} of its prior size"
-            )
-        return "\n".join(lines)
+            circles = f"the {self.count} circles {share_text(loaded)}, in one fit {share_text(together)}"
+            facts.append((name, f"without load {share_text(unloaded)}, {circles} of its prior size"))
+        return Summary(f"{self.cell.name}: {len(self.found.pool)} places can be driven", facts)
 
     def content(self) -> Mapping[str, Any]:
         """Return what ``places.json`` says."""

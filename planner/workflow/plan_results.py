@@ -9,13 +9,10 @@ from typing import Any
 
 from planner.common.errors import InputError
 from planner.common.files import write_text
+from planner.common.numbers import counted
 from planner.common.progress import Stages
 from planner.common.result import FolderResult, Plot, Result
-from planner.common.units import to_deg, to_mm
-from planner.design.bayesian_design import describe_bayesian_design, describe_numbers_of_poses
-from planner.design.observability.identifiability import DroppedParameter
-from planner.design.observability.information import INDEX_RULES
-from planner.design.pose_selection import describe_pruning
+from planner.common.summary import Summary
 from planner.instruments.circular.plan import CircularPlan
 from planner.instruments.simulation import SimulatedRun
 from planner.programs.rendering import ProgramFile
@@ -23,7 +20,7 @@ from planner.runs.writer import run_text, save_run
 from planner.session.document import PlanDocument
 from planner.session.plan_record import UnprovenPoses, plan_document
 from planner.session.plan_types import Plan, Programs
-from planner.session.tour_cost import cost_name
+from planner.workflow.plan_overview import circular_overview, plan_overview, unproven_overview
 from planner.workflow.writing import FORECAST, fill_plan, plan_content, write_cell, write_program_as
 
 
@@ -60,42 +57,11 @@ class PlanResult(SessionResult):
         """Say how the session is measured and evaluated."""
         plan, calibrates = folder / "plan.json", any(v.role == "calibrate" for d in self.plan.drives for v in d.visits)
         measure = self.plan.cell.gauge.measured_by.replace("PLAN", str(plan))
-        return f"{measure}; then {evaluation_command('run.csv', plan, calibrates)}"
+        return f"{measure}\n{evaluation_command('run.csv', plan, calibrates)}"
 
-    def summary(self) -> str:
-        """Return what was planned and how good it provably is."""
-        plan = self.plan
-        choice, drives = plan.choice, plan.drives
-        gap = INDEX_RULES[choice.index].gap
-        bound, off = choice.certificate.value, plan.certificate.value
-        least = 100 * max(gap(choice.value, off), 0.0)
-        moved = f"; with poses sought off the grid among them {off:#.4g}, gap {least:.1f} %"
-        tour_s, unsorted_s = sum(d.tour.cost_s for d in drives), sum(d.tour.unsorted_s for d in drives)
-        clearance = min(d.clearance for d in drives) * 1e3
-        proof = (
-            f"no set of the candidates does better than {bound:#.4g} (chosen among them: {choice.on_grid_value:#.4g}, "
-            f"gap {100 * gap(choice.on_grid_value, bound):.1f} %{moved if off != bound else ''})"
-            if plan.by_index
-            else f"it did not choose the poses (no set of the candidates does better than {bound:#.4g})"
-        )
-        proof = describe_pruning(choice) or proof
-        lines = [
-            f"{plan.cell.name}: {_numbers_of_poses(plan)}, plan {plan.plan_id}",
-            f"  candidates  {plan.pool.funnel.text()}",
-            f"  {choice.index:<10}  {choice.value:#.4g}; {proof}",
-            f"  tour        {unsorted_s:.1f} s unsorted, {tour_s:.1f} s sorted"
-            f" ({'proven shortest' if all(d.tour.optimal for d in drives) else 'not proven shortest'}"
-            f" by {cost_name(plan.cell)}),"
-            f" {sum(d.trajectory.duration_s for d in drives) / 60:.1f} min as driven",
-            f"  path        {clearance:.1f} mm clearance, proven continuously by coal and judged again by fcl",
-        ]
-        if plan.expected_error:
-            lines.append(f"  foresees    {describe_bayesian_design(plan.expected_error)}")
-            lines.append(f"  numbers     {describe_numbers_of_poses(plan.expected_error)}")
-        lines += [f"  tells apart {text}" for text in plan.separation.texts()] if plan.separation else []
-        lines += _left_out(choice.seen.dropped)
-        lines += [f"  note        {note}" for note in plan.notes]
-        return "\n".join(lines)
+    def overview(self) -> Summary:
+        """Return what is driven, the error before and after, what would help and what stays unseen."""
+        return plan_overview(self.plan)
 
     def document(self) -> PlanDocument:
         """Return what ``plan.json`` holds."""
@@ -144,18 +110,9 @@ class PosesResult(FolderResult):
     poses: UnprovenPoses
     cut_short: tuple[str, ...]
 
-    def summary(self) -> str:
+    def overview(self) -> Summary:
         """Return what there is, how good it provably is, and what is not proven."""
-        found, choice, bound = self.poses, self.poses.choice, self.poses.certificate
-        rule = INDEX_RULES[choice.index]
-        gap, passes = 100 * max(rule.gap(choice.value, bound.value), 0.0), "exceeds" if rule.maximise else "falls below"
-        lines = [
-            f"{found.cell.name}: {len(choice.q)} poses for {choice.seen.rank} parameters, no path proven, no program",
-            f"  not proven  {found.why}",
-            f"  candidates  {found.pool.funnel.text()}",
-            f"  {choice.index:<10}  {choice.value:#.4g}; no set of these {passes} {bound.value:#.4g}, gap {gap:.1f} %",
-        ]
-        return "\n".join([*lines, *(f"  note        {note}" for note in found.notes)])
+        return unproven_overview(self.poses)
 
     def content(self) -> Mapping[str, Any]:
         """Return what ``plan.json`` says."""
@@ -176,27 +133,9 @@ class CircularPlanResult(SessionResult):
 
     plan: CircularPlan
 
-    def summary(self) -> str:
+    def overview(self) -> Summary:
         """Return what is driven."""
-        plan = self.plan
-        arcs = plan.arcs
-        lines = [
-            f"{plan.cell.name}: circular test on {len(arcs)} circle{'s' if len(arcs) > 1 else ''}, plan {plan.plan_id}"
-        ]
-        for a in arcs:
-            c = a.circle
-            loads = f", {len(c.loads)} loads" if c.loads else ""
-            bar = f"bar {to_mm(a.length.min()):.1f} to {to_mm(a.length.max()):.1f} mm"
-            sweep = f"{to_deg(c.sweep):g}° from {to_deg(c.start):g}°, {' and '.join(c.directions)}{loads}"
-            lines.append(
-                f"  {c.name:<10}  {c.plane}, radius {to_mm(c.radius):g} mm, {sweep}, {to_mm(c.speed):.4g} mm/s; {bar}"
-            )
-            lines.append(f"  {'':<10}  {a.told}")
-        lines.append(
-            f"  path        {to_mm(min(v.clearance for v in plan.verdicts)):.1f} mm clearance, proven continuously by "
-            f"coal and judged again by fcl; {sum(c.duration for c in plan.courses) / 60:.1f} min with the bar on"
-        )
-        return "\n".join([*lines, *(f"  note        {note}" for note in plan.notes)])
+        return circular_overview(self.plan)
 
 
 @dataclass(frozen=True)
@@ -205,9 +144,9 @@ class SimulationResult(Result):
 
     run: SimulatedRun
 
-    def summary(self) -> str:
+    def overview(self) -> Summary:
         """Return how many samples there are, and what to know."""
-        return "\n".join([f"{self.run.name}: {len(self.run)} samples", *(f"note: {w}" for w in self.run.warnings)])
+        return Summary(f"{self.run.name}: {counted(len(self.run), 'sample')}", notes=self.run.warnings)
 
     def content(self) -> Mapping[str, Any]:
         """Return what is true of the run, and what to know."""
@@ -247,30 +186,12 @@ class ExportResult:
         return write_program_as(self.programs, Path(path))
 
 
-def _left_out(dropped: Sequence[DroppedParameter]) -> list[str]:
-    """One parameter with its reason, of several the names: the page has the reasons."""
-    if len(dropped) < 2:
-        return [f"  left out    {d.name}: {d.because}" for d in dropped]
-    names = ", ".join(d.name for d in dropped)
-    return [f"  left out    {len(dropped)} parameters that cannot be seen: {names} (why: report.html)"]
-
-
 def evaluation_command(run: Path | str, plan: Path, calibrates: bool) -> str:
     """Return the command that evaluates the run of a plan of poses: a check, a calibration, or validation alone."""
     if (plan.parent / FORECAST).is_file():
         return f"edbb check {run} --plan {plan} --baseline CALIBRATED -o checked"
     where = f"{run} --cell {plan.parent / 'cell.toml'} --plan {plan}"
     return f"edbb identify {where} -o calibrated" if calibrates else f"edbb accuracy {where} -o accuracy"
-
-
-def _numbers_of_poses(plan: Plan) -> str:
-    """Say what the poses are for, and how many are measured beside those that calibrate."""
-    roles = [v.role for d in plan.drives for v in d.visits]
-    if "calibrate" not in roles:
-        return f"{len(plan.choice.q)} poses that validate a robot, none that calibrates it (--poses N plans those)"
-    more = roles.count("validate")
-    validating = f", {more} more to validate" if more else ""
-    return f"{len(plan.choice.q)} poses to fit {plan.choice.seen.rank} parameters{validating}"
 
 
 def plan_files(programs: Programs) -> str:

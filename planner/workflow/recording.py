@@ -9,6 +9,7 @@ from typing import Any
 
 from planner.common.files import document_text, write_text
 from planner.common.result import FolderResult, simulated_section
+from planner.common.summary import Summary
 from planner.instruments.opcua import map_to_opcua
 from planner.instruments.record import Circumstances, RobotRecord, add_entry
 
@@ -20,16 +21,15 @@ class RecordResult(FolderResult):
     main_file = "history.json"
     record: RobotRecord
 
-    def summary(self) -> str:
+    def overview(self) -> Summary:
         """Return the history in lines."""
         known = self.record
         due = known.due_text and f", next check due {known.due_text}"
-        lines = [f"{known.file.serial} ({known.file.robot}): {_count(known)}{due}"]
-        moved = list(known.differences())
+        moved, facts = list(known.differences()), []
         for e in known.entries:
-            lines.append(f"  {e.file.circumstances.date.isoformat()}  {e.file.kind:<12}{e.sentence}")
-            lines += [f"              since before: {text}" for number, text in moved if number == e.number]
-        return "\n".join(lines)
+            facts.append((e.file.circumstances.date.isoformat(), f"{e.file.kind:<12}{e.sentence}"))
+            facts += [("", f"since before: {text}") for number, text in moved if number == e.number]
+        return Summary(f"{known.file.serial} ({known.file.robot}): {_count(known)}{due}", facts)
 
     def content(self) -> Mapping[str, Any]:
         """Return the history as one document."""

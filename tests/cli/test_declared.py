@@ -19,6 +19,7 @@ from planner.cli.declared import folder_command
 from planner.common.calls import Call, Option, ProgressKeyword, call_fields, called_with, options_table
 from planner.common.progress import no_progress
 from planner.common.result import Result
+from planner.common.summary import Summary
 from planner.effects.catalogue import effect_kinds
 from planner.service.declared_request import take_fields
 from planner.service.job_folder import JobFolder
@@ -48,8 +49,8 @@ class Warmed(Result):
     def __init__(self, asked):
         self.asked = asked
 
-    def summary(self):
-        return f"{self.asked.cell}: {self.asked.laps} laps, {self.asked.pace}"
+    def overview(self):
+        return Summary(f"{self.asked.cell}: {self.asked.laps} laps, {self.asked.pace}")
 
     def content(self):
         return {"laps": self.asked.laps, "pace": self.asked.pace}

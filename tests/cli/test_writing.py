@@ -18,6 +18,7 @@ from planner.common.errors import InputError, NoSolutionError
 from planner.common.files import INPUTS, OVERWRITING, read_utf8, write_text
 from planner.common.result import FolderResult, Result
 from planner.common.result_folder import changed_files, draft_folder, move_all
+from planner.common.summary import Summary
 from planner.programs.rendering import ProgramFile
 from planner.workflow.writing import write_program_as
 from tests.command import edbb
@@ -256,8 +257,8 @@ def test_a_result_that_is_written_says_what_comes_next_and_one_that_must_not_be_
     class Written(Result):
         problems = ()
 
-        def summary(self):
-            return "done"
+        def overview(self):
+            return Summary("done")
 
         def content(self):
             return {}
@@ -280,8 +281,8 @@ def test_a_file_where_a_folder_of_results_is_written_stays(tmp_path):
     class Written(FolderResult):
         main_file = "done.json"
 
-        def summary(self):
-            return "done"
+        def overview(self):
+            return Summary("done")
 
         def content(self):
             return {}

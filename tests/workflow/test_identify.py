@@ -185,7 +185,7 @@ def test_a_correction_that_is_expected_to_do_harm_is_refused(identified):
     assert not (identified / "new.src").exists()
     known.write_text(json.dumps(whole | {"robot_sha256": "0"}))
     told = edbb("compensate", identified / "part.src", *words[:2], "-o", "-")[2]
-    assert "expected error unknown: expected_error.json belongs to another" in told
+    assert "error unknown: expected_error.json belongs to another" in told
     known.write_text(json.dumps(whole | {"nominal": [0.0]}))
     code, _, told = edbb("compensate", identified / "part.src", *words)
     assert code == 2
@@ -193,7 +193,7 @@ def test_a_correction_that_is_expected_to_do_harm_is_refused(identified):
     known.unlink()
     code, _, told = edbb("compensate", identified / "part.src", *words)
     assert code == 5  # the pose without tool and base stays
-    assert "expected error unknown: no expected_error.json lies beside robot.toml" in told
+    assert "error unknown: no expected_error.json lies beside robot.toml" in told
 
 
 def test_a_controller_that_corrects_itself_is_refused(identified):

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from planner.cell.cell import Cell
+from planner.common.summary import Fact, Summary
 from planner.common.units import Array, in_units, significant, to_deg, to_mm
 from planner.identification.baseline import Baseline
 from planner.instruments.check.detection import FALSE_ALARM, POWER
@@ -58,12 +59,10 @@ class CheckForecast:
         """Return every change that shows, and from which motion of the tool on, in mm."""
         return [(c.name, f"{to_mm(d):.3f}") for c, d in zip(self.changes, self.detectable, strict=True)]
 
-    def lines(self) -> list[str]:
-        """Return the same in words."""
-        return [f"  shows       {name}: from {least} mm of the tool" for name, least in self.rows()] + [
-            f"  rates       {SHOWN_RATES}",
-            *([f"  note        {self.hidden_because}"] if self.hidden else []),
-        ]
+    def facts(self) -> list[Fact]:
+        """Say from which motion of the tool on each change shows, the smallest first."""
+        least = sorted(self.rows(), key=lambda row: float(row[1]))
+        return [("shows", f"{size} mm  {name}") for name, size in least] + [("rates", SHOWN_RATES)]
 
 
 def verdict_content(verdict: CheckVerdict, robot: str) -> dict[str, object]:
@@ -116,25 +115,22 @@ def _mm(value: float) -> float | None:
     return round(float(to_mm(value)), DIGITS) if np.isfinite(value) else None
 
 
-def verdict_lines(verdict: CheckVerdict) -> list[str]:
+def verdict_overview(verdict: CheckVerdict) -> Summary:
     """Return the verdict in words."""
     said = "passed" if verdict.passed else "FAILED"
-    head = [f"{verdict.run}: {said}, {verdict.outcome} since the calibration ({len(verdict.poses)} poses)"]
-    head.append(f"  do          {verdict.advice}")
-    p = f"smallest probability {verdict.smallest:.2g}, alarm below {verdict.threshold:.2g}"
+    facts: list[Fact] = [("do", verdict.advice)]
     if verdict.outcome != "unchanged":
         best = verdict.best
-        head.append(f"  cause       {ANYTHING if best is None else _cause_text(best)}")
-        head += [f"  or          {_cause_text(j)}" for j in verdict.rivals]
+        facts.append(("cause", ANYTHING if best is None else _cause_text(best)))
+        facts += [("or", _cause_text(j)) for j in verdict.rivals]
     else:
         least = sorted((j for j in verdict.judged if j.change.kind != "collision"), key=lambda j: j.detectable)
-        some = ", ".join(f"{j.change.name} {to_mm(j.detectable):.3f}" for j in (*least[:2], *least[-2:]))
-        head.append(f"  would show  changes from these motions of the tool on, mm: {some}")
-    return [*head, f"  test        {p} ({100 * FALSE_ALARM:g} of 100 sound robots)", *_notes(verdict)]
-
-
-def _notes(verdict: CheckVerdict) -> list[str]:
-    return [f"  note        {n}" for n in verdict.notes]
+        some = dict.fromkeys((*least[:2], *least[-2:]))
+        facts += [("would show", f"{to_mm(j.detectable):.3f} mm  {j.change.name}") for j in some]
+    p = f"smallest probability {verdict.smallest:.2g}, alarm below {verdict.threshold:.2g}"
+    facts.append(("test", f"{p} ({100 * FALSE_ALARM:g} of 100 sound robots)"))
+    title = f"{verdict.run}: {said}, {verdict.outcome} since the calibration ({len(verdict.poses)} poses)"
+    return Summary(title, facts, notes=verdict.notes)
 
 
 def _cause_text(j: JudgedChange) -> str:

@@ -8,6 +8,7 @@ import numpy as np
 
 from planner.cell.cell import Cell
 from planner.common.errors import InputError
+from planner.common.summary import Aside
 from planner.common.units import to_mm
 from planner.kinematics.bodies import Body
 from planner.motion.collision.engines import CollisionWorld
@@ -56,7 +57,7 @@ def left_out_pairs(cell: Cell) -> tuple[str, ...]:
     named = ", ".join(f"{a} and {b}" for a, b in sorted(robot.never_meet))
     said = (", ".join(neighbours), named and f"{named} ({robot.never_meet_reason})", *_left_out_parts(cell))
     told = "; ".join(filter(None, said))
-    return (f"bodies of these links are not checked against each other: {told}",) if told else ()
+    return (Aside(f"bodies of these links are not checked against each other: {told}"),) if told else ()
 
 
 def _left_out_parts(cell: Cell) -> list[str]:
@@ -99,8 +100,11 @@ def describe_polytopes(cell: Cell) -> tuple[str, ...]:
         return ()
     excess = to_mm(max(excess_of_polytope(b) for b in shapes.values()))
     return (
-        f"{len(shapes)} meshes are checked for collisions as the convex polytopes around them, which hold the meshes "
-        f"and stand at most {excess:.1f} mm beyond their convex hulls; where a mesh is hollow, nothing may enter",
+        Aside(
+            f"{len(shapes)} meshes are checked for collisions as the convex polytopes around them, which hold the "
+            f"meshes and stand at most {excess:.1f} mm beyond their convex hulls; where a mesh is hollow, nothing may "
+            "enter"
+        ),
     )
 
 

@@ -10,7 +10,7 @@ from planner.common.errors import InputError
 from planner.common.units import DEG, MM
 from planner.identification.baseline import Baseline
 from planner.instruments.check.evaluation import evaluate_check
-from planner.instruments.check.results import CheckForecast, verdict_content, verdict_lines
+from planner.instruments.check.results import CheckForecast, verdict_content, verdict_overview
 from planner.report.check_report import report_check
 from tests.identification.worlds import arm_of
 from tests.instruments.check.fleet import NAME, fleet, tracker_fleet
@@ -36,7 +36,7 @@ def test_a_sound_robot_passes():
     verdict = judged()
     assert verdict.passed
     assert verdict.outcome == "unchanged"
-    assert any("go on" in line for line in verdict_lines(verdict))
+    assert "go on" in dict(verdict_overview(verdict).facts)["do"]
 
 
 def test_an_axis_that_lost_its_zero_is_named_with_its_size():

@@ -1,0 +1,61 @@
+"""What a command says on the screen: one fact a line behind its key, most wanted first; more where that is asked."""
+
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+Fact = tuple[str, str]
+"""A key of at most ``KEY`` signs, empty where the line goes on from the one before, and what is said of it."""
+
+KEY = 12
+"""Signs of the column of keys."""
+
+
+class Aside(str):
+    """A note that asks nothing of anybody: it is said with ``--verbose`` alone, and stands in files as any other."""
+
+    __slots__ = ()
+
+
+def count_alike(notes: Iterable[str]) -> list[str]:
+    """Return notes in their order, those that differ in numbers alone as the first of them with a count."""
+    alike: dict[str, list[str]] = {}
+    for note in notes:
+        alike.setdefault(re.sub(r"[+-]?\d+(\.\d+)?", "#", note), []).append(note)
+    return [own[0] if len(own) == 1 else f"{own[0]} (and {len(own) - 1} more like it)" for own in alike.values()]
+
+
+@dataclass(frozen=True)
+class Summary:
+    """What was found.
+
+    Attributes:
+        title: what it is and, where one number says it, how good.
+        facts: one a line.
+        details: facts for who wants to know more.
+        notes: what a person must know; an :class:`Aside` is a detail.
+    """
+
+    title: str
+    facts: Sequence[Fact] = ()
+    details: Sequence[Fact] = ()
+    notes: Sequence[str] = ()
+
+    def text(self, verbose: bool = False) -> str:
+        """Return the title and the facts as lines; ``verbose``: the details and the asides too."""
+        asked = count_alike(n for n in self.notes if not isinstance(n, Aside))
+        facts = [*self.facts, *(("note", note) for note in asked)]
+        if verbose:
+            asides = count_alike(n for n in self.notes if isinstance(n, Aside))
+            facts += [*self.details, *(("aside", note) for note in asides)]
+        return "\n".join([self.title, *fact_lines(facts)])
+
+
+def keyed(key: str, texts: Iterable[str]) -> list[Fact]:
+    """Return texts as facts of one key, which stands before the first of them."""
+    return [(key if k == 0 else "", text) for k, text in enumerate(texts)]
+
+
+def fact_lines(facts: Iterable[Fact]) -> list[str]:
+    """Return facts as lines, what is said of them in one column."""
+    return [f"  {key:<{KEY}}{'' if len(key) < KEY else '  '}{text}".rstrip() for key, text in facts]

@@ -1,0 +1,184 @@
+"""What the screen says of an identification: errors before and after, causes, what moved, what the run cannot show."""
+
+from collections.abc import Iterable, Iterator, Sequence
+
+import numpy as np
+
+from planner.common.numbers import counted
+from planner.common.summary import Aside, Fact, Summary
+from planner.common.units import DEG, MM, display_unit, file_unit, format_value, si_unit, to_mm
+from planner.identification.calibration import Calibration, other_zeros_text, zeros_text
+from planner.identification.own_errors import own_errors_text
+from planner.model.finding_groups import FindingGroup, group_findings
+from planner.model.identification_document import Estimate, Metrics, Release
+
+NAMED = 3  # rivals, and parameters, that are listed by name
+MOST_FOUND = 5  # causes that are listed one by one
+BEYOND = 3.0  # times the expected size from which on a parameter is told to be beyond it
+
+
+def fit_overview(found: Calibration) -> Summary:
+    """Return what is said of an identification."""
+    release = None if found.problems else found.release
+    said = "calibrated" if not found.problems else "NOT calibrated, the fit failed its own checks"
+    fitted, samples = len(found.last_fit), counted(len(found.run), "sample")
+    facts = [
+        *([] if release is None else _tool_facts(release, found.workspace_error)),
+        *_reading_facts(found, release),
+        *([("in pixels", own)] if (own := own_errors_text(found)) else []),
+        *_cause_facts(found),
+        *_parameter_facts(found),
+        ("rest", found.diagnosis.sentence),
+        *([] if release is None else _misfit_facts(release, found.fit.model.width)),
+        *([] if release is None else _zero_facts(found)),
+    ]
+    asides = {w for w in found.run.warnings if isinstance(w, Aside)}  # a document keeps texts alone
+    notes = [Aside(w) if w in asides else w for w in found.warnings]
+    title = f"{found.run.name}: {found.robot} {said}; {fitted} parameters, {samples}"
+    return Summary(title, facts, list(_details(found, release)), notes)
+
+
+def _mm(value: float) -> str:
+    return f"{float(to_mm(value)):.3f}"
+
+
+def _tool_facts(r: Release, anywhere: float) -> Iterator[Fact]:
+    """Say how good the tool is expected to be anywhere: the figure that leads."""
+    yield (
+        "tool error",
+        f"{_mm(r.nominal_anywhere)} → {_mm(anywhere)} mm  rms over the workspace; 95 % below {_mm(r.at_most)} mm",
+    )
+    if (own := r.work_tool) is not None:
+        yield (
+            "own tool",
+            f"{_mm(own.nominal_anywhere)} → {_mm(own.anywhere)} mm  with the tool that it works with",
+        )
+    else:
+        yield "other tool", f"{_mm(r.other_tool)} mm  at a tool point that was not measured"
+
+
+def _reading_facts(found: Calibration, release: Release | None) -> Iterator[Fact]:
+    """Say what is left of readings that no fit saw."""
+    first, last = found.stages[0], found.stages[-1]
+    held_out = last.held_out if release is None else release.held_out
+    where = f"on {found.n_groups} {found.split.groups} that no fit saw"
+    yield "held out", f"{_change_text(first.held_out, held_out)} {where}"
+    validation = last.validation if release is None else release.validation
+    if first.validation is not None and validation is not None:
+        yield "validation", f"{_change_text(first.validation, validation)} on poses kept apart"
+
+
+def _change_text(before: Metrics, after: Metrics) -> str:
+    largest = f"largest {_mm(before.largest)} → {_mm(after.largest)} mm"
+    return f"{_mm(before.mean)} → {_mm(after.mean)} mm  mean, {largest},"
+
+
+def _cause_facts(found: Calibration) -> Iterator[Fact]:
+    """Say which causes were found, those first that bring most."""
+    if found.tried is None:
+        return
+    groups = sorted(group_findings(found.findings), key=lambda g: -g.gain)
+    yield from (("found", _cause_text(g)) for g in groups[:MOST_FOUND])
+    if more := groups[MOST_FOUND:]:
+        yield "", f"and {counted(len(more), 'cause')} more that bring less (report.html)"
+    if not groups:
+        yield "found", "no cause beyond the geometry"
+
+
+def _cause_text(group: FindingGroup) -> str:
+    names = group.rivals
+    if not names:
+        return group.note
+    more = f" or {len(names) - NAMED} more" if len(names) > NAMED else ""
+    return f"{group.note}; or {', or '.join(names[:NAMED])}{more}: this run cannot tell which"
+
+
+def _parameter_facts(found: Calibration) -> Iterator[Fact]:
+    """Say what moved most, what is beyond its expected size, and what has no deviation of its own, and why."""
+    seen = [e for e in found.estimates if e.identifiable and e.group == "geometry" and e.std]
+    moved = sorted(seen, key=lambda e: -abs(e.value - e.nominal) / (e.std or 1.0))
+    if moved:
+        yield "moved most", ", ".join(_shift_text(e) for e in moved[:NAMED])
+    prior = {p.name: p.prior for p in found.fit.model.parameters}
+    far = [e for e in seen if abs(e.value - e.nominal) > BEYOND * prior.get(e.name, np.inf)]
+    if far:
+        yield "at a limit", f"{_names(far)}: more than {BEYOND:g} times the size that is expected"
+    if unseen := [e for e in found.estimates if not e.identifiable]:
+        one = f": {unseen[0].because}" if len(unseen) == 1 and unseen[0].because else ", this run cannot show them"
+        yield "no sigma", f"{_names(unseen)}{one}"
+
+
+def _names(estimates: Sequence[Estimate]) -> str:
+    return ", ".join(e.name for e in estimates)
+
+
+def _written(e: Estimate) -> tuple[str, float]:
+    """Return the unit of a parameter at the border, and the factor to it."""
+    if e.group in ("gauge", "geometry"):
+        unit = file_unit(e.unit)
+        return unit, 1 / si_unit(unit)[1]
+    return display_unit(e.unit, max(abs(e.value), e.std or 0.0))
+
+
+def _shift_text(e: Estimate) -> str:
+    return f"{e.name} {format_value(e.value - e.nominal, e.std, *_written(e))}"
+
+
+def _misfit_facts(r: Release, width: int) -> Iterator[Fact]:
+    """Say what no named cause explains: how much, where, what to measure next."""
+    if (m := r.unexplained) is None:
+        return
+    where, there = "alike everywhere", "all over the workspace"
+    if m.range is not None and m.there is not None:
+        low, high = (f"{v / DEG:.0f}" for v in m.range)
+        there = f"with joint {m.joint} from {low} to {high} deg"
+        where = f"most {there} ({_mm(m.there)} mm)"
+    how = " (edbb plan --aim tracing, or about a further fixture)" if width == 1 else ""
+    kept = "; the robot as written follows it where it was measured" if r.basis == "posterior" else ""
+    yield "misfit", f"{_mm(m.anywhere)} mm rms over the workspace has no named cause, {where}{kept}"
+    yield "", f"measure next: more poses {there}{how}"
+
+
+def _zero_facts(found: Calibration) -> Iterator[Fact]:
+    """Say what the controller's zeros are off, and what to do with that."""
+    values, remarks = zeros_text(found)
+    if values:
+        yield "zeros", values
+        yield from (("", text) for text in remarks)
+
+
+def _details(found: Calibration, release: Release | None) -> Iterator[Fact]:
+    yield from _stage_rows(found)
+    yield "held out", f"{100 * found.split.hold_out:.0f} % of {found.n_groups} {found.split.groups} at a time"
+    if release is not None:
+        what = "geometry and all effects, by their probability" if release.basis == "posterior" else "geometry alone"
+        yield "written", f"{what}, held out {release.held_out.rms / MM:.4f} mm rms"
+        geometry = "; worse than the nominal robot" if release.geometry_anywhere > release.nominal_anywhere else ""
+        yield "geometry", f"{_mm(release.geometry_anywhere)} mm  tool error with the geometry alone{geometry}"
+        if (p := release.parts) is not None:
+            yield "error from", f"{_mm(p.seen)} mm  noise and number of readings"
+            yield "", f"{_mm(p.unseen)} mm  what more readings at these poses cannot show (scale, tool, other postures)"
+            yield "", f"{_mm(p.misfit)} mm  misfit"
+        yield from (("zeros", text) for text in other_zeros_text(found))
+    yield from _parameter_rows(found.estimates)
+
+
+def _stage_rows(found: Calibration) -> Iterator[Fact]:
+    """Return the errors stage by stage in columns."""
+    wide = max(26, *(len(s.name) for s in found.stages))
+    checked = found.stages[-1].validation is not None
+    yield "stages", f"{'held out, mm':<{wide}}{'rms':>10}{'mean':>10}{'largest':>10}{'validation' * checked:>12}"
+    for s in found.stages:
+        m = s.held_out
+        row = "".join(f"{v / MM:10.4f}" for v in (m.rms, m.mean, m.largest))
+        yield "", f"{s.name:<{wide}}{row}" + ("" if s.validation is None else f"{s.validation.mean / MM:12.4f}")
+
+
+def _parameter_rows(estimates: Iterable[Estimate]) -> Iterator[Fact]:
+    """Return every parameter as lmfit lists it: value, standard deviation, where it was, and why it has none."""
+    yield "parameters", f"{'':<24}{'value':>14}{'sigma':>12}{'moved by':>12}"
+    for e in estimates:
+        unit, factor = _written(e)
+        std = f"{(e.std or 0.0) * factor:12.5f}" if e.identifiable else f"{'none':>12}"
+        row = f"{e.name:<24}{e.value * factor:14.5f}{std}{(e.value - e.nominal) * factor:12.5f} {unit}"
+        yield "", row + (f"  {e.because}" if e.because else "")

@@ -1,0 +1,167 @@
+"""What the screen says of a plan: what is driven, the error before and after, what would help, what stays unseen."""
+
+from collections.abc import Iterator, Sequence
+
+from planner.common.numbers import counted
+from planner.common.summary import Fact, Summary
+from planner.common.units import to_deg, to_mm
+from planner.design.bayesian_design import BayesianDesign, ErrorByNumber, another_place_pays, describe_bayesian_design
+from planner.design.observability.identifiability import DroppedParameter
+from planner.design.observability.information import INDEX_RULES
+from planner.design.pose_selection import describe_pruning
+from planner.instruments.check.results import CheckForecast
+from planner.instruments.circular.plan import CircularPlan
+from planner.session.plan_record import UnprovenPoses
+from planner.session.plan_types import Plan
+from planner.session.tour_cost import cost_name
+
+MOST_SHOWN = 4  # changes that a check shows, which are listed
+
+
+def plan_overview(plan: Plan) -> Summary:
+    """Return what is said of a session of poses."""
+    roles = [v.role for d in plan.drives for v in d.visits]
+    minutes = sum(d.trajectory.duration_s for d in plan.drives) / 60
+    said = plan.separation.texts() if plan.separation else ()
+    return Summary(
+        f"{plan.cell.name}: {_numbers_of_poses(plan, roles)}, plan {plan.plan_id}",
+        [
+            ("drive", f"{minutes:.0f} min; nearest bodies {_clearance_mm(plan):.1f} mm apart, proven by two engines"),
+            *(_error_facts(plan.expected_error) if plan.expected_error else _index_facts(plan)),
+            *(("tells apart", text) for text in said[:1]),
+            *_unseen(plan.choice.seen.dropped, len(plan.choice.seen.names)),
+        ],
+        list(_details(plan, said)),
+        plan.notes,
+    )
+
+
+def _clearance_mm(plan: Plan) -> float:
+    return float(to_mm(min(d.clearance for d in plan.drives)))
+
+
+def _numbers_of_poses(plan: Plan, roles: Sequence[str]) -> str:
+    """Say what the poses are for, and how many are measured beside those that calibrate."""
+    if "calibrate" not in roles:
+        return f"{counted(len(plan.choice.q), 'pose')} that validate a robot, none that calibrates it (--poses N does)"
+    more = roles.count("validate")
+    validating = f" and {more} to validate" if more else ""
+    return f"{counted(len(plan.choice.q), 'pose')} to fit {plan.choice.seen.rank} parameters{validating}"
+
+
+def _error_facts(expected: BayesianDesign) -> Iterator[Fact]:
+    """Say the error of the tool before and after, and what makes it less."""
+    before, left, at_most = (f"{float(to_mm(v)):.3f} mm" for v in (expected.before, expected.left, expected.at_most))
+    yield "error now", f"{before}  of the tool, rms over the workspace, {expected.unknown.before_label}"
+    yield "error after", f"{left}  95 of 100 such robots below {at_most}"
+    better = [f for f in expected.by_number if f.error < expected.left and f.poses > len(expected.after)]
+    cures = [_number_text(f) for f in better[-1:]]
+    if another_place_pays(expected):
+        cures.append("another place of the fixture (--fixtures 2)")
+    yield (
+        "for less",
+        "  ".join(cures[:1]) + "".join(f"; or {c}" for c in cures[1:])
+        if cures
+        else ("more poses at these places would not help"),
+    )
+
+
+def _number_text(f: ErrorByNumber) -> str:
+    minutes = "" if f.minutes is None else f", about {f.minutes:.0f} min"
+    return f"{float(to_mm(f.error)):.3f} mm  with --poses {f.poses}{minutes}"
+
+
+def _index_facts(plan: Plan) -> Iterator[Fact]:
+    """Say the index of the poses, and how near to the best possible that is."""
+    choice = plan.choice
+    rule, bound = INDEX_RULES[choice.index], plan.certificate
+    if told := describe_pruning(choice):
+        yield choice.index, told
+        return
+    if not plan.by_index:
+        yield choice.index, f"{choice.value:#.4g}, {rule.what}; it did not choose the poses"
+        return
+    gap = 100 * max(rule.gap(choice.value, bound.value), 0.0)
+    yield choice.index, f"{choice.value:#.4g}, {rule.what}; at most {gap:.1f} % from the best possible"
+
+
+def _unseen(dropped: Sequence[DroppedParameter], seen: int) -> Iterator[Fact]:
+    """One parameter with its reason, of several the names: the page has the reasons."""
+    if len(dropped) == 1:
+        yield "unseen", f"{dropped[0].name}: {dropped[0].because}"
+    elif dropped:
+        names = ", ".join(d.name for d in dropped)
+        yield "unseen", f"{len(dropped)} of {seen + len(dropped)} parameters: {names} (why: report.html)"
+
+
+def _details(plan: Plan, said: Sequence[str]) -> Iterator[Fact]:
+    choice, drives = plan.choice, plan.drives
+    yield "candidates", plan.pool.funnel.text()
+    if (expected := plan.expected_error) is not None:
+        yield "expected", describe_bayesian_design(expected)
+        yield from (("", _number_text(f)) for f in expected.by_number)
+        yield "all poses", f"{float(to_mm(expected.floor)):.3f} mm would be left by all candidates together"
+    yield choice.index, _proof_text(plan)
+    tour_s, unsorted_s = sum(d.tour.cost_s for d in drives), sum(d.tour.unsorted_s for d in drives)
+    shortest = "proven shortest" if all(d.tour.optimal for d in drives) else "not proven shortest"
+    yield "order", f"{unsorted_s:.0f} s as chosen, {tour_s:.0f} s in order ({shortest} by {cost_name(plan.cell)})"
+    yield from (("tells apart", text) for text in said[1:])
+
+
+def _proof_text(plan: Plan) -> str:
+    """Say the index and its bounds among the candidates and off them."""
+    choice, off = plan.choice, plan.certificate.value
+    gap, bound = INDEX_RULES[choice.index].gap, choice.certificate.value
+    if not plan.by_index:
+        return f"{choice.value:#.4g}; no set of the candidates does better than {bound:#.4g}"
+    moved = f"; with the poses moved off the candidates {off:#.4g}, gap {100 * max(gap(choice.value, off), 0.0):.1f} %"
+    return (
+        f"{choice.value:#.4g}; no set of the candidates does better than {bound:#.4g} (chosen among "
+        f"them: {choice.on_grid_value:#.4g}, gap {100 * gap(choice.on_grid_value, bound):.1f} %"
+        f"{moved if off != bound else ''})"
+    )
+
+
+def unproven_overview(found: UnprovenPoses) -> Summary:
+    """Return what is said of poses that a limit of time left without a path."""
+    choice, bound = found.choice, found.certificate
+    rule = INDEX_RULES[choice.index]
+    gap, passes = 100 * max(rule.gap(choice.value, bound.value), 0.0), "exceeds" if rule.maximise else "falls below"
+    return Summary(
+        f"{found.cell.name}: {len(choice.q)} poses for {choice.seen.rank} parameters, no path proven, no program",
+        [
+            ("not proven", found.why),
+            (choice.index, f"{choice.value:#.4g}; no set of these {passes} {bound.value:#.4g}, gap {gap:.1f} %"),
+        ],
+        [("candidates", found.pool.funnel.text())],
+        found.notes,
+    )
+
+
+def circular_overview(plan: CircularPlan) -> Summary:
+    """Return what is said of a circular test."""
+    arcs = plan.arcs
+    minutes = sum(c.duration for c in plan.courses) / 60
+    facts: list[Fact] = []
+    for a in arcs:
+        c = a.circle
+        loads = f", {len(c.loads)} loads" if c.loads else ""
+        bar = f"bar {to_mm(a.length.min()):.1f} to {to_mm(a.length.max()):.1f} mm"
+        sweep = f"{to_deg(c.sweep):g}° from {to_deg(c.start):g}°, {' and '.join(c.directions)}{loads}"
+        facts.append((c.name, f"{c.plane}, radius {to_mm(c.radius):g} mm, {sweep}, {to_mm(c.speed):.4g} mm/s; {bar}"))
+        facts.append(("", a.told))
+    clearance = to_mm(min(v.clearance for v in plan.verdicts))
+    facts.append(("drive", f"{minutes:.0f} min; nearest bodies {clearance:.1f} mm apart, proven by two engines"))
+    count = counted(len(arcs), "circle")
+    return Summary(f"{plan.cell.name}: circular test on {count}, plan {plan.plan_id}", facts, notes=plan.notes)
+
+
+def check_overview(plan: Plan, forecast: CheckForecast) -> Summary:
+    """Return what is said of a planned check: what is driven, and from which size on it shows each change."""
+    whole = plan_overview(plan)
+    facts, shown = [f for f in whole.facts if f[0] != plan.choice.index], forecast.facts()
+    first, rest = shown[:MOST_SHOWN], shown[MOST_SHOWN:-1]
+    more = [("", f"and {counted(len(rest), 'change')} more")] if rest else []
+    hidden = (forecast.hidden_because,) if forecast.hidden else ()
+    details = [f for f in whole.details if f[0] != plan.choice.index]
+    return Summary(whole.title, [*facts, *first, *more, shown[-1]], [*details, *rest], (*whole.notes, *hidden))

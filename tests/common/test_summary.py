@@ -1,0 +1,31 @@
+"""What the screen says: one fact a line in one column, notes that ask nothing only where more is asked."""
+
+import re
+
+from planner.common.summary import KEY, Aside, Summary, count_alike, keyed
+
+
+def said(verbose=False):
+    notes = ("mount the bar anew", Aside("3 poses were replaced"), *(f"pose {k} is near a stop" for k in range(10)))
+    facts = [("drive", "41 min"), *keyed("zeros", ["joint 1", "joint 2"])]
+    return Summary("robot: done", facts, [("proof", "gap 0.1 %")], notes).text(verbose)
+
+
+def test_every_fact_is_one_line_in_one_column():
+    first, *lines = said(verbose=True).splitlines()
+    assert first == "robot: done"
+    assert [line[2 : 2 + KEY].strip() for line in lines] == ["drive", "zeros", "", *["note"] * 2, "proof", "aside"]
+    assert all(line[:2] == "  " and line[2 + KEY] != " " for line in lines)
+
+
+def test_details_and_what_asks_nothing_are_said_where_more_is_asked():
+    assert "proof" not in said()
+    assert "replaced" not in said()
+    assert set(said().splitlines()) < set(said(verbose=True).splitlines())
+
+
+def test_the_same_note_many_times_is_one_with_its_count():
+    alike = [line for line in said().splitlines() if "near a stop" in line]
+    assert len(alike) == 1
+    assert re.search(r"pose 0 is near a stop \(and 9 more like it\)$", alike[0])
+    assert count_alike(["a 1", "b 1", "a 2.5"]) == ["a 1 (and 1 more like it)", "b 1"]
