@@ -15,6 +15,7 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 
 from planner import __version__
+from planner.cli.command_groups import group_of, in_order
 from planner.cli.declared import folder_command
 from planner.cli.terminal import TELLING, errors
 from planner.common.console import speak_plainly
@@ -95,8 +96,8 @@ class Verbs(PlainSwitches, TyperGroup):
 
     def __init__(self, **attributes: Any) -> None:
         super().__init__(**attributes)
-        for name, line in VERBS.items():
-            self.add_command(TyperCommand(name, help=line))
+        for name in in_order(list(VERBS)):
+            self.add_command(TyperCommand(name, help=VERBS[name], rich_help_panel=group_of(name)))
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """Return name, command and other words of what is called."""
