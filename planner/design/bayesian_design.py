@@ -365,7 +365,7 @@ def errors_after(white: Array, unknown: ExpectedErrors) -> Array:
 
 def another_place_pays(expected: BayesianDesign) -> bool:
     """Tell whether a second fixture may show what all poses about the one there is cannot."""
-    return expected.floor >= FLOOR_SHARE * expected.left and len(expected.unknown.model.setup.p_BX) == 1
+    return expected.floor >= PLACE_LIMITED_SHARE * expected.left and len(expected.unknown.model.setup.p_BX) == 1
 
 
 def describe_numbers_of_poses(expected: BayesianDesign) -> str:

@@ -255,7 +255,7 @@ def test_folder_must_exist(c: Calibration, tmp_path: Path, monkeypatch: pytest.M
         report_calibration(c).write(tmp_path / "nowhere")
 
 
-def test_stretches_of_a_drive_are_called_so() -> None:
+def test_sections_of_a_drive_are_called_so() -> None:
     page = calibration_content(CalibrationFacts(calibrated("edbb_continuous", 5000)))
-    assert "on stretches that no fit saw" in page["headline"][1]
-    assert "40 stretches in 5 parts" in page["held_out"]
+    assert "on sections that no fit saw" in page["headline"][1]
+    assert "40 sections in 5 parts" in page["held_out"]
