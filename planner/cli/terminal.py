@@ -19,7 +19,7 @@ from planner.common.errors import InputError, NoSolutionError, printable
 from planner.common.progress import Progress, Stages
 from planner.common.result import Result
 from planner.common.result_folder import check_not_inside, check_overwriting
-from planner.common.summary import Aside, Fact, count_alike, fact_lines, keyed
+from planner.common.summary import Aside, Fact, count_alike, fact_lines, under_key
 
 PLAN = {
     "fixtures": 0.0, "candidates": 0.02, "roadmap": 0.14, "foresight": 0.28, "selection": 0.38, "separation": 0.56,
@@ -159,7 +159,7 @@ def give_file(text: str, write: Callable[[Path], object], output: str, step: str
 
 def _next_facts(step: str) -> list[Fact]:
     """Return what a person does next, one step a line."""
-    return keyed("next", step.splitlines())
+    return under_key("next", step.splitlines())
 
 
 def print_next(step: str) -> None:

@@ -19,6 +19,7 @@ __all__ = [
     "schema",
     "second_process",
     "sequences",
+    "summary",
     "system",
     "units",
     "xml_files",

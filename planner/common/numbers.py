@@ -1,7 +1,7 @@
 """Numbers as people and instruments write them into files, and as sentences count."""
 
 
-def counted(number: int, noun: str) -> str:
+def number_of(number: int, noun: str) -> str:
     """Return a number of things in words, such as ``1 pose`` and ``2 poses``."""
     return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
 

@@ -51,7 +51,7 @@ class Summary:
         return "\n".join([self.title, *fact_lines(facts)])
 
 
-def keyed(key: str, texts: Iterable[str]) -> list[Fact]:
+def under_key(key: str, texts: Iterable[str]) -> list[Fact]:
     """Return texts as facts of one key, which stands before the first of them."""
     return [(key if k == 0 else "", text) for k, text in enumerate(texts)]
 

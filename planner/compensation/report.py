@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from planner.common.numbers import counted
-from planner.common.summary import Summary, keyed
+from planner.common.numbers import number_of
+from planner.common.summary import Summary, under_key
 from planner.common.units import DEG, MM, UM, Array
 from planner.compensation.correction import FlangeModel, NominalFlange, flange_deviation, near_singular
 from planner.compensation.few_axes import FULL_AXES, ToolDeviation, ToolGoal, TurnsLeft
@@ -91,15 +91,15 @@ class CompensationReport:
         moved = (
             f"{mean:.3f} mm on average, {most:.3f} mm at most; no joint by more than {self.moved_max_rad / DEG:.3f}°"
         )
-        facts = [("moved", moved), *keyed("left", self._sentences_of_turns())]
-        facts += keyed("look at", list_lines(name, self.notes))
+        facts = [("moved", moved), *under_key("left", self._sentences_of_turns())]
+        facts += under_key("look at", list_lines(name, self.notes))
         if self.kept:
             ranges = (
                 f"corrected lines: {line_ranges(self.corrected)}",
                 f"lines left as they were: {line_ranges(line for line, _ in self.kept)}",
             )
-            facts += keyed("lines", [*ranges, *(f"left as it was: {line}" for line in list_lines(name, self.kept))])
-        what = f"{counted(self.joint_targets, 'joint target')} and {counted(self.poses, 'pose')}"
+            facts += under_key("lines", [*ranges, *(f"left as it was: {line}" for line in list_lines(name, self.kept))])
+        what = f"{number_of(self.joint_targets, 'joint target')} and {number_of(self.poses, 'pose')}"
         return Summary(f"{name}: {what} corrected", facts)
 
     def _sentences_of_turns(self) -> tuple[str, ...]:

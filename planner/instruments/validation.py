@@ -8,7 +8,7 @@ import polars as pl
 
 from planner.cell.cell import Cell
 from planner.common.errors import InputError, did_you_mean
-from planner.common.numbers import counted
+from planner.common.numbers import number_of
 from planner.common.summary import Summary
 from planner.common.units import MM, UM, Array, in_units, read_only, to_mm
 from planner.instruments.precision import DIGITS, SCHEMA
@@ -164,7 +164,7 @@ class Validation:
             facts += [] if judged is None else [(name, judged.figures.text())]
             facts += [("", judged.performance.text())] if judged is not None and judged.performance else []
         facts += [("frame", f"from the nests, which miss by {misses}"), ("floor", self.floor.text())]
-        return Summary(f"{self.run.name}: {counted(len(self.run), 'pose')}", facts, notes=self.notes)
+        return Summary(f"{self.run.name}: {number_of(len(self.run), 'pose')}", facts, notes=self.notes)
 
     def content(self, robot: str) -> dict[str, object]:
         """Return ``accuracy.json``."""

@@ -10,7 +10,7 @@ from planner.cell.reading import load_cell
 from planner.common.calls import called_with
 from planner.common.determinism import on_one_thread
 from planner.common.files import write_text
-from planner.common.numbers import counted
+from planner.common.numbers import number_of
 from planner.common.progress import Stages
 from planner.common.result import FolderResult, simulated_section
 from planner.common.summary import Summary
@@ -115,7 +115,7 @@ class LoadedTestEvaluation(FolderResult):
                 if e.name in c.names and e.std is not None
             ]
         facts += [("found", s) for s in found.sentences]
-        title = f"{found.name}: {counted(len(found.circles), 'circle')} of {found.robot}"
+        title = f"{found.name}: {number_of(len(found.circles), 'circle')} of {found.robot}"
         return Summary(title, facts, notes=found.warnings)
 
     def content(self) -> Mapping[str, Any]:

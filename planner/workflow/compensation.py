@@ -20,7 +20,7 @@ from planner.common.files import read_bytes, write_text
 from planner.common.numbers import parse_number
 from planner.common.result import Result
 from planner.common.schema import read_json
-from planner.common.summary import Summary, keyed
+from planner.common.summary import Summary, under_key
 from planner.common.units import Array, from_deg, from_mm, read_only, to_mm
 from planner.compensation.compensated_file import CompensatedFile, compensate_file, read_program
 from planner.compensation.correction_mark import CorrectionMark
@@ -63,7 +63,7 @@ class CompensationResult(Result):
         unknown = (f"error unknown: {self.expected}",)
         said = unknown if isinstance(self.expected, str) else self.expected.sentences
         done = self.file.report.overview(self.file.name)
-        facts = [*done.facts, *keyed("expected", said)]
+        facts = [*done.facts, *under_key("expected", said)]
         left = () if self.left_out is None else (self.left_out,)
         return Summary(done.title, facts, notes=(*done.notes, *left, *self.warnings))
 

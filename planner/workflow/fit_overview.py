@@ -4,7 +4,7 @@ from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 
-from planner.common.numbers import counted
+from planner.common.numbers import number_of
 from planner.common.summary import Aside, Fact, Summary
 from planner.common.units import DEG, MM, display_unit, file_unit, format_value, si_unit, to_mm
 from planner.identification.calibration import Calibration, other_zeros_text, zeros_text
@@ -21,7 +21,7 @@ def fit_overview(found: Calibration) -> Summary:
     """Return what is said of an identification."""
     release = None if found.problems else found.release
     said = "calibrated" if not found.problems else "NOT calibrated, the fit failed its own checks"
-    fitted, samples = len(found.last_fit), counted(len(found.run), "sample")
+    fitted, samples = len(found.last_fit), number_of(len(found.run), "sample")
     facts = [
         *([] if release is None else _tool_facts(release, found.workspace_error)),
         *_reading_facts(found, release),
@@ -80,7 +80,7 @@ def _cause_facts(found: Calibration) -> Iterator[Fact]:
     groups = sorted(group_findings(found.findings), key=lambda g: -g.gain)
     yield from (("found", _cause_text(g)) for g in groups[:MOST_FOUND])
     if more := groups[MOST_FOUND:]:
-        yield "", f"and {counted(len(more), 'cause')} more that bring less (report.html)"
+        yield "", f"and {number_of(len(more), 'cause')} more that bring less (report.html)"
     if not groups:
         yield "found", "no cause beyond the geometry"
 

@@ -11,11 +11,11 @@ from planner.cell.reading import load_cell
 from planner.common.calls import called_with
 from planner.common.errors import InputError, NoSolutionError
 from planner.common.files import write_text
-from planner.common.numbers import counted
+from planner.common.numbers import number_of
 from planner.common.progress import Stages
 from planner.common.result import FolderResult
 from planner.common.schema import validate
-from planner.common.summary import Fact, Summary, keyed
+from planner.common.summary import Fact, Summary, under_key
 from planner.common.units import to_mm
 from planner.instruments.circular.plan import CircularPlan
 from planner.instruments.loaded.both_bars import (
@@ -90,14 +90,14 @@ class BothPlan(FolderResult):
         facts.append(("drive", f"{minutes:.1f} min with the loaded bar on, proven as every plan is"))
         facts += [*predictions, *(("found", s) for s in describe_common_fit(known))]
         facts += [(f"{k + 1}.", text) for k, text in enumerate(both_session_steps(self))]
-        title = f"{robot}: {len(self.free.samples)} poses without load, {counted(len(arcs), 'loaded circle')}"
+        title = f"{robot}: {len(self.free.samples)} poses without load, {number_of(len(arcs), 'loaded circle')}"
         return Summary(title, facts, notes=self.loaded.notes)
 
     def _predictions(self) -> list[Fact]:
         head = f"{'':<14}{'without load':>14}{'circles':>12}{'one fit':>12}   of the prior size"
         shares = [(name, *(share_text(float(v)) for v in parts)) for name, *parts in self.known.of("compliance")]
         rows = (f"{name:<14}{one:>14}{two:>12}{both:>12}" for name, one, two, both in shares)
-        return keyed("predicted", [head, *rows])
+        return under_key("predicted", [head, *rows])
 
     def content(self) -> Mapping[str, Any]:
         """Return what ``both.json`` says."""

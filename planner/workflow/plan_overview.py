@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 
-from planner.common.numbers import counted
+from planner.common.numbers import number_of
 from planner.common.summary import Fact, Summary
 from planner.common.units import to_deg, to_mm
 from planner.design.bayesian_design import BayesianDesign, ErrorByNumber, another_place_pays, describe_bayesian_design
@@ -43,10 +43,12 @@ def _clearance_mm(plan: Plan) -> float:
 def _numbers_of_poses(plan: Plan, roles: Sequence[str]) -> str:
     """Say what the poses are for, and how many are measured beside those that calibrate."""
     if "calibrate" not in roles:
-        return f"{counted(len(plan.choice.q), 'pose')} that validate a robot, none that calibrates it (--poses N does)"
+        return (
+            f"{number_of(len(plan.choice.q), 'pose')} that validate a robot, none that calibrates it (--poses N does)"
+        )
     more = roles.count("validate")
     validating = f" and {more} to validate" if more else ""
-    return f"{counted(len(plan.choice.q), 'pose')} to fit {plan.choice.seen.rank} parameters{validating}"
+    return f"{number_of(len(plan.choice.q), 'pose')} to fit {plan.choice.seen.rank} parameters{validating}"
 
 
 def _error_facts(expected: BayesianDesign) -> Iterator[Fact]:
@@ -152,7 +154,7 @@ def circular_overview(plan: CircularPlan) -> Summary:
         facts.append(("", a.told))
     clearance = to_mm(min(v.clearance for v in plan.verdicts))
     facts.append(("drive", f"{minutes:.0f} min; nearest bodies {clearance:.1f} mm apart, proven by two engines"))
-    count = counted(len(arcs), "circle")
+    count = number_of(len(arcs), "circle")
     return Summary(f"{plan.cell.name}: circular test on {count}, plan {plan.plan_id}", facts, notes=plan.notes)
 
 
@@ -161,7 +163,7 @@ def check_overview(plan: Plan, forecast: CheckForecast) -> Summary:
     whole = plan_overview(plan)
     facts, shown = [f for f in whole.facts if f[0] != plan.choice.index], forecast.facts()
     first, rest = shown[:MOST_SHOWN], shown[MOST_SHOWN:-1]
-    more = [("", f"and {counted(len(rest), 'change')} more")] if rest else []
+    more = [("", f"and {number_of(len(rest), 'change')} more")] if rest else []
     hidden = (forecast.hidden_because,) if forecast.hidden else ()
     details = [f for f in whole.details if f[0] != plan.choice.index]
     return Summary(whole.title, [*facts, *first, *more, shown[-1]], [*details, *rest], (*whole.notes, *hidden))

@@ -9,7 +9,7 @@ from typing import Any
 
 from planner.common.errors import InputError
 from planner.common.files import write_text
-from planner.common.numbers import counted
+from planner.common.numbers import number_of
 from planner.common.progress import Stages
 from planner.common.result import FolderResult, Plot, Result
 from planner.common.summary import Summary
@@ -146,7 +146,7 @@ class SimulationResult(Result):
 
     def overview(self) -> Summary:
         """Return how many samples there are, and what to know."""
-        return Summary(f"{self.run.name}: {counted(len(self.run), 'sample')}", notes=self.run.warnings)
+        return Summary(f"{self.run.name}: {number_of(len(self.run), 'sample')}", notes=self.run.warnings)
 
     def content(self) -> Mapping[str, Any]:
         """Return what is true of the run, and what to know."""

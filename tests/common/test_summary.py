@@ -2,12 +2,12 @@
 
 import re
 
-from planner.common.summary import KEY, Aside, Summary, count_alike, keyed
+from planner.common.summary import KEY, Aside, Summary, count_alike, under_key
 
 
 def said(verbose=False):
     notes = ("mount the bar anew", Aside("3 poses were replaced"), *(f"pose {k} is near a stop" for k in range(10)))
-    facts = [("drive", "41 min"), *keyed("zeros", ["joint 1", "joint 2"])]
+    facts = [("drive", "41 min"), *under_key("zeros", ["joint 1", "joint 2"])]
     return Summary("robot: done", facts, [("proof", "gap 0.1 %")], notes).text(verbose)
 
 
