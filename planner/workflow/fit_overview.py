@@ -112,7 +112,7 @@ def _names(estimates: Sequence[Estimate]) -> str:
     return ", ".join(e.name for e in estimates)
 
 
-def _written(e: Estimate) -> tuple[str, float]:
+def _border_unit(e: Estimate) -> tuple[str, float]:
     """Return the unit of a parameter at the border, and the factor to it."""
     if e.group in ("gauge", "geometry"):
         unit = file_unit(e.unit)
@@ -121,7 +121,7 @@ def _written(e: Estimate) -> tuple[str, float]:
 
 
 def _shift_text(e: Estimate) -> str:
-    return f"{e.name} {format_value(e.value - e.nominal, e.std, *_written(e))}"
+    return f"{e.name} {format_value(e.value - e.nominal, e.std, *_border_unit(e))}"
 
 
 def _misfit_facts(r: Release, width: int) -> Iterator[Fact]:
@@ -178,7 +178,7 @@ def _parameter_rows(estimates: Iterable[Estimate]) -> Iterator[Fact]:
     """Return every parameter as lmfit lists it: value, standard deviation, where it was, and why it has none."""
     yield "parameters", f"{'':<24}{'value':>14}{'sigma':>12}{'moved by':>12}"
     for e in estimates:
-        unit, factor = _written(e)
+        unit, factor = _border_unit(e)
         std = f"{(e.std or 0.0) * factor:12.5f}" if e.identifiable else f"{'none':>12}"
         row = f"{e.name:<24}{e.value * factor:14.5f}{std}{(e.value - e.nominal) * factor:12.5f} {unit}"
         yield "", row + (f"  {e.because}" if e.because else "")

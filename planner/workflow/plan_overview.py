@@ -43,9 +43,7 @@ def _clearance_mm(plan: Plan) -> float:
 def _numbers_of_poses(plan: Plan, roles: Sequence[str]) -> str:
     """Say what the poses are for, and how many are measured beside those that calibrate."""
     if "calibrate" not in roles:
-        return (
-            f"{number_of(len(plan.choice.q), 'pose')} that validate a robot, none that calibrates it (--poses N does)"
-        )
+        return f"{number_of(len(plan.choice.q), 'pose')} that validate a robot, none that calibrates (--poses N does)"
     more = roles.count("validate")
     validating = f" and {more} to validate" if more else ""
     return f"{number_of(len(plan.choice.q), 'pose')} to fit {plan.choice.seen.rank} parameters{validating}"

@@ -113,7 +113,7 @@ def _draw_at(cell: Cell, mounting: Mounting, count: int, seed: int, progress: Pr
     whole = cell.plan.grid_step is not None
     for sample in _sample_rounds(cell, mounting, seed):
         q, counted = _apply_filters(sample, workspace, world, None if whole else count - total)
-        funnel, total = funnel + number_of, total + len(q)
+        funnel, total = funnel + counted, total + len(q)
         found.append(q)
         if progress is not None:
             progress(min(total, count), count)
