@@ -7,7 +7,8 @@ from typing import Any
 from pydantic import Field
 
 from planner.common.schema import StrictModel
-from planner.service.job_store import JobOutput, JobProblem, JobRecord, State
+from planner.service.job_filter import State
+from planner.service.job_store import JobOutput, JobProblem, JobRecord
 
 
 class StoredFile(StrictModel):
@@ -33,6 +34,7 @@ class Job(StrictModel):
     id: str
     kind: str = Field(examples=["plan"])
     title: str
+    robot: str = Field("", description="model of the robot, where it is known", examples=["comau-nj130"])
     state: State
     stage: str = Field(description="what it is doing")
     done: int = Field(description="how much of the stage is done")
@@ -88,6 +90,7 @@ def describe_job(job: JobRecord, outputs: list[JobOutput]) -> Job:
         id=job.id,
         kind=job.kind,
         title=job.title,
+        robot=job.robot,
         state=job.state,
         stage=job.stage if job.state == "running" else "",
         done=job.done,

@@ -5,6 +5,7 @@ import shutil
 import sqlite3
 import threading
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, cast
@@ -122,14 +123,19 @@ class ServiceContext:
         self.files.check_room()
         folder = JobFolder(self.jobs, self.files, self.uploads)
         command = request.command(folder)
-        title, text = request.subject(folder), request.model_dump_json()
-        job = self.jobs.submit(request.job_id(command), request.job_kind, title, text, command)
+        title, text, robot = request.subject(folder), request.model_dump_json(), request.robot(folder)
+        job = self.jobs.submit(request.job_id(command), request.job_kind, title, text, command, robot)
         self.supervisor.wake()
         return job
 
     def describe(self, job: JobRecord) -> Job:
         """Return a job as the interface shows it."""
         return describe_job(job, self.jobs.outputs(job.id) if job.ended else [])
+
+    def describe_all(self, jobs: Sequence[JobRecord]) -> list[Job]:
+        """Return jobs as the interface shows them."""
+        outputs = self.jobs.outputs_of([j.id for j in jobs if j.ended])
+        return [describe_job(j, outputs.get(j.id, [])) for j in jobs]
 
 
 async def context_of(request: Request) -> ServiceContext:

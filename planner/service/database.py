@@ -29,7 +29,24 @@ CREATE TABLE uploads (
     PRIMARY KEY (sha256, name, kind));
 """
 DEATHS = "ALTER TABLE jobs ADD COLUMN deaths INTEGER NOT NULL DEFAULT 0;"  # of servers while they ran the job
-MIGRATIONS = (FIRST, DEATHS)
+LISTS = """
+ALTER TABLE jobs ADD COLUMN task INTEGER NOT NULL DEFAULT 0;
+ALTER TABLE jobs ADD COLUMN robot TEXT NOT NULL DEFAULT '';
+UPDATE jobs SET task = ifnull(json_extract(command, '$.task'), 0);
+UPDATE jobs SET robot = substr(title, 1, instr(title, '/') - 1)
+    WHERE kind IN ('plan', 'study') AND instr(title, '/') > 1;
+CREATE INDEX jobs_by_time ON jobs (task, created, id);
+CREATE INDEX jobs_by_kind ON jobs (kind, created, id);
+CREATE INDEX outputs_by_content ON outputs (sha256);
+CREATE TABLE robots (
+    serial TEXT PRIMARY KEY, robot TEXT NOT NULL, state TEXT NOT NULL, advice TEXT NOT NULL, due TEXT,
+    due_text TEXT NOT NULL, entries INTEGER NOT NULL, simulated INTEGER NOT NULL, stamp TEXT NOT NULL);
+CREATE TABLE recorded (
+    serial TEXT NOT NULL REFERENCES robots (serial) ON DELETE CASCADE, place INTEGER NOT NULL,
+    document_sha256 TEXT NOT NULL, circumstances TEXT NOT NULL, PRIMARY KEY (serial, place));
+CREATE INDEX recorded_by_content ON recorded (document_sha256);
+"""
+MIGRATIONS = (FIRST, DEATHS, LISTS)
 """Statements that lead from one version of the store to the next; the version is how many of them it has seen."""
 VERSION = len(MIGRATIONS)
 

@@ -6,15 +6,18 @@ from collections.abc import AsyncIterator, Callable
 from pathlib import Path
 from typing import Annotated, Literal
 
-from fastapi import APIRouter, Body, Header, Query, Response
+from fastapi import APIRouter, Body, Header, Query, Request, Response
 from fastapi.responses import FileResponse, StreamingResponse
+from pydantic import AwareDatetime, Field
 from starlette.concurrency import run_in_threadpool
 from starlette.exceptions import HTTPException
 
+from planner.common.schema import StrictModel
 from planner.service.answers import Job
 from planner.service.context import Context, ServiceContext
 from planner.service.file_api import file_answer
 from planner.service.guards import REPORT_POLICY
+from planner.service.job_filter import JobFilter, JobPlace, State
 from planner.service.job_folder import JobId
 from planner.service.job_request import JobRequest
 from planner.service.job_requests import REQUESTS
@@ -27,6 +30,33 @@ Kind = Literal[
     "compensation", "error-map", "command", "check-plan", "check", "fixture-view",
 ]  # fmt: skip
 PLURALS = {"study": "studies"}
+LIST_MOST = 1000  # entries of a page of a list
+
+
+class JobPage(StrictModel):
+    """Which jobs a page of the list holds."""
+
+    kind: Kind | None = None
+    state: State | None = None
+    robot: Annotated[str, Field(max_length=100)] | None = Field(None, description="model of the robot")
+    q: str = Field("", max_length=200, description="text that the title has")
+    since: AwareDatetime | None = Field(None, description="submitted then or later")
+    until: AwareDatetime | None = Field(None, description="submitted before")
+    tasks: bool = Field(False, description="also what only serves a page: views and checks of cells")
+    most: int = Field(100, ge=1, le=LIST_MOST)
+    after: str = Field("", max_length=60, description="where the page before ended, of its Link header")
+
+    @property
+    def wanted(self) -> JobFilter:
+        """The jobs that are asked for."""
+        since, until = (None if t is None else t.timestamp() for t in (self.since, self.until))
+        return JobFilter(self.kind, self.state, self.robot, self.q, since, until, self.tasks)
+
+
+def next_link(request: Request, place: str) -> str:
+    """Return the header by which a list leads to its next page: the same request, behind a place."""
+    url = request.url.include_query_params(after=place)
+    return f'<{url.path}?{url.query}>; rel="next"'
 
 
 def _submit_route(request_type: type[JobRequest]) -> Callable[..., Job]:
@@ -55,11 +85,14 @@ for _kind, _type in REQUESTS.items():
 
 
 @JOBS.get("/jobs")
-def list_jobs(
-    context: Context, kind: Kind | None = None, most: Annotated[int, Query(ge=1, le=1000)] = 100
-) -> list[Job]:
-    """List jobs, the latest first."""
-    return [context.describe(j) for j in context.jobs.list_jobs(kind, most)]
+def list_jobs(context: Context, request: Request, response: Response, page: Annotated[JobPage, Query()]) -> list[Job]:
+    """List jobs, the latest first; where there are more, the header ``Link`` leads to the next page (RFC 8288)."""
+    after = JobPlace.parse(page.after) if page.after else None
+    found = context.jobs.list_jobs(page.wanted, page.most + 1, after)
+    if len(found) > page.most:
+        last = found[page.most - 1]
+        response.headers["link"] = next_link(request, str(JobPlace(last.created, last.id)))
+    return context.describe_all(found[: page.most])
 
 
 @JOBS.get("/jobs/{id}", responses={404: {"model": Problem}})

@@ -1,5 +1,6 @@
 """The folder of a job: files that a client has sent, and what earlier jobs have found, laid in for its command."""
 
+import tomllib
 from collections.abc import Sequence
 from typing import Annotated
 
@@ -135,6 +136,18 @@ class JobFolder:
         """Return what a cell is called."""
         sent = None if "/" in cell else self._uploads.find(cell)
         return sent.name if sent else cell
+
+    def robot(self, cell: str) -> str:
+        """Return the model of the robot of a cell; empty where an uploaded cell does not say it."""
+        if "/" in cell:
+            return cell.partition("/")[0]
+        if not self._files.holds(cell):
+            return ""
+        try:
+            named = tomllib.loads(self._files.path(cell).read_text(encoding="utf-8")).get("robot", "")
+        except (OSError, ValueError):
+            return ""
+        return named if isinstance(named, str) else ""
 
     def place(self, job: str) -> str:
         """Return what a job was for, without the names of runs."""

@@ -84,6 +84,10 @@ class JobRequest(StrictModel, ABC):
     def subject(self, folder: JobFolder) -> str:
         """Return of what the job is, for a person."""
 
+    def robot(self, folder: JobFolder) -> str:
+        """Return the model of the robot that it is of, where that is known."""
+        return ""
+
     def job_id(self, command: JobCommand) -> str:
         """Return the identifier of the job: a hash of what it is asked for and of its files."""
         asked = json.loads(self.model_dump_json(exclude={"title"}, exclude_none=True))
@@ -130,6 +134,10 @@ class CellRequest(JobRequest):
         """Return what the cell is called."""
         return folder.cell_title(self.cell)
 
+    def robot(self, folder: JobFolder) -> str:
+        """Return the robot of the cell."""
+        return folder.robot(self.cell)
+
 
 class OfPlanRequest(JobRequest):
     """Something that starts from a finished plan."""
@@ -143,6 +151,10 @@ class OfPlanRequest(JobRequest):
     def subject(self, folder: JobFolder) -> str:
         """Return what the plan is of."""
         return folder.jobs.get(self.plan).title
+
+    def robot(self, folder: JobFolder) -> str:
+        """Return the robot of the plan."""
+        return folder.jobs.get(self.plan).robot
 
 
 class MeasuredRequest(JobRequest):
@@ -187,6 +199,10 @@ class MeasuredRequest(JobRequest):
         place = folder.place(self.plan) if self.plan else folder.cell_title(str(self.cell))
         return f"{', '.join(r.name for r in self.runs)} of {place}"
 
+    def robot(self, folder: JobFolder) -> str:
+        """Return the robot of the plan, or of the cell."""
+        return folder.jobs.get(self.plan).robot if self.plan else folder.robot(str(self.cell))
+
 
 class OfIdentificationRequest(JobRequest):
     """Something that starts from a finished identification."""
@@ -196,3 +212,7 @@ class OfIdentificationRequest(JobRequest):
     def subject(self, folder: JobFolder) -> str:
         """Return where it was identified."""
         return folder.place(self.identification)
+
+    def robot(self, folder: JobFolder) -> str:
+        """Return the robot that was identified."""
+        return folder.jobs.get(self.identification).robot

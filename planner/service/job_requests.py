@@ -4,6 +4,7 @@ from typing import Annotated, Self
 
 from pydantic import Field, model_validator
 
+from planner.cell.reading import shipped_cells
 from planner.common.errors import InputError
 from planner.programs.dialect import load_dialect
 from planner.service.command_words import leads_outside
@@ -70,6 +71,10 @@ class CommandRequest(JobRequest):
     def subject(self, folder: JobFolder) -> str:
         """Return the title that the client gave, or the words."""
         return self.title or " ".join(self.words)[:MOST_TITLE]
+
+    def robot(self, folder: JobFolder) -> str:
+        """Return the robot of a shipped cell among the words."""
+        return next((w.partition("/")[0] for w in self.words if w in shipped_cells()), "")
 
 
 @take_fields(PlanCall)
@@ -250,6 +255,10 @@ class CheckRequest(JobRequest):
     def subject(self, folder: JobFolder) -> str:
         """Return the name of the run, and where it was measured."""
         return f"{self.run.name} of {folder.place(self.check_plan)}"
+
+    def robot(self, folder: JobFolder) -> str:
+        """Return the robot that is checked."""
+        return folder.jobs.get(self.check_plan).robot
 
 
 @take_fields(CompensateCall)

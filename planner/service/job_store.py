@@ -4,9 +4,9 @@ import json
 import os
 import sqlite3
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Literal
 
 from pydantic import TypeAdapter
 from pydantic.dataclasses import dataclass as model
@@ -14,6 +14,7 @@ from pydantic.dataclasses import dataclass as model
 from planner import __version__
 from planner.common.errors import InputError
 from planner.service.database import Database
+from planner.service.job_filter import JobFilter, JobPlace, State
 
 
 class UnknownJobError(InputError):
@@ -50,7 +51,6 @@ def _start_time(pid: int) -> str:
     return "" if words[0] in ("Z", "X") else words[19]
 
 
-State = Literal["queued", "running", "done", "failed", "cancelled"]
 LEASE_S = 20.0
 MOST_CRASHES = 3
 MOST_DEATHS = 20  # of servers while they ran a job: a machine that is switched off often is no fault of the job's
@@ -114,6 +114,7 @@ class JobRecord:
     id: str
     kind: str
     title: str
+    robot: str
     request: str
     command: JobCommand
     state: State
@@ -157,15 +158,18 @@ class JobStore:
         self._db, self._owner = database, own_name()
         self._leases: dict[str, tuple[float, float]] = {}  # of each running job: its lease, and since when it is that
 
-    def submit(self, id: str, kind: str, title: str, request: str, command: JobCommand) -> JobRecord:
-        """Accept a job, or return the one of the same content; one that was cancelled or crashed is tried again."""
+    def submit(self, id: str, kind: str, title: str, request: str, command: JobCommand, robot: str = "") -> JobRecord:
+        """Accept a job, or return the one of the same content; one that was cancelled or crashed is tried again.
+
+        ``robot``: the model of robot that it is of, where that is known.
+        """
         with self._db.write() as db:
             found = self._find(id)
             if found is None:
                 db.execute(
-                    "INSERT INTO jobs (id, kind, title, request, command, state, created, version)"
-                    " VALUES (?, ?, ?, ?, ?, 'queued', ?, ?)",
-                    (id, kind, title, request, COMMAND.dump_json(command).decode(), time.time(), __version__),
+                    "INSERT INTO jobs (id, kind, title, request, command, task, robot, state, created, version)"
+                    " VALUES (?, ?, ?, ?, ?, ?, ?, 'queued', ?, ?)",
+                    (id, kind, title, request, _text(command), command.task, robot, time.time(), __version__),
                 )
                 _tell(db, id, "queued", {})
             elif found.state == "cancelled" or (found.state == "failed" and found.exit_code in TRIED_AGAIN):
@@ -190,10 +194,13 @@ class JobStore:
             raise UnknownJobError(f"there is no job {id}")
         return found
 
-    def list_jobs(self, kind: str | None = None, most: int = 200) -> list[JobRecord]:
-        """Return the latest jobs, of one kind or of all."""
-        query = "SELECT * FROM jobs WHERE kind = ifnull(?, kind) ORDER BY created DESC, id LIMIT ?"
-        return [_record(r) for r in self._db.read(query, kind, most)]
+    def list_jobs(self, wanted: JobFilter, most: int = 200, after: JobPlace | None = None) -> list[JobRecord]:
+        """Return the latest jobs that are wanted, those before a place in the list where one is given."""
+        where, values = wanted.condition()
+        if after is not None:
+            where, values = f"{where} AND (created, id) < (?, ?)", (*values, after.created, after.id)
+        query = f"SELECT * FROM jobs WHERE {where} ORDER BY created DESC, id DESC LIMIT ?"
+        return [_record(r) for r in self._db.read(query, *values, most)]
 
     def take(self, most: int, beside: int = 1) -> JobRecord | None:
         """Make the oldest waiting job this server's, under a new fence; nothing where ``most`` are running.
@@ -205,8 +212,7 @@ class JobStore:
         with self._db.write() as db:
             now, running = time.time(), len(self._release_lost(db))
             row = db.execute(
-                "SELECT id, json_extract(command, '$.task') AS task FROM jobs WHERE state = 'queued'"
-                " ORDER BY task DESC, created, id LIMIT 1"
+                "SELECT id, task FROM jobs WHERE state = 'queued' ORDER BY task DESC, created, id LIMIT 1"
             ).fetchone()
             if row is None or running >= most + beside * bool(row["task"]):
                 return None
@@ -291,15 +297,22 @@ class JobStore:
         rows = self._db.read(f"{query} ORDER BY created DESC LIMIT 1", sha256, kind)
         return _record(rows[0]) if rows else None
 
-    def jobs_by_output(self) -> dict[str, str]:
-        """Return which job has written a JSON document, by the document's hash."""
-        return {
-            sha256: job for sha256, job in self._db.read("SELECT sha256, job FROM outputs WHERE name LIKE '%.json'")
-        }
+    def outputs_of(self, ids: Sequence[str]) -> dict[str, list[JobOutput]]:
+        """Return the files of some jobs that have ended, by their identifiers."""
+        found: dict[str, list[JobOutput]] = {id: [] for id in ids}
+        query = f"SELECT job, name, sha256, size FROM outputs WHERE job IN ({_marks(ids)}) ORDER BY job, name"
+        for job, *output in self._db.read(query, *ids):
+            found[job].append(JobOutput(*output))
+        return found
+
+    def jobs_by_output(self, documents: Sequence[str]) -> dict[str, str]:
+        """Return which job has written each of some documents, by their SHA-256."""
+        query = f"SELECT sha256, job FROM outputs WHERE sha256 IN ({_marks(documents)})"
+        return {sha256: job for sha256, job in self._db.read(query, *documents)}
 
     def events_after(self, number: int, jobs: list[str], most: int = 500) -> list[JobEvent]:
         """Return what happened to some jobs (to all, where none is named) after the event of this number."""
-        where = f"AND job IN ({', '.join('?' * len(jobs))})" if jobs else ""
+        where = f"AND job IN ({_marks(jobs)})" if jobs else ""
         query = f"SELECT id, job, kind, content, at FROM events WHERE id > ? {where} ORDER BY id LIMIT ?"
         return [JobEvent(*r) for r in self._db.read(query, number, *jobs, most)]
 
@@ -340,6 +353,15 @@ def _record(r: sqlite3.Row) -> JobRecord:
     problem = PROBLEM.validate_json(r["problem"]) if r["problem"] else None
     parsed = {"command": COMMAND.validate_json(r["command"]), "cancelled": bool(r["cancelled"]), "problem": problem}
     return JobRecord(**{f.name: r[f.name] for f in fields(JobRecord)} | parsed)
+
+
+def _marks(values: Sequence[str]) -> str:
+    """Return a place of a query for each value."""
+    return ", ".join("?" * len(values))
+
+
+def _text(command: JobCommand) -> str:
+    return COMMAND.dump_json(command).decode()
 
 
 def _problem_text(problem: JobProblem | None) -> str:

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import cache
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, get_args
 
-from fastapi import APIRouter, FastAPI, Form, Request, Response
+from fastapi import APIRouter, FastAPI, Form, Query, Request, Response
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import HTMLResponse, RedirectResponse
 
@@ -28,6 +28,7 @@ from planner.service.declared_request import typed_options
 from planner.service.file_api import dialect_entries, robot_entries, robot_title
 from planner.service.guards import COOKIE, is_secure, session_cookie
 from planner.service.job_api import output_path
+from planner.service.job_filter import JobFilter, State
 from planner.service.job_folder import JobId, Sha256
 from planner.service.job_requests import REQUESTS
 from planner.service.page_content import (
@@ -43,19 +44,20 @@ from planner.service.page_content import (
 )
 from planner.service.problems import ERRORS, problem_of
 from planner.service.record_api import (
-    RecordSummary,
     Serial,
     describe_record,
+    describe_robot,
     find_calibration,
     find_recorded,
-    list_records,
 )
-from planner.service.record_store import RecordedEntry
+from planner.service.record_index import RecordedEntry, RobotFilter
 from planner.service.sheets import certificate_content, session_content
 from planner.session.document import PlanDocument, PlanHeader
 
 LOG = logging.getLogger("edbb.service")
 PLANS = ("plan", "check-plan")  # kinds of jobs whose folder holds a plan
+ROBOTS_SHOWN = 50  # of a plant on the first page
+SERIALS_OFFERED = 200  # where a result is added to a record
 
 
 @dataclass(frozen=True)
@@ -108,9 +110,21 @@ def add_problem_handlers(app: FastAPI) -> None:
 
 
 @PAGES.get("/")
-def show_start(context: Context) -> HTMLResponse:
+def show_start(
+    context: Context, q: Annotated[str, Query(max_length=200)] = "", after: Annotated[int, Query(ge=0, le=10**9)] = 0
+) -> HTMLResponse:
     """The robots of this plant with their states, those that ship with cells, and what was done lately."""
-    return render("start", robots=robot_entries(), title_of=robot_title, records=_in_need_first(list_records(context)))
+    found = context.records.index.list_robots(RobotFilter(q), ROBOTS_SHOWN + 1, after)
+    return render(
+        "start",
+        robots=robot_entries(),
+        title_of=robot_title,
+        records=[describe_robot(r) for r in found[:ROBOTS_SHOWN]],
+        known=context.records.index.count(),
+        q=q,
+        after=after,
+        more=after + ROBOTS_SHOWN if len(found) > ROBOTS_SHOWN else None,
+    )
 
 
 @PAGES.get("/robots/{serial}")
@@ -130,8 +144,9 @@ def show_robot(serial: Serial, context: Context) -> HTMLResponse:
 
 @PAGES.get("/jobs")
 def show_jobs() -> HTMLResponse:
-    """All jobs."""
-    return render("jobs")
+    """All jobs that a person looks for."""
+    kinds = [kind for kind, request in REQUESTS.items() if not request.task]
+    return render("jobs", kinds=kinds, states=get_args(State), models=[r.name for r in robot_entries()])
 
 
 @PAGES.get("/login")
@@ -298,17 +313,13 @@ def _record_form(context: ServiceContext, job: Job, calibration: str | None = No
     own, recorded = find_recorded(context, job.id), find_recorded(context, before)
     if recorded.simulated != simulated:
         recorded = RecordedEntry()  # a simulated robot is not in the record of a real one
-    serials = [r.file.serial for r in context.records.list_records() if r.simulated == simulated]
+    serials = [r.serial for r in context.records.index.list_robots(RobotFilter(simulated=simulated), SERIALS_OFFERED)]
     return {"own": own, "recorded": recorded, "serials": serials, "simulated": simulated}
-
-
-def _in_need_first(records: list[RecordSummary]) -> list[RecordSummary]:
-    return sorted(records, key=lambda r: (r.state == "good", str(r.next_check), r.serial))
 
 
 def _plans(context: ServiceContext, kind: str = "plan") -> list[Job]:
     """The finished plans, the latest first."""
-    done = (context.describe(j) for j in context.jobs.list_jobs(kind) if j.state == "done")
+    done = context.describe_all(context.jobs.list_jobs(JobFilter(kind, "done")))
     return [j for j in done if any(f.name == REQUESTS[kind].document for f in j.files)]
 
 
@@ -331,9 +342,9 @@ def _columns_of_shipped() -> dict[str, str]:
 def _own_cells(context: ServiceContext) -> list[OwnCell]:
     """The cells that were sent and could be read, the latest first, with the files that they name."""
     checked: dict[str, OwnCell] = {}
-    for job in context.jobs.list_jobs("cell-check"):
+    for job in context.jobs.list_jobs(JobFilter("cell-check", "done")):
         request = json.loads(job.request)
-        if job.state == "done" and "/" not in request["cell"]:
+        if "/" not in request["cell"]:
             title = f"{job.title}, {datetime.fromtimestamp(job.created, UTC):%Y-%m-%d %H:%M} UTC"
             checked.setdefault(request["cell"], OwnCell(request["cell"], title, json.dumps(request["files"])))
     return list(checked.values())

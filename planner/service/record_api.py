@@ -7,7 +7,7 @@ from datetime import date
 from pathlib import Path
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Response
+from fastapi import APIRouter, Query, Request, Response
 from fastapi import Path as InPath
 from pydantic import Field
 
@@ -15,9 +15,17 @@ from planner.common.schema import StrictModel
 from planner.instruments.opcua import OpcUaRecord, map_to_opcua
 from planner.instruments.record import DOCUMENTS, AxisDrift, Circumstances, EntryKind, RobotRecord
 from planner.service.context import Context, ServiceContext
+from planner.service.job_api import LIST_MOST, next_link
 from planner.service.job_folder import JobId
 from planner.service.problems import Problem
-from planner.service.record_store import RecordedEntry, RobotState, robot_advice, robot_state
+from planner.service.record_index import (
+    RecordedEntry,
+    RobotFilter,
+    RobotState,
+    RobotSummary,
+    robot_advice,
+    robot_state,
+)
 
 RECORDS = APIRouter(prefix="/api", tags=["records"])
 MISSING: dict[int | str, dict[str, Any]] = {404: {"model": Problem}}
@@ -75,10 +83,26 @@ class EntryRequest(StrictModel):
     circumstances: Circumstances
 
 
+class RobotPage(StrictModel):
+    """Which robots a page of the list holds."""
+
+    q: str = Field("", max_length=200, description="text that serial number or model has")
+    robot: Annotated[str, Field(max_length=100)] | None = Field(None, description="model of the robot")
+    state: RobotState | None = None
+    most: int = Field(100, ge=1, le=LIST_MOST)
+    after: int = Field(0, ge=0, le=10**9, description="how many robots the pages before had, of their Link header")
+
+
 @RECORDS.get("/records")
-def list_records(context: Context) -> list[RecordSummary]:
-    """List the robots that have a record, with state and next check due."""
-    return [RecordSummary(**_summary(r)) for r in context.records.list_records()]
+def list_records(
+    context: Context, request: Request, response: Response, page: Annotated[RobotPage, Query()]
+) -> list[RecordSummary]:
+    """List the robots that have a record, those in need first; the header ``Link`` leads to the next page."""
+    wanted = RobotFilter(page.q, page.robot, page.state)
+    found = context.records.index.list_robots(wanted, page.most + 1, page.after)
+    if len(found) > page.most:
+        response.headers["link"] = next_link(request, str(page.after + page.most))
+    return [describe_robot(r) for r in found[: page.most]]
 
 
 @RECORDS.get("/records/{serial}", responses=MISSING)
@@ -116,7 +140,7 @@ def export_record(serial: Serial, context: Context) -> Response:
 
 def find_recorded(context: ServiceContext, job: str) -> RecordedEntry:
     """Return the entry of a record that the result of a job is."""
-    return context.records.find_entry({o.sha256 for o in context.jobs.outputs(job) if o.name in DOCUMENTS})
+    return context.records.index.find_entry({o.sha256 for o in context.jobs.outputs(job) if o.name in DOCUMENTS})
 
 
 def find_calibration(context: ServiceContext, id: str) -> str | None:
@@ -125,6 +149,20 @@ def find_calibration(context: ServiceContext, id: str) -> str | None:
     known = command.inputs_of("--baseline").get("identification.json") or command.inputs_of("--model").get("robot.toml")
     made = context.jobs.writer(known, "identification") if known else None
     return made.id if made else None
+
+
+def describe_robot(robot: RobotSummary) -> RecordSummary:
+    """Return a robot as the lists show it."""
+    return RecordSummary(
+        serial=robot.serial,
+        robot=robot.robot,
+        state=robot.state,
+        advice=robot.advice,
+        next_check=robot.due,
+        due=robot.due_text,
+        entries=robot.entries,
+        simulated=robot.simulated,
+    )
 
 
 def _summary(record: RobotRecord) -> dict[str, Any]:
@@ -140,7 +178,8 @@ def _summary(record: RobotRecord) -> dict[str, Any]:
 
 def describe_record(context: ServiceContext, record: RobotRecord) -> RecordHistory:
     """Return a record as the interface shows it."""
-    jobs, moved = context.jobs.jobs_by_output(), list(record.differences())
+    jobs = context.jobs.jobs_by_output([e.file.document_sha256 for e in record.entries])
+    moved = list(record.differences())
     history = [
         HistoryEntry(
             number=e.number,

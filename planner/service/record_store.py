@@ -4,45 +4,30 @@ import shutil
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from datetime import date
 from pathlib import Path
-from typing import Literal
 
 from planner.common.errors import InputError
 from planner.common.result_folder import file_hash
 from planner.common.system import hold_lock
-from planner.instruments.record import BESIDE, DOCUMENTS, Circumstances, RobotRecord, add_entry, latest_day
+from planner.instruments.record import BESIDE, DOCUMENTS, Circumstances, RobotRecord, add_entry
+from planner.service.database import Database
 from planner.service.file_store import FileStore
 from planner.service.job_store import JobRecord, JobStore
-
-RobotState = Literal["good", "check due", "changed", "not calibrated"]
+from planner.service.record_index import RecordIndex
 
 
 class UnknownRecordError(InputError):
     """A robot that somebody names has no record."""
 
 
-@dataclass(frozen=True)
-class RecordedEntry:
-    """What the record of a robot says of a result that was added to it; empty where it is in none."""
-
-    serial: str = ""
-    circumstances: Circumstances | None = None
-    simulated: bool = False
-
-    def field(self, name: str) -> str:
-        """Return one of the circumstances as text."""
-        value = None if self.circumstances is None else getattr(self.circumstances, name)
-        return "" if value is None else str(value)
-
-
 class RecordStore:
-    """A folder of records; entries are made of what jobs have written."""
+    """A folder of records; entries are made of what jobs have written. ``index``: what the lists say of all."""
 
-    def __init__(self, folder: Path, jobs: JobStore, files: FileStore) -> None:
+    def __init__(self, folder: Path, jobs: JobStore, files: FileStore, database: Database) -> None:
         self._folder, self._jobs, self._files = folder / "records", jobs, files
         self._folder.mkdir(exist_ok=True)
+        self.index = RecordIndex(self._folder, database)
         self._known: dict[Path, tuple[int, RobotRecord]] = {}
 
     def path(self, serial: str) -> Path:
@@ -70,17 +55,6 @@ class RecordStore:
             known = self._known[folder] = (number, RobotRecord.read(folder))
         return known[1]
 
-    def list_records(self) -> list[RobotRecord]:
-        """Return all records by serial number."""
-        return [self.read(p.parent.name) for p in sorted(self._folder.glob("*/record.toml"))]
-
-    def find_entry(self, documents: set[str]) -> RecordedEntry:
-        """Return the latest entry whose document has one of these SHA-256."""
-        entries = ((r, e.file) for r in self.list_records() for e in r.entries)
-        mine = [(r, e) for r, e in entries if e.document_sha256 in documents]
-        known = [RecordedEntry(r.file.serial, e.circumstances, r.simulated) for r, e in mine]
-        return known[-1] if known else RecordedEntry()
-
     def add(self, serial: str, job: JobRecord, circumstances: Circumstances, baseline: date | None) -> RobotRecord:
         """Add what a job has found to the record of a robot, which is made where there is none; once only.
 
@@ -101,6 +75,7 @@ class RecordStore:
             there = (folder / "record.toml").is_file()
             if not there or found not in [e.file.document_sha256 for e in self.read(serial).entries]:
                 add_entry(folder, Path(draft), circumstances, serial, baseline)
+                self.index.read(serial)
             return self.read(serial)
 
     @contextmanager
@@ -108,20 +83,3 @@ class RecordStore:
         """Hold off others that add: threads, and servers that share the folder."""
         with hold_lock(self._folder / ".lock"):
             yield
-
-
-def robot_state(record: RobotRecord) -> RobotState:
-    """Return how a robot stands today."""
-    if record.failure is not None:
-        return "changed"
-    if record.calibrated is None:
-        return "not calibrated"
-    return "check due" if record.due is not None and record.due < latest_day() else "good"
-
-
-def robot_advice(record: RobotRecord) -> str:
-    """Return what a person does next."""
-    if record.failure is not None:
-        return record.due_text.removeprefix("now: ")
-    says = {"good": "nothing until the next check", "check due": "measure the poses of a check"}
-    return says.get(robot_state(record), "calibrate it")

@@ -15,8 +15,9 @@ from planner.common.errors import PARTLY_DONE, InputError
 from planner.common.files import data_folder
 from planner.common.system import group_memory, kill_group, start_in_own_group
 from planner.service.file_store import FileStore
+from planner.service.job_filter import State
 from planner.service.job_process import DAMAGED, INPUT_FOLDER, RESULTS, SPECIFICATION, SPECIFICATIONS, JobSpecification
-from planner.service.job_store import LEASE_S, MOST_CRASHES, JobOutput, JobProblem, JobRecord, JobStore, State
+from planner.service.job_store import LEASE_S, MOST_CRASHES, JobOutput, JobProblem, JobRecord, JobStore
 from planner.service.settings import GB, JobLimits
 
 

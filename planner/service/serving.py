@@ -63,7 +63,7 @@ def build_context(settings: ServiceSettings) -> ServiceContext:
     except sqlite3.DatabaseError as err:
         raise InputError(damage_text(err)) from err
     supervisor = Supervisor(jobs, files, settings.folder, settings.workers, settings.limits, settings.beside)
-    records = RecordStore(settings.folder, jobs, files)
+    records = RecordStore(settings.folder, jobs, files, database)
     return ServiceContext(settings, jobs, files, UploadList(database), records, supervisor)
 
 

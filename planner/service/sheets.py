@@ -15,6 +15,7 @@ from planner.service.answers import Job, OutputFile
 from planner.service.context import ServiceContext
 from planner.service.file_api import robot_title
 from planner.service.job_api import output_path
+from planner.service.job_filter import JobFilter
 from planner.service.page_content import AnyPlan, CalibrationPage, is_simulated
 from planner.service.record_api import find_recorded
 
@@ -59,7 +60,7 @@ def certificate_content(context: ServiceContext, job: Job) -> dict[str, object]:
 
 def find_validation(context: ServiceContext, robot_sha256: str) -> AccuracyFile | None:
     """Return the latest run of a tracker by which a calibrated robot was judged; ``None`` where there is none."""
-    done = (j for j in context.jobs.list_jobs("validation") if j.state == "done")
+    done = context.jobs.list_jobs(JobFilter("validation", "done"))
     mine = next((j for j in done if robot_sha256 in j.command.inputs_of("--model").values()), None)
     if mine is None:
         return None

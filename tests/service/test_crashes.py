@@ -16,6 +16,7 @@ from planner.service import job_store
 from planner.service.context import Supervisor
 from planner.service.database import Database
 from planner.service.file_store import FileStore
+from planner.service.job_filter import JobFilter
 from planner.service.job_store import JobCommand, JobStore
 from planner.service.settings import JobLimits
 
@@ -108,10 +109,10 @@ def test_what_was_accepted_is_done_once_whatever_is_killed(tmp_path, times):
     store = Store(tmp_path)
     store.supervisor.start()
     deadline = time.monotonic() + 20 + times
-    jobs = store.jobs.list_jobs(most=10_000)
+    jobs = store.jobs.list_jobs(JobFilter(), most=10_000)
     while not all(j.ended for j in jobs) and time.monotonic() < deadline:
         time.sleep(0.1)
-        jobs = store.jobs.list_jobs(most=10_000)
+        jobs = store.jobs.list_jobs(JobFilter(), most=10_000)
     store.supervisor.stop()
     assert {j.id for j in jobs} >= set(accepted)
     ends = [e.job for e in store.jobs.events_after(0, [], 100_000) if e.kind == "end"]

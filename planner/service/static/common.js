@@ -21,6 +21,13 @@ async function answerOf(response) {
 
 export const get = async (path) => answerOf(await fetch(path));
 
+/** A page of a list, and the address of the next one, of its Link header; none behind the last. */
+export async function page(path) {
+  const answer = await fetch(path);
+  const next = (answer.headers.get("link") || "").match(/<([^>]+)>; rel="next"/);
+  return { content: await answerOf(answer), next: next ? next[1] : null };
+}
+
 export const post = async (path, body) => answerOf(await fetch(path, {
   method: "POST", headers: { "content-type": "application/json" }, body: JSON.stringify(body ?? {}),
 }));

@@ -1,8 +1,8 @@
-import { find, get, make, timeText } from "/static/common.js";
+import { find, make, page, timeText } from "/static/common.js";
 
 const PLANS = ["plan", "check-plan"];
-const jobs = (await get("/api/jobs?most=300")).filter((j) => !j.kind.endsWith("-view"));
-const form = find("#compare-form"), ticks = [];
+const form = find("#compare-form"), filter = find("#filter"), more = find("#more"), body = find("#jobs tbody");
+let ticks = [];
 
 // Ticked plans are the first and the second of a comparison.
 function choose() {
@@ -20,11 +20,31 @@ function tick(job) {
   return box;
 }
 
-find("#none").hidden = jobs.length > 0;
-find("#jobs").hidden = jobs.length === 0;
-find("#jobs tbody").append(...jobs.map((j) => make("tr", {}, make("td", {}, tick(j)),
+const row = (j) => make("tr", {}, make("td", {}, tick(j)),
   make("th", { scope: "row" }, make("a", { href: `/jobs/${j.id}` }, j.kind)), make("td", {}, j.title),
   make("td", {}, make("span", { className: `state ${j.state}` }, j.state), j.problem ? make("div", { className: "hint" }, j.problem.detail) : ""),
-  make("td", {}, timeText(j.created)))));
-form.hidden = ticks.length < 2;
-choose();
+  make("td", {}, timeText(j.created)));
+
+/** The address of the list with what the form says; a day counts from its beginning here. */
+function address() {
+  const given = new URLSearchParams([...new FormData(filter)].filter(([, value]) => value));
+  if (given.has("since")) given.set("since", new Date(`${given.get("since")}T00:00`).toISOString());
+  given.set("most", "50");
+  return `/api/jobs?${given}`;
+}
+
+async function show(path, first) {
+  const { content, next } = await page(path);
+  if (first) { body.replaceChildren(); ticks = []; }
+  body.append(...content.map(row));
+  more.hidden = !next;
+  more.onclick = () => show(next, false);
+  find("#none").hidden = body.children.length > 0;
+  find("#none").textContent = new URL(path, location).searchParams.size > 1 ? "No such job." : "Nothing yet.";
+  find("#jobs").hidden = body.children.length === 0;
+  form.hidden = ticks.length < 2;
+  choose();
+}
+
+filter.addEventListener("submit", (event) => { event.preventDefault(); show(address(), true); });
+await show(address(), true);

@@ -23,7 +23,7 @@ find("#cell-form").addEventListener("submit", async (event) => {
   try { await checkCell([...find("#cell-file").files]); } catch (problem) { say(message, problem.message, true); }
 });
 
-const jobs = (await get("/api/jobs?most=300")).filter(isResult);
+const jobs = (await get("/api/jobs?most=60")).filter(isResult);
 find("#lately-none").hidden = jobs.length > 0;
 find("#lately-list").append(...jobs.slice(0, 8).map((j) => make("li", {},
   make("a", { href: `/jobs/${j.id}` }, `${j.kind} of ${j.title}`), " ", make("span", { className: `state ${j.state}` }, j.state))));

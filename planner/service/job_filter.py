@@ -1,0 +1,69 @@
+"""Which jobs a list holds, and where in it a page ends."""
+
+import re
+from dataclasses import dataclass
+from typing import Literal
+
+from planner.common.errors import InputError
+
+State = Literal["queued", "running", "done", "failed", "cancelled"]
+
+
+@dataclass(frozen=True)
+class JobPlace:
+    """A place in the list of jobs, which is ordered by the time of submission, the latest first.
+
+    Attributes:
+        created: when the last job before it was submitted [s since 1970].
+        id: of that job.
+    """
+
+    created: float
+    id: str
+
+    @classmethod
+    def parse(cls, text: str) -> "JobPlace":
+        """Read a place as ``str`` writes it.
+
+        Raises:
+            InputError: it is none.
+        """
+        found = re.fullmatch(r"([0-9]{1,12}\.[0-9]{1,9})-([0-9a-f]{24})", text)
+        if found is None:
+            raise InputError(f"after: '{text}' is no place in a list; take it from the Link header of the page before")
+        return cls(float(found[1]), found[2])
+
+    def __str__(self) -> str:
+        return f"{self.created!r}-{self.id}"
+
+
+@dataclass(frozen=True)
+class JobFilter:
+    """What is wanted of jobs; nothing where all are.
+
+    Attributes:
+        kind: of the job; without one the short tasks of pages are left out, unless ``tasks`` says otherwise.
+        state: how far it is.
+        robot: model of the robot.
+        text: stands in the title.
+        since, until: when it was submitted [s since 1970].
+        tasks: whether the tasks of pages (views, checks of cells) are in the list of all kinds.
+    """
+
+    kind: str | None = None
+    state: State | None = None
+    robot: str | None = None
+    text: str = ""
+    since: float | None = None
+    until: float | None = None
+    tasks: bool = False
+
+    def condition(self) -> tuple[str, tuple[object, ...]]:
+        """Return the condition of a query, and the values of its places."""
+        parts: list[tuple[str, object]] = [
+            ("kind = ?", self.kind), ("state = ?", self.state), ("robot = ?", self.robot), ("created >= ?", self.since),
+            ("created < ?", self.until), ("instr(lower(title), ?) > 0", self.text.lower() or None),
+            ("task = ?", None if self.kind or self.tasks else 0),
+        ]  # fmt: skip
+        given = [(text, value) for text, value in parts if value is not None]
+        return " AND ".join(["1", *(text for text, _ in given)]), tuple(value for _, value in given)

@@ -1,0 +1,219 @@
+"""What the lists say of every record, kept in the database: no page reads all folders.
+
+A folder is read again only where its stamp has changed, so that what ``edbb record`` adds there is seen too.
+"""
+
+import json
+import threading
+import time
+from dataclasses import dataclass
+from datetime import date
+from pathlib import Path
+from typing import Literal
+
+from planner.common.errors import InputError
+from planner.instruments.record import Circumstances, RobotRecord, latest_day
+from planner.service.database import Database
+
+RobotState = Literal["good", "check due", "changed", "not calibrated", "damaged"]
+IN_NEED = ("damaged", "changed", "check due", "not calibrated", "good")  # the order of the list
+LOOK_S = 2.0  # between two looks at the stamps of all folders
+READ_AT_ONCE_S = 0.2  # for reading changed records while a page waits; the others are read behind it
+ADVICE = {"good": "nothing until the next check", "check due": "measure the poses of a check"}
+COLUMNS = "serial, robot, advice, due, due_text, entries, simulated"
+STATE = "CASE WHEN state = 'good' AND due < :today THEN 'check due' ELSE state END"
+
+
+@dataclass(frozen=True)
+class RobotSummary:
+    """A robot and how it stands today.
+
+    Attributes:
+        serial, robot: serial number and model.
+        state, advice: how it stands, and what a person does next.
+        due, due_text: day of the next check, and the same in words.
+        entries: their number.
+        simulated: nobody has measured it.
+    """
+
+    serial: str
+    robot: str
+    state: RobotState
+    advice: str
+    due: date | None
+    due_text: str
+    entries: int
+    simulated: bool
+
+
+@dataclass(frozen=True)
+class RecordedEntry:
+    """What the record of a robot says of a result that was added to it; empty where it is in none."""
+
+    serial: str = ""
+    circumstances: Circumstances | None = None
+    simulated: bool = False
+
+    def field(self, name: str) -> str:
+        """Return one of the circumstances as text."""
+        value = None if self.circumstances is None else getattr(self.circumstances, name)
+        return "" if value is None else str(value)
+
+
+@dataclass(frozen=True)
+class RobotFilter:
+    """What is wanted of robots: ``text`` stands in serial number or model; nothing where all are."""
+
+    text: str = ""
+    robot: str | None = None
+    state: RobotState | None = None
+    simulated: bool | None = None
+
+
+class RecordIndex:
+    """The index of a folder of records."""
+
+    def __init__(self, folder: Path, database: Database) -> None:
+        self._folder, self._db = folder, database
+        self._looking, self._looked = threading.Lock(), 0.0
+
+    def list_robots(self, wanted: RobotFilter, most: int, skip: int = 0) -> list[RobotSummary]:
+        """Return robots, those in need first, then by the day of their next check; ``skip`` of them are left out."""
+        self.refresh()
+        rank = " ".join(f"WHEN '{state}' THEN {k}" for k, state in enumerate(IN_NEED))
+        query = (
+            f"SELECT * FROM (SELECT {COLUMNS}, {STATE} AS state FROM robots)"
+            " WHERE instr(lower(serial || ' ' || robot), :text) > 0 AND robot = ifnull(:robot, robot)"
+            " AND state = ifnull(:state, state) AND simulated = ifnull(:simulated, simulated)"
+            f" ORDER BY CASE state {rank} END, ifnull(due, '9'), serial LIMIT :most OFFSET :skip"
+        )
+        values = {
+            "today": latest_day().isoformat(), "text": wanted.text.lower(), "robot": wanted.robot,
+            "state": wanted.state, "simulated": wanted.simulated, "most": most, "skip": skip,
+        }  # fmt: skip
+        return [_summary(tuple(row)) for row in self._db.connection.execute(query, values).fetchall()]
+
+    def count(self) -> int:
+        """Return the number of robots that have a record."""
+        return int(self._db.read("SELECT count(*) FROM robots")[0][0])
+
+    def find_entry(self, documents: set[str]) -> RecordedEntry:
+        """Return the latest entry whose document has one of these SHA-256."""
+        self.refresh()
+        marks = ", ".join("?" * len(documents))
+        rows = self._db.read(
+            "SELECT serial, circumstances, simulated FROM recorded JOIN robots USING (serial)"
+            f" WHERE document_sha256 IN ({marks}) ORDER BY serial DESC, place DESC LIMIT 1",
+            *documents,
+        )
+        if not rows:
+            return RecordedEntry()
+        serial, circumstances, simulated = rows[0]
+        return RecordedEntry(serial, Circumstances.model_validate_json(circumstances), bool(simulated))
+
+    def read(self, serial: str) -> None:
+        """Read a record to which something was added."""
+        self._keep(serial, _stamp(self._folder / serial))
+
+    def refresh(self) -> None:
+        """Read the records that have changed; many of them behind the page that waits."""
+        if time.monotonic() - self._looked < LOOK_S or not self._looking.acquire(blocking=False):
+            return  # somebody has just looked, looks, or reads what is left
+        left: list[tuple[str, str]] = []
+        try:
+            left = self._read_changed(self._find_changed(), READ_AT_ONCE_S)
+            self._looked = time.monotonic()
+            if left:
+                threading.Thread(target=self._read_left, args=(left,), name="records", daemon=True).start()
+        finally:
+            if not left:
+                self._looking.release()
+
+    def _find_changed(self) -> list[tuple[str, str]]:
+        """Return serial number and stamp of the records that are not in the index as they are; forget those gone."""
+        known = {serial: stamp for serial, stamp in self._db.read("SELECT serial, stamp FROM robots")}
+        there = {path.parent.name: _stamp(path.parent) for path in self._folder.glob("*/record.toml")}
+        gone = [serial for serial in known if serial not in there]
+        if gone:
+            with self._db.write() as db:
+                db.executemany("DELETE FROM robots WHERE serial = ?", [(serial,) for serial in gone])
+        return sorted((serial, stamp) for serial, stamp in there.items() if known.get(serial) != stamp)
+
+    def _read_changed(self, changed: list[tuple[str, str]], seconds: float) -> list[tuple[str, str]]:
+        """Read records for some time, one at least; return those that are left."""
+        begun = time.monotonic()
+        for k, (serial, stamp) in enumerate(changed):
+            if k and time.monotonic() - begun > seconds:
+                return changed[k:]
+            self._keep(serial, stamp)
+        return []
+
+    def _read_left(self, left: list[tuple[str, str]]) -> None:
+        try:
+            self._read_changed(left, float("inf"))
+        finally:
+            self._looking.release()
+
+    def _keep(self, serial: str, stamp: str) -> None:
+        """Read a record and write what the lists say of it; one that is damaged says so."""
+        recorded: list[tuple[str, int, str, str]] = []
+        try:
+            record = RobotRecord.read(self._folder / serial)
+        except InputError as err:
+            row: tuple[object, ...] = (serial, "", "damaged", str(err), None, "", 0, 0, stamp)
+        else:
+            recorded = [
+                (serial, k, e.file.document_sha256, e.file.circumstances.model_dump_json())
+                for k, e in enumerate(record.entries)
+            ]
+            due = None if record.due is None else record.due.isoformat()
+            row = (
+                serial, record.file.robot, _lasting_state(record), robot_advice(record), due, record.due_text,
+                len(record.entries), int(record.simulated), stamp,
+            )  # fmt: skip
+        with self._db.write() as db:
+            db.execute("DELETE FROM robots WHERE serial = ?", (serial,))
+            db.execute("INSERT INTO robots VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)", row)
+            db.executemany("INSERT INTO recorded VALUES (?, ?, ?, ?)", recorded)
+
+
+def _stamp(folder: Path) -> str:
+    """Return what changes where something is added to a record or its file is edited."""
+    try:
+        return json.dumps([(folder / name).stat().st_mtime_ns for name in ("record.toml", "entries")])
+    except OSError:
+        return ""
+
+
+def _summary(row: tuple[object, ...]) -> RobotSummary:
+    serial, robot, advice, due, due_text, entries, simulated, state = row
+    return RobotSummary(
+        serial=str(serial),
+        robot=str(robot),
+        state=state,  # type: ignore[arg-type]
+        advice=ADVICE.get(str(state), str(advice)),
+        due=date.fromisoformat(str(due)) if due else None,
+        due_text=str(due_text),
+        entries=int(str(entries)),
+        simulated=bool(simulated),
+    )
+
+
+def _lasting_state(record: RobotRecord) -> RobotState:
+    """Return how a robot stands, whatever day it is."""
+    if record.failure is not None:
+        return "changed"
+    return "not calibrated" if record.calibrated is None else "good"
+
+
+def robot_state(record: RobotRecord) -> RobotState:
+    """Return how a robot stands today."""
+    state = _lasting_state(record)
+    return "check due" if state == "good" and record.due is not None and record.due < latest_day() else state
+
+
+def robot_advice(record: RobotRecord) -> str:
+    """Return what a person does next."""
+    if record.failure is not None:
+        return record.due_text.removeprefix("now: ")
+    return ADVICE.get(robot_state(record), "calibrate it")
