@@ -305,11 +305,15 @@ class PlanSettingsFile(OptionalKeys):
     LATER: ClassVar[tuple[str, ...]] = ("effects", "aim", "method")
 
 
+RobotClass = Literal["industrial", "hobby"]
+
+
 class CellFile(OptionalKeys):
     """The whole cell file."""
 
     schema_: Literal["edbb-cell/1"] = Field(alias="schema")
     robot: OneLine
+    class_: RobotClass | None = Field(default=None, alias="class")  # how large errors of such robots are before any run
     tip: str | None = None
     packages: dict[str, str] = {}  # folders of ROS packages that the robot's URDF names
     parked: dict[str, Coordinate] = {}  # where joints of the URDF stand that the arm does not drive
@@ -328,7 +332,7 @@ class CellFile(OptionalKeys):
     floor: FloorFile | None = None
     controller: ControllerFile = ControllerFile()
     plan: PlanSettingsFile = PlanSettingsFile()
-    LATER: ClassVar[tuple[str, ...]] = ("artifact", "tracker", "circles", "packages", "parked", "floor")
+    LATER: ClassVar[tuple[str, ...]] = ("class_", "artifact", "tracker", "circles", "packages", "parked", "floor")
 
     @model_validator(mode="before")
     @classmethod

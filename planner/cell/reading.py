@@ -28,7 +28,7 @@ from planner.common.files import data_folder
 from planner.common.schema import read_toml
 from planner.common.units import MM, MM_PER_MIN, Array, from_deg, from_mm, read_only
 from planner.kinematics.packages import named_packages
-from planner.kinematics.robot import Robot
+from planner.kinematics.robot import Priors, Robot
 from planner.kinematics.robot_reader import load_robot
 
 NEAR_BASE = 10.0  # [mm] a fixture whose coordinates are all smaller would stand inside the robot's base
@@ -37,6 +37,11 @@ SMALL_BALL = 0.5  # [mm] radius
 NARROW_CONE = 5.0  # [deg] no ball joint tilts so little, and no bar could be measured with one
 OVERSHOOT_FULL, OVERSHOOT_PART = 45.0, 5.0  # [deg] before and after the sweep, where the cell says nothing
 QUARTER = np.pi / 4  # robots wait at multiples of 45°
+PRIORS_OF_CLASS = {
+    "industrial": Priors(),
+    # printed or plain parts to some millimetres, zeros by the middle of a stroke, plastic gears: as SO-101 states
+    "hobby": Priors(length=2 * MM, angle=float(from_deg(2.0)), compliance=2e-3),
+}  # of a robot's errors before any calibration, in place of what its file says
 AS_PRINTED = 6e-4  # [rad] what three printed digits leave open
 
 
@@ -171,6 +176,8 @@ def cell_of(file: CellFile, path: Path, name: str, planning: bool = True) -> Cel
         check_units(path, file)
     packages = named_packages(str(path), file.packages, path.parent)
     robot = load_robot(file.robot, path.parent, file.tip, file.plan.beta, packages, file.parked, file.base.link)
+    if file.class_ is not None:
+        robot = replace(robot, priors=PRIORS_OF_CLASS[file.class_])
     _, home, tool, instrument, places = read_together(
         lambda: _check_drives(robot) if planning else None,
         lambda: _read_home(path, file, robot, planning),

@@ -196,7 +196,13 @@ class OptionalKeys(StrictModel):
 
     def _set_keys(self, out: dict[str, object]) -> dict[str, object]:
         fields = type(self).model_fields
-        return {k: v for k, v in out.items() if k not in self.LATER or getattr(self, k) != fields[k].default}
+        names = {f.alias or name: name for name, f in fields.items()}  # of a key as it is written
+
+        def is_set(key: str) -> bool:
+            name = names.get(key, key)
+            return name not in self.LATER or getattr(self, name) != fields[name].default
+
+        return {k: v for k, v in out.items() if is_set(k)}
 
 
 SchemaModel = TypeVar("SchemaModel", bound=BaseModel)
