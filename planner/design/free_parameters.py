@@ -65,7 +65,7 @@ def check_effects(cell: Cell) -> None:
         InputError: as :func:`declared_parameters`.
     """
     setup = setup_of(cell)
-    # any states: it is only asked whether each effect has a name
+    # 50: any states: it is only asked whether each effect has a name
     _ = declared_parameters(cell, setup, Samples.at(uniform_states(cell, 50, 0)))
 
 

@@ -94,7 +94,8 @@ def find_identifiable(
     )
     if null.shape[1] == count:
         raise InputError("no reading depends on any parameter: nothing can be identified from these poses")
-    # share of the largest share from which a parameter may stand for an unseen direction: less if a preference is named
+    # of the largest share, from which a parameter may stand for an unseen direction: less if a preference is
+    # named
     out = _choose_dropped(null, order, 0.5 if prefer is None else 0.1)
     out = _ensure_full_rank(factor * size, out)
     kept = tuple(k for k in range(count) if k not in out)
