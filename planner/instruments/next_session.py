@@ -29,7 +29,7 @@ from planner.identification.posterior_background import acts_on_robot, backgroun
 from planner.instruments.assumptions import NEXT_SESSION_POSES, UNKNOWN_PRIOR
 from planner.model.identification_document import Identification
 from planner.model.model import Model
-from planner.model.tool_error import STATES, uniform_states
+from planner.model.tool_error import WORKSPACE_STATES, uniform_states
 from planner.runs.run import Samples
 from planner.session.planning import PoseSession, Selection
 
@@ -120,7 +120,7 @@ class RemainingErrors:
         spread = np.array(known.file.spread).reshape(len(names), -1)[kept]
         sizes = np.array([p.prior if np.isfinite(p.prior) else UNKNOWN_PRIOR for p in anew])
         root = block_diag(spread, np.diag(sizes))
-        moved = known.aligned_spread(uniform_states(cell, STATES, 0)).reshape(-1, spread.shape[1])
+        moved = known.aligned_spread(uniform_states(cell, WORKSPACE_STATES, 0)).reshape(-1, spread.shape[1])
         weight = block_diag(3.0 * moved.T @ moved / len(moved), np.zeros((len(anew), len(anew))))
         return cls(before, model, root, np.arange(root.shape[1]) >= spread.shape[1], weight)
 
@@ -185,7 +185,7 @@ class NextSessionChooser:
 
     Attributes:
         before: what the sessions before say.
-        poses: their number; ``None``: ``POSES``, or as many as ``until`` needs.
+        poses: their number; ``None``: ``NEXT_SESSION_POSES``, or as many as ``until`` needs.
         until: as many as bring down to this what 95 of 100 such robots stay below [m].
     """
 

@@ -95,8 +95,7 @@ class ProgramStep:
     until: int = 0
 
 
-RADIAN_DECIMALS = 7
-UNKNOWN = 0  # a reduction that depends on where the operator has started
+UNKNOWN_REDUCTION = 0  # one that depends on where the operator has started
 
 
 def lower_program(program: ins.Program, dialect: Dialect) -> tuple[ProgramStep, ...]:
@@ -191,7 +190,7 @@ class _StepBuilder:
         self._begin_branch("stretch", until)
         self.last_speed, self.last_blend = "", None
         if not self.flying and self.scaled:
-            self.reduction = UNKNOWN
+            self.reduction = UNKNOWN_REDUCTION
 
     def _begin_branch(self, kind: Literal["stretch", "entry"], number: int) -> None:
         self.branch = len(self.steps) + 1
@@ -201,7 +200,7 @@ class _StepBuilder:
         """The way to a start: exact stops, and then the reduction that the path goes on with."""
         self._begin_branch("entry", entry.at)
         reduction, here = self.reduction, self.here
-        self.reduction, self.here = UNKNOWN if self.scaled else reduction, entry.origin_deg
+        self.reduction, self.here = UNKNOWN_REDUCTION if self.scaled else reduction, entry.origin_deg
         for move, wanted in zip(entry.moves, choose_reductions(entry.moves, self.dialect.speed), strict=True):
             self._set_reduction(wanted)
             self.last_speed, self.last_blend = "", None
@@ -212,7 +211,7 @@ class _StepBuilder:
         self.steps.append(ProgramStep("end", number=self.branch))
 
     def _set_reduction(self, reduction: int) -> None:
-        if reduction not in (self.reduction, UNKNOWN):
+        if reduction not in (self.reduction, UNKNOWN_REDUCTION):
             self.reduction = reduction
             self.last_speed = ""
             self.steps.append(ProgramStep("reduction", number=reduction))
@@ -265,6 +264,7 @@ class _StepBuilder:
         pulse, log = self._signals(mark) if value is not None else (False, False)
         turned = sum(abs(b - a) for p, q in pairwise(points) for a, b in zip(p, q, strict=True))
         self.printed += 1
+        decimals = 7  # of an angle in radians: 0.1 µrad
         return MoveWords(
             words=self._words(item.q_deg),
             exact=value is None,
@@ -280,8 +280,8 @@ class _StepBuilder:
             pulse=pulse,
             log=log,
             via=() if item.via_deg is None else self._words(item.via_deg),
-            radians=tuple(format_fixed(math.radians(q), RADIAN_DECIMALS) for q in item.q_deg),
-            radians_s=tuple(format_fixed(math.radians(v), RADIAN_DECIMALS) for v in leg.velocity_deg_s),
+            radians=tuple(format_fixed(math.radians(q), decimals) for q in item.q_deg),
+            radians_s=tuple(format_fixed(math.radians(v), decimals) for v in leg.velocity_deg_s),
             frames=tuple(",".join(format_fixed(q, d.decimals) for q in frame) for frame in leg.frames_deg),
             number=self.printed,
         )

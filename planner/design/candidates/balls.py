@@ -46,7 +46,7 @@ class FirstContact:
         return None if head is None else cls(cell)
 
     def at(self, q: Array) -> Array:
-        """Return the distance from the centre that holds at ``LEVEL``, (n,) [m], for angles q (n, N) [rad]."""
+        """Return the distance from the centre that 95 % of contacts stay within, (n,) [m], at q (n, N) [rad]."""
         return length_quantile(self._scale * _prior_covariance(self._robot, q) + _prior_covariance(self._rest, q))
 
 
@@ -68,7 +68,7 @@ def led_turns(cell: Cell, q: Array) -> Array:
 
 
 def length_quantile(covariance: Array) -> Array:
-    """Return the ``LEVEL`` quantile of the length of normal vectors with covariance (n, 3, 3), (n,).
+    """Return the 95 % quantile of the length of normal vectors with covariance (n, 3, 3), (n,).
 
     The squared length is a weighted sum of χ²; its first two moments fit a scaled χ² (Satterthwaite 1946).
     """

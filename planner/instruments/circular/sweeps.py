@@ -124,7 +124,7 @@ def _moving_stretches(run: Run, near: np.ndarray) -> Iterator[np.ndarray]:
 
 
 def _monotonic_parts(angle: Array) -> Iterator[slice]:
-    """Stretches of an angle (n,) in which it goes one way; steps back smaller than TURN are noise."""
+    """Stretches of an angle (n,) in which it goes one way; steps back smaller than 2 degrees are noise."""
     begin, sense, extreme = 0, 0.0, 0
     values = angle.tolist()
     for k, here in enumerate(values):

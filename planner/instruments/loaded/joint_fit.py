@@ -26,7 +26,7 @@ from planner.runs.run import Readings, Run, Samples
 
 
 def averaged_run(found: LoadedEvaluation) -> Run:
-    """Return averaged curves as a run of poses at rest, a sample for each of ``ANGLES`` angles, loads and senses."""
+    """Return averaged curves as a run of poses at rest, a sample for each of 24 angles, loads and senses."""
     rows = []
     for k, c in enumerate(x.curves for x in found.circles):
         which = _few(c)

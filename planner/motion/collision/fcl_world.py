@@ -21,9 +21,9 @@ class FclWorld:
 
     fcl's distance of boxes was seen to be far too large now and then (by 0.2 m at worst), while its collision test
     never erred. So a distance counts as far as the plane between the two nearest points proves it: convex bodies lie
-    on either side of it, each as far as its own support function says. Where that lacks more than ``SLACK``, and for
-    meshes that are not convex, a distance d counts only if one of the two bodies, grown by d, does not collide with
-    the other; else the largest that holds is searched.
+    on either side of it, each as far as its own support function says. Where that lacks more than
+    ``DISTANCE_SLACK``, and for meshes that are not convex, a distance d counts only if one of the two bodies, grown by
+    d, does not collide with the other; else the largest that holds is searched.
 
     Where a lower bound will do, pairs whose :class:`RoundBounds` say enough are not asked for, but for the nearest pair
     of every state. Coal's verdict, which asks for all, stands beside it.

@@ -79,7 +79,7 @@ def _polytope_about(path: Path, points: Array) -> tuple[Array, np.ndarray]:
     """A convex polytope of few faces that holds all points (m, 3): the hull itself, or cut from a box by its faces.
 
     The corners that stand furthest beyond the hull are cut off next, each by the face that it stands furthest beyond,
-    until none does by more than ``CLOSE``.
+    until none does by more than ``HULL_TOLERANCE``.
     """
     most_faces = 240  # of a polytope about a mesh
     if np.linalg.svd(points - points.mean(axis=0), compute_uv=False)[-1] < FLAT_THICKNESS:

@@ -126,7 +126,7 @@ def _reading_derivatives(low: Array, high: Array, h: Array) -> tuple[Array, Arra
 
 
 def _first_intervals(fastest: Array, marks: Index) -> Index:
-    """Return the first interval of each stretch: at every mark, and wherever the limit has drifted by CHANGE."""
+    """Return the first interval of each stretch: at every mark, and wherever the limit has drifted by 3 %."""
     drift = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(np.log(fastest))))])
     begins = np.zeros(len(fastest), dtype=bool)
     begins[marks] = True

@@ -140,7 +140,7 @@ class Relaxation(_Program):
         """Add violated subtour inequalities and legs of negative reduced cost until there are none.
 
         Returns:
-            The exact reduced cost of every leg, let in or not, (m, m) [1/_GRID unit].
+            The exact reduced cost of every leg, let in or not, (m, m) [1/DUAL_STEPS unit].
         """
         while True:
             while self.add_sets(violated_sets(self.point())):
@@ -153,7 +153,7 @@ class Relaxation(_Program):
                 return reduced
 
     def bound(self, reduced: IntArray) -> int:
-        """Return the lower bound over all tours [1/_GRID unit]."""
+        """Return the lower bound over all tours [1/DUAL_STEPS unit]."""
         return 2 * int(self._dual.sum()) + int(np.minimum(np.triu(reduced, 1), 0).sum())
 
     def tight_sets(self) -> BoolArray:
