@@ -222,9 +222,9 @@ class Extremes:
 def find_extremes(prover: Prover, corners: Array, tolerance: float) -> Extremes:
     """Search motions with corners (m, K, N) [rad] until none can hold a value beyond by ``tolerance`` [m].
 
-            The clearance is searched to ``CLEARANCE_TOLERANCE``, or as far as ``MOST_NEIGHBOURHOODS`` allow. What is left open counts
-        against it.
-        """
+    The clearance is searched to ``CLEARANCE_TOLERANCE``, or as far as ``MOST_NEIGHBOURHOODS`` allow. What is left open
+    counts against it.
+    """
     cells = Neighbourhoods.of(corners)
     asked = np.ones((len(corners), len(prover.pairs.scene.pairs)), dtype=bool)
     nearest, shortest, longest = np.inf, np.inf, 0.0
