@@ -175,8 +175,8 @@ class UndeclaredErrors:
     assumed: ClassVar[str] = ASSUMED
     before_label: ClassVar[str] = "as such a robot comes"
     condition: ClassVar[str] = (
-        f"; expected where gears err by {CURVE_SIZE * 1e6:.0f} µrad, in up to {HIGHEST_GEAR_WAVE:.0f} periods a turn, "
-        "and joints bend under load"
+        f"; expected where gears err by {GEAR_CURVE_SIZE.usual * 1e6:.0f} µrad, in up to {HIGHEST_GEAR_WAVE:.0f} "
+        "periods a turn, and joints bend under load"
     )
 
     @property
