@@ -146,11 +146,12 @@ class GaugeFile(OptionalKeys):
     noise_mdeg: PositiveFloat = 5.0
     cone_deg: ConeFile = ConeFile()
     mount_deg: tuple[float, ...] | None = None
+    mount_mm: tuple[float, ...] = ()  # of joints that slide
     zero: Literal["free", "known"] = "free"
     body: BarFile = BarFile()
     head: IndicatorHeadFile | None = None
     own: dict[str, object] = {}  # keys that only this kind of gauge has, written beside the others
-    LATER: ClassVar[tuple[str, ...]] = ("head", "own")
+    LATER: ClassVar[tuple[str, ...]] = ("head", "own", "mount_mm")
 
     @model_validator(mode="before")
     @classmethod
@@ -197,8 +198,9 @@ class FixtureFile(OptionalKeys):
     axis: Vector = (0.0, 0.0, 1.0)
     prior_mm: PositiveFloat = 5.0
     mount_deg: tuple[float, ...] | None = None
+    mount_mm: tuple[float, ...] = ()  # of joints that slide
     set_up: SetUp | None = None
-    LATER: ClassVar[tuple[str, ...]] = ("set_up",)
+    LATER: ClassVar[tuple[str, ...]] = ("set_up", "mount_mm")
 
 
 class MotionFile(OptionalKeys):
@@ -318,6 +320,7 @@ class CellFile(OptionalKeys):
     packages: dict[str, str] = {}  # folders of ROS packages that the robot's URDF names
     parked: dict[str, Coordinate] = {}  # where joints of the URDF stand that the arm does not drive
     home_deg: tuple[float, ...] | None = None
+    home_mm: tuple[float, ...] = ()  # of joints that slide
     tool: ToolFile | None = None
     gauge: GaugeFile
     fixtures: tuple[FixtureFile, ...] = ()
@@ -332,7 +335,9 @@ class CellFile(OptionalKeys):
     floor: FloorFile | None = None
     controller: ControllerFile = ControllerFile()
     plan: PlanSettingsFile = PlanSettingsFile()
-    LATER: ClassVar[tuple[str, ...]] = ("class_", "artifact", "tracker", "circles", "packages", "parked", "floor")
+    LATER: ClassVar[tuple[str, ...]] = (
+        "class_", "artifact", "tracker", "circles", "packages", "parked", "floor", "home_mm",
+    )  # fmt: skip
 
     @model_validator(mode="before")
     @classmethod

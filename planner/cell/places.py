@@ -65,35 +65,55 @@ def read_fixtures(path: Path, robot: Robot, file: CellFile, usual: SetUp) -> tup
             f"{path}: '{given[0]}' cannot hold the bar at each of {len(more) + 1} tool points: leave it out, good "
             "mount poses are found"
         )
-    common, points = file.gauge.mount_deg, 1 + len(more)
+    common, points = (file.gauge.mount_deg, file.gauge.mount_mm), 1 + len(more)
     return tuple(_read_fixture(path, robot, f, common, points, usual) for f in file.fixtures)
 
 
 def _read_fixture(
-    path: Path, robot: Robot, f: FixtureFile, common: tuple[float, ...] | None, points: int, usual: SetUp
+    path: Path,
+    robot: Robot,
+    f: FixtureFile,
+    common: tuple[tuple[float, ...] | None, tuple[float, ...]],
+    points: int,
+    usual: SetUp,
 ) -> Fixture:
     key = f"fixtures.{f.name}.mount_deg" if f.mount_deg else "gauge.mount_deg"
-    given = f.mount_deg or common
-    mount = None if given is None else read_joint_angles(path, robot, key, given)
+    given, slides = (f.mount_deg, f.mount_mm) if f.mount_deg else common
+    mount = None if given is None else read_joint_angles(path, robot, key, given, slides)
     axis = unit_vector(path, f"fixtures.{f.name}.axis", f.axis)
     at = read_only(from_mm(f.position_mm))
     return Fixture(f.name, at, axis, f.prior_mm * MM, (mount,) * points, set_up=f.set_up or usual)
 
 
-def read_joint_angles(path: Path, robot: Robot, key: str, value: tuple[float, ...] | None) -> Array:
-    """Return the joint angles (N,) [rad] of the key ``key``.
+def read_joint_angles(
+    path: Path, robot: Robot, key: str, value: tuple[float, ...] | None, slides: tuple[float, ...] = ()
+) -> Array:
+    """Return the joint angles (N,) [rad] of the key ``key``; ``slides`` are those of joints that slide, in mm.
 
     Raises:
         InputError: they are missing, not one a joint, or outside the limits.
     """
+    turn, travel = int((~robot.slides).sum()), int(robot.slides.sum())
+    in_mm = key.removesuffix("deg") + "mm"
     if value is None:
-        raise InputError(f"{path}: the key '{key}' is missing ({robot.n_joints} angles in degrees)")
-    if len(value) != robot.n_joints:
-        raise InputError(f"{path}: '{key}' has {len(value)} angles, but {robot.name} has {robot.n_joints} joints")
-    q = from_deg(value)
+        more = f", and '{in_mm}' with {travel} in millimetres, of joints that slide" if travel else ""
+        raise InputError(f"{path}: the key '{key}' is missing ({turn} angles in degrees{more})")
+    if len(value) != turn:
+        which = f" that turn ({in_mm} is for those that slide)" if travel else ""
+        raise InputError(f"{path}: '{key}' has {len(value)} angles, but {robot.name} has {turn} joints{which}")
+    if len(slides) != travel:
+        raise InputError(
+            f"{path}: '{in_mm}' has {len(slides)} values, but {robot.name} has {travel} joints that slide (in mm)"
+        )
+    shown = np.empty(robot.n_joints)
+    shown[~robot.slides], shown[robot.slides] = value, slides
+    q = from_deg(shown)
     for i in np.flatnonzero((q < robot.q_lower) | (q > robot.q_upper)):
         low, up = np.rad2deg(robot.q_lower[i]), np.rad2deg(robot.q_upper[i])
-        raise InputError(f"{path}: '{key}' has joint {i + 1} at {value[i]:g}°, outside its limits {low:g}° … {up:g}°")
+        said, unit = (in_mm, " mm") if robot.slides[i] else (key, "°")
+        raise InputError(
+            f"{path}: '{said}' has joint {i + 1} at {shown[i]:g}{unit}, outside its limits {low:g}{unit} … {up:g}{unit}"
+        )
     return read_only(q)
 
 

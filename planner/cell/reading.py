@@ -29,6 +29,7 @@ from planner.common.schema import read_toml
 from planner.common.units import MM, MM_PER_MIN, Array, from_deg, from_mm, read_only
 from planner.kinematics.packages import named_packages
 from planner.kinematics.robot import Priors, Robot
+from planner.kinematics.robot_file import DRIVE_KEYS
 from planner.kinematics.robot_reader import load_robot
 
 NEAR_BASE = 10.0  # [mm] a fixture whose coordinates are all smaller would stand inside the robot's base
@@ -214,14 +215,15 @@ def cell_of(file: CellFile, path: Path, name: str, planning: bool = True) -> Cel
 
 def _read_home(path: Path, file: CellFile, robot: Robot, planning: bool) -> Array:
     if planning or file.home_deg is not None:
-        return read_joint_angles(path, robot, "home_deg", file.home_deg)
+        return read_joint_angles(path, robot, "home_deg", file.home_deg, file.home_mm)
     return np.asarray(np.clip(0.0, robot.q_lower, robot.q_upper))
 
 
 def _check_drives(robot: Robot) -> None:
     """Refuse to plan where the robot's file leaves out what a path must keep to."""
-    parts = {"limit_deg": robot.q_upper, "speed_deg_s": robot.speed}
     for i in range(robot.n_joints):
+        keys = (DRIVE_KEYS[key][int(robot.slides[i])] for key in ("limit", "speed"))
+        parts = dict(zip(keys, (robot.q_upper, robot.speed), strict=True))
         if missing := [key for key, values in parts.items() if np.isinf(values[i])]:
             raise InputError(
                 f"{robot.path}: joint {i + 1} has no {' and no '.join(missing)}, which planning needs"
@@ -231,7 +233,7 @@ def _check_drives(robot: Robot) -> None:
 
 def _advise_drive(robot: Robot, i: int, missing: Sequence[str]) -> str:
     """Return the lines of ``robot.toml`` that say what the URDF does not say of joint ``i``."""
-    examples = {"limit_deg": "[-170, 170]", "speed_deg_s": "90"}
+    examples = {"limit_deg": "[-170, 170]", "speed_deg_s": "90", "limit_mm": "[0, 350]", "speed_mm_s": "70"}
     file = "" if robot.path.suffix == ".toml" else f' (which names it: urdf = "{robot.path.name}", tip = "{robot.tip}")'
     lines = "\n".join(f"{key} = {examples[key]}" for key in missing)
     return f'; say it in robot.toml{file}:\n[[joints]]\nname = "{robot.joint_names[i]}"\n{lines}'

@@ -68,6 +68,13 @@ class Site:
             raise InputError(
                 f"{run.name}: was measured on '{run.robot}', but {self.path} has the robot '{self.robot.name}'"
             )
+        for joint, slides in enumerate(self.robot.slides.tolist(), start=1):
+            if slides != (joint in run.slides):
+                does, unit = ("slides", "mm") if slides else ("turns", "deg")
+                raise InputError(
+                    f"{run.name}: joint {joint} of {self.robot.name} {does}: its columns are q{joint}_{unit} and "
+                    f"cmd{joint}_{unit}"
+                )
 
     def check_load(self, load: float, what: str, cure: str) -> None:
         """Refuse a load [N] beyond what the robot may carry beside its tool; ``what`` says where it comes from.
@@ -95,11 +102,12 @@ class Site:
     def joint_range(self) -> tuple[Array, Array]:
         """Range of each joint, both ends (N,) [rad]: its limits, or a turn about home where it can turn further.
 
-        More turns only repeat the same arm.
+        More turns only repeat the same arm. A joint that slides has its whole stroke.
         """
         turn, robot = 2 * np.pi, self.robot
         lower = np.clip(self.home - np.pi, robot.q_lower, np.maximum(robot.q_upper - turn, robot.q_lower))
-        return lower, np.minimum(lower + turn, robot.q_upper)
+        upper = np.minimum(lower + turn, robot.q_upper)
+        return np.where(robot.slides, robot.q_lower, lower), np.where(robot.slides, robot.q_upper, upper)
 
     @property
     def sampling_range(self) -> tuple[Array, Array]:

@@ -168,6 +168,10 @@ def parallel_transport(v: Array, a: Array, b: Array) -> Array:
 def axis_reach(transforms: Sequence[Transform], n_joints: int, tail: float = 0.0) -> Array:
     """Bound how far from each joint's axis anything carried behind ``transforms`` can be, in any state, (N,) [m].
 
+    It is the speed of these points for a unit of the joint's speed, and so it is 1 [m/m] of a joint that slides. The
+    second derivative by two joints is no larger than the bound of the later one: a turn carries the direction of a
+    slide behind it with a unit of speed, and a slide changes nothing of a turn behind it.
+
     Args:
         transforms: elementary transforms from the base to the frame that carries it.
         n_joints: number of joints N; joints not among the transforms get 0.
@@ -181,7 +185,9 @@ def _axis_reach(transforms: tuple[Transform, ...], n_joints: int, tail: float) -
     out, behind, box = np.zeros(n_joints), tail, np.zeros(3)
     for t in reversed(transforms):
         if t.kind == "translation":
-            box[t.axis] += abs(t.nominal)
+            box[t.axis] += t.extent
+            if t.joint is not None:
+                out[t.joint] = 1.0  # a metre a metre, and as much across as an axis before it turns
         elif t.joint is not None:
             # what lies along the axis does not move when it turns, but counts for the joints before
             out[t.joint] = behind + np.linalg.norm(np.delete(box, t.axis))

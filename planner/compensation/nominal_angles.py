@@ -12,9 +12,12 @@ from planner.compensation.correction import ALL_TURNS, NominalFlange, solve_flan
 from planner.compensation.few_axes import FULL_AXES, ToolGoal, solve_few_axes
 from planner.compensation.rotations import inverse
 from planner.compensation.targets import CartesianTarget, Note, Target
-from planner.compensation.tolerances import REACHED
 from planner.kinematics.robot import Robot
 
+SEEDS = 15  # log2 of how many arm positions are kept to start from
+STARTS = (2, 8, 32)  # positions that the search of one pose starts from, more where fewer did not do
+ROUNDS = (30, 0)  # iterations, all with the nominal Jacobian, which is exact here
+FOUND = 1e-7  # [m and rad] of a pose that is reached
 UNREACHED = "the nominal robot does not reach the pose"
 
 
@@ -27,7 +30,7 @@ class SearchSeeds:
     @cached_property
     def q(self) -> Array:
         """The positions, (m, N) [rad], one turn of each joint at most."""
-        lower, upper = np.maximum(self.robot.q_lower, -np.pi), np.minimum(self.robot.q_upper, np.pi)
+        lower, upper = self.robot.one_turn
         return np.asarray(lower + _unit_points(self.robot.n_joints) * (upper - lower))
 
     @cached_property
@@ -44,7 +47,7 @@ class SearchSeeds:
 
     def features(self, p: Array, R: Array) -> Array:
         """Return what poses are compared by, (n, 12): place in reaches of the arm, and axes."""
-        reach = sum(abs(t.nominal) for t in self.robot.transforms if t.kind == "translation")
+        reach = sum(t.extent for t in self.robot.transforms if t.kind == "translation")
         return np.concatenate([2.0 * p / reach, 0.5 * R.reshape(len(p), 9)], axis=1)
 
     def of_shape(self, shape: int) -> tuple[np.ndarray, KDTree | None]:
@@ -155,7 +158,7 @@ def _search(T: Array, shapes: np.ndarray, seeds: SearchSeeds) -> tuple[Array, np
         own, tree = seeds.of_shape(int(shape))
         if tree is None:
             continue
-        for count in (2, 8, 32):  # positions that the search of one pose starts from, more where fewer did not do
+        for count in STARTS:
             rows = rows[~ok[rows]]
             if not rows.size:
                 break
@@ -178,12 +181,11 @@ def _reach(robot: Robot, start: Array, T: Array) -> tuple[Array, np.ndarray]:
     if robot.n_joints < FULL_AXES:
         goal = ToolGoal(np.broadcast_to(np.eye(4), T.shape), p_BF, R_BF)
         q = solve_few_axes(robot, nominal, start, goal, ALL_TURNS, np.inf)
-        return q, np.asarray(np.linalg.norm(goal.missing(nominal, q)[0], axis=1) < REACHED)
-    # 30, 0: iterations, all with the nominal Jacobian, which is exact here
-    q = solve_flange_ik(robot, nominal, start, p_BF, R_BF, (30, 0))
+        return q, np.asarray(np.linalg.norm(goal.missing(nominal, q)[0], axis=1) < FOUND)
+    q = solve_flange_ik(robot, nominal, start, p_BF, R_BF, ROUNDS)
     p, R = nominal.flange(q)
     far, off = np.abs(p - p_BF).max(axis=1), np.abs(R - R_BF).max(axis=(1, 2))
-    return q, (far < REACHED) & (off < REACHED)
+    return q, (far < FOUND) & (off < FOUND)
 
 
 def _shape_sentence(before: int | None) -> str:
@@ -198,9 +200,9 @@ def _choose_turns(
     Returns:
         The angles (N,) [rad], NaN where there are none, and why there are none.
     """
-    whole = (robot.sense_matrix == np.round(robot.sense_matrix)).all(axis=0)  # a turn of it alone leaves the pose
+    whole = (robot.sense_matrix == np.round(robot.sense_matrix)).all(axis=0) & ~robot.slides  # its turn leaves the pose
     options = solution + 2.0 * np.pi * np.arange(-3, 4)[:, None] * whole
-    within = (options >= robot.q_lower - REACHED) & (options <= robot.q_upper + REACHED)
+    within = (options >= robot.q_lower - FOUND) & (options <= robot.q_upper + FOUND)
     nothing = np.full(len(solution), np.nan)
     if not within.any(axis=0).all():
         j = int(np.argmin(within.any(axis=0)))
@@ -221,4 +223,4 @@ def _choose_turns(
 
 @lru_cache(maxsize=4)
 def _unit_points(dimension: int) -> Array:
-    return sobol_points(dimension, None)(1 << 15)  # 32 768 arm positions are kept to start from
+    return sobol_points(dimension, None)(1 << SEEDS)

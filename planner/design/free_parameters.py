@@ -15,8 +15,7 @@ from planner.design.observability.information import predict_covariance
 from planner.effects.catalogue import catalogue
 from planner.effects.compliance import JOINT_COMPLIANCE, compliance_parameters
 from planner.effects.effect import Parameter
-from planner.effects.nonparametric import gear_curve
-from planner.effects.sizes import GEAR_CURVE_SIZE
+from planner.effects.nonparametric import CURVE_SIZE, gear_curve
 from planner.model.model import Model
 from planner.model.tool_error import ToolError, uniform_states
 from planner.runs.run import Samples
@@ -66,7 +65,7 @@ def check_effects(cell: Cell) -> None:
         InputError: as :func:`declared_parameters`.
     """
     setup = setup_of(cell)
-    # 50: any states: it is only asked whether each effect has a name
+    # any states: it is only asked whether each effect has a name
     _ = declared_parameters(cell, setup, Samples.at(uniform_states(cell, 50, 0)))
 
 
@@ -83,13 +82,13 @@ def preference_order(model: Model, frame_stated: bool = True) -> list[int]:
     from_urdf, framed = model.setup.robot.convention == "urdf", model.setup.gauge.frees_base
     if not (frame_stated if framed else from_urdf):
         return list(order)
-    kinds = [p.group for p in model.parameters]
-    last = [k for k in order if model.parameters[k].name == f"theta{model.setup.robot.n_joints}"]
+    kinds, zeros = [p.group for p in model.parameters], model.setup.robot.zero_names
+    last = [k for k in order if model.parameters[k].name == zeros[-1]]
     rows = [k for k in order if kinds[k] == "geometry" and k not in last]
     if framed:
         rows.reverse()
     if from_urdf:
-        rows.sort(key=lambda k: (not model.names[k].startswith("theta"), model.parameters[k].unit != "m"))
+        rows.sort(key=lambda k: (model.names[k] not in zeros, model.parameters[k].unit != "m"))
     return [
         *(k for k in order if kinds[k] == "gauge"),
         *rows,
@@ -150,8 +149,8 @@ def add_dropped(seen: Identifiability, names: tuple[str, ...], others: tuple[Dro
 
 
 ASSUMED = (
-    f"every gear errs by {GEAR_CURVE_SIZE.usual * 1e6:.0f} µrad in waves of up to {HIGHEST_GEAR_WAVE:.0f} a turn, "
-    "and every joint gives way"
+    f"every gear errs by {CURVE_SIZE * 1e6:.0f} µrad in waves of up to {HIGHEST_GEAR_WAVE:.0f} a turn, and every joint"
+    " gives way"
 )
 
 
@@ -175,8 +174,8 @@ class UndeclaredErrors:
     assumed: ClassVar[str] = ASSUMED
     before_label: ClassVar[str] = "as such a robot comes"
     condition: ClassVar[str] = (
-        f"; expected where gears err by {GEAR_CURVE_SIZE.usual * 1e6:.0f} µrad, in up to {HIGHEST_GEAR_WAVE:.0f} "
-        "periods a turn, and joints bend under load"
+        f"; expected where gears err by {CURVE_SIZE * 1e6:.0f} µrad, in up to {HIGHEST_GEAR_WAVE:.0f} periods a turn, "
+        "and joints bend under load"
     )
 
     @property

@@ -272,7 +272,7 @@ def judge_few_poses(cell: Cell, pool: PoseSet, chosen: Positions, index: str) ->
         InputError: fewer poses than axes.
     """
     model, seen, rows = identify_candidates(cell, pool)
-    zeros = [k for k, name in enumerate(model.names) if name.startswith("theta")]
+    zeros = [k for k, name in enumerate(model.names) if name in model.setup.robot.zero_names]
     if len(chosen) * model.width < seen.rank and zeros:
         model, rows = model.subset(zeros), np.ascontiguousarray(rows[:, :, zeros])
     _check_count(len(chosen), -(-len(model.names) // model.width), len(pool), len(model.names))

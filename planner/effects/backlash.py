@@ -1,7 +1,7 @@
 """Effects of how a joint came to where it stands: backlash, hysteresis, angles read before it settled, servo lag."""
 
 from collections.abc import Callable, Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -20,9 +20,26 @@ from planner.effects.effect import (
     Role,
     joint_place,
 )
-from planner.effects.sizes import BACKLASH, LAG, PLAY_OF_SCATTER, SETTLING, EffectSize
 
 HYSTERESIS_WIDTHS = np.geomspace(5e-3, 1.0, 16)  # [rad] of travel after a reversal
+
+
+@dataclass(frozen=True)
+class EffectSize:
+    """Unit of an effect's size, its usual (one sigma) and largest plausible value, and where they come from."""
+
+    unit: str
+    usual: float
+    largest: float
+    literature: str
+
+
+BACKLASH = EffectSize(
+    "rad", 1e-4, 1e-2, "Slamani, Nubiola & Bonev 2012, Industrial Robot 39(5): backlash of a serial robot, 0.01-0.1 mm"
+)
+PLAY_OF_SCATTER = 3.0  # usual play over what a joint repeats to, where that is more than an industrial arm's
+LAG = EffectSize("s", 2e-3, 0.1, "estimated")
+SETTLING = EffectSize("1", 0.5, 2.0, "estimated")
 
 
 class SpeedSign(BasisFunction, key="speed-sign:JOINT", static=False, column="speed"):
@@ -128,7 +145,7 @@ def backlash(run: Excitation) -> Iterator[Effect]:
     seen = [i for i in run.moving_joints if np.ptp(run.values(phi(i))) > 0.5]
     for i in seen:
         yield _of_joints(run, "backlash", i, phi, _play(run), "play of {size} between the two directions")
-    if len(seen) == len(run.joints):  # of an arm whose drives are all alike
+    if len(seen) == len(run.turning):  # of an arm whose drives are all alike
         sentence = "each joint: play of {size} between the two directions"
         yield _of_joints(run, "backlash", None, phi, _play(run), sentence)
 
@@ -136,7 +153,7 @@ def backlash(run: Excitation) -> Iterator[Effect]:
 @register("backlash by load", background=Background.BY_PLACE)
 def backlash_by_load(run: Excitation) -> Iterator[Effect]:
     """Play that shows by the side on which the load lies."""
-    for i in run.joints:
+    for i in run.turning:
         sign = run.values(TorqueSign(i))
         if np.minimum((sign > 0).mean(), (sign < 0).mean()) > 0.005:
             sentence = "play of {size}, on the side on which the load lies"
@@ -194,9 +211,9 @@ def _of_joints(
 ) -> Effect:
     """An effect of one parameter: of a joint, whose name then stands before the sentence, or of all joints alike."""
     if joint is None:
-        place, joints, end = Place("all joints"), run.joints, "_all"
+        place, joints, end = Place("all joints"), run.turning, "_all"
     else:
-        place, joints, end = joint_place(joint), range(joint, joint + 1), f"{joint + 1}"
+        place, joints, end = joint_place(joint), (joint,), f"{joint + 1}"
         sentence = f"{place}: {sentence}"
     moves = tuple(ParameterMove("transform", run.rotation(i), phi(i)) for i in joints)
     parameter = Parameter(f"{kind.replace(' ', '_')}{end}", size.unit, size.usual, f"{kind} of {place}", moves)

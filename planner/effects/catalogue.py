@@ -20,6 +20,7 @@ from planner.effects.context import Context
 from planner.effects.effect import Effect
 from planner.runs.run import Samples
 
+SAMPLES_LOOKED_AT = 4_000
 CONTINUOUS_RUN = 'a run measured while moving (motion.measure = "continuous")'
 
 
@@ -33,7 +34,7 @@ class Excitation:
     @classmethod
     def of(cls, setup: MeasurementSetup, samples: Samples) -> "Excitation":
         """Look at the samples of a run."""
-        return cls(setup, samples.take(even_positions(len(samples), 4_000)))  # samples of a run tell what shows in it
+        return cls(setup, samples.take(even_positions(len(samples), SAMPLES_LOOKED_AT)))
 
     @cached_property
     def context(self) -> Context:
@@ -46,9 +47,19 @@ class Excitation:
         return range(self.setup.robot.n_joints)
 
     @cached_property
+    def turning(self) -> tuple[int, ...]:
+        """Joints that turn, from 0."""
+        return tuple(int(i) for i in np.flatnonzero(~self.setup.robot.slides))
+
+    @cached_property
     def moving_joints(self) -> tuple[int, ...]:
-        """Joints that stand at more than one angle."""
-        return tuple(int(i) for i in np.flatnonzero(np.ptp(self.samples.q, axis=0) > 1e-3))
+        """Joints that turn, and stand at more than one angle."""
+        return tuple(i for i in self.turning if np.ptp(self.samples.q[:, i]) > LEAST_MOTION)
+
+    @cached_property
+    def moving_slides(self) -> tuple[int, ...]:
+        """Joints that slide, and stand at more than one place."""
+        return tuple(i for i in self.joints if i not in self.turning and np.ptp(self.samples.q[:, i]) > LEAST_MOTION)
 
     def rotation(self, joint: int) -> int:
         """Position of a joint's rotation in the chain."""
@@ -100,7 +111,9 @@ class Excitation:
 
 SHIPPED = (
     "compliance", "gears", "backlash", "thermal", "gauge_errors", "set_up_errors", "sessions", "nonparametric", "steps",
+    "slides",
 )  # fmt: skip
+LEAST_MOTION = 1e-3  # [rad] of a joint that moves in a run
 EffectGenerator = Callable[[Excitation], Iterator[Effect]]
 
 

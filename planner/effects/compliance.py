@@ -19,10 +19,12 @@ from planner.effects.effect import (
     joint_place,
     transform_move,
 )
-from planner.effects.sizes import LOAD_TURN, MASS_TURN
 
 JOINT_COMPLIANCE = "joint compliance"
+USUAL_TURN, LARGEST_TURN = 3e-4, 1e-2  # [rad] under the run's largest load: one sigma, and the most that is plausible
 LEAST_LOAD = 1e-6  # [Nm] below which nothing is asked of it
+LARGEST_MASS_TURN = 2e-3  # [rad] under the largest load by a mass other than stated
+JOINTS_SHOWN = 2  # those that a mass loads most, at which it may show
 TRICAL = "TriCal paper, Table 8; Nubiola & Bonev 2013, RCIM 29(1): 0.01 to 0.2e-3 deg/Nm for a 6 kg robot"
 BENDING = "Meggiolaro, Dubowsky & Mavroidis 2005, Mech. Mach. Theory 40(7): elastic errors of links; size estimated"
 MASSES = "estimated: a mass wrong by a third of a link or payload, at joints as soft as in the TriCal paper, Table 8"
@@ -137,7 +139,7 @@ def compliance_parameters(setup: MeasurementSetup) -> list[Parameter]:
     return [
         Parameter(f"compliance{i + 1}", "rad/Nm", prior, f"compliance of joint {i + 1}",
                   transform_move(k, LoadTorque(i)), JOINT_COMPLIANCE)
-        for i, k in enumerate(setup.chain.joint_places.tolist())
+        for i, k in enumerate(setup.chain.joint_places.tolist()) if not setup.robot.slides[i]
     ]  # fmt: skip
 
 
@@ -150,7 +152,7 @@ def is_joint_compliance(parameter: Parameter) -> bool:
 def joint_compliance(run: Excitation) -> Iterator[Effect]:
     """A joint gives way under weight, payload and the bar's pull; links of unknown mass have a share of their own."""
     unknown = [k for k, m in enumerate(run.setup.robot.masses) if m is None]
-    for i in run.joints:
+    for i in run.turning:
         loads: list[tuple[str, BasisFunction]] = [(f"compliance{i + 1}", LoadTorque(i))]
         loads += [(f"compliance{i + 1}_link{k + 1}", WeightTorque(i, k)) for k in unknown if k >= i]
         what = f"compliance of joint {i + 1}"
@@ -171,7 +173,7 @@ def joint_compliance(run: Excitation) -> Iterator[Effect]:
 def drive_compliance(run: Excitation) -> Iterator[Effect]:
     """A joint gives way under the torque that its drive reports."""
     kind = "compliance under drive torque"
-    for i in run.joints if run.varies("torque") else ():
+    for i in run.turning if run.varies("torque") else ():
         what = f"{kind} of joint {i + 1}"
         parameters = _compliance(run, i, DriveTorque(i), f"drive_compliance{i + 1}", what)
         sentence = f"joint {i + 1}: gives way under the torque that its drive reports, {{size}}"
@@ -185,7 +187,7 @@ def drive_compliance(run: Excitation) -> Iterator[Effect]:
 )
 def payload_compliance(run: Excitation) -> Iterator[Effect]:
     """A joint gives way under the payload alone: a counterweight or the controller takes care of the rest."""
-    for i in run.joints if run.varies("payload") else ():
+    for i in run.turning if run.varies("payload") else ():
         what = f"yielding of joint {i + 1} to payload"
         parameters = _compliance(run, i, PayloadTorque(i), f"payload_compliance{i + 1}", what)
         sentence = f"joint {i + 1}: gives way under the payload, {{size}}"
@@ -210,7 +212,7 @@ def base_compliance(run: Excitation) -> Iterator[Effect]:
         if load > LEAST_LOAD:
             moves = transform_move(3 + axis, LoadMoment(0, axis))
             what = f"tipping of the base about {'xy'[axis]}"
-            parameters.append(Parameter(f"soft_base_r{'xy'[axis]}", "rad/Nm", LOAD_TURN.usual / load, what, moves))
+            parameters.append(Parameter(f"soft_base_r{'xy'[axis]}", "rad/Nm", USUAL_TURN / load, what, moves))
     sentence = "the base tips on its floor or pedestal under the arm's weight, {size}"
     yield from _effect("soft base", Place("base"), parameters, sentence, "estimated")
 
@@ -241,13 +243,13 @@ def wrong_mass(run: Excitation) -> Iterator[Effect]:
 def _mass(run: Excitation, link: int, kind: str, place: Place, label: str, name: str, role: Role) -> Iterator[Effect]:
     parameters = _mass_parameters(run, link, label)
     sentence = f"{name}: weighs other than stated, or its centre lies elsewhere; its joints yield {{size}} at most"
-    yield from _effect(kind, place, parameters, sentence, MASSES, role, MASS_TURN.largest)
+    yield from _effect(kind, place, parameters, sentence, MASSES, role, LARGEST_MASS_TURN)
 
 
 def _mass_parameters(run: Excitation, link: int, label: str) -> list[Parameter]:
     what = "turn of joint {} by the weight in question, where that turns it most in the run"
     return [
-        Parameter(f"{label}_at{i + 1}", "rad", LOAD_TURN.usual, what.format(i + 1), moves)
+        Parameter(f"{label}_at{i + 1}", "rad", USUAL_TURN, what.format(i + 1), moves)
         for i, moves in weight_turns(run, link, 1e-3)
     ]
 
@@ -257,10 +259,9 @@ def weight_turns(run: Excitation, link: int, least: float) -> Iterator[tuple[int
 
     The torque is over its largest in the run; of that it must vary by the share ``least``.
     """
-    phis = [WeightTorque(i, link) for i in run.joints[: link + 1]]
-    load = np.array([np.ptp(run.values(phi)) for phi in phis])
-    # 2: joints that a mass loads most, at which it may show
-    for i in sorted(int(k) for k in np.argsort(-load, kind="stable")[:2]):
+    phis = {i: WeightTorque(i, link) for i in run.turning if i <= link}
+    load = {i: float(np.ptp(run.values(phi))) for i, phi in phis.items()}
+    for i in sorted(sorted(phis, key=lambda i: -load[i])[:JOINTS_SHOWN]):
         size = run.largest(phis[i])
         if load[i] > max(LEAST_LOAD, least * size):
             yield i, transform_move(run.rotation(i), Times(1 / size, phis[i]))
@@ -268,11 +269,11 @@ def weight_turns(run: Excitation, link: int, least: float) -> Iterator[tuple[int
 
 def _effect(
     kind: str, place: Place, parameters: Sequence[Parameter], sentence: str, literature: str,
-    role: Role = Role.ORDINARY, turn: float = LOAD_TURN.largest,
+    role: Role = Role.ORDINARY, turn: float = LARGEST_TURN,
 ) -> Iterator[Effect]:  # fmt: skip
     """Yield the effect if it has parameters; ``turn`` [rad] is the most that is plausible under the largest load."""
     if parameters:
-        largest = max(p.prior for p in parameters) * turn / LOAD_TURN.usual
+        largest = max(p.prior for p in parameters) * turn / USUAL_TURN
         yield Effect(kind, place, tuple(parameters), sentence, largest, literature, role=role)
 
 
@@ -282,13 +283,13 @@ def _compliance(run: Excitation, joint: int, phi: BasisFunction, name: str, what
     size = float(np.abs(load).max())
     if size < LEAST_LOAD or float(np.ptp(load)) < 1e-3 * size:
         return []
-    return [Parameter(name, "rad/Nm", LOAD_TURN.usual / size, what, transform_move(run.rotation(joint), phi))]
+    return [Parameter(name, "rad/Nm", USUAL_TURN / size, what, transform_move(run.rotation(joint), phi))]
 
 
 def _at_largest(run: Excitation, p: Parameter) -> Parameter:
     """Return the parameter as the turn [rad] under the run's largest load, where no mass makes newton metres of it."""
-    moves = tuple(replace(m, phi=_by_size(m.phi, LOAD_TURN.usual / p.prior)) for m in p.moves)
-    return replace(p, unit="rad", prior=LOAD_TURN.usual, moves=moves)
+    moves = tuple(replace(m, phi=_by_size(m.phi, USUAL_TURN / p.prior)) for m in p.moves)
+    return replace(p, unit="rad", prior=USUAL_TURN, moves=moves)
 
 
 def _by_size(phi: BasisFunction, size: float) -> BasisFunction:
@@ -309,6 +310,4 @@ def _tilt(run: Excitation, station: int, axis: int, phi: BasisFunction, label: s
     if load < LEAST_LOAD:
         return []
     what = f"bending of {what} about {'xyz'[axis]}"
-    return [
-        Parameter(f"{label}_{'xyz'[axis]}", "rad/Nm", LOAD_TURN.usual / load, what, twist_moves(station, axis, phi))
-    ]
+    return [Parameter(f"{label}_{'xyz'[axis]}", "rad/Nm", USUAL_TURN / load, what, twist_moves(station, axis, phi))]

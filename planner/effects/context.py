@@ -51,6 +51,8 @@ def gravity_torque(
 ) -> Array:
     """Return the torque of gravity about each joint's axis, (n, N) [Nm], in the sense of the kinematic rows.
 
+    Of a joint that slides it is the force along its axis [N].
+
     It is minus the static torque that Newton–Euler gives the motors (virtual work).
 
     Args:
@@ -75,7 +77,8 @@ def gravity_torque(
         t, value = chain.transforms[k - 1], values[k - 1]
         if t.joint is not None:
             g, b, c = gravity[t.joint], (t.axis + 1) % 3, (t.axis + 2) % 3
-            out[:, t.joint] += moment[b] * g[c] - moment[c] * g[b]
+            slides = t.kind == "translation"
+            out[:, t.joint] += mass * g[t.axis] if slides else moment[b] * g[c] - moment[c] * g[b]
         if t.kind == "translation":
             moment[t.axis] = moment[t.axis] + mass * value
         else:
@@ -86,7 +89,7 @@ def gravity_torque(
 def _gravity_at_joints(
     transforms: tuple[Transform, ...], values: list[Array], gravity_B: Array
 ) -> dict[int, list[Array]]:
-    """Gravity in the frame just after each joint's rotation."""
+    """Gravity in the frame just after each joint."""
     g: list[Array] = [np.full(1, float(v)) for v in gravity_B]
     out: dict[int, list[Array]] = {}
     for t, value in zip(transforms, values, strict=True):
@@ -173,7 +176,7 @@ class Context:
 
     @cached_property
     def load_torque(self) -> Array:
-        """Torque of gravity, payload and the bar's pull about each joint, (n, N) [Nm], sense of the kinematic rows."""
+        """Torque of gravity, payload and the bar's pull about each joint, (n, N) [Nm; N along one that slides]."""
         robot = self.setup.robot
         links = [(end, m) for end, m in zip(robot.link_end[1:], robot.masses, strict=True) if m is not None]
         loads: list[tuple[int, Array | float, Array]] = [(end, m.mass, m.com) for end, m in links]

@@ -75,8 +75,10 @@ def choose_stop_margin(robot: Robot, file: CellFile, keys: BarKeys) -> float:
     if file.tool is not None:
         sigma = file.tool.map_sigma_um
         tool = file.tool.prior_mm * MM if sigma is None else sigma * UM
-        home = file.home_deg if file.home_deg is not None and len(file.home_deg) == robot.n_joints else 0.0
-        arm = robot.usual_error(np.zeros(robot.n_joints) + from_deg(home), from_mm(file.tool.map_mm))
+        home = np.zeros(robot.n_joints)
+        if file.home_deg is not None and len(file.home_deg) == (~robot.slides).sum():
+            home[~robot.slides] = from_deg(file.home_deg)
+        arm = robot.usual_error(home, from_mm(file.tool.map_mm))
     fixture = max((f.prior_mm for f in file.fixtures), default=0.0) * MM
     shortest, longest = file.gauge.length_mm
     return min(STOP_SIGMAS * float(np.hypot(np.hypot(fixture, tool), arm)), LARGEST_MARGIN * (longest - shortest) * MM)

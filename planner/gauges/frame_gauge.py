@@ -134,7 +134,7 @@ class FrameGauge(PositionGauge, LineGauge):
         if file.fixtures:
             raise InputError(f"{path}: [[fixtures]] are for a bar ({bars}); a {file.gauge.kind} has none")
         given = file.gauge.mount_deg
-        mount = None if given is None else read_joint_angles(path, robot, "gauge.mount_deg", given)
+        mount = None if given is None else read_joint_angles(path, robot, "gauge.mount_deg", given, file.gauge.mount_mm)
         placed = cls.placed_section(path, file)
         R, p = placed_frame(placed)
         turn = float(from_deg(placed.prior_deg))

@@ -62,13 +62,16 @@ PER_ARC = 4.0  # mean number of points on an arc that is not empty
 
 
 def shell_points(cell: Site, seed: int) -> Callable[[int], Array]:
-    """Return what draws low-discrepancy points over all joints but the first, which the arcs choose.
+    """Return what draws low-discrepancy points over all joints but the first that turns, chosen by the arcs.
 
     Raises:
-        InputError: another joint's axis is coupled to the first one's, so that its circle is none.
+        InputError: another joint's axis is coupled to that one's, so that its circle is none.
     """
-    if np.any(cell.robot.sense_matrix[1:, 0]):
-        raise InputError(f"{cell.robot.path}: a joint is coupled to joint 1; candidates need joint 1 to turn alone")
+    first = first_turn(cell)
+    if np.any(np.delete(cell.robot.sense_matrix[:, first], first)):
+        raise InputError(
+            f"{cell.robot.path}: a joint is coupled to joint {first + 1}; candidates need it to turn alone"
+        )
     return sobol_points(cell.robot.n_joints - 1, seed)
 
 
@@ -78,22 +81,32 @@ def sample_shell(cell: Site, mounting: Mounting, points: Array, shell: tuple[flo
     Args:
         cell: the cell.
         mounting: how the gauge is held.
-        points: samples of all joints but the first in the unit cube, (m, N − 1).
+        points: samples of all joints but the first that turns in the unit cube, (m, N − 1).
         shell: its inner and outer radius [m].
     """
     cell, p_BX = cell.at(mounting), cell.fixtures[mounting.fixture].p_BX
     lower, upper = cell.sampling_range
     q = np.empty((len(points), cell.robot.n_joints))
-    q[:, 0], q[:, 1:] = 0.0, lower[1:] + points * (upper - lower)[1:]
+    first = first_turn(cell)
+    q[:, first], others = 0.0, np.delete(np.arange(cell.robot.n_joints), first)
+    q[:, others] = lower[others] + points * (upper - lower)[others]
     chunks = [q[k : k + ARC_STATES] for k in range(0, len(q), ARC_STATES)]
     with ThreadPoolExecutor(available_threads()) as threads:
-        arcs = threads.map(lambda part: _arcs_in_shell(cell, p_BX, part, (lower[0], upper[0]), shell), chunks)
+        arcs = threads.map(lambda part: _arcs_in_shell(cell, p_BX, part, (lower[first], upper[first]), shell), chunks)
         inside, start, length = (np.concatenate(parts) for parts in zip(*arcs, strict=True))
-    return _sample_arcs(q[inside], start, length, float(upper[0] - lower[0]), len(q))
+    return _sample_arcs(q[inside], first, start, length, float(upper[first] - lower[first]), len(q))
 
 
-def _sample_arcs(q: Array, start: Array, length: Array, full: float, count: int) -> JointSamples:
-    """Place equidistant points on the concatenated arcs (m, A) of samples q (m, N); ``count`` with those without."""
+def first_turn(cell: Site) -> int:
+    """Return the first joint that turns, from 0: those before it slide, so that its axis keeps its direction."""
+    return int(np.argmin(cell.robot.slides))
+
+
+def _sample_arcs(q: Array, joint: int, start: Array, length: Array, full: float, count: int) -> JointSamples:
+    """Place equidistant points on the concatenated arcs (m, A) of a joint of samples q (m, N).
+
+    ``count``: of samples, with those that have no arc.
+    """
     ends = np.cumsum(length.ravel())
     used = np.count_nonzero(length)
     if used == 0:
@@ -102,30 +115,37 @@ def _sample_arcs(q: Array, start: Array, length: Array, full: float, count: int)
     s = (np.arange(int(PER_ARC * used)) + 0.5) * spacing
     arc = np.minimum(np.searchsorted(ends, s, side="right"), len(ends) - 1)
     out = q[arc // length.shape[1]].copy()
-    out[:, 0] = start.ravel()[arc] + (s - (ends[arc] - length.ravel()[arc]))
+    out[:, joint] = start.ravel()[arc] + (s - (ends[arc] - length.ravel()[arc]))
     return JointSamples(out, max(len(out), round(count * full / spacing)))
+
+
+def _along(x: Array, e: Array) -> Array:
+    """Return the parts of x (n, 3) along e, one direction (1, 3) for all or (n, 3), (n,)."""
+    return np.asarray(x @ e[0] if len(e) == 1 else np.einsum("ni,ni->n", x, e))
 
 
 def _arcs_in_shell(
     cell: Site, p_BX: Array, q: Array, joint_range: tuple[float, float], shell: tuple[float, float]
 ) -> tuple[np.ndarray, Array, Array]:
-    """Arcs of the first joint that lie in the shell, for q with q1 = 0: start and length, (m, A) [rad].
+    """Arcs of the first joint that turns that lie in the shell, for q with 0 there: start and length, (m, A) [rad].
 
     Of those states alone, (n,) bool and returned first, whose circle meets the shell.
 
-    L² = h² + r² + f² − 2 r f cos φ: h along axis 1, r and f the distances of the MAP and the fixture from it,
+    L² = h² + r² + f² − 2 r f cos φ: h along its axis, r and f the distances of the MAP and the fixture from it,
     φ the angle between them.
     """
-    chain, sense = cell.chain, float(cell.robot.sense_matrix[0, 0])
+    chain, joint = cell.chain, first_turn(cell)
+    sense = float(cell.robot.sense_matrix[joint, joint])
     lower, upper = joint_range
-    first = next(k for k, t in enumerate(chain.transforms) if t.joint == 0)
-    motion = chain.forward(cell.robot.theta(q[:1]))
-    u, c = motion.u[first, :, 0], motion.p[first, :, 0]
+    first = chain.joint_places[joint]
+    motion = chain.forward(cell.robot.theta(q if joint else q[:1]))  # slides before it shift the axis
+    u, c = motion.u[first, :, 0], motion.p[first].T
     x, f = cell.map_position(q) - c, p_BX - c
-    e1 = f - (f @ u) * u
-    f_radial = float(np.linalg.norm(e1))
-    e1 = e1 / f_radial if f_radial > 1e-9 else np.linalg.svd(u[None])[2][1]
-    along, across = x @ e1, x @ np.cross(u, e1)
+    e1 = f - (f @ u)[:, None] * u
+    f_radial = np.linalg.norm(e1, axis=1)
+    away = f_radial > 1e-9
+    e1 = np.where(away[:, None], e1, np.linalg.svd(u[None])[2][1]) / np.where(away, f_radial, 1.0)[:, None]
+    along, across = _along(x, e1), _along(x, np.cross(u, e1))
     r = np.hypot(along, across)
     square = (x @ u - f @ u) ** 2 + r**2 + f_radial**2
     scale = np.maximum(2 * r * f_radial, 1e-12)

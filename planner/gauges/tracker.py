@@ -163,7 +163,7 @@ class PoseTracker(Tracker):
 
     def project(self, setup: Placement, samples: Samples, motion: ForwardPass, which: np.ndarray) -> Array:
         """The screws and the axes of what turns, (k, 6, n)."""
-        turns = motion.u[which] * motion.rotation[which, None, None]
+        turns = motion.turns(which)
         return np.concatenate([motion.point_screws(which), turns], axis=1)
 
     def targets(self, setup: Placement, samples: Samples, readings: Readings) -> Targets:

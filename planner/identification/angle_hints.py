@@ -44,7 +44,7 @@ def _other_countings(robot: Robot) -> Iterator[tuple[Robot, str]]:
         yield replace(robot, sense_matrix=flipped), f"perhaps joint {i + 1} counts the other way: give it sense = -1"
     for i in range(robot.n_joints):
         for k in range(robot.n_joints):
-            for c in (-1.0, 1.0) if k != i else ():
+            for c in (-1.0, 1.0) if k != i and not robot.slides[[i, k]].any() else ():
                 coupled = A.copy()
                 coupled[i, k] += c * np.sign(A[i, i])
                 words = f"perhaps joint {k + 1} drives joint {i + 1} along: give it couple = {{ {k + 1} = {c:g} }}"

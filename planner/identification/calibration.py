@@ -115,7 +115,7 @@ def find_joint_zeros(
     ``controller``: name of its language, where it is not the one of the robot's maker.
     An axis that the run does not show, or that counts with a joint that it does not show, has none.
     """
-    names = [f"theta{k + 1}" for k in range(robot.n_joints)]
+    names = robot.zero_names
     seen = {e.name: e for e in estimates if e.identifiable}
     shift = np.array([seen[n].value - seen[n].nominal if n in seen else 0.0 for n in names])
     std = np.array([(seen[n].std or 0.0) if n in seen else 0.0 for n in names])
@@ -130,6 +130,7 @@ def find_joint_zeros(
             offset=float(zero[k]),
             offset_std=float(sigma[k]),
             absorbs=seen[names[k]].absorbs if names[k] in seen else (),
+            slides=bool(robot.slides[int(np.abs(turn[k]).argmax())]) or None,
         )
         for k in np.flatnonzero(shown)
     )
@@ -182,7 +183,7 @@ def other_zeros_text(c: Calibration) -> list[str]:
 
 def _zero_list(zeros: Sequence[JointZero]) -> str:
     return ", ".join(
-        f"joint {z.joint} {_degrees(z.offset, z.offset_std, '+')} ± {_degrees(z.offset_std, z.offset_std)}°"
+        f"joint {z.joint} {_degrees(z.offset, z.offset_std, '+')} ± {_degrees(z.offset_std, z.offset_std)}{z.unit}"
         f"{'*' if z.absorbs else ''}"
         for z in zeros
     )

@@ -40,7 +40,7 @@ def expected_error_csv(released: ReleasedRobot) -> str:
     The rms of a column is the robot's error over the workspace as ``identification.json`` and the report state it.
     """
     tool = released.tool
-    head = [f"q{j + 1}_deg" for j in range(tool.q.shape[1])]
+    head = released.fit.setup.robot.joint_columns("q")
     head += ["x_mm", "y_mm", "z_mm", "nominal_mm", "geometry_mm", "released_mm"]
     errors = [released.likely_errors(fit) for fit in (None, released.geometry, released.fit)]
     rows = np.column_stack([to_deg(tool.q), to_mm(tool.position), to_mm(np.stack(errors, axis=1))])

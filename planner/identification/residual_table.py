@@ -39,7 +39,9 @@ def _circumstances(run: Run) -> dict[str, np.ndarray]:
     out["place"] = np.array(run.places)[s.place]
     if s.point is not None:
         out["point"] = np.array(run.points)[s.point]
-    return out | {f"q{j + 1}_deg": _round_column(to_deg(q)) for j, q in enumerate(s.q.T)}
+    return out | {
+        f"q{j}_{'mm' if j in run.slides else 'deg'}": _round_column(to_deg(q)) for j, q in enumerate(s.q.T, start=1)
+    }
 
 
 def _reading(run: Run) -> dict[str, np.ndarray]:

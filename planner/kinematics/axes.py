@@ -34,11 +34,14 @@ class ControllerTable(StrictModel):
 
     ``c[i] = sense[i] · q[i] + zero_deg[i]``, plus ``factor · c[other]`` for each ``[axis, other, factor]`` of
     ``coupling``, axes counted from 1; or ``same = true``. ``limit_deg`` and ``speed_deg_s`` are the controller's axes'.
+    Where joints slide, the controller's axes are those that turn and behind them those that slide, as external axes;
+    ``zero_mm`` are the zeros of these, and ``limit_deg`` and ``speed_deg_s`` are not said.
     """
 
     same: bool = False
     sense: tuple[Literal[1, -1], ...] = ()
     zero_deg: tuple[Annotated[float, Field(ge=-MOST_ZERO, le=MOST_ZERO)], ...] = ()
+    zero_mm: tuple[Coordinate, ...] = ()
     coupling: tuple[tuple[int, int, Annotated[float, Field(ge=-MOST_FACTOR, le=MOST_FACTOR)]], ...] = ()
     limit_deg: tuple[tuple[Coordinate, Coordinate], ...] = ()
     speed_deg_s: tuple[PositiveFloat, ...] = ()
@@ -46,8 +49,8 @@ class ControllerTable(StrictModel):
 
     @model_validator(mode="after")
     def _stated(self) -> ControllerTable:
-        if self.same and (self.sense or self.zero_deg or self.coupling):
-            raise ValueError("same = true leaves no room for sense, zero_deg or coupling: give one of the two")
+        if self.same and (self.sense or self.zero_deg or self.zero_mm or self.coupling):
+            raise ValueError("same = true leaves no room for sense, zeros or coupling: give one of the two")
         if not self.same and not (self.sense and self.zero_deg):
             raise ValueError("give sense and zero_deg of every axis, or same = true where all count as the model's do")
         if (left := PLACEHOLDER.search(self.source)) is not None:
@@ -100,7 +103,7 @@ class AxisConvention:
     @property
     def is_coupled(self) -> bool:
         """Whether an axis counts with another one."""
-        return not np.array_equal(np.diag(np.diag(self.matrix)), self.matrix)
+        return bool((np.count_nonzero(self.matrix, axis=1) > 1).any())
 
     @property
     def different(self) -> tuple[int, ...]:
@@ -170,11 +173,15 @@ def _terms(own: int, row: Array, offset: float) -> str:
 
 @dataclass(frozen=True)
 class JointRange:
-    """Limits (N,) [rad] and full speeds (N,) [rad/s] of the model's joints, which a controller's follow from."""
+    """Limits (N,) [rad] and full speeds (N,) [rad/s] of the model's joints, which a controller's follow from.
+
+    ``slides``: which of them slide, (N,) bool.
+    """
 
     lower: Array
     upper: Array
     speed: Array
+    slides: np.ndarray | None = None
 
     def seen_by(self, matrix: Array, zero: Array) -> JointRange:
         """Return the limits of ``M q + z``, each axis alone: of axes that are coupled the widest that can occur."""
@@ -209,16 +216,15 @@ def convention_from_table(where: str, controller: str, table: ControllerTable, j
             strokes that the model's joints leave.
     """
     n, at = len(joints.speed), f"{where}: [controllers.{controller}]"
-    for key in ("sense", "zero_deg", "limit_deg", "speed_deg_s"):
-        count = len(getattr(table, key))
-        if count not in (0, n):
-            raise InputError(f"{at} {key} has {count} values, the robot has {n} joints")
-    matrix: Array = np.eye(n)
+    slides = np.zeros(n, dtype=bool) if joints.slides is None else joints.slides
+    order = np.argsort(slides, kind="stable")  # those that turn come first
+    _check_counts(at, table, n, int(slides.sum()))
+    matrix: Array = np.eye(n)[order]
     zero: Array = np.zeros(n)
     if not table.same:
-        back: Array = np.asarray(np.linalg.inv(np.eye(n) - _coupling(at, table, n)), dtype=float)
-        matrix = np.asarray(back @ np.diag([float(s) for s in table.sense]))
-        zero = np.asarray(back @ from_deg(table.zero_deg))
+        back: Array = np.asarray(np.linalg.inv(np.eye(n) - _coupling(at, table, n, int(slides.sum()))), dtype=float)
+        matrix = np.asarray(back @ np.diag([float(s) for s in table.sense]) @ matrix)
+        zero = np.asarray(back @ from_deg((*table.zero_deg, *(table.zero_mm or (0.0,) * int(slides.sum())))))
     seen = joints.seen_by(matrix, zero)
     lower, upper = (
         (from_deg(side) for side in zip(*table.limit_deg, strict=True)) if table.limit_deg else (seen.lower, seen.upper)
@@ -238,10 +244,24 @@ def convention_from_table(where: str, controller: str, table: ControllerTable, j
     return found
 
 
-def _coupling(at: str, table: ControllerTable, n: int) -> Array:
+def _check_counts(at: str, table: ControllerTable, n: int, slides: int) -> None:
+    """Refuse lists that have not a value for each axis; ``slides`` of the n joints slide."""
+    most = {"sense": n, "zero_deg": n - slides, "zero_mm": slides, "limit_deg": n, "speed_deg_s": n}
+    for key, expected in most.items():
+        count = len(getattr(table, key))
+        if slides and count and key in ("limit_deg", "speed_deg_s"):
+            raise InputError(f"{at} {key} is not for a robot with a joint that slides: the joints' own limits hold")
+        if count not in (0, expected):
+            which = "" if expected == n else " that slide" if key == "zero_mm" else " that turn"
+            raise InputError(f"{at} {key} has {count} values, the robot has {expected} joints{which}")
+
+
+def _coupling(at: str, table: ControllerTable, n: int, slides: int) -> Array:
     """Return K (n, n): each axis turns by K times the controller's other axes."""
     out = np.zeros((n, n))
     for axis, other, factor in table.coupling:
+        if max(axis, other) > n - slides and slides:
+            raise InputError(f"{at} coupling [{axis}, {other}, {factor:g}]: axes that slide count with no other")
         if not (1 <= axis <= n and 1 <= other <= n) or axis == other or factor == 0.0 or out[axis - 1, other - 1]:
             raise InputError(
                 f"{at} coupling [{axis}, {other}, {factor:g}]: [axis, other_axis, factor] with two different axes of 1 "
@@ -281,13 +301,14 @@ def _check_strokes(at: str, found: AxisConvention, seen: JointRange) -> None:
         )
 
 
-def advice(controller: str, n: int) -> str:
-    """Return the lines of TOML that state a convention, to be completed."""
-    ones, zeros = ", ".join(["1"] * n), ", ".join(["0"] * n)
+def advice(controller: str, n: int, slides: int = 0) -> str:
+    """Return the lines of TOML that state a convention, to be completed; ``slides`` of the n joints slide."""
+    ones, zeros, travels = (", ".join([v] * k) for v, k in (("1", n), ("0", n - slides), ("0", slides)))
+    more = f"    zero_mm = [{travels}]  # the same of those that slide, behind the others\n" if slides else ""
     return (
         f"    [controllers.{controller}]\n"
         f"    sense = [{ones}]  # -1 where the controller's axis counts the other way\n"
-        f"    zero_deg = [{zeros}]  # what the controller shows where the model's joints stand at 0\n"
+        f"    zero_deg = [{zeros}]  # what the controller shows where the model's joints stand at 0\n{more}"
         '    source = "jogged at the robot on <date>"\n'
         "or, where every axis counts as the model's does:\n"
         f"    [controllers.{controller}]\n"

@@ -23,8 +23,9 @@ class Transform:
         kind: ``translation`` [m] or ``rotation`` [rad].
         axis: 0, 1 or 2 for x, y or z.
         nominal: constant part of its value, m or rad.
-        joint: index of the joint whose angle is added to the value, or ``None``.
+        joint: index of the joint whose variable is added to the value, or ``None``.
         fixed: whether it has no error of its own, because other transforms have it.
+        travel: of a joint that slides, how far its variable is from 0 at most [m].
     """
 
     name: str
@@ -33,6 +34,12 @@ class Transform:
     nominal: float
     joint: int | None = None
     fixed: bool = False
+    travel: float = 0.0
+
+    @property
+    def extent(self) -> float:
+        """The longest that a translation can be [m], whatever its joint does."""
+        return abs(self.nominal) + self.travel
 
 
 @dataclass(frozen=True)
@@ -52,6 +59,10 @@ class ForwardPass:
     u: Array
     p: Array
     rotation: np.ndarray
+
+    def turns(self, which: np.ndarray) -> Array:
+        """Angular velocity per unit of the transforms at ``which``, (k, 3, n): none of a translation."""
+        return np.asarray(self.u[which] * self.rotation[which, None, None])
 
     def point_screws(self, which: np.ndarray | None = None) -> Array:
         """Velocity of the measured point per unit of each transform's value, (K, 3, n), or of those at ``which``."""
@@ -75,7 +86,8 @@ class ForwardPass:
 class Chain:
     """Elementary transforms from the base to the measured point.
 
-    Values are ``nominal + theta[joint] + delta``; angles are those of the kinematic rows, not the controller's.
+    Values are ``nominal + theta[joint] + delta``; the variables theta are those of the kinematic rows, in rad, or in m
+    where a joint slides, and not the controller's.
     """
 
     transforms: tuple[Transform, ...]
@@ -187,12 +199,15 @@ ROW_MOVES = {"theta": "Rz", "d": "Tz", "a": "Tx", "alpha": "Rx", "beta": "Ry"}
 KINDS: dict[str, Kind] = {"R": "rotation", "T": "translation"}
 
 
-def dh_row(convention: str, i: int, values: Mapping[str, float]) -> list[Transform]:
-    """Return the transforms of row i (from 1) in standard (``dh``) or modified DH (``mdh``), values in m and rad."""
+def dh_row(convention: str, i: int, values: Mapping[str, float], variable: str = "theta") -> list[Transform]:
+    """Return the transforms of row i (from 1) in standard (``dh``) or modified DH (``mdh``), values in m and rad.
+
+    ``variable``: what of the row the joint moves, ``theta``, or ``d`` where it slides.
+    """
     row = []
     for key in (key for key in ROWS[convention] if key in values):
         move = ROW_MOVES[key]
-        name, joint = f"{key}{i - is_of_link_before(convention, key)}", i - 1 if key == "theta" else None
+        name, joint = f"{key}{i - is_of_link_before(convention, key)}", i - 1 if key == variable else None
         row.append(Transform(name, KINDS[move[0]], "xyz".index(move[1]), values[key], joint))
     return row
 

@@ -86,7 +86,7 @@ def tool_pose(chain: Chain, robot: Robot, q: Array) -> tuple[Array, Array, Array
     """
     motion = chain.forward(robot.theta(q))
     moving = chain.joint_places
-    screws = np.concatenate([motion.point_screws(moving), motion.u[moving]], axis=1)  # (N, 6, n) by theta
+    screws = np.concatenate([motion.point_screws(moving), motion.turns(moving)], axis=1)  # (N, 6, n) by theta
     J = np.einsum("jkn,ji->nki", screws, robot.sense_matrix)
     return motion.x.T, np.moveaxis(motion.R, 2, 0), J
 
@@ -145,7 +145,7 @@ def reaching_joints(chain: Chain, robot: Robot) -> tuple[int, ...]:
     """
     q = np.random.default_rng(0).uniform(robot.q_lower, robot.q_upper, (REACHING_STATES, robot.n_joints))
     screws = chain.forward(robot.theta(q)).point_screws(chain.joint_places)  # (N, 3, n) by theta
-    sets = list(combinations(range(robot.n_joints), 3))
+    sets = list(combinations(np.flatnonzero(~robot.slides).tolist(), 3))
     J = np.moveaxis(screws[np.array(sets)], 3, 1)  # (sets, n, 3 joints, 3)
     worth = np.median(np.linalg.svd(J, compute_uv=False)[..., -1], axis=1)
     return sets[int(np.argmax(worth > REACHING_SHARE * worth.max()))]
@@ -181,7 +181,7 @@ def solve_point_ik(chain: Chain, robot: Robot, q: Array, p_B: Array) -> tuple[Ar
     theta[:, moved] = found.q
     solved = np.linalg.solve(robot.sense_matrix, (theta - robot.theta_zero).T).T
     whole = TURN * np.round((solved - (robot.q_lower + robot.q_upper) / 2) / TURN)
-    return np.asarray(solved - whole), missing
+    return np.asarray(solved - np.where(robot.slides, 0.0, whole)), missing
 
 
 def retract_tool(chain: Chain, robot: Robot, q: Array, way: Array) -> tuple[Array, Array]:

@@ -24,6 +24,10 @@ class LinkMass:
     com: Array
 
 
+# A joint that slides counts its travel such that a millimetre of it is what a degree is of a joint that turns. So one
+# number does at the border for either, with the unit beside it, and theta = A q + theta_zero is in m there.
+SLIDE = MM / DEG  # [m/rad]
+
 # how the base stands; before the rows
 BASE_TRANSFORMS = (*xyz_transforms("base_", "translation"), *xyz_transforms("base_r", "rotation"))
 
@@ -120,7 +124,9 @@ class Priors:
 
 @dataclass(frozen=True)
 class Robot:
-    """A revolute chain of five joints or more.
+    """A chain of five joints or more that turn, or slide.
+
+    Joint variables q are angles [rad]; of a joint that slides q is its travel over ``SLIDE``.
 
     Attributes:
         name: short name, as cell files use it.
@@ -128,7 +134,7 @@ class Robot:
         convention: ``dh``, ``mdh`` or ``urdf``.
         transforms: elementary transforms from the base to the flange.
         link_end: number of transforms up to the end of link frame 0 (the base) … N.
-        sense_matrix: A of ``theta = A q + theta_zero``, (N, N).
+        sense_matrix: A of ``theta = A q + theta_zero``, (N, N); the row of a joint that slides holds ``SLIDE``.
         theta_zero: (N,) [rad].
         q_lower, q_upper: limits of the joints, (N,) [rad].
         speed, acceleration, jerk: of the joints, (N,) [rad/s, rad/s², rad/s³].
@@ -216,6 +222,36 @@ class Robot:
         return len(self.speed)
 
     @cached_property
+    def slides(self) -> np.ndarray:
+        """Which joints slide, (N,) bool; the others turn."""
+        return np.array([self.transforms[k].kind == "translation" for k in self.chain.joint_places], dtype=bool)
+
+    @cached_property
+    def joint_units(self) -> tuple[str, ...]:
+        """The unit of each joint at the border, ``deg`` or ``mm``."""
+        return tuple("mm" if slides else "deg" for slides in self.slides)
+
+    @property
+    def slide_numbers(self) -> frozenset[int]:
+        """Numbers of the joints that slide, from 1."""
+        return frozenset((np.flatnonzero(self.slides) + 1).tolist())
+
+    def joint_columns(self, stem: str) -> list[str]:
+        """Return the columns of a quantity of the joints: ``q1_deg``, or ``q1_mm`` of one that slides."""
+        return [f"{stem}{j}_{unit}" for j, unit in enumerate(self.joint_units, start=1)]
+
+    @cached_property
+    def zero_names(self) -> tuple[str, ...]:
+        """Names of the transforms that the joints move: an error of one is an error of that joint's zero."""
+        return tuple(self.transforms[k].name for k in self.chain.joint_places)
+
+    @property
+    def one_turn(self) -> tuple[Array, Array]:
+        """Range of each joint, both ends (N,): of a joint that turns no more than a turn about 0."""
+        lower, upper = np.maximum(self.q_lower, -np.pi), np.minimum(self.q_upper, np.pi)
+        return np.where(self.slides, self.q_lower, lower), np.where(self.slides, self.q_upper, upper)
+
+    @cached_property
     def chain(self) -> Chain:
         """The chain from the base to the flange."""
         return Chain(self.transforms)
@@ -242,7 +278,8 @@ class Robot:
             f"{self.path}: does not say how the axes of '{controller}' follow from the joints of {self.name}"
             f"{did_you_mean(controller, list(found))} (it says so of: {names_of(self.conventions)}), and a program or "
             "log in the wrong axes makes a wrong robot. Jog each axis by +10 degrees, compare with the model "
-            f"(docs/how-to/robot.md), and add\n{advice(controller, self.n_joints)}{_needs_file(self)}"
+            f"(docs/how-to/robot.md), and add\n{advice(controller, self.n_joints, len(self.slide_numbers))}"
+            f"{_needs_file(self)}"
         )
 
     def in_axes(self, convention: AxisConvention) -> Robot:

@@ -1,12 +1,12 @@
 """The file ``robot.toml`` as the contract gives it (schema ``edbb-robot/1``): millimetres and degrees."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field, field_validator, model_validator
+from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from planner.common.schema import Coordinate, OneLine, PositiveFloat, StrictModel
-from planner.common.units import DEG, MM, from_deg, from_mm, read_only
+from planner.common.units import DEG, MM, from_deg, from_mm, read_only, to_mm
 from planner.kinematics.axes import ControllerTable
 from planner.kinematics.bodies import LinkBodyFile, Vector
 from planner.kinematics.robot import LinkMass, Priors
@@ -18,9 +18,23 @@ SPEED_TIME = 0.25  # [s] to full speed, and the ratio acceleration/jerk, where a
 NEXT_BUT_ONE = 2  # links apart
 
 
-class JointTable(StrictModel):
-    """One ``[[joints]]`` table, from base to flange; ``name`` as the arm's own software calls the joint."""
+DRIVE_KEYS = {  # what planning asks of a joint: the keys of one that turns, and of one that slides
+    "zero": ("zero_deg", "zero_mm"),
+    "limit": ("limit_deg", "limit_mm"),
+    "speed": ("speed_deg_s", "speed_mm_s"),
+    "acceleration": ("acceleration_deg_s2", "acceleration_mm_s2"),
+    "jerk": ("jerk_deg_s3", "jerk_mm_s3"),
+}
+LEAST_STROKE = 5.0  # [mm] limits of a slide that are all nearer to 0 are metres
 
+
+class JointTable(StrictModel):
+    """One ``[[joints]]`` table, from base to flange; ``name`` as the arm's own software calls the joint.
+
+    ``variable``: what of its row a joint moves, ``d`` where it slides; its limits and speeds are then in mm.
+    """
+
+    variable: Literal["theta", "d"] = "theta"
     name: Annotated[str, Field(pattern=r"^[A-Za-z][\w/.-]*$")] = ""
     alpha_deg: Coordinate | None = None
     a_mm: Coordinate | None = None
@@ -34,40 +48,69 @@ class JointTable(StrictModel):
     speed_deg_s: PositiveFloat | None = None
     acceleration_deg_s2: PositiveFloat | None = None
     jerk_deg_s3: Annotated[float, Field(gt=0, le=1e9)] | None = None
+    zero_mm: Coordinate = 0.0
+    limit_mm: tuple[Coordinate, Coordinate] | None = None
+    speed_mm_s: PositiveFloat | None = None
+    acceleration_mm_s2: PositiveFloat | None = None
+    jerk_mm_s3: Annotated[float, Field(gt=0, le=1e9)] | None = None
     gear_ratio: PositiveFloat | None = None
     mass_kg: LinkMassKg | None = None
     com_mm: Vector | None = None
 
-    @field_validator("limit_deg")
+    @field_validator("limit_deg", "limit_mm")
     @classmethod
-    def _ordered(cls, value: tuple[float, float] | None) -> tuple[float, float] | None:
+    def _ordered(cls, value: tuple[float, float] | None, info: ValidationInfo) -> tuple[float, float] | None:
         if value is None:
             return None
         if value[0] >= value[1]:
             raise ValueError("the lower limit must lie below the upper one")
-        if max(abs(v) for v in value) <= 2 * np.pi + 1e-9:
+        largest = max(abs(v) for v in value)
+        if info.field_name == "limit_deg" and largest <= 2 * np.pi + 1e-9:
             raise ValueError("these look like radians; limits are in degrees")
+        if info.field_name == "limit_mm" and largest <= LEAST_STROKE:
+            raise ValueError("these look like metres; limits of a joint that slides are in millimetres")
         return value
 
     @classmethod
     def from_urdf(cls, joint: UrdfJoint, said: "JointTable | None" = None) -> "JointTable":
         """Return what a URDF says of a joint, with what ``said`` has of it instead."""
-        lower, upper, speed = (float(np.rad2deg(v)) for v in (joint.lower, joint.upper, joint.speed))
+        show = to_mm if joint.slides else np.rad2deg
+        lower, upper, speed = (float(show(v)) for v in (joint.lower, joint.upper, joint.speed))
+        drives: dict[str, Any] = {
+            "limit": (lower, upper) if np.isfinite([lower, upper]).all() else None,
+            "speed": speed if speed > 0 else None,
+        }
         found = cls.model_construct(  # limits of a few degrees are right in a file that has radians
+            variable="d" if joint.slides else "theta",
             sense=joint.sense,
-            limit_deg=(lower, upper) if np.isfinite([lower, upper]).all() else None,
-            speed_deg_s=speed if speed > 0 else None,
             name=joint.name,
+            **{DRIVE_KEYS[key][joint.slides]: value for key, value in drives.items()},
         )
-        return found.model_copy(update={} if said is None else {k: getattr(said, k) for k in said.model_fields_set})
+        told = {} if said is None else {k: getattr(said, k) for k in said.model_fields_set}
+        return found.model_copy(update=told | {"variable": found.variable})
+
+    @property
+    def slides(self) -> bool:
+        """Whether it slides; else it turns."""
+        return self.variable == "d"
+
+    def drive(self, key: str) -> Any:
+        """Return its zero, limits (both ends), speed, acceleration or jerk, in degrees or millimetres."""
+        return getattr(self, DRIVE_KEYS[key][self.slides])
+
+    @property
+    def foreign_key(self) -> str | None:
+        """A key that is given in the unit of the other kind of joint; ``None`` where there is none."""
+        others = (keys[not self.slides] for keys in DRIVE_KEYS.values())
+        return next((key for key in others if key in self.model_fields_set), None)
 
     def with_estimates(self) -> "JointTable":
         """Return the joint with acceleration and jerk, each where it is unsaid estimated from the speed."""
-        if self.speed_deg_s is None:
+        if (speed := self.drive("speed")) is None:
             return self
-        acceleration = self.acceleration_deg_s2 or self.speed_deg_s / SPEED_TIME
-        jerk = self.jerk_deg_s3 or acceleration / SPEED_TIME
-        return self.model_copy(update={"acceleration_deg_s2": acceleration, "jerk_deg_s3": jerk})
+        acceleration = self.drive("acceleration") or speed / SPEED_TIME
+        found = {"acceleration": acceleration, "jerk": self.drive("jerk") or acceleration / SPEED_TIME}
+        return self.model_copy(update={DRIVE_KEYS[key][self.slides]: value for key, value in found.items()})
 
     @property
     def row(self) -> dict[str, float]:
@@ -160,6 +203,14 @@ class RobotDescription(StrictModel):
             gone = [k for k in ("alpha_deg", "a_mm", "d_mm", "theta_deg") if getattr(joint, k) is None]
             if gone:
                 raise ValueError(f"joint {i} has no {', '.join(gone)}, which convention '{self.convention}' needs")
+            if key := joint.foreign_key:
+                kind = 'slides (variable = "d")' if joint.slides else 'turns (one that slides has variable = "d")'
+                raise ValueError(f"joint {i} {kind}, and has {key}")
+            sliding = [k for k in (i, *joint.couple) if 1 <= k <= len(self.joints) and self.joints[k - 1].slides]
+            if joint.couple and sliding:
+                raise ValueError(
+                    f"joint {i} is coupled, and joint {sliding[0]} slides: only joints that turn are coupled"
+                )
             wrong = [j for j in joint.couple if not 1 <= j <= len(self.joints)]
             if wrong:
                 raise ValueError(f"joint {i} is coupled to joint {wrong[0]}, but there are {len(self.joints)} joints")

@@ -20,14 +20,17 @@ ReachMm = Annotated[float, Field(ge=50, le=20_000)]
 RepeatabilityMm = Annotated[float, Field(ge=1e-3, le=10)]  # the best arms repeat to 5 µm, toys to a millimetre
 SHORTEST, LONGEST = 0.05, 20.0  # [m] from base to flange along the links
 REACH_SHARE = (0.3, 1.1)  # of that length: makers state the reach of the wrist's centre from axis 1, 0.58 to 0.77 of it
+TRACK_MOST = 50_000.0  # [mm] of a linear track: 47 m are on the market
 ARM_AXES = 3  # the first ones carry the arm; cables and castings stop them
 ARM_MOST = 400.0  # [deg] that such an axis turns to either side
 WRIST_MOST = 8 * 360.0  # [deg] an end of the wrist may turn several times, some to ±2700°
 ONE_SIDED = (540.0, 2.0)  # [deg] beyond which both limits of an axis are alike to this factor: it has no own stop there
 
 
-def check_joint_limits(path: Path, lower: Array, upper: Array) -> None:
+def check_joint_limits(path: Path, lower: Array, upper: Array, slides: np.ndarray) -> None:
     """Refuse joint limits (N,) [rad] that no arm has; infinite ones are not stated.
+
+    ``slides``: which joints slide, (N,) bool; the limits of these count degrees for millimetres.
 
     Raises:
         InputError: naming the joint, its limits and what is allowed.
@@ -36,7 +39,14 @@ def check_joint_limits(path: Path, lower: Array, upper: Array) -> None:
         near, far = sorted(map(abs, limits))
         if not np.isfinite(far):
             continue
-        most = ARM_MOST if i <= ARM_AXES else WRIST_MOST
+        if slides[i - 1]:
+            if far > TRACK_MOST:
+                raise InputError(
+                    f"{path}: joint {i} slides, and has the limits {limits[0]:.6g} mm and {limits[1]:.6g} mm: allowed "
+                    f"are {TRACK_MOST:g} mm to either side"
+                )
+            continue
+        most = ARM_MOST if i - slides[:i].sum() <= ARM_AXES else WRIST_MOST
         said = f"{path}: joint {i} has the limits {limits[0]:.6g}° and {limits[1]:.6g}°"
         if far > most:
             raise InputError(f"{said}: allowed are {most:g}° to either side for this axis")

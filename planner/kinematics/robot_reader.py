@@ -14,7 +14,7 @@ from planner.common.units import MM, Array, from_deg, from_mm, read_only
 from planner.kinematics.axes import AxisConvention, JointRange, convention_from_table
 from planner.kinematics.chain import Transform, dh_row, frame_transforms, is_near_parallel
 from planner.kinematics.packages import COMMAND_PACKAGES, NO_PACKAGES, Packages, named_packages
-from planner.kinematics.robot import Robot
+from planner.kinematics.robot import SLIDE, Robot
 from planner.kinematics.robot_file import SPEED_TIME, JointTable, RobotDescription
 from planner.kinematics.robot_numbers import (
     check_joint_limits,
@@ -126,7 +126,7 @@ def _from_file(
         row = j.row
         if beta == "auto" and is_near_parallel(file.convention, i, n, row["alpha"]):
             row = {"beta": 0.0} | row
-        transforms += dh_row(file.convention, i, row)
+        transforms += dh_row(file.convention, i, row, j.variable)
         ends.append(len(transforms))
     return _build_robot(file, path, tuple(transforms), tuple(ends))
 
@@ -170,7 +170,11 @@ def _joints_of_urdf(file: RobotDescription, path: Path, chain: UrdfChain) -> tup
     if twice := [name for name in said if said.count(name) > 1]:
         raise InputError(f"{path}: two [[joints]] tables have the name '{twice[0]}'")
     tables = dict(zip(said, file.joints, strict=True))
-    return tuple(JointTable.from_urdf(j, tables.get(j.name)) for j in chain.joints)
+    joints = tuple(JointTable.from_urdf(j, tables.get(j.name)) for j in chain.joints)
+    for name, joint in zip(names, joints, strict=True):
+        if key := joint.foreign_key:
+            raise InputError(f"{path}: [[joints]] '{name}' {'slides' if joint.slides else 'turns'}, and has {key}")
+    return joints
 
 
 def _unchecked_links(file: RobotDescription, chain: UrdfChain) -> tuple[tuple[str, str], ...]:
@@ -197,7 +201,7 @@ def _never_meet_parts(file: RobotDescription, path: Path, chain: UrdfChain) -> t
 
 def _check_count(path: Path, n: int) -> None:
     if n < FEWEST_JOINTS:
-        raise InputError(f"{path}: {n} joints found; revolute chains of {FEWEST_JOINTS} joints and more are supported")
+        raise InputError(f"{path}: {n} joints found; arms of {FEWEST_JOINTS} joints and more are supported")
 
 
 def _build_robot(
@@ -210,18 +214,19 @@ def _build_robot(
     joints = file.joints
     whole = (*rows, *_flange_transforms(file))
     check_reach(path, whole, file.reach_mm)
-    check_joint_limits(path, _limits(joints, 0), _limits(joints, 1))
+    slides = np.array([j.slides for j in joints])
+    check_joint_limits(path, _limits(joints, 0), _limits(joints, 1), slides)
     couple = np.array([[j.couple.get(k, 0.0) for k in range(1, len(joints) + 1)] for j in joints])
-    sense = np.array([float(j.sense) for j in joints])
+    sense = np.array([float(j.sense) for j in joints]) * np.where(slides, SLIDE, 1.0)
     A = sense[:, None] * (np.eye(len(joints)) + couple)
-    zero = from_deg([j.zero_deg for j in joints])
+    zero = from_deg([j.drive("zero") for j in joints])
     masses = tuple(j.mass for j in joints)
     shapes = tuple((b.link, b.body(f"link{b.link}_{k}", path.parent)) for k, b in enumerate(file.bodies))
     sources = dict(file.sources) or ({} if urdf is None else {"all": f"URDF {path.name}"})
     if unsaid := ", ".join(_unsaid_drives(file)):
         sources[unsaid] = f"estimated: {SPEED_TIME} s to full speed"
     joints = tuple(j.with_estimates() for j in joints)
-    limits = JointRange(_limits(joints, 0), _limits(joints, 1), _limit_or_infinity(j.speed_deg_s for j in joints))
+    limits = JointRange(_limits(joints, 0), _limits(joints, 1), _limit_or_infinity(joints, "speed"), slides)
     if urdf is not None:
         masses = masses if any(masses) else tuple(j.mass for j in urdf.joints)
         shapes = (*shapes, *(b for b in urdf.bodies if b[1].branch or not shapes))
@@ -229,15 +234,15 @@ def _build_robot(
         name=file.name,
         title=file.title or file.name,
         convention=file.convention,
-        transforms=whole,
+        transforms=_with_travel(whole, limits, A, -sense * zero),
         link_end=ends,
         sense_matrix=read_only(A),
         theta_zero=read_only(-sense * zero),
         q_lower=limits.lower,
         q_upper=limits.upper,
         speed=limits.speed,
-        acceleration=_limit_or_infinity(j.acceleration_deg_s2 for j in joints),
-        jerk=_limit_or_infinity(j.jerk_deg_s3 for j in joints),
+        acceleration=_limit_or_infinity(joints, "acceleration"),
+        jerk=_limit_or_infinity(joints, "jerk"),
         repeatability=file.repeatability_mm * MM,
         priors=file.priors.priors(),
         payload=file.payload_kg,
@@ -274,16 +279,17 @@ def _conventions(
         return
     chain, A, zero = urdf
     sense = np.array([float(j.sense) for j in chain.joints])
-    matrix, offset = sense[:, None] * A, sense * zero
+    unit = np.array([SLIDE if j.slides else 1.0 for j in chain.joints])
+    matrix, offset = sense[:, None] * (A / unit[:, None]), sense * zero / unit
     seen, said = limits.seen_by(matrix, offset), f"the joints of {file.urdf}"
     yield AxisConvention(URDF_JOINTS, read_only(matrix), read_only(offset), seen.lower, seen.upper, seen.speed, said)
 
 
 def _unsaid_drives(file: RobotDescription) -> list[str]:
     """Return what is estimated of a joint that has a speed, where the file's own sources do not speak of it."""
-    keys = {"accelerations": "acceleration_deg_s2", "jerks": "jerk_deg_s3"}
-    moving = [j for j in file.joints if j.speed_deg_s is not None]
-    unsaid = [topic for topic, key in keys.items() if any(getattr(j, key) is None for j in moving)]
+    keys = {"accelerations": "acceleration", "jerks": "jerk"}
+    moving = [j for j in file.joints if j.drive("speed") is not None]
+    unsaid = [topic for topic, key in keys.items() if any(j.drive(key) is None for j in moving)]
     return [topic for topic in unsaid if not any(topic in said for said in file.sources)]
 
 
@@ -293,8 +299,25 @@ def _flange_transforms(file: RobotDescription) -> tuple[Transform, ...]:
 
 
 def _limits(joints: tuple[JointTable, ...], side: int) -> Array:
-    return read_only(from_deg([(-np.inf, np.inf)[side] if j.limit_deg is None else j.limit_deg[side] for j in joints]))
+    ends = [j.drive("limit") or (-np.inf, np.inf) for j in joints]
+    return read_only(from_deg([end[side] for end in ends]))
 
 
-def _limit_or_infinity(values: Iterable[float | None]) -> Array:
+def _limit_or_infinity(joints: tuple[JointTable, ...], key: str) -> Array:
+    values = [j.drive(key) for j in joints]
     return read_only(from_deg([np.inf if v is None else v for v in values]))
+
+
+def _with_travel(rows: tuple[Transform, ...], limits: JointRange, A: Array, zero: Array) -> tuple[Transform, ...]:
+    """Return the rows, those of joints that slide with how far they travel."""
+    ends = np.array([A @ _finite_ends(end) + zero for end in (limits.lower, limits.upper)])
+    travel = np.abs(ends).max(axis=0)
+    slides = (t.kind == "translation" and t.joint is not None for t in rows)
+    return tuple(
+        replace(t, travel=float(travel[t.joint])) if s and t.joint is not None else t
+        for t, s in zip(rows, slides, strict=True)
+    )
+
+
+def _finite_ends(ends: Array) -> Array:
+    return np.where(np.isfinite(ends), ends, 0.0)

@@ -15,7 +15,7 @@ from planner.common.files import MOST_TOML, read_bytes
 from planner.common.units import Array
 from planner.common.xml_files import XmlError, parse_xml
 from planner.kinematics.bodies import Body, rotation_from_z
-from planner.kinematics.chain import Transform, fixed_turns, frame_with_errors
+from planner.kinematics.chain import Transform, fixed_turns, frame_with_errors, xyz_transforms
 from planner.kinematics.packages import NO_PACKAGES, Packages
 from planner.kinematics.robot import LinkMass, ParkedJoint
 from planner.kinematics.urdf_elements import (
@@ -27,18 +27,22 @@ from planner.kinematics.urdf_elements import (
     read_numbers,
     read_origin,
 )
-from planner.kinematics.urdf_parked import UNITS, Branches, Parking, park_joints, parked_key, read_branches
+from planner.kinematics.urdf_parked import UNITS, Branches, Parking, park_joints, read_branches
 from planner.kinematics.urdf_tree import UrdfError, find_bodily_links, find_child, link_of, read_tree, rigid_groups
 from planner.kinematics.xacro.expander import expand_template
 
 TURN = 2 * np.pi
 SHAPELESS = "no collision shape"
+LONGEST = 50.0  # [m] to either side of a linear track: 47 m are on the market
 MOST_TURNS = 4  # to either side: wrists with an end turn up to twice, limits in degrees would be tens of turns
 
 
 @dataclass(frozen=True)
 class UrdfJoint:
-    """Name, sense, limits [rad] and largest speed [rad/s] of a revolute joint, and the mass of the link it carries."""
+    """Name, sense, limits [rad, m] and largest speed [rad/s, m/s] of a driven joint, and the mass of its link.
+
+    ``slides``: whether it is prismatic, so that its numbers are of lengths.
+    """
 
     name: str
     sense: int
@@ -46,6 +50,7 @@ class UrdfJoint:
     upper: float
     speed: float
     mass: LinkMass | None
+    slides: bool = False
 
 
 @dataclass(frozen=True)
@@ -89,7 +94,7 @@ def read_urdf(
         base: the chain's first link; what it hangs on stands still and counts as fixed to it.
 
     Raises:
-        InputError: no XML, no such link, a joint that is neither revolute, continuous nor fixed, a missing mesh.
+        InputError: no XML, no such link, a joint that neither turns, slides nor is fixed, a missing mesh.
     """
     try:
         root = parse_urdf(path, packages)
@@ -134,7 +139,7 @@ def _assemble(
     """Return the chain, and of each of its links the number of the link it belongs to and its pose (4, 4) in that."""
     still = {j.name for j in parking.joints}
     transforms: list[Transform] = []
-    ends, revolute = [0], list[UrdfJoint]()
+    ends, driven = [0], list[UrdfJoint]()
     bodies = [(0, b) for b in read_bodies(meshes, links[base], np.eye(4))]
     parts: list[tuple[str, int, Array]] = []
     placed = {base: (0, np.eye(4))}
@@ -151,32 +156,28 @@ def _assemble(
             transforms += frame_with_errors(f"_{name}", xyz, rpy)
             parts.append((name, len(transforms), motion))
             carried = carried @ T
-            placed[str(child.get("name"))] = (len(revolute), carried)
-            bodies += [(len(revolute), b) for b in read_bodies(meshes, child, carried)]
+            placed[str(child.get("name"))] = (len(driven), carried)
+            bodies += [(len(driven), b) for b in read_bodies(meshes, child, carried)]
             continue
-        if kind not in ("revolute", "continuous"):
-            cure = f"; say where it stands: [parked] {parked_key(joint)} = 0" if kind in UNITS else ""
-            raise UrdfError(f"joint '{name}' is '{kind}'; only revolute, continuous and fixed are supported{cure}")
-        if (leader := joint.find("mimic")) is not None:
+        if kind not in UNITS:
             raise UrdfError(
-                f"joint '{name}' is moved by joint '{leader.get('joint')}' (<mimic>); only joints with a drive of "
-                "their own are supported on the way to the tip"
+                f"joint '{name}' is '{kind}'; revolute, continuous, prismatic and fixed are supported: begin the chain "
+                f'behind it, base = "{find_child(joint, "child").get("link")}"'
             )
-        i = len(revolute) + 1
-        rows, sign = _joint_transforms(i, xyz, rpy, np.array(read_numbers(joint.find("axis"), "xyz", (1, 0, 0))))
+        i = len(driven) + 1
+        rows, read = _driven_joint(i, joint, xyz, rpy, read_mass(child))
         transforms += rows
         ends.append(len(transforms))
         parts.append((name, len(transforms), np.eye(4)))
         carried = np.eye(4)
         placed[str(child.get("name"))] = (i, carried)
-        lower, upper, speed = _read_limits(joint)
-        revolute.append(UrdfJoint(name, sign, lower, upper, speed, read_mass(child)))
+        driven.append(read)
         bodies += [(i, b) for b in read_bodies(meshes, child, np.eye(4))]
     named = tuple((link, k) for link, (k, _) in placed.items())
     chain = UrdfChain(
         transforms=tuple(transforms),
         link_end=tuple(ends),
-        joints=tuple(revolute),
+        joints=tuple(driven),
         bodies=tuple(bodies),
         tip=named[-1][0],
         parts=tuple(parts),
@@ -188,16 +189,40 @@ def _assemble(
     return chain, placed
 
 
+def _driven_joint(
+    i: int, joint: ET.Element, xyz: Array, rpy: Array, mass: LinkMass | None
+) -> tuple[list[Transform], UrdfJoint]:
+    """Return the transforms of joint i, whose origin is at ``xyz`` [m], ``rpy`` [rad], and what its element says."""
+    name, slides = str(joint.get("name")), joint.get("type") == "prismatic"
+    if (leader := joint.find("mimic")) is not None:
+        raise UrdfError(
+            f"joint '{name}' is moved by joint '{leader.get('joint')}' (<mimic>); only joints with a drive of "
+            "their own are supported on the way to the tip"
+        )
+    axis = np.array(read_numbers(joint.find("axis"), "xyz", (1, 0, 0)))
+    rows, sense = (_slide_transforms if slides else _joint_transforms)(i, xyz, rpy, axis)
+    return rows, UrdfJoint(name, sense, *_read_limits(joint), mass, slides)
+
+
 def _read_limits(joint: ET.Element) -> tuple[float, float, float]:
-    """Return the limits of a revolute joint [rad] and its largest speed [rad/s].
+    """Return the limits of a joint [rad, m] and its largest speed [rad/s, m/s].
 
     Limits that the file does not say are infinite, a speed is 0.
     """
     name, free = joint.get("name"), joint.get("type") == "continuous"
     limit = joint.find("limit")
+    if limit is None and joint.get("type") == "prismatic":
+        return -np.inf, np.inf, 0.0
     lower, upper = (-TURN, TURN) if free or limit is None else (number(limit, k) for k in ("lower", "upper"))
     if lower == upper == 0.0:  # what a file without these two numbers says: robot.toml has to
         return -np.inf, np.inf, _read_speed(limit)
+    if joint.get("type") == "prismatic":
+        if not -LONGEST <= lower < upper <= LONGEST:
+            raise UrdfError(
+                f"joint '{name}': lower = {lower:g} and upper = {upper:g} m are no limits; the lower one lies below "
+                f"the upper one, both within {LONGEST:g} m (are these millimetres?)"
+            )
+        return lower, upper, _read_speed(limit)
     if not -MOST_TURNS * TURN <= lower < upper <= MOST_TURNS * TURN:
         raise UrdfError(
             f"joint '{name}': lower = {lower:g} and upper = {upper:g} rad are no limits; the lower one lies below "
@@ -239,15 +264,34 @@ def _joint_transforms(i: int, xyz: Array, rpy: Array, axis: Array) -> tuple[list
 
     A small turn of the origin about the joint's own axis is the error of the joint's zero, and has no name beside it.
     """
+    k, sense, there, back = _align(i, axis)
+    rows = frame_with_errors(str(i), xyz, rpy)
+    origin, errors = rows[:-3], rows[-3:]
+    across = [e for e in errors if e.axis != k]
+    return [*origin, *there, *across, Transform(f"theta{i}", "rotation", k, 0.0, i - 1), *back], sense
+
+
+def _slide_transforms(i: int, xyz: Array, rpy: Array, axis: Array) -> tuple[list[Transform], int]:
+    """Return the transforms of joint i that slides: its origin, turned to the axis and back where that is slanted.
+
+    Its errors stand in the axes of the slide: two shifts across it, as one along it is its zero's, and the turns, of
+    which those across are the direction in which it slides.
+    """
+    k, sense, there, back = _align(i, axis)
+    moves = xyz_transforms("origin_", "translation", xyz, str(i), fixed=True)
+    shifts = [t for t in xyz_transforms("", "translation", suffix=str(i)) if t.axis != k]
+    turns = xyz_transforms("r", "rotation", suffix=str(i))
+    slide = Transform(f"d{i}", "translation", k, 0.0, i - 1)
+    return [*moves, *fixed_turns("origin_r", str(i), rpy), *there, *shifts, *turns, slide, *back], sense
+
+
+def _align(i: int, axis: Array) -> tuple[int, int, list[Transform], list[Transform]]:
+    """Return along which of x, y, z the axis of joint i lies and in which sense, and the turns to it and back."""
     if not np.linalg.norm(axis) > 1e-9:
         raise UrdfError(f"the axis of joint {i} has no length")
     axis = axis / np.linalg.norm(axis)
     k = int(np.argmax(np.abs(axis)))
-    rows = frame_with_errors(str(i), xyz, rpy)
-    origin, errors = rows[:-3], rows[-3:]
     if abs(axis[k]) > 1 - 1e-9:
-        across = [e for e in errors if e.axis != k]
-        return [*origin, *across, Transform(f"theta{i}", "rotation", k, 0.0, i - 1)], int(np.sign(axis[k]))
+        return k, int(np.sign(axis[k])), [], []
     there = fixed_turns("aligned_", str(i), Rotation.from_matrix(rotation_from_z(axis)).as_euler("ZYX")[::-1])
-    back = [replace(t, name=f"{t.name}_back", nominal=-t.nominal) for t in reversed(there)]
-    return [*origin, *there, *errors[:2], Transform(f"theta{i}", "rotation", 2, 0.0, i - 1), *back], 1
+    return 2, 1, there, [replace(t, name=f"{t.name}_back", nominal=-t.nominal) for t in reversed(there)]

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from planner.common.errors import NoSolutionError
+from planner.common.errors import InputError, NoSolutionError
 from planner.common.units import Array, from_deg, to_deg
 from planner.kinematics.axes import MODEL, AxisConvention
 from planner.kinematics.robot import Robot
@@ -61,6 +61,7 @@ def in_controller_axes(program: Program, axes: AxisConvention, dialect: Dialect,
         acceleration_deg_s2=_accelerations(program, axes),
         instructions=tuple(_turn_instructions(program, axes, speed)),
         axes=axes,
+        joint_units=_units_of(program, axes, dialect),
     )
     for number, q_deg in enumerate((turned.home_deg, *_places(turned))):
         c = from_deg(q_deg)
@@ -75,6 +76,26 @@ def in_controller_axes(program: Program, axes: AxisConvention, dialect: Dialect,
                 f"({axes.sentences(axis_names(dialect))[j]})"
             )
     return turned
+
+
+def _units_of(program: Program, axes: AxisConvention, dialect: Dialect) -> tuple[str, ...]:
+    """Return the units of the controller's axes; refuse a language whose axes there all turn.
+
+    Raises:
+        InputError: an axis that slides has no word.
+    """
+    if not program.joint_units:
+        return ()
+    units = tuple(program.joint_units[int(k)] for k in np.abs(axes.matrix).argmax(axis=1))
+    first = units.index("mm") + 1
+    if dialect.slides_from is None or first < dialect.slides_from:
+        able = [name for name in dialect_names() if load_dialect(name).slides_from is not None]
+        raise InputError(
+            f"{dialect.title}: axis {first} of {program.robot} slides; programs of this language have axes that turn"
+            f"{'' if dialect.slides_from is None else f' up to number {dialect.slides_from - 1}'}: park the joint "
+            f"([parked]), or export to one of {', '.join(able)}"
+        )
+    return units
 
 
 def _accelerations(program: Program, axes: AxisConvention) -> tuple[float, ...]:

@@ -2,7 +2,8 @@
 
 ``dialect.toml``
     What the controller takes: names and number of its axes (``angles``: whether they are the ``controller``'s,
-    which the robot's file describes, or the ``model``'s), decimals, line ends and limits (``part_lines`` of a
+    which the robot's file describes, or the ``model``'s; ``slides_from``: the first that may be one that slides, as
+    external axes are), decimals, line ends and limits (``part_lines`` of a
     file, ``max_lines`` where a program has no parts, ``block_ms`` to prepare a block), comment, blending (``none``,
     ``mm``, ``percent`` of half the leg, ``path_degrees``, or ``dense``: only small steps run on), the kind and word
     of its speed (``axis_percent``, ``tool_speed``, ``inverse_time``, ``leading_axis`` that turns furthest,
@@ -227,6 +228,7 @@ class Dialect(StrictModel):
     axes: tuple[str, ...] = Field(min_length=1)
     angles: Literal["controller", "model"] = "controller"
     min_joints: int = Field(default=1, ge=1)
+    slides_from: int | None = Field(default=None, ge=1)
     decimals: int = Field(ge=1, le=6)
     encoding: Literal["ascii", "utf-8", "latin-1"] = "ascii"
     line_ending: Literal["lf", "crlf"] = "lf"

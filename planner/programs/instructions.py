@@ -165,6 +165,8 @@ class Program:
     mass_kg: float = 0.0
     com_mm: tuple[float, float, float] = (0.0, 0.0, 0.0)
     joint_names: tuple[str, ...] = ()
+    joint_units: tuple[str, ...] = ()
+    """Unit of each axis, ``deg`` or ``mm``, where one slides: what is called degrees is millimetres of that."""
     acceleration_deg_s2: tuple[float, ...] = ()
     """Limit of each joint, for whom a program must say its ramps [deg/s²]; none where it is not known."""
     axes: AxisConvention | None = None
@@ -219,6 +221,10 @@ class Program:
             if isinstance(item, StretchBegin):
                 out.append((item.until, moves))
         return tuple(out)
+
+    def slides(self, axis: int) -> bool:
+        """Tell whether an axis, from 0, slides."""
+        return bool(self.joint_units) and self.joint_units[axis] == "mm"
 
     def without_starts(self) -> "Program":
         """Return the program for a controller that can be started at its beginning only."""

@@ -95,7 +95,8 @@ class ProgramStep:
     until: int = 0
 
 
-UNKNOWN_REDUCTION = 0  # one that depends on where the operator has started
+RADIAN_DECIMALS = 7
+UNKNOWN = 0  # a reduction that depends on where the operator has started
 
 
 def lower_program(program: ins.Program, dialect: Dialect) -> tuple[ProgramStep, ...]:
@@ -116,7 +117,7 @@ class _StepBuilder:
     """Walks the instructions once; remembers what the controller would."""
 
     def __init__(self, program: ins.Program, dialect: Dialect) -> None:
-        self.dialect = dialect
+        self.program, self.dialect = program, dialect
         self.pulses = program.controller.sync_output is not None and bool(dialect.sync.rest)
         self.waits = program.controller.gauge_input is not None
         self.blends = blend_values(program.home_deg, program.moves, dialect.blend)
@@ -190,7 +191,7 @@ class _StepBuilder:
         self._begin_branch("stretch", until)
         self.last_speed, self.last_blend = "", None
         if not self.flying and self.scaled:
-            self.reduction = UNKNOWN_REDUCTION
+            self.reduction = UNKNOWN
 
     def _begin_branch(self, kind: Literal["stretch", "entry"], number: int) -> None:
         self.branch = len(self.steps) + 1
@@ -200,7 +201,7 @@ class _StepBuilder:
         """The way to a start: exact stops, and then the reduction that the path goes on with."""
         self._begin_branch("entry", entry.at)
         reduction, here = self.reduction, self.here
-        self.reduction, self.here = UNKNOWN_REDUCTION if self.scaled else reduction, entry.origin_deg
+        self.reduction, self.here = UNKNOWN if self.scaled else reduction, entry.origin_deg
         for move, wanted in zip(entry.moves, choose_reductions(entry.moves, self.dialect.speed), strict=True):
             self._set_reduction(wanted)
             self.last_speed, self.last_blend = "", None
@@ -211,7 +212,7 @@ class _StepBuilder:
         self.steps.append(ProgramStep("end", number=self.branch))
 
     def _set_reduction(self, reduction: int) -> None:
-        if reduction not in (self.reduction, UNKNOWN_REDUCTION):
+        if reduction not in (self.reduction, UNKNOWN):
             self.reduction = reduction
             self.last_speed = ""
             self.steps.append(ProgramStep("reduction", number=reduction))
@@ -262,9 +263,9 @@ class _StepBuilder:
             blend, speed = self._circle_words(item)
         with_move = value is not None and d.sync.flying == "with_move"
         pulse, log = self._signals(mark) if value is not None else (False, False)
-        turned = sum(abs(b - a) for p, q in pairwise(points) for a, b in zip(p, q, strict=True))
+        turning = [k for k in range(self.program.n_joints) if not self.program.slides(k)]
+        turned = sum(abs(q[k] - p[k]) for p, q in pairwise(points) for k in turning)
         self.printed += 1
-        decimals = 7  # of an angle in radians: 0.1 µrad
         return MoveWords(
             words=self._words(item.q_deg),
             exact=value is None,
@@ -280,11 +281,16 @@ class _StepBuilder:
             pulse=pulse,
             log=log,
             via=() if item.via_deg is None else self._words(item.via_deg),
-            radians=tuple(format_fixed(math.radians(q), decimals) for q in item.q_deg),
-            radians_s=tuple(format_fixed(math.radians(v), decimals) for v in leg.velocity_deg_s),
+            radians=self._si(item.q_deg),
+            radians_s=self._si(leg.velocity_deg_s),
             frames=tuple(",".join(format_fixed(q, d.decimals) for q in frame) for frame in leg.frames_deg),
             number=self.printed,
         )
+
+    def _si(self, values: tuple[float, ...]) -> tuple[str, ...]:
+        """Return degrees as radians, and millimetres of axes that slide as metres."""
+        si = (v / 1e3 if self.program.slides(k) else math.radians(v) for k, v in enumerate(values))
+        return tuple(format_fixed(v, RADIAN_DECIMALS) for v in si)
 
     def _words(self, q_deg: tuple[float, ...]) -> tuple[tuple[str, str], ...]:
         return tuple(zip(self.dialect.axes, (format_fixed(q, self.dialect.decimals) for q in q_deg), strict=False))

@@ -75,7 +75,7 @@ def _plan_id_of(texts: tuple[str, ...]) -> str:
     return found.pop()
 
 
-ROUNDING_RATIO = 1.0 + 1e-6  # of what is read to what is allowed: numbers are rounded
+_SLACK = 1.0 + 1e-6
 
 
 class ProgramMismatchError(PlannerError):
@@ -137,7 +137,7 @@ def _too_abrupt(program: Program, found: ReadBack) -> Iterator[str]:
     for joint, (asked, limit) in enumerate(
         zip(found.acceleration_deg_s2, program.acceleration_deg_s2, strict=True), start=1
     ):
-        if not asked <= limit * ROUNDING_RATIO:
+        if not asked <= limit * _SLACK:
             yield f"it accelerates joint {joint} at {asked:.0f} deg/s2, allowed are {limit:.0f} deg/s2"
 
 
@@ -168,7 +168,7 @@ def _too_round(program: Program, dialect: Dialect, found: ReadBack) -> Iterator[
                 if round_leg
                 else _cut_mm(dialect, value, points[leg], points[leg + 1], program.moves[leg].travel_mm)
             )
-            if allowed <= 0.0 or not cut <= allowed * ROUNDING_RATIO:
+            if allowed <= 0.0 or not cut <= allowed * _SLACK:
                 yield f"move {index + 1} rounds its corner by {cut:.2f} mm, planned are {allowed:.2f} mm"
 
 
@@ -186,7 +186,7 @@ def _other_circles(program: Program, dialect: Dialect, found: ReadBack) -> Itera
 
 def _resolution(dialect: Dialect) -> float:
     """Return by how much a printed angle may differ [deg]."""
-    return 0.5 * 10.0**-dialect.decimals * ROUNDING_RATIO + 1e-9
+    return 0.5 * 10.0**-dialect.decimals * _SLACK + 1e-9
 
 
 def _cut_mm(
@@ -248,7 +248,7 @@ def _too_fast(
                 ratio = value / planned if planned and not first else 0.0
             case "duration":
                 ratio = 0.0 if first else move.duration_s / value
-        if not ratio <= ROUNDING_RATIO:
+        if not ratio <= _SLACK:
             yield f"{what} {number} is driven at {100.0 * ratio:.1f} % of the planned speed"
 
 
@@ -294,8 +294,10 @@ def shared_notes(programs: Mapping[str, Program]) -> tuple[str, ...]:
     return tuple(f"{', '.join(names)}: {text}" for text, names in said.items())
 
 
-def import_map(dialect_name: str, n_joints: int) -> str:
+def import_map(dialect_name: str, n_joints: int, slides: int = 0) -> str:
     """Return the column map (TOML) with which the controller's own log of the axes is imported.
+
+    ``slides``: how many of the axes, the last ones, slide.
 
     Raises:
         InputError: the dialect keeps no log.
@@ -304,13 +306,15 @@ def import_map(dialect_name: str, n_joints: int) -> str:
     log = dialect.log
     if log is None:
         raise InputError(f"{dialect.title} keeps no log of its own axes; record them with the controller's trace")
+    turning = n_joints - slides
     lines = ['schema = "edbb-map/1"', *(f"# {line}" for line in log.note.splitlines())]
     lines += [f'axes_of = "{dialect_name.partition("+")[0]}"']
     lines += [f'encoding = "{log.encoding}"', f'decimal = "{log.decimal}"']
     if log.row is not None:
         axes = (log.axis.format(axis=a, joint=i) for i, a in enumerate(dialect.axes[:n_joints], start=1))
+        axes = (a if i < turning else a.replace("_deg>", "_mm>") for i, a in enumerate(axes))
         lines.append(f"pattern = '{log.row.format(axes=','.join(axes))}'")
     else:
         lines += [f'separator = "{log.separator}"', "header = false", "[columns]", "pose = 1"]
-        lines += [f"{log.columns}{i}_deg = {i + 1}" for i in range(1, n_joints + 1)]
+        lines += [f"{log.columns}{i}_{'deg' if i <= turning else 'mm'} = {i + 1}" for i in range(1, n_joints + 1)]
     return "\n".join(lines) + "\n"

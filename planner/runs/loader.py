@@ -130,6 +130,7 @@ def _logged_run(table: RunTable, n_joints: int, pixels: Array | None) -> Run:
         (*table.warnings, *odd, *odd_cmd, *said),
         (table.source.name,),
         "truth" in table.notes,
+        table.slides,
     )
 
 

@@ -51,7 +51,15 @@ def in_model_axes(table: RunTable, axes_of: AxesOf | None) -> RunTable:
         )
     elif _is_there(table, "direction", axes.n_axes):
         frame = frame.with_columns(_combine_columns("direction", np.sign(inverse), np.zeros(axes.n_axes)))
-    return replace(table, frame=frame, notes=notes, warnings=tuple(warnings))
+    units = dict(table.units) | _model_units(table, inverse)
+    return replace(table, frame=frame, units=units, notes=notes, warnings=tuple(warnings))
+
+
+def _model_units(table: RunTable, inverse: Array) -> dict[str, str]:
+    """Return the unit of each joint's columns: that of the axis which the joint follows, where it is a length."""
+    axis = np.abs(inverse).argmax(axis=1)
+    keys = [(f"{stem}{j + 1}", f"{stem}{k + 1}") for stem in ("q", "cmd") for j, k in enumerate(axis)]
+    return {own: table.units[of] for own, of in keys if of in table.units}
 
 
 def _is_there(table: RunTable, stem: str, n: int) -> bool:

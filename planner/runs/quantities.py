@@ -65,7 +65,8 @@ def check_jumps(table: RunTable, n_joints: int) -> None:
     close = np.abs(np.diff(t)) < DENSE
     if table.has("session"):
         close &= np.diff(table.array("session")) == 0.0
-    keys = [f"{stem}{joint}" for stem in ("q", "cmd") for joint in range(1, n_joints + 1)]
+    turning = [joint for joint in range(1, n_joints + 1) if joint not in table.slides]
+    keys = [f"{stem}{joint}" for stem in ("q", "cmd") for joint in turning]
     for key in filter(table.has, keys):
         q = table.array(key)
         if (row := first_row((np.abs(np.diff(q)) > np.pi) & close)) is not None:

@@ -148,6 +148,7 @@ class Run:
         warnings: what a person should know.
         files: names that ``samples.file`` counts.
         simulated: whether its comment lines say so.
+        slides: numbers, from 1, of the joints that slide.
     """
 
     name: str
@@ -163,6 +164,7 @@ class Run:
     warnings: tuple[str, ...] = field(default=())
     files: tuple[str, ...] = ()
     simulated: bool = False
+    slides: frozenset[int] = frozenset()
 
     def __repr__(self) -> str:
         """Name the run, and say how long it is."""

@@ -31,6 +31,10 @@ from planner.runs.text import (
 
 LENGTH = {"mm": MM, "m": 1.0, "um": UM}
 ANGLE = {"deg": DEG, "rad": 1.0}
+TRAVEL = {
+    "mm": DEG,
+    "m": 1e3 * DEG,
+}  # of a joint that slides: a millimetre counts as a degree does, see kinematics.robot
 NO_UNIT: Mapping[str, float] = {}
 PLAIN: Mapping[str, Mapping[str, float]] = {
     "t": {"s": 1.0},
@@ -43,7 +47,9 @@ PLAIN: Mapping[str, Mapping[str, float]] = {
     **{name: {"px": 1.0} for name in ("u", "v")},
     **{name: NO_UNIT for name in ("session", "pose", "sync", "fixture", "ball", "point", "corner")},
 }
-OF_JOINTS: Mapping[str, Mapping[str, float]] = {"q": ANGLE, "cmd": ANGLE, "torque": {"Nm": 1.0}, "direction": NO_UNIT}
+OF_JOINTS: Mapping[str, Mapping[str, float]] = {
+    "q": ANGLE | TRAVEL, "cmd": ANGLE | TRAVEL, "torque": {"Nm": 1.0, "N": 1.0}, "direction": NO_UNIT,
+}  # fmt: skip
 NAMES = frozenset({"fixture", "ball", "point"})  # columns that hold names, not numbers
 PLAUSIBLE = {  # lowest and highest of any cell, in SI: beyond it a unit or a column is wrong
     "t": (-1e12, 1e12), "length": (0.0, 1e3), **dict.fromkeys(("x", "y", "z"), (-1e3, 1e3)),
@@ -101,7 +107,7 @@ def find_column(header: str) -> RunColumn | None:
 
 def spellings(key: str) -> str:
     """Return how a quantity's column may be called: ``"q1_deg or q1_rad"``."""
-    units = units_of(key)
+    units = [unit for unit in units_of(key) or () if unit not in TRAVEL or not split_key(key)[1]]
     return " or ".join(f"{key}_{unit}" for unit in units) if units else key
 
 
@@ -167,6 +173,12 @@ class RunTable:
     def stem(self) -> str:
         """Return the file's name without its ending."""
         return Path(self.source.file).stem
+
+    @property
+    def slides(self) -> frozenset[int]:
+        """Numbers, from 1, of the joints whose columns are lengths."""
+        keys = (split_key(key) for key, unit in self.units.items() if unit in TRAVEL)
+        return frozenset(joint for stem, joint in keys if stem in ("q", "cmd"))
 
     @property
     def n_joints(self) -> int:

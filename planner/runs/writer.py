@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -61,8 +61,8 @@ def table_of(run: Run) -> pl.DataFrame:
     turning = None if r.rotation is None else Rotation.from_matrix(r.rotation).as_euler("XYZ")
     columns: dict[str, object] = _number_columns(
         (["t"], s.t),
-        (_of_joints("q", read), read),
-        (_of_joints("cmd", s.q_cmd), s.q_cmd),
+        (_of_joints("q", read, run.slides), read),
+        (_of_joints("cmd", s.q_cmd, run.slides), s.q_cmd),
         (["length"], r.length),
         (POSITION, r.position),
         (TURNING, turning),
@@ -86,8 +86,9 @@ def table_of(run: Run) -> pl.DataFrame:
     return frame if r.pixels is None else frame_of_corners(frame, r.pixels, DECIMALS)
 
 
-def _of_joints(stem: str, values: NDArray[Any] | None) -> list[str]:
-    return [] if values is None else [f"{stem}{joint}" for joint in range(1, values.shape[1] + 1)]
+def _of_joints(stem: str, values: NDArray[Any] | None, slides: Collection[int] = ()) -> list[str]:
+    numbers = range(1, 1 if values is None else values.shape[1] + 1)
+    return [f"{stem}{joint}_mm" if joint in slides else f"{stem}{joint}" for joint in numbers]
 
 
 def _number_columns(*groups: tuple[Sequence[str], NDArray[Any] | None]) -> dict[str, object]:
@@ -97,7 +98,9 @@ def _number_columns(*groups: tuple[Sequence[str], NDArray[Any] | None]) -> dict[
         if values is None:
             continue
         for key, value in zip(keys, values.reshape(len(values), -1).T, strict=True):
-            unit, factor = next(iter((units_of(key) or {}).items()), ("", 1.0))
+            key, _, said = key.partition("_")
+            units = units_of(key) or {}
+            unit, factor = (said, units[said]) if said else next(iter(units.items()), ("", 1.0))
             whole = value.dtype.kind != "f"
             columns[f"{key}_{unit}" if unit else key] = value if whole else np.round(value / factor, DECIMALS) + 0.0
     return columns

@@ -2,10 +2,10 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field, NonNegativeInt, field_validator
+from pydantic import Field, NonNegativeInt, field_validator, model_validator
 
 from planner.common.errors import InputError
 from planner.common.schema import OneLine, PartialModel, read_json, validate
@@ -25,11 +25,10 @@ from planner.session.document_parts import (
 
 SCHEMA = "edbb-plan/1"
 MOST_WAYPOINTS = 20_000  # of a drive: a plan has hundreds
-MOST_DEG = 1e5  # [deg] of an angle that a controller could drive
-MOST_BLEND_MM = 1e4  # [mm] of a corner that a controller could round
+MOST_DEG, MOST_BLEND_MM = 1e5, 1e4  # angles and corners that no controller could drive
 
 JointDeg = Annotated[float, Field(gt=-MOST_DEG, lt=MOST_DEG)]
-"""Angle of a joint [deg]."""
+"""Angle of a joint [deg], or the travel of one that slides [mm]."""
 
 
 class WaypointRecord(PartialModel):
@@ -89,6 +88,13 @@ class TrajectoryRecord(PartialModel):
     file: str = ""
 
 
+def rename_key(value: Any, old: str, new: str) -> Any:
+    """Return the content of a document with a key called otherwise, wherever it stands."""
+    if isinstance(value, dict):
+        return {new if key == old else key: rename_key(v, old, new) for key, v in value.items()}
+    return [rename_key(v, old, new) for v in value] if isinstance(value, list | tuple) else value
+
+
 class PlanHeader(PartialModel):
     """What every plan says of itself."""
 
@@ -96,13 +102,21 @@ class PlanHeader(PartialModel):
     kind: Literal["circular"] | None = None
     plan_id: str = Field(pattern="^[0-9a-f]{12}$")
     robot: OneLine = ""
+    joint_units: tuple[Literal["deg", "mm"], ...] = ()  # where a joint slides: lists of joints are called q then
     cell: OneLine = ""
     seed: int = 0
     hashes: dict[str, str] = {}
 
+    @model_validator(mode="before")
+    @classmethod
+    def _in_joint_units(cls, data: object) -> object:
+        """Take lists of joints in several units for what they are."""
+        return rename_key(data, "q", "q_deg") if isinstance(data, dict) and data.get("joint_units") else data
+
     def content(self) -> dict[str, object]:
         """Return what ``plan.json`` says, in the contract's keys."""
-        return self.model_dump(mode="json", by_alias=True, exclude_unset=True)
+        said = self.model_dump(mode="json", by_alias=True, exclude_unset=True)
+        return said if not self.joint_units else rename_key(said, "q_deg", "q")
 
 
 class PlanDocument(PlanHeader):

@@ -20,7 +20,7 @@ from planner.design.pose_selection import PoseChoice, Pruning
 from planner.design.selection.certificate import Certificate
 from planner.motion.path.verdict import Verdict
 from planner.session.course import Waypoints
-from planner.session.document import SCHEMA, PlanDocument, PlanHeader
+from planner.session.document import SCHEMA, PlanDocument, PlanHeader, rename_key
 from planner.session.document_parts import (
     DroppedRecord,
     ErrorByNumberRecord,
@@ -56,6 +56,7 @@ def fill_document(document: type[Document], plan: SessionPlan, content: dict[str
     return filled.model_copy(update={"hashes": part_hashes(filled.content(), plan.cell)})
 
 
+PART_DIGITS = 8  # of the hash of a part: it tells which part was changed, while plan_id tells whether any was
 IN_PARTS = ("drives", "sessions")  # lists whose entries are hashed key by key
 
 
@@ -74,8 +75,7 @@ def part_hashes(content: Mapping[str, object], cell: Cell) -> dict[str, str]:
             parts |= {f"{key}[{k}].{name}": v for k, table in enumerate(tables) for name, v in table.items()}
         else:
             parts[key] = value
-    # 8: digits tell which part was changed, while plan_id tells whether any was
-    return {name: _short_hash(value)[:8] for name, value in parts.items()}
+    return {name: _short_hash(value)[:PART_DIGITS] for name, value in parts.items()}
 
 
 def changed_parts(content: Mapping[str, object], cell: Cell) -> list[str]:
@@ -93,7 +93,8 @@ def _short_hash(value: object) -> str:
 
 def content_hash(content: dict[str, object], cell: Cell) -> str:
     """Return 12 hex digits of a hash over what a plan says and the cell it is for."""
-    whole = content | {"cell_file": movable_cell(cell)[0]}
+    plain = rename_key(content, "q", "q_deg") if content.get("joint_units") else content
+    whole = plain | {"cell_file": movable_cell(cell)[0]}
     return _short_hash(whole)
 
 
@@ -120,7 +121,8 @@ def plan_record(plan: Plan) -> dict[str, object]:
 
 def origin_record(cell: Cell, seed: int) -> dict[str, object]:
     """Return what a plan is for, and the seed of everything random in it."""
-    return {"robot": cell.robot.name, "cell": cell.name, "seed": seed}
+    units = {"joint_units": list(cell.robot.joint_units)} if cell.robot.slides.any() else {}
+    return {"robot": cell.robot.name, **units, "cell": cell.name, "seed": seed}
 
 
 def _seen_record(choice: PoseChoice, pool: PoseSet) -> dict[str, object]:
@@ -330,7 +332,8 @@ class UnprovenPoses:
             "observability": observability_record(self.choice, self.certificate),
             "notes": list(self.notes),
         }
-        return {key: round_numbers(value) for key, value in content.items()}
+        rounded = {key: round_numbers(value) for key, value in content.items()}
+        return rename_key(rounded, "q_deg", "q") if self.cell.robot.slides.any() else rounded
 
     def _pose(self, k: int) -> dict[str, object]:
         q, mounting, ball = self.choice.q[k], self.choice.samples.mounting(k), self.choice.ball

@@ -190,7 +190,9 @@ def import_log(traces: Sequence[Path], plan: Path | str, dialect: str) -> Run:
             does not say how that controller counts its axes.
     """
     planned, name = read_plan(Path(plan), "poses"), f"the log of {dialect}"
-    content = tomllib.loads(import_map(dialect, len(planned.poses[0].q_deg))) | {"plan_id": planned.plan_id}
+    content = tomllib.loads(import_map(dialect, len(planned.poses[0].q_deg), planned.joint_units.count("mm"))) | {
+        "plan_id": planned.plan_id
+    }
     mapping = validate(content, ColumnMap, name)
     if len(traces) == 2 and not is_trace_of(traces[0], mapping) and is_trace_of(traces[1], mapping):
         raise InputError(f"{traces[0]} is not {name}, {traces[1]} is: give the log first, then the gauge's trace")

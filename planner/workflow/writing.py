@@ -78,7 +78,7 @@ def trajectory_csv(plan: Plan | CircularPlan) -> str:
         length = partial(plan.cell.bar_length, mounting=course.mounting)
         start = start if isinstance(plan, CircularPlan) else 0.0
         for one in course.passes:
-            frame = trajectory_table(one.trajectory, SAMPLE, length)
+            frame = trajectory_table(one.trajectory, SAMPLE, length, plan.cell.robot.joint_columns("q"))
             frames.append(frame.with_columns(pl.col("t_s") + np.round(start, 6)))
             start += one.trajectory.duration_s + SAMPLE
     return table_csv(pl.concat(frames))

@@ -198,8 +198,8 @@ MAPS = {
     ),
     "quantity": ('schema = "edbb-map/1"\n[columns]\nspeed = 1\n', "'speed' is no quantity of a run"),
     "unit wrong": (
-        'schema = "edbb-map/1"\n[columns]\nq1 = 1\n[units]\nq1 = "mm"\n',
-        "'mm' is no unit of it .allowed: deg, rad",
+        'schema = "edbb-map/1"\n[columns]\nq1 = 1\n[units]\nq1 = "um"\n',
+        "'um' is no unit of it .allowed: deg, rad, mm, m",
     ),
     "unit of nothing": (
         'schema = "edbb-map/1"\n[columns]\nq1_deg = 1\n[units]\nq2 = "deg"\n',

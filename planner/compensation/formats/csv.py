@@ -10,14 +10,15 @@ from planner.common.units import DEG, MM, Array, read_only
 from planner.compensation.correction import NominalFlange
 from planner.compensation.rotations import pose_matrix
 from planner.compensation.targets import CartesianTarget, Target, TargetReading
-from planner.compensation.tolerances import START_OFF
+from planner.kinematics.robot import Robot
 from planner.programs.languages.statements import EXPONENT_NUMBER, Lines, Slot
 
-_UNITS = {"deg": DEG, "rad": 1.0, "mm": MM, "m": 1.0, "": 1.0}
-_DECIMALS = {"deg": 6, "rad": 8, "mm": 5, "m": 8, "": 9}
+_UNITS = {"deg": DEG, "rad": 1.0, "mm": MM, "m": 1.0, "": 1.0, "travel_mm": DEG, "travel_m": 1e3 * DEG}
+_DECIMALS = {"deg": 6, "rad": 8, "mm": 5, "m": 8, "": 9, "travel_mm": 6, "travel_m": 9}
 POSES_OF_TOOL = (
     "no tool is named: by the joint angles beside them these are poses of the measured tool point, which robot.toml has"
 )
+AWAY = 60 * MM  # joint angles that a search starts from may be rounded; a base or a gripper is farther off
 Column = tuple[int, str]  # index, unit
 
 
@@ -49,7 +50,7 @@ class _TargetColumns:
             raise InputError(f"{where}: the column '{min(twice)}' stands twice")
         self.count = len(header)
         n = reading.robot.n_joints
-        self.joints = _group(header, [f"q{i}" for i in range(1, n + 1)], "deg|rad")
+        self.joints = _joint_columns(header, reading.robot)
         position = _group(header, ["x", "y", "z"], "mm|m")
         angles = _group(header, ["a", "b", "c"], "deg|rad")
         quaternion = _group(header, ["qw", "qx", "qy", "qz"], "")
@@ -59,13 +60,31 @@ class _TargetColumns:
             reading.notes.append((1, said))
         self.pose = position + (angles or quaternion) if position and (angles or quaternion) else []
         self.spelling = "abc" if angles else "quaternion"
-        extra = [name for name in header if re.fullmatch(r"q\d+_(deg|rad)", name)]
+        extra = [name for name in header if re.fullmatch(r"q\d+_(deg|rad|mm|m)", name)]
         if not self.joints or len(extra) != n:
             raise InputError(
                 f"{where}: found the columns {', '.join(header)}; a table of targets for {reading.robot.title} has "
-                f"q1_deg … q{n}_deg (or _rad); for poses also x_mm, y_mm, z_mm and a_deg, b_deg, c_deg (Z-Y'-X\" "
-                "angles) or qw, qx, qy, qz, the joint angles then being where the search starts"
+                f"{_describe_columns(reading.robot)}; for poses also x_mm, y_mm, z_mm and a_deg, b_deg, c_deg "
+                "(Z-Y'-X\" angles) or qw, qx, qy, qz, the joint angles then being where the search starts"
             )
+
+
+def _joint_columns(header: list[str], robot: Robot) -> list[Column]:
+    """Return the columns of all joints, or none; of a joint that slides they are lengths."""
+    found: list[Column] = []
+    for i, slides in enumerate(robot.slides.tolist(), start=1):
+        own = _group(header, [f"q{i}"], "mm|m" if slides else "deg|rad")
+        if not own:
+            return []
+        found += [(k, f"travel_{unit}" if slides else unit) for k, unit in own]
+    return found
+
+
+def _describe_columns(robot: Robot) -> str:
+    """Return what the columns of a robot's joints are called."""
+    if robot.slides.any():
+        return ", ".join(robot.joint_columns("q"))
+    return f"q1_deg … q{robot.n_joints}_deg (or _rad)"
 
 
 def _group(header: list[str], names: list[str], units: str) -> list[Column]:
@@ -122,7 +141,7 @@ def _row(number: int, start: int, line: str, separator: str, columns: _TargetCol
         pose_matrix(numbers[:3], words), columns.spelling, read_only(words), *frames, start=read_only(q)
     )
     off = _distance(pose, q, reading) if reading.frames.T_FT is None and reading.frames.T_WB is None else 0.0
-    if off > START_OFF:
+    if off > AWAY:
         said = "name its tool and its base (--tool, --base; six zeros where it is the flange in the robot's own frame)"
         reading.leave(number, f"the pose is {off / MM:.0f} mm from where the arm stands at its joint angles: {said}")
         return

@@ -91,7 +91,7 @@ class WorkspaceBounds:
         cell, fixture = self.workspace.cell, self.workspace.fixture
         motion = self._chain.forward(cell.robot.theta(q))
         J = np.moveaxis(motion.point_screws(self._chain.joint_places), (0, 1, 2), (2, 1, 0))
-        W = np.moveaxis(motion.u[self._chain.joint_places], (0, 1, 2), (2, 1, 0))
+        W = np.moveaxis(motion.turns(self._chain.joint_places), (0, 1, 2), (2, 1, 0))
         bar = bar_state(motion.x.T, fixture.p_BX)
         axis, spin = np.einsum("ijn,j->ni", motion.R, cell.tool.axis_F), np.zeros(len(q))
         if cell.cable.tool_about_bar is not None:

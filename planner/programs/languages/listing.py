@@ -12,9 +12,9 @@ from planner.common.errors import InputError
 from planner.programs.languages.execution import Execution
 
 MARK = "a row of the kind mark"
-HEAD = re.compile(r"kind,pose,(?P<axes>(?:q\d+_deg,)+)duration_s,blend_mm,seconds_s,text")
+HEAD = re.compile(r"kind,pose,(?P<axes>(?:q\d+_(?:deg|mm),)+)duration_s,blend_mm,seconds_s,text")
 ALLOWED = {
-    "move": {"kind", "pose", "q_deg", "duration_s", "blend_mm"},
+    "move": {"kind", "pose", "q_deg", "q", "duration_s", "blend_mm"},
     "dwell": {"kind", "seconds_s"},
     "mark": {"kind", "pose"},
     "pause": {"kind", "text"},
@@ -44,7 +44,8 @@ def parse(text: str) -> Iterator[st.Statement]:
             continue
         if width is None and (match := HEAD.fullmatch(row)):
             width = match["axes"].count(",")
-            if match["axes"] != "".join(f"q{i}_deg," for i in range(1, width + 1)):
+            numbers = re.findall(r"q(\d+)", match["axes"])
+            if numbers != [str(i) for i in range(1, width + 1)]:
                 raise InputError(f"line {line}: the columns q1_deg, q2_deg ... do not follow one another")
         elif width is None:
             yield st.Statement(*place)
@@ -74,7 +75,7 @@ def _step(place: tuple[int, int, str], found: dict[str, object]) -> st.Statement
     if not set(found) <= ALLOWED.get(kind, set()):
         return st.Statement(*place)
     if kind == "move":
-        angles, seconds, blend = found.get("q_deg"), found.get("duration_s"), found.get("blend_mm")
+        angles, seconds, blend = found.get("q_deg", found.get("q")), found.get("duration_s"), found.get("blend_mm")
         if isinstance(angles, list) and isinstance(seconds, float) and (blend is None or isinstance(blend, float)):
             return ListedMove(*place, kind, tuple(angles), seconds, blend)
         raise InputError(f"step {place[0]}: '{place[2]}' is no joint move of this family")
@@ -92,7 +93,9 @@ def _parse_json(text: str) -> Iterator[st.Statement]:
     if not isinstance(read, dict):
         raise InputError("it is no JSON object")
     steps = [read] if "kind" in read else read.get("steps")
-    if not isinstance(steps, list) or set(read) - ({"plan_id", "robot", "steps"} if "kind" not in read else set(read)):
+    if not isinstance(steps, list) or set(read) - (
+        {"plan_id", "robot", "joint_units", "steps"} if "kind" not in read else set(read)
+    ):
         raise InputError("the keys are plan_id, robot and steps, a list")
     for number, found in enumerate(steps, start=1):
         place = number, 0, json.dumps(found)

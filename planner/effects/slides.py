@@ -1,0 +1,145 @@
+"""Effects of joints that slide: scale, straightness, tilt of the carriage, play, and yielding along the way.
+
+The direction of a slide and its zero are geometry. What is left of a guide's six errors (ISO 230-1: one of position,
+two of straightness, three of angle) are smooth functions of the travel.
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from planner.common.units import MM, Array
+from planner.effects.backlash import ApproachDirection, SpeedSign
+from planner.effects.basis import BasisFunction, EffectVariable
+from planner.effects.catalogue import Background, Excitation, register
+from planner.effects.compliance import LoadTorque, twist_moves
+from planner.effects.context import Context
+from planner.effects.effect import Effect, Parameter, ParameterMove, Role, joint_place, transform_move
+
+USUAL_SCALE, LARGEST_SCALE = 1e-4, 0.05  # [m/m] racks of ISO 1328 class 6 to 9: 20 to 100 µm a metre
+USUAL_BOW, LARGEST_BOW = 5e-5, 5e-3  # [m] of a guide that is bolted to a floor or a column
+USUAL_TILT, LARGEST_TILT = 5e-5, 5e-3  # [rad] of a carriage from end to end of its guide
+USUAL_PLAY, LARGEST_PLAY = 2e-5, 2e-3  # [m] of a rack, a screw or a belt
+USUAL_YIELD, LARGEST_YIELD = 5e-5, 5e-3  # [m] under the run's largest load
+LEAST_LOAD = 1e-3  # [N] below which nothing is asked of it
+BOWS, TILTS = (2, 3), (1, 2)  # degrees of Legendre's polynomials of the travel; a straight line across is its direction
+ISO = "ISO 230-1: the six errors of a linear axis; sizes estimated"
+
+
+class SlideTravel(BasisFunction, key="travel:JOINT:NUMBER"):
+    """φ = travel − about [m] of a joint that slides: a scale that is wrong."""
+
+    joint: int
+    about: float
+
+    def __call__(self, c: Context) -> Array:
+        """Return the travel."""
+        return np.asarray(c.theta[:, self.joint] - self.about)
+
+    def plot_variable(self, c: Context) -> EffectVariable:
+        """Draw against the travel."""
+        return _against_travel(c, self.joint)
+
+
+class GuideShape(BasisFunction, key="guide:JOINT:INDEX:NUMBER:NUMBER"):
+    """φ = Legendre's polynomial of a degree in the travel between two places [m], beyond which it stays as there."""
+
+    joint: int
+    degree: int
+    lowest: float
+    highest: float
+
+    def __call__(self, c: Context) -> Array:
+        """Return the polynomial."""
+        middle, half = (self.lowest + self.highest) / 2, (self.highest - self.lowest) / 2
+        s = np.clip((c.theta[:, self.joint] - middle) / half, -1.0, 1.0)
+        return np.asarray(np.polynomial.legendre.legval(s, np.eye(self.degree + 1)[self.degree]))
+
+    def plot_variable(self, c: Context) -> EffectVariable:
+        """Draw against the travel."""
+        return _against_travel(c, self.joint)
+
+
+class StationShift(BasisFunction, key="shift:STATION:AXIS:PART:PHI"):
+    """φ = one of the three numbers by which a shift along a station's axis moves the whole arm as seen at its base."""
+
+    station: int
+    axis: int
+    part: int
+    by: BasisFunction
+
+    def __call__(self, c: Context) -> Array:
+        """Return the number."""
+        return np.asarray(c.stations.R[self.station, self.part, self.axis] * self.by(c))
+
+
+def _against_travel(c: Context, joint: int) -> EffectVariable:
+    return EffectVariable(f"joint {joint + 1} (mm)", c.theta[:, joint] / MM)
+
+
+def shift_moves(station: int, axis: int, by: BasisFunction) -> tuple[ParameterMove, ...]:
+    """Shift everything beyond a station along one of its axes, which need not be a transform of its own."""
+    return tuple(ParameterMove("transform", part, StationShift(station, axis, part, by)) for part in range(3))
+
+
+@register("slide scale", background=Background.BY_PLACE)
+def slide_scale(run: Excitation) -> Iterator[Effect]:
+    """A rack, a screw or a belt whose pitch is not what the controller thinks."""
+    for i in run.moving_slides:
+        mean = round(float(run.context.theta[:, i].mean()), 4)
+        moves = transform_move(run.rotation(i), SlideTravel(i, mean))
+        parameter = Parameter(f"scale{i + 1}", "1", USUAL_SCALE, f"scale of joint {i + 1}", moves)
+        sentence = f"joint {i + 1}: its scale is off, {{size}} of its travel"
+        yield Effect("slide scale", joint_place(i), (parameter,), sentence, LARGEST_SCALE, ISO)
+
+
+@register("guide straightness", "carriage tilt", background=Background.BY_PLACE)
+def guide_errors(run: Excitation) -> Iterator[Effect]:
+    """A guide that is bowed or wavy, and a carriage that tips or turns along it."""
+    for i in run.moving_slides:
+        slide = run.setup.chain.transforms[run.rotation(i)].axis
+        ends = tuple(round(float(v), 4) for v in np.quantile(run.context.theta[:, i], (0.0, 1.0)))
+        bows = tuple(
+            Parameter(f"bow{i + 1}_{'xyz'[axis]}{n}", "m", USUAL_BOW / n, f"straightness of joint {i + 1}",
+                      shift_moves(i + 1, axis, GuideShape(i, n, *ends)))
+            for axis in range(3) if axis != slide for n in BOWS
+        )  # fmt: skip
+        tilts = tuple(
+            Parameter(f"carriage{i + 1}_{'xyz'[axis]}{n}", "rad", USUAL_TILT / n, f"carriage tilt of joint {i + 1}",
+                      twist_moves(i + 1, axis, GuideShape(i, n, *ends)))
+            for axis in range(3) for n in TILTS
+        )  # fmt: skip
+        sentence = f"joint {i + 1}: its guide is not straight, {{size}}"
+        yield Effect("guide straightness", joint_place(i), bows, sentence, LARGEST_BOW, ISO)
+        sentence = f"joint {i + 1}: its carriage tilts along the guide, {{size}}"
+        yield Effect("carriage tilt", joint_place(i), tilts, sentence, LARGEST_TILT, ISO)
+
+
+@register("slide play", needs="poses come to from both sides of the joint")
+def slide_play(run: Excitation) -> Iterator[Effect]:
+    """Play of the drive, by the side from which the carriage comes."""
+    if not (run.has("speed") or run.has("direction")):
+        return
+    phi = SpeedSign if run.has("speed") else ApproachDirection
+    for i in (i for i in run.moving_slides if np.ptp(run.values(phi(i))) > 0.5):
+        moves = transform_move(run.rotation(i), phi(i))
+        parameter = Parameter(f"slide_play{i + 1}", "m", USUAL_PLAY, f"play of joint {i + 1}", moves)
+        sentence = f"joint {i + 1}: play of {{size}} between the two directions"
+        yield Effect("slide play", joint_place(i), (parameter,), sentence, LARGEST_PLAY, "estimated")
+
+
+@register("slide compliance", background=Background.BY_PLACE)
+def slide_compliance(run: Excitation) -> Iterator[Effect]:
+    """A drive that gives way along its guide, under the force of weights and gauge."""
+    for i in run.moving_slides:
+        load = run.values(LoadTorque(i))
+        size = float(np.abs(load).max())
+        if size < LEAST_LOAD or float(np.ptp(load)) < 1e-3 * size:
+            continue
+        moves = transform_move(run.rotation(i), LoadTorque(i))
+        parameter = Parameter(
+            f"slide_compliance{i + 1}", "m/N", USUAL_YIELD / size, f"yielding of joint {i + 1}", moves
+        )
+        sentence = f"joint {i + 1}: gives way along its guide under load, {{size}}"
+        largest = LARGEST_YIELD / size
+        yield Effect("slide compliance", joint_place(i), (parameter,), sentence, largest, ISO, role=Role.COMPLIANCE)
