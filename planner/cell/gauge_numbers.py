@@ -4,6 +4,7 @@ Of most gauges both are the same, and nothing of this is written anew.
 """
 
 from abc import abstractmethod
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -53,8 +54,8 @@ class GaugeNumbers:
         """
         raise NotImplementedError(f"a gauge '{self.kind}' shows lengths")
 
-    def own_errors_text(self, before: float, after: float, count: int) -> str:
-        """Say these errors before and after, of ``count`` readings."""
+    def own_errors_text(self, before: float, after: float, values: Mapping[str, float]) -> str:
+        """Say these errors before and after; ``values`` are those of the fitted parameters by their names."""
         return ""
 
     def sift(self, cell: Site, run: Run) -> Run:

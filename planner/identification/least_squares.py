@@ -303,7 +303,7 @@ def _size(problem: FitProblem, errors: Array) -> Array:
     return np.asarray(size / max(float(np.median(size)) / MEDIAN_RMS[white.shape[1]], 1e-300))
 
 
-MEDIAN_RMS = {1: 0.6745, 3: 0.8880, 6: 0.9441}  # of the root mean square of r standard normal numbers
+MEDIAN_RMS = {1: 0.6745, 3: 0.8880, 6: 0.9441, 14: 0.9761}  # of the root mean square of r standard normal numbers
 
 
 def _weights(problem: FitProblem, errors: Array) -> Array:

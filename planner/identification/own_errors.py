@@ -20,7 +20,7 @@ def own_errors_text(found: Calibration) -> str:
         return gauge.own_errors(fit.setup, run.samples, fitted, left)
 
     before = next((s for s in found.stages if s.name == "frames"), found.stages[0])
-    return gauge.own_errors_text(size(before.held_residual), size(_residual_as_written(found)), len(run))
+    return gauge.own_errors_text(size(before.held_residual), size(_residual_as_written(found)), fit.values)
 
 
 def _residual_as_written(found: Calibration) -> Array:

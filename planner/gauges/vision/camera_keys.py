@@ -22,6 +22,7 @@ class LensFile(StrictModel):
     distortion: tuple[float, ...] = Field(default=(), max_length=5)  # k1, k2, p1, p2, k3
     width_px: PositiveInt
     height_px: PositiveInt
+    free: bool = False  # whether a run finds them; the file then says where to begin
 
     @property
     def lens(self) -> Lens:

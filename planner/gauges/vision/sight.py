@@ -1,7 +1,7 @@
 """Where a camera sees a board whole and sharp, how both stand in a cell, and what a person does with them."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any, ClassVar, Self
 
@@ -35,6 +35,7 @@ class BoardSight(FrameGauge):
         lens, board: what sees and what is seen.
         on_flange: whether the camera is on the flange and the board stands; else the board is on the flange.
         noise_px: standard deviation of u and of v of a corner [px].
+        lens_free: whether a run finds the lens as well.
         R_BG, p_BG: the frame of what stands, in the base frame or in that of the placement, (3, 3) and (3,) [m].
         R_FM: how what is on the flange is turned there, (3, 3), or in the placement's.
     """
@@ -43,6 +44,7 @@ class BoardSight(FrameGauge):
     board: Board = None  # type: ignore[assignment]
     on_flange: bool = True
     noise_px: float = 0.3
+    lens_free: bool = False
     R_BG: Array = field(default_factory=lambda: read_only(np.eye(3)))
     p_BG: Array = field(default_factory=lambda: read_only(np.zeros(3)))
     R_FM: Array = field(default_factory=lambda: read_only(np.eye(3)))
@@ -69,6 +71,11 @@ class BoardSight(FrameGauge):
             )
         return replace(made, noise=float(made.sigmas[0]))
 
+    @property
+    def stated(self) -> dict[str, Any]:
+        """All that it was made of, for another kind of camera."""
+        return {f.name: getattr(self, f.name) for f in fields(self)}
+
     @classmethod
     def read_own(cls, path: Path, robot: Robot, file: CellFile, planning: bool) -> dict[str, Any]:
         """Return lens, board, and how they stand."""
@@ -86,7 +93,8 @@ class BoardSight(FrameGauge):
                     f"{[roll, pitch, yaw]} turns the z axis of what is on the flange to {z}: make them agree"
                 )
         return {
-            "lens": own["lens"].lens, "board": own["board"].board, "on_flange": own["camera"] == "flange",
+            "lens": own["lens"].lens, "lens_free": own["lens"].free,
+            "board": own["board"].board, "on_flange": own["camera"] == "flange",
             "noise_px": own["noise_px"], "R_BG": read_only(R_BG), "p_BG": read_only(p_BG), "R_FM": read_only(R_FM),
         }  # fmt: skip
 

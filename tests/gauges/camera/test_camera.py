@@ -262,3 +262,71 @@ def test_a_cell_that_contradicts_itself_is_refused(old, new, said, tmp_path):
     assert old in SHIPPED
     with pytest.raises(InputError, match=said):
         read(tmp_path, SHIPPED.replace(old, new))
+
+
+FREE = SHIPPED.replace("height_px = 1200", "height_px = 1200\nfree = true")
+
+
+@pytest.fixture(scope="module")
+def flange(tmp_path_factory):
+    return read(tmp_path_factory.mktemp("flange"), SHIPPED)
+
+
+@pytest.fixture(scope="module")
+def flange_pool(flange):
+    return draw_candidates(flange, 150, seed=1)
+
+
+def test_a_lens_is_found_with_the_arm(flange, flange_pool, tmp_path):
+    """The true lens is 2 % longer, off centre and bent otherwise than the cell says where to begin."""
+    free = read(tmp_path, FREE)
+    scene = scene_of(flange, 4)
+    scene.lens = np.array([[1428.0, 0, 971.0], [0, 1424.0, 590.0], [0, 0, 1]])
+    scene.bent = np.array([-0.13, 0.08, 4e-4, -3e-4, 0.0])
+    (tmp_path / "run.csv").write_text(run_text(scene, flange_pool.q[:120], seed=4))
+    run = drop_unreadable(free, load_run(tmp_path / "run.csv"))
+    stated = identify(drop_unreadable(flange, run), flange, settings=QUICK)
+    found = identify(run, free, settings=QUICK)
+    assert (
+        found.stages[-1].held_out.rms < 1.4 * flange.gauge.sigmas[0] * np.sqrt(3) < stated.stages[-1].held_out.rms / 2
+    )
+    said = own_errors_text(found).split("the lens as found: ")[1]
+    numbers = [float(w.strip(",")) for w in said.split() if w.strip(",").lstrip("-").replace(".", "").isdigit()]
+    np.testing.assert_allclose(numbers[:2], [1428, 1424], rtol=1e-3)
+    np.testing.assert_allclose(numbers[2:4], [971, 590], atol=2.0)
+    np.testing.assert_allclose(numbers[4:6], [-0.13, 0.08], atol=0.02)
+
+
+def test_the_lens_has_its_columns(flange_pool, tmp_path):
+    model, at, step = Model.from_cell(read(tmp_path, FREE)), flange_pool.samples.take(slice(20)), 1e-6
+    rows = model.rows(at)
+    assert rows.shape[1] == 14
+    assert sum(n.startswith("lens_") for n in model.names) == 8
+    for k in range(len(model.names)):
+        errors = np.zeros(len(model.names))
+        errors[k] = step
+        slope = (model.reading(at, errors) - model.reading(at, -errors)) / (2 * step)
+        np.testing.assert_allclose(rows[:, :, k], slope, atol=1e-7, err_msg=model.names[k])
+
+
+def test_columns_of_the_lens_are_those_of_the_pixels(flange_pool, tmp_path):
+    """The information about lens and arm together is that of all pixels, the lens moved by OpenCV's own projection."""
+    free = read(tmp_path, FREE)
+    model, at, step = Model.from_cell(free), flange_pool.samples.take(slice(8)), 1e-6
+    gauge = free.gauge
+
+    def pixels(**moved):
+        other = replace(gauge, lens=replace(gauge.lens, **moved))
+        return Model(replace(model.setup, gauge=other), ()).full_reading(at)
+
+    focal = (pixels(focal=gauge.lens.focal * [1 + step, 1]) - pixels(focal=gauge.lens.focal * [1 - step, 1])) / (
+        2 * step
+    )
+    by_numbers = model.rows(at)[:, :, model.names.index("lens_fx")] / gauge.number_scale
+    np.testing.assert_allclose((by_numbers**2).sum(axis=1), (focal**2).sum(axis=1), rtol=1e-5)
+
+
+def test_one_marker_cannot_show_a_lens(tmp_path):
+    marker = FREE.replace('kind = "charuco"\ncolumns = 7\nrows = 5\nsquare_mm = 30', 'kind = "marker"')
+    with pytest.raises(InputError, match="14 corners or more, and the marker of 22 mm has 4"):
+        read(tmp_path, marker)
