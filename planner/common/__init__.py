@@ -21,7 +21,6 @@ __all__ = [
     "sequences",
     "summary",
     "system",
-    "tables",
     "units",
     "xml_files",
 ]

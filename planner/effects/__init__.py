@@ -14,6 +14,5 @@ __all__ = [
     "misfit_shapes",
     "nonparametric",
     "phi_keys",
-    "sizes",
     "steps",
 ]

@@ -60,7 +60,7 @@ def run_of_images(path: Path, poses: Sequence[int], pixels: Array) -> tuple[Run,
     notes = table.notes
     run = Run(
         table.stem, samples, Readings(pixels=read_only(pixels[there])), plan_id=notes.get("plan_id"),
-        robot=notes.get("robot"), warnings=table.warnings,
+        robot=notes.get("robot"), warnings=table.warnings, slides=table.slides,
     )  # fmt: skip
     return run, missing
 

@@ -15,7 +15,10 @@ from planner.motion.timing.trajectory import Trajectory, blend_corners
 from planner.session.course import Role, TimedPath, Waypoints, axis_limits, time_path, tool_speed
 from planner.session.driven_moves import corner_radii
 from planner.session.plan_types import motion_signs
-from planner.session.tolerances import BLEND_MARGIN
+
+HALVINGS = 4  # of a blend that does not fit, before it becomes a stop
+BLEND_ROOM = 5e-5  # [m] beyond the clearance for blends: the two engines' distances differ by 1e-5
+STOPPED = 4  # times that blends which a judge does not prove become stops
 
 
 @dataclass(frozen=True)
@@ -43,7 +46,7 @@ def release_path(
     Raises:
         NoSolutionError: an engine does not prove the path; nothing is written for it.
     """
-    for _ in range(4 + 1):  # times that blends which a judge does not prove become stops
+    for _ in range(STOPPED + 1):
         timed = timing(points)
         verdicts, unproven = judge_corners(constraints, points.q, timed.trajectory, separate)
         if not len(unproven):
@@ -99,10 +102,9 @@ def fit_blends(constraints: Constraints, q: Array, stop: np.ndarray) -> Array:
 
     A blend that does not fit is halved; after some halvings the corner becomes a stop (radius 0).
     """
-    halvings = 4  # of a blend that does not fit, before it becomes a stop
     cell = constraints.cell
-    blend, wide = np.where(stop, 0.0, cell.motion.blend), constraints.with_room(BLEND_MARGIN)
-    for attempt in range(halvings + 1):
+    blend, wide = np.where(stop, 0.0, cell.motion.blend), constraints.with_room(BLEND_ROOM)
+    for attempt in range(HALVINGS + 1):
         entry, leave, at_rest = blend_corners(
             q,
             stop=stop | (blend == 0),
@@ -118,8 +120,11 @@ def fit_blends(constraints: Constraints, q: Array, stop: np.ndarray) -> Array:
         failed = corner[~proof.proven]
         if not len(failed):
             break
-        blend[failed] = blend[failed] / 2 if attempt < halvings else 0.0
+        blend[failed] = blend[failed] / 2 if attempt < HALVINGS else 0.0
     return blend
+
+
+REACHES = (3.0 * DEG, 1.5 * DEG, 0.75 * DEG)  # [rad] past the pose, the first that keeps every constraint
 
 
 @dataclass(frozen=True)
@@ -169,7 +174,7 @@ def approach_from_sides(constraints: Constraints, path: ProvenPath, wanted: Arra
     at = at[at > 0]
     before, pose, sign = path.q[at - 1], path.q[at], signs_wanted[at]
     past = np.full(pose.shape, np.nan)
-    for reach in (3.0 * DEG, 1.5 * DEG, 0.75 * DEG):  # [rad] past the pose, the first that keeps every constraint
+    for reach in REACHES:
         left = np.flatnonzero(np.isnan(past[:, 0]))
         if not len(left):
             break

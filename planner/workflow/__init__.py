@@ -5,7 +5,6 @@ __all__ = [
     "checking",
     "compensate_call",
     "compensation",
-    "demo",
     "identification",
     "identify_call",
     "plan_call",

@@ -1,6 +1,6 @@
 """Where a camera sees a board whole and sharp, how both stand in a cell, and what a person does with them."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any, ClassVar, Self
@@ -9,21 +9,33 @@ import numpy as np
 from pydantic import BaseModel
 
 from planner.cell.file import CellFile, PlacedFile
-from planner.cell.gauge_types import CellStep, FilterStage, GaugeBody, PointTravel, SessionGuide, place_text
+from planner.cell.gauge_types import (
+    CellStep,
+    FilterStage,
+    GaugeBody,
+    JointSamples,
+    PointTravel,
+    SessionGuide,
+    place_text,
+)
 from planner.cell.parts import Fixture
 from planner.cell.places import placed_frame
 from planner.cell.site import Site
 from planner.common.errors import InputError
+from planner.common.sequences import sobol_points
 from planner.common.units import MM, Array, read_only
 from planner.gauges.frame_gauge import FrameGauge
 from planner.gauges.vision.board import Board
 from planner.gauges.vision.camera_keys import CameraKeys
 from planner.gauges.vision.lens import Lens
 from planner.kinematics.bodies import capsule_between
-from planner.kinematics.geometry import bar_state, tilt_angle
+from planner.kinematics.geometry import bar_state, exp3, tilt_angle
+from planner.kinematics.inverse_kinematics import solve_pose_ik
 from planner.kinematics.robot import Robot
 from planner.runs.run import Mounting
 
+POSE_AXES = 6  # of a pose in space
+IK_STEPS = 25  # after which a state that has not come to its pose is dropped
 SIGHT_RADIUS = 5e-3  # [m] of the line of sight, which nothing may stand in
 
 
@@ -51,7 +63,7 @@ class BoardSight(FrameGauge):
 
     noun: ClassVar[str] = "camera"
     usual_keys: ClassVar[Mapping[str, Mapping[str, object]]] = {
-        "cone_deg": {"fixture": 50.0, "map": 50.0}, "body": {"trim_mm": 60.0},
+        "cone_deg": {"fixture": 50.0, "map": 50.0}, "body": {"trim_mm": 60.0}, "plan": {"candidates": 12_000},
     }  # fmt: skip
     pose_columns: ClassVar[tuple[str, str]] = ("board", "distance (mm)")
     OwnKeys: ClassVar[type[BaseModel] | None] = CameraKeys
@@ -108,6 +120,47 @@ class BoardSight(FrameGauge):
         return PlacedFile.model_validate(place)
 
     # ---- where it sees
+
+    def joint_sampler(self, cell: Site, mounting: Mounting, seed: int) -> Callable[[int], JointSamples]:
+        """Draw states in which one looks at the other: few of all states do.
+
+        Distance, direction from the board, turns of the picture and the state to begin from are drawn, and inverse
+        kinematics brings the arm there. An arm of fewer than six joints is drawn like that of a bar.
+        """
+        if cell.robot.n_joints < POSE_AXES:
+            return super().joint_sampler(cell, mounting, seed)
+        draw, place = sobol_points(POSE_AXES + cell.robot.n_joints, seed), cell.fixtures[mounting.fixture]
+        lower, upper = cell.sampling_range
+
+        def sample(count: int) -> JointSamples:
+            u = draw(count)
+            p_BM, R_BM = self._looks(place, u[:, :POSE_AXES])
+            start = lower + u[:, POSE_AXES:] * (upper - lower)
+            q, there = solve_pose_ik(cell.chain, cell.robot, start, p_BM, R_BM @ self.R_FM.T, IK_STEPS)
+            turn = np.where(cell.robot.slides, np.inf, 2 * np.pi)
+            q = q + np.round((np.clip(q, lower, upper) - q) / turn) * np.where(cell.robot.slides, 0.0, turn)
+            return JointSamples(q[there], count)
+
+        return sample
+
+    def _looks(self, place: Fixture, u: Array) -> tuple[Array, Array]:
+        """Return where the tool point is and how its frame is turned, (n, 3) [m] and (n, 3, 3), for u (n, 6) in [0, 1].
+
+        Directions are uniform on the sphere within the cones, the whole board within the picture as far as it is known.
+        """
+        near, far = self.planned_range
+        distance = near + u[:, 0] * (far - near)
+        wide = np.arcsin(np.clip(self.board.radius / distance, 0.0, 1.0))
+        in_picture = np.maximum(self.lens.half_angle - wide, 0.0)
+        at_place, at_tool = (self.cone_fixture, in_picture) if self.on_flange else (in_picture, self.cone_map)
+        away = place.R_BX @ _in_cone(u[:, 1:3], at_place)[..., None]
+        p_BM = place.p_BX + distance[:, None] * away[..., 0]
+        back = frames_along(-away[..., 0])
+        aside = _in_cone(u[:, 3:5], at_tool)
+        R_BM = back @ frames_along(aside)
+        roll = np.zeros((len(u), 3))
+        roll[:, 2] = 2 * np.pi * u[:, 5]
+        return p_BM, R_BM @ exp3(roll)
 
     @property
     def margin_columns(self) -> tuple[tuple[FilterStage, str], ...]:
@@ -186,3 +239,18 @@ class BoardSight(FrameGauge):
         """Say what sees what."""
         on, off = ("camera on the flange", "standing") if self.on_flange else ("camera standing", "on the flange")
         return f"{on}, {self.board} {off}"
+
+
+def _in_cone(u: Array, half: Array | float) -> Array:
+    """Return directions (n, 3) that are uniform within cones of the half angles (n,) [rad] about z, for u (n, 2)."""
+    z = 1 - u[:, 0] * (1 - np.cos(half))
+    r, turn = np.sqrt(np.maximum(1 - z * z, 0.0)), 2 * np.pi * u[:, 1]
+    return np.column_stack([r * np.cos(turn), r * np.sin(turn), z])
+
+
+def frames_along(z: Array) -> Array:
+    """Return frames (n, 3, 3) whose z axes are the unit vectors z (n, 3)."""
+    least = np.eye(3)[np.argmin(np.abs(z), axis=1)]
+    x = np.cross(least, z)
+    x /= np.linalg.norm(x, axis=1, keepdims=True)
+    return np.stack([x, np.cross(z, x), z], axis=2)

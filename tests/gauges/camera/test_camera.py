@@ -70,6 +70,12 @@ def test_candidates_show_the_whole_board(cell, pool):
         assert np.rad2deg(np.arccos(-T[:3, 2] @ T[:3, 3] / distance)) <= 50.001
 
 
+def test_most_states_that_are_drawn_look_at_each_other(pool):
+    """Of uniform states one in 2000 does."""
+    assert len(pool) > 0.02 * pool.funnel.sampled
+    assert pool.funnel.cones > 0.9 * pool.funnel.workspace
+
+
 def test_its_jacobian_is_the_derivative_of_its_reading(cell, pool):
     model, at, step = Model.from_cell(cell), pool.samples.take(slice(40)), 1e-6
     rows = model.rows(at)
