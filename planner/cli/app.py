@@ -30,6 +30,7 @@ WRITTEN = {  # not declared: (module, line in the list of commands)
     "record": (CALIBRATION, "Keep the history of one robot, and show its drift."),
     "centre": (CELL, "Centre a head of indicators on the balls of a plan."),
     "measure": (CELL, "Read a bar or wire at each pose of a plan into a run."),
+    "demo": ("demo_command", "Try the whole chain without a robot, on one with a hidden fault."),
     "serve": (SERVICE, "Serve the planner to browsers and programs."),
     "robots": (SERVICE, "List the robots and cells that come with the planner."),
     "dialects": (SERVICE, "List the robot languages that programs can be written in."),

@@ -21,6 +21,7 @@ __all__ = [
     "sequences",
     "summary",
     "system",
+    "tables",
     "units",
     "xml_files",
 ]

@@ -8,6 +8,8 @@ import numpy as np
 
 from planner.common.units import Array
 
+CACHED_ROWS = 4096  # [samples] of one pass over a batch: what they need stays in the processor's cache
+
 
 @dataclass(frozen=True)
 class Rows:

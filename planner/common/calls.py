@@ -10,6 +10,7 @@ from functools import wraps
 from inspect import Parameter, Signature, cleandoc
 from typing import Annotated, Any, ClassVar, Literal, ParamSpec, TypeVar, get_args, get_origin
 
+from planner.common.notebook import NotebookProgress, runs_in_notebook
 from planner.common.progress import Progress
 
 
@@ -206,6 +207,7 @@ def called_with(declaration: Callable[P, C]) -> Callable[[Callable[[C], R]], Cal
     """
     call: type[Call] = declaration  # type: ignore[assignment]
     known = call_fields(call)
+    fields_by_name = {f.name for f in known}
     parameters = [
         Parameter(
             f.name,
@@ -225,7 +227,14 @@ def called_with(declaration: Callable[P, C]) -> Callable[[Callable[[C], R]], Cal
                 _ = signature.bind(*args, **kwargs)
             except TypeError as err:
                 raise TypeError(f"{function.__name__}(): {err}") from None
-            return function(declaration(*args, **kwargs))
+            if "progress" not in fields_by_name or "progress" in kwargs or not runs_in_notebook():
+                return function(declaration(*args, **kwargs))
+            shown = NotebookProgress()
+            try:
+                kwargs["progress"] = shown
+                return function(declaration(*args, **kwargs))
+            finally:
+                shown.end()
 
         del called.__wrapped__  # what is called is the signature, not the object behind it
         called.__signature__ = signature  # type: ignore[attr-defined]

@@ -15,6 +15,10 @@ IntArray = NDArray[np.int64]
 MM = 1e-3  # [m]
 UM = 1e-6  # [m]
 DEG = np.pi / 180.0  # [rad]
+TURN = 2.0 * np.pi  # [rad]
+QUARTER_TURN = np.pi / 2.0  # [rad]
+URAD = 1e-6  # [rad]
+MDEG = DEG * 1e-3  # [rad]
 MM_PER_MIN = 1e-3 / 60.0  # [m/s]
 SCALES = {"_mm": MM, "_um": UM, "_deg": DEG}  # by the end of a key
 # beside the SI units themselves

@@ -8,12 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from planner.common.units import Array
+from planner.common.units import QUARTER_TURN, Array
 from planner.compensation.targets import CorrectedArm
+from planner.compensation.tolerances import SHAPE_BORDER, WRIST_OFF
 from planner.kinematics.robot import Robot
-
-NEAR = 1e-3  # [m or rad] closer to the border between two shapes, either name will do
-WRIST = 1e-5  # [m] within which axes 4 and 6 must meet on axis 5
 
 
 def has_shapes(robot: Robot) -> bool:
@@ -25,7 +23,7 @@ def has_shapes(robot: Robot) -> bool:
     wrist = _wrist(p, u)
     off = np.linalg.norm(np.cross(wrist - p[3], u[3]), axis=-1)
     skew = np.linalg.norm(np.cross(u[1], u[2]), axis=-1)
-    return bool(off[0] < WRIST and skew[0] < WRIST and abs(np.sum(u[4] * u[5])) < WRIST)
+    return bool(off[0] < WRIST_OFF and skew[0] < WRIST_OFF and abs(np.sum(u[4] * u[5])) < WRIST_OFF)
 
 
 def shape_margins(robot: Robot, q: Array) -> Array:
@@ -49,7 +47,7 @@ def has_shape(robot: Robot, q: Array, shape: np.ndarray) -> np.ndarray:
     """Return whether q (n, 6) [rad] has the shape (n,), or stands at its border, (n,) bool."""
     bits = (np.asarray(shape)[:, None] >> np.arange(3)) & 1
     m = shape_margins(robot, q)
-    return np.asarray(((np.abs(m) < NEAR) | ((m < 0.0) == (bits == 1))).all(axis=1))
+    return np.asarray(((np.abs(m) < SHAPE_BORDER) | ((m < 0.0) == (bits == 1))).all(axis=1))
 
 
 def _axes(robot: Robot, q: Array) -> tuple[Array, Array]:
@@ -66,7 +64,8 @@ def _wrist(p: Array, u: Array) -> Array:
 
 
 ACCURATE = 16  # status bit of a point that was taught on a robot with an accuracy model of its own
-_WRIST = 4  # status bit and joint of the wrist
+CONFIGURED = (0, 3, 5)  # joints whose quarter turns cf1, cf4, cf6 count
+WRIST_BIT = 4  # number of the status bit and of the joint of the wrist
 
 
 @dataclass(frozen=True)
@@ -87,13 +86,13 @@ class StatusTurn:
     def turns(self, q: Array) -> np.ndarray:
         """Return whether the joints q (n, N) [rad] have the signs that are said; near zero either will do."""
         negative = (self.turn >> np.arange(q.shape[1])) & 1
-        return np.asarray((np.abs(q) < NEAR) | ((q < 0) == (negative == 1)))
+        return np.asarray((np.abs(q) < SHAPE_BORDER) | ((q < 0) == (negative == 1)))
 
     def correct_numbers(self, arm: CorrectedArm) -> tuple[int, ...]:
         """Return status and turn; a bit changes only where the corrected angle contradicts it."""
         turn = renewed_bits(self.turn, arm.q, arm.q_slack)
         status = renewed_bits(self.status & 3, arm.margins[:2], arm.margins_slack[:2]) | self.status & ~3
-        return status ^ (_WRIST if (turn ^ self.turn) >> _WRIST & 1 else 0), turn
+        return status ^ (WRIST_BIT if (turn ^ self.turn) >> WRIST_BIT & 1 else 0), turn
 
 
 def renewed_bits(bits: int, values: Array, slack: Array) -> int:
@@ -102,10 +101,6 @@ def renewed_bits(bits: int, values: Array, slack: Array) -> int:
         if abs(value) > slack[i]:
             bits = bits | 1 << i if value < 0 else bits & ~(1 << i)
     return bits
-
-
-QUARTER = np.pi / 2
-_CONFIGURED = (0, 3, 5)  # joints whose quarter turns cf1, cf4, cf6 count
 
 
 @dataclass(frozen=True)
@@ -123,20 +118,20 @@ class ConfData:
     def turns(self, q: Array) -> np.ndarray:
         """Return whether joints 1, 4, 6 of q (n, 6) [rad] are in their quarters; at a border either will do."""
         fits = np.ones(q.shape, dtype=bool)
-        for joint, quarter in zip(_CONFIGURED, self.quarters, strict=True):
-            fits[:, joint] = _in_quarter(q[:, joint], quarter, NEAR)
+        for joint, quarter in zip(CONFIGURED, self.quarters, strict=True):
+            fits[:, joint] = _in_quarter(q[:, joint], quarter, SHAPE_BORDER)
         return fits
 
     def correct_numbers(self, arm: CorrectedArm) -> tuple[int, ...]:
         """Return cf1, cf4, cf6, cfx; a number changes only where the corrected angle contradicts it."""
         quarters = [
-            quarter if _in_quarter(arm.q[j], quarter, arm.q_slack[j]) else int(np.floor(arm.q[j] / QUARTER))
-            for j, quarter in zip(_CONFIGURED, self.quarters, strict=True)
+            quarter if _in_quarter(arm.q[j], quarter, arm.q_slack[j]) else int(np.floor(arm.q[j] / QUARTER_TURN))
+            for j, quarter in zip(CONFIGURED, self.quarters, strict=True)
         ]
         shape = renewed_bits(self.shape or 0, arm.margins, arm.margins_slack)
         return (*quarters, (shape & 1) << 2 | (~shape & 2) | shape >> 2)
 
 
 def _in_quarter(angle: Array, quarter: int, tolerance: float) -> np.ndarray:
-    low = quarter * QUARTER
-    return np.asarray((angle > low - tolerance) & (angle < low + QUARTER + tolerance))
+    low = quarter * QUARTER_TURN
+    return np.asarray((angle > low - tolerance) & (angle < low + QUARTER_TURN + tolerance))

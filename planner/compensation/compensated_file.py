@@ -9,7 +9,7 @@ import numpy as np
 from planner.common.errors import InputError, NoSolutionError
 from planner.common.files import read_bytes
 from planner.common.units import Array
-from planner.compensation.arm_shapes import NEAR, has_shapes, shape_margins
+from planner.compensation.arm_shapes import has_shapes, shape_margins
 from planner.compensation.correction import (
     ALL_TURNS,
     FlangeModel,
@@ -31,15 +31,8 @@ from planner.compensation.nominal_angles import SearchSeeds, solve_nominal_angle
 from planner.compensation.points import SENTENCE, is_service_name
 from planner.compensation.report import CompensationReport, read_printed, report_of
 from planner.compensation.rotations import frame, inverse, to_abc, to_quaternion
-from planner.compensation.targets import (
-    SAME,
-    CorrectedArm,
-    Note,
-    Target,
-    TargetReading,
-    ToolAndBase,
-    list_lines,
-)
+from planner.compensation.targets import CorrectedArm, Note, Target, TargetReading, ToolAndBase, list_lines
+from planner.compensation.tolerances import SAME, SHAPE_BORDER
 from planner.compensation.unmet_targets import problems_summary, target_problems, turn_notes
 from planner.kinematics.axes import AxisConvention
 from planner.kinematics.robot import Robot
@@ -288,21 +281,19 @@ def _certain_targets(path: Path, reading: TargetReading, strict: bool) -> list[T
     return targets
 
 
-MOST_LINE = 20_000  # the longest of 585 real programs has 1 248
-
-
 def read_program(path: Path) -> tuple[str, str]:
     """Return the text and the encoding that gives the same bytes back.
 
     Raises:
         InputError: it is no text, or has a line that no program has.
     """
+    most_signs = 20_000  # of a line: the longest of 585 real programs has 1 248
     data = read_bytes(path)
     if b"\0" in data:
         raise InputError(f"{path}: holds zero bytes and is no text; UTF-8 and Latin-1 are allowed")
     for line, content in enumerate(data.splitlines(), 1):
-        if len(content) > MOST_LINE:
-            raise InputError(f"{path}:{line}: the line has {len(content)} signs; at most {MOST_LINE} are read")
+        if len(content) > most_signs:
+            raise InputError(f"{path}:{line}: the line has {len(content)} signs; at most {most_signs} are read")
     try:
         return data.decode("utf-8"), "utf-8"
     except UnicodeDecodeError:
@@ -337,6 +328,6 @@ def _arms(robot: Robot, q: Array, q_new: Array) -> list[CorrectedArm]:
     """Return how the arm stands at corrected angles q_new, and how near to a border what is written still holds."""
     before, after = (shape_margins(robot, v) if has_shapes(robot) else np.zeros((len(v), 3)) for v in (q, q_new))
     q_slack, margins_slack = (
-        np.where(np.abs(new - old) > SAME, SAME, NEAR) for old, new in ((q, q_new), (before, after))
+        np.where(np.abs(new - old) > SAME, SAME, SHAPE_BORDER) for old, new in ((q, q_new), (before, after))
     )
     return [CorrectedArm(*row) for row in zip(q_new, after, q_slack, margins_slack, strict=True)]

@@ -8,6 +8,14 @@ import numpy as np
 from planner.common.determinism import Positions
 from planner.common.units import Array, read_only
 from planner.compensation.few_axes import FULL_AXES, ToolDeviation, ToolGoal, TurnWeights, solve_few_axes
+from planner.compensation.tolerances import (
+    COARSE_ARM_SIGMAS,
+    JACOBIAN_STEP,
+    LARGEST_STEP,
+    LOST_DIRECTION_SHARE,
+    SINGULAR_SHARE,
+    SOLVED,
+)
 from planner.kinematics.inverse_kinematics import (
     rotation_between,
     shorten,
@@ -36,15 +44,8 @@ class NominalFlange:
         return tool_pose(self.robot.chain, self.robot, q)[:2]
 
 
-TOLERANCE = 1e-9  # [m and rad] of a solved target
-STEP_LIMIT = 0.1  # [rad] of any joint in one iteration
 MOVE_LIMIT = np.deg2rad(10.0)  # a calibration that moves a joint by more is no small correction
-MOVE_DEVIATIONS = 10.0  # of what an angle of this robot may be off before it is calibrated: the same, of coarse arms
-ROUNDS = (12, 20)  # iterations with the nominal Jacobian, and then with the own one
-DIFFERENCE = 1e-6  # [rad] of the numeric Jacobian
-PIVOT = 1e-7  # singular values below this part of the largest are directions that the arm has lost
-SINGULAR = 0.2  # part of an arm's usual smallest singular value below which it is near a singular position
-USUAL_STATES = 200  # random states that tell what is usual
+CORRECTION_ITERATIONS = (12, 20)  # with the nominal Jacobian, and then with the own one
 ALL_TURNS = TurnWeights()
 
 
@@ -108,13 +109,13 @@ def correct_joints(
     if robot.n_joints < FULL_AXES:
         q_new = solve_few_axes(robot, calibrated, q, goal, weights, move_limit(robot))
         after = ToolDeviation.at(goal, calibrated, q_new)
-        solved = (after.distance < 10 * TOLERANCE) | (after.distance < before.distance)
+        solved = (after.distance < 10 * SOLVED) | (after.distance < before.distance)
     else:
         p, R = nominal.flange(q)
         q_new = solve_flange_ik(robot, calibrated, q, p, R)
         after = ToolDeviation.at(goal, calibrated, q_new)
         far_m, far_rad = flange_deviation(calibrated, q_new, p, R)
-        solved = (far_m < 10 * TOLERANCE) & (far_rad < 10 * TOLERANCE)
+        solved = (far_m < 10 * SOLVED) & (far_rad < 10 * SOLVED)
     moved = q_new - q
     slack = 1e-9  # [rad] a nominal target may stand on its limit
     within = ((q_new >= robot.q_lower - slack) & (q_new <= robot.q_upper + slack)).all(axis=1)
@@ -132,7 +133,7 @@ def correct_joints(
 
 def move_limit(robot: Robot) -> float:
     """Return how far a correction may move a joint [rad]: over ten degrees where its parts are coarse."""
-    return max(float(MOVE_LIMIT), MOVE_DEVIATIONS * robot.priors.angle)
+    return max(float(MOVE_LIMIT), COARSE_ARM_SIGMAS * robot.priors.angle)
 
 
 def near_singular(robot: Robot, q: Array) -> np.ndarray:
@@ -142,9 +143,9 @@ def near_singular(robot: Robot, q: Array) -> np.ndarray:
     the arm does not count. An arm of five axes has lost nothing by having five.
     """
     lower, upper = robot.one_turn
-    states = np.random.default_rng(0).uniform(lower, upper, (USUAL_STATES, robot.n_joints))
+    states = np.random.default_rng(0).uniform(lower, upper, (200, robot.n_joints))  # random states tell what is usual
     usual = np.median(smallest_singular_value(robot.chain, robot, states))
-    return np.asarray(smallest_singular_value(robot.chain, robot, q) < SINGULAR * usual)
+    return np.asarray(smallest_singular_value(robot.chain, robot, q) < SINGULAR_SHARE * usual)
 
 
 def flange_deviation(poser: FlangeModel, q: Array, p: Array, R: Array) -> tuple[Array, Array]:
@@ -154,7 +155,7 @@ def flange_deviation(poser: FlangeModel, q: Array, p: Array, R: Array) -> tuple[
 
 
 def solve_flange_ik(
-    robot: Robot, poser: FlangeModel, start: Array, p: Array, R: Array, rounds: tuple[int, int] = ROUNDS
+    robot: Robot, poser: FlangeModel, start: Array, p: Array, R: Array, rounds: tuple[int, int] = CORRECTION_ITERATIONS
 ) -> Array:
     """Return angles (n, N) [rad] at which ``poser`` stands at p (n, 3) [m], R (n, 3, 3), for six joints or more.
 
@@ -164,15 +165,15 @@ def solve_flange_ik(
     def task(q: Array, rows: Positions) -> tuple[Array, Array]:
         return _error(poser, q, p[rows], R[rows]), tool_pose(robot.chain, robot, q)[2]
 
-    found = solve_ik(task, start, step=_step, iterations=rounds[0], tolerance=TOLERANCE)
-    far = np.flatnonzero(found.error > TOLERANCE)
+    found = solve_ik(task, start, step=_step, iterations=rounds[0], tolerance=SOLVED)
+    far = np.flatnonzero(found.error > SOLVED)
     if not len(far) or not rounds[1]:
         return found.best
 
     def own_task(q: Array, rows: Positions) -> tuple[Array, Array]:
         return _error(poser, q, p[far[rows]], R[far[rows]]), _own_jacobian(poser, q)
 
-    again = solve_ik(own_task, found.best[far], step=_step, iterations=rounds[1], tolerance=TOLERANCE)
+    again = solve_ik(own_task, found.best[far], step=_step, iterations=rounds[1], tolerance=SOLVED)
     q = found.best.copy()
     q[far] = again.best
     return q
@@ -185,16 +186,16 @@ def _error(poser: FlangeModel, q: Array, p: Array, R: Array) -> Array:
 
 
 def _step(J: Array, missing: Array) -> Array:
-    step = np.einsum("nij,nj->ni", np.linalg.pinv(J, rcond=PIVOT), missing)
-    return shorten(step, np.abs(step).max(axis=1), STEP_LIMIT)
+    step = np.einsum("nij,nj->ni", np.linalg.pinv(J, rcond=LOST_DIRECTION_SHARE), missing)
+    return shorten(step, np.abs(step).max(axis=1), LARGEST_STEP)
 
 
 def _own_jacobian(poser: FlangeModel, q: Array) -> Array:
     """Return the numeric Jacobian (n, 6, N) of any robot, by central differences, in one batch."""
     n, N = q.shape
-    shift = DIFFERENCE * np.eye(N)
+    shift = JACOBIAN_STEP * np.eye(N)
     both = (q[:, None, None, :] + np.stack([shift, -shift])[None]).reshape(-1, N)
     x, R = poser.flange(both)
     x, R = x.reshape(n, 2, N, 3), R.reshape(n, 2, N, 3, 3)
     turn = rotation_between(R[:, 1].reshape(-1, 3, 3), R[:, 0].reshape(-1, 3, 3)).reshape(n, N, 3)
-    return np.swapaxes(np.concatenate([x[:, 0] - x[:, 1], turn], axis=2), 1, 2) / (2 * DIFFERENCE)
+    return np.swapaxes(np.concatenate([x[:, 0] - x[:, 1], turn], axis=2), 1, 2) / (2 * JACOBIAN_STEP)

@@ -18,20 +18,18 @@ import numpy as np
 
 from planner.common.determinism import Positions
 from planner.common.units import DEG, MM, Array, read_only
+from planner.compensation.tolerances import (
+    JACOBIAN_STEP,
+    LARGEST_STEP,
+    LOST_TRAVEL_SHARE,
+    LOST_TURN_SHARE,
+    POINT_REACHED,
+    SOLVED,
+)
 from planner.kinematics.inverse_kinematics import rotation_between, shorten, solve_ik
 from planner.kinematics.robot import Robot
 
 FULL_AXES = 6  # with fewer an arm cannot bring its tool to every pose near one that it reaches
-ROUNDS = 30  # iterations: what is left of the turns makes the steps shrink by a factor of about ten each
-AT_LIMIT = 3  # times that joints which would leave their limits are held there and the others solved again
-TOLERANCE = 1e-9  # [rad] of the last step
-MET = 1e-8  # [m] of a tool point that has come to its place
-STEP_LIMIT = 0.1  # [rad] of any joint in one iteration
-DIFFERENCE = 1e-6  # [rad] of the numeric Jacobian
-SHOWN = 5  # targets that are told one by one
-LOST_PLACE = 1e-3  # part of the largest singular value below which a direction of travel is lost
-HOLDS = ((1.0, 0.0), (1.0, 0.1), (1.0, 0.3), (0.0, 1.0))  # parts of what the turns and the joints' own moves count
-LOST_TURN = 0.05  # the same of turns: what an error of 2° would open for a joint is no direction to turn in
 
 
 class FlangeSource(Protocol):
@@ -130,7 +128,7 @@ class TurnsLeft:
     def sentences(self) -> tuple[str, ...]:
         """Say what was met and what is left, over all targets and of those where most is left."""
         b, a = self.before, self.after
-        worst = np.argsort(-np.hypot(a.tilt, a.spin), kind="stable")[:SHOWN]
+        worst = np.argsort(-np.hypot(a.tilt, a.spin), kind="stable")[:5]  # targets are told one by one
         told = ", ".join(
             f"line {self.lines[k]} {a.tilt[k] / DEG:.2f}° and {a.spin[k] / DEG:.2f}°" for k in np.sort(worst)
         )
@@ -179,14 +177,15 @@ def solve_few_axes(
         farthest: that a joint may move for the sake of a turn [rad].
     """
     q, rows, error = start.copy(), np.arange(len(start)), np.full(len(start), np.inf)
-    for turns, hold in HOLDS:
+    # ((1.0, 0.0), (1.0, 0.1), (1.0, 0.3), (0.0, 1.0)): parts of what the turns and the joints' own moves count
+    for turns, hold in ((1.0, 0.0), (1.0, 0.1), (1.0, 0.3), (0.0, 1.0)):
         row = np.append(turns * weights.row, hold)
         tried = _solve_within(robot, _Search(poser, goal.rows(rows), row, start[rows]))
         off = np.linalg.norm(goal.rows(rows).missing(poser, tried)[0], axis=1)
         near = np.abs(tried - start[rows]).max(axis=1, initial=0.0) <= farthest
         better = np.where(near, off, np.inf) < error[rows]
         q[rows[better]], error[rows[better]] = tried[better], off[better]
-        rows = rows[error[rows] > MET]
+        rows = rows[error[rows] > POINT_REACHED]
         if not rows.size:
             break
     return q
@@ -213,7 +212,8 @@ class _Search:
         def task(q: Array, rows: Positions) -> tuple[Array, Array]:
             return self.rows(np.asarray(rows)).step(q, free[rows]), np.empty((len(q), 0, 0))
 
-        return solve_ik(task, q, step=lambda _, step: step, iterations=ROUNDS, tolerance=TOLERANCE).best
+        # 30: iterations: what is left of the turns makes the steps shrink by a factor of about ten each
+        return solve_ik(task, q, step=lambda _, step: step, iterations=30, tolerance=SOLVED).best
 
     def step(self, q: Array, free: np.ndarray) -> Array:
         """Return the next change of the joints (n, N) [rad]: what the place needs, and in its null space the rest."""
@@ -221,23 +221,23 @@ class _Search:
         travel, turn = self.goal.missing(self.poser, q)
         J_x, J_turn = _jacobians(self.poser, q, self.goal)
         J_x, J_turn = J_x * free[:, None, :], J_turn * free[:, None, :] * self.row[:3, None]
-        back = np.linalg.pinv(J_x, rcond=LOST_PLACE)
+        back = np.linalg.pinv(J_x, rcond=LOST_TRAVEL_SHARE)
         first = np.einsum("nij,nj->ni", back, travel)
         still = (np.eye(N) - back @ J_x) * free[:, :, None]
         hold = self.row[3] * np.broadcast_to(np.eye(N), (n, N, N))
         J = np.concatenate([J_turn, hold], axis=1)
         wanted = np.concatenate([turn * self.row[:3], self.row[3] * (self.start - q)], axis=1)
         wanted = wanted - np.einsum("nij,nj->ni", J, first)
-        second = np.einsum("nij,nj->ni", np.linalg.pinv(J @ still, rcond=LOST_TURN), wanted)
+        second = np.einsum("nij,nj->ni", np.linalg.pinv(J @ still, rcond=LOST_TURN_SHARE), wanted)
         step = (first + np.einsum("nij,nj->ni", still, second)) * free
-        return shorten(step, np.abs(step).max(axis=1), STEP_LIMIT)
+        return shorten(step, np.abs(step).max(axis=1), LARGEST_STEP)
 
 
 def _solve_within(robot: Robot, search: _Search) -> Array:
     """Return the angles (n, N) [rad], joints that would leave their limits held there."""
     free = np.ones(search.start.shape, dtype=bool)
     q = search.solve(search.start, free)
-    for _ in range(AT_LIMIT):
+    for _ in range(3):  # times that joints which would leave their limits are held there and the others solved again
         over = free & ((q > robot.q_upper) | (q < robot.q_lower))
         rows = np.flatnonzero(over.any(axis=1))
         if not rows.size:
@@ -255,10 +255,10 @@ def _jacobians(poser: FlangeSource, q: Array, goal: ToolGoal) -> tuple[Array, Ar
         Of the tool point (n, 3, N) [m/rad, base frame] and of its turn (n, 3, N) [rad/rad, tool frame].
     """
     n, N = q.shape
-    shift = DIFFERENCE * np.eye(N)
+    shift = JACOBIAN_STEP * np.eye(N)
     both = (q[:, None, None, :] + np.stack([shift, -shift])[None]).reshape(-1, N)
     many = np.repeat(np.arange(n), 2 * N)
     travel, turn = (v.reshape(n, 2, N, 3) for v in goal.rows(many).missing(poser, both))
-    slopes = (np.swapaxes(v[:, 1] - v[:, 0], 1, 2) / (2 * DIFFERENCE) for v in (travel, turn))
+    slopes = (np.swapaxes(v[:, 1] - v[:, 0], 1, 2) / (2 * JACOBIAN_STEP) for v in (travel, turn))
     J_x, J_turn = slopes
     return J_x, J_turn

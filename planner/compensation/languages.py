@@ -8,10 +8,11 @@ from pathlib import Path
 import numpy as np
 
 from planner.common.errors import InputError, did_you_mean
-from planner.common.units import DEG, Array
+from planner.common.units import Array
 from planner.compensation.formats import csv, fanuc, gcode, krl, pdl2, rapid, urscript
 from planner.compensation.nominal_angles import UNREACHED
 from planner.compensation.targets import Note, Target, TargetReading, line_ranges
+from planner.compensation.tolerances import OVER_LIMIT
 from planner.kinematics.robot import Robot
 from planner.programs.dialect import CommentStyle, Dialect, comment_text, dialect_names, load_dialect
 from planner.programs.languages.statements import Lines
@@ -64,7 +65,11 @@ def _check_axis_words(path: Path, text: str, name: str) -> None:
     Raises:
         InputError: nobody has said which of the two they are.
     """
-    if name == TABLE or "X" not in load_dialect(name).axes or _OWN_HEAD.search("\n".join(text.splitlines()[:HEAD])):
+    if (
+        name == TABLE
+        or "X" not in load_dialect(name).axes
+        or _OWN_HEAD.search("\n".join(text.splitlines()[:HEAD_LINES]))
+    ):
         return
     axes = " ".join(load_dialect(name).axes)
     raise InputError(
@@ -118,9 +123,6 @@ def read_targets(name: str, text: str, reading: TargetReading) -> None:
     READERS[dialect.reading.family](text, dialect, reading)
 
 
-REASONS = 20  # that are told; the lines are all told
-LENGTH = 160  # characters of a reason
-MOST = 100_000  # of what is said before it is cut into lines
 _SPELLED = str.maketrans({"µ": "u", "°": " deg", "…": "...", "−": "-"})
 _BEHIND = {  # the lines that must stay first
     "krl": re.compile(r"\s*(&|;|(GLOBAL\s+)?DEF(DAT|FCT)?\b)", re.IGNORECASE),
@@ -145,11 +147,12 @@ def add_head(
     shift, head = -1, [""] * 0
     while shift != len(head):  # the head's own length moves the lines
         shift = len(head)
+        # 100_000: signs: a sentence is cut into lines afterwards
         head = [
             f"{style.start}{row}{style.end}"
             for sentence in (*said, *([*_sentences(robot, corrected, left, before, shift)] * bool(left)))
             for row in textwrap.wrap(
-                comment_text(sentence.translate(_SPELLED), style.model_copy(update={"max_length": MOST})),
+                comment_text(sentence.translate(_SPELLED), style.model_copy(update={"max_length": 100_000})),
                 style.max_length,
             )
         ]
@@ -161,6 +164,8 @@ def add_head(
 
 
 def _sentences(robot: str, corrected: Sequence[int], left: Sequence[Note], before: int, shift: int) -> Iterator[str]:
+    most_reasons = 20  # that are told; the lines are all told
+
     def lines(numbers: Sequence[int]) -> str:
         return line_ranges(n + shift if n > before else n for n in numbers)
 
@@ -169,10 +174,10 @@ def _sentences(robot: str, corrected: Sequence[int], left: Sequence[Note], befor
     reasons: dict[str, list[int]] = {}
     for line, why in left:
         here = re.sub(r"\bline (\d++)(?! of (?:the other|module))", lambda m: f"line {lines([int(m[1])])}", why)
-        reasons.setdefault(textwrap.shorten(here, LENGTH, placeholder=" ..."), []).append(line)
+        reasons.setdefault(textwrap.shorten(here, 160, placeholder=" ..."), []).append(line)  # characters of a reason
     for count, (why, where) in enumerate(reasons.items(), start=1):
-        if count > REASONS:
-            rest = [n for group in list(reasons.values())[REASONS:] for n in group]
+        if count > most_reasons:
+            rest = [n for group in list(reasons.values())[most_reasons:] for n in group]
             yield f"Left as they were for other reasons: {lines(rest)}."
             break
         yield f"Left as written, lines {lines(where)}: {why}."
@@ -194,8 +199,7 @@ def _place(text: str, behind: re.Pattern[str]) -> tuple[int, int]:
     return place
 
 
-HEAD = 60  # lines in which a program says what it is
-BEYOND = 0.5 * DEG  # a taught angle may stand a little over a limit
+HEAD_LINES = 60  # in which a program says what it is
 _OWN_HEAD = re.compile(r"^[ \t]*\([ \t]*plan_id:", re.MULTILINE)  # of a program that this planner wrote
 _OWN = re.compile(r"\brobot:\s*(?P<name>[^\r\n)]*)")
 _MODEL = re.compile(r"\b(?:KR[ _-]?\d{1,4}(?:[ _-]?R\d{3,4})?|IRB[ _-]?\d{3,5}|NJ[ _-]?\d{2,3}|UR\d{1,2}e?)(?!\w)")
@@ -208,7 +212,7 @@ def foreign_robot_notes(name: str, text: str, robot: Robot) -> Iterator[Note]:
         InputError: a program of this planner names another robot.
     """
     own = "plan_id:" in text
-    for line, _, said in list(Lines.of(text))[:HEAD]:
+    for line, _, said in list(Lines.of(text))[:HEAD_LINES]:
         match = _OWN.search(said)
         if own and match and not _same(match["name"], robot):
             raise InputError(
@@ -231,7 +235,7 @@ def check_reach(name: str, robot: Robot, targets: Sequence[Target], q: Array, pr
     """Return what is to be said of a file most of whose targets the nominal robot does not reach, or nothing."""
     lines = {line for line, why in problems if UNREACHED in why or "are allowed" in why}
     for target, angles in zip(targets, q, strict=True):
-        if target.q is not None and (np.maximum(robot.q_lower - angles, angles - robot.q_upper) > BEYOND).any():
+        if target.q is not None and (np.maximum(robot.q_lower - angles, angles - robot.q_upper) > OVER_LIMIT).any():
             lines.add(target.line)
     if len(lines) < 2 or 2 * len(lines) <= len({t.line for t in targets}):
         return ""

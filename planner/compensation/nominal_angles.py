@@ -12,12 +12,9 @@ from planner.compensation.correction import ALL_TURNS, NominalFlange, solve_flan
 from planner.compensation.few_axes import FULL_AXES, ToolGoal, solve_few_axes
 from planner.compensation.rotations import inverse
 from planner.compensation.targets import CartesianTarget, Note, Target
+from planner.compensation.tolerances import REACHED
 from planner.kinematics.robot import Robot
 
-SEEDS = 15  # log2 of how many arm positions are kept to start from
-STARTS = (2, 8, 32)  # positions that the search of one pose starts from, more where fewer did not do
-ROUNDS = (30, 0)  # iterations, all with the nominal Jacobian, which is exact here
-FOUND = 1e-7  # [m and rad] of a pose that is reached
 UNREACHED = "the nominal robot does not reach the pose"
 
 
@@ -158,7 +155,7 @@ def _search(T: Array, shapes: np.ndarray, seeds: SearchSeeds) -> tuple[Array, np
         own, tree = seeds.of_shape(int(shape))
         if tree is None:
             continue
-        for count in STARTS:
+        for count in (2, 8, 32):  # positions that the search of one pose starts from, more where fewer did not do
             rows = rows[~ok[rows]]
             if not rows.size:
                 break
@@ -181,11 +178,12 @@ def _reach(robot: Robot, start: Array, T: Array) -> tuple[Array, np.ndarray]:
     if robot.n_joints < FULL_AXES:
         goal = ToolGoal(np.broadcast_to(np.eye(4), T.shape), p_BF, R_BF)
         q = solve_few_axes(robot, nominal, start, goal, ALL_TURNS, np.inf)
-        return q, np.asarray(np.linalg.norm(goal.missing(nominal, q)[0], axis=1) < FOUND)
-    q = solve_flange_ik(robot, nominal, start, p_BF, R_BF, ROUNDS)
+        return q, np.asarray(np.linalg.norm(goal.missing(nominal, q)[0], axis=1) < REACHED)
+    # 30, 0: iterations, all with the nominal Jacobian, which is exact here
+    q = solve_flange_ik(robot, nominal, start, p_BF, R_BF, (30, 0))
     p, R = nominal.flange(q)
     far, off = np.abs(p - p_BF).max(axis=1), np.abs(R - R_BF).max(axis=(1, 2))
-    return q, (far < FOUND) & (off < FOUND)
+    return q, (far < REACHED) & (off < REACHED)
 
 
 def _shape_sentence(before: int | None) -> str:
@@ -202,7 +200,7 @@ def _choose_turns(
     """
     whole = (robot.sense_matrix == np.round(robot.sense_matrix)).all(axis=0) & ~robot.slides  # its turn leaves the pose
     options = solution + 2.0 * np.pi * np.arange(-3, 4)[:, None] * whole
-    within = (options >= robot.q_lower - FOUND) & (options <= robot.q_upper + FOUND)
+    within = (options >= robot.q_lower - REACHED) & (options <= robot.q_upper + REACHED)
     nothing = np.full(len(solution), np.nan)
     if not within.any(axis=0).all():
         j = int(np.argmin(within.any(axis=0)))
@@ -223,4 +221,4 @@ def _choose_turns(
 
 @lru_cache(maxsize=4)
 def _unit_points(dimension: int) -> Array:
-    return sobol_points(dimension, None)(1 << SEEDS)
+    return sobol_points(dimension, None)(1 << 15)  # 32 768 arm positions are kept to start from

@@ -8,11 +8,8 @@ import numpy as np
 from planner.common.determinism import even_positions
 from planner.common.units import MM, Array, to_mm
 from planner.compensation.targets import Target, line_ranges
+from planner.compensation.tolerances import WORSE_RATIO
 from planner.identification.expected_error import ExpectedError
-
-MOST_LOOKED = 4000  # targets of a long program that are looked at, evenly
-NAMED = 5  # lines that are named
-WORSE = 1.001  # beyond rounding
 
 
 @dataclass(frozen=True)
@@ -55,7 +52,7 @@ class ProgramError:
     @property
     def is_worse(self) -> bool:
         """Whether the correction is expected to do more harm than good."""
-        return _rms(self.after) > WORSE * _rms(self.before)
+        return _rms(self.after) > WORSE_RATIO * _rms(self.before)
 
     @property
     def refusal(self) -> str:
@@ -79,7 +76,7 @@ class ProgramError:
         ]
         if len(self.parts) > 1 or not self.parts[0].tool.startswith("the measured"):
             out += [f"of these with {p.tool}: {_mm(_rms(p.before))} → {_mm(_rms(p.after))} mm rms" for p in self.parts]
-        if (worse := self.lines[self.after > WORSE * self.before]).size:
+        if (worse := self.lines[self.after > WORSE_RATIO * self.before]).size:
             out.append(f"expected to be worse than before on lines {line_ranges(worse.tolist())}")
         return tuple(out)
 
@@ -96,7 +93,7 @@ class ProgramError:
         named = dict[int, float]()
         for k in np.argsort(-self.after, kind="stable"):
             named.setdefault(int(self.lines[k]), float(self.after[k]))
-            if len(named) == NAMED:
+            if len(named) == 5:  # lines that are named
                 break
         return ", ".join(f"line {line} {_mm(error)} mm" for line, error in named.items())
 
@@ -110,7 +107,7 @@ def program_error(expected: ExpectedError, targets: Sequence[Target], q: Array, 
         q: controller angles of the nominal robot at each, (n, N) [rad].
         p_FM: tool point (3,) [m] of targets that are joint angles; ``None`` is the measured one.
     """
-    looked = even_positions(len(targets), MOST_LOOKED)
+    looked = even_positions(len(targets), 4000)  # targets of a long program that are looked at, evenly
     points = [_point(targets[k], expected.tool if p_FM is None else p_FM) for k in looked]
     tools, which = np.unique(np.round(points, 7), axis=0, return_inverse=True)
     return ProgramError(

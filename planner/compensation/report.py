@@ -12,12 +12,9 @@ from planner.compensation.correction import FlangeModel, NominalFlange, flange_d
 from planner.compensation.few_axes import FULL_AXES, ToolDeviation, ToolGoal, TurnsLeft
 from planner.compensation.nominal_angles import SearchSeeds, solve_nominal_angles
 from planner.compensation.targets import Note, Target, line_ranges, list_lines
+from planner.compensation.tolerances import JOINT_OFF, PLACE_OFF, TOLD_JOINT_MOVE, UNEXPLAINED_TURN
 from planner.kinematics.inverse_kinematics import rotation_between
 from planner.kinematics.robot import Robot
-
-FAR = 2.0 * DEG  # a joint that moves by more for a correction of millimetres is told
-TURNED = 1.0 * DEG  # change of A or C that no correction of the orientation explains
-SHOWN = 8  # targets that are told one by one
 
 
 def large_joint_motions(robot: Robot, targets: Sequence[Target], q: Array, q_new: Array) -> Iterator[Note]:
@@ -25,12 +22,13 @@ def large_joint_motions(robot: Robot, targets: Sequence[Target], q: Array, q_new
 
     The farthest are told one by one, the others counted.
     """
+    shown = 8  # targets that are told one by one
     nominal = NominalFlange(robot)
     shift = np.linalg.norm(nominal.flange(q_new)[0] - nominal.flange(q)[0], axis=1)
     moved, size = q_new - q, np.abs(q_new - q).max(axis=1, initial=0.0)
-    far = [int(k) for k in np.argsort(-size, kind="stable") if size[k] > FAR]
-    singular = near_singular(robot, q[far[:SHOWN]]) if far else np.zeros(0, dtype=bool)
-    for k, lost in zip(far[:SHOWN], singular, strict=False):
+    far = [int(k) for k in np.argsort(-size, kind="stable") if size[k] > TOLD_JOINT_MOVE]
+    singular = near_singular(robot, q[far[:shown]]) if far else np.zeros(0, dtype=bool)
+    for k, lost in zip(far[:shown], singular, strict=False):
         j = int(np.abs(moved[k]).argmax())
         because = ": the target is near a singular position" if lost else ", which its calibration asks for"
         yield (
@@ -38,9 +36,9 @@ def large_joint_motions(robot: Robot, targets: Sequence[Target], q: Array, q_new
             f"joint {j + 1} moves by {moved[k, j] / DEG:.1f}° for a correction of {shift[k] / MM:.2f} mm{because}; "
             "try it slowly",
         )
-    if len(far) > SHOWN:
-        line = targets[far[SHOWN]].line
-        yield line, f"a joint moves by over {FAR / DEG:g}° here and at {len(far) - SHOWN - 1} more targets"
+    if len(far) > shown:
+        line = targets[far[shown]].line
+        yield line, f"a joint moves by over {TOLD_JOINT_MOVE / DEG:g}° here and at {len(far) - shown - 1} more targets"
 
 
 def near_singular_angles(before: Sequence[Target], after: Sequence[Target]) -> Iterator[Note]:
@@ -50,7 +48,7 @@ def near_singular_angles(before: Sequence[Target], after: Sequence[Target]) -> I
             continue
         was, is_ = old.pose.words / DEG, new.pose.words / DEG
         turn = float(np.linalg.norm(rotation_between(old.pose.T_BT[None, :3, :3], new.pose.T_BT[None, :3, :3])))
-        if np.abs(new.pose.words - old.pose.words).max() > max(TURNED, 3.0 * turn):
+        if np.abs(new.pose.words - old.pose.words).max() > max(UNEXPLAINED_TURN, 3.0 * turn):
             yield (
                 old.line,
                 f"B stands near {np.sign(was[1]) * 90:.0f}°, where A and C mean almost the same: A {was[0]:.3f} became "
@@ -151,10 +149,6 @@ def _turns_left(
     return TurnsLeft(robot.n_joints, tuple(t.line for t in targets), before, after)
 
 
-JOINTS = 1e-3  # [rad] of a joint between what is read and what was meant: another turn is 2π, another shape far more
-PLACE = 5e-6  # [m and rad] of the calibrated flange, from rounding alone
-
-
 def read_printed(
     seeds: SearchSeeds, calibrated: FlangeModel, printed: list[Target], rows: np.ndarray, q: Array, q_new: Array
 ) -> tuple[Array, list[tuple[int, str]]]:
@@ -184,9 +178,9 @@ def read_printed(
             continue
         off = np.abs(angles[k] - q_new[k])
         j = int(off.argmax())
-        if off[j] > JOINTS:
+        if off[j] > JOINT_OFF:
             stands = f"{angles[k, j] / DEG:.3f}° instead of {q_new[k, j] / DEG:.3f}°"
             wrong.append((k, f"read again, joint {j + 1} would stand at {stands}"))
-        elif max(far_m[k], far_rad[k]) > PLACE:
+        elif max(far_m[k], far_rad[k]) > PLACE_OFF:
             wrong.append((k, f"read again, {far_m[k] / UM:.1f} µm and {far_rad[k] * 1e6:.1f} µrad are left"))
     return angles, wrong

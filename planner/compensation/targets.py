@@ -8,15 +8,15 @@ import numpy as np
 
 from planner.common.errors import InputError
 from planner.common.units import DEG, Array, read_only
+from planner.compensation.tolerances import FARTHEST
 from planner.kinematics.robot import Robot
 from planner.programs.languages.statements import PlacedNumber, Slot
 
 Note = tuple[int, str]
 """A line of the file, and what is to be said of it."""
 
-SHOWN_LINES = 20  # refused lines that one message lists
-MM_DECIMALS, DEG_DECIMALS = 4, 5  # fewest digits of a number that is written anew
-SAME = 1e-6  # [m, m² or rad] nearer to a border, rounding decides on which side a joint stands: what is written stays
+MM_DECIMALS = 4  # fewest of a number in mm that is written anew: a tenth of a micrometre
+DEG_DECIMALS = 5  # fewest of a number in degrees: the same at 600 mm
 EXTERNAL = "external axes are not at zero: the file does not say whether they carry the robot or the part"
 FOLLOWS_NONE = "the target that it follows is not known here, and with it the shape of the arm"
 
@@ -74,9 +74,6 @@ class CartesianTarget:
     start: Array | None = None
 
 
-MOST = 1e4  # [m, rad] no target, tool or base of a robot is farther away
-
-
 @dataclass(frozen=True)
 class Target:
     """One target in a file.
@@ -102,7 +99,7 @@ class Target:
     def is_sensible(self) -> bool:
         """Tell whether all its numbers are finite and as large as a robot's may be."""
         frames = () if self.pose is None else (self.pose.T_BT, self.pose.T_WB, self.pose.T_FT)
-        return all(bool((np.abs(x) < MOST).all()) for x in (() if self.q is None else (self.q,)) + frames)
+        return all(bool((np.abs(x) < FARTHEST).all()) for x in (() if self.q is None else (self.q,)) + frames)
 
 
 @dataclass(frozen=True)
@@ -226,10 +223,11 @@ class TargetReading:
 
 def list_lines(name: str, lines: Iterable[Note]) -> Iterator[str]:
     """Yield ``name:line: sentence`` in the order of the file, the first of many and the count of the rest."""
+    shown = 20  # refused lines that one message lists
     ordered = sorted(lines)
-    yield from (f"{name}:{line}: {sentence}" for line, sentence in ordered[:SHOWN_LINES])
-    if len(ordered) > SHOWN_LINES:
-        yield f"{name}: and {len(ordered) - SHOWN_LINES} more lines like these"
+    yield from (f"{name}:{line}: {sentence}" for line, sentence in ordered[:shown])
+    if len(ordered) > shown:
+        yield f"{name}: and {len(ordered) - shown} more lines like these"
 
 
 def line_ranges(numbers: Iterable[int]) -> str:

@@ -10,9 +10,8 @@ from planner.compensation.correction import Correction, NominalFlange, move_limi
 from planner.compensation.few_axes import FULL_AXES, ToolDeviation, ToolGoal
 from planner.compensation.nominal_angles import flange_of
 from planner.compensation.targets import CartesianTarget, Note, Target
+from planner.compensation.tolerances import MISSED_TURN
 from planner.kinematics.robot import Robot
-
-ASKED_TURN = 0.05 * DEG  # a pose whose turn the arm misses by more is told; people write hundredths of a degree
 
 
 def turn_notes(nominal: Robot, targets: Sequence[Target], q: Array) -> list[Note]:
@@ -32,7 +31,7 @@ def turn_notes(nominal: Robot, targets: Sequence[Target], q: Array) -> list[Note
             f"{off.tilt[i] / DEG:.2f}° off, and its turn about the axis {off.spin[i] / DEG:.2f}°; the place is met",
         )
         for i, k in enumerate(at)
-        if max(off.tilt[i], off.spin[i]) > ASKED_TURN
+        if max(off.tilt[i], off.spin[i]) > MISSED_TURN
     ]
 
 

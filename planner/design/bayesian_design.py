@@ -221,7 +221,7 @@ def choose_bayesian_poses(
             "budget or the clearance, or raise plan.candidates"
         )
     unknown = undeclared_errors(cell, pool.samples) if unknown is None else unknown
-    # candidates considered, evenly spread over the pool
+    # 24_000: candidates considered, evenly spread over the pool
     considered = even_positions(len(pool), max(24_000, poses or 0))
     white, weight = unknown.white(pool.samples.take(considered)), unknown.weight_per_prior
     target = 0.0 if poses or until is not None else UNTRACED_TARGET_SHARE * unknown.untraced

@@ -15,7 +15,8 @@ from planner.design.observability.information import predict_covariance
 from planner.effects.catalogue import catalogue
 from planner.effects.compliance import JOINT_COMPLIANCE, compliance_parameters
 from planner.effects.effect import Parameter
-from planner.effects.nonparametric import CURVE_SIZE, gear_curve
+from planner.effects.nonparametric import gear_curve
+from planner.effects.sizes import GEAR_CURVE_SIZE
 from planner.model.model import Model
 from planner.model.tool_error import ToolError, uniform_states
 from planner.runs.run import Samples
@@ -65,7 +66,7 @@ def check_effects(cell: Cell) -> None:
         InputError: as :func:`declared_parameters`.
     """
     setup = setup_of(cell)
-    # any states: it is only asked whether each effect has a name
+    # 50: any states: it is only asked whether each effect has a name
     _ = declared_parameters(cell, setup, Samples.at(uniform_states(cell, 50, 0)))
 
 
@@ -149,8 +150,8 @@ def add_dropped(seen: Identifiability, names: tuple[str, ...], others: tuple[Dro
 
 
 ASSUMED = (
-    f"every gear errs by {CURVE_SIZE * 1e6:.0f} µrad in waves of up to {HIGHEST_GEAR_WAVE:.0f} a turn, and every joint"
-    " gives way"
+    f"every gear errs by {GEAR_CURVE_SIZE.usual * 1e6:.0f} µrad in waves of up to {HIGHEST_GEAR_WAVE:.0f} a turn, "
+    "and every joint gives way"
 )
 
 
@@ -174,8 +175,8 @@ class UndeclaredErrors:
     assumed: ClassVar[str] = ASSUMED
     before_label: ClassVar[str] = "as such a robot comes"
     condition: ClassVar[str] = (
-        f"; expected where gears err by {CURVE_SIZE * 1e6:.0f} µrad, in up to {HIGHEST_GEAR_WAVE:.0f} periods a turn, "
-        "and joints bend under load"
+        f"; expected where gears err by {GEAR_CURVE_SIZE.usual * 1e6:.0f} µrad, in up to {HIGHEST_GEAR_WAVE:.0f} "
+        "periods a turn, and joints bend under load"
     )
 
     @property

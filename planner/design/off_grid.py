@@ -84,7 +84,7 @@ def refine_bayesian_poses(cell: Cell, unknown: ExpectedErrors, samples: Samples,
     longer = 1.2  # times the reach after a success
     trials = 12  # around each pose in a round
     rng, valid, q = np.random.default_rng(seed), CandidateFilters(cell, samples), samples.q.copy()
-    # [rad] of a trial at first
+    # 0.2: [rad] of a trial at first
     white, weight, reach = unknown.white(samples), unknown.weight_per_prior, np.full(len(q), 0.2)
     for _ in range(16):  # rounds of trials around every pose
         if must_stop(REFINEMENT, "the poses were refined off the grid only in part"):

@@ -59,7 +59,7 @@ class ErrorPricing(Pricing):
     def grow(self, state: ActiveSet, dual: Dual) -> ActiveSet:
         """Give weight to readings that gain much."""
         gain = -dual.prices(self.rows, state.active)
-        # of a reading's gain (Silvey, Titterington and Torsney 1978)
+        # 0.8: of a reading's gain (Silvey, Titterington and Torsney 1978)
         return ActiveSet(state.active, _cap_weights(state.weights * gain**0.8, self.count))
 
 
@@ -80,11 +80,11 @@ def bound_tool_error(white: Array, weight: Array, chosen: np.ndarray) -> float:
     w[chosen] += share
     every = ErrorPricing(rows, count, "I", weight)
     _, begun, _ = every.solve(ActiveSet(np.arange(len(white)), w), 0.0)
-    # readings among which the bound is tightened; it is verified over all of them
+    # 6000: readings among which the bound is tightened; it is verified over all of them
     active = np.union1d(chosen, best_priced(-begun.prices(rows, np.arange(len(rows))), min(6000, len(white))))
     few = replace(every, rows=rows[active])
     state = ActiveSet(np.arange(len(active)), _cap_weights(w[active], count))
-    # steps bring the bound to a part in thirty of what more would prove
+    # 10: steps bring the bound to a part in thirty of what more would prove
     best = generate_columns(few, state, 0.0, 0.0, 10).duals[0].verify(rows)
     size = np.sort(np.linalg.eigvalsh(weight))
     untaught = float(np.maximum(size[: max(len(size) - count, 0)], 0.0).sum())

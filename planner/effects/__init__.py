@@ -14,5 +14,6 @@ __all__ = [
     "misfit_shapes",
     "nonparametric",
     "phi_keys",
+    "sizes",
     "steps",
 ]

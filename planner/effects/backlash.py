@@ -1,7 +1,7 @@
 """Effects of how a joint came to where it stands: backlash, hysteresis, angles read before it settled, servo lag."""
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -20,26 +20,9 @@ from planner.effects.effect import (
     Role,
     joint_place,
 )
+from planner.effects.sizes import BACKLASH, LAG, PLAY_OF_SCATTER, SETTLING, EffectSize
 
 HYSTERESIS_WIDTHS = np.geomspace(5e-3, 1.0, 16)  # [rad] of travel after a reversal
-
-
-@dataclass(frozen=True)
-class EffectSize:
-    """Unit of an effect's size, its usual (one sigma) and largest plausible value, and where they come from."""
-
-    unit: str
-    usual: float
-    largest: float
-    literature: str
-
-
-BACKLASH = EffectSize(
-    "rad", 1e-4, 1e-2, "Slamani, Nubiola & Bonev 2012, Industrial Robot 39(5): backlash of a serial robot, 0.01-0.1 mm"
-)
-PLAY_OF_SCATTER = 3.0  # usual play over what a joint repeats to, where that is more than an industrial arm's
-LAG = EffectSize("s", 2e-3, 0.1, "estimated")
-SETTLING = EffectSize("1", 0.5, 2.0, "estimated")
 
 
 class SpeedSign(BasisFunction, key="speed-sign:JOINT", static=False, column="speed"):

@@ -20,7 +20,6 @@ from planner.effects.context import Context
 from planner.effects.effect import Effect
 from planner.runs.run import Samples
 
-SAMPLES_LOOKED_AT = 4_000
 CONTINUOUS_RUN = 'a run measured while moving (motion.measure = "continuous")'
 
 
@@ -34,7 +33,7 @@ class Excitation:
     @classmethod
     def of(cls, setup: MeasurementSetup, samples: Samples) -> "Excitation":
         """Look at the samples of a run."""
-        return cls(setup, samples.take(even_positions(len(samples), SAMPLES_LOOKED_AT)))
+        return cls(setup, samples.take(even_positions(len(samples), 4_000)))  # samples of a run tell what shows in it
 
     @cached_property
     def context(self) -> Context:

@@ -19,12 +19,10 @@ from planner.effects.effect import (
     joint_place,
     transform_move,
 )
+from planner.effects.sizes import LOAD_TURN, MASS_TURN
 
 JOINT_COMPLIANCE = "joint compliance"
-USUAL_TURN, LARGEST_TURN = 3e-4, 1e-2  # [rad] under the run's largest load: one sigma, and the most that is plausible
 LEAST_LOAD = 1e-6  # [Nm] below which nothing is asked of it
-LARGEST_MASS_TURN = 2e-3  # [rad] under the largest load by a mass other than stated
-JOINTS_SHOWN = 2  # those that a mass loads most, at which it may show
 TRICAL = "TriCal paper, Table 8; Nubiola & Bonev 2013, RCIM 29(1): 0.01 to 0.2e-3 deg/Nm for a 6 kg robot"
 BENDING = "Meggiolaro, Dubowsky & Mavroidis 2005, Mech. Mach. Theory 40(7): elastic errors of links; size estimated"
 MASSES = "estimated: a mass wrong by a third of a link or payload, at joints as soft as in the TriCal paper, Table 8"
@@ -212,7 +210,7 @@ def base_compliance(run: Excitation) -> Iterator[Effect]:
         if load > LEAST_LOAD:
             moves = transform_move(3 + axis, LoadMoment(0, axis))
             what = f"tipping of the base about {'xy'[axis]}"
-            parameters.append(Parameter(f"soft_base_r{'xy'[axis]}", "rad/Nm", USUAL_TURN / load, what, moves))
+            parameters.append(Parameter(f"soft_base_r{'xy'[axis]}", "rad/Nm", LOAD_TURN.usual / load, what, moves))
     sentence = "the base tips on its floor or pedestal under the arm's weight, {size}"
     yield from _effect("soft base", Place("base"), parameters, sentence, "estimated")
 
@@ -243,13 +241,13 @@ def wrong_mass(run: Excitation) -> Iterator[Effect]:
 def _mass(run: Excitation, link: int, kind: str, place: Place, label: str, name: str, role: Role) -> Iterator[Effect]:
     parameters = _mass_parameters(run, link, label)
     sentence = f"{name}: weighs other than stated, or its centre lies elsewhere; its joints yield {{size}} at most"
-    yield from _effect(kind, place, parameters, sentence, MASSES, role, LARGEST_MASS_TURN)
+    yield from _effect(kind, place, parameters, sentence, MASSES, role, MASS_TURN.largest)
 
 
 def _mass_parameters(run: Excitation, link: int, label: str) -> list[Parameter]:
     what = "turn of joint {} by the weight in question, where that turns it most in the run"
     return [
-        Parameter(f"{label}_at{i + 1}", "rad", USUAL_TURN, what.format(i + 1), moves)
+        Parameter(f"{label}_at{i + 1}", "rad", LOAD_TURN.usual, what.format(i + 1), moves)
         for i, moves in weight_turns(run, link, 1e-3)
     ]
 
@@ -261,7 +259,8 @@ def weight_turns(run: Excitation, link: int, least: float) -> Iterator[tuple[int
     """
     phis = {i: WeightTorque(i, link) for i in run.turning if i <= link}
     load = {i: float(np.ptp(run.values(phi))) for i, phi in phis.items()}
-    for i in sorted(sorted(phis, key=lambda i: -load[i])[:JOINTS_SHOWN]):
+    # 2: joints that a mass loads most, at which it may show
+    for i in sorted(sorted(phis, key=lambda i: -load[i])[:2]):
         size = run.largest(phis[i])
         if load[i] > max(LEAST_LOAD, least * size):
             yield i, transform_move(run.rotation(i), Times(1 / size, phis[i]))
@@ -269,11 +268,11 @@ def weight_turns(run: Excitation, link: int, least: float) -> Iterator[tuple[int
 
 def _effect(
     kind: str, place: Place, parameters: Sequence[Parameter], sentence: str, literature: str,
-    role: Role = Role.ORDINARY, turn: float = LARGEST_TURN,
+    role: Role = Role.ORDINARY, turn: float = LOAD_TURN.largest,
 ) -> Iterator[Effect]:  # fmt: skip
     """Yield the effect if it has parameters; ``turn`` [rad] is the most that is plausible under the largest load."""
     if parameters:
-        largest = max(p.prior for p in parameters) * turn / USUAL_TURN
+        largest = max(p.prior for p in parameters) * turn / LOAD_TURN.usual
         yield Effect(kind, place, tuple(parameters), sentence, largest, literature, role=role)
 
 
@@ -283,13 +282,13 @@ def _compliance(run: Excitation, joint: int, phi: BasisFunction, name: str, what
     size = float(np.abs(load).max())
     if size < LEAST_LOAD or float(np.ptp(load)) < 1e-3 * size:
         return []
-    return [Parameter(name, "rad/Nm", USUAL_TURN / size, what, transform_move(run.rotation(joint), phi))]
+    return [Parameter(name, "rad/Nm", LOAD_TURN.usual / size, what, transform_move(run.rotation(joint), phi))]
 
 
 def _at_largest(run: Excitation, p: Parameter) -> Parameter:
     """Return the parameter as the turn [rad] under the run's largest load, where no mass makes newton metres of it."""
-    moves = tuple(replace(m, phi=_by_size(m.phi, USUAL_TURN / p.prior)) for m in p.moves)
-    return replace(p, unit="rad", prior=USUAL_TURN, moves=moves)
+    moves = tuple(replace(m, phi=_by_size(m.phi, LOAD_TURN.usual / p.prior)) for m in p.moves)
+    return replace(p, unit="rad", prior=LOAD_TURN.usual, moves=moves)
 
 
 def _by_size(phi: BasisFunction, size: float) -> BasisFunction:
@@ -310,4 +309,6 @@ def _tilt(run: Excitation, station: int, axis: int, phi: BasisFunction, label: s
     if load < LEAST_LOAD:
         return []
     what = f"bending of {what} about {'xyz'[axis]}"
-    return [Parameter(f"{label}_{'xyz'[axis]}", "rad/Nm", USUAL_TURN / load, what, twist_moves(station, axis, phi))]
+    return [
+        Parameter(f"{label}_{'xyz'[axis]}", "rad/Nm", LOAD_TURN.usual / load, what, twist_moves(station, axis, phi))
+    ]

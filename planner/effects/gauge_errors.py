@@ -12,6 +12,7 @@ from planner.effects.catalogue import CONTINUOUS_RUN, Background, Excitation, re
 from planner.effects.context import Context
 from planner.effects.effect import Effect, NonlinearParameter, Parameter, ParameterMove, Place, reading_move
 from planner.effects.gauge_unknowns import unknowns_of
+from planner.effects.sizes import GAUGE_LAG
 from planner.effects.thermal import against_temperature
 
 KAKINO = "Kakino, Ihara & Nakatsu 1987, CIRP Annals 36(1): errors of double ball bars, some micrometres"
@@ -19,11 +20,6 @@ TAPE = "sag correction of surveyor's tapes (Ghilani & Wolf, Elementary Surveying
 TRACKER = "Muralikrishnan, Phillips & Sawyer 2016, Precision Engineering 44: laser trackers, some parts in a million"
 WARM_GAUGE = "a run with temperature_degC logged while the gauge warms up or cools down and the arm does not"
 PLATE = "plates: a printed one holds 0.1 to 0.3 mm, a machined one 0.02 mm; size estimated"
-FEWEST_BALLS = 3  # with two, one that sits elsewhere is the scale of their distance
-PRIOR_LAG = 0.05  # [s], after the two logs were laid over each other
-SHORTEST, LONGEST = 5e-4, 2e-2  # [m] periods of a scale that are scanned
-USUAL_PERIODS = (1e-5, 2e-5, 4e-5, 1e-4, 2e-4)  # [m] usual ones below
-SCAN_STEP = 0.25  # of a wave over the range of lengths between neighbours of the scan
 
 
 BallEnd = Literal["fixture", "tool"]
@@ -218,7 +214,7 @@ class BeamRefraction(BasisFunction, key="refraction:AXIS", static=False, gauge=T
 def clock_offset_parameter(setup: MeasurementSetup) -> Parameter:
     """How late the gauge's clock runs against the controller's, where each was logged by its own [s]."""
     what = "lag of the gauge's clock behind the controller's"
-    return Parameter("lag", "s", PRIOR_LAG, what, unknowns_of(setup.gauge).lag_moves(), "gauge")
+    return Parameter("lag", "s", GAUGE_LAG, what, unknowns_of(setup.gauge).lag_moves(), "gauge")
 
 
 @register()
@@ -298,14 +294,18 @@ def ball_shapes(run: Excitation) -> Iterator[Effect]:
 @register("scale interpolation", by_gauge=True)
 def scale_interpolation(run: Excitation) -> Iterator[Effect]:
     """The scale of a bar or wire errs with each of its periods."""
+    usual = (1e-5, 2e-5, 4e-5, 1e-4, 2e-4)  # [m] periods of scales below it
+    longest = 2e-2  # [m] period of a scale that is scanned
+    shortest = 5e-4  # [m] period of a scale that is scanned
     if not run.has("length"):
         return
-    step = SCAN_STEP / max(float(np.ptp(run.context.length)), 1e-3)
-    often = np.arange(1 / LONGEST, 1 / SHORTEST, step)
+    # 0.25: of a wave over the range of lengths between neighbours of the scan
+    step = 0.25 / max(float(np.ptp(run.context.length)), 1e-3)
+    often = np.arange(1 / longest, 1 / shortest, step)
     yield Effect(
         "scale interpolation", Place("gauge"), _scale_waves,
         "the gauge's scale errs by {size} with a period of {inner}", 5e-4, KAKINO,
-        NonlinearParameter("period", "m", np.concatenate([USUAL_PERIODS, 1 / often[::-1]]), True),
+        NonlinearParameter("period", "m", np.concatenate([usual, 1 / often[::-1]]), True),
     )  # fmt: skip
 
 
@@ -323,7 +323,8 @@ def ball_places(run: Excitation) -> Iterator[Effect]:
     """Balls or sockets of a plate that sit elsewhere than the cell says: not measured well, or mistyped."""
     names = run.setup.ball_names
     visited = np.unique(nearest_ball(run.context)) if names else np.arange(0)
-    for k, ball in ((int(k), names[k]) for k in visited if len(visited) >= FEWEST_BALLS):
+    # 3: with two, one that sits elsewhere is the scale of their distance
+    for k, ball in ((int(k), names[k]) for k in visited if len(visited) >= 3):
         moves = [_each_axis([BallPlace(k, own, axis) for axis in range(3)]) for own in range(3)]
         offsets = tuple(
             Parameter(f"place_{ball}_{a}", "m", 1e-4, f"ball {ball}: further along the plate's {a}", m)

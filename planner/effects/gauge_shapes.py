@@ -13,9 +13,7 @@ from planner.effects.basis import BasisFunction
 from planner.effects.catalogue import Excitation
 from planner.effects.context import Context
 from planner.effects.effect import Parameter, ParameterMove
-
-BAR_DEGREE, RAY_DEGREE = 3, 3
-USUAL_BAR, USUAL_RAY = 2e-5, 1e-5  # [m], one sigma of all powers together
+from planner.effects.sizes import BAR_SHAPE, RAY_SHAPE
 
 
 class BarShape(BasisFunction, key="bar-shape:NUMBER:NUMBER:NUMBER:INDEX:INDEX:INDEX:INDEX", static=False, gauge=True):
@@ -65,21 +63,23 @@ def _bar_shapes(run: Excitation) -> Iterator[Parameter]:
     length, e = run.context.length, run.context.bar.direction
     about, span = round(float(length.mean()), 3), max(round(float(length.std()), 3), 1e-3)
     # e is a unit vector: higher powers of its last component say nothing more
-    powers = [p for p in product(range(BAR_DEGREE + 1), repeat=4) if 0 < sum(p) <= BAR_DEGREE and p[3] < 2]
+    degree = 3  # of the polynomial in place and direction
+    powers = [p for p in product(range(degree + 1), repeat=4) if 0 < sum(p) <= degree and p[3] < 2]
     for p in powers:
         if p[0] == sum(p) and p[0] != 2:
             continue  # the scale itself, and its like
         mean = float((e ** np.array(p[1:])).prod(axis=1).mean()) if sum(p[1:]) else 0.0
         move = ParameterMove("reading", 0, BarShape(about, span, round(mean, 6), *p))
         name = f"gauge_shape_{''.join(map(str, p))}"
-        yield Parameter(name, "m", USUAL_BAR / np.sqrt(len(powers)), "smooth error of the gauge", (move,))
+        yield Parameter(name, "m", BAR_SHAPE / np.sqrt(len(powers)), "smooth error of the gauge", (move,))
 
 
 def _ray_shapes(run: Excitation) -> Iterator[Parameter]:
     reach = max(float(np.linalg.norm(run.context.ray, axis=1).max()), 1e-3)
-    powers = [p for p in product(range(RAY_DEGREE + 1), repeat=3) if 1 < sum(p) <= RAY_DEGREE]
+    degree = 3  # of the polynomial in the reading's coordinates
+    powers = [p for p in product(range(degree + 1), repeat=3) if 1 < sum(p) <= degree]
     for axis, p in product(range(3), powers):
-        size = USUAL_RAY / np.sqrt(len(powers)) / reach ** sum(p)
+        size = RAY_SHAPE / np.sqrt(len(powers)) / reach ** sum(p)
         name = f"gauge_shape_{'xyz'[axis]}_{''.join(map(str, p))}"
         move = ParameterMove("reading", axis, RayShape(*p))
         yield Parameter(name, "1", float(size), "smooth error of the gauge", (move,))

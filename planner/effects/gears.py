@@ -6,20 +6,16 @@ from typing import Literal
 
 import numpy as np
 
-from planner.common.units import Array, to_deg
+from planner.common.units import TURN, Array, to_deg
 from planner.effects.basis import BasisFunction, EffectVariable
 from planner.effects.catalogue import Background, Excitation, register
 from planner.effects.compliance import twist_moves
 from planner.effects.context import Context
 from planner.effects.effect import Effect, NonlinearParameter, Parameter, Role, joint_place, transform_move
+from planner.effects.sizes import GEAR_WAVE, LARGEST_COUPLING
 
-USUAL_WAVE, LARGEST_WAVE = 1e-4, 5e-3  # [rad]: one sigma, 20 arc seconds, and the most that is plausible
-LARGEST_RATIO = 2.5  # a parallelogram that nobody declared couples by -1, a joint counted backwards is off by -2
-LOWEST, HIGHEST = 2.5, 400.0  # waves in a turn of the joint that are scanned
-SCAN_STEP = 0.25  # of a wave over the range of the joint between neighbours of the scan
 OF_GEARS = Background.NAMED_ONLY  # the posterior has harmonics and a band of ripple for every gear
 GROWING = Background.NAMED_ONLY  # hardly any arm has it, and its errors grow beyond the angles measured
-FULL_TURN = 2 * np.pi
 WAVES: tuple[Literal["sin", "cos"], ...] = ("sin", "cos")
 TIMES = ((1.0, "once"), (2.0, "twice"), (3.0, "three times"))
 SLAMANI = "Slamani, Nubiola & Bonev 2012, Industrial Robot 39(1): positioning errors of a serial robot, 0.1 mm waves"
@@ -100,10 +96,13 @@ def stated_gear_ripple(run: Excitation) -> Iterator[Effect]:
 @register("gear ripple", background=OF_GEARS)
 def gear_ripple(run: Excitation) -> Iterator[Effect]:
     """Gear error at any number of waves a turn."""
+    most = 400.0  # waves in a turn of the joint that are scanned
     for i in run.moving_joints:
         ratio = run.setup.robot.gear_ratio[i]
-        highest = HIGHEST if ratio is None else max(HIGHEST, 2.2 * ratio)
-        grid = np.arange(LOWEST, highest, SCAN_STEP * FULL_TURN / float(np.ptp(run.samples.q[:, i])))
+        highest = most if ratio is None else max(most, 2.2 * ratio)
+        # 2.5: waves in a turn of the joint, the lowest that is scanned
+        # 0.25: of a wave over the range of the joint between neighbours of the scan
+        grid = np.arange(2.5, highest, 0.25 * TURN / float(np.ptp(run.samples.q[:, i])))
         sentence = f"joint {i + 1}: gear runs out {{inner}} times a turn, {{size}}"
         frequency = NonlinearParameter("frequency", "1/turn", grid)
         yield _wave(run, "gear ripple", i, frequency, sentence, SLAMANI, Role.GEAR_WAVE | Role.REPEATABLE)
@@ -135,14 +134,14 @@ def axis_wobble(run: Excitation) -> Iterator[Effect]:
             kind = f"axis wobble {word} a turn"
             tilts = tuple(
                 Parameter(
-                    f"wobble{i + 1}_{often:.0f}_{'xyz'[axis]}_{wave}", "rad", USUAL_WAVE,
+                    f"wobble{i + 1}_{often:.0f}_{'xyz'[axis]}_{wave}", "rad", GEAR_WAVE.usual,
                     f"{kind} about {'xyz'[axis]}, joint {i + 1}",
                     twist_moves(i + 1, axis, JointWave(wave, i, often)),
                 )
                 for axis in range(3) if axis != turn for wave in WAVES
             )  # fmt: skip
             sentence = f"joint {i + 1}: bearing lets the axis wobble {word} a turn, {{size}}"
-            yield Effect(kind, joint_place(i), tilts, sentence, LARGEST_WAVE, "estimated")
+            yield Effect(kind, joint_place(i), tilts, sentence, GEAR_WAVE.largest, "estimated")
 
 
 def _wave(
@@ -153,15 +152,15 @@ def _wave(
     make = partial(_wave_parameters, run, kind, joint)
     place = joint_place(joint)
     if isinstance(frequency, NonlinearParameter):
-        return Effect(kind, place, make, sentence, LARGEST_WAVE, literature, frequency, role=role)
-    return Effect(kind, place, make(frequency), sentence, LARGEST_WAVE, literature, role=role)
+        return Effect(kind, place, make, sentence, GEAR_WAVE.largest, literature, frequency, role=role)
+    return Effect(kind, place, make(frequency), sentence, GEAR_WAVE.largest, literature, role=role)
 
 
 def _wave_parameters(run: Excitation, kind: str, joint: int, frequency: float) -> tuple[Parameter, ...]:
     label = f"{kind.replace(' ', '_').replace('-', '_')}{joint + 1}_{frequency:.8g}"
     what = f"{kind} of joint {joint + 1}, {frequency:.8g} a turn"
     return tuple(
-        Parameter(f"{label}_{wave}", "rad", USUAL_WAVE, f"{what}, {word}",
+        Parameter(f"{label}_{wave}", "rad", GEAR_WAVE.usual, f"{what}, {word}",
                   transform_move(run.rotation(joint), JointWave(wave, joint, frequency)))
         for wave, word in zip(WAVES, ("sine", "cosine"), strict=True)
     )  # fmt: skip
@@ -174,4 +173,4 @@ def _proportional(run: Excitation, kind: str, joint: int, driver: int, sentence:
     name = f"{kind.replace(' ', '_')}{joint + 1}" + (f"_by{driver + 1}" if driver != joint else "")
     moves = transform_move(run.rotation(joint), JointAngle(driver, mean))
     parameter = Parameter(name, "rad/rad", 5e-4, f"{kind} of {place}", moves)
-    return Effect(kind, place, (parameter,), sentence, LARGEST_RATIO, literature)
+    return Effect(kind, place, (parameter,), sentence, LARGEST_COUPLING, literature)

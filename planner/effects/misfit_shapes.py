@@ -17,10 +17,7 @@ from planner.effects.compliance import twist_moves
 from planner.effects.context import Context
 from planner.effects.effect import Parameter
 from planner.effects.gears import WAVES, JointWave
-
-GRAVITY_DEGREE = 3  # of the harmonics of gravity's direction: odd ones above the first tell a switch from a bend
-JOINT_WAVES = 2  # of another joint's angle: once and twice a turn
-USUAL_TURN = 1e-4  # [rad] of one part about one axis, as of a gear: one sigma of all its waves together
+from planner.effects.sizes import PART_TURN
 
 
 class GravityHarmonic(BasisFunction, key="gravity:STATION:INDEX:INDEX", loads=True):
@@ -59,9 +56,10 @@ def misfit_shapes(run: Excitation) -> Iterator[tuple[str, tuple[Parameter, ...]]
 
 def _by_gravity(station: int) -> Iterator[Parameter]:
     """Yield turns about all axes of a station, each degree of the harmonics as large as the square of 1/n says."""
-    degrees = np.arange(1, GRAVITY_DEGREE + 1)
+    # 3: degree of the harmonics of gravity's direction: odd ones above the first tell a switch from a bend
+    degrees = np.arange(1, 3 + 1)
     share = np.sqrt((2 * degrees + 1) / degrees**2)
-    sizes = USUAL_TURN / degrees / np.sqrt((share**2).sum())
+    sizes = PART_TURN / degrees / np.sqrt((share**2).sum())
     for axis in range(3):
         for n, size in zip(degrees.tolist(), sizes.tolist(), strict=True):
             for k in range(2 * n + 1):
@@ -72,8 +70,8 @@ def _by_gravity(station: int) -> Iterator[Parameter]:
 
 def _by_joint(station: int, axes: list[int], joint: int) -> Iterator[Parameter]:
     """Yield turns about some axes of a station by waves of a joint's angle, the k-th by k smaller."""
-    waves = np.arange(1, JOINT_WAVES + 1)
-    sizes = USUAL_TURN / waves / np.sqrt((2.0 / waves**2).sum())
+    waves = np.arange(1, 2 + 1)  # waves of another joint's angle: once and twice a turn
+    sizes = PART_TURN / waves / np.sqrt((2.0 / waves**2).sum())
     for axis in axes:
         for k, size in zip(waves.tolist(), sizes.tolist(), strict=True):
             for wave in WAVES:

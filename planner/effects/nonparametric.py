@@ -12,17 +12,13 @@ from collections.abc import Iterator
 import numpy as np
 
 from planner.cell.setup import MeasurementSetup
-from planner.common.units import Array
+from planner.common.units import TURN, Array
 from planner.effects.catalogue import Excitation, register
 from planner.effects.effect import Effect, Parameter, Role, joint_place, transform_move
-from planner.effects.gears import FULL_TURN, WAVES, BoundedWave
+from planner.effects.gears import WAVES, BoundedWave
+from planner.effects.sizes import GEAR_CURVE_SIZE, SMOOTH_CORRECTION
 
 GEAR_CURVE, NONPARAMETRIC = "gear error curve", "unnamed"
-QUICKEST_MODELLED = 2.0  # times the quickness: the quickest waves of a curve
-CURVE_SIZE, LARGEST_CURVE = 2e-4, 5e-3  # [rad], root mean square
-PERIOD_OVER_RANGE = 1.3  # length over which the curve repeats itself, over the joint's range
-CORRECTION_WAVES = 6
-CORRECTION_SIZE, LARGEST_CORRECTION = 3e-4, 1e-2  # [rad], one sigma of the longest wave
 
 
 @register(GEAR_CURVE, needs="nothing that can be planned: a whole curve takes the shape of whatever the readings hold")
@@ -41,11 +37,13 @@ def gear_curve(setup: MeasurementSetup, q: Array, joint: int, quickest: float) -
         joint: from 0.
         quickest: waves a turn within which most of the error lies.
     """
-    step = FULL_TURN / min(FULL_TURN, PERIOD_OVER_RANGE * float(np.ptp(q[:, joint])))
-    frequencies = step * np.arange(1, max(2, int(QUICKEST_MODELLED * quickest / step) + 1))
+    # 1.3: length over which the curve repeats itself, over the joint's range
+    step = TURN / min(TURN, 1.3 * float(np.ptp(q[:, joint])))
+    # 2.0: times the quickness: the quickest waves of a curve
+    frequencies = step * np.arange(1, max(2, int(2.0 * quickest / step) + 1))
     # less the first one's exponent: of a joint that hardly moves every wave is far beyond the quickest
     size = np.exp(-0.5 * (frequencies**2 - frequencies[0] ** 2) / quickest**2)
-    size *= CURVE_SIZE / np.sqrt((size**2).sum())
+    size *= GEAR_CURVE_SIZE.usual / np.sqrt((size**2).sum())
     rotation, ends = int(setup.chain.joint_places[joint]), _ends(q[:, joint])
     parameters = tuple(
         Parameter(
@@ -57,7 +55,9 @@ def gear_curve(setup: MeasurementSetup, q: Array, joint: int, quickest: float) -
     )  # fmt: skip
     sentence = f"joint {joint + 1}: gear or encoder runs unevenly over the joint's own angle, {{size}}"
     literature = "measured curve: no model of a gear behind it"
-    return Effect(GEAR_CURVE, joint_place(joint), parameters, sentence, LARGEST_CURVE, literature, role=Role.GEAR_CURVE)
+    return Effect(
+        GEAR_CURVE, joint_place(joint), parameters, sentence, GEAR_CURVE_SIZE.largest, literature, role=Role.GEAR_CURVE
+    )
 
 
 def nonparametric_effects(setup: MeasurementSetup, q: Array) -> Iterator[Effect]:
@@ -78,10 +78,10 @@ def _correction(rotation: int, i: int, by: int, angle_range: float, ends: tuple[
     label = f"unnamed{i + 1}" + ("" if i == by else f"_by{by + 1}")
     parameters = tuple(
         Parameter(
-            f"{label}_{wave}{k}", "rad", CORRECTION_SIZE / k**2, f"smooth correction of {place}",
+            f"{label}_{wave}{k}", "rad", SMOOTH_CORRECTION.usual / k**2, f"smooth correction of {place}",
             transform_move(rotation, BoundedWave(wave, by, k * np.pi / angle_range, *ends)),
         )
-        for k in range(1, CORRECTION_WAVES + 1) for wave in WAVES
+        for k in range(1, 6 + 1) for wave in WAVES  # waves
     )  # fmt: skip
     over = "its own angle" if i == by else f"joint {by + 1}'s angle"
     low, high = np.rad2deg(ends)
@@ -91,4 +91,4 @@ def _correction(rotation: int, i: int, by: int, angle_range: float, ends: tuple[
     )
     literature = "none: a description, not a cause"
     role = Role.NONPARAMETRIC
-    return Effect(NONPARAMETRIC, place, parameters, sentence, LARGEST_CORRECTION, literature, role=role)
+    return Effect(NONPARAMETRIC, place, parameters, sentence, SMOOTH_CORRECTION.largest, literature, role=role)

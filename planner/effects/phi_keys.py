@@ -10,7 +10,7 @@ from planner.common.extensions import HINT
 from planner.effects.basis import FUNCTIONS, BasisFunction, key_words
 from planner.effects.catalogue import registrations
 
-LARGEST_INDEX = 1_000_000
+LARGEST_INDEX = 1_000_000  # of a joint or sample, where their number is not known
 INDEX_RANGES: dict[str, tuple[int, Callable[[int], int]]] = {  # first, and last on an arm of N joints
     "JOINT": (1, lambda n: n),
     "LINK": (1, lambda n: n + 1),  # the last stands for the payload

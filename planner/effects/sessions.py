@@ -10,9 +10,7 @@ from planner.effects.basis import BasisFunction, EffectVariable
 from planner.effects.catalogue import Excitation, register
 from planner.effects.context import Context
 from planner.effects.effect import BASE_SHIFTS, BASE_TURNS, BaseMotion, Effect, Parameter, Place, reading_move
-
-STEP, LARGEST_STEP = 5e-5, 5e-3  # [m]
-TURN, LARGEST_TURN = 1e-4, 1e-2  # [rad]
+from planner.effects.sizes import SESSION_SHIFT, SESSION_TURN
 
 
 def against_session(phi: BasisFunction, c: Context) -> EffectVariable:
@@ -52,7 +50,13 @@ def session_step(run: Excitation) -> Iterator[Effect]:
         return
     if run.setup.gauge.has_zero:
         zeros = tuple(
-            Parameter(f"zero_session{s}", "m", STEP, f"step of the zero in session {s}", reading_move(InSession(s)))
+            Parameter(
+                f"zero_session{s}",
+                "m",
+                SESSION_SHIFT.usual,
+                f"step of the zero in session {s}",
+                reading_move(InSession(s)),
+            )
             for s in run.sessions
         )
         sentence = "the gauge's zero steps from session to session, {size}"
@@ -84,7 +88,7 @@ def _frame_steps(
     motions: Sequence[BaseMotion],
 ) -> tuple[Parameter, ...]:  # fmt: skip
     """Steps of the base by some motions in each session."""
-    unit, prior = ("rad", TURN) if motions == BASE_TURNS else ("m", STEP)
+    unit, prior = ("rad", SESSION_TURN.usual) if motions == BASE_TURNS else ("m", SESSION_SHIFT.usual)
     return tuple(
         Parameter(f"{label}_{m.name}_session{s}", unit, prior, f"{what} along {m.name[-1]}, session {s}",
                   m.times(phi(s)))
@@ -93,5 +97,5 @@ def _frame_steps(
 
 
 def _step(kind: str, part: str, parameters: tuple[Parameter, ...], sentence: str) -> Effect:
-    largest = LARGEST_TURN if parameters[0].unit == "rad" else LARGEST_STEP
+    largest = SESSION_TURN.largest if parameters[0].unit == "rad" else SESSION_SHIFT.largest
     return Effect(kind, Place(part), parameters, sentence, largest, "estimated")

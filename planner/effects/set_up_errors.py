@@ -14,8 +14,8 @@ from planner.common.units import DEG, MM
 from planner.effects.catalogue import Background, Excitation, register
 from planner.effects.effect import Effect, Parameter, Place, Role
 from planner.effects.gauge_unknowns import unknowns_of
+from planner.effects.sizes import SET_UP_LARGEST
 
-LARGEST_OFF = 0.1  # [m, rad] beyond that the gauge was not there at all, and nothing was read
 STATED = "stated by the cell file; more than this is another place"
 # [m, rad] one sigma of a statement that is wrong, whatever it states: as large as what nobody has measured
 USUAL = {"fixture": 5 * MM, "map": 1 * MM, "zero": 1 * MM, "probe": 0.1 * DEG}
@@ -39,7 +39,7 @@ def set_up_errors(run: Excitation) -> Iterator[Effect]:
         if thing in KINDS and not free & {p.name for p in own}:
             place, sentence = _words(thing, name)
             wrong = tuple(replace(p, prior=max(p.prior, USUAL[thing])) for p in own)
-            yield Effect(KINDS[thing], Place(place), wrong, sentence, LARGEST_OFF, STATED, role=Role.SET_UP)
+            yield Effect(KINDS[thing], Place(place), wrong, sentence, SET_UP_LARGEST, STATED, role=Role.SET_UP)
 
 
 def _words(thing: str, name: str) -> tuple[str, str]:

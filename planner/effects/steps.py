@@ -27,11 +27,9 @@ from planner.effects.effect import (
     transform_move,
 )
 from planner.effects.set_up_errors import set_up_parts
+from planner.effects.sizes import ESTIMATED, SUDDEN_CHANGE, WRONG_ROW
 
 STEP, SLIP = "step", "wrong row"
-USUAL_STEP, LARGEST_STEP = 2e-4, 0.2  # [m, rad]: one sigma, and the most that is plausible
-USUAL_SLIP, LARGEST_SLIP = 1e-2, 100.0  # [m, rad] a digit may be wrong anywhere in a reading
-ESTIMATED = "estimated"
 
 
 class BeforeSample(BasisFunction, key="before:INDEX:PHI", static=False, gauge=True):
@@ -91,7 +89,7 @@ class Steppable:
             replace(
                 p,
                 name=f"step{sample}_{p.name}",
-                prior=USUAL_STEP,
+                prior=SUDDEN_CHANGE.usual,
                 what=f"step after sample {sample}: {p.what}",
                 moves=tuple(replace(m, phi=BeforeSample(sample, m.phi)) for m in p.moves),
             )
@@ -99,7 +97,7 @@ class Steppable:
         )
         sentence = f"after sample {sample} {self.sentence}"
         return Effect(
-            STEP, self.place, parameters, sentence, LARGEST_STEP, ESTIMATED, role=Role.CHANGE,
+            STEP, self.place, parameters, sentence, SUDDEN_CHANGE.largest, ESTIMATED, role=Role.CHANGE,
             scanned=scanned,
         )  # fmt: skip
 
@@ -114,14 +112,14 @@ def wrong_row(width: int, sample: int, scanned: int) -> Effect:
     """Return the effect of one reading, of so many numbers, that has nothing to do with its pose."""
     parameters = tuple(
         Parameter(
-            f"row{sample + 1}_{k + 1}", "m" if k < 3 else "rad", USUAL_SLIP,
+            f"row{sample + 1}_{k + 1}", "m" if k < 3 else "rad", WRONG_ROW.usual,
             f"error of the reading in row {sample + 1}", reading_move(AtSample(sample), k),
         )
         for k in range(width)
     )  # fmt: skip
     sentence = f"row {sample + 1} is off by {{size}}"
     place = Place(f"row {sample + 1}")
-    return Effect(SLIP, place, parameters, sentence, LARGEST_SLIP, ESTIMATED, role=Role.CHANGE, scanned=scanned)
+    return Effect(SLIP, place, parameters, sentence, WRONG_ROW.largest, ESTIMATED, role=Role.CHANGE, scanned=scanned)
 
 
 def steppables(run: Excitation) -> Iterator[Steppable]:

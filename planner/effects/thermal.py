@@ -26,16 +26,9 @@ from planner.effects.effect import (
     reading_move,
     transform_move,
 )
+from planner.effects.sizes import DRIFT_SHIFT, DRIFT_TURN, EXPANSION, HEISEL, SIGMAS_OF_LARGEST, THERMAL_GROWTH
 
-GROWTH, LARGEST_GROWTH = 1.2e-5, 1e-4  # [1/K] steel; several times as much where the air is not as warm as the arm
-TURN, LARGEST_TURN = 2e-4, 5e-3  # [rad] over a run; the latter in no less than an hour or for no less than 5 K
-SHIFT, LARGEST_SHIFT = 5e-5, 3e-3  # [m] the same
-FAR = 5.0  # one sigma is never above the largest size over this
 LEAST_CAUSE = {"s": 3600.0, "K": 5.0}
-LONGEST_WARM_UP = 4 * 3600.0  # [s] time constant: arms are in balance after some hours; what lasts longer is a drift
-TIME_CONSTANTS = 12  # that are scanned
-HEISEL = "Heisel, Richter & Wurst 1997, CIRP Annals 46(1): thermal behaviour of industrial robots, 0.1 to 0.5 mm"
-EXPANSION = "thermal expansion of steel and aluminium, 11 to 24e-6 1/K"
 
 
 def against_temperature(phi: BasisFunction, c: Context) -> EffectVariable:
@@ -102,9 +95,9 @@ def link_growth(run: Excitation) -> Iterator[Effect]:
     if not run.varies("temperature"):
         return
     moves = _link_lengths(run, TemperatureRise(run.mean_temperature))
-    parameter = Parameter("link_growth", "1/K", GROWTH, "thermal growth of all links", moves)
+    parameter = Parameter("link_growth", "1/K", THERMAL_GROWTH.usual, "thermal growth of all links", moves)
     sentence = "the arm's links {grow} with temperature, by {size}"
-    yield Effect("link growth", Place("arm"), (parameter,), sentence, LARGEST_GROWTH, EXPANSION)
+    yield Effect("link growth", Place("arm"), (parameter,), sentence, THERMAL_GROWTH.largest, EXPANSION)
 
 
 @register("thermal drift", needs="a run with temperature_degC logged while the arm warms up or cools down")
@@ -129,11 +122,11 @@ def warm_up(run: Excitation) -> Iterator[Effect]:
         return
     for i in run.turning:
         sentence = f"joint {i + 1}: warms up over {{inner}} and moves by {{size}}"
-        yield _warm_up(run, joint_place(i), partial(_joint_warm_up, run, i), sentence, LARGEST_TURN)
+        yield _warm_up(run, joint_place(i), partial(_joint_warm_up, run, i), sentence, DRIFT_TURN.largest)
     sentence = "the arm's links warm up over {inner} and {grow} by {size}"
     yield _warm_up(run, Place("arm"), partial(_link_warm_up, run), sentence, 1e-3)
     sentence = "the base warms up over {inner} and moves by {size}"
-    yield _warm_up(run, Place("base"), _base_warm_up, sentence, LARGEST_SHIFT)
+    yield _warm_up(run, Place("base"), _base_warm_up, sentence, DRIFT_SHIFT.largest)
 
 
 def _drifts(run: Excitation, cause: ThermalCause) -> Iterator[Effect]:
@@ -157,9 +150,11 @@ def _drift(
     sentence: str,
 ) -> Effect:  # fmt: skip
     """An effect in proportion to its cause; ``each``: end of the name, what it is, and what it moves."""
-    usual, largest = (TURN, LARGEST_TURN) if unit == "rad" else (SHIFT, LARGEST_SHIFT)
+    usual, largest = (
+        (DRIFT_TURN.usual, DRIFT_TURN.largest) if unit == "rad" else (DRIFT_SHIFT.usual, DRIFT_SHIFT.largest)
+    )
     most = largest / max(cause.size, LEAST_CAUSE[cause.per])
-    prior, label = min(usual / cause.size, most / FAR), cause.kind.replace(" ", "_")
+    prior, label = min(usual / cause.size, most / SIGMAS_OF_LARGEST), cause.kind.replace(" ", "_")
     parameters = (Parameter(f"{label}{end}", f"{unit}/{cause.per}", prior, what, moves) for end, what, moves in each)
     return Effect(cause.kind, place, tuple(parameters), sentence, most, HEISEL)
 
@@ -167,8 +162,9 @@ def _drift(
 def _warm_up(
     run: Excitation, place: Place, make: Callable[[BasisFunction], list[Parameter]], sentence: str, largest: float
 ) -> Effect:
-    longest = min(2 * run.duration, LONGEST_WARM_UP)
-    constants = np.geomspace(min(run.duration / 50, longest / 10), longest, TIME_CONSTANTS)
+    # 4 * 3600.0: [s] time constant: arms are in balance after some hours; what lasts longer is a drift
+    longest = min(2 * run.duration, (4 * 3600.0))
+    constants = np.geomspace(min(run.duration / 50, longest / 10), longest, 12)  # time constants that are scanned
     return Effect(
         "warm-up", place, lambda constant: make(WarmUp(run.start, constant)), sentence, largest, HEISEL,
         NonlinearParameter("time constant", "s", constants, True), role=Role.REPEATABLE,
@@ -177,7 +173,7 @@ def _warm_up(
 
 def _joint_warm_up(run: Excitation, joint: int, phi: BasisFunction) -> list[Parameter]:
     moves = transform_move(run.rotation(joint), phi)
-    return [Parameter(f"warm_up{joint + 1}", "rad", TURN, f"warm-up of joint {joint + 1}", moves)]
+    return [Parameter(f"warm_up{joint + 1}", "rad", DRIFT_TURN.usual, f"warm-up of joint {joint + 1}", moves)]
 
 
 def _link_warm_up(run: Excitation, phi: BasisFunction) -> list[Parameter]:
@@ -186,7 +182,7 @@ def _link_warm_up(run: Excitation, phi: BasisFunction) -> list[Parameter]:
 
 def _base_warm_up(phi: BasisFunction) -> list[Parameter]:
     return [
-        Parameter(f"warm_up_base_{m.name}", "m", SHIFT, f"warm-up of the base {m.words}", m.times(phi))
+        Parameter(f"warm_up_base_{m.name}", "m", DRIFT_SHIFT.usual, f"warm-up of the base {m.words}", m.times(phi))
         for m in BASE_SHIFTS
     ]
 

@@ -9,7 +9,7 @@ from planner.common.units import MM, Array
 from planner.effects.effect import Parameter
 from planner.identification.least_squares import MEDIAN_RMS, Fit
 from planner.model.identification_document import Metrics
-from planner.model.tool_error import STATES, ToolError, moves_robot, samples_like, uniform_states
+from planner.model.tool_error import WORKSPACE_STATES, ToolError, moves_robot, samples_like, uniform_states
 from planner.runs.run import Run
 
 BLOCK_TIMES = 10  # correlation times in one block of a continuous run
@@ -112,7 +112,7 @@ def workspace_error(cell: Cell, run: Run, found: Fit, covariance: Array) -> floa
     """
     model = found.model
     effects = [p for p in model.parameters if p.is_effect and moves_robot(p, model.setup)]
-    samples = samples_like(run, uniform_states(cell, STATES, 0))
+    samples = samples_like(run, uniform_states(cell, WORKSPACE_STATES, 0))
     return ToolError.at(samples, model.setup, effects).rms(model.names, covariance)
 
 

@@ -16,10 +16,11 @@ from planner.common.units import Array
 from planner.effects.catalogue import Background, Excitation, catalogue, effect_kinds, registration_of
 from planner.effects.effect import Effect, Parameter, Role, transform_move
 from planner.effects.gauge_shapes import gauge_shapes
-from planner.effects.gears import USUAL_WAVE, WAVES, JointWave
+from planner.effects.gears import WAVES, JointWave
 from planner.effects.misfit_shapes import misfit_shapes
 from planner.effects.nonparametric import GEAR_CURVE, NONPARAMETRIC
 from planner.effects.phi_keys import belongs_to_gauge, is_static
+from planner.effects.sizes import GEAR_WAVE
 from planner.model.model import Model
 from planner.runs.run import Samples
 
@@ -136,7 +137,7 @@ def _gears(setup: MeasurementSetup, q: Array) -> Iterator[tuple[str, Iterator[Pa
     slow = [(float(k), USUAL_HARMONIC / np.sqrt(k)) for k in range(1, HARMONICS + 1)]
     pulls = [(float(k), USUAL_PULL / np.sqrt(k)) for k in range(1, PULLS + 1)]
     ripples = np.geomspace(SLOWEST, QUICKEST, RIPPLES).round(3)
-    quick = [(float(f), USUAL_WAVE / np.sqrt(RIPPLES)) for f in ripples]
+    quick = [(float(f), GEAR_WAVE.usual / np.sqrt(RIPPLES)) for f in ripples]
     turning = np.flatnonzero(~setup.robot.slides)
     for joint in (int(j) for j in turning if np.ptp(q[:, j]) > 1e-3):
         # an axis out of centre, one out of round, and the rest are causes of their own: only so does one stand for none

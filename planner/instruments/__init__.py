@@ -1,6 +1,7 @@
 """Measurements with an evaluation of their own: accuracy, centring, checks, circular test, loaded bar, simulation."""
 
 __all__ = [
+    "assumptions",
     "centring", "check", "circular", "live_gauge", "loaded", "next_session", "opcua", "precision", "record",
     "simulation", "truth", "validation",
 ]  # fmt: skip

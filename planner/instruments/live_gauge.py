@@ -13,6 +13,7 @@ from planner.cell.cell import Cell
 from planner.common.errors import InputError
 from planner.common.files import write_text
 from planner.common.units import MM, Array, from_deg, read_only, to_mm
+from planner.instruments.assumptions import AGREEING_READINGS, AGREEING_SPREAD, FAR_FROM_PLAN
 from planner.instruments.centring.indicators import LINE_ERRORS
 from planner.instruments.centring.settings import PROTOCOLS
 from planner.instruments.centring.stop import SilentError, UnsettledError
@@ -23,9 +24,6 @@ from planner.session.document import PlanDocument, PoseRecord
 
 STREAM = "stream"  # the gauge sends by itself, one reading a line
 NUMBER = re.compile(rb"[-+]?\s*\d+(?:[.,]\d+)?")
-READINGS, SPREAD, TRIES = 5, 0.05 * MM, 60  # in a row that agree; readings at most until they do
-SILENCE = 2.0  # [s] without a reading
-FAR = 15 * MM  # from the planned length: another pose, or a zero that is not set
 
 
 @dataclass
@@ -56,7 +54,8 @@ class LiveGauge:
         Raises:
             SilentError: none comes.
         """
-        until, last = time.monotonic() + SILENCE, b""
+        silence = 2.0  # [s] without a reading
+        until, last = time.monotonic() + silence, b""
         try:
             while time.monotonic() < until:
                 if self.protocol != STREAM:
@@ -68,7 +67,7 @@ class LiveGauge:
         except LINE_ERRORS as err:
             raise SilentError(f"the gauge on {self.port} is gone ({err}); is its adapter still plugged in?") from err
         raise SilentError(
-            f"the gauge on {self.port} sent {last!r} within {SILENCE:g} s, which is no reading: are --baud and "
+            f"the gauge on {self.port} sent {last!r} within {silence:g} s, which is no reading: are --baud and "
             "--protocol its own?"
         )
 
@@ -94,12 +93,12 @@ class LiveGauge:
         """
         self.line.reset_input_buffer()
         last: list[float] = []
-        for _ in range(TRIES):
-            last = [*last[1 - READINGS :], self.read()]
-            if len(last) == READINGS and np.ptp(last) <= SPREAD:
+        for _ in range(60):  # readings at most until they agree
+            last = [*last[1 - AGREEING_READINGS :], self.read()]
+            if len(last) == AGREEING_READINGS and np.ptp(last) <= AGREEING_SPREAD:
                 return float(np.mean(last))
         raise UnsettledError(
-            f"the gauge's last {READINGS} readings still spread over {float(to_mm(np.ptp(last))):.3f} mm"
+            f"the gauge's last {AGREEING_READINGS} readings still spread over {float(to_mm(np.ptp(last))):.3f} mm"
         )
 
 
@@ -182,7 +181,7 @@ def measure_poses(
         off = length - (p.length_mm or float(to_mm(length))) * MM
         far = (
             f", {float(to_mm(off)):+.1f} mm from the plan: is this the pose, and the zero set?"
-            if abs(off) > FAR
+            if abs(off) > FAR_FROM_PLAN
             else ""
         )
         yield f"pose {p.id}: {float(to_mm(length)):.3f} mm{far} ({len(log.rows)} of {len(log.poses)})"

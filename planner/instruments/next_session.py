@@ -26,14 +26,13 @@ from planner.effects.effect import Parameter
 from planner.identification.calibrated_robot import effect_parameter
 from planner.identification.expected_error import ExpectedError
 from planner.identification.posterior_background import acts_on_robot, background_families
+from planner.instruments.assumptions import NEXT_SESSION_POSES, UNKNOWN_PRIOR
 from planner.model.identification_document import Identification
 from planner.model.model import Model
-from planner.model.tool_error import STATES, uniform_states
+from planner.model.tool_error import WORKSPACE_STATES, uniform_states
 from planner.runs.run import Samples
 from planner.session.planning import PoseSession, Selection
 
-POSES = 20  # of a session after another one, where nobody gives a number: about ten minutes
-UNKNOWN_PRIOR = 1.0  # [m, rad] of what stands anew and has no prior size
 TOGETHER = (
     "identify this run together with those before, each by its own file: edbb identify BEFORE.csv run.csv --cell "
     "CELL -o calibrated"
@@ -121,7 +120,7 @@ class RemainingErrors:
         spread = np.array(known.file.spread).reshape(len(names), -1)[kept]
         sizes = np.array([p.prior if np.isfinite(p.prior) else UNKNOWN_PRIOR for p in anew])
         root = block_diag(spread, np.diag(sizes))
-        moved = known.aligned_spread(uniform_states(cell, STATES, 0)).reshape(-1, spread.shape[1])
+        moved = known.aligned_spread(uniform_states(cell, WORKSPACE_STATES, 0)).reshape(-1, spread.shape[1])
         weight = block_diag(3.0 * moved.T @ moved / len(moved), np.zeros((len(anew), len(anew))))
         return cls(before, model, root, np.arange(root.shape[1]) >= spread.shape[1], weight)
 
@@ -186,7 +185,7 @@ class NextSessionChooser:
 
     Attributes:
         before: what the sessions before say.
-        poses: their number; ``None``: ``POSES``, or as many as ``until`` needs.
+        poses: their number; ``None``: ``NEXT_SESSION_POSES``, or as many as ``until`` needs.
         until: as many as bring down to this what 95 of 100 such robots stay below [m].
     """
 
@@ -202,7 +201,7 @@ class NextSessionChooser:
                 "nothing is to be measured for that; ask for less, or give --poses"
             )
         pool, cell = session.pool, session.cell
-        poses = self.poses or (None if self.until else POSES)
+        poses = self.poses or (None if self.until else NEXT_SESSION_POSES)
         with stages.stage("foresight") as progress:
             unknown = RemainingErrors.of(self.before, cell, pool.samples)
             expected = choose_bayesian_poses(cell, pool, poses, progress, unknown, self.until)

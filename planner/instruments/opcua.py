@@ -13,8 +13,6 @@ from planner.common.units import to_mm
 from planner.instruments.record import RobotRecord
 from planner.model.identification_document import Identification
 
-DAY_MS = 86_400_000.0  # OPC UA counts a Duration in ms
-
 
 class OpcUaModel(BaseModel):
     """An object whose values stand under their BrowseNames."""
@@ -59,7 +57,7 @@ def map_to_opcua(record: RobotRecord) -> OpcUaRecord:
         predicted_time=_begin(record.due),
         calibrated=record.calibrated is not None,
         date_of_calibration=_begin(found[-1][0].date) if found else None,
-        calibration_interval=record.file.check_days * DAY_MS,
+        calibration_interval=record.file.check_days * 86_400_000.0,  # OPC UA counts a Duration in ms
         calibration_certificate=tuple(c.certificate for c, _ in found[-1:] if c.certificate),
     )
     device = OpcUaDevice(serial_number=record.file.serial, model=record.file.robot)

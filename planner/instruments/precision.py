@@ -11,13 +11,10 @@ from planner.common.arrays import mean_by_group
 from planner.common.errors import InputError
 from planner.common.summary import Summary
 from planner.common.units import UM, Array, in_units, read_only, to_mm
+from planner.instruments.assumptions import CENTRING_TOLERANCE, PUBLISHED_CENTRING_UM
 from planner.model.model import Model
 from planner.runs.run import NO_REFERENCE_READINGS, ReferenceReadings, Run
 from planner.session.document import read_plan
-
-TOLERANCE = (
-    3 * UM
-)  # [m] to which balls are centred (section 3): a zero that is further off moves the tool point by more
 
 
 @dataclass(frozen=True)
@@ -37,7 +34,7 @@ class Mastering:
     @property
     def good(self) -> bool:
         """Whether all checks are within the tolerance."""
-        return bool(np.abs(self.off).max() <= TOLERANCE)
+        return bool(np.abs(self.off).max() <= CENTRING_TOLERANCE)
 
     def text(self) -> str:
         """Say it in one sentence."""
@@ -122,8 +119,7 @@ def _diameter(x: Array) -> float:
 
 
 SCHEMA = "edbb-accuracy/1"
-PUBLISHED_UM = 2.0  # largest of three centrings against the master ball by a CMM (TriCal paper, section 4)
-DIGITS = 6
+DECIMALS = 6  # of mm and µm as they are written
 
 
 @dataclass(frozen=True)
@@ -165,7 +161,7 @@ class RepeatedCentrings:
     def content(self, robot: str) -> dict[str, object]:
         """Return ``accuracy.json``."""
         s, m, size = self.summary, self.master, np.linalg.norm(self.off, axis=1)
-        figures = None if m is None else in_units(DIGITS, wanted_mm=m.wanted, off_um=m.off, drift_um=m.drift)
+        figures = None if m is None else in_units(DECIMALS, wanted_mm=m.wanted, off_um=m.off, drift_um=m.drift)
         return {
             "schema": SCHEMA,
             "kind": "precision",
@@ -173,11 +169,11 @@ class RepeatedCentrings:
             "run": self.run.name,
             "poses": s.poses,
             "centrings": s.centrings,
-            **in_units(DIGITS, max_um=s.largest, rms_um=s.rms, expected_rms_um=self.expected),
-            **in_units(DIGITS, apart_um=s.apart, std_um=s.axis_std),
-            "published": {"centrings": 3, "max_um": PUBLISHED_UM, "by": "a CMM, the arm left out"},
+            **in_units(DECIMALS, max_um=s.largest, rms_um=s.rms, expected_rms_um=self.expected),
+            **in_units(DECIMALS, apart_um=s.apart, std_um=s.axis_std),
+            "published": {"centrings": 3, "max_um": PUBLISHED_CENTRING_UM, "by": "a CMM, the arm left out"},
             "each": [
-                {"pose": int(p), "ball": b, **in_units(DIGITS, off_um=o, size_um=d)}
+                {"pose": int(p), "ball": b, **in_units(DECIMALS, off_um=o, size_um=d)}
                 for p, b, o, d in zip(self.pose, self.ball, self.off, size, strict=True)
             ],
             "mastering": None if m is None or figures is None else {**figures, "good": m.good},

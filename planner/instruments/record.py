@@ -21,6 +21,7 @@ from planner.common.files import document_text, read_bytes, write_text
 from planner.common.result_folder import draft_folder, file_hash, move_all
 from planner.common.schema import PartialModel, StrictModel, read_json, read_toml, validate
 from planner.common.units import to_mm
+from planner.instruments.assumptions import MOVED_SIGMAS
 from planner.kinematics.nominal_model import describe_difference, nominal_numbers
 from planner.model.identification_document import Identification
 
@@ -33,7 +34,6 @@ DOCUMENTS: dict[str, EntryKind] = {
 ROBOT = "robot.toml"
 BESIDE = (ROBOT, "posterior.json", "expected_error.json")  # kept with a calibration
 EARLIEST = date(2000, 1, 1)  # of anything in a record: before it there is nothing to add
-MOVED = 3.0  # standard deviations between two calibrations
 
 
 class RecordFile(StrictModel):
@@ -254,7 +254,7 @@ class RobotRecord:
                 if old is None or not p.std or not old.std or p.group != "geometry":
                     continue
                 std = float((p.std**2 + old.std**2) ** 0.5)
-                if abs(p.value - old.value) > MOVED * std:
+                if abs(p.value - old.value) > MOVED_SIGMAS * std:
                     yield number, f"{p.name} {p.value - old.value:+.2e} ± {std:.1e} {p.unit}"
 
 

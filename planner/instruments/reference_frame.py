@@ -9,10 +9,20 @@ from scipy.spatial.transform import Rotation
 from planner.cell.cell import Cell
 from planner.cell.places import nests_frame
 from planner.common.errors import InputError
-from planner.common.units import DEG, MM, UM, Array, to_deg, to_mm
+from planner.common.units import Array, to_deg, to_mm
 from planner.gauges.placement.flange_poses import FlangePoses
 from planner.gauges.placement.frames import are_collinear, place_frames
 from planner.identification.calibrated_robot import CalibratedRobot
+from planner.instruments.assumptions import (
+    ARTIFACT_OFF,
+    ARTIFACT_TURNED,
+    ELSEWHERE,
+    FEWEST_NESTS,
+    NEST_TOLERANCE,
+    PLACING_POSES,
+    SAME_POINT,
+    TILTED,
+)
 from planner.kinematics.geometry import registration, skew
 from planner.kinematics.robot import Loads, Robot
 from planner.kinematics.robot_reader import load_robot
@@ -20,9 +30,6 @@ from planner.model.gauge_frames import PlacePose
 from planner.model.identification_document import Identification
 from planner.model.model import Model
 from planner.runs.run import Run
-
-FEWEST_NESTS = 3
-NEST_TOLERANCE = 100 * UM  # [m] by which a nest may miss its place after the frame was found
 
 
 @dataclass(frozen=True)
@@ -154,11 +161,6 @@ def _rigid_jacobian(p: Array) -> Array:
 
 
 RESULTS = "identification.json"
-PLACING = 10  # poses from which robot and reflector are placed, nine numbers
-NEAR = 50 * MM  # by which the artifact's fitted place may miss the cell's
-TURNED = 0.1  # [rad] the same of how it stands; the tracker's place swings with it
-FAR, TILTED = 5 * MM, 0.5 * DEG  # from which a frame is said to stand elsewhere
-SAME = 1e-3 * MM  # two nominal tool points that are one
 
 
 @dataclass(frozen=True)
@@ -201,12 +203,12 @@ def calibrated_model(cell: Cell, model: Path, frame: TrackerRegistration, others
     stand, by_nests = (None, True) if found is None else _fitted_frame(cell, found, frame)
     if found is not None and stand is not None:
         return RobotModel(robot, _reflector(cell, found), stand, (*notes, *_frame_notes(cell, stand)), by_nests)
-    if others is not None and len(others) >= PLACING:
+    if others is not None and len(others) >= PLACING_POSES:
         return _place_model(robot, others, frame, notes)
     why = "says nothing of where the nests stand, its gauge stood elsewhere" if found is not None else "is missing"
     notes.append(
         f"{path} {why}: the calibrated robot is taken to stand where the cell says, and what its base is off by counts "
-        f"as its error; {PLACING} or more poses of the plan to calibrate with (--plan) would place it"
+        f"as its error; {PLACING_POSES} or more poses of the plan to calibrate with (--plan) would place it"
     )
     return RobotModel(robot, cell.tool.p_FM, nest_frame(cell), tuple(notes))
 
@@ -239,9 +241,11 @@ def _fitted_frame(cell: Cell, found: Identification, frame: TrackerRegistration)
     tracker = NestFrame(nominal.R_BW @ frame.R_WG, nominal.R_BW @ frame.p_WG + nominal.p_BW)
     for place in found.frames.places:
         fitted = _frame_of_place(place)
-        if _frames_agree(fitted, nominal, NEAR):
+        if _frames_agree(fitted, nominal, ARTIFACT_OFF):
             return fitted, True
-        if _frames_agree(fitted, tracker, NEAR + TURNED * float(np.linalg.norm(frame.p_WG))):  # T_BW = T_BG · T_WG⁻¹
+        if _frames_agree(
+            fitted, tracker, ARTIFACT_OFF + ARTIFACT_TURNED * float(np.linalg.norm(frame.p_WG))
+        ):  # T_BW = T_BG · T_WG⁻¹
             R = fitted.R_BW @ frame.R_WG.T
             return NestFrame(R, fitted.p_BW - R @ frame.p_WG), False
     return None, True
@@ -252,7 +256,7 @@ def _frame_notes(cell: Cell, stand: NestFrame) -> list[str]:
     stated = nest_frame(cell)
     off = float(np.linalg.norm(stand.p_BW - stated.p_BW))
     turned = float(Rotation.from_matrix(stand.R_BW.T @ stated.R_BW).magnitude())
-    if off < FAR and turned < TILTED:
+    if off < ELSEWHERE and turned < TILTED:
         return []
     return [
         f"by the calibration the nests' frame stands {float(to_mm(off)):.1f} mm and {float(to_deg(turned)):.2f}° away "
@@ -267,13 +271,13 @@ def _frame_of_place(place: PlacePose) -> NestFrame:
 
 def _frames_agree(a: NestFrame, b: NestFrame, near: float) -> bool:
     turned = float(Rotation.from_matrix(a.R_BW.T @ b.R_BW).magnitude())
-    return float(np.linalg.norm(a.p_BW - b.p_BW)) < near and turned < TURNED
+    return float(np.linalg.norm(a.p_BW - b.p_BW)) < near and turned < ARTIFACT_TURNED
 
 
 def _reflector(cell: Cell, found: Identification) -> Array:
     """The reflector in the flange: as fitted, where the calibration measured the same point of the tool."""
     nominal = {p.name: p.nominal for p in found.estimates}
     there = [nominal.get(f"map_{axis}", np.nan) for axis in "xyz"]
-    if len(found.frames.tool) == 1 and np.allclose(there, cell.tool.p_FM, rtol=0, atol=SAME):
+    if len(found.frames.tool) == 1 and np.allclose(there, cell.tool.p_FM, rtol=0, atol=SAME_POINT):
         return np.array(found.frames.tool[0].p_FM)
     return cell.tool.p_FM

@@ -9,16 +9,13 @@ from scipy.spatial.transform import Rotation
 from planner.cell.cell import Cell
 from planner.cell.parts import Fixture
 from planner.cell.placement import Targets
-from planner.common.units import MM, Array
+from planner.common.units import Array
 from planner.gauges.frame_gauge import ToolPosition
+from planner.instruments.assumptions import CUP_SIGMA
 from planner.kinematics.inverse_kinematics import solve_pose_ik, tool_pose
 from planner.model.model import Model
 from planner.runs.run import Mounting, Samples
 
-ROUNDS = 60  # of the inverse kinematics, from the home pose to the fixture
-TURNS = (0.0, 90.0, -90.0, 180.0)  # [deg] of the tool about the base's z, from as it is turned at home
-TILTS = (0.0, 20.0, -20.0, 40.0, -40.0)  # [deg] of it about the base's x: a ball joint takes them all
-ADJUSTED = 0.05 * MM  # one sigma of a cup that is adjusted to a ball by hand, and of a zero that is set there
 APART = ("fixture_", "zero")  # names of errors that are the set-up's, not the robot's or the tool's
 
 
@@ -32,11 +29,11 @@ def set_up_sizes(cell: Cell, model: Model) -> Array:
     sizes = model.prior.copy()
     by_robot = [f.name for f, _ in _poses_at_fixtures(cell)]
     adjusted = {f"fixture_{name}_{axis}" for name in by_robot for axis in "xyz"}
-    zero = ADJUSTED if by_robot and len(by_robot) == len(cell.fixtures) else np.inf
+    zero = CUP_SIGMA if by_robot and len(by_robot) == len(cell.fixtures) else np.inf
     zero = zero if cell.gauge.zero_free else cell.gauge.noise
     for k, name in enumerate(model.names):
         if name in adjusted:
-            sizes[k] = ADJUSTED
+            sizes[k] = CUP_SIGMA
         elif name.startswith("zero"):
             sizes[k] = min(zero, sizes[k])
     return sizes
@@ -72,12 +69,14 @@ def solve_fixture_pose(cell: Cell, p_BX: Array) -> Array | None:
 
     ``None`` where the robot does not reach it so within its limits.
     """
+    tilts = (0.0, 20.0, -20.0, 40.0, -40.0)  # [deg] of it about the base's x: a ball joint takes them all
+    turns = (0.0, 90.0, -90.0, 180.0)  # [deg] of the tool about the base's z, from as it is turned at home
     robot = cell.robot
     _, R, _ = tool_pose(cell.chain, robot, cell.home[None])
-    turned = Rotation.from_euler("xz", [(tilt, turn) for turn in TURNS for tilt in TILTS], degrees=True).as_matrix() @ R
+    turned = Rotation.from_euler("xz", [(tilt, turn) for turn in turns for tilt in tilts], degrees=True).as_matrix() @ R
     for some in (turned[:1], turned[1:]):  # mostly the first one is reached
         start, point = np.tile(cell.home, (len(some), 1)), np.tile(p_BX, (len(some), 1))
-        q, good = solve_pose_ik(cell.chain, robot, start, point, some, ROUNDS)
+        q, good = solve_pose_ik(cell.chain, robot, start, point, some, 60)  # rounds
         reached = np.flatnonzero(good & ((q >= robot.q_lower) & (q <= robot.q_upper)).all(axis=1))
         if len(reached):
             return np.asarray(q[reached[:1]])

@@ -8,6 +8,7 @@ import numpy as np
 from planner.cell.cell import Cell
 from planner.common.errors import InputError
 from planner.common.units import Array, read_only
+from planner.instruments.assumptions import CORRELATION_TIME, FIXTURE_CHANGE_TIME
 from planner.instruments.loaded.equilibrium import solve_equilibrium
 from planner.instruments.truth import Truth
 from planner.runs.run import NO_REFERENCE_READINGS, SIMULATED, ReferenceReadings, Run, Samples
@@ -15,8 +16,6 @@ from planner.session.course import Course
 from planner.session.document import PlanDocument, PoseRecord
 
 SAMPLE_RATE = 100.0  # [Hz] of the samples of a run that is measured while moving
-FIXTURE_CHANGE_TIME = 60.0  # [s] for taking the bar to the next fixture
-CORRELATION_TIME = 1.0  # [s] over which the joints' deviation from where they read is correlated while moving
 
 
 @dataclass(frozen=True, repr=False)

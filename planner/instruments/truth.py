@@ -113,7 +113,7 @@ UNIT_SPELLINGS = {
     "rad/Nm": {"urad_Nm": 1e-6, "deg_Nm": DEG, "rad_Nm": 1.0},
 }  # of a parameter's unit in a key, the first is how it is written; other units stand as they are
 TRUTH_LINE = "# truth: "  # of a simulated run begins a line that says what is true
-WRITTEN_DIGITS = 9  # of a drawn error as it is written
+WRITTEN_DECIMALS = 9  # of a drawn error as it is written
 
 
 class NoiseFile(StrictModel):
@@ -276,9 +276,9 @@ def _key_hint(key: str, model: Model, known: list[str]) -> str:
 def _round_value(p: Parameter, value: float) -> float:
     """Return the value as its line says it."""
     factor = next(iter(_spellings(p).values()))
-    return round(value / factor, WRITTEN_DIGITS) * factor
+    return round(value / factor, WRITTEN_DECIMALS) * factor
 
 
 def _format_error(p: Parameter, value: float) -> str:
     spelling, factor = next(iter(_spellings(p).items()))
-    return f"{p.name}_{spelling} = {round(value / factor, WRITTEN_DIGITS)!r}"
+    return f"{p.name}_{spelling} = {round(value / factor, WRITTEN_DECIMALS)!r}"

@@ -10,8 +10,6 @@ from planner.kinematics.inverse_kinematics import POINT_TOLERANCE, solve_point_i
 from planner.model.model import Model
 from planner.runs.run import Samples
 
-STATES = 1000  # that are led to each ball; about four in ten come there within their limits
-
 
 @dataclass(frozen=True)
 class UncalibratedBound:
@@ -53,7 +51,8 @@ def bound_uncalibrated(cell: Cell, model: Model, errors: Array) -> UncalibratedB
 def states_at_balls(cell: Cell) -> Array:
     """Return joint angles (n, N) [rad], within their limits, that bring the tool point to the balls of a cell."""
     robot = cell.robot
-    some = np.random.default_rng(0).uniform(robot.q_lower, robot.q_upper, (STATES, robot.n_joints))
+    # 1000 are led to each ball; about four in ten come there within their limits
+    some = np.random.default_rng(0).uniform(robot.q_lower, robot.q_upper, (1000, robot.n_joints))
     led = [solve_point_ik(cell.chain, robot, some, p) for p in cell.p_BS]
     q, off = (np.concatenate(parts) for parts in zip(*led, strict=True))
     within = ((q >= robot.q_lower) & (q <= robot.q_upper)).all(axis=1)

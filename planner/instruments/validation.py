@@ -11,7 +11,17 @@ from planner.common.errors import InputError, did_you_mean
 from planner.common.numbers import number_of
 from planner.common.summary import Summary
 from planner.common.units import MM, UM, Array, in_units, read_only, to_mm
-from planner.instruments.precision import DIGITS, SCHEMA
+from planner.instruments.assumptions import (
+    ENOUGH_POSES,
+    FEWEST_POSES,
+    FEWEST_VISITS,
+    NO_ROBOT_ERROR,
+    PERCENTILES,
+    PERFORMANCE_SIGMAS,
+    STANDARD_POSES,
+    STANDARD_VISITS,
+)
+from planner.instruments.precision import DECIMALS, SCHEMA
 from planner.instruments.reference_frame import (
     ErrorFloor,
     RobotModel,
@@ -23,10 +33,6 @@ from planner.instruments.reference_frame import (
     register_tracker,
 )
 from planner.runs.run import ReferenceReadings, Run
-
-FEWEST_VISITS = 3  # of a pose, to say how it scatters
-STANDARD_VISITS, STANDARD_POSES = 30, 5  # of the standard's own test
-SIGMAS = 3.0
 
 
 @dataclass(frozen=True)
@@ -76,11 +82,8 @@ def pose_performance(run: Run, error: Array) -> PosePerformance | None:
         off = np.linalg.norm(seen[here] - seen[here].mean(axis=0), axis=1)
         visits.append(int(here.sum()))
         ap.append(float(np.linalg.norm(error[here].mean(axis=0))))
-        rp.append(float(off.mean() + SIGMAS * off.std(ddof=1)))
+        rp.append(float(off.mean() + PERFORMANCE_SIGMAS * off.std(ddof=1)))
     return PosePerformance(np.array(visits), np.array(ap), np.array(rp)) if visits else None
-
-
-PERCENTS = (50, 90, 95, 99)
 
 
 @dataclass(frozen=True)
@@ -115,13 +118,8 @@ def error_figures(error: Array) -> ErrorFigures:
     size = np.linalg.norm(error, axis=1) if np.ndim(error) == 2 else np.asarray(error, dtype=float)
     if len(size) < 2:
         raise InputError(f"figures of accuracy need two poses at least, found {len(size)}")
-    percentiles = tuple((p, float(np.percentile(size, p))) for p in PERCENTS)
+    percentiles = tuple((p, float(np.percentile(size, p))) for p in PERCENTILES)
     return ErrorFigures(len(size), float(size.mean()), float(size.max()), float(size.std(ddof=1)), percentiles)
-
-
-FEWEST = 10  # poses
-FAR = 200 * MM  # mean error that no robot has, its place in the cell a little wrong
-ENOUGH_POSES = 100  # poses below which the outer percentiles say little
 
 
 @dataclass(frozen=True)
@@ -176,11 +174,11 @@ class Validation:
             "robot": robot,
             "run": self.run.name,
             "n_poses": len(self.run),
-            "frame": {"from": "nests", "nests": [{"name": n, **in_units(DIGITS, miss_mm=m)} for n, m in misses]},
+            "frame": {"from": "nests", "nests": [{"name": n, **in_units(DECIMALS, miss_mm=m)} for n, m in misses]},
             "before": _model_section(self.before),
             "after": None if self.after is None else _model_section(self.after),
             "floor": in_units(
-                DIGITS, all_rms_mm=f.all, nests_rms_mm=f.nests, tracker_rms_mm=f.tracker, arm_rms_mm=f.arm
+                DECIMALS, all_rms_mm=f.all, nests_rms_mm=f.nests, tracker_rms_mm=f.tracker, arm_rms_mm=f.arm
             ),
             "notes": list(self.notes),
         }
@@ -208,8 +206,10 @@ def validate_robot(
     """
     if run.readings.position is None:
         raise InputError(f"{run.name}: a validation needs the tracker's x_mm, y_mm, z_mm")
-    if len(run) < FEWEST:
-        raise InputError(f"{run.name}: {len(run)} poses are too few to judge a robot by; at least {FEWEST} are needed")
+    if len(run) < FEWEST_POSES:
+        raise InputError(
+            f"{run.name}: {len(run)} poses are too few to judge a robot by; at least {FEWEST_POSES} are needed"
+        )
     if len(run.places) > 1:
         raise InputError(
             f"{run.name}: the tracker stood at {len(run.places)} places ({', '.join(run.places)}), each with nests of "
@@ -230,7 +230,7 @@ def validate_robot(
 
 
 def _check_far(run: Run, before: ModelErrors) -> None:
-    if before.figures.mean > FAR:
+    if before.figures.mean > NO_ROBOT_ERROR:
         raise InputError(
             f"{run.name}: the robot of the data sheet would be {before.figures.mean / MM:.0f} mm off on average, and "
             "none is: look whether two nests were exchanged, whether they and the poses were read in one frame and "
@@ -265,8 +265,10 @@ def _model_errors(arm: RobotModel, frame: TrackerRegistration, run: Run) -> Mode
 
 def _error_columns(name: str, judged: ModelErrors) -> dict[str, object]:
     error = to_mm(judged.error)
-    out: dict[str, object] = {f"{name}_{axis}_mm": np.round(e, DIGITS) for axis, e in zip("xyz", error.T, strict=True)}
-    return out | {f"{name}_mm": np.round(np.linalg.norm(error, axis=1), DIGITS)}
+    out: dict[str, object] = {
+        f"{name}_{axis}_mm": np.round(e, DECIMALS) for axis, e in zip("xyz", error.T, strict=True)
+    }
+    return out | {f"{name}_mm": np.round(np.linalg.norm(error, axis=1), DECIMALS)}
 
 
 def _model_section(judged: ModelErrors) -> dict[str, object]:
@@ -276,4 +278,4 @@ def _model_section(judged: ModelErrors) -> dict[str, object]:
 
 def _figures_section(f: ErrorFigures) -> dict[str, object]:
     shares = {f"p{share}_mm": v for share, v in f.percentiles}
-    return in_units(DIGITS, mean_mm=f.mean, max_mm=f.largest, std_mm=f.std, **shares)
+    return in_units(DECIMALS, mean_mm=f.mean, max_mm=f.largest, std_mm=f.std, **shares)

@@ -14,9 +14,6 @@ from scipy.linalg.blas import dtrmm
 
 from planner.common.units import Array
 
-CACHED_NUMBERS = 50_000  # that stay in a processor's cache while they are worked on
-TURNED_NUMBERS = 1_000_000  # the same of columns that are turned all together
-
 
 @dataclass(frozen=True)
 class Columns:
@@ -168,7 +165,7 @@ class Columns:
             return np.asarray((turned.T**2).sum(axis=0).reshape(r, n).T)
         turn = np.vstack([root, np.zeros((len(self) - q, q))])
         out = np.empty((n, r))
-        few = max(1, TURNED_NUMBERS // (q * len(self.phi)))
+        few = max(1, 1_000_000 // (q * len(self.phi)))  # numbers of columns that are turned all together
         for start in range(0, n, few):
             part = slice(start, start + few)
             whole = self.plain[:, :, part].transpose(2, 1, 0).reshape(-1, len(self.plain)) @ turn[self.plain_at]
@@ -193,7 +190,8 @@ def _put(gram: Array, rows: np.ndarray, columns: np.ndarray, values: Array) -> N
 
 def _whiten(columns: Array, root: Array) -> None:
     """Multiply columns (m, r, n) by the triangular L⁻¹ of every sample, in place."""
-    few = max(1, CACHED_NUMBERS // max(1, columns[0].size)) if len(columns) else 1
+    # 50_000: numbers stay in a processor's cache while they are worked on
+    few = max(1, 50_000 // max(1, columns[0].size)) if len(columns) else 1
     for k in range(0, len(columns), few):
         some = columns[k : k + few]
         for i in reversed(range(some.shape[1])):  # L⁻¹ is triangular: what is done is not needed any more

@@ -12,8 +12,6 @@ import numpy as np
 from planner.common.units import MM, display_unit, format_value
 from planner.model.identification_document import Finding
 
-MANY = 3  # findings of one kind from which on they are said in one sentence
-LEAST_MM = 1e-4  # [m] from which on what changed is said in millimetres
 JOINT = "joint "
 
 
@@ -64,7 +62,7 @@ def _kind_of(f: Finding) -> tuple[str, ...] | None:
 
 
 def _groups_of(own: Sequence[Finding]) -> Iterator[FindingGroup]:
-    if len(own) < MANY:
+    if len(own) < 3:  # findings of one kind from which on they are said in one sentence
         yield from (FindingGroup((f,), f.note, f.rivals) for f in own)
         return
     note = _steps_note(own) if own[0].after_sample is not None else _joints_note(own)
@@ -74,7 +72,8 @@ def _groups_of(own: Sequence[Finding]) -> Iterator[FindingGroup]:
 
 def unit_of_change(unit: str, size: float) -> tuple[str, float]:
     """Return how what changed by about ``size`` in the SI ``unit`` is written, and the factor to it."""
-    return ("mm", 1 / MM) if unit == "m" and abs(size) > LEAST_MM else display_unit(unit, size)
+    # 1e-4: [m] from which on what changed is said in millimetres
+    return ("mm", 1 / MM) if unit == "m" and abs(size) > 1e-4 else display_unit(unit, size)
 
 
 def _steps_note(own: Sequence[Finding]) -> str:

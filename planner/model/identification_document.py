@@ -15,8 +15,6 @@ from planner.common.units import Array
 from planner.model.document_section import DocumentSection
 from planner.model.gauge_frames import GaugeFrames, JointZero
 
-DIGITS = 9  # significant ones: what lies below differs with the order of a sum
-LEAST_LOG_P = -700.0  # logarithm of the smallest chance that JSON's numbers hold without loss
 OnlyInMemory = GetPydanticSchema(lambda *_: any_schema())
 """Of a field that the file does not hold and pydantic does not look into."""
 NO_RESIDUAL = np.empty((0, 0))
@@ -122,7 +120,7 @@ class Estimate(DocumentSection):
 
 def p_value(log_p: float) -> float:
     """Return the chance of this natural logarithm."""
-    return exp(max(log_p, LEAST_LOG_P))
+    return exp(max(log_p, -700.0))  # logarithm of the smallest chance that JSON's numbers hold without loss
 
 
 def log10_p(log_p: float) -> float | None:
@@ -394,4 +392,4 @@ def _round(value: object) -> object:
         return [_round(v) for v in value]
     if not isinstance(value, float):
         return value
-    return float(f"{value:.{DIGITS}g}") + 0.0 if isfinite(value) else None
+    return float(f"{value:.{9}g}") + 0.0 if isfinite(value) else None

@@ -14,6 +14,7 @@ import numpy as np
 from planner.cell.cell import Cell
 from planner.cell.placement import Targets
 from planner.cell.setup import MeasurementSetup, setup_of
+from planner.common.arrays import CACHED_ROWS
 from planner.common.units import Array
 from planner.effects.basis import BasisFunction
 from planner.effects.context import Context
@@ -64,12 +65,6 @@ class ReadingNoise:
     def square(self) -> Array:
         """Expected square of a reading's whole error, (n,) [m²]."""
         return np.asarray(self.gauge_variance.sum() + self.robot_variance.sum(axis=1))
-
-
-CHUNK = 4096  # samples a pass: the working set stays in the processor's cache
-
-
-FEWEST_OF_A_BLOCK = 4  # parameters of one transform, below which their columns are laid out one by one
 
 
 @dataclass(frozen=True)
@@ -341,7 +336,8 @@ class _BlockLayout:
         for k, moves in enumerate(own):
             if width > 1 and len({(t, index) for t, index, _ in moves}) == 1 and moves[0][0]:
                 on.setdefault(moves[0][1], []).append(k)
-        blocks = {index: ks for index, ks in on.items() if len(ks) >= FEWEST_OF_A_BLOCK}
+        # 4: parameters of one transform, below which their columns are laid out one by one
+        blocks = {index: ks for index, ks in on.items() if len(ks) >= 4}
         taken = {k for ks in blocks.values() for k in ks}
         plain_at = [k for k in range(count) if k not in taken]
         plain = tuple((j, *move) for j, k in enumerate(plain_at) for move in own[k])
@@ -371,7 +367,7 @@ def _stack_functions(moves: Sequence[tuple[int, int]], phi: Sequence[Array], n: 
     return out
 
 
-def chunks(n: int, most: int = CHUNK) -> Iterator[slice]:
+def chunks(n: int, most: int = CACHED_ROWS) -> Iterator[slice]:
     """Slices of at most so many samples."""
     for start in range(0, n, most):
         yield slice(start, min(start + most, n))

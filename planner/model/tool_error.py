@@ -14,8 +14,8 @@ from planner.gauges.frame_gauge import ToolPosition
 from planner.model.model import Model
 from planner.runs.run import Run, Samples
 
-STATES = 2000  # joint states at which the tool is looked at
-N_FRAME_COLUMNS = 6  # columns that only say where the base stands
+WORKSPACE_STATES = 2000  # joint states at which the tool is looked at
+FRAME_COLUMNS = 6  # the first ones only say where the base stands
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class ToolError:
             unknown: effects beside the robot's geometry.
             seed: of the states.
         """
-        q = uniform_states(cell, STATES, seed)
+        q = uniform_states(cell, WORKSPACE_STATES, seed)
         return cls.at(Samples(q, np.zeros(len(q), dtype=int)), setup_of(cell), unknown)
 
     @classmethod
@@ -78,7 +78,7 @@ def tool_rows(
     """Return the same names, the tool's motion per how the base stands, (3 n, 6), and per each of them, (3 n, P)."""
     model = _tool_model(setup).plus(list(unknown))
     rows = model.rows(samples).reshape(-1, len(model.names))
-    return model.names[N_FRAME_COLUMNS:], rows[:, :N_FRAME_COLUMNS], rows[:, N_FRAME_COLUMNS:]
+    return model.names[FRAME_COLUMNS:], rows[:, :FRAME_COLUMNS], rows[:, FRAME_COLUMNS:]
 
 
 def tool_position(samples: Samples, setup: MeasurementSetup) -> Array:

@@ -7,9 +7,6 @@ from planner.common.errors import InputError
 from planner.programs.instructions import JointMove
 from planner.programs.motion_styles import BlendStyle, SpeedStyle
 
-COARSE = 5.0
-"""A printed whole percentage below this loses too much by rounding, if a smaller reduction can help [%]."""
-
 Leg = tuple[tuple[float, ...], JointMove]
 """Where a leg begins [deg], and the move."""
 
@@ -109,7 +106,8 @@ def choose_reductions(moves: tuple[JointMove, ...], speed: SpeedStyle) -> list[i
         stretch.append(move)
         if move.blend_mm <= 0.0:
             slowest = min(m.axis_percent for m in stretch)
-            fits = [r for r in speed.reductions if slowest * 100.0 / r >= COARSE]
+            # 5.0: [%] a printed whole percentage below this loses too much by rounding, if a smaller reduction can help
+            fits = [r for r in speed.reductions if slowest * 100.0 / r >= 5.0]
             chosen += [max(fits, default=min(speed.reductions))] * len(stretch)
             stretch = []
     return chosen

@@ -22,7 +22,6 @@ from planner.programs.steps import ProgramStep, lower_program
 NUMBERS = ("tool", "base", "load")
 
 
-MANY_BLOCKS = 500  # without a stop, beyond which the time of the shortest is said
 START_NOTE = (
     "to start at pose N: {how}, N from 1 to {last} as counted in this program; the way from the mount pose to it is "
     "planned, what comes before is left out; what was measured is kept, and a gauge that is zeroed is zeroed anew"
@@ -105,7 +104,7 @@ def _cycle_note(program: Program, dialect: Dialect) -> str:
     times = sorted(1e3 * m.duration_s for m in program.moves if m.blend_mm > 0.0)
     block_ms = program.controller.block_ms or dialect.block_ms
     short = bisect_left(times, block_ms * (1.0 - 1e-9))
-    if len(times) < MANY_BLOCKS and not short:
+    if len(times) < 500 and not short:  # blocks without a stop, beyond which the time of the shortest is said
         return ""
     said = (
         f"{len(times)} blocks without a stop, the shortest takes {times[0]:.0f} ms, half of them under "

@@ -95,8 +95,7 @@ class ProgramStep:
     until: int = 0
 
 
-RADIAN_DECIMALS = 7
-UNKNOWN = 0  # a reduction that depends on where the operator has started
+UNKNOWN_REDUCTION = 0  # one that depends on where the operator has started
 
 
 def lower_program(program: ins.Program, dialect: Dialect) -> tuple[ProgramStep, ...]:
@@ -191,7 +190,7 @@ class _StepBuilder:
         self._begin_branch("stretch", until)
         self.last_speed, self.last_blend = "", None
         if not self.flying and self.scaled:
-            self.reduction = UNKNOWN
+            self.reduction = UNKNOWN_REDUCTION
 
     def _begin_branch(self, kind: Literal["stretch", "entry"], number: int) -> None:
         self.branch = len(self.steps) + 1
@@ -201,7 +200,7 @@ class _StepBuilder:
         """The way to a start: exact stops, and then the reduction that the path goes on with."""
         self._begin_branch("entry", entry.at)
         reduction, here = self.reduction, self.here
-        self.reduction, self.here = UNKNOWN if self.scaled else reduction, entry.origin_deg
+        self.reduction, self.here = UNKNOWN_REDUCTION if self.scaled else reduction, entry.origin_deg
         for move, wanted in zip(entry.moves, choose_reductions(entry.moves, self.dialect.speed), strict=True):
             self._set_reduction(wanted)
             self.last_speed, self.last_blend = "", None
@@ -212,7 +211,7 @@ class _StepBuilder:
         self.steps.append(ProgramStep("end", number=self.branch))
 
     def _set_reduction(self, reduction: int) -> None:
-        if reduction not in (self.reduction, UNKNOWN):
+        if reduction not in (self.reduction, UNKNOWN_REDUCTION):
             self.reduction = reduction
             self.last_speed = ""
             self.steps.append(ProgramStep("reduction", number=reduction))
@@ -290,7 +289,7 @@ class _StepBuilder:
     def _si(self, values: tuple[float, ...]) -> tuple[str, ...]:
         """Return degrees as radians, and millimetres of axes that slide as metres."""
         si = (v / 1e3 if self.program.slides(k) else math.radians(v) for k, v in enumerate(values))
-        return tuple(format_fixed(v, RADIAN_DECIMALS) for v in si)
+        return tuple(format_fixed(v, 7) for v in si)  # decimals: 0.1 µrad or 0.1 µm
 
     def _words(self, q_deg: tuple[float, ...]) -> tuple[tuple[str, str], ...]:
         return tuple(zip(self.dialect.axes, (format_fixed(q, self.dialect.decimals) for q in q_deg), strict=False))

@@ -15,12 +15,8 @@ from planner.common.units import Array
 from planner.programs.instructions import JointMove
 from planner.programs.motion_styles import SpeedStyle
 
-MARGIN = 0.99  # of the acceleration that is used: printed angles and times are rounded
-CUBIC_RAMP = 6.0  # acceleration of the cubic between two points at rest, times its time squared, over the distance
 PARTS = np.linspace(0.0, 1.0, 33)[:, None, None]  # of a leg, at which its speed is looked at
-TICKS = 1e6  # a second, of the times in a trajectory
-MOST_TRIES = 400  # at a longer time each, for a stretch in frames
-LEAST_GROWTH = 1.01
+TICKS = 1e6  # [1/s] of the times in a trajectory
 
 
 @dataclass(frozen=True)
@@ -52,7 +48,8 @@ def time_legs(
         InputError: a stretch in frames cannot be driven within the limits at that rate.
     """
     q = np.array([home_deg, *(m.q_deg for m in moves)])
-    limit = np.array(acceleration_deg_s2 or [np.inf] * q.shape[1]) * MARGIN
+    # 0.99: of the acceleration is used: printed angles and times are rounded
+    limit = np.array(acceleration_deg_s2 or [np.inf] * q.shape[1]) * 0.99
     ends = [0, *(k + 1 for k, stop in enumerate(stops) if stop)]
     legs: list[TimedLeg] = []
     for a, b in pairwise(ends):
@@ -76,7 +73,8 @@ def _reach(begin: Array, end: Array, limit: Array) -> float:
 
 def _cubic_leg(begin: Array, end: Array, seconds: float, limit: Array) -> TimedLeg:
     """A straight leg between two points at rest, joined by a cubic."""
-    seconds = max(seconds, float(np.sqrt(CUBIC_RAMP * _reach(begin, end, limit))))
+    # 6.0: acceleration of the cubic between two points at rest, times its time squared, over the distance
+    seconds = max(seconds, float(np.sqrt(6.0 * _reach(begin, end, limit))))
     return TimedLeg(float(np.ceil(seconds * TICKS - 1e-3) / TICKS), _still(len(end)))
 
 
@@ -106,14 +104,14 @@ def _pass_through(q: Array, moves: Sequence[JointMove], style: SpeedStyle, limit
     shortest = np.array([m.duration_s if m.shortest_s is None else m.shortest_s for m in moves])
     ticks = float(style.word) if style.stream == "frames" else TICKS
     slower = 1.0
-    for _ in range(MOST_TRIES):
+    for _ in range(400):  # tries at a longer time each, for a stretch in frames
         count = np.maximum(1.0, np.ceil(slower * planned * ticks - 1e-6))
         cubics = Cubics.through(q, count / ticks)
         ramps = np.sqrt((cubics.largest_acceleration() / limit).max())
         excess = max(float(ramps), float((cubics.peak_over_mean() * shortest / cubics.seconds).max()))
         if excess <= 1.0:
             break
-        slower *= max(excess, LEAST_GROWTH)
+        slower *= max(excess, 1.01)  # times slower at least
     else:
         raise InputError(f"frames at {ticks:g} a second cannot carry a path of {len(planned)} steps within the limits")
     frames = cubics.inside(count.astype(int)) if style.stream == "frames" else [()] * len(planned)

@@ -75,7 +75,7 @@ def _plan_id_of(texts: tuple[str, ...]) -> str:
     return found.pop()
 
 
-_SLACK = 1.0 + 1e-6
+ROUNDING_RATIO = 1.0 + 1e-6  # of what is read to what is allowed: numbers are rounded
 
 
 class ProgramMismatchError(PlannerError):
@@ -137,7 +137,7 @@ def _too_abrupt(program: Program, found: ReadBack) -> Iterator[str]:
     for joint, (asked, limit) in enumerate(
         zip(found.acceleration_deg_s2, program.acceleration_deg_s2, strict=True), start=1
     ):
-        if not asked <= limit * _SLACK:
+        if not asked <= limit * ROUNDING_RATIO:
             yield f"it accelerates joint {joint} at {asked:.0f} deg/s2, allowed are {limit:.0f} deg/s2"
 
 
@@ -168,7 +168,7 @@ def _too_round(program: Program, dialect: Dialect, found: ReadBack) -> Iterator[
                 if round_leg
                 else _cut_mm(dialect, value, points[leg], points[leg + 1], program.moves[leg].travel_mm)
             )
-            if allowed <= 0.0 or not cut <= allowed * _SLACK:
+            if allowed <= 0.0 or not cut <= allowed * ROUNDING_RATIO:
                 yield f"move {index + 1} rounds its corner by {cut:.2f} mm, planned are {allowed:.2f} mm"
 
 
@@ -186,7 +186,7 @@ def _other_circles(program: Program, dialect: Dialect, found: ReadBack) -> Itera
 
 def _resolution(dialect: Dialect) -> float:
     """Return by how much a printed angle may differ [deg]."""
-    return 0.5 * 10.0**-dialect.decimals * _SLACK + 1e-9
+    return 0.5 * 10.0**-dialect.decimals * ROUNDING_RATIO + 1e-9
 
 
 def _cut_mm(
@@ -248,7 +248,7 @@ def _too_fast(
                 ratio = value / planned if planned and not first else 0.0
             case "duration":
                 ratio = 0.0 if first else move.duration_s / value
-        if not ratio <= _SLACK:
+        if not ratio <= ROUNDING_RATIO:
             yield f"{what} {number} is driven at {100.0 * ratio:.1f} % of the planned speed"
 
 

@@ -47,6 +47,8 @@ class Job(StrictModel):
     files: list[OutputFile] = []
     request: dict[str, Any] = Field(description="as it was submitted")
     url: str
+    note: str = Field("", description="what a person has written to it")
+    archived: bool = Field(False, description="kept, and not in the list")
 
 
 class RobotEntry(StrictModel):
@@ -103,6 +105,8 @@ def describe_job(job: JobRecord, outputs: list[JobOutput]) -> Job:
         files=[OutputFile(name=o.name, sha256=o.sha256, size=o.size, url=f"{url}/files/{o.name}") for o in outputs],
         request=json.loads(job.request),
         url=url,
+        note=job.note,
+        archived=job.archived,
     )
 
 

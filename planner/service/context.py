@@ -15,6 +15,7 @@ from fastapi import Depends, Request
 from planner.service.answers import Job, describe_job
 from planner.service.file_store import FileStore, UploadList
 from planner.service.job_folder import JobFolder
+from planner.service.job_keeping import JobKeeper
 from planner.service.job_request import JobRequest
 from planner.service.job_store import MOST_CRASHES, JobProblem, JobRecord, JobStore
 from planner.service.record_store import RecordStore
@@ -112,6 +113,7 @@ class ServiceContext:
     files: FileStore
     uploads: UploadList
     records: RecordStore
+    keeper: JobKeeper
     supervisor: Supervisor
 
     def submit(self, request: JobRequest) -> JobRecord:

@@ -46,7 +46,15 @@ CREATE TABLE recorded (
     document_sha256 TEXT NOT NULL, circumstances TEXT NOT NULL, PRIMARY KEY (serial, place));
 CREATE INDEX recorded_by_content ON recorded (document_sha256);
 """
-MIGRATIONS = (FIRST, DEATHS, LISTS)
+KEEPING = """
+ALTER TABLE jobs ADD COLUMN note TEXT NOT NULL DEFAULT '';
+ALTER TABLE jobs ADD COLUMN archived INTEGER NOT NULL DEFAULT 0;
+CREATE TABLE inputs (job TEXT NOT NULL REFERENCES jobs (id), sha256 TEXT NOT NULL);
+CREATE INDEX inputs_by_job ON inputs (job);
+CREATE INDEX inputs_by_content ON inputs (sha256);
+INSERT INTO inputs SELECT jobs.id, json_extract(value, '$.sha256') FROM jobs, json_each(jobs.command, '$.inputs');
+"""
+MIGRATIONS = (FIRST, DEATHS, LISTS, KEEPING)
 """Statements that lead from one version of the store to the next; the version is how many of them it has seen."""
 VERSION = len(MIGRATIONS)
 

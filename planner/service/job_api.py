@@ -19,6 +19,7 @@ from planner.service.file_api import file_answer
 from planner.service.guards import REPORT_POLICY
 from planner.service.job_filter import JobFilter, JobPlace, State
 from planner.service.job_folder import JobId
+from planner.service.job_keeping import JobChanges
 from planner.service.job_request import JobRequest
 from planner.service.job_requests import REQUESTS
 from planner.service.job_store import JobEvent, JobOutput, JobRecord, JobStore
@@ -43,6 +44,7 @@ class JobPage(StrictModel):
     since: AwareDatetime | None = Field(None, description="submitted then or later")
     until: AwareDatetime | None = Field(None, description="submitted before")
     tasks: bool = Field(False, description="also what only serves a page: views and checks of cells")
+    archived: bool = Field(False, description="those that were put aside, instead of the others")
     most: int = Field(100, ge=1, le=LIST_MOST)
     after: str = Field("", max_length=60, description="where the page before ended, of its Link header")
 
@@ -50,7 +52,7 @@ class JobPage(StrictModel):
     def wanted(self) -> JobFilter:
         """The jobs that are asked for."""
         since, until = (None if t is None else t.timestamp() for t in (self.since, self.until))
-        return JobFilter(self.kind, self.state, self.robot, self.q, since, until, self.tasks)
+        return JobFilter(self.kind, self.state, self.robot, self.q, since, until, self.tasks, self.archived)
 
 
 def next_link(request: Request, place: str) -> str:
@@ -100,6 +102,18 @@ async def get_job(id: JobId, context: Context) -> Job:
     """Get a job: how far it is, and what it has written."""
     # no thread: a read of the database waits for nobody, and many pages ask at once
     return context.describe(context.jobs.get(id))
+
+
+@JOBS.patch("/jobs/{id}", responses={404: {"model": Problem}})
+def change_job(id: JobId, changes: JobChanges, context: Context) -> Job:
+    """Give a job another title or a note, or put it aside; what is not given stays."""
+    return context.describe(context.keeper.change(id, changes))
+
+
+@JOBS.delete("/jobs/{id}", status_code=204, responses={404: {"model": Problem}, 409: {"model": Problem}})
+def delete_job(id: JobId, context: Context) -> None:
+    """Delete a job with what only it needs: its files, and the views of pages that start from it."""
+    context.keeper.delete(id)
 
 
 @JOBS.post("/jobs/{id}/cancel", responses={404: {"model": Problem}})

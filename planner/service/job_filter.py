@@ -45,9 +45,10 @@ class JobFilter:
         kind: of the job; without one the short tasks of pages are left out, unless ``tasks`` says otherwise.
         state: how far it is.
         robot: model of the robot.
-        text: stands in the title.
+        text: stands in title or note.
         since, until: when it was submitted [s since 1970].
         tasks: whether the tasks of pages (views, checks of cells) are in the list of all kinds.
+        archived: whether those are wanted that were put aside, or the others; both where it is ``None``.
     """
 
     kind: str | None = None
@@ -57,13 +58,14 @@ class JobFilter:
     since: float | None = None
     until: float | None = None
     tasks: bool = False
+    archived: bool | None = None
 
     def condition(self) -> tuple[str, tuple[object, ...]]:
         """Return the condition of a query, and the values of its places."""
         parts: list[tuple[str, object]] = [
             ("kind = ?", self.kind), ("state = ?", self.state), ("robot = ?", self.robot), ("created >= ?", self.since),
-            ("created < ?", self.until), ("instr(lower(title), ?) > 0", self.text.lower() or None),
-            ("task = ?", None if self.kind or self.tasks else 0),
+            ("created < ?", self.until), ("instr(lower(title || ' ' || note), ?) > 0", self.text.lower() or None),
+            ("task = ?", None if self.kind or self.tasks else 0), ("archived = ?", self.archived),
         ]  # fmt: skip
         given = [(text, value) for text, value in parts if value is not None]
         return " AND ".join(["1", *(text for text, _ in given)]), tuple(value for _, value in given)

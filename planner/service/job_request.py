@@ -7,6 +7,7 @@ from typing import Annotated, Any, ClassVar, Self
 
 from pydantic import Field, model_validator
 
+from planner import __version__
 from planner.common.calls import JobFile, ServedField
 from planner.common.schema import StrictModel
 from planner.service.job_folder import FileReference, JobFolder, JobId
@@ -89,9 +90,9 @@ class JobRequest(StrictModel, ABC):
         return ""
 
     def job_id(self, command: JobCommand) -> str:
-        """Return the identifier of the job: a hash of what it is asked for and of its files."""
+        """Return the identifier of the job: a hash of what is asked for, of its files and the planner's version."""
         asked = json.loads(self.model_dump_json(exclude={"title"}, exclude_none=True))
-        content = [self.kind, asked, [[i.name, i.sha256] for i in command.inputs]]
+        content = [self.kind, asked, [[i.name, i.sha256] for i in command.inputs], __version__]
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:24]
 
 

@@ -1,12 +1,10 @@
 """Jobs and their events: accepted once, owned by one server at a time, ended by the owner of the latest fence alone."""
 
 import json
-import os
 import sqlite3
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
-from pathlib import Path
 
 from pydantic import TypeAdapter
 from pydantic.dataclasses import dataclass as model
@@ -15,40 +13,11 @@ from planner import __version__
 from planner.common.errors import InputError
 from planner.service.database import Database
 from planner.service.job_filter import JobFilter, JobPlace, State
+from planner.service.owner import is_gone, own_name
 
 
 class UnknownJobError(InputError):
     """A job that somebody names is not there."""
-
-
-def own_name() -> str:
-    """Return the name of this process, which no other ever has."""
-    return f"{_boot()}:{os.getpid()}:{_start_time(os.getpid())}"
-
-
-def is_gone(owner: str) -> bool:
-    """Tell whether the process of this name certainly runs no more; of another machine only its lease can tell."""
-    boot, _, rest = owner.partition(":")
-    pid, _, started = rest.partition(":")
-    if boot != _boot() or not pid.isdigit():
-        return False
-    return _start_time(int(pid)) != started
-
-
-def _boot() -> str:
-    try:
-        return Path("/proc/sys/kernel/random/boot_id").read_text(encoding="ascii").strip()
-    except OSError:
-        return "unknown"
-
-
-def _start_time(pid: int) -> str:
-    """Return when a process began, in ticks since the machine did; empty where there is none, or a dead one."""
-    try:
-        words = Path(f"/proc/{pid}/stat").read_text(encoding="utf-8", errors="replace").rpartition(")")[2].split()
-    except OSError:
-        return ""
-    return "" if words[0] in ("Z", "X") else words[19]
 
 
 LEASE_S = 20.0
@@ -130,6 +99,8 @@ class JobRecord:
     exit_code: int | None
     problem: JobProblem | None
     version: str
+    note: str
+    archived: bool
 
     @property
     def ended(self) -> bool:
@@ -171,6 +142,7 @@ class JobStore:
                     " VALUES (?, ?, ?, ?, ?, ?, ?, 'queued', ?, ?)",
                     (id, kind, title, request, _text(command), command.task, robot, time.time(), __version__),
                 )
+                db.executemany("INSERT INTO inputs VALUES (?, ?)", [(id, i.sha256) for i in command.inputs])
                 _tell(db, id, "queued", {})
             elif found.state == "cancelled" or (found.state == "failed" and found.exit_code in TRIED_AGAIN):
                 db.execute(
@@ -351,7 +323,12 @@ class JobStore:
 
 def _record(r: sqlite3.Row) -> JobRecord:
     problem = PROBLEM.validate_json(r["problem"]) if r["problem"] else None
-    parsed = {"command": COMMAND.validate_json(r["command"]), "cancelled": bool(r["cancelled"]), "problem": problem}
+    parsed = {
+        "command": COMMAND.validate_json(r["command"]),
+        "cancelled": bool(r["cancelled"]),
+        "archived": bool(r["archived"]),
+        "problem": problem,
+    }
     return JobRecord(**{f.name: r[f.name] for f in fields(JobRecord)} | parsed)
 
 

@@ -111,7 +111,7 @@ def add_problem_handlers(app: FastAPI) -> None:
 
 @PAGES.get("/")
 def show_start(
-    context: Context, q: Annotated[str, Query(max_length=200)] = "", after: Annotated[int, Query(ge=0, le=10**9)] = 0
+    context: Context, q: Annotated[str, Query(max_length=200)] = "", after: Annotated[str, Query(max_length=120)] = ""
 ) -> HTMLResponse:
     """The robots of this plant with their states, those that ship with cells, and what was done lately."""
     found = context.records.index.list_robots(RobotFilter(q), ROBOTS_SHOWN + 1, after)
@@ -123,7 +123,7 @@ def show_start(
         known=context.records.index.count(),
         q=q,
         after=after,
-        more=after + ROBOTS_SHOWN if len(found) > ROBOTS_SHOWN else None,
+        more=found[ROBOTS_SHOWN - 1].place if len(found) > ROBOTS_SHOWN else None,
     )
 
 

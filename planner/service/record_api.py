@@ -90,7 +90,7 @@ class RobotPage(StrictModel):
     robot: Annotated[str, Field(max_length=100)] | None = Field(None, description="model of the robot")
     state: RobotState | None = None
     most: int = Field(100, ge=1, le=LIST_MOST)
-    after: int = Field(0, ge=0, le=10**9, description="how many robots the pages before had, of their Link header")
+    after: str = Field("", max_length=120, description="where the page before ended, of its Link header")
 
 
 @RECORDS.get("/records")
@@ -101,7 +101,7 @@ def list_records(
     wanted = RobotFilter(page.q, page.robot, page.state)
     found = context.records.index.list_robots(wanted, page.most + 1, page.after)
     if len(found) > page.most:
-        response.headers["link"] = next_link(request, str(page.after + page.most))
+        response.headers["link"] = next_link(request, found[page.most - 1].place)
     return [describe_robot(r) for r in found[: page.most]]
 
 

@@ -4,6 +4,8 @@ A folder is read again only where its stamp has changed, so that what ``edbb rec
 """
 
 import json
+import re
+import sqlite3
 import threading
 import time
 from dataclasses import dataclass
@@ -34,6 +36,7 @@ class RobotSummary:
         due, due_text: day of the next check, and the same in words.
         entries: their number.
         simulated: nobody has measured it.
+        place: in the list, for the page behind it.
     """
 
     serial: str
@@ -44,6 +47,7 @@ class RobotSummary:
     due_text: str
     entries: int
     simulated: bool
+    place: str
 
 
 @dataclass(frozen=True)
@@ -77,21 +81,26 @@ class RecordIndex:
         self._folder, self._db = folder, database
         self._looking, self._looked = threading.Lock(), 0.0
 
-    def list_robots(self, wanted: RobotFilter, most: int, skip: int = 0) -> list[RobotSummary]:
-        """Return robots, those in need first, then by the day of their next check; ``skip`` of them are left out."""
+    def list_robots(self, wanted: RobotFilter, most: int, after: str = "") -> list[RobotSummary]:
+        """Return robots, those in need first, then by the day of their next check; behind a place where one is given.
+
+        Raises:
+            InputError: ``after`` is no place that a robot has (:attr:`RobotSummary.place`).
+        """
         self.refresh()
         rank = " ".join(f"WHEN '{state}' THEN {k}" for k, state in enumerate(IN_NEED))
         query = (
-            f"SELECT * FROM (SELECT {COLUMNS}, {STATE} AS state FROM robots)"
+            f"SELECT * FROM (SELECT *, CASE state {rank} END AS rank, ifnull(due, '') AS day"
+            f" FROM (SELECT {COLUMNS}, {STATE} AS state FROM robots))"
             " WHERE instr(lower(serial || ' ' || robot), :text) > 0 AND robot = ifnull(:robot, robot)"
             " AND state = ifnull(:state, state) AND simulated = ifnull(:simulated, simulated)"
-            f" ORDER BY CASE state {rank} END, ifnull(due, '9'), serial LIMIT :most OFFSET :skip"
+            " AND (rank, day, serial) > (:rank, :day, :serial) ORDER BY rank, day, serial LIMIT :most"
         )
         values = {
             "today": latest_day().isoformat(), "text": wanted.text.lower(), "robot": wanted.robot,
-            "state": wanted.state, "simulated": wanted.simulated, "most": most, "skip": skip,
+            "state": wanted.state, "simulated": wanted.simulated, "most": most, **_parse_place(after),
         }  # fmt: skip
-        return [_summary(tuple(row)) for row in self._db.connection.execute(query, values).fetchall()]
+        return [_summary(row) for row in self._db.connection.execute(query, values).fetchall()]
 
     def count(self) -> int:
         """Return the number of robots that have a record."""
@@ -115,10 +124,13 @@ class RecordIndex:
         """Read a record to which something was added."""
         self._keep(serial, _stamp(self._folder / serial))
 
-    def refresh(self) -> None:
-        """Read the records that have changed; many of them behind the page that waits."""
-        if time.monotonic() - self._looked < LOOK_S or not self._looking.acquire(blocking=False):
-            return  # somebody has just looked, looks, or reads what is left
+    def refresh(self, now: bool = False) -> bool:
+        """Read the records that have changed, many of them behind the page that waits; tell whether all are read.
+
+        ``now``: look although somebody has just looked.
+        """
+        if (not now and time.monotonic() - self._looked < LOOK_S) or not self._looking.acquire(blocking=False):
+            return not self._looking.locked()  # somebody has just looked, looks, or reads what is left
         left: list[tuple[str, str]] = []
         try:
             left = self._read_changed(self._find_changed(), READ_AT_ONCE_S)
@@ -128,6 +140,7 @@ class RecordIndex:
         finally:
             if not left:
                 self._looking.release()
+        return not left
 
     def _find_changed(self) -> list[tuple[str, str]]:
         """Return serial number and stamp of the records that are not in the index as they are; forget those gone."""
@@ -185,18 +198,28 @@ def _stamp(folder: Path) -> str:
         return ""
 
 
-def _summary(row: tuple[object, ...]) -> RobotSummary:
-    serial, robot, advice, due, due_text, entries, simulated, state = row
+def _summary(row: sqlite3.Row) -> RobotSummary:
     return RobotSummary(
-        serial=str(serial),
-        robot=str(robot),
-        state=state,  # type: ignore[arg-type]
-        advice=ADVICE.get(str(state), str(advice)),
-        due=date.fromisoformat(str(due)) if due else None,
-        due_text=str(due_text),
-        entries=int(str(entries)),
-        simulated=bool(simulated),
+        serial=row["serial"],
+        robot=row["robot"],
+        state=row["state"],
+        advice=ADVICE.get(row["state"], row["advice"]),
+        due=date.fromisoformat(row["due"]) if row["due"] else None,
+        due_text=row["due_text"],
+        entries=row["entries"],
+        simulated=bool(row["simulated"]),
+        place=f"{row['rank']}~{row['day']}~{row['serial']}",
     )
+
+
+def _parse_place(text: str) -> dict[str, object]:
+    """Return rank, day and serial number of a place in the list; before the first robot where there is none."""
+    if not text:
+        return {"rank": -1, "day": "", "serial": ""}
+    found = re.fullmatch(r"([0-9])~([0-9-]{0,10})~([^~]{1,100})", text)
+    if found is None:
+        raise InputError(f"after: '{text}' is no place in a list; take it from the Link header of the page before")
+    return {"rank": int(found[1]), "day": found[2], "serial": found[3]}
 
 
 def _lasting_state(record: RobotRecord) -> RobotState:

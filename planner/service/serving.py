@@ -17,6 +17,7 @@ from planner.service.file_api import FILES, LISTS
 from planner.service.file_store import FileStore, UploadList, disk_error
 from planner.service.guards import Guard
 from planner.service.job_api import EVENTS, JOBS
+from planner.service.job_keeping import JobKeeper, Sweeper
 from planner.service.job_process import confinement_version
 from planner.service.job_store import JobStore
 from planner.service.methods import PlainMethods
@@ -64,7 +65,8 @@ def build_context(settings: ServiceSettings) -> ServiceContext:
         raise InputError(damage_text(err)) from err
     supervisor = Supervisor(jobs, files, settings.folder, settings.workers, settings.limits, settings.beside)
     records = RecordStore(settings.folder, jobs, files, database)
-    return ServiceContext(settings, jobs, files, UploadList(database), records, supervisor)
+    keeper = JobKeeper(database, jobs, files, records.index)
+    return ServiceContext(settings, jobs, files, UploadList(database), records, keeper, supervisor)
 
 
 BACKLOG = 1024  # connections that wait to be taken
@@ -75,8 +77,11 @@ def build_app(context: ServiceContext) -> FastAPI:
 
     @asynccontextmanager
     async def lifespan(_: FastAPI) -> AsyncIterator[None]:
+        sweeper = Sweeper(context.keeper, context.settings.kept)
         context.supervisor.start()
+        sweeper.start()
         yield
+        sweeper.stop()
         context.supervisor.stop()
 
     app = FastAPI(

@@ -11,6 +11,7 @@ LOOPBACK = ("127.0.0.1", "::1", "localhost")
 TOKEN_VARIABLE = "EDBB_TOKEN"
 SHORTEST_TOKEN = 16
 GB = 1 << 30
+DAY_S = 86_400.0
 
 
 @dataclass(frozen=True)
@@ -19,6 +20,30 @@ class JobLimits:
 
     memory_bytes: int = 4 * GB
     time_s: float = 7200.0
+
+
+@dataclass(frozen=True)
+class Retention:
+    """How long jobs are kept; ``None``: for ever.
+
+    Attributes:
+        age_s: jobs that ended longer ago may go [s].
+        size_bytes: the oldest may go while all files together are larger.
+    """
+
+    age_s: float | None = None
+    size_bytes: int | None = None
+
+    @classmethod
+    def of(cls, days: float | None, gigabytes: float | None) -> "Retention":
+        """Return what is kept by age [days] and size [GB]."""
+        age = None if days is None else days * DAY_S
+        return cls(age, None if gigabytes is None else int(gigabytes * GB))
+
+    @property
+    def limited(self) -> bool:
+        """Whether anything ever goes."""
+        return self.age_s is not None or self.size_bytes is not None
 
 
 @dataclass(frozen=True)
@@ -35,6 +60,7 @@ class ServiceSettings:
         limits: of each job.
         most_upload: bytes of one file.
         reserve: bytes that must stay free on the disk.
+        kept: how long jobs are kept.
     """
 
     folder: Path
@@ -47,6 +73,7 @@ class ServiceSettings:
     limits: JobLimits = JobLimits()
     most_upload: int = GB
     reserve: int = GB // 4
+    kept: Retention = Retention()
 
     def __post_init__(self) -> None:
         if self.host not in LOOPBACK and not self.token:
@@ -86,6 +113,10 @@ class JobShares:
     workers: int
     beside: int
     memory_bytes: int
+
+    def limits(self, time_s: float) -> JobLimits:
+        """Return what one job may use, with its time [s]."""
+        return JobLimits(self.memory_bytes, time_s)
 
 
 def share_memory(workers: int, memory_bytes: int | None, total: int) -> JobShares:

@@ -33,8 +33,6 @@ from planner.session.planning import PoseChooser, PoseSession, Selection
 from planner.session.release import TourStop
 from planner.session.tour_drive import MountingSession
 
-DRIVEN_SAMPLES = 2000
-
 
 class BarPoses(PoseSession):
     """Where the poses of a bar come from."""
@@ -148,7 +146,7 @@ class BarPoses(PoseSession):
         rows = []
         for d in drives:
             if self.cell.motion.is_continuous:
-                q = d.trajectory.angles(np.linspace(0.0, d.trajectory.duration_s, DRIVEN_SAMPLES))
+                q = d.trajectory.angles(np.linspace(0.0, d.trajectory.duration_s, 2000))  # samples of a drive
             else:
                 q = np.array([v.q for v in d.visits if v.role == "calibrate"])
             rows.append(choice.model.rows(Samples.at(q, d.mounting)))

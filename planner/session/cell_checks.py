@@ -36,7 +36,7 @@ def settle_dialects(cell: Cell, options: PlanOptions) -> tuple[str, ...]:
     return dialects
 
 
-NO_PLAN = "0" * 12
+NO_PLAN = "0" * 12  # stands for the plan of a program that no plan holds
 
 
 def check_cell(cell: Cell, dialects: Sequence[str]) -> None:

@@ -25,7 +25,8 @@ from planner.session.document_parts import (
 
 SCHEMA = "edbb-plan/1"
 MOST_WAYPOINTS = 20_000  # of a drive: a plan has hundreds
-MOST_DEG, MOST_BLEND_MM = 1e5, 1e4  # angles and corners that no controller could drive
+MOST_DEG = 1e5  # [deg] of an angle that a controller could drive
+MOST_BLEND_MM = 1e4  # [mm] of a corner that a controller could round
 
 JointDeg = Annotated[float, Field(gt=-MOST_DEG, lt=MOST_DEG)]
 """Angle of a joint [deg], or the travel of one that slides [mm]."""

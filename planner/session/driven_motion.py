@@ -12,9 +12,9 @@ from planner.common.units import Array, read_only
 from planner.programs.instructions import Centre, Entry, JointMove, Pause, Program, StretchBegin, StretchEnd
 from planner.runs.run import FIRST_MOUNTING, Mounting
 from planner.session.circle_motion import Angles, circle_polygons
+from planner.session.tolerances import SAME_ANGLE
 
-NO_BALL = -1
-SAME = 1e-6  # [rad] by which a way may miss where the next begins, as the numbers of a plan are rounded
+NO_BALL = -1  # stands for a ball's number where there is none
 
 
 PlacedCircle = tuple[Mounting, Angles, Angles, Angles]
@@ -99,7 +99,7 @@ def recover_motion(cell: Cell, program: Program) -> list[Chain]:
             pause, or a start leaves out what moves the robot to where it goes on.
     """
     off = np.abs(np.subtract(np.rad2deg(cell.home), program.moves[0].q_deg)).max()
-    if off > np.rad2deg(SAME):
+    if off > np.rad2deg(SAME_ANGLE):
         raise not_released(f"it begins {off:.4g} deg away from the cell's home")
     check_starts(program, cell.has_bar())
     mountings, balls = _next_mountings(program), _balls(program)
@@ -233,7 +233,7 @@ def check_starts(program: Program, attached: bool) -> None:
             gap = max(abs(a - b) for a, b in zip(one.last, other.first, strict=True))
             held = not attached or one.after == other.before or one.paused or other.paused_first
             rests = one.rests or (id(one), id(other)) in following
-            if gap > np.rad2deg(SAME) or not held or not rests:
+            if gap > np.rad2deg(SAME_ANGLE) or not held or not rests:
                 raise not_released(
                     f"started at {start}, it goes on {gap:.4g} deg away from where the robot then stands"
                 )

@@ -15,14 +15,18 @@ from planner.motion.timing.trajectory import Trajectory
 from planner.programs.instructions import JointMove
 from planner.runs.run import Mounting
 from planner.session.course import TimedPath
+from planner.session.tolerances import (
+    CUT_CORNER_SHARE,
+    DENSE_TRAVEL,
+    DENSE_TURN,
+    EVEN_TIME_RATIO,
+    LEG_SPEED_RATIO,
+    OFF_CIRCLE,
+    STEP_SPEED_RATIO,
+    TURNED_TOOL,
+)
 
-DENSE_TRAVEL = 0.002  # [m] of the tool point between two points of a path given in small steps
-MOST_OFF = 0.5  # of such a step that a longer one, of a controller that prepares blocks slowly, may leave the path by
-DENSE_TURN = 0.01  # [rad] of any axis between two such points
-LEG_SAMPLES, LEG_MARGIN = 65, 1.01  # along a leg, for the largest travel of the tool point and change of the length
-SAME = 5e-3  # [s] between waypoints that are written as one
-EASY = 1.1  # times the shortest time, on ways that are driven once
-STEP_SAMPLES, STEP_MARGIN = 3, 1.0005  # along a small step
+LEG_SAMPLES = 65  # along a leg, for the largest travel of the tool point and change of the length
 
 
 def joint_moves(cell: Cell, path: TimedPath, mounting: Mounting | None) -> list[JointMove]:
@@ -38,7 +42,7 @@ def joint_moves(cell: Cell, path: TimedPath, mounting: Mounting | None) -> list[
         speed=robot.speed,
     )
     highest = 100.0 if mounting is not None and cell.motion.is_continuous else 100.0 * cell.motion.travel
-    run = _leg_travel(cell, path.q, mounting, LEG_SAMPLES, LEG_MARGIN)
+    run = _leg_travel(cell, path.q, mounting, LEG_SAMPLES, LEG_SPEED_RATIO)
     shortest = run.shortest_times(trajectory.tool_speed_limit, cell.gauge.rate)
     quickest = (np.abs(np.diff(path.q, axis=0)) / robot.speed).max(axis=1)
     percent = np.minimum(percent, 100.0 * quickest / np.maximum(shortest, 1e-9))
@@ -76,9 +80,11 @@ def corner_radii(cell: Cell, q: Array, trajectory: Trajectory) -> Array:
 def even_moves(cell: Cell, q: Array, visit: np.ndarray, mounting: Mounting) -> list[JointMove]:
     """Return joint moves through points q (m, N) [rad], exact stops, within all limits if the joints move evenly."""
     limit = np.broadcast_to(cell.gauge.leg_speeds(cell, visit), (len(q) - 1,))
-    run = _leg_travel(cell, q, mounting, LEG_SAMPLES, LEG_MARGIN)
+    run = _leg_travel(cell, q, mounting, LEG_SAMPLES, LEG_SPEED_RATIO)
     quickest = (np.abs(np.diff(q, axis=0)) / cell.robot.speed).max(axis=1)
-    seconds = np.maximum(run.shortest_times(limit, cell.gauge.rate), quickest / cell.motion.travel) * EASY + 1e-3
+    seconds = (
+        np.maximum(run.shortest_times(limit, cell.gauge.rate), quickest / cell.motion.travel) * EVEN_TIME_RATIO + 1e-3
+    )
     return [
         JointMove(
             degrees(q[k + 1]),
@@ -133,7 +139,7 @@ def dense_moves(
         if i >= 0
     }
     limit = np.full(len(t) - 1, trajectory.tool_speed_limit.max())
-    run = _leg_travel(cell, motion.q, mounting, STEP_SAMPLES, STEP_MARGIN)
+    run = _leg_travel(cell, motion.q, mounting, 3, STEP_SPEED_RATIO)  # samples along a small step
     quickest = np.abs(np.diff(motion.q, axis=0)) / cell.robot.speed
     least = np.maximum(run.shortest_times(limit, cell.gauge.rate), quickest.max(axis=1)).tolist()
     step = np.maximum(np.diff(t), run.shortest_times(limit, cell.gauge.rate))
@@ -165,14 +171,14 @@ def _dense_times(cell: Cell, trajectory: Trajectory, shortest: float) -> Array:
     count = int(np.ceil(covered[-1]))
     even = np.interp(np.arange(count + 1) * covered[-1] / max(count, 1), covered, fine)
     points = np.unique(trajectory.waypoint_time)
-    points = points[np.concatenate([[True], np.diff(points) > SAME])]
+    points = points[np.concatenate([[True], np.diff(points) > 5e-3])]  # [s] apart: nearer waypoints are written as one
     after = np.clip(np.searchsorted(points, even), 1, len(points) - 1)
     gap = np.minimum(np.abs(even - points[after - 1]), np.abs(points[after] - even))
     kept = _apart(even, shortest)
-    if not kept.all() and _cut_corner(cell, trajectory, even[kept]) > MOST_OFF:
+    if not kept.all() and _cut_corner(cell, trajectory, even[kept]) > CUT_CORNER_SHARE:
         raise InputError(
             f"blocks of {1e3 * shortest:g} ms are so long that straight ones would leave the curved path by over "
-            f"{to_mm(MOST_OFF * DENSE_TRAVEL):g} mm: lower controller.block_ms or motion.tool_speed_mm_min"
+            f"{to_mm(CUT_CORNER_SHARE * DENSE_TRAVEL):g} mm: lower controller.block_ms or motion.tool_speed_mm_min"
         )
     even, gap = even[kept], gap[kept]
     return np.unique(np.concatenate([even[gap >= shortest], points]))
@@ -202,8 +208,6 @@ def degrees(q: Array) -> tuple[float, ...]:
 
 
 LONGEST_PIECE = np.deg2rad(120.0)  # controllers allow 180 to 240 degrees
-ROUND, STEADY = 1e-6, 1e-6  # [m], [rad] that points may lie off the circle, and the tool may turn
-TRANSITION_MM = 1.0  # from one piece of a circle to the next
 
 
 def circle_moves(cell: Cell, path: TimedPath, mounting: Mounting) -> list[JointMove] | None:
@@ -235,7 +239,7 @@ def _piece(path: TimedPath, steps: list[JointMove], x: Array, a: int, b: int) ->
         duration_s=float(time[b] - time[a]),
         tool_speed_mm_s=min(max(s.tool_speed_mm_s for s in steps), min(s.tool_limit_mm_s for s in steps)),
         axis_percent=100.0,
-        blend_mm=0.0 if last else TRANSITION_MM,
+        blend_mm=0.0 if last else 1.0,  # [mm] from one piece of a circle to the next
         pose=int(path.visit[b]) if path.visit[b] >= 0 else None,
         tool_travel_mm=points_on_arc(x, np.zeros(1))[1] * 1e3,
         tool_limit_mm_s=min(s.tool_limit_mm_s for s in steps),
@@ -246,11 +250,11 @@ def _piece(path: TimedPath, steps: list[JointMove], x: Array, a: int, b: int) ->
 
 def _circle_angles(x: Array, R: Array) -> Array | None:
     """Return the angle (m,) [rad] that points x (m, 3) [m] have come round their circle, or nothing."""
-    if len(x) < 3 or np.abs(R - R[0]).max() > STEADY:
+    if len(x) < 3 or np.abs(R - R[0]).max() > TURNED_TOOL:
         return None
     centre, axes, radius = fit_circle_in_space(x)
     u, v, height = axes @ (x - centre).T
-    if max(np.abs(np.hypot(u, v) - radius).max(), np.abs(height).max()) > ROUND:
+    if max(np.abs(np.hypot(u, v) - radius).max(), np.abs(height).max()) > OFF_CIRCLE:
         return None
     angle = np.unwrap(np.arctan2(v, u))
     angle = (angle - angle[0]) * np.sign(angle[-1] - angle[0])

@@ -17,8 +17,6 @@ from planner.programs.instructions import Program
 from planner.session.driven_motion import NO_BALL, Held, not_released, recover_motion
 from planner.session.motion_hulls import Hulls, motion_hulls
 
-SHOWN = 3  # motions that are named of those that are not proven
-
 
 def judge_program(cell: Cell, program: Program) -> tuple[Verdict, Verdict]:
     """Prove with both collision engines all that a program drives, from home to its end and on the ways to its starts.
@@ -41,8 +39,9 @@ def judge_program(cell: Cell, program: Program) -> tuple[Verdict, Verdict]:
     verdicts = judge_motions([m for held, found in parts.items() for m in _motions(constraints[held], found)])
     for v in verdicts:
         if not v.clear:
+            # 3: motions that are named
             raise not_released(
-                f"{v.engine} does not prove {len(v.failures)} of its motions ({'; '.join(v.failures[:SHOWN])}); "
+                f"{v.engine} does not prove {len(v.failures)} of its motions ({'; '.join(v.failures[:3])}); "
                 "plan again, and where nothing was changed with another --seed"
             )
     return verdicts

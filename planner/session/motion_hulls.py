@@ -9,12 +9,9 @@ from planner.common.units import Array
 from planner.motion.timing.curve import corner_ends
 from planner.motion.timing.limits import ToolPosition
 from planner.session.driven_motion import Chain
+from planner.session.tolerances import ENCLOSED, SMALL_STEP
 
-SMALL = 0.02  # [rad] steps of a path that is given in many; their corners are anywhere between the steps' ends
 GROUP = 64  # small steps that are looked at together first
-ENCLOSED = 1e-7  # [rad] by which points may lie outside their region: a third of a micrometre at three metres
-NARROW = 0.05  # of its length: the height of a triangle that is proven as quadrilaterals, in fewer cells
-STRAIGHT = 1e-9  # of the sine between the first and the last step of a group that runs straight
 
 
 @dataclass(frozen=True)
@@ -51,7 +48,7 @@ def motion_hulls(chain: Chain, tool_position: ToolPosition, proven: Proven) -> I
     if len(q) < 2:
         yield Hulls(np.stack([chain.q[:1], chain.q[:1]], axis=1), chain.number[:1], f"{way}move")
         return
-    small = np.abs(np.diff(q, axis=0)).max(axis=1) < SMALL
+    small = np.abs(np.diff(q, axis=0)).max(axis=1) < SMALL_STEP
     rounded[1:-1] |= (blend[1:-1] > 0.0) & small[:-1] & small[1:]
     rounded[[0, -1]] = False
     begin = np.flatnonzero(np.diff(np.concatenate([[0], rounded.view(np.int8), [0]])) == 1)
@@ -107,9 +104,10 @@ def enclose_steps(q: Array, number: np.ndarray, proven: Proven) -> list[tuple[Ar
 
 
 def _narrow(triangles: Array) -> np.ndarray:
-    """Tell which triangles (m, 3, N) [rad] are less high than ``NARROW`` of their length, (m,) bool."""
+    """Tell which triangles (m, 3, N) [rad] are less high than 0.05 of their length, (m,) bool."""
     height = np.linalg.norm(triangles[:, 1] - _foot(triangles), axis=1)
-    return np.asarray(height < NARROW * np.linalg.norm(triangles[:, 2] - triangles[:, 0], axis=1))
+    # 0.05: of its length: such a triangle is proven as quadrilaterals, in fewer cells
+    return np.asarray(height < 0.05 * np.linalg.norm(triangles[:, 2] - triangles[:, 0], axis=1))
 
 
 def _quadrilaterals(triangles: Array) -> Array:
@@ -148,7 +146,8 @@ def _apexes(points: Array) -> tuple[Array, np.ndarray]:
     along, against = np.einsum("gi,gi->g", out, chord), np.einsum("gi,gi->g", back, chord)
     with np.errstate(divide="ignore", invalid="ignore"):
         reach = (along - cosine * against) / sine2
-    bent = (sine2 > STRAIGHT**2) & np.isfinite(reach) & (reach > 0.0) & (reach < np.linalg.norm(chord, axis=1))
+    # 1e-9: of the sine between the first and the last step of a group that runs straight
+    bent = (sine2 > 1e-9**2) & np.isfinite(reach) & (reach > 0.0) & (reach < np.linalg.norm(chord, axis=1))
     apex = np.where(
         bent[:, None], points[:, 0] + np.where(bent, reach, 0.0)[:, None] * out, (points[:, 0] + points[:, -1]) / 2
     )

@@ -18,13 +18,8 @@ from planner.motion.collision.scene import advise_never_meet
 from planner.motion.path.constraints import Constraints
 from planner.motion.path.roadmap import PartMap, connected_parts
 from planner.runs.run import FIRST_MOUNTING, Mounting
+from planner.session.tolerances import FEW_JOINED_SHARE, ROOMY_SHARE
 
-POSES, ROUGH = 35, 5e-3  # number of poses and tolerance of the bound whose prices single out likely candidates
-CERTAIN = 2000  # likely candidates that are joined to the roadmap themselves
-TRIED = 2000  # poses among which a mount pose is looked for
-ROOMY = 0.25  # share of them with the most room, from which the quickest to reach is taken
-DRAWN = 200_000  # states among which a pose for mastering is looked for
-FEW_JOINED = 0.2  # share of the candidates joined to a mount pose, below which another is tried
 NONE = np.arange(0)
 UPRIGHT = np.deg2rad(10.0)  # tilt at which the master ball still rests in its socket
 
@@ -78,7 +73,7 @@ def move_mounts(cell: Cell, given: Cell, pool: PoseSet, joined: np.ndarray, seed
     """
     for m in cell.mountings:
         mine = np.flatnonzero(pool.samples.at_mounting(m))
-        if given.mount(m) is None and len(mine) and joined[mine].mean() < FEW_JOINED:
+        if given.mount(m) is None and len(mine) and joined[mine].mean() < FEW_JOINED_SHARE:
             part = connected_parts(Constraints(cell, m), pool.q[mine], seed)
             cell = cell.with_mount(m, round_angles(_quickest_roomy(cell.at(m), pool.q[mine[part == 0]])))
     return cell
@@ -110,13 +105,15 @@ def drop_unreachable(
     """
     likely = pool.take(reach.joined)
     _, _, rows = identify_candidates(cell, likely)
-    n = min(poses or POSES, len(rows))
-    rough = certify_bound(rows, index, n, tolerance=ROUGH, seed=seed)
+    n = min(poses or 35, len(rows))  # poses, where no number is given
+    # 5e-3: [1] gap of the bound, whose prices single out likely candidates
+    rough = certify_bound(rows, index, n, tolerance=5e-3, seed=seed)
     if must_stop(ROADMAP, "ways to the mount pose were looked for from a sample of the candidates alone"):
         reach = replace(reach, joined=np.ones(len(likely), dtype=bool))
     else:
         order, _ = price_core(rows, rough, n)
-        reach = join_to_mounts(cell, likely, seed, np.sort(order[:CERTAIN]))
+        # 2000: likely candidates that are joined to the roadmap themselves
+        reach = join_to_mounts(cell, likely, seed, np.sort(order[:2000]))
     lost = len(pool) - int(reach.joined.sum())
     note = Aside(f"{lost} of {len(pool)} candidates were left out: no path joins them to the mount pose")
     return likely.take(reach.joined), reach, (note,) if lost else (), rough.among(reach.joined)
@@ -142,7 +139,7 @@ def join_to_mounts(cell: Cell, pool: PoseSet, seed: int, certain: np.ndarray = N
 def _find_mount(cell: Cell, mounting: Mounting, seed: int) -> Array:
     """Return a pose in the largest part of the shell."""
     one = replace(cell.unwound.only(mounting), plan=replace(cell.plan, grid_step=None))
-    q = draw_candidates(one, TRIED, seed).q
+    q = draw_candidates(one, 2000, seed).q  # poses among which a mount pose is looked for
     return _quickest_roomy(one, q[connected_parts(Constraints(one), q, seed) == 0])
 
 
@@ -150,7 +147,7 @@ def _quickest_roomy(cell: Cell, q: Array) -> Array:
     """Of the poses q (n, N) [rad] with the most room to every limit, the quickest to reach from home."""
     margins = Workspace(cell).margins(q)
     room = (margins / np.median(margins, axis=0)).min(axis=1)
-    roomy = q[np.argsort(-room, kind="stable")[: max(1, int(ROOMY * len(q)))]]
+    roomy = q[np.argsort(-room, kind="stable")[: max(1, int(ROOMY_SHARE * len(q)))]]
     seconds = (np.abs(roomy - cell.home) / cell.robot.speed).max(axis=1)
     return np.asarray(roomy[int(np.argmin(seconds))])
 
@@ -181,7 +178,7 @@ def _draw_upright(cell: Cell, away: Constraints, seed: int) -> Array:
     robot, rng = cell.robot, np.random.default_rng([seed, 3])
     half = np.where(robot.slides, np.inf, np.pi)
     lower, upper = np.maximum(robot.q_lower, cell.home - half), np.minimum(robot.q_upper, cell.home + half)
-    q = rng.uniform(lower, upper, (DRAWN, robot.n_joints))
+    q = rng.uniform(lower, upper, (200_000, robot.n_joints))  # states among which a pose for mastering is looked for
     up = cell.map_axis(q) @ cell.base.R_WB[2]
     q = q[up > np.cos(UPRIGHT)]
     q = q[away.valid(q)]

@@ -36,11 +36,10 @@ from planner.session.driven_motion import not_released
 from planner.session.driven_moves import circle_moves, degrees, dense_moves, joint_moves
 from planner.session.judgement import judge_program
 from planner.session.plan_types import Programs
+from planner.session.tolerances import EMITTED_SPEED_RATIO, PRINTED_TRAVEL
 from planner.session.tour_cost import cut_stretches, tool_positions, travel_and_change
 
-PIECES = 32  # of a leg, whose chords give the largest speed on it
-SLACK = 1.0 + 1e-3
-PRINTED = 1e-5  # [m] of travel that the rounding of printed angles may add to a short step
+LEG_PIECES = 32  # of a leg, whose chords give the largest speed on it
 
 
 def check_emitted_speeds(cell: Cell, program: Program, axes: AxisConvention, dialect: Dialect, found: ReadBack) -> None:
@@ -64,7 +63,7 @@ def check_emitted_speeds(cell: Cell, program: Program, axes: AxisConvention, dia
         if not len(rows):
             continue
         x = _tool_points(cell, q, rows, circles, mounting)
-        travel, change = (part.max(axis=0) * PIECES for part in travel_and_change(cell, mounting, x))
+        travel, change = (part.max(axis=0) * LEG_PIECES for part in travel_and_change(cell, mounting, x))
         seconds = _leg_seconds(axes, dialect, c, speeds, rows, travel)
         round_legs = np.isin(rows, list(circles))
         seconds[round_legs] = travel[round_legs] / (speeds[rows[round_legs]] / 1e3)
@@ -77,13 +76,13 @@ def check_emitted_speeds(cell: Cell, program: Program, axes: AxisConvention, dia
 def _tool_points(
     cell: Cell, q: Array, rows: np.ndarray, circles: Mapping[int, Array], mounting: Mounting | None
 ) -> Array:
-    """Where the tool is at equal shares of the legs ``rows`` of a path q (n + 1, N) [rad], (PIECES + 1, m, 3) [m]."""
-    x = tool_positions(cell, mounting, q[rows], q[rows + 1], PIECES)
+    """Return the tool points at equal shares of the legs ``rows`` of q (n + 1, N) [rad], (LEG_PIECES + 1, m, 3) [m]."""
+    x = tool_positions(cell, mounting, q[rows], q[rows + 1], LEG_PIECES)
     at = cell if mounting is None else cell.at(mounting)
     for i, k in enumerate(rows):
         if k in circles:
             ends = at.map_position(np.stack([q[k], circles[k], q[k + 1]]))
-            x[:, i] = points_on_arc(ends, np.linspace(0.0, 1.0, PIECES + 1))[0]
+            x[:, i] = points_on_arc(ends, np.linspace(0.0, 1.0, LEG_PIECES + 1))[0]
     return x
 
 
@@ -108,8 +107,8 @@ def _leg_seconds(
 
 
 def _refuse(rows: np.ndarray, travel: Array, seconds: Array, limit: Array, what: str) -> None:
-    speed = np.maximum(travel - PRINTED, 0.0) / np.maximum(seconds, 1e-9)
-    over = np.flatnonzero(speed > limit * SLACK)
+    speed = np.maximum(travel - PRINTED_TRAVEL, 0.0) / np.maximum(seconds, 1e-9)
+    over = np.flatnonzero(speed > limit * EMITTED_SPEED_RATIO)
     if len(over):
         k = int(over[np.argmax(speed[over] / limit[over])])
         raise not_released(

@@ -21,10 +21,9 @@ from planner.motion.collision.surroundings import (
 from planner.runs.joint_motion import last_reversals
 from planner.runs.run import Samples
 from planner.session.plan_types import Drive
+from planner.session.tolerances import MUCH_WORSE
 
-STEP = 0.05  # [s] along the path in which reversals are looked for
 MEASURED = ("calibrate", "repeat")
-MUCH = 1.5  # times worse that the index may be before a person is told
 
 
 def session_notes(cell: Cell) -> tuple[str, ...]:
@@ -110,7 +109,7 @@ def discrimination_notes(
 def _index_notes(separation: Discrimination, choice: PoseChoice) -> tuple[str, ...]:
     """Tell that poses which tell effects apart see the robot's own parameters much worse."""
     times = 1.0 + INDEX_RULES[choice.index].gap(choice.value, separation.alone)
-    if times < MUCH:
+    if times < MUCH_WORSE:
         return ()
     return (
         f"these poses see the robot's own parameters {times:.1f} times worse than poses chosen by {choice.index} alone "
@@ -156,7 +155,8 @@ def _samples_in_passing(drive: Drive) -> tuple[Samples, ...]:
 
 def _sample_passage(drive: Drive, at: np.ndarray) -> Samples:
     t: Array = drive.trajectory.waypoint_time[at]
-    motion, whole = drive.trajectory.at(t), drive.trajectory.sample(STEP)
+    # 0.05: [s] along the path in which reversals are looked for
+    motion, whole = drive.trajectory.at(t), drive.trajectory.sample(0.05)
     turned = last_reversals(whole.q)[np.minimum(np.searchsorted(whole.t, t), len(whole.t) - 1)]
     return replace(Samples.at(motion.q, drive.mounting), t=t, speed=motion.dq, reversals=turned)
 

@@ -56,7 +56,6 @@ def fill_document(document: type[Document], plan: SessionPlan, content: dict[str
     return filled.model_copy(update={"hashes": part_hashes(filled.content(), plan.cell)})
 
 
-PART_DIGITS = 8  # of the hash of a part: it tells which part was changed, while plan_id tells whether any was
 IN_PARTS = ("drives", "sessions")  # lists whose entries are hashed key by key
 
 
@@ -75,7 +74,8 @@ def part_hashes(content: Mapping[str, object], cell: Cell) -> dict[str, str]:
             parts |= {f"{key}[{k}].{name}": v for k, table in enumerate(tables) for name, v in table.items()}
         else:
             parts[key] = value
-    return {name: _short_hash(value)[:PART_DIGITS] for name, value in parts.items()}
+    # 8: digits tell which part was changed, while plan_id tells whether any was
+    return {name: _short_hash(value)[:8] for name, value in parts.items()}
 
 
 def changed_parts(content: Mapping[str, object], cell: Cell) -> list[str]:

@@ -15,12 +15,11 @@ from planner.common.schema import read_json
 from planner.common.units import to_deg
 from planner.session.course import Course, Waypoints, time_course
 from planner.session.document import DriveRecord, PlanDocument, WaypointRecord, read_plan, read_waypoints
-from planner.session.driven_motion import SAME
 from planner.session.plan_record import changed_parts, content_hash, plan_document
 from planner.session.plan_types import Plan
+from planner.session.tolerances import CHANGED_ANGLE_DEG, CHANGED_DURATION, CHANGED_LENGTH_MM, SAME_ANGLE
 
 NOT_HASHED = ("schema", "kind", "plan_id", "programs", "notes", "hashes")
-NAMED = 6  # parts of a plan that are named of those that were changed
 PLAN, CELL = "plan.json", "cell.toml"
 NEEDED = (".json", ".toml", ".urdf", ".stl", ".obj", ".dae", ".ply")  # of a plan's files what a program is made of
 
@@ -36,9 +35,10 @@ def _why_not(path: Path, cell: Cell) -> str | None:
     content = _content(path)
     said = {k: v for k, v in content.items() if k not in NOT_HASHED}
     if parts := changed_parts(content, cell):
-        more = f" and {len(parts) - NAMED} more" if len(parts) > NAMED else ""
+        named = 6  # parts of a plan that are named of those that were changed
+        more = f" and {len(parts) - named} more" if len(parts) > named else ""
         return (
-            f"changed since it was planned: {', '.join(parts[:NAMED])}{more}; "
+            f"changed since it was planned: {', '.join(parts[:named])}{more}; "
             "the index, the clearance and whatever else it states were those of the plan as it was written"
         )
     if content_hash(said, cell) != content.get("plan_id"):
@@ -70,7 +70,7 @@ def check_joined(path: Path, cell: Cell, courses: Sequence[Course]) -> None:
         for (name, end), begin in zip(ends, begins, strict=True):
             off = np.abs(end - begin)
             j = int(off.argmax())
-            if not off[j] <= SAME:
+            if not off[j] <= SAME_ANGLE:
                 raise InputError(
                     f"{path}: the drive at fixture {cell.place_name(course.mounting)} does not join: {name} ends with "
                     f"joint {j + 1} at {to_deg(end[j]):.4f} deg, what follows begins at {to_deg(begin[j]):.4f} deg; "
@@ -79,7 +79,6 @@ def check_joined(path: Path, cell: Cell, courses: Sequence[Course]) -> None:
 
 
 OWN_CELL = "put the cell.toml that was written with the plan beside it"
-LENGTH_MM, ANGLE_DEG, DURATION = 1e-3, 1e-6, 1e-4
 
 
 @dataclass(frozen=True)
@@ -186,7 +185,7 @@ def _check_visits(path: Path, cell: Cell, plan: PlanDocument) -> None:
         if len(listed[k]) != len(q_deg):
             raise InputError(f"{path}: pose {k} has {len(listed[k])} angles; {cell.robot.name} has {len(q_deg)}")
         off = np.abs(np.subtract(listed[k], q_deg))
-        if off.max() > ANGLE_DEG:
+        if off.max() > CHANGED_ANGLE_DEG:
             j = int(off.argmax())
             said, goes = f"{listed[k][j]:.4g} deg in 'poses'", f"{q_deg[j]:.4g} deg ('drives')"
             raise InputError(f"{path}: pose {k} has joint {j + 1} at {said}, but is driven to {goes}; {because}")
@@ -206,16 +205,16 @@ def _check_courses(path: Path, beside: Path, cell: Cell, plan: PlanDocument, cou
     """Hold home, bar lengths and duration against what the cell makes of the plan's poses."""
     assert plan.trajectory is not None
     start = np.abs(np.rad2deg(courses[0].travel.q[0] - cell.home)).max()
-    if start > ANGLE_DEG:
+    if start > CHANGED_ANGLE_DEG:
         raise _mismatch(path, beside, f"home is {start:.4g} deg away from where the plan starts")
     off = cell.gauge.plan_errors(cell, plan.poses, path)
     worst = int(np.argmax(np.abs(off)))
-    if abs(off[worst]) > LENGTH_MM:
+    if abs(off[worst]) > CHANGED_LENGTH_MM:
         raise _mismatch(path, beside, cell.gauge.plan_error_text(plan.poses[worst].id, float(off[worst])))
     if any(part.startswith("drives") for part in changed_parts(_content(path), cell)):
         return  # a person moved what is driven, which takes another time
     seconds = sum(c.trajectory.duration_s for c in courses)
-    if abs(seconds / plan.trajectory.duration_s - 1.0) > DURATION:
+    if abs(seconds / plan.trajectory.duration_s - 1.0) > CHANGED_DURATION:
         planned = plan.trajectory.duration_s
         raise _mismatch(path, beside, f"measuring would take {seconds:.2f} s, planned are {planned:.2f} s")
 

@@ -36,8 +36,6 @@ from planner.session.release import TourStop, candidate_stop
 from planner.session.tour_cost import session_minutes
 from planner.session.tour_drive import MountingSession, Unreachable, drive_tour
 
-REPLACEMENTS = 20
-
 
 @dataclass(frozen=True)
 class Selection:
@@ -176,10 +174,11 @@ class PoseSession(ABC):
 
     def _drive_places(self, choice: PoseChoice) -> tuple[tuple[Drive, ...], PoseChoice]:
         """Drive the tour of every mounting; a pose that no path joins is replaced after all, and told."""
+        most_replacements = 20  # of a pose that no path joins, before the cell is taken to be split
         checks = self.draw_validation(choice)
         drives: list[Drive] = []
         for place in self.places():
-            for _ in range(REPLACEMENTS):
+            for _ in range(most_replacements):
                 mine = np.flatnonzero(choice.samples.at_mounting(place.mounting))
                 others = checks[self.pool.samples.take(checks).at_mounting(place.mounting)]
                 stops = [self.stop(choice, int(k)) for k in mine]
@@ -198,7 +197,7 @@ class PoseSession(ABC):
                     self.notes.append(Aside(f"a pose that no path could join was replaced{where}"))
             else:
                 raise NoSolutionError(
-                    f"{REPLACEMENTS} poses in a row could not be joined to the tour: obstacles split the cell"
+                    f"{most_replacements} poses in a row could not be joined to the tour: obstacles split the cell"
                 )
         self.notes += [note for d in drives for note in d.tour.notes]
         return tuple(drives), choice

@@ -19,9 +19,8 @@ from planner.session.options import PlanOptions
 from planner.session.plan_types import Drive
 from planner.session.planning import PoseChooser, PoseSession, Selection
 from planner.session.release import TourStop, candidate_stop
+from planner.session.tolerances import REPEATED_CENTRINGS
 from planner.session.tour_drive import MountingSession
-
-CENTRINGS = 3  # of a pose that is repeated (TriCal paper, Table 3)
 
 
 class PointPoses(PoseSession):
@@ -134,7 +133,7 @@ class PointPoses(PoseSession):
     def stop(self, choice: PoseChoice, k: int) -> TourStop:
         """Return the chosen pose ``k``, with the number of centrings where there is a ball."""
         role: Role = "validate" if self.only_validates else "calibrate"
-        return candidate_stop(self.pool, int(choice.chosen[k]), role, CENTRINGS if k in self.repeated else 1)
+        return candidate_stop(self.pool, int(choice.chosen[k]), role, REPEATED_CENTRINGS if k in self.repeated else 1)
 
     def replace(self, choice: PoseChoice, lost: int) -> PoseChoice:
         """Replace a chosen pose that no path joins."""

@@ -15,10 +15,7 @@ from planner.motion.timing.trajectory import Trajectory, blend_corners
 from planner.session.course import Role, TimedPath, Waypoints, axis_limits, time_path, tool_speed
 from planner.session.driven_moves import corner_radii
 from planner.session.plan_types import motion_signs
-
-HALVINGS = 4  # of a blend that does not fit, before it becomes a stop
-BLEND_ROOM = 5e-5  # [m] beyond the clearance for blends: the two engines' distances differ by 1e-5
-STOPPED = 4  # times that blends which a judge does not prove become stops
+from planner.session.tolerances import BLEND_MARGIN
 
 
 @dataclass(frozen=True)
@@ -46,7 +43,7 @@ def release_path(
     Raises:
         NoSolutionError: an engine does not prove the path; nothing is written for it.
     """
-    for _ in range(STOPPED + 1):
+    for _ in range(4 + 1):  # times that blends which a judge does not prove become stops
         timed = timing(points)
         verdicts, unproven = judge_corners(constraints, points.q, timed.trajectory, separate)
         if not len(unproven):
@@ -102,9 +99,10 @@ def fit_blends(constraints: Constraints, q: Array, stop: np.ndarray) -> Array:
 
     A blend that does not fit is halved; after some halvings the corner becomes a stop (radius 0).
     """
+    halvings = 4  # of a blend that does not fit, before it becomes a stop
     cell = constraints.cell
-    blend, wide = np.where(stop, 0.0, cell.motion.blend), constraints.with_room(BLEND_ROOM)
-    for attempt in range(HALVINGS + 1):
+    blend, wide = np.where(stop, 0.0, cell.motion.blend), constraints.with_room(BLEND_MARGIN)
+    for attempt in range(halvings + 1):
         entry, leave, at_rest = blend_corners(
             q,
             stop=stop | (blend == 0),
@@ -120,11 +118,8 @@ def fit_blends(constraints: Constraints, q: Array, stop: np.ndarray) -> Array:
         failed = corner[~proof.proven]
         if not len(failed):
             break
-        blend[failed] = blend[failed] / 2 if attempt < HALVINGS else 0.0
+        blend[failed] = blend[failed] / 2 if attempt < halvings else 0.0
     return blend
-
-
-REACHES = (3.0 * DEG, 1.5 * DEG, 0.75 * DEG)  # [rad] past the pose, the first that keeps every constraint
 
 
 @dataclass(frozen=True)
@@ -174,7 +169,7 @@ def approach_from_sides(constraints: Constraints, path: ProvenPath, wanted: Arra
     at = at[at > 0]
     before, pose, sign = path.q[at - 1], path.q[at], signs_wanted[at]
     past = np.full(pose.shape, np.nan)
-    for reach in REACHES:
+    for reach in (3.0 * DEG, 1.5 * DEG, 0.75 * DEG):  # [rad] past the pose, the first that keeps every constraint
         left = np.flatnonzero(np.isnan(past[:, 0]))
         if not len(left):
             break

@@ -8,6 +8,7 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
 from planner.cell.cell import Cell
+from planner.common.arrays import CACHED_ROWS
 from planner.common.units import Array
 from planner.motion.path.constraints import Constraints
 from planner.programs.instructions import Comment, Entry, Instruction, JointMove, StretchBegin, StretchEnd
@@ -16,8 +17,7 @@ from planner.session.course import TimedPath, axis_limits, tool_speed
 from planner.session.driven_moves import degrees, even_moves
 from planner.session.plan_types import Drive
 
-PIECES = 16  # of a leg, each driven at its own slowest limit
-CHUNK = 4096  # legs at a time
+LEG_PIECES = 16  # of a leg, each driven at its own slowest limit
 
 
 def leg_times(cell: Cell, mounting: Mounting, start: Array, end: Array) -> Array:
@@ -33,9 +33,11 @@ def leg_times(cell: Cell, mounting: Mounting, start: Array, end: Array) -> Array
     by_axes = _axis_times(start, end, speed)
     if not np.isfinite(limit):
         return by_axes
-    chunks = range(0, len(start), CHUNK)
-    moving = [_moving_times(cell, mounting, start[k : k + CHUNK], end[k : k + CHUNK], limit) for k in chunks]
-    pieces = np.maximum(np.concatenate([*moving, np.empty((0, PIECES))]), by_axes[:, None] / PIECES)
+    chunks = range(0, len(start), CACHED_ROWS)
+    moving = [
+        _moving_times(cell, mounting, start[k : k + CACHED_ROWS], end[k : k + CACHED_ROWS], limit) for k in chunks
+    ]
+    pieces = np.maximum(np.concatenate([*moving, np.empty((0, LEG_PIECES))]), by_axes[:, None] / LEG_PIECES)
     return np.asarray(pieces.sum(axis=1))
 
 
@@ -60,8 +62,8 @@ def _axis_times(start: Array, end: Array, speed: Array) -> Array:
 
 
 def _moving_times(cell: Cell, mounting: Mounting, start: Array, end: Array, limit: float) -> Array:
-    """Time that tool and gauge need for each piece of each leg, (m, PIECES) [s]."""
-    travel, change = travel_and_change(cell, mounting, tool_positions(cell, mounting, start, end, PIECES))
+    """Time that tool and gauge need for each piece of each leg, (m, LEG_PIECES) [s]."""
+    travel, change = travel_and_change(cell, mounting, tool_positions(cell, mounting, start, end, LEG_PIECES))
     return np.maximum(travel / limit, change / cell.gauge.rate).T
 
 
@@ -84,9 +86,6 @@ def travel_and_change(cell: Cell, mounting: Mounting | None, x: Array) -> tuple[
     return travel, np.abs(np.diff(length, axis=0))
 
 
-DIMENSIONS = 6  # of joint space: the shortest tour of n points in d dimensions grows as n^(1 − 1/d)
-
-
 def session_minutes(cell: Cell, drives: Sequence[Drive], poses: int) -> Callable[[int], float]:
     """Return what tells the minutes of driving of another number of poses, about, from the session that was planned.
 
@@ -99,12 +98,10 @@ def session_minutes(cell: Cell, drives: Sequence[Drive], poses: int) -> Callable
 
     def minutes(count: int) -> float:
         other = visits - poses + count
-        return float(other * still + moving * (other / visits) ** (1 - 1 / DIMENSIONS)) / 60
+        # 6: dimensions: the shortest tour of n points in d dimensions grows as n^(1 - 1/d), d = 6
+        return float(other * still + moving * (other / visits) ** (1 - 1 / 6)) / 60
 
     return minutes
-
-
-MANY = 120  # straight legs from the mount pose that are tried; further points are reached along the path
 
 
 def prove_shortcuts(constraints: Constraints, q: Array, visit: np.ndarray) -> tuple[int, ...]:
@@ -115,7 +112,8 @@ def prove_shortcuts(constraints: Constraints, q: Array, visit: np.ndarray) -> tu
     at = np.flatnonzero(visit >= 0)
     wanted = np.unique(np.concatenate([at - 1, at + 1]))
     wanted = wanted[(wanted > 1) & (wanted < len(q) - 1)]
-    wanted = wanted[:: max(1, -(-len(wanted) // MANY))]
+    # 120: straight legs from the mount pose are tried; further points are reached along the path
+    wanted = wanted[:: max(1, -(-len(wanted) // 120))]
     if not len(wanted):
         return ()
     legs = np.stack([np.broadcast_to(q[0], (len(wanted), q.shape[1])), q[wanted]], axis=1)
@@ -186,11 +184,9 @@ def cut_stretches(
     return [*out, StretchEnd()]
 
 
-STEP_OFF = 1e-9  # [deg] between a corner of the path and the step that a start goes on with
-
-
 def _to_step(cell: Cell, mounting: Mounting, q: Array, here: tuple[float, ...]) -> tuple[JointMove, ...]:
     """Lead from a corner q (N,) [rad] to where a path in small steps, which cuts it, goes on."""
-    if np.abs(np.subtract(np.rad2deg(q), here)).max() <= STEP_OFF:
+    # 1e-9: [deg] between a corner of the path and the step that a start goes on with
+    if np.abs(np.subtract(np.rad2deg(q), here)).max() <= 1e-9:
         return ()
     return tuple(even_moves(cell, np.stack([q, np.deg2rad(here)]), np.array([-1, -1]), mounting))

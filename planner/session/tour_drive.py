@@ -38,10 +38,6 @@ from planner.session.release import (
 )
 from planner.session.tour_cost import prove_shortcuts, tour_costs
 
-TRIES = 12  # tours re-solved with a leg forbidden
-LIMIT_SAMPLES = 20_000  # of the trajectory held against the limits, beside those in every phase of its profile
-MANY, AT_200, MOST = 250, 2_000, 100_000  # poses beyond which no tree is searched; its nodes at 200 poses, and at most
-
 
 @dataclass(frozen=True)
 class MountingSession:
@@ -110,7 +106,8 @@ def drive_tour(place: MountingSession, stops: Sequence[TourStop], tsp: TourSolve
     points = add_blends(constraints, path, rests, ids)
     separate = separate_motions(constraints, [stops[k].ball if k >= 0 else -1 for k in path.node])
     measuring = release_path(constraints, points, lambda p: time_measuring(cell, p, place.mounting), separate)
-    step = max(measuring.path.trajectory.duration_s / LIMIT_SAMPLES, 0.01)
+    # 20_000: samples held against the limits, beside those in every phase of its profile
+    step = max(measuring.path.trajectory.duration_s / 20_000, 0.01)
     reading = reading_limits(cell, place.mounting, bar=True)
     task = partial(check_limits, measuring.path.trajectory, axis_limits(cell, bar=True), step, reading)
     with ForkedTask(task) as checking:
@@ -140,9 +137,10 @@ def path_to_mount(constraints: Constraints, ends: Array, seed: int) -> ProvenPat
 def proof_nodes(poses: int) -> int:
     """Return how many nodes of a tree the proof of a tour is worth: each takes longer the more poses there are.
 
-    Beyond ``MANY`` the bound stands at a fraction of a per cent, and thousands of nodes take minutes to move it.
+    Beyond 250 poses the bound stands at a fraction of a per cent, and thousands of nodes take minutes to move it.
     """
-    return 0 if poses > MANY else min(MOST, int(AT_200 * (200 / poses) ** 5))
+    # no tree is searched beyond 250 poses; else it has 2000 nodes at 200 poses, and 100 000 at most
+    return 0 if poses > 250 else min(100_000, int(2_000 * (200 / poses) ** 5))
 
 
 def join_tour(place: MountingSession, nodes: Array, tsp: TourSolver, seed: int) -> tuple[Tour, ProvenPath]:
@@ -152,13 +150,14 @@ def join_tour(place: MountingSession, nodes: Array, tsp: TourSolver, seed: int) 
         Unreachable: a stop cannot be reached.
         NoSolutionError: no tour joins the nodes.
     """
+    most_tours = 12  # re-solved with a leg forbidden
     cost = tour_costs(place.cell, place.mounting, nodes)
     proof = proof_nodes(len(nodes))
     forbidden: dict[tuple[int, int], str] = {}
     known: ForkedTask[np.ndarray] | None = ForkedTask(
         partial(prove_detours, place.measuring, nodes, seed, place.detours)
     )
-    for _ in range(TRIES):
+    for _ in range(most_tours):
         with known or nullcontext():
             tour = solve_tour(cost, forbidden=set(forbidden), method=tsp, seed=seed, nodes=proof)
             order = [*(int(k) for k in tour.order), 0]
@@ -176,9 +175,9 @@ def join_tour(place: MountingSession, nodes: Array, tsp: TourSolver, seed: int) 
         forbidden |= dict(zip(path.failed, path.reasons, strict=True))
     why = "; ".join(sorted(set(forbidden.values()))[:3])
     raise NoSolutionError(
-        f"path: no collision-free tour joins the {len(nodes)} poses after {TRIES} tries; {len(forbidden)} legs are "
-        f"impossible ({why}): lower motion.clearance_mm, widen the cones, move the fixture away from what is in the "
-        "way, or try another --seed"
+        f"path: no collision-free tour joins the {len(nodes)} poses after {most_tours} tries; {len(forbidden)} legs "
+        f"are impossible ({why}): lower motion.clearance_mm, widen the cones, move the fixture away from what is in "
+        "the way, or try another --seed"
     )
 
 

@@ -19,9 +19,6 @@ from planner.design.selection.index_search import exchange_poses
 from planner.model.model import Model
 
 GROWTH = (1.04, 1.12, 1.25, 1.4, 1.6, 2.0, 2.5, 3.2, 4.0, 5.6, 8.0)  # numbers of poses, in parameters
-WIDTH = 800  # candidates that the last descents look at
-STEPS = 150  # of annealing, for the index that was asked for; the others descend only
-TOLERANCE = 0.02  # relative: a curve is read by eye, its bound is a proof whatever the tolerance
 
 
 @dataclass(frozen=True)
@@ -74,7 +71,8 @@ def compute_index_curves(rows: Array, prior: Array, asked: str, seed: int, say: 
         scene = np.ascontiguousarray(rows * prior) if scaled else rows
         for index, certificates in _any_size_certificates(scene, seed).items():
             say("index curves", len(out), 2 * len(INDEX_RULES))
-            out.append(_compute_curve(scene, index, scaled, sizes, certificates, seed, STEPS if index == asked else 0))
+            # 150: steps of annealing, for the index that was asked for; the others descend only
+            out.append(_compute_curve(scene, index, scaled, sizes, certificates, seed, 150 if index == asked else 0))
     return tuple(out)
 
 
@@ -86,7 +84,8 @@ def find_curve(curves: tuple[BoundedCurve, ...], index: str, scaled: bool) -> Bo
 def _any_size_certificates(rows: Array, seed: int) -> dict[str, tuple[Certificate, ...]]:
     """Proofs for designs of any size: of a single unit of weight for the indices that grow with every pose."""
     sizes = {"O1": None, "O2": None, "O3": 1, "O5": 1}
-    proofs = {index: certify_bound(rows, index, poses, TOLERANCE, seed) for index, poses in sizes.items()}
+    # 0.02: [1] gap: a curve is read by eye, its bound is a proof whatever the tolerance
+    proofs = {index: certify_bound(rows, index, poses, 0.02, seed) for index, poses in sizes.items()}
     return {index: (proofs["O3"], proofs["O2"]) if index == "O4" else (proofs[index],) for index in INDEX_RULES}
 
 
@@ -98,7 +97,8 @@ def _compute_curve(
     O1 and O2 do not depend on the number; n poses carry at most n times the information of the best unit of
     weight, so that O3 and O5, which go with the root of it, grow at most with √n; O4 = O3 / O2.
     """
-    values = np.array([exchange_poses(rows, int(n), index, 1, seed, proofs[-1], steps, WIDTH).value for n in sizes])
+    # 800: candidates that the last descents look at
+    values = np.array([exchange_poses(rows, int(n), index, 1, seed, proofs[-1], steps, 800).value for n in sizes])
     bounds = proofs[0].value * (np.ones(len(sizes)) if index in ("O1", "O2") else np.sqrt(sizes))
     bounds = bounds / proofs[1].value if index == "O4" else bounds
     return BoundedCurve(index, scaled, sizes, read_only(values), read_only(bounds), find_knee(sizes, values, index))

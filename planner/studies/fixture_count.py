@@ -15,8 +15,6 @@ from planner.model.model import Model
 from planner.runs.run import Samples
 from planner.studies.fixture_places import CANDIDATES, FixtureMap, FixturePlace
 
-MOST = 3  # fixtures that are tried
-ASIDE = 0.1  # [m] from the tool point to the second one that is imagined beside it
 GAUGE = ("fixture_", "map_", "zero")
 
 
@@ -129,7 +127,7 @@ def count_fixtures(cell: Cell, map_: FixtureMap, noise: float, seed: int) -> Fix
 
     places = [map_.present]
     steps = [step(places)]
-    while len(places) < MOST:
+    while len(places) < 3:  # fixtures that are tried
         tried = [[*places, p] for p in map_.usable if all(p is not q for q in places)]
         if not tried:
             break
@@ -226,7 +224,8 @@ def _second_tool_rows(cell: Cell, map_: FixtureMap, seed: int) -> Array:
     across = np.cross(tool.axis_F, tool.p_FM)
     if np.linalg.norm(across) < 1e-6:
         across = np.cross(tool.axis_F, np.eye(3)[int(np.argmin(np.abs(tool.axis_F)))])
-    point = read_only(tool.p_FM + ASIDE * across / np.linalg.norm(across))
+    # 0.1: [m] from the tool point to the second one that is imagined beside it
+    point = read_only(tool.p_FM + 0.1 * across / np.linalg.norm(across))
     aside = replace(cell, tool=replace(tool, points=(replace(tool.points[0], p_FM=point),)))
     q = reach_poses(aside, map_.present.p_BX, CANDIDATES, seed).q
     if len(q) == 0:  # the rank is that of the geometry: any states will do

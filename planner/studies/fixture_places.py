@@ -18,9 +18,8 @@ from planner.model.model import Model
 from planner.runs.run import FIRST_MOUNTING, Samples
 
 CANDIDATES = 1000  # at each place: as many everywhere, so that the places compare
-ACROSS, UP = 9, 6  # grid places across the robot's reach, and from the floor up
-ENOUGH = 3  # candidates a parameter below which a place is not judged
-THINNED = 200  # candidates from which pruning takes one away at a time; before, a twelfth at once
+PLACES_ACROSS = 9  # of the grid, across the robot's reach
+PLACES_UP = 6  # of the grid, from the floor up
 
 
 @dataclass(frozen=True)
@@ -86,8 +85,8 @@ def map_fixture_places(
     poses: int,
     seed: int,
     say: Progress,
-    across: int = ACROSS,
-    up: int = UP,
+    across: int = PLACES_ACROSS,
+    up: int = PLACES_UP,
 ) -> FixtureMap:
     """Judge a grid of places for the cell's first fixture, with ``poses`` poses selected for ``index`` at each.
 
@@ -131,7 +130,8 @@ def _judge_place(
 ) -> FixturePlace:
     count = len(found.q)
     judged = FixturePlace(**vars(place), candidates=count)
-    if found.status != "usable" or count < max(poses, ENOUGH * len(kept)):
+    # 3: candidates a parameter, below which a place is not judged
+    if found.status != "usable" or count < max(poses, 3 * len(kept)):
         status: Status = "few" if found.status == "usable" else found.status
         return replace(judged, status=status)
     model = Model.from_cell(cell)
@@ -148,4 +148,5 @@ def _judge_place(
 
 def pruned_index(rows: Array, index: str, poses: int) -> float:
     """Return the index of the poses that backward pruning leaves of the candidates ``rows`` (n, r, p)."""
-    return index_value(index, rows[prune_poses(rows, poses, index, THINNED)])
+    # 200: candidates from which pruning takes one away at a time; before, a twelfth at once
+    return index_value(index, rows[prune_poses(rows, poses, index, 200)])

@@ -11,18 +11,16 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Patch, Rectangle
 
-from planner.common.units import MM, UM
+from planner.common.units import MDEG, MM, UM
 from planner.design.fixtures.places import Status
 from planner.design.observability.information import INDEX_RULES
 from planner.report.chart import BLUE, GREY, ORANGE, RED, SKY, Chart, Heatmap, Panel, ReferenceLine, Series
 from planner.report.matplotlib_backend import figure_png, print_style
 from planner.studies.basis import BoundedCurve, StudyBasis
 from planner.studies.fixture_places import FixtureMap, FixturePlace
-from planner.studies.summary import MDEG, StudySummary, describe_best_place, describe_fixtures, format_number
+from planner.studies.summary import StudySummary, describe_best_place, describe_fixtures, format_number
 
-LOUD = 0.9  # a correlation from which two parameters are hard to tell apart
-ROW = 16  # [px] a parameter's line
-WIDTH = 100  # letters of a title
+ROW_PX = 16  # [px] a parameter's line
 
 
 def draw_identifiability(study: StudySummary) -> Chart:
@@ -69,7 +67,7 @@ def _prior_shares(basis: StudyBasis) -> Panel:
         log_x=True,
         x_range=(least / 4, max(200.0, 2 * share[worst])),
         y_names=names,
-        height=ROW * len(names),
+        height=ROW_PX * len(names),
     )
 
 
@@ -123,7 +121,7 @@ def _effects(basis: StudyBasis) -> Panel:
     largest = Series("largest of all candidates", most[order], np.arange(float(len(order))), ORANGE, "points")
     label = f"change of the reading by one prior size (µm); most by {names[0]}, {rms[order[0]]:.0f} µm"
     reach = (0.0, 1.05 * float(most.max()))
-    return Panel("", label, "", (*series, largest), x_range=reach, y_names=names, height=ROW * len(names))
+    return Panel("", label, "", (*series, largest), x_range=reach, y_names=names, height=ROW_PX * len(names))
 
 
 def _rows(flags: list[bool], wanted: bool) -> list[int]:
@@ -132,10 +130,11 @@ def _rows(flags: list[bool], wanted: bool) -> list[int]:
 
 def _correlation(basis: StudyBasis) -> Panel:
     rho, names = basis.predicted.correlation, basis.seen.names
-    pairs = int(np.sum(np.abs(np.triu(rho, 1)) >= LOUD))
+    loud = 0.9  # a correlation from which two parameters are hard to tell apart
+    pairs = int(np.sum(np.abs(np.triu(rho, 1)) >= loud))
     says = "No two parameters are" if not pairs else f"{pairs} pair{'s are' if pairs > 1 else ' is'}"
-    title = f"{says} correlated by {LOUD:g} or more at the {basis.poses} chosen poses"
-    return Panel(title, "", "", (), y_names=names, height=ROW * len(names), cells=Heatmap(rho, names))
+    title = f"{says} correlated by {loud:g} or more at the {basis.poses} chosen poses"
+    return Panel(title, "", "", (), y_names=names, height=ROW_PX * len(names), cells=Heatmap(rho, names))
 
 
 def draw_fixtures(study: StudySummary) -> Chart:
@@ -153,7 +152,7 @@ def draw_fixtures(study: StudySummary) -> Chart:
     hope = len(unseen) - len(never)
     title = f"{hope} of the {len(unseen)} unseen parameters can be shown in some way (blue); red: in none"
     cells = Heatmap(values, tuple(fill(head, 30) for head, _ in columns))
-    remedies = Panel(title, "", "", (), y_names=unseen, height=60 + ROW * len(unseen), cells=cells)
+    remedies = Panel(title, "", "", (), y_names=unseen, height=60 + ROW_PX * len(unseen), cells=cells)
     panels = (_fixture_steps(study), *([remedies] if unseen else []))
     return Chart("fixtures_needed", "How many fixtures", "", panels)
 
@@ -169,7 +168,7 @@ def _fixture_steps(study: StudySummary) -> Panel:
         _bars("the robot's own", [float(s.robot_seen) for s in steps], rows, BLUE),
     )
     names = tuple(f"{s.fixtures} fixture{'s' * (s.fixtures > 1)}" for s in steps)
-    label = fill(f"parameters seen; {describe_fixtures(study.fixtures, index)[0]}", WIDTH)
+    label = fill(f"parameters seen; {describe_fixtures(study.fixtures, index)[0]}", 100)  # letters of a title
     reach = (0.0, 1.8 * max(s.parameters for s in steps))
     return Panel("", label, "", series, x_range=reach, y_names=names, height=150)
 

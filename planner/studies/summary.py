@@ -8,7 +8,7 @@ import numpy as np
 import polars as pl
 
 from planner.common.summary import Summary
-from planner.common.units import DEG, MM, UM, Array
+from planner.common.units import MDEG, MM, UM, Array
 from planner.design.fixtures.places import find_stands
 from planner.design.observability.identifiability import join_names
 from planner.design.observability.information import INDEX_RULES
@@ -17,7 +17,6 @@ from planner.studies.fixture_count import FixtureCount
 from planner.studies.fixture_places import FixtureMap
 
 SCHEMA = "edbb-study/1"
-CLEAR = 10.0  # [%] places that mirror each other about axis 1 differ by up to 5 %: a smaller gain means little
 
 
 @dataclass(frozen=True)
@@ -146,7 +145,8 @@ def describe_best_place(m: FixtureMap) -> str:
     maximise = INDEX_RULES[m.index].maximise
     gain = (100.0 if maximise else -100.0) * (best.value / present.value - 1.0)
     side = "higher" if maximise else "lower"
-    head = "" if abs(gain) >= CLEAR else "no place is clearly better than the present one; "
+    # 10.0: [%] places that mirror each other about axis 1 differ by up to 5 %: a smaller gain means little
+    head = "" if abs(gain) >= 10.0 else "no place is clearly better than the present one; "
     return (
         f"{head}best {of} is {format_place(best.p_BX)}: {m.index} {format_number(best.value)} with {m.poses} poses"
         f" instead of {format_number(present.value)} at the present {format_place(present.p_BX)}, {abs(gain):.0f} %"
@@ -176,15 +176,11 @@ def describe_fixtures(f: FixtureCount, index: str) -> tuple[str, ...]:
     return tuple(out)
 
 
-MDEG = DEG * 1e-3  # [rad]
-DIGITS = 6
-
-
 def table_csv(data: Mapping[str, Any] | Sequence[Mapping[str, Any]]) -> str:
     """Return columns, or rows, as CSV, numbers to six significant digits."""
     frame = pl.DataFrame(data, infer_schema_length=None)
     numbers = [c for c, kind in frame.schema.items() if kind == pl.Float64]
-    return frame.with_columns(pl.col(numbers).fill_nan(None).round_sig_figs(DIGITS)).write_csv()
+    return frame.with_columns(pl.col(numbers).fill_nan(None).round_sig_figs(6)).write_csv()  # digits
 
 
 def _in_unit(name: str, value: float | None, unit: str) -> dict[str, float | None]:

@@ -35,7 +35,6 @@ from planner.design.selection.index_search import exchange_poses
 from planner.kinematics.bodies import Vector
 
 Triple = tuple[float, float, float]
-STEPS = 300  # of annealing in the choice of poses
 
 
 @dataclass(frozen=True)
@@ -106,7 +105,8 @@ def _errors(task: SweepTask) -> Array:
     cell = task.load()
     pool = draw_candidates(cell, cell.plan.candidates, task.seed)
     rows = identify_candidates(cell, pool)[2]
-    chosen = exchange_poses(rows, task.poses, cell.plan.index, seed=task.seed, steps=STEPS).chosen
+    # 300: steps of annealing in the choice of poses
+    chosen = exchange_poses(rows, task.poses, cell.plan.index, seed=task.seed, steps=300).chosen
     samples = pool.samples.take(chosen)
     found = undeclared_errors(cell, samples)
     white = found.white(samples)
@@ -138,7 +138,6 @@ def write_part(task: SweepTask, table: pl.DataFrame, folder: Path) -> None:
 
 
 TIMEOUT = "20s"  # for the scheduler to answer
-RETRIES = 3  # of a task whose worker dies
 PLACE = [f"{what}_{axis}_mm" for what in ("fixture", "tool") for axis in "xyz"]
 POINT = ["cell", "poses", *PLACE, "bar_min_mm", "bar_max_mm"]
 
@@ -278,6 +277,7 @@ def compute(tasks: Sequence[SweepTask], scheduler: str | None) -> Iterator[tuple
             client = stack.enter_context(Client(scheduler, timeout=TIMEOUT))  # type: ignore[no-untyped-call]
         except OSError as err:
             raise MissingProgramError(f"--scheduler {scheduler}: nobody answers ({err})") from err
-        futures = {client.submit(run_task, t, key=f"edbb-{t.key}", retries=RETRIES): t for t in tasks}
+        # 3: times, if a task's worker dies
+        futures = {client.submit(run_task, t, key=f"edbb-{t.key}", retries=3): t for t in tasks}
         for future in as_completed(futures):  # type: ignore[no-untyped-call]
             yield futures.pop(future), future.result()  # forgotten there and here: a sweep may be long

@@ -5,6 +5,7 @@ __all__ = [
     "checking",
     "compensate_call",
     "compensation",
+    "demo",
     "identification",
     "identify_call",
     "plan_call",

@@ -6,11 +6,12 @@ import numpy as np
 
 from planner.common.numbers import number_of
 from planner.common.summary import Aside, Fact, Summary
-from planner.common.units import DEG, MM, display_unit, file_unit, format_value, si_unit, to_mm
+from planner.common.units import DEG, MM, format_value, to_mm
 from planner.identification.calibration import Calibration, other_zeros_text, zeros_text
 from planner.identification.own_errors import own_errors_text
 from planner.model.finding_groups import FindingGroup, group_findings
 from planner.model.identification_document import Estimate, Metrics, Release
+from planner.workflow.calibration_tables import border_unit
 
 NAMED = 3  # rivals, and parameters, that are listed by name
 MOST_FOUND = 5  # causes that are listed one by one
@@ -112,16 +113,8 @@ def _names(estimates: Sequence[Estimate]) -> str:
     return ", ".join(e.name for e in estimates)
 
 
-def _border_unit(e: Estimate) -> tuple[str, float]:
-    """Return the unit of a parameter at the border, and the factor to it."""
-    if e.group in ("gauge", "geometry"):
-        unit = file_unit(e.unit)
-        return unit, 1 / si_unit(unit)[1]
-    return display_unit(e.unit, max(abs(e.value), e.std or 0.0))
-
-
 def _shift_text(e: Estimate) -> str:
-    return f"{e.name} {format_value(e.value - e.nominal, e.std, *_border_unit(e))}"
+    return f"{e.name} {format_value(e.value - e.nominal, e.std, *border_unit(e))}"
 
 
 def _misfit_facts(r: Release, width: int) -> Iterator[Fact]:
@@ -178,7 +171,7 @@ def _parameter_rows(estimates: Iterable[Estimate]) -> Iterator[Fact]:
     """Return every parameter as lmfit lists it: value, standard deviation, where it was, and why it has none."""
     yield "parameters", f"{'':<24}{'value':>14}{'sigma':>12}{'moved by':>12}"
     for e in estimates:
-        unit, factor = _border_unit(e)
+        unit, factor = border_unit(e)
         std = f"{(e.std or 0.0) * factor:12.5f}" if e.identifiable else f"{'none':>12}"
         row = f"{e.name:<24}{e.value * factor:14.5f}{std}{(e.value - e.nominal) * factor:12.5f} {unit}"
         yield "", row + (f"  {e.because}" if e.because else "")

@@ -5,6 +5,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from planner.cell.cell import Cell
 from planner.cell.reading import load_cell
 from planner.common.calls import called_with
@@ -13,6 +15,7 @@ from planner.common.files import write_bytes, write_text
 from planner.common.progress import Stages
 from planner.common.result import FolderResult, Plot, Result
 from planner.common.summary import Summary
+from planner.common.tables import NamedTable, Row, RowTable
 from planner.identification.baseline import NAME as BASELINE
 from planner.identification.baseline import baseline_text
 from planner.identification.calibrated_robot import calibrated_files, calibrated_meshes
@@ -27,11 +30,12 @@ from planner.instruments.precision import check_mastering
 from planner.instruments.simulation import SimulatedRun
 from planner.kinematics.robot import Robot
 from planner.model.gauge_frames import ToolPointPosition
-from planner.model.identification_document import Estimate
+from planner.model.identification_document import Estimate, Finding, Stage
 from planner.runs.loader import load_runs
 from planner.runs.run import Run, read_reference_readings
 from planner.session.document import read_plan
 from planner.tracing.trace import trace
+from planner.workflow.calibration_tables import error_rows, finding_row, parameter_row, stage_row, tool_row
 from planner.workflow.fit_overview import fit_overview
 from planner.workflow.identify_call import IdentifyCall
 from planner.workflow.run_checks import check_unit, split_by_plan
@@ -45,12 +49,12 @@ Runs = Run | Path | str | Sequence[Path | str]
 
 @dataclass(frozen=True)
 class CalibrationResult(FolderResult):
-    """An identified robot; ``stages`` holds the seconds of each stage."""
+    """An identified robot; ``timing`` holds the seconds that each step took."""
 
     main_file = "identification.json"
     calibration: Calibration
     cell: Cell
-    stages: Stages = field(default_factory=Stages)
+    timing: Stages = field(default_factory=Stages)
 
     def overview(self) -> Summary:
         """Return how far off the robot is before and after, and why."""
@@ -67,14 +71,36 @@ class CalibrationResult(FolderResult):
         return f"edbb compensate PROGRAM --model {model} -o CORRECTED corrects a program{apart if rivals else ''}"
 
     @property
-    def parameters(self) -> Mapping[str, Estimate]:
-        """Every parameter of the robot as it is written, by its name, with its standard deviation."""
-        return {e.name: e for e in self.calibration.estimates}
+    def parameters(self) -> NamedTable[Estimate]:
+        """Every parameter of the robot as it is written, by its name, with its standard deviation (SI units)."""
+        return NamedTable(self.calibration.estimates, parameter_row, lambda e: e.name)
 
     @property
-    def tool(self) -> tuple[ToolPointPosition, ...]:
-        """Where each measured tool point sits in the flange of the robot as it is written."""
-        return self.calibration.frames.tool
+    def findings(self) -> RowTable[Finding]:
+        """The causes that were found, in their order (SI units)."""
+        return RowTable(self.calibration.findings, finding_row)
+
+    @property
+    def tool(self) -> RowTable[ToolPointPosition]:
+        """Where each measured tool point sits in the flange of the robot as it is written (SI units)."""
+        return RowTable(self.calibration.frames.tool, tool_row)
+
+    @property
+    def stages(self) -> RowTable[Stage]:
+        """The stages of the fit and their errors (SI units)."""
+        return RowTable(self.calibration.stages, stage_row)
+
+    @property
+    def expected_error(self) -> RowTable[Row]:
+        """The tool's likely error of the nominal, the geometrically fitted and the released robot over the workspace.
+
+        Empty where no robot was released.
+        """
+        released = self.calibration.released
+        if released is None:
+            return RowTable((), dict)
+        errors = np.stack([released.likely_errors(f) for f in (None, released.geometry, released.fit)], axis=1)
+        return RowTable(error_rows(released.tool.q.tolist(), released.tool.position.tolist(), errors.tolist()), dict)
 
     @property
     def simulated(self) -> bool:
@@ -101,7 +127,7 @@ class CalibrationResult(FolderResult):
         from planner.report.calibration_report import report_calibration
 
         found = self.calibration
-        with self.stages.stage("report"):
+        with self.timing.stage("report"):
             write_text(draft / "residuals.csv", residuals_csv(found))
             report_calibration(found).about(self.cell, self.simulated).write(draft)
             if not found.problems:

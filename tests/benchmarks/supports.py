@@ -31,14 +31,7 @@ import planner.motion.path.connection as connection
 import planner.motion.path.roadmap as roadmap_module
 from planner.cell.reading import load_cell, shipped_cells
 from planner.common.progress import Stages
-from planner.motion.path.roadmap import (
-    MILESTONES,
-    NEIGHBOURS,
-    PAD,
-    LazyGraph,
-    Roadmap,
-    rrt_connect,
-)
+from planner.motion.path.roadmap import BOX_MARGIN, MILESTONES, NEIGHBOURS, LazyGraph, Roadmap, rrt_connect
 from planner.motion.path.verdict import ProvenPath
 from planner.motion.tour.solve import solve_tour
 from planner.session.course import time_measuring
@@ -116,7 +109,7 @@ class EagerPrm(Roadmap):
         good = partial(roadmap_module._is_proven, constraints)
         found, edges, own = grow_prm(constraints, states, seed, good)
         graph = LazyGraph(constraints, found, edges)
-        graph.known[:] = roadmap_module.PROVEN
+        graph.known[:] = roadmap_module.Known.PROVEN
         return cls(constraints, graph, own[place], seed)
 
 
@@ -145,8 +138,8 @@ class RrtOnly(Roadmap):
 
     def ways(self, legs):
         robot = self.constraints.cell.robot
-        low = np.maximum(self.graph.q.min(axis=0) - PAD, robot.q_lower)
-        high = np.minimum(self.graph.q.max(axis=0) + PAD, robot.q_upper)
+        low = np.maximum(self.graph.q.min(axis=0) - BOX_MARGIN, robot.q_lower)
+        high = np.minimum(self.graph.q.max(axis=0) + BOX_MARGIN, robot.q_upper)
         q = self.graph.q
         connect = roadmap_module.rrt_connect
         return [connect(self.constraints, q[a], q[b], low, high, RRT_ITERATIONS, self.seed) for a, b in legs]

@@ -12,7 +12,8 @@ from planner.cell.reading import load_cell
 from planner.cell.setup import setup_of
 from planner.effects.catalogue import Excitation
 from planner.effects.context import Context
-from planner.effects.misfit_shapes import USUAL_TURN, GravityHarmonic, misfit_shapes
+from planner.effects.misfit_shapes import GravityHarmonic, misfit_shapes
+from planner.effects.sizes import PART_TURN
 from planner.identification.expected_error import expected_error_text
 from planner.identification.misfit import HeldOutReadings, Misfit, draw_misfit
 from planner.model.identification_document import Identification
@@ -97,7 +98,7 @@ def test_a_part_turns_as_much_as_is_usual_whatever_moves_it():
     for name, own in families.items():
         square = sum(p.prior**2 for p in own) / (3 if "gravity" in name else 2)  # axes
         waves = 1.0 if "gravity" in name else 0.5  # mean square
-        assert np.sqrt(square * waves * 2 if "joint" in name else square) == pytest.approx(USUAL_TURN, rel=0.01), name
+        assert np.sqrt(square * waves * 2 if "joint" in name else square) == pytest.approx(PART_TURN, rel=0.01), name
 
 
 def _cable(scene, e):

@@ -11,7 +11,8 @@ from planner.cell.reading import load_cell, read_cell
 from planner.cell.setup import setup_of
 from planner.common.errors import InputError
 from planner.design.candidates.balls import draw_ball_candidates
-from planner.instruments.simulation import CORRELATION_TIME, SAMPLE_RATE, SimulatedRun, simulate_run
+from planner.instruments.assumptions import CORRELATION_TIME
+from planner.instruments.simulation import SAMPLE_RATE, SimulatedRun, simulate_run
 from planner.instruments.truth import draw_truth, read_truth
 from planner.runs.loader import load_run
 from planner.runs.run import Readings, Samples

@@ -10,6 +10,7 @@ from planner.common.units import DEG, MM, Array, read_only
 from planner.compensation.correction import NominalFlange
 from planner.compensation.rotations import pose_matrix
 from planner.compensation.targets import CartesianTarget, Target, TargetReading
+from planner.compensation.tolerances import START_OFF
 from planner.kinematics.robot import Robot
 from planner.programs.languages.statements import EXPONENT_NUMBER, Lines, Slot
 
@@ -18,7 +19,6 @@ _DECIMALS = {"deg": 6, "rad": 8, "mm": 5, "m": 8, "": 9, "travel_mm": 6, "travel
 POSES_OF_TOOL = (
     "no tool is named: by the joint angles beside them these are poses of the measured tool point, which robot.toml has"
 )
-AWAY = 60 * MM  # joint angles that a search starts from may be rounded; a base or a gripper is farther off
 Column = tuple[int, str]  # index, unit
 
 
@@ -141,7 +141,7 @@ def _row(number: int, start: int, line: str, separator: str, columns: _TargetCol
         pose_matrix(numbers[:3], words), columns.spelling, read_only(words), *frames, start=read_only(q)
     )
     off = _distance(pose, q, reading) if reading.frames.T_FT is None and reading.frames.T_WB is None else 0.0
-    if off > AWAY:
+    if off > START_OFF:
         said = "name its tool and its base (--tool, --base; six zeros where it is the flange in the robot's own frame)"
         reading.leave(number, f"the pose is {off / MM:.0f} mm from where the arm stands at its joint angles: {said}")
         return

@@ -18,7 +18,6 @@ KINDS = {"TOOL": "--tool", "BASE": "--base"}  # of frames, and the option that n
 _EVERYWHERE = ("$ROBROOT", "$WORLD")
 _CORRECTIONS = re.compile(r"(BASE|TOOL|M_BASE)_COR(R(_W)?(_ON)?|_ON)|M_BAS_COR_ON")  # that BAS adds to tool and base
 _FDAT = re.compile(r"FDAT_ACT|F\w+")
-_LONGEST = 128  # numbers of a table of frames
 
 
 def transform(found: Aggregate | None) -> Array | None:
@@ -201,7 +200,7 @@ def _is_one(name: str) -> bool:
 
 def _rows(table: re.Match[str]) -> list[str]:
     """Return the names that a match of ``TABLE`` stands for: all rows where its index is computed."""
-    rows = [int(table[2])] if table[2].isdigit() else range(1, _LONGEST + 1)
+    rows = [int(table[2])] if table[2].isdigit() else range(1, 128 + 1)  # numbers of a table of frames at most
     return [f"{table[1]}_DATA[{row}]" for row in rows]
 
 

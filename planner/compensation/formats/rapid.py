@@ -24,9 +24,8 @@ from planner.compensation.formats.rapid_frames import (
 from planner.compensation.formats.rapid_turning import ToolTurning, is_circle, is_linear
 from planner.compensation.rotations import pose_matrix
 from planner.programs.dialect import Dialect
-from planner.programs.languages.rapid import JOINT_TARGET, ROB_TARGET, UNUSED, Argument, RapidMove, parse
+from planner.programs.languages.rapid import JOINT_TARGET, ROB_TARGET, UNUSED_AXIS, Argument, RapidMove, parse
 
-QUATERNION_DECIMALS = 8
 _DISPLACED = re.compile(r"\b(PDispOn|PDispSet|EOffsOn|EOffsSet|CorrCon|Set(?:All)?DataVal|DeactUnit)\b", re.IGNORECASE)
 _EXTERNAL_MOVE = re.compile(r"\bMoveExtJ\b|\bInd[ACDR]Move\b", re.IGNORECASE)
 _EXTERNAL_GIVEN = re.compile(r"\.\s*extax\s*+(?:\.\s*eax_(?P<axis>[a-f])\s*+)?$", re.IGNORECASE)
@@ -261,7 +260,7 @@ class _RapidTargets:
 
     def _joints(self, line: int, found: list[st.PlacedNumber], index: int | None = None) -> int | None:
         found = found[: self.reading.robot.n_joints]
-        if beyond := next((n for n in found if n.value > UNUSED), None):
+        if beyond := next((n for n in found if n.value > UNUSED_AXIS), None):
             said = f"an axis without an angle ({beyond.text[:20]})"
             self.reading.leave(line, f"{said} found; the robot has {len(found)} joints")
             return None
@@ -285,7 +284,7 @@ class _RapidTargets:
         assert not isinstance(T_WB, str)
         conf = [round(v) for v in values[7:11]]
         configuration = None if off - {""} else ConfData((conf[0], conf[1], conf[2]), conf[3])
-        units = [(MM, tg.MM_DECIMALS)] * 3 + [(1.0, QUATERNION_DECIMALS)] * 4
+        units = [(MM, tg.MM_DECIMALS)] * 3 + [(1.0, 8)] * 4  # decimals of a quaternion at least
         units += [(1.0, 0)] * 4 if configuration else []
         slots = tuple(number.slot(*unit) for number, unit in zip(found, units, strict=False))
         pose = tg.CartesianTarget(_pose_of(values), "quaternion", read_only(values[3:7]), T_WB, T_FT, configuration)
@@ -304,11 +303,11 @@ class _RapidTargets:
             return f"{word[0]} in {self.displaced.where} makes the meaning of this target uncertain"
         if why := next((f for f in frames if isinstance(f, str)), ""):
             return why
-        kept = next((k for k in sorted(self.driven) if values[11 + k] > UNUSED), None)
+        kept = next((k for k in sorted(self.driven) if values[11 + k] > UNUSED_AXIS), None)
         if kept is not None:
             axis = "abcdef"[kept]
             return f"external axis eax_{axis} has no value here and keeps its last one, which other targets set"
-        return tg.EXTERNAL if any(abs(v) < UNUSED and v != 0.0 for v in values[11:]) else ""
+        return tg.EXTERNAL if any(abs(v) < UNUSED_AXIS and v != 0.0 for v in values[11:]) else ""
 
 
 def _numbers(value: str, start: int) -> list[st.PlacedNumber]:
@@ -323,12 +322,12 @@ def _driven_axes(placed: Sequence[Placed]) -> set[int]:
         for pattern in _TARGETS.values():
             for found in pattern.finditer(text):
                 external = [float(m[0]) for m in re.finditer(st.EXPONENT_NUMBER, found[0])][-6:]
-                driven |= {k for k, value in enumerate(external) if value != 0.0 and value < UNUSED}
+                driven |= {k for k, value in enumerate(external) if value != 0.0 and value < UNUSED_AXIS}
         if _EXTERNAL_MOVE.search(text) and not JOINT_TARGET.search(text):
             driven |= set(range(6))
         if isinstance(p.statement, st.Assignment) and (given := _EXTERNAL_GIVEN.search(text.partition(":=")[0])):
             number = re.fullmatch(st.EXPONENT_NUMBER, p.statement.value)
-            if number is None or (float(number[0]) != 0.0 and float(number[0]) < UNUSED):
+            if number is None or (float(number[0]) != 0.0 and float(number[0]) < UNUSED_AXIS):
                 driven |= {"abcdef".index(given["axis"].lower())} if given["axis"] else set(range(6))
     return driven
 

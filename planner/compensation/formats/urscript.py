@@ -18,7 +18,6 @@ _MOVE_BY_NAME = re.compile(r"movej\(\s*(?P<name>[A-Za-z_]\w*)\s*(?:,(?:(?!move[j
 _NO_TARGET = re.compile(r"(?:set_|get_|force_mode|zero_|tool_|def |thread )")  # tools, loads, forces
 _LISTED = re.compile(r"p?\[(?P<cells>[^\[\]]*)\]")
 _SHIFTED = re.compile(r"\b(?:track_conveyor_\w+|path_offset_\w+)")  # motion that is added to every target
-RAD_DECIMALS = 7
 
 
 def read(text: str, _dialect: Dialect, reading: TargetReading) -> None:
@@ -92,4 +91,4 @@ def _add(reading: TargetReading, statement: Statement, start: int, angles: Seque
     elif max(abs(n.value) for n in numbers) > 4 * math.pi:
         reading.leave(statement.line, f"'{statement.text}' has angles of more than two turns: are these degrees?")
     else:
-        reading.add_angles(statement.line, numbers, 1.0, RAD_DECIMALS)
+        reading.add_angles(statement.line, numbers, 1.0, 7)  # decimals of an angle in rad at least

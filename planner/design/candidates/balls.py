@@ -33,7 +33,7 @@ class FirstContact:
         self._robot = model.subset(robot)
         self._rest = model.subset([k for k in range(len(model.parameters)) if k not in robot])
         rng = np.random.default_rng(0)
-        # states of the whole arm, over which its errors are held to what the cell says of them
+        # 2000: states of the whole arm, over which its errors are held to what the cell says of them
         states = rng.uniform(cell.robot.q_lower, cell.robot.q_upper, (2000, cell.robot.n_joints))
         self._scale = (
             cell.gauge.indicators.uncalibrated / length_quantile(_prior_covariance(self._robot, states)).max()
@@ -46,7 +46,7 @@ class FirstContact:
         return None if head is None else cls(cell)
 
     def at(self, q: Array) -> Array:
-        """Return the distance from the centre that holds at ``LEVEL``, (n,) [m], for angles q (n, N) [rad]."""
+        """Return the distance from the centre that 95 % of contacts stay within, (n,) [m], at q (n, N) [rad]."""
         return length_quantile(self._scale * _prior_covariance(self._robot, q) + _prior_covariance(self._rest, q))
 
 
@@ -68,7 +68,7 @@ def led_turns(cell: Cell, q: Array) -> Array:
 
 
 def length_quantile(covariance: Array) -> Array:
-    """Return the ``LEVEL`` quantile of the length of normal vectors with covariance (n, 3, 3), (n,).
+    """Return the 95 % quantile of the length of normal vectors with covariance (n, 3, 3), (n,).
 
     The squared length is a weighted sum of χ²; its first two moments fit a scaled χ² (Satterthwaite 1946).
     """
@@ -170,7 +170,7 @@ class _BallFilter:
         points = sobol_points(len(lower), [seed, self.ball])
         found: list[tuple[Array, Array]] = []
         funnel = BallFunnel()
-        # samples of a ball for each wanted pose in the first round
+        # 16: samples of a ball for each wanted pose in the first round
         first = int(np.clip(1 << (16 * count - 1).bit_length(), *DRAWS[:2]))
         for k in range(12):  # rounds, each twice the last
             q = lower + points(min(first << k, DRAWS[2])) * (upper - lower)

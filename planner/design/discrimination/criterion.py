@@ -12,7 +12,8 @@ since a Schur complement is concave and grows with M. It grows by log c when M g
 
     f(M) <= f(M*) + log <X, M>,   X = sum of a T (T'M*T)^-1 T',   <X, M*> = 1:  the certificate.
 
-M stands with a trace of the pool's own information (RIDGE), so that poses that miss a question have a value too.
+M stands with a trace of the pool's own information (``INFORMATION_RIDGE``), so that poses that miss a
+question have a value too.
 """
 
 from collections.abc import Sequence

@@ -80,7 +80,7 @@ def propose_measurements(
             )
     if few.model.setup.gauge.is_attached:
         yield from _second_fixture(cell, few, scale, poses, seed)
-        # a bar half as long again
+        # 1.5: a bar half as long again
         longer = replace(cell, gauge=replace(cell.gauge, length_max=1.5 * cell.gauge.length_max))
         samples = _draw_visits(longer, poses, seed)
         if samples:
@@ -128,7 +128,7 @@ def _add_place(setup: MeasurementSetup, p_BX: Array) -> MeasurementSetup:
 def _draw_visits(cell: Cell, poses: int, seed: int) -> tuple[Samples, ...]:
     """Visits of candidates of another cell; none where it has none."""
     try:
-        # candidates: enough to say whether it would help
+        # 800: candidates: enough to say whether it would help
         return candidate_visits(cell.unwound, draw_candidates(cell.unwound, 800, seed), poses, seed)
     except NoSolutionError:
         return ()

@@ -37,7 +37,7 @@ class TangentDual:
         """Return the bound that the tangent proves over all candidates."""
         X = project_semidefinite(self.X)
         top = sum_largest(np.maximum(quadratic_form(rows, X), 0.0), self.poses)
-        # and the rounding in a sum of products
+        # 1e-9: and the rounding in a sum of products
         return self.at + float(np.log(top + INFORMATION_RIDGE * float(np.trace(X)))) + 1e-9
 
     def prices(self, rows: Array, active: Positions) -> Array:
@@ -81,7 +81,7 @@ class DTPricing(Pricing):
         """Keep those with weight and the best priced ones; bring in others that are priced better than the limit."""
         price = -dual.prices(self.rows, state.active)
         limit = -np.partition(-price[state.active], self.count - 1)[self.count - 1]
-        # candidates that come in each round
+        # 150: candidates that come in each round
         new = np.setdiff1d(best_priced(np.where(price > limit, price, 0.0), 150), state.active)
         if len(new) == 0 or len(state.active) >= len(self.rows):
             return None

@@ -77,7 +77,7 @@ def find_identifiable(
     ``prior`` (P,) is the 1-sigma size of each parameter before measuring [m or rad]; ``prefer`` lists column indices in
     the order in which to keep them (default: as listed). With ``noise`` [m or rad], the standard deviation of a
     reading, and ``readings``, how many will be taken (default: all rows), a direction far fainter than its prior
-    size is left out as well (:data:`FAINT`), and parameters whose predicted standard deviation exceeds their
+    size is left out as well (:data:`FAINT_SHARE`), and parameters whose predicted standard deviation exceeds their
     prior size are listed in ``weak``.
 
     Raises:
@@ -94,7 +94,8 @@ def find_identifiable(
     )
     if null.shape[1] == count:
         raise InputError("no reading depends on any parameter: nothing can be identified from these poses")
-    # share of the largest share from which a parameter may stand for an unseen direction: less if a preference is named
+    # of the largest share, from which a parameter may stand for an unseen direction: less if a preference is
+    # named
     out = _choose_dropped(null, order, 0.5 if prefer is None else 0.1)
     out = _ensure_full_rank(factor * size, out)
     kept = tuple(k for k in range(count) if k not in out)

@@ -211,5 +211,5 @@ def augment_design(base: Array, blocks: Array, count: int) -> Positions:
     Greedily, then by exchange as long as any gains (Fedorov 1972).
     """
     design = _Augmentation(base, blocks)
-    # passes at most: no augmentation was seen to take a tenth of them
+    # 100: passes at most: no augmentation was seen to take a tenth of them
     return np.sort(exchange_singly(design, add_greedily(design, count), 100))

@@ -194,9 +194,9 @@ class IndexPricing(Pricing):
         limit = np.partition(price[state.active], count - 1)[count - 1]
         violating = np.flatnonzero(outside & (price < limit))
         order = np.lexsort((violating, round_significant(price[violating])))[:150]  # poses that come in a round
-        # cheapest active ones that stay, at least
+        # 150: cheapest active ones that stay, at least
         stay = np.lexsort((state.active, round_significant(price[state.active])))[: max(150, 3 * count)]
-        # of the largest weight: in use
+        # 1e-3: of the largest weight: in use
         stay = np.union1d(stay, np.flatnonzero(state.weights > 1e-3 * np.max(state.weights)))
         active = np.concatenate([state.active[stay], violating[order]])
         weights = np.concatenate([state.weights[stay], np.zeros(len(order))])

@@ -113,7 +113,7 @@ def _run_round(
             reach[k] *= 0.7
     share = good / np.maximum(good.sum(axis=1, keepdims=True), 1e-300)
     lead = 0.3 * (q - start)
-    # times the last step, and times the mean of the good trials
+    # 0.3 of the last step, and 1.4 times the mean of the good trials
     lead[busy] += 1.4 * np.einsum("kt,ktj->kj", share, trial - start[busy, None])
     return q, rows, np.clip(reach, LEAST_REACH / 2, 2 * FIRST_REACH), lead
 

@@ -20,9 +20,7 @@ else:
 
     LINE_ERRORS = (OSError, ValueError, LineError)
 
-COUNT = 3
-SLICE = 0.02  # [s] of one look at the line
-LONGEST = 64  # bytes of an answer; more is noise
+INDICATORS = 3  # of a head: one for each direction
 
 
 class Indicators(Protocol):
@@ -47,7 +45,9 @@ class SerialIndicators:
         except InputError:
             self.close()
             raise
-        self._places = [(self._lines[k % len(ports)], ports[k % len(ports)], _channel(k, ports)) for k in range(COUNT)]
+        self._places = [
+            (self._lines[k % len(ports)], ports[k % len(ports)], _channel(k, ports)) for k in range(INDICATORS)
+        ]
 
     def read(self) -> Array:
         """Return what the three indicators show now, (3,) [m].
@@ -85,12 +85,13 @@ class SerialIndicators:
 
     def _request(self, line: serial.Serial, channel: int) -> bytes | None:
         """Ask once; what came before the request is thrown away. ``None`` where no whole answer came in time."""
+        longest = 64  # [bytes] of an answer; more is noise
         line.reset_input_buffer()
         line.write(self._language.request(channel))
         answer, until = b"", time.monotonic() + self._head.timeout_s
-        while time.monotonic() < until and len(answer) < LONGEST:
+        while time.monotonic() < until and len(answer) < longest:
             self._stop.check()
-            answer += line.read_until(self._language.end, LONGEST)
+            answer += line.read_until(self._language.end, longest)
             if answer.endswith(self._language.end):
                 return answer[: -len(self._language.end)]
         return answer or None
@@ -104,7 +105,7 @@ def open_indicators(
     Raises:
         InputError: neither three ports nor one with channels, or a port cannot be opened.
     """
-    if len(ports) not in (1, COUNT):
+    if len(ports) not in (1, INDICATORS):
         raise InputError(f"--indicators names {len(ports)} ports; three are needed, or one of a multiplexer")
     if len(ports) == 1 and not language.channels:
         raise InputError(
@@ -121,8 +122,9 @@ def _open_port(port: str, language: IndicatorProtocol) -> serial.Serial:
     refused: Exception | None = None
     for bits, parity, stops in ((language.bytesize, language.parity, language.stopbits), (8, "N", 1)):
         try:
+            # 0.02: [s] of one look at the line
             return serial.serial_for_url(
-                port, language.baudrate, bits, parity, stops, timeout=SLICE, write_timeout=1.0, exclusive=True
+                port, language.baudrate, bits, parity, stops, timeout=0.02, write_timeout=1.0, exclusive=True
             )
         except LINE_ERRORS as err:
             refused = err

@@ -10,8 +10,6 @@ from planner.common.errors import InputError
 from planner.common.units import Array, from_deg, read_only, to_deg
 from planner.session.document import PlanDocument, read_plan
 
-SAME_POINT = 1e-6  # [deg] two points of the way are one
-
 
 @dataclass(frozen=True)
 class BallVisit:
@@ -64,7 +62,7 @@ class PlannedPath:
         return int(off.argmin()), float(off.min())
 
     def _same(self, a: int, b: int) -> bool:
-        return bool(np.abs(to_deg(self.q[a] - self.q[b])).max() < SAME_POINT)
+        return bool(np.abs(to_deg(self.q[a] - self.q[b])).max() < 1e-6)  # [deg] apart: one point of the way
 
 
 def read_planned_path(path: Path) -> PlannedPath:

@@ -11,9 +11,7 @@ from planner.instruments.centring.settings import CentringSettings, HeadSettings
 from planner.instruments.centring.stop import ContactError, DivergingError, RangeError, StopRequest, StuckError
 
 NAMES = ("x", "y", "z")
-STUCK, SLOW, FAST = 0.2, 0.5, 1.5  # of the movement that was to be seen
-SHARE = 0.3  # of the largest expected movement: smaller ones are ruled by how the head is tilted
-WORSE = 1.5  # times the best so far, and judge_mm more, is no centring
+STUCK_SHARE = 0.2  # of the movement that was to be seen: less, and an indicator is stuck
 
 
 def check_contact(reading: Array, head: HeadSettings) -> None:
@@ -85,7 +83,8 @@ class FollowingCheck:
             self._follows(reading - self._last, self._step)
             self._follows(reading - self._first, self._moved)
         distance = float(np.linalg.norm(self.to_tool @ reading))
-        if distance > max(WORSE * self._best, self._best + self.limits.judge_mm * MM):
+        # 1.5: times the best so far is no centring
+        if distance > max(1.5 * self._best, self._best + self.limits.judge_mm * MM):
             raise DivergingError(
                 f"the ball was {self._best / MM:.3f} mm from the centre and is {distance / MM:.3f} mm from it now: "
                 "check signs and order of the indicators and the tool frame of the controller"
@@ -95,30 +94,27 @@ class FollowingCheck:
     def _follows(self, seen: Array, step: Array) -> None:
         """A tool that moves by ``step`` takes the ball the other way in its own frame."""
         expected = np.linalg.solve(self.to_tool, -step)
-        judged = np.abs(expected) >= max(self.limits.judge_mm * MM, SHARE * float(np.abs(expected).max()))
+        # 0.3: share of the largest expected movement: smaller ones are ruled by how the head is tilted
+        judged = np.abs(expected) >= max(self.limits.judge_mm * MM, 0.3 * float(np.abs(expected).max()))
         share = np.divide(seen, expected, out=np.ones(3), where=judged)
-        still = judged & (np.abs(share) < STUCK)
+        still = judged & (np.abs(share) < STUCK_SHARE)
         if judged.any() and np.array_equal(still, judged) and judged.sum() > 1:
             raise StuckError("the robot was moved and no indicator followed: the robot did not move, or no tip touches")
-        for k in np.flatnonzero(judged & ((share < SLOW) | (share > FAST))):
+        slow = 0.5  # share of the expected movement below which an indicator does not show what it should
+        fast = 1.5  # share above which it does not either
+        for k in np.flatnonzero(judged & ((share < slow) | (share > fast))):
             raise _following_error(NAMES[k], float(seen[k]), float(expected[k]), float(share[k]))
 
 
 def _following_error(name: str, seen: float, expected: float, share: float) -> StuckError | DivergingError:
     moved = f"indicator {name} changed by {seen / MM:+.3f} mm where {expected / MM:+.3f} mm were to be seen"
-    if abs(share) < STUCK and not 0.03 < share < 0.05:
+    if abs(share) < STUCK_SHARE and not 0.03 < share < 0.05:
         return StuckError(f"{moved}: it is stuck, frozen (HOLD), or along another axis")
     if 0.03 < share < 0.05:
         return StuckError(f"{moved}: does it show inches?")
     if share < 0.0:
         return DivergingError(f"{moved}: it reads the other way round; turn its sign in the matrix of the head")
     return DivergingError(f"{moved}: the tool frame of the controller does not lie along the indicators")
-
-
-NEAR = (
-    10.0  # times the tolerance: from here on it is the scatter with which the arm lands that keeps it from the centre
-)
-AVERAGED = 4  # then smaller and smaller parts of what is read are moved, so that the target goes to the middle of that
 
 
 @dataclass(frozen=True)
@@ -159,8 +155,11 @@ def centre_ball(indicators: Indicators, link: RobotLink, settings: CentringSetti
         found = p_TB if found is None else found
         if np.all(np.abs(reading) < limits.tolerance_um * UM):
             return CentredBall(reading, read_only(p_TB), read_only(found), read_only(moved), moves)
-        near += bool(np.all(np.abs(reading) < NEAR * limits.tolerance_um * UM))
-        step = _limit_step(p_TB / min(max(near - 1, 1), AVERAGED), limits, first=moves == 0)
+        # 10.0: times the tolerance: nearer, the scatter with which the arm lands keeps it from the centre
+        near += bool(np.all(np.abs(reading) < 10.0 * limits.tolerance_um * UM))
+        # 4: then smaller and smaller parts of what is read are moved, so that the target goes to the middle of the
+        # scatter
+        step = _limit_step(p_TB / min(max(near - 1, 1), 4), limits, first=moves == 0)
         if np.linalg.norm(moved + step) > limits.travel_mm * MM:
             raise RangeError(
                 f"the next move would take the tool {np.linalg.norm(moved + step) / MM:.2f} mm away from the planned "

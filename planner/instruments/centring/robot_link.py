@@ -4,6 +4,7 @@ import contextlib
 import re
 import socket
 import time
+from enum import IntEnum
 from pathlib import Path
 from typing import Protocol
 from urllib.parse import urlsplit
@@ -19,10 +20,26 @@ from planner.instruments.centring.settings import RobotSettings
 from planner.instruments.centring.stop import LinkError, StoppedError, StopRequest
 from planner.kinematics.axes import AxisConvention
 
-PORT = 7000
-READ, WRITE = 0, 1
-IDLE = 20.0  # [s] after which the connection is made anew, before the server drops it
-STATUS = 3  # bytes
+DEFAULT_PORT = 7000  # of KUKAVARPROXY
+IDLE_TIME = 20.0  # [s] after which the connection is made anew, before the server drops it
+
+
+class Mode(IntEnum):
+    """What a request to KUKAVARPROXY asks for."""
+
+    READ, WRITE = 0, 1
+
+
+class Order(IntEnum):
+    """What the program on the controller is told to do (its EDBB_KIND)."""
+
+    MOVE, SHIFT, GO_ON = 1, 2, 3
+
+
+class Ended(IntEnum):
+    """How the program on the controller ended an order (its EDBB_STATE)."""
+
+    DONE, MOVING, STOPPED, REFUSED, SILENCE = 0, 1, 2, 3, 4
 
 
 class VarProxy:
@@ -39,7 +56,7 @@ class VarProxy:
         Raises:
             LinkError: no answer, or there is no such variable.
         """
-        value = self._exchange(READ, name, _text(name))
+        value = self._exchange(Mode.READ, name, _text(name))
         if not value:
             raise LinkError(self._refusal_text("give", name))
         return value
@@ -50,7 +67,7 @@ class VarProxy:
         Raises:
             LinkError: no answer, or the controller does not take it.
         """
-        self._exchange(WRITE, name, _text(name) + _text(value))
+        self._exchange(Mode.WRITE, name, _text(name) + _text(value))
 
     def close(self) -> None:
         """Close the connection."""
@@ -67,8 +84,8 @@ class VarProxy:
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self._buffer, self._spoken = b"", time.monotonic()
 
-    def _exchange(self, mode: int, name: str, content: bytes) -> str:
-        if time.monotonic() - self._spoken > IDLE:
+    def _exchange(self, mode: Mode, name: str, content: bytes) -> str:
+        if time.monotonic() - self._spoken > IDLE_TIME:
             self.close()
             self._connect()
         self._id = self._id % 0xFFFF + 1
@@ -84,7 +101,7 @@ class VarProxy:
         if found != mode:
             raise LinkError(f"the robot at {self.where} answered with mode {found} for '{name}'; is it KUKAVARPROXY?")
         if status[-1:] != b"\x01":
-            raise LinkError(self._refusal_text("set" if mode == WRITE else "give", name))
+            raise LinkError(self._refusal_text("set" if mode is Mode.WRITE else "give", name))
         return value.decode("ascii", "replace").strip()
 
     def _answer(self, until: float) -> tuple[int, bytes, bytes]:
@@ -92,7 +109,7 @@ class VarProxy:
         while True:
             head = self._bytes(7, until)
             value = self._bytes(int.from_bytes(head[5:7], "big"), until)
-            status = self._bytes(STATUS, until)
+            status = self._bytes(3, until)  # bytes of a status
             if int.from_bytes(head[:2], "big") == self._id:
                 return head[4], value, status
 
@@ -153,7 +170,6 @@ class RobotLink(Protocol):
 
 
 DIALECT = "krl"
-LARGEST_MM = 5.0  # the robot takes no longer shift, whatever the planner says
 
 
 def centring_program(how: RobotSettings) -> dict[str, str]:
@@ -171,7 +187,7 @@ def centring_program(how: RobotSettings) -> dict[str, str]:
         "speed_m_s": how.speed_mm_s * MM,
         "silence_ms": round(1e3 * how.silence_s),
         "timer": how.timer,
-        "largest_mm": LARGEST_MM,
+        "largest_mm": 5.0,  # [mm] the robot takes no longer shift, whatever the planner says
     }
     texts = {e: environment.get_template(f"centring.{e}.j2").render(context) for e in ("src", "dat")}
     return {f"{how.program}.{e}": "\r\n".join(text.splitlines()) + "\r\n" for e, text in texts.items()}
@@ -194,9 +210,6 @@ def write_centring_program(how: RobotSettings, out: Path) -> list[Path]:
     return paths
 
 
-MOVE, SHIFT, GO_ON = 1, 2, 3
-DONE, MOVING, STOPPED, REFUSED, SILENCE = 0, 1, 2, 3, 4
-LARGEST_ORDER = 30000  # of an order's number: it stays in an INT of any controller
 _PART = re.compile(r"\b([A-Z]\d?)\s+(-?\d+\.?\d*(?:[eE][-+]?\d+)?)")
 
 
@@ -225,7 +238,7 @@ class KukaLink:
         self._proxy.write("EDBB_VEL", str(self._how.touch_percent if slow else self._how.ptp_percent))
         axes = [f"A{j} {angle:.6f}" for j, angle in enumerate(target, start=1)]
         self._proxy.write("EDBB_AX", "{E6AXIS: " + ", ".join([*axes, *self._beside]) + "}")
-        self._do(MOVE)
+        self._do(Order.MOVE)
         off = np.abs(to_deg(self._angles("$AXIS_ACT")) - target)
         if off.max() > self._how.arrived_deg:
             raise LinkError(f"axis {off.argmax() + 1} stands {off.max():.3f} deg away from where it was sent")
@@ -234,7 +247,7 @@ class KukaLink:
         """Move the tool by ``step`` (3,) [m] in its own frame, on a line."""
         parts = ", ".join(f"{axis} {v:.5f}" for axis, v in zip("XYZ", to_mm(step), strict=True))
         self._proxy.write("EDBB_BY", "{FRAME: " + parts + ", A 0.0, B 0.0, C 0.0}")
-        self._do(SHIFT)
+        self._do(Order.SHIFT)
 
     def joints(self) -> tuple[Array, Array]:
         """Return the joint angles of the model as read and as commanded, both (N,) [rad]."""
@@ -257,7 +270,7 @@ class KukaLink:
 
     def release(self) -> None:
         """Let that program go on."""
-        self._do(GO_ON)
+        self._do(Order.GO_ON)
 
     def stop(self) -> None:
         """Stop the arm now; where the link is lost, the robot's own program stops it."""
@@ -268,12 +281,12 @@ class KukaLink:
         """Let the robot go."""
         self._proxy.close()
 
-    def _do(self, kind: int) -> None:
+    def _do(self, kind: Order) -> None:
         """Give an order and wait until it is done."""
         self._stop.check()
-        self._proxy.write("EDBB_KIND", str(kind))
+        self._proxy.write("EDBB_KIND", str(int(kind)))
         self._alive()
-        self._order = self._order % LARGEST_ORDER + 1
+        self._order = self._order % 30000 + 1  # it stays in an INT of any controller
         self._proxy.write("EDBB_GO", str(self._order))
         until = time.monotonic() + self._how.move_s
         while int(self._number("EDBB_DONE")) != self._order:
@@ -285,9 +298,9 @@ class KukaLink:
                     "are the drives on, is the operating mode right?"
                 )
         ended = int(self._number("EDBB_STATE"))
-        if ended == STOPPED:
+        if ended == Ended.STOPPED:
             raise StoppedError("the robot's program was told to stop")
-        if ended != DONE:
+        if ended != Ended.DONE:
             raise LinkError(f"the robot's program did not do the move ({_END_STATES.get(ended, f'state {ended}')})")
 
     def _alive(self) -> None:
@@ -330,10 +343,10 @@ class KukaLink:
         return value
 
 
-_END_STATES = {
-    MOVING: "it was left half way",
-    REFUSED: "a shift beyond 5 mm, or an order that it does not know",
-    SILENCE: "the planner was silent for too long",
+_END_STATES: dict[int, str] = {
+    Ended.MOVING: "it was left half way",
+    Ended.REFUSED: "a shift beyond 5 mm, or an order that it does not know",
+    Ended.SILENCE: "the planner was silent for too long",
 }
 
 
@@ -354,5 +367,7 @@ def open_link(
     except ValueError:
         url, host, port = urlsplit(""), None, None
     if url.scheme != "tcp" or not host or url.path not in ("", "/"):
-        raise InputError(f"--robot {address}: an address is tcp://HOST or tcp://HOST:PORT (KUKAVARPROXY, port {PORT})")
-    return KukaLink(host, port or PORT, axes, how, stop, follow)
+        raise InputError(
+            f"--robot {address}: an address is tcp://HOST or tcp://HOST:PORT (KUKAVARPROXY, port {DEFAULT_PORT})"
+        )
+    return KukaLink(host, port or DEFAULT_PORT, axes, how, stop, follow)

@@ -14,10 +14,7 @@ from planner.instruments.truth import Truth
 from planner.kinematics.inverse_kinematics import solve_pose_ik, tool_pose
 from planner.runs.run import Samples
 
-SCATTER = 0.5 * UM  # of an indicator
-BEYOND = 1.2  # times the usable range that a plunger stands out with nothing before it
 FORGOTTEN = float(np.deg2rad(1.0))  # [rad] travel of a joint over which it forgets by how much it stood off
-IK_STEPS = 20
 
 
 class SimulatedArm:
@@ -45,9 +42,10 @@ class SimulatedArm:
 
     def shift(self, step: Array) -> None:
         """Move the tool by ``step`` (3,) [m] in its own frame, as the nominal robot does."""
+        steps = 20  # of Newton: from a neighbouring pose it takes a few
         chain, robot = self._cell.chain, self._cell.robot
         x, R, _ = tool_pose(chain, robot, self._q[None])
-        q, held = solve_pose_ik(chain, robot, self._q[None], x + self.orientation() @ step, R, IK_STEPS)
+        q, held = solve_pose_ik(chain, robot, self._q[None], x + self.orientation() @ step, R, steps)
         if not held[0]:
             raise LinkError("the arm cannot move the tool on this line")
         change = q[0] - self._q
@@ -74,8 +72,9 @@ class SimulatedArm:
         shown = self._to_readings @ self.orientation().T @ away
         across = np.sqrt(np.maximum(away @ away - shown**2, 0.0))
         touches = (np.abs(shown) < head.range / 2) & (across < head.tip / 2)
-        free = -BEYOND * self._settings.head.usable_mm * 1e-3
-        return np.asarray(np.where(touches, shown + SCATTER * self._rng.standard_normal(3), free))
+        # 1.2: times the usable range: a plunger with nothing before it stands out
+        free = -1.2 * self._settings.head.usable_mm * 1e-3
+        return np.asarray(np.where(touches, shown + (0.5 * UM) * self._rng.standard_normal(3), free))  # of an indicator
 
     def arrive(self) -> int:
         """No program drives a simulated arm."""

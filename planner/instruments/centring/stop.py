@@ -46,9 +46,6 @@ class LinkError(CentringError):
     """The robot does not answer, refuses, or does not do what it was told."""
 
 
-POLL_STEP = 0.02  # [s] between two looks while waiting
-
-
 class StopRequest:
     """What everything that waits looks at; ``file`` asks for a stop by being there."""
 
@@ -79,7 +76,7 @@ class StopRequest:
             left = until - time.monotonic()
             if left <= 0.0:
                 return
-            time.sleep(min(left, POLL_STEP))
+            time.sleep(min(left, 0.02))  # [s] between two looks while waiting
 
 
 @contextmanager

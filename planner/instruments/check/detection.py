@@ -16,17 +16,10 @@ import numpy as np
 
 from planner.common.lazy_modules import optimize, stats
 from planner.common.units import Array
+from planner.instruments.check.assumptions import FALSE_ALARM, POWER, SHOWING_SHARE, THRESHOLD_SIGMAS, UNSEEN_SHARE
 
-FALSE_ALARM = 0.01  # of all tests together
-POWER = 0.9  # with which a change of the stated size is found
-DRAWS = 40_000
-SURE = 2.0  # standard deviations that the threshold keeps off what the draws say
-UNSEEN = 1e-6  # share of a change's largest effect on the readings below which a direction of it shows in none
-SIZES = 200  # that the noise may have
-TABLE = 4000  # entries of a table of probabilities
-SEED = 17
-MANY = 3  # parameters of a change from which on not every way it may go is looked at
-SHOWN = 0.9  # part of the ways that show then
+DRAWS = 40_000  # of noise, by which probabilities are found: 400 of them below a false alarm of 0.01
+SEED = 17  # fixed: the same readings give the same verdict
 
 
 @dataclass(frozen=True)
@@ -72,7 +65,7 @@ class Detector:
         if self.anew is None:
             return self._root
         left, size, _ = np.linalg.svd(self._root @ self.anew)
-        return np.asarray(left[:, int((size > UNSEEN * size.max(initial=0.0)).sum()) :].T @ self._root)
+        return np.asarray(left[:, int((size > UNSEEN_SHARE * size.max(initial=0.0)).sum()) :].T @ self._root)
 
     @cached_property
     def _bases(self) -> tuple[Array, ...]:
@@ -80,7 +73,7 @@ class Detector:
         out = []
         for c in self.columns:
             left, size, _ = np.linalg.svd(self._whitening @ c, full_matrices=False)
-            out.append(left[:, size > UNSEEN * max(float(np.linalg.norm(self._root @ c)), 1e-300)])
+            out.append(left[:, size > UNSEEN_SHARE * max(float(np.linalg.norm(self._root @ c)), 1e-300)])
         return (*out, np.eye(len(self._whitening)))
 
     @cached_property
@@ -105,7 +98,7 @@ class Detector:
         out = np.empty_like(explained)
         for d in {b.shape[1] for b in self._bases}:
             mine = [k for k, b in enumerate(self._bases) if b.shape[1] == d]
-            table = np.geomspace(1e-4, 1e6, TABLE)
+            table = np.geomspace(1e-4, 1e6, 4000)  # entries of a table of probabilities
             out[:, mine] = np.interp(explained[:, mine] / d, table, stats.f.logsf(table, d, self.freedom))
         return out
 
@@ -118,7 +111,7 @@ class Detector:
         explained = np.stack([((white @ b) ** 2).sum(axis=1) for b in self._bases], axis=1)
         smallest = np.sort(self._log_tails(explained).min(axis=1))
         expected = FALSE_ALARM * DRAWS
-        return float(np.exp(smallest[int(expected - SURE * np.sqrt(expected))]))
+        return float(np.exp(smallest[int(expected - THRESHOLD_SIGMAS * np.sqrt(expected))]))
 
     def estimate(self, which: int, size: Array, difference: Array) -> tuple[Array, Array]:
         """Return values (d,) and covariance (d, d) of a change from readings (n,) [m], the least where many would do.
@@ -126,7 +119,7 @@ class Detector:
         ``size`` (d,): of values that count as alike.
         """
         white = (self._whitening @ self.columns[which]) * size
-        back = np.linalg.pinv(white, rcond=UNSEEN) * size[:, None]
+        back = np.linalg.pinv(white, rcond=UNSEEN_SHARE) * size[:, None]
         return np.asarray(back @ self._whitening @ difference), np.asarray(back @ back.T)
 
     def detectable(self, which: int, square: Array) -> float:
@@ -144,10 +137,10 @@ def detectable_motion(information: Array, square: Array, d: int, freedom: float,
     Where many things move at once some ways to move hide for ever: of those it is what nine of ten ways show.
     """
     needed = shift_for_power(d, round(freedom, 3), threshold)
-    if len(square) > MANY:
+    if len(square) > 3:  # parameters of a change from which on not every way it may go is looked at
         ways = np.random.default_rng(SEED).standard_normal((DRAWS // 10, len(square))) / np.sqrt(np.diag(square))
         size, shown = (np.einsum("mi,ij,mj->m", ways, m, ways) for m in (square, information))
-        return float(np.sqrt(needed * np.quantile(size / shown, SHOWN)))
+        return float(np.sqrt(needed * np.quantile(size / shown, SHOWING_SHARE)))
     root = np.linalg.cholesky(square + 1e-15 * np.trace(square) * np.eye(len(square)))
     inner = np.linalg.solve(root, np.linalg.solve(root, information).T)  # per squared metre of motion
     least = float(np.linalg.eigvalsh((inner + inner.T) / 2)[0])
@@ -160,8 +153,9 @@ def shift_for_power(d: int, freedom: float, threshold: float) -> float:
 
     λ counts in the noise as it was estimated, which is what sizes are stated by: averaged over what it may really be.
     """
+    sizes = 200  # that the noise may have: quantiles of its distribution
     critical = stats.f.isf(threshold, d, freedom)
-    true = freedom / stats.chi2.ppf((np.arange(SIZES) + 0.5) / SIZES, freedom)  # variance over the estimated one
+    true = freedom / stats.chi2.ppf((np.arange(sizes) + 0.5) / sizes, freedom)  # variance over the estimated one
 
     def lacking(shift: float) -> float:
         return POWER - float(stats.ncx2.sf(critical * d / true, d, shift / true).mean())

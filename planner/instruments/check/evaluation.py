@@ -16,13 +16,13 @@ from planner.effects.effect import Parameter, transform_move
 from planner.effects.gears import WAVES, JointWave
 from planner.identification.baseline import Baseline
 from planner.identification.run_setup import add_motion
+from planner.instruments.check.assumptions import CHANGE_SIGMAS, FEWEST_READINGS, STRONG_LEAD
 from planner.instruments.check.detection import Detector, Explanation, rank_explanations
 from planner.model.model import Model
 from planner.model.tool_error import tool_rows, uniform_states
 from planner.runs.run import Run, Samples
 
 ChangeKind = Literal["zero", "gear", "fixture", "tool", "collision"]
-STATES = 400  # of the workspace, over which the motion of the tool is taken
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ def possible_changes(cell: Cell, setup: MeasurementSetup, with_play: bool) -> tu
         with_play: whether the directions are known from which the joints came to the poses.
     """
     bare = list(_bare_changes(setup, with_play))
-    q = uniform_states(cell, STATES, 0)
+    q = uniform_states(cell, 400, 0)  # of the workspace, over which the motion of the tool is taken
     sides = np.random.default_rng(1).choice([-1.0, 1.0], size=q.shape)
     samples = Samples(q, np.zeros(len(q), dtype=int), direction=sides)
     own = _by_change(tool_rows(samples, setup, _numbered_parameters(bare))[2], bare)
@@ -111,9 +111,6 @@ def _parameter(transform: int, name: str, phi: BasisFunction = ONE, unit: str = 
 
 
 Outcome = Literal["unchanged", "changed within the limit", "changed"]
-LEAST = 4  # readings
-CLOSE = 6.0  # lead by BIC that is strong evidence (Kass and Raftery 1995, J. Am. Stat. Assoc. 90)
-SIGMAS = 2.0  # above its estimate a change may still be
 ANYTHING = "something else, or several things at once"
 
 
@@ -175,7 +172,7 @@ class CheckVerdict:
     @property
     def rivals(self) -> tuple[JudgedChange, ...]:
         """Changes that explain the readings nearly as well as the best."""
-        return tuple(j for j in self.judged[1:] if self.judged[0].lead - j.lead < CLOSE) if self.best else ()
+        return tuple(j for j in self.judged[1:] if self.judged[0].lead - j.lead < STRONG_LEAD) if self.best else ()
 
     @property
     def outcome(self) -> Outcome:
@@ -183,7 +180,7 @@ class CheckVerdict:
         if self.smallest >= self.threshold:
             return "unchanged"
         each = (self.best, *self.rivals) if self.best else ()
-        small = self.limit is not None and all(j.motion + SIGMAS * j.motion_std <= self.limit for j in each)
+        small = self.limit is not None and all(j.motion + CHANGE_SIGMAS * j.motion_std <= self.limit for j in each)
         return "changed within the limit" if small and each else "changed"
 
     @property
@@ -278,8 +275,10 @@ def _prepare(run: Run, cell: Cell, baseline: Baseline) -> Run:
         raise InputError(f"{run.name}: was measured on '{run.robot}', but the baseline is of '{cell.robot.name}'")
     if run.continuous:
         raise InputError(f"{run.name}: was measured while moving; a check is measured at rest, as its plan drives it")
-    if len(run) < LEAST:
-        raise InputError(f"{run.name}: {len(run)} poses; a check needs {LEAST} at least, better the ten of its plan")
+    if len(run) < FEWEST_READINGS:
+        raise InputError(
+            f"{run.name}: {len(run)} poses; a check needs {FEWEST_READINGS} at least, better the ten of its plan"
+        )
     if baseline.file.turns and run.readings.rotation is None:
         raise InputError(f"{run.name}: has no rx_deg, ry_deg, rz_deg, but the baseline was measured with orientations")
     readings = run.readings if baseline.file.turns else replace(run.readings, rotation=None)

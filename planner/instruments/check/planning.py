@@ -20,8 +20,7 @@ from planner.model.model import Model
 from planner.runs.run import Samples
 from planner.session.planning import PoseSession, Selection
 
-TRIED = 500  # candidates that compete
-SWEEPS = 4  # of exchanges
+COMPETING_CANDIDATES = 500  # evenly spread over the pool
 
 
 def choose_check_poses(baseline: Baseline, changes: tuple[Change, ...], pool: Samples, count: int) -> Positions:
@@ -31,7 +30,7 @@ def choose_check_poses(baseline: Baseline, changes: tuple[Change, ...], pool: Sa
     least per motion of the tool (E-optimal for each change: its detectable size is as 1/√λ), plus the logarithm of the
     determinant of the correlation of the axes' zeros, per axis (D-optimal: says which of them it was).
     """
-    tried = even_positions(len(pool), TRIED)
+    tried = even_positions(len(pool), COMPETING_CANDIDATES)
     samples = pool.take(tried)
     merit = _Merit.of(baseline, changes, samples)
     white = merit.columns / np.sqrt(np.diag(merit.covariance))[:, None]
@@ -39,7 +38,7 @@ def choose_check_poses(baseline: Baseline, changes: tuple[Change, ...], pool: Sa
     for at in range(count - len(chosen)):  # fewer columns than poses
         chosen.append(next(k for k in range(at, len(tried)) if k not in chosen))
     best = float(merit.of_sets(np.array([chosen]))[0])
-    for _ in range(SWEEPS):
+    for _ in range(4):  # passes of exchanges
         before = best
         for place in range(count):
             others = np.setdiff1d(np.arange(len(tried)), chosen)
@@ -97,7 +96,6 @@ class _Merit:
 
 
 CHECK_NOTE = "these poses tell what has changed since the calibration; they do not calibrate"
-CANDIDATES = 3000  # a check asks less of its pool than a calibration does
 
 
 def resting_cell(cell: Cell) -> Cell:
@@ -106,11 +104,12 @@ def resting_cell(cell: Cell) -> Cell:
     Raises:
         InputError: a bar pulls there, or circles are driven.
     """
+    candidates = 3000  # a check asks less of its pool than a calibration does
     if cell.is_under_load:
         raise InputError(
             f"{cell.path}: a check is measured at rest and without load: take the cell of a bar without load"
         )
-    plan = cell.file.plan.model_copy(update={"repeat": 0, "validate_": 0, "candidates": CANDIDATES, "refine": False})
+    plan = cell.file.plan.model_copy(update={"repeat": 0, "validate_": 0, "candidates": candidates, "refine": False})
     motion = cell.file.motion.model_copy(update={"measure": "static"})
     return cell_of(cell.file.model_copy(update={"plan": plan, "motion": motion}), cell.path, cell.name)
 
@@ -128,7 +127,7 @@ class CheckChooser:
         with stages.stage("selection"):
             baseline = self.baseline.for_samples(pool)
             changes = possible_changes(session.cell, baseline.model.setup, with_play=False)
-            changes = build_detector(baseline, changes, pool.take(even_positions(len(pool), TRIED)))[1]
+            changes = build_detector(baseline, changes, pool.take(even_positions(len(pool), COMPETING_CANDIDATES)))[1]
             chosen = choose_check_poses(baseline, changes, pool, self.count)
             choice = _judge_by_index(session, baseline, changes, chosen)
         session.notes.append(CHECK_NOTE)

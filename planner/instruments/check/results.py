@@ -8,7 +8,7 @@ from planner.cell.cell import Cell
 from planner.common.summary import Fact, Summary
 from planner.common.units import Array, in_units, significant, to_deg, to_mm
 from planner.identification.baseline import Baseline
-from planner.instruments.check.detection import FALSE_ALARM, POWER
+from planner.instruments.check.assumptions import FALSE_ALARM, POWER
 from planner.instruments.check.evaluation import (
     ANYTHING,
     Change,
@@ -21,7 +21,7 @@ from planner.instruments.check.evaluation import (
 )
 from planner.runs.run import Samples
 
-DIGITS = 4
+MM_DECIMALS = 4  # of a tenth of a micrometre
 SHOWN_RATES = f"found {100 * POWER:.0f} times of 100, with {100 * FALSE_ALARM:g} false alarm in 100 sound robots"
 RATES = {"false_alarm": FALSE_ALARM, "power": POWER}
 
@@ -80,7 +80,7 @@ def verdict_content(verdict: CheckVerdict, robot: str) -> dict[str, object]:
         "p_value": significant(verdict.smallest),
         "threshold": significant(verdict.threshold),
         **RATES,
-        **in_units(DIGITS, limit_mm=verdict.limit),
+        **in_units(MM_DECIMALS, limit_mm=verdict.limit),
         "changes": [_change_section(j) for j in verdict.judged],
         "readings": [
             {"pose": int(p), **_reading(d, "difference"), **_reading(s, "std")}
@@ -112,7 +112,7 @@ def _change_section(j: JudgedChange) -> dict[str, object]:
 
 
 def _mm(value: float) -> float | None:
-    return round(float(to_mm(value)), DIGITS) if np.isfinite(value) else None
+    return round(float(to_mm(value)), MM_DECIMALS) if np.isfinite(value) else None
 
 
 def verdict_overview(verdict: CheckVerdict) -> Summary:

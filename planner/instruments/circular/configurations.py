@@ -13,11 +13,10 @@ from planner.cell.circles import Circle
 from planner.cell.workspace import SAFETY_MARGIN, Workspace
 from planner.common.errors import InputError, NoSolutionError
 from planner.common.units import MM, Array, to_deg, to_mm
+from planner.instruments.circular.assumptions import LARGEST_STEP
 from planner.kinematics.geometry import bar_state
 from planner.kinematics.inverse_kinematics import smallest_singular_value, solve_pose_ik
 
-SAGITTA = 1e-6  # [m] between the circle and the straight line from point to point
-PATIENCE = 0.03  # [s] from point to point at least: controllers plan no quicker
 COARSEST = np.deg2rad(2.0)  # [rad] between points at most
 COARSE_STEP = np.deg2rad(5.0)  # [rad] between the places that decide which way round is taken
 
@@ -35,7 +34,9 @@ def coarse_angles(circle: Circle) -> Array:
 
 def fine_angles(circle: Circle) -> Array:
     """Angles (m,) [rad] of the points that are driven; both ends of the sweep are among them."""
-    step = max(np.sqrt(8.0 * SAGITTA / circle.radius), PATIENCE * circle.speed / circle.radius)
+    sagitta = 1e-6  # [m] between the circle and the straight line from point to point
+    # 0.03: [s] from point to point at least: controllers plan no quicker
+    step = max(np.sqrt(8.0 * sagitta / circle.radius), 0.03 * circle.speed / circle.radius)
     step = min(step, COARSEST)
     low, high = driven_span(circle)
     edges = (low, circle.start, circle.start + circle.sweep, high)
@@ -76,11 +77,7 @@ def _even_angles(low: float, high: float, step: float) -> Array:
     return np.linspace(low, high, 1 + int(np.ceil((high - low) / step - 1e-9)))
 
 
-TOOL_SPINS = 24  # orientations about each tool axis
-SEEDS = 6  # log2 of the arm positions from which each start pose is looked for
-SEARCH, FOLLOW = 40, 8  # rounds of Newton for a start pose, and from one place to the next
-LARGEST_STEP = 0.6  # [rad] no joint may move more from one place to the next: it would be another configuration
-SAME_POSE = 1e-4  # [rad] start poses nearer than this are one
+TOOL_SPINS = 24  # orientations about each tool axis: every 15 degrees
 
 
 @dataclass(frozen=True)
@@ -150,16 +147,18 @@ def tool_axes(circle: Circle) -> Iterator[Array]:
 
 def _start_poses(cell: Cell, circle: Circle, angle: float, seed: int) -> tuple[Array, Array]:
     """Distinct configurations (m, N) [rad] of all start poses, limits not looked at, with orientations (m, 3, 3)."""
+    same = 1e-4  # [rad] start poses nearer than this are one
     robot = cell.robot
     R = spun_orientations(cell.tool.axis_F, tool_axes(circle), TOOL_SPINS)
     low, high = robot.one_turn
-    unit = qmc.Sobol(robot.n_joints, seed=seed).random_base2(SEEDS)
+    # 64 arm positions from which each start pose is looked for
+    unit = qmc.Sobol(robot.n_joints, seed=seed).random_base2(6)
     which = np.repeat(np.arange(len(R)), len(unit))
     q = np.tile(low + unit * (high - low), (len(R), 1))
     x = np.broadcast_to(circle.points(np.array([angle])), (len(q), 3))
-    q, good = solve_pose_ik(cell.chain, cell.robot, q, x, R[which], SEARCH)
+    q, good = solve_pose_ik(cell.chain, cell.robot, q, x, R[which], 40)  # rounds of Newton for a start pose
     q, which = _remove_turns(cell, q[good]), which[good]
-    _, first = np.unique(np.round(np.column_stack([which, q / SAME_POSE])).astype(int), axis=0, return_index=True)
+    _, first = np.unique(np.round(np.column_stack([which, q / same])).astype(int), axis=0, return_index=True)
     return q[first], R[which[first]]
 
 
@@ -202,7 +201,8 @@ def follow_poses(cell: Cell, start: Array, x: Array, R: Array, lead: float = 1.0
             break
         last = q[alive, i - 1]
         guess = last if i == 1 else (1.0 + lead) * last - lead * q[alive, i - 2]
-        q[alive, i], good = solve_pose_ik(cell.chain, cell.robot, guess, x[alive, i], R[alive, i], FOLLOW)
+        # 8: rounds from one place to the next
+        q[alive, i], good = solve_pose_ik(cell.chain, cell.robot, guess, x[alive, i], R[alive, i], 8)
         good &= np.abs(q[alive, i] - last).max(axis=1) < LARGEST_STEP
         alive = alive[good]
         reached[alive] = i + 1

@@ -35,8 +35,6 @@ from planner.session.document_parts import PathRecord, ProgramRecord
 from planner.session.plan_record import fill_document, origin_record, verdict_records, waypoint_records
 from planner.session.planned_session import check_joined, doubts, read_cell_beside
 
-OFF = 1e-3 * MM  # by which the plan's points may miss its circles
-
 
 class ArcRecord(CircleFile):
     """A circle as the cell's file says it, and as it is driven."""
@@ -216,7 +214,7 @@ def _read_arc(path: Path, cell: Cell, file: ArcRecord) -> Arc:
         raise InputError(f"{path}: circle {file.name} needs {cell.robot.n_joints} joint angles at every angle")
     q, angle = round_angles(np.deg2rad(file.q_deg)), from_deg(file.angle_deg)
     off = float(np.abs(cell.map_position(q) - circle.points(angle)).max())
-    if off > OFF:
+    if off > (1e-3 * MM):  # by which the plan's points may miss its circles
         raise InputError(
             f"{path}: the tool misses circle {file.name} of {path.parent / 'cell.toml'} by {off / MM:.3f} mm: "
             "robot, tool or circle is not that of the plan; use the cell.toml that was written with it, or plan again"

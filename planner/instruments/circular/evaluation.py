@@ -62,7 +62,7 @@ def _test_warnings(cell: Cell, plan: CircularDocument, run: Run, circles: list[C
     return tuple(out)
 
 
-DIGITS = 3  # of micrometres
+UM_DECIMALS = 3  # of a nanometre
 
 
 def circular_test_content(test: CircularTest) -> dict[str, object]:
@@ -83,9 +83,9 @@ def _circle(c: CircleFigures) -> dict[str, object]:
         "plane": c.ring.circle.plane,
         **({} if c.load is None else {"load_N": c.load}),
         **in_units(9, radius_mm=c.ring.circle.radius),
-        **in_units(DIGITS, centre_um=c.centre.centre, centre_std_um=c.centre.std),
+        **in_units(UM_DECIMALS, centre_um=c.centre.centre, centre_std_um=c.centre.std),
         "paths": [_path(p) for p in c.paths],
-        **in_units(DIGITS, G_b_um=c.G_b, G_b_least_squares_um=c.G_b_ls, D_um=c.D, H_um=c.H, H_mean_um=c.H_mean),
+        **in_units(UM_DECIMALS, G_b_um=c.G_b, G_b_least_squares_um=c.G_b_ls, D_um=c.D, H_um=c.H, H_mean_um=c.H_mean),
         **in_units(6, length_range_mm=c.length_range, deviation_from_joint_angles_range_mm=c.calculated_range),
     }
 
@@ -95,13 +95,13 @@ def _path(p: PathFigures) -> dict[str, object]:
         "direction": p.direction,
         "sweeps": p.sweeps,
         "samples": p.samples,
-        **in_units(DIGITS, G_um=p.G, G_least_squares_um=p.G_ls, F_max_um=p.F_max, F_min_um=p.F_min),
-        **in_units(DIGITS, mean_radial_um=p.mean, centre_um=p.offset),
+        **in_units(UM_DECIMALS, G_um=p.G, G_least_squares_um=p.G_ls, F_max_um=p.F_max, F_min_um=p.F_min),
+        **in_units(UM_DECIMALS, mean_radial_um=p.mean, centre_um=p.offset),
         "reversals": [
             {
                 **in_units(2, angle_deg=r.angle),
                 "joints": [j + 1 for j in r.joints],
-                **in_units(DIGITS, step_um=r.step, std_um=r.std),
+                **in_units(UM_DECIMALS, step_um=r.step, std_um=r.std),
             }
             for r in p.reversals
         ],

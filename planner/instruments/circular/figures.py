@@ -7,16 +7,17 @@ import numpy as np
 from scipy.optimize import linprog
 
 from planner.common.arrays import mean_by_group
-from planner.common.units import DEG, Array, read_only
+from planner.common.units import Array, read_only
+from planner.instruments.circular.assumptions import (
+    ANGLE_STEP,
+    BESIDE_REVERSAL,
+    CHANCE_PLACES,
+    JUMP_READINGS,
+    JUMP_WINDOW,
+    LEAST_TRAVEL,
+    REVERSALS_APART,
+)
 from planner.instruments.circular.sweeps import MeasuredCircle, Sweep
-
-BIN = 0.5 * DEG  # of the circle's angle, in which angles of the joints are averaged
-LEAST = 0.1 * DEG  # a joint must turn by this before and after, to have reversed
-BESIDE = 10.0 * DEG  # of the circle's angle, on either side of which it must
-TOGETHER = 3.0 * DEG  # reversals nearer than this cannot be told apart
-WINDOW = 12.0 * DEG  # on either side of a reversal, from which its jump is read
-FEWEST = 12  # readings on either side
-FEW = 5  # places without a reversal, to know how large a jump is by chance
 
 
 @dataclass(frozen=True)
@@ -48,7 +49,7 @@ def find_reversals(angle: Array, q: Array, radial: Array, direction: int) -> tup
     places = sorted((place, j) for j, column in enumerate(q.T) for place in _joint_extremes(angle, column))
     groups: list[list[tuple[float, int]]] = []
     for place in places:
-        if groups and place[0] - groups[-1][-1][0] < TOGETHER:
+        if groups and place[0] - groups[-1][-1][0] < REVERSALS_APART:
             groups[-1].append(place)
         else:
             groups.append([place])
@@ -58,32 +59,32 @@ def find_reversals(angle: Array, q: Array, radial: Array, direction: int) -> tup
     out = []
     for k, group in enumerate(groups):
         low, high = (abs(edges[k + 1] - e) for e in (edges[k], edges[k + 2]))
-        step, std = _jump(angle - middle[k], radial, min(low, WINDOW), min(high, WINDOW))
+        step, std = _jump(angle - middle[k], radial, min(low, JUMP_WINDOW), min(high, JUMP_WINDOW))
         out.append(Reversal(middle[k], tuple(sorted({j for _, j in group})), direction * step, max(std, chance)))
     return tuple(out)
 
 
 def _chance_jump(angle: Array, radial: Array, middle: list[float]) -> float:
     """Size of the jump [m] at angles where no joint reverses: readings wander, their scatter alone says too little."""
-    places = np.arange(angle[0] + WINDOW, angle[-1] - WINDOW, WINDOW / 2)
-    away = [p for p in places if all(abs(p - m) > WINDOW for m in middle)]
-    jumps = np.array([_jump(angle - p, radial, WINDOW, WINDOW)[0] for p in away])
+    places = np.arange(angle[0] + JUMP_WINDOW, angle[-1] - JUMP_WINDOW, JUMP_WINDOW / 2)
+    away = [p for p in places if all(abs(p - m) > JUMP_WINDOW for m in middle)]
+    jumps = np.array([_jump(angle - p, radial, JUMP_WINDOW, JUMP_WINDOW)[0] for p in away])
     jumps = jumps[np.isfinite(jumps)]
-    return float(np.sqrt(np.mean(jumps**2))) if len(jumps) >= FEW else 0.0
+    return float(np.sqrt(np.mean(jumps**2))) if len(jumps) >= CHANCE_PLACES else 0.0
 
 
 def _joint_extremes(angle: Array, q: Array) -> list[float]:
     """Angles at which one joint's angle (n,) has an extreme within the sweep, by a parabola through its bins."""
-    count = max(3, round((angle[-1] - angle[0]) / BIN))
+    count = max(3, round((angle[-1] - angle[0]) / ANGLE_STEP))
     which = np.clip(((angle - angle[0]) / (angle[-1] - angle[0]) * count).astype(int), 0, count - 1)
     place, mean = (mean_by_group(v, which)[np.unique(which)] for v in (angle, q))
-    side = max(1, round(BESIDE / BIN))
+    side = max(1, round(BESIDE_REVERSAL / ANGLE_STEP))
     found = []
     for k in range(1, len(mean) - 1):
         before, after = mean[max(0, k - side) : k + 1], mean[k : k + side + 1]
         for sense in (1.0, -1.0):
             top = sense * mean[k] >= (sense * np.concatenate([before, after])).max()
-            if top and min(np.ptp(before), np.ptp(after)) > LEAST:
+            if top and min(np.ptp(before), np.ptp(after)) > LEAST_TRAVEL:
                 found.append(_vertex(place, mean, max(0, k - 4), min(len(mean), k + 5)))
     return found
 
@@ -96,18 +97,14 @@ def _vertex(place: Array, mean: Array, low: int, high: int) -> float:
 def _jump(past: Array, radial: Array, low: float, high: float) -> tuple[float, float]:
     """Jump of ``radial`` at 0 beside a parabola that goes through, and its standard deviation [m]."""
     rows = np.flatnonzero((past >= -low) & (past <= high))
-    x = past[rows] / WINDOW
-    if min((x < 0).sum(), (x > 0).sum()) < FEWEST or min(low, high) < TOGETHER:
+    x = past[rows] / JUMP_WINDOW
+    if min((x < 0).sum(), (x > 0).sum()) < JUMP_READINGS or min(low, high) < REVERSALS_APART:
         return float("nan"), float("nan")
     A = np.column_stack([np.sign(x) / 2.0, np.ones(len(x)), x, x**2])
     found, *_ = np.linalg.lstsq(A, radial[rows])
     left = radial[rows] - A @ found
     variance = float(left @ left) / max(len(x) - 4, 1) * np.linalg.inv(A.T @ A)[0, 0]
     return float(found[0]), float(np.sqrt(variance))
-
-
-ROUNDS = 8
-BINS = 1440  # angular bins; only the innermost and outermost point of each can touch a circle
 
 
 @dataclass(frozen=True)
@@ -126,7 +123,7 @@ class FittedCircle:
 def fit_circle(points: Array) -> FittedCircle:
     """Fit a circle to points (n, 2) [m] by least squares of their distances from it (Gauss–Newton, exact)."""
     centre = points.mean(axis=0)
-    for _ in range(ROUNDS):
+    for _ in range(8):  # rounds of Gauss-Newton
         away = points - centre
         distance = np.linalg.norm(away, axis=1)
         A = np.column_stack([away / distance[:, None], np.ones(len(points))])
@@ -165,13 +162,13 @@ def minimum_zone(points: Array, about: FittedCircle) -> float:
 
 def _extremes(angle: Array, r: Array) -> np.ndarray:
     """Rows of the smallest and largest value in every angular bin."""
-    which = np.floor((angle + np.pi) / (2 * np.pi) * BINS).astype(int)
+    # 1440: angular bins; only the innermost and outermost point of each can touch a circle
+    which = np.floor((angle + np.pi) / (2 * np.pi) * 1440).astype(int)
     order = np.lexsort((r, which))
     ends = np.flatnonzero(np.diff(which[order]) != 0)
     return np.unique(np.concatenate([order[np.append(0, ends + 1)], order[np.append(ends, len(order) - 1)]]))
 
 
-GRID = 0.5 * DEG  # of angles at which the two directions are compared
 NAMES = {1: "ccw", -1: "cw"}
 COLUMNS = ("angle", "length", "calculated")
 
@@ -282,7 +279,7 @@ def _path(ring: MeasuredCircle, common: FittedCircle, mine: Sequence[Sweep]) -> 
 def _direction_difference(ring: MeasuredCircle, ccw: PathFigures, cw: PathFigures) -> Array:
     """Radial deviation ccw less cw at even angles of the sweep, (k,) [m]."""
     start, sweep = ring.circle.start, ring.circle.sweep
-    grid = np.linspace(start, start + sweep, 1 + int(np.ceil(sweep / GRID)))
+    grid = np.linspace(start, start + sweep, 1 + int(np.ceil(sweep / ANGLE_STEP)))
     values = []
     for path in (ccw, cw):
         place = np.round((path.angle - start) / sweep * (len(grid) - 1)).astype(int)

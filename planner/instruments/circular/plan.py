@@ -15,9 +15,6 @@ from planner.runs.run import Mounting, Samples
 from planner.session.course import Course, Pass, TimedPath, Waypoints, time_path
 from planner.session.plan_types import SessionDrive, SessionPlan
 
-SPEED_SAMPLES = 2000
-PAUSE = 5.0  # [s] between two passes
-
 
 @dataclass(frozen=True)
 class Arc:
@@ -56,7 +53,7 @@ class Arc:
     @property
     def slowest_on_sweep(self) -> float:
         """Smallest speed of the tool point on the sweep, going and coming [m/s]."""
-        share, slowest = np.linspace(0.0, 1.0, SPEED_SAMPLES), []
+        share, slowest = np.linspace(0.0, 1.0, 2000), []  # samples of the sweep
         for path in (self.ccw, self.cw):
             begin, end = path.trajectory.waypoint_time[np.flatnonzero(path.visit >= 0)]
             slowest.append(float(path.trajectory.at(begin + share * (end - begin)).tool_speed.min()))
@@ -172,7 +169,7 @@ def circle_samples(plan: CircularPlan, rate: float, ways: bool = True) -> Sample
             load = np.full(len(motion.t), 0.0 if one.load is None else one.load)
             place = np.full(len(motion.t), drive.mounting.fixture)
             parts.append((motion.t + start, motion.q, motion.dq, load, place))
-            start += one.trajectory.duration_s + PAUSE
+            start += one.trajectory.duration_s + 5.0  # [s] between two passes
     t, q, speed, load, place = (np.concatenate(p) for p in zip(*parts, strict=True))
     return Samples(
         q=read_only(q),

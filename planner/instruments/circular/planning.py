@@ -10,6 +10,7 @@ from planner.cell.circles import Circle
 from planner.common.errors import InputError, NoSolutionError
 from planner.common.progress import Stages
 from planner.common.units import Array, round_angles, to_deg
+from planner.instruments.circular.assumptions import ROOMY_SHARE
 from planner.instruments.circular.configurations import (
     COARSE_STEP,
     ArmPaths,
@@ -39,8 +40,6 @@ from planner.session.options import PlanOptions
 from planner.session.planning import plan_session
 from planner.session.release import ReleasedPath, judge_corners, release_way
 from planner.session.tour_drive import path_to_mount
-
-SAME_STATE = 1e-6  # [rad] a state in which the arm already stands
 
 
 def plan_circles(
@@ -111,7 +110,7 @@ class CircularSession:
         here = mount
         for one in (*measured_passes(arcs, first), None):
             goal = mount if one is None else one.path.q[0]
-            if np.abs(goal - here).max() > SAME_STATE:
+            if np.abs(goal - here).max() > 1e-6:  # [rad] else the arm already stands there
                 key = here.tobytes() + goal.tobytes()
                 if key not in ways:
                     ways[key] = _way_between(with_bar, here, goal, seed)
@@ -172,11 +171,6 @@ def _way_notes(cell: Cell, drives: Sequence[CircularDrive]) -> list[str]:
     return notes
 
 
-MOST_TRIALS = 6  # ways that are driven finely and judged before the circle is given up
-ROOMY_SHARE = 0.6  # share of the largest room that a way must have, to be taken because it begins nearer
-IK_ROUNDS = 12  # of Newton from the coarse places to the points between
-
-
 def plan_arc(cell: Cell, circle: Circle, seed: int = 0, near: Array | None = None) -> Arc:
     """Plan the way round a circle: of the roomy ones the nearest.
 
@@ -191,6 +185,7 @@ def plan_arc(cell: Cell, circle: Circle, seed: int = 0, near: Array | None = Non
         InputError: the bar does not reach round.
         NoSolutionError: the arm does not; or it collides.
     """
+    most_trials = 6  # ways that are driven finely and judged before the circle is given up
     check_bar(cell, circle)
     ways = find_arm_paths(cell, circle, seed)
     constraints = Constraints(cell, circle.mounting)
@@ -200,13 +195,13 @@ def plan_arc(cell: Cell, circle: Circle, seed: int = 0, near: Array | None = Non
     if not len(free):
         raise NoSolutionError(_explain_collision(constraints, circle, ways, hits))
     why = ""
-    for k in _order_paths(cell, ways, free, cell.home if near is None else near)[:MOST_TRIALS]:
+    for k in _order_paths(cell, ways, free, cell.home if near is None else near)[:most_trials]:
         arc, why = _finish_arc(cell, circle, ways, k, len(free), constraints)
         if arc is not None:
             return arc
     raise NoSolutionError(
         f"circle {circle.name}: {len(free)} ways round are free at places {to_deg(COARSE_STEP):.0f}° apart, but none of"
-        f" the first {MOST_TRIALS} is proven in between ({why}): lower motion.clearance_mm, or move the circle"
+        f" the first {most_trials} is proven in between ({why}): lower motion.clearance_mm, or move the circle"
     )
 
 
@@ -224,7 +219,8 @@ def _finish_arc(
     angle = fine_angles(circle)
     guess = np.column_stack([np.interp(angle, ways.angle, column) for column in ways.q[k].T])
     wanted = circle.points(angle), orientations(circle, angle, ways.R_BF[k])
-    q, good = solve_pose_ik(cell.chain, cell.robot, guess, *wanted, IK_ROUNDS)
+    # 12: rounds of Newton from the coarse places to the points between
+    q, good = solve_pose_ik(cell.chain, cell.robot, guess, *wanted, 12)
     if not good.all():
         return None, f"the arm loses its configuration at {to_deg(angle[np.argmin(good)]):.0f}°"
     q = round_angles(q)

@@ -8,14 +8,11 @@ import numpy as np
 from planner.cell.cell import Cell
 from planner.cell.circles import NEAR_CIRCLE, Circle, CircleAtFixture
 from planner.common.errors import InputError
-from planner.common.units import DEG, Array
+from planner.common.units import Array
+from planner.instruments.circular.assumptions import SWEEP_SAMPLES, SWEEP_SLACK, TURNED_ROUND
 from planner.kinematics.geometry import bar_state
 from planner.runs.joint_motion import find_rests
 from planner.runs.run import Run
-
-TURN = 2.0 * DEG  # by which the arm must go back to have turned round
-SLACK = 1.0 * DEG  # that may lack of a sweep
-FEWEST = 100  # samples of a sweep
 
 
 @dataclass(frozen=True)
@@ -102,12 +99,12 @@ def _sweeps_of_circle(
         unwound = np.unwrap(angle[rows])
         for part in _monotonic_parts(unwound):
             low, high = unwound[part].min(), unwound[part].max()
-            first = int(np.ceil((low - SLACK - ring.circle.start) / (2 * np.pi)))
-            last = int(np.floor((high + SLACK - ring.circle.start - ring.circle.sweep) / (2 * np.pi)))
+            first = int(np.ceil((low - SWEEP_SLACK - ring.circle.start) / (2 * np.pi)))
+            last = int(np.floor((high + SWEEP_SLACK - ring.circle.start - ring.circle.sweep) / (2 * np.pi)))
             for turn in range(first, last + 1):
                 past = unwound[part] - ring.circle.start - 2 * np.pi * turn
                 inside = np.flatnonzero((past >= 0.0) & (past <= ring.circle.sweep))
-                if len(inside) >= FEWEST:
+                if len(inside) >= SWEEP_SAMPLES:
                     yield rows[part][inside], past[inside] + ring.circle.start
 
 
@@ -122,21 +119,21 @@ def _moving_stretches(run: Run, near: np.ndarray) -> Iterator[np.ndarray]:
     kept = near & moving
     cut = (np.diff(kept.astype(int)) != 0) | (np.diff(session) != 0)
     for rows in np.split(np.arange(len(run)), np.flatnonzero(cut) + 1):
-        if kept[rows[0]] and len(rows) >= FEWEST:
+        if kept[rows[0]] and len(rows) >= SWEEP_SAMPLES:
             yield rows
 
 
 def _monotonic_parts(angle: Array) -> Iterator[slice]:
-    """Stretches of an angle (n,) in which it goes one way; steps back smaller than TURN are noise."""
+    """Stretches of an angle (n,) in which it goes one way; steps back smaller than 2 degrees are noise."""
     begin, sense, extreme = 0, 0.0, 0
     values = angle.tolist()
     for k, here in enumerate(values):
         ahead = here - values[extreme]
-        if sense == 0.0 and abs(ahead) > TURN:
+        if sense == 0.0 and abs(ahead) > TURNED_ROUND:
             sense, extreme = float(np.sign(ahead)), k
         elif sense * ahead > 0.0:
             extreme = k
-        elif -sense * ahead > TURN:
+        elif -sense * ahead > TURNED_ROUND:
             yield slice(begin, extreme + 1)
             begin, sense, extreme = extreme, -sense, k
     yield slice(begin, len(angle))

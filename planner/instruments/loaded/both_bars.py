@@ -11,12 +11,10 @@ from planner.common.progress import Stages
 from planner.common.units import Array, read_only
 from planner.instruments.circular.plan import CircularPlan
 from planner.instruments.circular.planning import plan_arc, plan_circles
-from planner.instruments.loaded.circle_candidates import ANGLES, CirclePlace, with_circles
+from planner.instruments.loaded.circle_candidates import FOLLOWED_ANGLES, CirclePlace, with_circles
 from planner.instruments.loaded.common_fit import UnloadedPoses, check_robots, has_same_tool, select_circles_beside
 from planner.motion.path.constraints import Constraints
 from planner.session.options import PlanOptions
-
-ROUNDS = 6  # choices of places, each without those that the one before could not drive
 
 
 def collision_free_places(cell: Cell, pool: Sequence[CirclePlace]) -> tuple[CirclePlace, ...]:
@@ -46,7 +44,8 @@ def plan_circles_beside(
     Raises:
         NoSolutionError: so many places cannot be driven.
     """
-    for _ in range(ROUNDS):
+    most_choices = 6  # of places, each without those that the one before could not drive
+    for _ in range(most_choices):
         with stages.stage("choice"):
             which = select_circles_beside(free, cell, pool, places)
         there = with_circles(cell, [pool[int(i)] for i in which])
@@ -59,14 +58,14 @@ def plan_circles_beside(
                 raise err
             pool = [c for i, c in enumerate(pool) if i not in lost]
     raise NoSolutionError(
-        f"{cell.path}: in {ROUNDS} choices of {places} places there was each time one that cannot be driven; ask for "
-        "fewer --places, or lower motion.clearance_mm"
+        f"{cell.path}: in {most_choices} choices of {places} places there was each time one that cannot be driven; "
+        "ask for fewer --places, or lower motion.clearance_mm"
     )
 
 
 def _start(circle: Circle, place: CirclePlace) -> Array:
     """Where the way round that was looked at begins, before its overshoot, (N,) [rad]."""
-    return np.asarray(place.q[round(-circle.overshoot / (2 * np.pi) * ANGLES) % ANGLES])
+    return np.asarray(place.q[round(-circle.overshoot / (2 * np.pi) * FOLLOWED_ANGLES) % FOLLOWED_ANGLES])
 
 
 def _is_drivable(cell: Cell, place: CirclePlace, seed: int) -> bool:
@@ -83,7 +82,7 @@ def driven_places(plan: CircularPlan) -> list[CirclePlace]:
     out = []
     for arc in plan.arcs:
         circle = arc.circle
-        theta = circle.start + np.arange(ANGLES) * 2 * np.pi / ANGLES
+        theta = circle.start + np.arange(FOLLOWED_ANGLES) * 2 * np.pi / FOLLOWED_ANGLES
         q = np.stack([np.interp(theta, arc.angle, column) for column in arc.q.T], axis=1)
         out.append(CirclePlace(circle, plan.cell.fixtures[circle.fixture].p_BX, read_only(q)))
     return out

@@ -22,6 +22,14 @@ from planner.common.units import MM, Array, read_only, to_mm
 from planner.design.selection.d_optimal import detmax
 from planner.effects.compliance import compliance_parameters
 from planner.instruments.circular.configurations import follow_poses, spun_orientations
+from planner.instruments.loaded.assumptions import (
+    FURTHEST_SHARE,
+    LIMIT_MARGIN,
+    NEAREST_SHARE,
+    SPREAD_HARMONICS,
+    TOP_SHARE,
+    TYPICAL_COMPLIANCE_SHARE,
+)
 from planner.instruments.loaded.compliance import harmonic_counts, harmonics_of
 from planner.instruments.loaded.types import AveragedCurves, DrivenCircle
 from planner.kinematics.geometry import bar_state, tilt_angle
@@ -29,13 +37,8 @@ from planner.kinematics.inverse_kinematics import smallest_singular_value, solve
 from planner.model.model import Model
 from planner.runs.run import Samples
 
-ANGLES = 36  # of a circle that is followed
+FOLLOWED_ANGLES = 36  # of a circle that is followed: every 10 degrees
 STEPS = (7, 6)  # of the grid in distance from axis 1, and in height
-NEAREST, FURTHEST, TOP = 0.35, 0.85, 0.75  # of the reach
-SEEDS = 3  # log2 of the arm positions from which a start is looked for
-SPINS = 4  # turns of the tool about its own axis
-SEARCH = 40  # rounds for a start
-ROOM = 0.03  # [rad] from limits and cones; of a singularity
 PLANES: tuple[CirclePlane, ...] = ("XY", "XZ", "YZ")
 
 
@@ -130,8 +133,8 @@ def _centre_grid(cell: Cell, circle: Circle, steps: tuple[int, int]) -> list[Arr
     """Grid of centres in the upright plane through axis 1 and the cell's own centre."""
     reach = sum(t.extent for t in cell.robot.transforms if t.kind == "translation")
     towards = np.append(circle.p_BC[:2] / np.linalg.norm(circle.p_BC[:2]), 0.0)
-    far = np.linspace(NEAREST * reach, FURTHEST * reach, steps[0])
-    high = np.linspace(circle.radius + 0.1, TOP * reach, steps[1])
+    far = np.linspace(NEAREST_SHARE * reach, FURTHEST_SHARE * reach, steps[0])
+    high = np.linspace(circle.radius + 0.1, TOP_SHARE * reach, steps[1])
     return [np.round(r * towards + [0, 0, z], 3) for r in far for z in high]
 
 
@@ -139,15 +142,15 @@ def _follow_circles(cell: Cell, grid: list[tuple[Circle, int]], height: float, s
     """Circles that can be followed, each in its roomiest way; the fixture lies ``height`` [m] off each on one side."""
     normals = np.array([side * circle.normal for circle, side in grid])
     p_BX = np.array([circle.p_BC for circle, _ in grid]) - height * normals
-    theta = np.arange(ANGLES) * 2 * np.pi / ANGLES
+    theta = np.arange(FOLLOWED_ANGLES) * 2 * np.pi / FOLLOWED_ANGLES
     x = np.array([circle.points(theta) for circle, _ in grid])
     which, start, R = _find_starts(cell, x[:, 0], normals, seed)
-    q, reached = follow_poses(cell, start, x[which], np.repeat(R[:, None], ANGLES, axis=1), lead=0.0)
-    whole = np.flatnonzero(reached == ANGLES)
+    q, reached = follow_poses(cell, start, x[which], np.repeat(R[:, None], FOLLOWED_ANGLES, axis=1), lead=0.0)
+    whole = np.flatnonzero(reached == FOLLOWED_ANGLES)
     room = np.array([_smallest_margin(cell, q[m], p_BX[which[m]], normals[which[m]]) for m in whole])
     out = []
     for k, (circle, _) in enumerate(grid):
-        own = np.flatnonzero((which[whole] == k) & (room > ROOM))
+        own = np.flatnonzero((which[whole] == k) & (room > LIMIT_MARGIN))
         if len(own):
             best = whole[own[int(np.argmax(np.round(room[own], 6)))]]
             out.append(CirclePlace(circle, read_only(p_BX[k]), read_only(q[best])))
@@ -156,12 +159,15 @@ def _follow_circles(cell: Cell, grid: list[tuple[Circle, int]], height: float, s
 
 def _find_starts(cell: Cell, x: Array, normals: Array, seed: int) -> tuple[np.ndarray, Array, Array]:
     """Start poses: which circle (m,), angles (m, N) [rad] and orientation (m, 3, 3), the tool against the normal."""
+    spins = 4  # turns of the tool about its own axis
     robot = cell.robot
     low, high = np.maximum(robot.q_lower, -np.pi / 2), np.minimum(robot.q_upper, np.pi / 2)
-    seeds = np.vstack([cell.home, low + qmc.Sobol(robot.n_joints, seed=seed).random_base2(SEEDS) * (high - low)])
-    R = np.repeat(spun_orientations(cell.tool.axis_F, -normals, SPINS), len(seeds), axis=0)
-    which = np.repeat(np.arange(len(x)), SPINS * len(seeds))
-    q, good = solve_pose_ik(cell.chain, robot, np.tile(seeds, (len(x) * SPINS, 1)), x[which], R, SEARCH)
+    # 8 arm positions from which a start is looked for
+    seeds = np.vstack([cell.home, low + qmc.Sobol(robot.n_joints, seed=seed).random_base2(3) * (high - low)])
+    R = np.repeat(spun_orientations(cell.tool.axis_F, -normals, spins), len(seeds), axis=0)
+    which = np.repeat(np.arange(len(x)), spins * len(seeds))
+    # 40: rounds of Newton for a start
+    q, good = solve_pose_ik(cell.chain, robot, np.tile(seeds, (len(x) * spins, 1)), x[which], R, 40)
     q = (q + np.pi) % (2 * np.pi) - np.pi
     good &= ((q > robot.q_lower) & (q < robot.q_upper)).all(axis=1)
     return which[good], q[good], R[good]
@@ -200,10 +206,6 @@ def with_circles(cell: Cell, places: Sequence[CirclePlace]) -> Cell:
 
 def _mm(point: Array) -> list[float]:
     return [float(v) for v in np.round(to_mm(point), 3)]
-
-
-SMOOTH = 8  # harmonics over which the arm's repeatability along a circle is spread
-TYPICAL_SHARE = 0.5  # part of its prior size by which each joint is taken to yield, for what the fixture's height does
 
 
 @dataclass(frozen=True)
@@ -271,7 +273,7 @@ def predict_information(setup: MeasurementSetup, place: CirclePlace) -> Array:
     curves = planned_curves(setup, place)
     there = replace(setup, p_BX=place.p_BX[None], place_names=(circle.name,), place_prior=setup.place_prior[:1])
     model = Model(there, tuple(compliance_parameters(setup)))
-    waves = harmonics_of(model, curves, TYPICAL_SHARE * model.prior)
+    waves = harmonics_of(model, curves, TYPICAL_COMPLIANCE_SHARE * model.prior)
     return waves.information(curves.noise, float(setup.place_prior[circle.fixture])).information
 
 
@@ -302,7 +304,7 @@ def promised_turn_noise(setup: MeasurementSetup, q: Array) -> Array:
     noise = Model(setup, ()).reading_noise(Samples.at(q))
     count = harmonic_counts(B)
     few = np.zeros(len(count))
-    few[:SMOOTH] = float(noise.robot_variance.mean()) * count.sum() / count[:SMOOTH].sum()
+    few[:SPREAD_HARMONICS] = float(noise.robot_variance.mean()) * count.sum() / count[:SPREAD_HARMONICS].sum()
     return np.asarray(few + noise.gauge_variance)
 
 

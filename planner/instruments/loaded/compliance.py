@@ -15,11 +15,17 @@ from planner.cell.placement import Targets
 from planner.cell.setup import MeasurementSetup
 from planner.common.units import MM, Array, read_only
 from planner.effects.compliance import compliance_parameters
+from planner.instruments.loaded.assumptions import (
+    FAINTEST_INFORMATION,
+    HEIGHT_STEP,
+    LOW_HARMONICS,
+    NOISE_VARIANCE_RATIO,
+    STILL_SHARE,
+)
 from planner.instruments.loaded.equilibrium import deflect_joints, lower_fixture, raise_fixture, samples_of
 from planner.instruments.loaded.types import AveragedCurves, Combination, JointCompliances
 from planner.model.model import Model
 
-LOW_HARMONICS = 5  # harmonics in which the deflections lie
 Complex = NDArray[np.complex128]
 
 
@@ -139,13 +145,6 @@ def _windows(square: Array) -> Iterator[float]:
         yield max(float(np.mean(square[first : n + reach + 1])), floor)
 
 
-ROUNDS = 6  # linear but for what the deflection itself changes of the arm's pose, and for the noise
-ROUGH = 2.0  # times the variance of the repeats: beyond that it is no chance of the noise
-STILL = 1e-5  # of the prior sizes: a step that changes nothing
-FAINTEST = 1e-12  # of the largest information in prior sizes: what is below is rounding
-RAISE = 0.5 * MM  # for the numeric derivative by the fixture's height
-
-
 @dataclass(frozen=True)
 class ComplianceFit:
     """Compliances, and how much higher each circle's fixture stands than stated, (S,) [m]."""
@@ -164,7 +163,7 @@ def fit_compliances(setup: MeasurementSetup, curves: Sequence[AveragedCurves]) -
     value, prior = np.zeros(len(model.parameters)), model.prior
     heights, noise, misfit = np.zeros(len(curves)), [np.full(1, np.nan)] * len(curves), 1.0
     sizes = [float(setup.place_prior[c.circle.place]) for c in curves]
-    for k in range(ROUNDS):
+    for k in range(6):  # rounds: linear but for what the deflection itself changes of the arm's pose, and for the noise
         moved = [replace(model, setup=raise_fixture(setup, c, h)) for c, h in zip(curves, heights, strict=True)]
         waves = [harmonics_of(m, c, value) for m, c in zip(moved, curves, strict=True)]
         noise = noise if k else [_first_noise(w, c) for w, c in zip(waves, curves, strict=True)]
@@ -178,7 +177,7 @@ def fit_compliances(setup: MeasurementSetup, curves: Sequence[AveragedCurves]) -
         left = [w.after(step, h) for w, h in zip(waves, raise_by, strict=True)]
         misfit = _misfit(left, curves, len(value))
         noise = [_noise(w, c, misfit) for w, c in zip(left, curves, strict=True)]
-        if k > 1 and np.abs(step / prior).max() < STILL and np.abs(raise_by).max() < STILL * MM:
+        if k > 1 and np.abs(step / prior).max() < STILL_SHARE and np.abs(raise_by).max() < STILL_SHARE * MM:
             break
     size = np.sqrt(np.mean([np.mean(w.mean_variance(_first_noise(w, c))) for w, c in zip(left, curves, strict=True)]))
     found = compliance_posterior(model.names, prior, information, pulled, float(size), float(np.sqrt(misfit)))
@@ -208,7 +207,7 @@ def _noise(left: Harmonics, curves: AveragedCurves, misfit: float) -> Array:
     """
     if not np.all(np.isfinite(curves.noise)):
         return left.scatter
-    return curves.noise * max(1.0, misfit) if misfit < ROUGH else np.maximum(curves.noise, left.scatter)
+    return curves.noise * max(1.0, misfit) if misfit < NOISE_VARIANCE_RATIO else np.maximum(curves.noise, left.scatter)
 
 
 def harmonics_of(model: Model, curves: AveragedCurves, value: Array) -> Harmonics:
@@ -216,8 +215,8 @@ def harmonics_of(model: Model, curves: AveragedCurves, value: Array) -> Harmonic
     setup = lower_fixture(model.setup, curves, value)
     samples = deflect_joints(setup, samples_of(curves), value)
     about = replace(model, setup=setup).linear(samples, Targets(length=curves.length.ravel()))
-    up, down = (_length(raise_fixture(model.setup, curves, h), curves, value) for h in (RAISE, -RAISE))
-    columns = np.column_stack([about.rows[:, 0], (up - down) / (2 * RAISE), about.residual[:, 0]])
+    up, down = (_length(raise_fixture(model.setup, curves, h), curves, value) for h in (HEIGHT_STEP, -HEIGHT_STEP))
+    columns = np.column_stack([about.rows[:, 0], (up - down) / (2 * HEIGHT_STEP), about.residual[:, 0]])
     return Harmonics.of(columns.reshape(*curves.length.shape, -1), curves.repeats.astype(float))
 
 
@@ -255,6 +254,6 @@ def compliance_combinations(names: tuple[str, ...], scaled: Array) -> tuple[Comb
     out = []
     for k in np.argsort(-size, kind="stable"):
         axis = axes[:, k] * np.sign(axes[int(np.argmax(np.round(np.abs(axes[:, k]), 9))), k])
-        seen = max(float(size[k]), FAINTEST * float(size.max()), 1e-300)
+        seen = max(float(size[k]), FAINTEST_INFORMATION * float(size.max()), 1e-300)
         out.append(Combination(names, read_only(axis), float(1.0 / np.sqrt(seen))))
     return tuple(out)

@@ -9,15 +9,21 @@ from planner.cell.circles import NEAR_CIRCLE
 from planner.cell.setup import MeasurementSetup
 from planner.common.arrays import mean_by_group
 from planner.common.errors import InputError
-from planner.common.units import DEG, Array, read_only
+from planner.common.units import Array, read_only
+from planner.instruments.loaded.assumptions import (
+    COARSEST_GRID,
+    FINEST_GRID,
+    LEAST_FORCE_SHARE,
+    LOST_SAMPLES,
+    SAMPLES_AN_ANGLE,
+    SENSE_WINDOW,
+    SMALL_LOAD,
+    TURN_SLACK,
+)
 from planner.instruments.loaded.compliance import smooth_spectrum, turn_noise
 from planner.instruments.loaded.equilibrium import find_circle, measured_points
 from planner.instruments.loaded.types import SENSES, AveragedCurves, DrivenCircle
 from planner.runs.run import Run
-
-FORCE_BINS = 80  # over the range of the forces
-SMALL_LOAD = 2.0  # [N]: a bar that pulls less is not loaded; kilonewtons look like that
-LEAST_SHARE = 0.01  # of the samples: less than that in a bin is a change from one step to the next
 
 
 def load_levels(run: Run, on: np.ndarray) -> tuple[Array, np.ndarray]:
@@ -54,9 +60,9 @@ def _edges(force: Array) -> list[tuple[float, float]]:
     low, high = float(force.min()), float(force.max())
     if high - low < 1.0:
         return [(low, high)]
-    count, at = np.histogram(force, FORCE_BINS, (low, high))
+    count, at = np.histogram(force, 80, (low, high))  # bins over the range of the forces
     width = at[1] - at[0]
-    full = np.flatnonzero(count > LEAST_SHARE * len(force))
+    full = np.flatnonzero(count > LEAST_FORCE_SHARE * len(force))
     groups = np.split(full, 1 + np.flatnonzero(np.diff(full) > 1))
     return [(float(at[g[0]]) - width, float(at[g[-1] + 1]) + width) for g in groups if len(g)]
 
@@ -109,12 +115,6 @@ def bin_turn(run: Run, turn: Turn, values: Array, bins: int, joints: int) -> Arr
     return np.asarray(mean + slope * (middle - at)[:, None] + winding * middle[:, None])
 
 
-FINEST, COARSEST = 360, 36  # angles of the grid
-FILL = 4  # samples that fall on each of them at least
-SLACK, LOST = 1.5 * DEG, 3  # that a turn may lack: an angle, or so many samples
-WINDOW = 1.0 * DEG  # over which the sense of travel is seen
-
-
 def average_curves(setup: MeasurementSetup, run: Run, overshoot: float) -> tuple[AveragedCurves, ...]:
     """Return the curves of each fixture of a run.
 
@@ -146,11 +146,11 @@ def _turns(run: Run, theta: Array, level: np.ndarray, overshoot: float) -> Itera
     key = (session * 1000 + level) * 4 + sense
     cuts = np.flatnonzero(np.diff(key)) + 1
     for rows in np.split(np.arange(len(run)), cuts):
-        if level[rows[0]] < 0 or sense[rows[0]] == 0 or len(rows) < COARSEST:
+        if level[rows[0]] < 0 or sense[rows[0]] == 0 or len(rows) < COARSEST_GRID:
             continue
         way = np.abs(np.unwrap(theta[rows]) - theta[rows[0]])
         total = float(way[-1])
-        slack = max(SLACK, LOST * total / len(rows))
+        slack = max(TURN_SLACK, LOST_SAMPLES * total / len(rows))
         if total < 2 * np.pi - slack:
             continue
         whole = max(1, int((total - 2 * overshoot + slack) // (2 * np.pi)))
@@ -164,8 +164,8 @@ def _turns(run: Run, theta: Array, level: np.ndarray, overshoot: float) -> Itera
 def _sense(travel: Array, session: np.ndarray) -> np.ndarray:
     """Sense of travel of each sample, (n,): 1, −1, or 0 where the arm rests or turns back."""
     step = np.abs(np.diff(travel))
-    usual = float(np.median(step[step > 0])) if np.any(step > 0) else WINDOW
-    half = max(1, round(WINDOW / max(usual, 1e-9) / 2))
+    usual = float(np.median(step[step > 0])) if np.any(step > 0) else SENSE_WINDOW
+    half = max(1, round(SENSE_WINDOW / max(usual, 1e-9) / 2))
     n = len(travel)
     after, before = np.minimum(np.arange(n) + half, n - 1), np.maximum(np.arange(n) - half, 0)
     moved = travel[after] - travel[before]
@@ -180,12 +180,11 @@ def _on_grid(run: Run, circle: DrivenCircle, loads: Array, turns: list[Turn]) ->
             f"{run.name}: no whole turn at one load was driven at fixture '{circle.name}'; a circle needs 360 degrees "
             "and more in one go, better with 180 degrees of overshoot at either end"
         )
-    bins = min(FINEST, min(len(t.rows) for t in turns) // FILL)
-    if bins < COARSEST:
-        few = min(len(t.rows) for t in turns)
+    bins = min(FINEST_GRID, min(len(t.rows) for t in turns) // SAMPLES_AN_ANGLE)
+    if bins < COARSEST_GRID:
+        few, enough = min(len(t.rows) for t in turns), COARSEST_GRID * SAMPLES_AN_ANGLE
         raise InputError(
-            f"{run.name}: a turn has only {few} samples; at least {COARSEST * FILL} are needed (drive slower or log "
-            "faster)"
+            f"{run.name}: a turn has only {few} samples; at least {enough} are needed (drive slower or log faster)"
         )
     directions, N = _directions(run, circle, loads, turns), run.samples.q.shape[1]
     binned = [

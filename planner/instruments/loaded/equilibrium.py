@@ -12,12 +12,13 @@ from planner.common.units import MM, Array, read_only
 from planner.effects.compliance import DriveTorque, LoadTorque
 from planner.effects.context import Context
 from planner.effects.effect import Parameter
+from planner.instruments.loaded.assumptions import ON_CIRCLE_SHARE
 from planner.instruments.loaded.types import AveragedCurves, CentringOffset, DrivenCircle
 from planner.kinematics.geometry import bar_state, fit_circle_in_space
 from planner.model.model import Model
 from planner.runs.run import Run, Samples
 
-ROUNDS = 3  # each is a hundred times nearer: a deflection of 1 mm turns a bar of 130 mm by 8 mrad
+BALANCE_ROUNDS = 3  # each is a hundred times nearer: a deflection of 1 mm turns a bar of 130 mm by 8 mrad
 
 
 def deflect_joints(setup: MeasurementSetup, samples: Samples, value: Array) -> Samples:
@@ -33,7 +34,7 @@ def deflect_joints(setup: MeasurementSetup, samples: Samples, value: Array) -> S
     """
     back = np.linalg.inv(setup.robot.sense_matrix)
     q = samples.q
-    for _ in range(ROUNDS):
+    for _ in range(BALANCE_ROUNDS):
         torque = Context(setup, replace(samples, q=q)).load_torque
         q = samples.q + (torque * value) @ back.T
     return replace(samples, q=read_only(q))
@@ -53,7 +54,7 @@ def solve_equilibrium(model: Model, samples: Samples, errors: Array) -> tuple[Mo
     """Return model and samples such that arm, weights and bar are in balance at the errors (P,), by held torques."""
     held = replace(model, parameters=use_held_torques(model.parameters))
     samples = with_held_torque(samples, model, np.zeros(len(errors)))
-    for _ in range(ROUNDS):
+    for _ in range(BALANCE_ROUNDS):
         samples = with_held_torque(samples, held, errors)
     return held, samples
 
@@ -110,10 +111,6 @@ def samples_of(curves: AveragedCurves, loaded: bool = True) -> Samples:
     return Samples(q=read_only(curves.q.reshape(n, -1)), place=np.full(n, curves.circle.place), force=read_only(force))
 
 
-CIRCLE_ROUNDS = 8
-SHARE_ON_CIRCLE = 0.5  # part of a place's samples that lie on the circle, else there is none
-
-
 def measured_points(setup: MeasurementSetup, q: Array) -> Array:
     """Measured point of the nominal setup, (n, 3) [m]."""
     tool = setup.p_FM[0]
@@ -129,12 +126,12 @@ def find_circle(setup: MeasurementSetup, run: Run, place: int, x: Array) -> Driv
         InputError: the points do not lie on a circle.
     """
     centre, axes, radius = fit_circle_in_space(x)
-    for _ in range(CIRCLE_ROUNDS):
+    for _ in range(8):  # rounds of taking the samples near the circle
         size = _off(x, centre, axes[2], radius)
-        on = size <= max(float(np.quantile(size, SHARE_ON_CIRCLE)), 1e-4 * radius) * 3.0
+        on = size <= max(float(np.quantile(size, ON_CIRCLE_SHARE)), 1e-4 * radius) * 3.0
         centre, axes, radius = fit_circle_in_space(x[on])
     off = _off(x, centre, axes[2], radius)
-    if radius > 10.0 or float(np.mean(off < NEAR_CIRCLE * radius)) < SHARE_ON_CIRCLE:
+    if radius > 10.0 or float(np.mean(off < NEAR_CIRCLE * radius)) < ON_CIRCLE_SHARE:
         raise InputError(
             f"{run.name}: the arm does not run on a circle at fixture '{setup.place_names[place]}': half of the "
             f"samples lie {float(np.median(off)) / MM:.1f} mm or more off the best one (radius {radius / MM:.1f} mm); "

@@ -15,6 +15,17 @@ from planner.common.units import DEG, MM, UM, Array, read_only
 from planner.gauges.placement.flange_poses import FlangePoses, nominal_flange_poses
 from planner.gauges.placement.frames import place_frames
 from planner.identification.run_setup import setup_for_run
+from planner.instruments.loaded.assumptions import (
+    AGREEING_RATIO,
+    CURVED_OFFSET,
+    LEAST_COVERAGE,
+    LINEAR_LOADS,
+    OVERLOAD_RATIO,
+    PAPER_OVERSHOOT,
+    RANGE_MARGIN,
+    SENSE_SHARE,
+    SURE_SIGMAS,
+)
 from planner.instruments.loaded.compliance import bar_deflection, fit_compliances
 from planner.instruments.loaded.curves import average_curves
 from planner.instruments.loaded.equilibrium import centring_offset, measured_points, raise_fixture
@@ -29,13 +40,6 @@ from planner.instruments.loaded.types import (
 )
 from planner.kinematics.geometry import bar_state
 from planner.runs.run import Run
-
-ROOM = 10.0 * MM  # beyond the bar's range that cell and program may be wrong by
-SURE = 3.0  # standard deviations beyond which a negative compliance is no chance
-CURVED = 10.0 * UM  # second harmonic of an offset centre, beyond which the sine is not the whole truth
-BEYOND = 1.1  # times the largest load that the cell states
-LINEAR = 3  # loads that it takes to see whether the arm yields in proportion
-AGREE = 1.5  # times the scatter of the repeats: beyond that the loads' curves do not agree
 
 
 def _check_cell(cell: Cell) -> None:
@@ -61,7 +65,7 @@ def _check_measured_loads(cell: Cell, curves: Sequence[AveragedCurves], name: st
     """
     largest = max(float(np.abs(c.loads).max()) for c in curves)
     stated = max((load for c in cell.circles for load in c.loads), default=np.inf)
-    if largest > BEYOND * stated:
+    if largest > OVERLOAD_RATIO * stated:
         raise InputError(
             f"{name}: the bar loads the arm with {largest:.0f} N, but the circles of {cell.path} go up to {stated:g} N "
             "only; check force_N, or loads_N in [[circles]]"
@@ -78,7 +82,7 @@ def _check_reach(cell: Cell, setup: MeasurementSetup, curves: AveragedCurves, na
     x = measured_points(setup, curves.q.reshape(-1, curves.q.shape[-1]))
     length = bar_state(x, curves.circle.p_BX).length
     low, high = cell.gauge.length_min, cell.gauge.length_max
-    if float(length.min()) < low - ROOM or float(length.max()) > high + ROOM:
+    if float(length.min()) < low - RANGE_MARGIN or float(length.max()) > high + RANGE_MARGIN:
         raise InputError(
             f"{name}: the circle of radius {curves.circle.radius / MM:.1f} mm about "
             f"{np.round(curves.circle.centre / MM, 1).tolist()} mm lies {length.min() / MM:.1f} to "
@@ -97,7 +101,7 @@ def _check_sign(curves: AveragedCurves, name: str) -> None:
     slope = float(np.polyfit(force, length, 1)[0])
     each = (curves.length - curves.length[:, :1])[:, 1:] / (curves.force - curves.force[:, :1])[:, 1:]
     scatter = float(each.mean(axis=2).std() / np.sqrt(each[..., 0].size)) + 1e-15
-    if slope > SURE * scatter:
+    if slope > SURE_SIGMAS * scatter:
         way = "pull" if force[-1] > 0 else "push"
         raise InputError(
             f"{name}: the bar at fixture '{curves.circle.name}' reads {slope * 100 / UM:+.1f} µm for each 100 N more "
@@ -112,7 +116,7 @@ def problems_of(found: JointCompliances) -> tuple[str, ...]:
         f"{n} came out at {v * 1e6:.3f} ± {s * 1e6:.3f} µrad/Nm, negative beyond its uncertainty: no joint yields "
         "against its load; something else bends (base, tool, links), or forces or joint angles are wrong"
         for n, v, s in zip(found.names, found.value, found.std, strict=True)
-        if v < -SURE * s
+        if v < -SURE_SIGMAS * s
     )
 
 
@@ -121,10 +125,10 @@ def warnings_of(circles: Sequence[EvaluatedCircle], found: JointCompliances) -> 
     out = []
     for c in circles:
         name, curves = c.curves.circle.name, c.curves
-        if len(curves.loads) < LINEAR:
+        if len(curves.loads) < LINEAR_LOADS:
             out.append(
                 f"fixture '{name}': {len(curves.loads)} loads give a stiffness, but do not show whether the arm "
-                f"yields in proportion; {LINEAR} or more would"
+                f"yields in proportion; {LINEAR_LOADS} or more would"
             )
         if int(curves.repeats.min()) < 2:
             out.append(
@@ -133,22 +137,17 @@ def warnings_of(circles: Sequence[EvaluatedCircle], found: JointCompliances) -> 
         if len(curves.directions) < 2:
             out.append(f"fixture '{name}': driven in one sense only, so backlash cannot be told from the error")
         second = float((c.centre_offset**2).sum()) / (4 * float(curves.length.mean()))
-        if second > CURVED:
+        if second > CURVED_OFFSET:
             out.append(
                 f"fixture '{name}': the circle is {np.linalg.norm(c.centre_offset) / MM:.1f} mm off its ball, so "
                 f"{second / UM:.0f} µm of the kinematic error twice a turn are its geometry; centre it better"
             )
-    if found.misfit > AGREE:
+    if found.misfit > AGREEING_RATIO:
         out.append(
             f"the loads' curves differ {found.misfit:.1f} times as much as the repeats do: play, friction, links that "
             "bend as well, or a load that is not what was logged; the uncertainties allow for it"
         )
     return tuple(out)
-
-
-PLACING_SAMPLES = 400  # samples that tell where the tracker stands
-SENSE_SHARE = 0.2  # part of a tracker's samples that make a sense of travel
-LEAST_COVERAGE = 0.9  # part of the angles that the tracker's samples must cover
 
 
 def compare_with_tracker(cell: Cell, setup: MeasurementSetup, circle: EvaluatedCircle, run: Run) -> TrackerComparison:
@@ -188,7 +187,7 @@ def _senses(curves: AveragedCurves, theta: Array) -> list[int]:
 
 def _radial(setup: MeasurementSetup, p_BX: Array, run: Run, x: Array) -> Array:
     """Error of the measured point along the bar, (n,) [m]."""
-    few = run.take(even_positions(len(run), PLACING_SAMPLES))
+    few = run.take(even_positions(len(run), 400))  # samples tell where the tracker stands
     stand = FlangePoses.of_one(*nominal_flange_poses(setup, few.samples.q))
     assert few.readings.position is not None
     assert run.readings.position is not None
@@ -217,10 +216,6 @@ def _without_offset(theta: Array, y: Array) -> Array:
     return np.asarray(y - centring_offset(theta, y).sine(theta))
 
 
-PAPER = 180.0 * DEG  # overshoot of the EDBB paper's circles
-CENTRING_ROUNDS = 2  # rounds: the second with the fixture where the first found it
-
-
 @on_one_thread
 def evaluate_loaded_circles(
     run: Run, cell: Cell, tracker: Run | None = None, overshoot: float | None = None
@@ -242,7 +237,7 @@ def evaluate_loaded_circles(
         _check_reach(cell, setup, c, run.name)
         _check_sign(c, run.name)
     circles: tuple[EvaluatedCircle, ...] = ()
-    for _ in range(CENTRING_ROUNDS):
+    for _ in range(2):  # rounds: the second with the fixture where the first found it
         told = fit_compliances(setup, curves)
         found = told.compliances
         circles = tuple(
@@ -258,7 +253,7 @@ def evaluate_loaded_circles(
 
 def _overshoot(cell: Cell, wanted: float | None) -> float:
     """What is left out at either end of a pass [rad]: as wanted, else what the cell's circles run over there."""
-    there = min((c.overshoot for c in cell.circles), default=PAPER)
+    there = min((c.overshoot for c in cell.circles), default=PAPER_OVERSHOOT)
     if wanted is not None and cell.circles and wanted > there + 1e-9:
         raise InputError(
             f"--overshoot {wanted / DEG:g} would drop more than the passes of {cell.path} run over at either end of "

@@ -16,6 +16,7 @@ from planner.identification.identifiable_parameters import estimate_parameters, 
 from planner.identification.least_squares import fit
 from planner.identification.problem import FitProblem
 from planner.identification.run_setup import add_motion, locate_gauge, setup_for_run
+from planner.instruments.loaded.assumptions import ANGLES_A_TURN, DISAGREEMENT_RATIO, SAMPLE_SPACING, SPARSE_STEP
 from planner.instruments.loaded.equilibrium import use_held_torques, with_held_torque
 from planner.instruments.loaded.types import AveragedCurves, LoadedEvaluation
 from planner.model.identification_document import Estimate
@@ -23,12 +24,9 @@ from planner.model.model import Model
 from planner.runs.loader import join_runs
 from planner.runs.run import Readings, Run, Samples
 
-SAMPLE_SPACING, SPARSE_STEP = 3.0, 300  # [s], samples: from one sample of a continuous run to the next that enters
-ANGLES = 24  # of each turn that enter: neighbours share their error, and curves vary a few times a turn
-
 
 def averaged_run(found: LoadedEvaluation) -> Run:
-    """Return averaged curves as a run of poses at rest, a sample for each of ``ANGLES`` angles, loads and senses."""
+    """Return averaged curves as a run of poses at rest, a sample for each of 24 angles, loads and senses."""
     rows = []
     for k, c in enumerate(x.curves for x in found.circles):
         which = _few(c)
@@ -59,7 +57,7 @@ def averages_noise(found: LoadedEvaluation) -> tuple[Array, ...]:
 
 def _few(c: AveragedCurves) -> np.ndarray:
     """Angles of averaged curves that enter, (A,) int."""
-    groups = np.array_split(np.arange(len(c.theta)), min(ANGLES, len(c.theta)))
+    groups = np.array_split(np.arange(len(c.theta)), min(ANGLES_A_TURN, len(c.theta)))
     return np.array([g[len(g) // 2] for g in groups])
 
 
@@ -81,11 +79,6 @@ def at_rest(run: Run) -> Run:
     return replace(run, samples=thin, readings=run.readings.take(which), continuous=False)
 
 
-REFINE_STEPS = 12
-REFINE_STILL = 1e-3  # standard deviations: a step that changes nothing
-NUDGE = 0.1  # of the prior size, for the derivative of the torques
-
-
 @dataclass(frozen=True)
 class RefinedFit:
     """Errors (P,), their covariance (P, P), and the residuals reading − prediction (n,) [m]."""
@@ -105,11 +98,12 @@ def refine_fit(problem: FitProblem, run: Run, errors: Array, turns: Sequence[Arr
         turns: covariance of the averages over A angles for the K loads of each block, (K, A, A) [m²], in the order of
             the run.
     """
+    still_share = 1e-3  # standard deviations: a step that changes nothing
     model, prior, declared = problem.model, problem.prior, problem.whitener.covariance(slice(None))[:, 0, 0]
     first = len(run) - sum(len(c) * c.shape[1] for c in turns)
     size = 1.0
     turned = torque_rows(model, run.samples, errors, prior)  # once: they change by parts of themselves
-    for _ in range(REFINE_STEPS):
+    for _ in range(12):  # Gauss-Newton steps at most
         about = model.linear(with_held_torque(run.samples, model, errors), problem.targets, errors)
         rows, residual = about.rows[:, 0] + turned, about.residual[:, 0]
         columns = np.column_stack([rows, residual])
@@ -120,8 +114,8 @@ def refine_fit(problem: FitProblem, run: Run, errors: Array, turns: Sequence[Arr
         left = white[:first, -1] - white[:first, :-1] @ step
         spare = first - float(np.einsum("ni,ij,nj->", white[:first, :-1], covariance, white[:first, :-1]))
         before, size = size, size * float((left**2).sum()) / max(1.0, spare)
-        still = np.abs(step / np.sqrt(np.diag(covariance))).max() < REFINE_STILL
-        if still and abs(size / before - 1.0) < REFINE_STILL:
+        still = np.abs(step / np.sqrt(np.diag(covariance))).max() < still_share
+        if still and abs(size / before - 1.0) < still_share:
             break
     left = model.residual(with_held_torque(run.samples, model, errors), problem.targets, errors)[:, 0]
     return RefinedFit(read_only(errors), read_only(covariance), read_only(left))
@@ -161,7 +155,7 @@ def torque_rows(model: Model, samples: Samples, errors: Array, prior: Array) -> 
         return np.asarray(-model.residual(with_held_torque(samples, model, torques_by), nothing, errors)[:, 0])
 
     out, here = np.empty((len(samples), len(prior))), read(errors)
-    for k, size in enumerate(NUDGE * prior):
+    for k, size in enumerate(0.1 * prior):  # of the prior sigma, for the derivative of the torques
         moved = errors.copy()
         moved[k] += size
         out[:, k] = (read(moved) - here) / size
@@ -171,10 +165,6 @@ def torque_rows(model: Model, samples: Samples, errors: Array, prior: Array) -> 
 def _scaled_inverse(information: Array, prior: Array) -> Array:
     scale = np.outer(prior, prior)
     return np.asarray(np.linalg.inv(information * scale) * scale)
-
-
-DISAGREEMENT = 3.0  # times what it leaves by itself, from which on a run does not fit to the other
-TORQUE_ROUNDS = 2  # of the torques in balance before the last steps
 
 
 @dataclass(frozen=True)
@@ -216,7 +206,7 @@ def fit_jointly(cell: Cell, unloaded: Run, loaded: Run, turns: Sequence[Array]) 
     _, seen = identifiable_subset(whole, whole_run.samples)
     gauge = [k for k, p in enumerate(whole.parameters) if p.group == "gauge"]
     model = whole.subset(sorted({*seen.kept, *gauge}))
-    for _ in range(TORQUE_ROUNDS):
+    for _ in range(2):  # times the torques are put in balance before the last steps
         found = fit(FitProblem.of(model, whole_run))
         whole_run = _with_balanced_torque(whole_run, model, found.errors)
     last = refine_fit(found.problem, whole_run, found.errors, turns)
@@ -242,7 +232,7 @@ def _disagreement(model: Model, run: Run, under: np.ndarray, rms: tuple[float, f
     for part, left, words in ((~under, rms[0], "without load"), (under, rms[1], "under load")):
         alone = fit(FitProblem.of(model, run.take(part)))
         own = _rms(alone.problem.residual(alone.errors))
-        if left > DISAGREEMENT * float(np.hypot(own, model.setup.gauge.noise)):
+        if left > DISAGREEMENT_RATIO * float(np.hypot(own, model.setup.gauge.noise)):
             return (
                 f"the runs without load and under load disagree: fitted together, {left / UM:.1f} µm are left {words}, "
                 f"by itself that run leaves {own / UM:.1f} µm; were both measured on one robot, at the fixtures that "

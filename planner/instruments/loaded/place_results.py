@@ -6,6 +6,7 @@ import numpy as np
 import polars as pl
 
 from planner.common.units import significant, to_deg, to_mm
+from planner.instruments.loaded.assumptions import WORST_JOINT_SHARE
 from planner.instruments.loaded.circle_candidates import (
     CirclePlace,
     CirclePlaceChoice,
@@ -14,8 +15,6 @@ from planner.instruments.loaded.circle_candidates import (
 )
 from planner.instruments.loaded.common_fit import CommonFit
 from planner.instruments.loaded.results import share_text
-
-GOOD = 0.15  # of the prior size: more places are said to be worth it until the worst joint is known so well
 
 
 def places_content(found: CirclePlaceChoice, robot: str, both: CommonFit | None = None) -> dict[str, object]:
@@ -76,9 +75,11 @@ def describe_places(found: CirclePlaceChoice) -> tuple[str, ...]:
         worst = short[int(np.argmax(known.std))]
         what = "The best single circle" if len(chosen) == 1 else f"The best {len(chosen)} circles together"
         out.append(f"{what} would leave {worst} with {share_text(known.worst)}, all others with less.")
-    enough = [len(s) for s, k in zip(found.sets, found.known, strict=True) if k.worst < GOOD]
+    enough = [len(s) for s, k in zip(found.sets, found.known, strict=True) if k.worst < WORST_JOINT_SHARE]
     if enough:
-        out.append(f"{enough[0]} places know every joint to {100 * GOOD:.0f} % of its prior size or better.")
+        out.append(
+            f"{enough[0]} places know every joint to {100 * WORST_JOINT_SHARE:.0f} % of its prior size or better."
+        )
     return tuple(out)
 
 

@@ -5,23 +5,19 @@ from collections.abc import Sequence
 import numpy as np
 import polars as pl
 
-from planner.common.units import MM, UM, Array, in_units, significant, to_deg, to_mm
+from planner.common.units import MM, UM, URAD, Array, in_units, significant, to_deg, to_mm
 from planner.design.observability.identifiability import join_names
+from planner.instruments.loaded.assumptions import KNOWN_SHARE, OPEN_SHARE
 from planner.instruments.loaded.joint_fit import JointFit
 from planner.instruments.loaded.types import (
     KNOWN,
-    KNOWN_SHARE,
     NOT_LEARNT,
-    OPEN_SHARE,
     SENSES,
     Combination,
     EvaluatedCircle,
     JointCompliances,
     LoadedEvaluation,
 )
-
-URAD = 1e-6  # [rad]
-PERCENT = 0.095  # of the prior size: finer parts are written with the digits that they need
 
 
 def loaded_sentences(circles: Sequence[EvaluatedCircle], found: JointCompliances) -> tuple[str, ...]:
@@ -88,7 +84,8 @@ def share_text(std: float) -> str:
     """Write a standard deviation as a part of the prior size."""
     if std >= 10.0:
         return _times_text(std)
-    return f"{100 * std:.2g} %" if std < PERCENT else f"{100 * std:.0f} %"
+    # 0.095: of the prior sigma: finer parts are written with the digits that they need
+    return f"{100 * std:.2g} %" if std < 0.095 else f"{100 * std:.0f} %"
 
 
 def _list_combinations(those: Sequence[Combination]) -> str:

@@ -8,12 +8,9 @@ import numpy as np
 from planner.cell.circles import CircleAtFixture
 from planner.common.units import Array
 from planner.design.observability.identifiability import format_direction
+from planner.instruments.loaded.assumptions import KNOWN_SHARE, NEGLIGIBLE_SHARE, OPEN_SHARE
 
-# of the largest share of a combination: less is not written out, and hides no joint behind another
-NEGLIGIBLE_SHARE = 0.05
-# standard deviation as a part of the prior size: below known, above not known at all
-KNOWN_SHARE, OPEN_SHARE = 1.0 / 3.0, 1.0
-# the same with the prior, where the readings say no more than was known before
+# [1] as OPEN_SHARE, but with the prior, where the readings say no more than was known before
 OPEN_SHARE_WITH_PRIOR = OPEN_SHARE / np.sqrt(2.0)
 KNOWN, HARDLY_KNOWN, NOT_LEARNT = "known", "hardly known", "not learnt"
 SENSES = {1: "counter-clockwise", -1: "clockwise"}  # of travel about the circle's normal

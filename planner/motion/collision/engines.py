@@ -14,10 +14,9 @@ from planner.kinematics.geometry import bar_state
 from planner.kinematics.robot import Robot, elementary_placement
 from planner.motion.collision.scene import Scene, build_scene, coal_shape
 from planner.motion.planning_packages import pin
+from planner.motion.tolerances import OVERLAP_STATES
 from planner.runs.run import FIRST_MOUNTING, Mounting
 
-OVERLAP_SAMPLES = 256  # states that decide which pairs always overlap
-BATCH = 20_000
 UNKNOWN = np.inf  # distance of a pair that was not asked for [m]
 
 
@@ -55,14 +54,15 @@ class CollisionWorld:
 
     def collides(self, q: Array, clearance: float | None = None) -> np.ndarray:
         """Tell which states (n, N) [rad] bring a pair closer than ``clearance`` [m] (default the cell's), (n,) bool."""
+        batch = 20_000  # states at a time, over which the work is spread on the processors
         margin = self.cell.motion.clearance if clearance is None else clearance
         for data in self._pool.getGeometryDatas():
             for request in data.collisionRequests:
                 request.security_margin = margin
         out = np.empty(len(q), dtype=bool)
-        for start in range(0, len(q), BATCH):
-            columns = np.asfortranarray(self.configuration(q[start : start + BATCH]).T)
-            out[start : start + BATCH] = pin.computeCollisionsInParallel(available_threads(), self._pool, columns, True)
+        for start in range(0, len(q), batch):
+            columns = np.asfortranarray(self.configuration(q[start : start + batch]).T)
+            out[start : start + batch] = pin.computeCollisionsInParallel(available_threads(), self._pool, columns, True)
         return out
 
     def distances(self, q: Array, mask: np.ndarray | None = None, enough: Array | None = None) -> Array:
@@ -94,7 +94,7 @@ class CollisionWorld:
     def always_touching(self) -> list[int]:
         """Positions of pairs that are closer than the clearance at home and at every one of a set of random states."""
         robot, rng = self.cell.robot, np.random.default_rng(0)
-        q = np.vstack([self.cell.home, rng.uniform(robot.q_lower, robot.q_upper, (OVERLAP_SAMPLES, robot.n_joints))])
+        q = np.vstack([self.cell.home, rng.uniform(robot.q_lower, robot.q_upper, (OVERLAP_STATES, robot.n_joints))])
         left = np.ones((1, len(self.scene.pairs)), dtype=bool)
         for row in q:
             left &= self.distances(row[None], left) < self.cell.motion.clearance

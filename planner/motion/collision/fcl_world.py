@@ -13,9 +13,7 @@ from planner.motion.collision.engines import UNKNOWN
 from planner.motion.collision.round_bounds import ROUND, RoundBounds
 from planner.motion.collision.scene import Scene, fcl_shape, mesh_faces
 from planner.motion.planning_packages import fcl
-
-SLACK = 1e-5  # [m] that a proof of a distance may lack of it, and that fcl's collision test is given
-BISECTIONS = 14  # of a distance that was too large
+from planner.motion.tolerances import DISTANCE_SLACK
 
 
 class FclWorld:
@@ -23,9 +21,9 @@ class FclWorld:
 
     fcl's distance of boxes was seen to be far too large now and then (by 0.2 m at worst), while its collision test
     never erred. So a distance counts as far as the plane between the two nearest points proves it: convex bodies lie
-    on either side of it, each as far as its own support function says. Where that lacks more than ``SLACK``, and for
-    meshes that are not convex, a distance d counts only if one of the two bodies, grown by d, does not collide with
-    the other; else the largest that holds is searched.
+    on either side of it, each as far as its own support function says. Where that lacks more than
+    ``DISTANCE_SLACK``, and for meshes that are not convex, a distance d counts only if one of the two bodies, grown by
+    d, does not collide with the other; else the largest that holds is searched.
 
     Where a lower bound will do, pairs whose :class:`RoundBounds` say enough are not asked for, but for the nearest pair
     of every state. Coal's verdict, which asks for all, stands beside it.
@@ -65,7 +63,7 @@ class FclWorld:
             if self._convex[a] and self._convex[b]:
                 n = along[asked, p]
                 gap = -self._support(a, n, poses[a][asked]) - self._support(b, -n, poses[b][asked])
-            proven = out[asked, p] - gap < SLACK
+            proven = out[asked, p] - gap < DISTANCE_SLACK
             out[asked[proven], p] = gap[proven]
             for i in asked[~proven]:
                 self._place(self._objects, {a, b}, poses, i)
@@ -112,10 +110,10 @@ class FclWorld:
             return distance
         if self.scene.pieces[a].body.kind == "mesh" or self._round[b]:
             a, b = b, a
-        free, met = 0.0, max(distance - SLACK, 0.0)
+        free, met = 0.0, max(distance - DISTANCE_SLACK, 0.0)
         if not self._meets(a, b, met):
             return met
-        for _ in range(BISECTIONS):
+        for _ in range(14):  # bisections of a distance that was too large: to a ten-thousandth of it
             middle = (free + met) / 2
             free, met = (free, middle) if self._meets(a, b, middle) else (middle, met)
         return free

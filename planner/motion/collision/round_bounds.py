@@ -16,8 +16,6 @@ from planner.kinematics.geometry import bar_state
 from planner.motion.collision.engines import CollisionWorld
 from planner.motion.collision.scene import Scene, outline
 
-CHUNK = 16_384  # entries at a time: they stay in the cache
-_TINY = 1e-30
 ROUND = ("capsule", "sphere")
 
 
@@ -75,13 +73,14 @@ class RoundBounds:
 
         The distance itself where :attr:`exact` says so.
         """
+        chunk = 16_384  # entries at a time: they stay in the processor's cache
         ends, frames = self._place(q)
         out = np.empty(len(rows))
         radius = self._radius
         for boxed in (False, True):
             mine = np.flatnonzero(self.boxed[columns] == boxed)
-            for k in range(0, len(mine), CHUNK):
-                part = mine[k : k + CHUNK]
+            for k in range(0, len(mine), chunk):
+                part = mine[k : k + chunk]
                 a, b = self.pairs[columns[part]].T
                 first, second = (ends[:, :, piece, rows[part]] for piece in (a, b))
                 if boxed:
@@ -141,11 +140,12 @@ class RoundBounds:
 
 def segment_distance(p: Array, p_end: Array, r: Array, r_end: Array) -> Array:
     """Distance of the segments p … p_end and r … r_end, each (3, m) [m], (m,); C. Ericson 2005, section 5.1.9."""
+    tiny = 1e-30  # [m²] keeps a segment without length from being divided by
     along, other, apart = p_end - p, r_end - r, p - r
     a, e = _dot(along, along), _dot(other, other)
     b, c, f = _dot(along, other), _dot(along, apart), _dot(other, apart)
-    safe_a, safe_e = np.maximum(a, _TINY), np.maximum(e, _TINY)
-    s = _clip((b * f - c * e) / np.maximum(a * e - b * b, _TINY))
+    safe_a, safe_e = np.maximum(a, tiny), np.maximum(e, tiny)
+    s = _clip((b * f - c * e) / np.maximum(a * e - b * b, tiny))
     t = _clip((b * s + f) / safe_e)
     s = _clip((b * t - c) / safe_a)
     gap = apart + s * along - t * other

@@ -21,15 +21,8 @@ from planner.kinematics.bodies import Body, Vector
 from planner.kinematics.robot import Robot
 from planner.kinematics.robot_file import NEXT_BUT_ONE
 from planner.motion.planning_packages import coal, fcl
+from planner.motion.tolerances import FARTHEST_VERTEX, FLAT_THICKNESS, HULL_TOLERANCE, MOST_TRIANGLES
 from planner.runs.run import FIRST_MOUNTING, Mounting
-
-MOST_TRIANGLES = 50_000  # of a mesh as it is: with 200 000 the second engine takes a second a state
-MOST_BYTES = 50_000_000
-MOST_FACES = 240  # of a polytope about a mesh
-CLOSE = 1e-3  # [m] that a polytope may stand beyond the hull's faces before it gets more of them
-_BATCH = 12  # faces at a time
-FARTHEST = 1e3  # [m] from a mesh's own zero: nothing in a cell is a kilometre away
-FLAT = 1e-6  # [m] thickness below which a mesh encloses no space
 
 
 def mesh_faces(body: Body) -> tuple[Array, np.ndarray]:
@@ -39,7 +32,7 @@ def mesh_faces(body: Body) -> tuple[Array, np.ndarray]:
         InputError: it is too large, is no mesh, or has no triangle or a vertex that is no number.
     """
     assert body.mesh is not None
-    check_readable(body.mesh, MOST_BYTES)
+    check_readable(body.mesh, 50_000_000)  # bytes: 50 000 triangles take 2.5 MB as binary STL
     return _faces(body.mesh, body.mesh.stat().st_mtime_ns, body.scale, body.hull)
 
 
@@ -72,12 +65,12 @@ def _read(path: Path, scale: Vector) -> coal.BVHModelBase:
         raise InputError(f"{path}: cannot be read as a mesh ({str(err).splitlines()[0]})") from err
     if mesh.num_tris == 0:
         raise InputError(f"{path}: the mesh has no triangles")
-    far = np.flatnonzero(~(np.abs(mesh.vertices()) <= FARTHEST).all(axis=1))  # what is no number is far too
+    far = np.flatnonzero(~(np.abs(mesh.vertices()) <= FARTHEST_VERTEX).all(axis=1))  # what is no number is far too
     if len(far):
         place = ", ".join(f"{v:.4g}" for v in mesh.vertices()[far[0]])
         raise InputError(
             f"{path}: vertex {far[0] + 1} of the mesh, of {len(mesh.vertices())}, is at ({place}) m with its scale, "
-            f"and {FARTHEST:g} m is the farthest that is allowed"
+            f"and {FARTHEST_VERTEX:g} m is the farthest that is allowed"
         )
     return mesh
 
@@ -86,13 +79,14 @@ def _polytope_about(path: Path, points: Array) -> tuple[Array, np.ndarray]:
     """A convex polytope of few faces that holds all points (m, 3): the hull itself, or cut from a box by its faces.
 
     The corners that stand furthest beyond the hull are cut off next, each by the face that it stands furthest beyond,
-    until none does by more than ``CLOSE``.
+    until none does by more than ``HULL_TOLERANCE``.
     """
-    if np.linalg.svd(points - points.mean(axis=0), compute_uv=False)[-1] < FLAT:
+    most_faces = 240  # of a polytope about a mesh
+    if np.linalg.svd(points - points.mean(axis=0), compute_uv=False)[-1] < FLAT_THICKNESS:
         raise InputError(f"{path}: the mesh is flat: give the body as a box")
     hull = ConvexHull(points)
     planes = np.unique(np.round(hull.equations, 9), axis=0)
-    if len(planes) <= MOST_FACES:
+    if len(planes) <= most_faces:
         return _orient_faces(points[hull.vertices])
     inside = points[hull.vertices].mean(axis=0)
     axes = np.vstack([np.eye(3), -np.eye(3)])
@@ -101,8 +95,8 @@ def _polytope_about(path: Path, points: Array) -> tuple[Array, np.ndarray]:
         corners = HalfspaceIntersection(cuts, inside).intersections
         over = corners @ planes[:, :3].T + planes[:, 3]
         far = over.max(axis=1)
-        worst = np.unique(over[np.argsort(-far, kind="stable")[:_BATCH]].argmax(axis=1))
-        if far.max() < CLOSE or len(cuts) + len(worst) > MOST_FACES:
+        worst = np.unique(over[np.argsort(-far, kind="stable")[:12]].argmax(axis=1))  # faces at a time
+        if far.max() < HULL_TOLERANCE or len(cuts) + len(worst) > most_faces:
             return _orient_faces(corners)
         cuts = np.vstack([cuts, planes[worst]])
 
@@ -203,7 +197,6 @@ def outline(body: Body) -> Array:
     return np.array([[0.0, 0.0, -half], [0.0, 0.0, half]])
 
 
-FLOOR_SIZE, FLOOR_THICKNESS = 20.0, 0.5  # [m]
 FLOOR = "floor"
 
 
@@ -295,11 +288,13 @@ def build_scene(cell: Cell, mounting: Mounting = FIRST_MOUNTING) -> Scene:
 
 
 def _floor_body(cell: Cell) -> list[Body]:
+    thickness = 0.5  # [m]
+    size = 20.0  # [m] across: wider than any cell
     if cell.base.floor is None:
         return []
     T = np.eye(4)
-    T[2, 3] = cell.base.floor - FLOOR_THICKNESS / 2
-    return [Body(FLOOR, "box", (FLOOR_SIZE, FLOOR_SIZE, FLOOR_THICKNESS), read_only(T))]
+    T[2, 3] = cell.base.floor - thickness / 2
+    return [Body(FLOOR, "box", (size, size, thickness), read_only(T))]
 
 
 def _gauge_body(brought: GaugeBody, T_LF: Array, last: int) -> SceneBody:

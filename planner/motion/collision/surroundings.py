@@ -22,12 +22,9 @@ from planner.motion.collision.scene import (
     mesh_faces,
 )
 from planner.motion.planning_packages import coal
+from planner.motion.tolerances import CARRIED_REACHES, HALL, LEAST_SIZE
 
-SMALLEST = 1e-3  # [m] largest side of a mesh: nothing in a cell is smaller
-SHOWN_PAIRS = 12  # of those that always touch
-LARGEST = 3.0  # times the robot's reach: no body that it carries is larger
-HALL = 30.0  # [m] no mesh of an obstacle is larger: one in millimetres that is read in metres is
-TURNS_UPRIGHT = 1  # the frames of the base and of this link stand at one height, whatever home is
+SHOWN_PAIRS = 12  # of bodies that a message names
 
 
 def check_surroundings(cell: Cell) -> None:
@@ -165,8 +162,8 @@ def _check_mesh(cell: Cell, piece: SceneBody) -> None:
     vertices = mesh_faces(piece.body)[0]
     size = float(np.ptp(vertices, axis=0).max())
     carried = sum(t.extent for t in cell.robot.transforms if t.kind == "translation")
-    largest = LARGEST * max(float(carried), 0.1) if piece.carrier == "link" else HALL
-    if not SMALLEST <= size <= largest:
+    largest = CARRIED_REACHES * max(float(carried), 0.1) if piece.carrier == "link" else HALL
+    if not LEAST_SIZE <= size <= largest:
         raise InputError(
             f"{cell.path}: the mesh {piece.body.mesh} of '{piece.body.name}' is {to_mm(size):.4g} mm long with its "
             f"scale: {_unit_hint(piece.body)}"
@@ -203,7 +200,7 @@ def _check_floor(cell: Cell) -> None:
     if heights[lowest] >= np.sign(up) * cell.base.floor:
         return
     floor, height = to_mm(cell.base.floor), to_mm(np.sign(up) * heights[lowest])
-    if lowest > TURNS_UPRIGHT:
+    if lowest > 1:  # the frames of the base and of link 1 stand at one height, whatever home is
         raise InputError(
             f"{cell.path}: home_deg cannot be the start pose: the frame of link {lowest} is at {height:.1f} mm there, "
             f"beyond the {FLOOR} (base.floor_mm = {floor:g})"

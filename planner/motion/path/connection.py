@@ -9,10 +9,7 @@ from planner.common.units import Array, round_angles
 from planner.motion.path.constraints import Constraints
 from planner.motion.path.roadmap import LazyGraph, Roadmap, leg_time
 from planner.motion.path.verdict import PathGaps, PathLeg, ProvenPath, judge_path
-
-CUT_ROUNDS = 60
-PULLS = (0.9, 0.6, 0.35, 0.15)  # part of the way from a support to the straight line between its neighbours
-SIDES = 2  # random neighbours of the support that are tried beside each pull
+from planner.motion.tolerances import DETOUR_MARGINS
 
 
 def cut_corners(constraints: Constraints, ways: Sequence[Array]) -> list[Array]:
@@ -23,7 +20,7 @@ def cut_corners(constraints: Constraints, ways: Sequence[Array]) -> list[Array]:
     edges = [s + np.column_stack(np.triu_indices(len(w), 1)) for s, w in zip(start, ways, strict=False)]
     graph = LazyGraph(constraints, np.concatenate(ways), np.concatenate(edges))
     graph.strike(np.column_stack([start[:-1], start[1:] - 1]))  # the straight leg has failed before
-    found = graph.ways(np.column_stack([start[:-1], start[1:] - 1]), CUT_ROUNDS)
+    found = graph.ways(np.column_stack([start[:-1], start[1:] - 1]), 60)  # rounds
     return [graph.q[f] if f else w for f, w in zip(found, ways, strict=True)]
 
 
@@ -74,20 +71,16 @@ def _first_proven(constraints: Constraints, before: Array, tries: Array, after: 
 
 def _pull_candidates(before: Array, here: Array, after: Array, rng: np.random.Generator) -> Array:
     """Places to try for supports (n, N): towards the straight line, and beside it, (n, tries, N) [rad]."""
+    pulls = (0.9, 0.6, 0.35, 0.15)  # part of the way from a support to the straight line between its neighbours
     chord = after - before
     along = np.einsum("ni,ni->n", here - before, chord) / np.maximum(np.einsum("ni,ni->n", chord, chord), 1e-12)
     foot = before + np.clip(along, 0.1, 0.9)[:, None] * chord
     away = foot - here
-    straight = [here + p * away for p in PULLS]
+    straight = [here + p * away for p in pulls]
     size = np.linalg.norm(away, axis=1)[:, None] / np.sqrt(here.shape[1])
-    beside = [here + p * away + 0.5 * size * rng.normal(size=here.shape) for p in PULLS for _ in range(SIDES)]
+    # 2: random neighbours of the support beside each pull
+    beside = [here + p * away + 0.5 * size * rng.normal(size=here.shape) for p in pulls for _ in range(2)]
     return np.stack([*straight, *beside], axis=1)
-
-
-PASSES = 6  # of pulling supports towards the straight line
-DRAWS = 10_000  # states drawn, twice, where no pool is given
-SPREAD = 0.4  # [rad] about the poses
-ROOMS = (1e-4, 1e-3)  # [m] beyond the clearance for detours: the judges' distances differ by 1e-5; and a wider try
 
 
 def prove_detours(constraints: Constraints, q: Array, seed: int, pool: Array) -> np.ndarray:
@@ -95,7 +88,7 @@ def prove_detours(constraints: Constraints, q: Array, seed: int, pool: Array) ->
 
     It takes as long as the search for the order of the poses, and does not depend on it.
     """
-    graph = Roadmap.grow(_roomy(constraints, q, ROOMS[0]), q, pool, seed).graph
+    graph = Roadmap.grow(_roomy(constraints, q, DETOUR_MARGINS[0]), q, pool, seed).graph
     graph.parts()
     return graph.known
 
@@ -134,11 +127,11 @@ def connect_poses(
     ways = {_pair(leg): q[leg] for leg in wanted[direct]}
     bent = wanted[~direct]
     reasons: tuple[str, ...] = ()
-    for room in ROOMS:
+    for room in DETOUR_MARGINS:
         if len(bent):
             wide = _roomy(constraints, q[visits], room)
             roadmap = Roadmap.grow(wide, q, _draw_states(wide, q, seed) if pool is None else pool, seed)
-            if known and room == ROOMS[0]:
+            if known and room == DETOUR_MARGINS[0]:
                 roadmap.graph.known = known.result()
             found = _find_detours(roadmap, bent)
             ways |= {_pair(leg): way for leg, way in zip(bent, found, strict=True) if way is not None}
@@ -175,7 +168,8 @@ def _find_detours(roadmap: Roadmap, bent: np.ndarray) -> list[Array | None]:
     rows = [k for k, way in enumerate(ways) if way is not None]
     rng = np.random.default_rng(roadmap.seed)
     short = cut_corners(roadmap.constraints, [w for w in ways if w is not None])
-    short = cut_corners(roadmap.constraints, pull_supports(roadmap.constraints, short, rng, PASSES))
+    # 6: passes of pulling supports towards the straight line
+    short = cut_corners(roadmap.constraints, pull_supports(roadmap.constraints, short, rng, 6))
     for k, way in zip(rows, short, strict=True):
         ways[k] = way
     return ways
@@ -183,10 +177,11 @@ def _find_detours(roadmap: Roadmap, bent: np.ndarray) -> list[Array | None]:
 
 def _draw_states(constraints: Constraints, q: Array, seed: int) -> Array:
     """Valid states drawn within the joint limits, half of them about the poses (n, N), (P, N) [rad]."""
+    count = 10_000  # states drawn, twice, where no pool is given
     robot, rng = constraints.cell.robot, np.random.default_rng(seed)
     low, high = robot.one_turn
-    uniform = rng.uniform(low, high, (DRAWS, robot.n_joints))
-    about = q[rng.integers(len(q), size=DRAWS)] + rng.normal(scale=SPREAD, size=uniform.shape)
+    uniform = rng.uniform(low, high, (count, robot.n_joints))
+    about = q[rng.integers(len(q), size=count)] + rng.normal(scale=0.4, size=uniform.shape)  # [rad] about the poses
     drawn = np.concatenate([uniform, about])
     return np.asarray(drawn[constraints.valid(drawn)])
 

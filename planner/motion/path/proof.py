@@ -12,6 +12,7 @@ from planner.common.progress import check_time
 from planner.common.second_process import ForkedWorker
 from planner.common.units import Array
 from planner.motion.path.margins import PairBounds, WorkspaceBounds
+from planner.motion.tolerances import CLEARANCE_TOLERANCE, MOST_BISECTIONS
 
 
 @dataclass(frozen=True)
@@ -86,12 +87,6 @@ class Neighbourhoods(Rows):
         )
 
 
-LEVELS = 26  # of bisection; what is still open then is not proven (a margin below some 1e-7 of the motion)
-FAR = 1e6  # [m] a bound that proves nothing
-MANY = 48  # motions that are worth a second processor
-CROWD = 4096  # open cells of one motion: it runs along the edge of a constraint, and is not proven
-
-
 class Distances(Protocol):
     """What a collision engine answers."""
 
@@ -149,7 +144,7 @@ class Prover:
 
     def prove(self, corners: Array) -> Proof:
         """Prove motions with corners (m, K, N) [rad]: K = 2 straight legs, K = 3 triangles; many on two processors."""
-        if len(corners) < MANY:
+        if len(corners) < 48:  # motions are worth a second processor
             return self._prove(corners)
         both = Proof.concatenate(self._prove_halves(corners[::2], corners[1::2]))
         return both.take(np.argsort(np.concatenate([np.arange(k, len(corners), 2) for k in range(2)])))
@@ -171,11 +166,11 @@ class Prover:
     def _prove(self, corners: Array) -> Proof:
         proof, cells = Proof.begin(len(corners)), Neighbourhoods.of(corners)
         asked = np.ones((len(corners), len(self.pairs.scene.pairs)), dtype=bool)
-        for level in range(LEVELS):
+        for level in range(MOST_BISECTIONS):
             if len(cells.motion) == 0:
                 break
             check_time("motions are proven")
-            cells, asked = self._level(cells, asked, proof, last=level == LEVELS - 1)
+            cells, asked = self._level(cells, asked, proof, last=level == MOST_BISECTIONS - 1)
         return proof
 
     def _level(
@@ -185,7 +180,7 @@ class Prover:
         q, spokes = cells.q, cells.spokes
         margins, change, far = self.bounds.look(q, spokes)
         room = margins - change
-        loss = np.minimum(self.pairs.changes(far), FAR)
+        loss = np.minimum(self.pairs.changes(far), 1e6)  # [m] a bound that proves nothing
         alive = proof.drop(cells, margins, margins <= 0.0)
         found = self.distances.distances(q[alive], asked[alive], loss[alive] + self.clearance)
         np.minimum.at(proof.clearance, cells.motion[alive], found.min(axis=1, initial=np.inf))
@@ -194,7 +189,8 @@ class Prover:
         both, room = np.hstack([margins, spare]), np.hstack([room, np.where(asked, spare - loss, np.inf)])
         alive = proof.drop(cells, both, both <= 0.0)
         open_ = alive[~(room[alive] > 0.0).all(axis=1)]
-        crowded = np.bincount(cells.motion[open_], minlength=len(proof.failed)) > CROWD
+        # 4096: open cells of one motion: it runs along the edge of a constraint, and is not proven
+        crowded = np.bincount(cells.motion[open_], minlength=len(proof.failed)) > 4096
         unproven = np.zeros(room.shape, dtype=bool)
         unproven[open_] = ((last | crowded)[cells.motion[open_], None]) & ~(room[open_] > 0.0)
         proof.drop(cells, room, unproven)
@@ -203,10 +199,6 @@ class Prover:
         return cells.take(open_).halves(), np.tile(asked[open_], (2, 1))
 
 
-EXTREME_LEVELS = 18  # of bisection at most
-
-
-NEAR = 1e-5  # [m] to which the smallest clearance is found
 # neighbourhoods that may hold the smallest clearance, beyond which the search for it ends: a tool that goes round a
 # ball keeps one distance throughout, none of a million is nearer than the others, their common bound is 0.1 mm below
 MOST_NEIGHBOURHOODS = 30_000
@@ -230,15 +222,15 @@ class Extremes:
 def find_extremes(prover: Prover, corners: Array, tolerance: float) -> Extremes:
     """Search motions with corners (m, K, N) [rad] until none can hold a value beyond by ``tolerance`` [m].
 
-    The clearance is searched to ``NEAR``, or as far as ``MOST_NEIGHBOURHOODS`` allow. What is left open counts
-    against it.
+    The clearance is searched to ``CLEARANCE_TOLERANCE``, or as far as ``MOST_NEIGHBOURHOODS`` allow. What is left open
+    counts against it.
     """
     cells = Neighbourhoods.of(corners)
     asked = np.ones((len(corners), len(prover.pairs.scene.pairs)), dtype=bool)
     nearest, shortest, longest = np.inf, np.inf, 0.0
     least = open_ = np.inf
     rounding = _rounding_losses(prover, corners)
-    for _ in range(EXTREME_LEVELS):
+    for _ in range(18):  # bisections at most
         if len(cells.motion) == 0:
             break
         q, spokes = cells.q, cells.spokes
@@ -248,7 +240,7 @@ def find_extremes(prover: Prover, corners: Array, tolerance: float) -> Extremes:
         nearest = min(nearest, float(found.min(initial=np.inf)))
         shortest, longest = min(shortest, float(pose.length.min())), max(longest, float(pose.length.max()))
         bound = found - change
-        settled = asked & (bound >= nearest - NEAR)
+        settled = asked & (bound >= nearest - CLEARANCE_TOLERANCE)
         if np.count_nonzero((asked & ~settled).any(axis=1)) > MOST_NEIGHBOURHOODS:
             settled = asked.copy()
         least = min(least, float(bound[settled].min(initial=np.inf)))

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from enum import IntEnum
 from typing import Any
 
 import numpy as np
@@ -14,9 +15,7 @@ from planner.common.progress import ROADMAP, must_stop
 from planner.common.units import Array
 from planner.motion.path.constraints import Constraints
 from planner.motion.planning_packages import ob, og, ou
-
-SPACING = 0.12  # [rad] of the fastest joint between the states that RRT-Connect looks at along a motion
-RANGE = 1.0  # [s] longest motion of RRT-Connect
+from planner.motion.tolerances import SUPPORT_COST
 
 
 def rrt_connect(
@@ -40,7 +39,7 @@ def rrt_connect(
     problem = ob.ProblemDefinition(info)
     problem.setStartAndGoalStates(_state(info, q_from / speed), _state(info, q_to / speed))
     planner = og.RRTConnect(info)
-    planner.setRange(RANGE)
+    planner.setRange(1.0)  # [s] longest motion
     planner.setProblemDefinition(problem)
     planner.setup()
     draws = iter(range(iterations))
@@ -53,7 +52,7 @@ def rrt_connect(
 
 def _is_proven(constraints: Constraints, a: Array, b: Array) -> bool:
     """Look at states in steps, which refuses most bad motions at once; prove what is left."""
-    count = max(2, int(np.ceil(np.abs(b - a).max() / SPACING)))
+    count = max(2, int(np.ceil(np.abs(b - a).max() / 0.12)))  # [rad] of the fastest joint between two states
     looks_clear = constraints.valid(a + np.outer(np.arange(1, count + 1) / count, b - a)).all()
     return bool(looks_clear and constraints.prove(a[None], b[None]).proven[0])
 
@@ -90,14 +89,16 @@ def _motion_validator(info: Any, good: Callable[[Array, Array], bool], n: int) -
     return Validator(info)
 
 
-UNKNOWN, PROVEN, BROKEN = 0, 1, 2
-SUPPORT_COST = 0.1  # [s] what a support pose costs beyond its way: each is a corner to blend
-
-
 def leg_time(constraints: Constraints, q_from: Array, q_to: Array) -> Array:
     """Time of the slowest axis at full speed (EDBB paper, eq. 7), with a little of all axes to break ties, (n,) [s]."""
     share = np.abs(q_to - q_from) / constraints.cell.robot.speed
     return np.asarray(share.max(axis=1) + 0.02 * share.sum(axis=1))
+
+
+class Known(IntEnum):
+    """What is known of a motion along an edge of the graph."""
+
+    UNKNOWN, PROVEN, BROKEN = 0, 1, 2
 
 
 class LazyGraph:
@@ -115,7 +116,7 @@ class LazyGraph:
         self._key = np.unique(low * len(q) + high)
         self.edges = np.column_stack(np.divmod(self._key, len(q)))
         self.cost = leg_time(constraints, *q[self.edges.T]) + SUPPORT_COST
-        self.known = np.full(len(self.edges), UNKNOWN)
+        self.known = np.full(len(self.edges), Known.UNKNOWN)
 
     def add_way(self, ends: np.ndarray, way: Array) -> None:
         """Add a proven way (k, N) [rad] between two states that the graph has."""
@@ -123,7 +124,7 @@ class LazyGraph:
         chain = np.concatenate([ends[:1], inner, ends[1:]])
         new = np.column_stack([chain[:-1], chain[1:]])
         self.add_states(way[1:-1], new)
-        self.known[self._rows(new)] = PROVEN
+        self.known[self._rows(new)] = Known.PROVEN
 
     def add_states(self, q: Array, edges: np.ndarray) -> None:
         """Add states (n, N) [rad], which come last, and edges (m, 2) that may join them."""
@@ -133,7 +134,7 @@ class LazyGraph:
 
     def strike(self, edges: np.ndarray) -> None:
         """Mark edges (n, 2) that are known to fail; those not in the graph are passed over."""
-        self.known[self._rows(edges)] = BROKEN
+        self.known[self._rows(edges)] = Known.BROKEN
 
     def ways(self, wanted: np.ndarray, rounds: int) -> list[list[int] | None]:
         """Return the shortest proven way for each wanted (from, to) (m, 2), ``None`` where there is none.
@@ -152,7 +153,7 @@ class LazyGraph:
             self._prove(np.unique(np.concatenate([np.zeros(0, int), *asked])))
             later = []
             for k, way, rows in zip(open_, ways, asked, strict=True):
-                if way and (self.known[rows] == PROVEN).all():
+                if way and (self.known[rows] == Known.PROVEN).all():
                     found[k] = way
                 elif way:
                     later.append(k)
@@ -165,13 +166,13 @@ class LazyGraph:
         After ``share`` of a limit of time what nothing is known against counts as joined: a path is proven anyway.
         """
         while True:
-            part = self._parts(self.known == PROVEN)
+            part = self._parts(self.known == Known.PROVEN)
             a, b = part[self.edges].T
-            rows = np.flatnonzero((self.known == UNKNOWN) & (a != b))
+            rows = np.flatnonzero((self.known == Known.UNKNOWN) & (a != b))
             if len(rows) == 0:
                 return part
             if must_stop(share, "which poses can be joined was not proven for all before they were chosen"):
-                return self._parts(self.known != BROKEN)
+                return self._parts(self.known != Known.BROKEN)
             self._prove(_cheapest(rows, part[self.edges[rows]], self.cost[rows], np.bincount(part)))
 
     def _parts(self, good: np.ndarray) -> np.ndarray:
@@ -183,7 +184,7 @@ class LazyGraph:
         return np.asarray(rank[part])
 
     def _search(self, wanted: np.ndarray) -> list[list[int] | None]:
-        good = self.known != BROKEN
+        good = self.known != Known.BROKEN
         a, b = self.edges[good].T
         graph = csr_array((self.cost[good], (a, b)), shape=(len(self.q),) * 2)
         sources, row = np.unique(wanted[:, 0], return_inverse=True)
@@ -191,10 +192,10 @@ class LazyGraph:
         return [_trace_back(before[r], int(goal)) for r, goal in zip(row, wanted[:, 1], strict=True)]
 
     def _prove(self, rows: np.ndarray) -> None:
-        rows = rows[self.known[rows] == UNKNOWN]
+        rows = rows[self.known[rows] == Known.UNKNOWN]
         if len(rows):
             a, b = self.edges[rows].T
-            self.known[rows] = np.where(self.constraints.prove(self.q[a], self.q[b]).proven, PROVEN, BROKEN)
+            self.known[rows] = np.where(self.constraints.prove(self.q[a], self.q[b]).proven, Known.PROVEN, Known.BROKEN)
 
     def _rows(self, edges: np.ndarray) -> np.ndarray:
         """Positions of those edges (n, 2) that the graph has."""
@@ -225,11 +226,7 @@ def _trace_back(before: np.ndarray, goal: int) -> list[int] | None:
 
 MILESTONES = 2000  # states of the pool that a roadmap uses
 NEIGHBOURS = 10  # earlier states that each is joined to
-BLOCK = 512  # states whose distances are computed together
-SEARCH_ROUNDS = 200
-BRIDGES = 3  # legs between the same two parts that RRT-Connect tries
-RRT_ITERATIONS = 300
-PAD = 0.5  # [rad] by which RRT-Connect's box exceeds what the roadmap spans
+BOX_MARGIN = 0.5  # [rad] by which RRT-Connect's box exceeds what the roadmap spans
 
 
 @dataclass
@@ -275,7 +272,8 @@ class Roadmap:
         part = self.graph.parts()
         rows = np.flatnonzero(part[legs[:, 0]] == part[legs[:, 1]])
         out: list[Array | None] = [None] * len(legs)
-        for k, way in zip(rows, self.graph.ways(legs[rows], SEARCH_ROUNDS), strict=True):
+        # 200: rounds of proving a way's motions and seeking another
+        for k, way in zip(rows, self.graph.ways(legs[rows], 200), strict=True):
             out[k] = None if way is None else self.graph.q[way]
         return out
 
@@ -285,7 +283,7 @@ class Roadmap:
         part = self.graph.parts()
         for leg in legs:
             low, high = sorted(part[leg].tolist())
-            if low == high or tried.get((low, high), 0) >= BRIDGES:
+            if low == high or tried.get((low, high), 0) >= 3:  # legs between the same two parts that RRT-Connect tries
                 continue
             tried[low, high] = tried.get((low, high), 0) + 1
             way = self._rrt(*self.graph.q[leg])
@@ -296,16 +294,17 @@ class Roadmap:
 
     def _rrt(self, q_from: Array, q_to: Array) -> Array | None:
         robot = self.constraints.cell.robot
-        low = np.maximum(self.graph.q.min(axis=0) - PAD, robot.q_lower)
-        high = np.minimum(self.graph.q.max(axis=0) + PAD, robot.q_upper)
-        return rrt_connect(self.constraints, q_from, q_to, low, high, RRT_ITERATIONS, self.seed)
+        low = np.maximum(self.graph.q.min(axis=0) - BOX_MARGIN, robot.q_lower)
+        high = np.minimum(self.graph.q.max(axis=0) + BOX_MARGIN, robot.q_upper)
+        return rrt_connect(self.constraints, q_from, q_to, low, high, 300, self.seed)  # iterations
 
 
 def join_to_earlier(points: Array, count: int) -> np.ndarray:
     """Join each of the points (V, N), in their order, to the nearest ``count`` of those before it; edges (E, 2)."""
+    block = 512  # states whose distances are computed together
     edges = [np.zeros((0, 2), dtype=int)]
-    for start in range(0, len(points), BLOCK):
-        own = np.arange(start, min(start + BLOCK, len(points)))
+    for start in range(0, len(points), block):
+        own = np.arange(start, min(start + block, len(points)))
         away = cdist(points[own], points[: own[-1]]) if own[-1] else np.zeros((1, 0))
         away[np.arange(away.shape[1]) >= own[:, None]] = np.inf
         near = np.argpartition(away, min(count, away.shape[1]) - 1, axis=1)[:, :count] if away.shape[1] else away[:, :0]

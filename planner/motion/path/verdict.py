@@ -8,6 +8,7 @@ import numpy as np
 from planner.common.units import Array
 from planner.motion.path.constraints import Constraints
 from planner.motion.path.proof import Extremes, Proof
+from planner.motion.tolerances import READING_TOLERANCE
 
 
 @dataclass(frozen=True)
@@ -108,9 +109,6 @@ class PathGaps:
     reasons: tuple[str, ...]
 
 
-TOLERANCE = 5e-4  # [m] to which the bar's lengths on a path are found
-
-
 @dataclass(frozen=True)
 class SeparateMotions:
     """Motions of a path that keep constraints of their own: ``motions``, counted from 0, ascending."""
@@ -143,7 +141,7 @@ def judge_path(
     if triangles is not None:
         blends = np.arange(len(triangles))
         parts.append(Motions(constraints, triangles, len(motions) + blends, [f"blend {k + 1}" for k in blends]))
-    return judge_motions(parts, [p.constraints.extremes(p.corners, TOLERANCE) for p in parts if len(p.numbers)])
+    return judge_motions(parts, [p.constraints.extremes(p.corners, READING_TOLERANCE) for p in parts if len(p.numbers)])
 
 
 @dataclass(frozen=True)

@@ -6,13 +6,7 @@ import numpy as np
 
 from planner.common.units import Array, read_only
 from planner.motion.timing.limits import Index, Mask, TimingRequest, ToolPosition
-
-SAME_POINT = 1e-8  # [rad] path points nearer than this are one point
-REVERSAL = 1e-6  # 1 + cos(turn) below this is a reversal: nothing to blend, the tour must stop
-PACE_RATIO = 4.0  # the two halves of a blend may differ by this factor in time at the pace of their legs
-PACE_SAMPLES = 9  # of the tool point along each leg
-CROSSING_GRID = 32  # samples of half a leg that bracket the first crossing of the radius
-CROSSING_BISECTIONS = 26  # 1 / (GRID · 2^26): 5e-10 of half a leg
+from planner.motion.tolerances import PACE_RATIO, REVERSAL_COSINE, SAME_POINT
 
 
 @dataclass(frozen=True)
@@ -62,7 +56,7 @@ def round_corners(request: TimingRequest, tool_position: ToolPosition, speed: Ar
     stop = np.logical_or.reduceat(request.stop, first) | (blend <= 0.0)
     if count > 2:
         turn = np.einsum("ij,ij->i", leg[:-1], leg[1:]) / (length[:-1] * length[1:])
-        stop[1:-1] |= 1.0 + turn < REVERSAL
+        stop[1:-1] |= 1.0 + turn < REVERSAL_COSINE
     tool_speed = request.tool_speed[np.diff(node) > 0]
     pace = _pace(q, stop, tool_speed, tool_position, speed) if count > 1 else np.zeros(0)
     share_in, share_out = np.zeros(count), np.zeros(count)
@@ -104,10 +98,11 @@ def _pace(q: Array, stop: Mask, tool_speed: Array, tool_position: ToolPosition, 
     Between two stops the lowest limit of the tool counts for all legs: such a pace changes little from leg to leg, and
     what a leg may do beyond it is left to the profile.
     """
+    samples = 9  # of the tool point along each leg
     leg = np.diff(q, axis=0)
-    share = np.linspace(0.0, 1.0, PACE_SAMPLES)
+    share = np.linspace(0.0, 1.0, samples)
     rows = q[:-1, None, :] + share[:, None] * leg[:, None, :]
-    x = tool_position(rows.reshape(-1, q.shape[1])).reshape(len(leg), PACE_SAMPLES, 3)
+    x = tool_position(rows.reshape(-1, q.shape[1])).reshape(len(leg), samples, 3)
     travel = np.linalg.norm(np.diff(x, axis=1), axis=2).sum(axis=1)
     slowest = np.minimum.reduceat(tool_speed, np.flatnonzero(stop[:-1]))[np.cumsum(stop[:-1]) - 1]
     needs = np.maximum(travel / slowest, (np.abs(leg) / speed).max(axis=1))
@@ -116,24 +111,20 @@ def _pace(q: Array, stop: Mask, tool_speed: Array, tool_position: ToolPosition, 
 
 def _crossing(q: Array, half: Array, radius: Array, tool_position: ToolPosition) -> Array:
     """Return the first share (n,) in (0, 1] of ``half`` at which the tool point has come ``radius`` away."""
+    grid = 32  # samples of half a leg that bracket the first crossing of the radius
     x_corner = tool_position(q)
-    share = np.linspace(0.0, 1.0, CROSSING_GRID + 1)
+    share = np.linspace(0.0, 1.0, grid + 1)
     rows = (q[:, None, :] + share[:, None] * half[:, None, :]).reshape(-1, q.shape[1])
     away = np.linalg.norm(tool_position(rows).reshape(len(q), -1, 3) - x_corner[:, None, :], axis=2)
     beyond = away >= radius[:, None]
     found = beyond.any(axis=1)
     high = np.where(found, share[np.argmax(beyond, axis=1)], 1.0)
-    low = np.where(found, high - 1.0 / CROSSING_GRID, 1.0)
-    for _ in range(CROSSING_BISECTIONS if found.any() else 0):
+    low = np.where(found, high - 1.0 / grid, 1.0)
+    for _ in range(26 if found.any() else 0):  # 1 / (32 · 2^26): 5e-10 of half a leg
         middle = 0.5 * (low + high)
         far = np.linalg.norm(tool_position(q + middle[:, None] * half) - x_corner, axis=1) >= radius
         low, high = np.where(far, low, middle), np.where(far, middle, high)
     return np.where(found, low, 1.0)
-
-
-PASSAGE_GRID = 64
-PASSAGE_BISECTIONS = 40
-SHORTEST_STRAIGHT = 1e-12  # a straight shorter than this part of its leg is left out: the blends share the whole leg
 
 
 def smoothstep(x: Array) -> tuple[Array, Array, Array, Array]:
@@ -212,7 +203,7 @@ def build_curve(corners: Corners) -> PathCurve:
         return PathCurve(read_only(one - 1.0), one, q, still, still, one, one, np.zeros(1, np.intp), np.zeros(1, bool))
     left = 1.0 - corners.share_out[:-1] - corners.share_in[1:]
     half = 0.5 * left[:, None] * leg  # of the straights, one a leg
-    straight = left > SHORTEST_STRAIGHT
+    straight = left > 1e-12  # of its leg: a shorter straight is left out, the blends share the whole leg
     blended = ~corners.stop
     # straight of leg k sorts as 2k, blend of point k as 2k − 1
     order = np.concatenate([2 * np.flatnonzero(straight), 2 * np.flatnonzero(blended) - 1])
@@ -234,19 +225,21 @@ def build_curve(corners: Corners) -> PathCurve:
 
 def closest_passages(curve: PathCurve, count: int) -> Array:
     """Return the s (count,) at which the curve is nearest, in joint space, to each of its distinct path points."""
+    grid = 64  # samples of a blend that bracket the passage
     end = curve.start + curve.span
     nearest = np.zeros(count)
     nearest[curve.point[~curve.blend]] = end[~curve.blend]  # stops; what is blended follows
     k = np.flatnonzero(curve.blend)
     if len(k) == 0:
         return nearest
-    step = curve.span[k] / PASSAGE_GRID
-    s = curve.start[k, None] + step[:, None] * np.arange(PASSAGE_GRID + 1)
-    corner = np.repeat(curve.centre[k], PASSAGE_GRID + 1, axis=0)
+    step = curve.span[k] / grid
+    s = curve.start[k, None] + step[:, None] * np.arange(grid + 1)
+    corner = np.repeat(curve.centre[k], grid + 1, axis=0)
     away = np.linalg.norm(curve.derivatives(s.ravel())[0] - corner, axis=1).reshape(s.shape)
-    best = np.clip(np.argmin(away, axis=1), 1, PASSAGE_GRID - 1)
+    best = np.clip(np.argmin(away, axis=1), 1, grid - 1)
     low, high = curve.start[k] + (best - 1) * step, curve.start[k] + (best + 1) * step
-    for _ in range(PASSAGE_BISECTIONS):  # the distance falls where (q − corner)·q′ < 0
+    # 40: bisections: to 1e-12 of the step
+    for _ in range(40):  # the distance falls where (q − corner)·q′ < 0
         middle = 0.5 * (low + high)
         point, tangent, _, _ = curve.derivatives(middle)
         falling = np.einsum("ij,ij->i", point - curve.centre[k], tangent) < 0.0

@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from planner.common.errors import InputError
 from planner.common.units import Array, read_only
+from planner.motion.tolerances import NO_JERK_LIMIT, STRAIGHT_SPEED_RATIO
 
 Mask = NDArray[np.bool_]
 Index = NDArray[np.intp]
@@ -26,9 +27,6 @@ class Limits:
     speed: Array
     acceleration: Array
     jerk: Array
-
-
-NO_JERK_LIMIT = 1e9  # [m/s³] of a reading: nothing in a gauge is hurt by it
 
 
 @dataclass(frozen=True)
@@ -83,10 +81,6 @@ def check_request(
     return TimingRequest(read_only(q), rest, read_only(radius), read_only(speed), read_only(wait))
 
 
-PERCENT_STEP = 0.01  # [rad] between two samples of a leg
-MARGIN = 1.0 + 2e-4  # what the tool's speed between two samples may exceed them by
-
-
 def axis_percent(q: Array, *, tool_speed: ArrayLike, tool_jacobian: ToolJacobian, speed: Array) -> Array:
     """Return for each leg (m-1,) the highest axis percentage, to 100, that keeps the tool point within tool_speed.
 
@@ -95,13 +89,13 @@ def axis_percent(q: Array, *, tool_speed: ArrayLike, tool_jacobian: ToolJacobian
     """
     leg = np.diff(q, axis=0)
     quickest = (np.abs(leg) / speed).max(axis=1)
-    count = np.ceil(np.abs(leg).max(axis=1) / PERCENT_STEP).astype(np.intp) + 1
+    count = np.ceil(np.abs(leg).max(axis=1) / 0.01).astype(np.intp) + 1  # [rad] between two samples of a leg
     run = np.repeat(np.arange(len(leg)), count)
     begin = np.cumsum(count) - count
     share = (np.arange(len(run)) - begin[run]) / np.maximum(count - 1, 1)[run]
     jacobian = tool_jacobian(q[run] + share[:, None] * leg[run])
     travel = np.linalg.norm(np.einsum("nij,nj->ni", jacobian, leg[run]), axis=1)
-    peak = np.maximum.reduceat(travel, begin) * MARGIN
+    peak = np.maximum.reduceat(travel, begin) * STRAIGHT_SPEED_RATIO
     with np.errstate(divide="ignore", invalid="ignore"):
         fraction = np.where(peak > 0.0, tool_speed * quickest / peak, 1.0)
     return np.asarray(100.0 * np.minimum(fraction, 1.0))

@@ -16,8 +16,7 @@ from planner.motion.planning_packages import is_installed, ruckig
 from planner.motion.timing.limits import Mask
 from planner.motion.timing.profile import Steps
 from planner.motion.timing.ramps import double_s_phases
-
-TOLERANCE = 1e-6  # relative to a step's own length and speed: ruckig's own accuracy is 1e-8
+from planner.motion.tolerances import PHASE_TOLERANCE
 
 
 @dataclass(frozen=True)
@@ -140,7 +139,8 @@ def _is_solved(solver: ruckig.Ruckig, move: ruckig.InputParameter, answer: rucki
     except ruckig.RuckigError:  # its tolerances are absolute: a feasible move at the edge of its limits can fail them
         return False
     p = answer.profiles[0][0]
-    at_end = abs(p.p[7] - 1.0) <= TOLERANCE and abs(p.v[7] - move.target_velocity[0]) <= TOLERANCE
-    within = p.brake.duration == 0.0 and min(p.v) >= -TOLERANCE and max(p.v) <= 1.0 + TOLERANCE
-    gentle = max(map(abs, p.a)) <= move.max_acceleration[0] * (1.0 + TOLERANCE)  # seen 9 % beyond it, near its edges
+    at_end = abs(p.p[7] - 1.0) <= PHASE_TOLERANCE and abs(p.v[7] - move.target_velocity[0]) <= PHASE_TOLERANCE
+    within = p.brake.duration == 0.0 and min(p.v) >= -PHASE_TOLERANCE and max(p.v) <= 1.0 + PHASE_TOLERANCE
+    # seen 9 % beyond it, near its edges
+    gentle = max(map(abs, p.a)) <= move.max_acceleration[0] * (1.0 + PHASE_TOLERANCE)
     return bool(result == ruckig.Result.Working and at_end and within and gentle)

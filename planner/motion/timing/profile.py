@@ -10,15 +10,7 @@ from planner.common.units import Array, read_only
 from planner.motion.timing.curve import PathCurve
 from planner.motion.timing.limits import Index, Limits, Mask, ReadingLimits, ToolJacobian
 from planner.motion.timing.ramps import reachable_speed, travel_time
-
-JOINT_STEP = 0.015  # [rad] largest joint travel between two samples of the tool's speed
-HALF_BLEND = 24  # intervals in either half of a blend
-CHANGE = 0.03  # relative change of the speed limit that begins a new stretch
-MARGIN_STRAIGHT = 1.0 + 2e-4  # what a maximum between two samples may exceed the samples by
-MARGIN_BLEND = 1.0 + 1e-2
-SAGITTA = 0.2  # 1/8 for a constant second derivative, and room for one that varies
-JUMP = 1e-6  # a relative change from one interval to the next that only a stop can make
-SHARE = 0.9  # of the acceleration and jerk limits that curvature alone may use
+from planner.motion.tolerances import BLEND_SPEED_RATIO, CURVATURE_SHARE, STRAIGHT_SPEED_RATIO, STRETCH_CHANGE
 
 
 @dataclass(frozen=True)
@@ -63,7 +55,7 @@ def cut_stretches(
     s, piece, leg = _samples(curve, passage, tool_speed)
     # at a stop the tangent jumps: each interval takes both its ends on its own piece
     low, high = curve.derivatives(s[:-1], piece), curve.derivatives(s[1:], piece)
-    margin = np.where(curve.blend[piece], MARGIN_BLEND, MARGIN_STRAIGHT)[:, None]
+    margin = np.where(curve.blend[piece], BLEND_SPEED_RATIO, STRAIGHT_SPEED_RATIO)[:, None]
     d1, d2, d3 = (np.maximum(np.abs(a), np.abs(b)) * margin for a, b in zip(low[1:], high[1:], strict=True))
     tool = np.full(len(leg), np.inf)
     if np.isfinite(tool_speed).any() or reading is not None:
@@ -72,14 +64,14 @@ def cut_stretches(
         begin = np.einsum("nij,nj->ni", jacobians[:-1], low[1])
         end = np.einsum("nij,nj->ni", jacobians[1:], high[1])
         with np.errstate(divide="ignore"):
-            tool = tool_speed[leg] / (_largest_norm(begin, end, np.diff(s)) * MARGIN_STRAIGHT)
+            tool = tool_speed[leg] / (_largest_norm(begin, end, np.diff(s)) * STRAIGHT_SPEED_RATIO)
         if reading is not None:
             along = reading.direction(states)
             begin, end = (np.einsum("ni,ni->n", e, v) for e, v in ((along[:-1], begin), (along[1:], end)))
             rate, bend = _reading_derivatives(begin, end, np.diff(s))
             d1, d2 = np.column_stack([d1, rate]), np.column_stack([d2, bend])
             d3 = np.column_stack([d3, np.zeros(len(leg))])
-    fastest = speed_bound(d1, d2, d3, tool, limits, SHARE)
+    fastest = speed_bound(d1, d2, d3, tool, limits, CURVATURE_SHARE)
     marks = np.searchsorted(s, np.concatenate([curve.start, passage]))
     first = _first_intervals(fastest, marks[marks < len(fastest)])
     edge = np.concatenate([s[first], s[-1:]])
@@ -96,8 +88,10 @@ def _samples(curve: PathCurve, passage: Array, tool_speed: Array) -> tuple[Array
     piece = curve.piece(low)
     leg = np.clip(np.searchsorted(passage, low, side="right") - 1, 0, len(tool_speed) - 1)
     travel = np.abs(curve.derivatives(high, piece)[0] - curve.derivatives(low, piece)[0]).max(axis=1)
-    count = np.where(np.isfinite(tool_speed[leg]), np.ceil(travel / JOINT_STEP), 1.0)
-    count = np.maximum(count, np.where(curve.blend[piece], HALF_BLEND, 1)).astype(np.intp)
+    # 0.015: [rad] of joint travel between two samples
+    count = np.where(np.isfinite(tool_speed[leg]), np.ceil(travel / 0.015), 1.0)
+    # 24: intervals in either half of a blend
+    count = np.maximum(count, np.where(curve.blend[piece], 24, 1)).astype(np.intp)
     run = np.repeat(np.arange(len(low)), count)
     within = np.arange(len(run)) - np.repeat(np.cumsum(count) - count, count)
     s = low[run] + (high - low)[run] * (within / count[run])
@@ -113,9 +107,11 @@ def _largest_norm(low: Array, high: Array, h: Array) -> Array:
     slope = (high - low) / h[:, None]
     bend = np.zeros(len(h) + 1)
     bend[1:-1] = 2.0 * np.linalg.norm(np.diff(slope, axis=0), axis=1) / (h[:-1] + h[1:])
-    bend[1:-1][np.linalg.norm(high[:-1] - low[1:], axis=1) > JUMP * np.linalg.norm(low[1:], axis=1)] = 0.0
+    # 1e-6: a relative change from one interval to the next that only a stop can make
+    bend[1:-1][np.linalg.norm(high[:-1] - low[1:], axis=1) > 1e-6 * np.linalg.norm(low[1:], axis=1)] = 0.0
     longest = np.maximum(np.linalg.norm(low, axis=1), np.linalg.norm(high, axis=1))
-    return np.asarray(longest + SAGITTA * h**2 * np.maximum(bend[:-1], bend[1:]))
+    # 1/8 for a constant second derivative, and room for one that varies
+    return np.asarray(longest + 0.2 * h**2 * np.maximum(bend[:-1], bend[1:]))
 
 
 def _reading_derivatives(low: Array, high: Array, h: Array) -> tuple[Array, Array]:
@@ -123,26 +119,22 @@ def _reading_derivatives(low: Array, high: Array, h: Array) -> tuple[Array, Arra
 
     The second derivative is the mean over the interval, and as much more as it differs from that of its neighbours.
     """
-    first = _largest_norm(low[:, None], high[:, None], h) * MARGIN_STRAIGHT
+    first = _largest_norm(low[:, None], high[:, None], h) * STRAIGHT_SPEED_RATIO
     second = (high - low) / h
     change = np.abs(np.diff(second, prepend=second[:1], append=second[-1:]))
     return first, np.abs(second) + np.maximum(change[:-1], change[1:])
 
 
 def _first_intervals(fastest: Array, marks: Index) -> Index:
-    """Return the first interval of each stretch: at every mark, and wherever the limit has drifted by CHANGE."""
+    """Return the first interval of each stretch: at every mark, and wherever the limit has drifted by 3 %."""
     drift = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(np.log(fastest))))])
     begins = np.zeros(len(fastest), dtype=bool)
     begins[marks] = True
-    begins[1:] |= np.diff(np.floor(drift / CHANGE)) > 0
+    begins[1:] |= np.diff(np.floor(drift / STRETCH_CHANGE)) > 0
     return np.flatnonzero(begins)
 
 
-WIDTHS = (1, 2, 3, 4, 6, 8, 12, 16, 32, 64, 128)  # stretches that one step may join
-SHARES = (SHARE, 0.3)  # of acceleration and jerk for curvature: fast and even, or slower with room to change
-LEVELS = 4  # speeds tried at each end, from the single-stretch passes up to the highest reachable
-SAFE = (1e-4, 1e-12)  # held back from a change of speed, relative to it and to the speed: room for tolerances
-USEFUL = 1.0 - 1e-9  # of the time over single stretches: a wider step must be able to beat it
+SHARES = (CURVATURE_SHARE, 0.3)  # of acceleration and jerk for curvature: fast and even, or slower with room to change
 
 
 @dataclass(frozen=True)
@@ -172,21 +164,23 @@ class Steps(Rows):
 
 def choose_speeds(stretches: Stretches, limits: Limits) -> Steps:
     """Return the steps of the fastest way found from the first end to the last, in order."""
+    levels_tried = 4  # speeds tried at each end, from the single-stretch passes up to the highest reachable
     count = len(stretches.edge)
     single = _steps(stretches, limits, 1, SHARES[0])
     base = _speeds(single, stretches, single.speed)
     base_time = np.concatenate([[0.0], np.cumsum(single.between(base[:-1], base[1:]).time())])
     found = [single]
-    for width in WIDTHS:
+    for width in (1, 2, 3, 4, 6, 8, 12, 16, 32, 64, 128):  # stretches that one step may join
         if width >= count:
             break
         for share in SHARES[1:] if width == 1 else SHARES:
             wide = _steps(stretches, limits, width, share)
-            useful = wide.length / wide.speed < (base_time[wide.last] - base_time[wide.first]) * USEFUL
+            # 1.0 - 1e-9: of the time over single stretches: a wider step must be able to beat it
+            useful = wide.length / wide.speed < (base_time[wide.last] - base_time[wide.first]) * (1.0 - 1e-9)
             found.append(wide.take(np.flatnonzero(useful)))
     steps = Steps.concatenate(found)
     top = np.maximum(_speeds(steps, stretches, single.speed), base)
-    levels = base + (top - base) * (np.arange(LEVELS) / (LEVELS - 1))[:, None]
+    levels = base + (top - base) * (np.arange(levels_tried) / (levels_tried - 1))[:, None]
     return _quickest_chain(steps, levels)
 
 
@@ -246,7 +240,8 @@ def _speed_pass(cap: Array, source: Index, target: Index, steps: Steps) -> Array
 def _reach(v0: Array, length: Array, acceleration: Array, jerk: Array, fastest: Array) -> Array:
     """Return the highest speeds (n,) [m/s] that steps reach from v0, with some of each change held back."""
     slow = np.minimum(v0, fastest)
-    change = (reachable_speed(slow, length, acceleration, jerk) - slow) * (1.0 - SAFE[0]) - SAFE[1] * slow
+    held_back = (1e-4, 1e-12)  # from a change of speed, relative to it and to the speed: room for tolerances
+    change = (reachable_speed(slow, length, acceleration, jerk) - slow) * (1.0 - held_back[0]) - held_back[1] * slow
     return np.asarray(np.minimum(slow + np.maximum(change, 0.0), fastest))
 
 

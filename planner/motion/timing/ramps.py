@@ -6,8 +6,6 @@ import numpy as np
 from planner.common.units import Array
 from planner.motion.timing.limits import Mask
 
-TIME_BISECTIONS = 10  # the peak speed to 1e-3 of a range that is narrow already: enough to compare two ways
-
 
 def ramp_time(change: Array, acceleration: Array, jerk: Array) -> Array:
     """Return the shortest time [s] for a change of speed ≥ 0."""
@@ -54,7 +52,7 @@ def _possible_time(length: Array, v0: Array, v1: Array, fastest: Array, accelera
     open_ = np.flatnonzero(room < 0.0)  # elsewhere the highest at once: it cruises there, or is within rounding of it
     moves = [x[open_] for x in (length, v0, v1, fastest, acceleration, jerk)]
     low, high = _peak_within(0.5 * moves[0], *moves[1:]), peak[open_]
-    for _ in range(TIME_BISECTIONS):
+    for _ in range(10):  # the peak speed to 1e-3 of a range that is narrow already: enough to compare two ways
         middle = 0.5 * (low + high)
         short = _two_ramps(moves[1], moves[2], middle, moves[4], moves[5]) <= moves[0]
         low, high = np.where(short, middle, low), np.where(short, high, middle)
@@ -71,9 +69,6 @@ def _peak_within(part: Array, v0: Array, v1: Array, fastest: Array, acceleration
 
 def _two_ramps(v0: Array, v1: Array, peak: Array, acceleration: Array, jerk: Array) -> Array:
     return ramp_length(v0, peak, acceleration, jerk) + ramp_length(peak, v1, acceleration, jerk)
-
-
-PEAK_BISECTIONS = 100  # of the peak speed, to the last bit
 
 
 def double_s_phases(length: Array, v0: Array, v1: Array, fastest: Array, acceleration: Array, jerk: Array) -> Array:
@@ -111,7 +106,7 @@ def _peak_speed(length: Array, v0: Array, v1: Array, fastest: Array, acceleratio
 
     low, high = np.maximum(v0, v1), np.maximum(fastest, np.maximum(v0, v1))
     low = np.where(fits(high), high, low)
-    for _ in range(PEAK_BISECTIONS):
+    for _ in range(100):  # of the peak speed, to the last bit
         middle = 0.5 * (low + high)
         inside = fits(middle)
         low, high = np.where(inside, middle, low), np.where(inside, high, middle)

@@ -25,8 +25,6 @@ from planner.motion.timing.limits import (
 from planner.motion.timing.phases import Phases, stand_still, time_steps
 from planner.motion.timing.profile import choose_speeds, cut_stretches
 
-PART_TIMES = 8192  # evaluated at a time: what they need stays in the processor's cache
-
 
 @dataclass(frozen=True)
 class MotionSamples(Rows):
@@ -67,10 +65,11 @@ class Trajectory:
 
     def at(self, t: ArrayLike) -> MotionSamples:
         """Return the state at times t (n,) [s], held at rest outside [0, duration_s]."""
+        part = 8192  # times evaluated at once: what they need stays in the processor's cache
         t = np.atleast_1d(np.asarray(t, dtype=float))
         parts = [
-            evaluate_motion(self.curve, self.phases, self.tool_jacobian, t[k : k + PART_TIMES])
-            for k in range(0, max(len(t), 1), PART_TIMES)
+            evaluate_motion(self.curve, self.phases, self.tool_jacobian, t[k : k + part])
+            for k in range(0, max(len(t), 1), part)
         ]
         return MotionSamples.concatenate(parts)
 
@@ -99,9 +98,6 @@ def evaluate_motion(curve: PathCurve, phases: Phases, jacobian: ToolJacobian, t:
     dddq = d3 * v**3 + 3.0 * d2 * v * a + d1 * j
     tool_speed = np.linalg.norm(np.einsum("nij,nj->ni", jacobian(q), dq), axis=1)
     return MotionSamples(t, q, dq, ddq, dddq, s, tool_speed)
-
-
-PEAK_SAMPLES = 32  # of the tool's speed on each leg, for the report
 
 
 def blend_corners(
@@ -150,7 +146,8 @@ def plan_trajectory(
     waypoint_time = _waypoint_times(reached, corners.node, request.dwell)
     leave = waypoint_time[:-1] + request.dwell[:-1]
     leg_duration = np.maximum(waypoint_time[1:] - leave, 0.0)
-    t = leave[:, None] + np.linspace(0.0, 1.0, PEAK_SAMPLES + 1) * leg_duration[:, None]
+    samples = 32  # of the tool's speed on each leg, for the report
+    t = leave[:, None] + np.linspace(0.0, 1.0, samples + 1) * leg_duration[:, None]
     tool = evaluate_motion(curve, phases, tool_jacobian, t.ravel()).tool_speed
     return Trajectory(
         duration_s=phases.duration,
@@ -224,9 +221,6 @@ class LimitReport:
     reading_acceleration: float = 0.0
 
 
-READING_STEP = 1e-4  # [s] between the readings whose differences are its rate and acceleration
-
-
 def check_limits(
     trajectory: Trajectory, limits: Limits, dt_s: float = 0.01, reading: ReadingLimits | None = None
 ) -> LimitReport:
@@ -252,13 +246,14 @@ def check_limits(
 
 def _reading_shares(trajectory: Trajectory, t: Array, reading: ReadingLimits) -> tuple[float, float]:
     """Largest rate and acceleration of the reading at times t (n,) [s], as shares of their limits."""
-    before, here, after = (reading.length(trajectory.angles(t + k * READING_STEP)) for k in (-1, 0, 1))
-    rate = np.abs(after - before).max() / (2.0 * READING_STEP)
-    acceleration = np.abs(after - 2.0 * here + before).max() / READING_STEP**2
+    step = 1e-4  # [s] between the readings whose differences are its rate and acceleration
+    before, here, after = (reading.length(trajectory.angles(t + k * step)) for k in (-1, 0, 1))
+    rate = np.abs(after - before).max() / (2.0 * step)
+    acceleration = np.abs(after - 2.0 * here + before).max() / step**2
     return float(rate / reading.rate), float(acceleration / reading.acceleration)
 
 
-TABLE_DECIMALS = 6  # 1 µs, 1e-6 degree, 1 nm
+TABLE_DECIMALS = 6  # of s, degrees and mm: 1 µs, 1e-6 degree, 1 nm
 
 
 def trajectory_table(

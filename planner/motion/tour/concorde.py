@@ -24,10 +24,8 @@ from planner.common.system import kill_group, start_in_own_group
 from planner.common.units import IntArray
 from planner.motion.tour.instance import TourInstance
 
-TIMEOUT_S = 120.0  # for one solve; 500 poses take it about 5 s
-_IDENTIFY_S = 10.0
+TIMEOUT_S = 120.0  # [s] for one solve; 500 poses take it about 5 s
 _CRASHED = b"FATAL ERROR - received signal"
-_POLL_S = 0.02
 _IDENTITY = "maximum chunk size in localcuts"  # in the usage text of the solver and of no other "concorde"
 
 
@@ -50,7 +48,7 @@ def find_concorde() -> Path | None:
         return None
     with tempfile.TemporaryDirectory(prefix="edbb-") as folder:
         try:
-            _, text = _run([os.path.abspath(found)], folder, _IDENTIFY_S)
+            _, text = _run([os.path.abspath(found)], folder, 10.0)  # [s] to say what it is
         except (OSError, subprocess.TimeoutExpired) as error:
             raise ConcordeError(f"{found} cannot be run: {error}") from error
     if _IDENTITY not in text:
@@ -143,7 +141,7 @@ def _wait(process: "subprocess.Popen[bytes]", printed: Path, timeout_s: float) -
     until = time.monotonic() + timeout_s
     while True:
         with suppress(subprocess.TimeoutExpired):
-            return process.wait(_POLL_S)
+            return process.wait(0.02)  # [s] between two looks whether it is done
         if _CRASHED in printed.read_bytes():
             return -signal.SIGABRT
         if time.monotonic() > until:

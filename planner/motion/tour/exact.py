@@ -23,16 +23,14 @@ from planner.motion.tour.local_search import LocalSearch, greedy_tour, nearest_n
 
 BoolArray = NDArray[np.bool_]
 
-_SEARCH_NEIGHBOURS = 8
-_NEIGHBOURS = 6  # legs from each node that the relaxation begins with
-_GRID = 2**14  # steps of a dual value per unit of cost
-_VIOLATION = 1e-3  # an inequality must be missed by this much to be worth a row
+NEIGHBOURS = 6  # of the shortest legs from each node that the relaxation begins with
+DUAL_STEPS = 2**14  # steps of a dual value per unit of cost
 
 
 def initial_search(instance: TourInstance, seed: int) -> LocalSearch:
     """Return a local search that has come to a good tour, a few per cent at most above the best."""
     weight = instance.weigh_legs()
-    search = LocalSearch(weight, nearest_neighbours(weight, _SEARCH_NEIGHBOURS), greedy_tour(weight), seed)
+    search = LocalSearch(weight, nearest_neighbours(weight, 8), greedy_tour(weight), seed)  # neighbours
     search.improve(len(weight) // 2)
     return search
 
@@ -40,19 +38,19 @@ def initial_search(instance: TourInstance, seed: int) -> LocalSearch:
 def solve_embedded(instance: TourInstance, search: LocalSearch, nodes: int) -> tuple[list[int], int]:
     """Return the best tour found from ``search`` on, and the lower bound [units] proven over ``nodes`` of the tree."""
     size, tour = len(instance.cost), list(search.tour)
-    near = nearest_neighbours(instance.weigh_legs(), _NEIGHBOURS)
+    near = nearest_neighbours(instance.weigh_legs(), NEIGHBOURS)
     first = np.column_stack([np.repeat(np.arange(size), near.shape[1]), near.ravel()])
     relaxation = Relaxation(instance, instance.length(tour), np.concatenate([first, _legs(tour)]))
     reduced = relaxation.optimize()
-    search.neighbours = nearest_neighbours(reduced, _NEIGHBOURS)
+    search.neighbours = nearest_neighbours(reduced, NEIGHBOURS)
     length, root = instance.length(tour), relaxation.bound(reduced)
-    bound = -(-root // _GRID)
+    bound = -(-root // DUAL_STEPS)
     search.improve(2 * size, most=length - bound)
     if instance.length(search.tour) < length:  # of equals the first found
         tour, length = search.tour, instance.length(search.tour)
     if bound >= length or nodes == 0:
         return tour, min(bound, length)
-    useful = np.triu(reduced <= (length - 1) * _GRID - root, 1) & ~instance.forbidden
+    useful = np.triu(reduced <= (length - 1) * DUAL_STEPS - root, 1) & ~instance.forbidden
     return _search_tree(instance, tour, np.argwhere(useful), relaxation.tight_sets(), bound, nodes)
 
 
@@ -142,12 +140,12 @@ class Relaxation(_Program):
         """Add violated subtour inequalities and legs of negative reduced cost until there are none.
 
         Returns:
-            The exact reduced cost of every leg, let in or not, (m, m) [1/_GRID unit].
+            The exact reduced cost of every leg, let in or not, (m, m) [1/DUAL_STEPS unit].
         """
         while True:
             while self.add_sets(violated_sets(self.point())):
                 pass
-            dual = np.rint(np.array(self.solver.getSolution().row_dual) * self._scale * _GRID).astype(np.int64)
+            dual = np.rint(np.array(self.solver.getSolution().row_dual) * self._scale * DUAL_STEPS).astype(np.int64)
             dual[self.size :] = np.maximum(dual[self.size :], 0)
             self._dual: IntArray = dual
             reduced = self._reduce_costs()
@@ -155,7 +153,7 @@ class Relaxation(_Program):
                 return reduced
 
     def bound(self, reduced: IntArray) -> int:
-        """Return the lower bound over all tours [1/_GRID unit]."""
+        """Return the lower bound over all tours [1/DUAL_STEPS unit]."""
         return 2 * int(self._dual.sum()) + int(np.minimum(np.triu(reduced, 1), 0).sum())
 
     def tight_sets(self) -> BoolArray:
@@ -166,7 +164,7 @@ class Relaxation(_Program):
         dual, sets = self._dual.astype(float), self.sets.astype(float)
         node, price = dual[: self.size], dual[self.size :]
         once = price @ sets + node
-        whole = np.rint(self.cost * self._scale) * _GRID  # whole numbers below 2^53: exact
+        whole = np.rint(self.cost * self._scale) * DUAL_STEPS  # whole numbers below 2^53: exact
         return np.asarray(whole - once[:, None] - once[None, :] + 2.0 * (sets.T * price) @ sets, dtype=np.int64)
 
 
@@ -219,7 +217,7 @@ def violated_sets(x: Array) -> list[BoolArray]:
     found = []
     while len(weight) > 1:
         last, before, value = _cut_of_phase(weight)
-        if value < 2.0 - _VIOLATION:
+        if value < 2.0 - 1e-3:  # an inequality must be missed by this much to be worth a row
             found.append(member[last])
         weight[before] += weight[last]
         weight[:, before] += weight[:, last]

@@ -8,9 +8,6 @@ from numpy.typing import NDArray
 
 from planner.common.units import Array, IntArray
 
-_FINEST = 1e-6  # [s] one unit of the integer costs, unless the range demands a coarser one
-_LARGEST_TOUR = 10**9  # [units] so that a tour and a forbidden leg fit in Concorde's 32 bits
-
 
 @dataclass(frozen=True)
 class TourInstance:
@@ -43,8 +40,9 @@ class TourInstance:
 
 def build_instance(cost_s: Array, forbidden: Collection[tuple[int, int]]) -> TourInstance:
     """Turn costs (n, n) [s] and the legs that no tour may use into a problem in integers."""
-    unit_s = _FINEST
-    while cost_s.max(axis=1).sum() > _LARGEST_TOUR * unit_s:
+    unit_s = 1e-6  # [s] one unit of the integer costs, unless the range demands a coarser one
+    largest_tour = 10**9  # [units] so that a tour and a forbidden leg fit in Concorde's 32 bits
+    while cost_s.max(axis=1).sum() > largest_tour * unit_s:
         unit_s *= 10.0
     cost = np.floor(cost_s / unit_s * (1.0 + 1e-12)).astype(np.int64)  # a whole number of units is not rounded down
     banned = np.zeros(cost.shape, dtype=np.bool_)

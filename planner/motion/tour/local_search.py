@@ -12,10 +12,6 @@ import numpy as np
 from planner.common.progress import TOUR, must_stop
 from planner.common.units import IntArray
 
-_BREADTH = (5, 3, 1)  # neighbours tried at the first, second and every deeper step
-_DEPTH = 3
-_SEGMENT = 30  # longest segment that a perturbation swaps
-
 
 class LocalSearch:
     """Improves one closed tour over integer costs; ``tour`` is always the best found so far."""
@@ -97,12 +93,13 @@ class LocalSearch:
         """
         cost, depth = self._cost, len(turned)
         options = self._extensions(t1, t2, origin, turned, saved + cost[t1][t2])
-        for gained, t3, t4, last in options[: _BREADTH[min(depth, 2)]]:
+        breadth = (5, 3, 1)  # neighbours tried at the first, second and every deeper step
+        for gained, t3, t4, last in options[: breadth[min(depth, 2)]]:
             flips.append((t1, t2, t3, t4))
             closed = gained - cost[t4][t1]
             if closed > 0:
                 return closed
-            if depth < _DEPTH:
+            if depth < 3:  # deeper exchanges are found step by step
                 gain = self._step(t1, t4, origin, (*turned, last), closed, flips)
                 if gain > 0:
                     return gain
@@ -164,7 +161,7 @@ class LocalSearch:
     def _kick(self) -> tuple[int, list[int]]:
         """Swap two short neighbouring segments somewhere; return the change of cost and the touched nodes."""
         size, tour, cost = self._size, self.tour, self._cost
-        longest = max(1, min(_SEGMENT, (size - 2) // 3))
+        longest = max(1, min(30, (size - 2) // 3))  # nodes of the longest segment that a perturbation swaps
         draw = self._random.random
         start, one, two = int(draw() * size), 1 + int(draw() * longest), 1 + int(draw() * longest)
         places = [(start + step) % size for step in range(one + two + 2)]

@@ -16,7 +16,6 @@ AXES = (*(f"A{i}" for i in range(1, 7)), *EXTERNAL)
 POSE_KEYS = ("X", "Y", "Z", "A", "B", "C")
 _NAME = r"\$?[A-Za-z_][\w$]*(?:\[[^\]]*\])?"
 _WHOLE = r"'B\s*[01]+'|'H\s*[0-9A-F]+'|[0-9]+"
-_MOST_LINES = 20  # of one statement: beyond, a brace has been forgotten
 _TRIGGER = r"(?P<trigger>TRIGGER\s+WHEN\s.*\bDO\s+)?"
 
 
@@ -74,7 +73,8 @@ def parse(text: str) -> Iterator[st.Statement]:
         first, place = begun or (line, start)
         whole = masked[place : start + len(code)]
         goes_on = whole.count("{") > whole.count("}") or whole.rstrip().endswith("\\")
-        begun = (first, place) if goes_on and line - first < _MOST_LINES else None
+        # 20: lines of one statement: beyond, a brace has been forgotten
+        begun = (first, place) if goes_on and line - first < 20 else None
         if begun is None and whole.strip():
             yield _statement(re.sub(r"[\r\n\\]", " ", whole), first, place)
     if begun is not None:

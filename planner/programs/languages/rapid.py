@@ -16,7 +16,7 @@ def _row(count: int) -> str:
 POSE = rf"\[\s*{_row(3)}\s*,\s*{_row(4)}\s*\]"
 JOINT_TARGET = re.compile(rf"\[\s*{_row(6)}\s*,\s*{_row(6)}\s*\]")
 ROB_TARGET = re.compile(rf"\[\s*{_row(3)}\s*,\s*{_row(4)}\s*,\s*{_row(4)}\s*,\s*{_row(6)}\s*\]")
-UNUSED = 8e9  # external axes that are not there read 9E9
+UNUSED_AXIS = 8e9  # external axes that are not there read 9E9
 
 
 def _pattern(text: str) -> re.Pattern[str]:
@@ -156,7 +156,7 @@ def _target_angles(move: RapidMove, target: str) -> list[float]:
     if not JOINT_TARGET.fullmatch(target):
         raise _refusal(move)
     numbers = st.placed_numbers(target, 0, st.EXPONENT_NUMBER)
-    used = [*numbers[:6], *(n for n in numbers[6:] if n.value < UNUSED)]
+    used = [*numbers[:6], *(n for n in numbers[6:] if n.value < UNUSED_AXIS)]
     return [st.parse_fixed(n.text, move.text) for n in used]
 
 

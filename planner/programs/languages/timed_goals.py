@@ -15,11 +15,6 @@ from planner.common.errors import InputError
 from planner.common.units import Array
 from planner.programs.languages.execution import Execution
 
-CUBIC = 1.5
-"""Peak over mean speed of the cubic that a controller joins two points at rest with."""
-CUBIC_PARTS = 32  # of a leg that is passed, at which its speed is looked at
-RADIAN_ROUNDING = 1e-7  # of a printed angle of a trajectory, both its neighbours and its velocity taken together
-BENT = 0.35  # of a short step, by which the cubic between two points that are passed leaves the straight line at most
 _ROW = rf"\[({st.NUMBER}(?:, {st.NUMBER})*)\]"
 _ZEROS = r"\[0\.0(?:, 0\.0)*\]"
 _POINT = re.compile(
@@ -133,7 +128,8 @@ class TrajectoryExecution(TimedExecution):
         if goal.event == "dwell":
             self.dwell(seconds)
         elif goal.event == "move" and (before is None or before.event != "via"):
-            self.move(goal.angles, None, seconds / CUBIC)
+            # 1.5: peak over mean speed of the cubic that a controller joins two points at rest with
+            self.move(goal.angles, None, seconds / 1.5)
         else:
             blend = None if goal.event == "move" else 0.0
             self.move(goal.angles, blend, seconds, peak=_cubic_peak(before, goal, seconds))
@@ -147,7 +143,8 @@ def _of_cubics(goals: list[TimedGoal], seconds: Array) -> tuple[float, ...]:
     q, v, h = np.array([g.angles for g in goals]), np.array([g.velocities for g in goals]), seconds[:, None]
     moved = np.diff(q, axis=0) / h
     ends = np.abs([6.0 * moved - 4.0 * v[:-1] - 2.0 * v[1:], 4.0 * v[1:] + 2.0 * v[:-1] - 6.0 * moved]).max(axis=0) / h
-    rounding = 6.0 * math.degrees(RADIAN_ROUNDING) * (1.0 / h**2 + 1.0 / h)
+    # 1e-7: [rad] of a printed angle, both its neighbours and its velocity taken together
+    rounding = 6.0 * math.degrees(1e-7) * (1.0 / h**2 + 1.0 / h)
     return tuple(np.maximum(ends - rounding, 0.0).max(axis=0).tolist())
 
 
@@ -165,6 +162,7 @@ def _of_frames(files: list[list[TimedGoal]], rate: float, printed: float) -> tup
 
 def _cubic_peak(before: TimedGoal | None, goal: TimedGoal, seconds: float) -> float:
     """Return the largest over the mean speed of the cubic between two points, of the joint that moves furthest."""
+    count = 32  # parts of a leg that is passed, at which its speed is looked at
     if before is None:
         raise InputError(f"line {goal.line}: '{goal.text}' passes the first point, where nobody knows the way to it")
     moved = [b - a for a, b in zip(before.angles, goal.angles, strict=True)]
@@ -172,7 +170,7 @@ def _cubic_peak(before: TimedGoal | None, goal: TimedGoal, seconds: float) -> fl
     if moved[j] == 0.0:
         return 1.0
     begin, end = (velocities[j] * seconds / moved[j] for velocities in (before.velocities, goal.velocities))
-    parts = (k / CUBIC_PARTS for k in range(CUBIC_PARTS + 1))
+    parts = (k / count for k in range(count + 1))
     speeds = ((1 - 4 * u + 3 * u * u) * begin + 6 * u * (1 - u) + (3 * u * u - 2 * u) * end for u in parts)
     return max(abs(speed) for speed in speeds)
 
@@ -253,7 +251,8 @@ class FramesExecution(TimedExecution):
         j = max(range(len(moved)), key=lambda k: abs(moved[k]))
         printed = 1.01 * 10.0**-self.dialect.decimals
         passed = end.event == "via" or (bool(self.moves) and not self._stopped)
-        bent = BENT * abs(moved[j]) if passed else 0.0
+        # 0.35: of a short step: the cubic between two points that are passed leaves the straight line by no more
+        bent = 0.35 * abs(moved[j]) if passed else 0.0
         last, quickest = begin[j], 0.0
         for frame in frames:
             share = (frame.angles[j] - begin[j]) / moved[j] if moved[j] else 0.0

@@ -28,9 +28,11 @@ export async function page(path) {
   return { content: await answerOf(answer), next: next ? next[1] : null };
 }
 
-export const post = async (path, body) => answerOf(await fetch(path, {
-  method: "POST", headers: { "content-type": "application/json" }, body: JSON.stringify(body ?? {}),
+export const send = async (method, path, body) => answerOf(await fetch(path, {
+  method, headers: { "content-type": "application/json" }, body: body === undefined ? undefined : JSON.stringify(body),
 }));
+
+export const post = (path, body) => send("POST", path, body ?? {});
 
 // the name as the service takes it: letters of the ASCII, no folder
 export const plainName = (name) => name.replace(/[^A-Za-z0-9._+-]/g, "_").replace(/^[^A-Za-z0-9_]+/, "").slice(-100) || "file";

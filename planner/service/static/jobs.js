@@ -21,7 +21,8 @@ function tick(job) {
 }
 
 const row = (j) => make("tr", {}, make("td", {}, tick(j)),
-  make("th", { scope: "row" }, make("a", { href: `/jobs/${j.id}` }, j.kind)), make("td", {}, j.title),
+  make("th", { scope: "row" }, make("a", { href: `/jobs/${j.id}` }, j.kind)),
+  make("td", {}, j.title, j.note ? make("div", { className: "hint" }, j.note) : ""),
   make("td", {}, make("span", { className: `state ${j.state}` }, j.state), j.problem ? make("div", { className: "hint" }, j.problem.detail) : ""),
   make("td", {}, timeText(j.created)));
 

@@ -15,7 +15,8 @@ from planner.design.observability.information import INDEX_RULES
 from planner.effects.catalogue import catalogue, check_effect_name, effect_kinds
 from planner.effects.nonparametric import GEAR_CURVE, NONPARAMETRIC
 from planner.effects.steps import SLIP, STEP
-from planner.session.notes import MUCH, discrimination_notes
+from planner.session.notes import discrimination_notes
+from planner.session.tolerances import MUCH_WORSE
 from tests.command import edbb
 from tests.design.discrimination.test_refusals import LAG, file
 from tests.design.discrimination.worlds import NJ, cell, usual
@@ -136,6 +137,6 @@ def test_poses_that_are_much_worse_for_the_geometry_say_so(index, value, alone):
 
 @pytest.mark.parametrize("index", INDEX_RULES)
 def test_poses_that_are_little_worse_say_nothing(index):
-    for factor in (1.0, MUCH * 0.99, 1 / (MUCH * 0.99)):
+    for factor in (1.0, MUCH_WORSE * 0.99, 1 / (MUCH_WORSE * 0.99)):
         choice = judged(index, factor)
         assert not [n for n in discrimination_notes(cell(), separation(alone=1.0), choice, ()) if "times worse" in n]

@@ -77,7 +77,7 @@ def test_a_write_that_is_refused(line):
 
 
 def test_a_session_outlives_the_servers_patience(cell, monkeypatch):
-    monkeypatch.setattr(kukavarproxy, "IDLE", 0.0)  # as if every exchange came after a long time of reading
+    monkeypatch.setattr(kukavarproxy, "IDLE_TIME", 0.0)  # as if every exchange came after a long time of reading
     made = cell(count=1, faults={"short": True})
     made.run()
     assert len(made.controller.connections) > 20

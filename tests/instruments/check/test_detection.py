@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from planner.instruments.check.detection import FALSE_ALARM, POWER, Detector, rank_explanations
+from planner.instruments.check.assumptions import FALSE_ALARM, POWER
+from planner.instruments.check.detection import Detector, rank_explanations
 
 N = 10
 

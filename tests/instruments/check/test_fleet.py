@@ -7,7 +7,8 @@ import pytest
 from scipy import stats
 
 from planner.common.units import DEG
-from planner.instruments.check.detection import FALSE_ALARM, POWER, Detector
+from planner.instruments.check.assumptions import FALSE_ALARM, POWER
+from planner.instruments.check.detection import Detector
 from planner.instruments.check.evaluation import evaluate_check
 from tests.identification.worlds import arm_of
 from tests.instruments.check.fleet import NAME, fleet, tracker_fleet

@@ -12,9 +12,10 @@ import tests.instruments.loaded.world as world
 from planner.cell.reading import load_cell
 from planner.cell.setup import setup_of
 from planner.common.errors import InputError
+from planner.instruments.loaded.assumptions import SAMPLE_SPACING
 from planner.instruments.loaded.circle_candidates import find_own_place, planned_curves
 from planner.instruments.loaded.common_fit import UnloadedPoses, predict_common_fit
-from planner.instruments.loaded.joint_fit import SAMPLE_SPACING, at_rest, fit_jointly
+from planner.instruments.loaded.joint_fit import at_rest, fit_jointly
 from planner.model.model import Model
 from planner.runs.loader import join_runs
 from planner.runs.run import Mounting, Readings, Run, Samples

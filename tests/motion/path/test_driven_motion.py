@@ -10,7 +10,8 @@ from planner.common.errors import NoSolutionError
 from planner.common.units import round_angles
 from planner.kinematics.inverse_kinematics import solve_pose_ik
 from planner.motion.path.constraints import Constraints
-from planner.motion.path.proof import LEVELS, Neighbourhoods
+from planner.motion.path.proof import Neighbourhoods
+from planner.motion.tolerances import MOST_BISECTIONS
 from planner.programs.dialect import PathForm, load_dialect
 from planner.programs.instructions import Entry, JointMove, Pause, StretchBegin
 from planner.runs.run import FIRST_MOUNTING
@@ -137,7 +138,7 @@ def test_a_narrow_corner_of_steps_takes_few_cells(height):
     chain = Chain(Held(FIRST_MOUNTING, True), q, blend, np.zeros(5, dtype=bool), np.arange(4))
     found = [h.corners for h in motion_hulls(chain, lambda q: np.pad(q, ((0, 0), (0, 1))), _accept)]
     cells, closed = [Neighbourhoods.of(c) for c in found if len(c)], []
-    for _ in range(LEVELS):  # a margin that is 1.6e-5 rad where it is smallest, and grows with the square
+    for _ in range(MOST_BISECTIONS):  # a margin that is 1.6e-5 rad where it is smallest, and grows with the square
         left = []
         for c in cells:
             lost = np.linalg.norm(c.spokes, axis=2).max(axis=1)

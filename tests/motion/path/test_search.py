@@ -14,7 +14,8 @@ from scipy.spatial import cKDTree
 from planner.common.units import Array
 from planner.motion.path.connection import cut_corners, pull_supports
 from planner.motion.path.constraints import Constraints
-from planner.motion.path.roadmap import SUPPORT_COST, LazyGraph, Roadmap, join_to_earlier, leg_time, rrt_connect
+from planner.motion.path.roadmap import LazyGraph, Roadmap, join_to_earlier, leg_time, rrt_connect
+from planner.motion.tolerances import SUPPORT_COST
 from tests.motion.path.poses import cell_and_world, dense, valid_poses
 from tests.processors import with_threads
 

@@ -1,0 +1,63 @@
+"""How large each kind of effect usually is, and the most that is plausible: priors that decide what is found."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Size:
+    """Unit of an effect's size, its usual value (one prior sigma) and the largest plausible one."""
+
+    unit: str
+    usual: float
+    largest: float
+
+
+@dataclass(frozen=True)
+class EffectSize(Size):
+    """The same, and where it comes from."""
+
+    literature: str
+
+
+ESTIMATED = "estimated"
+BACKLASH = EffectSize(
+    "rad", 1e-4, 1e-2, "Slamani, Nubiola & Bonev 2012, Industrial Robot 39(5): backlash of a serial robot, 0.01-0.1 mm"
+)
+LOAD_TURN = Size("rad", 3e-4, 1e-2)
+"""Turn of a joint, a link or the base under the run's largest load."""
+MASS_TURN = Size("rad", LOAD_TURN.usual, 2e-3)
+"""Turn of a joint under its largest load by a mass other than stated."""
+GEAR_WAVE = Size("rad", 1e-4, 5e-3)
+"""Amplitude of one wave of a gear: one sigma is 20 arc seconds."""
+GEAR_CURVE_SIZE = Size("rad", 2e-4, 5e-3)
+"""Root mean square of a gear's whole curve."""
+SMOOTH_CORRECTION = Size("rad", 3e-4, 1e-2)
+"""The longest wave of a smooth correction of a joint; wave k has the k²-th part."""
+SESSION_SHIFT = Size("m", 5e-5, 5e-3)
+SESSION_TURN = Size("rad", 1e-4, 1e-2)
+"""Step of a frame, or of the gauge's zero, from one session to the next."""
+SUDDEN_CHANGE = Size("m, rad", 2e-4, 0.2)
+"""Sudden change of anything within a run."""
+WRONG_ROW = Size("m, rad", 1e-2, 100.0)
+"""Error of one row: a digit may be wrong anywhere in a reading."""
+EXPANSION = "thermal expansion of steel and aluminium, 11 to 24e-6 1/K"
+THERMAL_GROWTH = EffectSize("1/K", 1.2e-5, 1e-4, EXPANSION)
+"""Growth of all links: steel; several times as much where the air is not as warm as the arm."""
+HEISEL = "Heisel, Richter & Wurst 1997, CIRP Annals 46(1): thermal behaviour of industrial robots, 0.1 to 0.5 mm"
+DRIFT_TURN = EffectSize("rad", 2e-4, 5e-3, HEISEL)
+DRIFT_SHIFT = EffectSize("m", 5e-5, 3e-3, HEISEL)
+"""Drift over a run; the largest in no less than an hour or for no less than 5 K."""
+
+LAG = EffectSize("s", 2e-3, 0.1, ESTIMATED)
+"""Time by which the joints run behind their logged angles."""
+SETTLING = EffectSize("1", 0.5, 2.0, ESTIMATED)
+"""Factor on what a joint reads less than was commanded: 1 where its angle is the commanded one."""
+
+# ---- sizes of one side
+LARGEST_COUPLING = 2.5  # a parallelogram that nobody declared couples by -1, a joint counted backwards is off by -2
+PLAY_OF_SCATTER = 3.0  # [1] usual play over what a joint repeats to, where that is more than an industrial arm's
+PART_TURN = 1e-4  # [rad] of one part about one axis, as of a gear: one sigma of all its waves together
+BAR_SHAPE, RAY_SHAPE = 2e-5, 1e-5  # [m] smooth error of a bar, of a line of sight: one sigma of all powers together
+GAUGE_LAG = 0.05  # [s] one sigma, after the two logs were laid over each other
+SET_UP_LARGEST = 0.1  # [m, rad] off: beyond, the gauge was not there at all, and nothing was read
+SIGMAS_OF_LARGEST = 5.0  # the largest drift is at least so many of its prior sigmas

@@ -1,0 +1,179 @@
+"""What is kept of jobs and what may go: titles and notes, archive, deletion, and the sweep by age and size.
+
+A job stays as long as something needs it: it runs, a record of a robot cites its result, or another job starts from it.
+Files are kept by their content, and go with the last job and upload that names them.
+"""
+
+import logging
+import sqlite3
+import threading
+import time
+from collections.abc import Iterator
+from typing import Annotated
+
+from pydantic import Field
+
+from planner.common.errors import InputError
+from planner.common.schema import StrictModel
+from planner.service.database import Database
+from planner.service.file_store import FileStore
+from planner.service.job_store import JobRecord, JobStore
+from planner.service.record_index import RecordIndex
+from planner.service.settings import DAY_S, Retention
+
+LOG = logging.getLogger("edbb.service")
+SWEEP_S = 3_600.0  # between two sweeps: what may go is days old
+TASK_DAYS = 7.0  # after which views and checks of pages go: they are made again where somebody looks
+
+
+class KeptJobError(InputError):
+    """A job cannot be deleted, as something needs it."""
+
+
+class JobChanges(StrictModel):
+    """What is changed of a job."""
+
+    title: Annotated[str, Field(min_length=1, max_length=120, pattern=r"^[^\x00-\x1f]*$")] | None = None
+    note: Annotated[str, Field(max_length=2000)] | None = None
+    archived: bool | None = Field(None, description="kept for good, and not in the list")
+
+
+class JobKeeper:
+    """Changes and deletes jobs of a store."""
+
+    def __init__(self, database: Database, jobs: JobStore, files: FileStore, records: RecordIndex) -> None:
+        self._db, self._jobs, self._files, self._records = database, jobs, files, records
+
+    def change(self, id: str, changes: JobChanges) -> JobRecord:
+        """Change what is given.
+
+        Raises:
+            UnknownJobError: there is no such job.
+        """
+        self._jobs.get(id)
+        with self._db.write() as db:
+            for name, value in changes.model_dump(exclude_none=True).items():
+                db.execute(f"UPDATE jobs SET {name} = ? WHERE id = ?", (value, id))  # names of the model's fields
+        return self._jobs.get(id)
+
+    def delete(self, id: str) -> None:
+        """Delete a job, the views that pages have made of it, and the files that nothing else names.
+
+        Raises:
+            UnknownJobError: there is no such job.
+            KeptJobError: something needs it.
+        """
+        if not self._records.refresh(now=True):
+            raise KeptJobError("the records of robots are being read, and may cite it; try again in a moment")
+        with self._db.write() as db:
+            job = self._jobs.get(id)
+            reason = _reason_to_keep(db, job)
+            if reason:
+                raise KeptJobError(f"the {job.kind} {id} cannot be deleted: {reason}")
+            gone = [id, *_views_of(db, id)]
+            contents = {c for one in gone for c in _contents(db, one)}
+            for one in gone:
+                for table in ("events", "outputs", "inputs"):
+                    db.execute(f"DELETE FROM {table} WHERE job = ?", (one,))
+                db.execute("DELETE FROM jobs WHERE id = ?", (one,))
+            unused = [sha256 for sha256 in contents if not _is_named(db, sha256)]
+            for sha256 in unused:  # within the transaction: nobody begins to name one meanwhile
+                self._files.path(sha256).unlink(missing_ok=True)
+
+    def sweep(self, kept: Retention, now: float) -> int:
+        """Delete what is older, and the oldest while the store is larger, than is to be kept; return how many jobs.
+
+        Nothing goes that is archived or needed; what only serves pages goes first.
+        """
+        count = sum(self._try_delete(id) for id in self._ended_before(now - TASK_DAYS * DAY_S, tasks=True))
+        if kept.age_s is not None:
+            count += sum(self._try_delete(id) for id in self._ended_before(now - kept.age_s))
+        if kept.size_bytes is not None:
+            candidates = iter([*self._ended_before(now, tasks=True), *self._ended_before(now)])
+            while self.size_bytes() > kept.size_bytes and (id := next(candidates, None)) is not None:
+                count += self._try_delete(id)
+        return count
+
+    def size_bytes(self) -> int:
+        """Return the size of all files that jobs have written and people have sent [bytes]."""
+        query = "SELECT sum(size) FROM (SELECT sha256, size FROM outputs UNION SELECT sha256, size FROM uploads)"
+        return int(self._db.read(query)[0][0] or 0)
+
+    def _ended_before(self, moment: float, tasks: bool = False) -> list[str]:
+        """Return the jobs that ended before a moment [s since 1970] and are not archived, the oldest first."""
+        query = "SELECT id FROM jobs WHERE task = ? AND finished < ? AND archived = 0 ORDER BY finished, id"
+        return [row["id"] for row in self._db.read(query, int(tasks), moment)]
+
+    def _try_delete(self, id: str) -> bool:
+        try:
+            self.delete(id)
+        except InputError:  # it is needed, or went with another
+            return False
+        return True
+
+
+def _reason_to_keep(db: sqlite3.Connection, job: JobRecord) -> str:
+    """Return what needs a job; empty where nothing does."""
+    if not job.ended:
+        return f"it is {job.state}; cancel it first"
+    cited = "SELECT serial FROM outputs JOIN recorded ON document_sha256 = sha256 WHERE job = ? LIMIT 1"
+    row = db.execute(cited, (job.id,)).fetchone()
+    if row is not None:
+        return f"the record of the robot {row['serial']} cites it"
+    for other in _named_by(db, job.id):
+        if not other["task"]:
+            return f"the {other['kind']} {other['id']} starts from it; delete that first"
+        if other["state"] in ("queued", "running"):
+            return "a page is being made of it; try again in a moment"
+    return ""
+
+
+def _named_by(db: sqlite3.Connection, id: str) -> Iterator[sqlite3.Row]:
+    """Yield the jobs whose requests name a job."""
+    yield from db.execute("SELECT id, kind, state, task FROM jobs WHERE id != ? AND instr(request, ?) > 0", (id, id))
+
+
+def _views_of(db: sqlite3.Connection, id: str) -> list[str]:
+    return [row["id"] for row in _named_by(db, id) if row["task"]]
+
+
+def _contents(db: sqlite3.Connection, id: str) -> list[str]:
+    """Return the hashes of the files that a job has written or was given."""
+    query = "SELECT sha256 FROM outputs WHERE job = ? UNION SELECT sha256 FROM inputs WHERE job = ?"
+    return [row["sha256"] for row in db.execute(query, (id, id))]
+
+
+def _is_named(db: sqlite3.Connection, sha256: str) -> bool:
+    """Tell whether a job or an upload still names a file."""
+    tables = ("outputs", "inputs", "uploads")
+    return any(db.execute(f"SELECT 1 FROM {t} WHERE sha256 = ? LIMIT 1", (sha256,)).fetchone() for t in tables)
+
+
+class Sweeper:
+    """The thread that sweeps now and then, where anything is to go."""
+
+    def __init__(self, keeper: JobKeeper, kept: Retention) -> None:
+        self._keeper, self._kept, self._stopping = keeper, kept, threading.Event()
+        self._thread = threading.Thread(target=self._run, name="sweeper", daemon=True)
+
+    def start(self) -> None:
+        """Begin, where anything is to go."""
+        if self._kept.limited:
+            self._thread.start()
+
+    def stop(self) -> None:
+        """End."""
+        self._stopping.set()
+        if self._thread.is_alive():
+            self._thread.join()
+
+    def _run(self) -> None:
+        while not self._stopping.is_set():
+            try:
+                count = self._keeper.sweep(self._kept, time.time())
+            except Exception:
+                LOG.exception("old jobs could not be swept")
+            else:
+                if count:
+                    LOG.info("%d old jobs deleted", count)
+            self._stopping.wait(SWEEP_S)

@@ -1,0 +1,79 @@
+"""The rows of a calibration's tables, in mm and degrees; where the unit differs row by row, a column says it."""
+
+from planner.common.tables import Row
+from planner.common.units import display_unit, file_unit, si_unit, to_deg, to_mm
+from planner.model.gauge_frames import ToolPointPosition
+from planner.model.identification_document import Estimate, Finding, Stage
+
+
+def border_unit(e: Estimate) -> tuple[str, float]:
+    """Return how a parameter is written: mm and degrees for the geometry, small units for effects; factor to it."""
+    if e.group in ("gauge", "geometry"):
+        unit = file_unit(e.unit)
+        return unit, 1 / si_unit(unit)[1]
+    return display_unit(e.unit, max(abs(e.value), e.std or 0.0))
+
+
+def parameter_row(e: Estimate) -> Row:
+    """Return a parameter: value, standard deviation and by how much it moved, in its unit; why it has no deviation."""
+    unit, factor = border_unit(e)
+    return {
+        "parameter": e.name,
+        "value": e.value * factor,
+        "sigma": e.std * factor if e.identifiable and e.std is not None else None,
+        "moved_by": (e.value - e.nominal) * factor,
+        "unit": unit,
+        "seen": e.identifiable,
+        "because": e.because,
+        "stands_also_for": ", ".join(e.absorbs),
+        "group": e.group,
+    }
+
+
+def finding_row(f: Finding) -> Row:
+    """Return a finding: what, where, its size with its deviation, and what this run cannot tell from it."""
+    unit, factor = display_unit(f.unit, f.value)
+    return {
+        "effect": f.effect,
+        "on": f.on,
+        "value": f.value * factor,
+        "sigma": f.std * factor,
+        "unit": unit,
+        "p_value": f.p_value,
+        "held_out_gain_mm": float(to_mm(f.gain)),
+        "rivals": ", ".join(f.rivals),
+        "note": f.note,
+    }
+
+
+def tool_row(point: ToolPointPosition) -> Row:
+    """Return where a tool point sits in the flange frame, with its standard deviations."""
+    place = {f"{axis}_mm": float(to_mm(v)) for axis, v in zip("xyz", point.p_FM, strict=True)}
+    std = point.std_beside_robot or (None, None, None)
+    sigma = {f"sigma_{axis}_mm": None if v is None else float(to_mm(v)) for axis, v in zip("xyz", std, strict=True)}
+    return {"point": point.name, **place, **sigma}
+
+
+def stage_row(s: Stage) -> Row:
+    """Return a stage of the fit and its errors."""
+    held, checked = s.held_out, s.validation
+    return {
+        "stage": s.name,
+        "parameters": s.parameters,
+        "fitted_rms_mm": float(to_mm(s.train.rms)),
+        "held_out_rms_mm": float(to_mm(held.rms)),
+        "held_out_mean_mm": float(to_mm(held.mean)),
+        "held_out_largest_mm": float(to_mm(held.largest)),
+        "validation_mean_mm": None if checked is None else float(to_mm(checked.mean)),
+    }
+
+
+def error_rows(q: list[list[float]], position: list[list[float]], errors: list[list[float]]) -> list[Row]:
+    """Return the states of the workspace: joint angles, tool point, and its likely error of three robots [rad, m]."""
+    heads = [f"q{j + 1}_deg" for j in range(len(q[0]))]
+    return [
+        {name: float(to_deg(v)) for name, v in zip(heads, angles, strict=True)}
+        | {f"{axis}_mm": float(to_mm(v)) for axis, v in zip("xyz", place, strict=True)}
+        | {f"{n}_mm": float(to_mm(v)) for n, v in zip(("nominal", "geometry", "released"), off, strict=True)}
+        for angles, place, off in zip(q, position, errors, strict=True)
+    ]

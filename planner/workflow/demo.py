@@ -1,0 +1,116 @@
+"""``edbb demo``: the whole chain on a shipped cell, on a simulated robot with a fault that the fit is not told."""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from planner.common.progress import Progress, Stages, no_progress
+from planner.common.result import FolderResult
+from planner.common.summary import Fact, Summary
+from planner.common.units import to_mm
+from planner.instruments.simulation import SimulatedRun, planned_samples, simulate_run
+from planner.instruments.truth import TruthEffectFile, draw_truth, effects_from_file
+from planner.runs.writer import save_run
+from planner.session.planned_session import PlannedSession
+from planner.workflow.identification import CalibrationResult, identify
+from planner.workflow.plan_results import PlanResult
+from planner.workflow.planning import plan
+
+CELL = "comau-nj130/edbb"
+HIDDEN = "encoder once a turn"  # kind of the fault: an encoder out of centre
+SIZES = (200.0, 400.0)  # [µrad] from the least to the largest: 0.2 to 0.4 mm at a metre
+SESSION, RUN, CALIBRATED = "session", "run.csv", "calibrated"
+
+
+@dataclass(frozen=True)
+class DemoResult(FolderResult):
+    """The chain from plan to calibrated robot.
+
+    Attributes:
+        session: the plan.
+        run: the simulated run.
+        robot: what was identified of it.
+        hidden: the fault: kind, place and size [µrad].
+    """
+
+    main_file = "demo.json"
+    session: PlanResult
+    run: SimulatedRun
+    robot: CalibrationResult
+    hidden: tuple[str, str, float]
+
+    @property
+    def is_found(self) -> bool:
+        """Tell whether the fault is among the findings, or a rival of one that this run cannot tell from it."""
+        kind, on, _ = self.hidden
+        name = f"{kind}, {on}"
+        return any(name in (f.name, *f.rivals) for f in self.robot.calibration.findings)
+
+    @property
+    def simulated(self) -> bool:
+        """Tell that nobody measured it."""
+        return True
+
+    def overview(self) -> Summary:
+        """Return what was hidden, what was found and how good the robot became."""
+        kind, on, size = self.hidden
+        found, release = self.robot.calibration, self.robot.calibration.release
+        facts: list[Fact] = [("hidden", f"{kind}, {on}: {size:.0f} µrad, beside errors of every length and angle")]
+        facts += [f for f in self.robot.overview().facts if f[0] in ("found", "rest")]
+        facts.append(("so", "the hidden fault was found" if self.is_found else "the hidden fault was not found"))
+        if release is not None:
+            before, after = (float(to_mm(v)) for v in (release.nominal_anywhere, found.workspace_error))
+            facts.append(("tool error", f"{before:.3f} → {after:.3f} mm  rms over the workspace"))
+        return Summary(f"{found.robot}: planned, measured by simulation, calibrated", facts)
+
+    def content(self) -> dict[str, Any]:
+        """Return what was hidden and whether it was found."""
+        kind, on, size = self.hidden
+        hidden = {"effect": kind, "on": on, "size_urad": size}
+        return {"schema": "edbb-demo/1", "simulated": True, "hidden": hidden, "found": self.is_found}
+
+    def fill(self, draft: Path) -> None:
+        """Write the plan, the run and the calibration, each as its own command does."""
+        self.session.write(draft / SESSION)
+        save_run(self.run, draft / RUN)
+        self.robot.write(draft / CALIBRATED)
+
+    def files(self, folder: Path) -> str:
+        """Name the pages and the run."""
+        return f"{SESSION}/report.html, {RUN}, {CALIBRATED}/report.html"
+
+    def next_step(self, folder: Path) -> str:
+        """Say how the same is done with one's own robot."""
+        return "edbb robots lists the robots and cells; edbb plan CELL -o session plans one of them"
+
+
+def demo(cell: str = CELL, poses: int | None = None, seed: int = 0, progress: Progress = no_progress) -> DemoResult:
+    """Run the chain on a cell: plan, simulated run of a robot with a hidden fault, identification.
+
+    Args:
+        cell: name or file of the cell.
+        poses: their number; by default as many as the plan takes.
+        seed: of the robot's errors and of its fault.
+        progress: called with the stage, how much of it is done, and of how much.
+
+    Raises:
+        InputError: the cell cannot be read.
+        NoSolutionError: a stage has no solution.
+        MissingProgramError: a package of planning is not installed.
+    """
+    session = plan(cell, poses=poses, progress=progress)
+    assert isinstance(session, PlanResult)
+    driven = PlannedSession.of(session.plan)
+    samples = planned_samples(driven.cell, driven.document, driven.courses)
+    random = np.random.default_rng(seed)
+    joint, size = int(random.integers(2, driven.cell.robot.n_joints)), float(np.round(random.uniform(*SIZES)))
+    on = f"joint {joint}"
+    truth = draw_truth(driven.cell, seed)
+    fault = TruthEffectFile(kind=HIDDEN, on=on, value=size, unit="urad")
+    known = replace(truth, effects=effects_from_file(Path("demo"), (fault,), truth.model.setup, samples))
+    Stages(progress).say("simulation", 0, 0)
+    run = simulate_run(driven.cell, driven.plan_id, samples, known, seed)
+    robot = identify(run, plan=session, progress=progress)
+    return DemoResult(session, run, robot, (HIDDEN, on, size))
