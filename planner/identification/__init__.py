@@ -4,6 +4,7 @@ __all__ = [
     "baseline",
     "calibrated_robot",
     "calibration",
+    "contenders",
     "covariance",
     "cross_validation",
     "error_parts",

@@ -21,6 +21,7 @@ from planner.identification.calibration import (
     find_joint_zeros,
     find_other_zeros,
 )
+from planner.identification.contest import judge_findings
 from planner.identification.covariance import (
     consider_covariance,
     parameter_covariance,
@@ -240,7 +241,7 @@ def assess_fit(
         other_zeros=find_other_zeros(found.setup.robot, estimates, cell.controller.dialects),
         fitted=() if released is None else tuple(e for e in table if e.identifiable),
         degrees_of_freedom=max(1.0, len(found.problem) * found.model.width / time - found.effective),
-        findings=tuple(_with_estimates(traced.findings, table)),
+        findings=tuple(_with_estimates(_judged(traced, released, len(run) * found.model.width / time), table)),
         limits=traced.limits,
         rejected=traced.rejected,
         tried=traced.tried,
@@ -288,6 +289,27 @@ def _estimate_all(free: FittedParameters, found: Fit, covariance: Array, traced:
     whole = free.whole.plus([p for p in found.model.parameters if p.name not in known])
     inner = {f"{f.name}, {f.inner.name}": f.inner.value for f in traced.findings if f.inner is not None}
     return estimate_parameters(whole, found, free.dropped, covariance, inner)
+
+
+def _judged(traced: TracingResult, released: ReleasedRobot | None, readings: float) -> tuple[Finding, ...]:
+    """Return the findings with their probabilities and rivals by the posterior; ``readings``: independent ones."""
+    if released is None:
+        return traced.findings
+    posterior = released.posterior
+    standings = judge_findings(posterior, traced.contests, readings / len(posterior.record.effects.y))
+    known = {c.own.name: s for c, s in zip(traced.contests, standings, strict=True)}
+    return tuple(
+        f.model_copy(
+            update={
+                "probability": known[f.name].probability,
+                "rivals": tuple(r.name for r in known[f.name].rivals),
+                "rival_probabilities": tuple(r.probability for r in known[f.name].rivals),
+            }
+        )
+        if f.name in known
+        else f
+        for f in traced.findings
+    )
 
 
 def _with_estimates(findings: Sequence[Finding], table: Sequence[Estimate]) -> Iterator[Finding]:

@@ -11,6 +11,7 @@ from planner.cell.setup import MeasurementSetup
 from planner.common.units import Array, to_deg
 from planner.design.observability.identifiability import DroppedParameter
 from planner.identification.axis_zeros import AxisZeros
+from planner.identification.contenders import Contest
 from planner.identification.least_squares import Fit
 from planner.identification.released_robot import ReleasedRobot
 from planner.kinematics.robot import Robot
@@ -36,12 +37,14 @@ class TracingResult:
         limits: for every effect that was looked for and not found.
         rejected: what was refitted and not kept.
         tried: number of effects and inner values that were looked at.
+        contests: for what the findings explain, to be decided by the posterior.
     """
 
     findings: tuple[Finding, ...] = ()
     limits: tuple[DetectionLimit, ...] = ()
     rejected: tuple[RejectedEffect, ...] = ()
     tried: int | None = None
+    contests: tuple[Contest, ...] = ()
 
 
 @dataclass(frozen=True)

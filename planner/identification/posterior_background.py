@@ -30,6 +30,7 @@ RIPPLES, SLOWEST, QUICKEST = 24, 9.0, 170.0  # frequencies of a gear's ripple in
 PULLS, USUAL_PULL = 3, 1e-4  # harmonics of what one joint does to another, and the first one's size [rad]
 BAND = 4  # values of any other inner number
 BACKGROUND = "background"  # group of its parameters
+GAUGE_SHAPE = "gauge of any shape"
 UNNAMED = "misfit"  # what the catalogue has no name for: first word of its families
 ABSENT = (Background.NAMED_ONLY, Background.OF_SHAPE)
 BY_PLACE = (Background.BY_PLACE, Background.COMMON)
@@ -76,7 +77,7 @@ def background_families(setup: MeasurementSetup, samples: Samples) -> tuple[Effe
         out.setdefault(label, []).extend(_band(effect, setup.gauge.usual_scale if is_known else None))
     for name, parameters in _gears(setup, samples.q):
         out[name] = list(parameters)
-    out["gauge of any shape"] = list(gauge_shapes(Excitation.of(setup, samples)))
+    out[GAUGE_SHAPE] = list(gauge_shapes(Excitation.of(setup, samples)))
     unnamed = {f"{UNNAMED}, {name}": list(p) for name, p in misfit_shapes(Excitation.of(setup, samples))}
     return tuple(
         EffectFamily(
@@ -84,6 +85,17 @@ def background_families(setup: MeasurementSetup, samples: Samples) -> tuple[Effe
         )
         for name, own in (out | unnamed).items()
     )
+
+
+def cause_of_family(name: str) -> str | None:
+    """Return the name of the cause without a name that a family stands for, as findings have it; ``None`` of others."""
+    name = name.removesuffix(f" ({BACKGROUND})")
+    if name == GAUGE_SHAPE:
+        return f"{NONPARAMETRIC}, gauge"
+    if not name.startswith(f"{UNNAMED}, part "):
+        return None
+    part, _, by = name.removeprefix(f"{UNNAMED}, part ").partition(" by ")
+    return f"{NONPARAMETRIC}, joint {part} by {by}"
 
 
 def is_left_to_background(group: str) -> bool:

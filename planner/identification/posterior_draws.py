@@ -94,6 +94,11 @@ class RandomEffects:
         order = np.argsort(self.family, kind="stable")
         return np.ascontiguousarray(self.columns[:, order[(self.family < 0).sum() :]])
 
+    @cached_property
+    def family_positions(self) -> tuple[np.ndarray, ...]:
+        """Positions of the columns of each family, (f,)."""
+        return tuple(np.flatnonzero(self.family == f) for f in range(len(self.priors)))
+
     def sizes(self, factors: Array) -> Array:
         """Return the factor of each column, (p,), at factors of the families (f,)."""
         return np.asarray(np.append(factors, 1.0)[self.family])
@@ -125,7 +130,7 @@ class RandomEffects:
         A QR decomposition, for the columns of known size may be wider than the noise by many orders of magnitude.
         """
         if self._are_many(draw):
-            whitener = _ReadingWhitener.of(self, draw)
+            whitener = ReadingWhitener.of(self, draw)
             columns = whitener.white(self.sorted_columns)
             gram = dsyrk(1.0, columns, trans=1, lower=1)
             return _Precision(gram, columns.T @ whitener.white(self.y[:, None])[:, 0], self.places)
@@ -143,7 +148,7 @@ class RandomEffects:
         """
         prior = draw.noise_logs @ self.noise_precision @ draw.noise_logs
         if self._are_many(draw):
-            whitener = _ReadingWhitener.of(self, draw)
+            whitener = ReadingWhitener.of(self, draw)
             return float(whitener.log_det + (whitener.white(self.y[:, None]) ** 2).sum() + prior)
         root, tall = self._whiten(draw)
         y = np.append(self.y / root, np.zeros(tall.shape[1]))
@@ -157,7 +162,7 @@ class RandomEffects:
 
 
 @dataclass(frozen=True)
-class _ReadingWhitener:
+class ReadingWhitener:
     """C^(−1/2) of the readings at one draw of the sizes.
 
     The columns of known size come first, by their singular values, since they may be wider than the noise by many
@@ -178,7 +183,7 @@ class _ReadingWhitener:
     log_det: float
 
     @classmethod
-    def of(cls, model: RandomEffects, draw: SizeDraw) -> "_ReadingWhitener":
+    def of(cls, model: RandomEffects, draw: SizeDraw) -> "ReadingWhitener":
         """Factor the covariance."""
         root = np.sqrt(model.variance(draw.noise_logs))
         axes, wide, _ = np.linalg.svd(model.columns[:, model.family < 0] / root[:, None], full_matrices=False)

@@ -131,6 +131,7 @@ class PosteriorFit:
         gram: products of whitened rows per prior size and residuals, (P + 1, P + 1).
         families: sizes of them.
         findings: groups of ``before`` that stand.
+        record: what was drawn of the sizes.
     """
 
     fit: Fit
@@ -139,6 +140,28 @@ class PosteriorFit:
     gram: Array
     families: tuple[SizeOfFamily, ...]
     findings: tuple[str, ...]
+    record: "DrawRecord"
+
+
+@dataclass(frozen=True)
+class DrawRecord:
+    """The draws of the sizes of all families, and what they were drawn by.
+
+    Attributes:
+        model: of all that may act.
+        run: samples that sizes were learnt from.
+        errors: of the model's parameters, about which it was linearised, (P,).
+        names: of the families, (f,).
+        effects: the linear model.
+        draws: in order.
+    """
+
+    model: Model
+    run: Run
+    errors: Array
+    names: tuple[str, ...]
+    effects: RandomEffects
+    draws: tuple[SizeDraw, ...]
 
 
 @dataclass(frozen=True)
@@ -148,7 +171,7 @@ class DrawnPosterior:
     Attributes:
         problem: of all parameters that may act, with the draws' mean noise.
         start: values that the fit starts from, (P,).
-        mixture, families, findings: see :class:`PosteriorFit`.
+        mixture, families, findings, record: see :class:`PosteriorFit`.
     """
 
     problem: FitProblem
@@ -156,6 +179,7 @@ class DrawnPosterior:
     mixture: SizeMixture
     families: tuple[SizeOfFamily, ...]
     findings: tuple[str, ...]
+    record: DrawRecord
 
     def predict_held_out(self, split: Split) -> Array:
         """Return residuals (n, r) of samples held out, by the fit with the draws' rms sizes."""
@@ -173,7 +197,7 @@ class DrawnPosterior:
         effective = float(len(z) - (found.inverse**2).sum())
         mean = Fit(problem, found, effective, np.array([], dtype=int))
         drawn = problem.prior[:, None] * self.mixture.draw_errors(gram, z)
-        return PosteriorFit(mean, self.mixture, drawn, gram, self.families, self.findings)
+        return PosteriorFit(mean, self.mixture, drawn, gram, self.families, self.findings, self.record)
 
 
 def draw_posterior(
@@ -224,7 +248,8 @@ def draw_posterior(
         for name, f in zip(families.names, factors.T, strict=True)
     )
     stand = tuple(s.name for s in sizes if s.name in families.findings and s.probability >= STANDS)
-    return DrawnPosterior(problem, errors[kept], mixture, sizes, stand)
+    record = DrawRecord(families.model, few, errors, families.names, effects, draws)
+    return DrawnPosterior(problem, errors[kept], mixture, sizes, stand, record)
 
 
 def _gram(problem: FitProblem, errors: Array) -> Array:
@@ -297,24 +322,44 @@ def _own_family(p: Parameter) -> str:
 
 
 def _linearize(problem: FitProblem, errors: Array, families: _Families) -> RandomEffects:
-    """Linearise about errors (P,), positions and angles each in axes in which gauge and joints do not mix."""
-    linear = problem.linear(slice(0, len(problem)), errors)
-    rows, y = linear.rows * problem.prior, linear.residual + linear.rows @ errors
-    declared, shaken = problem.whitener.declared, problem.whitener.shaken
-    columns, targets, noise = [], [], []
-    width = rows.shape[1]
-    for start in range(0, width, 3):
-        block = slice(start, min(start + 3, width))
-        unit = 1 / np.sqrt(declared[block])
-        ratio, axes = np.linalg.eigh(shaken[:, block, block] * unit[:, None] * unit)
-        turn = np.einsum("nji,j->nij", axes, unit)
-        columns.append((turn @ rows[:, block]).reshape(-1, rows.shape[2]))
-        targets.append(np.einsum("nij,nj->ni", turn, y[:, block]).ravel())
-        part = np.zeros((ratio.size, 2 if width <= 3 else 3))
-        part[:, 2 if start else 0], part[:, 1] = 1.0, np.maximum(ratio, 0.0).ravel()
-        noise.append(part)
-    count = noise[0].shape[1]
+    """Linearise about errors (P,)."""
+    readings = IndependentReadings.of(problem, errors)
+    count = readings.noise.shape[1]
     apart = np.eye(count)[0] - np.eye(count)[1]
     precision = np.eye(count) / NOISE_WIDTH**2 + np.outer(apart, apart) / RATIO**2
-    every = (np.concatenate(columns), np.concatenate(targets), families.family, np.concatenate(noise))
-    return RandomEffects(*every, families.priors, precision)
+    return RandomEffects(readings.columns, readings.y, families.family, readings.noise, families.priors, precision)
+
+
+@dataclass(frozen=True)
+class IndependentReadings:
+    """A linearised problem, positions and angles each in axes in which gauge and joints do not mix.
+
+    Attributes:
+        columns: per prior size, (m, P).
+        y: readings less what is expected of a robot without errors, (m,).
+        noise: variance of each by component of the noise as declared, (m, c).
+    """
+
+    columns: Array
+    y: Array
+    noise: Array
+
+    @classmethod
+    def of(cls, problem: FitProblem, errors: Array) -> "IndependentReadings":
+        """Linearise about errors (P,)."""
+        linear = problem.linear(slice(0, len(problem)), errors)
+        rows, y = linear.rows * problem.prior, linear.residual + linear.rows @ errors
+        declared, shaken = problem.whitener.declared, problem.whitener.shaken
+        columns, targets, noise = [], [], []
+        width = rows.shape[1]
+        for start in range(0, width, 3):
+            block = slice(start, min(start + 3, width))
+            unit = 1 / np.sqrt(declared[block])
+            ratio, axes = np.linalg.eigh(shaken[:, block, block] * unit[:, None] * unit)
+            turn = np.einsum("nji,j->nij", axes, unit)
+            columns.append((turn @ rows[:, block]).reshape(-1, rows.shape[2]))
+            targets.append(np.einsum("nij,nj->ni", turn, y[:, block]).ravel())
+            part = np.zeros((ratio.size, 2 if width <= 3 else 3))
+            part[:, 2 if start else 0], part[:, 1] = 1.0, np.maximum(ratio, 0.0).ravel()
+            noise.append(part)
+        return cls(np.concatenate(columns), np.concatenate(targets), np.concatenate(noise))

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from planner.common.units import MM, display_unit, format_value
+from planner.effects.nonparametric import NONPARAMETRIC
 from planner.model.identification_document import Finding
 
 JOINT = "joint "
@@ -30,6 +31,25 @@ class FindingGroup:
     rivals: tuple[str, ...]
 
     @property
+    def probability(self) -> float | None:
+        """Of the least certain of them; ``None`` where no posterior was drawn."""
+        known = [f.probability for f in self.findings if f.probability is not None]
+        return min(known) if known else None
+
+    @property
+    def is_doubtful(self) -> bool:
+        """Whether another cause, or none, is likelier than the most certain of them."""
+        return all(f.is_doubtful for f in self.findings)
+
+    @property
+    def rival_texts(self) -> tuple[str, ...]:
+        """Rivals in words, the likeliest first, with their probabilities where these are known."""
+        chance = dict[str, float]()
+        for f in self.findings:
+            chance |= dict(zip(f.rivals, f.rival_probabilities or (), strict=False))
+        return tuple(cause_text(r) + (f" ({percent(chance[r])})" if r in chance else "") for r in self.rivals)
+
+    @property
     def title(self) -> str:
         """Effect and place, and how often it was found."""
         first = self.findings[0]
@@ -43,6 +63,19 @@ class FindingGroup:
     def gain(self) -> float:
         """Largest of the falls of the rms error on held-out samples [m]."""
         return max(f.gain for f in self.findings)
+
+
+def cause_text(name: str) -> str:
+    """Return a cause in words: those of the catalogue by their names, others by where and by what they act."""
+    kind, _, place = name.partition(", ")
+    return f"a cause without a name ({place})" if kind == NONPARAMETRIC else name
+
+
+def percent(probability: float) -> str:
+    """Write a probability in whole percent; none that is not certain is called so."""
+    if 0.0 < probability < 1.0:
+        return f"{min(max(100 * probability, 1.0), 99.0):.0f} %"
+    return f"{100 * probability:.0f} %"
 
 
 def group_findings(findings: Iterable[Finding]) -> tuple[FindingGroup, ...]:

@@ -18,6 +18,7 @@ from planner.model.gauge_frames import GaugeFrames, JointZero
 OnlyInMemory = GetPydanticSchema(lambda *_: any_schema())
 """Of a field that the file does not hold and pydantic does not look into."""
 NO_RESIDUAL = np.empty((0, 0))
+EVEN_CHANCE = 0.5  # probability below which a finding is no more than one of several possible causes
 
 
 class Metrics(DocumentSection):
@@ -148,7 +149,11 @@ class Finding(DocumentSection):
         p_value: chance of so large an effect, corrected for everything that was tried.
         log10_p: its logarithm, which runs out of digits later; then it is ``None``.
         gain: fall of the rms error on held-out samples by this effect [m].
-        rivals: other effects that explain the same within uncertainty.
+        probability: that it is this cause and no other; ``None`` where no posterior was drawn, and in older files.
+        rivals: other causes that explain the same within uncertainty, the likeliest first; ``unnamed`` ones the
+            catalogue has no name for.
+        rival_probabilities: of each of them, 0 where only the poses speak for it: the readings do not, but a run like
+            this need not have told; ``None`` where ``probability`` is.
         note: what a mechanic would say.
         inner: the number inside it, where it has one.
         after_sample: of a step, how many samples of the run were before it; ``surely_within``: the range that holds it.
@@ -156,7 +161,7 @@ class Finding(DocumentSection):
     """
 
     in_unit = ("value", "std")
-    if_any = ("inner", "after_sample", "surely_within", "row")
+    if_any = ("probability", "rival_probabilities", "inner", "after_sample", "surely_within", "row")
     effect: str
     on: str
     value: float
@@ -165,7 +170,9 @@ class Finding(DocumentSection):
     p_value: float = 0.0
     log10_p: float | None = None
     gain: float = 0.0
+    probability: float | None = None
     rivals: tuple[str, ...] = ()
+    rival_probabilities: tuple[float, ...] | None = None
     note: str = ""
     inner: InnerNumber | None = None
     after_sample: int | None = None
@@ -181,6 +188,11 @@ class Finding(DocumentSection):
     def name(self) -> str:
         """Effect and place, as the group of its parameters is called."""
         return f"{self.effect}, {self.on}"
+
+    @property
+    def is_doubtful(self) -> bool:
+        """Whether another cause, or none, is likelier than this one."""
+        return self.probability is not None and self.probability < EVEN_CHANCE
 
 
 class DetectionLimit(DocumentSection):

@@ -7,7 +7,7 @@ import numpy as np
 from planner.common.units import Array, display_unit, file_unit, si_unit, to_mm
 from planner.identification.calibration import Calibration
 from planner.identification.own_errors import own_errors_text
-from planner.model.finding_groups import group_findings
+from planner.model.finding_groups import FindingGroup, group_findings, percent
 from planner.model.identification_document import DetectionLimit, Estimate, Finding, Release
 from planner.report.calibration_data import CalibrationFacts
 from planner.report.effect_evidence import FindingStep, finding_steps
@@ -211,7 +211,8 @@ def findings_summary(c: Calibration) -> Row:
         return named
     groups = group_findings(c.findings)
     first = sorted(groups, key=lambda g: -g.gain)[:MOST_NAMED]
-    found = [_capital(g.note) + _or(g.rivals) + "." for g in groups if g in first] or [NOTHING_FOUND]
+    found = [_doubt(g) + _capital(g.note) + _surely(g) + _or(g.rival_texts) + "." for g in groups if g in first]
+    found = found or [NOTHING_FOUND]
     if len(first) < len(groups):
         found.append(f"And {len(groups) - len(first)} more that bring less.")
     return (*named, *found, *detection_text(c.limits))
@@ -265,10 +266,22 @@ def _pair(value: float, std: float) -> str:
 
 
 def _rivals(f: Finding) -> str:
-    if not f.rivals:
-        return "Rivals: none. Nothing else that was tried explains the same, at a hundred to one."
-    more = f" and {len(f.rivals) - NAMED_RIVALS} more" if len(f.rivals) > NAMED_RIVALS else ""
-    return f"Rivals that this run cannot tell from it: {', '.join(f.rivals[:NAMED_RIVALS])}{more}."
+    (group,) = group_findings((f,))
+    names = group.rival_texts
+    own = "" if f.probability is None else f"That it is this cause: {percent(f.probability)}. "
+    if not names:
+        none = "at all is likelier" if f.is_doubtful else "else that was tried explains the same, at a hundred to one"
+        return f"{own}Rivals: none. Nothing {none}."
+    more = f" and {len(names) - NAMED_RIVALS} more" if len(names) > NAMED_RIVALS else ""
+    return f"{own}Rivals that this run cannot tell from it: {', '.join(names[:NAMED_RIVALS])}{more}."
+
+
+def _doubt(group: FindingGroup) -> str:
+    return "Doubtful: " if group.is_doubtful else ""
+
+
+def _surely(group: FindingGroup) -> str:
+    return "" if group.probability is None else f" ({percent(group.probability)})"
 
 
 def _or(rivals: Row) -> str:

@@ -20,6 +20,7 @@ from planner.common.schema import read_json, read_toml
 from planner.identification.baseline import NAME as BASELINE
 from planner.instruments.circular.document import CircularDocument
 from planner.instruments.record import CheckedChange, CheckFile
+from planner.model.finding_groups import percent
 from planner.model.identification_document import Identification
 from planner.report.page import template_environment
 from planner.service.answers import Job
@@ -83,7 +84,9 @@ FOLDER = Path(__file__).parent
 STATIC = FOLDER / "static"
 PAGES = APIRouter(include_in_schema=False, default_response_class=HTMLResponse)
 ENVIRONMENT = template_environment(FOLDER / "templates")
-ENVIRONMENT.globals |= {"version": __version__, "find_action": find_action, "finding_size": finding_size}
+ENVIRONMENT.globals |= {
+    "version": __version__, "find_action": find_action, "finding_size": finding_size, "percent": percent,
+}  # fmt: skip
 ENVIRONMENT.globals["typed_options"] = typed_options
 
 

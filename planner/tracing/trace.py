@@ -1,6 +1,7 @@
 """``trace()``: from the residual of the fitted geometry to its causes, a stage for each, with their rivals."""
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from functools import cache
 from itertools import pairwise
 
@@ -11,6 +12,7 @@ from planner.effects.catalogue import catalogue
 from planner.effects.effect import Effect, Role
 from planner.effects.steps import STEP
 from planner.identification.calibration import TracingResult
+from planner.identification.contenders import Contender, Contest
 from planner.identification.stages import FitContext, FittedStage
 from planner.model.finding_groups import unit_of_change
 from planner.model.identification_document import DetectionLimit, Finding, InnerNumber, log10_p, p_value
@@ -27,16 +29,25 @@ from planner.tracing.transmission_error import dominant_waves
 
 RIVAL_MARGIN = 9.2  # fall of minus twice the log likelihood that tells two causes apart: a hundred to one
 RIVAL_SHARE = 0.98  # of a finding's gain that makes another a rival however sure the run is: no model is that exact
+CONTENDERS = 12  # effects that are held against a finding whatever they explain
 POWER = 0.95  # of the detection limit
 POWER_QUANTILE = 1.645  # standard deviations by which the share of the error must be above what is worth a name
 SIZE_COST = 2.0  # noise variances that a parameter explains by chance
 VALUES_TRIED = 7  # of a nonlinear parameter, over its grid
 
 
-def find_rivals(context: SearchContext, state: SearchState, found: FittedEffect) -> tuple[str, ...]:
-    """Names of the effects that would explain what a finding explains, within uncertainty, the likeliest first.
+@dataclass(frozen=True)
+class Rivalry:
+    """Effects that explain some of what a finding explains, the likeliest first, and names of those that do as well."""
 
-    Steps, each at its best sample, are among them.
+    scores: tuple[EffectScore, ...]
+    rivals: tuple[str, ...]
+
+
+def find_rivals(context: SearchContext, state: SearchState, found: FittedEffect) -> Rivalry:
+    """Look for the effects that would explain what a finding explains; steps, each at its best sample, are among them.
+
+    Rivals do so within uncertainty beside the last stage's model; with some more the posterior has to deal.
     """
     test, bare = context.score_test(state), context.score_test_without(state, found)
     rest = tuple(f for f in state.effects if f.name != found.name)
@@ -44,16 +55,37 @@ def find_rivals(context: SearchContext, state: SearchState, found: FittedEffect)
     def merit(score: EffectScore) -> float:  # more parameters explain more by chance alone
         return score.gain / test.noise - SIZE_COST * score.size - 2 * float(np.log(score.effect.scanned))
 
-    own = with_link_masses(bare, [bare.score_one(found.effect, found.value)])[0]
-    best: dict[str, float] = {}
+    best: dict[str, EffectScore] = {}
     # a step near the end of the run is nearly the same as what stood so all along
     may_step = test.problem.samples.number is not None and not found.has(Role.SET_UP)
     steps = [s for _, s in score_steps(bare, context.steppables)] if may_step else []
     for s in (*scores_beside(bare, context.dictionary, rest, SIZE_COST), *steps):
-        if s.effect.name != found.effect.family:
-            best[s.effect.name] = max(best.get(s.effect.name, -np.inf), merit(s))
+        if s.effect.name != found.effect.family and (
+            s.effect.name not in best or merit(s) > merit(best[s.effect.name])
+        ):
+            best[s.effect.name] = s
+    own = with_link_masses(bare, [bare.score_one(found.effect, found.value)])[0]
     least = max(0.0, min(merit(own) - RIVAL_MARGIN, RIVAL_SHARE * own.gain / test.noise))
-    return tuple(name for name, value in sorted(best.items(), key=lambda pair: -pair[1]) if value > least)
+    ranked = sorted(best.values(), key=lambda s: -merit(s))
+    rivals = tuple(s.effect.name for s in ranked if merit(s) > least)
+    return Rivalry(tuple(s for s in ranked[: max(CONTENDERS, len(rivals))] if merit(s) > 0), rivals)
+
+
+def _contests(last: SearchState, found: Sequence[FittedEffect], rivals: Sequence[Rivalry]) -> Iterator[Contest]:
+    """Yield the findings of each name as the contest for what they explain."""
+    for name in dict.fromkeys(f.effect.family for f in found):
+        own = [k for k, f in enumerate(found) if f.effect.family == name]
+        parameters = tuple(p for p in last.fit.model.parameters if p.group == name)
+        others = {s.effect.family: s for k in own for s in rivals[k].scores}
+        yield Contest(
+            Contender(name, parameters, sum(_handicap(found[k].effect) for k in own)),
+            tuple(Contender(n, s.effect.make(s.value), _handicap(s.effect)) for n, s in others.items()),
+        )
+
+
+def _handicap(effect: Effect) -> float:
+    """Logarithm of how many values and places an effect was chosen from."""
+    return float(np.log(len(effect.grid) * effect.scanned))
 
 
 def detection_limits(test: ScoreTest, effects: Sequence[Effect], tried: int) -> Iterator[DetectionLimit]:
@@ -211,14 +243,20 @@ def trace(geometry: FittedStage, fit_context: FitContext, report: Progress) -> t
     beside = {f.name: covariance_beside(last, f, fit_context.unseen) for f in stated}
     off = [f for f in stated if wald_log_p(last, f, len(stated), beside=beside[f.name]) < LOG_SIGNIFICANCE]
     gains = own_gains(last, fit_context, (*off, *last.effects))
-    findings = tuple(
-        _finding(result, f, own.fall, find_rivals(result.context, last, f), fit_context.run, beside.get(f.name))
+    kept = [
+        (f, own)
         for f, own in zip((*off, *last.effects), gains, strict=True)
         if f in last.effects or own.share > max(own.error, LEAST_GAIN)
+    ]
+    rivals = [find_rivals(result.context, last, f) for f, _ in kept]
+    findings = tuple(
+        _finding(result, f, own.fall, r.rivals, fit_context.run, beside.get(f.name))
+        for (f, own), r in zip(kept, rivals, strict=True)
     )
+    contests = tuple(_contests(last, [f for f, _ in kept], rivals))
     report("detection limits")
     silent = tuple(detection_limits(test, [e for e in effects if e.name not in last.names], result.tried))
-    return [s.fitted for s in result.path[1:]], TracingResult(findings, silent, result.rejected, result.tried)
+    return [s.fitted for s in result.path[1:]], TracingResult(findings, silent, result.rejected, result.tried, contests)
 
 
 def _finding(

@@ -9,7 +9,7 @@ from planner.common.summary import Aside, Fact, Summary
 from planner.common.units import DEG, MM, format_value, to_mm
 from planner.identification.calibration import Calibration, other_zeros_text, zeros_text
 from planner.identification.own_errors import own_errors_text
-from planner.model.finding_groups import FindingGroup, group_findings
+from planner.model.finding_groups import FindingGroup, group_findings, percent
 from planner.model.identification_document import Estimate, Metrics, Release
 from planner.workflow.calibration_tables import border_unit
 
@@ -78,8 +78,8 @@ def _cause_facts(found: Calibration) -> Iterator[Fact]:
     """Say which causes were found, those first that bring most."""
     if found.tried is None:
         return
-    groups = sorted(group_findings(found.findings), key=lambda g: -g.gain)
-    yield from (("found", _cause_text(g)) for g in groups[:MOST_FOUND])
+    groups = sorted(group_findings(found.findings), key=lambda g: (g.is_doubtful, -g.gain))
+    yield from (("doubtful" if g.is_doubtful else "found", _cause_text(g)) for g in groups[:MOST_FOUND])
     if more := groups[MOST_FOUND:]:
         yield "", f"and {number_of(len(more), 'cause')} more that bring less (report.html)"
     if not groups:
@@ -87,11 +87,11 @@ def _cause_facts(found: Calibration) -> Iterator[Fact]:
 
 
 def _cause_text(group: FindingGroup) -> str:
-    names = group.rivals
+    surely, names = "" if group.probability is None else f" ({percent(group.probability)})", group.rival_texts
     if not names:
-        return group.note
+        return f"{group.note}{surely}{'; or nothing' if group.is_doubtful else ''}"
     more = f" or {len(names) - NAMED} more" if len(names) > NAMED else ""
-    return f"{group.note}; or {', or '.join(names[:NAMED])}{more}: this run cannot tell which"
+    return f"{group.note}{surely}; or {', or '.join(names[:NAMED])}{more}: this run cannot tell which"
 
 
 def _parameter_facts(found: Calibration) -> Iterator[Fact]:

@@ -1,0 +1,119 @@
+"""Causes where and by what the catalogue's act, but by a law that it lacks: what a named cause has to be held against.
+
+A joint that softens and then meets a stop is no compliance, though it turns with its load; a dent in a bearing is no
+wobble, though it tips the axis as it turns. Each part moves here as any smooth function of the loads upon it, of its
+joint's angle or of time: polynomials and waves, the quicker the smaller.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
+from itertools import product
+
+import numpy as np
+from numpy.polynomial.legendre import legval
+
+from planner.common.units import Array
+from planner.effects.backlash import TorqueSign
+from planner.effects.basis import BasisFunction
+from planner.effects.catalogue import Excitation
+from planner.effects.compliance import LoadMoment, LoadTorque, twist_moves
+from planner.effects.context import Context
+from planner.effects.effect import BASE_TURNS, Parameter, ParameterMove, transform_move
+from planner.effects.gears import WAVES, JointWave
+from planner.effects.thermal import ElapsedTime
+
+LAW_DEGREE = 5  # of the polynomials of one load or of time
+MOMENT_DEGREE = 3  # of those of two moments together
+OWN_WAVES = 5  # of a joint's own angle, once to five times a turn
+USUAL = 1e-4  # [rad], one sigma of all of it together
+LEAST_LOAD = 1e-6  # [Nm, s] by which a load or the time must vary
+Mover = Callable[[BasisFunction], tuple[ParameterMove, ...]]
+"""From φ to what it moves."""
+
+
+class LegendreOf(BasisFunction):
+    """φ = product of Legendre polynomials of functions over their largest values, of mean square about 1 each."""
+
+    functions: tuple[BasisFunction, ...]
+    middle: tuple[float, ...]
+    reach: tuple[float, ...]
+    degrees: tuple[int, ...]
+
+    def __call__(self, c: Context) -> Array:
+        """Return the product."""
+        out: Array = np.ones(1)
+        for phi, middle, reach, degree in zip(self.functions, self.middle, self.reach, self.degrees, strict=True):
+            u = np.clip((c.value(phi) - middle) / reach, -1.0, 1.0)
+            out = out * legval(u, np.eye(degree + 1)[degree]) * np.sqrt(2 * degree + 1)
+        return out
+
+
+def free_laws(run: Excitation) -> Iterator[tuple[str, tuple[Parameter, ...]]]:
+    """Yield the parameters of each law by where it acts and by what: ``joint 2 by its load``."""
+    for joint in run.joints:
+        turn = partial(transform_move, run.rotation(joint))
+        if run.setup.weighs:
+            sides = (TorqueSign(joint),)
+            yield from _polynomials(
+                run, f"joint {joint + 1} by its load", [turn], [LoadTorque(joint)], LAW_DEGREE, sides
+            )
+        if run.varies("t"):
+            yield from _polynomials(run, f"joint {joint + 1} over time", [turn], [ElapsedTime(run.start)], LAW_DEGREE)
+    for joint in run.moving_joints:
+        turn = partial(transform_move, run.rotation(joint))
+        yield _waves(f"joint {joint + 1} by its own angle", joint, [turn])
+        yield _waves(f"axis of joint {joint + 1} by its own angle", joint, _tilts(run, joint + 1, joint))
+    if run.setup.weighs:
+        tips = [partial(transform_move, m.index) for m in BASE_TURNS[:2]]
+        yield from _polynomials(run, "base by its load", tips, [LoadMoment(0, 0), LoadMoment(0, 1)], MOMENT_DEGREE)
+        for link in run.joints:
+            last = link + 1 == run.setup.robot.n_joints
+            name = "tool by its load" if last else f"link {link + 1} by its load"
+            axes = _across(run, None if last else link + 1)
+            bends = _tilts(run, link + 2, None if last else link + 1)
+            yield from _polynomials(run, name, bends, [LoadMoment(link + 2, a) for a in axes], MOMENT_DEGREE)
+
+
+def _across(run: Excitation, joint: int | None) -> list[int]:
+    """Axes of a station across that of a joint; of the flange, ``None``, across its own."""
+    turn = 2 if joint is None else run.setup.chain.transforms[run.rotation(joint)].axis
+    return [axis for axis in range(3) if axis != turn]
+
+
+def _tilts(run: Excitation, station: int, joint: int | None) -> list[Mover]:
+    return [partial(twist_moves, station, axis) for axis in _across(run, joint)]
+
+
+def _polynomials(
+    run: Excitation,
+    name: str,
+    movers: Sequence[Mover],
+    functions: Sequence[BasisFunction],
+    degree: int,
+    more: Sequence[BasisFunction] = (),
+) -> Iterator[tuple[str, tuple[Parameter, ...]]]:
+    """Yield the family if all of its functions vary: polynomials up to a degree in all together, on each mover."""
+    low, high = np.array([[run.values(f).min(), run.values(f).max()] for f in functions]).T
+    if (high - low < LEAST_LOAD).any():
+        return
+    middle, reach = (tuple(np.round(v, 6).tolist()) for v in ((high + low) / 2, (high - low) / 2))
+    powers = [p for p in product(range(degree + 1), repeat=len(functions)) if 0 < sum(p) <= degree]
+    phis: list[tuple[BasisFunction, float]] = [
+        (LegendreOf(tuple(functions), middle, reach, p), float(sum(p))) for p in powers
+    ]
+    phis += [(phi, 1.0) for phi in more]
+    yield name, tuple(_sized(name, movers, phis))
+
+
+def _waves(name: str, joint: int, movers: Sequence[Mover]) -> tuple[str, tuple[Parameter, ...]]:
+    phis = [(JointWave(w, joint, float(k)), float(k)) for k in range(1, OWN_WAVES + 1) for w in WAVES]
+    return name, tuple(_sized(name, movers, phis))
+
+
+def _sized(name: str, movers: Sequence[Mover], phis: Sequence[tuple[BasisFunction, float]]) -> Iterator[Parameter]:
+    """Yield what moves by each function, the smaller the higher its order is; USUAL large all together."""
+    sizes = 1 / np.array([order for _, order in phis])
+    sizes *= USUAL / np.sqrt((sizes**2).sum())
+    for m, mover in enumerate(movers):
+        for k, ((phi, _), size) in enumerate(zip(phis, sizes.tolist(), strict=True)):
+            yield Parameter(f"law, {name}, {m}, {k}", "rad", size, f"law of {name}", mover(phi))

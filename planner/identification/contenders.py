@@ -1,0 +1,49 @@
+"""Who takes part in the contest for what a finding explains, and what comes of it."""
+
+from dataclasses import dataclass
+
+from planner.effects.effect import Parameter
+
+
+@dataclass(frozen=True)
+class Contender:
+    """A cause that may stand for a finding.
+
+    Attributes:
+        name: of the cause.
+        parameters: by which it enters the model, what moves its inner number included.
+        handicap: logarithm of how many values and places it was chosen from.
+    """
+
+    name: str
+    parameters: tuple[Parameter, ...]
+    handicap: float = 0.0
+
+
+@dataclass(frozen=True)
+class Contest:
+    """All findings of one name, and the causes of the catalogue that may stand for them."""
+
+    own: Contender
+    others: tuple[Contender, ...] = ()
+
+
+@dataclass(frozen=True)
+class Rival:
+    """A cause that may stand for a finding.
+
+    Attributes:
+        name: of the cause.
+        probability: that it is this one, 0 where the readings speak against it, but the poses might not have told.
+    """
+
+    name: str
+    probability: float
+
+
+@dataclass(frozen=True)
+class Standing:
+    """What came of a contest: probability of the finding, and its rivals, the likeliest first."""
+
+    probability: float
+    rivals: tuple[Rival, ...]

@@ -1,0 +1,221 @@
+"""How surely a finding is what it is called: its probability among all causes that explain the same, and these.
+
+The draws of the posterior say what acts beside a finding. Any other cause may take its place: one of the catalogue that
+the search looked at, at its best inner number, or one without a name, which acts where and by what those of the
+catalogue do but by a law that it lacks. The other one joins what was drawn, and whatever is needless beside it goes:
+one harmonic of a dented bearing after the other, none of which was worth its place alone. How likely that is, is the
+ratio of both states' probabilities (a step of the Gibbs sampler over all that may stand in one place, averaged instead
+of drawn: Gelfand and Smith 1990, J. Am. Stat. Assoc. 85(410)).
+
+Other rivals of the catalogue follow from the poses alone. With columns F of the finding and G of the other in units of
+what is not known beside them, the readings tell of a finding b as far as δ = min over g of |F b − G g|, g of a
+plausible size: the logarithms of their likelihoods differ by δ²/2, give or take δ (Cox 1961, Proc. 4th Berkeley Symp.).
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve, solve_triangular
+
+from planner.common.determinism import even_positions
+from planner.common.units import Array
+from planner.identification.contenders import Contest, Rival, Standing
+from planner.identification.contest_arena import Arena, Block
+from planner.identification.posterior_draws import SizeDraw
+from planner.identification.posterior_fit import PosteriorFit
+
+LOOKED_AT = 3  # draws, evenly spread
+NEAREST = 8  # causes that are tried in full for a finding, of those with a name and of those without
+HUNDRED_TO_ONE = 0.01  # probability from which on another cause is a rival
+DECIDES = 4.6  # difference of log likelihoods that decides: a hundred to one
+POWER = 1.645  # standard deviations: it must decide 95 times of 100
+TOLD_APART = POWER + float(np.sqrt(POWER**2 + 2 * DECIDES))  # δ from which on the poses tell two causes apart
+PLAUSIBLE = 3.0  # prior sizes of a rival
+MOST_OF_IT = 0.5  # of a finding's share in the readings that a cause must explain to be its rival by the poses alone
+OWN_NAME, NOTHING = "", "nothing"
+Part = tuple[Block, float]
+"""A cause that acts, and the factor on its sizes."""
+
+
+def judge_findings(posterior: PosteriorFit, contests: Sequence[Contest], worth: float) -> list[Standing]:
+    """Return what came of the contests; ``worth``: readings of the run that each of the posterior's record is."""
+    if not contests:
+        return []
+    arena, draws = Arena.of(posterior, contests, max(worth, 1.0)), posterior.record.draws
+    looked = even_positions(len(draws), min(LOOKED_AT, len(draws)))
+    seen = [Bouts.of(arena, draws[k]) for k in looked]
+    return [mean_standing([b.weigh(k) for b in seen]) for k in range(len(contests))]
+
+
+@dataclass(frozen=True)
+class Weights:
+    """What may stand for a finding, by one draw.
+
+    Attributes:
+        logs: logarithm of the weight of each cause, 0 of the finding itself.
+        by_poses: causes of which the poses cannot tell it.
+    """
+
+    logs: Mapping[str, float]
+    by_poses: frozenset[str] = frozenset()
+
+
+def mean_standing(each: Sequence[Weights]) -> Standing:
+    """Average probabilities over draws."""
+    probability = dict.fromkeys((name for w in each for name in (*w.logs, *sorted(w.by_poses))), 0.0)
+    for weights in each:
+        logs = np.array(list(weights.logs.values()))
+        chance = np.exp(logs - logs.max())
+        for name, p in zip(weights.logs, chance / chance.sum() / len(each), strict=True):
+            probability[name] += float(p)
+    by_poses = frozenset[str]().union(*(w.by_poses for w in each))
+    rivals = [
+        Rival(name, p)
+        for name, p in probability.items()
+        if name not in (OWN_NAME, NOTHING) and (p >= HUNDRED_TO_ONE or name in by_poses)
+    ]
+    return Standing(probability[OWN_NAME], tuple(sorted(rivals, key=lambda r: -r.probability)))
+
+
+@dataclass(frozen=True)
+class Beside:
+    """What acts beside a cause, as it is taken out of products of columns: L⁻¹ Aᵀ X (k, p + 1), with L Lᵀ = 1 + AᵀA."""
+
+    shared: Array
+    gram: Array
+
+    @classmethod
+    def of(cls, gram: Array, parts: Sequence[Part]) -> "Beside":
+        """Look beside causes of known sizes, by products of all columns (p + 1, p + 1)."""
+        if not parts:
+            return cls(np.zeros((0, len(gram))), gram)
+        columns, size = _sizes(parts)
+        root = np.linalg.cholesky(np.eye(len(columns)) + size[:, None] * gram[np.ix_(columns, columns)] * size)
+        return cls(solve_triangular(root, size[:, None] * gram[columns], lower=True), gram)
+
+    def products(self, a: np.ndarray, b: np.ndarray) -> Array:
+        """Return products of columns a with columns b."""
+        return np.asarray(self.gram[np.ix_(a, b)] - self.shared[:, a].T @ self.shared[:, b])
+
+    def gains(self, block: Block) -> Array:
+        """Return the growth (v,) of the log probability with each of a cause's factors."""
+        y = np.array([len(self.gram) - 1])
+        values, axes = np.linalg.eigh(self.products(block.columns, block.columns))
+        toward = axes.T @ self.products(block.columns, y)[:, 0]
+        variance = block.factors[:, None] ** 2
+        grown = 1 + variance * np.maximum(values, 0.0)
+        return np.asarray(0.5 * (variance * toward**2 / grown - np.log(grown)).sum(axis=1) + block.logs)
+
+    def unexplained(self, own: Block, b: Array, block: Block) -> float:
+        """Return δ² of the module's text for values b (k,) in prior sizes of a cause, and another of plausible size."""
+        along = self.products(block.columns, own.columns) @ b
+        information = self.products(block.columns, block.columns) + np.eye(len(along)) / PLAUSIBLE**2
+        whole = float(b @ self.products(own.columns, own.columns) @ b)
+        return max(0.0, whole - float(along @ cho_solve(cho_factor(information, lower=True), along)))
+
+
+def _sizes(parts: Sequence[Part]) -> tuple[np.ndarray, Array]:
+    """Positions of the columns of causes that act, and the factors on their sizes, (k,) each."""
+    columns = np.concatenate([b.columns for b, _ in parts])
+    return columns, np.concatenate([np.full(len(b.columns), s) for b, s in parts])
+
+
+@dataclass(frozen=True)
+class Bouts:
+    """One draw: products of all columns beside what acts always, and what acts as drawn."""
+
+    arena: Arena
+    gram: Array
+    present: tuple[Part, ...]
+
+    @classmethod
+    def of(cls, arena: Arena, draw: SizeDraw) -> "Bouts":
+        """Look at a draw."""
+        acting = [(b, float(draw.factors[f])) for f, b in arena.families.items() if draw.factors[f] > 0]
+        return cls(arena, arena.products(draw), tuple(acting))
+
+    def weigh(self, k: int) -> Weights:
+        """Weigh all that may stand for finding k."""
+        own = self.arena.own[k]
+        held = [part for part in self.present if part[0].name != own.name]
+        beside = Beside.of(self.gram, held)
+        size = next((s for b, s in self.present if b.name == own.name), None) or _best_factor(beside, own)
+        state = self._prune([*held, (own, size)])  # what was drawn by chance alone would count against the finding
+        held, whole = state[:-1], self.log_odds(state)
+        beside = Beside.of(self.gram, held)
+        by_poses = set[str]()
+        out = {OWN_NAME: 0.0, NOTHING: self.log_odds(held) - whole}
+        b = _mean_of(beside, own, size)
+        share = float(b @ beside.products(own.columns, own.columns) @ b)
+        for block, left in self._near(k, held, beside, b):
+            # a law of any shape holds the finding's own law too: of that only the readings tell
+            if not any(block is u for u in self.arena.unnamed) and left < min(TOLD_APART**2, (1 - MOST_OF_IT) * share):
+                by_poses.add(block.name)
+            log = max((self._replaced(state, own, part) for part in self._sized(held, own, block)), default=-np.inf)
+            if log > -np.inf:
+                out[block.name] = log - whole
+        return Weights(out, frozenset(by_poses))
+
+    def _near(self, k: int, held: Sequence[Part], beside: Beside, b: Array) -> Iterator[tuple[Block, float]]:
+        """Yield the causes that come nearest to what finding k explains, and δ² of each."""
+        there = {part[0].name for part in held} | {self.arena.own[k].name}
+        for group in (self.arena.others[k], self.arena.unnamed):
+            left = [(beside.unexplained(self.arena.own[k], b, g), g) for g in group if g.name not in there]
+            yield from ((g, d) for d, g in sorted(left, key=lambda pair: pair[0])[:NEAREST])
+
+    def _sized(self, held: Sequence[Part], own: Block, block: Block) -> Iterator[Part]:
+        """Yield a newcomer with the sizes at which it explains most without the finding, and without its kin too."""
+        place = own.name.partition(", ")[2]
+        others = [part for part in held if part[0].name.removesuffix(" (background)").partition(", ")[2] != place]
+        for rest in (held, others) if len(others) < len(held) else (held,):
+            yield block, _best_factor(Beside.of(self.gram, rest), block)
+
+    def _replaced(self, state: Sequence[Part], own: Block, newcomer: Part) -> float:
+        """Return the log odds with a newcomer in and all needless out, minus infinity where the finding stays."""
+        kept = self._prune([*state, newcomer])
+        return -np.inf if any(b is own for b, _ in kept) else self.log_odds(kept)
+
+    def _prune(self, state: list[Part]) -> list[Part]:
+        """Take out what is needless, the least first; the last one stays."""
+        while len(state) > 1:
+            columns, size = _sizes(state)
+            information = np.eye(len(columns)) + size[:, None] * self.gram[np.ix_(columns, columns)] * size
+            covariance = np.linalg.inv(information)
+            mean = covariance @ (size * self.gram[columns, -1])
+            ends = np.cumsum([0, *(len(b.columns) for b, _ in state)])
+            worth = [
+                part[0].log_odds(part[1]) + _log_ratio(covariance[a:e, a:e], mean[a:e])
+                for part, a, e in zip(state[:-1], ends[:-2], ends[1:-1], strict=True)
+            ]
+            least = int(np.argmin(worth))
+            if worth[least] > 0:
+                break
+            state = [*state[:least], *state[least + 1 :]]
+        return state
+
+    def log_odds(self, state: Sequence[Part]) -> float:
+        """Return the logarithm of a state's probability over that of the one in which nothing acts."""
+        if not state:
+            return 0.0
+        columns, size = _sizes(state)
+        root = np.linalg.cholesky(np.eye(len(columns)) + size[:, None] * self.gram[np.ix_(columns, columns)] * size)
+        along = solve_triangular(root, size * self.gram[columns, -1], lower=True)
+        prior = sum(b.log_odds(s) for b, s in state)
+        return float(prior + 0.5 * along @ along - np.log(np.diag(root)).sum())
+
+
+def _log_ratio(covariance: Array, mean: Array) -> float:
+    """Return the log ratio of a model's likelihood with and without parameters of unit prior, by their posterior."""
+    return float(0.5 * (mean @ np.linalg.solve(covariance, mean) + np.linalg.slogdet(covariance)[1]))
+
+
+def _best_factor(beside: Beside, block: Block) -> float:
+    return float(block.factors[int(np.argmax(beside.gains(block)))])
+
+
+def _mean_of(beside: Beside, own: Block, size: float) -> Array:
+    """Return the mean of a cause's parameters, (k,) in prior sizes."""
+    y = np.array([len(beside.gram) - 1])
+    information = beside.products(own.columns, own.columns) + np.eye(len(own.columns)) / size**2
+    return np.asarray(np.linalg.solve(information, beside.products(own.columns, y)[:, 0]))

@@ -1,0 +1,125 @@
+"""What competes for a finding's place: probabilities against a normal density, distances against a projection."""
+
+import numpy as np
+import pytest
+from scipy.stats import multivariate_normal
+
+from planner.identification.contest import (
+    NOTHING,
+    OWN_NAME,
+    PLAUSIBLE,
+    TOLD_APART,
+    Beside,
+    Bouts,
+    mean_standing,
+)
+from planner.identification.contest_arena import Arena, Block
+
+M = 80
+ODDS = float(np.log(0.02))
+
+
+def block(name, first, count=1, factors=(1.0,)):
+    weight = np.full(len(factors), 1 / len(factors))
+    return Block(name, np.arange(first, first + count), np.array(factors), ODDS + np.log(weight))
+
+
+def products(columns, y):
+    white = np.column_stack([columns, y])
+    return white.T @ white
+
+
+def arena(own, others=(), unnamed=()):
+    return Arena(None, None, None, 1.0, {}, (own,), (tuple(others),), tuple(unnamed))
+
+
+def test_log_odds_are_those_of_the_normal_density():
+    rng = np.random.default_rng(0)
+    columns = rng.normal(size=(M, 5))
+    y = columns @ [2.0, 0, 0, 1.0, 0] + rng.normal(size=M)
+    a, b = block("a, joint 1", 0, 2, (0.5, 2.0)), block("b, joint 2", 3, 2, (0.5, 2.0))
+    bouts = Bouts(arena(a), products(columns, y), ())
+    covariance = np.eye(M) + 4 * columns[:, :2] @ columns[:, :2].T + 0.25 * columns[:, 3:] @ columns[:, 3:].T
+    likelihood = [multivariate_normal(np.zeros(M), C).logpdf(y) for C in (covariance, np.eye(M))]
+    expected = likelihood[0] - likelihood[1] + 2 * (ODDS + np.log(0.5))
+    assert bouts.log_odds([(a, 2.0), (b, 0.5)]) == pytest.approx(expected, abs=1e-8)
+    # beside the one, the other's gain with each factor is the difference of two states
+    gains = Beside.of(bouts.gram, [(a, 2.0)]).gains(b)
+    differences = [bouts.log_odds([(a, 2.0), (b, s)]) - bouts.log_odds([(a, 2.0)]) for s in b.factors]
+    np.testing.assert_allclose(gains, differences, atol=1e-8)
+
+
+def test_distance_of_two_causes_is_that_of_a_projection():
+    """δ by least squares on columns of what acts beside, each with its prior as a row below."""
+    rng = np.random.default_rng(1)
+    columns, values = rng.normal(size=(M, 6)), np.array([1.5, -0.5])
+    own, other, held = block("a, joint 1", 0, 2), block("b, joint 2", 2, 2), block("c, joint 3", 4, 2)
+    beside = Beside.of(products(columns, np.zeros(M)), [(held, 2.0)])
+    wide = np.vstack([columns[:, 2:], np.diag([1 / PLAUSIBLE] * 2 + [1 / 2.0] * 2)])
+    target = np.append(columns[:, :2] @ values, np.zeros(4))
+    left = target - wide @ np.linalg.lstsq(wide, target, rcond=None)[0]
+    assert beside.unexplained(own, values, other) == pytest.approx(left @ left, rel=1e-9)
+
+
+@pytest.mark.parametrize(("angle", "shared"), [(0.02, True), (1.2, False)])
+def test_two_causes_share_a_place_where_their_columns_are_nearly_one(angle, shared):
+    """What is at a small angle to the truth takes half of its place; what is at a large one, nothing."""
+    rng = np.random.default_rng(2)
+    basis = np.linalg.qr(rng.normal(size=(M, 2)))[0] * np.sqrt(M)
+    columns = np.column_stack([basis[:, 0], np.cos(angle) * basis[:, 0] + np.sin(angle) * basis[:, 1]])
+    half = []
+    for _ in range(40):
+        y = columns[:, 0] + rng.normal(size=M)
+        own, other = block("a, joint 1", 0), block("b, joint 2", 1)
+        bouts = Bouts(arena(own, [other]), products(columns, y), ((own, 1.0),))
+        half.append(mean_standing([bouts.weigh(0)]))
+    mean = np.mean([s.probability for s in half])
+    assert (0.35 < mean < 0.65) if shared else mean > 0.99
+    assert all([r.name for r in s.rivals] == (["b, joint 2"] if shared else []) for s in half)
+
+
+def test_poses_that_cannot_tell_make_a_rival_though_the_readings_spoke_by_luck():
+    """At δ = 4 the readings decide in most runs, but not in 95 of 100: the other one is named in all of them."""
+    rng, named, told = np.random.default_rng(3), 0, 0
+    basis = np.linalg.qr(rng.normal(size=(M, 2)))[0]
+    size, delta = 10.0, 4.0
+    assert delta < TOLD_APART
+    across = delta / size
+    columns = size * np.column_stack([basis[:, 0], np.sqrt(1 - across**2) * basis[:, 0] + across * basis[:, 1]])
+    own, other = block("a, joint 1", 0), block("b, joint 2", 1)
+    for _ in range(100):
+        y = columns[:, 0] + rng.normal(size=M)
+        weights = Bouts(arena(own, [other]), products(columns, y), ((own, 1.0),)).weigh(0)
+        rivals = {r.name: r.probability for r in mean_standing([weights]).rivals}
+        named += "b, joint 2" in rivals
+        told += rivals.get("b, joint 2", 0.0) < 0.01
+    assert named > 95
+    assert told > 50
+
+
+def test_one_cause_without_a_name_takes_the_place_of_three_with_one():
+    """Three waves of one bearing, each sure alone, of which a single law of two numbers says the same."""
+    rng = np.random.default_rng(4)
+    waves = np.linalg.qr(rng.normal(size=(M, 3)))[0] * np.sqrt(M)
+    law = waves @ [0.6, 0.5, 0.4]
+    columns = np.column_stack([waves, law])
+    y = law + 0.3 * rng.normal(size=M)
+    each = [block(f"axis wobble {k} a turn, joint 4", j) for j, k in enumerate(("once", "twice", "three times"))]
+    unnamed = block("unnamed, axis of joint 4 by its own angle", 3)
+    found = tuple((b, 1.0) for b in each)
+    weights = Bouts(arena(each[0], (), [unnamed]), products(columns / 0.3, y / 0.3), found).weigh(0)
+    standing = mean_standing([weights])
+    assert standing.probability < 0.05
+    assert standing.rivals[0].name == unnamed.name
+    assert weights.logs[NOTHING] < -50 < weights.logs[OWN_NAME]
+
+
+def test_where_it_was_drawn_beside_what_is_needless_a_finding_does_not_lose_by_that():
+    rng = np.random.default_rng(5)
+    columns = np.linalg.qr(rng.normal(size=(M, 7)))[0] * np.sqrt(M)
+    own, other = block("a, joint 1", 0), block("b, joint 1", 1)
+    idle = tuple((block(f"c{k}, joint 2", 2 + k), 1.0) for k in range(5))
+    y = columns[:, 0] + rng.normal(size=M)
+    gram = products(columns, y - columns[:, 2:] @ (columns[:, 2:].T @ y) / M)
+    alone, beside = (Bouts(arena(own, [other]), gram, (*more, (own, 1.0))).weigh(0) for more in ((), idle))
+    assert alone.logs == pytest.approx(beside.logs)
