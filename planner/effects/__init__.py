@@ -7,6 +7,7 @@ __all__ = [
     "compliance",
     "context",
     "effect",
+    "free_laws",
     "gauge_errors",
     "gauge_shapes",
     "gauge_unknowns",

@@ -20,13 +20,12 @@ from planner.effects.compliance import LoadMoment, LoadTorque, twist_moves
 from planner.effects.context import Context
 from planner.effects.effect import BASE_TURNS, Parameter, ParameterMove, transform_move
 from planner.effects.gears import WAVES, JointWave
+from planner.effects.sizes import PART_TURN
 from planner.effects.thermal import ElapsedTime
 
 LAW_DEGREE = 5  # of the polynomials of one load or of time
 MOMENT_DEGREE = 3  # of those of two moments together
 OWN_WAVES = 5  # of a joint's own angle, once to five times a turn
-USUAL = 1e-4  # [rad], one sigma of all of it together
-LEAST_LOAD = 1e-6  # [Nm, s] by which a load or the time must vary
 Mover = Callable[[BasisFunction], tuple[ParameterMove, ...]]
 """From φ to what it moves."""
 
@@ -94,7 +93,7 @@ def _polynomials(
 ) -> Iterator[tuple[str, tuple[Parameter, ...]]]:
     """Yield the family if all of its functions vary: polynomials up to a degree in all together, on each mover."""
     low, high = np.array([[run.values(f).min(), run.values(f).max()] for f in functions]).T
-    if (high - low < LEAST_LOAD).any():
+    if (high - low < 1e-6).any():  # [Nm, s] nothing varies
         return
     middle, reach = (tuple(np.round(v, 6).tolist()) for v in ((high + low) / 2, (high - low) / 2))
     powers = [p for p in product(range(degree + 1), repeat=len(functions)) if 0 < sum(p) <= degree]
@@ -102,18 +101,20 @@ def _polynomials(
         (LegendreOf(tuple(functions), middle, reach, p), float(sum(p))) for p in powers
     ]
     phis += [(phi, 1.0) for phi in more]
-    yield name, tuple(_sized(name, movers, phis))
+    yield name, tuple(_parameters_of(name, movers, phis))
 
 
 def _waves(name: str, joint: int, movers: Sequence[Mover]) -> tuple[str, tuple[Parameter, ...]]:
     phis = [(JointWave(w, joint, float(k)), float(k)) for k in range(1, OWN_WAVES + 1) for w in WAVES]
-    return name, tuple(_sized(name, movers, phis))
+    return name, tuple(_parameters_of(name, movers, phis))
 
 
-def _sized(name: str, movers: Sequence[Mover], phis: Sequence[tuple[BasisFunction, float]]) -> Iterator[Parameter]:
-    """Yield what moves by each function, the smaller the higher its order is; USUAL large all together."""
+def _parameters_of(
+    name: str, movers: Sequence[Mover], phis: Sequence[tuple[BasisFunction, float]]
+) -> Iterator[Parameter]:
+    """Yield what moves by each function, the smaller the higher its order is; PART_TURN large all together."""
     sizes = 1 / np.array([order for _, order in phis])
-    sizes *= USUAL / np.sqrt((sizes**2).sum())
+    sizes *= PART_TURN / np.sqrt((sizes**2).sum())
     for m, mover in enumerate(movers):
         for k, ((phi, _), size) in enumerate(zip(phis, sizes.tolist(), strict=True)):
             yield Parameter(f"law, {name}, {m}, {k}", "rad", size, f"law of {name}", mover(phi))

@@ -32,7 +32,6 @@ DECIDES = 4.6  # difference of log likelihoods that decides: a hundred to one
 POWER = 1.645  # standard deviations: it must decide 95 times of 100
 TOLD_APART = POWER + float(np.sqrt(POWER**2 + 2 * DECIDES))  # δ from which on the poses tell two causes apart
 PLAUSIBLE = 3.0  # prior sizes of a rival
-MOST_OF_IT = 0.5  # of a finding's share in the readings that a cause must explain to be its rival by the poses alone
 OWN_NAME, NOTHING = "", "nothing"
 Part = tuple[Block, float]
 """A cause that acts, and the factor on its sizes."""
@@ -107,7 +106,7 @@ class Beside:
         grown = 1 + variance * np.maximum(values, 0.0)
         return np.asarray(0.5 * (variance * toward**2 / grown - np.log(grown)).sum(axis=1) + block.logs)
 
-    def unexplained(self, own: Block, b: Array, block: Block) -> float:
+    def distance_square(self, own: Block, b: Array, block: Block) -> float:
         """Return δ² of the module's text for values b (k,) in prior sizes of a cause, and another of plausible size."""
         along = self.products(block.columns, own.columns) @ b
         information = self.products(block.columns, block.columns) + np.eye(len(along)) / PLAUSIBLE**2
@@ -147,12 +146,16 @@ class Bouts:
         by_poses = set[str]()
         out = {OWN_NAME: 0.0, NOTHING: self.log_odds(held) - whole}
         b = _mean_of(beside, own, size)
-        share = float(b @ beside.products(own.columns, own.columns) @ b)
+        # of the finding's share in the readings a rival must explain the larger part
+        most = min(TOLD_APART**2, 0.5 * float(b @ beside.products(own.columns, own.columns) @ b))
         for block, left in self._near(k, held, beside, b):
             # a law of any shape holds the finding's own law too: of that only the readings tell
-            if not any(block is u for u in self.arena.unnamed) and left < min(TOLD_APART**2, (1 - MOST_OF_IT) * share):
+            has_name = not any(block is u for u in self.arena.unnamed)
+            if has_name and left < most:
                 by_poses.add(block.name)
-            log = max((self._replaced(state, own, part) for part in self._sized(held, own, block)), default=-np.inf)
+            log = max(
+                (self._log_odds_with(state, own, part) for part in self._newcomers(held, own, block)), default=-np.inf
+            )
             if log > -np.inf:
                 out[block.name] = log - whole
         return Weights(out, frozenset(by_poses))
@@ -161,17 +164,17 @@ class Bouts:
         """Yield the causes that come nearest to what finding k explains, and δ² of each."""
         there = {part[0].name for part in held} | {self.arena.own[k].name}
         for group in (self.arena.others[k], self.arena.unnamed):
-            left = [(beside.unexplained(self.arena.own[k], b, g), g) for g in group if g.name not in there]
+            left = [(beside.distance_square(self.arena.own[k], b, g), g) for g in group if g.name not in there]
             yield from ((g, d) for d, g in sorted(left, key=lambda pair: pair[0])[:NEAREST])
 
-    def _sized(self, held: Sequence[Part], own: Block, block: Block) -> Iterator[Part]:
-        """Yield a newcomer with the sizes at which it explains most without the finding, and without its kin too."""
+    def _newcomers(self, held: Sequence[Part], own: Block, block: Block) -> Iterator[Part]:
+        """Yield another cause with the sizes at which it explains most without the finding, and without its kin too."""
         place = own.name.partition(", ")[2]
         others = [part for part in held if part[0].name.removesuffix(" (background)").partition(", ")[2] != place]
         for rest in (held, others) if len(others) < len(held) else (held,):
             yield block, _best_factor(Beside.of(self.gram, rest), block)
 
-    def _replaced(self, state: Sequence[Part], own: Block, newcomer: Part) -> float:
+    def _log_odds_with(self, state: Sequence[Part], own: Block, newcomer: Part) -> float:
         """Return the log odds with a newcomer in and all needless out, minus infinity where the finding stays."""
         kept = self._prune([*state, newcomer])
         return -np.inf if any(b is own for b, _ in kept) else self.log_odds(kept)

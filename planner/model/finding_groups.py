@@ -14,6 +14,7 @@ from planner.effects.nonparametric import NONPARAMETRIC
 from planner.model.identification_document import Finding
 
 JOINT = "joint "
+EVEN_CHANCE = 0.5  # probability below which another cause, or none, is likelier
 
 
 @dataclass(frozen=True)
@@ -39,7 +40,7 @@ class FindingGroup:
     @property
     def is_doubtful(self) -> bool:
         """Whether another cause, or none, is likelier than the most certain of them."""
-        return all(f.is_doubtful for f in self.findings)
+        return all(f.probability is not None and f.probability < EVEN_CHANCE for f in self.findings)
 
     @property
     def rival_texts(self) -> tuple[str, ...]:

@@ -18,7 +18,6 @@ from planner.model.gauge_frames import GaugeFrames, JointZero
 OnlyInMemory = GetPydanticSchema(lambda *_: any_schema())
 """Of a field that the file does not hold and pydantic does not look into."""
 NO_RESIDUAL = np.empty((0, 0))
-EVEN_CHANCE = 0.5  # probability below which a finding is no more than one of several possible causes
 
 
 class Metrics(DocumentSection):
@@ -149,11 +148,9 @@ class Finding(DocumentSection):
         p_value: chance of so large an effect, corrected for everything that was tried.
         log10_p: its logarithm, which runs out of digits later; then it is ``None``.
         gain: fall of the rms error on held-out samples by this effect [m].
-        probability: that it is this cause and no other; ``None`` where no posterior was drawn, and in older files.
-        rivals: other causes that explain the same within uncertainty, the likeliest first; ``unnamed`` ones the
-            catalogue has no name for.
-        rival_probabilities: of each of them, 0 where only the poses speak for it: the readings do not, but a run like
-            this need not have told; ``None`` where ``probability`` is.
+        probability: that it is this cause and no other; ``None`` where no posterior was drawn, as in older files.
+        rivals: other causes that explain the same, the likeliest first; ``unnamed`` is what the catalogue lacks.
+        rival_probabilities: of each; 0 where the readings speak against it, but the poses need not have told.
         note: what a mechanic would say.
         inner: the number inside it, where it has one.
         after_sample: of a step, how many samples of the run were before it; ``surely_within``: the range that holds it.
@@ -188,11 +185,6 @@ class Finding(DocumentSection):
     def name(self) -> str:
         """Effect and place, as the group of its parameters is called."""
         return f"{self.effect}, {self.on}"
-
-    @property
-    def is_doubtful(self) -> bool:
-        """Whether another cause, or none, is likelier than this one."""
-        return self.probability is not None and self.probability < EVEN_CHANCE
 
 
 class DetectionLimit(DocumentSection):

@@ -270,7 +270,9 @@ def _rivals(f: Finding) -> str:
     names = group.rival_texts
     own = "" if f.probability is None else f"That it is this cause: {percent(f.probability)}. "
     if not names:
-        none = "at all is likelier" if f.is_doubtful else "else that was tried explains the same, at a hundred to one"
+        none = (
+            "at all is likelier" if group.is_doubtful else "else that was tried explains the same, at a hundred to one"
+        )
         return f"{own}Rivals: none. Nothing {none}."
     more = f" and {len(names) - NAMED_RIVALS} more" if len(names) > NAMED_RIVALS else ""
     return f"{own}Rivals that this run cannot tell from it: {', '.join(names[:NAMED_RIVALS])}{more}."

@@ -58,7 +58,7 @@ def test_distance_of_two_causes_is_that_of_a_projection():
     wide = np.vstack([columns[:, 2:], np.diag([1 / PLAUSIBLE] * 2 + [1 / 2.0] * 2)])
     target = np.append(columns[:, :2] @ values, np.zeros(4))
     left = target - wide @ np.linalg.lstsq(wide, target, rcond=None)[0]
-    assert beside.unexplained(own, values, other) == pytest.approx(left @ left, rel=1e-9)
+    assert beside.distance_square(own, values, other) == pytest.approx(left @ left, rel=1e-9)
 
 
 @pytest.mark.parametrize(("angle", "shared"), [(0.02, True), (1.2, False)])
