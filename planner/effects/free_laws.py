@@ -20,7 +20,6 @@ from planner.effects.compliance import LoadMoment, LoadTorque, twist_moves
 from planner.effects.context import Context
 from planner.effects.effect import BASE_TURNS, Parameter, ParameterMove, transform_move
 from planner.effects.gears import WAVES, JointWave
-from planner.effects.sizes import PART_TURN
 from planner.effects.thermal import ElapsedTime
 
 LAW_DEGREE = 5  # of the polynomials of one load or of time
@@ -49,7 +48,7 @@ class LegendreOf(BasisFunction):
 
 def free_laws(run: Excitation) -> Iterator[tuple[str, tuple[Parameter, ...]]]:
     """Yield the parameters of each law by where it acts and by what: ``joint 2 by its load``."""
-    for joint in run.joints:
+    for joint in run.turning:
         turn = partial(transform_move, run.rotation(joint))
         if run.setup.weighs:
             sides = (TorqueSign(joint),)
@@ -112,9 +111,9 @@ def _waves(name: str, joint: int, movers: Sequence[Mover]) -> tuple[str, tuple[P
 def _parameters_of(
     name: str, movers: Sequence[Mover], phis: Sequence[tuple[BasisFunction, float]]
 ) -> Iterator[Parameter]:
-    """Yield what moves by each function, the smaller the higher its order is; PART_TURN large all together."""
+    """Yield what moves by each function, the smaller the higher its order is."""
     sizes = 1 / np.array([order for _, order in phis])
-    sizes *= PART_TURN / np.sqrt((sizes**2).sum())
+    sizes *= 1e-4 / np.sqrt((sizes**2).sum())  # [rad] one sigma of all of it together, as of a gear
     for m, mover in enumerate(movers):
         for k, ((phi, _), size) in enumerate(zip(phis, sizes.tolist(), strict=True)):
             yield Parameter(f"law, {name}, {m}, {k}", "rad", size, f"law of {name}", mover(phi))

@@ -241,7 +241,9 @@ def assess_fit(
         other_zeros=find_other_zeros(found.setup.robot, estimates, cell.controller.dialects),
         fitted=() if released is None else tuple(e for e in table if e.identifiable),
         degrees_of_freedom=max(1.0, len(found.problem) * found.model.width / time - found.effective),
-        findings=tuple(_with_estimates(_judged(traced, released, len(run) * found.model.width / time), table)),
+        findings=tuple(
+            _with_estimates(_findings_by_posterior(traced, released, len(run) * found.model.width / time), table)
+        ),
         limits=traced.limits,
         rejected=traced.rejected,
         tried=traced.tried,
@@ -291,7 +293,9 @@ def _estimate_all(free: FittedParameters, found: Fit, covariance: Array, traced:
     return estimate_parameters(whole, found, free.dropped, covariance, inner)
 
 
-def _judged(traced: TracingResult, released: ReleasedRobot | None, readings: float) -> tuple[Finding, ...]:
+def _findings_by_posterior(
+    traced: TracingResult, released: ReleasedRobot | None, readings: float
+) -> tuple[Finding, ...]:
     """Return the findings with their probabilities and rivals by the posterior; ``readings``: independent ones."""
     if released is None:
         return traced.findings
