@@ -22,6 +22,7 @@ from planner.instruments.check.evaluation import (
 from planner.runs.run import Samples
 
 MM_DECIMALS = 4  # of a tenth of a micrometre
+MOST_SHOWN = 2  # changes that would have shown, of the smallest and of the largest, which are said
 SHOWN_RATES = f"found {100 * POWER:.0f} times of 100, with {100 * FALSE_ALARM:g} false alarm in 100 sound robots"
 RATES = {"false_alarm": FALSE_ALARM, "power": POWER}
 
@@ -125,7 +126,7 @@ def verdict_overview(verdict: CheckVerdict) -> Summary:
         facts += [("or", _cause_text(j)) for j in verdict.rivals]
     else:
         least = sorted((j for j in verdict.judged if j.change.kind != "collision"), key=lambda j: j.detectable)
-        some = dict.fromkeys((*least[:2], *least[-2:]))
+        some = least if len(least) <= 2 * MOST_SHOWN else [*least[:MOST_SHOWN], *least[-MOST_SHOWN:]]
         facts += [("would show", f"{to_mm(j.detectable):.3f} mm  {j.change.name}") for j in some]
     p = f"smallest probability {verdict.smallest:.2g}, alarm below {verdict.threshold:.2g}"
     facts.append(("test", f"{p} ({100 * FALSE_ALARM:g} of 100 sound robots)"))
