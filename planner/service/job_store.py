@@ -292,6 +292,20 @@ class JobStore:
         """Return how many jobs are in a state."""
         return int(self._db.read("SELECT count(*) FROM jobs WHERE state = ?", state)[0][0])
 
+    def statistics(self) -> list[tuple[str, str, int]]:
+        """Return the number of jobs of each kind and state."""
+        return [tuple(row) for row in self._db.read("SELECT kind, state, count(*) FROM jobs GROUP BY kind, state")]
+
+    def durations(self) -> list[tuple[str, int, float]]:
+        """Return of each kind how many jobs were done, and how long they ran together [s]."""
+        query = "SELECT kind, count(*), sum(finished - started) FROM jobs WHERE state = 'done' GROUP BY kind"
+        return [(kind, count, float(total or 0.0)) for kind, count, total in self._db.read(query)]
+
+    def waiting_s(self) -> float:
+        """Return the age of the oldest job that waits [s], 0 where none does."""
+        first = self._db.read("SELECT min(created) FROM jobs WHERE state = 'queued'")[0][0]
+        return 0.0 if first is None else max(0.0, time.time() - float(first))
+
     def last_event(self) -> int:
         """Return the number of the latest event."""
         return int(self._db.read("SELECT ifnull(max(id), 0) FROM events")[0][0])

@@ -106,6 +106,13 @@ class RecordIndex:
         """Return the number of robots that have a record."""
         return int(self._db.read("SELECT count(*) FROM robots")[0][0])
 
+    def count_states(self) -> dict[str, int]:
+        """Return how many robots are in each state today."""
+        self.refresh()
+        query = f"SELECT {STATE} AS now, count(*) FROM robots GROUP BY now"
+        found = dict(self._db.connection.execute(query, {"today": latest_day().isoformat()}).fetchall())
+        return {state: int(found.get(state, 0)) for state in IN_NEED}
+
     def find_entry(self, documents: set[str]) -> RecordedEntry:
         """Return the latest entry whose document has one of these SHA-256."""
         self.refresh()

@@ -21,6 +21,7 @@ from planner.service.job_keeping import JobKeeper, Sweeper
 from planner.service.job_process import confinement_version
 from planner.service.job_store import JobStore
 from planner.service.methods import PlainMethods
+from planner.service.metrics import METRICS
 from planner.service.pages import PAGES, STATIC, add_problem_handlers
 from planner.service.problems import MEDIA_TYPE, Problem
 from planner.service.record_api import RECORDS
@@ -96,7 +97,7 @@ def build_app(context: ServiceContext) -> FastAPI:
     )
     app.state.context = context
     add_problem_handlers(app)
-    for router in (JOBS, EVENTS, LISTS, FILES, RECORDS, PAGES):
+    for router in (JOBS, EVENTS, LISTS, FILES, RECORDS, METRICS, PAGES):
         app.include_router(router)
     app.mount("/static", StaticFiles(directory=STATIC), name="static")
     describe = app.openapi
