@@ -20,9 +20,6 @@ from planner.gauges.placement.sockets import SocketPlacement, place_sockets
 from planner.kinematics.geometry import pose
 from planner.runs.run import Readings, Run, Samples
 
-NEWTON_STEPS = 8
-MUCH_BETTER = 0.7  # of what the poses are off, with two names exchanged: errors of a robot do not do that
-
 
 def artifact_step(file: CellFile, title: str, seats: str) -> CellStep:
     """Return the step that sets the artifact up; ``seats``: what it carries."""
@@ -109,7 +106,7 @@ class BallGauge(FrameGauge):
         """Centre the tool point on the ball nearest to each planned pose, millimetres away (Newton)."""
         ball = np.argmin(np.linalg.norm(cell.map_position(samples.q)[:, None] - cell.p_BS[None], axis=2), axis=1)
         goal = cell.p_BS[ball] + noise
-        for _ in range(NEWTON_STEPS):
+        for _ in range(8):  # Newton steps
             missing = goal - predict(samples)
             step = np.einsum("nij,nj->ni", np.linalg.pinv(slopes(samples)), missing)
             samples = replace(samples, q=samples.q + step)
@@ -128,7 +125,8 @@ def _check_exchanged(run: Run, names: tuple[str, ...], off: float, off_with: Cal
     swapped = [off_with(np.where(ball == a, b, np.where(ball == b, a, ball))) for a, b in pairs]
     best = int(np.argmin(swapped))
     a, b = pairs[best]
-    if swapped[best] < MUCH_BETTER * off:
+    # 0.7: of what the poses are off, with two names exchanged: errors of a robot do not do that
+    if swapped[best] < 0.7 * off:
         raise InputError(
             f"{run.name}: balls {names[a]} and {names[b]} look exchanged: with their names as they are the poses are "
             f"{to_mm(off):.3g} mm off (rms), the other way round {to_mm(swapped[best]):.3g} mm; correct the column "

@@ -25,12 +25,7 @@ from planner.effects.effect import Effect, Parameter, ParameterMove, reading_mov
 from planner.effects.gauge_errors import LENGTH_ERRORS, LengthLag
 from planner.effects.gauge_unknowns import GaugeUnknowns
 from planner.gauges.lines import LOADED, BarChecklist, LineGauge
-from planner.gauges.placement.flange_poses import (
-    LOCATED_SIGMA,
-    LOCATED_TURN_SIGMA,
-    flange_poses,
-    index_in_cell,
-)
+from planner.gauges.placement.flange_poses import LOCATED_SIGMA, LOCATED_TURN_SIGMA, flange_poses, index_in_cell
 from planner.gauges.placement.lengths import place_lengths
 from planner.kinematics.bodies import capsule_between
 from planner.kinematics.chain import ForwardPass
@@ -38,9 +33,7 @@ from planner.kinematics.geometry import bar_state
 from planner.kinematics.robot import Robot
 from planner.runs.run import Mounting, Readings, Run, Samples
 
-PRIOR_ZERO = 1.0 * MM
-STOP_SIGMAS = 2.0  # at the very end one reading in 40 is lost then, and few poses are there
-LARGEST_MARGIN = 0.2  # of the range: what is left of a short one must hold a plan
+ZERO_SIGMA = 1.0 * MM  # [m] one sigma of a zero that is free
 
 
 class BarKeys(StrictModel):
@@ -51,7 +44,6 @@ class BarKeys(StrictModel):
     stop_margin_mm: NonNegativeFloat | None = None
 
 
-ROUGHLY = 1.25  # times that lengths may lie beyond what is expected of the gauge
 UNITS = {  # what a column of lengths may hold instead of what it says, and how large one of it comes out
     "millimetres": 1.0,
     "metres in a column of millimetres": 1e-3,
@@ -81,7 +73,9 @@ def choose_stop_margin(robot: Robot, file: CellFile, keys: BarKeys) -> float:
         arm = robot.usual_error(home, from_mm(file.tool.map_mm))
     fixture = max((f.prior_mm for f in file.fixtures), default=0.0) * MM
     shortest, longest = file.gauge.length_mm
-    return min(STOP_SIGMAS * float(np.hypot(np.hypot(fixture, tool), arm)), LARGEST_MARGIN * (longest - shortest) * MM)
+    # beyond 2 sigmas one reading in 40 is lost at the very end, and few poses are there; 0.2 of the range at most: what
+    # is left of a short one must hold a plan
+    return min(2.0 * float(np.hypot(np.hypot(fixture, tool), arm)), 0.2 * (longest - shortest) * MM)
 
 
 @dataclass(frozen=True)
@@ -283,7 +277,7 @@ class LengthGauge(LineGauge, GaugeUnknowns):
         """Tell which lengths lie within the range, give or take its zero where that is free."""
         length = run.readings.length
         assert length is not None
-        slack = PRIOR_ZERO if self.zero_free else 0.0
+        slack = ZERO_SIGMA if self.zero_free else 0.0
         return np.asarray((length >= self.length_min - slack) & (length <= self.length_max + slack))
 
     def range_warnings(self, readings: Readings) -> tuple[str, ...]:
@@ -301,12 +295,13 @@ class LengthGauge(LineGauge, GaugeUnknowns):
 
     def check_run(self, cell: Site, run: Run) -> None:
         """Refuse lengths in another unit than their column says."""
+        roughly = 1.25  # times that lengths may lie beyond what is expected of the gauge
         super().check_run(cell, run)
         length = run.readings.length
         assert length is not None
         typical = float(np.median(np.abs(length)))
         low, high, reach = self._expected_lengths(cell, run)
-        fits = {w: f for w, f in UNITS.items() if low / ROUGHLY <= typical / f <= high * ROUGHLY}
+        fits = {w: f for w, f in UNITS.items() if low / roughly <= typical / f <= high * roughly}
         if fits and 1.0 not in fits.values():
             words = min(fits, key=lambda w: abs(np.log(typical / fits[w] / np.sqrt(low * high))))
             raise InputError(
@@ -372,8 +367,8 @@ def _zero_parameters(setup: Placement, noun: str) -> Iterator[Parameter]:
     """One zero, or where a loaded bar stands beside another one for each of the two."""
     under = [name in setup.loaded for name in setup.place_names]
     if all(under) or not any(under):
-        yield Parameter("zero", "m", PRIOR_ZERO, f"zero of the {noun}", reading_move(), "gauge")
+        yield Parameter("zero", "m", ZERO_SIGMA, f"zero of the {noun}", reading_move(), "gauge")
         return
     for name, what, which in (("zero", "the bar without load", False), ("zero_loaded", "the loaded bar", True)):
         moves = tuple(m for s, loaded in enumerate(under) if loaded == which for m in reading_move(AtPlace(s)))
-        yield Parameter(name, "m", PRIOR_ZERO, f"zero of {what}", moves, "gauge")
+        yield Parameter(name, "m", ZERO_SIGMA, f"zero of {what}", moves, "gauge")

@@ -13,9 +13,7 @@ from planner.gauges.bar import LengthGauge
 from planner.gauges.lines import BarChecklist
 from planner.kinematics.bodies import capsule_between
 
-EYELET = 12.0  # [mm] radius of what stands at the fixture, where the wire leaves the drum
-WIRE = 1.0  # [mm] radius of the wire
-HOOK = 10.0  # [mm] that the hook at the tool is let free
+EYELET_MM = 12.0  # [mm] radius of what stands at the fixture, where the wire leaves the drum
 
 
 @register_gauge
@@ -41,8 +39,9 @@ class DrawWire(LengthGauge):
         clean="The wire runs out and in freely, and touches nothing on its way.",
         attach="lead the wire slowly to the tool and hook it in; never let it snap back.",
     )
+    # the wire has a radius of 1 mm; the hook at the tool lets 10 mm free
     usual_keys: ClassVar[Mapping[str, Mapping[str, object]]] = {
-        "body": {"radius_mm": EYELET, "rod_radius_mm": WIRE, "housing_mm": 2 * EYELET, "trim_mm": HOOK}
+        "body": {"radius_mm": EYELET_MM, "rod_radius_mm": 1.0, "housing_mm": 2 * EYELET_MM, "trim_mm": 10.0}
     }
 
     def bodies(self, cell: Site) -> list[GaugeBody]:

@@ -57,10 +57,6 @@ class LineGauge(Gauge):
         return [travel.stretch, travel.stretch, travel.swing, travel.swing + travel.turn]
 
 
-ARC_STATES = 8192  # that a thread brings into the shell at a time
-PER_ARC = 4.0  # mean number of points on an arc that is not empty
-
-
 def shell_points(cell: Site, seed: int) -> Callable[[int], Array]:
     """Return what draws low-discrepancy points over all joints but the first that turns, chosen by the arcs.
 
@@ -84,13 +80,14 @@ def sample_shell(cell: Site, mounting: Mounting, points: Array, shell: tuple[flo
         points: samples of all joints but the first that turns in the unit cube, (m, N − 1).
         shell: its inner and outer radius [m].
     """
+    states = 8192  # that a thread brings into the shell at a time
     cell, p_BX = cell.at(mounting), cell.fixtures[mounting.fixture].p_BX
     lower, upper = cell.sampling_range
     q = np.empty((len(points), cell.robot.n_joints))
     first = first_turn(cell)
     q[:, first], others = 0.0, np.delete(np.arange(cell.robot.n_joints), first)
     q[:, others] = lower[others] + points * (upper - lower)[others]
-    chunks = [q[k : k + ARC_STATES] for k in range(0, len(q), ARC_STATES)]
+    chunks = [q[k : k + states] for k in range(0, len(q), states)]
     with ThreadPoolExecutor(available_threads()) as threads:
         arcs = threads.map(lambda part: _arcs_in_shell(cell, p_BX, part, (lower[first], upper[first]), shell), chunks)
         inside, start, length = (np.concatenate(parts) for parts in zip(*arcs, strict=True))
@@ -107,12 +104,13 @@ def _sample_arcs(q: Array, joint: int, start: Array, length: Array, full: float,
 
     ``count``: of samples, with those that have no arc.
     """
+    per_arc = 4.0  # mean number of points on an arc that is not empty
     ends = np.cumsum(length.ravel())
     used = np.count_nonzero(length)
     if used == 0:
         return JointSamples(q[:0], count)
-    spacing = ends[-1] / (PER_ARC * used)
-    s = (np.arange(int(PER_ARC * used)) + 0.5) * spacing
+    spacing = ends[-1] / (per_arc * used)
+    s = (np.arange(int(per_arc * used)) + 0.5) * spacing
     arc = np.minimum(np.searchsorted(ends, s, side="right"), len(ends) - 1)
     out = q[arc // length.shape[1]].copy()
     out[:, joint] = start.ravel()[arc] + (s - (ends[arc] - length.ravel()[arc]))

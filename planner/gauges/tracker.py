@@ -27,8 +27,7 @@ from planner.kinematics.geometry import small_log3
 from planner.kinematics.robot import Robot
 from planner.runs.run import Mounting, Readings, ReferenceReadings, Run, Samples
 
-NESTS = 3  # that a frame takes
-FAR = 10 * MM  # more than a robot as it is bought misses by (rms)
+NOMINAL_OFF = 10 * MM  # [m] more than a robot as it is bought misses by (rms)
 MIRROR, MIRRORED_GAIN = np.array([1.0, 1.0, -1.0]), 3.0  # times better in a mirror: the axes are left-handed
 
 
@@ -58,11 +57,12 @@ class Tracker(FrameGauge):
     @classmethod
     def placed_section(cls, path: Path, file: CellFile) -> PlacedFile:
         """Return where the tracker stands."""
+        fewest = 3  # nests that a frame takes
         if file.tracker is None:
             raise InputError(f"{path}: the section [tracker] with position_mm is missing: where the tracker stands")
         nests = file.tracker.nests
-        if 0 < len(nests) < NESTS:
-            raise InputError(f"{path}: tracker.nests has {len(nests)} nests; a frame takes {NESTS} of them")
+        if 0 < len(nests) < fewest:
+            raise InputError(f"{path}: tracker.nests has {len(nests)} nests; a frame takes {fewest} of them")
         if nests and are_collinear(from_mm([n.position_mm for n in nests])):
             raise InputError(
                 f"{path}: tracker.nests lie nearly on one line, about which the tracker's frame stays open"
@@ -206,7 +206,7 @@ def _place_frames(setup: Placement, run: Run, p_FM: Array | None) -> FramePlacem
     except NoSolutionError:
         _check_handedness(run, np.inf, place_mirrored)
         raise
-    if seen.rms > FAR:
+    if seen.rms > NOMINAL_OFF:
         _check_handedness(run, seen.rms, place_mirrored)
     return seen
 
@@ -217,7 +217,7 @@ def _check_handedness(run: Run, rms: float, mirrored: Callable[[], FramePlacemen
         found = mirrored().rms
     except NoSolutionError:
         return
-    if found < min(rms / MIRRORED_GAIN, FAR):
+    if found < min(rms / MIRRORED_GAIN, NOMINAL_OFF):
         instead = "not at all" if np.isinf(rms) else f"to {float(to_mm(rms)):.3g} mm"
         raise InputError(
             f"{run.name}: the positions fit the arm {instead} as they are, and to {float(to_mm(found)):.3g} mm with "

@@ -21,10 +21,6 @@ from planner.kinematics.inverse_kinematics import retract_tool
 from planner.kinematics.robot import Robot
 from planner.runs.run import NO_REFERENCE_READINGS, Mounting, ReferenceReadings, Run, Samples
 
-INDICATOR_NOISE = 0.5 * UM  # scatter of an indicator on the master ball
-SHAFT_LENGTH = 30e-3  # [m] from the MAP to where the channel holds the indicator's shaft: a tip ends there
-SQUARE = 1.0  # [deg] by which two indicators may miss a right angle
-
 
 @register_gauge
 @dataclass(frozen=True)
@@ -120,7 +116,8 @@ class TriCalHead(BallGauge):
         wanted = self.mastered_reading(cell)
         if wanted is None:
             return NO_REFERENCE_READINGS
-        masters = tuple(read_only(wanted + INDICATOR_NOISE * rng.standard_normal(3)) for _ in range(2))
+        # 0.5 * UM: scatter of an indicator on the master ball
+        masters = tuple(read_only(wanted + (0.5 * UM) * rng.standard_normal(3)) for _ in range(2))
         return ReferenceReadings(masters=masters)
 
     def centring_warnings(self, cell: Site, planned: Samples, run: Run) -> tuple[str, ...]:
@@ -147,7 +144,8 @@ class TriCalHead(BallGauge):
         """
         radius, touch = self.indicators.tip / 2, min(b.radius for b in cell.balls)
         for k, axis in enumerate(self.indicators.axes_F):
-            a, b = (cell.tool.p_FM + axis * s for s in (touch + radius / 2, SHAFT_LENGTH))
+            # 30e-3: [m] from the MAP to where the channel holds the indicator's shaft: a tip ends there
+            a, b = (cell.tool.p_FM + axis * s for s in (touch + radius / 2, 30e-3))
             yield GaugeBody(capsule_between(f"tip of indicator {k + 1}", a, b, radius), "flange", tip=True)
 
 
@@ -189,6 +187,7 @@ def read_head(path: Path, cell: CellFile) -> IndicatorHead | None:
     Raises:
         InputError: the axes are not square, or the tool's axis does not lead out between the indicators.
     """
+    square = 1.0  # [deg] by which two indicators may miss a right angle
     file = cell.gauge.head
     if file is None:
         return None
@@ -200,10 +199,10 @@ def read_head(path: Path, cell: CellFile) -> IndicatorHead | None:
     axes = axes / size[:, None]
     for a, b in ((0, 1), (0, 2), (1, 2)):
         angle = float(np.rad2deg(np.arccos(np.clip(axes[a] @ axes[b], -1, 1))))
-        if abs(angle - 90.0) > SQUARE:
+        if abs(angle - 90.0) > square:
             raise InputError(
                 f"{path}: indicators {a + 1} and {b + 1} of 'gauge.head.indicators' stand at {angle:.1f}° to each "
-                f"other: their axes must meet at right angles, to {SQUARE:g}°"
+                f"other: their axes must meet at right angles, to {square:g}°"
             )
     if (axes @ np.array(map_axis)).max() >= 0.0:
         raise InputError(

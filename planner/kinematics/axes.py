@@ -20,11 +20,10 @@ from planner.common.errors import InputError
 from planner.common.schema import Coordinate, OneLine, PositiveFloat, StrictModel
 from planner.common.units import Array, from_deg, read_only, to_deg
 
-EXACT = 9  # decimals of a degree kept at the border: sums of decimals as people write them have no more digits
-WITHIN = 1e-6  # [rad] by which an angle may stand over the end of a stroke: rounding
-MOST_ZERO = 720.0  # [deg] a zero that is farther off is no zero of an axis: strokes of wrists end there
+BORDER_DECIMALS = 9  # of a degree kept at the border: sums of decimals as people write them have no more digits
+STROKE_ROUNDING = 1e-6  # [rad] by which an angle may stand over the end of a stroke
+MOST_ZERO_DEG = 720.0  # [deg] a zero that is farther off is no zero of an axis: strokes of wrists end there
 MOST_FACTOR = 10.0  # by which an axis counts with another one: real ones are 1, or a ratio of gears at a wrist
-MOST_SPEED_RATIO = 20.0  # between full speeds of a controller's axis and the model's joints: more is a wrong unit
 PLACEHOLDER = re.compile(r"<[^<>]*>")  # what the lines that are advised leave to be filled in
 MODEL = "model"  # stands for the model's own angles, where a controller's name is asked for
 
@@ -40,7 +39,7 @@ class ControllerTable(StrictModel):
 
     same: bool = False
     sense: tuple[Literal[1, -1], ...] = ()
-    zero_deg: tuple[Annotated[float, Field(ge=-MOST_ZERO, le=MOST_ZERO)], ...] = ()
+    zero_deg: tuple[Annotated[float, Field(ge=-MOST_ZERO_DEG, le=MOST_ZERO_DEG)], ...] = ()
     zero_mm: tuple[Coordinate, ...] = ()
     coupling: tuple[tuple[int, int, Annotated[float, Field(ge=-MOST_FACTOR, le=MOST_FACTOR)]], ...] = ()
     limit_deg: tuple[tuple[Coordinate, Coordinate], ...] = ()
@@ -132,15 +131,15 @@ class AxisConvention:
         """Return the controller's angles (N,) of the model's (N,), both in degrees, so that decimals stay decimals."""
         if self.is_same:
             return tuple(q_deg)
-        c = np.asarray(q_deg) @ self.matrix.T + np.round(to_deg(self.zero), EXACT)
-        return tuple((np.round(c, EXACT) + 0.0).tolist())
+        c = np.asarray(q_deg) @ self.matrix.T + np.round(to_deg(self.zero), BORDER_DECIMALS)
+        return tuple((np.round(c, BORDER_DECIMALS) + 0.0).tolist())
 
     def degrees_to_model(self, c_deg: Sequence[float]) -> tuple[float, ...]:
         """Return the model's angles (N,) of the controller's (N,), both in degrees, so that decimals stay decimals."""
         if self.is_same:
             return tuple(c_deg)
-        q = (np.asarray(c_deg) - np.round(to_deg(self.zero), EXACT)) @ self.inverse.T
-        return tuple((np.round(q, EXACT) + 0.0).tolist())
+        q = (np.asarray(c_deg) - np.round(to_deg(self.zero), BORDER_DECIMALS)) @ self.inverse.T
+        return tuple((np.round(q, BORDER_DECIMALS) + 0.0).tolist())
 
     def largest(self, rate: Array) -> Array:
         """Return how much each axis can change (N,) where each joint changes by ``rate`` (N,) at most, in its unit."""
@@ -149,14 +148,14 @@ class AxisConvention:
 
     def is_within(self, c: Array) -> np.ndarray:
         """Return whether each of the controller's angles (…, N) [rad] lies inside its stroke, (…, N) bool."""
-        return np.asarray((c >= self.lower - WITHIN) & (c <= self.upper + WITHIN))
+        return np.asarray((c >= self.lower - STROKE_ROUNDING) & (c <= self.upper + STROKE_ROUNDING))
 
     def sentences(self, axes: Sequence[str]) -> tuple[str, ...]:
         """Return for each axis how it follows from the model's joints: ``A3 = -q3 - 90 deg``.
 
         ``axes``: names of the controller's axes.
         """
-        zero = np.round(to_deg(self.zero), EXACT)
+        zero = np.round(to_deg(self.zero), BORDER_DECIMALS)
         rows = enumerate(zip(axes, self.matrix, zero, strict=False))
         return tuple(f"{name} = {_terms(j, row, offset)}" for j, (name, row, offset) in rows)
 
@@ -277,14 +276,15 @@ def _coupling(at: str, table: ControllerTable, n: int, slides: int) -> Array:
 
 def _check_speeds(at: str, found: AxisConvention, seen: JointRange) -> None:
     """Refuse speeds of the controller's axes that are none beside those of the model's joints."""
+    most_ratio = 20.0  # between full speeds of a controller's axis and the model's joints: more is a wrong unit
     known = np.isfinite(seen.speed) & (seen.speed > 0.0)
     ratio = np.where(known, found.speed / np.where(known, seen.speed, 1.0), 1.0)
     j = int(np.argmax(np.abs(np.log(ratio))))
-    if np.abs(np.log(ratio[j])) > np.log(MOST_SPEED_RATIO):
+    if np.abs(np.log(ratio[j])) > np.log(most_ratio):
         axis, own = np.rad2deg([found.speed[j], seen.speed[j]])
         raise InputError(
             f"{at} speed_deg_s of axis {j + 1} is {axis:g}, but by speed_deg_s of the joints it is {own:g}: over "
-            f"{MOST_SPEED_RATIO:g} times more or less is no speed of the same axis; degrees per second are expected"
+            f"{most_ratio:g} times more or less is no speed of the same axis; degrees per second are expected"
         )
 
 
@@ -293,7 +293,7 @@ def _check_strokes(at: str, found: AxisConvention, seen: JointRange) -> None:
     over = np.maximum(found.lower - _finite(seen.lower), _finite(seen.upper) - found.upper)
     over = np.where(over < HUGE / 2, over, 0.0)  # a joint without limits leaves no stroke
     j = int(np.argmax(over))
-    if over[j] > WITHIN:
+    if over[j] > STROKE_ROUNDING:
         low, high, own, end = np.rad2deg([found.lower[j], found.upper[j], seen.lower[j], seen.upper[j]])
         raise InputError(
             f"{at} limit_deg of axis {j + 1} is {low:g} … {high:g}, but limit_deg of joint {j + 1} reaches {own:g} … "

@@ -15,8 +15,6 @@ KEY = "axes_of"
 _LINE = re.compile(r"ax[ei]s[\s_.-]*of(?![a-z0-9])[\s:=]*(?P<name>[^#]*)", re.IGNORECASE)
 _PAIR = re.compile(r"(?P<key>[a-z][a-z\s_.-]{0,15}?)\s*[:=]\s*(?P<name>[^#]*)", re.IGNORECASE)
 _NAME = re.compile(r"[a-z][a-z0-9+_.-]*", re.IGNORECASE)
-ALIKE = 0.75  # ratio of equal letters from which a word is a misspelt one: "axsof", "axeof", "axesoff", "axes"
-SHOWN = 80  # characters of a line in a message
 
 
 def axes_lines(file: str, lines: Iterable[str]) -> frozenset[str]:
@@ -59,8 +57,9 @@ def _name_in(where: str, remark: str) -> str | None:
             return name.lower()
     elif pair is None or not (_is_misspelt(pair["key"]) and _NAME.fullmatch(pair["name"].strip(CELL_ENDS + "\"'"))):
         return None
+    # 80: characters of a line in a message
     raise InputError(
-        f"{where}: '# {printable(remark[:SHOWN])}' reads as if it said whose axes the angles are, and is not "
+        f"{where}: '# {printable(remark[:80])}' reads as if it said whose axes the angles are, and is not "
         f"understood: '# {KEY}: pdl2' is allowed, with a language of 'edbb dialects' or model; begin another remark "
         "with another word"
     )
@@ -69,4 +68,5 @@ def _name_in(where: str, remark: str) -> str | None:
 def _is_misspelt(key: str) -> bool:
     """Tell whether a word is nearly the one that is meant."""
     letters = re.sub("[^a-z]", "", key.lower())
-    return difflib.SequenceMatcher(None, letters, "axesof").ratio() >= ALIKE
+    # 0.75: of equal letters, from which a word is a misspelt one: "axsof", "axeof", "axesoff", "axes"
+    return difflib.SequenceMatcher(None, letters, "axesof").ratio() >= 0.75

@@ -36,10 +36,6 @@ def tilt_angle(direction: Array, axis: Array) -> Array:
     return np.asarray(2.0 * np.arctan2(apart, together))
 
 
-UPRIGHT = 1e-9  # cosine of a pitch below which the rounding of a rotation says nothing of roll
-_TIE = 1e-9  # weight of "closest to no rotation" where the data leave a rotation open
-
-
 def skew(v: Array) -> Array:
     """Return the matrices [v]× (..., 3, 3) of vectors v (..., 3)."""
     out = np.zeros((*v.shape, 3))
@@ -72,7 +68,7 @@ def rpy_of(R: Array) -> Array:
     """
     level = float(np.hypot(R[0, 0], R[1, 0]))
     pitch = float(np.arctan2(-R[2, 0], level))
-    if level < UPRIGHT:
+    if level < 1e-9:  # cosine of a pitch below which the rounding of a rotation says nothing of roll
         return np.array([0.0, pitch, float(np.arctan2(-R[0, 1], R[1, 1]))])
     return np.array([float(np.arctan2(R[2, 1], R[2, 2])), pitch, float(np.arctan2(R[1, 0], R[0, 0]))])
 
@@ -93,7 +89,8 @@ def nearest_rotation(H: Array) -> Array:
     Source: Umeyama, IEEE PAMI 13 (1991), eq. 40–43; the open rotations are closed by a small multiple of I.
     """
     size = np.linalg.norm(H, axis=(-2, -1))[..., None, None]
-    U, _, Vt = np.linalg.svd(H + np.maximum(_TIE * size, 1e-300) * np.eye(3))
+    # 1e-9: weight of "closest to no rotation" where the data leave a rotation open
+    U, _, Vt = np.linalg.svd(H + np.maximum(1e-9 * size, 1e-300) * np.eye(3))
     D = np.broadcast_to(np.eye(3), H.shape).copy()
     D[..., 2, 2] = np.sign(np.linalg.det(U @ Vt))
     return np.asarray(U @ D @ Vt)

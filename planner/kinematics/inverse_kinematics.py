@@ -12,16 +12,13 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from planner.common.determinism import Positions
-from planner.common.units import Array
+from planner.common.units import TURN, Array
 from planner.kinematics.chain import Chain
 from planner.kinematics.robot import Robot
 
 LENGTH_SCALE = 0.5  # [m] length that makes a turn and a travel comparable
-TURN = 2 * np.pi
 POINT_TOLERANCE = 1e-9  # [m] by which a solution may miss a point
-REACHING_STATES, REACHING_SHARE = 200, 0.2  # states that tell which joints reach, and share of the best set's lever
-POINT_ITERATIONS, RETRACT_ITERATIONS = 14, 13
-POSE_TOLERANCE = 1e-9  # [m / LENGTH_SCALE and rad] of a tool pose that is held
+RETRACT_ITERATIONS = 13  # of Newton from a pose nearby
 POLISHED = 1e-12  # [m and rad] to which retracted poses are iterated
 
 Task = Callable[[Array, Positions], tuple[Array, Array]]
@@ -113,13 +110,15 @@ def solve_pose_ik(
         The angles (n, N) [rad], limits not looked at, and which of them hold their pose, (n,) bool.
     """
 
+    tolerance = 1e-9  # [m / LENGTH_SCALE and rad] of a tool pose that is held
+
     def task(q: Array, rows: Positions) -> tuple[Array, Array]:
         point, turn, J = tool_pose(chain, robot, q)
         J[:, :3] /= LENGTH_SCALE
         return np.hstack([(x[rows] - point) / LENGTH_SCALE, rotation_between(turn, R[rows])]), J
 
-    found = solve_ik(task, q, step=_careful_step, iterations=iterations, tolerance=POSE_TOLERANCE)
-    return found.q, found.error <= POSE_TOLERANCE
+    found = solve_ik(task, q, step=_careful_step, iterations=iterations, tolerance=tolerance)
+    return found.q, found.error <= tolerance
 
 
 def _careful_step(J: Array, missing: Array) -> Array:
@@ -143,12 +142,13 @@ def reaching_joints(chain: Chain, robot: Robot) -> tuple[int, ...]:
 
     Those of most arms are the first three; where they meet in a shoulder (arms of seven joints) they cannot.
     """
-    q = np.random.default_rng(0).uniform(robot.q_lower, robot.q_upper, (REACHING_STATES, robot.n_joints))
+    states = 200  # drawn states tell which joints reach
+    q = np.random.default_rng(0).uniform(robot.q_lower, robot.q_upper, (states, robot.n_joints))
     screws = chain.forward(robot.theta(q)).point_screws(chain.joint_places)  # (N, 3, n) by theta
     sets = list(combinations(np.flatnonzero(~robot.slides).tolist(), 3))
     J = np.moveaxis(screws[np.array(sets)], 3, 1)  # (sets, n, 3 joints, 3)
     worth = np.median(np.linalg.svd(J, compute_uv=False)[..., -1], axis=1)
-    return sets[int(np.argmax(worth > REACHING_SHARE * worth.max()))]
+    return sets[int(np.argmax(worth > 0.2 * worth.max()))]  # of the best set's lever
 
 
 def solve_point_ik(chain: Chain, robot: Robot, q: Array, p_B: Array) -> tuple[Array, Array]:
@@ -176,7 +176,7 @@ def solve_point_ik(chain: Chain, robot: Robot, q: Array, p_B: Array) -> tuple[Ar
         return p_B - x.T, np.moveaxis(J, (0, 1, 2), (2, 1, 0))
 
     start = theta[:, moved]
-    found = solve_ik(task, start, step=_bold_step, iterations=POINT_ITERATIONS, tolerance=POINT_TOLERANCE, norm=2)
+    found = solve_ik(task, start, step=_bold_step, iterations=14, tolerance=POINT_TOLERANCE, norm=2)
     missing = np.linalg.norm(task(found.q, np.arange(len(q)))[0], axis=1)
     theta[:, moved] = found.q
     solved = np.linalg.solve(robot.sense_matrix, (theta - robot.theta_zero).T).T

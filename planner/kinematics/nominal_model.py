@@ -5,8 +5,6 @@ from pathlib import Path
 from planner.kinematics.chain import is_of_link_before
 from planner.kinematics.robot_reader import describe_robot
 
-SAME = 1e-6  # mm or degrees, by which a number may differ where it was written with fewer digits
-
 
 def nominal_numbers(path: Path) -> dict[str, float | str]:
     """Return convention, row and flange of the controller's own model in ``robot.toml`` by their keys [mm, deg].
@@ -34,6 +32,7 @@ def describe_difference(first: dict[str, float | str], second: dict[str, float |
     """
     for key in (k for k in first if k in second):
         a, b = first[key], second[key]
-        if a != b and (isinstance(a, str) or isinstance(b, str) or abs(a - b) > SAME):
+        # 1e-6: mm or degrees: a number may have been written with fewer digits
+        if a != b and (isinstance(a, str) or isinstance(b, str) or abs(a - b) > 1e-6):
             return f"{key} is {b} instead of {a}"
     return ""

@@ -18,13 +18,8 @@ PayloadKg = Annotated[float, Field(gt=0, le=5000)]  # the strongest arm of today
 LinkMassKg = Annotated[float, Field(ge=0, le=20_000)]
 ReachMm = Annotated[float, Field(ge=50, le=20_000)]
 RepeatabilityMm = Annotated[float, Field(ge=1e-3, le=10)]  # the best arms repeat to 5 µm, toys to a millimetre
-SHORTEST, LONGEST = 0.05, 20.0  # [m] from base to flange along the links
 REACH_SHARE = (0.3, 1.1)  # of that length: makers state the reach of the wrist's centre from axis 1, 0.58 to 0.77 of it
 TRACK_MOST = 50_000.0  # [mm] of a linear track: 47 m are on the market
-ARM_AXES = 3  # the first ones carry the arm; cables and castings stop them
-ARM_MOST = 400.0  # [deg] that such an axis turns to either side
-WRIST_MOST = 8 * 360.0  # [deg] an end of the wrist may turn several times, some to ±2700°
-ONE_SIDED = (540.0, 2.0)  # [deg] beyond which both limits of an axis are alike to this factor: it has no own stop there
 
 
 def check_joint_limits(path: Path, lower: Array, upper: Array, slides: np.ndarray) -> None:
@@ -35,6 +30,8 @@ def check_joint_limits(path: Path, lower: Array, upper: Array, slides: np.ndarra
     Raises:
         InputError: naming the joint, its limits and what is allowed.
     """
+    # [deg] beyond which both limits of an axis are alike to this factor: it has no own stop there
+    one_sided = (540.0, 2.0)
     for i, limits in enumerate(zip(to_deg(lower), to_deg(upper), strict=True), 1):
         near, far = sorted(map(abs, limits))
         if not np.isfinite(far):
@@ -46,13 +43,15 @@ def check_joint_limits(path: Path, lower: Array, upper: Array, slides: np.ndarra
                     f"are {TRACK_MOST:g} mm to either side"
                 )
             continue
-        most = ARM_MOST if i - slides[:i].sum() <= ARM_AXES else WRIST_MOST
+        # [deg] the first three axes carry the arm: cables and castings stop them; an end of the wrist may turn
+        # several times, some to ±2700°
+        most = 400.0 if i - slides[:i].sum() <= 3 else 8 * 360.0
         said = f"{path}: joint {i} has the limits {limits[0]:.6g}° and {limits[1]:.6g}°"
         if far > most:
             raise InputError(f"{said}: allowed are {most:g}° to either side for this axis")
-        if far > ONE_SIDED[0] and far > ONE_SIDED[1] * near:
+        if far > one_sided[0] and far > one_sided[1] * near:
             raise InputError(
-                f"{said}: an axis that turns beyond {ONE_SIDED[0]:g}° does so to both sides; is one of them mistyped?"
+                f"{said}: an axis that turns beyond {one_sided[0]:g}° does so to both sides; is one of them mistyped?"
             )
 
 
@@ -62,11 +61,13 @@ def check_reach(path: Path, rows: Sequence[Transform], stated_mm: float | None) 
     Raises:
         InputError: with both numbers.
     """
+    longest = 20.0  # [m] from base to flange along the links
+    shortest = 0.05  # [m] from base to flange along the links
     length = float(sum(abs(t.nominal) for t in rows if t.kind == "translation"))
-    if not SHORTEST <= length <= LONGEST:
+    if not shortest <= length <= longest:
         raise InputError(
-            f"{path}: the links from base to flange add up to {to_mm(length):.6g} mm, arms have {SHORTEST / MM:g} to "
-            f"{LONGEST / MM:g} mm: are these lengths in another unit?"
+            f"{path}: the links from base to flange add up to {to_mm(length):.6g} mm, arms have {shortest / MM:g} to "
+            f"{longest / MM:g} mm: are these lengths in another unit?"
         )
     low, high = (share * length / MM for share in REACH_SHARE)
     if stated_mm is not None and not low <= stated_mm <= high:

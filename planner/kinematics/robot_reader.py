@@ -29,8 +29,6 @@ from planner.kinematics.robot_tables import (
 from planner.kinematics.srdf import numbered_pairs, read_allowed_pairs
 from planner.kinematics.urdf import SHAPELESS, UrdfChain, is_urdf, plain_name, read_urdf
 
-FEWEST_JOINTS = 5
-
 
 def list_robots() -> tuple[str, ...]:
     """Names of the robots that come with the planner."""
@@ -200,8 +198,9 @@ def _never_meet_parts(file: RobotDescription, path: Path, chain: UrdfChain) -> t
 
 
 def _check_count(path: Path, n: int) -> None:
-    if n < FEWEST_JOINTS:
-        raise InputError(f"{path}: {n} joints found; arms of {FEWEST_JOINTS} joints and more are supported")
+    fewest = 5  # joints of the arms that are supported
+    if n < fewest:
+        raise InputError(f"{path}: {n} joints found; arms of {fewest} joints and more are supported")
 
 
 def _build_robot(

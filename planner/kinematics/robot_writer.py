@@ -23,7 +23,6 @@ from planner.kinematics.urdf import is_urdf
 from planner.kinematics.urdf_writer import find_meshes, write_urdf
 
 UR_LINKS = ("shoulder", "upper_arm", "forearm", "wrist_1", "wrist_2", "wrist_3")
-BEHIND = 1e-7  # [m, rad] of a transform behind the last joint that such a file has no place for
 
 
 def joint_origins(robot: Robot, values: Mapping[str, float]) -> tuple[list[Array], Array]:
@@ -101,7 +100,7 @@ def _ur_calibration(robot: Robot, values: Mapping[str, float]) -> str:
         "# own calibration is another, which is right.",
     ]
     off = np.abs(np.concatenate([behind[:3, 3], log3(behind[:3, :3])]))
-    if off.max() > BEHIND:
+    if off.max() > 1e-7:  # [m, rad] of a transform behind the last joint that such a file has no place for
         lines.append(
             "# Behind the last joint more was found, which this file has no place for: it belongs to the tool:"
         )
@@ -121,7 +120,6 @@ HEADER = """\
 # Calibrated robot, to be used wherever the nominal one is. {remark}
 # The controller's own model stays as it is: where it differs from this file, its values stand in [nominal].
 """
-STD_DECIMALS = 5  # of a standard deviation in mm
 NOMINAL_MARK = "#\n# The nominal file says:\n"
 NUMBERS = re.compile(r"\[\s+((?:[-+.\deE]+,\s+)+)\]")  # an array of numbers, one a line
 
@@ -266,10 +264,11 @@ def _calibration_tables(robot: Robot, changed: frozenset[str], found: RobotCorre
 
 def _tool_point_table(t: ToolPoint) -> dict[str, object]:
     std = {"std_mm": t.std, "std_beside_robot_mm": t.std_beside_robot}
+    # 5: decimals of a standard deviation in mm
     return {
         **({"name": t.name} if t.name else {}),
         "position_mm": _rounded_list(to_mm(t.p_FM), DIGITS["translation"]),
-        **{key: _rounded_list(to_mm(v), STD_DECIMALS) for key, v in std.items() if v is not None},
+        **{key: _rounded_list(to_mm(v), 5) for key, v in std.items() if v is not None},
     }
 
 

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from planner.common.errors import InputError
 from planner.common.files import MOST_TOML, read_bytes
-from planner.common.units import Array
+from planner.common.units import TURN, Array
 from planner.common.xml_files import XmlError, parse_xml
 from planner.kinematics.bodies import Body, rotation_from_z
 from planner.kinematics.chain import Transform, fixed_turns, frame_with_errors, xyz_transforms
@@ -31,10 +31,8 @@ from planner.kinematics.urdf_parked import UNITS, Branches, Parking, park_joints
 from planner.kinematics.urdf_tree import UrdfError, find_bodily_links, find_child, link_of, read_tree, rigid_groups
 from planner.kinematics.xacro.expander import expand_template
 
-TURN = 2 * np.pi
 SHAPELESS = "no collision shape"
 LONGEST = 50.0  # [m] to either side of a linear track: 47 m are on the market
-MOST_TURNS = 4  # to either side: wrists with an end turn up to twice, limits in degrees would be tens of turns
 
 
 @dataclass(frozen=True)
@@ -209,6 +207,7 @@ def _read_limits(joint: ET.Element) -> tuple[float, float, float]:
 
     Limits that the file does not say are infinite, a speed is 0.
     """
+    most_turns = 4  # to either side: wrists with an end turn up to twice, limits in degrees would be tens of turns
     name, free = joint.get("name"), joint.get("type") == "continuous"
     limit = joint.find("limit")
     if limit is None and joint.get("type") == "prismatic":
@@ -223,10 +222,10 @@ def _read_limits(joint: ET.Element) -> tuple[float, float, float]:
                 f"the upper one, both within {LONGEST:g} m (are these millimetres?)"
             )
         return lower, upper, _read_speed(limit)
-    if not -MOST_TURNS * TURN <= lower < upper <= MOST_TURNS * TURN:
+    if not -most_turns * TURN <= lower < upper <= most_turns * TURN:
         raise UrdfError(
             f"joint '{name}': lower = {lower:g} and upper = {upper:g} rad are no limits; the lower one lies below "
-            f"the upper one, both within {MOST_TURNS} turns ({MOST_TURNS * TURN:.3g} rad; are these degrees?); a "
+            f"the upper one, both within {most_turns} turns ({most_turns * TURN:.3g} rad; are these degrees?); a "
             "joint without an end is 'continuous'"
         )
     return lower, upper, _read_speed(limit)

@@ -29,7 +29,7 @@ from planner.kinematics.urdf_tree import UrdfError, link_of
 
 UNITS = {"revolute": "deg", "continuous": "deg", "prismatic": "mm"}  # of the joints that can be parked
 ENDLESS = 1e9  # [rad, m] limits of joints that have none, as files write them: 999999
-SLACK = 1e-9  # [rad, m] beyond a limit that comes of the conversion of units
+UNIT_ROUNDING = 1e-9  # [rad, m] beyond a limit that comes of the conversion of units
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ class Parking:
         if kind not in UNITS or value == 0.0:
             return np.eye(4)
         axis = np.array(read_numbers(joint.find("axis"), "xyz", (1, 0, 0)))
-        if not np.linalg.norm(axis) > SLACK:
+        if not np.linalg.norm(axis) > UNIT_ROUNDING:
             raise UrdfError(f"the axis of joint '{joint.get('name')}' has no length")
         axis = axis / np.linalg.norm(axis) * value
         if UNITS[str(kind)] == "mm":
@@ -141,7 +141,7 @@ def _stand_of_leader(joint: ET.Element, given: float | None) -> tuple[float, str
         lower, upper = -np.inf, np.inf
     if given is None:
         return (0.0, "") if lower <= 0.0 <= upper else ((lower + upper) / 2, "the middle of its stroke")
-    if not lower - SLACK <= given <= upper + SLACK:
+    if not lower - UNIT_ROUNDING <= given <= upper + UNIT_ROUNDING:
         shown = ParkedJoint("", given, UNITS[str(joint.get("type"))])
         ends = [replace(shown, value=v).text for v in (lower, upper)]
         raise UrdfError(f"parked.{parked_key(joint)}: {shown.text} lies beyond its limits, {ends[0]} to {ends[1]}")

@@ -16,8 +16,6 @@ from planner.kinematics.robot import elementary_placement
 from planner.kinematics.urdf import parse_urdf, read_urdf
 from planner.kinematics.urdf_elements import MeshFinder
 
-ORIGIN_DIGITS = 13  # decimals of an origin, in m and rad
-
 
 def write_urdf(
     path: Path,
@@ -101,4 +99,4 @@ def find_meshes(path: Path, packages: Packages = NO_PACKAGES) -> tuple[Path, ...
 
 
 def _format_vector(v: Array) -> str:
-    return " ".join(repr(float(c) + 0.0) for c in np.round(v, ORIGIN_DIGITS))
+    return " ".join(repr(float(c) + 0.0) for c in np.round(v, 13))  # decimals of an origin, in m and rad

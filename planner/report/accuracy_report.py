@@ -10,9 +10,6 @@ from planner.report.chart import BLUE, ORANGE, Chart, Panel, ReferenceLine, Seri
 from planner.report.formatting import in_um
 from planner.report.page import Report, Row, report_judged
 
-BINS = 25
-ROOM = 1.25  # of the highest bar, for what is written beside the lines
-
 
 def error_histogram(found: Validation) -> Chart:
     """Errors before and after calibration, each on an axis of its own."""
@@ -26,13 +23,15 @@ def error_histogram(found: Validation) -> Chart:
 
 
 def _panel(name: str, colour: str, judged: ModelErrors) -> Panel:
+    bins = 25  # of the histogram
     size = to_mm(np.linalg.norm(judged.error, axis=1))
-    edges = np.linspace(0.0, float(size.max()), BINS + 1)
+    edges = np.linspace(0.0, float(size.max()), bins + 1)
     counts = np.histogram(size, edges)[0].astype(float)
     mean, largest = float(to_mm(judged.figures.mean)), float(to_mm(judged.figures.largest))
     bars = (Series(name, *histogram_outline(edges, counts), colour, filled=True),)
     lines = tuple(ReferenceLine(v, f"{what} {v:.3f}", upright=True) for what, v in (("mean", mean), ("max", largest)))
-    x_range, y_range = (0.0, 1.12 * largest), (0.0, ROOM * float(counts.max()))
+    # 1.25: of the highest bar, for what is written beside the lines
+    x_range, y_range = (0.0, 1.12 * largest), (0.0, 1.25 * float(counts.max()))
     return Panel(name, "position error (mm)", "poses", bars, lines, x_range=x_range, y_range=y_range, height=240)
 
 

@@ -32,7 +32,6 @@ from planner.report.chart import (
 from planner.report.effect_evidence import finding_chart, finding_steps, stage_chart
 from planner.report.formatting import digits
 
-LINE_POINTS = 16  # points of the line through the residuals
 KINDS = {
     "joints": ("residual_joints", "Error against each joint"),
     "loads": ("residual_loads", "Error against the load on each joint"),
@@ -89,7 +88,7 @@ def _scatter(a: PlotVariable, error: Array) -> Panel:
     points, means, shown = [], [], even_positions(len(error), PANEL_POINTS)
     for name, colour, along in zip(names, colours, error.T, strict=True):
         points.append(Series(name, a.values[shown], along[shown], colour, "points", size=3.5, opacity=0.4))
-        line = weighted_means(a.values, along, most=LINE_POINTS)
+        line = weighted_means(a.values, along, most=16)  # points of the line through the residuals
         means.append(Series("mean", *line, colour if wide else BLACK, width=2.0))
     span = 1.08 * float(np.abs(error[shown]).max()) or 1.0
     series = (*points, *means, zero_line(a.values))
@@ -97,9 +96,6 @@ def _scatter(a: PlotVariable, error: Array) -> Panel:
 
 
 BEFORE, AFTER = ORANGE, BLUE
-BINS = 60  # of the histogram
-MOST_CORRELATED = 60  # parameters in the correlation matrix
-ROW = 20  # [px] of one name in the correlation matrix
 
 
 def draw_calibration_charts(facts: CalibrationFacts) -> tuple[Chart, ...]:
@@ -121,7 +117,7 @@ def histogram_chart(facts: CalibrationFacts) -> Chart:
     before, after = (to_mm(error_size(s.held_residual)) for s in (facts.before, facts.after))
     low = max(float(np.quantile(after, 0.005)), float(before.max()) * 1e-6, 1e-7)
     high = 1.1 * max(float(before.max()), float(after.max()))
-    edges = np.geomspace(min(low, high / 10), high, BINS + 1)
+    edges = np.geomspace(min(low, high / 10), high, 60 + 1)  # bins of the histogram
     series = []
     for name, error, colour in (("frames", before, BEFORE), ("calibrated", after, AFTER)):
         share = 100 * np.histogram(np.clip(error, edges[0], edges[-1]), edges)[0] / len(error)
@@ -155,13 +151,14 @@ def pose_chart(facts: CalibrationFacts) -> Chart:
 
 def correlation_chart(facts: CalibrationFacts) -> Chart:
     """Correlations of the fitted parameters; of many, those that hang together most."""
+    most = 60  # parameters in the correlation matrix
     matrix = facts.correlation
     strongest = np.abs(matrix - np.eye(len(matrix))).max(axis=1)
-    kept = np.sort(np.argsort(-strongest, kind="stable")[:MOST_CORRELATED])
+    kept = np.sort(np.argsort(-strongest, kind="stable")[:most])
     names = tuple(facts.calibration.fit.model.names[k] for k in kept)
     cells = Heatmap(matrix[np.ix_(kept, kept)], names)
-    panel = Panel(y_names=names, cells=cells, height=max(240, ROW * len(names)))
-    some = f"The {MOST_CORRELATED} of {len(matrix)} that hang together most. " if len(matrix) > MOST_CORRELATED else ""
+    panel = Panel(y_names=names, cells=cells, height=max(240, 20 * len(names)))  # [px] of one name
+    some = f"The {most} of {len(matrix)} that hang together most. " if len(matrix) > most else ""
     caption = (
         f"{some}Blue: two parameters err together; orange: in opposite senses. A strong colour means that the run "
         "knows the two better together than each by itself."
@@ -169,10 +166,9 @@ def correlation_chart(facts: CalibrationFacts) -> Chart:
     return Chart("correlation", "Which parameters hang together", caption, (panel,))
 
 
-ACROSS = 56  # squares of the map from the axis of joint 1 to the longest reach
-BLUR = 0.055  # of the longest reach: width of the neighbourhood that a square is the mean of
-POSES, MEANS = 400, 14  # measured poses that are drawn, points of the lines
-FIELD_HEIGHT, LINE_HEIGHT = 300, 170
+DRAWN_POSES = 400  # measured poses that are drawn
+FIELD_HEIGHT = 300  # [px] of a map
+LINE_HEIGHT = 170  # [px] of a line beneath it
 
 
 def _reach_height(p: Array) -> tuple[Array, Array]:
@@ -190,7 +186,7 @@ def error_map_chart(facts: CalibrationFacts, robot: ReleasedRobot) -> Chart:
     nominal, geometry, released = (to_mm(robot.likely_errors(fit)) for fit in (None, robot.geometry, robot.fit))
     x, y, near = _neighbourhoods(reach, height)
     samples = facts.calibration.run.samples
-    few = samples.take(even_positions(len(samples), POSES))
+    few = samples.take(even_positions(len(samples), DRAWN_POSES))
     poses = _reach_height(tool_position(few, facts.calibration.setup))
     edge: dict[str, Any] = {"x_range": (0.0, 1.03 * float(reach.max())), "y_range": (float(y[0]), float(y[-1]))}
     labels = ("reach from the axis of the base (mm)", "height (mm)")
@@ -225,7 +221,7 @@ def misfit_chart(facts: CalibrationFacts, robot: ReleasedRobot) -> Chart:
     reach, height = _reach_height(robot.tool.position)
     x, y, near = _neighbourhoods(reach, height)
     samples = facts.calibration.run.samples
-    few = samples.take(even_positions(len(samples), POSES))
+    few = samples.take(even_positions(len(samples), DRAWN_POSES))
     poses = _reach_height(tool_position(few, facts.calibration.setup))
     measured = Series("measured poses", *poses, BLACK, "points", size=3.0, opacity=0.6)
     field = Panel(
@@ -260,17 +256,18 @@ def misfit_chart(facts: CalibrationFacts, robot: ReleasedRobot) -> Chart:
 
 
 def _rms_line(name: str, error: Array, colour: str, along: Array) -> Series:
-    x, square = weighted_means(along, error**2, most=MEANS)
+    x, square = weighted_means(along, error**2, most=14)  # points of the line
     return Series(name, x, np.sqrt(square), colour, width=2.0)
 
 
 def _neighbourhoods(reach: Array, height: Array) -> tuple[Array, Array, Array]:
     """Return middles of squares (c,) and (r,) [mm], and weights of the states there (r, c, n), zero far from all."""
-    step = float(reach.max()) / ACROSS
-    x = np.asarray(step * (np.arange(ACROSS + 2) + 0.5))
+    across = 56  # squares of the map from the axis of joint 1 to the longest reach
+    step = float(reach.max()) / across
+    x = np.asarray(step * (np.arange(across + 2) + 0.5))
     y = np.arange(float(height.min()) - step, float(height.max()) + 2 * step, step)
     square = (x[None, :, None] - reach) ** 2 + (y[:, None, None] - height) ** 2
-    width = BLUR * float(reach.max())
+    width = 0.055 * float(reach.max())  # of the longest reach: width of the neighbourhood that a square is the mean of
     near = square.min(axis=2, keepdims=True) < (1.3 * width) ** 2
     return x, np.asarray(y), np.where(near, np.exp(-0.5 * square / width**2), 0.0)
 

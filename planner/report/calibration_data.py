@@ -13,9 +13,7 @@ from planner.identification.calibration import Calibration
 from planner.kinematics.geometry import bar_state
 from planner.model.identification_document import Stage, error_size
 
-LOOKED_SAMPLES = 20_000  # samples of a long run that means are taken over
-EFFECT_SAMPLES = 1_500  # samples that single effects are drawn from
-PANEL_POINTS = 500  # of them that are drawn in one panel
+PANEL_POINTS = 500  # of the samples, drawn in one panel
 SHOWN_POSES = 1500  # that are drawn one by one
 
 
@@ -51,12 +49,13 @@ class CalibrationFacts:
     @cached_property
     def looked_samples(self) -> np.ndarray:
         """Samples that are looked at, evenly over the run, (m,) int: the same ones every time."""
-        return even_positions(len(self.calibration.run), LOOKED_SAMPLES)
+        return even_positions(len(self.calibration.run), 20_000)  # samples of a long run that means are taken over
 
     @cached_property
     def few_rows(self) -> tuple[np.ndarray, Array]:
         """Samples that effects are drawn from, (m,) int, and the model's rows there without orientation, (m, r, P)."""
-        fit, which = self.calibration.fit, even_positions(len(self.calibration.run), EFFECT_SAMPLES)
+        # 1_500: samples that single effects are drawn from
+        fit, which = self.calibration.fit, even_positions(len(self.calibration.run), 1_500)
         return which, fit.model.rows(self.calibration.run.samples.take(which), fit.errors)[:, :3]
 
     @cached_property

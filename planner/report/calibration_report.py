@@ -14,11 +14,6 @@ from planner.report.calibration_data import CalibrationFacts
 from planner.report.formatting import chance_text, count_text, decimals_of, digits, in_mm
 from planner.report.page import Report, Row
 
-MOST_MOVED = 5  # parameters on the first sheet
-OUTLIERS, MOST_REJECTED = 50, 20  # that are listed
-NOMINAL_DECIMALS = 6  # of mm and degrees: finer than any data sheet
-SHORT = 6  # stages up to which the first sheet lists all of them
-
 
 def report_calibration(calibration: Calibration) -> Report:
     """Return the page of a calibration, its first printed sheet a summary for the customer, and its pictures."""
@@ -29,9 +24,11 @@ def report_calibration(calibration: Calibration) -> Report:
 
 def calibration_content(facts: CalibrationFacts) -> dict[str, Any]:
     """Return what the page says; tables are rows of texts."""
+    outliers = 50  # that are listed
     c = facts.calibration
     stages = [_stage(s) for s in c.stages]
-    first = stages if len(stages) <= SHORT else [*stages[:3], ("all effects", *stages[-1][1:])]
+    # 6: stages up to which the first sheet lists all of them
+    first = stages if len(stages) <= 6 else [*stages[:3], ("all effects", *stages[-1][1:])]
     trials = sorted(c.diagnosis.trials, key=lambda t: t.p_value)
     return {
         "c": c,
@@ -45,7 +42,7 @@ def calibration_content(facts: CalibrationFacts) -> dict[str, Any]:
         "summary": text.findings_summary(c),
         "findings": text.finding_texts(facts),
         "limits": text.limit_table(c),
-        "rejected": list(dict.fromkeys((r.name, r.because) for r in c.rejected))[:MOST_REJECTED],
+        "rejected": list(dict.fromkeys((r.name, r.because) for r in c.rejected))[:20],  # that are listed
         "joints": tuple(f"joint {j + 1}" for j in range(c.run.samples.q.shape[1])),
         "validated": any(s.validation is not None for s in c.stages),
         "read": c.setup.gauge.plural,
@@ -58,8 +55,8 @@ def calibration_content(facts: CalibrationFacts) -> dict[str, Any]:
         "parameters": [_parameter(facts, e) for e in c.estimates if e.identifiable],
         "unseen": [_unseen(e) for e in c.estimates if not e.identifiable],
         "correlations": text.correlation_text(c.fit.model.names, facts.correlation) if len(c.fit.errors) > 1 else (),
-        "outliers": [_outlier(c, int(k)) for k in c.fit.outliers[:OUTLIERS]],
-        "outliers_more": max(0, len(c.fit.outliers) - OUTLIERS),
+        "outliers": [_outlier(c, int(k)) for k in c.fit.outliers[:outliers]],
+        "outliers_more": max(0, len(c.fit.outliers) - outliers),
         "gauge": _gauge(facts),
         "zeros": joint_zeros_text(c),
     }
@@ -119,7 +116,7 @@ def _most_moved(facts: CalibrationFacts) -> list[Row]:
     shown = [(by_name[n], float(m)) for n, m in zip(c.fit.model.names, facts.moves, strict=True) if n in by_name]
     robot = sorted((x for x in shown if x[0].group != "gauge"), key=lambda x: (-x[1], x[0].name))
     rows = list[Row]()
-    for e, moves in robot[:MOST_MOVED]:
+    for e, moves in robot[:5]:  # parameters on the first sheet
         change = f"{_format(e, e.value - e.nominal, '+')} ± {_format(e, e.std)}"
         rows.append((e.name, e.what, change, text.estimate_unit(e)[0], in_mm(moves, 2), ", ".join(e.absorbs)))
     return rows
@@ -143,7 +140,7 @@ def _unseen(e: Estimate) -> Row:
 
 def _nominal(e: Estimate) -> str:
     value = e.nominal * text.estimate_unit(e)[1]
-    return f"{round(value, NOMINAL_DECIMALS) + 0.0:.9g}"
+    return f"{round(value, 6) + 0.0:.9g}"  # decimals of mm and degrees: finer than any data sheet
 
 
 def _format(e: Estimate, value: float | None, sign: str = "") -> str:

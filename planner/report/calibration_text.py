@@ -23,9 +23,6 @@ def estimate_unit(e: Estimate) -> tuple[str, float]:
     return display_unit(e.unit, max(abs(e.value), e.std or 0.0))
 
 
-LISTED_PARAMETERS = 8  # parameters of one effect that are listed
-
-
 def declared_effects_text(c: Calibration) -> tuple[str, ...]:
     """Say one sentence for each effect of the last stage that no tracing brought, with its values as written."""
     traced = {f.name for f in c.findings}
@@ -35,8 +32,9 @@ def declared_effects_text(c: Calibration) -> tuple[str, ...]:
 def _sentence(c: Calibration, kind: str) -> str:
     written = [e for e in c.estimates if e.group == kind and e.identifiable]
     own = written or [e for e in c.last_fit if e.group == kind]
-    listed = ", ".join(_value(e) for e in own[:LISTED_PARAMETERS])
-    more = f" and {len(own) - LISTED_PARAMETERS} more" if len(own) > LISTED_PARAMETERS else ""
+    listed_at_most = 8  # parameters of one effect
+    listed = ", ".join(_value(e) for e in own[:listed_at_most])
+    more = f" and {len(own) - listed_at_most} more" if len(own) > listed_at_most else ""
     where = "" if written else "; the robot as written does not hold it"
     return f"Fitted beside the geometry: {kind} ({listed}{more}){where}."
 
@@ -53,7 +51,6 @@ GROUP_NAMES = {
     "block": ("blocks", "whole blocks of the run in its order"),
     "stretch": ("sections", "whole sections of the drive, never single rows of it"),
 }
-STRONG_CORRELATION, NAMED_PAIRS = 0.9, 6  # correlation worth a sentence, and how many sentences
 
 
 def headline_text(facts: CalibrationFacts) -> tuple[str, ...]:
@@ -166,9 +163,9 @@ def correlation_text(names: tuple[str, ...], correlation: Array) -> tuple[str, .
     i, j = np.triu_indices(len(names), 1)
     order = np.argsort(-np.abs(correlation[i, j]), kind="stable")
     out = []
-    for k in order[:NAMED_PAIRS]:
+    for k in order[:6]:  # sentences
         a, b, rho = names[i[k]], names[j[k]], float(correlation[i[k], j[k]])
-        if abs(rho) < STRONG_CORRELATION:
+        if abs(rho) < 0.9:  # correlation worth a sentence
             break
         better = "difference" if rho > 0 else "sum"
         out.append(
@@ -191,10 +188,8 @@ def refusal_text(c: Calibration) -> tuple[str, ...]:
     return (f"Not to be used, for {len(c.problems)} reasons:", *(f"{p}." for p in c.problems))
 
 
-NAMED_RIVALS = 4  # rivals that are listed by name
 FAMILIAR = ("backlash", "gear ripple", "joint compliance", "encoder once a turn")  # what a mechanic asks for first
 NOTHING_FOUND = "Nothing beyond noise that the catalogue can name."
-MOST_NAMED = 6  # findings on the first sheet
 BLIND = {"rad": 0.02, "m": 0.01, "rad/rad": 0.02, "rad/Nm": 1e-3, "1": 1.0, "s": 1.0}
 """Sizes of an effect that no arm has: a run that shows only such ones does not see it."""
 
@@ -210,7 +205,7 @@ def findings_summary(c: Calibration) -> Row:
     if c.tried is None:
         return named
     groups = group_findings(c.findings)
-    first = sorted(groups, key=lambda g: -g.gain)[:MOST_NAMED]
+    first = sorted(groups, key=lambda g: -g.gain)[:6]  # findings on the first sheet
     found = [_doubt(g) + _capital(g.note) + _surely(g) + _or(g.rival_texts) + "." for g in groups if g in first]
     found = found or [NOTHING_FOUND]
     if len(first) < len(groups):
@@ -266,6 +261,7 @@ def _pair(value: float, std: float) -> str:
 
 
 def _rivals(f: Finding) -> str:
+    named = 4  # rivals that are listed by name
     (group,) = group_findings((f,))
     names = group.rival_texts
     own = "" if f.probability is None else f"That it is this cause: {percent(f.probability)}. "
@@ -274,8 +270,8 @@ def _rivals(f: Finding) -> str:
             "at all is likelier" if group.is_doubtful else "else that was tried explains the same, at a hundred to one"
         )
         return f"{own}Rivals: none. Nothing {none}."
-    more = f" and {len(names) - NAMED_RIVALS} more" if len(names) > NAMED_RIVALS else ""
-    return f"{own}Rivals that this run cannot tell from it: {', '.join(names[:NAMED_RIVALS])}{more}."
+    more = f" and {len(names) - named} more" if len(names) > named else ""
+    return f"{own}Rivals that this run cannot tell from it: {', '.join(names[:named])}{more}."
 
 
 def _doubt(group: FindingGroup) -> str:

@@ -21,7 +21,8 @@ from planner.runs.run import Mounting
 from planner.session.course import Course
 from planner.session.plan_types import Drive, Plan
 
-AROUND, RINGS = 20, 5  # facets around a capsule, and from the rim of a cap to its pole
+FACETS_AROUND = 20  # a capsule
+CAP_RINGS = 5  # from the rim of a cap to its pole
 BOX_CORNERS = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
 BOX_SIDES = np.array([[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]])
 
@@ -54,7 +55,7 @@ def body_mesh(body: Body) -> Mesh:
         # every side has its own corners, so that edges stay sharp when shaded
         return Mesh((BOX_CORNERS * body.size)[sides.ravel()], np.arange(sides.size).reshape(-1, 3)).move(body.T)
     radius, straight = body.size[0], body.size[1] if body.kind == "capsule" else 0.0
-    up = np.linspace(-np.pi / 2, 0.0, RINGS + 1)
+    up = np.linspace(-np.pi / 2, 0.0, CAP_RINGS + 1)
     profile_r = radius * np.concatenate([np.cos(up), np.cos(up[::-1])])
     profile_z = np.concatenate([radius * np.sin(up) - straight / 2, -radius * np.sin(up[::-1]) + straight / 2])
     return _turn_profile(profile_r, profile_z).move(body.T)
@@ -62,12 +63,12 @@ def body_mesh(body: Body) -> Mesh:
 
 def sphere_cap(centre: Array, axis: Array, radius: float, opening: float) -> Mesh:
     """Return the part of a sphere around ``centre`` (3,) within ``opening`` [rad] of the unit vector ``axis`` (3,)."""
-    polar = np.linspace(0.0, opening, 4 * RINGS)
-    cap = _turn_profile(radius * np.sin(polar), radius * np.cos(polar), 2 * AROUND)
+    polar = np.linspace(0.0, opening, 4 * CAP_RINGS)
+    cap = _turn_profile(radius * np.sin(polar), radius * np.cos(polar), 2 * FACETS_AROUND)
     return cap.move(pose(rotation_from_z(axis), centre))
 
 
-def _turn_profile(r: Array, z: Array, around: int = AROUND) -> Mesh:
+def _turn_profile(r: Array, z: Array, around: int = FACETS_AROUND) -> Mesh:
     """Turn the profile (r, z) about z."""
     angle = np.arange(around) * (2 * np.pi / around)
     ring = np.stack([np.cos(angle), np.sin(angle), np.ones(around)], axis=1)
@@ -78,7 +79,6 @@ def _turn_profile(r: Array, z: Array, around: int = AROUND) -> Mesh:
 
 
 VIEW_FRAMES = 480  # states along the way there, shared by the fixtures
-SHOWN_CANDIDATES = 2500  # candidates shown
 NO_POINTS: Array = np.empty((0, 3))
 LINKS = ("#D8D5CF", "#C3C0B9")  # neighbouring links are told apart by their shade
 TOOL, HOUSING, ROD, STAND = "#6B6B6B", ORANGE, "#303030", "#A89F91"
@@ -170,7 +170,7 @@ class ShownMotion:
 def build_cell_view(plan: Plan) -> CellView:
     """Collect what the view shows of a plan."""
     cell, drives = plan.cell, plan.drives
-    thin = plan.pool.take(np.linspace(0, len(plan.pool) - 1, min(SHOWN_CANDIDATES, len(plan.pool))).astype(int))
+    thin = plan.pool.take(np.linspace(0, len(plan.pool) - 1, min(2500, len(plan.pool))).astype(int))  # candidates shown
     cloud = [tool_points(cell, d.mounting, thin.q[thin.samples.at_mounting(d.mounting)]) for d in drives]
     shown = [_show_drive(cell, d, VIEW_FRAMES // len(drives)) for d in drives]
     return view_session(cell, plan.courses, shown, [s for d in drives for s in _spots(cell, d)], cloud=np.vstack(cloud))

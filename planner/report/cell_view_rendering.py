@@ -23,7 +23,6 @@ AXIS = {
     "showspikes": False,
     "tickfont": {"size": 11},
 }
-LEGEND_SHARE = 0.06  # of the height, below the scene: labels of ticks end above it
 SYMBOLS = {"calibrate": "circle", "repeat": "diamond", "validate": "square", "mount": "cross"}
 
 
@@ -32,13 +31,14 @@ def view_json(view: CellView) -> str:
     span = np.stack([view.low, view.high], axis=1).tolist()
     spans = {f"{x}axis": {"title": {"text": f"{x} (mm)"}, "range": span[k], **AXIS} for k, x in enumerate("xyz")}
     eye = {"eye": {"x": 1.35, "y": 1.2, "z": 0.6}, "center": {"x": 0, "y": 0, "z": -0.2}}
+    # 0.06: of the height, below the scene: labels of ticks end above it
     layout = {
         "height": 640,
         "margin": {"l": 0, "r": 0, "t": 0, "b": 0},
         "font": {"family": FONT, "size": 13, "color": INK},
         "paper_bgcolor": "white",
         "legend": {"orientation": "h", "x": 0, "y": 0, "yanchor": "bottom", "itemsizing": "constant"},
-        "scene": {"aspectmode": "data", "camera": eye, "domain": {"y": [LEGEND_SHARE, 1.0]}, **spans},
+        "scene": {"aspectmode": "data", "camera": eye, "domain": {"y": [0.06, 1.0]}, **spans},
     }
     return figure_json([*_bodies(view), *_lines(view), *_poses(view)], layout)
 

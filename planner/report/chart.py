@@ -87,8 +87,8 @@ class ReferenceLine:
 class Panel:
     """One pair of axes; ``y_names`` names the places 0, 1, … from the top down.
 
-    With ``rings`` the axes are polar: x is an angle [deg], y a deviation from the circle y = 0, which is drawn ``BASE``
-    rings from the middle; ``rings`` is the deviation from one ring to the next, three of them hold all of it.
+    With ``rings`` the axes are polar: x is an angle [deg], y a deviation from the circle y = 0, which is drawn
+    ``POLAR_BASE`` rings from the middle; ``rings`` is the deviation from one ring to the next, three of them hold all of it.
     """
 
     title: str = ""
@@ -152,9 +152,8 @@ def zero_line(x: Array) -> Series:
     return Series("", np.array([x.min(), x.max()]), np.zeros(2), GREY, dashed=True, width=1.0)
 
 
-BASE = 9.0  # rings of a polar panel from its middle to the circle that deviations count from
-PLAIN = 4  # decades about 1 in which a logarithmic axis is written without powers
-GOLDEN = 0.6180339887
+POLAR_BASE = 9.0  # rings of a polar panel from its middle to the circle that deviations count from
+PLAIN_DECADES = 4  # about 1 in which a logarithmic axis is written without powers
 
 
 def joint_series(x: Array, values: Array, width: float = 1.5) -> tuple[Series, ...]:
@@ -169,7 +168,7 @@ def histogram_outline(edges: Array, counts: Array) -> tuple[Array, Array]:
 
 def golden_steps(n: int) -> Array:
     """Offsets −½ … ½ (n,) that put points side by side which would lie on each other."""
-    return np.asarray(np.arange(n) * GOLDEN % 1 - 0.5)
+    return np.asarray(np.arange(n) * 0.6180339887 % 1 - 0.5)  # the golden ratio less one
 
 
 def weighted_means(x: Array, y: Array, weight: Array | None = None, most: int = 24) -> tuple[Array, Array]:

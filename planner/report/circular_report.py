@@ -10,14 +10,12 @@ from planner.instruments.circular.evaluation import CircularTest
 from planner.instruments.circular.figures import CircleFigures, PathFigures
 from planner.instruments.circular.plan import Arc, CircularDrive, CircularPass, CircularPlan
 from planner.report.cell_view import VIEW_FRAMES, CellView, ShownMotion, ViewPose, tool_points, view_session
-from planner.report.chart import BASE, BLUE, GREY, RED, Chart, Panel, ReferenceLine, Series, joint_series
+from planner.report.chart import BLUE, GREY, POLAR_BASE, RED, Chart, Panel, ReferenceLine, Series, joint_series
 from planner.report.formatting import clearance_fact, duration_text, in_um, verdict_rows
 from planner.report.page import Report, Row
 
-POINTS = 1440  # of a path at most: a picture has no more
 ANGLE = "angle on the circle (deg)"
 COLOURS = {"ccw": BLUE, "cw": RED}
-ROUND = (1.0, 2.0, 2.5, 5.0, 10.0)
 
 
 def report_circular_test(test: CircularTest) -> Report:
@@ -48,7 +46,7 @@ def division(circle: CircleFigures) -> float:
     largest = max(max(p.F_max - circle.D, circle.D - p.F_min) for p in circle.paths) / UM
     rough = max(largest / 3.0, 1e-3)
     ten = 10.0 ** np.floor(np.log10(rough))
-    return float(ten * next(r for r in ROUND if r * ten >= rough))
+    return float(ten * next(r for r in (1.0, 2.0, 2.5, 5.0, 10.0) if r * ten >= rough))  # round numbers
 
 
 def path_series(circle: CircleFigures) -> tuple[Series, ...]:
@@ -56,7 +54,7 @@ def path_series(circle: CircleFigures) -> tuple[Series, ...]:
     out = []
     for path in circle.paths:
         order = np.argsort(path.angle, kind="stable")
-        parts = np.array_split(order, min(POINTS, len(order)))
+        parts = np.array_split(order, min(1440, len(order)))  # of a path at most: a picture has no more
         angle = to_deg(np.array([path.angle[p].mean() for p in parts]))
         radial = (np.array([path.radial[p].mean() for p in parts]) - circle.D) / UM
         hover = tuple(f"{a:.1f}°: {r:+.1f} µm {path.direction}" for a, r in zip(angle, radial, strict=True))
@@ -68,7 +66,7 @@ def polar_chart(c: CircleFigures, number: int) -> Chart:
     """The plot that ball-bar users know: the path about its circle, with the deviations magnified."""
     ring, around = division(c), np.linspace(0.0, 360.0, 361)
     circle = Series("least-squares circle", around, 0 * around, GREY, dashed=True, width=1.0)
-    times = c.ring.circle.radius / (BASE * ring * UM)
+    times = c.ring.circle.radius / (POLAR_BASE * ring * UM)
     title = f"Circle {_name(c)}"
     panel = Panel(f"{title}: {ring:g} µm a division", "", "µm", (*path_series(c), circle), height=620, rings=ring)
     caption = (

@@ -29,8 +29,7 @@ from planner.report.chart import (
     zero_line,
 )
 
-MEAN_POINTS = 24  # points of the line through the residuals; more for an effect of many waves
-FAINT_LEVERAGE = 0.3  # part of its usual leverage below which a reading says nothing of an effect
+MEAN_POINTS = 24  # of the line through the residuals; more for an effect of many waves
 
 
 @dataclass(frozen=True)
@@ -120,7 +119,8 @@ def collect_evidence(facts: CalibrationFacts, step: FindingStep) -> Evidence:
     screws = Model(fit.setup, bare).linear_in(context, None).rows[:, : rows.shape[1]]
     screw = screws @ (size / np.linalg.norm(size))
     power = (screw**2).sum(axis=1)
-    safe = np.maximum(power, (FAINT_LEVERAGE**2) * max(float(np.median(power)), 1e-300))
+    # 0.3: part of its usual leverage below which a reading says nothing of an effect
+    safe = np.maximum(power, (0.3**2) * max(float(np.median(power)), 1e-300))
     before, after, fitted = (np.einsum("nr,nr->n", r, screw) / safe for r in (*residuals, added))
     turns = first.main.on == "transform" and fit.setup.chain.transforms[first.main.index].kind == "rotation"
     means = int(np.clip(3 * len(own), MEAN_POINTS, len(power) // 10 + MEAN_POINTS))
@@ -160,7 +160,6 @@ def _residual_along(added: Array, residuals: list[Array]) -> Evidence:
     )
 
 
-SHOWN_QUANTILE = 0.98  # part of the points that the panel's height is made for
 SIZES = {"rad": "µrad", "m": "µm"}
 
 
@@ -192,7 +191,8 @@ def stage_chart(facts: CalibrationFacts) -> Chart:
 def finding_chart(facts: CalibrationFacts, step: FindingStep) -> Chart:
     """One effect: what the residual says of it before (left) and after (right) it was added."""
     e = collect_evidence(facts, step)
-    most, fitted = (float(np.quantile(np.abs(v), SHOWN_QUANTILE)) for v in (e.before, e.fitted))
+    # 0.98: part of the points that the panel's height is made for
+    most, fitted = (float(np.quantile(np.abs(v), 0.98)) for v in (e.before, e.fitted))
     span = 1e6 * max(most, 1.15 * fitted, 1e-12)
     panels = (_panel(e, e.before, "before", True, span), _panel(e, e.after, "after", False, span))
     what = "each as the error of the effect's own axis" if e.unit == "rad" else "along what the effect moves"

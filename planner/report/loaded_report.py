@@ -31,7 +31,7 @@ from planner.report.formatting import digits
 from planner.report.page import Report
 
 SHARE = "standard deviation / prior size"
-FINEST = 1e-6  # of the prior size: what is known better is drawn there
+FINEST_SHARE = 1e-6  # of the prior sigma: what is known better is drawn there
 
 
 def loaded_charts(found: LoadedEvaluation) -> tuple[Chart, ...]:
@@ -116,7 +116,7 @@ def compliance_chart(found: LoadedEvaluation) -> Chart:
     joints = [(n.replace("compliance", "c"), s / p) for n, s, p in zip(c.names, c.std, c.prior, strict=True)]
     mixed = [(k.text, k.std) for k in c.combinations]
     values = np.array([v for _, v in (*joints, *mixed)])
-    span = (_decade(np.clip(values, FINEST, 0.5)), float(10.0 ** np.ceil(np.log10(max(2.0, values.max())))))
+    span = (_decade(np.clip(values, FINEST_SHARE, 0.5)), float(10.0 ** np.ceil(np.log10(max(2.0, values.max())))))
     panels = (
         _shares("each by itself, with what was known before", joints, BLUE, span),
         _shares("combinations, by the circles alone", mixed, GREEN, span),
@@ -129,7 +129,7 @@ def compliance_chart(found: LoadedEvaluation) -> Chart:
 
 
 def _shares(title: str, parts: list[tuple[str, float]], colour: str, span: Span) -> Panel:
-    share = np.array([max(v, FINEST) for _, v in parts])
+    share = np.array([max(v, FINEST_SHARE) for _, v in parts])
     hover = [f"{n}: {digits(v)} of the prior size" for n, v in parts]
     return share_panel(title, SHARE, [n for n, _ in parts], share, hover, colour, span, 24)
 

@@ -15,12 +15,22 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 from PIL import Image
 
-from planner.report.chart import BASE, BLUE, PLAIN, RED, Chart, ColourField, Heatmap, Panel, ReferenceLine, Series
+from planner.report.chart import (
+    BLUE,
+    PLAIN_DECADES,
+    POLAR_BASE,
+    RED,
+    Chart,
+    ColourField,
+    Heatmap,
+    Panel,
+    ReferenceLine,
+    Series,
+)
 
-WIDTH, POLAR, DPI, PX = 8.0, 6.4, 160, 1 / 80  # [inch], of a polar chart, dots an inch, inch a pixel of the page
-COLOURS = 128  # of a small picture
-LETTER, HANDLE, LEGEND_LINE = 0.073, 0.46, 15  # [inch] a letter, what stands beside it in a legend; [pt] a line of it
-AXIS_ROOM = 0.75  # [inch] beside a panel
+WIDTH_INCH = 8.0  # [inch] of a chart
+DPI = 160  # dots an inch
+LETTER_INCH = 0.073  # [inch] a letter
 FIELD_COLOURS = "YlOrRd"
 LINE_COLOUR = "#666666"
 STYLE = {
@@ -53,7 +63,8 @@ def figure_png(figure: Figure, small: bool = False) -> bytes:
     figure.savefig(out, format="png", dpi=DPI, metadata={"Software": None}, pil_kwargs=packed)
     if not small:
         return out.getvalue()
-    few = Image.open(out).convert("RGB").quantize(COLOURS, Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
+    # 128: colours of a small picture
+    few = Image.open(out).convert("RGB").quantize(128, Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
     reduced = BytesIO()
     few.save(reduced, "PNG")
     return reduced.getvalue()
@@ -61,18 +72,19 @@ def figure_png(figure: Figure, small: bool = False) -> bytes:
 
 def chart_png(chart: Chart, small: bool = False) -> bytes:
     """Return the PNG of a chart: panels in rows."""
+    polar_inch = 6.4  # [inch] of a polar chart
     many = min(chart.columns, len(chart.panels))
-    heights = [max(p.height for p in row) * PX for row in chart.rows]
+    heights = [max(p.height for p in row) * (1 / 80) for row in chart.rows]  # [inch] a pixel of the page
     polar = any(p.rings for p in chart.panels)
     with print_style():
         tall = sum(heights) + 0.75 * len(heights) + 0.1
-        size = (POLAR, POLAR) if polar else (WIDTH, tall)
+        size = (polar_inch, polar_inch) if polar else (WIDTH_INCH, tall)
         figure = Figure(figsize=size, dpi=DPI, layout="constrained" if many == 1 else None)
         kind = {"projection": "polar"} if polar else None
         axes = figure.subplots(len(heights), many, height_ratios=heights, squeeze=False, subplot_kw=kind).ravel()
         named: set[str] = set()
         for ax, panel in zip(axes, chart.panels, strict=False):
-            _draw(ax, panel, named, WIDTH / many - AXIS_ROOM)
+            _draw(ax, panel, named, WIDTH_INCH / many - 0.75)  # [inch] beside a panel
         if many > 1:  # of one size each, so their room need not be found out
             scaled = any(p.field for p in chart.panels)
             margin = {"left": 0.085, "right": 0.95 if scaled else 0.99, "bottom": 0.5 / tall, "top": 1 - 0.3 / tall}
@@ -111,11 +123,11 @@ def _draw(ax: Axes, panel: Panel, named: set[str], room: float) -> None:
 
 def _head(ax: Axes, panel: Panel, labels: Sequence[str], room: float) -> None:
     """Title and legend in one line where they have room [inch] beside each other, else one above the other."""
-    left = LETTER * max((len(n) for n in panel.y_names), default=0)
-    wide = sum(HANDLE + LETTER * len(text) for text in labels)
+    left = LETTER_INCH * max((len(n) for n in panel.y_names), default=0)
+    wide = sum(0.46 + LETTER_INCH * len(text) for text in labels)  # [inch] what stands beside a text in a legend
     lines = ceil(wide / (room - left))
-    beside = lines < 2 and wide + LETTER * len(panel.title) < room - left
-    ax.set_title(panel.title, pad=None if beside else 6 + LEGEND_LINE * lines)
+    beside = lines < 2 and wide + LETTER_INCH * len(panel.title) < room - left
+    ax.set_title(panel.title, pad=None if beside else 6 + 15 * lines)  # [pt] a line of a legend
     if labels:
         columns = ceil(len(labels) / lines)
         ax.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=columns, borderaxespad=0.1, columnspacing=1.2)
@@ -123,7 +135,7 @@ def _head(ax: Axes, panel: Panel, labels: Sequence[str], room: float) -> None:
 
 def _decade_text(value: float, _: int | None = None) -> str:
     power = round(log10(value))
-    return f"{10.0**power:.{max(-power, 0)}f}" if abs(power) <= PLAIN else f"$10^{{{power}}}$"
+    return f"{10.0**power:.{max(-power, 0)}f}" if abs(power) <= PLAIN_DECADES else f"$10^{{{power}}}$"
 
 
 _DECADES = FuncFormatter(_decade_text)
@@ -143,7 +155,7 @@ def _axes(ax: Axes, panel: Panel) -> None:
 
 def _polar_axes(ax: Any, ring: float) -> None:
     rings = ring * np.arange(-3, 4)
-    ax.set_rorigin(-BASE * ring)
+    ax.set_rorigin(-POLAR_BASE * ring)
     ax.set_rlim(-3.4 * ring, 3.4 * ring)
     ax.set_rgrids(rings, [f"{r:+g}" if r else "0" for r in rings], angle=22.5, fontsize=8)
     ax.legend(loc="center", fontsize=9)

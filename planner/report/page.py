@@ -26,7 +26,6 @@ from planner.report.standby import Pictures, draw_pictures, drawing_process
 
 Row = tuple[str, ...]
 FOLDER = Path(__file__).parent / "templates"
-MANY_PICTURES = 6  # that two copies of the process draw: each begins by importing matplotlib
 
 
 def template_environment(folder: Path) -> jinja2.Environment:
@@ -99,7 +98,8 @@ class Report:
     @cached_property
     def _drawing(self) -> tuple[ForkedTask[Pictures], ...]:
         every, small = self._pictures, self.small_pictures
-        parts = 2 if len(every) >= MANY_PICTURES else 1  # the caller soon has nothing to do but wait for them
+        # 6: pictures that two copies of the process draw: each begins by importing matplotlib
+        parts = 2 if len(every) >= 6 else 1  # the caller soon has nothing to do but wait for them
         return tuple(ForkedTask(partial(draw_pictures, every[k::parts], small)) for k in range(parts))
 
     def html(self) -> str:
@@ -161,9 +161,6 @@ def report_judged(
     return Report("judged.html.j2", content | {"head": head, "rows": rows, "numeric": numeric}, (chart,))
 
 
-KEY = 12  # signs of a key at most
-
-
 def report_overview(
     title: str,
     cell: Cell,
@@ -192,5 +189,6 @@ def report_overview(
 
 def _columns(line: str) -> tuple[str, str]:
     """Return the key that leads a line of the screen, or nothing, and its text."""
-    found = re.match(rf"  (.{{0,{KEY}}}?) {{2,}}(?=\S)", line)
+    most = 12  # signs of a key
+    found = re.match(rf"  (.{{0,{most}}}?) {{2,}}(?=\S)", line)
     return ("", line.strip()) if found is None else (found[1].strip(), line[found.end() :].strip())

@@ -33,9 +33,6 @@ from planner.report.formatting import count_text, digits, duration_text
 from planner.report.plan_data import DrivenPath, ParameterForecast, TourOrders
 from planner.session.plan_types import Drive, Plan
 
-FEW_POSES = 30  # poses, before which errors are off the picture
-ROOM_FOR_LABELS = 1.35  # times the largest number of poses: the lines' labels stand beside the points
-SHORT_LABEL = 40  # letters of a label that stand beside an axis
 ANGLE_LABEL = "joint angle (deg)"
 
 
@@ -61,7 +58,8 @@ def index_chart(plan: Plan, curve: IndexCurve) -> Chart:
     if choice.value != choice.on_grid_value:
         limit = np.array([plan.certificate.value])
         series.append(Series("bound with its moved poses", np.array([n]), limit, GREY, "points"))
-    label = f"{choice.index}, {rule.what}" if len(rule.what) < SHORT_LABEL else choice.index
+    # 40: letters of a label that stand beside an axis
+    label = f"{choice.index}, {rule.what}" if len(rule.what) < 40 else choice.index
     every = np.concatenate([s.y for s in series])
     span = _span(every[np.isfinite(every)], 0.08, 1e-9)
     better = "higher" if rule.maximise else "lower"
@@ -95,12 +93,14 @@ def expected_error_chart(expected: BayesianDesign) -> Chart:
         ReferenceLine(untraced, expected.unknown.untraced_label),
         ReferenceLine(bound, f"no {len(n)} poses leave less", below=True),
     )
-    top = 1.5 * max(untraced, float(to_mm(expected.after[min(len(n), FEW_POSES) - 1])))
+    # 30: poses, before which errors are off the picture
+    top = 1.5 * max(untraced, float(to_mm(expected.after[min(len(n), 30) - 1])))
     caption = (
         f"As the poses of this plan are added: {describe_bayesian_design(expected)}. Plans of their own for other "
         f"numbers would leave about: {describe_numbers_of_poses(expected)}."
     )
-    wide = ROOM_FOR_LABELS * max([len(n), *(f.poses for f in by_number)])
+    # 1.35: times the largest number of poses: the lines' labels stand beside the points
+    wide = 1.35 * max([len(n), *(f.poses for f in by_number)])
     labels = ("", "number of poses", "error of the tool (mm rms)")
     panel = Panel(*labels, series, limits, x_range=(0.0, wide), y_range=(0.0, top))
     return Chart("foresight", "What the robot's error would be", caption, (panel,))

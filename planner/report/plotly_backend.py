@@ -11,16 +11,25 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from planner.report.chart import BASE, BLUE, PLAIN, RED, Chart, ColourField, Heatmap, Panel, ReferenceLine, Series, Span
+from planner.report.chart import (
+    BLUE,
+    PLAIN_DECADES,
+    POLAR_BASE,
+    RED,
+    Chart,
+    ColourField,
+    Heatmap,
+    Panel,
+    ReferenceLine,
+    Series,
+    Span,
+)
 
 FONT = "system-ui, -apple-system, 'Segoe UI', Roboto, 'Helvetica Neue', Arial, sans-serif"
 INK, GRID_COLOUR = "#222222", "#E4E4E4"
 PAGE = {"paper_bgcolor": "white", "font": {"family": FONT, "size": 14, "color": INK}}
-GAP = 78  # [px] between two panels, room for a label and the next title
-TOP, BOTTOM, LEFT, RIGHT = 36, 52, 74, 30
-ASIDE = 0.21  # part of the width between panels side by side, for each of them
 DECADES = range(-18, 19)
-DECADE_TEXTS = [f"{10.0**k:.{max(-k, 0)}f}" if abs(k) <= PLAIN else f"10<sup>{k}</sup>" for k in DECADES]
+DECADE_TEXTS = [f"{10.0**k:.{max(-k, 0)}f}" if abs(k) <= PLAIN_DECADES else f"10<sup>{k}</sup>" for k in DECADES]
 LOG = {"type": "log", "tickmode": "array", "tickvals": [10.0**k for k in DECADES], "ticktext": DECADE_TEXTS}
 AXIS = {"showline": True, "linecolor": "#999999", "ticks": "outside", "tickcolor": "#999999", "zeroline": False}
 
@@ -50,12 +59,18 @@ def chart_json(chart: Chart) -> str:
 
 
 def _figure(chart: Chart) -> str:
+    aside = 0.21  # part of the width between panels side by side, for each of them
+    right = 30  # [px] of the margin
+    low = 52  # [px] of the margin
+    top = 36  # [px] of the margin
+    gap = 78  # [px] between two panels, room for a label and the next title
     heights = [max(p.height for p in row) for row in chart.rows]
-    inner = sum(heights) + GAP * (len(heights) - 1)
-    left = max([LEFT, *(18 + 9 * len(name) for p in chart.panels for name in p.y_names)])
+    inner = sum(heights) + gap * (len(heights) - 1)
+    # [px] the margin is 74 wide, or as wide as the longest name at 9 a letter
+    left = max([74, *(18 + 9 * len(name) for p in chart.panels for name in p.y_names)])
     layout: Properties = PAGE | {
-        "height": inner + TOP + BOTTOM,
-        "margin": {"l": left, "r": RIGHT, "t": TOP, "b": BOTTOM},
+        "height": inner + top + low,
+        "margin": {"l": left, "r": right, "t": top, "b": low},
         "plot_bgcolor": "white",
         "hovermode": "closest",
         "hoverlabel": {"bgcolor": "white", "font": {"family": FONT, "size": 13}},
@@ -65,11 +80,11 @@ def _figure(chart: Chart) -> str:
     }
     data: list[Properties] = []
     named: set[str] = set()
-    width = (1 - ASIDE / chart.columns * (chart.columns - 1)) / chart.columns
+    width = (1 - aside / chart.columns * (chart.columns - 1)) / chart.columns
     for k, panel in enumerate(chart.panels):
         row, column = divmod(k, chart.columns)
-        bottom = inner - sum(heights[: row + 1]) - GAP * row
-        start = column * (width + ASIDE / chart.columns)
+        bottom = inner - sum(heights[: row + 1]) - gap * row
+        start = column * (width + aside / chart.columns)
         upwards = (bottom / inner, (bottom + heights[row]) / inner)
         place = _Place(str(k + 1) if k else "", (start, start + width), upwards)
         _draw(data, layout, panel, place, named)
@@ -93,7 +108,7 @@ def _polar_figure(panel: Panel) -> str:
         look = {"type": "scatterpolar", "mode": "lines", "name": s.name, "line": _line(s), **hover}
         data.append({"theta": s.x, "r": s.y, **look})
     radial = {
-        "range": [-BASE * ring, 3.4 * ring],
+        "range": [-POLAR_BASE * ring, 3.4 * ring],
         "tickvals": rings,
         "ticktext": [f"{r:+g} {panel.y_label}" if r else "0" for r in rings],
         "gridcolor": GRID_COLOUR,

@@ -10,8 +10,8 @@ from planner.common.errors import InputError, did_you_mean
 from planner.common.units import MM, Array, IntArray, read_only
 from planner.runs.run import Run
 
-LOCATED_SIGMA = 20.0 * MM  # one sigma of a frame or tool point that was placed on a robot still millimetres off
-LOCATED_TURN_SIGMA = 0.02  # the same of a frame's orientation [rad]
+LOCATED_SIGMA = 20.0 * MM  # [m] one sigma of a frame or tool point that was placed on a robot still millimetres off
+LOCATED_TURN_SIGMA = 0.02  # [rad] the same of a frame's orientation
 
 
 def index_in_cell(run: Run, name: str, known: tuple[str, ...], what: str, cell: Site) -> int:

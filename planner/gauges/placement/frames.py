@@ -136,9 +136,6 @@ def _probe_turns(s: FlangePoses, R: Array, R_GM: Array | None) -> Array:
     return out
 
 
-FLAT = 0.05  # share of their spread by which points must leave one line
-
-
 @dataclass(frozen=True)
 class FrameProblem:
     """R_BF p_FM + p_BF = R_BG p_GM + p_BG, and R_BF R_FM = R_BG R_GM where the probe gives its orientation.
@@ -206,7 +203,6 @@ class FrameProblem:
         return PlacementFrames(exp3(turn_G) @ f.R_BG, f.p_BG + p_BG, f.p_FM + p_FM, exp3(turn_M) @ f.R_FM).pack()
 
 
-FEW = 80  # rows for the many starts
 _ROUNDS: tuple[tuple[Schedule, int], ...] = (((), 12), (((8, "huber"), (8, "huber")), 3))
 
 
@@ -255,8 +251,9 @@ def place_frames(
         raise InputError(
             f"{len(s)} readings of {d} numbers cannot place {problem.free.sum()} unknowns; more poses would help"
         )
+    # 80: rows for the many starts
     state = find_placement(
-        problem, lambda many: frame_starts(many.stand, many.p_GM, many.R_GM, p_FM).pack(), FEW, _ROUNDS
+        problem, lambda many: frame_starts(many.stand, many.p_GM, many.R_GM, p_FM).pack(), 80, _ROUNDS
     )
     f = unpack_frames(state, s)
     error, outlier = find_outliers(problem, state)
@@ -280,4 +277,4 @@ def find_outliers(problem: FrameProblem, state: Array) -> tuple[Array, np.ndarra
 def are_collinear(p: Array) -> bool:
     """Tell whether points (n, 3) lie nearly on one line."""
     size = np.linalg.svd(p - p.mean(axis=0), compute_uv=False)
-    return bool(size[1] < FLAT * size[0])
+    return bool(size[1] < 0.05 * size[0])  # of their spread, by which points must leave one line

@@ -119,9 +119,7 @@ def linear_bar_start(stand: FlangePoses, length: Array) -> tuple[Array, Array, A
     return np.stack([m, by_product]), np.stack([X, X]) + origin, np.full(2, x[6])
 
 
-FEW = 100  # rows for the many starts
 _ROUNDS: tuple[tuple[Schedule, int], ...] = ((((6, "huber"),), 24), (((7, "huber"), (7, "huber")), 6))
-_REACHES = (0.3, 0.7)  # [m] distances to start from where the bar's zero is unknown
 
 
 @dataclass(frozen=True)
@@ -161,7 +159,8 @@ def place_lengths(
     free = np.concatenate([np.full(3 * s.n_points, p_FM is None), np.full(3 * s.n_places, p_BX is None), [True]])
     if len(s) < free.sum():
         raise InputError(f"{len(s)} lengths cannot place a gauge of {free.sum()} unknowns; more poses would help")
-    state = find_placement(BarProblem(s, length, free), lambda many: _starts(many, p_FM, p_BX), FEW, _ROUNDS)
+    # 100: rows for the many starts
+    state = find_placement(BarProblem(s, length, free), lambda many: _starts(many, p_FM, p_BX), 100, _ROUNDS)
     m, X, zero = unpack_bar(state, s)
     return LengthPlacement(read_only(X[0]), read_only(m[0]), float(zero[0]))
 
@@ -196,7 +195,7 @@ def _starts(problem: BarProblem, p_FM: Array | None, p_BX: Array | None) -> Arra
     if p_BX is None:
         middle = s.target_positions(np.zeros((1, T, 3)) if p_FM is None else p_FM[None])[0]
         centre = np.array([middle[s.place == k].mean(axis=0) if np.any(s.place == k) else middle[0] for k in range(S)])
-        for r in _REACHES:
+        for r in (0.3, 0.7):  # [m] distances to start from where the bar's zero is unknown
             X = centre + r * directions()[:, None]
             add_seeds(np.zeros((len(X), T, 3)), X, zero)
     return np.concatenate(seeds)

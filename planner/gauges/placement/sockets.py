@@ -7,10 +7,10 @@ import numpy as np
 from planner.common.units import Array, IntArray, read_only
 from planner.gauges.placement.flange_poses import FlangePoses, PlacementFrames, unpack_frames
 from planner.gauges.placement.frames import FrameProblem
-from planner.gauges.placement.solver import LAST, LIMIT, MANY, refine
+from planner.gauges.placement.solver import LAST, MANY_ROWS, OPEN_SIGMA, refine
 from planner.kinematics.geometry import registration
 
-_SURE = 1e-3  # [m] directions that even such a small error would leave open are not moved at all
+SURE_OFF = 1e-3  # [m] directions that even such a small error would leave open are not moved at all
 
 
 @dataclass(frozen=True)
@@ -47,8 +47,8 @@ def place_sockets(
     free = np.concatenate([np.full(6 * s.n_places, True), np.full(3 * s.n_points, p_FM is None)])
     problem = FrameProblem(s, p_PS[ball] + (0.0 if offset is None else offset), None, free)
     start = PlacementFrames(R[None], t[None], m[None], np.broadcast_to(np.eye(3), (1, s.n_points, 3, 3)))
-    many = problem.take(s.spread(MANY))
-    found = refine(many, start.pack(), LAST, floor=_SURE / LIMIT / np.sqrt(len(many.stand)))
+    many = problem.take(s.spread(MANY_ROWS))
+    found = refine(many, start.pack(), LAST, floor=SURE_OFF / OPEN_SIGMA / np.sqrt(len(many.stand)))
     f = unpack_frames(found.state, s)
     return SocketPlacement(read_only(f.R_BG[0]), read_only(f.p_BG[0]), read_only(f.p_FM[0]))
 
@@ -69,7 +69,7 @@ def _tool_points(s: FlangePoses, of_pair: IntArray, p_FM: Array | None) -> Array
         C, b = columns - mean_c[of_pair], mean_p[of_pair] - s.p_BF
         H = np.einsum("n,nij,nik->jk", weight, C, C)
         values, V = np.linalg.eigh(H)
-        seen = values > (_SURE / LIMIT) ** 2
+        seen = values > (SURE_OFF / OPEN_SIGMA) ** 2
         m = V[:, seen] @ ((V[:, seen].T @ np.einsum("n,nij,ni->j", weight, C, b)) / values[seen])
         r = np.linalg.norm(b - C @ m, axis=1)
         weight = np.minimum(1.0, 1.5 * max(float(np.median(r)), 1e-9) / np.maximum(r, 1e-12))

@@ -15,7 +15,6 @@ from planner.kinematics.geometry import log3
 
 # scale of a block's norm of d unit normals: its median (square root of the χ² median)
 _MEDIAN = {1: 0.6745, 3: 1.5382, 6: 2.3126}
-_SMALLEST = 4e-3  # [m] nominal robots are wrong by up to five times this: no such residual is called an outlier
 _HUBER = 1.5
 
 
@@ -51,7 +50,8 @@ class RefinedStates(Rows):
 
 def robust_scale(error: Array, d: int) -> Array:
     """Return the standard deviation of one number from the medians of block norms (..., n), (..., 1) [m]."""
-    return np.asarray(np.maximum(np.median(error, axis=-1, keepdims=True) / _MEDIAN[d], _SMALLEST))
+    # 4e-3: [m] nominal robots are wrong by up to five times this: no such residual is called an outlier
+    return np.asarray(np.maximum(np.median(error, axis=-1, keepdims=True) / _MEDIAN[d], 4e-3))
 
 
 def outlier_limit(d: int) -> float:
@@ -61,7 +61,7 @@ def outlier_limit(d: int) -> float:
 
 Schedule = tuple[tuple[int, str], ...]
 LAST: Schedule = ((15, "huber"), (20, "tukey"), (20, "tukey"))
-MANY = 400  # rows for the few states that are left
+MANY_ROWS = 400  # for the few states that are left
 
 
 def refine(problem: PlacementProblem, state: Array, schedule: Schedule, floor: float = 0.0) -> RefinedStates:
@@ -120,7 +120,7 @@ def find_placement(problem: P, starts: Callable[[P], Array], few: int, rounds: S
     Raises:
         NoSolutionError: the poses leave a direction open; the sentence says which and what would help.
     """
-    part, many = (problem.take(problem.stand.spread(rows)) for rows in (few, MANY))
+    part, many = (problem.take(problem.stand.spread(rows)) for rows in (few, MANY_ROWS))
     state = starts(many)
     for schedule, kept in rounds:
         found = refine(part, state, schedule)
@@ -158,8 +158,7 @@ def _step(r: Array, J: Array, weight: Array, damping: Array, floor: float) -> Ar
 
 UnknownKind = Literal["point", "fixture", "zero", "position", "rotation", "turn"]
 
-LIMIT = 0.25  # [m] or [rad] standard deviation from which a direction counts as open
-_ERROR = 1e-3  # [m] the least that a nominal robot is taken to be wrong by
+OPEN_SIGMA = 0.25  # [m] or [rad] standard deviation from which a direction counts as open
 _NAMES: dict[UnknownKind, str] = {
     "point": "tool point {}",
     "fixture": "position of fixture {}",
@@ -183,11 +182,11 @@ class PlacementUnknown:
 
 
 def _undetermined_unknowns(jacobian: Array, error: Array, problem: PlacementProblem) -> tuple[PlacementUnknown, ...]:
-    """Return the unknowns that the rows leave open by more than ``LIMIT``, in the order of their columns."""
-    sigma = max(_ERROR, float(np.median(error)))
+    """Return the unknowns that the rows leave open by more than ``OPEN_SIGMA``, in the order of their columns."""
+    sigma = max(1e-3, float(np.median(error)))  # [m] the least that a nominal robot is taken to be wrong by
     flat = jacobian.reshape(-1, jacobian.shape[-1])
     values, vectors = np.linalg.eigh(flat.T @ flat / max(1, len(jacobian)))
-    directions = vectors[:, values < (sigma / LIMIT / np.sqrt(len(error))) ** 2].T
+    directions = vectors[:, values < (sigma / OPEN_SIGMA / np.sqrt(len(error))) ** 2].T
     touched = np.abs(directions).max(axis=0, initial=0.0) > 0.2
     return tuple(dict.fromkeys(u for u, hit in zip(problem.unknowns, touched, strict=True) if hit))
 

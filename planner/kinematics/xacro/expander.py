@@ -24,12 +24,9 @@ from planner.kinematics.xacro.scope import (
     read_switch,
 )
 from planner.kinematics.xacro.template_files import TemplateFiles
-from planner.kinematics.xacro.values import XacroError, to_text
+from planner.kinematics.xacro.values import LETTERS_A_STEP, XacroError, to_text
 
-MOST_STEPS = 2_000_000  # of work, a few seconds; ur_description takes 16 000 for an arm
-ELEMENT_STEPS = 10  # for each element and each attribute that is written
-LETTERS_A_STEP = 16
-MOST_LEVELS = 60  # of macros, files and elements in one another; robots have about ten
+ELEMENT_STEPS = 10  # of work for each element and each attribute that is written
 PREFIX = "xacro:"
 DOLLARS = re.compile(r"\$+")
 TOLD = ("xacro.message", "xacro.warning", "xacro.error", "xacro.print_location")
@@ -72,7 +69,7 @@ class _Expander:
         self._files = TemplateFiles(path, packages, lambda letters: self._spend(letters // LETTERS_A_STEP))
         self._open = [self._path]
         self._arguments: dict[str, str] = {}
-        self._left, self._level = MOST_STEPS, 0
+        self._left, self._level = 2_000_000, 0  # steps of work, a few seconds; ur_description takes 16 000 for an arm
         self._element: ET.Element | None = None
         self._evaluator = Evaluator(self._functions(), self._spend)
 
@@ -102,9 +99,10 @@ class _Expander:
 
     def _fill(self, source: ET.Element, target: ET.Element, scope: Scope) -> None:
         """Write what the content of ``source`` makes into ``target``."""
+        most_levels = 60  # of macros, files and elements in one another; robots have about ten
         self._level += 1
-        if self._level > MOST_LEVELS:
-            raise XacroError(f"more than {MOST_LEVELS} macros, files and elements stand in one another")
+        if self._level > most_levels:
+            raise XacroError(f"more than {most_levels} macros, files and elements stand in one another")
         self._write_text(source.text, target, scope)
         for element in source:
             self._write(element, target, scope)

@@ -12,6 +12,7 @@ from planner.kinematics.xacro.values import (
     BUILTIN,
     COMPARE,
     CONSTANTS,
+    LETTERS_A_STEP,
     MATH,
     TABLE_METHODS,
     TEXT_METHODS,
@@ -22,10 +23,6 @@ from planner.kinematics.xacro.values import (
     check_value,
     to_text,
 )
-
-MOST_EXPRESSION = 2000  # letters of one expression
-LETTERS_A_STEP, ENTRIES_A_STEP = 16, 4  # that are worth a step of work
-MOST_SHOWN = 100  # letters of an expression in a message
 
 
 class Names(ABC):
@@ -64,9 +61,11 @@ class Evaluator:
         Raises:
             XacroError: it is none, holds what is not evaluated here, or has no value.
         """
-        shown = text if len(text) <= MOST_SHOWN else f"{text[:MOST_SHOWN]}…"
-        if len(text) > MOST_EXPRESSION:
-            raise XacroError(f"the expression '{shown}' is longer than {MOST_EXPRESSION} letters")
+        most_shown = 100  # letters of an expression in a message
+        most_letters = 2000  # of one expression
+        shown = text if len(text) <= most_shown else f"{text[:most_shown]}…"
+        if len(text) > most_letters:
+            raise XacroError(f"the expression '{shown}' is longer than {most_letters} letters")
         try:
             return _Evaluation(self._functions, names, self._spend).value(ast.parse(text.strip(), mode="eval").body)
         except KeyError as err:
@@ -206,7 +205,7 @@ def _size_of(value: object) -> int:
     """Return the steps of work that are about what a value took."""
     if isinstance(value, str):
         return len(value) // LETTERS_A_STEP
-    return len(value) // ENTRIES_A_STEP if isinstance(value, list | tuple) else 0
+    return len(value) // 4 if isinstance(value, list | tuple) else 0  # entries of a list are worth a step of work
 
 
 def _not_evaluated(node: ast.expr) -> XacroError:

@@ -9,9 +9,6 @@ from typing import Self
 from planner.kinematics.xacro.expressions import Names
 from planner.kinematics.xacro.values import XacroError
 
-LONGEST_NUMBER = 40  # letters
-MOST_PARAMETERS = 20_000  # letters
-
 
 @dataclass(frozen=True)
 class Parameter:
@@ -142,7 +139,7 @@ def read_literal(value: object) -> object:
         return value[1:-1]
     if value in ("true", "True", "false", "False"):
         return value.lower() == "true"
-    if "_" in value or len(value) > LONGEST_NUMBER:
+    if "_" in value or len(value) > 40:  # letters of a number
         return value
     for read in (int, float):
         try:
@@ -167,8 +164,9 @@ def read_switch(value: object, text: str) -> bool:
 
 def read_parameters(text: str) -> tuple[Parameter, ...]:
     """Return the parameters that a macro's ``params`` lists: ``a b:=2 c:='two words' d:=^|3 *block **content``."""
-    if len(text) > MOST_PARAMETERS:
-        raise XacroError(f"the parameters '{text[:60]}…' are longer than {MOST_PARAMETERS} letters")
+    most_letters = 20_000  # of the parameters of a macro
+    if len(text) > most_letters:
+        raise XacroError(f"the parameters '{text[:60]}…' are longer than {most_letters} letters")
     out = []
     for word in _split_words(text):
         name, equals, default = word.partition("=")

@@ -11,7 +11,6 @@ from planner.common.xml_files import XmlError, parse_xml
 from planner.kinematics.packages import Packages
 from planner.kinematics.xacro.values import XacroError, check_value
 
-MOST_YAML = 200_000  # bytes: the reader takes seconds for more, and tables of robots have a tenth of it
 UNITS = {  # of a number in a YAML file: [rad] or [m]
     "!radians": 1.0,
     "!degrees": 0.017453292519943295,
@@ -80,7 +79,8 @@ class TemplateFiles:
             InputError: it cannot be read.
         """
         if path not in self._tables:
-            data = read_bytes(path, MOST_YAML)
+            # 200_000: bytes: the reader takes seconds for more, and tables of robots have a tenth of it
+            data = read_bytes(path, 200_000)
             self._spend(2 * len(data))
             self._tables[path] = _read_yaml(path, data, number)
         return self._tables[path]

@@ -8,11 +8,9 @@ import math
 import operator
 from collections.abc import Callable, Mapping, Sequence
 
+LETTERS_A_STEP = 16  # of a text that are worth a step of work
 MOST_LETTERS = 20_000  # of a text that an expression makes
 MOST_ENTRIES = 1000  # of a list that an expression makes
-MOST_WHOLE = 2**63  # of a whole number
-MOST_BITS = 64  # of a power of whole numbers
-MOST_DIGITS = 20  # to which a number can be rounded
 
 Function = Callable[..., object]
 
@@ -29,7 +27,7 @@ def check_value(value: object) -> object:
     """
     if isinstance(value, bool) or value is None or isinstance(value, dict):
         return value
-    if isinstance(value, int) and abs(value) > MOST_WHOLE:
+    if isinstance(value, int) and abs(value) > (2**63):  # of a whole number
         raise XacroError("a whole number is too large")
     if isinstance(value, float) and not math.isfinite(value):
         raise XacroError("a number is not finite")
@@ -88,7 +86,7 @@ def _multiply(a: object, b: object) -> object:
 def _power(a: object, b: object) -> object:
     base, exponent = _number(a), _number(b)
     whole = isinstance(base, int) and isinstance(exponent, int)
-    if whole and int(base).bit_length() * exponent > MOST_BITS:
+    if whole and int(base).bit_length() * exponent > 64:  # bits of a power of whole numbers
         raise XacroError("a whole number is too large")
     return base**exponent
 
@@ -166,10 +164,11 @@ def _extreme(choose: Function) -> Function:
 
 
 def _round(value: object, digits: object = None) -> object:
+    most_digits = 20  # to which a number can be rounded
     if digits is None:
         return round(_number(value))
-    if not isinstance(digits, int) or abs(digits) > MOST_DIGITS:
-        raise XacroError(f"a number is rounded to at most {MOST_DIGITS} digits")
+    if not isinstance(digits, int) or abs(digits) > most_digits:
+        raise XacroError(f"a number is rounded to at most {most_digits} digits")
     return round(_number(value), digits)
 
 
