@@ -88,7 +88,8 @@ class Panel:
     """One pair of axes; ``y_names`` names the places 0, 1, … from the top down.
 
     With ``rings`` the axes are polar: x is an angle [deg], y a deviation from the circle y = 0, which is drawn
-    ``POLAR_BASE`` rings from the middle; ``rings`` is the deviation from one ring to the next, three of them hold all of it.
+    ``POLAR_BASE`` rings from the middle; ``rings`` is the deviation from one ring to the next, three of them hold all
+    of it.
     """
 
     title: str = ""
