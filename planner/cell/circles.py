@@ -14,7 +14,6 @@ from planner.runs.run import Mounting
 CirclePlane = Literal["XY", "XZ", "YZ"]
 CircleDirection = Literal["ccw", "cw"]
 NEAR_CIRCLE = 0.05  # of the radius: as far off the circle a sample may lie to count as on it
-SHORT_RADIUS = 5.0  # [mm] no bar is that short
 
 
 class CircleFile(StrictModel):
@@ -38,7 +37,7 @@ class CircleFile(StrictModel):
     @field_validator("radius_mm")
     @classmethod
     def _millimetres(cls, value: float | None) -> float | None:
-        if value is not None and value < SHORT_RADIUS:
+        if value is not None and value < 5.0:  # [mm] no bar is that short
             raise ValueError("this looks like metres; the radius is in millimetres")
         return value
 

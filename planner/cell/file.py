@@ -83,8 +83,7 @@ Number = Annotated[int, Field(ge=0, le=9999)]
 Signal = Annotated[int, Field(ge=1, le=9999)]
 AngleDeg = Annotated[float, Field(gt=0, le=180)]
 MOST_OBSTACLES = 500  # each pair of bodies is judged by itself; many small ones are one mesh
-MOST_TOOL_KG = 5000.0  # more than any arm carries
-APART_MM = 1.0  # less between two fixtures or tool points, and they are one
+MOST_TOOL_KG = 5000.0  # [kg] more than any arm carries
 FIRST_POINT = "1"  # name of the tool point at map_mm, where there are others
 
 
@@ -366,7 +365,7 @@ class CellFile(OptionalKeys):
         )  # fmt: skip
         for what, placed in kinds:
             for (one, here), (other, there) in combinations(placed, 2):
-                if dist(here, there) < APART_MM:
+                if dist(here, there) < 1.0:  # [mm] less between two fixtures or tool points, and they are one
                     raise ValueError(
                         f"{what} '{one}' and '{other}' stand at one place ({dist(here, there):g} mm apart)"
                     )

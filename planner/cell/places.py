@@ -13,8 +13,6 @@ from planner.common.units import MM, UM, Array, from_deg, from_mm, read_only
 from planner.kinematics.bodies import Body
 from planner.kinematics.robot import Robot
 
-UNKNOWN_PRIOR = 20.0 * MM  # what is left to find of a frame or tool point after it was placed from the run
-
 
 def read_tool(path: Path, tool: ToolFile | None, robot: Robot, planning: bool) -> Tool:
     """Return the tool; without one, where that is enough, a point at the flange that the run will place.
@@ -24,7 +22,8 @@ def read_tool(path: Path, tool: ToolFile | None, robot: Robot, planning: bool) -
     """
     if tool is None and not planning:
         nowhere = ToolPoint(FIRST_POINT, read_only(np.zeros(3)), read_only([0, 0, 1]))
-        return Tool((nowhere,), 0.0, read_only(np.zeros(3)), (), UNKNOWN_PRIOR, known=False)
+        # 20.0 * MM: [m] what is left to find of a frame or tool point after it was placed from the run
+        return Tool((nowhere,), 0.0, read_only(np.zeros(3)), (), (20.0 * MM), known=False)
     if tool is None:
         raise InputError(
             f"{path}: the section [tool] with map_mm is missing: where ball, reflector or target sit on the flange"

@@ -32,18 +32,13 @@ from planner.kinematics.robot import Priors, Robot
 from planner.kinematics.robot_file import DRIVE_KEYS
 from planner.kinematics.robot_reader import load_robot
 
-NEAR_BASE = 10.0  # [mm] a fixture whose coordinates are all smaller would stand inside the robot's base
-SHORT_TOOL = 1.0  # [mm] from flange to ball: no ball is that small
-SMALL_BALL = 0.5  # [mm] radius
-NARROW_CONE = 5.0  # [deg] no ball joint tilts so little, and no bar could be measured with one
-OVERSHOOT_FULL, OVERSHOOT_PART = 45.0, 5.0  # [deg] before and after the sweep, where the cell says nothing
-QUARTER = np.pi / 4  # robots wait at multiples of 45°
+NEAR_BASE_MM = 10.0  # [mm] a fixture whose coordinates are all smaller would stand inside the robot's base
+SHORT_TOOL_MM = 1.0  # [mm] from flange to ball: no ball is that small
 PRIORS_OF_CLASS = {
     "industrial": Priors(),
     # printed or plain parts to some millimetres, zeros by the middle of a stroke, plastic gears: as SO-101 states
     "hobby": Priors(length=2 * MM, angle=float(from_deg(2.0)), compliance=2e-3),
 }  # of a robot's errors before any calibration, in place of what its file says
-AS_PRINTED = 6e-4  # [rad] what three printed digits leave open
 
 
 def check_units(path: Path, file: CellFile) -> None:
@@ -52,22 +47,23 @@ def check_units(path: Path, file: CellFile) -> None:
     Raises:
         InputError: naming the key, what was found and what it would be in the unit that is wanted.
     """
+    narrow = 5.0  # [deg] no ball joint tilts so little, and no bar could be measured with one
     for f in file.fixtures:
-        if max(map(abs, f.position_mm)) < NEAR_BASE:
+        if max(map(abs, f.position_mm)) < NEAR_BASE_MM:
             _raise_metres(path, f"fixtures.{f.name}.position_mm", f.position_mm, "inside the robot's base")
     _check_placed(path, file)
     points = [(f"tool.points.{p.name}.map_mm", p.map_mm) for p in file.tool.points] if file.tool else []
     for key, point in [*([("tool.map_mm", file.tool.map_mm)] if file.tool else []), *points]:
-        if np.linalg.norm(point) < SHORT_TOOL:
-            _raise_metres(path, key, point, f"less than {SHORT_TOOL:g} mm from the flange")
+        if np.linalg.norm(point) < SHORT_TOOL_MM:
+            _raise_metres(path, key, point, f"less than {SHORT_TOOL_MM:g} mm from the flange")
     mounts = [(f"fixtures.{f.name}.mount_deg", f.mount_deg) for f in file.fixtures]
     for key, angles in [("home_deg", file.home_deg), ("gauge.mount_deg", file.gauge.mount_deg), *mounts]:
         if angles and _looks_like_radians(angles):
             _raise_radians(path, key, angles)
     for key, cone in (("fixture", file.gauge.cone_deg.fixture), ("map", file.gauge.cone_deg.map)):
-        if cone < NARROW_CONE:
+        if cone < narrow:
             raise InputError(
-                f"{path}: 'gauge.cone_deg.{key}' = {cone:g}° is less than a ball joint's {NARROW_CONE:g}°: this looks "
+                f"{path}: 'gauge.cone_deg.{key}' = {cone:g}° is less than a ball joint's {narrow:g}°: this looks "
                 f"like radians; {cone:g} rad would be {np.rad2deg(cone):.4g}, and the key is in degrees"
             )
 
@@ -75,26 +71,28 @@ def check_units(path: Path, file: CellFile) -> None:
 def _check_placed(path: Path, file: CellFile) -> None:
     """Refuse an artifact or tracker inside the robot's base, and balls that stand inside one another."""
     for key, placed in (("artifact", file.artifact), ("tracker", file.tracker)):
-        if placed is not None and max(map(abs, placed.position_mm)) < NEAR_BASE:
+        if placed is not None and max(map(abs, placed.position_mm)) < NEAR_BASE_MM:
             _raise_metres(path, f"{key}.position_mm", placed.position_mm, "inside the robot's base")
-    if len(file.balls) > 1 and np.ptp([b.position_mm for b in file.balls], axis=0).max() < NEAR_BASE:
+    if len(file.balls) > 1 and np.ptp([b.position_mm for b in file.balls], axis=0).max() < NEAR_BASE_MM:
         last = file.balls[-1]
         _raise_metres(path, f"balls.{last.name}.position_mm", last.position_mm, "inside all the other balls")
     for ball in file.balls:
-        if ball.radius_mm < SMALL_BALL:
+        if ball.radius_mm < 0.5:  # [mm] no ball of a gauge has so small a radius
             _raise_metres(path, f"balls.{ball.name}.radius_mm", (ball.radius_mm,), "smaller than any ball of a gauge")
-        if max(map(abs, ball.position_mm)) < SHORT_TOOL:
+        if max(map(abs, ball.position_mm)) < SHORT_TOOL_MM:
             _raise_metres(
-                path, f"balls.{ball.name}.position_mm", ball.position_mm, f"less than {SHORT_TOOL:g} mm from zero"
+                path, f"balls.{ball.name}.position_mm", ball.position_mm, f"less than {SHORT_TOOL_MM:g} mm from zero"
             )
 
 
 def _looks_like_radians(angles: tuple[float, ...]) -> bool:
     """Tell whether all angles are within ±2π and at least half of those not zero are printed multiples of π/4."""
+    as_printed = 6e-4  # [rad] what three printed digits leave open
+    eighth = np.pi / 4  # [rad] robots wait at multiples of 45°
     turned = np.abs([a for a in angles if a != 0.0])
-    if not len(turned) or turned.max() > 2 * np.pi + AS_PRINTED:
+    if not len(turned) or turned.max() > 2 * np.pi + as_printed:
         return False
-    multiple = np.abs(turned - QUARTER * np.maximum(np.round(turned / QUARTER), 1.0)) < AS_PRINTED
+    multiple = np.abs(turned - eighth * np.maximum(np.round(turned / eighth), 1.0)) < as_printed
     return bool(2 * multiple.sum() >= len(turned))
 
 
@@ -267,7 +265,8 @@ def _read_circle(path: Path, name: str, f: CircleFile, file: CellFile) -> Circle
         raise InputError(
             f"{path}: circle {name} is about fixture '{fixture}'{did_you_mean(fixture, known)}; there are {known}"
         )
-    at, given = known.index(fixture), OVERSHOOT_FULL if f.sweep_deg == 360.0 else OVERSHOOT_PART
+    # 5.0: [deg] before and after the sweep, where the cell says nothing
+    at, given = known.index(fixture), 45.0 if f.sweep_deg == 360.0 else 5.0
     return Circle(
         name=name,
         plane=f.plane,

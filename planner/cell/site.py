@@ -22,6 +22,7 @@ from planner.cell.parts import (
     PlanSettings,
     Tool,
 )
+from planner.common.arrays import CACHED_ROWS
 from planner.common.errors import InputError
 from planner.common.units import Array
 from planner.kinematics.bodies import Body
@@ -29,8 +30,6 @@ from planner.kinematics.chain import Chain, xyz_transforms
 from planner.kinematics.geometry import bar_state
 from planner.kinematics.robot import Robot
 from planner.runs.run import Mounting, Run
-
-PASS_STATES = 4096  # of one forward pass: what it needs stays in the processor's cache
 
 
 @dataclass(frozen=True)
@@ -197,8 +196,8 @@ class Site:
     def map_jacobian(self, q: Array) -> Array:
         """Derivative of the MAP position by the controller angles, (n, 3, N) [m/rad]."""
         chain, out = self.chain, np.empty((len(q), 3, q.shape[1]))
-        for k in range(0, len(q), PASS_STATES):
-            part = slice(k, k + PASS_STATES)
+        for k in range(0, len(q), CACHED_ROWS):
+            part = slice(k, k + CACHED_ROWS)
             screws = chain.forward(self.robot.theta(q[part])).point_screws(chain.joint_places)  # (N, 3, n) by theta
             np.einsum("jkn,ji->nki", screws, self.robot.sense_matrix, out=out[part])
         return out

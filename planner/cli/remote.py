@@ -26,10 +26,6 @@ FILE_VERBS = ("simulate", "export", "import", "compensate")  # -o names a file
 OUTPUT = ("-o", "--output")
 PACKAGE = "--package"
 NOT_SENT = ("report.html", "residuals.csv", "timings.json", MANIFEST)
-MOST_TITLE = 120  # letters
-LARGEST = 200 << 20  # of a file beside one that is named
-PATIENCE = 60.0  # seconds without an answer
-TRIES = 20  # of a connection that breaks, a second apart
 ALONE = (".csv", ".parquet", ".log", ".txt", ".src", ".mod", ".dat")  # files that need none beside them
 
 
@@ -52,7 +48,8 @@ class Server:
         headers |= {"content-type": kind} if data is not None else {}
         headers |= {"authorization": f"Bearer {self.token}"} if self.token else {}
         try:
-            answer: HTTPResponse = urlopen(Request(self.url + path, data=data, headers=headers), timeout=PATIENCE)
+            # 60.0: [s] without an answer
+            answer: HTTPResponse = urlopen(Request(self.url + path, data=data, headers=headers), timeout=60.0)
             return answer
         except HTTPError as err:
             raise InputError(f"{self.url}: {_sentence(err)}") from err
@@ -75,6 +72,7 @@ class Server:
 
     def follow(self, job: str) -> Iterator[dict[str, object]]:
         """Yield the events of a job until it ends; a connection that breaks is taken up where it was."""
+        most_tries = 20  # of a connection that breaks, a second apart
         last, broken = "0", 0
         while True:
             try:
@@ -88,8 +86,8 @@ class Server:
                             if "state" in event:
                                 return
             except (HTTPException, OSError, MissingProgramError) as err:
-                if broken == TRIES:
-                    raise MissingProgramError(f"{self.url}: the connection broke {TRIES} times ({err})") from err
+                if broken == most_tries:
+                    raise MissingProgramError(f"{self.url}: the connection broke {most_tries} times ({err})") from err
             broken += 1
             time.sleep(1.0)
 
@@ -149,7 +147,8 @@ class RemoteWords:
 
     def _add_folder(self, home: Path, folder: str) -> None:
         for path in sorted((*home.glob("*.json"), *home.glob("*.toml"), *home.glob("*.urdf"), *home.glob("meshes/*"))):
-            if path.is_file() and path.name not in NOT_SENT and path.stat().st_size < LARGEST:
+            # 200 << 20: bytes of a file beside one that is named
+            if path.is_file() and path.name not in NOT_SENT and path.stat().st_size < (200 << 20):
                 self.files[f"{folder}/{path.relative_to(home).as_posix()}"] = path.read_bytes()
 
 
@@ -196,7 +195,7 @@ def run_remotely(server: Server, words: Sequence[str]) -> int:
 def name_command(words: Sequence[str]) -> str:
     """Return of what a command is, as pages say it: the word after its verb, of a path the file and its folder."""
     what = words[1] if len(words) > 1 else words[0]
-    return "/".join(Path(what).parts[-2:])[-MOST_TITLE:]
+    return "/".join(Path(what).parts[-2:])[-120:]  # letters of a title
 
 
 def list_of_dicts(value: object) -> list[dict[str, object]]:

@@ -10,8 +10,7 @@ from rich.table import Table
 
 from planner.cli.terminal import Json, SafeConsole, errors, print_json
 from planner.common.errors import InputError, MissingProgramError, printable
-
-GB = 1 << 30
+from planner.service.settings import GB
 
 
 def serve_command(
@@ -95,7 +94,7 @@ def copy_store(what: Literal["backup", "restore"], folder: Path | None, store: P
     errors.print(f"{done.jobs} jobs, {done.files} files and {done.robots} robots {where}")
 
 
-WIDE = 120  # signs of a line
+WIDE_SIGNS = 120  # of a line
 
 
 def robots_command(as_json: Json = False) -> None:
@@ -117,7 +116,7 @@ def robots_command(as_json: Json = False) -> None:
     for name, r in robots.items():
         payload = "" if r.payload is None else f"{r.payload:g} kg"
         table.add_row(name, printable(r.title), str(r.n_joints), payload, ", ".join(cells[name]))
-    SafeConsole(width=WIDE).print(table)
+    SafeConsole(width=WIDE_SIGNS).print(table)
 
 
 def dialects_command(as_json: Json = False) -> None:
@@ -145,4 +144,4 @@ def dialects_command(as_json: Json = False) -> None:
     for i in dialects():
         axes = f"{i.min_joints}–{i.max_joints}"
         table.add_row(i.name, printable(i.title), axes, f"{10.0**-i.decimals:g}°", i.blend.kind, i.logging)
-    SafeConsole(width=WIDE).print(table)
+    SafeConsole(width=WIDE_SIGNS).print(table)

@@ -39,7 +39,6 @@ IDENTIFY = {
 }  # fmt: skip
 STARTS = {"plan": PLAN, "plan-both": PLAN, "study": STUDY, "identify": IDENTIFY}  # by verb
 UNKNOWN = 0.15  # of the way to the next stage, for a step that nobody foresaw: how many come is not known
-EARLY = 0.04  # below this share a guess of the time left is worth nothing
 
 
 class TimeLeft:
@@ -66,14 +65,13 @@ class TimeLeft:
     @property
     def text(self) -> str:
         """What is left, in words; empty as long as nobody can know."""
-        if self.share < EARLY:
+        if self.share < 0.04:  # below this share a guess of the time left is worth nothing
             return ""
         left = (time.monotonic() - self._begun) * (1 - self.share) / self.share
         return f"about {left / 60:.0f} min left" if left > 90 else f"about {max(5 * round(left / 5), 5)} s left"
 
 
 PROGRESS_VARIABLE = "EDBB_PROGRESS"  # "json": progress as lines
-MOST_PRINTED = 50_000  # signs of a summary
 RESULTS = ("plan.json", "cell.toml", "trajectory.csv", "report.html", "identification.json", "robot.toml")
 
 
@@ -85,7 +83,8 @@ class SafeConsole(Console):
 
     def print(self, *objects: Any, **how: Any) -> None:
         """Print, with control signs in texts spelt out."""
-        super().print(*(printable(o, MOST_PRINTED) if isinstance(o, str) else o for o in objects), **how)
+        # 50_000: signs of a summary
+        super().print(*(printable(o, 50_000) if isinstance(o, str) else o for o in objects), **how)
 
 
 class Telling:

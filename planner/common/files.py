@@ -240,7 +240,6 @@ def _unwritable(path: Path, err: Exception) -> InputError:
 
 
 OWN_MARKS = (b"plan_id", b"edbb")  # one of them stands at the head of every single file that is written
-HEAD_BYTES = 4096
 
 
 def _check_overwriting(path: Path, data: bytes) -> None:
@@ -250,7 +249,7 @@ def _check_overwriting(path: Path, data: bytes) -> None:
     if not INPUTS.watching or OVERWRITING.allowed or not path.is_file():
         return
     with path.open("rb") as file:
-        head = file.read(HEAD_BYTES)
+        head = file.read(4096)  # bytes of the file's head
     if head and not data.startswith(head) and not any(mark in head for mark in OWN_MARKS):
         raise InputError(f"{path}: is there already, and was not written by edbb; name another file, or add --force")
 

@@ -18,7 +18,6 @@ from planner.common.system import process_exists, swap_folders
 MANIFEST = "manifest.json"
 SCHEMA = "edbb-manifest/1"
 UNHASHED = "timings.json"  # differs from run to run
-MOST_OTHERS = 2000  # files of others that a folder of results may hold
 
 Hashes = dict[str, str]
 
@@ -67,6 +66,7 @@ def move_all(draft: Path, folder: Path) -> list[Path]:
     Raises:
         InputError: it would write over a file that the command has read, or that somebody else has written or changed.
     """
+    most_others = 2000  # files of others that a folder of results may hold
     folder, kind = folder.resolve(), _kind(draft)
     files = _files_in(draft)
     known = read_manifest(folder)
@@ -74,7 +74,7 @@ def move_all(draft: Path, folder: Path) -> list[Path]:
     others = [f for f in _files_in(folder) if f not in files and f != MANIFEST]
     stale = [f for f in others if f in known.get(kind, {}) and _is_unchanged(folder, f, known[kind][f])]
     kept = [f for f in others if f not in stale]
-    if len(kept) > MOST_OTHERS:
+    if len(kept) > most_others:
         raise InputError(f"{folder}: holds {len(kept)} files of others; name a folder of its own with -o")
     for name in kept:
         _link(folder / name, draft / name)

@@ -28,7 +28,6 @@ NonNegativeFloat = Annotated[float, Field(ge=0, le=MOST)]
 OneLine = Annotated[str, AfterValidator(lambda text: _check_line(text))]
 KeyPath = tuple[str | int, ...]
 SHOWN_ENTRIES = 10  # of a list in a message
-MOST_FAULTS = 3  # faults that one message tells
 MOST_NAME = 200
 TABLE = "table"
 NEEDED = {  # by pydantic's name of the fault
@@ -64,7 +63,8 @@ def describe_faults(err: ValidationError, data: object, model: type[BaseModel], 
         return _sentence(("schema",), faults["schema",], model, toml) + _expected_schema(faults["schema",], model)
     above = {path[:k] for path in faults for k in range(len(path))}
     deepest = [path for path in faults if path not in above]
-    return "; ".join(_sentence(path, faults[path], model, toml) for path in deepest[:MOST_FAULTS])
+    # 3: faults that one message tells
+    return "; ".join(_sentence(path, faults[path], model, toml) for path in deepest[:3])
 
 
 def _key_path(data: object, loc: Sequence[str | int], missing: bool) -> KeyPath:

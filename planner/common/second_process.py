@@ -17,7 +17,7 @@ from multiprocessing import Pipe
 from types import TracebackType
 from typing import Any, Generic, Self, TypeVar
 
-from planner.common.system import LOOK, kill_process
+from planner.common.system import LOOK_S, kill_process
 
 A = TypeVar("A")
 T = TypeVar("T")
@@ -172,5 +172,5 @@ def _answer(task: Callable[[], object], write: int, parent: int) -> None:
 def _end_with_parent(parent: int) -> None:
     """End this process once its parent is gone, however that ended."""
     while os.getppid() == parent:
-        time.sleep(LOOK)
+        time.sleep(LOOK_S)
     os._exit(1)

@@ -16,14 +16,8 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-LOOK = 0.5  # [s] between two looks whether a process lives
-_SWAP_LINUX, _AT_FDCWD = 2, -100  # RENAME_EXCHANGE of renameat2, and the folder that paths count from
-_SWAP_MACOS = 2  # RENAME_SWAP of renamex_np
-_DIE_WITH_PARENT = 1  # PR_SET_PDEATHSIG
-_SYNCHRONIZE, _STILL_THERE = 0x00100000, 0x102  # access right of OpenProcess; WAIT_TIMEOUT
-_ACCESS_DENIED = 5
-_OPEN_ENDED = 0xFFFFFFFF  # INFINITE
-OTHERWISE_4_GIB = 4 << 30  # bytes of memory that are assumed where no system tells
+LOOK_S = 0.5  # [s] between two looks whether a process lives
+_SYNCHRONIZE = 0x00100000  # access right of OpenProcess
 
 
 def process_exists(pid: int) -> bool:
@@ -32,9 +26,9 @@ def process_exists(pid: int) -> bool:
         kernel = _kernel32()
         handle = kernel.OpenProcess(_SYNCHRONIZE, False, pid)
         if not handle:
-            return bool(ctypes.get_last_error() == _ACCESS_DENIED)
+            return bool(ctypes.get_last_error() == 5)  # ERROR_ACCESS_DENIED
         try:
-            return bool(kernel.WaitForSingleObject(handle, 0) == _STILL_THERE)
+            return bool(kernel.WaitForSingleObject(handle, 0) == 0x102)  # WAIT_TIMEOUT
         finally:
             kernel.CloseHandle(handle)
     else:
@@ -81,7 +75,7 @@ def kill_process(pid: int) -> None:
 def die_with(parent: int) -> None:
     """Let this process end when its parent does, however that happens: at once on Linux, else within a second."""
     if sys.platform == "linux":
-        ctypes.CDLL(None).prctl(_DIE_WITH_PARENT, signal.SIGKILL)
+        ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG
         if os.getppid() != parent:  # it died before it was asked for
             kill_process(os.getpid())
     else:
@@ -94,10 +88,10 @@ def _end_after(parent: int) -> None:
         kernel = _kernel32()
         handle = kernel.OpenProcess(_SYNCHRONIZE, False, parent)
         if handle:
-            kernel.WaitForSingleObject(handle, _OPEN_ENDED)
+            kernel.WaitForSingleObject(handle, 0xFFFFFFFF)  # INFINITE
     else:
         while os.getppid() == parent:
-            time.sleep(LOOK)
+            time.sleep(LOOK_S)
     os._exit(1)
 
 
@@ -156,14 +150,16 @@ def hold_lock(path: Path) -> Iterator[None]:
 
 def swap_folders(a: Path, b: Path) -> bool:
     """Let two folders change places in one step; return whether this system and disk can."""
+    here = -100  # AT_FDCWD: the folder that paths count from
+    exchange = 2  # RENAME_EXCHANGE of renameat2
     if sys.platform == "win32":
         return False
     with suppress(AttributeError, OSError):
         libc = ctypes.CDLL(None, use_errno=True)
         names = os.fsencode(a), os.fsencode(b)
         if sys.platform == "darwin":
-            return bool(libc.renamex_np(*names, _SWAP_MACOS) == 0)
-        return bool(libc.renameat2(_AT_FDCWD, names[0], _AT_FDCWD, names[1], _SWAP_LINUX) == 0)
+            return bool(libc.renamex_np(*names, 2) == 0)  # RENAME_SWAP of renamex_np
+        return bool(libc.renameat2(here, names[0], here, names[1], exchange) == 0)
     return False
 
 
@@ -182,7 +178,8 @@ def memory_bytes() -> int:
     if sys.platform == "win32":
         status = (ctypes.c_ulonglong * 8)()  # MEMORYSTATUSEX: two numbers of 32 bits, then seven of 64
         ctypes.cast(status, ctypes.POINTER(ctypes.c_uint32))[0] = ctypes.sizeof(status)
-        return int(status[1]) if _kernel32().GlobalMemoryStatusEx(ctypes.byref(status)) else OTHERWISE_4_GIB
+        # 4 << 30: bytes, 4 GiB, are assumed where no system tells
+        return int(status[1]) if _kernel32().GlobalMemoryStatusEx(ctypes.byref(status)) else (4 << 30)
     else:
         return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
 

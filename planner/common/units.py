@@ -100,24 +100,19 @@ def file_unit(unit: str) -> str:
     return shown.get(first, first) + rest
 
 
-LONG = 1.0  # [s] from here on a time is written in seconds
-SHARE = 0.005  # from here on a part of one is written in per cent
-PER_HOUR = 3600.0
-
-
 def display_unit(unit: str, size: float) -> tuple[str, float]:
     """Return how an effect's value of the SI ``unit`` and of about this ``size`` is written, and the factor to it."""
     first, rest = _split(unit)
     if unit == "s":
-        return ("s", 1.0) if abs(size) >= LONG else ("ms", 1e3)
-    if unit == "1" and abs(size) >= SHARE:
+        return ("s", 1.0) if abs(size) >= 1.0 else ("ms", 1e3)  # [s] from here on a time is written in seconds
+    if unit == "1" and abs(size) >= 0.005:  # from here on a part of one is written in per cent
         return "%", 100.0
     if unit == "1/turn":
         return "a turn", 1.0
     if first == "1" or unit == "rad/rad":
         return "ppm" + rest.removeprefix("/rad"), 1e6
     if first in ("m", "rad"):
-        return (f"µ{first}/h", 1e6 * PER_HOUR) if rest == "/s" else (f"µ{unit}", 1e6)
+        return (f"µ{first}/h", 1e6 * 3600.0) if rest == "/s" else (f"µ{unit}", 1e6)  # seconds in an hour
     return unit, 1.0
 
 
@@ -138,9 +133,9 @@ def _split(unit: str) -> tuple[str, str]:
     return first, unit[len(first) :]
 
 
-PLAN_DIGITS = 9  # of degrees and millimetres in plan.json
+PLAN_DECIMALS = 9  # of degrees and millimetres in plan.json
 
 
 def round_angles(angles: Array) -> Array:
     """Round angles [rad] to what ``plan.json`` keeps of them, so that reading it back gives the same bits."""
-    return read_only(np.deg2rad(np.round(np.rad2deg(angles), PLAN_DIGITS)))
+    return read_only(np.deg2rad(np.round(np.rad2deg(angles), PLAN_DECIMALS)))

@@ -3,8 +3,6 @@
 import xml.etree.ElementTree as ET
 from xml.parsers import expat
 
-MOST_DEPTH = 100  # of elements in one another; a URDF has about ten
-
 
 class XmlError(ValueError):
     """What is wrong with a document."""
@@ -26,10 +24,11 @@ def parse_xml(data: bytes, comments: bool = False) -> ET.Element:
     depth = 0
 
     def start(tag: str, attributes: dict[str, str]) -> None:
+        most_depth = 100  # of elements in one another; a URDF has about ten
         nonlocal depth
         depth += 1
-        if depth > MOST_DEPTH:
-            raise XmlError(f"more than {MOST_DEPTH} elements stand in one another")
+        if depth > most_depth:
+            raise XmlError(f"more than {most_depth} elements stand in one another")
         builder.start(tag, attributes)
 
     def end(tag: str) -> None:

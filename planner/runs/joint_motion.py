@@ -13,8 +13,7 @@ from planner.common.units import Array, IntArray, read_only
 from planner.runs.run import Readings, Run, Samples
 from planner.runs.text import RowSource, first_row
 
-DENSE = 0.2  # [s] median step of time below which samples may follow each other along a path
-SMALL_STEP = 0.1  # [rad] median movement between such neighbours: 0.5 rad/s at DENSE, several at a controller's cycle
+DENSE_STEP = 0.2  # [s] median step of time below which samples may follow each other along a path
 
 
 def looks_continuous(t: Array | None, q: Array) -> bool:
@@ -23,7 +22,8 @@ def looks_continuous(t: Array | None, q: Array) -> bool:
         return False
     step, way = np.abs(np.diff(t)), np.abs(np.diff(q, axis=0)).max(axis=1)
     on = step > 0.0  # several targets read at one pose bear one time
-    return bool(on.any() and np.median(step[on]) < DENSE and np.median(way[on]) < SMALL_STEP)
+    # 0.1: [rad] median movement between such neighbours: 0.5 rad/s at 0.2 s, several at a controller's cycle
+    return bool(on.any() and np.median(step[on]) < DENSE_STEP and np.median(way[on]) < 0.1)
 
 
 def number_sessions(t: Array | None, given: Array | None, n: int) -> tuple[IntArray, IntArray]:
@@ -170,9 +170,6 @@ def last_directions(q: Array, first: IntArray) -> Array:
     return signs
 
 
-STEP = 1e-4  # [rad] of travel that tells a reversal from the noise of the encoder
-
-
 def last_reversals(q: Array, last: int = 4) -> Array:
     """Angles at each joint's last reversals before every sample, the latest last.
 
@@ -192,7 +189,7 @@ def last_reversals(q: Array, last: int = 4) -> Array:
 
 def _turns(angle: Array, n: int, last: int) -> np.ndarray:
     """Sample of each of the last reversals before every sample, (n, last)."""
-    level = np.round(angle / STEP)
+    level = np.round(angle / 1e-4)  # [rad] of travel that tells a reversal from the noise of the encoder
     moved = np.flatnonzero(np.diff(level)) + 1  # samples that stand on another step than the one before
     way = np.sign(level[moved] - level[moved - 1])
     back = np.flatnonzero(way[1:] != way[:-1]) + 1

@@ -23,8 +23,7 @@ from planner.runs.run import Readings, Run, Samples, sort_names
 from planner.runs.synchronisation import pair_tables
 from planner.runs.table import RunTable, read_table
 
-STANDING, MOVED = 3, 1e-3  # rows that share a time, and the movement [rad] that they cannot have made in it
-MOST_BACK = 0.75  # share of the rows, in any order but the reverse, at which a clock steps back: half of them by chance
+FEWEST_ROWS = 3  # that share a time, or at which it steps back: fewer may be a slip
 MEASURES = ("static", "continuous")
 OF_CORNERS = frozenset({"pixels", "seen"})  # of as many corners as a file names
 UNNAMED = frozenset({"session", "point", "file", "line", "seen"})  # left out of a joined run without a word
@@ -70,7 +69,8 @@ def _check_clock(table: RunTable, run: Run) -> None:
         InputError: one time for poses far from each other.
     """
     t, q = run.samples.t, run.samples.q
-    if t is None or len(t) < STANDING or np.ptp(t) > 0.0 or np.ptp(q, axis=0).max() < MOVED:
+    # 1e-3: [rad] that rows cannot have moved by in no time
+    if t is None or len(t) < FEWEST_ROWS or np.ptp(t) > 0.0 or np.ptp(q, axis=0).max() < 1e-3:
         return
     raise table.source.error(
         0, "t", f"all {len(t)} rows have the time {t[0]:g} s, but the arm moves between them; leave the column out, or "
@@ -152,7 +152,8 @@ def _sessions(table: RunTable, t: Array | None) -> tuple[IntArray, list[str]]:
     session, back = number_sessions(t, given, table.frame.height)
     if len(back) == 0:
         return read_only(session, np.int64), []
-    if len(back) >= STANDING and len(back) > MOST_BACK * (table.frame.height - 1):
+    # 0.75: of the rows, in any order but the reverse, at which a clock steps back: half of them by chance
+    if len(back) >= FEWEST_ROWS and len(back) > 0.75 * (table.frame.height - 1):
         raise table.source.error(
             int(back[0]), "t", f"time runs backwards here and in {len(back) - 1} more of {table.frame.height} rows; "
             "put the rows into the order in which they were measured, or leave the column out"

@@ -4,14 +4,12 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from planner.common.errors import InputError
-from planner.common.units import Array, read_only, to_deg
+from planner.common.units import TURN, Array, read_only, to_deg
 from planner.runs.images import PIXEL
-from planner.runs.joint_motion import DENSE
+from planner.runs.joint_motion import DENSE_STEP
 from planner.runs.run import Readings
 from planner.runs.table import RunTable
 from planner.runs.text import first_row
-
-TURN = 2.0 * np.pi
 
 
 def joint_angles(table: RunTable, stem: str, n_joints: int) -> tuple[Array | None, list[str]]:
@@ -62,7 +60,7 @@ def check_jumps(table: RunTable, n_joints: int) -> None:
         InputError: with the line where an angle changes by more than half a turn within `DENSE`.
     """
     t = table.array("t")
-    close = np.abs(np.diff(t)) < DENSE
+    close = np.abs(np.diff(t)) < DENSE_STEP
     if table.has("session"):
         close &= np.diff(table.array("session")) == 0.0
     turning = [joint for joint in range(1, n_joints + 1) if joint not in table.slides]

@@ -201,7 +201,6 @@ def sort_names(names: set[str]) -> tuple[str, ...]:
 
 
 NEST, MASTER = "nest_mm", "master_mm"
-DIGITS = 6  # of a millimetre, as lines are written
 
 
 @dataclass(frozen=True)
@@ -254,4 +253,4 @@ def _point(path: Path, k: int, line: str, words: list[str]) -> Array:
 
 
 def _numbers(p: Array) -> str:
-    return ", ".join(f"{v:.{DIGITS}f}" for v in to_mm(p))
+    return ", ".join(f"{v:.{6}f}" for v in to_mm(p))  # decimals of a millimetre, as lines are written

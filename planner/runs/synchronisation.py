@@ -10,16 +10,10 @@ import numpy as np
 from planner.common.errors import InputError
 from planner.common.lazy_modules import pl
 from planner.common.units import Array, IntArray
-from planner.runs.joint_motion import DENSE
+from planner.runs.joint_motion import DENSE_STEP
 from planner.runs.quantities import check_jumps, has_reading
 from planner.runs.table import NAMES, WHOLE, RunTable, split_key
 from planner.runs.text import first_row
-
-GRID = 3000  # samples of the stretch that is compared
-STRETCH = 0.6  # share of the angles' time that is compared; the rest is room for the shift
-LEAST_PER_WAVE = 8.0  # samples a wave of the fit, below which anything fits
-SMALLEST = 0.1  # [s] offsets below are left to the fit, as the gauge's lag
-SURE = 3.0  # times more is left of the variance at any shift that is not next to the best, and without a shift
 
 
 @dataclass(frozen=True)
@@ -42,15 +36,17 @@ def align_clocks(t_gauge: Array, reading: Array, t_axes: Array, q: Array) -> Ali
         reading: what the gauge read.
         q: the angles.
     """
+    stretch = 0.6  # share of the angles' time that is compared; the rest is room for the shift
     length = t_axes[-1] - t_axes[0]
-    room = (1 - STRETCH) / 2 * length
-    step = max(length * STRETCH / GRID, float(np.median(np.diff(t_axes))), float(np.median(np.diff(t_gauge))))
+    room = (1 - stretch) / 2 * length
+    # 3000: samples of the stretch that is compared
+    step = max(length * stretch / 3000, float(np.median(np.diff(t_axes))), float(np.median(np.diff(t_gauge))))
     start = t_axes[0] + room
-    grid = start + step * np.arange(int(STRETCH * length / step))
+    grid = start + step * np.arange(int(stretch * length / step))
     overlap = min(t_gauge[-1], t_axes[-1]) - max(t_gauge[0], t_axes[0])
-    guess = 0.0 if overlap > STRETCH * min(length, t_gauge[-1] - t_gauge[0]) else t_axes[0] - t_gauge[0]
+    guess = 0.0 if overlap > stretch * min(length, t_gauge[-1] - t_gauge[0]) else t_axes[0] - t_gauge[0]
     waves = _waves(np.stack([np.interp(grid, t_axes, a) for a in q.T], axis=1))
-    if len(grid) < LEAST_PER_WAVE * waves.shape[1]:
+    if len(grid) < 8.0 * waves.shape[1]:  # samples a wave of the fit, below which anything fits
         return None
     shifts = step * np.arange(-int(room / step), int(room / step) + 1)
     linear = reading if reading.shape[1] > 1 else reading**2
@@ -88,6 +84,8 @@ def _variance_left(waves: Array, grid: Array, step: float, reach: int, t: Array,
 
 def _judge(left: Array, shifts: Array, guess: float) -> AlignedClocks | None:
     """Take the best shift, refined by a parabola, where no other comes near and it is not at the end of the room."""
+    sure = 3.0  # times more is left of the variance at any shift that is not next to the best, and without a shift
+    smallest = 0.1  # [s] offsets below are left to the fit, as the gauge's lag
     if np.isnan(left).all():
         return None
     best = int(np.nanargmin(left))
@@ -100,7 +98,7 @@ def _judge(left: Array, shifts: Array, guess: float) -> AlignedClocks | None:
     beside = np.abs(shifts - shifts[best]) < _width(left, best) * step
     rival = float(np.nanmin(np.where(beside, np.nan, left), initial=1.0))
     found = AlignedClocks(float(seconds), float(at), rival)
-    return found if rival > SURE * at and abs(seconds) > SMALLEST else None
+    return found if rival > sure * at and abs(seconds) > smallest else None
 
 
 def _width(left: Array, best: int) -> int:
@@ -181,7 +179,7 @@ def synchronise_tables(gauge: RunTable, axes: RunTable) -> RunTable:
         InputError: the logs cannot be joined in either way, do not overlap, or a clock does not go forward.
     """
     both = f"{gauge.source.file} and {axes.source.file}"
-    timed = gauge.has("t") and axes.has("t") and _time_step(axes) < DENSE
+    timed = gauge.has("t") and axes.has("t") and _time_step(axes) < DENSE_STEP
     if timed:
         return _by_time(gauge, axes)
     if gauge.has("pose") and axes.has("pose"):
@@ -189,7 +187,7 @@ def synchronise_tables(gauge: RunTable, axes: RunTable) -> RunTable:
     if gauge.has("t") and axes.has("t"):
         raise InputError(
             f"{axes.source.file}: joint angles stand {_time_step(axes):g} s apart, too far to be interpolated "
-            f"(less than {DENSE:g} s is needed, or a column pose in both files)"
+            f"(less than {DENSE_STEP:g} s is needed, or a column pose in both files)"
         )
     raise InputError(f"{both} cannot be joined: both need a column t_s, or both a column pose")
 

@@ -282,15 +282,13 @@ def table_in_si(
     return RunTable(source, si, {c.key: c.unit for c in columns}, notes, tuple(warnings))
 
 
-MOST_PARQUET, MOST_FIELDS = 500_000_000, 60_000_000  # bytes of a file, and fields in it: 1.7 GB while they are read
-
-
 def _read_parquet(path: Path, n_joints: int) -> RunTable:
-    check_readable(path, MOST_PARQUET)
+    check_readable(path, 500_000_000)  # bytes of a file: with 60 million fields in it 1.7 GB while they are read
     try:
         lazy = pl.scan_parquet(path)
         rows, width = lazy.select(pl.len()).collect().item(), len(lazy.collect_schema())
-        if rows * width > MOST_FIELDS:  # a few bytes can say a thousand million equal rows
+        # 60_000_000: fields: 1.7 GB while they are read
+        if rows * width > 60_000_000:  # a few bytes can say a thousand million equal rows
             raise InputError(f"{path}: {rows} rows of {width} columns are more than any run has")
         frame = lazy.collect()
         meta = pl.read_parquet_metadata(path)

@@ -18,7 +18,6 @@ from planner.common.remarks import CELL_ENDS, remark_of
 from planner.common.schema import MOST_NAME
 from planner.common.units import IntArray
 
-MOST_RUN = 250_000_000  # bytes of a run's or trace's text: 1.7 GB while they are read
 NOTES = ("plan_id", "robot", "measure", "angles", "clocks", "truth")  # what comment lines may say
 
 
@@ -93,7 +92,8 @@ def read_lines(path: Path, encoding: str | None = None) -> list[str]:
     Raises:
         InputError: it cannot be read, or is in another encoding.
     """
-    data = read_bytes(path, MOST_RUN, "leave out samples, or write it as Parquet").removeprefix(b"\xef\xbb\xbf")
+    most_bytes = 250_000_000  # of a run's or trace's text: 1.7 GB while they are read
+    data = read_bytes(path, most_bytes, "leave out samples, or write it as Parquet").removeprefix(b"\xef\xbb\xbf")
     try:
         text = data.decode(encoding or "utf-8").removeprefix("\ufeff")
     except UnicodeError as err:

@@ -190,7 +190,7 @@ def _key_of(name: str) -> str:
     return name.partition("_")[0]
 
 
-LINE_SECONDS = 2.0  # in which a sound pattern is through with any line
+LINE_SECONDS = 2.0  # [s] in which a sound pattern is through with any line
 PLAN_ID = re.compile(r"plan_id\W+([0-9a-f]{12})\b")
 TRUTH = re.compile(f"truth: ({SIMULATED})")
 

@@ -11,8 +11,6 @@ from planner.service.job_folder import FileReference, JobId
 from planner.service.job_request import JobRequest
 from planner.workflow.verbs import DECLARED
 
-MOST_ENTRIES = 10  # of a list in a request
-
 
 def typed_options(verb: str, *others: str) -> list[ServedField]:
     """Return the fields of a verb that a form shows as they are declared; ``others`` have inputs of their own."""
@@ -47,7 +45,8 @@ def _annotate(served: ServedField) -> tuple[Any, Any]:
     if option.from_service is not None:
         kind = FileReference if option.from_service == SENT else JobId
     elif empty:
-        kind = Annotated[list[Annotated[str, Field(pattern=option.pattern)]], Field(max_length=MOST_ENTRIES)]
+        # 10: of a list in a request
+        kind = Annotated[list[Annotated[str, Field(pattern=option.pattern)]], Field(max_length=10)]
     else:
         kind = Annotated[kind, Field(ge=option.min, le=served.most, pattern=option.pattern)]
     default: Any = ... if required else [] if empty else field.default

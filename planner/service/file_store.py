@@ -16,7 +16,6 @@ from planner.common.system import process_exists, sync_folder
 from planner.service.answers import StoredFile
 from planner.service.database import Database
 
-CHUNK = 1 << 20
 ID = re.compile(r"[0-9a-f]{64}")
 FULL = (errno.ENOSPC, errno.EDQUOT)
 
@@ -151,7 +150,7 @@ def copy_checked(source: Path, sha256: str, target: Path) -> None:
     found = hashlib.sha256()
     try:
         with source.open("rb") as read, target.open("xb") as written:
-            while data := read.read(CHUNK):
+            while data := read.read(1 << 20):  # bytes at a time
                 found.update(data)
                 written.write(data)
     except FileNotFoundError as err:

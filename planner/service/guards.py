@@ -16,7 +16,6 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from planner.service.problems import ProblemResponse
 from planner.service.settings import LOOPBACK, ServiceSettings
 
-MOST_BODY = 1 << 20  # bytes of any body but an upload's
 UPLOADS = ("/api/files", "/api/runs")
 OPEN = ("/login", "/static/")  # what is there without a token
 COOKIE = "edbb_session"
@@ -114,7 +113,8 @@ class Guard:
         return kept is not None and hmac.compare_digest(kept.value.encode(), session_cookie(token).encode())
 
     def _most_body(self, scope: Scope) -> int:
-        return self._settings.most_upload if scope["path"] in UPLOADS else MOST_BODY
+        # 1 << 20: bytes of any body but an upload's
+        return self._settings.most_upload if scope["path"] in UPLOADS else (1 << 20)
 
     @staticmethod
     def _add_headers(send: Send) -> Send:

@@ -181,8 +181,7 @@ def _check_ended(job: JobRecord) -> None:
 
 
 EVENTS = APIRouter(prefix="/api", tags=["events"])
-LOOK_S, ALIVE_S, MOST_STREAMS = 0.25, 15.0, 200
-MOST_NUMBER = 2**62
+MOST_EVENT = 2**62  # the largest number of an event that the database holds
 
 
 class StreamCount:
@@ -200,11 +199,11 @@ async def stream_events(
     context: Context,
     job: Annotated[list[JobId], Query(description="jobs; all where none is named", max_length=50)] = [],  # noqa: B006
     last_event_id: Annotated[str | None, Header(description="number of the last event that came")] = None,
-    after: Annotated[int | None, Query(ge=0, le=MOST_NUMBER, description="the same, for a first request")] = None,
+    after: Annotated[int | None, Query(ge=0, le=MOST_EVENT, description="the same, for a first request")] = None,
     wait: Annotated[bool, Query(description="go on with what will happen; else end with what has")] = True,
 ) -> StreamingResponse:
     """Follow jobs: ``queued``, ``running``, ``progress`` and ``end``, each with its number."""
-    if STREAMS.open >= MOST_STREAMS:
+    if STREAMS.open >= 200:  # streams at a time
         raise HTTPException(503, "too many pages are open", {"retry-after": "10"})
     start = await run_in_threadpool(_start, context.jobs, job, last_event_id, after)
     return StreamingResponse(
@@ -215,7 +214,7 @@ async def stream_events(
 def _start(jobs: JobStore, named: list[str], last_event_id: str | None, after: int | None) -> int:
     """Number after which the stream begins: of named jobs all, of all jobs what is new."""
     if last_event_id is not None and last_event_id.isascii() and last_event_id.isdigit():
-        return min(int(last_event_id[:19]), MOST_NUMBER)
+        return min(int(last_event_id[:19]), MOST_EVENT)
     if after is not None:
         return after
     return 0 if named else jobs.last_event()
@@ -233,11 +232,11 @@ async def _stream(jobs: JobStore, named: list[str], last: int, wait: bool) -> As
                 yield event_text(event)
             if not events and not wait:
                 return
-            if time.monotonic() - told > ALIVE_S:
+            if time.monotonic() - told > 15.0:  # [s] after which a comment keeps the stream open
                 told = time.monotonic()
                 yield ": alive\n\n"
             if not events:
-                await asyncio.sleep(LOOK_S)
+                await asyncio.sleep(0.25)  # [s] between two looks for news
     finally:
         STREAMS.open -= 1
 

@@ -21,7 +21,6 @@ FilePath = Annotated[
         pattern="^([A-Za-z0-9_][A-Za-z0-9._+-]{0,99}/){0,4}[A-Za-z0-9_][A-Za-z0-9._+-]{0,99}$", examples=["a1/run.csv"]
     ),
 ]
-HEAD = 65536  # bytes of a run that its comments are sought in
 NOT_NEEDED = ("pictures/", "report.html", "residuals.csv", "printed", "log", "timings.json", "manifest.json")
 
 
@@ -125,7 +124,7 @@ class JobFolder:
         for run in made.command.inputs if made else ():
             if made and run.name in made.command.words and run.name.endswith(".csv"):
                 with self._files.path(run.sha256).open("rb") as file:
-                    if SIMULATED.encode() in file.read(HEAD):
+                    if SIMULATED.encode() in file.read(65536):  # bytes of a run that its comments are sought in
                         return self._lay("robot.csv", run.sha256)
         raise InputError(
             "a check can be simulated only for a robot whose calibration was simulated, as only then its true errors "

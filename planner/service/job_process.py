@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from ctypes import CDLL, c_char_p, c_int, c_long, c_size_t, c_uint32
 from dataclasses import dataclass
+from enum import IntEnum, IntFlag
 from pathlib import Path
 
 from pydantic import TypeAdapter
@@ -25,13 +26,23 @@ from planner.service.job_store import JobCommand
 from planner.service.settings import GB, JobLimits
 
 DAMAGED = 66  # exit code: a file of the store is not what it was; the request is not to blame
-_CREATE, _ADD, _RESTRICT = 444, 445, 446
-_NO_NEW_PRIVILEGES = 38
-_ONLY_VERSION, _RULE_PATH = 1, 1
-_EXECUTE, _WRITE, _READ_FILE, _READ_FOLDER = 1, 2, 4, 8
-_FILE_RIGHTS = _EXECUTE | _WRITE | _READ_FILE | 1 << 14  # the last is to truncate
+
+
+class _Syscall(IntEnum):
+    """Numbers of the system calls of Landlock, the same on every processor."""
+
+    CREATE_RULESET, ADD_RULE, RESTRICT_SELF = 444, 445, 446
+
+
+class _Right(IntFlag):
+    """Rights of Landlock on files (linux/landlock.h) that are named here."""
+
+    EXECUTE, WRITE, READ_FILE, READ_FOLDER, TRUNCATE = 1, 2, 4, 8, 1 << 14
+
+
+_NO_NEW_PRIVILEGES = 38  # PR_SET_NO_NEW_PRIVS of prctl
+_FILE_RIGHTS = _Right.EXECUTE | _Right.WRITE | _Right.READ_FILE | _Right.TRUNCATE
 RIGHTS = {1: (1 << 13) - 1, 2: (1 << 14) - 1, 3: (1 << 15) - 1}  # all rights on files, by version
-_ALL_NETWORK = 3  # to bind and to connect by TCP, from version 4
 SYSTEM = ("/usr", "/bin", "/lib", "/lib32", "/lib64", "/etc", "/proc", "/sys/devices/system", "/nix", "/opt")
 
 
@@ -41,7 +52,8 @@ def confinement_version() -> int:
         return 0
     libc = CDLL(None)
     libc.syscall.restype = c_long
-    return max(0, int(libc.syscall(c_long(_CREATE), None, c_size_t(0), c_uint32(_ONLY_VERSION))))
+    only_version = c_uint32(1)  # LANDLOCK_CREATE_RULESET_VERSION
+    return max(0, int(libc.syscall(c_long(_Syscall.CREATE_RULESET), None, c_size_t(0), only_version)))
 
 
 def confine_process(folder: Path, readable: Sequence[Path]) -> bool:
@@ -57,19 +69,20 @@ def confine_process(folder: Path, readable: Sequence[Path]) -> bool:
     libc = CDLL(None)
     libc.syscall.restype = c_long
     rights = RIGHTS[min(version, 3)]
-    rules = struct.pack("QQ", rights, _ALL_NETWORK) if version >= 4 else struct.pack("Q", rights)
-    ruleset = libc.syscall(c_long(_CREATE), c_char_p(rules), c_size_t(len(rules)), c_uint32(0))
+    all_network = 3  # to bind and to connect by TCP, from version 4
+    rules = struct.pack("QQ", rights, all_network) if version >= 4 else struct.pack("Q", rights)
+    ruleset = libc.syscall(c_long(_Syscall.CREATE_RULESET), c_char_p(rules), c_size_t(len(rules)), c_uint32(0))
     if ruleset < 0:
         return False
-    look = _EXECUTE | _READ_FILE | _READ_FOLDER
+    look = _Right.EXECUTE | _Right.READ_FILE | _Right.READ_FOLDER
     libraries = {*SYSTEM, sys.prefix, sys.base_prefix, sys.exec_prefix, *(p for p in sys.path if p)}
     for path in {*libraries, *map(str, readable)}:
         _allow(libc, ruleset, path, look & rights)
     for path in ("/dev/null", "/dev/urandom", "/dev/zero", "/dev/shm"):
-        _allow(libc, ruleset, path, (_READ_FILE | _WRITE) & rights)
+        _allow(libc, ruleset, path, (_Right.READ_FILE | _Right.WRITE) & rights)
     _allow(libc, ruleset, str(folder), rights)
     libc.prctl(_NO_NEW_PRIVILEGES, 1, 0, 0, 0)
-    held: bool = libc.syscall(c_long(_RESTRICT), c_int(ruleset), c_uint32(0)) == 0
+    held: bool = libc.syscall(c_long(_Syscall.RESTRICT_SELF), c_int(ruleset), c_uint32(0)) == 0
     os.close(ruleset)
     return held
 
@@ -84,17 +97,18 @@ def _allow(libc: CDLL, ruleset: int, path: str, rights: int) -> None:
     if not os.path.isdir(path):
         rights &= _FILE_RIGHTS
     rule = struct.pack("=Qi", rights, handle)
-    libc.syscall(c_long(_ADD), c_int(ruleset), c_int(_RULE_PATH), c_char_p(rule), c_uint32(0))
+    beneath = c_int(1)  # LANDLOCK_RULE_PATH_BENEATH
+    libc.syscall(c_long(_Syscall.ADD_RULE), c_int(ruleset), beneath, c_char_p(rule), c_uint32(0))
     os.close(handle)
 
 
 SPECIFICATION = "job.json"
 INPUT_FOLDER = "work"
 RESULTS = "out"  # folder in it for what the command writes
-MOST_WRITTEN = 2 * GB  # bytes of a file
+MOST_WRITTEN = 2 * GB  # bytes of a file that a command writes
 FIRST_TO_GO = "1000"  # the most that Linux knows
 NICE, TASK_NICE = 10, 3  # what answers a person goes first, then what a page waits for
-ADDRESS_SPACE = 4  # times the memory: libraries reserve more than they use; the server watches what is used
+ADDRESS_SPACE_RATIO = 4  # to the memory: libraries reserve more than they use; the server watches what is used
 
 
 @dataclass(frozen=True)
@@ -137,7 +151,7 @@ def limit_resources(job: JobSpecification) -> None:
         Path("/proc/self/oom_score_adj").write_text(FIRST_TO_GO, encoding="ascii")
     give_way(TASK_NICE if job.command.task else NICE)
     seconds = int(job.limits.time_s * (os.cpu_count() or 1)) + 1
-    limit_process(ADDRESS_SPACE * job.limits.memory_bytes, MOST_WRITTEN, seconds)
+    limit_process(ADDRESS_SPACE_RATIO * job.limits.memory_bytes, MOST_WRITTEN, seconds)
 
 
 def lay_out(job: JobSpecification) -> None:

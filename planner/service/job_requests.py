@@ -29,7 +29,6 @@ from planner.workflow.plan_use_calls import ExportCall, SimulateCall
 from planner.workflow.verbs import DECLARED
 
 VERBS = (*DECLARED, "robots", "dialects")  # commands that run on a server
-MOST_TITLE = 120  # signs of a command that name it
 ERROR_MAP_FILES = ("expected_error.csv", "identification.json")
 SOME_JOB, SOME_FILE = "0123456789abcdef01234567", "0" * 64
 
@@ -70,7 +69,7 @@ class CommandRequest(JobRequest):
 
     def subject(self, folder: JobFolder) -> str:
         """Return the title that the client gave, or the words."""
-        return self.title or " ".join(self.words)[:MOST_TITLE]
+        return self.title or " ".join(self.words)[:120]  # signs of a command that name it
 
     def robot(self, folder: JobFolder) -> str:
         """Return the robot of a shipped cell among the words."""

@@ -20,8 +20,8 @@ class UnknownJobError(InputError):
     """A job that somebody names is not there."""
 
 
-LEASE_S = 20.0
-MOST_CRASHES = 3
+LEASE_S = 20.0  # [s] that a job is a server's after it was last heard of
+MOST_CRASHES = 3  # of a command, after which it is the job's fault
 MOST_DEATHS = 20  # of servers while they ran a job: a machine that is switched off often is no fault of the job's
 TRIED_AGAIN = (None, 1, 4)  # exit codes after which the same request may succeed: killed, a mistake, a missing program
 

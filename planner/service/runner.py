@@ -58,8 +58,6 @@ class ProcessGroup:
 
 
 SHIPPED = re.compile(rf"{re.escape(str(data_folder('robots')))}/([\w-]+)/cells/([\w-]+)\.toml")  # cells, by path
-LOOK_S = 0.1
-MEMORY_LOOK_S = 1.0
 MOST_LOG = 200_000  # bytes of what a command prints
 TITLES = {
     1: "Internal error",
@@ -119,7 +117,7 @@ class JobRunner:
         log = LogReader(self._folder / "log")
         try:
             while (code := process.exit_code()) is None:
-                if self.stop.wait(LOOK_S):
+                if self.stop.wait(0.1):  # [s] between two looks whether it is done
                     return Ending(interrupted=True)
                 now = time.monotonic()
                 for stage, done, total in log.progress():
@@ -131,7 +129,7 @@ class JobRunner:
                     return Ending(cancelled=True)
                 if now - started > self._limits.time_s:
                     return _overrun("time", f"it ran for more than {self._limits.time_s:g} s, all that a job may take")
-                if now - looked > MEMORY_LOOK_S:
+                if now - looked > 1.0:  # [s] between two looks how much memory it takes
                     looked = now
                     if process.memory() > self._limits.memory_bytes:
                         most = self._limits.memory_bytes / GB

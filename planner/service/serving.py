@@ -28,7 +28,6 @@ from planner.service.record_api import RECORDS
 from planner.service.record_store import RecordStore
 from planner.service.settings import GB, JobShares, ServiceSettings
 
-GRACE_S = 3
 DESCRIPTION = (
     "Plans measuring sessions that calibrate robots, and identifies robots from measured runs. What takes long is a "
     "job: it is accepted once (the same content is the same job), followed by events, and leaves files."
@@ -68,9 +67,6 @@ def build_context(settings: ServiceSettings) -> ServiceContext:
     records = RecordStore(settings.folder, jobs, files, database)
     keeper = JobKeeper(database, jobs, files, records.index)
     return ServiceContext(settings, jobs, files, UploadList(database), records, keeper, supervisor)
-
-
-BACKLOG = 1024  # connections that wait to be taken
 
 
 def build_app(context: ServiceContext) -> FastAPI:
@@ -160,7 +156,7 @@ def serve(settings: ServiceSettings, announce: Callable[[str], None]) -> None:
         log_level="warning",
         access_log=False,
         server_header=False,
-        timeout_graceful_shutdown=GRACE_S,
+        timeout_graceful_shutdown=3,  # [s] for open requests when the server stops
         limit_concurrency=1000,
         h11_max_incomplete_event_size=64 << 10,
     )
@@ -168,6 +164,7 @@ def serve(settings: ServiceSettings, announce: Callable[[str], None]) -> None:
         socket = config.bind_socket()
     except SystemExit as err:
         raise InputError(f"{host}:{settings.port}: cannot be listened on; is another service there?") from err
-    socket.listen(BACKLOG)  # whoever reads the address may ask at once
+    # 1024: connections that wait to be taken
+    socket.listen(1024)  # whoever reads the address may ask at once
     announce(f"http://{host}:{socket.getsockname()[1]}")
     uvicorn.Server(config).run([socket])

@@ -9,8 +9,8 @@ from planner.common.system import memory_bytes as system_memory
 
 LOOPBACK = ("127.0.0.1", "::1", "localhost")
 TOKEN_VARIABLE = "EDBB_TOKEN"
-SHORTEST_TOKEN = 16
-GB = 1 << 30
+SHORTEST_TOKEN = 16  # signs: shorter ones can be guessed
+GB = 1 << 30  # bytes
 DAY_S = 86_400.0
 
 
@@ -93,7 +93,6 @@ def default_folder() -> Path:
     return (Path(data) if data else Path.home() / ".local" / "share") / "edbb"
 
 
-USABLE = 0.9  # of the machine's memory that jobs may use together; the rest is for the system and the service
 CONTAINER_LIMIT = Path("/sys/fs/cgroup/memory.max")
 
 
@@ -130,7 +129,8 @@ def share_memory(workers: int, memory_bytes: int | None, total: int) -> JobShare
     Raises:
         InputError: the machine has not as much as one job is to have.
     """
-    usable = int(USABLE * total)
+    # 0.9: of the machine's memory that jobs may use together; the rest is for the system and the service
+    usable = int(0.9 * total)
     if memory_bytes is None:
         least = min(GB, usable)
         memory_bytes = max(least, usable // (workers + 1))

@@ -30,7 +30,6 @@ LAYERS = (  # columns of the table, names, and the figures of the identification
     ("geometry_mm", "geometry alone", "geometry_anywhere"),
     ("nominal_mm", "before", "nominal_anywhere"),
 )
-MOST_POINTS, MOST_QUANTILE = 20_000, 0.99
 
 
 def map_errors(cell: Cell, table: Path, document: Path) -> SceneView:
@@ -42,7 +41,7 @@ def map_errors(cell: Cell, table: Path, document: Path) -> SceneView:
     Raises:
         InputError: the table has no such columns.
     """
-    values = np.genfromtxt(table, delimiter=",", names=True, max_rows=MOST_POINTS)
+    values = np.genfromtxt(table, delimiter=",", names=True, max_rows=20_000)  # lines of a table
     names = values.dtype.names or ()
     missing = [n for n in ("x_mm", "y_mm", "z_mm", LAYERS[0][0]) if n not in names]
     if missing:
@@ -55,15 +54,12 @@ def map_errors(cell: Cell, table: Path, document: Path) -> SceneView:
         if name in names and figure in known:
             rms = float(to_mm(known[figure]))
             error = values[name] * (rms / float(np.sqrt(np.mean(values[name] ** 2))))
-            most.append(float(np.quantile(error, MOST_QUANTILE)))
+            most.append(float(np.quantile(error, 0.99)))  # nearly the largest
             layers.append(ViewLayer(name=title, values=pack_numbers(error), rms=rms))
     cloud = ViewCloud(what="error to be expected", unit="mm", points=pack_numbers(points), layers=layers, most=most[0])
     view = check_view(cell).view
     low, high = (f(np.vstack([points, view.low_mm, view.high_mm]), axis=0) for f in (np.min, np.max))
     return view.model_copy(update={"cloud": cloud, "low_mm": tuple(low.tolist()), "high_mm": tuple(high.tolist())})
-
-
-SERIES = 600  # samples shown
 
 
 class RunSeries(StrictModel):
@@ -100,7 +96,7 @@ def check_run(paths: Sequence[Path], cell: Cell) -> RunCheck:
         cell.gauge.check_run(cell, run)
     first, samples = runs[0], sum(len(r) for r in runs)
     s = first.samples
-    shown = np.unique(np.linspace(0, len(first) - 1, min(SERIES, len(first))).astype(int))
+    shown = np.unique(np.linspace(0, len(first) - 1, min(600, len(first))).astype(int))  # samples shown
     at = s.t[shown] if s.t is not None else shown.astype(float)
     return RunCheck(
         samples=samples,
@@ -131,14 +127,12 @@ def _series(run: Run, shown: Array) -> list[RunSeries]:
     ]
 
 
-FRAMES, PATH_POINTS = 360, 1500
-
-
 def plan_view(path: Path) -> SceneView:
     """Return the view of the plan at ``path``: the robot along its way, and all poses."""
     session = load_circular_plan(path) if is_circular(path) else load_session(path, "shown")
     cell, courses = session.cell, session.courses
-    shown = [_show_course(cell, c, max(2, FRAMES // len(courses))) for c in courses]
+    # 360: frames of the view, shared by the courses
+    shown = [_show_course(cell, c, max(2, 360 // len(courses))) for c in courses]
     return pack_scene(view_session(cell, courses, shown, _spots(cell, courses, path), way_step=0.1))
 
 
@@ -147,7 +141,7 @@ def _show_course(cell: Cell, course: Course, count: int) -> ShownMotion:
     t = np.linspace(0.0, trajectory.duration_s, count)
     where = f"{cell.place_name(course.mounting)}   " if len(cell.mountings) > 1 else ""
     told = [f"{where}{int(s) // 60}:{int(s) % 60:02d} min" for s in t]
-    path = trajectory.at(np.linspace(0.0, trajectory.duration_s, PATH_POINTS)).q
+    path = trajectory.at(np.linspace(0.0, trajectory.duration_s, 1500)).q  # points of a path
     return ShownMotion(course.mounting, trajectory.at(t).q, told, path)
 
 

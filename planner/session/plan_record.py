@@ -11,7 +11,7 @@ from pydantic import BaseModel
 
 from planner.cell.cell import Cell
 from planner.common.errors import NoSolutionError
-from planner.common.units import PLAN_DIGITS
+from planner.common.units import PLAN_DECIMALS
 from planner.design.bayesian_design import BayesianDesign
 from planner.design.candidates.pool import PoseSet
 from planner.design.discrimination.power import Discrimination
@@ -291,7 +291,7 @@ def round_numbers(value: object) -> object:
     if isinstance(value, float | np.floating):
         if not np.isfinite(value):  # no body, no clearance: JSON has no word for infinity
             return None
-        short = round(float(value), PLAN_DIGITS)
+        short = round(float(value), PLAN_DECIMALS)
         return 0.0 if short == 0 else short
     return value.item() if isinstance(value, np.generic) else value
 

@@ -134,9 +134,6 @@ def compensate(asked: CompensateCall) -> CompensationResult:
 
 
 MODEL_TOOL = "model"  # word that stands for the tool point of the robot's file
-ALLOWED = 3.0  # standard deviations by which a tool that is named may be off the measured one
-WRITTEN = 0.5e-6  # [m] by which rounding to a thousandth of a millimetre moves it
-SAME_MOUNT = 0.02  # [m] farther away a tool is meant to be another one
 
 
 def _tool_of_model(robot: Robot) -> Array:
@@ -163,12 +160,14 @@ def _tool_warnings(robot: Robot, T_FT: Array | None) -> Iterator[str]:
         return
     point = min(robot.tool_points, key=lambda p: float(np.linalg.norm(T_FT[:3, 3] - p.p_FM)))
     off, std = T_FT[:3, 3] - point.p_FM, point.std_beside_robot
-    if (np.abs(off) <= WRITTEN + ALLOWED * (0.0 if std is None else std)).all():
+    # 3.0: standard deviations by which a tool that is named may be off the measured one
+    # 0.5e-6: [m] by which rounding to a thousandth of a millimetre moves it
+    if (np.abs(off) <= 0.5e-6 + 3.0 * (0.0 if std is None else std)).all():
         return
     place = ", ".join(f"{v:.3f}" for v in to_mm(point.p_FM))
     sure = "" if std is None else f" ± {', '.join(f'{v:.3f}' for v in to_mm(std))}"
     size = float(to_mm(np.linalg.norm(off)))
-    if np.linalg.norm(off) < SAME_MOUNT:
+    if np.linalg.norm(off) < 0.02:  # [m] farther away a tool is meant to be another one
         yield (
             f"warning: --tool is {size:.3f} mm off the tool point that belongs to this robot ({place}{sure} mm), more "
             f"than its standard deviations allow: if that point is meant, say --tool {MODEL_TOOL}"

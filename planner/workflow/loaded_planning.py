@@ -185,7 +185,6 @@ def fit_cell(free: Cell, loaded: Cell) -> Cell:
     return replace(loaded, file=validate(content, CellFile, str(loaded.path)))
 
 
-MOST = 6
 PLACES_FILES = (
     ("cell.toml", "the cell with the best circles, ready to be planned"),
     ("places.csv", "every circle that was looked at"),
@@ -257,7 +256,8 @@ def study_places(asked: LoadedPlacesCall) -> CirclePlacesResult:
     count, plan, stages = asked.places, asked.plan, Stages(asked.progress)
     where = asked.cell if isinstance(asked.cell, Cell) else load_cell(str(asked.cell))
     with stages.stage("places"):
-        found = study_circle_places(where, max(count, MOST), asked.seed)
+        # 6: places at least are looked at, so that it is seen what more of them would bring
+        found = study_circle_places(where, max(count, 6), asked.seed)
     if count > len(found.sets):
         raise InputError(f"{count} places were asked for, but only {len(found.sets)} circles can be followed")
     both = None if plan is None else predict_common_fit(UnloadedPoses.read(plan), where, found.best(count))

@@ -16,9 +16,6 @@ from planner.gauges.placement.frames import place_frames
 from planner.runs.run import Run
 from planner.session.document import PlanDocument, check_run_of_plan
 
-ROWS = 200  # of a run that are looked at
-NEAR = 3.0  # factor within which a ratio is "about a thousand"
-BETTER = 0.1  # share of what is left in the unit as written that may be left in the other one
 UNITS = (  # factor to what was meant, what it looks like, what to call the columns
     (1e3, "metres in columns of millimetres", "x_m, y_m, z_m"),
     (1e-3, "millimetres in columns of metres", "x_mm, y_mm, z_mm"),
@@ -33,15 +30,17 @@ def check_unit(run: Run, cell: Cell) -> None:
     Raises:
         InputError: with both movements and the names that the columns should have.
     """
+    near_factor = 3.0  # within which a ratio is "about a thousand"
     if run.readings.position is None:
         return
-    few = run.take(even_positions(len(run), ROWS))
+    few = run.take(even_positions(len(run), 200))  # rows of a run tell its unit
     stand = flange_poses(setup_of(cell), few)
     group = few.samples.place if few.samples.point is None else few.samples.place * len(run.points) + few.samples.point
     read, arm = _spread_rms(np.asarray(few.readings.position), group), _spread_rms(stand.p_BF, group)
     for factor, words, names in UNITS:
-        near = 1 / NEAR < read * factor / max(arm, 1e-12) < NEAR
-        if near and _placement_rms(few, stand, factor) < BETTER * _placement_rms(few, stand, 1.0):
+        near = 1 / near_factor < read * factor / max(arm, 1e-12) < near_factor
+        # 0.1: share of what is left in the unit as written that may be left in the other one
+        if near and _placement_rms(few, stand, factor) < 0.1 * _placement_rms(few, stand, 1.0):
             raise InputError(
                 f"{run.name}: the points lie {to_mm(read):.3g} mm from their middle, but the arm moved its flange by "
                 f"{to_mm(arm):.3g} mm: these look like {words}; if so, call them {names}"
@@ -63,7 +62,6 @@ def _placement_rms(run: Run, stand: FlangePoses, factor: float) -> float:
 
 
 FAR = np.deg2rad(10.0)  # from where the plan has its pose no sample stands that was measured there
-LED = 4.0  # standard deviations of what the arm's errors turn a joint by where its ball is led to a seat, beside FAR
 
 
 def split_by_plan(run: Run, path: Path, plan: PlanDocument, cell: Cell) -> tuple[Run, Run | None]:
@@ -101,7 +99,8 @@ def check_angles(run: Run, path: Path, plan: PlanDocument, cell: Cell) -> None:
     if not rows:
         return
     q = np.array([planned[pose] for pose in run.samples.pose[rows].tolist()])
-    off, limit = np.abs(run.samples.q[rows] - q), FAR + LED * led_turns(cell, q)
+    # 4.0: standard deviations of what the arm's errors turn a joint by where its ball is led to a seat, beside FAR
+    off, limit = np.abs(run.samples.q[rows] - q), FAR + 4.0 * led_turns(cell, q)
     for k, row in enumerate(rows):
         axis = int((off[k] - limit[k]).argmax())
         if off[k, axis] > limit[k, axis]:

@@ -36,7 +36,6 @@ if TYPE_CHECKING:
 
 
 FORECAST = "shows.json"  # of a check, beside its plan
-SAMPLE = 0.05  # [s] of trajectory.csv
 
 
 def fill_plan(plan: Plan | CircularPlan, folder: Path, stages: Stages, forecast: CheckForecast | None = None) -> None:
@@ -73,14 +72,15 @@ def _report(plan: Plan | CircularPlan, forecast: CheckForecast | None) -> Report
 
 def trajectory_csv(plan: Plan | CircularPlan) -> str:
     """What is driven with the gauge, pass after pass: t_s, q1_deg …, length_mm; poses count time at each fixture."""
+    step = 0.05  # [s] of trajectory.csv
     frames, start = [], 0.0
     for course in plan.courses:
         length = partial(plan.cell.bar_length, mounting=course.mounting)
         start = start if isinstance(plan, CircularPlan) else 0.0
         for one in course.passes:
-            frame = trajectory_table(one.trajectory, SAMPLE, length, plan.cell.robot.joint_columns("q"))
+            frame = trajectory_table(one.trajectory, step, length, plan.cell.robot.joint_columns("q"))
             frames.append(frame.with_columns(pl.col("t_s") + np.round(start, 6)))
-            start += one.trajectory.duration_s + SAMPLE
+            start += one.trajectory.duration_s + step
     return table_csv(pl.concat(frames))
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from planner.common.errors import InputError, NoSolutionError
-from planner.common.units import PLAN_DIGITS
+from planner.common.units import PLAN_DECIMALS
 from planner.session import judgement
 from planner.session.judgement import judge_program
 from planner.workflow.plan_use import export
@@ -68,7 +68,7 @@ def _at(value, way):
 
 
 CHANGES = {
-    "last digit": lambda x, r: x + 10.0 ** -(PLAN_DIGITS + 1),
+    "last digit": lambda x, r: x + 10.0 ** -(PLAN_DECIMALS + 1),
     "tiny": lambda x, r: x + r.choice([-1e-7, 1e-7, 1e-4]),
     "little": lambda x, r: x + r.normal(scale=0.05),
     "degrees": lambda x, r: x + r.normal(scale=6.0),
@@ -118,7 +118,7 @@ def _try(written, number: int) -> bool:
         assert str(folder / "plan.json") in said, what
         return False
     if text == plain:  # nothing that is driven or stated differs
-        assert _differ_by(plan, changed) < 10.0**-PLAN_DIGITS, what
+        assert _differ_by(plan, changed) < 10.0**-PLAN_DECIMALS, what
         return True
     assert "not as it was planned: changed since it was planned" in _head(text), what
     part = re.match(r"\('(\w+)'", what)[1]
