@@ -17,9 +17,16 @@ from planner.runs.run import Readings, Run, Samples
 
 @dataclass(frozen=True, kw_only=True)
 class GaugeNumbers:
-    """The numbers that a gauge shows before they are brought together into readings."""
+    """The numbers that a gauge shows before they become readings, and how well its scale is known."""
 
     kind: ClassVar[str]  # in cell files
+    usual_scale: ClassVar[float] = 1e-5  # one sigma of its scale, as of steel 1 K off: all lengths of the arm have it
+    largest_scale: ClassVar[float] = 1e-3  # no more is plausible: steel 30 K off, or all refraction of air, is 3e-4
+
+    @property
+    def scale_sigma(self) -> float:
+        """One sigma of its scale, relative: nothing that a run shows tells it from all lengths of the arm."""
+        return self.usual_scale
 
     @property
     @abstractmethod

@@ -34,8 +34,6 @@ class GaugeReading(ABC):
     width: ClassVar[int] = 1  # numbers in one reading
     angles: ClassVar[int] = 0  # how many of them, at the end, are angles
     default_noise_um: ClassVar[float]
-    usual_scale: ClassVar[float] = 1e-5  # one sigma of its scale, as of steel 1 K off: all lengths of the arm have it
-    largest_scale: ClassVar[float] = 1e-3  # no more is plausible: steel 30 K off, or all refraction of air, is 3e-4
     has_zero: ClassVar[bool] = False  # whether its readings have a zero of their own
     at_balls: ClassVar[bool] = False  # whether each pose is at one of the balls or sockets of an artifact
 

@@ -74,7 +74,7 @@ def background_families(setup: MeasurementSetup, samples: Samples) -> tuple[Effe
         is_known = entry.background is Background.KNOWN
         known |= {label} if is_known else set()
         common |= {label} if entry.background is Background.COMMON else set()
-        out.setdefault(label, []).extend(_band(effect, setup.gauge.usual_scale if is_known else None))
+        out.setdefault(label, []).extend(_band(effect, setup.gauge.scale_sigma if is_known else None))
     for name, parameters in _gears(setup, samples.q):
         out[name] = list(parameters)
     out[GAUGE_SHAPE] = list(gauge_shapes(Excitation.of(setup, samples)))

@@ -30,6 +30,9 @@ class BoardFile(StrictModel):
     gap_mm: PositiveFloat | None = None
     dictionary: str = "DICT_4X4_50"
     first: Annotated[int, Field(ge=0)] = 0
+    scale_ppm: Annotated[float, Field(gt=0, le=20_000)] = (
+        300.0  # one sigma of its size: a calliper, 0.05 mm over 170 mm
+    )
 
     @model_validator(mode="after")
     def _whole(self) -> "BoardFile":

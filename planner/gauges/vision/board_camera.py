@@ -19,8 +19,10 @@ from planner.cell.placement import P, Placement, Targets
 from planner.cell.site import Site
 from planner.common.errors import InputError
 from planner.common.units import Array, read_only
+from planner.effects.basis import BasisFunction
 from planner.effects.catalogue import Excitation
-from planner.effects.effect import Effect, Parameter, ParameterMove, transform_move
+from planner.effects.context import Context
+from planner.effects.effect import Effect, Parameter, ParameterMove, Place, transform_move
 from planner.gauges.placement.flange_poses import LOCATED_SIGMA, flange_poses
 from planner.gauges.placement.frames import place_frames
 from planner.gauges.vision.board_pose import BoardPoses, drop_far_corners, find_board, pose_slopes
@@ -43,6 +45,18 @@ class _LastBasis:
     known: tuple[Placement, Samples, Array] | None = None
 
 
+class BoardScale(BasisFunction, key="board-scale:NUMBER", static=False, gauge=True):
+    """φ = how one number of an image changes with the size of the board, relative [m]."""
+
+    number: float
+
+    def __call__(self, c: Context) -> Array:
+        """Return it for every image, (n,)."""
+        setup = c.measurement_setup
+        assert isinstance(setup.gauge, BoardCamera)
+        return setup.gauge.scale_rows(setup, c.samples, c.motion)[:, int(self.number)]
+
+
 @dataclass(frozen=True)
 class BoardCamera(BoardSight):
     """Reads the corners of a board in an image."""
@@ -55,7 +69,6 @@ class BoardCamera(BoardSight):
     width: ClassVar[int] = POSE_NUMBERS
     angles: ClassVar[int] = 3
     default_noise_um: ClassVar[float] = 1.0  # said in pixels
-    usual_scale: ClassVar[float] = 3e-4  # a printed board measured with a calliper: 0.05 mm over 170 mm
     largest_scale: ClassVar[float] = 2e-2  # printers are a hundredth off
 
     def with_turns(self, turns: bool) -> Gauge:
@@ -304,5 +317,21 @@ class BoardCamera(BoardSight):
         return ()
 
     def errors(self, run: Excitation) -> Iterator[Effect]:
-        """Its only error, the board's scale, cannot be told from all lengths of the arm."""
-        return iter(())
+        """Yield the board's scale, which no image tells from all lengths of the arm: what is stated of it counts."""
+        moves = tuple(ParameterMove("reading", n, BoardScale(float(n))) for n in range(self.width))
+        scale = Parameter("gauge_scale", "1", self.scale_sigma, "scale of the board", moves)
+        sentence = "the board is larger than square_mm or marker_mm say, by {size}"
+        yield Effect("gauge scale", Place("gauge"), (scale,), sentence, self.largest_scale, "estimated: printers")
+
+    @property
+    def scale_sigma(self) -> float:
+        """As the board's file says it."""
+        return self.board.file.scale_ppm * 1e-6
+
+    def scale_rows(self, setup: Placement, samples: Samples, motion: ForwardPass) -> Array:
+        """Return how the numbers of images change with the size of the board, relative, (n, r) [m]."""
+        R, p, _ = self.view(setup, samples, motion)
+        r = np.einsum("nij,kj->nki", R, self.board.corners)
+        grown = np.einsum("nkij,nkj->nki", self.lens.slopes(r + p[:, None]), r) * self.corners_seen(samples)
+        Q = self.basis(setup, samples)
+        return np.asarray(self.number_scale * np.einsum("nkr,nk->nr", Q, grown.reshape(len(samples), -1)))

@@ -41,7 +41,7 @@ class LensRows:
 LENS_ROWS = LensRows()
 
 
-class LensMove(BasisFunction, key="lens:NUMBER:NUMBER", gauge=True):
+class LensMove(BasisFunction, key="lens:NUMBER:NUMBER", static=False, gauge=True):
     """How one number of an image changes with one unknown of the lens [m]."""
 
     unknown: float

@@ -17,6 +17,7 @@ from planner.model.model import Model
 from planner.runs.loader import join_runs, load_run
 from planner.runs.writer import save_run
 from tests.gauges.camera.scene import Scene, pose, run_text
+from tests.identification.few_draws import few_draws
 
 SHIPPED = load_cell("ur5e/camera").path.read_text()
 STANDING = (
@@ -270,9 +271,6 @@ def test_a_cell_that_contradicts_itself_is_refused(old, new, said, tmp_path):
         read(tmp_path, SHIPPED.replace(old, new))
 
 
-FREE = SHIPPED.replace("height_px = 1200", "height_px = 1200\nfree = true")
-
-
 @pytest.fixture(scope="module")
 def flange(tmp_path_factory):
     return read(tmp_path_factory.mktemp("flange"), SHIPPED)
@@ -281,6 +279,35 @@ def flange(tmp_path_factory):
 @pytest.fixture(scope="module")
 def flange_pool(flange):
     return draw_candidates(flange, 150, seed=1)
+
+
+def test_a_larger_board_shows_as_its_own_effect_says(flange, flange_pool):
+    """The board's scale by differences of the model with another board, and that the released error knows of it."""
+    model, at, step = Model.from_cell(flange), flange_pool.samples.take(slice(30)), 1e-6
+
+    def reading(size):
+        file = flange.gauge.board.file
+        other = file.model_copy(update={"square_mm": file.square_mm * size, "marker_mm": file.marker_mm * size})
+        return Model(replace(model.setup, gauge=replace(flange.gauge, board=other.board)), ()).full_reading(at)
+
+    slope = (reading(1 + step) - reading(1 - step)) / (2 * step)
+    (effect,) = flange.gauge.errors(None)
+    rows = model.subset([]).plus(list(effect.make())).rows(at)[:, :, 0] / flange.gauge.number_scale
+    np.testing.assert_allclose((rows**2).sum(axis=1), np.nansum(slope**2, axis=1), rtol=1e-4)
+
+
+@pytest.mark.long
+def test_what_is_stated_of_the_board_is_in_the_error_that_is_stated(flange, flange_pool, tmp_path):
+    run = measured(flange, flange_pool, tmp_path, 100)
+    coarse = read(tmp_path, SHIPPED.replace("[gauge.lens]", "scale_ppm = 1000\n\n[gauge.lens]"))
+    fine = read(tmp_path, SHIPPED.replace("[gauge.lens]", "scale_ppm = 10\n\n[gauge.lens]"))
+    with few_draws():
+        stated = [identify(run, c).workspace_error for c in (coarse, fine)]
+    assert stated[0] > 2 * stated[1]
+    assert stated[0] > 1e-4
+
+
+FREE = SHIPPED.replace("height_px = 1200", "height_px = 1200\nfree = true")
 
 
 def test_a_lens_is_found_with_the_arm(flange, flange_pool, tmp_path):
