@@ -6,6 +6,7 @@ __all__ = [
     "catalogue",
     "compliance",
     "context",
+    "drift_shapes",
     "effect",
     "free_laws",
     "gauge_errors",

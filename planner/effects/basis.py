@@ -137,6 +137,21 @@ class Times(BasisFunction, key="times:NUMBER:PHI"):
         return self.factor * self.phi(c)
 
 
+class Less(BasisFunction, key="less:NUMBER:PHI"):
+    """φ less a number, such as its mean."""
+
+    about: float
+    phi: BasisFunction
+
+    def __call__(self, c: Context) -> Array:
+        """Return the difference."""
+        return np.asarray(self.phi(c) - self.about)
+
+    def plot_variable(self, c: Context) -> EffectVariable | None:
+        """Draw it against what its own function is drawn against."""
+        return self.phi.plot_variable(c)
+
+
 class AtPlace(BasisFunction, key="place:INDEX", static=False, gauge=True):
     """φ = ±1 where the gauge stands at this place (fixture, plate, stand of a tracker), else 0."""
 

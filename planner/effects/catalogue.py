@@ -94,6 +94,11 @@ class Excitation:
         """Time from first to last sample [s], 0 without a clock."""
         return 0.0 if self.samples.t is None else float(np.ptp(self.samples.t))
 
+    @property
+    def middle(self) -> float:
+        """Time halfway from first to last sample [s]."""
+        return self.start + self.duration / 2
+
     @cached_property
     def sessions(self) -> tuple[int, ...]:
         """Sessions after the first."""
@@ -129,6 +134,9 @@ class Background(Enum):
     """With the size that is expected: a run says nothing of it. Its findings do not enter the robot."""
     OF_SHAPE = auto()
     """Not at all, found or not, as smooth errors of the gauge of any shape stand for them. Example: sag of a wire."""
+    OF_RUN = auto()
+    """Not at all, found or not: it acts by what a run logs and no program knows, and with the pose as others do, which
+    stand for it. Example: compliance under a drive's torque, most of which is that of gravity."""
     NAMED_ONLY = auto()
     """Not at all, unless found: what hardly any arm has, or other columns stand for."""
 

@@ -166,7 +166,7 @@ def joint_compliance(run: Excitation) -> Iterator[Effect]:
 @register(
     "compliance under drive torque",
     needs="the drives' torques in the run (torque1_Nm ...)",
-    background=Background.BY_PLACE,
+    background=Background.OF_RUN,
 )
 def drive_compliance(run: Excitation) -> Iterator[Effect]:
     """A joint gives way under the torque that its drive reports."""

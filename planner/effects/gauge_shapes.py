@@ -1,6 +1,8 @@
 """Errors of a gauge of any smooth shape: powers of a bar's length and direction, or of the way from a tracker.
 
 They have no name and are never sought; beside them an error that nobody wrote down does not go into the arm's lengths.
+What such an error is on average over directions and lengths, as of a wire that always hangs through, looks like a scale
+and a zero: both are among the powers, so that the lengths of an arm are known no better than the gauge errs.
 """
 
 from collections.abc import Iterator
@@ -16,15 +18,11 @@ from planner.effects.effect import Parameter, ParameterMove
 from planner.effects.sizes import BAR_SHAPE, RAY_SHAPE
 
 
-class BarShape(BasisFunction, key="bar-shape:NUMBER:NUMBER:NUMBER:INDEX:INDEX:INDEX:INDEX", static=False, gauge=True):
-    """φ = ((L − about)/span)^length · (eₓ^x e_y^y e_z^z − mean), of the length L and the bar's direction e in the base.
-
-    With the mean over the run nothing of it is a scale, which no run tells from the arm's lengths.
-    """
+class BarShape(BasisFunction, key="bar-shape:NUMBER:NUMBER:INDEX:INDEX:INDEX:INDEX", static=False, gauge=True):
+    """φ = ((L − about)/span)^length · eₓ^x e_y^y e_z^z, of the length L and the bar's direction e in the base."""
 
     about: float
     span: float
-    mean: float
     length: int
     x: int
     y: int
@@ -35,7 +33,7 @@ class BarShape(BasisFunction, key="bar-shape:NUMBER:NUMBER:NUMBER:INDEX:INDEX:IN
         e = c.bar.direction
         scaled = (c.length - self.about) / self.span
         turned = e[:, 0] ** self.x * e[:, 1] ** self.y * e[:, 2] ** self.z
-        return np.asarray(scaled**self.length * (turned - self.mean))
+        return np.asarray(scaled**self.length * turned)
 
 
 class RayShape(BasisFunction, key="ray-shape:INDEX:INDEX:INDEX", static=False, gauge=True):
@@ -60,16 +58,13 @@ def gauge_shapes(run: Excitation) -> Iterator[Parameter]:
 
 
 def _bar_shapes(run: Excitation) -> Iterator[Parameter]:
-    length, e = run.context.length, run.context.bar.direction
+    length = run.context.length
     about, span = round(float(length.mean()), 3), max(round(float(length.std()), 3), 1e-3)
     # e is a unit vector: higher powers of its last component say nothing more
     degree = 3  # of the polynomial in place and direction
     powers = [p for p in product(range(degree + 1), repeat=4) if 0 < sum(p) <= degree and p[3] < 2]
     for p in powers:
-        if p[0] == sum(p) and p[0] != 2:
-            continue  # the scale itself, and its like
-        mean = float((e ** np.array(p[1:])).prod(axis=1).mean()) if sum(p[1:]) else 0.0
-        move = ParameterMove("reading", 0, BarShape(about, span, round(mean, 6), *p))
+        move = ParameterMove("reading", 0, BarShape(about, span, *p))
         name = f"gauge_shape_{''.join(map(str, p))}"
         yield Parameter(name, "m", BAR_SHAPE / np.sqrt(len(powers)), "smooth error of the gauge", (move,))
 

@@ -1,6 +1,7 @@
 """Effects of temperature and time: thermal growth, drift and warm-up.
 
-What temperature and time are counted from is a number of its own, frozen with the effect.
+What temperature and time are counted from is a number of its own, frozen with the effect. All of it is nought on
+average over the run, so that the robot beside it is the arm as it was on average, and not as it was at the start.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -10,7 +11,7 @@ from functools import partial
 import numpy as np
 
 from planner.common.units import Array
-from planner.effects.basis import BasisFunction, EffectVariable, Times
+from planner.effects.basis import BasisFunction, EffectVariable, Less, Times
 from planner.effects.catalogue import Excitation, register
 from planner.effects.context import Context
 from planner.effects.effect import (
@@ -54,15 +55,15 @@ class TemperatureRise(BasisFunction, key="warmth:NUMBER", static=False, column="
 
 
 class ElapsedTime(BasisFunction, key="elapsed:NUMBER", static=False, run=True, column="t"):
-    """φ = time since ``start`` [s]."""
+    """φ = time since ``about`` [s]."""
 
-    start: float
+    about: float
     uncorrected = "drift with time"
     plot_variable = against_time
 
     def __call__(self, c: Context) -> Array:
         """Return the time."""
-        return c.column("t") - self.start
+        return c.column("t") - self.about
 
 
 class WarmUp(BasisFunction, key="warm-up:NUMBER:NUMBER", static=False, run=True, column="t"):
@@ -76,6 +77,11 @@ class WarmUp(BasisFunction, key="warm-up:NUMBER:NUMBER", static=False, run=True,
     def __call__(self, c: Context) -> Array:
         """Return the part of the way that is done."""
         return np.asarray(-np.expm1(-(c.column("t") - self.start) / self.constant))
+
+    def mean(self, duration: float) -> float:
+        """Return the mean of φ over so many seconds from the start."""
+        share = self.constant / duration
+        return float(1 + share * np.expm1(-1 / share))
 
 
 @dataclass(frozen=True)
@@ -112,7 +118,7 @@ def thermal_drift(run: Excitation) -> Iterator[Effect]:
 def drift(run: Excitation) -> Iterator[Effect]:
     """Joints, base and gauge that move steadily in time."""
     if run.duration > 0:
-        yield from _drifts(run, ThermalCause("drift", ElapsedTime(run.start), "s", run.duration, "steadily"))
+        yield from _drifts(run, ThermalCause("drift", ElapsedTime(run.middle), "s", run.duration, "steadily"))
 
 
 @register("warm-up", needs="a longer run that starts with a cold arm")
@@ -166,9 +172,14 @@ def _warm_up(
     longest = min(2 * run.duration, (4 * 3600.0))
     constants = np.geomspace(min(run.duration / 50, longest / 10), longest, 12)  # time constants that are scanned
     return Effect(
-        "warm-up", place, lambda constant: make(WarmUp(run.start, constant)), sentence, largest, HEISEL,
+        "warm-up", place, lambda constant: make(_warming(run, constant)), sentence, largest, HEISEL,
         NonlinearParameter("time constant", "s", constants, True), role=Role.REPEATABLE,
     )  # fmt: skip
+
+
+def _warming(run: Excitation, constant: float) -> BasisFunction:
+    phi = WarmUp(run.start, constant)
+    return Less(phi.mean(run.duration), phi)
 
 
 def _joint_warm_up(run: Excitation, joint: int, phi: BasisFunction) -> list[Parameter]:

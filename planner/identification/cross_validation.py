@@ -34,7 +34,7 @@ def validation_residual(found: Fit, run: Run, bare: MeasurementSetup) -> Array:
     setup = found.setup
     model = _timeless(found, run)
     if not setup.gauge.needs_new_frames(setup, run):
-        problem = FitProblem.of(model, _renumber_places(run, setup))
+        problem = FitProblem.of(model, renumber_places(run, setup))
         return problem.residual(np.zeros(0))
     model = _with_frames(replace(model, setup=locate_gauge(_calibrated_tool(bare, found), run)))
     # robust: one ball that was seated badly must not move the plate of all others
@@ -59,7 +59,26 @@ def _timeless(found: Fit, run: Run) -> Model:
     return replace(model, fixed=fixed)
 
 
-def _renumber_places(run: Run, setup: MeasurementSetup) -> Run:
+def usable_elsewhere(found: Fit, run: Run) -> tuple[Model, np.ndarray] | None:
+    """Return the fitted model as it holds for another run, and which of its parameters that has, (k,) int.
+
+    The others stand at their mean, as of :func:`validation_residual`. ``None`` where the run stands in new frames.
+    """
+    if found.setup.gauge.needs_new_frames(found.setup, run):
+        return None
+    columns = run.samples
+
+    def is_there(key: str) -> bool:
+        return not depends_on_run(key) and all(getattr(columns, c) is not None for c in columns_of(key))
+
+    which = [k for k, p in enumerate(found.model.parameters) if all(is_there(m.phi.key) for m in p.moves)]
+    model, free = _timeless(found, run), [found.model.parameters[k] for k in which]
+    names = {p.name for p in free}
+    fixed = tuple((p, value) for p, value in model.fixed if p.name not in names)
+    return replace(model, parameters=tuple(free), fixed=fixed), np.array(which, dtype=int)
+
+
+def renumber_places(run: Run, setup: MeasurementSetup) -> Run:
     """Number the places of the run as the setup does."""
     order = np.array([setup.place_names.index(name) if name in setup.place_names else 0 for name in run.places])
     return replace(run, samples=replace(run.samples, place=order[run.samples.place]))

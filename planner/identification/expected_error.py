@@ -93,7 +93,7 @@ class ExpectedErrorFile(StrictModel):
     rest_mm: float
     rest_other_mm: float
     likely_share: tuple[float, float, float] = (1.0, 1.0, 1.0)
-    parts_mm: dict[Literal["seen", "unseen", "misfit"], float] = Field(default_factory=dict)
+    parts_mm: dict[Literal["seen", "unseen", "misfit", "drift"], float] = Field(default_factory=dict)
     states_deg: tuple[tuple[float, ...], ...]
 
 
@@ -103,7 +103,7 @@ def expected_error_text(released: ReleasedRobot, robot_toml: str) -> str:
     whole, others = released.spread(tool.names), released.other_tools
     root = _few_columns(whole, (tool, *others), tool.names)
     rest = [_mean_square(whole, m, tool.names) - _mean_square(root, m, tool.names) for m in (tool, *others)]
-    rest = [released.misfit.rest_square + max(square, 0.0) for square in rest]
+    rest = [released.beside_square + max(square, 0.0) for square in rest]
     offsets = {
         name: few_digits(released.offset(tool.names, fit), DIGITS).tolist()
         for name, fit in (("nominal", None), ("geometry", released.geometry), ("released", released.fit))

@@ -1,11 +1,16 @@
-"""What a posterior is too sure of, by poses that it did not see.
+"""What a posterior is too sure of, by regions of the workspace that it did not see.
 
-A posterior over a catalogue that lacks the cause is sure of the wrong thing; poses held out are not. Some are left out
-before anything is learnt of them, sizes of families included: a fit that chose its effects by all poses predicts those
-that it chose them by. What is left of the readings there is held against what was expected: noise, what the other
-poses leave open, and two unknowns. The ``stretch`` multiplies what is left open, for a model of the right shape that is
-too sure. The ``rest`` moves the tool at each pose alone, as a law does that no column follows. A run without misfit
-needs neither, so either is most likely absent (a spike and a slab); noise is what the data sheet says or a little off.
+A posterior over a catalogue that lacks the cause is sure of the wrong thing; poses held out are not. One region after
+the other is left out before anything is learnt of it, sizes of families included: a fit that chose its effects by all
+poses predicts those that it chose them by, and one that was measured all round a pose need not know the workspace. What
+is left of the readings there is held against what was expected: noise, what the other poses leave open, and two
+unknowns. The ``stretch`` multiplies what is left open, for a model of the right shape that is too sure. The ``rest``
+moves the tool at each pose alone, as a law does that no column follows. A run without misfit needs neither, so either
+is most likely absent (a spike and a slab); noise is what the data sheet says or a little off.
+What is left open moves all poses of a region together: it is looked at in the directions in which it is independent, so
+that a region counts as so many readings as it has of these. One region is stretched more than another, and what is
+drawn for the workspace is a stretch of a region not yet seen (a random effect, as of studies in a meta-analysis:
+DerSimonian and Laird 1986, Controlled Clinical Trials 7(3)).
 """
 
 from collections.abc import Sequence
@@ -15,23 +20,26 @@ import numpy as np
 
 from planner.common.determinism import even_positions
 from planner.common.units import Array
-from planner.identification.cross_validation import Split
+from planner.effects.context import Context
+from planner.identification.cross_validation import renumber_places, usable_elsewhere
 from planner.identification.least_squares import Fit
 from planner.identification.noise import Noise
 from planner.identification.posterior_background import EffectFamily
 from planner.identification.posterior_fit import draw_posterior
 from planner.identification.problem import FitProblem
 from planner.model.model import Model
-from planner.runs.run import Run
+from planner.runs.run import Run, Samples
 
 POSITION_AXES = 3
-FOLDS, SWEEPS = 2, 30  # of the split that are predicted, and how often sizes are drawn without each
-MOST_READINGS = 2_400  # of a long run that fit and judge
+SWEEPS = 30  # how often sizes are drawn without each
+MOST_READINGS = 2_400  # of a long run that fit a region
+MOST_JUDGED = 600  # readings of a region that are looked at
 NONE = 0.8  # probability that there is no stretch, and that there is no rest
 NOISES: Array = np.exp(np.linspace(-1.0, 1.2, 12))  # over the noise said, and
 NOISE_WIDTH = 0.3  # how well its logarithm is known beside the rest: data sheets are good to a third
-STRETCHES: Array = np.append(1.0, np.exp(np.linspace(0.25, 3.0, 12)))
+LOGS: Array = np.linspace(-1.5, 4.0, 23)  # of the stretch of one region, and of what regions have in common
 STRETCH_WIDTH = 0.7  # of its logarithm: twice is usual where it is any
+APART: Array = np.array([0.0, 0.25, 0.5, 0.75, 1.0])  # one sigma of the logarithm of a region's stretch
 RESTS: Array = np.append(0.0, 0.05 * np.exp(np.linspace(0.0, 6.0, 19)))  # over the noise said
 USUAL_REST, REST_WIDTH = 0.5, 1.5  # over the noise said, and of its logarithm: hardly anything is known of it
 
@@ -41,7 +49,8 @@ class Misfit:
     """Draws that go with the robots drawn from a posterior.
 
     Attributes:
-        stretch: factor on their distance from its mean, (n,).
+        stretch: factor on their distance from its mean, (n,), at least 1: that regions came out better than expected is
+            no reason to be surer of what no region shows, such as a scale.
         rest: what moves the tool at each pose alone, along each axis, (n,) [m].
     """
 
@@ -61,46 +70,126 @@ class Misfit:
 
 @dataclass(frozen=True)
 class HeldOutReadings:
-    """Readings that were predicted by a posterior that did not see them, (m,) each.
+    """Readings of one region, predicted by a posterior that did not see them, in directions that are independent.
 
     Attributes:
-        residual: what is left of them [m].
-        open: variance of the prediction by what the posterior leaves open [m²].
+        residual: what is left of them, (m,) [m].
+        open: variance of the prediction by what the posterior leaves open, (m,) [m²].
         noise: variance of the reading, gauge and joints as large beside each other as was fitted, and together at most
-            as declared: what is fitted beyond that may be misfit [m²].
+            as declared: what is fitted beyond that may be misfit, (m,) [m²].
+        turn: from readings, one behind the other, to these directions, (m, m).
     """
 
     residual: Array
     open: Array
     noise: Array
+    turn: Array
+
+    @classmethod
+    def of(cls, residual: Array, spread: Array, noise_root: Array) -> "HeldOutReadings":
+        """Turn readings into the directions in which what is left open is independent.
+
+        Args:
+            residual: of n samples, (n, r) [m].
+            spread: a square root of the covariance of their prediction, (n, r, k) [m].
+            noise_root: L⁻¹ of the covariance L Lᵀ of every sample's noise, (n, r, r) [1/m].
+        """
+        size = float(np.exp(-np.log(np.abs(np.einsum("nii->ni", noise_root))).mean()))  # of the noise
+        n, r = residual.shape
+        flat = size * np.einsum("nij,njk->nik", noise_root, spread).reshape(n * r, -1)
+        axes, values, _ = np.linalg.svd(flat, full_matrices=True)
+        open_ = np.append(values**2, np.zeros(n * r - len(values)))
+        turn = size * np.einsum("nia,nij->anj", axes.reshape(n, r, -1), noise_root).reshape(n * r, -1)
+        return cls(turn @ residual.ravel(), open_, np.full(n * r, size**2), turn)
+
+    def weigh(self, residual: Array) -> Array:
+        """Return other residuals (n, r) of these readings in standard deviations of what was expected, (m,)."""
+        return np.asarray(self.turn @ residual.ravel() / np.sqrt(self.open + self.noise))
 
 
-def judge_misfit(
-    before: Fit, run: Run, split: Split, whole: Model, background: Sequence[EffectFamily], time: float, count: int
-) -> Misfit:
-    """Return ``count`` draws of stretch and rest by poses that are left out; the rest as of ``draw_posterior``."""
-    parts = [_predict(before, run, split.fold == f, whole, background, time) for f in range(min(FOLDS, split.folds))]
-    return draw_misfit(parts, count)
+@dataclass(frozen=True)
+class HeldOutRegion:
+    """A region of the workspace as the others predict it.
+
+    Attributes:
+        samples: that were looked at, (n,) int.
+        readings: what is left of their positions, with what was expected.
+    """
+
+    samples: np.ndarray
+    readings: HeldOutReadings
+
+
+def predict_regions(
+    before: Fit, run: Run, whole: Model, background: Sequence[EffectFamily], time: float
+) -> tuple[HeldOutRegion, ...]:
+    """Predict every region of the workspace by a posterior of the others; the arguments as of ``draw_posterior``."""
+    region = number_regions(run.samples, before)
+    return tuple(_predict_region(before, run, region == k, whole, background, time) for k in range(region.max() + 1))
+
+
+def number_regions(samples: Samples, fit: Fit) -> np.ndarray:
+    """Number the regions of the workspace to which samples belong, (n,) int.
+
+    The workspace is halved by the joint whose angles move the tool apart most, and each half again.
+    """
+    context = Context(fit.setup, samples)
+    reach = np.sqrt((context.motion.point_screws(context.joints) ** 2).sum(axis=1).mean(axis=1))  # [m/rad]
+    place, out = samples.q * reach, np.zeros(len(samples), dtype=int)
+    for halving in range(2):  # into four regions, each of which is predicted by the others
+        for k in range(2**halving):
+            mine = np.flatnonzero(out == k)
+            if not len(mine):
+                continue
+            own = place[mine]
+            along = own[:, int(np.argmax(own.std(axis=0)))]
+            out[mine[along > np.median(along)]] += 2**halving
+    return np.unique(out, return_inverse=True)[1].reshape(-1)
 
 
 def draw_misfit(parts: Sequence[HeldOutReadings], count: int, seed: int = 0) -> Misfit:
     """Return ``count`` draws of stretch and rest from their posterior by readings held out."""
-    square = np.concatenate([p.residual for p in parts]) ** 2
-    noise, open_ = (np.concatenate([getattr(p, name) for p in parts]) for name in ("noise", "open"))
-    usual = float(noise.mean())
-    moved = RESTS[:, None] ** 2 * usual
-    logs = np.empty((len(NOISES), len(STRETCHES), len(RESTS)))
-    for i, factor in enumerate(NOISES):
-        for j, stretch in enumerate(STRETCHES):
-            variance = factor**2 * noise + stretch**2 * open_ + moved
-            logs[i, j] = -0.5 * (square / variance + np.log(variance)).sum(axis=1)
+    usual = float(np.mean([p.noise.mean() for p in parts]))
+    own = np.stack([_log_density(part, usual) for part in parts])  # of noise, rest and stretch of each region
+    none = own[..., [int(np.argmin(np.abs(LOGS)))]].sum(axis=0)
+    near = _chances_about(LOGS)
+    logs = np.stack([np.concatenate([none, _mix(own, chance).sum(axis=0)], axis=-1) for chance in near])
     logs += (-0.5 * (np.log(NOISES) / NOISE_WIDTH) ** 2)[:, None, None]
-    logs += _spike_and_slab(np.log(STRETCHES[1:]) / STRETCH_WIDTH)[None, :, None]
-    logs += _spike_and_slab(np.log(RESTS[1:] / USUAL_REST) / REST_WIDTH)
-    chance = np.exp(logs - logs.max()).sum(axis=0)
-    at = np.random.default_rng(seed).choice(chance.size, size=count, p=chance.ravel() / chance.sum())
-    stretch, rest = np.unravel_index(at, chance.shape)
-    return Misfit(STRETCHES[stretch], RESTS[rest] * np.sqrt(usual))
+    logs += _spike_and_slab(np.log(RESTS[1:] / USUAL_REST) / REST_WIDTH)[:, None]
+    logs += _spike_and_slab(LOGS / STRETCH_WIDTH)
+    # half normal, one sigma 0.5: regions of one robot differ by a factor of one and a half
+    logs += (-0.5 * (APART / 0.5) ** 2)[:, None, None, None]
+    chance = np.exp(logs - logs.max()).sum(axis=1)
+    rng = np.random.default_rng(seed)
+    apart, rest, common = np.unravel_index(
+        rng.choice(chance.size, size=count, p=chance.ravel() / chance.sum()), chance.shape
+    )
+    log = np.append(0.0, LOGS)[common] + np.where(common > 0, APART[apart] * rng.standard_normal(count), 0.0)
+    return Misfit(np.exp(np.maximum(log, 0.0)), RESTS[rest] * np.sqrt(usual))
+
+
+def _log_density(part: HeldOutReadings, usual: float) -> Array:
+    """Return log densities (noises, rests, stretches) of the readings of one region; ``usual`` noise variance [m²]."""
+    out = np.empty((len(NOISES), len(RESTS), len(LOGS)))
+    square, moved = part.residual**2, (RESTS**2 * usual)[:, None]
+    for i, factor in enumerate(NOISES):
+        for j, log in enumerate(LOGS):
+            variance = factor**2 * part.noise + np.exp(2 * log) * part.open + moved
+            out[i, :, j] = -0.5 * (square / variance + np.log(variance)).sum(axis=1)
+    return out
+
+
+def _chances_about(middles: Array) -> Array:
+    """Return the probabilities (a, k, s) of the stretches of a region, of each spread and about each middle (k,)."""
+    off = (LOGS - middles[:, None]) / np.maximum(APART, 1e-3)[:, None, None]
+    weight = np.exp(-0.5 * (off**2 - (off**2).min(axis=2, keepdims=True)))
+    return np.asarray(weight / weight.sum(axis=2, keepdims=True))
+
+
+def _mix(logs: Array, chance: Array) -> Array:
+    """Return the log densities (…, k) of mixtures of those with logs (…, s), with probabilities (k, s)."""
+    top = logs.max(axis=-1, keepdims=True)
+    return np.asarray(top + np.log(np.exp(logs - top) @ chance.T + 1e-300))
 
 
 def _spike_and_slab(off: Array) -> Array:
@@ -109,23 +198,53 @@ def _spike_and_slab(off: Array) -> Array:
     return np.asarray(np.log(np.append(NONE, (1 - NONE) * weight / weight.sum())))
 
 
-def _predict(
+def _predict_region(
     before: Fit, run: Run, test: np.ndarray, whole: Model, background: Sequence[EffectFamily], time: float
-) -> HeldOutReadings:
+) -> HeldOutRegion:
     """Predict the positions of the samples ``test`` (n,) bool by a posterior of the others."""
-    seen, unseen = (_few(np.flatnonzero(which), whole.width) for which in (~test, test))
-    time = max(1.0, time * len(seen) / (~test).sum())
-    known = draw_posterior(before, run.take(seen), whole, background, time, sweeps=SWEEPS).fit()
-    there = FitProblem.of(known.fit.model, run.take(unseen), known.fit.problem.whitener.noise)
-    linear, width = there.linear(slice(0, len(there)), known.fit.errors), min(POSITION_AXES, whole.width)
-    moved = linear.rows[:, :width] @ (known.drawn - known.fit.errors[:, None])
+    seen = _few(np.flatnonzero(~test), MOST_READINGS // whole.width)
+    unseen = _worth_one_each(np.flatnonzero(test), time, whole.width)
+    worth = max(1.0, time * len(seen) / (~test).sum())
+    known = draw_posterior(before, run.take(seen), whole, background, worth, sweeps=SWEEPS).fit().fit
+    there = FitProblem.of(known.model, run.take(unseen), _scale_noise(known.problem.whitener.noise, 1 / np.sqrt(worth)))
+    return HeldOutRegion(unseen, _held_out(there, known.errors, known.solution.root(known.problem.prior)))
+
+
+def predict_validation(known: Fit, run: Run, time: float) -> HeldOutReadings | None:
+    """Predict the positions of a run that no fit saw by a posterior of which ``time`` samples are worth one.
+
+    ``None`` where the run stands in frames of its own.
+    """
+    if (usable := usable_elsewhere(known, run)) is None:
+        return None
+    model, which = usable
+    few = run.take(_worth_one_each(np.arange(len(run)), time if run.continuous else 1.0, model.width))
+    noise = _scale_noise(known.problem.whitener.noise, 1 / np.sqrt(time))
+    there = FitProblem.of(model, renumber_places(few, known.setup), noise)
+    return _held_out(there, known.errors[which], known.solution.root(known.problem.prior)[which])
+
+
+def _held_out(there: FitProblem, errors: Array, root: Array) -> HeldOutReadings:
+    """Return what is left of positions with errors (P,), known by a root (P, k) of their covariance."""
+    linear, width = there.linear(slice(0, len(there)), errors), min(POSITION_AXES, there.model.width)
     fitted, declared = (
-        np.einsum("nii->ni", white.covariance(slice(None))[:, :width, :width])
+        white.covariance(slice(None))[:, :width, :width]
         for white in (there.whitener, there.whitener.with_noise(Noise()))
     )
-    noise = fitted * min(1.0, declared.mean() / fitted.mean())
-    return HeldOutReadings(linear.residual[:, :width].ravel(), (moved**2).mean(axis=2).ravel(), noise.ravel())
+    over = np.einsum("nii->", fitted) / np.einsum("nii->", declared)
+    noise_root = np.linalg.inv(np.linalg.cholesky(fitted / max(1.0, over)))
+    return HeldOutReadings.of(linear.residual[:, :width], linear.rows[:, :width] @ root, noise_root)
 
 
-def _few(which: np.ndarray, width: int) -> np.ndarray:
-    return which[even_positions(len(which), min(len(which), MOST_READINGS // width))]
+def _worth_one_each(which: np.ndarray, time: float, width: int) -> np.ndarray:
+    """Return some of the samples: neighbours in time err alike, and only so many are worth one each."""
+    return _few(which, min(int(len(which) / time) + 1, MOST_JUDGED // min(POSITION_AXES, width)))
+
+
+def _scale_noise(noise: Noise, factor: float) -> Noise:
+    """Return noise a factor as large."""
+    return Noise(noise.gauge * factor, noise.joints * factor, noise.angle * factor)
+
+
+def _few(which: np.ndarray, most: int) -> np.ndarray:
+    return which[even_positions(len(which), min(len(which), most))]

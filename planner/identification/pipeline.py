@@ -76,7 +76,7 @@ def identify(
         return None if validation is None or bare is None else validate_fit(found, validation, bare)
 
     free = choose_parameters(cell, setup, run)
-    context = FitContext(run, parts, judge, settings.robust, free.unseen)
+    context = FitContext(run, parts, judge, settings.robust, free.unseen, validation)
     _check_size(context, free.model)
     model = free.upto(())
     say("nominal robot")

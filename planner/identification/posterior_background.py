@@ -14,6 +14,7 @@ from planner.cell.placement import N_BASE_TRANSFORMS
 from planner.cell.setup import MeasurementSetup
 from planner.common.units import Array
 from planner.effects.catalogue import Background, Excitation, catalogue, effect_kinds, registration_of
+from planner.effects.drift_shapes import drift_shapes
 from planner.effects.effect import Effect, Parameter, Role, transform_move
 from planner.effects.gauge_shapes import gauge_shapes
 from planner.effects.gears import WAVES, JointWave
@@ -31,8 +32,10 @@ PULLS, USUAL_PULL = 3, 1e-4  # harmonics of what one joint does to another, and 
 BAND = 4  # values of any other inner number
 BACKGROUND = "background"  # group of its parameters
 GAUGE_SHAPE = "gauge of any shape"
+OF_BACKGROUND = " (background)"  # last word of the names of its families in a document
 UNNAMED = "misfit"  # what the catalogue has no name for: first word of its families
-ABSENT = (Background.NAMED_ONLY, Background.OF_SHAPE)
+ABSENT = (Background.NAMED_ONLY, Background.OF_SHAPE, Background.OF_RUN)
+NEVER = (Background.OF_SHAPE, Background.KNOWN, Background.OF_RUN)  # whose findings do not enter the robot
 BY_PLACE = (Background.BY_PLACE, Background.COMMON)
 
 
@@ -78,7 +81,8 @@ def background_families(setup: MeasurementSetup, samples: Samples) -> tuple[Effe
     for name, parameters in _gears(setup, samples.q):
         out[name] = list(parameters)
     out[GAUGE_SHAPE] = list(gauge_shapes(Excitation.of(setup, samples)))
-    unnamed = {f"{UNNAMED}, {name}": list(p) for name, p in misfit_shapes(Excitation.of(setup, samples))}
+    run = Excitation.of(setup, samples)
+    unnamed = {f"{UNNAMED}, {name}": list(p) for name, p in (*misfit_shapes(run), *drift_shapes(run))}
     return tuple(
         EffectFamily(
             name, tuple(replace(p, group=BACKGROUND) for p in own), name in known, name in common, name in unnamed
@@ -101,14 +105,15 @@ def cause_of_family(name: str) -> str | None:
 def is_left_to_background(group: str) -> bool:
     """Tell whether a finding, by the group of its parameters, stays out of the released robot.
 
-    A gauge's error of a shape that only seems right would move all lengths of the arm; a curve without a name is known
+    A gauge's error of a shape that only seems right would move all lengths of the arm; what acts by a column that no
+    program has would leave the robot without what gravity does to it; a curve without a name is known
     no farther than it was measured. The whole curve of a gear the background has as harmonics and ripple: beside them
     it would stand or fall as a whole, and the draws would hardly ever exchange the one for the others.
     """
     kind, _ = _kind_and_place(group)
     if kind in (NONPARAMETRIC, GEAR_CURVE):
         return True
-    return kind in effect_kinds() and registration_of(kind).background in (Background.OF_SHAPE, Background.KNOWN)
+    return kind in effect_kinds() and registration_of(kind).background in NEVER
 
 
 def without_rivals_of(curves: Collection[str], families: Sequence[EffectFamily]) -> tuple[EffectFamily, ...]:

@@ -18,7 +18,12 @@ from planner.effects.effect import Parameter
 from planner.identification.cross_validation import Split, predict_held_out
 from planner.identification.least_squares import Fit, Solution
 from planner.identification.noise import RATIO, Noise
-from planner.identification.posterior_background import EffectFamily, is_left_to_background, without_rivals_of
+from planner.identification.posterior_background import (
+    OF_BACKGROUND,
+    EffectFamily,
+    is_left_to_background,
+    without_rivals_of,
+)
 from planner.identification.posterior_draws import RandomEffects, SizeDraw, SizePrior, draw_sizes
 from planner.identification.problem import FitProblem
 from planner.model.identification_document import SizeOfFamily
@@ -288,7 +293,7 @@ class _Families:
                     name = label[same.get(p.moves, p.name)]
                     usual.add(name)
                 else:
-                    name = "" if family.known else f"{family.name} (background)"
+                    name = "" if family.known else f"{family.name}{OF_BACKGROUND}"
                     parameters[p.name], rest[p.name] = p, name
                 common |= {name} if family.common else set()
                 unnamed |= {name} if family.unnamed else set()

@@ -11,10 +11,10 @@ from planner.common.units import MM, Array, to_mm
 from planner.identification.cross_validation import Split, predict_held_out
 from planner.identification.error_parts import error_parts, misfit_place
 from planner.identification.least_squares import Fit
-from planner.identification.misfit import judge_misfit
+from planner.identification.misfit import POSITION_AXES, HeldOutRegion, draw_misfit, predict_regions, predict_validation
 from planner.identification.posterior_background import background_families, curve_groups
 from planner.identification.posterior_fit import draw_posterior
-from planner.identification.released_robot import ReleasedRobot, ToolMap, tool_maps
+from planner.identification.released_robot import ReleasedRobot, ToolMap, drift_of, tool_maps
 from planner.identification.stages import FitContext, FittedStage
 from planner.model.identification_document import Metrics, Release, WorkToolError
 from planner.model.model import Model
@@ -59,11 +59,17 @@ def release_robot(
         if predicts_better(other.predict_held_out(split), drawn.predict_held_out(split), split):
             drawn = other
     posterior = drawn.fit()
-    misfit = judge_misfit(last, run, split, whole, families, time, posterior.drawn.shape[1])
-    known, own = (posterior, misfit, *tool_maps(cell, context.run, posterior.fit)), plain.stage
+    regions = predict_regions(last, run, whole, families, time)
+    judged = None if context.validation is None else predict_validation(posterior.fit, context.validation, time)
+    unseen = [*(r.readings for r in regions), *([] if judged is None else [judged])]
+    misfit = draw_misfit(unseen, posterior.drawn.shape[1])
+    drift, maps = drift_of(cell, run, posterior), tool_maps(cell, context.run, posterior.fit)
+    known, own = (posterior, misfit, drift, *maps), plain.stage
     geometry = ReleasedRobot(plain.fit, plain.fit, *known, own.held_out, own.validation, own.held_residual)
     aim = compromise(geometry)
     share = 0.0 if geometry_alone else safe_share(geometry, aim)
+    if len(plain.fit.problem) == len(run):  # else geometry was fitted to another part of a long run
+        share = share_by_regions(share, plain.fit, regions)
     if share < LEAST_SHARE:
         return geometry
     fit = _part_way(plain.fit, aim, share)
@@ -113,6 +119,26 @@ def safe_share(geometry: ReleasedRobot, aim: Fit) -> float:
         return 0.0
     twice = 1 + (geometry.drawn_errors(geometry.geometry) ** 2 - geometry.drawn_errors(aim) ** 2) / length
     return float(np.clip(np.quantile(twice, DOUBT), 0.0, 1.0))
+
+
+def share_by_regions(share: float, plain: Fit, regions: Sequence[HeldOutRegion]) -> float:
+    """Return the share, or less where a robot that goes as far predicts regions held out worse than geometry alone.
+
+    Both are predicted without the region, and count as was expected of the former. Errors on the way are quadratic in
+    the share, so that it goes no farther than where they are least.
+    """
+    number = np.full(len(plain.problem), -1)
+    for k, region in enumerate(regions):
+        number[region.samples] = k
+    rest = np.where(number < 0, len(regions), number)
+    alone = predict_held_out(plain, Split("region", rest, rest, rest)).residual
+    width = min(POSITION_AXES, plain.model.width)
+    before = np.concatenate([r.readings.weigh(alone[r.samples, :width]) for r in regions])
+    after = [r.readings.residual / np.sqrt(r.readings.open + r.readings.noise) for r in regions]
+    way = np.concatenate(after) - before
+    length = float((way**2).sum())
+    best = 1.0 if length == 0.0 else -float((way * before).sum()) / length
+    return share if 2 * best >= share else max(best, 0.0)
 
 
 def _part_way(geometry: Fit, aim: Fit, share: float) -> Fit:

@@ -6,7 +6,8 @@ errors. The posterior mean itself is best by that measure, and what is released 
 geometry alone would have; the nominal robot and geometry alone are judged beside it.
 Few directions, or an effect that is unlikely and large, often make up most of that square, and most robots are better:
 what is stated over the workspace is the median over robots drawn from the posterior, and what 95 % of them stay below.
-The robots drawn are as far from its mean as poses that it did not see say (``misfit``).
+The robots drawn are as far from its mean as regions that it did not see say (``misfit``). It is the robot as it was on
+average over the time of the run; how far it drifts from that meanwhile is an error at any other moment.
 """
 
 from collections.abc import Sequence
@@ -19,12 +20,13 @@ from planner.cell.cell import Cell
 from planner.cell.setup import MeasurementSetup
 from planner.common.units import Array, read_only
 from planner.effects.effect import Parameter
+from planner.effects.phi_keys import columns_of
 from planner.identification.least_squares import Fit
 from planner.identification.misfit import POSITION_AXES, Misfit
 from planner.identification.posterior_background import BACKGROUND, acts_on_robot
 from planner.identification.posterior_fit import PosteriorFit
 from planner.model.identification_document import Metrics
-from planner.model.tool_error import aligned_rows, samples_like, tool_position, uniform_states
+from planner.model.tool_error import aligned_rows, moves_robot, samples_like, tool_position, uniform_states
 from planner.runs.run import Run
 
 STATES = 1000  # joint states at which the tool is looked at
@@ -69,7 +71,8 @@ class ReleasedRobot:
         fit: whose values are written; of geometry alone, or on the way from there to the compromise with the posterior.
         geometry: the fit of geometry alone.
         posterior: what the errors are judged by.
-        misfit: how much farther off the drawn robots are than it says, by poses that it did not see.
+        misfit: how much farther off the drawn robots are than it says, by regions that it did not see.
+        drift: how far each of them moves the tool in the time of the run, rms over it and the workspace, (n,) [m].
         tool: motion of the measured tool point; other_tools: of points about the flange; work_tool: of the tool that
             the robot works with, where the cell names it.
         held_out, validation: errors of the released robot.
@@ -81,6 +84,7 @@ class ReleasedRobot:
     geometry: Fit
     posterior: PosteriorFit
     misfit: Misfit
+    drift: Array
     tool: ToolMap
     other_tools: tuple[ToolMap, ...]
     work_tool: ToolMap | None
@@ -124,7 +128,17 @@ class ReleasedRobot:
         """Return the tool's expected error at every state [m], (n,), with the values of ``fit``; ``None``: nominal."""
         off = self.offset(self.tool.names, fit)
         known = self.tool.square(self.spread(self.tool.names)) + self.tool.square(off[:, None])
-        return np.asarray(np.sqrt(known + self.misfit.rest_square))
+        return np.asarray(np.sqrt(known + self.beside_square))
+
+    @cached_property
+    def drift_rms(self) -> float:
+        """How far the tool moves in the time of the run, rms over it and the workspace [m]."""
+        return float(np.sqrt((self.drift**2).mean()))
+
+    @property
+    def beside_square(self) -> float:
+        """Mean square motion of the tool that no joint angle tells: by the rest, and by drift [m²]."""
+        return self.misfit.rest_square + self.drift_rms**2
 
     def likely_errors(self, fit: Fit | None) -> Array:
         """Return the tool's error at every state [m], (n,), shared out over them as the expected mean square is.
@@ -157,7 +171,8 @@ class ReleasedRobot:
         misfit = self.misfit
         off = misfit.stretch * (known.drawn[which] - mean.errors[which, None]) - self.offset(names, fit)[:, None]
         square = (off * (where.gram[np.ix_(at, at)] @ off)).sum(axis=0)
-        return np.asarray(np.sqrt(np.maximum(square, 0.0) / len(where.q) + POSITION_AXES * misfit.rest**2))
+        beside = POSITION_AXES * misfit.rest**2 + self.drift**2
+        return np.asarray(np.sqrt(np.maximum(square, 0.0) / len(where.q) + beside))
 
     def distance(self, fit: Fit, other: Fit) -> float:
         """Return how far the tools of two robots are apart over the workspace, rms [m]."""
@@ -210,6 +225,28 @@ def tool_maps(cell: Cell, run: Run, fit: Fit) -> tuple[ToolMap, tuple[ToolMap, .
         tuple(tool_map(few, run, _at_point(setup, p), effects, with_point=False) for p in around),
         None if work is None else tool_map(q, run, _at_point(setup, work), effects, with_point=False),
     )
+
+
+def drift_of(cell: Cell, run: Run, posterior: PosteriorFit) -> Array:
+    """Return how far each robot drawn from a posterior moves the tool in the time of a run, (n,) [m].
+
+    What moves base or gauge alone is left out: every cell aligns its work pieces.
+    """
+    fit, count = posterior.fit, posterior.drawn.shape[1]
+    setup = fit.setup
+    slow = tuple(p for p in fit.model.parameters if p.is_effect and moves_in_time(p) and moves_robot(p, setup))
+    if not slow:
+        return np.zeros(count)
+    # of 300 states each stands for a moment of the run: the mean over both is known to some per cent
+    moved = tool_map(uniform_states(cell, 300, 0), run, setup, slow, with_point=False)
+    here, there = ([names.index(p.name) for p in slow] for names in (moved.names, fit.model.names))
+    drawn, gram = posterior.drawn[there], moved.gram[np.ix_(here, here)]
+    return np.asarray(np.sqrt((drawn * (gram @ drawn)).sum(axis=0) / len(moved.q)))
+
+
+def moves_in_time(parameter: Parameter) -> bool:
+    """Tell whether a parameter acts by the clock of the run."""
+    return any("t" in columns_of(m.phi.key) for m in parameter.moves)
 
 
 def moving_effects(fit: Fit) -> tuple[Parameter, ...]:

@@ -44,6 +44,7 @@ class FitContext:
         judge: of the validation run.
         robust: whether outliers count less.
         unseen: parameters that may be off as well, and that the run cannot tell from those that are fitted.
+        validation: a run that no fit sees.
     """
 
     run: Run
@@ -51,6 +52,7 @@ class FitContext:
     judge: Callable[[Fit], Metrics | None]
     robust: bool
     unseen: tuple[Parameter, ...] = ()
+    validation: Run | None = None
     _problems: dict[bool, FitProblem] = field(default_factory=dict, repr=False, compare=False)
     _whole: list["_Piece"] = field(default_factory=list, repr=False, compare=False)
 

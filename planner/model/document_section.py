@@ -34,6 +34,7 @@ KEYS = {
     "seen": "seen_mm",
     "unseen": "unseen_mm",
     "misfit": "misfit_mm",
+    "drift": "drift_mm",
     "there": "there_mm",
     "range": "range_deg",
 }

@@ -247,12 +247,13 @@ class ErrorParts(DocumentSection):
         seen: by noise and the number of readings: more of the same make it less.
         unseen: what a hundred times as many readings at the same poses would leave: the gauge's scale, the tool's
             mount, postures that were not measured.
-        misfit: what no named cause explains, and what poses held out show beyond the posterior.
+        misfit: what no named cause explains; drift: how far the arm moved in the run from what it was on average.
     """
 
     seen: float
     unseen: float
     misfit: float
+    drift: float = 0.0
 
 
 class MisfitPlace(DocumentSection):

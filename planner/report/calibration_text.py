@@ -6,6 +6,7 @@ import numpy as np
 
 from planner.common.units import Array, display_unit, file_unit, si_unit, to_mm
 from planner.identification.calibration import Calibration
+from planner.identification.error_parts import drift_counts
 from planner.identification.own_errors import own_errors_text
 from planner.model.finding_groups import FindingGroup, group_findings, percent
 from planner.model.identification_document import DetectionLimit, Estimate, Finding, Release
@@ -109,6 +110,11 @@ def _part_sentences(r: Release) -> list[str]:
             f"Of this {in_mm(p.seen)} mm come of noise and the number of readings, {in_mm(p.unseen)} mm are what more "
             f"readings at these poses cannot show (scale, tool, other postures), {in_mm(p.misfit)} mm are misfit."
         )
+        if drift_counts(p):
+            out.append(
+                f"{in_mm(p.drift)} mm of it is how far the arm moved in the time of the run: it is written as it was "
+                "on average."
+            )
     if (m := r.unexplained) is not None:
         kept = "; the robot as written follows it where it was measured" if r.basis == "posterior" else ""
         out.append(f"What moves the tool by {in_mm(m.anywhere)} mm rms over the workspace has no named cause{kept}.")

@@ -8,6 +8,7 @@ from planner.common.numbers import number_of
 from planner.common.summary import Aside, Fact, Summary
 from planner.common.units import DEG, MM, format_value, to_mm
 from planner.identification.calibration import Calibration, other_zeros_text, zeros_text
+from planner.identification.error_parts import drift_counts
 from planner.identification.own_errors import own_errors_text
 from planner.model.finding_groups import FindingGroup, group_findings, percent
 from planner.model.identification_document import Estimate, Metrics, Release
@@ -24,13 +25,12 @@ def fit_overview(found: Calibration) -> Summary:
     said = "calibrated" if not found.problems else "NOT calibrated, the fit failed its own checks"
     fitted, samples = len(found.last_fit), number_of(len(found.run), "sample")
     facts = [
-        *([] if release is None else _tool_facts(release, found.workspace_error)),
+        *([] if release is None else _leading_facts(release, found.workspace_error, found.fit.model.width)),
         *_reading_facts(found, release),
         *([("in pixels", own)] if (own := own_errors_text(found)) else []),
         *_cause_facts(found),
         *_parameter_facts(found),
         ("rest", found.diagnosis.sentence),
-        *([] if release is None else _misfit_facts(release, found.fit.model.width)),
         *([] if release is None else _zero_facts(found)),
     ]
     asides = {w for w in found.run.warnings if isinstance(w, Aside)}  # a document keeps texts alone
@@ -41,6 +41,13 @@ def fit_overview(found: Calibration) -> Summary:
 
 def _mm(value: float) -> str:
     return f"{float(to_mm(value)):.3f}"
+
+
+def _leading_facts(r: Release, anywhere: float, width: int) -> list[Fact]:
+    """Say how good the tool is expected to be, and what no named cause explains: first what is most of it."""
+    misfit, tool = list(_misfit_facts(r, width)), list(_tool_facts(r, anywhere))
+    most = r.parts is not None and r.parts.misfit > max(r.parts.seen, r.parts.unseen, r.parts.drift)
+    return [*misfit, *tool] if most else [*tool, *misfit]
 
 
 def _tool_facts(r: Release, anywhere: float) -> Iterator[Fact]:
@@ -56,6 +63,9 @@ def _tool_facts(r: Release, anywhere: float) -> Iterator[Fact]:
         )
     else:
         yield "other tool", f"{_mm(r.other_tool)} mm  at a tool point that was not measured"
+    if r.parts is not None and drift_counts(r.parts):
+        yield "drift", f"{_mm(r.parts.drift)} mm of it: so far the arm moved in the time of the run"
+        yield "", "it is written as it was on average; measure once it is warm, or log temperature_degC"
 
 
 def _reading_facts(found: Calibration, release: Release | None) -> Iterator[Fact]:
@@ -152,6 +162,7 @@ def _details(found: Calibration, release: Release | None) -> Iterator[Fact]:
             yield "error from", f"{_mm(p.seen)} mm  noise and number of readings"
             yield "", f"{_mm(p.unseen)} mm  what more readings at these poses cannot show (scale, tool, other postures)"
             yield "", f"{_mm(p.misfit)} mm  misfit"
+            yield "", f"{_mm(p.drift)} mm  drift in the time of the run"
         yield from (("zeros", text) for text in other_zeros_text(found))
     yield from _parameter_rows(found.estimates)
 

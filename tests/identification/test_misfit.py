@@ -36,7 +36,7 @@ def held_out(seed, noise=1.0, stretch=1.0, rest=0.0, m=330):
     rng = np.random.default_rng(seed)
     size = OPEN * np.exp(rng.normal(size=m))
     parts = rng.normal(size=(3, m)) * [np.full(m, noise * NOISE), stretch * size, np.full(m, rest)]
-    return HeldOutReadings(parts.sum(axis=0), size**2, np.full(m, NOISE**2))
+    return HeldOutReadings(parts.sum(axis=0), size**2, np.full(m, NOISE**2), np.eye(m))
 
 
 def typical(misfit):
@@ -47,6 +47,38 @@ def test_readings_as_expected_say_of_no_misfit():
     found = [draw_misfit([held_out(seed)], 400) for seed in range(20)]
     assert np.median([m.probability for m in found]) < 0.3
     assert all(typical(m) == (1.0, 0.0) for m in found[:3])
+
+
+def test_a_posterior_that_is_not_sure_enough_is_left_as_it_is():
+    found = [draw_misfit([held_out(seed, stretch=0.4), held_out(50 + seed, stretch=0.4)], 400) for seed in range(20)]
+    assert all(typical(m)[0] == 1.0 for m in found)
+    assert np.median([np.quantile(m.stretch, 0.95) for m in found]) < 1.2
+
+
+def test_regions_that_differ_leave_the_stretch_open():
+    """Of four regions two are as expected and two five times as far off: what the next one is nobody knows well."""
+    found = [
+        draw_misfit([held_out(10 * seed + k, stretch=s) for k, s in enumerate((1.0, 1.0, 5.0, 5.0))], 400)
+        for seed in range(10)
+    ]
+    high, low = (np.median([np.quantile(m.stretch, p) for m in found]) for p in (0.95, 0.2))
+    assert low < 2.0
+    assert high > 4.0
+
+
+def test_readings_that_move_together_count_as_one():
+    """A single direction open, seen by 300 readings: it says as little of the stretch as one number does."""
+    rng = np.random.default_rng(0)
+    found = []
+    for _ in range(20):
+        shared = rng.uniform(0.5, 1.5, 100)
+        residual = (3.0 * OPEN * rng.normal() * shared + NOISE * rng.normal(size=100))[:, None]
+        root = np.full((100, 1, 1), 1 / NOISE)
+        part = HeldOutReadings.of(residual, OPEN * shared[:, None, None], root)
+        assert (part.open > 1e-6 * NOISE**2).sum() == 1
+        assert part.weigh(residual) == pytest.approx(part.residual / np.sqrt(part.open + part.noise))
+        found.append(np.log(draw_misfit([part], 400).stretch).std())
+    assert np.median(found) > 0.3
 
 
 def test_a_posterior_that_is_too_sure_is_stretched():

@@ -8,10 +8,11 @@ import pytest
 
 import tests.identification.rigs as rigs
 from planner.effects.backlash import ApproachDirection, Hysteresis, SettlingError, SpeedLag, SpeedSign, TorqueSign
-from planner.effects.basis import ONE
-from planner.effects.catalogue import catalogue
+from planner.effects.basis import ONE, Less
+from planner.effects.catalogue import Excitation, catalogue
 from planner.effects.compliance import DriveTorque, LoadMoment, PayloadTorque, TipMoment, WeightTorque, twist_moves
 from planner.effects.context import Context
+from planner.effects.drift_shapes import TimeWave
 from planner.effects.effect import Parameter, transform_move
 from planner.effects.gauge_errors import (
     BallOffset,
@@ -24,6 +25,7 @@ from planner.effects.gauge_errors import (
     PointLag,
     RayGrowth,
 )
+from planner.effects.gauge_shapes import BarShape
 from planner.effects.gears import BoundedWave, JointAngle, JointWave
 from planner.effects.phi_keys import phi_from_key
 from planner.effects.sessions import PlaceInSession
@@ -207,6 +209,9 @@ def test_plain_formulas():
         TemperatureRise(21.0): s.temperature - 21.0,
         ElapsedTime(5.0): s.t - 5.0,
         WarmUp(5.0, 600.0): 1 - np.exp(-(s.t - 5.0) / 600.0),
+        Less(0.25, WarmUp(5.0, 600.0)): 0.75 - np.exp(-(s.t - 5.0) / 600.0),
+        TimeWave(5.0, 900.0, 2): np.sqrt(2) * np.cos(2 * np.pi * (s.t - 5.0) / 900.0),
+        BarShape(0.4, 0.1, 2, 1, 0, 1): ((s.length - 0.4) / 0.1) ** 2 * e[:, 0] * e[:, 2],
         PlaceInSession(1, 2): 1.0 * ((s.place == 1) & (s.session == 2)),
         LengthPower(0.4, 0.1, 3): ((s.length - 0.4) / 0.1) ** 3,
         LengthGrowth(20.0): (s.temperature - 20.0) * s.length,
@@ -244,3 +249,17 @@ def test_hysteresis_follows_a_friction_element_step_by_step():
     angles = np.repeat(q[:, None], 6, axis=1)
     s = replace(c.samples, q=angles, reversals=np.repeat(turned[:, None], 6, axis=1))
     assert np.allclose(Hysteresis(2, width)(Context(c.setup, s)), expected, atol=1e-12)
+
+
+def test_what_moves_in_time_is_nought_on_average_over_the_run():
+    """By quadrature: what is released beside it is the arm as it was on average, and not at the start."""
+    time = np.linspace(40.0, 2_440.0, 24_001)
+    c = context(n=len(time))
+    c = Context(c.setup, replace(c.samples, t=time))
+    run = Excitation.of(c.setup, c.samples)
+    slow = [Less(WarmUp(40.0, 300.0).mean(2_400.0), WarmUp(40.0, 300.0)), ElapsedTime(run.middle)]
+    slow += [TimeWave(run.start, run.duration, k) for k in (1, 2, 3)]
+    for phi in slow:
+        values = phi(c)
+        assert abs(np.trapezoid(values, time) / np.trapezoid(np.abs(values), time)) < 1e-4, phi
+    assert np.trapezoid(slow[-1](c) ** 2, time) / 2_400.0 == pytest.approx(1.0, rel=1e-3)
