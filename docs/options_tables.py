@@ -9,7 +9,7 @@ from planner.cell.reading import load_cell, shipped_cells
 from planner.cli.app import load_command
 from planner.common.calls import options_table
 from planner.effects.catalogue import effect_kinds, needs_of
-from planner.workflow.verbs import DECLARED
+from planner.workflow.verbs import declared_calls
 
 ANY_RUN = "another kind of run"  # said where nothing but other poses is needed
 OF_CLICK = ("--help",)  # not listed
@@ -25,7 +25,7 @@ def on_page_markdown(markdown: str, **_: object) -> str:
 
 def verb_table(verb: str) -> str:
     """Return the table of a verb's options: of its declaration, or of the command where it has none."""
-    return options_table(DECLARED[verb]) if verb in DECLARED else typed_table(verb)
+    return options_table(calls[verb]) if verb in (calls := declared_calls()) else typed_table(verb)
 
 
 def typed_table(verb: str) -> str:

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 __version__ = "0.1.0"
 
-if TYPE_CHECKING:
+if TYPE_CHECKING:  # for type checkers and editors, those of the shipped extensions among them
     from planner.cell.cell import Cell as Cell
     from planner.cell.reading import load_cell as load_cell
     from planner.common.result import Plot as Plot
@@ -33,11 +33,11 @@ if TYPE_CHECKING:
     from planner.workflow.checking import CheckResult as CheckResult
     from planner.workflow.checking import check as check
     from planner.workflow.checking import plan_check as plan_check
+    from planner.workflow.circle_results import CircularPlanResult as CircularPlanResult
     from planner.workflow.compensation import CompensationResult as CompensationResult
     from planner.workflow.compensation import compensate as compensate
     from planner.workflow.identification import CalibrationResult as CalibrationResult
     from planner.workflow.identification import identify as identify
-    from planner.workflow.plan_results import CircularPlanResult as CircularPlanResult
     from planner.workflow.plan_results import ExportResult as ExportResult
     from planner.workflow.plan_results import PlanResult as PlanResult
     from planner.workflow.plan_results import SimulationResult as SimulationResult
@@ -54,24 +54,32 @@ _MODULES = {
     "kinematics.robot_reader": ("load_robot",),
     "runs.loader": ("load_run",),
     "runs.run": ("Run",),
-    "studies.cell_study": ("StudyResult", "study"),
-    "workflow.checking": ("CheckPlanResult", "CheckResult", "check", "plan_check"),
     "workflow.compensation": ("CompensationResult", "compensate"),
     "workflow.identification": ("CalibrationResult", "identify"),
     "workflow.plan_use": ("export", "simulate"),
-    "workflow.plan_results": ("CircularPlanResult", "ExportResult", "PlanResult", "SimulationResult"),
+    "workflow.plan_results": ("ExportResult", "PlanResult", "SimulationResult"),
     "workflow.planning": ("plan",),
-    "workflow.recording": ("record",),
 }
-_HOME = {name: module for module, names in _MODULES.items() for name in names}  # imported when it is first used
-__all__ = ["__version__", *sorted(_HOME)]
+_HOME = {name: f"planner.{module}" for module, names in _MODULES.items() for name in names}  # imported when first used
+
+
+def _homes() -> dict[str, str]:
+    """Return the module of each name: those of the core, and what extensions give."""
+    from planner.common.commands import extension_names
+    from planner.common.extensions import load_extensions
+
+    load_extensions()
+    return {**extension_names(), **_HOME}
 
 
 def __getattr__(name: str) -> Any:
-    if name not in _HOME:
-        raise AttributeError(f"module 'planner' has no attribute '{name}' (there: {', '.join(__all__)})")
-    return getattr(import_module(f"planner.{_HOME[name]}"), name)
+    if name == "__all__":
+        return ["__version__", *sorted(_homes())]
+    home = _HOME.get(name) or (None if name.startswith("_") else _homes().get(name))
+    if home is None:
+        raise AttributeError(f"module 'planner' has no attribute '{name}' (there: {', '.join(__dir__())})")
+    return getattr(import_module(home), name)
 
 
 def __dir__() -> list[str]:
-    return __all__
+    return ["__version__", *sorted(_homes())]

@@ -23,7 +23,7 @@ ROOT = Path(planner.__file__).parent
 ORDER = [
     "common", "kinematics", "runs", "cell", "effects", "gauges", "model", "motion", "design", "programs", "session",
     "identification", "tracing", "compensation", "instruments", "report", "studies", "workflow",
-    "service", "cli",
+    "cli", "service", "wings",
 ]  # fmt: skip
 
 

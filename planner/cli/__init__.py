@@ -1,3 +1,3 @@
 """The command ``edbb``."""
 
-__all__: list[str] = []
+__all__ = ["terminal"]

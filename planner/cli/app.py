@@ -5,7 +5,7 @@ import os
 import sys
 from collections.abc import Callable
 from contextlib import suppress
-from functools import wraps
+from functools import cache, wraps
 from importlib import import_module
 from inspect import Parameter, signature
 from pathlib import Path
@@ -15,32 +15,52 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 
 from planner import __version__
-from planner.cli.command_groups import group_of, in_order
 from planner.cli.declared import folder_command
 from planner.cli.terminal import TELLING, errors
+from planner.common.calls import GROUPS, MORE
+from planner.common.commands import extension_commands, remote_function
 from planner.common.console import speak_plainly
-from planner.common.errors import InputError, PlannerError
+from planner.common.errors import InputError, MissingProgramError, PlannerError
 from planner.common.files import INPUTS, OVERWRITING, short_path
 from planner.common.quiet import results_alone
 from planner.kinematics.packages import COMMAND_PACKAGES
-from planner.workflow.verbs import DECLARED
+from planner.workflow.verbs import declared_calls
 
-PLANNING, CALIBRATION, CELL, SERVICE = "plan_commands", "calibration_commands", "cell_commands", "service_commands"
-WRITTEN = {  # not declared: (module, line in the list of commands)
-    "record": (CALIBRATION, "Keep the history of one robot, and show its drift."),
-    "centre": (CELL, "Centre a head of indicators on the balls of a plan."),
-    "measure": (CELL, "Read a bar or wire at each pose of a plan into a run."),
-    "demo": ("demo_command", "Try the whole chain without a robot, on one with a hidden fault."),
-    "serve": (SERVICE, "Serve the planner to browsers and programs."),
-    "robots": (SERVICE, "List the robots and cells that come with the planner."),
-    "dialects": (SERVICE, "List the robot languages that programs can be written in."),
+LISTS = "planner.cli.list_commands"
+WRITTEN = {  # of the core, not declared: the function of the command line, and the line in the list of commands
+    "robots": (f"{LISTS}:robots_command", "List the robots and cells that come with the planner."),
+    "dialects": (f"{LISTS}:dialects_command", "List the robot languages that programs can be written in."),
+    "demo": (
+        "planner.cli.demo_command:demo_command",
+        "Try the whole chain without a robot, on one with a hidden fault.",
+    ),
 }
-VERBS = {name: call.line for name, call in DECLARED.items()} | {name: line for name, (_, line) in WRITTEN.items()}
-"""Every command, and its line in the list."""
-WITH_MORE = {  # declared, and more than that happens, or is typed, on the command line: the module
-    **dict.fromkeys(("study", "export"), PLANNING),
-    **dict.fromkeys(("simulate", "import", "compensate"), CALIBRATION),
+WITH_MORE = {  # of the core, declared, and more than that happens, or is typed, on the command line: the function
+    "export": "planner.cli.plan_commands:export_command",
+    **{n: f"planner.cli.calibration_commands:{n}_command" for n in ("simulate", "import", "compensate")},
 }
+
+
+@cache
+def verbs() -> dict[str, str]:
+    """Return every command, and its line in the list: heading by heading, those of the core first.
+
+    Raises:
+        InputError: an extension cannot be loaded, or takes a command of the core.
+    """
+    declared = {name: call.line for name, call in declared_calls().items()}
+    more = {name: c.line for name, c in extension_commands().items()}
+    own = {name: line for name, (_, line) in WRITTEN.items()}
+    if taken := sorted(own.keys() & more.keys()):
+        raise InputError(f"command '{taken[0]}': an extension brings it, and the planner has it already")
+    every, groups = declared | more | own, command_groups()
+    return dict(sorted(every.items(), key=lambda item: GROUPS.index(groups[item[0]])))
+
+
+def command_groups() -> dict[str, str]:
+    """Return under which heading the list of commands shows each."""
+    declared = {name: call.group for name, call in declared_calls().items()}
+    return declared | {name: c.group for name, c in extension_commands().items()} | dict.fromkeys(WRITTEN, MORE)
 
 
 class PlainSwitches:
@@ -97,8 +117,8 @@ class Verbs(PlainSwitches, TyperGroup):
 
     def __init__(self, **attributes: Any) -> None:
         super().__init__(**attributes)
-        for name in in_order(list(VERBS)):
-            self.add_command(TyperCommand(name, help=VERBS[name], rich_help_panel=group_of(name)))
+        for name, line in verbs().items():
+            self.add_command(TyperCommand(name, help=line, rich_help_panel=command_groups()[name]))
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """Return name, command and other words of what is called."""
@@ -108,10 +128,12 @@ class Verbs(PlainSwitches, TyperGroup):
 
 def command_function(name: str) -> Callable[..., None]:
     """Return the function of the command ``name``."""
-    if name in DECLARED and name not in WITH_MORE:
-        return folder_command(DECLARED[name])
-    module = import_module(f"planner.cli.{WITH_MORE.get(name) or WRITTEN[name][0]}")
-    function: Callable[..., None] = getattr(module, f"{name.replace('-', '_')}_command")
+    brought = extension_commands().get(name)
+    typed = brought.typed if brought else WITH_MORE.get(name) or WRITTEN.get(name, ("",))[0]
+    if not typed:
+        return folder_command(declared_calls()[name])
+    module, attribute = typed.split(":")
+    function: Callable[..., None] = getattr(import_module(module), attribute)
     return function
 
 
@@ -151,12 +173,12 @@ ASKS = ("--help", "--version")
 
 def _run_on_server(url: str, words: list[str]) -> int:
     """Check the command here, so that nothing is sent in vain, and run it there."""
-    from planner.cli.remote import Server, run_remotely
-
-    if words[0] not in VERBS:
+    if words[0] not in verbs():
         app(words)
     if not url.startswith(("http://", "https://")):
         raise InputError(f"--server '{url}': an address such as http://127.0.0.1:8017 is needed")
+    if not remote_function():
+        raise MissingProgramError("--server: no extension that is installed here runs commands on a server")
     try:
         load_command(words[0]).make_context(words[0], list(words[1:]))
     except Exception as err:  # of the library that reads the command line: it is vendored and has no public name
@@ -164,7 +186,9 @@ def _run_on_server(url: str, words: list[str]) -> int:
             raise
         err.show()
         return int(getattr(err, "exit_code", 2))
-    return run_remotely(Server(url.rstrip("/"), os.environ.get("EDBB_TOKEN", "")), words)
+    module, name = remote_function().split(":")
+    run: Callable[[str, list[str]], int] = getattr(import_module(module), name)
+    return run(url, words)
 
 
 def main() -> None:

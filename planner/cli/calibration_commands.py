@@ -1,37 +1,26 @@
-"""The commands that write one file (simulate, import, compensate), and the record of a robot."""
+"""The commands that write one file (simulate, import, compensate)."""
 
 import re
-from datetime import date as Day
 from inspect import Parameter
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from planner.cli.declared import Values, declare_command
 from planner.cli.terminal import (
     TELLING,
-    Json,
-    OptionalOutput,
     OutputFile,
     Screen,
     errors,
     evaluation_step,
-    give,
     give_file,
     print_notes,
 )
 from planner.common.calls import find_function
 from planner.common.errors import PARTLY_DONE, InputError
 from planner.common.files import check_writing
-from planner.common.lazy_modules import LazyModule
 from planner.workflow.compensate_call import CompensateCall
 from planner.workflow.plan_use_calls import ImportCall, SimulateCall
-
-if TYPE_CHECKING:
-    from planner.workflow import recording
-else:  # imported by the work itself, once its progress shows
-    recording = LazyModule("planner.workflow.recording")
 
 FILE = (OutputFile, Parameter.empty)
 
@@ -75,32 +64,3 @@ def _axes(text: str) -> tuple[int, ...]:
 simulate_command = declare_command(SimulateCall, _simulate, output=FILE)
 import_command = declare_command(ImportCall, _import, output=FILE)
 compensate_command = declare_command(CompensateCall, _compensate, output=FILE)
-
-
-def record_command(
-    folder: Annotated[Path, typer.Argument(metavar="RECORD", help="folder of the robot's record")],
-    add: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="what identify, accuracy or check wrote, to be added")
-    ] = None,
-    serial: Annotated[str | None, typer.Option(help="serial number of the robot, for a new record")] = None,
-    date: Annotated[
-        str | None, typer.Option(metavar="YYYY-MM-DD", help="day of what is added (default: today)")
-    ] = None,
-    operator: Annotated[str, typer.Option(help="who measured")] = "",
-    temperature: Annotated[float | None, typer.Option("--temperature-degC", help="of the room")] = None,
-    tool: Annotated[str, typer.Option(help="on the flange")] = "",
-    gauge: Annotated[str, typer.Option(help="kind and serial number of the gauge")] = "",
-    certificate: Annotated[str, typer.Option(help="number of the gauge's certificate")] = "",
-    output: OptionalOutput = None,
-    as_json: Json = False,
-) -> None:
-    """Keep the history of one robot: calibrations, validations, checks, and what changed between them."""
-    from planner.common.schema import validate
-    from planner.instruments.record import Circumstances
-
-    said = {
-        "date": date or Day.today().isoformat(), "operator": operator, "temperature_degC": temperature, "tool": tool,
-        "gauge": gauge, "certificate": certificate,
-    }  # fmt: skip
-    when = validate(said, Circumstances, "edbb record")
-    give(lambda _: recording.record(folder, add=add, serial=serial, circumstances=when), output, as_json)

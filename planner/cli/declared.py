@@ -8,7 +8,7 @@ from typing import Annotated, Any, get_args
 import typer
 from typer.models import ArgumentInfo
 
-from planner.cli.terminal import STARTS, Json, OptionalOutput, Output, give
+from planner.cli.terminal import Json, OptionalOutput, Output, give
 from planner.common.calls import Call, CallField, find_function, typed_fields
 from planner.common.errors import PARTLY_DONE
 from planner.report.standby import stand_by
@@ -59,7 +59,7 @@ def folder_command(call: type[Call]) -> Callable[..., None]:
                 lambda stages: find_function(call)(**values, progress=stages.say),
                 output,
                 as_json,
-                STARTS.get(call.verb, {}),
+                call.starts,
             )
         if result.cut_short:
             raise typer.Exit(PARTLY_DONE)

@@ -1,63 +1,20 @@
-"""The commands study and export: what is typed there beside what their verbs declare."""
+"""The command export: what is typed there beside what its verb declares."""
 
 import sys
 from inspect import Parameter
 from pathlib import Path
-from typing import Annotated
 
-import typer
-
-from planner.cell.declared import CELL
 from planner.cli.declared import Values, declare_command
 from planner.cli.terminal import (
-    STARTS,
-    Json,
-    Output,
     OutputFile,
     Screen,
     errors,
     evaluation_step,
-    give,
     print_next,
 )
 from planner.common.calls import find_function
 from planner.common.errors import InputError
-from planner.studies.study_call import StudyCall
 from planner.workflow.plan_use_calls import ExportCall
-
-
-def _study(
-    values: Values, cell: str | None, output: Path, sweep_file: Path | None, scheduler: str | None, as_json: bool
-) -> None:
-    if (cell is None) == (sweep_file is None):
-        raise InputError("a study is of a cell, or of a sweep (--sweep SWEEP.toml): name one of the two")
-    if sweep_file is None:
-        give(
-            lambda stages: find_function(StudyCall)(cell, **values, progress=stages.say),
-            output,
-            as_json,
-            STARTS["study"],
-        )
-        return
-    from planner.studies.sweep import sweep  # numbers and tables: other commands start quicker without
-
-    give(lambda stages: sweep(sweep_file, output, scheduler=scheduler, progress=stages.say), output, as_json)
-
-
-Sweep = Annotated[
-    Path | None,
-    typer.Option("--sweep", metavar="SWEEP.toml", help="in place of a cell: fixtures x bars x tools x poses"),
-]
-Scheduler = Annotated[str | None, typer.Option(metavar="tcp://…", help="compute the sweep on a Dask cluster")]
-study_command = declare_command(
-    StudyCall,
-    _study,
-    cell=(Annotated[str | None, typer.Argument(metavar="[CELL]", help=CELL)], None),
-    output=(Output, Parameter.empty),
-    sweep_file=(Sweep, None),
-    scheduler=(Scheduler, None),
-    as_json=(Json, False),
-)
 
 
 def _export(values: Values, output: str) -> None:

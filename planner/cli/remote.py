@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import os
 import re
 import sys
 import time
@@ -226,3 +227,13 @@ def _write(files: dict[str, bytes], output: Path, verb: str) -> str:
                 write_bytes(draft / name, data)
         move_all(draft, output)
     return str(output)
+
+
+def run_on_server(url: str, words: Sequence[str]) -> int:
+    """Run a command on the service at an address, with the token in ``EDBB_TOKEN``; return its exit code.
+
+    Raises:
+        InputError: the service refuses the command, or the results cannot be written.
+        MissingProgramError: nobody answers.
+    """
+    return run_remotely(Server(url.rstrip("/"), os.environ.get("EDBB_TOKEN", "")), words)

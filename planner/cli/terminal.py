@@ -21,23 +21,6 @@ from planner.common.result import Result
 from planner.common.result_folder import check_not_inside, check_overwriting
 from planner.common.summary import Aside, Fact, count_alike, fact_lines, under_key
 
-PLAN = {
-    "fixtures": 0.0, "candidates": 0.02, "roadmap": 0.14, "foresight": 0.28, "selection": 0.38, "separation": 0.56,
-    "refinement": 0.58, "path": 0.66, "index curve": 0.83, "programs": 0.84, "report": 0.88,
-}  # fmt: skip
-STUDY = {
-    "candidates": 0.0,
-    "what is seen": 0.1,
-    "index curves": 0.12,
-    "fixture places": 0.3,
-    "fixtures": 0.8,
-    "pictures": 0.9,
-}
-IDENTIFY = {
-    "reading": 0.0, "placing the gauge": 0.02, "nominal robot": 0.03, "frames": 0.04, "geometry": 0.06, "rivals": 0.42,
-    "detection limits": 0.46, "calibrated robot": 0.5, "report": 0.85,
-}  # fmt: skip
-STARTS = {"plan": PLAN, "plan-both": PLAN, "study": STUDY, "identify": IDENTIFY}  # by verb
 UNKNOWN = 0.15  # of the way to the next stage, for a step that nobody foresaw: how many come is not known
 
 
@@ -169,14 +152,13 @@ def print_next(step: str) -> None:
 def evaluation_step(run: Path | str, plan: Path) -> str:
     """Return the command that evaluates the run of a plan."""
     from planner.common.schema import read_json  # other commands start quicker without
-    from planner.workflow.plan_results import evaluation_command
+    from planner.session.evaluations import evaluation_of
 
     content = read_json(plan)
     assert isinstance(content, dict)  # it was read before
-    if content.get("kind") == "circular":
-        cell = plan.parent / "cell.toml"
-        return f"edbb circular {run} --plan {plan} -o circular; under load edbb loaded {run} --cell {cell} -o loaded"
-    return evaluation_command(run, plan, any(p["role"] == "calibrate" for p in content["poses"]))
+    return evaluation_of(
+        run, plan, content.get("kind"), any(p["role"] == "calibrate" for p in content.get("poses", ()))
+    )
 
 
 def check_folder(output: Path) -> None:

@@ -4,6 +4,7 @@ __all__ = [
     "arrays",
     "calls",
     "choices",
+    "commands",
     "console",
     "determinism",
     "errors",

@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import MISSING, dataclass, fields
 from functools import wraps
 from inspect import Parameter, Signature, cleandoc
+from types import MappingProxyType
 from typing import Annotated, Any, ClassVar, Literal, ParamSpec, TypeVar, get_args, get_origin
 
 from planner.common.notebook import NotebookProgress, runs_in_notebook
@@ -72,6 +73,11 @@ class Option:
     python_only: bool = False
 
 
+MORE = "More"
+GROUPS = ("Plan", "Measure", "Calibrate", "Use", "Keep", MORE)
+"""Headings under which the list of all commands shows each, in the order in which a person needs them."""
+
+
 class Call:
     """Base of the declarations; the docstring is the help of the command."""
 
@@ -79,10 +85,14 @@ class Call:
     """The command."""
     line: ClassVar[str]
     """What it does, in the list of all commands."""
+    group: ClassVar[str] = MORE
+    """Under which heading the list of commands shows it, see :data:`GROUPS`."""
     function: ClassVar[str]
     """The function that does it, as ``module:name``; it is imported when it is called."""
     needs_output: ClassVar[bool] = True
     """Whether its result is always written, not only where a folder is named for it."""
+    starts: ClassVar[Mapping[str, float]] = MappingProxyType({})
+    """Share of the command's time at which each of its stages usually begins."""
     draws: ClassVar[bool] = False
     """Whether its pictures are drawn by a process that stands by from the start."""
 

@@ -1,22 +1,43 @@
-"""What other packages bring: effects, basis functions and gauges, registered when their modules are imported."""
+"""What is built on the core: effects, gauges, commands, registered when the modules that bring them are imported.
+
+Those that come with the planner are the modules of ``planner.wings``; other packages name theirs under the entry point
+``edbb.extensions``.
+"""
 
 from functools import cache
+from importlib import import_module
 from importlib.metadata import entry_points
+from importlib.util import find_spec
+from pkgutil import iter_modules
 
 from planner.common.errors import InputError
 
 GROUP = "edbb.extensions"
+SHIPPED = "planner.wings"
 HINT = f"; one that is not shipped comes with an installed package whose entry point '{GROUP}' names its module"
+
+
+def shipped_extensions() -> tuple[str, ...]:
+    """Return the modules of the extensions that come with this installation, none where their folder is left out."""
+    if find_spec(SHIPPED) is None:
+        return ()
+    return tuple(sorted(f"{SHIPPED}.{m.name}" for m in iter_modules(import_module(SHIPPED).__path__)))
 
 
 @cache
 def load_extensions() -> None:
-    """Import the modules that installed packages name under the entry point ``edbb.extensions``, by their names.
+    """Import the shipped extensions, then those that installed packages name, by their names.
+
+    The folder says which are shipped, not the metadata of an installation: a checkout has none, or that of another day.
 
     Raises:
         InputError: one cannot be imported, or registers a name that is taken.
     """
+    for module in shipped_extensions():
+        import_module(module)
     for point in sorted(entry_points(group=GROUP)):
+        if point.module.startswith(f"{SHIPPED}."):
+            continue
         try:
             point.load()
         except Exception as err:

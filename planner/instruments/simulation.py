@@ -9,7 +9,7 @@ from planner.cell.cell import Cell
 from planner.common.errors import InputError
 from planner.common.units import Array, read_only
 from planner.instruments.assumptions import CORRELATION_TIME, FIXTURE_CHANGE_TIME
-from planner.instruments.loaded.equilibrium import solve_equilibrium
+from planner.instruments.equilibrium import solve_equilibrium
 from planner.instruments.truth import Truth
 from planner.runs.run import NO_REFERENCE_READINGS, SIMULATED, ReferenceReadings, Run, Samples
 from planner.session.course import Course

@@ -1,7 +1,7 @@
 """The report of a plan."""
 
 from dataclasses import replace
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -10,7 +10,6 @@ import planner.report.plan_charts as plan_charts
 from planner.cell.cell import Cell
 from planner.common.units import to_deg, to_mm
 from planner.design.observability.information import INDEX_RULES
-from planner.instruments.check.results import SHOWN_RATES, CheckForecast
 from planner.report.cell_view import build_cell_view
 from planner.report.page import Report, Row
 from planner.report.plan_data import ParameterForecast, forecast_parameters, sample_drive, tour_orders
@@ -18,8 +17,27 @@ from planner.session.plan_types import Drive, Plan
 from planner.session.tour_cost import cost_name
 
 
-def report_plan(plan: Plan, forecast: CheckForecast | None = None) -> Report:
-    """Return the page of a plan and its pictures; of a check ``forecast`` is what it shows."""
+class Forecast(Protocol):
+    """What a plan will tell that does not calibrate: the head of its page, and from which size on it shows what."""
+
+    @property
+    def title(self) -> str:
+        """What such a plan is called."""
+
+    @property
+    def purpose(self) -> str:
+        """What it is for, in a sentence."""
+
+    @property
+    def rates(self) -> str:
+        """How surely it is found, and how often a sound robot gives an alarm."""
+
+    def rows(self) -> list[tuple[str, str]]:
+        """Return every change that shows, and from which motion of the tool on, in mm."""
+
+
+def report_plan(plan: Plan, forecast: Forecast | None = None) -> Report:
+    """Return the page of a plan and its pictures; ``forecast``: what a plan shows that does not calibrate."""
     forecasts, drives = forecast_parameters(plan), [_drive(plan, k) for k in range(len(plan.drives))]
     overview = [plan_charts.funnel_chart(plan)]
     overview += [plan_charts.parameter_chart(forecasts)] if forecast is None else []
@@ -28,10 +46,9 @@ def report_plan(plan: Plan, forecast: CheckForecast | None = None) -> Report:
     content = {
         "plan": plan,
         "about": f"cell {plan.cell.name} · {plan.cell.gauge.describe(plan.cell)}",
-        "facts": _facts(plan) if forecast is None else _check_facts(plan),
+        "facts": _facts(plan) if forecast is None else _facts_without_index(plan),
         "certificate": text.certificate_text(plan) if forecast is None else (),
         "forecast": forecast,
-        "shown_rates": SHOWN_RATES,
         "separation": text.separation_text(plan.separation) if plan.separation else "",
         "drives": drives,
         "forecasts": [_forecast(f) for f in forecasts],
@@ -74,8 +91,8 @@ def _drive_facts(plan: Plan) -> tuple[Row, ...]:
     )
 
 
-def _check_facts(plan: Plan) -> tuple[Row, ...]:
-    """The same numbers of a check, which no index has chosen."""
+def _facts_without_index(plan: Plan) -> tuple[Row, ...]:
+    """The same numbers of poses that no index has chosen."""
     return (("poses", str(len(plan.choice.q)), "to tell what has changed"), *_drive_facts(plan))
 
 

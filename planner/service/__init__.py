@@ -1,3 +1,3 @@
 """The service: jobs that survive a crash, an HTTP interface, and the pages for the person at the cell."""
 
-__all__ = ["backup", "serving", "settings"]
+__all__: list[str] = []

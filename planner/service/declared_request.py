@@ -9,12 +9,12 @@ from pydantic import Field, create_model
 from planner.common.calls import SENT, Call, ServedField, served_fields
 from planner.service.job_folder import FileReference, JobId
 from planner.service.job_request import JobRequest
-from planner.workflow.verbs import DECLARED
+from planner.workflow.verbs import declared_calls
 
 
 def typed_options(verb: str, *others: str) -> list[ServedField]:
     """Return the fields of a verb that a form shows as they are declared; ``others`` have inputs of their own."""
-    return [s for s in served_fields(DECLARED[verb]) if s.is_typed and s.name not in others]
+    return [s for s in served_fields(declared_calls()[verb]) if s.is_typed and s.name not in others]
 
 
 def take_fields(call: type[Call], *laid: str) -> Callable[[type[JobRequest]], type[JobRequest]]:

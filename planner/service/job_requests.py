@@ -21,14 +21,15 @@ from planner.service.job_request import (
     options,
 )
 from planner.studies.study_call import StudyCall
-from planner.workflow.check_calls import AccuracyCall, CheckCall, PlanCheckCall
+from planner.workflow.accuracy_call import AccuracyCall
+from planner.workflow.check_calls import CheckCall, PlanCheckCall
 from planner.workflow.compensate_call import CompensateCall
 from planner.workflow.identify_call import IdentifyCall
 from planner.workflow.plan_call import PlanCall
 from planner.workflow.plan_use_calls import ExportCall, SimulateCall
-from planner.workflow.verbs import DECLARED
+from planner.workflow.verbs import declared_calls
 
-VERBS = (*DECLARED, "robots", "dialects")  # commands that run on a server
+VERBS = (*declared_calls(), "robots", "dialects")  # commands that run on a server
 ERROR_MAP_FILES = ("expected_error.csv", "identification.json")
 SOME_JOB, SOME_FILE = "0123456789abcdef01234567", "0" * 64
 

@@ -5,6 +5,7 @@ __all__ = [
     "course",
     "document",
     "document_parts",
+    "evaluations",
     "judgement",
     "mount",
     "movable_cell",

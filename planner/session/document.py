@@ -22,9 +22,11 @@ from planner.session.document_parts import (
     SeparationRecord,
     TourRecord,
 )
+from planner.session.evaluations import evaluation_of
 
 SCHEMA = "edbb-plan/1"
 MOST_WAYPOINTS = 20_000  # of a drive: a plan has hundreds
+MOST_KIND = 40  # letters of a kind of plan that a message shows
 MOST_DEG = 1e5  # [deg] of an angle that a controller could drive
 MOST_BLEND_MM = 1e4  # [mm] of a corner that a controller could round
 
@@ -100,7 +102,7 @@ class PlanHeader(PartialModel):
     """What every plan says of itself."""
 
     schema_: Literal["edbb-plan/1"] = Field(alias="schema")
-    kind: Literal["circular"] | None = None
+    kind: OneLine | None = None
     plan_id: str = Field(pattern="^[0-9a-f]{12}$")
     robot: OneLine = ""
     joint_units: tuple[Literal["deg", "mm"], ...] = ()  # where a joint slides: lists of joints are called q then
@@ -151,11 +153,11 @@ def read_plan(path: Path, *needed: str) -> PlanDocument:
         InputError: no such file, no plan, or a plan of circles.
     """
     content = read_json(path)
-    if isinstance(content, dict) and content.get("kind") == "circular":
-        raise InputError(
-            f"{path}: is a plan of circles, and a plan of poses is needed here; runs of circles are for edbb circular, "
-            "those under load for edbb loaded"
-        )
+    if isinstance(content, dict) and content.get("kind"):
+        kind = str(content["kind"])[:MOST_KIND]
+        its_own = evaluation_of("RUN", path, kind, calibrates=False)
+        cure = f"; its runs are for {its_own}" if its_own else ""
+        raise InputError(f"{path}: is a plan of the kind '{kind}', and a plan of poses is needed here{cure}")
     document = validate(content, PlanDocument, str(path))
     for key in needed:
         if key not in document.model_fields_set:

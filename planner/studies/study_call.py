@@ -8,6 +8,16 @@ from planner.common.calls import Call, Option, ProgressKeyword, Seed
 from planner.common.choices import IndexName
 from planner.common.progress import no_progress
 
+STAGES = {
+    "candidates": 0.0,
+    "what is seen": 0.1,
+    "index curves": 0.12,
+    "fixture places": 0.3,
+    "fixtures": 0.8,
+    "pictures": 0.9,
+}
+"""Shares of the time of a study at which its stages usually begin."""
+
 
 @dataclass(frozen=True)
 class StudyCall(Call):
@@ -15,7 +25,9 @@ class StudyCall(Call):
 
     verb = "study"
     line = "Observability offline: what can be seen, and from where."
+    group = "Plan"
     function = "planner.studies.cell_study:study"
+    starts = STAGES
 
     cell: CellWord
     _: KW_ONLY

@@ -18,7 +18,7 @@ from planner.instruments.validation import Validation, validate_robot
 from planner.runs.loader import load_runs
 from planner.runs.run import Run, read_reference_readings
 from planner.session.document import PlanDocument, check_run_of_plan, read_plan
-from planner.workflow.check_calls import AccuracyCall
+from planner.workflow.accuracy_call import AccuracyCall
 from planner.workflow.run_checks import check_unit
 
 GAUGES = ("tracker", "trical")

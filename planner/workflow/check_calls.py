@@ -1,13 +1,13 @@
-"""The verbs ``accuracy``, ``plan-check`` and ``check``, declared."""
+"""The verbs ``plan-check`` and ``check``, declared."""
 
-from dataclasses import KW_ONLY, dataclass, replace
+from dataclasses import KW_ONLY, dataclass
 from pathlib import Path
 from typing import Annotated
 
-from planner.cell.declared import CellOption, CellWord
+from planner.cell.declared import CellWord
 from planner.common.calls import Call, Dialects, Option, ProgressKeyword, Seed
 from planner.common.progress import no_progress
-from planner.workflow.declared import CALIBRATED, MeasuredPlan
+from planner.workflow.declared import MeasuredPlan
 
 Baseline = Annotated[
     Path | str,
@@ -16,37 +16,12 @@ Baseline = Annotated[
 
 
 @dataclass(frozen=True)
-class AccuracyCall(Call):
-    """Judge a robot before and after calibration by a tracker's run, or the precision of repeated centrings."""
-
-    verb = "accuracy"
-    line = "Judge a robot by a tracker's run, or repeated centrings."
-    function = "planner.workflow.accuracy:check_accuracy"
-    needs_output = False
-
-    run: Annotated[
-        Path | str,
-        Option(
-            "a tracker's run, or one of repeated centrings",
-            metavar="RUN",
-            is_word=True,
-            typed=Path,
-            request_name="runs",
-        ),
-    ]
-    _: KW_ONLY
-    cell: CellOption
-    plan: MeasuredPlan = None
-    model: Annotated[Path | str | None, replace(CALIBRATED, help="the calibrated robot", typed=Path | None)] = None
-    progress: ProgressKeyword = no_progress
-
-
-@dataclass(frozen=True)
 class PlanCheckCall(Call):
     """Plan about ten poses that tell whether and where a robot has changed since its calibration."""
 
     verb = "plan-check"
     line = "Plan ten poses that tell whether a robot has changed."
+    group = "Keep"
     function = "planner.workflow.checking:plan_check"
 
     cell: CellWord
@@ -64,6 +39,7 @@ class CheckCall(Call):
 
     verb = "check"
     line = "Judge a check: what has changed, and what to do."
+    group = "Keep"
     function = "planner.workflow.checking:check"
 
     run: Annotated[Path | str, Option("the run of a check, .csv or .parquet", metavar="RUN", is_word=True, typed=Path)]

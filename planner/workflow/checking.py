@@ -3,12 +3,13 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from planner.cell.cell import Cell
 from planner.cell.reading import load_cell
 from planner.common.calls import called_with
 from planner.common.errors import InputError
+from planner.common.files import document_text, write_text
 from planner.common.progress import Stages
 from planner.common.result import FolderResult, simulated_section
 from planner.common.summary import Summary
@@ -17,19 +18,23 @@ from planner.identification.baseline import Baseline
 from planner.instruments.check.evaluation import CheckVerdict, evaluate_check
 from planner.instruments.check.planning import CheckChooser, resting_cell
 from planner.instruments.check.results import CheckForecast, verdict_content, verdict_overview
+from planner.instruments.check.words import FORECAST
 from planner.instruments.simulation import planned_samples
 from planner.motion.planning_packages import require_planning_packages
 from planner.runs.loader import load_runs
 from planner.session.document import check_run_of_plan, read_plan
+from planner.session.evaluations import evaluation_of
 from planner.session.options import PlanOptions
 from planner.session.planned_session import PlannedSession
 from planner.session.planning import plan_session
 from planner.workflow.check_calls import CheckCall, PlanCheckCall
-from planner.workflow.plan_overview import check_overview
-from planner.workflow.plan_results import PlanResult, evaluation_command
+from planner.workflow.check_overview import check_overview
+from planner.workflow.plan_results import PlanResult
 from planner.workflow.planning import pose_session
 from planner.workflow.run_checks import check_unit
-from planner.workflow.writing import fill_plan
+
+if TYPE_CHECKING:
+    from planner.report.page import Report
 
 
 @dataclass(frozen=True)
@@ -44,11 +49,18 @@ class CheckPlanResult(PlanResult):
 
     def fill(self, draft: Path) -> None:
         """Write what every plan has, and ``shows.json``."""
-        fill_plan(self.plan, draft, self.stages, self.forecast)
+        super().fill(draft)
+        write_text(draft / FORECAST, document_text(self.forecast.content()))
+
+    def report(self) -> "Report":
+        """Return the page of the plan, with what it shows."""
+        from planner.report.plan_report import report_plan  # plotting takes long to load
+
+        return report_plan(self.plan, self.forecast)
 
     def next_step(self, folder: Path) -> str:
         """Say how the check is measured and judged."""
-        return f"run the program and log it\n{evaluation_command('run.csv', folder / 'plan.json', False)}"
+        return f"run the program and log it\n{evaluation_of('run.csv', folder / 'plan.json', None, calibrates=False)}"
 
 
 @dataclass(frozen=True)

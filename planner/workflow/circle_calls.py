@@ -9,6 +9,7 @@ from planner.cell.declared import CellOption, CellWord
 from planner.common.calls import Call, Dialects, Option, ProgressKeyword, Seed
 from planner.common.progress import no_progress
 from planner.workflow.declared import RUNS, MeasuredPlan
+from planner.workflow.plan_call import PLAN_STAGES
 
 MOST_PLACES = 12  # circles of one session
 
@@ -19,6 +20,7 @@ class CircularCall(Call):
 
     verb = "circular"
     line = "Evaluate a circular test in the manner of ISO 230-4."
+    group = "Calibrate"
     function = "planner.workflow.circle_evaluation:evaluate_circular_runs"
 
     runs: Annotated[Sequence[Path], RUNS]
@@ -36,6 +38,7 @@ class LoadedCall(Call):
 
     verb = "loaded"
     line = "Evaluate circles driven under load: joint compliances."
+    group = "Calibrate"
     function = "planner.workflow.circle_evaluation:evaluate_loaded"
 
     runs: Annotated[Sequence[Path], replace(RUNS, help="runs with force_N, .csv or .parquet")]
@@ -60,6 +63,7 @@ class LoadedPlacesCall(Call):
 
     verb = "loaded-places"
     line = "Find where loaded circles tell the compliances apart."
+    group = "Plan"
     function = "planner.workflow.loaded_planning:study_places"
 
     cell: CellWord
@@ -79,7 +83,9 @@ class PlanBothCall(Call):
 
     verb = "plan-both"
     line = "Plan a session with an unloaded and a loaded bar."
+    group = "Plan"
     function = "planner.workflow.loaded_planning:plan_both"
+    starts = PLAN_STAGES
 
     unloaded: Annotated[
         str,

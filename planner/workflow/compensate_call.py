@@ -21,6 +21,7 @@ class CompensateCall(Call):
 
     verb = "compensate"
     line = "Correct a program for the calibrated robot."
+    group = "Use"
     function = "planner.workflow.compensation:compensate"
 
     targets: Annotated[

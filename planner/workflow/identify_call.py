@@ -17,13 +17,22 @@ if TYPE_CHECKING:
     from planner.workflow.plan_results import PlanResult, SimulationResult
 
 
+STAGES = {
+    "reading": 0.0, "placing the gauge": 0.02, "nominal robot": 0.03, "frames": 0.04, "geometry": 0.06, "rivals": 0.42,
+    "detection limits": 0.46, "calibrated robot": 0.5, "report": 0.85,
+}  # fmt: skip
+"""Shares of the time of an identification at which its stages usually begin."""
+
+
 @dataclass(frozen=True)
 class IdentifyCall(Call):
     """Identify the robot from measured runs: parameters with uncertainties, errors before and after."""
 
     verb = "identify"
     line = "Identify the robot from measured runs."
+    group = "Calibrate"
     function = "planner.workflow.identification:identify"
+    starts = STAGES
 
     runs: Annotated["Run | SimulationResult | Path | str | Sequence[Path | str]", RUNS]
     _: KW_ONLY

@@ -43,7 +43,8 @@ from planner.motion.planning_packages import require_planning_packages
 from planner.session.options import PlanOptions
 from planner.session.plan_types import Plan
 from planner.workflow.circle_calls import LoadedPlacesCall, PlanBothCall
-from planner.workflow.plan_results import CircularPlanResult, PlanResult
+from planner.workflow.circle_results import CircularPlanResult
+from planner.workflow.plan_results import PlanResult
 from planner.workflow.planning import plan_cell
 from planner.workflow.writing import write_cell
 

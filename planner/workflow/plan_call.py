@@ -8,6 +8,12 @@ from planner.common.calls import Call, Option, ProgressKeyword
 from planner.common.progress import no_progress
 from planner.session.options import PlanOptions
 
+PLAN_STAGES = {
+    "fixtures": 0.0, "candidates": 0.02, "roadmap": 0.14, "foresight": 0.28, "selection": 0.38, "separation": 0.56,
+    "refinement": 0.58, "path": 0.66, "index curve": 0.83, "programs": 0.84, "report": 0.88,
+}  # fmt: skip
+"""Shares of the time of a plan at which its stages usually begin."""
+
 
 @dataclass(frozen=True)
 class PlanCall(PlanOptions, Call):
@@ -15,7 +21,9 @@ class PlanCall(PlanOptions, Call):
 
     verb = "plan"
     line = "Plan a measuring session: poses, path, robot program, report."
+    group = "Plan"
     function = "planner.workflow.planning:plan"
+    starts = PLAN_STAGES
     draws = True
 
     cell: CellWord

@@ -4,18 +4,14 @@ from collections.abc import Iterator, Sequence
 
 from planner.common.numbers import number_of
 from planner.common.summary import Fact, Summary
-from planner.common.units import to_deg, to_mm
+from planner.common.units import to_mm
 from planner.design.bayesian_design import BayesianDesign, ErrorByNumber, another_place_pays, describe_bayesian_design
 from planner.design.observability.identifiability import DroppedParameter
 from planner.design.observability.information import INDEX_RULES
 from planner.design.pose_selection import describe_pruning
-from planner.instruments.check.results import CheckForecast
-from planner.instruments.circular.plan import CircularPlan
 from planner.session.plan_record import UnprovenPoses
 from planner.session.plan_types import Plan
 from planner.session.tour_cost import cost_name
-
-MOST_SHOWN = 4  # changes that a check shows, which are listed
 
 
 def plan_overview(plan: Plan) -> Summary:
@@ -136,32 +132,3 @@ def unproven_overview(found: UnprovenPoses) -> Summary:
         [("candidates", found.pool.funnel.text())],
         found.notes,
     )
-
-
-def circular_overview(plan: CircularPlan) -> Summary:
-    """Return what is said of a circular test."""
-    arcs = plan.arcs
-    minutes = sum(c.duration for c in plan.courses) / 60
-    facts: list[Fact] = []
-    for a in arcs:
-        c = a.circle
-        loads = f", {len(c.loads)} loads" if c.loads else ""
-        bar = f"bar {to_mm(a.length.min()):.1f} to {to_mm(a.length.max()):.1f} mm"
-        sweep = f"{to_deg(c.sweep):g}° from {to_deg(c.start):g}°, {' and '.join(c.directions)}{loads}"
-        facts.append((c.name, f"{c.plane}, radius {to_mm(c.radius):g} mm, {sweep}, {to_mm(c.speed):.4g} mm/s; {bar}"))
-        facts.append(("", a.told))
-    clearance = to_mm(min(v.clearance for v in plan.verdicts))
-    facts.append(("drive", f"{minutes:.0f} min; nearest bodies {clearance:.1f} mm apart, proven by two engines"))
-    count = number_of(len(arcs), "circle")
-    return Summary(f"{plan.cell.name}: circular test on {count}, plan {plan.plan_id}", facts, notes=plan.notes)
-
-
-def check_overview(plan: Plan, forecast: CheckForecast) -> Summary:
-    """Return what is said of a planned check: what is driven, and from which size on it shows each change."""
-    whole = plan_overview(plan)
-    facts, shown = [f for f in whole.facts if f[0] != plan.choice.index], forecast.facts()
-    first, rest = shown[:MOST_SHOWN], shown[MOST_SHOWN:-1]
-    more = [("", f"and {number_of(len(rest), 'change')} more")] if rest else []
-    hidden = (forecast.hidden_because,) if forecast.hidden else ()
-    details = [f for f in whole.details if f[0] != plan.choice.index]
-    return Summary(whole.title, [*facts, *first, *more, shown[-1]], [*details, *rest], (*whole.notes, *hidden))

@@ -1,11 +1,12 @@
 """The results of planning: a session of poses, a circular test, and the runs and programs that are made of them."""
 
 import re
+from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import groupby
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from planner.common.errors import InputError
 from planner.common.files import write_text
@@ -13,15 +14,18 @@ from planner.common.numbers import number_of
 from planner.common.progress import Stages
 from planner.common.result import FolderResult, Plot, Result
 from planner.common.summary import Summary
-from planner.instruments.circular.plan import CircularPlan
 from planner.instruments.simulation import SimulatedRun
 from planner.programs.rendering import ProgramFile
 from planner.runs.writer import run_text, save_run
-from planner.session.document import PlanDocument
+from planner.session.document import PlanDocument, PlanHeader
+from planner.session.evaluations import evaluation_of
 from planner.session.plan_record import UnprovenPoses, plan_document
-from planner.session.plan_types import Plan, Programs
-from planner.workflow.plan_overview import circular_overview, plan_overview, unproven_overview
-from planner.workflow.writing import FORECAST, fill_plan, plan_content, write_cell, write_program_as
+from planner.session.plan_types import Plan, Programs, SessionPlan
+from planner.workflow.plan_overview import plan_overview, unproven_overview
+from planner.workflow.writing import fill_plan, write_cell, write_program_as
+
+if TYPE_CHECKING:
+    from planner.report.page import Report
 
 
 @dataclass(frozen=True)
@@ -30,17 +34,30 @@ class SessionResult(FolderResult):
 
     main_file = "plan.json"
 
-    plan: Plan | CircularPlan
+    kind: ClassVar[str] = ""
+    """``kind`` in ``plan.json``; empty for poses."""
+    one_clock: ClassVar[bool] = False
+    """Whether the time of ``trajectory.csv`` goes on from fixture to fixture."""
+
+    plan: SessionPlan
     stages: Stages = field(default_factory=Stages)
     cut_short: tuple[str, ...] = ()
 
+    @abstractmethod
+    def document(self) -> PlanHeader:
+        """Return what ``plan.json`` holds."""
+
+    @abstractmethod
+    def report(self) -> "Report":
+        """Return the page of the plan."""
+
     def content(self) -> Mapping[str, Any]:
         """Return what ``plan.json`` says."""
-        return plan_content(self.plan)
+        return self.document().content()
 
     def fill(self, draft: Path) -> None:
         """Write programs, ``trajectory.csv``, ``cell.toml``, the report and its pictures."""
-        fill_plan(self.plan, draft, self.stages)
+        fill_plan(self.plan, draft, self.stages, self.report, self.one_clock)
 
     def files(self, folder: Path) -> str:
         """Name the programs and what every plan has."""
@@ -57,7 +74,7 @@ class PlanResult(SessionResult):
         """Say how the session is measured and evaluated."""
         plan, calibrates = folder / "plan.json", any(v.role == "calibrate" for d in self.plan.drives for v in d.visits)
         measure = self.plan.cell.gauge.measured_by.replace("PLAN", str(plan))
-        return f"{measure}\n{evaluation_command('run.csv', plan, calibrates)}"
+        return f"{measure}\n{evaluation_of('run.csv', plan, None, calibrates)}"
 
     def overview(self) -> Summary:
         """Return what is driven, the error before and after, what would help and what stays unseen."""
@@ -66,6 +83,12 @@ class PlanResult(SessionResult):
     def document(self) -> PlanDocument:
         """Return what ``plan.json`` holds."""
         return plan_document(self.plan)
+
+    def report(self) -> "Report":
+        """Return the page of the plan and its pictures."""
+        from planner.report.plan_report import report_plan
+
+        return report_plan(self.plan)
 
     def preview(self) -> Plot:
         """Return what chose the poses against their number; the parameters where neither index nor foresight did."""
@@ -128,17 +151,6 @@ class PosesResult(FolderResult):
 
 
 @dataclass(frozen=True)
-class CircularPlanResult(SessionResult):
-    """A planned circular test."""
-
-    plan: CircularPlan
-
-    def overview(self) -> Summary:
-        """Return what is driven."""
-        return circular_overview(self.plan)
-
-
-@dataclass(frozen=True)
 class SimulationResult(Result):
     """A run that nobody measured; the errors behind it stand in its comments."""
 
@@ -184,14 +196,6 @@ class ExportResult:
     def write(self, path: Path | str) -> list[str]:
         """Write the program to ``path`` and the others beside it; returned is what a person must know of that."""
         return write_program_as(self.programs, Path(path))
-
-
-def evaluation_command(run: Path | str, plan: Path, calibrates: bool) -> str:
-    """Return the command that evaluates the run of a plan of poses: a check, a calibration, or validation alone."""
-    if (plan.parent / FORECAST).is_file():
-        return f"edbb check {run} --plan {plan} --baseline CALIBRATED -o checked"
-    where = f"{run} --cell {plan.parent / 'cell.toml'} --plan {plan}"
-    return f"edbb identify {where} -o calibrated" if calibrates else f"edbb accuracy {where} -o accuracy"
 
 
 def plan_files(programs: Programs) -> str:

@@ -2,19 +2,17 @@
 
 import tomllib
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeVar
 
+from planner.cell.cell import Cell
 from planner.cell.reading import load_cell
 from planner.common.calls import called_with
 from planner.common.determinism import on_one_thread
 from planner.common.errors import InputError
 from planner.common.schema import read_json, validate
 from planner.gauges.vision.images import BoardInImages, find_corners
-from planner.instruments.check.planning import CHECK_NOTE
-from planner.instruments.circular.document import is_circular, load_circular_plan
-from planner.instruments.circular.plan import CircularPlan, circle_samples
 from planner.instruments.simulation import SAMPLE_RATE, planned_samples, simulate_run
 from planner.instruments.truth import draw_truth, read_truth
 from planner.kinematics.robot import Robot
@@ -25,20 +23,18 @@ from planner.programs.dialect import PathForm, dialect_names, load_dialect
 from planner.programs.instructions import Program
 from planner.programs.verification import import_map
 from planner.runs.image_table import run_of_images
-from planner.runs.run import Run
+from planner.runs.run import Run, Samples
 from planner.runs.traces import ColumnMap, import_mapped, import_run, is_trace_of
 from planner.session.document import read_dialects, read_plan
+from planner.session.evaluations import drawn_warnings
 from planner.session.judgement import judge_plan
 from planner.session.neutral_program import driven_form, session_program, write_session
 from planner.session.plan_types import Plan
 from planner.session.planned_session import PlannedSession, load_session
-from planner.workflow.plan_results import ExportResult, SimulationResult
+from planner.workflow.plan_kinds import DrivenPlan, PlanKind, kind_named
+from planner.workflow.plan_results import ExportResult, SessionResult, SimulationResult
 from planner.workflow.plan_use_calls import ExportCall, ImportCall, SimulateCall
 
-DRAWN_FOR_CHECK = (
-    "this is the plan of a check, and a newly drawn robot was simulated: where the calibration was not of a robot "
-    "drawn with the same seed, its check fails; --truth RUN.csv simulates the robot of the calibration's simulated run"
-)
 NOT_PROVEN_ANEW = "its path was not proven anew, as no collision engine is installed here"
 
 
@@ -55,7 +51,7 @@ def export(asked: ExportCall) -> ExportResult:
     """
     path, dialect, name = Path(asked.plan), asked.dialect, asked.name
     form = driven_form(dialect)
-    planned = load_circular_plan(path) if is_circular(path) else load_session(path, "exported", check=True)
+    planned = kind.load_maker().load(path) if (kind := _kind_of(path)) else load_session(path, "exported", check=True)
     _ = axes_for(planned.cell.robot, load_dialect(dialect))
     program = _program_of(path, planned, form)
     notes = judge_plan(path, planned.cell, program, planned.notes, form in _proven_forms(path))
@@ -76,27 +72,61 @@ def simulate(asked: SimulateCall) -> SimulationResult:
         InputError: no plan, no cell beside it, the two do not belong together, or a truth that is wrong.
     """
     plan, truth, change, seed = asked.plan, asked.truth, asked.change, asked.seed
-    session = _read_drives(Path(plan)) if isinstance(plan, Path | str) else _drives_of(plan.plan)
-    cell, drawn = session.cell, truth is None
-    changed = session.notes
-    if isinstance(session, CircularPlan):
-        samples = circle_samples(session, SAMPLE_RATE)
-        changed = changed if isinstance(plan, Path | str) else ()
-    else:
-        samples = planned_samples(cell, session.document, session.courses)
-        changed += (DRAWN_FOR_CHECK,) if drawn and CHECK_NOTE in session.document.notes else ()
+    drawn = truth is None
+    driven = _drive_of_file(Path(plan), drawn) if isinstance(plan, Path | str) else _drive_of(plan, drawn)
+    cell, samples = driven.cell, driven.samples
     if change and drawn:
         raise InputError("a change is of a known robot: give its truth too (--truth), a file or its simulated run")
     known = draw_truth(cell, seed) if truth is None else read_truth(Path(truth), cell, samples, change)
-    run = simulate_run(cell, session.plan_id, samples, known, seed)
-    warnings = (*run.warnings, *changed, *cell.gauge.centring_warnings(cell, samples, run))
+    run = simulate_run(cell, driven.plan_id, samples, known, seed)
+    warnings = (*run.warnings, *driven.notes, *cell.gauge.centring_warnings(cell, samples, run))
     return SimulationResult(replace(run, warnings=warnings))
 
 
-def _read_drives(path: Path) -> PlannedSession | CircularPlan:
+@dataclass(frozen=True)
+class _Drive:
+    """A plan as it is simulated: where the arm is told to stand, and what a person must know of it."""
+
+    cell: Cell
+    plan_id: str
+    samples: Samples
+    notes: tuple[str, ...]
+
+    @classmethod
+    def of_poses(cls, session: PlannedSession, drawn: bool) -> "_Drive":
+        """Return that of a plan of poses; ``drawn``: whether the robot is drawn anew."""
+        samples = planned_samples(session.cell, session.document, session.courses)
+        notes = (*session.notes, *(drawn_warnings(session.document.notes) if drawn else ()))
+        return cls(session.cell, session.plan_id, samples, notes)
+
+    @classmethod
+    def of_kind(cls, kind: PlanKind, plan: DrivenPlan, notes: tuple[str, ...]) -> "_Drive":
+        """Return that of a plan of another kind."""
+        return cls(plan.cell, plan.plan_id, kind.load_maker().samples(plan, SAMPLE_RATE), notes)
+
+
+def _drive_of_file(path: Path, drawn: bool) -> _Drive:
+    if kind := _kind_of(path):
+        read = _prove_anew(path, kind.load_maker().load(path))
+        return _Drive.of_kind(kind, read, read.notes)
+    return _Drive.of_poses(_read_drives(path), drawn)
+
+
+def _drive_of(result: SessionResult, drawn: bool) -> _Drive:
+    if isinstance(result.plan, Plan):
+        return _Drive.of_poses(PlannedSession.of(result.plan), drawn)
+    return _Drive.of_kind(kind_named(result.kind, Path(result.main_file)), result.plan, ())
+
+
+def _kind_of(path: Path) -> PlanKind | None:
+    """Return the kind of the plan at ``path``, nothing for one of poses."""
+    content = read_json(path)
+    name = content.get("kind") if isinstance(content, dict) else None
+    return kind_named(str(name), path) if name else None
+
+
+def _read_drives(path: Path) -> PlannedSession:
     """Read what is driven; a path by hand has only its drives, and not all that a program is made of."""
-    if is_circular(path):
-        return _prove_anew(path, load_circular_plan(path))
     content = read_json(path)
     whole = isinstance(content, dict) and {"robot", "poses", "trajectory"} <= content.keys()
     session = load_session(path, "simulated", check=whole)
@@ -109,7 +139,7 @@ def _proven_forms(path: Path) -> list[PathForm]:
     return [driven_form(name) for name in read_dialects(path) if name in known]
 
 
-def _program_of(path: Path, session: PlannedSession | CircularPlan, form: PathForm) -> Program:
+def _program_of(path: Path, session: DrivenPlan, form: PathForm) -> Program:
     """Return the neutral program of the plan at ``path``.
 
     Raises:
@@ -121,7 +151,7 @@ def _program_of(path: Path, session: PlannedSession | CircularPlan, form: PathFo
         raise InputError(f"{path}: {err}") from err
 
 
-S = TypeVar("S", PlannedSession, CircularPlan)
+S = TypeVar("S", bound=DrivenPlan)
 
 
 def _prove_anew(path: Path, session: S) -> S:
@@ -132,10 +162,6 @@ def _prove_anew(path: Path, session: S) -> S:
         return replace(session, notes=tuple(f"{note}; {NOT_PROVEN_ANEW}" for note in session.notes))
     program = _program_of(path, session, PathForm())
     return replace(session, notes=judge_plan(path, session.cell, program, session.notes))
-
-
-def _drives_of(plan: Plan | CircularPlan) -> PlannedSession | CircularPlan:
-    return plan if isinstance(plan, CircularPlan) else PlannedSession.of(plan)
 
 
 @called_with(ImportCall)

@@ -9,7 +9,7 @@ from planner.common.calls import LANGUAGE, Call, Option, Seed
 from planner.workflow.declared import PLAN_FILE, MeasuredPlan
 
 if TYPE_CHECKING:
-    from planner.workflow.plan_results import CircularPlanResult, PlanResult
+    from planner.workflow.plan_results import SessionResult
 
 
 @dataclass(frozen=True)
@@ -18,6 +18,7 @@ class ExportCall(Call):
 
     verb = "export"
     line = "Write the robot program of a plan in any dialect."
+    group = "Use"
     function = "planner.workflow.plan_use:export"
 
     plan: Annotated[Path | str, PLAN_FILE]
@@ -34,9 +35,10 @@ class SimulateCall(Call):
 
     verb = "simulate"
     line = "Simulate the measured run of a plan."
+    group = "Measure"
     function = "planner.workflow.plan_use:simulate"
 
-    plan: Annotated["PlanResult | CircularPlanResult | Path | str", PLAN_FILE]
+    plan: Annotated["SessionResult | Path | str", PLAN_FILE]
     _: KW_ONLY
     truth: Annotated[
         Path | str | None,
@@ -63,6 +65,7 @@ class ImportCall(Call):
 
     verb = "import"
     line = "Bring controller and gauge traces into the run format."
+    group = "Measure"
     function = "planner.workflow.plan_use:import_traces"
 
     traces: Annotated[

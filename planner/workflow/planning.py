@@ -1,5 +1,6 @@
 """``plan()``: the plan of a cell, whatever its gauge."""
 
+from dataclasses import replace
 from pathlib import Path
 
 from planner.cell.cell import Cell
@@ -13,21 +14,23 @@ from planner.motion.planning_packages import require_planning_packages
 from planner.report.plan_report import report_plan
 from planner.report.standby import drawing_process
 from planner.session.bar_poses import BarPoses
-from planner.session.options import PlanOptions, check_circle_options, check_point_options
+from planner.session.options import PlanOptions, check_point_options
 from planner.session.plan_record import PathNotProvenError
 from planner.session.plan_types import Plan
 from planner.session.planning import PoseChooser, PoseSession, plan_session
 from planner.session.point_poses import PointPoses
 from planner.workflow.plan_call import PlanCall
-from planner.workflow.plan_results import CircularPlanResult, PlanResult, PosesResult
+from planner.workflow.plan_kinds import kind_of_cell
+from planner.workflow.plan_results import PlanResult, PosesResult, SessionResult
 
 
 @called_with(PlanCall)
-def plan(asked: PlanCall) -> PlanResult | PosesResult | CircularPlanResult:
+def plan(asked: PlanCall) -> PlanResult | PosesResult | SessionResult:
     """Plan a measuring session: poses, certificate, collision-free path, robot programs.
 
-    A cell with circles is a circular test. With a limit of time searches stop early, and the notes say what they left;
-    the same seed then no longer gives the same bytes. Over before a path is proven: the poses alone, without a program.
+    What an extension plans, such as circles, it plans. With a limit of time searches stop early, and the notes say what
+    they left; the same seed then no longer gives the same bytes. Over before a path is proven: the poses alone, without
+    a program.
 
     Raises:
         InputError: the cell or an argument is wrong.
@@ -39,15 +42,13 @@ def plan(asked: PlanCall) -> PlanResult | PosesResult | CircularPlanResult:
     chosen = asked.cell if isinstance(asked.cell, Cell) else load_cell(str(asked.cell))
     limit = None if asked.time_limit is None else TimeLimit(asked.time_limit)
     with limit_time(limit):
-        if not chosen.circles:
-            try:
-                return PlanResult(plan_cell(chosen, asked, stages), stages, limit.notes if limit else ())
-            except PathNotProvenError as cut:
-                return PosesResult(cut.poses, (*(limit.notes if limit else ()), str(cut)))
-        from planner.instruments.circular.planning import plan_circles  # needless for poses, and slow to load
-
-        check_circle_options(chosen, asked)
-        return CircularPlanResult(plan_circles(chosen, asked, stages), stages, limit.notes if limit else ())
+        if kind := kind_of_cell(chosen):
+            made = kind.load_maker().plan(chosen, asked, stages)
+            return replace(made, cut_short=limit.notes if limit else ())
+        try:
+            return PlanResult(plan_cell(chosen, asked, stages), stages, limit.notes if limit else ())
+        except PathNotProvenError as cut:
+            return PosesResult(cut.poses, (*(limit.notes if limit else ()), str(cut)))
 
 
 def plan_cell(cell: Cell, options: PlanOptions, stages: Stages) -> Plan:

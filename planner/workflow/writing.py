@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -13,7 +14,6 @@ from planner.cell.cell import Cell
 from planner.common.errors import InputError
 from planner.common.files import (
     check_writing,
-    document_text,
     encode_text,
     write_bytes,
     write_text,
@@ -21,62 +21,46 @@ from planner.common.files import (
 )
 from planner.common.lazy_modules import pl
 from planner.common.progress import Stages
-from planner.instruments.check.results import CheckForecast
-from planner.instruments.circular.document import circular_document
-from planner.instruments.circular.plan import CircularPlan
 from planner.motion.timing.trajectory import trajectory_csv as table_csv
 from planner.motion.timing.trajectory import trajectory_table
 from planner.programs.rendering import ProgramFile
 from planner.session.movable_cell import cell_files
-from planner.session.plan_record import plan_document
-from planner.session.plan_types import Plan
+from planner.session.plan_types import SessionPlan
 
 if TYPE_CHECKING:
     from planner.report.page import Report
 
 
-FORECAST = "shows.json"  # of a check, beside its plan
-
-
-def fill_plan(plan: Plan | CircularPlan, folder: Path, stages: Stages, forecast: CheckForecast | None = None) -> None:
+def fill_plan(
+    plan: SessionPlan, folder: Path, stages: Stages, report: Callable[[], Report], one_clock: bool = False
+) -> None:
     """Write programs, ``trajectory.csv``, ``cell.toml``, ``report.html``, pictures, ``timings.json`` into a folder.
 
-    Of a check ``forecast`` is written too, as ``shows.json``.
+    Args:
+        plan: what is driven.
+        folder: where to.
+        stages: they keep the seconds.
+        report: makes the page; plotting is loaded by it, as other commands start quicker without.
+        one_clock: whether the time of ``trajectory.csv`` goes on from course to course, else it begins anew.
     """
     with stages.stage("report"):
-        page = _report(plan, forecast)
+        page = report().about(plan.cell)
         page.draw_beside()
         for file in (file for _, files in plan.programs for file in files):
             write_text(folder / file.name, file.text, file.encoding)
-        write_text(folder / "trajectory.csv", trajectory_csv(plan))
-        if forecast is not None:
-            write_text(folder / FORECAST, document_text(forecast.content()))
+        write_text(folder / "trajectory.csv", trajectory_csv(plan, one_clock))
         write_cell(plan.cell, folder)
         page.write(folder)
     write_text(folder / "timings.json", json.dumps(stages.seconds, indent=1) + "\n")
 
 
-def plan_content(plan: Plan | CircularPlan) -> dict[str, object]:
-    """Return what ``plan.json`` says."""
-    return (circular_document(plan) if isinstance(plan, CircularPlan) else plan_document(plan)).content()
-
-
-def _report(plan: Plan | CircularPlan, forecast: CheckForecast | None) -> Report:
-    # matplotlib and plotly: other commands start quicker without
-    from planner.report.circular_report import report_circular_plan
-    from planner.report.plan_report import report_plan
-
-    page = report_circular_plan(plan) if isinstance(plan, CircularPlan) else report_plan(plan, forecast)
-    return page.about(plan.cell)
-
-
-def trajectory_csv(plan: Plan | CircularPlan) -> str:
-    """What is driven with the gauge, pass after pass: t_s, q1_deg …, length_mm; poses count time at each fixture."""
+def trajectory_csv(plan: SessionPlan, one_clock: bool) -> str:
+    """What is driven with the gauge, pass after pass: t_s, q1_deg …, length_mm."""
     step = 0.05  # [s] of trajectory.csv
     frames, start = [], 0.0
     for course in plan.courses:
         length = partial(plan.cell.bar_length, mounting=course.mounting)
-        start = start if isinstance(plan, CircularPlan) else 0.0
+        start = start if one_clock else 0.0
         for one in course.passes:
             frame = trajectory_table(one.trajectory, step, length, plan.cell.robot.joint_columns("q"))
             frames.append(frame.with_columns(pl.col("t_s") + np.round(start, 6)))

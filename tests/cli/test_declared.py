@@ -25,7 +25,7 @@ from planner.service.declared_request import take_fields
 from planner.service.job_folder import JobFolder
 from planner.service.job_request import CellRequest
 from planner.service.pages import ENVIRONMENT
-from planner.workflow.verbs import CALLS, DECLARED
+from planner.workflow.verbs import declared_calls
 
 ROOT = Path(planner.__file__).parents[1]
 
@@ -134,7 +134,7 @@ def test_it_is_in_the_request_its_schema_and_the_words_of_the_command():
 
 
 def test_it_is_in_the_form(monkeypatch):
-    monkeypatch.setitem(DECLARED, "warm", WarmCall)
+    monkeypatch.setitem(declared_calls(), "warm", WarmCall)
     page = '{% from "options.html.j2" import option_inputs %}{{ option_inputs(typed_options("warm")) }}'
     html = ENVIRONMENT.from_string(page).render()
     laps = re.search(r'<input id="option-laps"[^>]*>', html)[0]
@@ -148,7 +148,7 @@ def test_it_is_in_the_table_of_the_documentation():
     spec = importlib.util.spec_from_file_location("options_tables", ROOT / "docs" / "options_tables.py")
     hook = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(hook)
-    for call in CALLS:
+    for call in declared_calls().values():
         page = hook.on_page_markdown((ROOT / "docs" / "commands" / f"{call.verb}.md").read_text(), page=None)
         assert options_table(call) in page
         assert "<!--" not in page
@@ -158,7 +158,7 @@ def test_it_is_in_the_table_of_the_documentation():
     assert causes.count("\n| ") == len(effect_kinds()) + 1
 
 
-@pytest.mark.parametrize("call", CALLS, ids=lambda call: call.verb)
+@pytest.mark.parametrize("call", declared_calls().values(), ids=lambda call: call.verb)
 def test_every_declaration_is_whole(call):
     """Each field has an option, but the progress; the function of the verb takes what is declared."""
     assert [f.name for f in call_fields(call) if f.option is None] in ([], ["progress"])

@@ -6,10 +6,10 @@ import sys
 
 import pytest
 
-from planner.cli.app import VERBS, command_function, load_command
+from planner.cli.app import command_function, load_command, verbs
 from tests.command import edbb
 
-COMMANDS = [name for name in VERBS if "as_json" in command_function(name).__annotations__]
+COMMANDS = [name for name in verbs() if "as_json" in command_function(name).__annotations__]
 CHATTY = """
 import ctypes, functools, os, subprocess, sys
 from planner.cli import app, terminal

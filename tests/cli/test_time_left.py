@@ -4,10 +4,18 @@ import time
 
 import pytest
 
-from planner.cli.terminal import IDENTIFY, PLAN, STUDY, UNKNOWN, TimeLeft
+from planner.cli.terminal import UNKNOWN, TimeLeft
+from planner.workflow.verbs import declared_calls
+
+TIMED = {verb: call.starts for verb, call in declared_calls().items() if call.starts}
+IDENTIFY = TIMED["identify"]
 
 
-@pytest.mark.parametrize("starts", [IDENTIFY, PLAN, STUDY])
+def test_the_long_commands_say_when_their_stages_begin():
+    assert set(TIMED) == {"plan", "plan-both", "study", "identify"}
+
+
+@pytest.mark.parametrize("starts", TIMED.values(), ids=TIMED)
 def test_every_stage_begins_at_its_share(starts):
     left = TimeLeft(starts)
     for stage, share in starts.items():

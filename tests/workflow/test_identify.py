@@ -280,7 +280,7 @@ def test_a_plan_of_circles_is_named(measured):
     (measured / "plan.json").write_text(json.dumps({**plan, "kind": "circular"}))
     code, _, told = edbb("identify", measured / "run.csv", *_cell(measured), "-o", measured / "out")
     assert code == 2
-    assert "is a plan of circles" in told
+    assert "is a plan of the kind 'circular'" in told
 
 
 def test_a_failing_fit_leaves_the_old_result(identified):

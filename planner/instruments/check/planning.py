@@ -16,6 +16,7 @@ from planner.design.pose_selection import PoseChoice
 from planner.design.selection.index_bound import certify_bound
 from planner.identification.baseline import Baseline
 from planner.instruments.check.evaluation import Change, build_detector, change_columns, possible_changes
+from planner.instruments.check.words import CHECK_NOTE
 from planner.model.model import Model
 from planner.runs.run import Samples
 from planner.session.planning import PoseSession, Selection
@@ -93,9 +94,6 @@ class _Merit:
         sign, size = np.linalg.slogdet(z / (unit[:, :, None] * unit[:, None, :] + 1e-300))
         apart = np.where(sign > 0, size, -np.inf) / len(self.zeros)
         return np.asarray(np.log(np.maximum(np.stack(least), 1e-300)).mean(axis=0) + apart)
-
-
-CHECK_NOTE = "these poses tell what has changed since the calibration; they do not calibrate"
 
 
 def resting_cell(cell: Cell) -> Cell:

@@ -34,6 +34,9 @@ class CheckForecast:
     changes: tuple[Change, ...]
     detectable: tuple[float, ...]
     hidden: tuple[Change, ...] = ()
+    title = "Plan of a check"
+    purpose = "A few poses tell whether and where the robot has changed since its calibration; they do not calibrate."
+    rates = SHOWN_RATES
 
     @classmethod
     def of(cls, baseline: Baseline, cell: Cell, samples: Samples) -> "CheckForecast":

@@ -15,9 +15,9 @@ from planner.common.units import Array, from_deg, read_only
 from planner.design.observability.information import marginal_information, predict_covariance
 from planner.design.selection.d_optimal import augment_design
 from planner.effects.compliance import compliance_parameters, is_joint_compliance
+from planner.instruments.equilibrium import solve_equilibrium, use_held_torques
 from planner.instruments.loaded.assumptions import TYPICAL_COMPLIANCE_SHARE
 from planner.instruments.loaded.circle_candidates import CirclePlace, planned_curves
-from planner.instruments.loaded.equilibrium import solve_equilibrium, use_held_torques
 from planner.instruments.loaded.joint_fit import torque_rows, whiten_turns
 from planner.model.model import Model
 from planner.runs.run import Samples

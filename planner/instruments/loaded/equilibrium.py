@@ -1,6 +1,5 @@
 """The arm on a loaded circle: where it comes to stand when its joints yield, and which circle it has driven."""
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -9,16 +8,12 @@ from planner.cell.circles import NEAR_CIRCLE
 from planner.cell.setup import MeasurementSetup
 from planner.common.errors import InputError
 from planner.common.units import MM, Array, read_only
-from planner.effects.compliance import DriveTorque, LoadTorque
 from planner.effects.context import Context
-from planner.effects.effect import Parameter
+from planner.instruments.equilibrium import BALANCE_ROUNDS
 from planner.instruments.loaded.assumptions import ON_CIRCLE_SHARE
 from planner.instruments.loaded.types import AveragedCurves, CentringOffset, DrivenCircle
-from planner.kinematics.geometry import bar_state, fit_circle_in_space
-from planner.model.model import Model
+from planner.kinematics.geometry import fit_circle_in_space
 from planner.runs.run import Run, Samples
-
-BALANCE_ROUNDS = 3  # each is a hundred times nearer: a deflection of 1 mm turns a bar of 130 mm by 8 mrad
 
 
 def deflect_joints(setup: MeasurementSetup, samples: Samples, value: Array) -> Samples:
@@ -38,48 +33,6 @@ def deflect_joints(setup: MeasurementSetup, samples: Samples, value: Array) -> S
         torque = Context(setup, replace(samples, q=q)).load_torque
         q = samples.q + (torque * value) @ back.T
     return replace(samples, q=read_only(q))
-
-
-def use_held_torques(parameters: Sequence[Parameter]) -> tuple[Parameter, ...]:
-    """Return parameters with compliances by the torques that the samples carry, see :func:`with_held_torque`."""
-
-    def hold(p: Parameter) -> Parameter:
-        phi = p.main.phi
-        return replace(p, moves=(replace(p.main, phi=DriveTorque(phi.joint)),)) if isinstance(phi, LoadTorque) else p
-
-    return tuple(hold(p) for p in parameters)
-
-
-def solve_equilibrium(model: Model, samples: Samples, errors: Array) -> tuple[Model, Samples]:
-    """Return model and samples such that arm, weights and bar are in balance at the errors (P,), by held torques."""
-    held = replace(model, parameters=use_held_torques(model.parameters))
-    samples = with_held_torque(samples, model, np.zeros(len(errors)))
-    for _ in range(BALANCE_ROUNDS):
-        samples = with_held_torque(samples, held, errors)
-    return held, samples
-
-
-def with_held_torque(samples: Samples, model: Model, errors: Array) -> Samples:
-    """Return samples with the torques of weights and bar where the errors (P,) say that arm and fixture really are.
-
-    A bar of 130 mm turns by a percent where its ball is a millimetre off or the arm yields as much, and its moments
-    with it; weights bend the arm by milliradians. The torques stand as if logged, as those that the drives hold.
-    """
-    setup, context = model.setup, Context(model.setup, samples)
-    delta = setup.offsets(samples)
-    for p, value in zip(model.parameters, errors, strict=True):
-        for m in p.moves if value else ():
-            if m.on == "transform":
-                delta[m.index] = delta[m.index] + value * context.value(m.phi)
-    turned = np.stack([np.broadcast_to(delta[k], len(samples)) for k in context.joints], axis=1)
-    q = samples.q + turned @ np.linalg.inv(setup.robot.sense_matrix).T
-    torque = Context(setup, replace(samples, q=q, force=None)).load_torque
-    if samples.force is not None:
-        motion = setup.chain.forward(context.theta, delta)
-        pull = -samples.force * bar_state(motion.x.T, setup.p_BX[samples.place]).direction.T
-        torque = torque + np.einsum("jkn,kn->nj", motion.point_screws(context.joints), pull)
-    held = -torque * np.sign(np.diag(setup.robot.sense_matrix))
-    return replace(samples, torque=read_only(held))
 
 
 def lower_fixture(setup: MeasurementSetup, curves: AveragedCurves, value: Array) -> MeasurementSetup:

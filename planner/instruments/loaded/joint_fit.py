@@ -16,8 +16,8 @@ from planner.identification.identifiable_parameters import estimate_parameters, 
 from planner.identification.least_squares import fit
 from planner.identification.problem import FitProblem
 from planner.identification.run_setup import add_motion, locate_gauge, setup_for_run
+from planner.instruments.equilibrium import use_held_torques, with_held_torque
 from planner.instruments.loaded.assumptions import ANGLES_A_TURN, DISAGREEMENT_RATIO, SAMPLE_SPACING, SPARSE_STEP
-from planner.instruments.loaded.equilibrium import use_held_torques, with_held_torque
 from planner.instruments.loaded.types import AveragedCurves, LoadedEvaluation
 from planner.model.identification_document import Estimate
 from planner.model.model import Model

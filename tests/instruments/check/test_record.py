@@ -9,11 +9,12 @@ from planner.common.errors import InputError
 from planner.common.files import document_text
 from planner.common.units import DEG
 from planner.instruments.check.results import verdict_content
+from planner.instruments.check.words import FORECAST
 from planner.instruments.opcua import map_to_opcua
 from planner.instruments.record import Circumstances, RobotRecord, add_entry
 from planner.kinematics.robot_reader import load_robot
 from planner.report.check_report import drift_chart, record_rows, report_record
-from planner.workflow.plan_results import FORECAST, evaluation_command
+from planner.session.evaluations import evaluation_of
 from tests.command import edbb
 from tests.instruments.check.fleet import NAME
 from tests.instruments.check.test_evaluation import judged
@@ -103,9 +104,9 @@ def test_a_simulated_robot_has_a_record_of_its_own_that_says_so(record, tmp_path
 
 def test_the_run_of_a_checks_plan_is_judged_not_identified(tmp_path):
     plan = tmp_path / "plan.json"
-    assert evaluation_command("run.csv", plan, True).startswith("edbb identify run.csv")
+    assert evaluation_of("run.csv", plan, None, True).startswith("edbb identify run.csv")
     (tmp_path / FORECAST).touch()
-    assert evaluation_command("run.csv", plan, True).startswith("edbb check run.csv --plan")
+    assert evaluation_of("run.csv", plan, None, True).startswith("edbb check run.csv --plan")
 
 
 def test_a_record_refuses_what_is_not_its_own(record, tmp_path):

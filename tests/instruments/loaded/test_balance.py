@@ -10,7 +10,7 @@ import tests.instruments.loaded.world as world
 from planner.cell.placement import Targets
 from planner.cell.setup import setup_of
 from planner.effects.compliance import compliance_parameters
-from planner.instruments.loaded.equilibrium import solve_equilibrium
+from planner.instruments.equilibrium import solve_equilibrium
 from planner.instruments.simulation import simulate_run
 from planner.instruments.truth import Truth
 from planner.model.model import Model

@@ -1,0 +1,87 @@
+"""The commands that extensions bring, and the names that these give to the package.
+
+A module that an extension registers must load no library of numbers: the list of commands is shown quickly. What does
+the work is named as ``module:name``, and imported when it is called.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from planner.common.calls import MORE, Call
+
+
+@dataclass(frozen=True)
+class Command:
+    """A command beside those of the core.
+
+    Attributes:
+        name: as it is typed.
+        line: what it does, in the list of all commands.
+        call: its declaration; nothing where the command line alone has it.
+        typed: ``module:name`` of the function of the command line, where more is typed than is declared, or nothing is.
+        group: heading under which the list of commands shows it.
+    """
+
+    name: str
+    line: str
+    call: type[Call] | None = None
+    typed: str = ""
+    group: str = MORE
+
+
+_COMMANDS: dict[str, Command] = {}
+_NAMES: dict[str, str] = {}
+_REMOTE: list[str] = []
+
+
+def register_command(name: str, line: str, typed: str, group: str = MORE) -> None:
+    """Make a command known that the command line alone has; ``typed``: its function, as ``module:name``.
+
+    Raises:
+        ValueError: another extension has that command.
+    """
+    _enter(Command(name, line, None, typed, group))
+
+
+def register_call(call: type[Call], typed: str = "") -> None:
+    """Make a declared command known: to the command line, to the service and to the documentation.
+
+    Args:
+        call: its declaration.
+        typed: the function of the command line as ``module:name``, where more is typed than is declared.
+
+    Raises:
+        ValueError: another extension has that command.
+    """
+    _enter(Command(call.verb, call.line, call, typed, call.group))
+
+
+def _enter(command: Command) -> None:
+    if command.name in _COMMANDS:
+        raise ValueError(f"command '{command.name}': another extension has registered it already")
+    _COMMANDS[command.name] = command
+
+
+def register_names(module: str, *names: str) -> None:
+    """Let the package ``planner`` have names of a module, which is imported when one is first used."""
+    _NAMES.update(dict.fromkeys(names, module))
+
+
+def register_remote(function: str) -> None:
+    """Let ``edbb --server URL`` run a command by a function (``module:name``) of the address and the words."""
+    _REMOTE.append(function)
+
+
+def extension_commands() -> Mapping[str, Command]:
+    """Return the commands that extensions have registered, by their names."""
+    return _COMMANDS
+
+
+def extension_names() -> Mapping[str, str]:
+    """Return the module of each name that extensions give to the package."""
+    return _NAMES
+
+
+def remote_function() -> str:
+    """Return what runs a command on a server, as ``module:name``; empty where no extension does."""
+    return _REMOTE[0] if _REMOTE else ""

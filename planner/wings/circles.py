@@ -1,0 +1,24 @@
+"""Circles: the circular test, and circles under load."""
+
+from planner.common.commands import register_call, register_names
+from planner.session.evaluations import Evaluation, register_evaluation
+from planner.workflow.circle_calls import CircularCall, LoadedCall, LoadedPlacesCall, PlanBothCall
+from planner.workflow.plan_kinds import PlanKind, register_plan_kind
+
+PARTS = (
+    "instruments/circular", "instruments/loaded", "workflow/circle_calls.py", "workflow/circle_evaluation.py",
+    "workflow/circle_results.py", "workflow/loaded_planning.py", "report/circular_report.py",
+    "report/loaded_report.py", "report/templates/circular.html.j2", "report/templates/circular_plan.html.j2",
+    "report/templates/loaded.html.j2",
+)  # fmt: skip
+
+for call in (CircularCall, LoadedCall, LoadedPlacesCall, PlanBothCall):
+    register_call(call)
+register_plan_kind(PlanKind("circular", "circles", "planner.workflow.circle_results:CircularMaker"))
+register_evaluation(
+    Evaluation(
+        "edbb circular {run} --plan {plan} -o circular; under load edbb loaded {run} --cell {cell} -o loaded",
+        kind="circular",
+    )
+)
+register_names("planner.workflow.circle_results", "CircularPlanResult")

@@ -1,0 +1,8 @@
+"""The service: the planner for browsers and programs, and the command line on a server."""
+
+from planner.common.commands import register_command, register_remote
+
+PARTS = ("service", "cli/remote.py")
+
+register_command("serve", "Serve the planner to browsers and programs.", "planner.service.command:serve_command")
+register_remote("planner.cli.remote:run_on_server")

@@ -1,0 +1,81 @@
+"""The plan of a circular test: how it is made, read again, and given to a person."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from planner.cell.cell import Cell
+from planner.common.numbers import number_of
+from planner.common.progress import Stages
+from planner.common.summary import Fact, Summary
+from planner.common.units import to_deg, to_mm
+from planner.instruments.circular.document import CircularDocument, circular_document, load_circular_plan
+from planner.instruments.circular.plan import CircularPlan, circle_samples
+from planner.runs.run import Samples
+from planner.session.options import PlanOptions, check_circle_options
+from planner.workflow.plan_results import SessionResult
+
+if TYPE_CHECKING:
+    from planner.report.page import Report
+
+
+@dataclass(frozen=True)
+class CircularPlanResult(SessionResult):
+    """A planned circular test."""
+
+    kind = "circular"
+    one_clock = True
+    plan: CircularPlan
+
+    def document(self) -> CircularDocument:
+        """Return what ``plan.json`` holds."""
+        return circular_document(self.plan)
+
+    def report(self) -> Report:
+        """Return the page of the plan and its pictures."""
+        from planner.report.circular_report import report_circular_plan  # plotting: others start quicker without
+
+        return report_circular_plan(self.plan)
+
+    def overview(self) -> Summary:
+        """Return what is driven."""
+        return circular_overview(self.plan)
+
+
+def circular_overview(plan: CircularPlan) -> Summary:
+    """Return what is said of a circular test."""
+    arcs = plan.arcs
+    minutes = sum(c.duration for c in plan.courses) / 60
+    facts: list[Fact] = []
+    for a in arcs:
+        c = a.circle
+        loads = f", {len(c.loads)} loads" if c.loads else ""
+        bar = f"bar {to_mm(a.length.min()):.1f} to {to_mm(a.length.max()):.1f} mm"
+        sweep = f"{to_deg(c.sweep):g}° from {to_deg(c.start):g}°, {' and '.join(c.directions)}{loads}"
+        facts.append((c.name, f"{c.plane}, radius {to_mm(c.radius):g} mm, {sweep}, {to_mm(c.speed):.4g} mm/s; {bar}"))
+        facts.append(("", a.told))
+    clearance = to_mm(min(v.clearance for v in plan.verdicts))
+    facts.append(("drive", f"{minutes:.0f} min; nearest bodies {clearance:.1f} mm apart, proven by two engines"))
+    count = number_of(len(arcs), "circle")
+    return Summary(f"{plan.cell.name}: circular test on {count}, plan {plan.plan_id}", facts, notes=plan.notes)
+
+
+class CircularMaker:
+    """Plans the circles of a cell, and reads their plans."""
+
+    def plan(self, cell: Cell, options: PlanOptions, stages: Stages) -> CircularPlanResult:
+        """Plan the circular test of a cell; see :func:`.plan_circles`."""
+        from planner.instruments.circular.planning import plan_circles  # needless to read a plan, and slow to load
+
+        check_circle_options(cell, options)
+        return CircularPlanResult(plan_circles(cell, options, stages), stages)
+
+    def load(self, path: Path) -> CircularPlan:
+        """Read the plan at a path with the cell beside it."""
+        return load_circular_plan(path)
+
+    def samples(self, plan: CircularPlan, rate: float) -> Samples:
+        """Return where the arm is told to stand while the passes are driven, ``rate`` times a second."""
+        return circle_samples(plan, rate)

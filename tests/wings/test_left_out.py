@@ -1,0 +1,142 @@
+"""The planner is whole without any of its extensions: the chain runs, and no command of theirs is there."""
+
+import ast
+import json
+import re
+import tomllib
+from importlib import import_module
+
+import pytest
+
+from planner.common.commands import extension_commands
+from planner.common.extensions import GROUP
+from planner.workflow.verbs import CORE, declared_calls
+from tests.golden.cases import shipped
+from tests.wings.installation import ROOT, WINGS, edbb_in, files_of, install_without, parts_of, run_in
+
+LISTED = re.compile(r"^│ ([\w-]+) {2,}\w", re.MULTILINE)
+HOME = ROOT / "planner"
+EVERY_MODULE = """
+import planner, sys
+from importlib import import_module
+from pathlib import Path
+assert Path(planner.__file__).parents[1] == Path({home!r}), planner.__file__
+for path in sorted(Path(planner.__file__).parent.rglob("*.py")):
+    name = ".".join(path.relative_to(Path({home!r})).with_suffix("").parts).removesuffix(".__init__")
+    if not name.startswith({without!r}) and not name.endswith("__main__"):
+        import_module(name)
+"""
+
+
+def own_commands(wing):
+    """The commands of an extension alone."""
+    declared_calls()
+    text = (HOME / "wings" / f"{wing}.py").read_text()
+    tree = ast.parse(text)
+    words = {n.value for n in ast.walk(tree) if isinstance(n, ast.Constant) and isinstance(n.value, str)}
+    names = {n.id for n in ast.walk(tree) if isinstance(n, ast.Name)}
+    return {c.name for c in extension_commands().values() if c.name in words or (c.call and c.call.__name__ in names)}
+
+
+@pytest.mark.parametrize("wing", WINGS)
+def test_an_extension_says_which_files_are_its_own(wing):
+    assert all((HOME / part).exists() for part in parts_of(wing))
+    others = {f for other in WINGS if other != wing for f in files_of(other)}
+    assert not others & set(files_of(wing))
+    assert own_commands(wing)
+
+
+def test_the_metadata_of_the_package_names_every_extension():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    assert project["entry-points"][GROUP] == WINGS
+
+
+def test_no_file_of_the_core_imports_one_of_an_extension():
+    """Nor do its types; ``planner/__init__.py`` alone shows the types of shipped extensions to editors."""
+    owner = {f: wing for wing in WINGS for f in files_of(wing)}
+    for path in HOME.rglob("*.py"):
+        if path in owner or path == HOME / "__init__.py":
+            continue
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.ImportFrom) and node.module and node.module.startswith("planner."):
+                base = ROOT.joinpath(*node.module.split("."))
+                named = [base.with_suffix(".py"), *((base / a.name).with_suffix(".py") for a in node.names)]
+                named += [base / "__init__.py", *(base / a.name / "__init__.py" for a in node.names)]
+                taken = [owner[f] for f in named if f in owner]
+                assert not taken, f"{path.relative_to(HOME)}: {node.module} is of the extension {taken[0]}"
+
+
+def test_no_verb_of_an_extension_is_one_of_the_core():
+    core = {call.verb for call in CORE}
+    assert core == {"plan", "export", "simulate", "identify", "import", "compensate"}
+    assert set(declared_calls()) > core
+    assert not core & set(extension_commands())
+
+
+@pytest.mark.parametrize("wing", WINGS)
+def test_the_list_of_commands_without_an_extension(tmp_path, wing):
+    environment = install_without(tmp_path, wing)
+    done = edbb_in(tmp_path, environment, "--help")
+    assert done.returncode == 0, done.stderr
+    left = set(LISTED.findall(done.stdout))
+    assert {"plan", "simulate", "identify", "compensate", "robots"} <= left
+    assert left.isdisjoint(own_commands(wing))
+    gone = edbb_in(tmp_path, environment, sorted(own_commands(wing))[0], "--help")
+    assert gone.returncode == 2
+    assert "No such command" in gone.stderr
+
+
+@pytest.fixture(scope="module")
+def core(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("core")
+    return folder, install_without(folder, *WINGS)
+
+
+def test_every_module_of_the_core_is_imported_without_extensions(core):
+    folder, environment = core
+    code = EVERY_MODULE.format(home=str(folder), without="planner.wings.")
+    done = run_in(folder, environment, "-c", code)
+    assert done.returncode == 0, done.stderr[-2000:]
+
+
+def test_the_chain_runs_without_extensions(core):
+    """From a cell to a corrected program, with nothing installed but the core."""
+    folder, environment = core
+    (folder / "cell.toml").write_text(shipped("kuka-kr6-r700/edbb"))
+
+    def run(*words):
+        done = edbb_in(folder, environment, *words)
+        assert done.returncode == 0, (words, done.stderr[-2000:])
+        return done
+
+    said = run("plan", "cell.toml", "-o", "out", "--poses", 30, "--index", "O1", "--dialect", "krl").stderr
+    assert "edbb identify" in said
+    run("simulate", "out/plan.json", "-o", "run.csv", "--seed", 3)
+    run("identify", "run.csv", "--cell", "out/cell.toml", "--plan", "out/plan.json", "-o", "calibrated")
+    assert json.loads((folder / "calibrated" / "identification.json").read_text())["robot"] == "kuka-kr6-r700"
+    (source,) = (folder / "out").glob("*.src")
+    words = ("compensate", source, "--measuring", "--model", "calibrated/robot.toml", "-o", "corrected.src")
+    done = edbb_in(folder, environment, *words)
+    assert done.returncode in (0, 5), done.stderr
+    assert (folder / "corrected.src").read_text() != source.read_text()
+
+
+def test_what_only_an_extension_plans_is_told(core):
+    folder, environment = core
+    done = edbb_in(folder, environment, "plan", "comau-nj130/circular", "-o", "circles")
+    assert done.returncode == 2
+    assert "no extension that is installed here plans [[circles]]" in done.stderr
+    (folder / "plan.json").write_text(json.dumps({"schema": "edbb-plan/1", "kind": "circular", "plan_id": "0" * 12}))
+    done = edbb_in(folder, environment, "simulate", "plan.json", "-o", "run.csv")
+    assert done.returncode == 2
+    assert "is a plan of the kind 'circular', and no extension that is installed here reads it" in done.stderr
+    done = edbb_in(folder, environment, "--server", "http://127.0.0.1:1", "robots")
+    assert done.returncode == 4
+    assert "no extension that is installed here runs commands on a server" in done.stderr
+
+
+def test_a_name_of_an_extension_that_is_left_out_is_told(core):
+    folder, environment = core
+    done = run_in(folder, environment, "-c", "from planner import plan, study")
+    assert "cannot import name 'study' from 'planner'" in done.stderr
+    assert import_module("planner").study
