@@ -4,6 +4,8 @@ from dataclasses import dataclass
 
 from planner.effects.effect import Parameter
 
+HUNDRED_TO_ONE = 0.01  # probability from which on another cause is a rival
+
 
 @dataclass(frozen=True)
 class Contender:

@@ -20,14 +20,13 @@ from scipy.linalg import cho_factor, cho_solve, solve_triangular
 
 from planner.common.determinism import even_positions
 from planner.common.units import Array
-from planner.identification.contenders import Contest, Rival, Standing
+from planner.identification.contenders import HUNDRED_TO_ONE, Contest, Rival, Standing
 from planner.identification.contest_arena import Arena, Block
 from planner.identification.posterior_draws import SizeDraw
 from planner.identification.posterior_fit import PosteriorFit
 
 LOOKED_AT = 3  # draws, evenly spread
 NEAREST = 8  # causes that are tried in full for a finding, of those with a name and of those without
-HUNDRED_TO_ONE = 0.01  # probability from which on another cause is a rival
 DECIDES = 4.6  # difference of log likelihoods that decides: a hundred to one
 POWER = 1.645  # standard deviations: it must decide 95 times of 100
 TOLD_APART = POWER + float(np.sqrt(POWER**2 + 2 * DECIDES))  # δ from which on the poses tell two causes apart

@@ -16,10 +16,12 @@ from planner.common.progress import Stages
 from planner.common.result import FolderResult, Plot, Result
 from planner.common.summary import Summary
 from planner.common.tables import NamedTable, Row, RowTable
+from planner.effects.catalogue import catalogue
 from planner.identification.baseline import NAME as BASELINE
 from planner.identification.baseline import baseline_text
 from planner.identification.calibrated_robot import calibrated_files, calibrated_meshes
 from planner.identification.calibration import Calibration
+from planner.identification.contenders import HUNDRED_TO_ONE
 from planner.identification.expected_error import NAME as EXPECTED_ERROR
 from planner.identification.expected_error import expected_error_csv, expected_error_text
 from planner.identification.pipeline import FitSettings
@@ -66,7 +68,7 @@ class CalibrationResult(FolderResult):
 
     def next_step(self, folder: Path) -> str:
         """Say how findings are told apart and programs are corrected."""
-        model, rivals = folder / "robot.toml", any(f.rivals for f in self.calibration.findings)
+        model, rivals = folder / "robot.toml", can_be_told_apart(self.calibration)
         apart = f"\nedbb plan CELL --separate {folder / 'identification.json'} -o apart tells the causes apart"
         return f"edbb compensate PROGRAM --model {model} -o CORRECTED corrects a program{apart if rivals else ''}"
 
@@ -261,3 +263,21 @@ def _with_mastering_warnings(cell: Cell, run: Run, source: Runs) -> Run:
         readings = [read_reference_readings(Path(path)) for path in paths]
     checks = [m for m in (check_mastering(cell, r) for r in readings) if m is not None and not m.good]
     return replace(run, warnings=(*run.warnings, *(m.text() for m in checks)))
+
+
+def can_be_told_apart(found: Calibration) -> bool:
+    """Tell whether poses of a bar or wire may decide between a finding and a rival that the readings leave open.
+
+    Both must be causes that poses show by themselves: not what needs a thermometer or another payload, no change in the
+    middle of a run, and none without a name.
+    """
+    if found.run.readings.length is None:
+        return False
+    logged = found.run.samples
+    planned = replace(logged, temperature=None, torque=None, payload=None, q_cmd=None, q_read=None, session=None)
+    shown = {e.name for e in catalogue(found.setup, planned)}
+    return any(
+        f.name in shown and rival in shown and (chance is None or chance >= HUNDRED_TO_ONE)
+        for f in found.findings
+        for rival, chance in zip(f.rivals, f.rival_probabilities or [None] * len(f.rivals), strict=True)
+    )

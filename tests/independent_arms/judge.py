@@ -65,8 +65,9 @@ class Names:
     true: int  # hidden causes that a report can name
     right: int
     rival: int  # hidden causes named only as the rival of a finding
-    wrong: int  # findings that are no hidden cause, nor is one of their rivals
+    wrong: int  # findings that are no hidden cause, nor is one of their rivals, and that are not called doubtful
     found: int
+    doubtful: int = 0  # findings than which the report calls another cause, or none, likelier
 
 
 def _is(effect, on, cause):
@@ -85,16 +86,31 @@ def _rivals(finding):
             yield effect, on
 
 
+def _is_doubtful(finding):
+    return finding.get("probability") is not None and finding["probability"] < 0.5
+
+
 def judge_names(findings, causes):
-    known = [c for c in causes if c.names]
+    """Hold findings against what is hidden; a rival without a name is right where a hidden cause has none.
+
+    What a report calls doubtful is named as a rival at best.
+    """
+    known, foreign = [c for c in causes if c.names], any(not c.names for c in causes)
     findings = [f for f in findings if f["effect"] != "unnamed"]  # described by what moves with what, called nothing
-    right = {id(c) for c in known for f in findings if _is(f["effect"], str(f["on"]), c)}
-    rival = {id(c) for c in known for f in findings for r in _rivals(f) if _is(*r, c)} - right
-    wrong = [
-        f for f in findings
-        if not any(_is(f["effect"], str(f["on"]), c) or any(_is(*r, c) for r in _rivals(f)) for c in known)
-    ]  # fmt: skip
-    return Names(len(known), len(right), len(rival), len(wrong), len(findings))
+    sure = [f for f in findings if not _is_doubtful(f)]
+    right = {id(c) for c in known for f in sure if _is(f["effect"], str(f["on"]), c)}
+    named = [(f["effect"], str(f["on"])) for f in findings if _is_doubtful(f)]
+    named += [r for f in findings for r in _rivals(f)]
+    rival = {id(c) for c in known for name in named if _is(*name, c)} - right
+
+    def stands(f):
+        names = [(f["effect"], str(f["on"])), *_rivals(f)]
+        return any(_is(*name, c) for name in names for c in known) or (
+            foreign and any(effect == "unnamed" for effect, _ in names)
+        )
+
+    wrong = [f for f in sure if not stands(f)]
+    return Names(len(known), len(right), len(rival), len(wrong), len(findings), len(findings) - len(sure))
 
 
 def identify(columns, session, folder, *options, name="calibrated"):
@@ -136,5 +152,6 @@ def judge(seed, session, count, with_foreign, folder, product_geometry=False):
         "bound_mm": report["release"]["at_most_mm"], "stated_geometry_mm": report["release"]["geometry_anywhere_mm"],
         "stated_nominal_mm": report["release"]["nominal_anywhere_mm"], "corrected": corrected, "true": names.true,
         "right": names.right, "rival": names.rival, "wrong": names.wrong, "found": names.found,
+        "doubtful": names.doubtful,
         "findings": "; ".join(f"{f['effect']}, {f['on']}" for f in report["findings"]),
     }  # fmt: skip

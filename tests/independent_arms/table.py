@@ -65,14 +65,15 @@ HEAD = (
 
 def names_line(title, rows):
     done = [row for row in rows if not int(row["refused"])]
-    true, right, rival, wrong, found = (
-        sum(int(row[k]) for row in done) for k in ("true", "right", "rival", "wrong", "found")
-    )
-    return f"| {title} | {len(done)} | {true} | {right} | {rival} | {true - right - rival} | {wrong} | {found} |"
+    counted = ("true", "right", "rival", "wrong", "found", "doubtful")
+    true, right, rival, *rest = (sum(int(row.get(k) or 0) for row in done) for k in counted)
+    return "| " + " | ".join(map(str, (title, len(done), true, right, rival, true - right - rival, *rest))) + " |"
 
 
 NAMES_HEAD = (
-    "| arms | n | hidden | named | named as a rival | not named | wrong without rival | findings |\n" + "|---" * 8 + "|"
+    "| arms | n | hidden | named | named as a rival | not named | wrong without rival | findings | doubtful |\n"
+    + "|---" * 9
+    + "|"
 )
 
 

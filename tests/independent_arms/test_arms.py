@@ -151,6 +151,18 @@ def test_names_are_held_against_what_is_hidden():
     assert judge_names(findings, []).wrong == 3
 
 
+def test_a_rival_without_a_name_is_right_where_the_cause_has_none():
+    dent = Cause("bearing with a dent", "joint 4")
+    base = Cause("soft base", "base", names=("soft base",))
+    wobble = {"effect": "axis wobble once a turn", "on": "joint 4", "probability": 0.7, "rivals": ["unnamed, joint 4"]}
+    sure = {"effect": "link bending", "on": "link 4", "probability": 0.99, "rivals": []}
+    doubtful = {"effect": "soft base", "on": "base", "probability": 0.2, "rivals": []}
+    assert judge_names([wobble, sure], [dent]) == Names(true=0, right=0, rival=0, wrong=1, found=2)
+    assert judge_names([wobble], [base]).wrong == 1
+    assert judge_names([doubtful], [base]) == Names(true=1, right=0, rival=1, wrong=0, found=1, doubtful=1)
+    assert judge_names([doubtful], [dent]).wrong == 0
+
+
 @pytest.mark.long
 @pytest.mark.parametrize("gauge", ["bar", "tracker"])
 def test_what_is_released_is_better_than_nominal(gauge, tmp_path):
