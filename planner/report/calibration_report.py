@@ -78,7 +78,8 @@ def _facts(facts: CalibrationFacts) -> tuple[Row, ...]:
     floor = "no repeats" if c.noise_floor is None else f"repeats scatter {in_mm(c.noise_floor)} mm"
     was = f"was {in_mm(c.release.nominal_anywhere)} mm" if c.release is not None else "by the covariance alone"
     return (
-        ("tool anywhere, rms", f"{in_mm(c.workspace_error)} mm", was),
+        ("measured tool, rms", f"{in_mm(c.workspace_error)} mm", was),
+        *_other_tool(c),
         (f"{read}, mean", f"{in_mm(after.mean)} mm", f"held out; was {in_mm(before.mean)} mm"),
         ("largest", f"{in_mm(after.largest)} mm", f"held out; was {in_mm(before.largest)} mm"),
         ("readings", count_text(len(c.run)), f"in {count_text(c.n_groups)} {several}"),
@@ -90,6 +91,15 @@ def _facts(facts: CalibrationFacts) -> tuple[Row, ...]:
         ("condition", digits(c.condition_number or np.inf), "of the rows, scaled"),
         ("outliers", count_text(len(c.fit.outliers)), floor),
     )
+
+
+def _other_tool(c: Calibration) -> list[Row]:
+    """The error of the tool that the robot works with, or of any that was not measured, beside the measured one's."""
+    if (r := c.release) is None:
+        return []
+    if (own := r.work_tool) is not None:
+        return [("own tool, rms", f"{in_mm(own.anywhere)} mm", f"was {in_mm(own.nominal_anywhere)} mm")]
+    return [("another tool, rms", f"{in_mm(r.other_tool)} mm", "at a point that was not measured")]
 
 
 def _stage(s: Stage) -> Row:

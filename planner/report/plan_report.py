@@ -8,6 +8,7 @@ import numpy as np
 import planner.report.formatting as text
 import planner.report.plan_charts as plan_charts
 from planner.cell.cell import Cell
+from planner.common.summary import Aside, count_alike
 from planner.common.units import to_deg, to_mm
 from planner.design.observability.information import INDEX_RULES
 from planner.report.cell_view import build_cell_view
@@ -47,6 +48,9 @@ def report_plan(plan: Plan, forecast: Forecast | None = None) -> Report:
         "plan": plan,
         "about": f"cell {plan.cell.name} · {plan.cell.gauge.describe(plan.cell)}",
         "facts": _facts(plan) if forecast is None else _facts_without_index(plan),
+        "mounting": _mounting(plan),
+        "asked": count_alike(n for n in plan.notes if not isinstance(n, Aside)),
+        "asides": [n for n in plan.notes if isinstance(n, Aside)],
         "certificate": text.certificate_text(plan) if forecast is None else (),
         "forecast": forecast,
         "separation": text.separation_text(plan.separation) if plan.separation else "",
@@ -71,17 +75,22 @@ def _facts(plan: Plan) -> tuple[Row, ...]:
     free = len(choice.seen.names)
     gap = max(rule.gap(choice.value, bound.value), 0.0)
     beyond = f"at most {text.percent_text(gap)} from the bound" if plan.by_index else "did not choose the poses"
-    return (
-        ("poses", str(len(choice.q)), what_for),
-        *_expected_error(plan),
-        ("parameters", f"{free} of {free + len(choice.seen.dropped)}", "can be told apart"),
+    index = (  # where it did not choose the poses, the text below says it
         (choice.index, text.digits(choice.value, 4), f"{rule.what}, {beyond}"),
         ("bound", text.bound_text(bound.value, rule.maximise), f"{proof} for {sets} candidates"),
-        *_drive_facts(plan),
+    )
+    driving, clearance = _drive_facts(plan)
+    return (
+        driving,
+        ("poses", str(len(choice.q)), what_for),
+        *_expected_error(plan),
+        *(index if plan.expected_error is None else ()),
+        clearance,
+        ("parameters", f"{free} of {free + len(choice.seen.dropped)}", "can be told apart"),
     )
 
 
-def _drive_facts(plan: Plan) -> tuple[Row, ...]:
+def _drive_facts(plan: Plan) -> tuple[Row, Row]:
     """How long it drives, and how far from everything."""
     driving, motion = sum(d.trajectory.duration_s for d in plan.drives), plan.cell.motion
     both = "both ways, " if motion.both_ways and motion.is_continuous else ""
@@ -89,6 +98,12 @@ def _drive_facts(plan: Plan) -> tuple[Row, ...]:
         ("driving", text.duration_text(driving), f"{both}{motion.measure}"),
         text.clearance_fact([v for d in plan.drives for v in d.verdicts]),
     )
+
+
+def _mounting(plan: Plan) -> list[str]:
+    """Say what a person does before each drive, and after it."""
+    cell = plan.cell
+    return [f"{text}." for d in plan.drives for text in cell.gauge.preparation(cell, d.mounting) if text]
 
 
 def _facts_without_index(plan: Plan) -> tuple[Row, ...]:
@@ -100,8 +115,12 @@ def _expected_error(plan: Plan) -> tuple[Row, ...]:
     """The error that the robot would keep, where the poses were chosen by that."""
     if plan.expected_error is None:
         return ()
-    left, bound = (f"{float(to_mm(v)):.3f} mm" for v in (plan.expected_error.left, plan.expected_error.bound))
-    return (("error foreseen", left, f"rms, once traced; none leaves less than {bound}"),)
+    expected = plan.expected_error
+    before, left, at_most = (f"{float(to_mm(v)):.3f} mm" for v in (expected.before, expected.left, expected.at_most))
+    return (
+        ("error now", before, f"of the tool, rms, {expected.unknown.before_label}"),
+        ("error after", left, f"95 of 100 such robots below {at_most}"),
+    )
 
 
 def _tour_facts(cell: Cell, drive: Drive) -> tuple[Row, ...]:

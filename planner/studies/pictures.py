@@ -161,7 +161,8 @@ def _fixture_steps(study: StudySummary) -> Panel:
     steps, index = study.fixtures.steps, study.basis.index
     rows = list(range(len(steps)))
     texts = tuple(
-        f"{s.robot_seen} of the robot, {s.seen} of all {s.parameters}; {index} {format_number(s.value)}" for s in steps
+        f"{s.robot_seen} of the robot, {s.seen} of all {s.parameters}; {index} of its own {format_number(s.value)}"
+        for s in steps
     )
     series = (
         _bars("with fixtures, tool and zero", [float(s.seen) for s in steps], rows, SKY, texts),
@@ -260,7 +261,7 @@ def _draw_colour_bar(figure: Figure, axes: list[Axes], places: FixtureMap, colou
     assert high is not None
     better = "higher" if INDEX_RULES[places.index].maximise else "lower"
     bar = figure.colorbar(colours, ax=axes, shrink=0.85, aspect=35)
-    bar.set_label(f"{places.index} with {places.poses} poses ({better} is better)")
+    bar.set_label(f"{places.index} of {places.poses} poses quickly chosen ({better} is better)")
     inside = [float(f"{v:.2g}") for v in np.geomspace(low, high, 6)[1:-1]]
     ticks = np.unique([low, *inside, high])
     bar.set_ticks(ticks.tolist(), labels=[format_number(v) for v in ticks])

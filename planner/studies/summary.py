@@ -141,16 +141,15 @@ def describe_best_place(m: FixtureMap) -> str:
     best, present = m.best, m.present
     of = f"of {len(m.usable)} usable places on the grid ({len(m.places)} tried)"
     if best is present:
-        return f"the present place is the best {of}: {m.index} {format_number(present.value)} with {m.poses} poses"
+        return f"the present place is the best {of}"
     maximise = INDEX_RULES[m.index].maximise
     gain = (100.0 if maximise else -100.0) * (best.value / present.value - 1.0)
     side = "higher" if maximise else "lower"
     # 10.0: [%] places that mirror each other about axis 1 differ by up to 5 %: a smaller gain means little
     head = "" if abs(gain) >= 10.0 else "no place is clearly better than the present one; "
     return (
-        f"{head}best {of} is {format_place(best.p_BX)}: {m.index} {format_number(best.value)} with {m.poses} poses"
-        f" instead of {format_number(present.value)} at the present {format_place(present.p_BX)}, {abs(gain):.0f} %"
-        f" {side}"
+        f"{head}best {of} is {format_place(best.p_BX)}: {m.index} is {abs(gain):.0f} % {side} there than at the present"
+        f" {format_place(present.p_BX)}, both with {m.poses} poses"
     )
 
 
@@ -160,8 +159,9 @@ def describe_fixtures(f: FixtureCount, index: str) -> tuple[str, ...]:
     if f.needed == 1:
         more = ""
         if len(steps) > 1:
-            more = f" (but {index} of the robot's own parameters would go from {format_number(steps[0].value)} to "
-            more += f"{format_number(steps[1].value)} with one at {format_place(steps[1].place)})"
+            times = max(steps[0].value, steps[1].value) / min(steps[0].value, steps[1].value)
+            more = f" (but with one at {format_place(steps[1].place)} {index} of the robot's own parameters is "
+            more += f"{times:.1f} times better)"
         out.append(f"one is enough: no further one makes a parameter visible{more}")
     else:
         shown = "; ".join(f"{', '.join(s.becomes)} with {s.fixtures}" for s in steps if s.becomes)
