@@ -40,6 +40,10 @@ class GaugeFrames(ABC):
         """Return places (3,) [m] that stand from session to session by their names; ``None``: not known where."""
         return {}
 
+    def place_as_stated(self, setup: P, cell: Site) -> P:
+        """Return the setup with its frame where the cell states it, where readings of a run to come depend on that."""
+        return setup
+
     def set_up_again(self, setup: P, cell: Site, run: Run) -> P:
         """Return the setup for the run of a later session, with what was set up anew found from it (or errors)."""
         return setup

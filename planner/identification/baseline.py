@@ -202,7 +202,7 @@ class Baseline:
         for what, a, b in zip(("robot", "gauge", "fixtures", "tool points"), said, found, strict=True):
             if a != b:
                 raise InputError(f"{where}: the {what} of the baseline: {a}; of {cell.path}: {b}: take its own cell")
-        setup = replace(setup, p_FM=np.array(list(file.points.values())))
+        setup = setup.gauge.place_as_stated(replace(setup, p_FM=np.array(list(file.points.values()))), cell)
         if file.fixtures:
             setup = replace(setup, p_BX=np.array(list(file.fixtures.values())))
         if file.turns:

@@ -292,6 +292,13 @@ class BoardCamera(BoardSight):
             setup, R_BG=there.R_BG, p_BG=there.p_BG, p_FM=there.p_FM, R_FM=there.R_FM, tool_prior=LOCATED_SIGMA
         )
 
+    def place_as_stated(self, setup: P, cell: Site) -> P:
+        """What an image shows depends on where the other part stands."""
+        if not cell.fixtures:
+            return setup
+        place = cell.fixtures[0]
+        return replace(setup, R_BG=place.R_BX[None], p_BG=place.p_BX[None])
+
     def number_places(self, setup: P, cell: Site, run: Run) -> P:
         """Return the setup with frames to be found; where what is on the flange sits is found as well."""
         return replace(super().number_places(setup, cell, run), fixed=setup.fixed - {"tool"})

@@ -90,6 +90,10 @@ class FreeLensCamera(BoardCamera):
         assert isinstance(placed, MeasurementSetup)
         return replace(placed, gauge=known)
 
+    def lasting_places(self, setup: Placement) -> dict[str, Array] | None:
+        """Return ``None``: no file keeps the lens as found, by which later images would have to be read."""
+        return None
+
     def parameters(self, setup: Placement, free: frozenset[str]) -> Iterator[Parameter]:
         """What is unknown of the lens beside the places."""
         yield from super().parameters(setup, free)

@@ -279,7 +279,7 @@ def _prepare(run: Run, cell: Cell, baseline: Baseline) -> Run:
         raise InputError(
             f"{run.name}: {len(run)} poses; a check needs {FEWEST_READINGS} at least, better the ten of its plan"
         )
-    if baseline.file.turns and run.readings.rotation is None:
+    if baseline.file.turns and run.readings.rotation is None and run.readings.pixels is None:
         raise InputError(f"{run.name}: has no rx_deg, ry_deg, rz_deg, but the baseline was measured with orientations")
     readings = run.readings if baseline.file.turns else replace(run.readings, rotation=None)
     run = add_motion(run)

@@ -1,5 +1,6 @@
 """A camera on the flange and one that stands: reading, derivative, a run by OpenCV identified, what is refused."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -8,11 +9,13 @@ import pytest
 from planner.cell.file import CellFile
 from planner.cell.reading import cell_of, load_cell
 from planner.common.errors import InputError
-from planner.common.schema import read_toml
+from planner.common.schema import read_toml, validate
 from planner.design.candidates.pool import draw_candidates
+from planner.effects.context import Context
+from planner.identification.baseline import Baseline, BaselineFile, baseline_text
 from planner.identification.own_errors import own_errors_text
 from planner.identification.pipeline import FitSettings, identify
-from planner.identification.run_setup import drop_unreadable
+from planner.identification.run_setup import drop_unreadable, number_samples
 from planner.model.model import Model
 from planner.runs.loader import join_runs, load_run
 from planner.runs.writer import save_run
@@ -305,6 +308,24 @@ def test_what_is_stated_of_the_board_is_in_the_error_that_is_stated(flange, flan
         stated = [identify(run, c).workspace_error for c in (coarse, fine)]
     assert stated[0] > 2 * stated[1]
     assert stated[0] > 1e-4
+
+
+@pytest.mark.long
+def test_a_later_check_is_planned_where_the_board_stands(flange, flange_pool, tmp_path):
+    """What later images will show is expected where the cell has board and camera, not at the robot's base."""
+    run = number_samples(measured(flange, flange_pool, tmp_path, 100))
+    with few_draws():
+        found = identify(run, flange)
+    text = baseline_text(found.released, found.degrees_of_freedom, run, flange, "")
+    known = Baseline.of(validate(json.loads(text), BaselineFile, "posterior.json"), flange, "posterior.json")
+    at = flange_pool.samples.take(slice(100, 140))
+    p_CB = known.model.setup.gauge.view(known.model.setup, at, Context(known.model.setup, at).motion)[1]
+    distance = np.linalg.norm(p_CB, axis=1)
+    assert (distance > 0.25).all()
+    assert (distance < 0.75).all()
+    assert (p_CB[:, 2] > 0.9 * distance).all()  # before the camera
+    free = read(tmp_path, FREE)
+    assert free.gauge.lasting_places(known.model.setup) is None
 
 
 FREE = SHIPPED.replace("height_px = 1200", "height_px = 1200\nfree = true")
