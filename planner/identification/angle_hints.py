@@ -13,6 +13,7 @@ from planner.cell.cell import Cell
 from planner.common.determinism import even_positions
 from planner.common.errors import PlannerError
 from planner.common.units import MM
+from planner.identification.assumptions import OTHER_WAY_SHARE
 from planner.identification.identifiable_parameters import identifiable_subset, parameters_of_groups
 from planner.identification.least_squares import fit
 from planner.identification.problem import FitProblem
@@ -22,16 +23,13 @@ from planner.model.identification_document import Metrics
 from planner.model.model import Model
 from planner.runs.run import Run
 
-TRIED_SAMPLES = 300  # of the run
-BETTER = 0.2  # share of the error below which another way of counting is told
-
 
 def angle_hint(cell: Cell, run: Run, rms: float) -> str:
     """Return how the angles may have been meant, where the rms error [m] would then be far smaller; else nothing."""
-    few = run.take(even_positions(len(run), TRIED_SAMPLES))
+    few = run.take(even_positions(len(run), 300))  # samples of the run
     tried = [(_placed_error(cell, few, robot), words) for robot, words in _other_countings(cell.robot)]
     least, words = min(tried, key=lambda pair: pair[0])
-    if least > BETTER * rms:
+    if least > OTHER_WAY_SHARE * rms:
         return ""
     return f"; {words}, and {least / MM:.1f} mm would be left before any fit of the robot"
 

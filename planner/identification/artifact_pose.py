@@ -12,13 +12,10 @@ from planner.cell.places import placed_frame
 from planner.cell.setup import MeasurementSetup
 from planner.common.units import DEG, MM, Array
 from planner.gauges.placement.flange_poses import LOCATED_TURN_SIGMA
+from planner.identification.assumptions import FRAME_SIGMAS, NEAR_DECLARED, NEAR_DECLARED_TURN
 from planner.identification.least_squares import Fit
 from planner.model.gauge_frames import FixturePosition, GaugeFrames, PlacePose, ToolPointPosition, Vector
 from planner.model.identification_document import Estimate
-
-# from the cell's place, as a robot by its data sheet finds it; beyond them, moved
-NEAR_DECLARED, NEAR_DECLARED_TURN = 20 * MM, 6 * DEG
-USUAL = 4.0  # standard deviations of what the arm is off there, by which its run may put the frame off too
 
 
 def use_declared_pose(cell: Cell, setup: MeasurementSetup) -> MeasurementSetup:
@@ -52,8 +49,8 @@ def _declared_frame(cell: Cell, setup: MeasurementSetup) -> tuple[Array, Array] 
 
 def _near(cell: Cell, off: float, turn: float) -> bool:
     robot = cell.robot
-    usual = USUAL * robot.usual_error(cell.home, cell.tool.p_FM)
-    return off <= max(NEAR_DECLARED, usual) and turn <= max(NEAR_DECLARED_TURN, USUAL * robot.usual_turn)
+    usual = FRAME_SIGMAS * robot.usual_error(cell.home, cell.tool.p_FM)
+    return off <= max(NEAR_DECLARED, usual) and turn <= max(NEAR_DECLARED_TURN, FRAME_SIGMAS * robot.usual_turn)
 
 
 def _apart(R: Array, p: Array, setup: MeasurementSetup) -> tuple[float, float]:

@@ -14,6 +14,7 @@ from planner.design.observability.information import r_factor
 from planner.effects.steps import SLIP
 from planner.identification.angle_hints import angle_hint
 from planner.identification.artifact_pose import declared_pose_warnings, gauge_frames
+from planner.identification.assumptions import FAR_OFF_RATIO, LARGEST_HELD_OUT, LARGEST_SIGMAS, STRONG_PULL
 from planner.identification.calibration import (
     Calibration,
     ResidualDiagnosis,
@@ -63,13 +64,7 @@ NO_POSTERIOR = (
     "error over the workspace is that of its covariance, which sees no misfit"
 )
 LARGEST_ERROR = {"m": 50 * MM, "rad": 5 * DEG}  # no sound robot is further off than this,
-LARGEST_PRIORS = 6.0  # or than so many times its prior size, where the robot says that it may be off by degrees
-TRACEABLE_READINGS = 20  # readings beyond the parameters, below which nothing is traced
-LARGEST_HELD_OUT = 10 * MM  # held-out rms that no calibrated robot leaves
-STRONG_PULL = 50.0  # [N] from which on where the bar hangs matters to its moments
 ROW_EFFECTS = ("backlash", "hysteresis")  # that show by how each joint came to a pose
-NAMED_OUTLIERS = 5  # outliers that a warning names
-FAR_OFF = 20.0  # times the median error of a validation, beyond which a row is none of its errors
 
 
 def find_problems(
@@ -83,7 +78,7 @@ def find_problems(
         f"{_tried_text(traced)}"
         for e in table
         if e.group == "geometry"
-        and abs(e.value - e.nominal) > max(LARGEST_ERROR.get(e.unit, np.inf), LARGEST_PRIORS * prior.get(e.name, 0.0))
+        and abs(e.value - e.nominal) > max(LARGEST_ERROR.get(e.unit, np.inf), LARGEST_SIGMAS * prior.get(e.name, 0.0))
     ]
     factor = found.solution.factor
     if len(factor) and not np.all(np.isfinite(factor)):
@@ -151,7 +146,7 @@ def _wrong_validation_rows(run: Run, residual: Array) -> list[str]:
     """Name rows of a validation that are off far more than its others: exchanged, or mistyped."""
     size = error_size(residual)
     usual = float(np.median(size))
-    wrong = np.flatnonzero(size > FAR_OFF * usual)
+    wrong = np.flatnonzero(size > FAR_OFF_RATIO * usual)
     if not len(wrong) or len(wrong) > len(size) // 4:
         return []
     named = _name_some([f"{run.where(k)} by {size[k] / MM:.3g} mm" for k in wrong.tolist()])
@@ -163,8 +158,9 @@ def _wrong_validation_rows(run: Run, residual: Array) -> list[str]:
 
 def _name_some(rows: Sequence[str]) -> str:
     """Name the first few of some rows, and how many more there are."""
-    more = [f"and {len(rows) - NAMED_OUTLIERS} more"] if len(rows) > NAMED_OUTLIERS else []
-    return "; ".join([*rows[:NAMED_OUTLIERS], *more])
+    named = 5  # that a warning names
+    more = [f"and {len(rows) - named} more"] if len(rows) > named else []
+    return "; ".join([*rows[:named], *more])
 
 
 def _of_pull(run: Run) -> list[str]:
@@ -190,9 +186,6 @@ def _other_point(run: Run, cell: Cell) -> list[str]:
         f"{run.name} was measured at tool point '{run.points[0]}', and {cell.path.name} has only one: it was taken "
         "for that; if it is another, give it in [[tool.points]]"
     ]
-
-
-CONDITION_SAMPLES = 8_000  # samples of a long run that the condition number is of
 
 
 def _release(
@@ -366,7 +359,7 @@ def _condition(found: Fit) -> float | None:
     own = [k for k, p in enumerate(found.model.parameters) if not p.is_effect]
     if not own:
         return 1.0
-    few = problem.take(even_positions(len(problem), CONDITION_SAMPLES))
+    few = problem.take(even_positions(len(problem), 8_000))  # samples of a long run that the condition number is of
     mu = np.linalg.svd(r_factor(few.piece(slice(None), found.errors).rows[:, :, own]), compute_uv=False)
     condition = float(mu[0] / max(mu[-1], np.finfo(float).eps * mu[0]))
     return condition if np.isfinite(condition) else None

@@ -36,11 +36,7 @@ from planner.model.model import Model
 from planner.runs.run import Run, Samples
 
 NAME = "posterior.json"  # beside robot.toml
-PROBED = 300  # states, and samples of the run, at which readings are looked at
-LEFT_OUT = 0.15  # times the noise: so much of a reading's uncertainty the directions may lack, rms
-DIGITS = 7  # significant ones
-ANEW = 0.02  # [m, rad] size of what is set up anew: far more than any reading leaves open of it
-SETTLING = 4  # steps in which what was set up anew is found: Gauss-Newton, from where it was placed by the run
+ANEW_SIZE = 0.02  # [m, rad] of what is set up anew: far more than any reading leaves open of it
 
 
 class BaselineParameter(StrictModel):
@@ -99,6 +95,7 @@ def baseline_text(released: ReleasedRobot, freedom: float, run: Run, cell: Cell,
         run, cell: that were identified.
         robot_toml: text of the robot's file.
     """
+    digits = 7  # significant ones
     if cell.gauge.lasting_places(setup_of(cell)) is None or not cell.tool.known:
         return None
     fit = released.posterior.fit
@@ -108,7 +105,7 @@ def baseline_text(released: ReleasedRobot, freedom: float, run: Run, cell: Cell,
     root, rest = _few_columns(model, fit.solution.root(fit.problem.prior)[kept], run, cell, fit.errors[kept])
     own = set(Model.of(setup, FREEABLE).names)  # what a cell holds for known was found as an effect
     parameters = [
-        {"name": p.name, "value": float(few_digits(v, DIGITS))}
+        {"name": p.name, "value": float(few_digits(v, digits))}
         | ({"moves": describe_moves(p, setup)} if p.is_effect and p.name not in own else {})
         for p, v in zip(model.parameters, fit.errors[kept], strict=True)
     ]
@@ -123,9 +120,9 @@ def baseline_text(released: ReleasedRobot, freedom: float, run: Run, cell: Cell,
         "turns": dict(zip(points, _turns(setup), strict=True)) if setup.gauge.angles else {},
         "noise": [noise.gauge, noise.joints, noise.angle],
         "freedom": freedom,
-        "rest": float(few_digits(rest, DIGITS)),
+        "rest": float(few_digits(rest, digits)),
         "parameters": parameters,
-        "spread": few_digits(root, DIGITS).tolist(),
+        "spread": few_digits(root, digits).tolist(),
     }
     return json.dumps(content, ensure_ascii=False, allow_nan=False) + "\n"
 
@@ -136,18 +133,20 @@ def _turns(setup: MeasurementSetup) -> list[list[float]]:
 
 def _few_columns(model: Model, root: Array, run: Run, cell: Cell, errors: Array) -> tuple[Array, float]:
     """Return a root of fewer columns (P, r), and what a reading's uncertainty loses by that [m], rms."""
-    seen = run.samples.take(even_positions(len(run), PROBED))
+    probed = 300  # states, and samples of the run, at which readings are looked at
+    seen = run.samples.take(even_positions(len(run), probed))
     tall = [_flat(model.rows(seen, errors) / _units(model.setup)[:, None])]
     plain = [k for k, p in enumerate(model.parameters) if not any(columns_of(m.phi.key) for m in p.moves)]
     for mounting in cell.mountings:
-        q = cell.gauge.joint_sampler(cell, mounting, 0)(PROBED).q
-        there = np.zeros((min(PROBED, len(q)), model.width, len(model.names)))
-        there[:, :, plain] = model.subset(plain).rows(Samples.at(q[:PROBED], mounting), errors[plain])
+        q = cell.gauge.joint_sampler(cell, mounting, 0)(probed).q
+        there = np.zeros((min(probed, len(q)), model.width, len(model.names)))
+        there[:, :, plain] = model.subset(plain).rows(Samples.at(q[:probed], mounting), errors[plain])
         tall.append(_flat(there / _units(model.setup)[:, None]))
     readings = np.concatenate(tall) @ root
     _, size, turn = np.linalg.svd(readings, full_matrices=False)
     lacking = np.sqrt(np.append(np.cumsum(size[::-1] ** 2)[::-1], 0.0) / len(readings))  # without the first k
-    count = int(np.argmax(lacking <= LEFT_OUT * float(np.median(model.noise(seen)))))
+    # 0.15: times the noise: so much of a reading's uncertainty the directions may lack, rms
+    count = int(np.argmax(lacking <= 0.15 * float(np.median(model.noise(seen)))))
     return np.asarray(root @ turn[:count].T), float(lacking[count])
 
 
@@ -234,10 +233,11 @@ class Baseline:
         there = there.for_samples(run.samples)
         which = there._anew
         white = block_diag(*np.linalg.inv(np.linalg.cholesky(there.noise_covariance(run.samples))))
-        for _ in range(SETTLING):
+        # 4: Gauss-Newton steps in which what was set up anew is found, from where it was placed by the run
+        for _ in range(4):
             rows, off = there.anew_rows(run.samples), there.difference(run)
             values = there.values.copy()
-            values[which] += np.linalg.lstsq(white @ rows, white @ off)[0] * ANEW
+            values[which] += np.linalg.lstsq(white @ rows, white @ off)[0] * ANEW_SIZE
             there = replace(there, values=values)
         return there
 
@@ -266,8 +266,8 @@ class Baseline:
         return _flat(wider.rows(samples, np.append(self.values, np.zeros(len(extra)))))
 
     def anew_rows(self, samples: Samples) -> Array:
-        """Return what ``ANEW`` of all that is set up anew does to the numbers, (n r, a) [m, rad]."""
-        return np.asarray(self.rows(samples)[:, self._anew] * ANEW)
+        """Return what ``ANEW_SIZE`` of all that is set up anew does to the numbers, (n r, a) [m, rad]."""
+        return np.asarray(self.rows(samples)[:, self._anew] * ANEW_SIZE)
 
     def covariance(self, samples: Samples) -> Array:
         """Covariance of readings less their expectation where nothing has changed, (n r, n r) [m², m rad, rad²].

@@ -107,7 +107,6 @@ class Calibration(Identification):
 
 ZEROS_OR_MODEL = "set these zeros in the controller, or correct programs by robot.toml, not both"
 OWN_ANGLES = "add it to the angle of the model, which the controller may count in another sense"
-MOST_DECIMALS = 6  # of a degree
 
 
 def find_joint_zeros(
@@ -195,5 +194,5 @@ def _zero_list(zeros: Sequence[JointZero]) -> str:
 def _degrees(value: float, std: float, sign: str = "") -> str:
     """Write an angle [rad] in degrees, with two digits of its standard deviation; never as minus zero."""
     size = float(to_deg(std))
-    decimals = 3 if size <= 0 else int(np.clip(1 - np.floor(np.log10(size)), 1, MOST_DECIMALS))
+    decimals = 3 if size <= 0 else int(np.clip(1 - np.floor(np.log10(size)), 1, 6))  # decimals of a degree
     return f"{round(float(to_deg(value)), decimals) + 0.0:{sign}.{decimals}f}"

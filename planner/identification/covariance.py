@@ -7,14 +7,11 @@ import numpy as np
 from planner.cell.cell import Cell
 from planner.common.units import MM, Array
 from planner.effects.effect import Parameter
+from planner.identification.assumptions import MUCH_WORSE_RATIO, POSITION_AXES
 from planner.identification.least_squares import MEDIAN_RMS, Fit
 from planner.model.identification_document import Metrics
 from planner.model.tool_error import WORKSPACE_STATES, ToolError, moves_robot, samples_like, uniform_states
 from planner.runs.run import Run
-
-BLOCK_TIMES = 10  # correlation times in one block of a continuous run
-BLOCKS_PER_PARAMETER = 3  # blocks for each parameter that it takes to trust their scatter
-LONGEST_LAG = 20_000  # samples over which the correlation is looked for
 
 
 def parameter_covariance(fit: Fit, continuous: bool) -> tuple[Array, float]:
@@ -31,9 +28,9 @@ def parameter_covariance(fit: Fit, continuous: bool) -> tuple[Array, float]:
         return plain, 1.0
     white = problem.white_residual(fit.errors)
     time = correlation_time(white[:, 0])
-    size = max(1, int(np.ceil(BLOCK_TIMES * time)))
+    size = max(1, int(np.ceil(10 * time)))  # correlation times in one block of a continuous run
     count = len(problem) // size
-    if count < BLOCKS_PER_PARAMETER * len(fit.errors):
+    if count < 3 * len(fit.errors):  # blocks for each parameter that it takes to trust their scatter
         return plain * time, time
     scores = _scores(fit, np.minimum(np.arange(len(problem)) // size, count - 1), count)
     bread = solution.inverse
@@ -58,11 +55,12 @@ def _robust_factor(fit: Fit) -> float:
 
 def correlation_time(x: Array) -> float:
     """Return the integrated autocorrelation time in samples, 1 + 2 Σ ρ_k within Sokal's window."""
-    x = x[: LONGEST_LAG * 5] - x.mean()
+    longest_lag = 20_000  # samples over which the correlation is looked for
+    x = x[: longest_lag * 5] - x.mean()
     n = len(x)
     size = 1 << (2 * n - 1).bit_length()
     power = np.abs(np.fft.rfft(x, size)) ** 2
-    rho = np.fft.irfft(power)[: min(n, LONGEST_LAG)]
+    rho = np.fft.irfft(power)[: min(n, longest_lag)]
     rho /= max(rho[0], 1e-300)
     total = 1 + 2 * np.cumsum(rho[1:])
     wide = np.flatnonzero(np.arange(1, len(rho)) >= 5 * np.maximum(total, 1.0))
@@ -96,10 +94,6 @@ def consider_covariance(fit: Fit, held: Sequence[Parameter]) -> Array:
     return np.asarray(moved @ moved.T)
 
 
-MUCH_WORSE = 3.0  # times the held-out error, from which on that one says little of the rest of the workspace
-POSITION_AXES = 3
-
-
 def workspace_error(cell: Cell, run: Run, found: Fit, covariance: Array) -> float:
     """Return the rms error of the tool [m] over the workspace that follows from the covariance.
 
@@ -125,7 +119,7 @@ def workspace_warning(known: float, held_out: Metrics, width: int) -> list[str]:
         width: numbers in one reading.
     """
     there = held_out.rms * np.sqrt(POSITION_AXES / min(width, POSITION_AXES))  # a bar reads one of three axes
-    if known <= MUCH_WORSE * there:
+    if known <= MUCH_WORSE_RATIO * there:
         return []
     return [
         f"held-out samples are like those measured; over the whole workspace the tool is known to {known / MM:.3f} mm "

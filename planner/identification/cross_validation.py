@@ -102,10 +102,7 @@ def _with_frames(model: Model) -> Model:
 
 
 SAME_POSE = np.deg2rad(0.01)  # joint angles closer than this are the same pose measured again
-STRETCHES = 8  # stretches for each fold of a continuous run: every fold sees every part of it
-FEWEST = 5  # placements or sessions that make a split of their own: held out, a fold of fewer is too large a part
-SEVERAL = 3  # placements or sessions from which on neighbours in the run's order are held out together
-FAIR_SHARE = 0.03  # share of the samples that a session must hold to count
+FEWEST_GROUPS = 5  # placements or sessions that make a split of their own: else a fold is too large a part
 
 
 @dataclass(frozen=True)
@@ -176,7 +173,7 @@ def run_groups(run: Run) -> tuple[str, np.ndarray]:
     """
     samples = run.samples
     stood = samples.place if run.readings.length is None else np.zeros(len(run), dtype=int)
-    if len(np.unique(stood)) >= FEWEST:
+    if len(np.unique(stood)) >= FEWEST_GROUPS:
         return "placement", stood
     if run.continuous:
         return "stretch", _stretches(len(run))
@@ -184,9 +181,10 @@ def run_groups(run: Run) -> tuple[str, np.ndarray]:
     if _are_balanced(session):
         return "session", session
     whole = finest_groups(run)
-    if max(len(np.unique(session)), len(np.unique(stood))) >= SEVERAL:
+    # 3: placements or sessions from which on neighbours in the run's order are held out together
+    if max(len(np.unique(session)), len(np.unique(stood))) >= 3:
         block = join_groups(_stretches(len(run)), whole)
-        if len(np.unique(block)) >= 2 * FEWEST:  # poses measured again and again would chain them all
+        if len(np.unique(block)) >= 2 * FEWEST_GROUPS:  # poses measured again and again would chain them all
             return "block", block
     return "pose", whole
 
@@ -197,13 +195,15 @@ def finest_groups(run: Run) -> np.ndarray:
 
 
 def _stretches(n: int) -> np.ndarray:
-    return np.arange(n) * (STRETCHES * 5) // max(1, n)
+    # 8: stretches for each fold of a continuous run: every fold sees every part of it
+    return np.arange(n) * (8 * 5) // max(1, n)
 
 
 def _are_balanced(session: np.ndarray) -> bool:
     """Tell whether sessions can be folds: enough of them hold a fair share of the run, and none holds most of it."""
     share = np.unique(session, return_counts=True)[1] / len(session)
-    return bool((share > FAIR_SHARE).sum() >= FEWEST and share.max() <= 0.5)
+    # 0.03: of the samples that a session must hold to count
+    return bool((share > 0.03).sum() >= FEWEST_GROUPS and share.max() <= 0.5)
 
 
 def number_poses(q: Array) -> np.ndarray:
@@ -228,7 +228,7 @@ def join_groups(a: np.ndarray, b: np.ndarray | None) -> np.ndarray:
     return np.asarray(connected_components(edges, directed=False)[1][a])
 
 
-NO_INFORMATION = 1e-9  # share of a column's information below which the training folds say nothing of its parameter
+NO_INFORMATION = 1e-9  # share of a column's information below which training says nothing of its parameter
 
 
 @dataclass(frozen=True)

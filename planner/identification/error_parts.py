@@ -7,16 +7,11 @@ from scipy.linalg import cholesky, solve_triangular
 
 from planner.common.units import Array
 from planner.effects.drift_shapes import IN_TIME
-from planner.identification.misfit import POSITION_AXES
+from planner.identification.assumptions import LOCAL_RATIO, MISFIT_PROBABILITY, POSITION_AXES, UNSEEN_READINGS_RATIO
 from planner.identification.posterior_background import OF_BACKGROUND, UNNAMED
 from planner.identification.posterior_fit import PosteriorFit
 from planner.identification.released_robot import ReleasedRobot
 from planner.model.identification_document import ErrorParts, MisfitPlace
-
-MANY = 100.0  # times as many readings at the same poses: what they leave, this gauge does not see from there
-LIKELY = 0.5  # probability from which on a run is said to show misfit
-STRETCHES = 4  # of a joint's range: where the misfit is largest is said as one of them
-LOCAL = 1.2  # rms there over that of the workspace, from which on a place is worth naming
 
 
 def error_parts(released: ReleasedRobot) -> ErrorParts:
@@ -57,7 +52,7 @@ def _trace(weight: Array, columns: Array) -> float:
 def _left_by_many(known: PosteriorFit) -> Array:
     """Return a root (P, P) of the covariance after MANY times as many readings at the same poses."""
     size = np.sqrt((known.mixture.scaled**2).mean(axis=0))
-    information = MANY * size[:, None] * known.gram[:-1, :-1] * size + np.eye(len(size))
+    information = UNSEEN_READINGS_RATIO * size[:, None] * known.gram[:-1, :-1] * size + np.eye(len(size))
     root = solve_triangular(cholesky(information, lower=True), np.diag(size * known.fit.problem.prior), lower=True)
     return np.asarray(root.T)
 
@@ -83,17 +78,18 @@ def misfit_motion(released: ReleasedRobot) -> Array:
 
 def misfit_place(released: ReleasedRobot) -> MisfitPlace | None:
     """Return how much what has no name moves the tool and where most; ``None`` where the run shows nothing of it."""
-    if misfit_likelihood(released) < LIKELY:
+    if misfit_likelihood(released) < MISFIT_PROBABILITY:
         return None
     square, q = misfit_motion(released) ** 2, released.tool.q
     best, joint, ends = 0.0, None, (0.0, 0.0)
     for j, angles in enumerate(q.T):
-        edges = np.quantile(angles, np.linspace(0, 1, STRETCHES + 1))
+        # 4: parts of a joint's range: where the misfit is largest is said as one of them
+        edges = np.quantile(angles, np.linspace(0, 1, 4 + 1))
         for low, high in pairwise(edges):
             there = float(square[(angles >= low) & (angles <= high)].mean())
             if there > best:
                 best, joint, ends = there, j + 1, (float(low), float(high))
     anywhere = float(np.sqrt(square.mean()))
-    if np.sqrt(best) < LOCAL * anywhere:
+    if np.sqrt(best) < LOCAL_RATIO * anywhere:
         return MisfitPlace(anywhere=anywhere)
     return MisfitPlace(anywhere=anywhere, there=float(np.sqrt(best)), joint=joint, range=ends)

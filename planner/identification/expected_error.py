@@ -49,11 +49,7 @@ def expected_error_csv(released: ReleasedRobot) -> str:
 
 
 NAME = "expected_error.json"  # beside robot.toml
-ALIGNING_STATES = 300  # at which the base is aligned
-LEFT_OUT = 0.03  # part of the mean square error that the directions lack
 DIGITS = 6  # significant ones
-SAME_TOOL = 1e-3  # [m] nearer to the measured point a tool is the measured one
-CHUNK = 512  # poses a pass
 
 
 class KnownParameter(StrictModel):
@@ -108,7 +104,7 @@ def expected_error_text(released: ReleasedRobot, robot_toml: str) -> str:
         name: few_digits(released.offset(tool.names, fit), DIGITS).tolist()
         for name, fit in (("nominal", None), ("geometry", released.geometry), ("released", released.fit))
     }
-    few = tool.q[even_positions(len(tool.q), ALIGNING_STATES)]
+    few = tool.q[even_positions(len(tool.q), 300)]  # states at which the base is aligned
     content = {
         "schema": "edbb-expected-error/1",
         "robot": setup.robot.name,
@@ -138,7 +134,7 @@ def _few_columns(root: Array, maps: Sequence[ToolMap], names: Sequence[str]) -> 
         moved += own.T @ own / max(float((own**2).sum()), 1e-300)
     square, turn = np.linalg.eigh(moved)
     part = np.cumsum(np.maximum(square[::-1], 0.0))
-    count = 1 + int(np.argmax(part >= (1 - LEFT_OUT) * part[-1]))
+    count = 1 + int(np.argmax(part >= (1 - 0.03) * part[-1]))  # part of the mean square error that the directions lack
     return np.asarray(root @ turn[:, ::-1][:, :count])
 
 
@@ -222,7 +218,8 @@ class ExpectedError:
 
     def is_measured(self, p_FM: Array) -> bool:
         """Tell whether a tool point (3,) [m] is the one that was measured."""
-        return bool(np.linalg.norm(p_FM - self.tool) < SAME_TOOL)
+        # 1e-3: [m] nearer to the measured point a tool is the measured one
+        return bool(np.linalg.norm(p_FM - self.tool) < 1e-3)
 
     def at(self, q: Array, p_FM: Array) -> ErrorAtPoses:
         """Return what is expected at q (n, N) [rad] of a tool point (3,) [m] in the flange frame.
@@ -234,7 +231,7 @@ class ExpectedError:
         frame, motion = self._motion(self._states, p_FM, vectors)
         shift = np.linalg.lstsq(frame, motion)[0]
         square = np.empty((len(q), vectors.shape[1]))
-        for part in chunks(len(q), CHUNK):
+        for part in chunks(len(q), 512):  # poses a pass
             frame, motion = self._motion(q[part], p_FM, vectors)
             square[part] = ((motion - frame @ shift) ** 2).reshape(len(q[part]), 3, -1).sum(axis=1)
         rest = self.file.rest_mm if self.is_measured(p_FM) else self.file.rest_other_mm

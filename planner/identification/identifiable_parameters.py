@@ -20,13 +20,14 @@ from planner.design.observability.identifiability import DroppedParameter, Ident
 from planner.effects.compliance import compliance_parameters
 from planner.effects.effect import Parameter
 from planner.effects.gauge_errors import clock_offset_parameter
+from planner.identification.assumptions import ABSORBED_SHARE
 from planner.identification.least_squares import Fit
 from planner.identification.noise import Whitener
 from planner.model.identification_document import Estimate
 from planner.model.model import Model
 from planner.runs.run import Run, Samples
 
-DECIDING_SAMPLES = 4000  # samples that decide
+DECIDING_SAMPLES = 4000  # of a run, evenly spread, decide which parameters are seen
 
 
 def identifiable_subset(
@@ -131,9 +132,6 @@ def _held_parameters(cell: Cell, model: Model, run: Run) -> tuple[DroppedParamet
         return ()
     few, noise = _few_samples(model, run)
     return hold_measured_tool(cell, model, model.rows(few), noise, len(run))
-
-
-ABSORBED_SHARE = 0.02  # part of a left-out parameter's direction, per prior size, below which nobody need hear of it
 
 
 def estimate_parameters(

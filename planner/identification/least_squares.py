@@ -16,19 +16,20 @@ from planner.cell.setup import MeasurementSetup
 from planner.common.determinism import even_positions
 from planner.common.errors import NoSolutionError
 from planner.common.units import Array
+from planner.identification.assumptions import (
+    CONVERGED_SIGMAS,
+    HUBER_SIGMAS,
+    OUTLIER_SIGMAS,
+    PRIOR_FACTORS,
+    ROUGHLY_CONVERGED_SIGMAS,
+    SETTLED_CHANGE,
+)
 from planner.identification.noise import Noise, estimate_noise
 from planner.identification.problem import PIECE_SAMPLES, FitProblem, LinearPiece
 from planner.model.model import Model
 
-START_SAMPLES = 3_000  # samples of a long run that find the minimum before all of them polish it
-ROUGHLY_CONVERGED = 0.05  # the same while noise and priors are still being settled
-FLAT_COST = 3e-5  # a fall of the sum of squares this small, in noise variances, tells nothing any more
-CONTRACTION = 10.0  # by which a step shorter than a standard deviation is at least longer than the next (seen: 100)
-MAX_STEPS = 50
+START_SAMPLES = 3_000  # of a long run find the minimum before all of them polish it
 FROZEN_NUMBERS = 1_000_000  # of a Jacobian, from which on it stands for those at the next steps too
-STILL_HOLDS = 0.05  # relative change of noise and factors up to which leverages of a large problem hold
-FROZEN_CONTRACTION = 50.0  # by which a step is at least longer than the next where it does
-CONVERGED = 1e-3  # a step this small, in the parameters' own standard deviations, ends the fit
 
 
 @dataclass(frozen=True)
@@ -55,7 +56,7 @@ class Solution:
         return prior[:, None] * self.inverse
 
 
-def solve(problem: FitProblem, start: Array | None = None, converged: float = CONVERGED) -> Solution:
+def solve(problem: FitProblem, start: Array | None = None, converged: float = CONVERGED_SIGMAS) -> Solution:
     """Fit the model's parameters; ``converged`` in standard deviations ends it.
 
     Raises:
@@ -64,7 +65,7 @@ def solve(problem: FitProblem, start: Array | None = None, converged: float = CO
     errors = np.zeros(len(problem.prior)) if start is None else np.array(start)
     if len(problem) > 2 * START_SAMPLES:
         few = problem.take(even_positions(len(problem), START_SAMPLES))
-        errors = _descend(few, errors, ROUGHLY_CONVERGED).errors
+        errors = _descend(few, errors, ROUGHLY_CONVERGED_SIGMAS).errors
     return _descend(problem, errors, converged)
 
 
@@ -120,17 +121,20 @@ class _Triangle:
 
 
 def _descend(problem: FitProblem, errors: Array, converged: float) -> Solution:
+    most_steps = 50  # of Gauss and Newton
     here, damping = _Triangle.about(problem, errors), 0.0
     readings = len(problem) * problem.model.width
-    for _ in range(MAX_STEPS):
+    for _ in range(most_steps):
         z = here.step(damping)
         trial = errors + problem.prior * z
         sigma = np.sqrt(max(1.0, here.cost / readings))  # a robot that is off by more than noise settles no finer
         length = float(np.linalg.norm(here.factor @ z))
-        if damping == 0.0 and length < CONTRACTION * converged * sigma:  # the next step would be shorter than is asked
+        # 10.0: a step shorter than a standard deviation is at least so many times longer than the next (seen: 100)
+        if damping == 0.0 and length < 10.0 * converged * sigma:  # the next step would be shorter than is asked
             return Solution(trial, here.factor, here.cost - length**2)
         there = _next_triangle(problem, here, trial, length, damping)
-        small = length < converged * sigma or abs(here.cost - there.cost) < FLAT_COST * sigma**2
+        # 3e-5: noise variances: so small a fall of the sum of squares tells nothing any more
+        small = length < converged * sigma or abs(here.cost - there.cost) < 3e-5 * sigma**2
         if there.cost <= here.cost * (1 + 1e-9):
             errors, here, damping = trial, there, damping / 10 if damping > 1e-6 else 0.0
         else:
@@ -138,7 +142,7 @@ def _descend(problem: FitProblem, errors: Array, converged: float) -> Solution:
         if small:
             return Solution(errors, here.factor, here.cost)
     raise NoSolutionError(
-        f"the fit did not come to rest in {MAX_STEPS} steps: the start is too far off, or the readings contradict "
+        f"the fit did not come to rest in {most_steps} steps: the start is too far off, or the readings contradict "
         "each other (names of fixtures, points or rows that were exchanged do that)"
     )
 
@@ -154,16 +158,10 @@ def _next_triangle(problem: FitProblem, here: _Triangle, trial: Array, length: f
     What they have changed by, times the residual, then stays in the minimum: a hundredth of a standard deviation.
     """
     frozen = here.beside_residual(problem, trial) if damping == 0.0 else None
-    if frozen is not None and FROZEN_CONTRACTION * float(np.linalg.norm(frozen.right)) < length:
+    # 50.0: times longer than the next is a step at least where a Jacobian stands for later ones
+    if frozen is not None and 50.0 * float(np.linalg.norm(frozen.right)) < length:
         return frozen
     return _Triangle.about(problem, trial)
-
-
-MAX_ROUNDS = 12
-SETTLED = 0.02  # relative change of noise and factors that ends the rounds
-# an error of a kind is never believed to be smaller or larger than this times its prior size
-FACTOR_RANGE = (0.1, 50.0)
-SETTLING_SAMPLES = 3_000  # samples of a long run that settle noise and factors
 
 
 @dataclass(frozen=True)
@@ -216,19 +214,20 @@ def fit(problem: FitProblem, robust: bool = False, start: Array | None = None, f
     Raises:
         NoSolutionError: the fit does not come to rest.
     """
-    look = subset_size(problem.model, SETTLING_SAMPLES)
+    look = subset_size(problem.model, 3_000)  # samples of a long run settle noise and factors
     long = len(problem) > 2 * look
     few = problem.take(even_positions(len(problem), look)) if long else problem
     prior, errors = problem.model.prior, start
     if factors is not None:
         few = few.with_model(few.model.with_prior(prior * factors))
     leverage, change = np.zeros(0), np.inf
-    for _ in range(MAX_ROUNDS):
-        solution = solve(few, errors, ROUGHLY_CONVERGED)
+    for _ in range(12):  # rounds at most of settling noise and factors
+        solution = solve(few, errors, ROUGHLY_CONVERGED_SIGMAS)
         errors = solution.errors
         weight = _weights(few, errors) if robust else few.weight
         shrunk = _prior_share(solution)
-        if change > STILL_HOLDS or not _is_large(few):
+        # 0.05: relative change of noise and factors up to which leverages of a large problem hold
+        if change > 0.05 or not _is_large(few):
             leverage = _leverage(few, solution)
         noise = estimate_noise(few.whitener, few.residual(errors) * np.sqrt(weight)[:, None], leverage)
         model = few.model.with_prior(prior * prior_factors(few.model, prior, errors, shrunk))
@@ -236,7 +235,7 @@ def fit(problem: FitProblem, robust: bool = False, start: Array | None = None, f
             _change(noise, few.whitener.noise), float(np.max(np.abs(model.prior / few.prior - 1), initial=0.0))
         )
         few = replace(few.with_noise(noise).with_model(model), weight=weight)
-        if change < SETTLED:
+        if change < SETTLED_CHANGE:
             break
     whole = problem.with_noise(few.whitener.noise).with_model(few.model) if long else few
     if long and robust and errors is not None:
@@ -284,16 +283,12 @@ def prior_factors(model: Model, prior: Array, errors: Array, shrunk: Array) -> A
     for which in prior_groups(model):
         decided = float((1 - shrunk[which]).sum())
         square = (float(((errors[which] / prior[which]) ** 2).sum()) + 1.0) / (decided + 1.0)
-        out[which] = np.clip(np.sqrt(square), *FACTOR_RANGE)
+        out[which] = np.clip(np.sqrt(square), *PRIOR_FACTORS)
     return out
 
 
 def _change(a: Noise, b: Noise) -> float:
     return max(abs(float(x) / float(y) - 1) for x, y in zip(astuple(a), astuple(b), strict=True))
-
-
-HUBER = 1.5  # in standard deviations: 95 % as sharp as least squares where the noise is normal
-OUTLIER = 4.5  # standard deviations, of one reading in about 150 000
 
 
 def _size(problem: FitProblem, errors: Array) -> Array:
@@ -308,8 +303,8 @@ MEDIAN_RMS = {1: 0.6745, 3: 0.8880, 6: 0.9441, 14: 0.9761}  # of the root mean s
 
 def _weights(problem: FitProblem, errors: Array) -> Array:
     """Huber's weights, (n,)."""
-    return np.minimum(1.0, HUBER / np.maximum(_size(problem, errors), 1e-12))
+    return np.minimum(1.0, HUBER_SIGMAS / np.maximum(_size(problem, errors), 1e-12))
 
 
 def _outliers(problem: FitProblem, solution: Solution) -> np.ndarray:
-    return np.flatnonzero(_size(problem, solution.errors) > OUTLIER)
+    return np.flatnonzero(_size(problem, solution.errors) > OUTLIER_SIGMAS)

@@ -21,6 +21,14 @@ import numpy as np
 from planner.common.determinism import even_positions
 from planner.common.units import Array
 from planner.effects.context import Context
+from planner.identification.assumptions import (
+    LOG_MISFIT_NOISE_SIGMA,
+    LOG_REST_SIGMA,
+    LOG_STRETCH_SIGMA,
+    NO_MISFIT_PROBABILITY,
+    POSITION_AXES,
+    USUAL_REST,
+)
 from planner.identification.cross_validation import renumber_places, usable_elsewhere
 from planner.identification.least_squares import Fit
 from planner.identification.noise import Noise
@@ -30,18 +38,12 @@ from planner.identification.problem import FitProblem
 from planner.model.model import Model
 from planner.runs.run import Run, Samples
 
-POSITION_AXES = 3
 SWEEPS = 30  # how often sizes are drawn without each
-MOST_READINGS = 2_400  # of a long run that fit a region
 MOST_JUDGED = 600  # readings of a region that are looked at
-NONE = 0.8  # probability that there is no stretch, and that there is no rest
 NOISES: Array = np.exp(np.linspace(-1.0, 1.2, 12))  # over the noise said, and
-NOISE_WIDTH = 0.3  # how well its logarithm is known beside the rest: data sheets are good to a third
 LOGS: Array = np.linspace(-1.5, 4.0, 23)  # of the stretch of one region, and of what regions have in common
-STRETCH_WIDTH = 0.7  # of its logarithm: twice is usual where it is any
 APART: Array = np.array([0.0, 0.25, 0.5, 0.75, 1.0])  # one sigma of the logarithm of a region's stretch
 RESTS: Array = np.append(0.0, 0.05 * np.exp(np.linspace(0.0, 6.0, 19)))  # over the noise said
-USUAL_REST, REST_WIDTH = 0.5, 1.5  # over the noise said, and of its logarithm: hardly anything is known of it
 
 
 @dataclass(frozen=True)
@@ -154,9 +156,9 @@ def draw_misfit(parts: Sequence[HeldOutReadings], count: int, seed: int = 0) -> 
     none = own[..., [int(np.argmin(np.abs(LOGS)))]].sum(axis=0)
     near = _chances_about(LOGS)
     logs = np.stack([np.concatenate([none, _mix(own, chance).sum(axis=0)], axis=-1) for chance in near])
-    logs += (-0.5 * (np.log(NOISES) / NOISE_WIDTH) ** 2)[:, None, None]
-    logs += _spike_and_slab(np.log(RESTS[1:] / USUAL_REST) / REST_WIDTH)[:, None]
-    logs += _spike_and_slab(LOGS / STRETCH_WIDTH)
+    logs += (-0.5 * (np.log(NOISES) / LOG_MISFIT_NOISE_SIGMA) ** 2)[:, None, None]
+    logs += _spike_and_slab(np.log(RESTS[1:] / USUAL_REST) / LOG_REST_SIGMA)[:, None]
+    logs += _spike_and_slab(LOGS / LOG_STRETCH_SIGMA)
     # half normal, one sigma 0.5: regions of one robot differ by a factor of one and a half
     logs += (-0.5 * (APART / 0.5) ** 2)[:, None, None, None]
     chance = np.exp(logs - logs.max()).sum(axis=1)
@@ -195,14 +197,14 @@ def _mix(logs: Array, chance: Array) -> Array:
 def _spike_and_slab(off: Array) -> Array:
     """Return log probabilities (1 + k,): of none, and of values so many standard deviations off the usual one."""
     weight = np.exp(-0.5 * off**2)
-    return np.asarray(np.log(np.append(NONE, (1 - NONE) * weight / weight.sum())))
+    return np.asarray(np.log(np.append(NO_MISFIT_PROBABILITY, (1 - NO_MISFIT_PROBABILITY) * weight / weight.sum())))
 
 
 def _predict_region(
     before: Fit, run: Run, test: np.ndarray, whole: Model, background: Sequence[EffectFamily], time: float
 ) -> HeldOutRegion:
     """Predict the positions of the samples ``test`` (n,) bool by a posterior of the others."""
-    seen = _few(np.flatnonzero(~test), MOST_READINGS // whole.width)
+    seen = _few(np.flatnonzero(~test), 2_400 // whole.width)  # readings of a long run that fit and judge
     unseen = _worth_one_each(np.flatnonzero(test), time, whole.width)
     worth = max(1.0, time * len(seen) / (~test).sum())
     known = draw_posterior(before, run.take(seen), whole, background, worth, sweeps=SWEEPS).fit().fit

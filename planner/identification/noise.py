@@ -7,14 +7,12 @@ import numpy as np
 
 from planner.common.determinism import even_positions
 from planner.common.units import Array
+from planner.identification.assumptions import ENOUGH_FREEDOM, LEAST_NOISE_SHARE
 from planner.model.model import Model
 from planner.runs.run import Samples
 
 RATIO = np.log(2.0)  # one sigma of the logarithm of gauge over joints: data sheets are good to a factor of two
-SCORINGS = 30
-LEAST = 0.02  # share of its noise that is left in a residual which its own parameters follow
-SAMPLE = 20_000  # samples that the likelihood looks at
-ENOUGH = 60  # degrees of freedom below which the declared ratio of the components stands
+MOST_SCORINGS = 30  # steps of Fisher's scoring at most
 
 
 @dataclass(frozen=True)
@@ -95,10 +93,10 @@ def estimate_noise(white: Whitener, residual: Array, leverage: Array) -> Noise:
     dof = residual.size - float(leverage.sum())
     if dof < 1:
         return white.noise
-    residual = residual / np.sqrt(np.maximum(1.0 - leverage, LEAST))
+    residual = residual / np.sqrt(np.maximum(1.0 - leverage, LEAST_NOISE_SHARE))
     spread = _Spread.of(white, residual, slice(0, 3))
     one = float(np.sqrt((spread.square / (1 + spread.ratio)).mean()))
-    if dof < ENOUGH:
+    if dof < ENOUGH_FREEDOM:
         return Noise(one, one, one)
     joints = _two(spread, one)
     if residual.shape[1] <= 3:
@@ -112,7 +110,7 @@ def _two(spread: "_Spread", one: float) -> Noise:
 
     logs = np.log([one, one])
     apart = np.array([-1.0, 1.0]) / RATIO
-    for _ in range(SCORINGS):  # Fisher scoring: the expected curvature is never indefinite
+    for _ in range(MOST_SCORINGS):  # Fisher scoring: the expected curvature is never indefinite
         slope, curvature = spread.slope(logs)
         slope = slope + 2 * apart * (apart @ logs)
         step = np.linalg.solve(curvature + 2 * np.outer(apart, apart), slope)
@@ -135,7 +133,7 @@ class _Spread:
     @classmethod
     def of(cls, white: Whitener, residual: Array, block: slice) -> "_Spread":
         """Split the numbers ``block`` of every reading."""
-        which = even_positions(len(residual), SAMPLE)
+        which = even_positions(len(residual), 20_000)  # samples that the likelihood looks at
         unit = 1 / np.sqrt(white.declared[block])
         ratio, axes = np.linalg.eigh(white.shaken[which][:, block, block] * unit[:, None] * unit)
         turned = np.einsum("nij,ni->nj", axes, residual[which][:, block] * unit)
@@ -151,7 +149,7 @@ class _Spread:
     def gauge_beside(self, joints: float) -> float:
         """Likeliest size of the gauge's part when the joints' is known."""
         log = 0.5 * float(np.log(self.square.mean() + 1e-300))
-        for _ in range(SCORINGS):
+        for _ in range(MOST_SCORINGS):
             slope, curvature = self.slope(np.array([log, np.log(joints)]))
             step = float(np.clip(slope[0] / max(curvature[0, 0], 1e-12), -1.0, 1.0))
             log -= step

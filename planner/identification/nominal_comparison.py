@@ -5,8 +5,6 @@ from collections.abc import Iterator, Sequence
 from planner.common.units import MM
 from planner.model.identification_document import Metrics, Release, Stage
 
-FRAMES = 1  # position of the stage of the nominal robot, its gauge placed as well as may be
-
 
 def worse_than_nominal(stages: Sequence[Stage], release: Release | None, anywhere: float) -> str | None:
     """Return the sentence that says in what the robot that is written is worse than the nominal one; else ``None``.
@@ -32,7 +30,8 @@ def _larger_errors(
     """Yield what has grown, before and after [m]."""
     if release is not None and anywhere > release.nominal_anywhere:
         yield "error over the workspace", release.nominal_anywhere, anywhere
-    nominal, now = stages[min(FRAMES, len(stages) - 1)], stages[-1] if release is None else release
+    # 1: position of the stage of the nominal robot, its gauge placed as well as may be
+    nominal, now = stages[min(1, len(stages) - 1)], stages[-1] if release is None else release
     pairs: tuple[tuple[str, Metrics | None, Metrics | None], ...] = (
         ("held-out samples", nominal.held_out, now.held_out),
         ("validation", nominal.validation, now.validation),

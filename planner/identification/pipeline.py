@@ -5,22 +5,17 @@ from dataclasses import dataclass
 from planner.cell.cell import Cell
 from planner.common.determinism import on_one_thread
 from planner.common.errors import InputError
+from planner.design.assumptions import TRACEABLE_READINGS
 from planner.effects.compliance import JOINT_COMPLIANCE
 from planner.identification.artifact_pose import use_declared_pose
-from planner.identification.assessment import TRACEABLE_READINGS, approach_warnings, assess_fit, too_few_text
+from planner.identification.assessment import approach_warnings, assess_fit, too_few_text
+from planner.identification.assumptions import TOO_FEW_READINGS
 from planner.identification.calibration import Calibration, TracingResult
 from planner.identification.cross_validation import split_run, validate_fit
 from planner.identification.identifiable_parameters import choose_parameters, parameters_of_groups
 from planner.identification.least_squares import Fit
 from planner.identification.run_setup import add_motion, check_pull, locate_gauge, number_samples, setup_for_run
-from planner.identification.stages import (
-    SPARE_READINGS,
-    FitContext,
-    Progress,
-    Tracer,
-    add_declared_stages,
-    add_stage_if_gain,
-)
+from planner.identification.stages import FitContext, Progress, Tracer, add_declared_stages, add_stage_if_gain
 from planner.model.identification_document import Metrics, ReleaseBasis
 from planner.model.model import Model
 from planner.runs.run import Run
@@ -103,9 +98,9 @@ def identify(
 
 def _check_size(context: FitContext, model: Model) -> None:
     run = context.run
-    if context.spare(model) < SPARE_READINGS:
+    if context.spare(model) < TOO_FEW_READINGS:
         raise InputError(
             f"{run.name}: {len(run)} samples give {len(run) * model.width} readings, too few for"
-            f" {len(model.parameters)} parameters; measure at least {len(model.parameters) + SPARE_READINGS}, better"
+            f" {len(model.parameters)} parameters; measure at least {len(model.parameters) + TOO_FEW_READINGS}, better"
             " twice that, or free fewer in [plan]"
         )

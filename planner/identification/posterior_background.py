@@ -22,14 +22,10 @@ from planner.effects.misfit_shapes import misfit_shapes
 from planner.effects.nonparametric import GEAR_CURVE, NONPARAMETRIC
 from planner.effects.phi_keys import belongs_to_gauge, is_static
 from planner.effects.sizes import GEAR_WAVE
+from planner.identification.assumptions import FIRST_HARMONIC, FIRST_PULL
 from planner.model.model import Model
 from planner.runs.run import Samples
 
-HARMONICS = 8  # of a gear's error, once to eight times a turn
-USUAL_HARMONIC = 1.5e-4  # [rad] of the first one, the k-th by √k smaller
-RIPPLES, SLOWEST, QUICKEST = 24, 9.0, 170.0  # frequencies of a gear's ripple in the band, 1/turn
-PULLS, USUAL_PULL = 3, 1e-4  # harmonics of what one joint does to another, and the first one's size [rad]
-BAND = 4  # values of any other inner number
 BACKGROUND = "background"  # group of its parameters
 GAUGE_SHAPE = "gauge of any shape"
 OF_BACKGROUND = " (background)"  # last word of the names of its families in a document
@@ -142,7 +138,7 @@ def _band(effect: Effect, size: float | None) -> Iterator[Parameter]:
     if not grid:
         yield from (p if size is None else replace(p, prior=size) for p in effect.make())
         return
-    few = grid[:: -(-len(grid) // BAND)]
+    few = grid[:: -(-len(grid) // 4)]  # values of any other inner number
     for value in few:
         for p in effect.make(value):
             yield replace(p, name=f"{p.name}, {value:.6g}", prior=p.prior / np.sqrt(len(few)))
@@ -150,11 +146,15 @@ def _band(effect: Effect, size: float | None) -> Iterator[Parameter]:
 
 def _gears(setup: MeasurementSetup, q: Array) -> Iterator[tuple[str, Iterator[Parameter]]]:
     """Yield harmonics and ripple of every gear that moved, and what a joint does to another, as hoses do; q (n, N)."""
+    ripple_count = 24  # frequencies of a gear's ripple in the band
     rotation = {t.joint: k for k, t in enumerate(setup.chain.transforms) if t.joint is not None}
-    slow = [(float(k), USUAL_HARMONIC / np.sqrt(k)) for k in range(1, HARMONICS + 1)]
-    pulls = [(float(k), USUAL_PULL / np.sqrt(k)) for k in range(1, PULLS + 1)]
-    ripples = np.geomspace(SLOWEST, QUICKEST, RIPPLES).round(3)
-    quick = [(float(f), GEAR_WAVE.usual / np.sqrt(RIPPLES)) for f in ripples]
+    # 8: harmonics of a gear's error, once to eight times a turn
+    slow = [(float(k), FIRST_HARMONIC / np.sqrt(k)) for k in range(1, 8 + 1)]
+    # 3: harmonics of what one joint does to another
+    pulls = [(float(k), FIRST_PULL / np.sqrt(k)) for k in range(1, 3 + 1)]
+    # [1/turn] lowest and highest frequency of a gear's ripple in the band
+    ripples = np.geomspace(9.0, 170.0, ripple_count).round(3)
+    quick = [(float(f), GEAR_WAVE.usual / np.sqrt(ripple_count)) for f in ripples]
     turning = np.flatnonzero(~setup.robot.slides)
     for joint in (int(j) for j in turning if np.ptp(q[:, j]) > 1e-3):
         # an axis out of centre, one out of round, and the rest are causes of their own: only so does one stand for none

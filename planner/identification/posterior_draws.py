@@ -19,17 +19,12 @@ import numpy as np
 from scipy.linalg.blas import dsyrk, dtrsm
 
 from planner.common.units import Array
+from planner.identification.assumptions import EXPECTED_CAUSES, LOG_NOISE_RANGE, PREVALENCE
 
 SWEEPS, BURN_IN = 60, 15  # through all families, and how many of them are forgotten
 NOISE_EVERY = 3  # sweeps between draws of the noise
-NOISE_TRIES = 4  # proposals of one draw of the noise
-NOISE_STEP = 1.5  # of a proposal's logarithm, times 1/√readings
-NOISE_LOGS = (-4.0, 6.0)  # of the noise, beyond which nothing is believed
-SWAPS = 1  # families a sweep that may give way to another one
-EXPECTED = 3.0  # families of a pool that are expected to act: arms have several causes, seldom one
-PREVALENCE = 0.5  # a of the beta prior (a, a · families / EXPECTED) of the share of a pool's families that act
 MANY = 0.5  # columns that act for each reading, from which on the readings' covariance is the smaller matrix
-SURE = 1e-12  # least share of a direction's variance that the readings leave
+LEAST_LEFT_SHARE = 1e-12  # of a direction's variance that the readings leave
 
 
 @dataclass(frozen=True)
@@ -48,7 +43,7 @@ class SizePrior:
         if not self.pool:
             return np.asarray(np.log(self.probability))
         here = self.factors > 0
-        chance = (acting + PREVALENCE) / (others + PREVALENCE * (1 + (others + 1) / EXPECTED))
+        chance = (acting + PREVALENCE) / (others + PREVALENCE * (1 + (others + 1) / EXPECTED_CAUSES))
         share = self.probability / np.where(here, self.probability[here].sum(), self.probability[~here].sum())
         return np.asarray(np.log(share * np.where(here, chance, 1 - chance)))
 
@@ -215,7 +210,7 @@ class _Block:
 
     def gains(self, more: Array) -> Array:
         """Return the growth (v,) of the log density with ``more`` variances (v,) of the columns."""
-        grown = np.maximum(1 + more[:, None] * self.values, SURE)
+        grown = np.maximum(1 + more[:, None] * self.values, LEAST_LEFT_SHARE)
         return np.asarray(0.5 * (more[:, None] * self.toward**2 / grown - np.log(grown)).sum(axis=1))
 
 
@@ -259,7 +254,7 @@ class _Precision:
         own = self.gram[place, place]
         side = np.concatenate([self.gram[place, : place.stop].T, self.gram[place.stop :, place]])
         side[place] = np.tril(own) + np.tril(own, -1).T
-        axes = block.axes * np.sqrt(abs(variance) / np.maximum(1 + variance * block.values, SURE))
+        axes = block.axes * np.sqrt(abs(variance) / np.maximum(1 + variance * block.values, LEAST_LEFT_SHARE))
         sign, turned = -np.sign(variance), side @ axes
         self.gram = dsyrk(sign, turned, 1.0, self.gram, lower=1, overwrite_c=1)  # without a copy
         self.toward = self.toward + sign * turned @ (axes.T @ self.toward[place])
@@ -274,7 +269,7 @@ def draw_sizes(model: RandomEffects, start: SizeDraw, seed: int = 0, sweeps: int
         if sweep % NOISE_EVERY == 0:
             chain.draw_noise(rng)
         chain.draw_factors(rng)
-        for _ in range(SWAPS):
+        for _ in range(1):  # families a sweep that may give way to another one
             chain.swap(rng)
         out.append(SizeDraw(chain.factors.copy(), chain.noise_logs))
     return tuple(out[BURN_IN:])
@@ -298,9 +293,9 @@ class _Chain:
         """Draw the noise with the sizes as they are."""
         model, factors = self.model, self.factors
         here = model.deviance(SizeDraw(factors, self.noise_logs))
-        step = max(NOISE_STEP / np.sqrt(len(model.y)), 0.05)
-        for move in rng.standard_normal((NOISE_TRIES, len(self.noise_logs))) * step:
-            trial = SizeDraw(factors, np.clip(self.noise_logs + move, *NOISE_LOGS))
+        step = max(1.5 / np.sqrt(len(model.y)), 0.05)  # of a proposal's logarithm, times 1/√readings
+        for move in rng.standard_normal((4, len(self.noise_logs))) * step:  # proposals of one draw of the noise
+            trial = SizeDraw(factors, np.clip(self.noise_logs + move, *LOG_NOISE_RANGE))
             there = model.deviance(trial)
             if np.log(rng.uniform()) < 0.5 * (here - there):
                 self.noise_logs, here = trial.noise_logs, there

@@ -15,6 +15,7 @@ from scipy.linalg.lapack import dpotri, dtrtri
 from planner.common.determinism import even_positions
 from planner.common.units import Array
 from planner.effects.effect import Parameter
+from planner.identification.assumptions import LOG_NOISE_SIGMA, STANDING_PROBABILITY, UNKNOWN_PRIOR
 from planner.identification.cross_validation import Split, predict_held_out
 from planner.identification.least_squares import Fit, Solution
 from planner.identification.noise import RATIO, Noise
@@ -31,7 +32,6 @@ from planner.model.model import Model
 from planner.runs.run import Run
 
 EACH = 8  # robots drawn with each of the sizes
-LEAST_VARIANCE = 1e-12  # of a direction in prior sizes, so that the information stays finite
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,8 @@ class SizeMixture:
         covariance = within + apart.T @ apart / len(means)
         unit = np.sqrt(np.diag(covariance))
         values, axes = np.linalg.eigh(covariance / np.outer(unit, unit))
-        root = unit[:, None] * axes * np.sqrt(np.maximum(values, LEAST_VARIANCE))
+        # 1e-12: of a direction in prior sigmas, so that the information stays finite
+        root = unit[:, None] * axes * np.sqrt(np.maximum(values, 1e-12))
         return np.asarray(dtrtri(rq(root)[0])[0])
 
     def draw_errors(self, gram: Array, z: Array, seed: int = 0) -> Array:
@@ -112,17 +113,12 @@ class _DrawnFit:
     ease: float
 
 
-LEARNING_READINGS = 600  # of a long run that say how large the families are
-STEPS = 2  # of Gauss and Newton from the fit to the mean
 FINDING = float(np.exp(-6.0))  # probability of a finding: it is one of some hundred that were tried
 RARE, COMMON, UNNAMED = 1, 2, 3  # pools: few of many acts; joints and links that yield, of which most arms have some
-STANDS = 0.5  # probability by the run from which on a finding is said to stand
 SLAB: Array = 0.1 * 2.0 ** np.arange(7, dtype=float)  # factors of a family that acts; weights normal in the log
 SLAB_WEIGHT: Array = np.exp(-0.5 * (np.log(SLAB) + 1.0) ** 2)
 OWN: Array = np.exp(np.linspace(-2.0, 2.0, 9))  # the same of geometry and of findings
 OWN_WEIGHT: Array = np.exp(-0.5 * np.log(OWN) ** 2)
-NOISE_WIDTH = 0.7  # of the logarithm of the noise
-UNKNOWN = 1.0  # [m, rad] prior size that stands for none at all
 
 
 @dataclass(frozen=True)
@@ -195,7 +191,7 @@ class DrawnPosterior:
     def fit(self) -> PosteriorFit:
         """Fit everything together: mean and information of the mixture, and parameters drawn from it."""
         problem, errors = self.problem, self.start
-        for _ in range(STEPS):
+        for _ in range(2):  # Gauss-Newton steps from the fit to the mean
             errors = problem.prior * self.mixture.mean(_gram(problem, errors), errors / problem.prior)
         gram, z = _gram(problem, errors), errors / problem.prior
         found = Solution(errors, self.mixture.information_root(gram, z), float(gram[-1, -1] + z @ z))
@@ -225,7 +221,7 @@ def draw_posterior(
         curves: groups of whole curves of gears that stand for what the background has of these gears.
         sweeps: how often every size is drawn, as usual if not given.
     """
-    most = LEARNING_READINGS // whole.width
+    most = 600 // whole.width  # readings of a long run say how large the families are
     few = run.take(even_positions(len(run), most)) if len(run) > most else run
     found = before.model.subset(
         [k for k, p in enumerate(before.model.parameters) if p.group in curves or not is_left_to_background(p.group)]
@@ -252,7 +248,7 @@ def draw_posterior(
         SizeOfFamily(name=name, factor=float(np.sqrt((f**2).mean())), probability=float((f > 0).mean()))
         for name, f in zip(families.names, factors.T, strict=True)
     )
-    stand = tuple(s.name for s in sizes if s.name in families.findings and s.probability >= STANDS)
+    stand = tuple(s.name for s in sizes if s.name in families.findings and s.probability >= STANDING_PROBABILITY)
     record = DrawRecord(families.model, few, errors, families.names, effects, draws)
     return DrawnPosterior(problem, errors[kept], mixture, sizes, stand, record)
 
@@ -300,7 +296,7 @@ class _Families:
         names = tuple(dict.fromkeys(v for v in (*label.values(), *rest.values()) if v))
         behind = set(rest.values())
         number = {name: k for k, name in enumerate(names)} | {"": -1}
-        finite = tuple(p if np.isfinite(p.prior) else replace(p, prior=UNKNOWN) for p in parameters.values())
+        finite = tuple(p if np.isfinite(p.prior) else replace(p, prior=UNKNOWN_PRIOR) for p in parameters.values())
         family_of = np.array([number[(label | rest)[p.name]] for p in finite])
         slab, often, foreign = (_spike_and_slab(SLAB, SLAB_WEIGHT, 0.5, pool) for pool in (RARE, COMMON, UNNAMED))
         found, plain = _spike_and_slab(OWN, OWN_WEIGHT, FINDING), _spike_and_slab(OWN, OWN_WEIGHT, 1.0)
@@ -331,7 +327,7 @@ def _linearize(problem: FitProblem, errors: Array, families: _Families) -> Rando
     readings = IndependentReadings.of(problem, errors)
     count = readings.noise.shape[1]
     apart = np.eye(count)[0] - np.eye(count)[1]
-    precision = np.eye(count) / NOISE_WIDTH**2 + np.outer(apart, apart) / RATIO**2
+    precision = np.eye(count) / LOG_NOISE_SIGMA**2 + np.outer(apart, apart) / RATIO**2
     return RandomEffects(readings.columns, readings.y, families.family, readings.noise, families.priors, precision)
 
 

@@ -16,8 +16,7 @@ from planner.model.columns import Columns
 from planner.model.model import Linearization, Model, chunks
 from planner.runs.run import Run, Samples
 
-PIECE_SAMPLES = 8192  # samples a piece
-THREADS = 2  # pieces in flight: results are taken in order, so their number does not show
+PIECE_SAMPLES = 8192  # of a piece of a long run
 T = TypeVar("T")
 
 
@@ -130,7 +129,8 @@ class FitProblem:
         if len(parts) < 2:
             yield from map(task, parts)
             return
-        with ThreadPoolExecutor(THREADS) as pool:
+        # 2: pieces in flight: results are taken in order, so their number does not show
+        with ThreadPoolExecutor(2) as pool:
             yield from pool.map(task, parts)
 
     def linear(self, part: slice, errors: Array) -> Linearization:

@@ -8,10 +8,18 @@ import numpy as np
 from planner.cell.cell import Cell
 from planner.common.arrays import mean_by_group
 from planner.common.units import MM, Array, to_mm
+from planner.identification.assumptions import (
+    ANOTHER_TOOL_SHARE,
+    CURVE_GAIN,
+    CURVE_STANDARD_ERRORS,
+    DENSE_READINGS,
+    LEAST_EFFECT_SHARE,
+    POSITION_AXES,
+)
 from planner.identification.cross_validation import Split, predict_held_out
 from planner.identification.error_parts import error_parts, misfit_place
 from planner.identification.least_squares import Fit
-from planner.identification.misfit import POSITION_AXES, HeldOutRegion, draw_misfit, predict_regions, predict_validation
+from planner.identification.misfit import HeldOutRegion, draw_misfit, predict_regions, predict_validation
 from planner.identification.posterior_background import background_families, curve_groups
 from planner.identification.posterior_fit import draw_posterior
 from planner.identification.released_robot import ReleasedRobot, ToolMap, drift_of, tool_maps
@@ -19,11 +27,7 @@ from planner.identification.stages import FitContext, FittedStage
 from planner.model.identification_document import Metrics, Release, WorkToolError
 from planner.model.model import Model
 
-DOMINATES = 0.5  # part of the mean square error of another tool that is worth a second tool point
 DOUBT = 0.02  # probability that geometry alone is the better robot, at most
-DENSE = 20  # readings for each parameter, from which poses held out stand for those anywhere
-BEYOND_CHANCE, LEAST_GAIN = 3.0, 0.1  # standard deviations, and of the mean square, that whole curves of gears pay
-LEAST_SHARE = 0.05  # of the way to the compromise, which is worth a robot with effects
 
 
 def release_robot(
@@ -53,7 +57,7 @@ def release_robot(
         run, split, time = run.take(few), split.take(few), max(1.0, time * len(few) / len(run))
     families = background_families(last.setup, context.run.samples)
     drawn = draw_posterior(last, run, whole, families, time)
-    dense = len(context.run) * whole.width >= DENSE * len(last.model.names)
+    dense = len(context.run) * whole.width >= DENSE_READINGS * len(last.model.names)
     if dense and (curves := curve_groups(last.model)):
         other = draw_posterior(last, run, whole, families, time, curves)
         if predicts_better(other.predict_held_out(split), drawn.predict_held_out(split), split):
@@ -70,7 +74,7 @@ def release_robot(
     share = 0.0 if geometry_alone else safe_share(geometry, aim)
     if len(plain.fit.problem) == len(run):  # else geometry was fitted to another part of a long run
         share = share_by_regions(share, plain.fit, regions)
-    if share < LEAST_SHARE:
+    if share < LEAST_EFFECT_SHARE:
         return geometry
     fit = _part_way(plain.fit, aim, share)
     before = own.held_residual if few is None else own.held_residual[few]
@@ -89,8 +93,8 @@ def predicts_better(other: Array, plain: Array, split: Split) -> bool:
     size = np.sqrt((plain**2).mean(axis=0))
     mine, theirs = (((h / np.where(size > 0, size, 1.0)) ** 2).mean(axis=1) for h in (other, plain))
     gain = mean_by_group(theirs - mine, split.group)[np.unique(split.group)]
-    surely = gain.mean() - BEYOND_CHANCE * gain.std() / np.sqrt(len(gain))
-    return bool(surely > 0 and mine.mean() < (1 - LEAST_GAIN) * theirs.mean())
+    surely = gain.mean() - CURVE_STANDARD_ERRORS * gain.std() / np.sqrt(len(gain))
+    return bool(surely > 0 and mine.mean() < (1 - CURVE_GAIN) * theirs.mean())
 
 
 def compromise(geometry: ReleasedRobot) -> Fit:
@@ -186,7 +190,7 @@ def tool_point_advice(released: ReleasedRobot) -> list[str]:
     if tool is None:
         return []
     there, here = released.anywhere_with(released.fit, tool), released.anywhere
-    if there**2 - here**2 < DOMINATES * there**2:
+    if there**2 - here**2 < ANOTHER_TOOL_SHARE * there**2:
         return []
     x, y, z = (f"{float(to_mm(v)):g}" for v in tool.p_FM)
     return [

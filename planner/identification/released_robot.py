@@ -21,17 +21,14 @@ from planner.cell.setup import MeasurementSetup
 from planner.common.units import Array, read_only
 from planner.effects.effect import Parameter
 from planner.effects.phi_keys import columns_of
+from planner.identification.assumptions import NEGLIGIBLE_SHARE, OTHER_TOOL, POSITION_AXES
 from planner.identification.least_squares import Fit
-from planner.identification.misfit import POSITION_AXES, Misfit
+from planner.identification.misfit import Misfit
 from planner.identification.posterior_background import BACKGROUND, acts_on_robot
 from planner.identification.posterior_fit import PosteriorFit
 from planner.model.identification_document import Metrics
 from planner.model.tool_error import aligned_rows, moves_robot, samples_like, tool_position, uniform_states
 from planner.runs.run import Run
-
-STATES = 1000  # joint states at which the tool is looked at
-OTHER_TOOL = 0.2  # [m] from the flange's centre to the tools that were not measured, in six directions
-NEGLIGIBLE = 0.1  # of the expected error: the written robot may differ so much from the mean, which adds 0.5 % to it
 
 
 @dataclass(frozen=True)
@@ -109,7 +106,7 @@ class ReleasedRobot:
         columns = self._rows_of(faint) * np.array([values[n] for n in faint])
         order = np.argsort((columns**2).sum(axis=0), kind="stable")
         size = np.sqrt((np.cumsum(columns[:, order], axis=1) ** 2).sum(axis=0) / len(self.tool.q))
-        for k in order[: int(np.searchsorted(np.maximum.accumulate(size), NEGLIGIBLE * self.anywhere))]:
+        for k in order[: int(np.searchsorted(np.maximum.accumulate(size), NEGLIGIBLE_SHARE * self.anywhere))]:
             del kept[faint[k]]
         return kept
 
@@ -216,7 +213,7 @@ def tool_maps(cell: Cell, run: Run, fit: Fit) -> tuple[ToolMap, tuple[ToolMap, .
     """Return the motion over the workspace of the measured tool point, of points about the flange, and of own tools."""
     setup = fit.setup
     effects = moving_effects(fit)
-    q = uniform_states(cell, STATES, 0)
+    q = uniform_states(cell, 1000, 0)  # joint states at which the tool is looked at
     around = [OTHER_TOOL * sign * np.eye(3)[k] for k in range(3) for sign in (1.0, -1.0)]
     few = q[:: len(around)]
     work = cell.tool.work

@@ -12,7 +12,6 @@ from planner.common.units import Array
 from planner.identification.problem import FitProblem
 
 CONDITIONS = ("temperature", "payload", "force")
-FEW_SESSIONS = 3  # sessions up to which each may have joint offsets of its own
 
 
 def joint_columns(problem: FitProblem, detail: int) -> Iterator[tuple[str, Array]]:
@@ -88,7 +87,8 @@ def _condition_alternatives(problem: FitProblem, detail: int) -> Iterator[tuple[
     if s.session is not None and np.ptp(s.session) > 0:
         labels = np.unique(s.session)
         flags = (s.session[:, None] == labels[1:]).astype(float)
-        yield "session", _outer_columns(flags, whole if detail > 1 and len(labels) <= FEW_SESSIONS else each)
+        # 3: sessions up to which each may have joint offsets of its own
+        yield "session", _outer_columns(flags, whole if detail > 1 and len(labels) <= 3 else each)
 
 
 def _joint_rows(problem: FitProblem) -> Array:

@@ -12,6 +12,7 @@ import numpy as np
 
 from planner.common.determinism import even_positions
 from planner.common.units import Array, read_only
+from planner.identification.assumptions import CLIPPED_SIGMAS, LARGE_NOISE_RATIO, SIGNIFICANCE
 from planner.identification.calibration import ResidualDiagnosis, ResidualTest
 from planner.identification.covariance import correlation_time
 from planner.identification.cross_validation import number_targets
@@ -20,18 +21,7 @@ from planner.identification.problem import FitProblem, ProblemCache
 from planner.identification.residual_alternatives import joint_columns, other_columns
 from planner.identification.row_basis import space_basis
 
-VISIBLE_SHARE = 1e-3  # part of a column that must be left beyond the model for it to count
-HUBER_BOUND = 2.5  # robust standard deviations at which outliers are clipped
-MOST_ABSORBED = 0.8  # part of the slow noise that may be projected out before its autocorrelation is no longer known
-SIGNIFICANCE = 0.01  # chance that any test of a clean residual calls
-MAX_DETAIL = 3  # harmonics of an angle, powers of a length or a time
-TESTED_SAMPLES = 8_000  # samples that the tests look at, fewer if a reading has more than three numbers
 FEWEST_DOF = 10.0  # degrees of freedom of the correlation time, below which nothing is said
-DOF_PER_ALTERNATIVE = 3.0  # degrees of freedom for each alternative, below which fewer harmonics are tried
-LARGE = 2.5  # times the declared noise, which data sheets give to a factor of two, that is more than noise
-NEWTON_STEPS = 4  # to the angles at which the fitted arm is in a ball
-SUMMED_VECTORS = 16  # basis vectors whose running sums stay in the processor's cache
-LAGS = 5  # of the order of measuring
 MEASURING_ORDER = "order of measuring"
 TOO_FEW = "There are too few readings beyond the parameters to tell what is left from chance."
 NO_DIAGNOSIS = ResidualDiagnosis((), (), 0.0, TOO_FEW)
@@ -73,8 +63,8 @@ class ProjectedResidual:
         return float(self.white @ self.white)
 
     def clip_outliers(self) -> "ProjectedResidual":
-        """Clip numbers beyond ``HUBER_BOUND`` robust standard deviations, and project the model out anew."""
-        far = HUBER_BOUND * float(np.median(np.abs(self.white))) / MEDIAN_RMS[1]
+        """Clip numbers beyond 2.5 robust standard deviations, and project the model out anew."""
+        far = CLIPPED_SIGMAS * float(np.median(np.abs(self.white))) / MEDIAN_RMS[1]
         white = np.clip(self.white, -far, far)
         return replace(self, white=white - self.basis @ (self.basis.T @ white))
 
@@ -97,9 +87,9 @@ class ProjectedResidual:
 
 
 def orthonormal_basis(tall: Array) -> Array:
-    """Orthonormal basis (m, rank) of columns (m, k) of unit length, without those shorter than ``VISIBLE_SHARE``."""
+    """Orthonormal basis (m, rank) of columns (m, k) of unit length, without those shorter than a thousandth."""
     size, axes = np.linalg.eigh(tall.T @ tall)
-    shown = size > VISIBLE_SHARE**2
+    shown = size > 1e-3**2  # part of a column that must be left beyond the model for it to count
     return np.asarray(tall @ (axes[:, shown] / np.sqrt(size[shown])))
 
 
@@ -134,7 +124,7 @@ def noise_correlation(rest: ProjectedResidual, explained: Array) -> NoiseCorrela
     absorbed = (
         _neighbours_product(rest.basis, rest.width, window) + _neighbours_product(explained, rest.width, window)
     ) / left.size
-    if absorbed > MOST_ABSORBED:
+    if absorbed > 0.8:  # of the slow noise may be projected out before its autocorrelation is no longer known
         return NoiseCorrelation(np.inf, 0.0)
     time /= 1 - absorbed
     return NoiseCorrelation(time, len(left) / (10 * time + 1))
@@ -142,9 +132,10 @@ def noise_correlation(rest: ProjectedResidual, explained: Array) -> NoiseCorrela
 
 def _neighbours_product(basis: Array, width: int, window: int) -> float:
     """Sum over all pairs of samples within a window of the products of their rows in a basis (n · width, k)."""
+    several = 16  # basis vectors whose running sums stay in the processor's cache
     out = 0.0
-    for first in range(0, basis.shape[1], SUMMED_VECTORS):
-        own = basis[:, first : first + SUMMED_VECTORS]
+    for first in range(0, basis.shape[1], several):
+        own = basis[:, first : first + several]
         own = own.reshape(len(basis) // width, -1)
         total = np.cumsum(np.pad(own, ((window + 1, window), (0, 0))), axis=0)
         out += float((own * (total[2 * window + 1 :] - total[: -2 * window - 1])).sum())
@@ -171,12 +162,13 @@ class ResidualBattery:
 
 def diagnose_residual(fit: Fit, moving: bool, rms: float) -> ResidualDiagnosis:
     """Test the whitened residual of a fit for structure; ``rms`` [m] is its size, ``moving``: of a continuous run."""
-    problem = fit.problem.take(even_positions(len(fit.problem), subset_size(fit.model, TESTED_SAMPLES)))
+    # 8_000: samples that the tests look at, fewer if a reading has more than three numbers
+    problem = fit.problem.take(even_positions(len(fit.problem), subset_size(fit.model, 8_000)))
     rest = ProjectedResidual.of(problem, fit.errors, moving)
     tests = build_battery(without_noise(problem, fit.errors), rest, moving)
     found = NO_DIAGNOSIS if tests is None else run_battery(rest, tests, moving, rms)
     noise = fit.problem.whitener.declared_rms
-    if rms <= LARGE * noise:
+    if rms <= LARGE_NOISE_RATIO * noise:
         return found
     return replace(found, sentence=_excess_text(found, rms, noise))
 
@@ -188,7 +180,7 @@ def without_noise(problem: FitProblem, errors: Array) -> FitProblem:
     """
     if not problem.model.setup.gauge.at_balls:
         return problem
-    for _ in range(NEWTON_STEPS):
+    for _ in range(4):  # steps to the angles at which the fitted arm is in a ball
         s = problem.samples
         step = np.linalg.pinv(problem.model.joint_rows(s)) @ problem.residual(errors)[:, :, None]
         problem = replace(problem, samples=replace(s, q=read_only(s.q + step[:, :, 0])), memory=ProblemCache())
@@ -208,14 +200,15 @@ def _excess_text(found: ResidualDiagnosis, rms: float, noise: float) -> str:
 
 def build_battery(problem: FitProblem, rest: ProjectedResidual, moving: bool) -> ResidualBattery | None:
     """Return the tests that the samples allow, with as much detail as they bear; ``None`` if they bear none."""
-    for detail in range(MAX_DETAIL, 0, -1):
+    for detail in range(3, 0, -1):  # harmonics of an angle, powers of a length or a time
         joints = rest.beyond(problem, joint_columns(problem, detail))
         if not joints:  # no joint moves
             return None
         correlation = NoiseCorrelation()
         if moving:
             correlation = noise_correlation(rest, orthonormal_basis(np.concatenate(list(joints.values()), axis=1)))
-        most = rest.dof / correlation.time / (DOF_PER_ALTERNATIVE + 1)
+        # 3.0: degrees of freedom for each alternative, below which fewer harmonics are tried
+        most = rest.dof / correlation.time / (3.0 + 1)
         if correlation.dof < FEWEST_DOF or max(U.shape[1] for U in joints.values()) > most:
             continue
         others = rest.beyond(problem, other_columns(problem, detail))
@@ -272,7 +265,7 @@ def _order_test(rest: ProjectedResidual, many: int, rms: float) -> ResidualTest:
     """Whether a pose errs as the poses measured just before it do (Ljung and Box 1978), the components together."""
     x = rest.white.reshape(-1, rest.width)
     n, power = len(x), max(rest.square, 1e-300)
-    lags = range(1, min(LAGS, n - 1) + 1)
+    lags = range(1, min(5, n - 1) + 1)  # lags of the order of measuring
     rho = np.array([float((x[k:] * x[:-k]).sum()) / power for k in lags])
     Q = n * (n + 2) * rest.width * float((rho**2 / (n - np.array(lags))).sum())
     from scipy.stats import chi2  # costs most of a second

@@ -8,9 +8,6 @@ from scipy.linalg.lapack import dtrcon
 from planner.common.units import Array
 
 REFLECTED_NUMBERS = 1_000_000  # of rows, up to which their basis is found by Householder's reflections
-WELL_CONDITIONED = 1e-6  # reciprocal condition number of R, from which on one factor is exact to 1e-4 and mostly 1e-10
-LEAST_LENGTH = 1e-6  # of a combination of columns of unit length, below which it is rounding
-NEARLY_ORTHOGONAL = 1e-3  # how far the first of two orthogonalisations may be off
 
 
 def posterior_basis(rows: Array, prior_weight: float) -> tuple[Array, Array]:
@@ -24,10 +21,11 @@ def posterior_basis(rows: Array, prior_weight: float) -> tuple[Array, Array]:
     if rows.size > REFLECTED_NUMBERS:
         try:
             Q, below, R = _orthogonalise(rows, prior)
-            if dtrcon(R)[0] > WELL_CONDITIONED:
+            # 1e-6: reciprocal condition number of R, from which on one factor is exact to 1e-4 and mostly 1e-10
+            if dtrcon(R)[0] > 1e-6:
                 return Q, R
             Q, below, more = _orthogonalise(Q, below)
-            if np.abs(more - np.eye(len(more))).max() < NEARLY_ORTHOGONAL:
+            if np.abs(more - np.eye(len(more))).max() < 1e-3:  # how far the first of two orthogonalisations may be off
                 return Q, more @ R
         except np.linalg.LinAlgError:
             pass
@@ -45,7 +43,7 @@ def space_basis(rows: Array) -> Array:
         return posterior_basis(rows, 0.0)[0]
     size = np.maximum(np.linalg.norm(rows, axis=0), 1e-300)
     square, axes = np.linalg.eigh((rows.T @ rows) / np.outer(size, size))
-    seen = square > LEAST_LENGTH**2 * square[-1]
+    seen = square > 1e-6**2 * square[-1]  # of a combination of columns of unit length, below which it is rounding
     Q = rows @ (axes[:, seen] / np.sqrt(square[seen]) / size[:, None])
     return _orthogonalise(Q, np.zeros((0, Q.shape[1])))[0]
 

@@ -13,11 +13,8 @@ from planner.gauges.placement.flange_poses import LOCATED_SIGMA, index_in_cell
 from planner.runs.joint_motion import joint_speeds, last_reversals
 from planner.runs.run import Run, Samples
 
-REVERSAL_SAMPLES = 600_000  # samples of a run that is not too long to keep every joint's last reversals of
-LEAST_READABLE = 0.25  # share of the readings at a place that lie within the range of the gauge that stands there
 LIMIT_SLACK = np.deg2rad(2.0)  # that an arm may stand beyond a limit of its file
 JOINT_MOVED = 1e-3  # [rad] from pose to pose that tell a joint's way
-DIRECT_SHARE = 0.98  # share of the logged approaches that agree with the ways from pose to pose
 
 
 def setup_for_run(cell: Cell, run: Run) -> MeasurementSetup:
@@ -73,6 +70,7 @@ def drop_unreadable(cell: Cell, run: Run) -> Run:
     Raises:
         InputError: another kind of reading, or hardly any at all could be made with the cell's gauge.
     """
+    least = 0.25  # share of the readings at a place that lie within the range of the gauge that stands there
     cell.gauge.check_run(cell, run)
     run = cell.gauge.sift(cell, run)
     good = cell.gauge.readable(run)
@@ -81,12 +79,12 @@ def drop_unreadable(cell: Cell, run: Run) -> Run:
     low, high = cell.gauge.length_min / MM, cell.gauge.length_max / MM
     beyond = f"{int((~good).sum())} of {len(run)} {cell.gauge.plural} lie beyond the range {low:g} to {high:g} mm"
     share = np.bincount(run.samples.place, weights=good) / np.maximum(np.bincount(run.samples.place), 1)
-    if share.max() < LEAST_READABLE:
+    if share.max() < least:
         raise InputError(
             f"{run.name}: {beyond} of the gauge in {cell.path}: it cannot have read them; check gauge.length_mm, and "
             f"whether the {cell.gauge.noun} was pulled off or its zero was set"
         )
-    kept = good | (share[run.samples.place] < LEAST_READABLE)
+    kept = good | (share[run.samples.place] < least)
     if kept.all():
         return run
     text = f"{int((~kept).sum())} of {len(run)} {cell.gauge.plural} lie beyond the range {low:g} to {high:g} mm"
@@ -137,7 +135,8 @@ def add_motion(run: Run) -> Run:
     moving = run.continuous and samples.t is not None and len(run) > 2
     speed = joint_speeds(samples) if moving else None
     followed = moving or (not run.continuous and (samples.direction is None or _direct(samples)))
-    turned = last_reversals(samples.q) if followed and len(run) <= REVERSAL_SAMPLES else None
+    # 600_000: samples of a run that is not too long to keep every joint's last reversals of
+    turned = last_reversals(samples.q) if followed and len(run) <= 600_000 else None
     direction = samples.direction
     if direction is None and not run.continuous:
         direction = directions_by_row(samples)
@@ -165,4 +164,5 @@ def _direct(samples: Samples) -> bool:
         return False
     way = np.diff(samples.q, axis=0)
     told = (np.abs(way) > JOINT_MOVED) & (samples.direction[1:] != 0)
-    return bool(told.any() and (np.sign(way) == samples.direction[1:])[told].mean() > DIRECT_SHARE)
+    # 0.98: of the logged approaches agree with the ways from pose to pose
+    return bool(told.any() and (np.sign(way) == samples.direction[1:])[told].mean() > 0.98)

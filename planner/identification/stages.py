@@ -11,6 +11,7 @@ from planner.common.determinism import even_positions
 from planner.common.units import MM, Array
 from planner.effects.context import Context
 from planner.effects.effect import Parameter
+from planner.identification.assumptions import GAIN_STANDARD_ERRORS, TOO_FEW_READINGS
 from planner.identification.calibration import TracingResult
 from planner.identification.cross_validation import Split, predict_held_out
 from planner.identification.identifiable_parameters import FittedParameters
@@ -19,11 +20,6 @@ from planner.identification.problem import FitProblem
 from planner.model.identification_document import Metrics, Stage
 from planner.model.model import Model, chunks
 from planner.runs.run import Run
-
-STAGE_READINGS = 24_000  # readings of a long run that are fitted before the last stage
-KEPT_SAMPLES = 20_000  # of a run, up to which what basis functions look at is kept for all of it
-SPARE_READINGS = 5  # readings beyond the parameters, below which nothing is fitted
-GAIN_ERRORS = 2.0  # standard errors that the held-out error must fall by before an effect is kept
 
 
 @dataclass(frozen=True)
@@ -62,8 +58,9 @@ class FitContext:
 
     def part(self, model: Model) -> np.ndarray | None:
         """Positions of the samples of a long run that stages are fitted to, ``None`` for all of them."""
-        long = len(self.run) * model.width > 2 * STAGE_READINGS
-        return even_positions(len(self.run), STAGE_READINGS // model.width) if long else None
+        readings = 24_000  # of a long run are fitted before the last stage
+        long = len(self.run) * model.width > 2 * readings
+        return even_positions(len(self.run), readings // model.width) if long else None
 
     def fit_stage(
         self, name: str, model: Model, before: Fit | None = None, whole: bool = False, robust: bool | None = None
@@ -120,7 +117,7 @@ class FitContext:
 
     def _pieces(self, model: Model) -> Iterator["_Piece"]:
         """Yield the whole run in pieces of one fold; of a run that is not too long kept from stage to stage."""
-        if len(self.run) > KEPT_SAMPLES:
+        if len(self.run) > 20_000:  # samples up to which what basis functions look at is kept for all of a run
             yield from self._lay_out(model)
             return
         if not self._whole or self._whole[0].context.setup is not model.setup:
@@ -157,7 +154,7 @@ def is_gain(before: Stage, after: Stage, split: Split) -> bool:
     if len(np.unique(split.fine)) < 2:
         return False
     gain, error = error_reduction(before.held_residual, after.held_residual, split)
-    return gain > GAIN_ERRORS * error
+    return gain > GAIN_STANDARD_ERRORS * error
 
 
 def error_reduction(before: Array, after: Array, split: Split) -> tuple[float, float]:
@@ -205,7 +202,7 @@ def add_stage_if_gain(
     stages: list[FittedStage], free: FittedParameters, wider: FittedParameters, kind: str, context: FitContext
 ) -> tuple[list[FittedStage], FittedParameters]:
     """Add an effect that is not declared, and keep it only if the held-out error falls significantly."""
-    if len(wider.model.parameters) == len(stages[-1].fit.errors) or context.spare(wider.model) < SPARE_READINGS:
+    if len(wider.model.parameters) == len(stages[-1].fit.errors) or context.spare(wider.model) < TOO_FEW_READINGS:
         return stages, free
     trial = context.fit_stage(kind, wider.model, stages[-1].fit)
     return ([*stages, trial], wider) if is_gain(stages[-1].stage, trial.stage, context.split) else (stages, free)

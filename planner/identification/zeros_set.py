@@ -11,8 +11,6 @@ from planner.identification.axis_zeros import AxisZeros
 from planner.identification.expected_error import ExpectedError
 from planner.kinematics.robot import Robot
 
-LEAST = 1e-12  # [rad] a zero that is off by less is not off
-
 
 def set_zeros(robot: Robot, known: ExpectedError | str, joints: Sequence[int]) -> tuple[Robot, ExpectedError | str]:
     """Return a calibrated robot, and what is known of its errors, after the zeros of some joints were set.
@@ -55,7 +53,7 @@ def _zero_shift(robot: Robot, joints: Sequence[int]) -> Array:
     for k in joints:
         if not 1 <= k <= robot.n_joints:
             raise InputError(f"zero set of axis {k}: {robot.name} has the axes 1 to {robot.n_joints}")
-        if abs(zero[k - 1]) < LEAST:
+        if abs(zero[k - 1]) < 1e-12:  # [rad] a zero that is off by less is not off
             raise InputError(
                 f"zero set of axis {k}: by {robot.path} its zero is not off, so that it cannot have been set by it"
             )

@@ -12,7 +12,8 @@ from planner.common.units import Array
 from planner.effects.basis import Times
 from planner.effects.compliance import WeightTorque
 from planner.effects.effect import Effect, Parameter, ParameterMove, Role
-from planner.identification.least_squares import ROUGHLY_CONVERGED, Fit, solve, subset_size
+from planner.identification.assumptions import ROUGHLY_CONVERGED_SIGMAS
+from planner.identification.least_squares import Fit, solve, subset_size
 from planner.identification.problem import FitProblem, LinearPiece
 from planner.identification.stages import FitContext, FittedStage
 from planner.model.identification_document import Stage
@@ -266,7 +267,7 @@ def _settling_step(
     model = replace(base, parameters=tuple(replace(p, prior=priors.get(p.name, p.prior)) for p in everything))
     here = problem.with_model(model)
     zero = {p.name: 0.0 for p in sensitivities.values()}
-    found = solve(here, np.array([(errors | zero).get(p.name, 0.0) for p in everything]), ROUGHLY_CONVERGED)
+    found = solve(here, np.array([(errors | zero).get(p.name, 0.0) for p in everything]), ROUGHLY_CONVERGED_SIGMAS)
     value = dict(zip(model.names, found.errors, strict=True))
     sigma = dict(zip(model.names, np.linalg.norm(found.root(here.prior), axis=1), strict=True))
     moved, value = _take_steps(effects, value)

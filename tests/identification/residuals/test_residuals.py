@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from planner.identification.assumptions import SIGNIFICANCE
 from planner.identification.calibration import Calibration
 from planner.identification.cross_validation import number_targets
 from planner.identification.problem import FitProblem, ProblemCache
 from planner.identification.residual_tests import (
     MEASURING_ORDER,
-    SIGNIFICANCE,
     ProjectedResidual,
     ResidualBattery,
     build_battery,
