@@ -8,7 +8,7 @@ import pytest
 import planner
 
 ROOT = Path(planner.__file__).parent
-MOST_NUMBERS = 615  # it only ever goes down
+MOST_NUMBERS = 590  # it only ever goes down
 EXPLAINED_ROOMS = (
     "compensation",
     "design",

@@ -18,6 +18,7 @@ from planner.design.selection.index_curves import find_knee
 from planner.design.selection.index_search import exchange_poses
 from planner.model.model import Model
 
+ANNEALING_STEPS = 150  # for the index that was asked for; the others descend only
 GROWTH = (1.04, 1.12, 1.25, 1.4, 1.6, 2.0, 2.5, 3.2, 4.0, 5.6, 8.0)  # numbers of poses, in parameters
 
 
@@ -71,8 +72,11 @@ def compute_index_curves(rows: Array, prior: Array, asked: str, seed: int, say: 
         scene = np.ascontiguousarray(rows * prior) if scaled else rows
         for index, certificates in _any_size_certificates(scene, seed).items():
             say("index curves", len(out), 2 * len(INDEX_RULES))
-            # 150: steps of annealing, for the index that was asked for; the others descend only
-            out.append(_compute_curve(scene, index, scaled, sizes, certificates, seed, 150 if index == asked else 0))
+            out.append(
+                _compute_curve(
+                    scene, index, scaled, sizes, certificates, seed, ANNEALING_STEPS if index == asked else 0
+                )
+            )
     return tuple(out)
 
 

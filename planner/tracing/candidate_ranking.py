@@ -6,21 +6,10 @@ from dataclasses import replace
 import numpy as np
 
 from planner.effects.effect import Effect, Role
+from planner.tracing.assumptions import COMPLIANCE_SHARE, MASS_PRIOR, PARAMETER_COST
 from planner.tracing.dictionary import DictionaryItem, EffectDictionary
 from planner.tracing.score_test import EffectScore, ScoreTest
-from planner.tracing.state import (
-    MASS_PRIOR,
-    FittedEffect,
-    known_values,
-    link_mass_parameters,
-    may_join,
-)
-
-# noise variances that a parameter must explain beyond what fits by chance, about the log of a run's length
-PARAMETER_COST = 7.0
-# share of what an effect like compliance explains that makes plain compliance, which every arm has, the likelier cause
-COMPLIANCE_SHARE = 0.95
-LEAST_SEPARATION = 3  # spacings of the grid between the values of two effects of a kind at a place
+from planner.tracing.state import FittedEffect, known_values, link_mass_parameters, may_join
 
 
 def scores_beside(
@@ -94,7 +83,8 @@ def _are_distinct(effect: Effect, items: Sequence[DictionaryItem], effects: tupl
         return np.ones(len(items), dtype=bool)
     values = np.array([item.value for item in items], dtype=float)
     apart = np.abs(values[:, None] - known).min(axis=1)
-    return np.asarray(apart > LEAST_SEPARATION * effect.nonlinear.spacings(values))
+    # 3: spacings of the grid between the values of two effects of a kind at a place
+    return np.asarray(apart > 3 * effect.nonlinear.spacings(values))
 
 
 def _explained_by_compliance(test: ScoreTest, scores: list[EffectScore]) -> set[str]:

@@ -19,6 +19,14 @@ from planner.effects.effect import Place
 from planner.effects.steps import STEP, AtSample, BeforeSample, Steppable, acting_throughout, wrong_row
 from planner.identification.least_squares import MEDIAN_RMS
 from planner.runs.run import Samples
+from planner.tracing.assumptions import (
+    ALIKE_TRIES,
+    FEWEST_SAMPLES,
+    LEAST_SLIP,
+    RANGE_PROBABILITY,
+    SHARE_OF_DRIVE,
+    SIMILAR_GAIN_SHARE,
+)
 from planner.tracing.candidate_ranking import merit_of
 from planner.tracing.column_space import row_products
 from planner.tracing.dictionary import whiten
@@ -27,20 +35,7 @@ from planner.tracing.search_context import SearchContext
 from planner.tracing.significance import LOG_SIGNIFICANCE
 from planner.tracing.state import FittedEffect, SearchState
 
-FEWEST_SAMPLES = 3  # on either side of a step: of one alone it would be a wrong row, of two nobody knows which errs
-# the same of a drive, as share of it: its samples follow each other so closely that a few of them are one. So long is a
-# stretch that is held out (identification.cross_validation): with less no other samples could bear the step out
-SHARE_OF_DRIVE = 1 / 40
-# tries that are as good as one: neighbouring samples and things look much alike. Of 200 clean runs of 80, and of 200,
-# poses the surest step in a hundred had a chance of 0.2 and 0.05 by Bonferroni's correction for all tries
-ALIKE = 8
 LOG_SUDDEN = float(np.log(1e-3))  # chance of a step beside a drift below which it is sudden
-LEAST_SLIP = 8.0  # robust standard deviations from which on a row is wrong and no mere outlier
-SIMILAR_GAIN = 0.7  # share of the best one's gain from which on another step is tried beside it
-MOST_OF_A_SERIES = 10  # steps of one thing
-MOST_STEPS = 4  # steps that are tried side by side
-RELOCATION_ROUNDS = 3
-SURE = 0.95  # of the range of samples in which a step lies
 
 
 def rank_changes(
@@ -79,8 +74,8 @@ def best_steps(
         if (s.effect.place, change_sample(FittedEffect(s.effect))) not in taken
     ]
     best = max((s.gain for _, s in free), default=0.0)
-    near = sorted((own for own in free if own[1].gain >= SIMILAR_GAIN * best), key=lambda own: -own[1].merit)
-    for columns, score in near[:MOST_STEPS]:
+    near = sorted((own for own in free if own[1].gain >= SIMILAR_GAIN_SHARE * best), key=lambda own: -own[1].merit)
+    for columns, score in near[:4]:  # steps that are tried side by side
         sure = score.log_p < LOG_SIGNIFICANCE
         real = sure and _is_sudden(test, columns, score) and _is_borne_by_several(test, columns, score)
         yield replace(score, log_p=0.0) if sure and not real else score
@@ -101,7 +96,7 @@ def step_series(test: ScoreTest, steppables: Sequence[Steppable]) -> list[tuple[
     out = []
     for steppable, columns in zip(steppables, _columns(test, steppables), strict=True):
         steps, left = list[EffectScore](), test
-        while len(steps) < MOST_OF_A_SERIES:
+        while len(steps) < 10:  # steps of one thing
             score = _best_step(left, steppable, columns, len(steppables))
             if score.merit < 0 or score.log_p > LOG_SIGNIFICANCE:
                 break
@@ -162,7 +157,7 @@ def _best_step(test: ScoreTest, steppable: Steppable, columns: Array, count: int
     gain, size = score_gains(information, along, length)
     allowed = _step_positions(test.problem.samples)
     j = int(allowed[np.argmax(gain[allowed])])
-    effect = steppable.step(int(number[j + 1]), -(-len(number) * count // ALIKE))
+    effect = steppable.step(int(number[j + 1]), -(-len(number) * count // ALIKE_TRIES))
     return _with_chance(test, EffectScore(effect, None, float(gain[j]), int(size[j]), information[j], along[j]))
 
 
@@ -273,14 +268,14 @@ def locate_step(state: SearchState, found: FittedEffect) -> StepTime:
     scale = max(1.0, float((piece.residual**2).mean()))
     chance = np.exp((fall - fall.max()) / (2 * scale))
     chance /= chance.sum()
-    low, high = np.searchsorted(np.cumsum(chance), [(1 - SURE) / 2, (1 + SURE) / 2])
+    low, high = np.searchsorted(np.cumsum(chance), [(1 - RANGE_PROBABILITY) / 2, (1 + RANGE_PROBABILITY) / 2])
     last = len(fall) - 1
     return StepTime(*(int(number[1 + allowed[min(int(k), last)]]) for k in (np.argmax(fall), low, high)))
 
 
 def relocate_steps(context: SearchContext, state: SearchState, steppables: Sequence[Steppable]) -> SearchState:
     """Move each step to its likeliest sample with everything else in the model, and refit, until none moves."""
-    for _ in range(RELOCATION_ROUNDS):
+    for _ in range(3):  # rounds
         moved = tuple(_relocate(state, f, steppables) for f in state.effects)
         if [change_sample(f) for f in moved] == [change_sample(f) for f in state.effects]:
             break

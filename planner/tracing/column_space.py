@@ -20,9 +20,6 @@ from planner.identification.row_basis import posterior_basis
 from planner.kinematics.chain import ForwardPass
 from planner.tracing.dictionary import EffectDictionary, WhitenedDictionary, whiten
 
-CACHED_NUMBERS = 50_000  # that stay in a processor's cache while they are worked on
-PRECISE_NUMBERS = 1_000_000  # of a Jacobian, up to which a kept dictionary is projected in double precision
-
 
 @dataclass(frozen=True)
 class SpaceMemory:
@@ -152,7 +149,8 @@ class ColumnSpace:
         key = id(dictionary)
         if key not in self._projections:
             # of many rows to single precision: nothing hangs on a share of a millionth of what a column explains
-            many = len(self.block) * len(self) > PRECISE_NUMBERS
+            # 1_000_000: of a Jacobian, up to which a kept dictionary is projected in double precision
+            many = len(self.block) * len(self) > 1_000_000
             self._projections[key] = self.whiten(dictionary).project(self.block, single=many)
         return self._projections[key]
 
@@ -190,7 +188,8 @@ def products_of_items(dictionary: EffectDictionary, projection: Array) -> list[A
 def _squares(projection: Array, rows: np.ndarray) -> Array:
     """Products (K, k, k) with each other of the ``rows`` (K, k) of a projection, few at a time as in the cache."""
     out = np.empty((*rows.shape, rows.shape[1]))
-    few = max(1, CACHED_NUMBERS // max(1, rows.shape[1] * projection.shape[1]))
+    # 50_000: numbers stay in a processor's cache while they are worked on
+    few = max(1, 50_000 // max(1, rows.shape[1] * projection.shape[1]))
     for first in range(0, len(rows), few):
         W = projection[rows[first : first + few]].astype(float, copy=False)
         out[first : first + few] = W @ W.transpose(0, 2, 1)

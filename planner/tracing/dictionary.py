@@ -18,7 +18,6 @@ from planner.identification.problem import FitProblem
 from planner.kinematics.chain import ForwardPass
 
 EffectAtValue = tuple[Effect, float | None]
-GRAM_ROWS = 128  # columns at a time, so that they stay in the processor's cache
 
 
 @dataclass(frozen=True)
@@ -197,6 +196,7 @@ def whiten(problem: FitProblem, rows: Array) -> Array:
 
 
 def _squares(dictionary: EffectDictionary, screws: Sequence[Array], mixed: dict[int, Array]) -> Iterator[Array]:
+    several = 128  # columns at a time, so that they stay in the processor's cache
     block, row = dictionary.home
     for equal in dictionary.equal_items:
         count, width = equal.columns.shape
@@ -205,8 +205,8 @@ def _squares(dictionary: EffectDictionary, screws: Sequence[Array], mixed: dict[
         whole = np.where((of == of[:, :1]).all(axis=1), of[:, 0], -1)
         for b, screw in enumerate(screws):
             power, mine = (screw**2).sum(axis=1), np.flatnonzero(whole == b)
-            for k in range(0, len(mine), GRAM_ROWS):
-                few = mine[k : k + GRAM_ROWS]
+            for k in range(0, len(mine), several):
+                few = mine[k : k + several]
                 phi = dictionary.blocks[b].phi[row[equal.columns[few]]]
                 out[few] = (phi * power) @ phi.transpose(0, 2, 1)
         for j in np.flatnonzero(whole < 0).tolist():

@@ -27,11 +27,7 @@ from planner.tracing.normal_equations import (
     RemainingColumns,
     WiderEquations,
 )
-from planner.tracing.state import SETTLING_ROUNDS, STILL, FittedEffect, SearchState
-
-FACTOR_ROUNDS = 8  # in which the factors on new prior sizes settle
-SETTLED = 0.02  # relative change of a factor that ends them
-SAME_NOISE = 0.1  # change of its variance, logarithm, up to which the equations of a state serve for a refit
+from planner.tracing.state import SETTLING_ROUNDS, STILL_SIGMAS, FittedEffect, SearchState
 
 
 @dataclass(frozen=True)
@@ -78,7 +74,8 @@ class LinearState:
         equations, weight = self._widen(base, rest, new), 1.0
         white = rest.residual(self.white, columns, equations.whole.step)
         ease = self._noise_ratio(float((white**2).sum()), equations.whole.effective)
-        if abs(np.log(ease)) > SAME_NOISE:  # the prior's weight beside the readings is another
+        # 0.1: change of the variance's logarithm, up to which the equations of a state serve for a refit
+        if abs(np.log(ease)) > 0.1:  # the prior's weight beside the readings is another
             base, weight = FoldEquations.of(self.grams / ease, rest), ease
             equations = WiderEquations(base, equations.products / ease, equations.squares / ease, equations.z)
             white = rest.residual(self.white, columns, equations.whole.step)
@@ -148,7 +145,7 @@ class LinearState:
                 parameters, columns.gram - shared.T @ shared, products[-1] - right @ shared
             )
             errors = {p.name: v for p, v in zip(parameters, size * z, strict=True)}
-            going = {p.name: abs(v) > STILL * s for p, v, s in zip(parameters, z, sigma, strict=True)}
+            going = {p.name: abs(v) > STILL_SIGMAS * s for p, v, s in zip(parameters, z, sigma, strict=True)}
             waiting = any(f.value is not None and f.name not in moving for f in new)
             if left == 0 or not (waiting or any(going[p.name] for p in moving.values())):
                 break
@@ -167,12 +164,12 @@ class LinearState:
         """Return prior sizes (k,) at which the run is likeliest; values and standard deviations in these."""
         model = replace(self.state.fit.model, parameters=parameters)
         factors = np.ones(len(parameters))
-        for _ in range(FACTOR_ROUNDS):
+        for _ in range(8):  # rounds in which the factors on new prior sigmas settle
             H = factors[:, None] * information * factors + np.eye(len(factors))
             covariance = np.linalg.inv(H)
             z = covariance @ (factors * along)
             again = prior_factors(model, model.prior, model.prior * factors * z, np.diag(covariance))
-            if np.abs(again / factors - 1).max(initial=0.0) < SETTLED:
+            if np.abs(again / factors - 1).max(initial=0.0) < 0.02:  # relative change of a factor that ends them
                 break
             factors = again
         return model.prior * factors, z, np.sqrt(np.diag(covariance))

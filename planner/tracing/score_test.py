@@ -19,12 +19,7 @@ from planner.model.model import Model
 from planner.tracing.column_space import ColumnSpace, products_of_items, squares_before
 from planner.tracing.dictionary import EffectAtValue, EffectDictionary, WhitenedDictionary, whiten
 
-SCREENED_SAMPLES = 4_000  # samples of a long run that are screened
-LEAST_SHARE = 1e-6  # share of a column that must be left off the model's for its parameter to count as shown
-NEAR = 0.2  # logarithm of what the noise may have changed by since columns were whitened that stand for it
-MOST_COLUMNS = 1.3  # times those of the model that a space may have
-KEPT_ITEMS = 1_000  # of a dictionary, from which on its columns are kept for the next look
-REFINEMENT_ROUNDS = 4  # of the search between grid neighbours, each five times finer
+LEAST_SHARE = 1e-6  # of a column that must be left off the model's for its parameter to count as shown
 
 
 @dataclass(frozen=True)
@@ -116,13 +111,14 @@ class ScoreTest:
 
         ``near`` is the space of another fit to the same samples, which is taken where it is near enough.
         """
+        screened = 4_000  # samples of a long run
         problem = fit.problem
         n = len(problem)
         if near is not None and _is_near(near, fit):
             space = near.including(fit.model.parameters)
         else:
-            if n > subset_size(fit.model, SCREENED_SAMPLES):
-                problem = problem.take(even_positions(n, subset_size(fit.model, SCREENED_SAMPLES)))
+            if n > subset_size(fit.model, screened):
+                problem = problem.take(even_positions(n, subset_size(fit.model, screened)))
             space = ColumnSpace.of(problem, fit.errors, len(problem) / n)
         readings, spacing = len(space.block), n / len(space.problem)
         dof = max(1.0, readings / max(1.0, correlation_time / spacing) - fit.effective)
@@ -208,7 +204,7 @@ class ScoreTest:
 
     def score(self, dictionary: EffectDictionary) -> DictionaryScores:
         """Score every item of a dictionary that was laid out over the screened samples."""
-        if len(dictionary.items) < KEPT_ITEMS:
+        if len(dictionary.items) < 1_000:  # of a dictionary, from which on its columns are kept for the next look
             columns = WhitenedDictionary.of(dictionary, self.problem, self.space.motion)
             shared = products_of_items(dictionary, self._project(columns))
             information = [square - W for square, W in zip(columns.squares, shared, strict=True)]
@@ -245,7 +241,7 @@ class ScoreTest:
         """Move a nonlinear value off its grid to where the effect explains most."""
         assert effect.nonlinear is not None
         grid, width = effect.nonlinear, effect.nonlinear.spacing(value)
-        for _ in range(REFINEMENT_ROUNDS):
+        for _ in range(4):  # rounds of the search between grid neighbours, each five times finer
             tries = np.unique([grid.clip(float(v)) for v in value + width * np.linspace(-1, 1, 11)])
             gains = self.score(self.lay_out([(effect, float(v)) for v in tries])).gain
             value = float(tries[int(np.argmax(gains))])
@@ -272,7 +268,9 @@ class ScoreTest:
 def _is_near(space: ColumnSpace, fit: Fit) -> bool:
     """Tell whether a space stands for a fit: its noise is about the same, and it has few columns too many."""
     then, now = (np.array(astuple(p.whitener.noise)) for p in (space.problem, fit.problem))
-    return bool(np.abs(np.log(now / then)).max() < NEAR and len(space) < MOST_COLUMNS * max(len(fit.errors), 1))
+    # 0.2: logarithm of what the noise may have changed by since columns were whitened that stand for it
+    # 1.3: times those of the model that a space may have
+    return bool(np.abs(np.log(now / then)).max() < 0.2 and len(space) < 1.3 * max(len(fit.errors), 1))
 
 
 def _scores(columns: WhitenedDictionary, informations: Sequence[Array], products: Array) -> DictionaryScores:

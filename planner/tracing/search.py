@@ -14,20 +14,21 @@ from planner.effects.nonparametric import GEAR_CURVE, nonparametric_effects
 from planner.effects.steps import steppables
 from planner.identification.stages import FitContext
 from planner.model.identification_document import RejectedEffect
+from planner.tracing.assumptions import (
+    COMPLIANCE_EVIDENCE,
+    LEAST_GAIN,
+    SWAP_EVIDENCE,
+    SWAPPED_GAIN_SHARE,
+    UNNAMED_EVIDENCE,
+)
 from planner.tracing.candidate_ranking import rank_candidates
 from planner.tracing.change_points import rank_changes, relocate_steps, series_merit, step_series
 from planner.tracing.score_test import EffectScore, ScoreTest
 from planner.tracing.search_context import Progress, SearchContext, without_effects
-from planner.tracing.significance import LEAST_GAIN, LOG_SIGNIFICANCE, held_out_gain, rejection_reason
+from planner.tracing.significance import LOG_SIGNIFICANCE, held_out_gain, rejection_reason
 from planner.tracing.state import FittedEffect, SearchState, number_repeat
 from planner.tracing.transmission_error import all_gear_curves, effects_beside_curve, likeliest_curve
 
-PARALLEL_REFITS = 4  # candidates that are refitted side by side
-SIMILAR_GAIN = 0.9  # share of the best gain above which another candidate is refitted beside it
-THREADS = 2  # refits at a time: they are taken in order, so their number does not show
-SWAP_EVIDENCE = 4.0  # fall of minus twice the log evidence for which an effect is swapped
-# the same for the compliance of a joint: every arm has it, so that it is the likelier cause beforehand
-COMPLIANCE_EVIDENCE = 20.0
 Trial = tuple[FittedEffect, ...]
 
 
@@ -37,7 +38,9 @@ def best_step(
     """Refit the likely candidates, similar ones side by side, and return the first kind that holds."""
     doubtful = list[SearchState]()
     while likely:
-        near = [c for c in likely if c.gain > SIMILAR_GAIN * likely[0].gain][:PARALLEL_REFITS]
+        near = [c for c in likely if c.gain > SWAPPED_GAIN_SHARE * likely[0].gain][
+            :4
+        ]  # candidates are refitted side by side
         likely = [c for c in likely if all(c is not n for n in near)]
         trials = _refit_candidates(context, state, test, near)
         kept = [t for t in trials if _holds(context, state, t)]
@@ -131,7 +134,7 @@ def _refit_candidates(
 
     A fit that does not come to rest is left out: what cannot be told from the geometry may run off with it.
     """
-    with ThreadPoolExecutor(THREADS) as pool:
+    with ThreadPoolExecutor(2) as pool:  # refits at a time: they are taken in order, so their number does not show
         waves = pool.map(lambda c: context.compare_with(state, _with_candidate(test, c, state.effects)), near)
         curves = pool.map(
             lambda joint: context.compare_with(state, _with_curve(state, test, *joint)), _joints(context, state, near)
@@ -180,12 +183,6 @@ def _add_pair(context: SearchContext, state: SearchState, trial: SearchState) ->
     return both if context.is_significant(both, both.effects[-2]) else None
 
 
-MOST_TRIES = 6  # of the most surprising candidates that are refitted before the search gives up
-MOST_EFFECTS = 25
-NONPARAMETRIC_MARGIN = 20.0  # noise variances by which what has no name must be ahead of an effect to take its place
-SWAP_ROUNDS = 2
-
-
 @dataclass(frozen=True)
 class SearchResult:
     """Where the search ended.
@@ -222,7 +219,7 @@ def search(start: SearchState, effects: Sequence[Effect], fit_context: FitContex
     for state in together:
         path = _start_from(context, start, state, path)
     path = _try_gear_curves(context, context.likeliest(together, at=start) if together else None, path)
-    for _ in range(SWAP_ROUNDS):
+    for _ in range(2):  # rounds of swapping
         other = swap_effects(context, path[-1])
         if other is None:
             break
@@ -234,7 +231,7 @@ def search(start: SearchState, effects: Sequence[Effect], fit_context: FitContex
     last_context = replace(context, dictionary=test.lay_out(nameless))
     path = _forward_selection(last_context, path)
     # a name that explains much less than no name would was forced
-    other = swap_effects(last_context, path[-1], NONPARAMETRIC_MARGIN)
+    other = swap_effects(last_context, path[-1], UNNAMED_EVIDENCE)
     path = path if other is None else [*path, other]
     known = path[-1].names
     gone = tuple(RejectedEffect(name=n, because=why) for n, why in context.rejected.why.items() if n not in known)
@@ -245,7 +242,7 @@ def _forward_selection(context: SearchContext, path: list[SearchState]) -> list[
     """Add effects one by one while any holds; returns the path so far with the states that came."""
     path = list(path)
     context.excluded.clear()
-    while len(path[-1].effects) < MOST_EFFECTS:
+    while len(path[-1].effects) < 25:  # effects at most
         state = path[-1]
         test = context.score_test(state)
         changes = rank_changes(test, context.steppables, state.effects, context.fit_context.run.continuous)
@@ -262,7 +259,8 @@ def _forward_selection(context: SearchContext, path: list[SearchState]) -> list[
             break
         context.report(f"trying {likely[0].effect.name}")
         after = add_series(context, state, test, likely[0]) if likely[0].effect.has(Role.CHANGE) else None
-        after = after or best_step(context, state, test, likely[: MOST_TRIES + len(changes)])
+        # 6: of the most surprising candidates are refitted before the search gives up
+        after = after or best_step(context, state, test, likely[: 6 + len(changes)])
         if after is None:
             break
         added = after.effects[-1]

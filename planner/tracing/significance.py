@@ -13,15 +13,10 @@ from planner.identification.cross_validation import predict_held_out, predict_he
 from planner.identification.problem import LinearPiece
 from planner.identification.stages import FitContext, error_reduction
 from planner.model.identification_document import Metrics
+from planner.tracing.assumptions import DETERMINED_VARIANCE, LEAST_GAIN, LEAST_SIGMAS, MOST_WALD_PARAMETERS
 from planner.tracing.state import LINK_MASSES, FittedEffect, SearchState
 
-# segments of a run whose means are taken out before its autocorrelation is measured: a missing effect is slow
-DETREND_SEGMENTS = 40
 LOG_SIGNIFICANCE = float(np.log(2e-3))  # chance, corrected for all that was tried, below which an effect may be added
-LEAST_GAIN = 0.02  # share of the squared error, 1 % of the error, that an effect must take away to be worth a name
-MOST_WALD_PARAMETERS = 8  # parameters above which an effect is a curve: some of its waves are always faint
-DETERMINED_VARIANCE = 0.5  # share of a direction's prior variance that the readings leave, below which they decide it
-LEAST_SIGMAS = 3.0  # standard deviations that an effect's size must be above zero
 
 
 def screening_correlation_time(state: SearchState, continuous: bool) -> float:
@@ -32,7 +27,8 @@ def screening_correlation_time(state: SearchState, continuous: bool) -> float:
     if not continuous:
         return 1.0
     white = state.fit.problem.white_residual(state.fit.errors)[:, 0]
-    segment = np.arange(len(white)) * DETREND_SEGMENTS // len(white)
+    # 40: segments of a run whose means are taken out: a missing effect is slow
+    segment = np.arange(len(white)) * 40 // len(white)
     mean = mean_by_group(white, segment)
     return correlation_time(white - mean[segment])
 

@@ -18,10 +18,9 @@ from planner.identification.problem import FitProblem, LinearPiece
 from planner.identification.stages import FitContext, FittedStage
 from planner.model.identification_document import Stage
 from planner.model.model import Model
+from planner.tracing.assumptions import MASS_PRIOR
 
-DIFFERENCE_STEP = 1e-3  # of the grid's spacing, for the derivative
 LINK_MASSES = "link weights"  # group of the masses of links
-MASS_PRIOR = 0.15  # one sigma of a link's mass over its stated one
 LARGEST_MASS_PRIOR = 0.3  # one sigma of the masses as fitted, above which it is not the masses that the run shows
 
 
@@ -29,7 +28,7 @@ def sensitivity_parameter(effect: Effect, value: float, sizes: Array) -> Paramet
     """Return the parameter that moves the nonlinear value, the effect's parameters being ``sizes``."""
     assert effect.nonlinear is not None
     spacing = effect.nonlinear.spacing(value)
-    h = DIFFERENCE_STEP * spacing
+    h = 1e-3 * spacing  # of the grid's spacing, for the derivative
     moves: list[ParameterMove] = []
     for sign in (1.0, -1.0):
         for parameter, size in zip(effect.make(value + sign * h), sizes, strict=True):
@@ -70,10 +69,7 @@ def link_mass_uncertainty(model: Model) -> float:
 
 
 SETTLING_ROUNDS = 6  # in which nonlinear values settle
-SETTLING_SAMPLES = 3_000  # samples of a long run on which they do
-SETTLED_COMPLIANCE = 0.02  # relative change of a compliance in a round that ends them
-STILL = 0.1  # standard deviations that a nonlinear value may still have to go
-MOST_REPEATS = 4  # effects of one kind at one place
+STILL_SIGMAS = 0.1  # that a nonlinear value may still have to go
 
 
 @dataclass(frozen=True)
@@ -212,7 +208,7 @@ class SearchState:
     def _still(self) -> set[str]:
         """Names of the parameters that stand for steps of nonlinear values which are not worth one."""
         sigma = np.linalg.norm(self.fit.solution.root(self.fit.problem.prior), axis=1)
-        near = np.abs(self.fit.errors) <= STILL * sigma
+        near = np.abs(self.fit.errors) <= STILL_SIGMAS * sigma
         return {f.sensitivity_name for f in self.effects} & set(np.array(self.fit.model.names)[near].tolist())
 
     @cached_property
@@ -231,7 +227,8 @@ class SearchState:
         self, effects: tuple[FittedEffect, ...], errors: dict[str, float]
     ) -> tuple[tuple[FittedEffect, ...], dict[str, float]]:
         """Settle nonlinear values and the masses that show through compliances, on some samples of the run."""
-        problem, most = self.fit.problem, subset_size(self.base, SETTLING_SAMPLES)
+        # 3_000: samples of a long run settle the nonlinear values
+        problem, most = self.fit.problem, subset_size(self.base, 3_000)
         if len(problem) > most:
             problem = problem.take(even_positions(len(problem), most))
         needed = any(f.value is not None or f.has(Role.COMPLIANCE) for f in effects)
@@ -271,11 +268,12 @@ def _settling_step(
     value = dict(zip(model.names, found.errors, strict=True))
     sigma = dict(zip(model.names, np.linalg.norm(found.root(here.prior), axis=1), strict=True))
     moved, value = _take_steps(effects, value)
+    # 0.02: relative change of a compliance in a round that ends them
     settled = (
         len(sensitivities) == sum(f.value is not None for f in effects)
-        and all(abs(value[p.name]) <= STILL * sigma[p.name] for p in sensitivities.values())
+        and all(abs(value[p.name]) <= STILL_SIGMAS * sigma[p.name] for p in sensitivities.values())
         and all(
-            abs(value[name] - errors.get(name, 0.0)) <= SETTLED_COMPLIANCE * abs(value[name])
+            abs(value[name] - errors.get(name, 0.0)) <= 0.02 * abs(value[name])
             for name in (f.parameters[0].name for f in _compliances(effects))
         )
     )
@@ -309,4 +307,4 @@ def may_join(effect: Effect, effects: tuple[FittedEffect, ...]) -> bool:
     """Tell whether an effect may be added to others: a new one, or one that may come again."""
     if effect.name not in {f.name for f in effects}:
         return True
-    return effect.has(Role.REPEATABLE) and len(known_values(effect, effects)) < MOST_REPEATS
+    return effect.has(Role.REPEATABLE) and len(known_values(effect, effects)) < 4  # effects of one kind at one place

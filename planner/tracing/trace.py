@@ -8,6 +8,7 @@ from itertools import pairwise
 import numpy as np
 
 from planner.common.units import MM, Array, display_unit, format_value
+from planner.design.assumptions import LOG_LIKELIHOOD_EVIDENCE
 from planner.effects.catalogue import catalogue
 from planner.effects.effect import Effect, Role
 from planner.effects.steps import STEP
@@ -17,23 +18,24 @@ from planner.identification.stages import FitContext, FittedStage
 from planner.model.finding_groups import unit_of_change
 from planner.model.identification_document import DetectionLimit, Finding, InnerNumber, log10_p, p_value
 from planner.runs.run import Run
+from planner.tracing.assumptions import (
+    CHANCE_COST,
+    DETECTION_POWER,
+    DETECTION_QUANTILE,
+    LEAST_GAIN,
+    OTHER_BALL_SHARE,
+    RIVAL_SHARE,
+    SLIP_SIGMAS,
+)
 from planner.tracing.candidate_ranking import scores_beside, with_link_masses
 from planner.tracing.change_points import change_sample, locate_step, score_steps
 from planner.tracing.score_test import LEAST_SHARE, EffectScore, ScoreTest
 from planner.tracing.search import SearchResult, search
 from planner.tracing.search_context import Progress, SearchContext
-from planner.tracing.significance import LEAST_GAIN, LOG_SIGNIFICANCE, own_gains, variance_inflation, wald_log_p
+from planner.tracing.significance import LOG_SIGNIFICANCE, own_gains, variance_inflation, wald_log_p
 from planner.tracing.state import FittedEffect, SearchState
 from planner.tracing.stated_set_up import covariance_beside, stated_set_up
 from planner.tracing.transmission_error import dominant_waves
-
-RIVAL_MARGIN = 9.2  # fall of minus twice the log likelihood that tells two causes apart: a hundred to one
-RIVAL_SHARE = 0.98  # of a finding's gain that makes another a rival however sure the run is: no model is that exact
-CONTENDERS = 12  # effects that are held against a finding whatever they explain
-POWER = 0.95  # of the detection limit
-POWER_QUANTILE = 1.645  # standard deviations by which the share of the error must be above what is worth a name
-SIZE_COST = 2.0  # noise variances that a parameter explains by chance
-VALUES_TRIED = 7  # of a nonlinear parameter, over its grid
 
 
 @dataclass(frozen=True)
@@ -53,22 +55,23 @@ def find_rivals(context: SearchContext, state: SearchState, found: FittedEffect)
     rest = tuple(f for f in state.effects if f.name != found.name)
 
     def merit(score: EffectScore) -> float:  # more parameters explain more by chance alone
-        return score.gain / test.noise - SIZE_COST * score.size - 2 * float(np.log(score.effect.scanned))
+        return score.gain / test.noise - CHANCE_COST * score.size - 2 * float(np.log(score.effect.scanned))
 
     best: dict[str, EffectScore] = {}
     # a step near the end of the run is nearly the same as what stood so all along
     may_step = test.problem.samples.number is not None and not found.has(Role.SET_UP)
     steps = [s for _, s in score_steps(bare, context.steppables)] if may_step else []
-    for s in (*scores_beside(bare, context.dictionary, rest, SIZE_COST), *steps):
+    for s in (*scores_beside(bare, context.dictionary, rest, CHANCE_COST), *steps):
         if s.effect.name != found.effect.family and (
             s.effect.name not in best or merit(s) > merit(best[s.effect.name])
         ):
             best[s.effect.name] = s
     own = with_link_masses(bare, [bare.score_one(found.effect, found.value)])[0]
-    least = max(0.0, min(merit(own) - RIVAL_MARGIN, RIVAL_SHARE * own.gain / test.noise))
+    least = max(0.0, min(merit(own) - LOG_LIKELIHOOD_EVIDENCE, RIVAL_SHARE * own.gain / test.noise))
     ranked = sorted(best.values(), key=lambda s: -merit(s))
     rivals = tuple(s.effect.name for s in ranked if merit(s) > least)
-    return Rivalry(tuple(s for s in ranked[: max(CONTENDERS, len(rivals))] if merit(s) > 0), rivals)
+    # 12: effects that are held against a finding whatever they explain
+    return Rivalry(tuple(s for s in ranked[: max(12, len(rivals))] if merit(s) > 0), rivals)
 
 
 def _contests(last: SearchState, found: Sequence[FittedEffect], rivals: Sequence[Rivalry]) -> Iterator[Contest]:
@@ -90,7 +93,7 @@ def _handicap(effect: Effect) -> float:
 
 def detection_limits(test: ScoreTest, effects: Sequence[Effect], tried: int) -> Iterator[DetectionLimit]:
     """Yield the detection limit of every effect that the readings show at all, at the worst phase and value."""
-    least = (np.sqrt(LEAST_GAIN * test.dof) + POWER_QUANTILE) ** 2
+    least = (np.sqrt(LEAST_GAIN * test.dof) + DETECTION_QUANTILE) ** 2
     worst: dict[str, float] = {}
     for s in test.score(test.lay_out([(e, v) for e in effects for v in _sample_values(e)])):
         prior = np.array([p.prior for p in s.effect.make(s.value)])
@@ -109,7 +112,8 @@ def detection_limits(test: ScoreTest, effects: Sequence[Effect], tried: int) -> 
 def _sample_values(effect: Effect) -> list[float | None]:
     """A few nonlinear values over the grid."""
     grid = effect.grid
-    return [grid[k] for k in np.unique(np.linspace(0, len(grid) - 1, VALUES_TRIED).astype(int))]
+    # 7: values of a nonlinear parameter, over its grid
+    return [grid[k] for k in np.unique(np.linspace(0, len(grid) - 1, 7).astype(int))]
 
 
 @cache
@@ -119,12 +123,10 @@ def _noncentrality(size: int, tried: int) -> float:
     from scipy.stats import chi2, ncx2  # costs most of a second
 
     needed = float(chi2.isf(np.exp(LOG_SIGNIFICANCE) / tried, size))
-    return float(brentq(lambda nc: ncx2.sf(needed, size, nc) - POWER, 1e-3, 10 * needed + 100))
+    return float(brentq(lambda nc: ncx2.sf(needed, size, nc) - DETECTION_POWER, 1e-3, 10 * needed + 100))
 
 
 DECIMALS = 3  # of a reading in millimetres
-NEAR_ANOTHER = 0.1  # of a row's error: so near to another ball it was in that one
-SIGMAS = 4.0  # within which a slip of the pen must give the expected reading
 
 
 def locate_change(state: SearchState, found: FittedEffect, finding: Finding, run: Run) -> Finding:
@@ -154,12 +156,12 @@ def _describe_wrong_row(state: SearchState, found: FittedEffect, sentence: str, 
     std = np.linalg.norm(state.fit.solution.root(state.fit.problem.prior)[state.positions(found)], axis=1)
     parts = [
         f"{column} reads {read:.{DECIMALS}f}, would have to be {read - off:.{DECIMALS}f} ± {sigma:.2g} mm"
-        + (f" ({slip})" if (slip := slip_of_the_pen(read, read - off, SIGMAS * sigma)) else "")
+        + (f" ({slip})" if (slip := slip_of_the_pen(read, read - off, SLIP_SIGMAS * sigma)) else "")
         for column, read, off, sigma in _columns(state, run, k, error / MM, std / MM)
     ]
     if not parts:
         return f"{where}: {sentence}{_ball_it_would_be(state, run, k, error)}"
-    other = _exchanged_with(state, found, run, k, 2 * SIGMAS * float(std[0]))
+    other = _exchanged_with(state, found, run, k, 2 * SLIP_SIGMAS * float(std[0]))
     cause = "or its pose is wrong" if other is None else f"as if exchanged with {run.where(other)}"
     return f"{where}: {'; '.join(parts)}; {cause}"
 
@@ -172,7 +174,7 @@ def _ball_it_would_be(state: SearchState, run: Run, k: int, error: Array) -> str
     p_BS = setup.p_GS @ setup.R_BG[run.samples.place[k]].T  # of one plate, differences count alone
     apart = np.linalg.norm(p_BS - (p_BS[ball[k]] - error), axis=1)
     nearest = int(np.argmin(apart))
-    near = nearest != ball[k] and apart[nearest] < NEAR_ANOTHER * np.linalg.norm(error)
+    near = nearest != ball[k] and apart[nearest] < OTHER_BALL_SHARE * np.linalg.norm(error)
     return f": its ball would be '{setup.ball_names[nearest]}'" if near else ""
 
 
@@ -202,7 +204,7 @@ def _columns(state: SearchState, run: Run, k: int, error: Array, std: Array) -> 
     off, sigma = R_GB @ error[:3], np.sqrt((R_GB**2) @ std[:3] ** 2)
     return [
         (f"{axis}_mm", float(position[k, a]) / MM, float(off[a]), float(sigma[a]))
-        for a, axis in enumerate("xyz") if abs(off[a]) > max(SIGMAS * sigma[a], 0.1 * float(np.abs(off).max()))
+        for a, axis in enumerate("xyz") if abs(off[a]) > max(SLIP_SIGMAS * sigma[a], 0.1 * float(np.abs(off).max()))
     ]  # fmt: skip
 
 

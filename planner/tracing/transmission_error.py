@@ -16,17 +16,13 @@ from planner.common.units import Array
 from planner.effects.effect import Effect, Role
 from planner.effects.gears import JointWave
 from planner.effects.nonparametric import gear_curve
+from planner.tracing.assumptions import FAINT_WAVE_SHARE, LEAST_CURVE_EVIDENCE, LEAST_GAIN, QUICKNESSES
 from planner.tracing.score_test import ScoreTest
 from planner.tracing.search_context import SearchContext
-from planner.tracing.significance import LEAST_GAIN, LOG_SIGNIFICANCE, held_out_gain, own_gains
+from planner.tracing.significance import LOG_SIGNIFICANCE, held_out_gain, own_gains
 from planner.tracing.state import FittedEffect, SearchState
 
-QUICKNESSES = (3.0, 6.0, 10.0, 15.0, 20.0, 30.0)  # waves a turn within which most of the error lies
 SIZE_FACTORS = np.array([0.3, 1.0, 3.0])  # times the expected one that are tried
-# logarithm of the likelihood that curves would add to where the search ended, below which there is no cause for them
-LEAST_LOG_LIKELIHOOD = 3.0
-MOST_NAMED = 3  # waves of a curve
-FAINT_WAVE = 0.1  # of the strongest one's power, below which a wave is not named
 
 
 def likeliest_curve(test: ScoreTest, joint: int) -> Effect:
@@ -64,8 +60,8 @@ def dominant_waves(curve: FittedEffect, sizes: Array) -> list[float]:
     waves = [phi.frequency for phi in phis if isinstance(phi, JointWave)]
     padded = np.r_[0.0, power, 0.0]
     peaks = np.flatnonzero((power >= padded[:-2]) & (power > padded[2:]))
-    best = sorted(peaks, key=lambda k: -power[k])[:MOST_NAMED]
-    return [waves[k] for k in best if power[k] > FAINT_WAVE * power.max()]
+    best = sorted(peaks, key=lambda k: -power[k])[:3]  # waves of a curve
+    return [waves[k] for k in best if power[k] > FAINT_WAVE_SHARE * power.max()]
 
 
 def all_gear_curves(context: SearchContext, end: SearchState, compliant: SearchState | None) -> SearchState | None:
@@ -76,7 +72,7 @@ def all_gear_curves(context: SearchContext, end: SearchState, compliant: SearchS
     joints = sorted({j for e in context.effects if e.has(Role.GEAR_WAVE) and (j := e.place.joint) is not None})
     test = context.score_test(end)
     bare = _joints_without_curve(end, joints)
-    if sum(max(0.0, _log_likelihood(test, likeliest_curve(test, j))) for j in bare) < LEAST_LOG_LIKELIHOOD:
+    if sum(max(0.0, _log_likelihood(test, likeliest_curve(test, j))) for j in bare) < LEAST_CURVE_EVIDENCE:
         return None
     context.report("trying all gears at once")
     begin = [end] if compliant is None else [end, compliant]

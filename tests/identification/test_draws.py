@@ -11,6 +11,7 @@ from scipy.stats import multivariate_normal
 
 import planner.identification.posterior_draws as draws
 import planner.identification.posterior_fit as mixture_room
+from planner.identification.assumptions import EXPECTED_CAUSES, PREVALENCE
 from planner.identification.posterior_draws import RandomEffects, SizeDraw, SizePrior, draw_sizes
 from planner.identification.posterior_fit import SizeMixture
 
@@ -57,11 +58,11 @@ def test_what_is_known_of_the_readings_is_that_of_the_dense_covariance(monkeypat
 def prior_of(pair, pools):
     """Log probability of two families' factors; in a pool of n by Beta(a, n a / EXPECTED) on how likely they act."""
     own = np.prod([dict(zip(LEVELS.factors, LEVELS.probability, strict=True))[f] for f in pair])
-    a, acts, log = draws.PREVALENCE, np.array(pair) > 0, np.log(own)
+    a, acts, log = PREVALENCE, np.array(pair) > 0, np.log(own)
     for pool in {*pools} - {0}:
         mine = np.array(pools) == pool
         n, count = mine.sum(), (mine & acts).sum()
-        known = betaln(a + count, n * a / draws.EXPECTED + n - count) - betaln(a, n * a / draws.EXPECTED)
+        known = betaln(a + count, n * a / EXPECTED_CAUSES + n - count) - betaln(a, n * a / EXPECTED_CAUSES)
         log += known - np.log(0.4**count * 0.6 ** (n - count))
     return log
 
@@ -134,7 +135,7 @@ def test_truths_drawn_from_the_prior_are_as_far_off_as_is_stated(readings):
     tool = rng.normal(size=(60, len(family)))
     places = []
     for _ in range(truths):
-        share = rng.beta(draws.PREVALENCE, draws.PREVALENCE * 2 * pairs / draws.EXPECTED)
+        share = rng.beta(PREVALENCE, PREVALENCE * 2 * pairs / EXPECTED_CAUSES)
         acts = rng.random(2 * pairs) < share
         factors = acts * rng.choice(
             slab.factors[1:], p=slab.probability[1:] / slab.probability[1:].sum(), size=len(acts)

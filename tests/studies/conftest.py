@@ -19,7 +19,7 @@ def shrink(patch):
     """Let a study look at fewer candidates, numbers of poses and places."""
     patch.setattr(basis, "CANDIDATES", 600)
     patch.setattr(curves, "GROWTH", (1.2, 1.6, 2.4))
-    patch.setattr(curves, "STEPS", 10)
+    patch.setattr(curves, "ANNEALING_STEPS", 10)
     patch.setattr(fixture_map, "CANDIDATES", 300)
     patch.setattr(fixture_map.map_fixture_places, "__defaults__", (4, 3))
 

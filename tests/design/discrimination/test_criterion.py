@@ -6,9 +6,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-import planner.identification.assessment as checks
-import planner.tracing.trace as traced
-from planner.design.assumptions import ALIKE_SHARE, LOG_LIKELIHOOD_EVIDENCE, TRACEABLE_READINGS
+from planner.design.assumptions import LOG_LIKELIHOOD_EVIDENCE
 from planner.design.discrimination.criterion import DiscriminationQuestion, PoolCoordinates, dt_criterion, noncentrality
 from planner.design.discrimination.power import discrimination_power
 from planner.design.discrimination.search import bound_criterion, exchange_by_criterion
@@ -96,14 +94,8 @@ def test_a_bound_that_promises_too_little_is_refused():
 
 
 def test_as_many_readings_are_asked_for_as_the_identification_wants():
-    assert TRACEABLE_READINGS == checks.TRACEABLE_READINGS
     assert warn_too_few_readings(60, 40) is None
     assert "--poses" in warn_too_few_readings(59, 40)
-
-
-def test_power_asks_for_what_the_identification_asks_for():
-    assert traced.RIVAL_MARGIN == LOG_LIKELIHOOD_EVIDENCE
-    assert pytest.approx(1 - traced.RIVAL_SHARE) == ALIKE_SHARE
 
 
 def test_power_is_the_share_of_simulated_runs():
