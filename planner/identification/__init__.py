@@ -1,6 +1,7 @@
 """Placement of the gauge, fit, covariance, validation, diagnostics of the residual."""
 
 __all__ = [
+    "assumptions",
     "baseline",
     "calibrated_robot",
     "calibration",
