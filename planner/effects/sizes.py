@@ -48,6 +48,18 @@ DRIFT_TURN = EffectSize("rad", 2e-4, 5e-3, HEISEL)
 DRIFT_SHIFT = EffectSize("m", 5e-5, 3e-3, HEISEL)
 """Drift over a run; the largest in no less than an hour or for no less than 5 K."""
 
+GUIDE = "ISO 230-1: the six errors of a linear axis; sizes estimated"
+SLIDE_SCALE = EffectSize("1", 1e-4, 0.05, GUIDE)
+"""Scale of a joint that slides: racks of ISO 1328 class 6 to 9 are off by 20 to 100 µm a metre."""
+GUIDE_BOW = EffectSize("m", 5e-5, 5e-3, GUIDE)
+"""Straightness of a guide that is bolted to a floor or a column."""
+CARRIAGE_TILT = EffectSize("rad", 5e-5, 5e-3, GUIDE)
+"""Tilt of a carriage from end to end of its guide."""
+SLIDE_PLAY = EffectSize("m", 2e-5, 2e-3, ESTIMATED)
+"""Play of a rack, a screw or a belt."""
+SLIDE_YIELD = EffectSize("m", 5e-5, 5e-3, GUIDE)
+"""Yielding of a slide's drive under the run's largest load."""
+
 LAG = EffectSize("s", 2e-3, 0.1, ESTIMATED)
 """Time by which the joints run behind their logged angles."""
 SETTLING = EffectSize("1", 0.5, 2.0, ESTIMATED)

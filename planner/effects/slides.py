@@ -15,15 +15,7 @@ from planner.effects.catalogue import Background, Excitation, register
 from planner.effects.compliance import LoadTorque, twist_moves
 from planner.effects.context import Context
 from planner.effects.effect import Effect, Parameter, ParameterMove, Role, joint_place, transform_move
-
-USUAL_SCALE, LARGEST_SCALE = 1e-4, 0.05  # [m/m] racks of ISO 1328 class 6 to 9: 20 to 100 µm a metre
-USUAL_BOW, LARGEST_BOW = 5e-5, 5e-3  # [m] of a guide that is bolted to a floor or a column
-USUAL_TILT, LARGEST_TILT = 5e-5, 5e-3  # [rad] of a carriage from end to end of its guide
-USUAL_PLAY, LARGEST_PLAY = 2e-5, 2e-3  # [m] of a rack, a screw or a belt
-USUAL_YIELD, LARGEST_YIELD = 5e-5, 5e-3  # [m] under the run's largest load
-LEAST_LOAD = 1e-3  # [N] below which nothing is asked of it
-BOWS, TILTS = (2, 3), (1, 2)  # degrees of Legendre's polynomials of the travel; a straight line across is its direction
-ISO = "ISO 230-1: the six errors of a linear axis; sizes estimated"
+from planner.effects.sizes import CARRIAGE_TILT, GUIDE, GUIDE_BOW, SLIDE_PLAY, SLIDE_SCALE, SLIDE_YIELD
 
 
 class SlideTravel(BasisFunction, key="travel:JOINT:NUMBER"):
@@ -88,31 +80,36 @@ def slide_scale(run: Excitation) -> Iterator[Effect]:
     for i in run.moving_slides:
         mean = round(float(run.context.theta[:, i].mean()), 4)
         moves = transform_move(run.rotation(i), SlideTravel(i, mean))
-        parameter = Parameter(f"scale{i + 1}", "1", USUAL_SCALE, f"scale of joint {i + 1}", moves)
+        parameter = Parameter(f"scale{i + 1}", SLIDE_SCALE.unit, SLIDE_SCALE.usual, f"scale of joint {i + 1}", moves)
         sentence = f"joint {i + 1}: its scale is off, {{size}} of its travel"
-        yield Effect("slide scale", joint_place(i), (parameter,), sentence, LARGEST_SCALE, ISO)
+        yield Effect("slide scale", joint_place(i), (parameter,), sentence, SLIDE_SCALE.largest, SLIDE_SCALE.literature)
 
 
 @register("guide straightness", "carriage tilt", background=Background.BY_PLACE)
 def guide_errors(run: Excitation) -> Iterator[Effect]:
-    """A guide that is bowed or wavy, and a carriage that tips or turns along it."""
+    """A guide that is bowed or wavy, and a carriage that tips or turns along it.
+
+    Both are Legendre's polynomials of the travel, of degree 2 and 3, and 1 and 2: a straight line across is direction.
+    """
     for i in run.moving_slides:
         slide = run.setup.chain.transforms[run.rotation(i)].axis
         ends = tuple(round(float(v), 4) for v in np.quantile(run.context.theta[:, i], (0.0, 1.0)))
         bows = tuple(
-            Parameter(f"bow{i + 1}_{'xyz'[axis]}{n}", "m", USUAL_BOW / n, f"straightness of joint {i + 1}",
+            Parameter(f"bow{i + 1}_{'xyz'[axis]}{n}", GUIDE_BOW.unit, GUIDE_BOW.usual / n,
+                      f"straightness of joint {i + 1}",
                       shift_moves(i + 1, axis, GuideShape(i, n, *ends)))
-            for axis in range(3) if axis != slide for n in BOWS
+            for axis in range(3) if axis != slide for n in (2, 3)
         )  # fmt: skip
         tilts = tuple(
-            Parameter(f"carriage{i + 1}_{'xyz'[axis]}{n}", "rad", USUAL_TILT / n, f"carriage tilt of joint {i + 1}",
+            Parameter(f"carriage{i + 1}_{'xyz'[axis]}{n}", CARRIAGE_TILT.unit, CARRIAGE_TILT.usual / n,
+                      f"carriage tilt of joint {i + 1}",
                       twist_moves(i + 1, axis, GuideShape(i, n, *ends)))
-            for axis in range(3) for n in TILTS
+            for axis in range(3) for n in (1, 2)
         )  # fmt: skip
         sentence = f"joint {i + 1}: its guide is not straight, {{size}}"
-        yield Effect("guide straightness", joint_place(i), bows, sentence, LARGEST_BOW, ISO)
+        yield Effect("guide straightness", joint_place(i), bows, sentence, GUIDE_BOW.largest, GUIDE_BOW.literature)
         sentence = f"joint {i + 1}: its carriage tilts along the guide, {{size}}"
-        yield Effect("carriage tilt", joint_place(i), tilts, sentence, LARGEST_TILT, ISO)
+        yield Effect("carriage tilt", joint_place(i), tilts, sentence, CARRIAGE_TILT.largest, CARRIAGE_TILT.literature)
 
 
 @register("slide play", needs="poses come to from both sides of the joint")
@@ -123,9 +120,9 @@ def slide_play(run: Excitation) -> Iterator[Effect]:
     phi = SpeedSign if run.has("speed") else ApproachDirection
     for i in (i for i in run.moving_slides if np.ptp(run.values(phi(i))) > 0.5):
         moves = transform_move(run.rotation(i), phi(i))
-        parameter = Parameter(f"slide_play{i + 1}", "m", USUAL_PLAY, f"play of joint {i + 1}", moves)
+        parameter = Parameter(f"slide_play{i + 1}", SLIDE_PLAY.unit, SLIDE_PLAY.usual, f"play of joint {i + 1}", moves)
         sentence = f"joint {i + 1}: play of {{size}} between the two directions"
-        yield Effect("slide play", joint_place(i), (parameter,), sentence, LARGEST_PLAY, "estimated")
+        yield Effect("slide play", joint_place(i), (parameter,), sentence, SLIDE_PLAY.largest, SLIDE_PLAY.literature)
 
 
 @register("slide compliance", background=Background.BY_PLACE)
@@ -134,12 +131,12 @@ def slide_compliance(run: Excitation) -> Iterator[Effect]:
     for i in run.moving_slides:
         load = run.values(LoadTorque(i))
         size = float(np.abs(load).max())
-        if size < LEAST_LOAD or float(np.ptp(load)) < 1e-3 * size:
+        if size < 1e-3 or float(np.ptp(load)) < 1e-3 * size:  # [N] there is none, or it does not vary
             continue
         moves = transform_move(run.rotation(i), LoadTorque(i))
         parameter = Parameter(
-            f"slide_compliance{i + 1}", "m/N", USUAL_YIELD / size, f"yielding of joint {i + 1}", moves
+            f"slide_compliance{i + 1}", "m/N", SLIDE_YIELD.usual / size, f"yielding of joint {i + 1}", moves
         )
         sentence = f"joint {i + 1}: gives way along its guide under load, {{size}}"
-        largest = LARGEST_YIELD / size
-        yield Effect("slide compliance", joint_place(i), (parameter,), sentence, largest, ISO, role=Role.COMPLIANCE)
+        largest = SLIDE_YIELD.largest / size
+        yield Effect("slide compliance", joint_place(i), (parameter,), sentence, largest, GUIDE, role=Role.COMPLIANCE)
