@@ -68,8 +68,6 @@ def headline_text(facts: CalibrationFacts) -> tuple[str, ...]:
     out = [*worse, *_workspace_sentences(c)]
     read = c.setup.gauge.plural
     out.append(f"Mean error of {read} {in_mm(before.mean)} mm → {in_mm(after.mean)} mm on {groups} that no fit saw.")
-    own = own_errors_text(c)
-    out += [f"{own[0].upper()}{own[1:]}."] if own else []
     factor, a, b = before.mean / max(after.mean, 1e-300), in_mm(before.largest), in_mm(after.largest)
     if factor >= 1.2:
         fell = f"from {a} mm to {b} mm" if after.largest < before.largest else f"not: {a} mm before, {b} mm now"
@@ -78,6 +76,8 @@ def headline_text(facts: CalibrationFacts) -> tuple[str, ...]:
         out.append("The calibration brought nothing.")
     if first.mean > 1.05 * before.mean:
         out.append(f"Before the gauge's own place was fitted it was {in_mm(first.mean)} mm.")
+    own = own_errors_text(c)
+    out += [f"{own[0].upper()}{own[1:]}."] if own else []
     checks = [s.validation for s in (facts.before, facts.after) if s.validation is not None]
     if len(checks) == 2:
         out.append(f"On the separate validation run: {in_mm(checks[0].mean)} mm → {in_mm(checks[1].mean)} mm.")
