@@ -33,6 +33,7 @@ class GaugeReading(ABC):
     plural: ClassVar[str]  # what its readings are called
     width: ClassVar[int] = 1  # numbers in one reading
     angles: ClassVar[int] = 0  # how many of them, at the end, are angles
+    unit: ClassVar[str] = "mm"  # what a thousandth of the first number is called: "mrad" where that is an angle
     default_noise_um: ClassVar[float]
     has_zero: ClassVar[bool] = False  # whether its readings have a zero of their own
     at_balls: ClassVar[bool] = False  # whether each pose is at one of the balls or sockets of an artifact

@@ -103,15 +103,17 @@ P = TypeVar("P", bound=Placement)
 class Targets(Rows):
     """Readings in the base frame: length (n,) [m], position p_BM (n, 3) [m], rotation R_BF' (n, 3, 3).
 
-    ``pixels`` (n, K, 2) [px] of an image need no frame; NaN where a corner is not seen.
+    ``pixels`` (n, K, 2) [px] of an image need no frame; NaN where a corner is not seen. ``scalar`` (n,) is what
+    a gauge of one number reads, in SI units.
     """
 
     length: Array | None = None
     position: Array | None = None
     rotation: Array | None = None
     pixels: Array | None = None
+    scalar: Array | None = None
 
     @classmethod
     def at_base(cls, n: int) -> "Targets":
         """Return n readings at the base's own frame: their residuals are minus the prediction."""
-        return cls(np.zeros(n), np.zeros((n, 3)), np.broadcast_to(np.eye(3), (n, 3, 3)))
+        return cls(np.zeros(n), np.zeros((n, 3)), np.broadcast_to(np.eye(3), (n, 3, 3)), scalar=np.zeros(n))

@@ -8,6 +8,7 @@ from planner.common.lazy_modules import pl
 from planner.common.units import Array, to_deg, to_mm
 from planner.identification.calibration import Calibration
 from planner.runs.run import Run
+from planner.runs.scalars import ScalarReadings
 
 DECIMALS = 7  # of a millimetre or degree: far below any gauge
 
@@ -22,7 +23,8 @@ def residuals_csv(calibration: Calibration) -> str:
     run, fit, last = calibration.run, calibration.fit, calibration.stages[-1]
     white = fit.problem.white_residual(fit.errors)
     columns = _circumstances(run) | _reading(run)
-    columns |= _errors("residual", last.residual) | _errors("held_out", last.held_residual)
+    unit = fit.model.setup.gauge.unit
+    columns |= _errors("residual", last.residual, unit) | _errors("held_out", last.held_residual, unit)
     outlier = np.zeros(len(run), dtype=np.int8)
     outlier[fit.outliers] = 1
     columns |= {"whitened": _round_column(np.sqrt((white**2).mean(axis=1)), 4), "outlier": outlier}
@@ -48,6 +50,9 @@ def _reading(run: Run) -> dict[str, np.ndarray]:
     r = run.readings
     if r.length is not None:
         return {"length_mm": _round_column(to_mm(r.length))}
+    if isinstance(r, ScalarReadings):
+        unit, factor = next(iter(r.units.items()))
+        return {f"{r.key}_{unit}": _round_column(np.asarray(r.scalar) / factor)}
     if r.position is not None:
         return {f"{axis}_mm": _round_column(to_mm(v)) for axis, v in zip("xyz", r.position.T, strict=True)}
     if r.pixels is not None:
@@ -59,10 +64,13 @@ def _reading(run: Run) -> dict[str, np.ndarray]:
     return out | {f"d{axis}_mm": _round_column(to_mm(v)) for axis, v in zip("xyz", r.offset.T, strict=True)}
 
 
-def _errors(name: str, residual: Array) -> dict[str, np.ndarray]:
-    """Columns of residuals (n, r) [m, rad]: one length, or x, y, z and where the probe turns rx, ry, rz."""
+def _errors(name: str, residual: Array, unit: str) -> dict[str, np.ndarray]:
+    """Columns of residuals (n, r) [m, rad]: one number, or x, y, z and where the probe turns rx, ry, rz.
+
+    ``unit``: what a thousandth of the one number is called.
+    """
     if residual.shape[1] == 1:
-        return {f"{name}_mm": _round_column(to_mm(residual[:, 0]))}
+        return {f"{name}_{unit}": _round_column(to_mm(residual[:, 0]))}
     out = {f"{name}_{axis}_mm": _round_column(to_mm(residual[:, k])) for k, axis in enumerate("xyz")}
     turns = residual[:, 3:].T
     return out | {f"{name}_r{axis}_deg": _round_column(to_deg(v)) for axis, v in zip("xyz", turns, strict=False)}

@@ -8,6 +8,7 @@ from planner.common.units import TURN, Array, read_only, to_deg
 from planner.runs.images import PIXEL
 from planner.runs.joint_motion import DENSE_STEP
 from planner.runs.run import Readings
+from planner.runs.scalars import column_of, scalar_kinds
 from planner.runs.table import RunTable
 from planner.runs.text import first_row
 
@@ -81,7 +82,7 @@ KINDS = {"length": "length_mm", "x": "x_mm, y_mm, z_mm", "ball": "ball", "u": "c
 
 def has_reading(table: RunTable) -> bool:
     """Return whether a table holds any part of a reading."""
-    return any(table.has(key) for key in ("length", *POSITION, "ball", *PIXEL))
+    return any(table.has(key) for key in ("length", *POSITION, "ball", *PIXEL, *scalar_kinds()))
 
 
 def readings_of(table: RunTable, pixels: Array | None = None) -> tuple[Readings, tuple[str, ...]]:
@@ -93,13 +94,15 @@ def readings_of(table: RunTable, pixels: Array | None = None) -> tuple[Readings,
     file = table.source.file
     lacking = "there is no column {} beside the others"
     position, turning, offset = (table.group(keys, lacking) for keys in (POSITION, TURNING, OFFSET))
-    found = [columns for key, columns in KINDS.items() if table.has(key) or (key == "u" and pixels is not None)]
+    kinds = KINDS | {key: column_of(kind) for key, kind in scalar_kinds().items()}
+    found = [columns for key, columns in kinds.items() if table.has(key) or (key == "u" and pixels is not None)]
     if not found:
-        kinds = "; ".join(KINDS.values())
-        raise InputError(f"{file}: there is no reading; one of {kinds} is needed beside the joint angles")
+        known = "; ".join(kinds.values())
+        raise InputError(f"{file}: there is no reading; one of {known} is needed beside the joint angles")
     if len(found) > 1:
-        kinds = "; ".join(found)
-        raise InputError(f"{file}: there are several readings ({kinds}), but a run has one; give each its own file")
+        raise InputError(
+            f"{file}: there are several readings ({'; '.join(found)}), but a run has one; give each its own file"
+        )
     if turning is not None and position is None:
         raise InputError(f"{file}: rx, ry, rz turn with a position, but there is no {KINDS['x']}")
     if offset is not None and not table.has("ball"):
@@ -112,4 +115,7 @@ def readings_of(table: RunTable, pixels: Array | None = None) -> tuple[Readings,
     if position is not None:
         rotation = None if turning is None else read_only(Rotation.from_euler("XYZ", turning).as_matrix())
         return Readings(position=position, rotation=rotation), ()
+    for key, kind in scalar_kinds().items():
+        if table.has(key):
+            return kind(scalar=table.optional(key)), ()
     return Readings(length=table.optional("length")), ()

@@ -16,6 +16,7 @@ from planner.common.units import DEG, MM, UM, Array, IntArray, read_only
 from planner.kinematics.axes_line import KEY as AXES_OF
 from planner.kinematics.axes_line import axes_line
 from planner.runs.run import index_names
+from planner.runs.scalars import scalar_kinds
 from planner.runs.text import (
     NOTES,
     RowSource,
@@ -93,7 +94,9 @@ def split_key(key: str) -> tuple[str, int]:
 def units_of(key: str) -> Mapping[str, float] | None:
     """Return the units that a quantity is written in, with their factors to SI; ``None`` where there is no such one."""
     stem, joint = split_key(key)
-    return (OF_JOINTS if joint else PLAIN).get(stem)
+    if joint:
+        return OF_JOINTS.get(stem)
+    return scalar_kinds()[stem].units if stem in scalar_kinds() else PLAIN.get(stem)
 
 
 def find_column(header: str) -> RunColumn | None:
@@ -113,7 +116,7 @@ def spellings(key: str) -> str:
 
 def known_keys(n_joints: int) -> list[str]:
     """Return every quantity for an arm of ``n_joints``."""
-    return [*PLAIN, *(f"{stem}{joint}" for stem in OF_JOINTS for joint in range(1, n_joints + 1))]
+    return [*PLAIN, *scalar_kinds(), *(f"{stem}{joint}" for stem in OF_JOINTS for joint in range(1, n_joints + 1))]
 
 
 def known_headers(n_joints: int) -> list[str]:
@@ -273,7 +276,8 @@ def table_in_si(
         (pl.col(c.header) if c.factor == 1.0 else pl.col(c.header) * c.factor).alias(c.key) for c in columns
     )
     check_finite(si, source, MAY_BE_BLANK)
-    check_range(si, source, {c.key: PLAUSIBLE[c.stem] for c in columns if c.stem in PLAUSIBLE})
+    plausible = {**PLAUSIBLE, **{key: kind.plausible for key, kind in scalar_kinds().items()}}
+    check_range(si, source, {c.key: plausible[c.stem] for c in columns if c.stem in plausible})
     for c in columns:
         if c.stem in NAMES:
             check_names(si[c.key], source)

@@ -18,6 +18,7 @@ from planner.common.units import IntArray
 from planner.runs.images import frame_of_corners
 from planner.runs.quantities import OFFSET, POSITION, TURNING
 from planner.runs.run import SIMULATED, Run
+from planner.runs.scalars import ScalarReadings
 from planner.runs.table import units_of
 
 DECIMALS = 9  # 1e-9 mm, 1e-9 degree, 1 ns: far below what is measured
@@ -64,6 +65,7 @@ def table_of(run: Run) -> pl.DataFrame:
         (_of_joints("q", read, run.slides), read),
         (_of_joints("cmd", s.q_cmd, run.slides), s.q_cmd),
         (["length"], r.length),
+        *((([r.key], r.scalar),) if isinstance(r, ScalarReadings) else ()),
         (POSITION, r.position),
         (TURNING, turning),
     )

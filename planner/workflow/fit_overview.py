@@ -73,15 +73,20 @@ def _reading_facts(found: Calibration, release: Release | None) -> Iterator[Fact
     first, last = found.stages[0], found.stages[-1]
     held_out = last.held_out if release is None else release.held_out
     where = f"on {found.n_groups} {found.split.groups} that no fit saw"
-    yield "held out", f"{_change_text(first.held_out, held_out)} {where}"
+    yield "held out", f"{_change_text(first.held_out, held_out, _unit(found))} {where}"
     validation = last.validation if release is None else release.validation
     if first.validation is not None and validation is not None:
-        yield "validation", f"{_change_text(first.validation, validation)} on poses kept apart"
+        yield "validation", f"{_change_text(first.validation, validation, _unit(found))} on poses kept apart"
 
 
-def _change_text(before: Metrics, after: Metrics) -> str:
-    largest = f"largest {_mm(before.largest)} → {_mm(after.largest)} mm"
-    return f"{_mm(before.mean)} → {_mm(after.mean)} mm  mean, {largest},"
+def _change_text(before: Metrics, after: Metrics, unit: str) -> str:
+    largest = f"largest {_mm(before.largest)} → {_mm(after.largest)} {unit}"
+    return f"{_mm(before.mean)} → {_mm(after.mean)} {unit}  mean, {largest},"
+
+
+def _unit(found: Calibration) -> str:
+    """Return what a thousandth of a reading is called: mm, or mrad where it is an angle."""
+    return found.fit.model.setup.gauge.unit
 
 
 def _cause_facts(found: Calibration) -> Iterator[Fact]:
@@ -155,7 +160,7 @@ def _details(found: Calibration, release: Release | None) -> Iterator[Fact]:
     yield "held out", f"{100 * found.split.hold_out:.0f} % of {found.n_groups} {found.split.groups} at a time"
     if release is not None:
         what = "geometry and all effects, by their probability" if release.basis == "posterior" else "geometry alone"
-        yield "written", f"{what}, held out {release.held_out.rms / MM:.4f} mm rms"
+        yield "written", f"{what}, held out {release.held_out.rms / MM:.4f} {_unit(found)} rms"
         geometry = "; worse than the nominal robot" if release.geometry_anywhere > release.nominal_anywhere else ""
         yield "geometry", f"{_mm(release.geometry_anywhere)} mm  tool error with the geometry alone{geometry}"
         if (p := release.parts) is not None:
@@ -171,7 +176,10 @@ def _stage_rows(found: Calibration) -> Iterator[Fact]:
     """Return the errors stage by stage in columns."""
     wide = max(26, *(len(s.name) for s in found.stages))
     checked = found.stages[-1].validation is not None
-    yield "stages", f"{'held out, mm':<{wide}}{'rms':>10}{'mean':>10}{'largest':>10}{'validation' * checked:>12}"
+    yield (
+        "stages",
+        f"{'held out, ' + _unit(found):<{wide}}{'rms':>10}{'mean':>10}{'largest':>10}{'validation' * checked:>12}",
+    )
     for s in found.stages:
         m = s.held_out
         row = "".join(f"{v / MM:10.4f}" for v in (m.rms, m.mean, m.largest))

@@ -1,0 +1,117 @@
+"""A gauge whose reading is neither a length nor a position, in one file: an inclinometer."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+
+from planner.cell.file import CellFile
+from planner.cell.reading import cell_of, load_cell
+from planner.common.errors import InputError
+from planner.common.schema import read_toml
+from planner.common.units import DEG
+from planner.identification.pipeline import identify
+from planner.identification.residual_table import residuals_csv
+from planner.instruments.simulation import simulate_run
+from planner.instruments.truth import draw_truth
+from planner.model.model import Model
+from planner.runs.loader import load_run
+from planner.runs.run import Samples
+from planner.runs.writer import save_run
+from planner.workflow.fit_overview import fit_overview
+from tests.gauges.inclinometer import RANGE, InclineReadings, Inclinometer
+
+SHIPPED = load_cell("comau-nj130/edbb").path.read_text()
+GAUGE = '[gauge]\nkind = "inclinometer"\nnoise_mdeg = 1\n\n'
+POSES = 150
+
+
+@pytest.fixture(scope="module")
+def cell(tmp_path_factory):
+    path = Path(tmp_path_factory.mktemp("cell")) / "level.toml"
+    start, end = SHIPPED.index("[gauge]"), SHIPPED.index("[[obstacles]]")
+    text = SHIPPED[:start] + GAUGE + SHIPPED[end:]
+    lines = [line for line in text.splitlines() if not line.startswith("tool_about_bar_deg")]
+    path.write_text("\n".join(lines).replace('measure = "continuous"', 'measure = "static"'))
+    return cell_of(read_toml(path, CellFile), path, "level")
+
+
+@pytest.fixture(scope="module")
+def poses(cell):
+    """Poses all over the joints at which it is nearly level."""
+    robot, rng = cell.robot, np.random.default_rng(4)
+    q = rng.uniform(0.8 * robot.q_lower, 0.8 * robot.q_upper, (20_000, robot.n_joints))
+    level = cell.chain.forward(robot.theta(q)).R[2, 0]
+    q = q[np.abs(np.arcsin(level)) < RANGE][:POSES]
+    return Samples(q, np.zeros(POSES, dtype=int), t=np.arange(POSES) * 5.0, pose=np.arange(POSES))
+
+
+@pytest.fixture(scope="module")
+def run(cell, poses):
+    return simulate_run(cell, "0" * 12, poses, draw_truth(cell, 3), seed=4)
+
+
+def test_its_reading_is_the_inclination_of_the_flange(cell, poses):
+    """By the angle between the flange's x axis and the vertical, from their cross product."""
+    model = Model.from_cell(cell)
+    reading = model.reading(poses, np.zeros(len(model.names)))[:, 0]
+    R = cell.chain.forward(cell.robot.theta(poses.q)).R
+    sine = np.linalg.norm(np.cross(R[:, 0].T, [0.0, 0.0, 1.0]), axis=1)
+    np.testing.assert_allclose(np.abs(reading), np.pi / 2 - np.arcsin(np.minimum(sine, 1.0)), atol=1e-6)
+
+
+def test_its_jacobian_is_the_derivative_of_its_reading(cell, poses):
+    model, at = Model.from_cell(cell), poses.take(slice(40))
+    rows, step = model.rows(at)[:, 0], 1e-6
+    for k in range(len(model.names)):
+        errors = np.zeros(len(model.names))
+        errors[k] = step
+        slope = (model.reading(at, errors) - model.reading(at, -errors))[:, 0] / (2 * step)
+        np.testing.assert_allclose(rows[:, k], slope, atol=1e-7)
+
+
+@pytest.mark.parametrize("ending", ["csv", "parquet"])
+def test_its_run_is_written_in_degrees_and_read_again(run, tmp_path, ending):
+    path = tmp_path / f"run.{ending}"
+    save_run(run, path)
+    table = (pl.read_csv if ending == "csv" else pl.read_parquet)(
+        path, **({"comment_prefix": "#"} if ending == "csv" else {})
+    )
+    np.testing.assert_allclose(table["incline_deg"].to_numpy() * DEG, run.readings.scalar, atol=1e-10)
+    again = load_run(path)
+    assert isinstance(again.readings, InclineReadings)
+    np.testing.assert_allclose(again.readings.scalar, run.readings.scalar, atol=1e-10)
+    assert again.readings.columns == run.readings.columns == Inclinometer.columns == "incline_deg"
+
+
+def test_a_column_without_its_unit_and_two_readings_are_refused(tmp_path):
+    head = ",".join(f"q{j}_deg" for j in range(1, 7))
+    (tmp_path / "a.csv").write_text(f"{head},incline\n1,2,3,4,5,6,0.1\n")
+    with pytest.raises(InputError, match="incline_deg or incline_rad"):
+        load_run(tmp_path / "a.csv")
+    (tmp_path / "b.csv").write_text(f"{head},incline_deg,length_mm\n10,20,30,40,50,60,0.1,400\n")
+    with pytest.raises(InputError, match="several readings"):
+        load_run(tmp_path / "b.csv")
+
+
+def test_a_bars_run_is_refused_in_its_cell(cell, run):
+    bar = load_cell("comau-nj130/edbb")
+    with pytest.raises(InputError, match="has readings 'incline_deg', but the gauge 'edbb'"):
+        bar.gauge.check_run(bar, run)
+
+
+def test_a_simulated_run_is_identified(cell, run):
+    """Joint angles come back from angles alone; what is left is the noise, in mrad."""
+    found = identify(run, cell)
+    before, after = found.stages[0].held_out.rms, found.stages[-1].held_out.rms
+    noise = float(np.median(Model.from_cell(cell).noise(replace(run.samples))))
+    assert before > 10 * after
+    assert after < 2 * noise
+    said = fit_overview(found)
+    assert " mrad  mean, largest " in dict(said.facts)["held out"]
+    assert dict(said.details)["stages"].startswith("held out, mrad ")
+    table = pl.read_csv(residuals_csv(found).encode())
+    assert {"incline_deg", "residual_mrad", "held_out_mrad"} <= set(table.columns)
+    assert np.sqrt(np.mean(table["held_out_mrad"].to_numpy() ** 2)) == pytest.approx(1e3 * after, rel=1e-3)
