@@ -55,7 +55,7 @@ class OtherArm:
 ARMS = (
     OtherArm("TIAGo, lift and arm", f"{ERD}/tiago_description/robots/tiago_no_hand.urdf", "arm_tool_link", "base_link"),
     OtherArm("dual Panda, right arm", f"{RTB}/franka_description/robots/dual_panda_example.urdf.xacro", "panda_1_hand",
-        tool_mm=(0, 0, 130),
+        tool_mm=(0, 0, 200),
         lines='[packages]\nfranka_description = "{folder}/.."\n'),
     OtherArm(
         "Baxter, left arm", f"{ERD}/baxter_description/urdf/baxter.urdf", "left_gripper_base_link", "torso",
