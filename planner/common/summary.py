@@ -51,6 +51,15 @@ class Summary:
         return "\n".join([self.title, *fact_lines(facts)])
 
 
+MOST_NAMED = 8  # things that are named in a line
+
+
+def name_first(names: Sequence[str]) -> str:
+    """Return names in a line, of many the first and how many more there are."""
+    more = len(names) - MOST_NAMED
+    return ", ".join(names) if more <= 1 else f"{', '.join(names[:MOST_NAMED])} and {more} more"
+
+
 def under_key(key: str, texts: Iterable[str]) -> list[Fact]:
     """Return texts as facts of one key, which stands before the first of them."""
     return [(key if k == 0 else "", text) for k, text in enumerate(texts)]

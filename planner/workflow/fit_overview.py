@@ -5,7 +5,7 @@ from collections.abc import Iterable, Iterator, Sequence
 import numpy as np
 
 from planner.common.numbers import number_of
-from planner.common.summary import Aside, Fact, Summary
+from planner.common.summary import Aside, Fact, Summary, name_first
 from planner.common.units import DEG, MM, format_value, to_mm
 from planner.identification.calibration import Calibration, other_zeros_text, zeros_text
 from planner.identification.error_parts import drift_counts
@@ -125,7 +125,7 @@ def _parameter_facts(found: Calibration) -> Iterator[Fact]:
 
 
 def _names(estimates: Sequence[Estimate]) -> str:
-    return ", ".join(e.name for e in estimates)
+    return name_first([e.name for e in estimates])
 
 
 def _shift_text(e: Estimate) -> str:

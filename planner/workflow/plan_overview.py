@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Sequence
 
 from planner.common.numbers import number_of
-from planner.common.summary import Fact, Summary
+from planner.common.summary import Fact, Summary, name_first
 from planner.common.units import to_mm
 from planner.design.bayesian_design import BayesianDesign, ErrorByNumber, another_place_pays, describe_bayesian_design
 from planner.design.observability.identifiability import DroppedParameter
@@ -86,7 +86,7 @@ def _unseen(dropped: Sequence[DroppedParameter], seen: int) -> Iterator[Fact]:
     if len(dropped) == 1:
         yield "unseen", f"{dropped[0].name}: {dropped[0].because}"
     elif dropped:
-        names = ", ".join(d.name for d in dropped)
+        names = name_first([d.name for d in dropped])
         yield "unseen", f"{len(dropped)} of {seen + len(dropped)} parameters: {names} (why: report.html)"
 
 

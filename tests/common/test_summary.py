@@ -2,7 +2,7 @@
 
 import re
 
-from planner.common.summary import KEY, Aside, Summary, count_alike, under_key
+from planner.common.summary import KEY, Aside, Summary, count_alike, name_first, under_key
 
 
 def said(verbose=False):
@@ -29,3 +29,9 @@ def test_the_same_note_many_times_is_one_with_its_count():
     assert len(alike) == 1
     assert re.search(r"pose 0 is near a stop \(and 9 more like it\)$", alike[0])
     assert count_alike(["a 1", "b 1", "a 2.5"]) == ["a 1 (and 1 more like it)", "b 1"]
+
+
+def test_of_many_names_the_first_are_said_and_how_many_more_there_are():
+    names = [f"x{k}" for k in range(20)]
+    assert name_first(names[:9]) == ", ".join(names[:9])  # never "and 1 more"
+    assert name_first(names) == ", ".join(names[:8]) + " and 12 more"
