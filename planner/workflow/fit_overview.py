@@ -143,7 +143,8 @@ def _misfit_facts(r: Release, width: int) -> Iterator[Fact]:
         where = f"most {there} ({_mm(m.there)} mm)"
     how = " (edbb plan --aim tracing, or about a further fixture)" if width == 1 else ""
     kept = "; the robot as written follows it where it was measured" if r.basis == "posterior" else ""
-    yield "misfit", f"{_mm(m.anywhere)} mm rms over the workspace has no named cause, {where}{kept}"
+    stated = "" if r.parts is None else f"{_mm(r.parts.misfit)} mm of the tool error, as regions held out are off; "
+    yield "misfit", f"{stated}{_mm(m.anywhere)} mm rms over the workspace has no named cause, {where}{kept}"
     yield "", f"measure next: more poses {there}{how}"
 
 
