@@ -17,8 +17,10 @@ from functools import cached_property
 import numpy as np
 
 from planner.cell.cell import Cell
+from planner.cell.placement import N_BASE_TRANSFORMS
 from planner.cell.setup import MeasurementSetup
 from planner.common.units import Array, read_only
+from planner.effects.compliance import StationTwist
 from planner.effects.effect import Parameter
 from planner.effects.phi_keys import columns_of
 from planner.identification.assumptions import NEGLIGIBLE_SHARE, OTHER_TOOL, POSITION_AXES
@@ -27,7 +29,7 @@ from planner.identification.misfit import Misfit
 from planner.identification.posterior_background import BACKGROUND, acts_on_robot
 from planner.identification.posterior_fit import PosteriorFit
 from planner.model.identification_document import Metrics
-from planner.model.tool_error import aligned_rows, moves_robot, samples_like, tool_position, uniform_states
+from planner.model.tool_error import aligned_rows, samples_like, tool_position, uniform_states
 from planner.runs.run import Run
 
 
@@ -231,7 +233,7 @@ def drift_of(cell: Cell, run: Run, posterior: PosteriorFit) -> Array:
     """
     fit, count = posterior.fit, posterior.drawn.shape[1]
     setup = fit.setup
-    slow = tuple(p for p in fit.model.parameters if p.is_effect and moves_in_time(p) and moves_robot(p, setup))
+    slow = tuple(p for p in fit.model.parameters if p.is_effect and moves_in_time(p) and _moves_arm(p, setup))
     if not slow:
         return np.zeros(count)
     # of 300 states each stands for a moment of the run: the mean over both is known to some per cent
@@ -244,6 +246,14 @@ def drift_of(cell: Cell, run: Run, posterior: PosteriorFit) -> Array:
 def moves_in_time(parameter: Parameter) -> bool:
     """Tell whether a parameter acts by the clock of the run."""
     return any("t" in columns_of(m.phi.key) for m in parameter.moves)
+
+
+def _moves_arm(parameter: Parameter, setup: MeasurementSetup) -> bool:
+    """Tell whether a parameter moves parts of the robot, be it in axes of a station of its own, and not all of it."""
+    first, end = N_BASE_TRANSFORMS, N_BASE_TRANSFORMS + len(setup.robot.transforms)
+    return all(
+        m.on == "transform" and (first <= m.index < end or isinstance(m.phi, StationTwist)) for m in parameter.moves
+    )
 
 
 def moving_effects(fit: Fit) -> tuple[Parameter, ...]:
