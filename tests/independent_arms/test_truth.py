@@ -44,7 +44,7 @@ def test_an_arm_that_drifts_is_written_as_it_was_on_average(tmp_path):
     )
     assert middle < 0.7 * start
     assert middle < end
-    assert report["release"]["parts"]["drift_mm"] > 0.02
+    assert report["release"]["parts"]["drift_mm"] > 0.5 * np.sqrt((start**2 + end**2) / 2)  # less what is known of both
     assert np.sqrt((start**2 + middle**2 + end**2) / 3) < report["release"]["at_most_mm"]
 
 
