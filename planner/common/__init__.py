@@ -17,6 +17,7 @@ __all__ = [
     "remarks",
     "result",
     "result_folder",
+    "robust",
     "schema",
     "second_process",
     "sequences",

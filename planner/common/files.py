@@ -54,7 +54,7 @@ class Inputs:
 
 INPUTS = Inputs()
 MOST_TEXT = 100_000_000  # bytes of a settings, plan or program file
-MOST_TOML = 20_000_000
+MOST_TOML = 20_000_000  # bytes of a TOML, URDF or SRDF file
 
 
 def check_allowed(path: Path) -> None:

@@ -28,7 +28,7 @@ NonNegativeFloat = Annotated[float, Field(ge=0, le=MOST)]
 OneLine = Annotated[str, AfterValidator(lambda text: _check_line(text))]
 KeyPath = tuple[str | int, ...]
 SHOWN_ENTRIES = 10  # of a list in a message
-MOST_NAME = 200
+MOST_NAME = 200  # letters of a name
 TABLE = "table"
 NEEDED = {  # by pydantic's name of the fault
     **dict.fromkeys(("model_type", "model_attributes_type", "dict_type"), TABLE),

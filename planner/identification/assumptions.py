@@ -5,7 +5,6 @@ from planner.common.units import DEG, MM
 POSITION_AXES = 3  # of the three axes of a place a bar reads one, a tracker all
 
 # ---- the fit
-HUBER_SIGMAS = 1.5  # [sigma] from which a reading counts less: 95 % as sharp as least squares where noise is normal
 OUTLIER_SIGMAS = 4.5  # [sigma] of one reading in about 150 000
 CONVERGED_SIGMAS = 1e-3  # a step this small, in the parameters' own standard deviations, ends the fit
 ROUGHLY_CONVERGED_SIGMAS = 0.05  # the same while noise and priors are still being settled

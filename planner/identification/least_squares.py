@@ -15,10 +15,10 @@ from scipy.linalg.lapack import dtrtri
 from planner.cell.setup import MeasurementSetup
 from planner.common.determinism import even_positions
 from planner.common.errors import NoSolutionError
+from planner.common.robust import HUBER_SIGMAS
 from planner.common.units import Array
 from planner.identification.assumptions import (
     CONVERGED_SIGMAS,
-    HUBER_SIGMAS,
     OUTLIER_SIGMAS,
     PRIOR_FACTORS,
     ROUGHLY_CONVERGED_SIGMAS,

@@ -13,7 +13,7 @@ from planner.cell.cell import Cell
 from planner.common.errors import InputError
 from planner.common.files import write_text
 from planner.common.units import MM, Array, from_deg, read_only, to_mm
-from planner.instruments.assumptions import AGREEING_READINGS, AGREEING_SPREAD, FAR_FROM_PLAN
+from planner.instruments.assumptions import LIVE_GAUGE
 from planner.instruments.centring.indicators import LINE_ERRORS
 from planner.instruments.centring.settings import PROTOCOLS
 from planner.instruments.centring.stop import SilentError, UnsettledError
@@ -94,11 +94,12 @@ class LiveGauge:
         self.line.reset_input_buffer()
         last: list[float] = []
         for _ in range(60):  # readings at most until they agree
-            last = [*last[1 - AGREEING_READINGS :], self.read()]
-            if len(last) == AGREEING_READINGS and np.ptp(last) <= AGREEING_SPREAD:
+            last = [*last[1 - LIVE_GAUGE.agreeing_readings :], self.read()]
+            if len(last) == LIVE_GAUGE.agreeing_readings and np.ptp(last) <= LIVE_GAUGE.agreeing_spread:
                 return float(np.mean(last))
         raise UnsettledError(
-            f"the gauge's last {AGREEING_READINGS} readings still spread over {float(to_mm(np.ptp(last))):.3f} mm"
+            f"the gauge's last {LIVE_GAUGE.agreeing_readings} readings still spread over "
+            f"{float(to_mm(np.ptp(last))):.3f} mm"
         )
 
 
@@ -181,7 +182,7 @@ def measure_poses(
         off = length - (p.length_mm or float(to_mm(length))) * MM
         far = (
             f", {float(to_mm(off)):+.1f} mm from the plan: is this the pose, and the zero set?"
-            if abs(off) > FAR_FROM_PLAN
+            if abs(off) > LIVE_GAUGE.far_from_plan
             else ""
         )
         yield f"pose {p.id}: {float(to_mm(length)):.3f} mm{far} ({len(log.rows)} of {len(log.poses)})"

@@ -26,7 +26,7 @@ from planner.effects.effect import Parameter
 from planner.identification.calibrated_robot import effect_parameter
 from planner.identification.expected_error import ExpectedError
 from planner.identification.posterior_background import acts_on_robot, background_families
-from planner.instruments.assumptions import NEXT_SESSION_POSES, UNKNOWN_PRIOR
+from planner.instruments.assumptions import SESSION
 from planner.model.identification_document import Identification
 from planner.model.model import Model
 from planner.model.tool_error import WORKSPACE_STATES, uniform_states
@@ -118,7 +118,7 @@ class RemainingErrors:
         kept = [k for k, n in enumerate(names) if n in robot]
         model = Model(setup, (*(robot[names[k]] for k in kept), *anew))
         spread = np.array(known.file.spread).reshape(len(names), -1)[kept]
-        sizes = np.array([p.prior if np.isfinite(p.prior) else UNKNOWN_PRIOR for p in anew])
+        sizes = np.array([p.prior if np.isfinite(p.prior) else SESSION.unknown_prior for p in anew])
         root = block_diag(spread, np.diag(sizes))
         moved = known.aligned_spread(uniform_states(cell, WORKSPACE_STATES, 0)).reshape(-1, spread.shape[1])
         weight = block_diag(3.0 * moved.T @ moved / len(moved), np.zeros((len(anew), len(anew))))
@@ -201,7 +201,7 @@ class NextSessionChooser:
                 "nothing is to be measured for that; ask for less, or give --poses"
             )
         pool, cell = session.pool, session.cell
-        poses = self.poses or (None if self.until else NEXT_SESSION_POSES)
+        poses = self.poses or (None if self.until else SESSION.next_session_poses)
         with stages.stage("foresight") as progress:
             unknown = RemainingErrors.of(self.before, cell, pool.samples)
             expected = choose_bayesian_poses(cell, pool, poses, progress, unknown, self.until)

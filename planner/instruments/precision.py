@@ -11,7 +11,7 @@ from planner.common.arrays import mean_by_group
 from planner.common.errors import InputError
 from planner.common.summary import Summary
 from planner.common.units import UM, Array, in_units, read_only, to_mm
-from planner.instruments.assumptions import CENTRING_TOLERANCE, PUBLISHED_CENTRING_UM
+from planner.instruments.assumptions import FRAMES
 from planner.model.model import Model
 from planner.runs.run import NO_REFERENCE_READINGS, ReferenceReadings, Run
 from planner.session.document import read_plan
@@ -34,7 +34,7 @@ class Mastering:
     @property
     def good(self) -> bool:
         """Whether all checks are within the tolerance."""
-        return bool(np.abs(self.off).max() <= CENTRING_TOLERANCE)
+        return bool(np.abs(self.off).max() <= FRAMES.centring_tolerance)
 
     def text(self) -> str:
         """Say it in one sentence."""
@@ -171,7 +171,7 @@ class RepeatedCentrings:
             "centrings": s.centrings,
             **in_units(DECIMALS, max_um=s.largest, rms_um=s.rms, expected_rms_um=self.expected),
             **in_units(DECIMALS, apart_um=s.apart, std_um=s.axis_std),
-            "published": {"centrings": 3, "max_um": PUBLISHED_CENTRING_UM, "by": "a CMM, the arm left out"},
+            "published": {"centrings": 3, "max_um": FRAMES.published_centring_um, "by": "a CMM, the arm left out"},
             "each": [
                 {"pose": int(p), "ball": b, **in_units(DECIMALS, off_um=o, size_um=d)}
                 for p, b, o, d in zip(self.pose, self.ball, self.off, size, strict=True)

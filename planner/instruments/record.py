@@ -21,7 +21,7 @@ from planner.common.files import document_text, read_bytes, write_text
 from planner.common.result_folder import draft_folder, file_hash, move_all
 from planner.common.schema import PartialModel, StrictModel, read_json, read_toml, validate
 from planner.common.units import to_mm
-from planner.instruments.assumptions import MOVED_SIGMAS
+from planner.instruments.assumptions import FRAMES
 from planner.kinematics.nominal_model import describe_difference, nominal_numbers
 from planner.model.identification_document import Identification
 
@@ -254,7 +254,7 @@ class RobotRecord:
                 if old is None or not p.std or not old.std or p.group != "geometry":
                     continue
                 std = float((p.std**2 + old.std**2) ** 0.5)
-                if abs(p.value - old.value) > MOVED_SIGMAS * std:
+                if abs(p.value - old.value) > FRAMES.moved_sigmas * std:
                     yield number, f"{p.name} {p.value - old.value:+.2e} ± {std:.1e} {p.unit}"
 
 

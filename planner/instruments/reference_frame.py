@@ -13,16 +13,7 @@ from planner.common.units import Array, to_deg, to_mm
 from planner.gauges.placement.flange_poses import FlangePoses
 from planner.gauges.placement.frames import are_collinear, place_frames
 from planner.identification.calibrated_robot import CalibratedRobot
-from planner.instruments.assumptions import (
-    ARTIFACT_OFF,
-    ARTIFACT_TURNED,
-    ELSEWHERE,
-    FEWEST_NESTS,
-    NEST_TOLERANCE,
-    PLACING_POSES,
-    SAME_POINT,
-    TILTED,
-)
+from planner.instruments.assumptions import FRAMES
 from planner.kinematics.geometry import registration, skew
 from planner.kinematics.robot import Loads, Robot
 from planner.kinematics.robot_reader import load_robot
@@ -69,11 +60,11 @@ def register_tracker(cell: Cell) -> TrackerRegistration:
         InputError: fewer than three nests were read, they lie on a line, or one is not where it should be.
     """
     read = [n for n in cell.nests if n.p_GN is not None]
-    if len(read) < FEWEST_NESTS:
+    if len(read) < FRAMES.fewest_nests:
         missing = [n.name for n in cell.nests if n.p_GN is None]
         which = f"read_mm is missing for {', '.join(missing)}" if missing else f"it has {len(read)} of them"
         raise InputError(
-            f"{cell.path}: the tracker's frame takes {FEWEST_NESTS} nests in [[tracker.nests]]; {which}; each "
+            f"{cell.path}: the tracker's frame takes {FRAMES.fewest_nests} nests in [[tracker.nests]]; {which}; each "
             "needs its place there and a line '# nest_mm: NAME, x, y, z' above the columns of the run"
         )
     W, G = np.array([n.p_WN for n in read]), np.array([n.p_GN for n in read])
@@ -81,12 +72,12 @@ def register_tracker(cell: Cell) -> TrackerRegistration:
         raise InputError(f"{cell.path}: the nests lie nearly on one line, about which the tracker's frame stays open")
     R, p = registration(W, G, np.ones(len(W)))
     misses = np.linalg.norm(G @ R.T + p - W, axis=1)
-    if misses.max() > NEST_TOLERANCE:
+    if misses.max() > FRAMES.nest_tolerance:
         metres = " (their readings look like metres)" if np.ptp(G, axis=0).max() < np.ptp(W, axis=0).max() / 500 else ""
         raise InputError(
             f"{cell.path}: the nests miss their places by up to {float(to_mm(misses.max())):.3f} mm{metres}, with the"
-            f" tracker's frame as it fits best, and {float(to_mm(NEST_TOLERANCE)):g} mm are allowed: read them again,"
-            " look whether two were exchanged, or check their position_mm"
+            f" tracker's frame as it fits best, and {float(to_mm(FRAMES.nest_tolerance)):g} mm are allowed: read them "
+            "again, look whether two were exchanged, or check their position_mm"
         )
     return TrackerRegistration(R, p, misses, W)
 
@@ -203,12 +194,12 @@ def calibrated_model(cell: Cell, model: Path, frame: TrackerRegistration, others
     stand, by_nests = (None, True) if found is None else _fitted_frame(cell, found, frame)
     if found is not None and stand is not None:
         return RobotModel(robot, _reflector(cell, found), stand, (*notes, *_frame_notes(cell, stand)), by_nests)
-    if others is not None and len(others) >= PLACING_POSES:
+    if others is not None and len(others) >= FRAMES.placing_poses:
         return _place_model(robot, others, frame, notes)
     why = "says nothing of where the nests stand, its gauge stood elsewhere" if found is not None else "is missing"
     notes.append(
         f"{path} {why}: the calibrated robot is taken to stand where the cell says, and what its base is off by counts "
-        f"as its error; {PLACING_POSES} or more poses of the plan to calibrate with (--plan) would place it"
+        f"as its error; {FRAMES.placing_poses} or more poses of the plan to calibrate with (--plan) would place it"
     )
     return RobotModel(robot, cell.tool.p_FM, nest_frame(cell), tuple(notes))
 
@@ -241,10 +232,10 @@ def _fitted_frame(cell: Cell, found: Identification, frame: TrackerRegistration)
     tracker = NestFrame(nominal.R_BW @ frame.R_WG, nominal.R_BW @ frame.p_WG + nominal.p_BW)
     for place in found.frames.places:
         fitted = _frame_of_place(place)
-        if _frames_agree(fitted, nominal, ARTIFACT_OFF):
+        if _frames_agree(fitted, nominal, FRAMES.artifact_off):
             return fitted, True
         if _frames_agree(
-            fitted, tracker, ARTIFACT_OFF + ARTIFACT_TURNED * float(np.linalg.norm(frame.p_WG))
+            fitted, tracker, FRAMES.artifact_off + FRAMES.artifact_turned * float(np.linalg.norm(frame.p_WG))
         ):  # T_BW = T_BG · T_WG⁻¹
             R = fitted.R_BW @ frame.R_WG.T
             return NestFrame(R, fitted.p_BW - R @ frame.p_WG), False
@@ -256,7 +247,7 @@ def _frame_notes(cell: Cell, stand: NestFrame) -> list[str]:
     stated = nest_frame(cell)
     off = float(np.linalg.norm(stand.p_BW - stated.p_BW))
     turned = float(Rotation.from_matrix(stand.R_BW.T @ stated.R_BW).magnitude())
-    if off < ELSEWHERE and turned < TILTED:
+    if off < FRAMES.elsewhere and turned < FRAMES.tilted:
         return []
     return [
         f"by the calibration the nests' frame stands {float(to_mm(off)):.1f} mm and {float(to_deg(turned)):.2f}° away "
@@ -271,13 +262,13 @@ def _frame_of_place(place: PlacePose) -> NestFrame:
 
 def _frames_agree(a: NestFrame, b: NestFrame, near: float) -> bool:
     turned = float(Rotation.from_matrix(a.R_BW.T @ b.R_BW).magnitude())
-    return float(np.linalg.norm(a.p_BW - b.p_BW)) < near and turned < ARTIFACT_TURNED
+    return float(np.linalg.norm(a.p_BW - b.p_BW)) < near and turned < FRAMES.artifact_turned
 
 
 def _reflector(cell: Cell, found: Identification) -> Array:
     """The reflector in the flange: as fitted, where the calibration measured the same point of the tool."""
     nominal = {p.name: p.nominal for p in found.estimates}
     there = [nominal.get(f"map_{axis}", np.nan) for axis in "xyz"]
-    if len(found.frames.tool) == 1 and np.allclose(there, cell.tool.p_FM, rtol=0, atol=SAME_POINT):
+    if len(found.frames.tool) == 1 and np.allclose(there, cell.tool.p_FM, rtol=0, atol=FRAMES.same_point):
         return np.array(found.frames.tool[0].p_FM)
     return cell.tool.p_FM

@@ -11,7 +11,7 @@ from planner.cell.parts import Fixture
 from planner.cell.placement import Targets
 from planner.common.units import Array
 from planner.gauges.frame_gauge import ToolPosition
-from planner.instruments.assumptions import CUP_SIGMA
+from planner.instruments.assumptions import SESSION
 from planner.kinematics.inverse_kinematics import solve_pose_ik, tool_pose
 from planner.model.model import Model
 from planner.runs.run import Mounting, Samples
@@ -29,11 +29,11 @@ def set_up_sizes(cell: Cell, model: Model) -> Array:
     sizes = model.prior.copy()
     by_robot = [f.name for f, _ in _poses_at_fixtures(cell)]
     adjusted = {f"fixture_{name}_{axis}" for name in by_robot for axis in "xyz"}
-    zero = CUP_SIGMA if by_robot and len(by_robot) == len(cell.fixtures) else np.inf
+    zero = SESSION.cup_sigma if by_robot and len(by_robot) == len(cell.fixtures) else np.inf
     zero = zero if cell.gauge.zero_free else cell.gauge.noise
     for k, name in enumerate(model.names):
         if name in adjusted:
-            sizes[k] = CUP_SIGMA
+            sizes[k] = SESSION.cup_sigma
         elif name.startswith("zero"):
             sizes[k] = min(zero, sizes[k])
     return sizes

@@ -8,7 +8,7 @@ import numpy as np
 from planner.cell.cell import Cell
 from planner.common.errors import InputError
 from planner.common.units import Array, read_only
-from planner.instruments.assumptions import CORRELATION_TIME, FIXTURE_CHANGE_TIME
+from planner.instruments.assumptions import SESSION
 from planner.instruments.equilibrium import solve_equilibrium
 from planner.instruments.truth import Truth
 from planner.runs.run import NO_REFERENCE_READINGS, SIMULATED, ReferenceReadings, Run, Samples
@@ -48,7 +48,7 @@ def planned_samples(cell: Cell, plan: PlanDocument, courses: Sequence[Course]) -
     """
     moving = cell.motion.is_continuous
     parts = [_samples_driven(c) if moving else _samples_at_rest(cell, plan, c) for c in courses]
-    starts = np.cumsum([0.0] + [c.trajectory.duration_s + FIXTURE_CHANGE_TIME for c in courses[:-1]])
+    starts = np.cumsum([0.0] + [c.trajectory.duration_s + SESSION.fixture_change_time for c in courses[:-1]])
     count = [len(p.t) for p in parts]
     if not sum(count):
         raise InputError("the plan measures at no pose: each of them has the role 'mount'")
@@ -145,7 +145,7 @@ def _repeatability_noise(rng: np.random.Generator, samples: Samples, moving: boo
         return fresh
     from scipy.signal import lfilter  # costs most of a second
 
-    stay = np.exp(-1.0 / (SAMPLE_RATE * CORRELATION_TIME))
+    stay = np.exp(-1.0 / (SAMPLE_RATE * SESSION.correlation_time))
     follows = np.diff(samples.session, prepend=-1) == 0
     fresh[follows] *= np.sqrt(1.0 - stay**2)
     for part in np.split(np.arange(len(fresh)), np.flatnonzero(~follows)[1:]):

@@ -11,16 +11,7 @@ from planner.common.errors import InputError, did_you_mean
 from planner.common.numbers import number_of
 from planner.common.summary import Summary
 from planner.common.units import MM, UM, Array, in_units, read_only, to_mm
-from planner.instruments.assumptions import (
-    ENOUGH_POSES,
-    FEWEST_POSES,
-    FEWEST_VISITS,
-    NO_ROBOT_ERROR,
-    PERCENTILES,
-    PERFORMANCE_SIGMAS,
-    STANDARD_POSES,
-    STANDARD_VISITS,
-)
+from planner.instruments.assumptions import VALIDATION
 from planner.instruments.precision import DECIMALS, SCHEMA
 from planner.instruments.reference_frame import (
     ErrorFloor,
@@ -52,8 +43,12 @@ class PosePerformance:
     def text(self) -> str:
         """Return them as a person reads them, in mm."""
         ap, rp = (f"{to_mm(v.mean()):.3f} (largest {to_mm(v.max()):.3f})" for v in (self.accuracy, self.repeatability))
-        few = self.visits.min() < STANDARD_VISITS or len(self.visits) < STANDARD_POSES
-        rest = f"; the standard asks for {STANDARD_POSES} poses of {STANDARD_VISITS} visits" if few else ""
+        few = self.visits.min() < VALIDATION.standard_visits or len(self.visits) < VALIDATION.standard_poses
+        rest = (
+            f"; the standard asks for {VALIDATION.standard_poses} poses of {VALIDATION.standard_visits} visits"
+            if few
+            else ""
+        )
         seen = f"{len(self.visits)} poses of {self.visits.min()} to {self.visits.max()} visits"
         return f"AP {ap}, RP {rp} mm, in the manner of ISO 9283, {seen}{rest}"
 
@@ -77,12 +72,12 @@ def pose_performance(run: Run, error: Array) -> PosePerformance | None:
     visits, ap, rp = list[int](), list[float](), list[float]()
     for p in np.unique(pose[pose >= 0]):
         here = pose == p
-        if here.sum() < FEWEST_VISITS:
+        if here.sum() < VALIDATION.fewest_visits:
             continue
         off = np.linalg.norm(seen[here] - seen[here].mean(axis=0), axis=1)
         visits.append(int(here.sum()))
         ap.append(float(np.linalg.norm(error[here].mean(axis=0))))
-        rp.append(float(off.mean() + PERFORMANCE_SIGMAS * off.std(ddof=1)))
+        rp.append(float(off.mean() + VALIDATION.performance_sigmas * off.std(ddof=1)))
     return PosePerformance(np.array(visits), np.array(ap), np.array(rp)) if visits else None
 
 
@@ -118,7 +113,7 @@ def error_figures(error: Array) -> ErrorFigures:
     size = np.linalg.norm(error, axis=1) if np.ndim(error) == 2 else np.asarray(error, dtype=float)
     if len(size) < 2:
         raise InputError(f"figures of accuracy need two poses at least, found {len(size)}")
-    percentiles = tuple((p, float(np.percentile(size, p))) for p in PERCENTILES)
+    percentiles = tuple((p, float(np.percentile(size, p))) for p in VALIDATION.percentiles)
     return ErrorFigures(len(size), float(size.mean()), float(size.max()), float(size.std(ddof=1)), percentiles)
 
 
@@ -206,9 +201,10 @@ def validate_robot(
     """
     if run.readings.position is None:
         raise InputError(f"{run.name}: a validation needs the tracker's x_mm, y_mm, z_mm")
-    if len(run) < FEWEST_POSES:
+    if len(run) < VALIDATION.fewest_poses:
         raise InputError(
-            f"{run.name}: {len(run)} poses are too few to judge a robot by; at least {FEWEST_POSES} are needed"
+            f"{run.name}: {len(run)} poses are too few to judge a robot by; at least {VALIDATION.fewest_poses} are"
+            " needed"
         )
     if len(run.places) > 1:
         raise InputError(
@@ -218,7 +214,7 @@ def validate_robot(
     cell, notes = with_nests(cell, said)
     frame = register_tracker(cell)
     after = None if model is None else _model_errors(calibrated_model(cell, model, frame, others), frame, run)
-    if len(run) < ENOUGH_POSES:
+    if len(run) < VALIDATION.enough_poses:
         notes.append(f"{len(run)} poses: what 95 and 99 % of them stay within is known roughly")
     if after is not None:
         notes += after.arm.notes
@@ -230,7 +226,7 @@ def validate_robot(
 
 
 def _check_far(run: Run, before: ModelErrors) -> None:
-    if before.figures.mean > NO_ROBOT_ERROR:
+    if before.figures.mean > VALIDATION.no_robot_error:
         raise InputError(
             f"{run.name}: the robot of the data sheet would be {before.figures.mean / MM:.0f} mm off on average, and "
             "none is: look whether two nests were exchanged, whether they and the poses were read in one frame and "

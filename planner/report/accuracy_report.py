@@ -3,7 +3,7 @@
 import numpy as np
 
 from planner.common.units import UM, to_mm
-from planner.instruments.assumptions import CENTRING_TOLERANCE, PUBLISHED_CENTRING_UM
+from planner.instruments.assumptions import FRAMES
 from planner.instruments.precision import RepeatedCentrings
 from planner.instruments.validation import ErrorFigures, ModelErrors, Validation
 from planner.report.chart import BLUE, ORANGE, Chart, Panel, ReferenceLine, Series, histogram_outline, list_panel
@@ -45,9 +45,11 @@ def centring_chart(found: RepeatedCentrings) -> Chart:
     names = [f"pose {p}, ball {ball[p]}" for p in poses]
     points = Series("", size, place, BLUE, "points", hover=hover)
     limit = ReferenceLine(
-        CENTRING_TOLERANCE / UM, f"centred to {CENTRING_TOLERANCE / UM:g} µm by the indicators", upright=True
+        FRAMES.centring_tolerance / UM,
+        f"centred to {FRAMES.centring_tolerance / UM:g} µm by the indicators",
+        upright=True,
     )
-    reach = (0.0, 1.15 * max(float(size.max()), 2 * CENTRING_TOLERANCE / UM))
+    reach = (0.0, 1.15 * max(float(size.max()), 2 * FRAMES.centring_tolerance / UM))
     label = "distance from the mean of the pose (µm)"
     panel = list_panel("", label, names, [points], rest=40, limits=(limit,), x_range=reach)
     caption = (
@@ -97,8 +99,8 @@ def _precision_sentences(found: RepeatedCentrings) -> list[str]:
         f"rms {in_um(s.rms)} µm, two of one pose at most {in_um(s.apart)} µm apart.",
         "The robot's repeatability and the gauge's noise, as declared, let expect an rms of "
         f"{in_um(found.expected)} µm.",
-        f"The TriCal paper's Table 3 has three centrings within about {PUBLISHED_CENTRING_UM:g} µm of the master ball, "
-        "by a CMM: there the arm had no part in it; here what its joint angles do not show counts too.",
+        f"The TriCal paper's Table 3 has three centrings within about {FRAMES.published_centring_um:g} µm of the "
+        "master ball, by a CMM: there the arm had no part in it; here what its joint angles do not show counts too.",
     ]
     return said if master is None else [*said, f"{master.text()[0].upper()}{master.text()[1:]}."]
 

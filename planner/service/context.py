@@ -22,7 +22,7 @@ from planner.service.record_store import RecordStore
 from planner.service.runner import JobRunner
 from planner.service.settings import JobLimits, ServiceSettings
 
-IDLE_S, TROUBLE_S = 0.5, 2.0
+IDLE_S, TROUBLE_S = 0.5, 2.0  # [s] to the next look for a job; after a failure to take one
 LOG = logging.getLogger("edbb.service")
 
 

@@ -31,7 +31,7 @@ from planner.workflow.verbs import declared_calls
 
 VERBS = (*declared_calls(), "robots", "dialects")  # commands that run on a server
 ERROR_MAP_FILES = ("expected_error.csv", "identification.json")
-SOME_JOB, SOME_FILE = "0123456789abcdef01234567", "0" * 64
+SOME_JOB, SOME_FILE = "0123456789abcdef01234567", "0" * 64  # ids that stand in examples of requests
 
 
 class CommandRequest(JobRequest):

@@ -11,7 +11,7 @@ LOOPBACK = ("127.0.0.1", "::1", "localhost")
 TOKEN_VARIABLE = "EDBB_TOKEN"
 SHORTEST_TOKEN = 16  # signs: shorter ones can be guessed
 GB = 1 << 30  # bytes
-DAY_S = 86_400.0
+DAY_S = 86_400.0  # [s] of a day
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ from planner.service.record_api import find_recorded
 RMS_OF_REPEATABILITY = 3**0.5 / (1.5958 + 3 * 0.6734)
 """Rms distance by RP of ISO 9283 (mean distance plus three standard deviations), where the scatter is alike in space:
 the distances then follow Maxwell's distribution."""
-SPACE_AXES = 3
+SPACE_AXES = 3  # axes of a place in space
 HASHED = ("identification.json", "robot.toml", "residuals.csv")
 
 

@@ -9,13 +9,13 @@ import numpy as np
 
 from planner.common.arrays import Rows
 from planner.common.errors import NoSolutionError
+from planner.common.robust import HUBER_SIGMAS
 from planner.common.units import Array, IntArray
 from planner.gauges.placement.flange_poses import FlangePoses
 from planner.kinematics.geometry import log3
 
 # scale of a block's norm of d unit normals: its median (square root of the χ² median)
 _MEDIAN = {1: 0.6745, 3: 1.5382, 6: 2.3126}
-_HUBER = 1.5
 
 
 class PlacementProblem(Protocol):
@@ -134,7 +134,7 @@ def find_placement(problem: P, starts: Callable[[P], Array], few: int, rounds: S
 def _weights(u: Array, kind: str, d: int) -> tuple[Array, Array]:
     """Return weights (k, n) and costs (k,) of scaled block norms u (k, n)."""
     if kind == "huber":
-        c = _HUBER * np.sqrt(d)
+        c = HUBER_SIGMAS * np.sqrt(d)
         big = u > c
         safe = np.where(big, u, 1.0)
         return np.where(big, c / safe, 1.0), np.where(big, 2 * c * u - c * c, u * u).sum(axis=1)

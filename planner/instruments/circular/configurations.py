@@ -13,7 +13,7 @@ from planner.cell.circles import Circle
 from planner.cell.workspace import SAFETY_MARGIN, Workspace
 from planner.common.errors import InputError, NoSolutionError
 from planner.common.units import MM, Array, to_deg, to_mm
-from planner.instruments.circular.assumptions import LARGEST_STEP
+from planner.instruments.circular.assumptions import DRIVABLE
 from planner.kinematics.geometry import bar_state
 from planner.kinematics.inverse_kinematics import smallest_singular_value, solve_pose_ik
 
@@ -203,7 +203,7 @@ def follow_poses(cell: Cell, start: Array, x: Array, R: Array, lead: float = 1.0
         guess = last if i == 1 else (1.0 + lead) * last - lead * q[alive, i - 2]
         # 8: rounds from one place to the next
         q[alive, i], good = solve_pose_ik(cell.chain, cell.robot, guess, x[alive, i], R[alive, i], 8)
-        good &= np.abs(q[alive, i] - last).max(axis=1) < LARGEST_STEP
+        good &= np.abs(q[alive, i] - last).max(axis=1) < DRIVABLE.largest_step
         alive = alive[good]
         reached[alive] = i + 1
     return q, reached

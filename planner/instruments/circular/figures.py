@@ -8,15 +8,7 @@ from scipy.optimize import linprog
 
 from planner.common.arrays import mean_by_group
 from planner.common.units import Array, read_only
-from planner.instruments.circular.assumptions import (
-    ANGLE_STEP,
-    BESIDE_REVERSAL,
-    CHANCE_PLACES,
-    JUMP_READINGS,
-    JUMP_WINDOW,
-    LEAST_TRAVEL,
-    REVERSALS_APART,
-)
+from planner.instruments.circular.assumptions import REVERSAL
 from planner.instruments.circular.sweeps import MeasuredCircle, Sweep
 
 
@@ -49,7 +41,7 @@ def find_reversals(angle: Array, q: Array, radial: Array, direction: int) -> tup
     places = sorted((place, j) for j, column in enumerate(q.T) for place in _joint_extremes(angle, column))
     groups: list[list[tuple[float, int]]] = []
     for place in places:
-        if groups and place[0] - groups[-1][-1][0] < REVERSALS_APART:
+        if groups and place[0] - groups[-1][-1][0] < REVERSAL.reversals_apart:
             groups[-1].append(place)
         else:
             groups.append([place])
@@ -59,32 +51,32 @@ def find_reversals(angle: Array, q: Array, radial: Array, direction: int) -> tup
     out = []
     for k, group in enumerate(groups):
         low, high = (abs(edges[k + 1] - e) for e in (edges[k], edges[k + 2]))
-        step, std = _jump(angle - middle[k], radial, min(low, JUMP_WINDOW), min(high, JUMP_WINDOW))
+        step, std = _jump(angle - middle[k], radial, min(low, REVERSAL.jump_window), min(high, REVERSAL.jump_window))
         out.append(Reversal(middle[k], tuple(sorted({j for _, j in group})), direction * step, max(std, chance)))
     return tuple(out)
 
 
 def _chance_jump(angle: Array, radial: Array, middle: list[float]) -> float:
     """Size of the jump [m] at angles where no joint reverses: readings wander, their scatter alone says too little."""
-    places = np.arange(angle[0] + JUMP_WINDOW, angle[-1] - JUMP_WINDOW, JUMP_WINDOW / 2)
-    away = [p for p in places if all(abs(p - m) > JUMP_WINDOW for m in middle)]
-    jumps = np.array([_jump(angle - p, radial, JUMP_WINDOW, JUMP_WINDOW)[0] for p in away])
+    places = np.arange(angle[0] + REVERSAL.jump_window, angle[-1] - REVERSAL.jump_window, REVERSAL.jump_window / 2)
+    away = [p for p in places if all(abs(p - m) > REVERSAL.jump_window for m in middle)]
+    jumps = np.array([_jump(angle - p, radial, REVERSAL.jump_window, REVERSAL.jump_window)[0] for p in away])
     jumps = jumps[np.isfinite(jumps)]
-    return float(np.sqrt(np.mean(jumps**2))) if len(jumps) >= CHANCE_PLACES else 0.0
+    return float(np.sqrt(np.mean(jumps**2))) if len(jumps) >= REVERSAL.chance_places else 0.0
 
 
 def _joint_extremes(angle: Array, q: Array) -> list[float]:
     """Angles at which one joint's angle (n,) has an extreme within the sweep, by a parabola through its bins."""
-    count = max(3, round((angle[-1] - angle[0]) / ANGLE_STEP))
+    count = max(3, round((angle[-1] - angle[0]) / REVERSAL.angle_step))
     which = np.clip(((angle - angle[0]) / (angle[-1] - angle[0]) * count).astype(int), 0, count - 1)
     place, mean = (mean_by_group(v, which)[np.unique(which)] for v in (angle, q))
-    side = max(1, round(BESIDE_REVERSAL / ANGLE_STEP))
+    side = max(1, round(REVERSAL.beside_reversal / REVERSAL.angle_step))
     found = []
     for k in range(1, len(mean) - 1):
         before, after = mean[max(0, k - side) : k + 1], mean[k : k + side + 1]
         for sense in (1.0, -1.0):
             top = sense * mean[k] >= (sense * np.concatenate([before, after])).max()
-            if top and min(np.ptp(before), np.ptp(after)) > LEAST_TRAVEL:
+            if top and min(np.ptp(before), np.ptp(after)) > REVERSAL.least_travel:
                 found.append(_vertex(place, mean, max(0, k - 4), min(len(mean), k + 5)))
     return found
 
@@ -97,8 +89,8 @@ def _vertex(place: Array, mean: Array, low: int, high: int) -> float:
 def _jump(past: Array, radial: Array, low: float, high: float) -> tuple[float, float]:
     """Jump of ``radial`` at 0 beside a parabola that goes through, and its standard deviation [m]."""
     rows = np.flatnonzero((past >= -low) & (past <= high))
-    x = past[rows] / JUMP_WINDOW
-    if min((x < 0).sum(), (x > 0).sum()) < JUMP_READINGS or min(low, high) < REVERSALS_APART:
+    x = past[rows] / REVERSAL.jump_window
+    if min((x < 0).sum(), (x > 0).sum()) < REVERSAL.jump_readings or min(low, high) < REVERSAL.reversals_apart:
         return float("nan"), float("nan")
     A = np.column_stack([np.sign(x) / 2.0, np.ones(len(x)), x, x**2])
     found, *_ = np.linalg.lstsq(A, radial[rows])
@@ -279,7 +271,7 @@ def _path(ring: MeasuredCircle, common: FittedCircle, mine: Sequence[Sweep]) -> 
 def _direction_difference(ring: MeasuredCircle, ccw: PathFigures, cw: PathFigures) -> Array:
     """Radial deviation ccw less cw at even angles of the sweep, (k,) [m]."""
     start, sweep = ring.circle.start, ring.circle.sweep
-    grid = np.linspace(start, start + sweep, 1 + int(np.ceil(sweep / ANGLE_STEP)))
+    grid = np.linspace(start, start + sweep, 1 + int(np.ceil(sweep / REVERSAL.angle_step)))
     values = []
     for path in (ccw, cw):
         place = np.round((path.angle - start) / sweep * (len(grid) - 1)).astype(int)

@@ -10,7 +10,7 @@ from planner.cell.circles import Circle
 from planner.common.errors import InputError, NoSolutionError
 from planner.common.progress import Stages
 from planner.common.units import Array, round_angles, to_deg
-from planner.instruments.circular.assumptions import ROOMY_SHARE
+from planner.instruments.circular.assumptions import DRIVABLE
 from planner.instruments.circular.configurations import (
     COARSE_STEP,
     ArmPaths,
@@ -208,7 +208,7 @@ def plan_arc(cell: Cell, circle: Circle, seed: int = 0, near: Array | None = Non
 def _order_paths(cell: Cell, ways: ArmPaths, free: np.ndarray, near: Array) -> list[int]:
     """Roomy ways by the time that it takes to come to their beginning, then the others by their room."""
     away = (np.abs(ways.q[free, 0] - near) / cell.robot.speed).max(axis=1)
-    roomy = ways.room[free] >= ROOMY_SHARE * ways.room[free[0]]
+    roomy = ways.room[free] >= DRIVABLE.roomy_share * ways.room[free[0]]
     return [int(k) for k in free[np.lexsort((np.round(np.where(roomy, away, -ways.room[free]), 6), ~roomy))]]
 
 

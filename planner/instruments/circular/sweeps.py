@@ -9,7 +9,7 @@ from planner.cell.cell import Cell
 from planner.cell.circles import NEAR_CIRCLE, Circle, CircleAtFixture
 from planner.common.errors import InputError
 from planner.common.units import Array
-from planner.instruments.circular.assumptions import SWEEP_SAMPLES, SWEEP_SLACK, TURNED_ROUND
+from planner.instruments.circular.assumptions import SWEEP
 from planner.kinematics.geometry import bar_state
 from planner.runs.joint_motion import find_rests
 from planner.runs.run import Run
@@ -99,12 +99,12 @@ def _sweeps_of_circle(
         unwound = np.unwrap(angle[rows])
         for part in _monotonic_parts(unwound):
             low, high = unwound[part].min(), unwound[part].max()
-            first = int(np.ceil((low - SWEEP_SLACK - ring.circle.start) / (2 * np.pi)))
-            last = int(np.floor((high + SWEEP_SLACK - ring.circle.start - ring.circle.sweep) / (2 * np.pi)))
+            first = int(np.ceil((low - SWEEP.sweep_slack - ring.circle.start) / (2 * np.pi)))
+            last = int(np.floor((high + SWEEP.sweep_slack - ring.circle.start - ring.circle.sweep) / (2 * np.pi)))
             for turn in range(first, last + 1):
                 past = unwound[part] - ring.circle.start - 2 * np.pi * turn
                 inside = np.flatnonzero((past >= 0.0) & (past <= ring.circle.sweep))
-                if len(inside) >= SWEEP_SAMPLES:
+                if len(inside) >= SWEEP.sweep_samples:
                     yield rows[part][inside], past[inside] + ring.circle.start
 
 
@@ -119,7 +119,7 @@ def _moving_stretches(run: Run, near: np.ndarray) -> Iterator[np.ndarray]:
     kept = near & moving
     cut = (np.diff(kept.astype(int)) != 0) | (np.diff(session) != 0)
     for rows in np.split(np.arange(len(run)), np.flatnonzero(cut) + 1):
-        if kept[rows[0]] and len(rows) >= SWEEP_SAMPLES:
+        if kept[rows[0]] and len(rows) >= SWEEP.sweep_samples:
             yield rows
 
 
@@ -129,11 +129,11 @@ def _monotonic_parts(angle: Array) -> Iterator[slice]:
     values = angle.tolist()
     for k, here in enumerate(values):
         ahead = here - values[extreme]
-        if sense == 0.0 and abs(ahead) > TURNED_ROUND:
+        if sense == 0.0 and abs(ahead) > SWEEP.turned_round:
             sense, extreme = float(np.sign(ahead)), k
         elif sense * ahead > 0.0:
             extreme = k
-        elif -sense * ahead > TURNED_ROUND:
+        elif -sense * ahead > SWEEP.turned_round:
             yield slice(begin, extreme + 1)
             begin, sense, extreme = extreme, -sense, k
     yield slice(begin, len(angle))

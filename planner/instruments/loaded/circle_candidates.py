@@ -22,14 +22,7 @@ from planner.common.units import MM, Array, read_only, to_mm
 from planner.design.selection.d_optimal import detmax
 from planner.effects.compliance import compliance_parameters
 from planner.instruments.circular.configurations import follow_poses, spun_orientations
-from planner.instruments.loaded.assumptions import (
-    FURTHEST_SHARE,
-    LIMIT_MARGIN,
-    NEAREST_SHARE,
-    SPREAD_HARMONICS,
-    TOP_SHARE,
-    TYPICAL_COMPLIANCE_SHARE,
-)
+from planner.instruments.loaded.assumptions import DEFLECTION, DRIVABLE
 from planner.instruments.loaded.compliance import harmonic_counts, harmonics_of
 from planner.instruments.loaded.types import AveragedCurves, DrivenCircle
 from planner.kinematics.geometry import bar_state, tilt_angle
@@ -133,8 +126,8 @@ def _centre_grid(cell: Cell, circle: Circle, steps: tuple[int, int]) -> list[Arr
     """Grid of centres in the upright plane through axis 1 and the cell's own centre."""
     reach = sum(t.extent for t in cell.robot.transforms if t.kind == "translation")
     towards = np.append(circle.p_BC[:2] / np.linalg.norm(circle.p_BC[:2]), 0.0)
-    far = np.linspace(NEAREST_SHARE * reach, FURTHEST_SHARE * reach, steps[0])
-    high = np.linspace(circle.radius + 0.1, TOP_SHARE * reach, steps[1])
+    far = np.linspace(DRIVABLE.nearest_share * reach, DRIVABLE.furthest_share * reach, steps[0])
+    high = np.linspace(circle.radius + 0.1, DRIVABLE.top_share * reach, steps[1])
     return [np.round(r * towards + [0, 0, z], 3) for r in far for z in high]
 
 
@@ -150,7 +143,7 @@ def _follow_circles(cell: Cell, grid: list[tuple[Circle, int]], height: float, s
     room = np.array([_smallest_margin(cell, q[m], p_BX[which[m]], normals[which[m]]) for m in whole])
     out = []
     for k, (circle, _) in enumerate(grid):
-        own = np.flatnonzero((which[whole] == k) & (room > LIMIT_MARGIN))
+        own = np.flatnonzero((which[whole] == k) & (room > DRIVABLE.limit_margin))
         if len(own):
             best = whole[own[int(np.argmax(np.round(room[own], 6)))]]
             out.append(CirclePlace(circle, read_only(p_BX[k]), read_only(q[best])))
@@ -273,7 +266,7 @@ def predict_information(setup: MeasurementSetup, place: CirclePlace) -> Array:
     curves = planned_curves(setup, place)
     there = replace(setup, p_BX=place.p_BX[None], place_names=(circle.name,), place_prior=setup.place_prior[:1])
     model = Model(there, tuple(compliance_parameters(setup)))
-    waves = harmonics_of(model, curves, TYPICAL_COMPLIANCE_SHARE * model.prior)
+    waves = harmonics_of(model, curves, DRIVABLE.typical_compliance_share * model.prior)
     return waves.information(curves.noise, float(setup.place_prior[circle.fixture])).information
 
 
@@ -304,7 +297,9 @@ def promised_turn_noise(setup: MeasurementSetup, q: Array) -> Array:
     noise = Model(setup, ()).reading_noise(Samples.at(q))
     count = harmonic_counts(B)
     few = np.zeros(len(count))
-    few[:SPREAD_HARMONICS] = float(noise.robot_variance.mean()) * count.sum() / count[:SPREAD_HARMONICS].sum()
+    few[: DEFLECTION.spread_harmonics] = (
+        float(noise.robot_variance.mean()) * count.sum() / count[: DEFLECTION.spread_harmonics].sum()
+    )
     return np.asarray(few + noise.gauge_variance)
 
 

@@ -16,7 +16,7 @@ from planner.design.observability.information import marginal_information, predi
 from planner.design.selection.d_optimal import augment_design
 from planner.effects.compliance import compliance_parameters, is_joint_compliance
 from planner.instruments.equilibrium import solve_equilibrium, use_held_torques
-from planner.instruments.loaded.assumptions import TYPICAL_COMPLIANCE_SHARE
+from planner.instruments.loaded.assumptions import DRIVABLE
 from planner.instruments.loaded.circle_candidates import CirclePlace, planned_curves
 from planner.instruments.loaded.joint_fit import torque_rows, whiten_turns
 from planner.model.model import Model
@@ -115,7 +115,7 @@ def _circle_rows(model: Model, k: int, place: CirclePlace) -> Array:
     samples = Samples(curves.q.reshape(D * K * A, -1), np.full(D * K * A, k), force=curves.force.ravel())
     soft = np.array([is_joint_compliance(p) for p in model.parameters])
     held = replace(model, parameters=use_held_torques(model.parameters))
-    errors = np.where(soft, TYPICAL_COMPLIANCE_SHARE * model.prior, 0.0)
+    errors = np.where(soft, DRIVABLE.typical_compliance_share * model.prior, 0.0)
     there = solve_equilibrium(model, samples, errors)[1]
     rows = held.rows(there, errors)[:, 0] + torque_rows(held, there, errors, model.prior)
     pose = model.noise(samples) ** 2

@@ -15,13 +15,7 @@ from planner.cell.placement import Targets
 from planner.cell.setup import MeasurementSetup
 from planner.common.units import MM, Array, read_only
 from planner.effects.compliance import compliance_parameters
-from planner.instruments.loaded.assumptions import (
-    FAINTEST_INFORMATION,
-    HEIGHT_STEP,
-    LOW_HARMONICS,
-    NOISE_VARIANCE_RATIO,
-    STILL_SHARE,
-)
+from planner.instruments.loaded.assumptions import DEFLECTION
 from planner.instruments.loaded.equilibrium import deflect_joints, lower_fixture, raise_fixture, samples_of
 from planner.instruments.loaded.types import AveragedCurves, Combination, JointCompliances
 from planner.model.model import Model
@@ -80,8 +74,12 @@ class Harmonics:
         """Variance of one turn's harmonics by what the loads differ, (H,) [m²]; the lowest, as fitted, pooled."""
         D, K = self.weight.shape
         square = (self.weight[..., None] * np.abs(self.residual) ** 2).sum(axis=(0, 1)) / (D * (K - 1))
-        pooled = float((self.count * square)[:LOW_HARMONICS].sum() / self.count[:LOW_HARMONICS].sum())
-        return np.concatenate([np.full(LOW_HARMONICS, pooled), smooth_spectrum(square)[LOW_HARMONICS:]])
+        pooled = float(
+            (self.count * square)[: DEFLECTION.low_harmonics].sum() / self.count[: DEFLECTION.low_harmonics].sum()
+        )
+        return np.concatenate(
+            [np.full(DEFLECTION.low_harmonics, pooled), smooth_spectrum(square)[DEFLECTION.low_harmonics :]]
+        )
 
     def after(self, step: Array, height: float) -> "Harmonics":
         """Return what is left after a change of the compliances (N,) and of the height [m]."""
@@ -177,7 +175,11 @@ def fit_compliances(setup: MeasurementSetup, curves: Sequence[AveragedCurves]) -
         left = [w.after(step, h) for w, h in zip(waves, raise_by, strict=True)]
         misfit = _misfit(left, curves, len(value))
         noise = [_noise(w, c, misfit) for w, c in zip(left, curves, strict=True)]
-        if k > 1 and np.abs(step / prior).max() < STILL_SHARE and np.abs(raise_by).max() < STILL_SHARE * MM:
+        if (
+            k > 1
+            and np.abs(step / prior).max() < DEFLECTION.still_share
+            and np.abs(raise_by).max() < DEFLECTION.still_share * MM
+        ):
             break
     size = np.sqrt(np.mean([np.mean(w.mean_variance(_first_noise(w, c))) for w, c in zip(left, curves, strict=True)]))
     found = compliance_posterior(model.names, prior, information, pulled, float(size), float(np.sqrt(misfit)))
@@ -207,7 +209,11 @@ def _noise(left: Harmonics, curves: AveragedCurves, misfit: float) -> Array:
     """
     if not np.all(np.isfinite(curves.noise)):
         return left.scatter
-    return curves.noise * max(1.0, misfit) if misfit < NOISE_VARIANCE_RATIO else np.maximum(curves.noise, left.scatter)
+    return (
+        curves.noise * max(1.0, misfit)
+        if misfit < DEFLECTION.noise_variance_ratio
+        else np.maximum(curves.noise, left.scatter)
+    )
 
 
 def harmonics_of(model: Model, curves: AveragedCurves, value: Array) -> Harmonics:
@@ -215,8 +221,11 @@ def harmonics_of(model: Model, curves: AveragedCurves, value: Array) -> Harmonic
     setup = lower_fixture(model.setup, curves, value)
     samples = deflect_joints(setup, samples_of(curves), value)
     about = replace(model, setup=setup).linear(samples, Targets(length=curves.length.ravel()))
-    up, down = (_length(raise_fixture(model.setup, curves, h), curves, value) for h in (HEIGHT_STEP, -HEIGHT_STEP))
-    columns = np.column_stack([about.rows[:, 0], (up - down) / (2 * HEIGHT_STEP), about.residual[:, 0]])
+    up, down = (
+        _length(raise_fixture(model.setup, curves, h), curves, value)
+        for h in (DEFLECTION.height_step, -DEFLECTION.height_step)
+    )
+    columns = np.column_stack([about.rows[:, 0], (up - down) / (2 * DEFLECTION.height_step), about.residual[:, 0]])
     return Harmonics.of(columns.reshape(*curves.length.shape, -1), curves.repeats.astype(float))
 
 
@@ -254,6 +263,6 @@ def compliance_combinations(names: tuple[str, ...], scaled: Array) -> tuple[Comb
     out = []
     for k in np.argsort(-size, kind="stable"):
         axis = axes[:, k] * np.sign(axes[int(np.argmax(np.round(np.abs(axes[:, k]), 9))), k])
-        seen = max(float(size[k]), FAINTEST_INFORMATION * float(size.max()), 1e-300)
+        seen = max(float(size[k]), DEFLECTION.faintest_information * float(size.max()), 1e-300)
         out.append(Combination(names, read_only(axis), float(1.0 / np.sqrt(seen))))
     return tuple(out)

@@ -10,16 +10,7 @@ from planner.cell.setup import MeasurementSetup
 from planner.common.arrays import mean_by_group
 from planner.common.errors import InputError
 from planner.common.units import Array, read_only
-from planner.instruments.loaded.assumptions import (
-    COARSEST_GRID,
-    FINEST_GRID,
-    LEAST_FORCE_SHARE,
-    LOST_SAMPLES,
-    SAMPLES_AN_ANGLE,
-    SENSE_WINDOW,
-    SMALL_LOAD,
-    TURN_SLACK,
-)
+from planner.instruments.loaded.assumptions import SAMPLES
 from planner.instruments.loaded.compliance import smooth_spectrum, turn_noise
 from planner.instruments.loaded.equilibrium import find_circle, measured_points
 from planner.instruments.loaded.types import SENSES, AveragedCurves, DrivenCircle
@@ -62,14 +53,14 @@ def _edges(force: Array) -> list[tuple[float, float]]:
         return [(low, high)]
     count, at = np.histogram(force, 80, (low, high))  # bins over the range of the forces
     width = at[1] - at[0]
-    full = np.flatnonzero(count > LEAST_FORCE_SHARE * len(force))
+    full = np.flatnonzero(count > SAMPLES.least_force_share * len(force))
     groups = np.split(full, 1 + np.flatnonzero(np.diff(full) > 1))
     return [(float(at[g[0]]) - width, float(at[g[-1] + 1]) + width) for g in groups if len(g)]
 
 
 def _check(run: Run, loads: Array) -> None:
     if len(loads) < 2:
-        small = " (are they in kN? the column is in newtons)" if 0 < np.abs(loads).max() < SMALL_LOAD else ""
+        small = " (are they in kN? the column is in newtons)" if 0 < np.abs(loads).max() < SAMPLES.small_load else ""
         raise InputError(
             f"{run.name}: there is one load only, {loads[0]:.3g} N{small}; a stiffness needs two at least, better the "
             "paper's five (125 to 625 N)"
@@ -146,11 +137,11 @@ def _turns(run: Run, theta: Array, level: np.ndarray, overshoot: float) -> Itera
     key = (session * 1000 + level) * 4 + sense
     cuts = np.flatnonzero(np.diff(key)) + 1
     for rows in np.split(np.arange(len(run)), cuts):
-        if level[rows[0]] < 0 or sense[rows[0]] == 0 or len(rows) < COARSEST_GRID:
+        if level[rows[0]] < 0 or sense[rows[0]] == 0 or len(rows) < SAMPLES.coarsest_grid:
             continue
         way = np.abs(np.unwrap(theta[rows]) - theta[rows[0]])
         total = float(way[-1])
-        slack = max(TURN_SLACK, LOST_SAMPLES * total / len(rows))
+        slack = max(SAMPLES.turn_slack, SAMPLES.lost_samples * total / len(rows))
         if total < 2 * np.pi - slack:
             continue
         whole = max(1, int((total - 2 * overshoot + slack) // (2 * np.pi)))
@@ -164,8 +155,8 @@ def _turns(run: Run, theta: Array, level: np.ndarray, overshoot: float) -> Itera
 def _sense(travel: Array, session: np.ndarray) -> np.ndarray:
     """Sense of travel of each sample, (n,): 1, −1, or 0 where the arm rests or turns back."""
     step = np.abs(np.diff(travel))
-    usual = float(np.median(step[step > 0])) if np.any(step > 0) else SENSE_WINDOW
-    half = max(1, round(SENSE_WINDOW / max(usual, 1e-9) / 2))
+    usual = float(np.median(step[step > 0])) if np.any(step > 0) else SAMPLES.sense_window
+    half = max(1, round(SAMPLES.sense_window / max(usual, 1e-9) / 2))
     n = len(travel)
     after, before = np.minimum(np.arange(n) + half, n - 1), np.maximum(np.arange(n) - half, 0)
     moved = travel[after] - travel[before]
@@ -180,9 +171,9 @@ def _on_grid(run: Run, circle: DrivenCircle, loads: Array, turns: list[Turn]) ->
             f"{run.name}: no whole turn at one load was driven at fixture '{circle.name}'; a circle needs 360 degrees "
             "and more in one go, better with 180 degrees of overshoot at either end"
         )
-    bins = min(FINEST_GRID, min(len(t.rows) for t in turns) // SAMPLES_AN_ANGLE)
-    if bins < COARSEST_GRID:
-        few, enough = min(len(t.rows) for t in turns), COARSEST_GRID * SAMPLES_AN_ANGLE
+    bins = min(SAMPLES.finest_grid, min(len(t.rows) for t in turns) // SAMPLES.samples_an_angle)
+    if bins < SAMPLES.coarsest_grid:
+        few, enough = min(len(t.rows) for t in turns), SAMPLES.coarsest_grid * SAMPLES.samples_an_angle
         raise InputError(
             f"{run.name}: a turn has only {few} samples; at least {enough} are needed (drive slower or log faster)"
         )

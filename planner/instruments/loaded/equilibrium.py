@@ -10,7 +10,7 @@ from planner.common.errors import InputError
 from planner.common.units import MM, Array, read_only
 from planner.effects.context import Context
 from planner.instruments.equilibrium import BALANCE_ROUNDS
-from planner.instruments.loaded.assumptions import ON_CIRCLE_SHARE
+from planner.instruments.loaded.assumptions import SAMPLES
 from planner.instruments.loaded.types import AveragedCurves, CentringOffset, DrivenCircle
 from planner.kinematics.geometry import fit_circle_in_space
 from planner.runs.run import Run, Samples
@@ -81,10 +81,10 @@ def find_circle(setup: MeasurementSetup, run: Run, place: int, x: Array) -> Driv
     centre, axes, radius = fit_circle_in_space(x)
     for _ in range(8):  # rounds of taking the samples near the circle
         size = _off(x, centre, axes[2], radius)
-        on = size <= max(float(np.quantile(size, ON_CIRCLE_SHARE)), 1e-4 * radius) * 3.0
+        on = size <= max(float(np.quantile(size, SAMPLES.on_circle_share)), 1e-4 * radius) * 3.0
         centre, axes, radius = fit_circle_in_space(x[on])
     off = _off(x, centre, axes[2], radius)
-    if radius > 10.0 or float(np.mean(off < NEAR_CIRCLE * radius)) < ON_CIRCLE_SHARE:
+    if radius > 10.0 or float(np.mean(off < NEAR_CIRCLE * radius)) < SAMPLES.on_circle_share:
         raise InputError(
             f"{run.name}: the arm does not run on a circle at fixture '{setup.place_names[place]}': half of the "
             f"samples lie {float(np.median(off)) / MM:.1f} mm or more off the best one (radius {radius / MM:.1f} mm); "

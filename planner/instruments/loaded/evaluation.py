@@ -15,17 +15,7 @@ from planner.common.units import DEG, MM, UM, Array, read_only
 from planner.gauges.placement.flange_poses import FlangePoses, nominal_flange_poses
 from planner.gauges.placement.frames import place_frames
 from planner.identification.run_setup import setup_for_run
-from planner.instruments.loaded.assumptions import (
-    AGREEING_RATIO,
-    CURVED_OFFSET,
-    LEAST_COVERAGE,
-    LINEAR_LOADS,
-    OVERLOAD_RATIO,
-    PAPER_OVERSHOOT,
-    RANGE_MARGIN,
-    SENSE_SHARE,
-    SURE_SIGMAS,
-)
+from planner.instruments.loaded.assumptions import SAMPLES, TOLD
 from planner.instruments.loaded.compliance import bar_deflection, fit_compliances
 from planner.instruments.loaded.curves import average_curves
 from planner.instruments.loaded.equilibrium import centring_offset, measured_points, raise_fixture
@@ -65,7 +55,7 @@ def _check_measured_loads(cell: Cell, curves: Sequence[AveragedCurves], name: st
     """
     largest = max(float(np.abs(c.loads).max()) for c in curves)
     stated = max((load for c in cell.circles for load in c.loads), default=np.inf)
-    if largest > OVERLOAD_RATIO * stated:
+    if largest > TOLD.overload_ratio * stated:
         raise InputError(
             f"{name}: the bar loads the arm with {largest:.0f} N, but the circles of {cell.path} go up to {stated:g} N "
             "only; check force_N, or loads_N in [[circles]]"
@@ -82,7 +72,7 @@ def _check_reach(cell: Cell, setup: MeasurementSetup, curves: AveragedCurves, na
     x = measured_points(setup, curves.q.reshape(-1, curves.q.shape[-1]))
     length = bar_state(x, curves.circle.p_BX).length
     low, high = cell.gauge.length_min, cell.gauge.length_max
-    if float(length.min()) < low - RANGE_MARGIN or float(length.max()) > high + RANGE_MARGIN:
+    if float(length.min()) < low - TOLD.range_margin or float(length.max()) > high + TOLD.range_margin:
         raise InputError(
             f"{name}: the circle of radius {curves.circle.radius / MM:.1f} mm about "
             f"{np.round(curves.circle.centre / MM, 1).tolist()} mm lies {length.min() / MM:.1f} to "
@@ -101,7 +91,7 @@ def _check_sign(curves: AveragedCurves, name: str) -> None:
     slope = float(np.polyfit(force, length, 1)[0])
     each = (curves.length - curves.length[:, :1])[:, 1:] / (curves.force - curves.force[:, :1])[:, 1:]
     scatter = float(each.mean(axis=2).std() / np.sqrt(each[..., 0].size)) + 1e-15
-    if slope > SURE_SIGMAS * scatter:
+    if slope > TOLD.sure_sigmas * scatter:
         way = "pull" if force[-1] > 0 else "push"
         raise InputError(
             f"{name}: the bar at fixture '{curves.circle.name}' reads {slope * 100 / UM:+.1f} µm for each 100 N more "
@@ -116,7 +106,7 @@ def problems_of(found: JointCompliances) -> tuple[str, ...]:
         f"{n} came out at {v * 1e6:.3f} ± {s * 1e6:.3f} µrad/Nm, negative beyond its uncertainty: no joint yields "
         "against its load; something else bends (base, tool, links), or forces or joint angles are wrong"
         for n, v, s in zip(found.names, found.value, found.std, strict=True)
-        if v < -SURE_SIGMAS * s
+        if v < -TOLD.sure_sigmas * s
     )
 
 
@@ -125,10 +115,10 @@ def warnings_of(circles: Sequence[EvaluatedCircle], found: JointCompliances) -> 
     out = []
     for c in circles:
         name, curves = c.curves.circle.name, c.curves
-        if len(curves.loads) < LINEAR_LOADS:
+        if len(curves.loads) < TOLD.linear_loads:
             out.append(
                 f"fixture '{name}': {len(curves.loads)} loads give a stiffness, but do not show whether the arm "
-                f"yields in proportion; {LINEAR_LOADS} or more would"
+                f"yields in proportion; {TOLD.linear_loads} or more would"
             )
         if int(curves.repeats.min()) < 2:
             out.append(
@@ -137,12 +127,12 @@ def warnings_of(circles: Sequence[EvaluatedCircle], found: JointCompliances) -> 
         if len(curves.directions) < 2:
             out.append(f"fixture '{name}': driven in one sense only, so backlash cannot be told from the error")
         second = float((c.centre_offset**2).sum()) / (4 * float(curves.length.mean()))
-        if second > CURVED_OFFSET:
+        if second > TOLD.curved_offset:
             out.append(
                 f"fixture '{name}': the circle is {np.linalg.norm(c.centre_offset) / MM:.1f} mm off its ball, so "
                 f"{second / UM:.0f} µm of the kinematic error twice a turn are its geometry; centre it better"
             )
-    if found.misfit > AGREEING_RATIO:
+    if found.misfit > TOLD.agreeing_ratio:
         out.append(
             f"the loads' curves differ {found.misfit:.1f} times as much as the repeats do: play, friction, links that "
             "bend as well, or a load that is not what was logged; the uncertainties allow for it"
@@ -182,7 +172,9 @@ def _senses(curves: AveragedCurves, theta: Array) -> list[int]:
     """Which of the bar's senses of travel the tracker's run has too, as positions; all where it has none of them."""
     way = np.sign(np.diff(np.unwrap(theta)))
     share = {d: float(np.mean(way == d)) for d in curves.directions}
-    return [k for k, d in enumerate(curves.directions) if share[d] > SENSE_SHARE] or list(range(len(curves.directions)))
+    return [k for k, d in enumerate(curves.directions) if share[d] > SAMPLES.sense_share] or list(
+        range(len(curves.directions))
+    )
 
 
 def _radial(setup: MeasurementSetup, p_BX: Array, run: Run, x: Array) -> Array:
@@ -201,7 +193,7 @@ def _on_grid(run: Run, theta: Array, error: Array, grid: Array) -> Array:
     B = len(grid)
     where = np.minimum((theta % (2 * np.pi) / (2 * np.pi / B)).astype(int), B - 1)
     count = np.bincount(where, minlength=B)
-    if np.mean(count > 0) < LEAST_COVERAGE:
+    if np.mean(count > 0) < SAMPLES.least_coverage:
         raise InputError(
             f"{run.name}: its samples cover {100 * float(np.mean(count > 0)):.0f} % of the circle only; a whole turn "
             "is needed"
@@ -253,7 +245,7 @@ def evaluate_loaded_circles(
 
 def _overshoot(cell: Cell, wanted: float | None) -> float:
     """What is left out at either end of a pass [rad]: as wanted, else what the cell's circles run over there."""
-    there = min((c.overshoot for c in cell.circles), default=PAPER_OVERSHOOT)
+    there = min((c.overshoot for c in cell.circles), default=SAMPLES.paper_overshoot)
     if wanted is not None and cell.circles and wanted > there + 1e-9:
         raise InputError(
             f"--overshoot {wanted / DEG:g} would drop more than the passes of {cell.path} run over at either end of "

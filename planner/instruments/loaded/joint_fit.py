@@ -17,7 +17,7 @@ from planner.identification.least_squares import fit
 from planner.identification.problem import FitProblem
 from planner.identification.run_setup import add_motion, locate_gauge, setup_for_run
 from planner.instruments.equilibrium import use_held_torques, with_held_torque
-from planner.instruments.loaded.assumptions import ANGLES_A_TURN, DISAGREEMENT_RATIO, SAMPLE_SPACING, SPARSE_STEP
+from planner.instruments.loaded.assumptions import JOINT_FIT
 from planner.instruments.loaded.types import AveragedCurves, LoadedEvaluation
 from planner.model.identification_document import Estimate
 from planner.model.model import Model
@@ -57,7 +57,7 @@ def averages_noise(found: LoadedEvaluation) -> tuple[Array, ...]:
 
 def _few(c: AveragedCurves) -> np.ndarray:
     """Angles of averaged curves that enter, (A,) int."""
-    groups = np.array_split(np.arange(len(c.theta)), min(ANGLES_A_TURN, len(c.theta)))
+    groups = np.array_split(np.arange(len(c.theta)), min(JOINT_FIT.angles_a_turn, len(c.theta)))
     return np.array([g[len(g) // 2] for g in groups])
 
 
@@ -71,9 +71,9 @@ def at_rest(run: Run) -> Run:
     samples = run.samples
     if not run.continuous:
         return replace(run, samples=replace(samples, t=None))
-    step = SPARSE_STEP
+    step = JOINT_FIT.sparse_step
     if samples.t is not None and len(run) > 1:
-        step = max(1, round(SAMPLE_SPACING / float(np.median(np.abs(np.diff(samples.t))))))
+        step = max(1, round(JOINT_FIT.sample_spacing / float(np.median(np.abs(np.diff(samples.t))))))
     which = np.arange(0, len(run), step)
     thin = replace(samples.take(which), t=None, speed=None)
     return replace(run, samples=thin, readings=run.readings.take(which), continuous=False)
@@ -232,7 +232,7 @@ def _disagreement(model: Model, run: Run, under: np.ndarray, rms: tuple[float, f
     for part, left, words in ((~under, rms[0], "without load"), (under, rms[1], "under load")):
         alone = fit(FitProblem.of(model, run.take(part)))
         own = _rms(alone.problem.residual(alone.errors))
-        if left > DISAGREEMENT_RATIO * float(np.hypot(own, model.setup.gauge.noise)):
+        if left > JOINT_FIT.disagreement_ratio * float(np.hypot(own, model.setup.gauge.noise)):
             return (
                 f"the runs without load and under load disagree: fitted together, {left / UM:.1f} µm are left {words}, "
                 f"by itself that run leaves {own / UM:.1f} µm; were both measured on one robot, at the fixtures that "

@@ -6,7 +6,7 @@ import numpy as np
 import polars as pl
 
 from planner.common.units import significant, to_deg, to_mm
-from planner.instruments.loaded.assumptions import WORST_JOINT_SHARE
+from planner.instruments.loaded.assumptions import DRIVABLE
 from planner.instruments.loaded.circle_candidates import (
     CirclePlace,
     CirclePlaceChoice,
@@ -75,10 +75,11 @@ def describe_places(found: CirclePlaceChoice) -> tuple[str, ...]:
         worst = short[int(np.argmax(known.std))]
         what = "The best single circle" if len(chosen) == 1 else f"The best {len(chosen)} circles together"
         out.append(f"{what} would leave {worst} with {share_text(known.worst)}, all others with less.")
-    enough = [len(s) for s, k in zip(found.sets, found.known, strict=True) if k.worst < WORST_JOINT_SHARE]
+    enough = [len(s) for s, k in zip(found.sets, found.known, strict=True) if k.worst < DRIVABLE.worst_joint_share]
     if enough:
         out.append(
-            f"{enough[0]} places know every joint to {100 * WORST_JOINT_SHARE:.0f} % of its prior size or better."
+            f"{enough[0]} places know every joint to {100 * DRIVABLE.worst_joint_share:.0f} % of its prior size or "
+            "better."
         )
     return tuple(out)
 

@@ -7,7 +7,7 @@ import polars as pl
 
 from planner.common.units import MM, UM, URAD, Array, in_units, significant, to_deg, to_mm
 from planner.design.observability.identifiability import join_names
-from planner.instruments.loaded.assumptions import KNOWN_SHARE, OPEN_SHARE
+from planner.instruments.loaded.assumptions import TOLD
 from planner.instruments.loaded.joint_fit import JointFit
 from planner.instruments.loaded.types import (
     KNOWN,
@@ -48,7 +48,7 @@ def loaded_sentences(circles: Sequence[EvaluatedCircle], found: JointCompliances
 def compliance_sentences(found: JointCompliances, circles: int) -> tuple[str, ...]:
     """Say which combinations of the joints' compliances are known, which are not, and what would help."""
     total, known, unknown = len(found.names), found.known, found.unknown
-    hardly = [c for c in found.combinations if KNOWN_SHARE <= c.std <= OPEN_SHARE]
+    hardly = [c for c in found.combinations if TOLD.known_share <= c.std <= TOLD.open_share]
     one = circles == 1
     alike = f"the ± {found.prior[0] / URAD:g} µrad/Nm that was expected before"
     before = "what was expected of them before" if np.ptp(found.prior) else alike
@@ -109,7 +109,7 @@ def loaded_content(found: LoadedEvaluation, joint: JointFit | None = None) -> di
         "combinations": [
             {
                 "share_of_prior": significant(c.std),
-                "known": c.std < KNOWN_SHARE,
+                "known": c.std < TOLD.known_share,
                 "told": c.verdict,
                 "shares": {n: round(float(s), 4) for n, s in zip(c.names, c.shares, strict=True)},
             }

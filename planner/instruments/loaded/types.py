@@ -8,10 +8,10 @@ import numpy as np
 from planner.cell.circles import CircleAtFixture
 from planner.common.units import Array
 from planner.design.observability.identifiability import format_direction
-from planner.instruments.loaded.assumptions import KNOWN_SHARE, NEGLIGIBLE_SHARE, OPEN_SHARE
+from planner.instruments.loaded.assumptions import TOLD
 
 # [1] as OPEN_SHARE, but with the prior, where the readings say no more than was known before
-OPEN_SHARE_WITH_PRIOR = OPEN_SHARE / np.sqrt(2.0)
+OPEN_SHARE_WITH_PRIOR = TOLD.open_share / np.sqrt(2.0)
 KNOWN, HARDLY_KNOWN, NOT_LEARNT = "known", "hardly known", "not learnt"
 SENSES = {1: "counter-clockwise", -1: "clockwise"}  # of travel about the circle's normal
 
@@ -27,7 +27,7 @@ class Combination:
     @property
     def verdict(self) -> str:
         """What the readings alone say of it: known, hardly known, or not learnt (more is open than was before)."""
-        return KNOWN if self.std < KNOWN_SHARE else HARDLY_KNOWN if self.std <= OPEN_SHARE else NOT_LEARNT
+        return KNOWN if self.std < TOLD.known_share else HARDLY_KNOWN if self.std <= TOLD.open_share else NOT_LEARNT
 
     @property
     def text(self) -> str:
@@ -36,7 +36,7 @@ class Combination:
         pairs = [
             (n.replace("compliance", "c"), float(s))
             for n, s in zip(self.names, self.shares, strict=True)
-            if abs(s) > NEGLIGIBLE_SHARE * largest
+            if abs(s) > TOLD.negligible_share * largest
         ]
         if len(pairs) == 1:
             return pairs[0][0]
@@ -73,18 +73,18 @@ class JointCompliances:
         """Of each joint's compliance by itself, (N,): known, hardly known, or not learnt (the prior says more)."""
         share = self.std / self.prior
         return tuple(
-            KNOWN if s < KNOWN_SHARE else HARDLY_KNOWN if s < OPEN_SHARE_WITH_PRIOR else NOT_LEARNT for s in share
+            KNOWN if s < TOLD.known_share else HARDLY_KNOWN if s < OPEN_SHARE_WITH_PRIOR else NOT_LEARNT for s in share
         )
 
     @property
     def known(self) -> tuple[Combination, ...]:
         """Combinations known to a third of their prior size or better."""
-        return tuple(c for c in self.combinations if c.std < KNOWN_SHARE)
+        return tuple(c for c in self.combinations if c.std < TOLD.known_share)
 
     @property
     def unknown(self) -> tuple[Combination, ...]:
         """Combinations of which the deflections say less than was known before."""
-        return tuple(c for c in self.combinations if c.std > OPEN_SHARE)
+        return tuple(c for c in self.combinations if c.std > TOLD.open_share)
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ import pytest
 
 from planner.cell.placement import Targets
 from planner.design.candidates.pool import draw_candidates
-from planner.instruments.assumptions import CUP_SIGMA
+from planner.instruments.assumptions import SESSION
 from planner.instruments.circular.plan import circle_samples
 from planner.instruments.set_up import solve_fixture_pose
 from planner.instruments.simulation import SAMPLE_RATE
@@ -39,4 +39,4 @@ def test_the_fixture_stands_where_the_robot_put_it(planned):
     q = solve_fixture_pose(cell, cell.fixtures[0].p_BX)
     assert np.abs(cell.map_position(q)[0] - cell.fixtures[0].p_BX).max() < 1e-9
     length = -truth.model.residual(Samples(q, np.zeros(1, dtype=int)), Targets(length=np.zeros(1)), truth.errors)
-    assert np.abs(length).max() < 5 * CUP_SIGMA  # the hand's care in three directions, and that of the zero
+    assert np.abs(length).max() < 5 * SESSION.cup_sigma  # the hand's care in three directions, and that of the zero

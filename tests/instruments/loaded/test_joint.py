@@ -12,7 +12,7 @@ import tests.instruments.loaded.world as world
 from planner.cell.reading import load_cell
 from planner.cell.setup import setup_of
 from planner.common.errors import InputError
-from planner.instruments.loaded.assumptions import SAMPLE_SPACING
+from planner.instruments.loaded.assumptions import JOINT_FIT
 from planner.instruments.loaded.circle_candidates import find_own_place, planned_curves
 from planner.instruments.loaded.common_fit import UnloadedPoses, predict_common_fit
 from planner.instruments.loaded.joint_fit import at_rest, fit_jointly
@@ -132,7 +132,7 @@ def test_a_drive_is_thinned_and_a_run_at_rest_is_not(cell):
     free, loaded = runs(np.random.default_rng(0))
     assert len(at_rest(free)) == len(free)
     n = 400
-    t = np.arange(n * len(free)) * SAMPLE_SPACING / n
+    t = np.arange(n * len(free)) * JOINT_FIT.sample_spacing / n
     samples = replace(free.samples, q=np.repeat(free.samples.q, n, axis=0), t=t, place=np.zeros(len(t), int))
     readings = Readings(length=np.repeat(free.readings.length, n))
     many = replace(free, samples=samples, readings=readings, continuous=True)
