@@ -35,7 +35,9 @@ def test_pictures_name_neither_date_nor_program(done):
 def test_the_page_names_robot_and_gauge_and_says_what_was_found(done):
     page, basis = (done[0] / "report.html").read_text(), done[1].basis
     assert f"robot {basis.cell.robot.name} · {basis.cell.gauge.describe(basis.cell)}" in page
-    assert all(str(escape(line.split(maxsplit=1)[1][-40:])) in page for line in done[1].text().splitlines()[1:])
+    assert all(
+        str(escape(line.split(maxsplit=1)[1][-40:])) in page for line in done[1].overview().text().splitlines()[1:]
+    )
     assert not re.search(r"20\d\d-\d\d-\d\d", page.partition("<script>")[0])  # its date is the file's
 
 
@@ -122,7 +124,7 @@ def test_a_file_in_the_way_is_told_and_an_unknown_index_too(done, tmp_path):
 
 
 def test_text_is_short_and_names_what_matters(done):
-    text = done[1].text()
+    text = done[1].overview().text()
     for word in ("25 of 32", "best", "fixture", "d3"):
         assert word in text
     assert len(text.splitlines()) <= 20
