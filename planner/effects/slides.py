@@ -52,7 +52,7 @@ class GuideShape(BasisFunction, key="guide:JOINT:INDEX:NUMBER:NUMBER"):
         return _against_travel(c, self.joint)
 
 
-class StationShift(BasisFunction, key="shift:STATION:AXIS:PART:PHI"):
+class StationShift(BasisFunction, key="shift:STATION:AXIS:AXIS:PHI"):
     """φ = one of the three numbers by which a shift along a station's axis moves the whole arm as seen at its base."""
 
     station: int

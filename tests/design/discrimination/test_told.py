@@ -21,6 +21,7 @@ from tests.command import edbb
 from tests.design.discrimination.test_refusals import LAG, file
 from tests.design.discrimination.worlds import NJ, cell, usual
 from tests.effects.catalogue.test_phis import everything
+from tests.kinematics.sliding_arms import write_rail
 
 SHAPES = {
     "a list": ("[1, 2]", "[1, 2]: an object { … } is needed"),
@@ -81,7 +82,7 @@ def test_the_command_ends_with_two_before_it_plans(tmp_path):
     assert not (tmp_path / "out").exists()
 
 
-def test_every_kind_that_an_identification_can_name_is_known():
+def test_every_kind_that_an_identification_can_name_is_known(tmp_path):
     rng = np.random.default_rng(4)
     found = {GEAR_CURVE, NONPARAMETRIC, STEP, SLIP}
     for kind in rigs.KINDS:
@@ -94,6 +95,8 @@ def test_every_kind_that_an_identification_can_name_is_known():
         found |= {e.kind for e in entries}
         for e in entries:
             check_effect_name(e.name, 6, "here")
+    rail = rigs.setup(str(write_rail(tmp_path, "mdh")), "position", rng)
+    found |= {e.kind for e in catalogue(rail, everything(rail, 12, rng))}
     assert found == set(effect_kinds())
 
 

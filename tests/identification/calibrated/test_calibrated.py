@@ -288,6 +288,6 @@ def test_what_programs_are_not_corrected_for_is_told_by_cause_and_place():
 def test_every_effect_that_programs_are_not_corrected_for_has_a_cause():
     assert key_patterns()
     own = [f for f in FUNCTIONS if not f.is_static and not f.of_gauge]
-    assert len(own) == 10
+    assert len(own) == 11
     assert all(f.uncorrected for f in own)
     assert {f for f in FUNCTIONS if f.uncorrected} == set(own)

@@ -1,20 +1,25 @@
 """Keys of basis functions: each is read back, each wrong one is named with what is allowed."""
 
-import importlib
 import pkgutil
+from importlib import import_module
 
 import pytest
 
 import planner.effects.basis as basis
 from planner import effects as effects
 from planner.common.errors import InputError
+from planner.effects.free_laws import LegendreOf
 from planner.effects.phi_keys import is_static, key_patterns, needs_loads, phi_from_key
+from planner.gauges import vision as vision
+
+ROOMS = (("planner.effects", effects), ("planner.gauges.vision", vision))
+MODULES = [import_module(f"{name}.{m.name}") for name, room in ROOMS for m in pkgutil.iter_modules(room.__path__)]
 
 
 def basis_functions():
-    modules = [importlib.import_module(f"planner.effects.{m.name}") for m in pkgutil.iter_modules(effects.__path__)]
-    classes = {c for m in modules for c in vars(m).values() if isinstance(c, type) and c.__module__ == m.__name__}
-    return {c for c in classes if hasattr(c, "key") and "__call__" in vars(c)} - {basis.BasisFunction}
+    """Those of effects and gauges that files can name; a law without a name is compared with, and never written."""
+    classes = {c for m in MODULES for c in vars(m).values() if isinstance(c, type) and c.__module__ == m.__name__}
+    return {c for c in classes if hasattr(c, "key") and "__call__" in vars(c)} - {basis.BasisFunction, LegendreOf}
 
 
 EXAMPLE = {"JOINT": "2", "LINK": "7", "STATION": "3", "AXIS": "1", "PART": "4", "INDEX": "1", "NUMBER": "1.5"}

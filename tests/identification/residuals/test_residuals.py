@@ -47,7 +47,7 @@ def test_noise_alone_is_called_chance(case: tuple[str, int]) -> None:
     assert left.trials
     assert not left.structured
     assert left.rms == 0.0
-    assert "chance" in left.sentence
+    assert "looks random" in left.sentence
 
 
 @pytest.mark.long
@@ -108,12 +108,12 @@ def test_more_than_the_declared_noise_is_never_called_chance(c: Calibration) -> 
     """The same residual, held against a gauge and a robot that are said to be a quarter as noisy."""
     rms, noise = c.stages[-1].train.rms, c.fit.problem.whitener
     plain = diagnose_residual(c.fit, c.run.continuous, rms)
-    assert "chance" in plain.sentence
+    assert "looks random" in plain.sentence
     finer = replace(noise, declared=noise.declared / 64, shaken=noise.shaken / 64)
     fit = replace(c.fit, problem=replace(c.fit.problem, whitener=finer, memory=ProblemCache()))
     said = diagnose_residual(fit, c.run.continuous, rms).sentence
     assert f"is {rms / finer.declared_rms:.1f} times the noise" in said
-    assert "chance" not in said
+    assert "random" not in said
 
 
 def test_what_is_planted_is_found_where_it_is(c: Calibration) -> None:
