@@ -63,7 +63,7 @@ def test_an_effect_of_ones_own_is_found(tmp_path):
 def test_the_seed_cell_from_plan_to_corrected_program(run, tmp_path):
     cell = small_cell("kuka-kr6-r700/edbb", tmp_path, *FEWER)
     text = run("seed_cell", tmp_path / "out", cell, 34)
-    assert "proven continuously" in text
+    assert "nearest bodies" in text
     assert "corrected" in text
     assert (tmp_path / "out" / "calibrated" / "robot.toml").is_file()
 
