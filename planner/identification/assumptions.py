@@ -33,7 +33,8 @@ FIRST_PULL = 1e-4  # [rad] the same of what one joint does to another
 
 # ---- the misfit: what the model does not hold
 NO_MISFIT_PROBABILITY = 0.8  # prior, that there is no stretch, and that there is no rest
-LOG_MISFIT_NOISE_SIGMA = 0.3  # how well the noise is known beside the rest: data sheets are good to a third
+LOG_MISFIT_NOISE_SIGMA = 0.3  # of the logarithm of the noise over that declared, below it: data sheets are cautious
+LOG_EXCESS_NOISE_SIGMA = 0.1  # the same above it: a data sheet is a limit, and what goes far beyond it is misfit
 LOG_STRETCH_SIGMA = 0.7  # of the stretch's logarithm: twice is usual where it is any
 USUAL_REST, LOG_REST_SIGMA = 0.5, 1.5  # [noise], and of its logarithm: hardly anything is known of it
 MISFIT_PROBABILITY = 0.5  # from which on a run is said to show misfit

@@ -22,6 +22,7 @@ from planner.common.determinism import even_positions
 from planner.common.units import Array
 from planner.effects.context import Context
 from planner.identification.assumptions import (
+    LOG_EXCESS_NOISE_SIGMA,
     LOG_MISFIT_NOISE_SIGMA,
     LOG_REST_SIGMA,
     LOG_STRETCH_SIGMA,
@@ -156,7 +157,8 @@ def draw_misfit(parts: Sequence[HeldOutReadings], count: int, seed: int = 0) -> 
     none = own[..., [int(np.argmin(np.abs(LOGS)))]].sum(axis=0)
     near = _chances_about(LOGS)
     logs = np.stack([np.concatenate([none, _mix(own, chance).sum(axis=0)], axis=-1) for chance in near])
-    logs += (-0.5 * (np.log(NOISES) / LOG_MISFIT_NOISE_SIGMA) ** 2)[:, None, None]
+    sigma = np.where(NOISES > 1.0, LOG_EXCESS_NOISE_SIGMA, LOG_MISFIT_NOISE_SIGMA)
+    logs += (-0.5 * (np.log(NOISES) / sigma) ** 2)[:, None, None]
     logs += _spike_and_slab(np.log(RESTS[1:] / USUAL_REST) / LOG_REST_SIGMA)[:, None]
     logs += _spike_and_slab(LOGS / LOG_STRETCH_SIGMA)
     # half normal, one sigma 0.5: regions of one robot differ by a factor of one and a half
