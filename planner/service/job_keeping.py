@@ -76,9 +76,11 @@ class JobKeeper:
                 for table in ("events", "outputs", "inputs"):
                     db.execute(f"DELETE FROM {table} WHERE job = ?", (one,))
                 db.execute("DELETE FROM jobs WHERE id = ?", (one,))
-            unused = [sha256 for sha256 in contents if not _is_named(db, sha256)]
-            for sha256 in unused:  # within the transaction: nobody begins to name one meanwhile
-                self._files.path(sha256).unlink(missing_ok=True)
+        # only once the jobs are gone for good: a crash may leave files that nobody names, never a job without its own
+        with self._db.write() as db:  # nobody begins to name one meanwhile
+            for sha256 in contents:
+                if not _is_named(db, sha256):
+                    self._files.path(sha256).unlink(missing_ok=True)
 
     def sweep(self, kept: Retention, now: float) -> int:
         """Delete what is older, and the oldest while the store is larger, than is to be kept; return how many jobs.
