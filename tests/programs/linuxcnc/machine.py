@@ -101,11 +101,16 @@ class JointLimits:
 
 @dataclass(frozen=True)
 class Log:
-    """What the machine drove: joints (n, 6) [deg] and the pose mark (n,), every ``SAMPLE_S``; its file, its words."""
+    """What the machine drove: joints (n, 6) [deg] and the pose mark (n,), every ``SAMPLE_S``; its file, its words.
+
+    ``cycles_deg`` (20 n, 6) [deg] has each cycle of the motion controller: where a person only goes on, the axes rest
+    for a few of them, however long that took by the clock on the wall.
+    """
 
     file: Path
     q_deg: np.ndarray
     mark: np.ndarray
+    cycles_deg: np.ndarray
     words: str
 
 
@@ -144,10 +149,10 @@ def drive(program: str, limits: list[JointLimits], kept: Path, seconds: float) -
         _run(folder, seconds)
         rows = np.loadtxt(folder / "log.txt")
         assert np.all(np.diff(rows[:, 0]) == 1.0), "the sampler lost cycles"
-        rows = rows[::KEPT]
+        cycles_deg, rows = rows[:, 1 : 1 + JOINTS], rows[::KEPT]
         np.savetxt(kept, rows, fmt=["%d", *["%.6f"] * JOINTS, "%d"])
         said = "".join(p.read_text() for p in [folder / "words.txt", *folder.glob("operator.txt")])
-        return Log(kept, rows[:, 1 : 1 + JOINTS], rows[:, 1 + JOINTS], said)
+        return Log(kept, rows[:, 1 : 1 + JOINTS], rows[:, 1 + JOINTS], cycles_deg, said)
     finally:
         shutil.rmtree(folder, ignore_errors=True)
 

@@ -87,9 +87,10 @@ def log(plan):
 def measured(log, planned):
     """First and last sample of what is driven with the bar: it is put on and taken off at rest at the mount pose."""
     mount = next(p["q_deg"] for p in planned["poses"] if p["role"] == "mount")
-    at_mount = np.flatnonzero(np.abs(log.q_deg - mount).max(axis=1) < 2e-4)
+    at_mount = np.flatnonzero(np.abs(log.cycles_deg - mount).max(axis=1) < 2e-4)
     away = int(at_mount[np.flatnonzero(np.diff(at_mount) > 1)[0]])
-    return away, int(at_mount[at_mount > away][0])
+    back = int(at_mount[at_mount > away][0])
+    return away // machine.KEPT, -(-back // machine.KEPT)
 
 
 def test_the_machine_said_nothing_but_what_the_program_says(log):
