@@ -82,7 +82,7 @@ def test_no_module_loads_a_package_of_planning():
 
 
 def test_planning_without_its_packages_says_in_one_sentence_where_it_can_be_done(tmp_path):
-    for words in (["plan", "ur10/edbb"], ["study", "ur10/edbb"], ["plan-check", "ur10/edbb", "--baseline", "b"]):
+    for words in (["plan", "ur10/edbb"], ["study", "ur10/edbb"], ["plan-check", "ur10/edbb", "--model", "b"]):
         done = edbb_without(*words, "-o", "out", cwd=tmp_path)
         assert done.returncode == 4, done.stderr
         (line,) = done.stderr.strip().splitlines()

@@ -16,6 +16,7 @@ from typer.core import TyperCommand, TyperGroup
 
 from planner import __version__
 from planner.cli.declared import folder_command
+from planner.cli.former_names import take_former_options
 from planner.cli.terminal import TELLING, errors
 from planner.common.calls import GROUPS, MORE
 from planner.common.commands import extension_commands, remote_function
@@ -77,6 +78,11 @@ class PlainSwitches:
 
 class Verb(PlainSwitches, TyperCommand):
     """One command."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Read what was typed; options by their former names as well."""
+        rest: list[str] = super().parse_args(ctx, take_former_options(str(ctx.info_name), args))
+        return rest
 
 
 Force = Annotated[bool, typer.Option("--force", help="write over files that somebody else has written")]
@@ -179,6 +185,7 @@ def _run_on_server(url: str, words: list[str]) -> int:
         raise InputError(f"--server '{url}': an address such as http://127.0.0.1:8017 is needed")
     if not remote_function():
         raise MissingProgramError("--server: no extension that is installed here runs commands on a server")
+    words = [words[0], *take_former_options(words[0], words[1:])]
     try:
         load_command(words[0]).make_context(words[0], list(words[1:]))
     except Exception as err:  # of the library that reads the command line: it is vendored and has no public name

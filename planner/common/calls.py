@@ -4,6 +4,7 @@ Python's signature and docstring, the command line, the requests over HTTP, the 
 the documentation are made of that one declaration. To load one costs no library of numbers, so that the help is quick.
 """
 
+import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import MISSING, dataclass, fields
 from functools import wraps
@@ -51,6 +52,8 @@ class Option:
         choices: of a text: a word for a person for each of its values; they stand in the forms.
         pattern: regular expression of a text that a service takes.
         request_name: its name in requests, where that is not the field's.
+        former: its name on the command line in the version before; it goes on working for this one, with a notice.
+        former_request: the same of its name in requests.
         from_service: what names a file in a request: ``SENT``, or the job that has written it; ``None``: requests
             have no such field.
         is_served: whether requests have the field.
@@ -68,6 +71,8 @@ class Option:
     choices: Mapping[str, str] | None = None
     pattern: str | None = None
     request_name: str = ""
+    former: str = ""
+    former_request: str = ""
     from_service: JobFile | str | None = None
     is_served: bool = True
     python_only: bool = False
@@ -105,7 +110,7 @@ Dialects = Annotated[
         "robot language; may be repeated (default: those that the cell names)",
         typed=list[str] | None,
         pattern=LANGUAGE,
-        request_name="dialects",
+        former_request="dialects",
     ),
 ]
 
@@ -129,6 +134,11 @@ class CallField:
     def is_required(self) -> bool:
         """Whether there is no call without it."""
         return self.default is MISSING
+
+    @property
+    def former_keyword(self) -> str:
+        """Its name in Python in the version before, of one that was named otherwise."""
+        return self.option.former.removeprefix("--").replace("-", "_")
 
     @property
     def flag(self) -> str:
@@ -218,6 +228,7 @@ def called_with(declaration: Callable[P, C]) -> Callable[[Callable[[C], R]], Cal
     call: type[Call] = declaration  # type: ignore[assignment]
     known = call_fields(call)
     fields_by_name = {f.name for f in known}
+    renamed = {f.former_keyword: f.name for f in known if f.former_keyword not in ("", f.name)}
     parameters = [
         Parameter(
             f.name,
@@ -233,6 +244,7 @@ def called_with(declaration: Callable[P, C]) -> Callable[[Callable[[C], R]], Cal
 
         @wraps(function)
         def called(*args: P.args, **kwargs: P.kwargs) -> R:
+            _take_former_keywords(function.__name__, renamed, kwargs)
             try:
                 _ = signature.bind(*args, **kwargs)
             except TypeError as err:
@@ -252,6 +264,14 @@ def called_with(declaration: Callable[P, C]) -> Callable[[Callable[[C], R]], Cal
         return called
 
     return decorate
+
+
+def _take_former_keywords(function: str, renamed: Mapping[str, str], kwargs: dict[str, Any]) -> None:
+    """Give keywords of the version before their names of today, with a warning."""
+    for old in renamed.keys() & kwargs.keys():
+        said = f"{function}(): {old}= is called {renamed[old]}= now; the old name works in this version only"
+        warnings.warn(said, DeprecationWarning, stacklevel=3)
+        kwargs[renamed[old]] = kwargs.pop(old)
 
 
 def _with_arguments(text: str, known: Sequence[CallField]) -> str:

@@ -263,6 +263,11 @@ def _file_mode(path: Path) -> int:
     return 0o666 & ~umask
 
 
+def folder_of(path: Path) -> Path:
+    """Return a folder that is named by itself, or by a file in it."""
+    return path.parent if path.is_file() else path
+
+
 _PACKAGE = Path(__file__).resolve().parents[1]
 
 

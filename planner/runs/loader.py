@@ -250,7 +250,7 @@ def _hint_for_loaded(runs: Sequence[Run]) -> str:
     raw = [r.name for r in runs if r.continuous and r.samples.force is not None]
     if not raw:
         return ""
-    return f"; edbb loaded brings {raw[0]} into a static run, averaged.csv, or fits both at once (--with)"
+    return f"; edbb loaded brings {raw[0]} into a static run, averaged.csv, or fits both at once (--unloaded)"
 
 
 def _check_same(values: Sequence[str], runs: Sequence[Run], text: str, more: str = "") -> None:

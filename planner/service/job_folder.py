@@ -109,7 +109,7 @@ class JobFolder:
 
     def baseline_of(self, check_plan: str) -> str:
         """Lay in the calibration that a check was planned against."""
-        for name, sha256 in self.jobs.get(check_plan).command.inputs_of("--baseline").items():
+        for name, sha256 in self.jobs.get(check_plan).command.calibrated_inputs().items():
             self._lay(f"calibrated/{name}", sha256)
         return "calibrated"
 
@@ -119,7 +119,7 @@ class JobFolder:
         Raises:
             InputError: the calibration was not simulated, or made elsewhere.
         """
-        known = self.jobs.get(check_plan).command.inputs_of("--baseline").get("identification.json", "")
+        known = self.jobs.get(check_plan).command.calibrated_inputs().get("identification.json", "")
         made = self.jobs.writer(known, "identification")
         for run in made.command.inputs if made else ():
             if made and run.name in made.command.words and run.name.endswith(".csv"):

@@ -5,7 +5,7 @@ import json
 from abc import ABC, abstractmethod
 from typing import Annotated, Any, ClassVar, Self
 
-from pydantic import Field, model_validator
+from pydantic import AliasChoices, Field, model_validator
 
 from planner import __version__
 from planner.common.calls import JobFile, ServedField
@@ -26,6 +26,8 @@ Word = Annotated[str, Field(max_length=500, pattern=r"^[^\x00-\x1f]*$")]
 ExtraFiles = Annotated[
     list[FileReference], Field(max_length=50, description="files that an uploaded cell names: robot, URDF, meshes")
 ]
+
+CALIBRATED_NAMES = AliasChoices("model", "identification")  # the second: of the version before
 
 
 class JobRequest(StrictModel, ABC):
@@ -208,12 +210,12 @@ class MeasuredRequest(JobRequest):
 class OfIdentificationRequest(JobRequest):
     """Something that starts from a finished identification."""
 
-    identification: JobId
+    model: Annotated[JobId, Field(description="the identification", validation_alias=CALIBRATED_NAMES)]
 
     def subject(self, folder: JobFolder) -> str:
         """Return where it was identified."""
-        return folder.place(self.identification)
+        return folder.place(self.model)
 
     def robot(self, folder: JobFolder) -> str:
         """Return the robot that was identified."""
-        return folder.jobs.get(self.identification).robot
+        return folder.jobs.get(self.model).robot

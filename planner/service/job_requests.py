@@ -2,7 +2,7 @@
 
 from typing import Annotated, Self
 
-from pydantic import Field, model_validator
+from pydantic import AliasChoices, Field, model_validator
 
 from planner.cell.reading import shipped_cells
 from planner.common.errors import InputError
@@ -83,7 +83,7 @@ class PlanRequest(CellRequest):
 
     kind = "plan"
     document = "plan.json"
-    example = {"cell": "comau-nj130/edbb", "poses": 60, "dialects": ["krl"]}
+    example = {"cell": "comau-nj130/edbb", "poses": 60, "dialect": ["krl"]}
 
 
 @take_fields(StudyCall)
@@ -190,14 +190,14 @@ class ErrorMapRequest(OfIdentificationRequest):
     kind = "error-map"
     task = True
     document = "view.json"
-    example = {"identification": SOME_JOB}
+    example = {"model": SOME_JOB}
 
     def arguments(self, folder: JobFolder) -> list[str]:
         """Return the cell; the table of errors lies beside it."""
-        folder.results(self.identification, "identification", "calibrated", only=ERROR_MAP_FILES)
+        folder.results(self.model, "identification", "calibrated", only=ERROR_MAP_FILES)
         if len(folder.inputs) < len(ERROR_MAP_FILES):
-            raise InputError(f"the identification {self.identification} has no expected errors")
-        return [folder.cell_of(self.identification)]
+            raise InputError(f"the identification {self.model} has no expected errors")
+        return [folder.cell_of(self.model)]
 
 
 @take_fields(AccuracyCall)
@@ -226,39 +226,38 @@ class CheckPlanRequest(OfIdentificationRequest):
 
     kind = "check-plan"
     document = "plan.json"
-    example = {"identification": SOME_JOB, "poses": 10}
-    identification: JobId = Field(description="the baseline")
+    example = {"model": SOME_JOB, "poses": 10}
 
     def arguments(self, folder: JobFolder) -> list[str]:
-        """Return the cell that was identified in, and the baseline."""
-        cell = folder.cell_of(self.identification)
-        known = folder.results(self.identification, "identification", "calibrated")
-        return [cell, *options(baseline=known)]
+        """Return the cell that was identified in, and the calibrated robot."""
+        cell = folder.cell_of(self.model)
+        known = folder.results(self.model, "identification", "calibrated")
+        return [cell, *options(model=known)]
 
 
-@take_fields(CheckCall, "baseline", "plan", "cell")
+@take_fields(CheckCall, "model", "plan", "cell")
 class CheckRequest(JobRequest):
     """What a check has beside what it declares: its plan, with the calibration, and its run."""
 
     kind = "check"
     document = "check.json"
-    example = {"check_plan": SOME_JOB, "run": {"id": SOME_FILE, "name": "check.csv"}}
-    check_plan: JobId
+    example = {"plan": SOME_JOB, "run": {"id": SOME_FILE, "name": "check.csv"}}
+    plan: Annotated[JobId, Field(description="of the check", validation_alias=AliasChoices("plan", "check_plan"))]
     run: FileReference
 
     def arguments(self, folder: JobFolder) -> list[str]:
-        """Return the run, its plan and the baseline."""
-        plan = f"{folder.results(self.check_plan, 'check-plan', 'check')}/plan.json"
-        run, known = folder.file(self.run), folder.baseline_of(self.check_plan)
-        return [run, *options(plan=plan, baseline=known)]
+        """Return the run, its plan and the calibrated robot."""
+        plan = f"{folder.results(self.plan, 'check-plan', 'check')}/plan.json"
+        run, known = folder.file(self.run), folder.baseline_of(self.plan)
+        return [run, *options(plan=plan, model=known)]
 
     def subject(self, folder: JobFolder) -> str:
         """Return the name of the run, and where it was measured."""
-        return f"{self.run.name} of {folder.place(self.check_plan)}"
+        return f"{self.run.name} of {folder.place(self.plan)}"
 
     def robot(self, folder: JobFolder) -> str:
         """Return the robot that is checked."""
-        return folder.jobs.get(self.check_plan).robot
+        return folder.jobs.get(self.plan).robot
 
 
 @take_fields(CompensateCall)

@@ -146,7 +146,8 @@ def find_recorded(context: ServiceContext, job: str) -> RecordedEntry:
 def find_calibration(context: ServiceContext, id: str) -> str | None:
     """Return the job that calibrated what a check, its plan or a validation is held against; none of one elsewhere."""
     command = context.jobs.get(id).command
-    known = command.inputs_of("--baseline").get("identification.json") or command.inputs_of("--model").get("robot.toml")
+    calibrated = command.calibrated_inputs()
+    known = calibrated.get("identification.json") or calibrated.get("robot.toml")
     made = context.jobs.writer(known, "identification") if known else None
     return made.id if made else None
 

@@ -45,8 +45,12 @@ class BarPoses(PoseSession):
         self.tracing = options.for_tracing(cell)
         self.until = None if options.until_mm is None else float(from_mm(options.until_mm))
         self.poses = None if chooser else self.poses
-        robot, file = cell.robot, options.separate
-        self.rivals = read_identification(Path(file), robot.name, robot.n_joints) if file else None
+        robot = cell.robot
+        self.rivals = None
+        if options.separate:
+            found = Path(options.separate)
+            found = found / "identification.json" if found.is_dir() else found
+            self.rivals = read_identification(found, robot.name, robot.n_joints)
         if self.rivals:  # they choose the poses, whatever the cell says
             self.method = "exchange"
 

@@ -26,9 +26,9 @@ class PlanOptions:
     separate: Annotated[
         Path | str | None,
         Option(
-            "choose poses that tell its findings from their rivals",
+            "the calibrated robot: choose poses that tell its findings from their rivals",
             typed=Path | None,
-            metavar="IDENTIFICATION.json",
+            metavar="CALIBRATED",
             from_service=JobFile("identification", "before", "identification.json"),
         ),
     ] = None
@@ -49,7 +49,7 @@ class PlanOptions:
     after: Annotated[
         Path | str | None,
         Option(
-            "folder of an identification: poses that lower the error that it leaves most",
+            "the calibrated robot: poses that lower the error that it leaves most",
             typed=Path | None,
             metavar="CALIBRATED",
             from_service=JobFile("identification", "calibrated"),
@@ -62,7 +62,7 @@ class PlanOptions:
             min=0.001,
             max=10.0,
             max_served=10.0,
-            flag="--until",
+            former="--until",
             metavar="MM",
         ),
     ] = None
@@ -100,12 +100,12 @@ class PlanOptions:
         return wanted
 
     def _for_what_remains(self, cell: "Cell") -> bool:
-        """Tell whether the error that is left chooses the poses because of ``--after`` or ``--until``.
+        """Tell whether the error that is left chooses the poses because of ``--after`` or ``--until-mm``.
 
         Raises:
             InputError: something else is asked for as well.
         """
-        name = "--after" if self.after else "--until" if self.until_mm is not None else ""
+        name = "--after" if self.after else "--until-mm" if self.until_mm is not None else ""
         if not name:
             return False
         others: dict[str, object] = {"--separate": self.separate, "--index": self.index, "--method": self.method}
@@ -124,7 +124,7 @@ def check_circle_options(cell: "Cell", options: PlanOptions) -> None:
         InputError: with the options to leave out.
     """
     of_choice = [f.name for f in fields(PlanOptions) if f.default is None]
-    given = ", ".join(f"--{name}" for name in of_choice if getattr(options, name) is not None)
+    given = ", ".join(f"--{name.replace('_', '-')}" for name in of_choice if getattr(options, name) is not None)
     if given:
         raise InputError(f"{cell.path}: a circular test has no poses to be chosen; leave out {given}")
 
@@ -144,7 +144,7 @@ def check_point_options(cell: "Cell", options: PlanOptions) -> None:
         raise InputError(f"{cell.path}: --fixtures is for a bar, {here}")
     if (options.aim or cell.plan.aim) == "tracing":
         raise InputError(f"{cell.path}: the aim 'tracing' is for a bar, {here}")
-    for name, value in (("--after", options.after), ("--until", options.until_mm)):
+    for name, value in (("--after", options.after), ("--until-mm", options.until_mm)):
         if value is not None:
             raise InputError(f"{cell.path}: {name} chooses the poses of a bar or a wire, {here}")
     if options.separate is not None:

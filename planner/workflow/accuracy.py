@@ -6,7 +6,6 @@ from pathlib import Path
 import numpy as np
 
 from planner.cell.cell import Cell
-from planner.cell.reading import load_cell
 from planner.common.calls import called_with
 from planner.common.errors import InputError
 from planner.common.files import write_bytes, write_text
@@ -19,7 +18,7 @@ from planner.runs.loader import load_runs
 from planner.runs.run import Run, read_reference_readings
 from planner.session.document import PlanDocument, check_run_of_plan, read_plan
 from planner.workflow.accuracy_call import AccuracyCall
-from planner.workflow.run_checks import check_unit
+from planner.workflow.run_checks import cell_of_run, check_unit
 
 GAUGES = ("tracker", "trical")
 
@@ -76,7 +75,7 @@ def check_accuracy(asked: AccuracyCall) -> AccuracyCheck:
         InputError: a file is wrong, or run, cell, plan and model do not belong together.
     """
     stages, path = Stages(asked.progress), Path(asked.run)
-    where = asked.cell if isinstance(asked.cell, Cell) else load_cell(str(asked.cell), planning=False)
+    where = cell_of_run(asked.cell, asked.plan)
     plan, model = (None if file is None else Path(file) for file in (asked.plan, asked.model))
     with stages.stage("reading"):
         run, said = load_runs([path], where.robot.n_joints, where.robot.axes_of), read_reference_readings(path)

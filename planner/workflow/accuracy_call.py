@@ -31,7 +31,7 @@ class AccuracyCall(Call):
         ),
     ]
     _: KW_ONLY
-    cell: CellOption
+    cell: CellOption = None
     plan: MeasuredPlan = None
-    model: Annotated[Path | str | None, replace(CALIBRATED, help="the calibrated robot", typed=Path | None)] = None
+    model: Annotated[Path | str | None, replace(CALIBRATED, typed=Path | None)] = None
     progress: ProgressKeyword = no_progress

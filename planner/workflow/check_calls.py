@@ -1,18 +1,15 @@
 """The verbs ``plan-check`` and ``check``, declared."""
 
-from dataclasses import KW_ONLY, dataclass
+from dataclasses import KW_ONLY, dataclass, replace
 from pathlib import Path
 from typing import Annotated
 
-from planner.cell.declared import CellWord
+from planner.cell.declared import CellOption, CellWord
 from planner.common.calls import Call, Dialects, Option, ProgressKeyword, Seed
 from planner.common.progress import no_progress
-from planner.workflow.declared import MeasuredPlan
+from planner.workflow.declared import CALIBRATED, MeasuredPlan
 
-Baseline = Annotated[
-    Path | str,
-    Option("folder of the identification that edbb wrote", metavar="DIR", typed=Path, request_name="identification"),
-]
+Model = Annotated[Path | str, replace(CALIBRATED, former="--baseline")]
 
 
 @dataclass(frozen=True)
@@ -25,7 +22,7 @@ class PlanCheckCall(Call):
     function = "planner.workflow.checking:plan_check"
 
     cell: CellWord
-    baseline: Baseline
+    model: Model
     _: KW_ONLY
     poses: Annotated[int, Option("number of poses", min=4, max=60)] = 10
     seed: Seed = 0
@@ -43,12 +40,10 @@ class CheckCall(Call):
     function = "planner.workflow.checking:check"
 
     run: Annotated[Path | str, Option("the run of a check, .csv or .parquet", metavar="RUN", is_word=True, typed=Path)]
-    baseline: Baseline
+    model: Model
     _: KW_ONLY
     plan: MeasuredPlan = None
-    cell: Annotated[
-        Path | str | None, Option("where no plan was driven: the cell", metavar="CELL", typed=str | None)
-    ] = None
+    cell: CellOption = None
     limit_mm: Annotated[
         float | None,
         Option("motion of the tool that is allowed (default: any change fails)", min=0.0, max_served=100.0),

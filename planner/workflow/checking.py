@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any
 from planner.cell.cell import Cell
 from planner.cell.reading import load_cell
 from planner.common.calls import called_with
-from planner.common.errors import InputError
-from planner.common.files import document_text, write_text
+from planner.common.files import document_text, folder_of, write_text
 from planner.common.progress import Stages
 from planner.common.result import FolderResult, simulated_section
 from planner.common.summary import Summary
@@ -31,7 +30,7 @@ from planner.workflow.check_calls import CheckCall, PlanCheckCall
 from planner.workflow.check_overview import check_overview
 from planner.workflow.plan_results import PlanResult
 from planner.workflow.planning import pose_session
-from planner.workflow.run_checks import check_unit
+from planner.workflow.run_checks import cell_of_run, check_unit
 
 if TYPE_CHECKING:
     from planner.report.page import Report
@@ -100,13 +99,13 @@ def plan_check(asked: PlanCheckCall) -> CheckPlanResult:
     """Plan the poses that tell whether and where a robot has changed since its calibration.
 
     Raises:
-        InputError: a file is wrong, or cell and baseline do not belong together.
+        InputError: a file is wrong, or cell and model do not belong together.
         NoSolutionError: a stage has no solution.
         MissingProgramError: a package of planning is not installed.
     """
     require_planning_packages()
     where, stages = load_cell(str(asked.cell)), Stages(asked.progress)
-    known = Baseline.read(Path(asked.baseline), where)
+    known = Baseline.read(folder_of(Path(asked.model)), where)
     options = PlanOptions(seed=asked.seed, dialect=asked.dialect)
     session = pose_session(resting_cell(where), options, CheckChooser(known, asked.poses))
     plan = plan_session(session, session.options, stages)
@@ -120,16 +119,14 @@ def check(asked: CheckCall) -> CheckResult:
     """Judge the run of a check: has the robot changed since its calibration, where, and what is to be done.
 
     Raises:
-        InputError: a file is wrong, or run, plan, cell and baseline do not belong together.
+        InputError: a file is wrong, or run, plan, cell and model do not belong together.
     """
-    run, baseline, plan, cell, limit_mm = asked.run, asked.baseline, asked.plan, asked.cell, asked.limit_mm
-    if (plan is None) == (cell is None):
-        raise InputError("a check needs either its plan (--plan) or the cell that was measured in (--cell)")
+    plan, limit_mm = asked.plan, asked.limit_mm
     stages = Stages(asked.progress)
     with stages.stage("reading"):
-        where = load_cell(str(cell) if plan is None else str(Path(plan).parent / "cell.toml"), planning=False)
-        known = Baseline.read(Path(baseline), where)
-        measured = load_runs([Path(run)], where.robot.n_joints, where.robot.axes_of)
+        where = cell_of_run(asked.cell, plan)
+        known = Baseline.read(folder_of(Path(asked.model)), where)
+        measured = load_runs([Path(asked.run)], where.robot.n_joints, where.robot.axes_of)
         if plan is not None:
             check_run_of_plan(measured, Path(plan), read_plan(Path(plan), "drives"), where.robot.name)
         check_unit(measured, where)

@@ -43,16 +43,18 @@ class LoadedCall(Call):
 
     runs: Annotated[Sequence[Path], replace(RUNS, help="runs with force_N, .csv or .parquet")]
     _: KW_ONLY
-    cell: CellOption
+    cell: CellOption = None
     plan: MeasuredPlan = None
     tracker: Annotated[Path | None, Option("a tracker's run of the unloaded circle", metavar="RUN")] = None
     unloaded: Annotated[
         Sequence[Path],
-        Option("a bar's run without load, for one fit of both", metavar="RUN", flag="--with", typed=list[Path] | None),
+        Option(
+            "a bar's run without load, for one fit of both", metavar="RUN", former="--with", typed=list[Path] | None
+        ),
     ] = ()
     overshoot_deg: Annotated[
         float | None,
-        Option("degrees dropped at either end (else as the cell says)", min=0.0, max=720.0, flag="--overshoot"),
+        Option("degrees dropped at either end (else as the cell says)", min=0.0, max=720.0, former="--overshoot"),
     ] = None
     progress: ProgressKeyword = no_progress
 
@@ -69,9 +71,9 @@ class LoadedPlacesCall(Call):
     cell: CellWord
     _: KW_ONLY
     places: Annotated[int, Option("circles of the cell.toml that is written", min=1, max=MOST_PLACES)] = 4
-    plan: Annotated[
+    unloaded: Annotated[
         Path | None,
-        Option("a plan without load, to be fitted together", metavar="PLAN.json", flag="--with"),
+        Option("a plan without load, for one fit of both", metavar="PLAN.json", former="--with"),
     ] = None
     seed: Seed = 0
     progress: ProgressKeyword = no_progress

@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 from planner.cell.cell import Cell
-from planner.cell.reading import load_cell
 from planner.common.calls import called_with
 from planner.common.determinism import on_one_thread
 from planner.common.files import write_text
@@ -26,6 +25,7 @@ from planner.runs.loader import load_runs
 from planner.runs.writer import run_text
 from planner.session.document import check_run_of_plan, read_plan_header
 from planner.workflow.circle_calls import CircularCall, LoadedCall
+from planner.workflow.run_checks import cell_of_run
 
 
 @dataclass(frozen=True)
@@ -151,7 +151,7 @@ class LoadedTestEvaluation(FolderResult):
     def next_step(self, folder: Path) -> str:
         """Say how the robot is corrected."""
         if self.joint is None:
-            return f"edbb loaded LOADED.csv --with FREE.csv --cell {self.cell.name} -o DIR adds runs without load"
+            return f"edbb loaded LOADED.csv --unloaded FREE.csv --cell {self.cell.name} -o DIR adds runs without load"
         return f"edbb identify {folder / 'joint.csv'} --cell {self.cell.path} -o calibrated"
 
 
@@ -167,7 +167,7 @@ def evaluate_loaded(asked: LoadedCall) -> LoadedTestEvaluation:
         NoSolutionError: the tracker cannot be placed.
     """
     stages, plan, tracker, unloaded = Stages(asked.progress), asked.plan, asked.tracker, asked.unloaded
-    where = asked.cell if isinstance(asked.cell, Cell) else load_cell(str(asked.cell), planning=False)
+    where = cell_of_run(asked.cell, plan)
     overshoot = None if asked.overshoot_deg is None else asked.overshoot_deg * DEG
     with stages.stage("reading"):
         run = drop_unreadable(where, load_runs(asked.runs, where.robot.n_joints, where.robot.axes_of))

@@ -10,8 +10,8 @@ PLAN_FILE = Option("a plan with its cell.toml beside it", metavar="PLAN.json", i
 MEASURED = Option("the plan that was measured", metavar="PLAN.json", typed=Path | None)
 MeasuredPlan = Annotated[Path | str | None, MEASURED]
 CALIBRATED = Option(
-    "the calibrated robot, or its folder",
-    metavar="DIR/robot.toml",
+    "the calibrated robot: the folder that edbb identify wrote, or its robot.toml",
+    metavar="CALIBRATED",
     typed=Path,
     from_service=JobFile("identification", "calibrated", "robot.toml"),
 )

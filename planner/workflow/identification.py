@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from planner.cell.cell import Cell
-from planner.cell.reading import load_cell
 from planner.common.calls import called_with
 from planner.common.errors import InputError
 from planner.common.files import write_bytes, write_text
@@ -40,7 +39,7 @@ from planner.tracing.trace import trace
 from planner.workflow.calibration_tables import error_rows, finding_row, parameter_row, stage_row, tool_row
 from planner.workflow.fit_overview import fit_overview
 from planner.workflow.identify_call import IdentifyCall
-from planner.workflow.run_checks import check_unit, split_by_plan
+from planner.workflow.run_checks import cell_of_run, check_unit, split_by_plan
 
 if TYPE_CHECKING:
     from planner.workflow.plan_results import PlanResult
@@ -69,7 +68,7 @@ class CalibrationResult(FolderResult):
     def next_step(self, folder: Path) -> str:
         """Say how findings are told apart and programs are corrected."""
         model, rivals = folder / "robot.toml", can_be_told_apart(self.calibration)
-        apart = f"\nedbb plan CELL --separate {folder / 'identification.json'} -o apart tells the causes apart"
+        apart = f"\nedbb plan CELL --separate {folder} -o apart tells the causes apart"
         return f"edbb compensate PROGRAM --model {model} -o CORRECTED corrects a program{apart if rivals else ''}"
 
     @property
@@ -198,16 +197,14 @@ def identify(asked: IdentifyCall) -> CalibrationResult:
 
 
 def _cell_of(cell: Cell | Path | str | None, plan: "PlanResult | Path | str | None") -> Cell:
-    """Return the cell that is given, else that of the plan.
+    """Return the cell that is given, else that of the plan, read or not.
 
     Raises:
         InputError: neither is given, or the file is wrong.
     """
-    if cell is None and plan is not None:
-        cell = Path(plan).parent / "cell.toml" if isinstance(plan, Path | str) else plan.plan.cell
-    if cell is None:
-        raise InputError("identify() needs the cell of the run: cell=, or the plan= that was measured")
-    return cell if isinstance(cell, Cell) else load_cell(str(cell), planning=False)
+    if plan is None or isinstance(plan, Path | str):
+        return cell_of_run(cell, plan)
+    return cell_of_run(plan.plan.cell if cell is None else cell, None)
 
 
 def load_any(runs: Runs, robot: Robot) -> Run:

@@ -4,7 +4,7 @@ from dataclasses import KW_ONLY, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from planner.cell.declared import CELL
+from planner.cell.declared import CellOption
 from planner.common.calls import SENT, Call, Option, ProgressKeyword, Seed
 from planner.common.progress import no_progress
 from planner.workflow.declared import MEASURED, RUNS
@@ -12,7 +12,6 @@ from planner.workflow.declared import MEASURED, RUNS
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from planner.cell.cell import Cell
     from planner.runs.run import Run
     from planner.workflow.plan_results import PlanResult, SimulationResult
 
@@ -36,10 +35,7 @@ class IdentifyCall(Call):
 
     runs: Annotated["Run | SimulationResult | Path | str | Sequence[Path | str]", RUNS]
     _: KW_ONLY
-    cell: Annotated[
-        "Cell | Path | str | None",
-        Option(f"{CELL} (default: the cell.toml beside the plan)", metavar="CELL", typed=str | None),
-    ] = None
+    cell: CellOption = None
     plan: Annotated["PlanResult | Path | str | None", MEASURED] = None
     validate: Annotated[
         "Run | Path | str | None",
@@ -47,7 +43,7 @@ class IdentifyCall(Call):
             "a run kept out of the fit, to judge it",
             metavar="RUN",
             typed=Path | None,
-            request_name="validate_with",
+            request_name="validate_with",  # "validate" is a method of requests
             from_service=SENT,
         ),
     ] = None

@@ -167,7 +167,7 @@ def both_session_steps(done: BothPlan) -> tuple[str, ...]:
         f"the bar without load: run the program of {first}, its log is the run FREE.csv",
         f"the loaded bar: run the program of {LOADED}, which tells where it stands and when the load changes; its log "
         "with force_N is the run LOADED.csv",
-        "both in one fit: edbb loaded LOADED.csv --with FREE.csv --cell cell.toml -o DIR",
+        "both in one fit: edbb loaded LOADED.csv --unloaded FREE.csv --cell cell.toml -o DIR",
         "the corrected robot: edbb identify DIR/joint.csv --cell cell.toml -o CALIBRATED",
     )
 
@@ -254,12 +254,12 @@ def study_places(asked: LoadedPlacesCall) -> CirclePlacesResult:
         MissingProgramError: a package of planning is not installed.
     """
     require_planning_packages()
-    count, plan, stages = asked.places, asked.plan, Stages(asked.progress)
+    count, unloaded, stages = asked.places, asked.unloaded, Stages(asked.progress)
     where = asked.cell if isinstance(asked.cell, Cell) else load_cell(str(asked.cell))
     with stages.stage("places"):
         # 6: places at least are looked at, so that it is seen what more of them would bring
         found = study_circle_places(where, max(count, 6), asked.seed)
     if count > len(found.sets):
         raise InputError(f"{count} places were asked for, but only {len(found.sets)} circles can be followed")
-    both = None if plan is None else predict_common_fit(UnloadedPoses.read(plan), where, found.best(count))
+    both = None if unloaded is None else predict_common_fit(UnloadedPoses.read(unloaded), where, found.best(count))
     return CirclePlacesResult(where, found, count, both, stages)

@@ -6,6 +6,7 @@ from pathlib import Path
 from planner.cell.cell import Cell
 from planner.cell.reading import load_cell
 from planner.common.calls import called_with
+from planner.common.files import folder_of
 from planner.common.progress import Stages, TimeLimit, limit_time
 from planner.common.units import from_mm
 from planner.design.free_parameters import check_effects
@@ -68,7 +69,7 @@ def _chooser(cell: Cell, options: PlanOptions) -> PoseChooser | None:
     if options.after is None or not cell.has_bar():
         return None
     until = None if options.until_mm is None else float(from_mm(options.until_mm))
-    return NextSessionChooser(CalibratedState.read(Path(options.after), cell), options.poses, until)
+    return NextSessionChooser(CalibratedState.read(folder_of(Path(options.after)), cell), options.poses, until)
 
 
 def _begin_drawing(plan: Plan) -> None:

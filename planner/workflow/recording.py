@@ -70,7 +70,7 @@ class RecordResult(FolderResult):
     def next_step(self, folder: Path) -> str:
         """Say how the robot is looked at again."""
         due = self.record.due_text and f", due {self.record.due_text}"
-        return f"edbb plan-check CELL --baseline CALIBRATED -o check plans the next check{due}"
+        return f"edbb plan-check CELL --model CALIBRATED -o check plans the next check{due}"
 
 
 def _count(record: RobotRecord) -> str:

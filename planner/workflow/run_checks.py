@@ -7,6 +7,7 @@ import numpy as np
 
 from planner.cell.cell import Cell
 from planner.cell.file import FIRST_POINT
+from planner.cell.reading import load_cell
 from planner.cell.setup import setup_of
 from planner.common.determinism import even_positions
 from planner.common.errors import InputError, NoSolutionError
@@ -20,6 +21,22 @@ UNITS = (  # factor to what was meant, what it looks like, what to call the colu
     (1e3, "metres in columns of millimetres", "x_m, y_m, z_m"),
     (1e-3, "millimetres in columns of metres", "x_mm, y_mm, z_mm"),
 )
+
+
+def cell_of_run(cell: Cell | Path | str | None, plan: Path | str | None) -> Cell:
+    """Return the cell of a run: the one that is given, else the ``cell.toml`` beside the plan that was measured.
+
+    Raises:
+        InputError: neither is given, or the file is wrong.
+    """
+    if isinstance(cell, Cell):
+        return cell
+    if cell is None and plan is None:
+        raise InputError(
+            "which cell was measured in? --plan PLAN.json (in Python plan=) takes the cell.toml beside the plan, "
+            "--cell CELL (cell=) any other"
+        )
+    return load_cell(str(Path(str(plan)).parent / "cell.toml" if cell is None else cell), planning=False)
 
 
 def check_unit(run: Run, cell: Cell) -> None:

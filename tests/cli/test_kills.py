@@ -198,12 +198,12 @@ def _calibrated(place: Path, small) -> Path:
 
 def _check(place: Path, out: Path, small) -> tuple[Words, Words, Path]:
     known, plan = _calibrated(place, small).parent, small.folder / "plan.json"
-    words = ("check", place / "run.csv", "--baseline", known, "--plan", plan, "-o", out / "o", "--limit-mm")
+    words = ("check", place / "run.csv", "--model", known, "--plan", plan, "-o", out / "o", "--limit-mm")
     return (*words, 5), (*words, 6), out / "o"
 
 
 def _plan_check(place: Path, out: Path, small) -> tuple[Words, Words, Path]:
-    words = ("plan-check", small.cell_path, "--baseline", _calibrated(place, small).parent, "-o", out / "o", "--poses")
+    words = ("plan-check", small.cell_path, "--model", _calibrated(place, small).parent, "-o", out / "o", "--poses")
     return (*words, 10), (*words, 12), out / "o"
 
 

@@ -309,7 +309,7 @@ CASES = (
             edbb("plan-both free/plan.json loaded.toml -o both --places 1 --dialect rapid --json"),
             edbb("simulate free/plan.json -o free.csv --truth truth.toml"),
             edbb("simulate both/loaded/plan.json -o loaded.csv --truth truth.toml"),
-            edbb("loaded loaded.csv --cell both/cell.toml --with free.csv -o found --json"),
+            edbb("loaded loaded.csv --cell both/cell.toml --unloaded free.csv -o found --json"),
         ),
         90,
     ),
@@ -319,7 +319,7 @@ CASES = (
         (
             edbb("plan cell.toml -o out --json"),
             edbb("simulate out/plan.json -o run.csv --truth truth.toml"),
-            edbb("loaded run.csv --cell out/cell.toml --plan out/plan.json --overshoot 20 -o found --json"),
+            edbb("loaded run.csv --cell out/cell.toml --plan out/plan.json --overshoot-deg 20 -o found --json"),
         ),
         50,
     ),

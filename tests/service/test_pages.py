@@ -132,7 +132,7 @@ def test_the_page_of_a_planned_check_is_whole(tmp_path):
     content = {name: json.dumps(d).encode() for name, d in documents.items()}
     content |= {"CHECK.src": b"DEF", "cell.toml": load_cell("ur10/edbb").path.read_bytes()}
     outputs = [JobOutput(n, store.files.add(data), len(data)) for n, data in content.items()]
-    words = JobCommand(("plan-check", "x", "--baseline", "a1"), (JobInput("a1/identification.json", calibration),))
+    words = JobCommand(("plan-check", "x", "--model", "a1"), (JobInput("a1/identification.json", calibration),))
     for id, kind, command, made in (
         (known, "identification", CHEAP, [JobOutput("identification.json", calibration, 2)]),
         (plan, CommandRequest(words=list(words.words)).job_kind, words, outputs),

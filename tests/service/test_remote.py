@@ -7,7 +7,7 @@ from planner.cli.remote import RemoteWords
 from tests.command import edbb
 from tests.service.conftest import upload
 
-PLAN = ("plan-check", "comau-nj130/edbb", "--baseline", "known", "-o", "here/out")
+PLAN = ("plan-check", "comau-nj130/edbb", "--model", "known", "-o", "here/out")
 
 
 def test_words_that_are_files_are_sent_with_what_belongs_to_them(tmp_path, monkeypatch):
@@ -17,7 +17,7 @@ def test_words_that_are_files_are_sent_with_what_belongs_to_them(tmp_path, monke
         (tmp_path / name).write_text("x")
     (tmp_path / "mine.toml").write_text(load_cell("ur10/edbb").path.read_text())
     made = RemoteWords.of(PLAN)
-    assert made.words == ["plan-check", "comau-nj130/edbb", "--baseline", "a1", "-o", "out"]
+    assert made.words == ["plan-check", "comau-nj130/edbb", "--model", "a1", "-o", "out"]
     assert sorted(made.files) == ["a1/posterior.json", "a1/robot.toml"]
     made = RemoteWords.of(["identify", "run.csv", "--cell", "mine.toml", "-o", "x"])
     assert made.words == ["identify", "a1/run.csv", "--cell", "c2/cell.toml", "-o", "out"]

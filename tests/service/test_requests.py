@@ -25,7 +25,7 @@ def context(tmp_path_factory):
     for id, kind, command, outputs in (
         (PLAN, "plan", JobCommand(("plan",)), {"plan.json": b"{}", "cell.toml": b""}),
         (KNOWN, "identification", identify, FOUND),
-        (CHECK, "check-plan", JobCommand(("plan-check", "--baseline", "calibrated"), held), {"plan.json": b"{1}"}),
+        (CHECK, "check-plan", JobCommand(("plan-check", "--model", "calibrated"), held), {"plan.json": b"{1}"}),
     ):
         made.jobs.submit(id, kind, "run.csv of ur10/edbb", "{}", command)
         written = [JobOutput(name, made.files.add(data), len(data)) for name, data in outputs.items()]
@@ -34,7 +34,7 @@ def context(tmp_path_factory):
 
 
 CASES = [
-    ("plan", {"cell": "ur10/edbb", "poses": 9, "dialects": ["krl", "rapid"], "separate": KNOWN},
+    ("plan", {"cell": "ur10/edbb", "poses": 9, "dialect": ["krl", "rapid"], "separate": KNOWN},
      "plan ur10/edbb -o out --json --poses 9 --seed 0 --dialect krl --dialect rapid --tsp auto"
      " --separate before/identification.json", [f"before/{n}" for n in NEEDED]),
     ("plan", {"cell": "ur10/edbb", "method": "pruning", "order": "slowest-axis"},
@@ -47,11 +47,11 @@ CASES = [
      " --hold-out 0.2 --seed 0", ["run.csv", "plan/cell.toml", "plan/plan.json", "v.csv"]),
     ("run-check", {"cell": "ur10/edbb", "runs": ["a.csv", "b.csv"]}, "run-check ur10/edbb a.csv b.csv",
      ["a.csv", "b.csv"]),
-    ("error-map", {"identification": KNOWN}, "error-map ur10/edbb", [*CALIBRATED[:2], "run.csv"]),
-    ("check-plan", {"identification": KNOWN},
-     "plan-check ur10/edbb --baseline calibrated -o out --json --poses 10 --seed 0", ["run.csv", *CALIBRATED]),
-    ("check", {"check_plan": CHECK, "run": "c.csv", "limit_mm": 0.2},
-     "check c.csv --plan check/plan.json --baseline calibrated -o out --json --limit-mm 0.2",
+    ("error-map", {"model": KNOWN}, "error-map ur10/edbb", [*CALIBRATED[:2], "run.csv"]),
+    ("check-plan", {"model": KNOWN},
+     "plan-check ur10/edbb --model calibrated -o out --json --poses 10 --seed 0", ["run.csv", *CALIBRATED]),
+    ("check", {"plan": CHECK, "run": "c.csv", "limit_mm": 0.2},
+     "check c.csv --plan check/plan.json --model calibrated -o out --json --limit-mm 0.2",
      ["check/plan.json", "c.csv", "calibrated/robot.toml"]),
     ("validation", {"cell": "ur10/edbb", "runs": ["v.csv"], "model": KNOWN},
      "accuracy v.csv --cell ur10/edbb -o out --json --model calibrated/robot.toml", ["v.csv", *CALIBRATED]),

@@ -30,7 +30,7 @@ def test_a_calibrated_robot_is_checked(folder):
     name, seed = "kuka-kr6-r700/edbb", 5
     plan = run_chain(folder, name, seed, small=True)
     check, out = folder / "check-plan", folder / f"{plan.name}-{seed}-out"
-    succeed("plan-check", plan / "cell.toml", "--baseline", out, "-o", check)
+    succeed("plan-check", plan / "cell.toml", "--model", out, "-o", check)
     run = folder / "check.csv"
     succeed("simulate", check / "plan.json", "-o", run, "--truth", folder / f"{plan.name}-{seed}.csv", "--seed", 9)
-    succeed("check", run, "--baseline", out, "--plan", check / "plan.json", "-o", folder / "check-out")
+    succeed("check", run, "--model", out, "--plan", check / "plan.json", "-o", folder / "check-out")

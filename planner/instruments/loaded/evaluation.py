@@ -248,8 +248,8 @@ def _overshoot(cell: Cell, wanted: float | None) -> float:
     there = min((c.overshoot for c in cell.circles), default=SAMPLES.paper_overshoot)
     if wanted is not None and cell.circles and wanted > there + 1e-9:
         raise InputError(
-            f"--overshoot {wanted / DEG:g} would drop more than the passes of {cell.path} run over at either end of "
-            f"their turn, {there / DEG:g} degrees (circles.overshoot_deg)"
+            f"--overshoot-deg {wanted / DEG:g} would drop more than the passes of {cell.path} run over at either "
+            f"end of their turn, {there / DEG:g} degrees (circles.overshoot_deg)"
         )
     return there if wanted is None else wanted
 

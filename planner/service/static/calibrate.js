@@ -115,7 +115,7 @@ async function judge() {
     const file = (await get(`/api/jobs/${simulation}`)).files.find((f) => f.name === "run.csv");
     run = { id: file.sha256, name: file.name };
   }
-  const job = await post("/api/checks", { check_plan: find("#plan").value, run, ...(limit && { limit_mm: Number(limit) }) });
+  const job = await post("/api/checks", { plan: find("#plan").value, run, ...(limit && { limit_mm: Number(limit) }) });
   location.href = `/jobs/${job.id}`;
 }
 

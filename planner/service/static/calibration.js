@@ -16,7 +16,7 @@ function showLegend(view, shown) {
 
 async function showMap() {
   try {
-    const made = await post("/api/error-maps", { identification: job });
+    const made = await post("/api/error-maps", { model: job });
     if (made.state !== "done") await finished(made.id);
     const view = await get(`/api/jobs/${made.id}/result`);
     const shown = showView(view);
@@ -52,6 +52,6 @@ find("#check-plan-form")?.addEventListener("submit", async (event) => {
   const message = find("#check-message");
   try {
     say(message, "Sending …");
-    location.href = `/jobs/${(await post("/api/check-plans", { identification: job, poses: Number(find("#check-poses").value) })).id}`;
+    location.href = `/jobs/${(await post("/api/check-plans", { model: job, poses: Number(find("#check-poses").value) })).id}`;
   } catch (problem) { say(message, problem.message, true); }
 });

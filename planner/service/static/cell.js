@@ -34,6 +34,6 @@ find("#plan-form").addEventListener("submit", (event) => {
   const poses = find("#poses").value, chosen = find("#aim").value;
   const how = chosen === "pruning" ? { method: chosen } : chosen && { aim: chosen };
   const dialects = [...document.querySelectorAll("input[name=dialect]:checked")].map((i) => i.value);
-  start("plans", { ...givenOptions(event.target), dialects, ...(poses && { poses: Number(poses) }), ...how });
+  start("plans", { ...givenOptions(event.target), dialect: dialects, ...(poses && { poses: Number(poses) }), ...how });
 });
 find("#study").addEventListener("click", () => start("studies", {}));

@@ -47,7 +47,7 @@ def test_a_calibrated_robot_passes_and_one_that_lost_a_zero_is_mastered_again(tm
             Run(name, part.samples, Readings(part.readings.length + length), part.places), tmp_path / f"{name}.csv"
         )
         folder = tmp_path / name
-        done = edbb("check", tmp_path / f"{name}.csv", "--baseline", tmp_path / "known", "--cell", cell, "-o", folder)
+        done = edbb("check", tmp_path / f"{name}.csv", "--model", tmp_path / "known", "--cell", cell, "-o", folder)
         assert done.returncode == 0, done.stderr
         assert json.loads((folder / "check.json").read_text())["cause"] == cause, done.stderr
 

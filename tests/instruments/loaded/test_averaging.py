@@ -93,5 +93,5 @@ def test_ramps_between_loads_are_no_loads():
 
 def test_more_overshoot_than_the_passes_have_is_refused():
     _, run = made()
-    with pytest.raises(InputError, match="--overshoot 200 would drop more"):
+    with pytest.raises(InputError, match="--overshoot-deg 200 would drop more"):
         evaluate_loaded_circles(run, shared.cell(), overshoot=np.radians(200.0))

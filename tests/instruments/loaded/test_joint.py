@@ -147,7 +147,7 @@ def test_a_drive_is_thinned_and_a_run_at_rest_is_not(cell):
 def test_raw_circles_beside_a_run_at_rest_are_told_what_would_help():
     free, loaded = runs(np.random.default_rng(0))
     raw = replace(loaded, continuous=True, samples=replace(loaded.samples, t=np.arange(len(loaded)) * 0.01))
-    with pytest.raises(InputError, match=r"averaged.csv.*--with"):
+    with pytest.raises(InputError, match=r"averaged.csv.*--unloaded"):
         join_runs([free, raw])
 
 
