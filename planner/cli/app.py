@@ -17,12 +17,12 @@ from typer.core import TyperCommand, TyperGroup
 from planner import __version__
 from planner.cli.declared import folder_command
 from planner.cli.former_names import take_former_options
-from planner.cli.terminal import TELLING, errors
+from planner.cli.terminal import Manner, errors
 from planner.common.calls import GROUPS, MORE
 from planner.common.commands import extension_commands, remote_function
 from planner.common.console import speak_plainly
 from planner.common.errors import InputError, MissingProgramError, PlannerError
-from planner.common.files import INPUTS, OVERWRITING, short_path
+from planner.common.files import INPUTS, short_path
 from planner.common.quiet import results_alone
 from planner.kinematics.packages import COMMAND_PACKAGES
 from planner.workflow.verbs import declared_calls
@@ -95,8 +95,12 @@ ROBOT_WORDS = {"cell", "unloaded", "model"}  # parameters that name a file with 
 
 
 def with_shared_options(function: Callable[..., None]) -> Callable[..., None]:
-    """Give a command ``--verbose``, one that writes files ``--force``, one that reads a robot's file ``--package``."""
+    """Give a command ``--verbose``, one that writes files ``--force``, one that reads a robot's file ``--package``.
+
+    A function that has the parameter ``manner`` is told what the first two say.
+    """
     plain = signature(function, eval_str=True)
+    told = "manner" in plain.parameters
     shared = [Parameter("verbose", Parameter.KEYWORD_ONLY, default=False, annotation=Verbose)]
     if "output" in plain.parameters:
         shared.append(Parameter("force", Parameter.KEYWORD_ONLY, default=False, annotation=Force))
@@ -107,12 +111,11 @@ def with_shared_options(function: Callable[..., None]) -> Callable[..., None]:
     def wrapped(
         *, verbose: bool = False, force: bool = False, package: list[str] | None = None, **values: object
     ) -> None:
-        TELLING.all = verbose
-        OVERWRITING.allowed = force
         COMMAND_PACKAGES.set(package or ())
-        function(**values)
+        function(**values, **({"manner": Manner(verbose, force)} if told else {}))
 
-    parameters = [p.replace(kind=Parameter.KEYWORD_ONLY) for p in plain.parameters.values()]
+    own = (p for n, p in plain.parameters.items() if n != "manner")
+    parameters = [p.replace(kind=Parameter.KEYWORD_ONLY) for p in own]
     wrapped.__signature__ = plain.replace(parameters=[*parameters, *shared])  # type: ignore[attr-defined]
     wrapped.__annotations__ = {p.name: p.annotation for p in (*parameters, *shared)}
     return wrapped

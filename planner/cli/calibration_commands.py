@@ -8,7 +8,7 @@ import typer
 
 from planner.cli.declared import Values, declare_command
 from planner.cli.terminal import (
-    TELLING,
+    Manner,
     OutputFile,
     Screen,
     errors,
@@ -25,31 +25,31 @@ from planner.workflow.plan_use_calls import ImportCall, SimulateCall
 FILE = (OutputFile, Parameter.empty)
 
 
-def _simulate(values: Values, output: str) -> None:
+def _simulate(values: Values, output: str, manner: Manner) -> None:
     with Screen():
         made = find_function(SimulateCall)(**values)
         text = made.text()
-    print_notes(made.run.warnings)
-    give_file(text, made.write, output, evaluation_step(output, values["plan"]))
+    print_notes(made.run.warnings, manner.verbose)
+    give_file(text, lambda path: made.write(path, manner.force), output, evaluation_step(output, values["plan"]))
 
 
-def _import(values: Values, output: str) -> None:
+def _import(values: Values, output: str, manner: Manner) -> None:
     with Screen():
         run = find_function(ImportCall)(**values)
         from planner.runs.writer import run_text, save_run
-    print_notes(run.warnings)
+    print_notes(run.warnings, manner.verbose)
     plan = values.get("plan")
     step = f"edbb identify {output} --cell CELL {f'--plan {plan} ' if plan else ''}-o calibrated"
-    give_file(run_text(run), lambda path: save_run(run, path), output, step)
+    give_file(run_text(run), lambda path: save_run(run, path, manner.force), output, step)
 
 
-def _compensate(values: Values, output: str) -> None:
+def _compensate(values: Values, output: str, manner: Manner) -> None:
     with Screen():
         done = find_function(CompensateCall)(**{**values, "zeros_set": _axes(values.get("zeros_set", ""))})
     if output != "-":
-        check_writing(Path(output), done.file.text.encode(done.file.encoding))
-    errors.print(done.full_summary(TELLING.all))
-    give_file(done.file.text, done.write, output, done.file.step.format(file=output))
+        check_writing(Path(output), done.file.text.encode(done.file.encoding), manner.force)
+    errors.print(done.full_summary(manner.verbose))
+    give_file(done.file.text, lambda path: done.write(path, manner.force), output, done.file.step.format(file=output))
     if done.file.partly:
         raise typer.Exit(PARTLY_DONE)
 

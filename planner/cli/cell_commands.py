@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from planner.cli.terminal import Json, errors, evaluation_step, print_json, print_next, print_notes
+from planner.cli.terminal import PLAINLY, Json, Manner, errors, evaluation_step, print_json, print_next, print_notes
 from planner.common.errors import InputError
 
 if TYPE_CHECKING:
@@ -47,6 +47,7 @@ def centre_command(
     ] = False,
     seed: Annotated[int, typer.Option("--seed", help="of the simulated robot")] = 0,
     as_json: Json = False,
+    manner: Manner = PLAINLY,
 ) -> None:
     """Centre the head of three indicators on the balls of a plan, pose by pose, and record the run."""
     from planner.instruments.centring.robot_link import write_centring_program
@@ -57,7 +58,7 @@ def centre_command(
 
     settings = read_settings(settings_file, plan_file.parent / "cell.toml")
     if program is not None:
-        for path in write_centring_program(settings.robot, program):
+        for path in write_centring_program(settings.robot, program, manner.force):
             errors.print(f"written to {path}")
         return
     if output is None or (not simulate and (robot is None or indicators is None)):

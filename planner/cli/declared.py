@@ -8,7 +8,7 @@ from typing import Annotated, Any, get_args
 import typer
 from typer.models import ArgumentInfo
 
-from planner.cli.terminal import Json, OptionalOutput, Output, give
+from planner.cli.terminal import PLAINLY, Json, Manner, OptionalOutput, Output, give
 from planner.common.calls import Call, CallField, find_function, typed_fields
 from planner.common.errors import PARTLY_DONE
 from planner.report.standby import stand_by
@@ -22,7 +22,8 @@ def declare_command(call: type[Call], work: Callable[..., None], **own: tuple[An
 
     Args:
         call: the declaration.
-        work: what is done: it takes the values of the fields that were given, and its own parameters by name.
+        work: what is done: it takes the values of the fields that were given, its own parameters by name, and the
+            ``manner`` of the command.
         own: the parameters that the command line alone has, such as ``output``: annotation and default.
     """
     known = [_parameter(f) for f in typed_fields(call)]
@@ -30,12 +31,13 @@ def declare_command(call: type[Call], work: Callable[..., None], **own: tuple[An
     words = [p for p in known if isinstance(get_args(p.annotation)[1], ArgumentInfo) and p.name not in own]
     parameters = [*words, *alone, *(p for p in known if p not in words and p.name not in own)]
 
-    def command(**values: Any) -> None:
-        mine = {name: values.pop(name) for name in own}
+    def command(*, manner: Manner = PLAINLY, **values: Any) -> None:
+        mine = {name: values.pop(name) for name in own} | {"manner": manner}
         work({name: v for name, v in values.items() if v is not None and v != []}, **mine)
 
     command.__doc__ = getdoc(call)
-    command.__signature__ = Signature(parameters)  # type: ignore[attr-defined]
+    told = Parameter("manner", Parameter.KEYWORD_ONLY, default=PLAINLY, annotation=Manner)
+    command.__signature__ = Signature([*parameters, told])  # type: ignore[attr-defined]
     command.__annotations__ = {p.name: p.annotation for p in parameters}
     return command
 
@@ -53,13 +55,14 @@ def _parameter(field: CallField) -> Parameter:
 def folder_command(call: type[Call]) -> Callable[..., None]:
     """Return the command whose result is a folder."""
 
-    def work(values: Values, output: Any, as_json: bool) -> None:
+    def work(values: Values, output: Any, as_json: bool, manner: Manner) -> None:
         with stand_by() if call.draws else nullcontext():
             result = give(
                 lambda stages: find_function(call)(**values, progress=stages.say),
                 output,
                 as_json,
                 call.starts,
+                manner,
             )
         if result.cut_short:
             raise typer.Exit(PARTLY_DONE)

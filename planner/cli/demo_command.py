@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from planner.cli.terminal import Json, OptionalOutput, give
+from planner.cli.terminal import PLAINLY, Json, Manner, OptionalOutput, give
 from planner.report.standby import stand_by
 
 DEMO_STARTS = {
@@ -35,13 +35,14 @@ def demo_command(
     seed: Annotated[int, typer.Option(min=0, help="of the robot's errors and of its fault")] = 0,
     no_open: Annotated[bool, typer.Option("--no-open", help="do not show the page in a browser")] = False,
     as_json: Json = False,
+    manner: Manner = PLAINLY,
 ) -> None:
     """Try the whole chain without a robot: plan, simulated run of a robot with a hidden fault, calibration."""
     from planner.workflow.demo import CALIBRATED, demo  # numbers and planning: the help is quicker without
 
     folder = FOLDER if output is None else output
     with stand_by():
-        give(lambda stages: demo(cell, poses, seed, stages.say), folder, as_json, DEMO_STARTS)
+        give(lambda stages: demo(cell, poses, seed, stages.say), folder, as_json, DEMO_STARTS, manner)
     page = folder / CALIBRATED / "report.html"
     if not no_open and has_display() and page.is_file():
         webbrowser.open(page.resolve().as_uri())

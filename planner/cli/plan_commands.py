@@ -6,6 +6,7 @@ from pathlib import Path
 
 from planner.cli.declared import Values, declare_command
 from planner.cli.terminal import (
+    Manner,
     OutputFile,
     Screen,
     errors,
@@ -17,7 +18,7 @@ from planner.common.errors import InputError
 from planner.workflow.plan_use_calls import ExportCall
 
 
-def _export(values: Values, output: str) -> None:
+def _export(values: Values, output: str, manner: Manner) -> None:
     name = "-" if output == "-" else Path(output).name
     with Screen():
         made = find_function(ExportCall)(**values, name=name)
@@ -29,7 +30,7 @@ def _export(values: Values, output: str) -> None:
             )
         sys.stdout.write(made.programs[0].text)
         return
-    for line in (*made.notes, *made.write(output)):
+    for line in (*made.notes, *made.write(output, manner.force)):
         errors.print(line)
     print_next(f"run {output}, measure; {evaluation_step('run.csv', values['plan'])}")
 

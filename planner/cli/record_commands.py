@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from planner.cli.terminal import Json, OptionalOutput, give
+from planner.cli.terminal import PLAINLY, Json, Manner, OptionalOutput, give
 from planner.common.lazy_modules import LazyModule
 
 if TYPE_CHECKING:
@@ -31,6 +31,7 @@ def record_command(
     certificate: Annotated[str, typer.Option(help="number of the gauge's certificate")] = "",
     output: OptionalOutput = None,
     as_json: Json = False,
+    manner: Manner = PLAINLY,
 ) -> None:
     """Keep the history of one robot: calibrations, validations, checks, and what changed between them."""
     from planner.common.schema import validate
@@ -41,4 +42,4 @@ def record_command(
         "gauge": gauge, "certificate": certificate,
     }  # fmt: skip
     when = validate(said, Circumstances, "edbb record")
-    give(lambda _: recording.record(folder, add=add, serial=serial, circumstances=when), output, as_json)
+    give(lambda _: recording.record(folder, add=add, serial=serial, circumstances=when), output, as_json, manner=manner)

@@ -26,6 +26,7 @@ from planner.session.movable_cell import cell_files
 FILE_VERBS = ("simulate", "export", "import", "compensate")  # -o names a file
 OUTPUT = ("-o", "--output")
 PACKAGE = "--package"
+FORCE = "--force"
 NOT_SENT = ("report.html", "residuals.csv", "timings.json", MANIFEST)
 ALONE = (".csv", ".parquet", ".log", ".txt", ".src", ".mod", ".dat")  # files that need none beside them
 
@@ -168,7 +169,7 @@ def run_remotely(server: Server, words: Sequence[str]) -> int:
     """
     command = RemoteWords.of(words)
     if command.output not in (None, "-") and words[0] not in FILE_VERBS:
-        check_folder(Path(str(command.output)))
+        check_folder(Path(str(command.output)), FORCE in words)
     with Screen() as progress:
         progress("sending", 0, 0)
         sent = [{"id": server.send(data, Path(name).name), "name": name} for name, data in command.files.items()]
@@ -186,7 +187,7 @@ def run_remotely(server: Server, words: Sequence[str]) -> int:
         errors.print("\n".join(said))
     sys.stdout.write(printed.decode(errors="replace"))
     if files and command.output is not None:
-        errors.print(f"  written to  {_write(files, Path(command.output), words[0])}")
+        errors.print(f"  written to  {_write(files, Path(command.output), words[0], FORCE in words)}")
     elif ended["problem"] and not said:
         errors.print(f"edbb: {dict(ended)['problem']}")
     code = ended["exit_code"]
@@ -214,18 +215,18 @@ def _fetch(server: Server, file: dict[str, object]) -> bytes:
     return data
 
 
-def _write(files: dict[str, bytes], output: Path, verb: str) -> str:
+def _write(files: dict[str, bytes], output: Path, verb: str, force: bool) -> str:
     """Write the results where the command would have; return where."""
     if verb in FILE_VERBS:
         for name, data in files.items():
-            write_bytes(output.parent / name, data)
+            write_bytes(output.parent / name, data, force=force)
         return ", ".join(str(output.parent / name) for name in files)
     with draft_folder(output) as draft:
         for name, data in files.items():
             if name != MANIFEST:
                 (draft / name).parent.mkdir(parents=True, exist_ok=True)
                 write_bytes(draft / name, data)
-        move_all(draft, output)
+        move_all(draft, output, force)
     return str(output)
 
 

@@ -8,14 +8,20 @@ import typer
 
 from planner.cell.declared import CELL
 from planner.cli.declared import Values, declare_command
-from planner.cli.terminal import Json, Output, give
+from planner.cli.terminal import Json, Manner, Output, give
 from planner.common.calls import find_function
 from planner.common.errors import InputError
 from planner.studies.study_call import StudyCall
 
 
 def _study(
-    values: Values, cell: str | None, output: Path, sweep_file: Path | None, scheduler: str | None, as_json: bool
+    values: Values,
+    cell: str | None,
+    output: Path,
+    sweep_file: Path | None,
+    scheduler: str | None,
+    as_json: bool,
+    manner: Manner,
 ) -> None:
     if (cell is None) == (sweep_file is None):
         raise InputError("a study is of a cell, or of a sweep (--sweep SWEEP.toml): name one of the two")
@@ -25,11 +31,17 @@ def _study(
             output,
             as_json,
             StudyCall.starts,
+            manner,
         )
         return
     from planner.studies.sweep import sweep  # numbers and tables: other commands start quicker without
 
-    give(lambda stages: sweep(sweep_file, output, scheduler=scheduler, progress=stages.say), output, as_json)
+    give(
+        lambda stages: sweep(sweep_file, output, scheduler=scheduler, progress=stages.say),
+        output,
+        as_json,
+        manner=manner,
+    )
 
 
 Sweep = Annotated[

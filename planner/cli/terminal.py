@@ -6,6 +6,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
 from typing import Annotated, Any, TypeVar
@@ -70,13 +71,15 @@ class SafeConsole(Console):
         super().print(*(printable(o, 50_000) if isinstance(o, str) else o for o in objects), **how)
 
 
-class Telling:
-    """How much a command says: ``all`` with ``--verbose``."""
+@dataclass(frozen=True)
+class Manner:
+    """How a command speaks and writes: ``verbose`` says all that there is, ``force`` writes over files of others."""
 
-    all: bool = False
+    verbose: bool = False
+    force: bool = False
 
 
-TELLING = Telling()
+PLAINLY = Manner()
 errors = SafeConsole(stderr=True, soft_wrap=True)
 
 Json = Annotated[bool, typer.Option("--json", help="print a machine-readable summary on standard output")]
@@ -103,28 +106,32 @@ R = TypeVar("R", bound=Result)
 
 
 def give(
-    work: Callable[[Stages], R], output: Path | None, as_json: bool, starts: Mapping[str, float] = MappingProxyType({})
+    work: Callable[[Stages], R],
+    output: Path | None,
+    as_json: bool,
+    starts: Mapping[str, float] = MappingProxyType({}),
+    manner: Manner = PLAINLY,
 ) -> R:
     """Do the work of a command, write its result into a folder, say what was found, and return it.
 
-    ``starts``: share of the command's time at which each stage usually begins.
+    ``starts``: share of the command's time at which each stage usually begins; ``manner``: how it is said and written.
 
     Raises:
         NoSolutionError: the result must not be used.
     """
     if output is not None:
-        check_folder(output)
+        check_folder(output, manner.force)
     with Screen(starts) as progress:
         result = work(Stages(progress))
         if output is not None:
-            result.write(output)
+            result.write(output, manner.force)
     if as_json:
         sys.stdout.write(result.to_json())
     else:
         files = "" if output is None else result.files(output)
         facts = [("written to", f"{output}: {files}")] if files else []
         step = "" if output is None or result.problems else result.next_step(output)
-        errors.print("\n".join([result.full_summary(TELLING.all), *fact_lines([*facts, *_next_facts(step)])]))
+        errors.print("\n".join([result.full_summary(manner.verbose), *fact_lines([*facts, *_next_facts(step)])]))
     if result.problems:
         raise NoSolutionError("; ".join(result.problems))
     return result
@@ -161,7 +168,7 @@ def evaluation_step(run: Path | str, plan: Path) -> str:
     )
 
 
-def check_folder(output: Path) -> None:
+def check_folder(output: Path, force: bool = False) -> None:
     """Refuse a file where a folder is to be written, and a place that cannot be written, before the work is done."""
     if str(output) == "-":
         raise InputError("-o needs a folder: several files are written")
@@ -175,7 +182,7 @@ def check_folder(output: Path) -> None:
     if not there.is_dir():
         raise InputError(f"{there} is a file; -o needs a folder")
     check_not_inside(output)
-    check_overwriting(output.resolve(), [name for name in RESULTS if (output / name).exists()])
+    check_overwriting(output.resolve(), [name for name in RESULTS if (output / name).exists()], force)
     try:
         tempfile.TemporaryFile(dir=there).close()
     except OSError as err:
@@ -187,9 +194,9 @@ def print_json(content: object) -> None:
     sys.stdout.write(json.dumps(content, indent=1, ensure_ascii=False) + "\n")
 
 
-def print_notes(notes: tuple[str, ...]) -> None:
-    """Print what a person must know of a file."""
-    for note in count_alike(n for n in notes if TELLING.all or not isinstance(n, Aside)):
+def print_notes(notes: tuple[str, ...], verbose: bool = False) -> None:
+    """Print what a person must know of a file; ``verbose``: asides too."""
+    for note in count_alike(n for n in notes if verbose or not isinstance(n, Aside)):
         errors.print(f"note: {note}")
 
 

@@ -113,16 +113,6 @@ def read_utf8(path: Path, most_bytes: int = MOST_TEXT) -> str:
     return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
-class Overwriting:
-    """Whether a command may write over what somebody else has written; ``--force`` allows it."""
-
-    def __init__(self) -> None:
-        self.allowed = False
-
-
-OVERWRITING = Overwriting()
-
-
 def draft_prefix() -> str:
     """Return how the name of a draft begins: by it a later command knows whether its writer still lives."""
     host = re.sub(r"\W+", "_", platform.node())[:40]
@@ -135,13 +125,13 @@ def short_path(path: Path) -> str:
     return text if len(text) <= 300 else f"{text[:150]}…{text[-100:]}"
 
 
-def write_text(path: Path, text: str, encoding: str = "utf-8", own: bool = False) -> None:
+def write_text(path: Path, text: str, encoding: str = "utf-8", own: bool = False, force: bool = False) -> None:
     """Write ``text`` to ``path`` as it is (line ends are kept), replacing what was there in one step.
 
     Raises:
         InputError: the folder does not exist, or may not be written, or the text does not fit ``encoding``.
     """
-    write_bytes(path, encode_text(path, text, encoding), own)
+    write_bytes(path, encode_text(path, text, encoding), own, force)
 
 
 def encode_text(path: Path, text: str, encoding: str) -> bytes:
@@ -161,19 +151,20 @@ def document_text(content: object) -> str:
     return json.dumps(content, indent=1, ensure_ascii=False) + "\n"
 
 
-def write_bytes(path: Path, data: bytes, own: bool = False) -> None:
+def write_bytes(path: Path, data: bytes, own: bool = False, force: bool = False) -> None:
     """Write ``data`` to ``path``; a failure leaves the old file, or none, and no temporary file.
 
-    A link is followed, a device is written to. ``own``: the file is the caller's, whatever it holds.
+    A link is followed, a device is written to. ``own``: the file is the caller's, whatever it holds; ``force``: a
+    person allows to write over what somebody else has written.
 
     Raises:
         InputError: the folder does not exist, or may not be written; this command has read the file, or somebody else
             has written it, and overwriting was not asked for.
     """
-    write_together([(path, data)], own)
+    write_together([(path, data)], own, force)
 
 
-def write_together(files: Sequence[tuple[Path, bytes]], own: bool = False) -> None:
+def write_together(files: Sequence[tuple[Path, bytes]], own: bool = False, force: bool = False) -> None:
     """Write files that need one another, each as :func:`write_bytes`; the first is the one that a person starts.
 
     All are on the disk under temporary names before one takes its own, so a full disk leaves what was there. The first
@@ -188,7 +179,7 @@ def write_together(files: Sequence[tuple[Path, bytes]], own: bool = False) -> No
     path = files[0][0]
     try:
         for path, data in files:
-            drafts += _draft(path.resolve(), data, own)
+            drafts += _draft(path.resolve(), data, own, force)
         if len(drafts) > 1:
             drafts[0][0].unlink(missing_ok=True)
         for path, name in reversed(drafts):
@@ -202,13 +193,13 @@ def write_together(files: Sequence[tuple[Path, bytes]], own: bool = False) -> No
         raise
 
 
-def _draft(path: Path, data: bytes, own: bool) -> list[tuple[Path, str]]:
+def _draft(path: Path, data: bytes, own: bool, force: bool) -> list[tuple[Path, str]]:
     """Put ``data`` on the disk beside ``path``, under a temporary name; a device is written to, and has none."""
     if path.exists() and not path.is_file() and not path.is_dir():
         path.write_bytes(data)
         return []
     if not own:
-        _check_overwriting(path, data)
+        _check_overwriting(path, data, force)
     handle, name = tempfile.mkstemp(prefix=draft_prefix(), dir=path.parent)
     try:
         with os.fdopen(handle, "wb") as file:
@@ -220,7 +211,7 @@ def _draft(path: Path, data: bytes, own: bool) -> list[tuple[Path, str]]:
     return [(path, name)]
 
 
-def check_writing(path: Path, data: bytes = b"") -> None:
+def check_writing(path: Path, data: bytes = b"", force: bool = False) -> None:
     """Refuse a file that :func:`write_bytes` would refuse, before anything is changed; ``data``: what is to be written.
 
     Raises:
@@ -230,7 +221,7 @@ def check_writing(path: Path, data: bytes = b"") -> None:
         with suppress(FileNotFoundError, NotADirectoryError):
             path.stat()  # a name that no file can have
         if path.is_file():
-            _check_overwriting(path.resolve(), data)
+            _check_overwriting(path.resolve(), data, force)
     except (OSError, ValueError) as err:
         raise _unwritable(path, err) from err
 
@@ -242,11 +233,11 @@ def _unwritable(path: Path, err: Exception) -> InputError:
 OWN_MARKS = (b"plan_id", b"edbb")  # one of them stands at the head of every single file that is written
 
 
-def _check_overwriting(path: Path, data: bytes) -> None:
+def _check_overwriting(path: Path, data: bytes, force: bool) -> None:
     """Refuse to write over what was read, or what neither is the same nor bears a mark of this tool."""
     if INPUTS.holds(path):
         raise InputError(f"{path}: this command has read it and does not write over it; name another file with -o")
-    if not INPUTS.watching or OVERWRITING.allowed or not path.is_file():
+    if not INPUTS.watching or force or not path.is_file():
         return
     with path.open("rb") as file:
         head = file.read(4096)  # bytes of the file's head

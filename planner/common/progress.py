@@ -4,7 +4,6 @@ import math
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from contextvars import ContextVar
 from dataclasses import dataclass, field
 
 from planner.common.errors import NoSolutionError
@@ -17,27 +16,15 @@ def no_progress(stage: str, done: int, of: int) -> None:
     """Pass over what is going on."""
 
 
-@dataclass
-class Stages:
-    """Says what is going on and keeps the seconds of each stage."""
-
-    say: Progress = no_progress
-    seconds: dict[str, float] = field(default_factory=dict)
-
-    @contextmanager
-    def stage(self, name: str) -> Iterator[Callable[[int, int], None]]:
-        """Time one stage; yields a callback for its progress (done, of)."""
-        start = time.perf_counter()
-        self.say(name, 0, 0)
-        yield lambda done, of: self.say(name, done, of)
-        self.seconds[name] = round(self.seconds.get(name, 0.0) + time.perf_counter() - start, 3)
-
-
 CANDIDATES, ROADMAP, BOUND, CHOICE, REFINEMENT, TOUR = 0.2, 0.35, 0.55, 0.6, 0.7, 0.75
 """Shares of the limit after which a stage begins nothing new; what is left is for the path and its proofs."""
 
 
-@dataclass
+class TimeIsOverError(NoSolutionError):
+    """The whole limit is over, and something that a plan cannot be without is not done."""
+
+
+@dataclass(eq=False)  # one limit is shared by all that it cuts
 class TimeLimit:
     """``seconds`` from ``start`` [s of the clock]; ``left``: what was left undone, in words, in that order."""
 
@@ -47,7 +34,30 @@ class TimeLimit:
 
     def is_over(self, share: float) -> bool:
         """Tell whether a share of the limit is over."""
-        return time.time() - self.start > share * self.seconds
+        return math.isfinite(self.seconds) and time.time() - self.start > share * self.seconds
+
+    def must_stop(self, share: float, left: str) -> bool:
+        """Tell whether a search is to stop, since a share of the limit is over; what it leaves undone is noted."""
+        if not self.is_over(share):
+            return False
+        self.left.setdefault(left)
+        return True
+
+    def seconds_left(self, share: float) -> float:
+        """Return the seconds until a share of the limit is over, at least one; infinite without a limit."""
+        return max(1.0, self.start + share * self.seconds - time.time())
+
+    def check(self, doing: str) -> None:
+        """Give up where the whole limit is over.
+
+        Raises:
+            TimeIsOverError: naming what was being done.
+        """
+        if self.is_over(1.0):
+            raise TimeIsOverError(
+                f"the time limit of {self.seconds:g} s is over while {doing}: no path is proven, so no program is "
+                "written; raise --time-limit, ask for fewer --poses, or lower plan.candidates and motion.clearance_mm"
+            )
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -55,52 +65,21 @@ class TimeLimit:
         return tuple(f"time limit of {self.seconds:g} s: {what}" for what in self.left)
 
 
-_current: ContextVar[TimeLimit | None] = ContextVar("time limit", default=None)
+UNLIMITED = TimeLimit(math.inf, 0.0)  # [s] it is never over, so that nothing is ever noted in it
 
 
-def current_limit() -> TimeLimit | None:
-    """Return the limit that holds, if any."""
-    return _current.get()
+@dataclass
+class Stages:
+    """Says what is going on and keeps the seconds of each stage; ``limit``: how long all of them may take."""
 
+    say: Progress = no_progress
+    limit: TimeLimit = UNLIMITED
+    seconds: dict[str, float] = field(default_factory=dict)
 
-@contextmanager
-def limit_time(limit: TimeLimit | None) -> Iterator[None]:
-    """Let a limit hold for what is done inside."""
-    token = _current.set(limit)
-    try:
-        yield
-    finally:
-        _current.reset(token)
-
-
-def must_stop(share: float, left: str) -> bool:
-    """Tell whether a search is to stop, since a share of the limit is over; what it leaves undone is noted."""
-    limit = _current.get()
-    if limit is None or not limit.is_over(share):
-        return False
-    limit.left.setdefault(left)
-    return True
-
-
-def seconds_left(share: float) -> float:
-    """Return the seconds until a share of the limit is over, at least one; infinite without a limit."""
-    limit = _current.get()
-    return math.inf if limit is None else max(1.0, limit.start + share * limit.seconds - time.time())
-
-
-class TimeIsOverError(NoSolutionError):
-    """The whole limit is over, and something that a plan cannot be without is not done."""
-
-
-def check_time(doing: str) -> None:
-    """Give up where the whole limit is over.
-
-    Raises:
-        TimeIsOverError: naming what was being done.
-    """
-    limit = _current.get()
-    if limit is not None and limit.is_over(1.0):
-        raise TimeIsOverError(
-            f"the time limit of {limit.seconds:g} s is over while {doing}: no path is proven, so no program is "
-            "written; raise --time-limit, ask for fewer --poses, or lower plan.candidates and motion.clearance_mm"
-        )
+    @contextmanager
+    def stage(self, name: str) -> Iterator[Callable[[int, int], None]]:
+        """Time one stage; yields a callback for its progress (done, of)."""
+        start = time.perf_counter()
+        self.say(name, 0, 0)
+        yield lambda done, of: self.say(name, done, of)
+        self.seconds[name] = round(self.seconds.get(name, 0.0) + time.perf_counter() - start, 3)

@@ -66,8 +66,11 @@ class Result(ABC):
         """Return the machine-readable form of what was found."""
 
     @abstractmethod
-    def write(self, folder: Path | str) -> list[Path]:
-        """Write everything into a folder, or the one file that there is; return the files."""
+    def write(self, folder: Path | str, force: bool = False) -> list[Path]:
+        """Write everything into a folder, or the one file that there is; return the files.
+
+        ``force``: over what somebody else has written too.
+        """
 
     def files(self, folder: Path) -> str:
         """Name the files that a person looks for in the folder once it is written."""
@@ -120,8 +123,8 @@ class FolderResult(Result):
     def fill(self, draft: Path) -> None:
         """Write everything but the main file into an empty folder."""
 
-    def write(self, folder: Path | str) -> list[Path]:
-        """Write the folder, all of it or nothing; return the files.
+    def write(self, folder: Path | str, force: bool = False) -> list[Path]:
+        """Write the folder, all of it or nothing; return the files. ``force``: over files of others too.
 
         Raises:
             InputError: it is a file, or the folder that you are in; or it holds files that are not to be written over.
@@ -130,4 +133,4 @@ class FolderResult(Result):
         with draft_folder(folder) as draft:
             write_text(draft / self.main_file, self.to_json())
             self.fill(draft)
-            return move_all(draft, folder)
+            return move_all(draft, folder, force)

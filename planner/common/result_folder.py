@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from planner.common.errors import InputError
-from planner.common.files import INPUTS, OVERWRITING, document_text, draft_prefix
+from planner.common.files import INPUTS, document_text, draft_prefix
 from planner.common.system import process_exists, swap_folders
 
 MANIFEST = "manifest.json"
@@ -57,11 +57,11 @@ def check_not_inside(folder: Path) -> None:
         )
 
 
-def move_all(draft: Path, folder: Path) -> list[Path]:
+def move_all(draft: Path, folder: Path, force: bool = False) -> list[Path]:
     """Put the files of ``draft`` in the place of the results that ``folder`` holds; return them.
 
     What an earlier command of the same kind wrote there and this one does not is cleared; files of others stay.
-    A kill leaves the old folder or the new one.
+    A kill leaves the old folder or the new one. ``force``: a person allows to write over files of others.
 
     Raises:
         InputError: it would write over a file that the command has read, or that somebody else has written or changed.
@@ -70,7 +70,7 @@ def move_all(draft: Path, folder: Path) -> list[Path]:
     folder, kind = folder.resolve(), _kind(draft)
     files = _files_in(draft)
     known = read_manifest(folder)
-    check_overwriting(folder, files)
+    check_overwriting(folder, files, force)
     others = [f for f in _files_in(folder) if f not in files and f != MANIFEST]
     stale = [f for f in others if f in known.get(kind, {}) and _is_unchanged(folder, f, known[kind][f])]
     kept = [f for f in others if f not in stale]
@@ -86,7 +86,7 @@ def move_all(draft: Path, folder: Path) -> list[Path]:
     return [folder / name for name in files]
 
 
-def check_overwriting(folder: Path, names: list[str]) -> None:
+def check_overwriting(folder: Path, names: list[str], force: bool = False) -> None:
     """Refuse to write files of these names over what this command read, or what is not as this tool wrote it.
 
     Raises:
@@ -99,7 +99,7 @@ def check_overwriting(folder: Path, names: list[str]) -> None:
             raise InputError(
                 f"{path}: this command has read it and does not write over it; name another folder with -o"
             )
-        if path.exists() and not OVERWRITING.allowed and not _is_unchanged(folder, name, known.get(name)):
+        if path.exists() and not force and not _is_unchanged(folder, name, known.get(name)):
             because = "was changed since edbb wrote it" if name in known else "was not written by edbb"
             raise InputError(f"{path}: {because}; name another folder with -o, or add --force")
 

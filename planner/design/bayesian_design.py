@@ -15,6 +15,7 @@ import numpy as np
 from planner.cell.cell import Cell
 from planner.common.determinism import even_positions, on_one_thread
 from planner.common.errors import NoSolutionError
+from planner.common.progress import UNLIMITED, TimeLimit
 from planner.common.second_process import ForkedTask
 from planner.common.units import Array, to_mm
 from planner.design.assumptions import (
@@ -204,6 +205,7 @@ def choose_bayesian_poses(
     progress: Progress | None = None,
     unknown: ExpectedErrors | None = None,
     until: float | None = None,
+    limit: TimeLimit = UNLIMITED,
 ) -> BackgroundDesign:
     """Choose ``poses`` candidates for a bar, or as many as bring the error down to a third of what stays untraced.
 
@@ -211,6 +213,7 @@ def choose_bayesian_poses(
         cell, pool, poses, progress: see above.
         unknown: what may be wrong; everything that nobody has declared, where it is not given.
         until: as many poses as bring down to this what 95 of 100 such robots stay below [m].
+        limit: of the time that a plan may take.
 
     Raises:
         NoSolutionError: the pool has fewer candidates, or no number of them brings the error down to ``until``.
@@ -227,18 +230,18 @@ def choose_bayesian_poses(
     target = 0.0 if poses or until is not None else UNTRACED_TARGET_SHARE * unknown.untraced
     start = _start_factors(unknown)
     # 2000 candidates, evenly spread, are enough for a forecast
-    others = ForkedTask(lambda: _expected_errors(white[even_positions(len(white), 2000)], unknown, start))
+    others = ForkedTask(lambda: _expected_errors(white[even_positions(len(white), 2000)], unknown, start, limit))
     begun = BayesianPosterior.prior(white * start, weight)
     first = select_greedily(begun, min(poses or MOST_POSES, len(white)), target, progress)
     if until is not None:
         first = first[: _count_until(unknown, white, first, until)]
     promising = np.union1d(first, np.argsort(-begun.gains(), kind="stable")[:6000])  # those that promise most
-    chosen = promising[_exchange(white[promising], weight, np.searchsorted(promising, first))]
+    chosen = promising[_exchange(white[promising], weight, np.searchsorted(promising, first), limit)]
     chosen = _use_every_place(pool.samples.place[considered], chosen, white * start, weight)
     after = errors_after(white[chosen], unknown)
 
     def limits() -> tuple[float, float, float]:
-        bound = unknown.state(bound_tool_error(white, weight, chosen) ** 2)
+        bound = unknown.state(bound_tool_error(white, weight, chosen, limit) ** 2)
         return bound, _error_left(white, unknown), error_limit(unknown, white[chosen])
 
     return BackgroundDesign(unknown, considered[chosen], after, ForkedTask(limits), others)
@@ -285,18 +288,18 @@ def _use_every_place(place: np.ndarray, chosen: np.ndarray, white: Array, weight
     return np.concatenate([chosen[: max(len(chosen) - more, 0)], *parts[1:]]).astype(np.intp)
 
 
-def _exchange(white: Array, weight: Array, chosen: np.ndarray) -> np.ndarray:
+def _exchange(white: Array, weight: Array, chosen: np.ndarray, limit: TimeLimit) -> np.ndarray:
     """Let each of the chosen give way to another of the readings ``white`` (n, P)."""
     known = BayesianPosterior.prior(white, weight).with_readings(chosen)
-    return exchange_singly(known, chosen, EXCHANGE_PASSES, known.order)
+    return exchange_singly(known, chosen, EXCHANGE_PASSES, known.order, limit)
 
 
-def _expected_errors(white: Array, unknown: ExpectedErrors, start: Array) -> dict[int, float]:
+def _expected_errors(white: Array, unknown: ExpectedErrors, start: Array, limit: TimeLimit) -> dict[int, float]:
     """Return the expected error [m] by number of poses, chosen among the readings ``white`` (n, P)."""
     weight = unknown.weight_per_prior
     numbers = [n for n in FORESEEN_NUMBERS if n < len(white)]
     taken = select_greedily(BayesianPosterior.prior(white * start, weight), max(numbers, default=0), 0.0)
-    return {n: _error_left(white[_exchange(white, weight, taken[:n])], unknown) for n in numbers}
+    return {n: _error_left(white[_exchange(white, weight, taken[:n], limit)], unknown) for n in numbers}
 
 
 def foresee_error(cell: Cell, samples: Samples, poses: int) -> tuple[float, float]:

@@ -19,7 +19,7 @@ import numpy as np
 from planner.cell.cell import Cell
 from planner.cell.workspace import SAFETY_MARGIN, Workspace
 from planner.common.determinism import Positions, on_one_thread, round_significant
-from planner.common.progress import BOUND, REFINEMENT, must_stop
+from planner.common.progress import BOUND, REFINEMENT, UNLIMITED, TimeLimit
 from planner.common.units import Array
 from planner.design.candidates.pool import PoseSet
 from planner.design.expected_errors import ExpectedErrors
@@ -65,7 +65,7 @@ class CandidateFilters:
         return ok
 
 
-def refine_poses(cell: Cell, choice: PoseChoice, seed: int) -> PoseChoice:
+def refine_poses(cell: Cell, choice: PoseChoice, seed: int, limit: TimeLimit = UNLIMITED) -> PoseChoice:
     """Move the chosen poses continuously to better the index, each on its own fixture and keeping every filter."""
     if not cell.plan.refine or choice.ball is not None:
         return choice
@@ -74,11 +74,13 @@ def refine_poses(cell: Cell, choice: PoseChoice, seed: int) -> PoseChoice:
         return choice.model.rows(replace(choice.samples.take(pose), q=states))
 
     valid = CandidateFilters(cell, choice.samples)
-    return replace(choice, q=refine_off_grid(choice.q, rows, valid, choice.index, seed=seed))
+    return replace(choice, q=refine_off_grid(choice.q, rows, valid, choice.index, seed=seed, limit=limit))
 
 
 @on_one_thread
-def refine_bayesian_poses(cell: Cell, unknown: ExpectedErrors, samples: Samples, seed: int) -> Array:
+def refine_bayesian_poses(
+    cell: Cell, unknown: ExpectedErrors, samples: Samples, seed: int, limit: TimeLimit = UNLIMITED
+) -> Array:
     """Return poses (n, N) [rad] near those of ``samples``, in their order, that leave a smaller expected error."""
     shorter = 0.7  # times the reach after a failure
     longer = 1.2  # times the reach after a success
@@ -87,7 +89,7 @@ def refine_bayesian_poses(cell: Cell, unknown: ExpectedErrors, samples: Samples,
     # 0.2: [rad] of a trial at first
     white, weight, reach = unknown.white(samples), unknown.weight_per_prior, np.full(len(q), 0.2)
     for _ in range(16):  # rounds of trials around every pose
-        if must_stop(REFINEMENT, "the poses were refined off the grid only in part"):
+        if limit.must_stop(REFINEMENT, "the poses were refined off the grid only in part"):
             break
         steps = rng.normal(size=(len(q), trials, q.shape[1])) * rng.random((len(q), trials, 1))
         tried = (q[:, None] + reach[:, None, None] * steps).reshape(-1, q.shape[1])
@@ -129,7 +131,7 @@ MOST_DESCENTS = 6  # from the candidates of lowest price, before the bound is ta
 
 
 @on_one_thread
-def certify_off_grid(cell: Cell, pool: PoseSet, choice: PoseChoice) -> Certificate:
+def certify_off_grid(cell: Cell, pool: PoseSet, choice: PoseChoice, limit: TimeLimit = UNLIMITED) -> Certificate:
     """Bound the sets of candidates, of poses as chosen off the grid, and of those that descents find beside them.
 
     The certificate of the candidates alone is returned where the poses were not moved off the grid. It may be done in
@@ -142,9 +144,13 @@ def certify_off_grid(cell: Cell, pool: PoseSet, choice: PoseChoice) -> Certifica
     rows = choice.model.rows(samples)
     for number in range(MOST_DESCENTS):
         before = found.value
-        found = certify_bound(rows, choice.index, found.poses, 1e-3, near=found)  # [1] of the bound
+        found = certify_bound(rows, choice.index, found.poses, 1e-3, near=found, limit=limit)  # [1] of the bound
         settled = number > 0 and abs(found.value / before - 1.0) < 2e-3  # relative move of the bound
-        if settled or number == MOST_DESCENTS - 1 or must_stop(BOUND, "poses off the grid were sought only in part"):
+        if (
+            settled
+            or number == MOST_DESCENTS - 1
+            or limit.must_stop(BOUND, "poses off the grid were sought only in part")
+        ):
             break
         duals = [d for d in found.duals if not isinstance(d, WholePool)]
         more = [_descend_price(cell, choice.model, samples, rows, found.support, d, number) for d in duals]

@@ -10,6 +10,7 @@ from planner.cell.cell import Cell
 from planner.common.choices import SelectionMethod
 from planner.common.determinism import Positions, even_positions, on_one_thread
 from planner.common.errors import InputError, NoSolutionError
+from planner.common.progress import UNLIMITED, TimeLimit
 from planner.common.units import Array
 from planner.design.assumptions import (
     CANDIDATES_PER_PARAMETER,
@@ -189,6 +190,7 @@ def select_poses(
     seed: int,
     near: Certificate | None = None,
     method: SelectionMethod = "exchange",
+    limit: TimeLimit = UNLIMITED,
 ) -> tuple[PoseChoice, BackgroundCurve]:
     """Choose the poses; ``poses`` ``None`` takes the number where the curve of the index bends.
 
@@ -211,26 +213,32 @@ def select_poses(
     bends = poses is None and method == "exchange"
     wanted = curve_sizes if bends else sorted({*SHOWN_SIZES, *([poses] if poses else [])})
     sizes = [n for n in wanted if least < n <= len(pool)]
-    with BackgroundCurve(rows, sizes, index, seed, near, help_out=bends) as curve:
+    with BackgroundCurve(rows, sizes, index, seed, near, bends, limit) as curve:
         left = PrunedPoses.of(rows, index, max(poses or 0, curve_sizes[-1])) if method == "pruning" else None
         n = poses or (left.knee if left else curve.result().knee)
         near = curve.result().certificate(n) if bends else near
         loose = 5e-4  # [1] gap of the bound, sought from nothing
         tight = 1e-4  # [1] gap of the bound, sought from a certificate nearby
-        certificate = certify_bound(rows, index, n, tolerance=tight if near else loose, near=near)
+        certificate = certify_bound(rows, index, n, tolerance=tight if near else loose, near=near, limit=limit)
         if pool.ball is None:
-            chosen, pruning = _choose(rows, n, index, seed, certificate, left)
+            chosen, pruning = _choose(rows, n, index, seed, certificate, left, limit)
         else:
             likely = _likely_at_balls(rows, pool.ball, certificate, n)
-            chosen, pruning = detmax(rows, n, seed=seed, group=pool.ball, likely=likely), None
+            chosen, pruning = detmax(rows, n, seed=seed, group=pool.ball, likely=likely, limit=limit), None
     return replace(PoseChoice.among(pool, chosen, model, seen, certificate), pruning=pruning), curve
 
 
 def _choose(
-    rows: Array, n: int, index: str, seed: int, certificate: Certificate, left: PrunedPoses | None
+    rows: Array,
+    n: int,
+    index: str,
+    seed: int,
+    certificate: Certificate,
+    left: PrunedPoses | None,
+    limit: TimeLimit,
 ) -> tuple[Positions, Pruning | None]:
     """Return the candidates that exchange chooses, or those that pruning has left, with what exchange reaches."""
-    found = exchange_poses(rows, n, index, seed=seed, certificate=certificate)
+    found = exchange_poses(rows, n, index, seed=seed, certificate=certificate, limit=limit)
     return (left.choose(n), Pruning(left, found.value)) if left else (found.chosen, None)
 
 
@@ -252,7 +260,12 @@ def _likely_at_balls(rows: Array, ball: Positions, certificate: Certificate, n: 
 
 
 def judge_poses(
-    cell: Cell, pool: PoseSet, chosen: Positions, index: str, near: Certificate | None = None
+    cell: Cell,
+    pool: PoseSet,
+    chosen: Positions,
+    index: str,
+    near: Certificate | None = None,
+    limit: TimeLimit = UNLIMITED,
 ) -> PoseChoice:
     """Return the choice of poses that chance or another criterion made, as the index judges it (``near`` as above).
 
@@ -261,11 +274,13 @@ def judge_poses(
     """
     model, seen, rows = identify_candidates(cell, pool)
     _check_count(len(chosen), -(-seen.rank // model.width), len(pool), seen.rank)
-    certificate = certify_bound(rows, index, len(chosen), tolerance=ROUGH_TOLERANCE, near=near)
+    certificate = certify_bound(rows, index, len(chosen), tolerance=ROUGH_TOLERANCE, near=near, limit=limit)
     return PoseChoice.among(pool, chosen, model, seen, certificate)
 
 
-def judge_few_poses(cell: Cell, pool: PoseSet, chosen: Positions, index: str) -> PoseChoice:
+def judge_few_poses(
+    cell: Cell, pool: PoseSet, chosen: Positions, index: str, limit: TimeLimit = UNLIMITED
+) -> PoseChoice:
     """As :func:`judge_poses`; poses that are fewer than the parameters are judged by the axes' zeros alone.
 
     Raises:
@@ -276,7 +291,7 @@ def judge_few_poses(cell: Cell, pool: PoseSet, chosen: Positions, index: str) ->
     if len(chosen) * model.width < seen.rank and zeros:
         model, rows = model.subset(zeros), np.ascontiguousarray(rows[:, :, zeros])
     _check_count(len(chosen), -(-len(model.names) // model.width), len(pool), len(model.names))
-    certificate = certify_bound(rows, index, len(chosen), tolerance=ROUGH_TOLERANCE)
+    certificate = certify_bound(rows, index, len(chosen), tolerance=ROUGH_TOLERANCE, limit=limit)
     return PoseChoice.among(pool, chosen, model, seen, certificate)
 
 

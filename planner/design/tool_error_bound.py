@@ -6,6 +6,7 @@ from typing import ClassVar
 import numpy as np
 
 from planner.common.determinism import Positions
+from planner.common.progress import UNLIMITED, TimeLimit
 from planner.common.units import Array
 from planner.design.selection.certificate import ActiveSet, Dual, Pricing, generate_columns
 from planner.design.selection.matrix_forms import quadratic_form, sum_largest
@@ -63,7 +64,7 @@ class ErrorPricing(Pricing):
         return ActiveSet(state.active, _cap_weights(state.weights * gain**0.8, self.count))
 
 
-def bound_tool_error(white: Array, weight: Array, chosen: np.ndarray) -> float:
+def bound_tool_error(white: Array, weight: Array, chosen: np.ndarray, limit: TimeLimit = UNLIMITED) -> float:
     """Return a lower bound of the error [m] that any ``len(chosen)`` candidates leave.
 
     Two proofs, of which the better one counts: the tangent, and that n readings teach at most n directions, the error
@@ -78,7 +79,7 @@ def bound_tool_error(white: Array, weight: Array, chosen: np.ndarray) -> float:
     count, rows = len(chosen), white[:, None]
     w = np.full(len(white), (1 - share) * count / len(white))
     w[chosen] += share
-    every = ErrorPricing(rows, count, "I", weight)
+    every = ErrorPricing(rows, count, "I", limit, weight)
     _, begun, _ = every.solve(ActiveSet(np.arange(len(white)), w), 0.0)
     # 6000: readings among which the bound is tightened; it is verified over all of them
     active = np.union1d(chosen, best_priced(-begun.prices(rows, np.arange(len(rows))), min(6000, len(white))))

@@ -204,7 +204,8 @@ class NextSessionChooser:
         poses = self.poses or (None if self.until else SESSION.next_session_poses)
         with stages.stage("foresight") as progress:
             unknown = RemainingErrors.of(self.before, cell, pool.samples)
-            expected = choose_bayesian_poses(cell, pool, poses, progress, unknown, self.until)
+            expected = choose_bayesian_poses(cell, pool, poses, progress, unknown, self.until, stages.limit)
         session.notes.append(TOGETHER)
         with stages.stage("selection"):
-            return Selection(judge_few_poses(cell, pool, expected.chosen, session.index), expected_error=expected)
+            judged = judge_few_poses(cell, pool, expected.chosen, session.index, stages.limit)
+            return Selection(judged, expected_error=expected)

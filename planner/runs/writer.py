@@ -24,8 +24,10 @@ from planner.runs.table import units_of
 DECIMALS = 9  # 1e-9 mm, 1e-9 degree, 1 ns: far below what is measured
 
 
-def save_run(run: Run, path: Path) -> None:
+def save_run(run: Run, path: Path, force: bool = False) -> None:
     """Write ``run`` to a ``.csv`` or ``.parquet`` file in mm and degrees; the same run gives the same bytes.
+
+    ``force``: over a file that somebody else has written too.
 
     Raises:
         InputError: another ending, or the file cannot be written.
@@ -34,11 +36,11 @@ def save_run(run: Run, path: Path) -> None:
     if ending not in (".csv", ".parquet"):
         raise InputError(f"{path}: a run is written as .csv or .parquet, not '{path.suffix}'")
     if ending == ".csv":
-        write_bytes(path, run_text(run).encode())
+        write_bytes(path, run_text(run).encode(), force=force)
         return
     out = io.BytesIO()
     table_of(run).write_parquet(out, metadata=_notes(run))
-    write_bytes(path, out.getvalue())
+    write_bytes(path, out.getvalue(), force=force)
 
 
 def run_text(run: Run, remarks: str = "") -> str:

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from planner.cell.cell import Cell
-from planner.common.progress import REFINEMENT, ROADMAP, Stages, must_stop
+from planner.common.progress import REFINEMENT, ROADMAP, Stages, TimeLimit
 from planner.common.summary import Aside
 from planner.common.units import Array, from_mm
 from planner.design.bayesian_design import choose_bayesian_poses
@@ -56,26 +56,26 @@ class BarPoses(PoseSession):
 
     def draw(self, stages: Stages) -> None:
         """Settle fixtures and mount poses, and draw the candidates, those that a path joins to them."""
-        seed = self.options.seed
+        seed, limit = self.options.seed, stages.limit
         if self.options.fixtures is not None:
             with stages.stage("fixtures"):
-                added = add_fixtures(self.cell, self.options.fixtures, seed, stages.say)
+                added = add_fixtures(self.cell, self.options.fixtures, seed, stages.say, limit)
             self.cell = added.cell
             self.notes += describe_added_fixtures(added)
         if self.poses is not None:
             check_pose_number(self.cell, self.poses, seed)
         with stages.stage("candidates") as progress:
-            given, self.cell = self.cell, with_mounts(self.cell, seed)
-            pool = draw_candidates(self.cell, self.cell.plan.candidates, seed, progress)
+            given, self.cell = self.cell, with_mounts(self.cell, seed, limit)
+            pool = draw_candidates(self.cell, self.cell.plan.candidates, seed, progress, limit)
         with stages.stage("roadmap"):
-            reach = join_to_mounts(self.cell, pool, seed)
-            moved = move_mounts(self.cell, given, pool, reach.joined, seed)
-            if moved is not self.cell and not must_stop(ROADMAP, "another mount pose was not tried"):
-                other = draw_candidates(moved, moved.plan.candidates, seed)
-                there = join_to_mounts(moved, other, seed)
+            reach = join_to_mounts(self.cell, pool, seed, limit=limit)
+            moved = move_mounts(self.cell, given, pool, reach.joined, seed, limit)
+            if moved is not self.cell and not limit.must_stop(ROADMAP, "another mount pose was not tried"):
+                other = draw_candidates(moved, moved.plan.candidates, seed, limit=limit)
+                there = join_to_mounts(moved, other, seed, limit=limit)
                 if there.joined.sum() > reach.joined.sum():
                     self.cell, pool, reach = moved, other, there
-            kept = drop_unreachable(self.cell, pool, reach, self.index, self.poses, seed)
+            kept = drop_unreachable(self.cell, pool, reach, self.index, self.poses, seed, limit)
             self.pool, self.reach, notes, self.near = kept
             self.notes += notes
 
@@ -84,21 +84,22 @@ class BarPoses(PoseSession):
         cell, pool, index, seed, poses = self.cell, self.pool, self.index, self.options.seed, self.poses
         if self.tracing:
             with stages.stage("foresight") as progress:
-                expected = choose_bayesian_poses(cell, pool, poses, progress, until=self.until)
+                expected = choose_bayesian_poses(cell, pool, poses, progress, until=self.until, limit=stages.limit)
             with stages.stage("selection"):
-                return Selection(judge_poses(cell, pool, expected.chosen, index, self.near), expected_error=expected)
+                judged = judge_poses(cell, pool, expected.chosen, index, self.near, stages.limit)
+                return Selection(judged, expected_error=expected)
         with stages.stage("selection"):
             poses = traceable_pose_count(cell, pool) if self.rivals and poses is None else poses
-            choice, curve = select_poses(cell, pool, poses, index, seed, self.near, self.method)
+            choice, curve = select_poses(cell, pool, poses, index, seed, self.near, self.method, stages.limit)
         if not self.rivals:
             return Selection(choice, curve)
         with curve, stages.stage("separation"):
-            parted = select_discriminating_poses(cell, pool, choice, self.rivals, seed)
+            parted = select_discriminating_poses(cell, pool, choice, self.rivals, seed, stages.limit)
         return Selection(parted.choice, curve, parted)
 
     def refine(self, chosen: Selection, stages: Stages) -> PoseChoice:
         """Replace what no path joins, then move the poses off the grid; pruned ones and those for rivals stay on it."""
-        cell, seed = self.cell, self.options.seed
+        cell, seed, limit = self.cell, self.options.seed, stages.limit
         with stages.stage("refinement"):
             choice, count = replace_all(
                 self.pool,
@@ -114,9 +115,9 @@ class BarPoses(PoseSession):
                 self.notes.append(f"{cell.robot.name} has no collision bodies: {checked}")
             if chosen.expected_error and cell.plan.refine:
                 unknown = chosen.expected_error.unknown
-                return replace(choice, q=refine_bayesian_poses(cell, unknown, choice.samples, seed))
+                return replace(choice, q=refine_bayesian_poses(cell, unknown, choice.samples, seed, limit))
             settled = chosen.discriminating or chosen.expected_error or choice.pruning
-            return choice if settled else refine_poses(cell, choice, seed)
+            return choice if settled else refine_poses(cell, choice, seed, limit)
 
     def _find_unjoined(self, choice: PoseChoice) -> np.ndarray:
         """Positions of the chosen poses that are not in the part of their mount pose."""
@@ -132,13 +133,14 @@ class BarPoses(PoseSession):
         count = min(self.cell.plan.validate, len(others))
         return np.sort(np.random.default_rng(self.options.seed).choice(others, count, replace=False))
 
-    def places(self) -> list[MountingSession]:
+    def places(self, limit: TimeLimit) -> list[MountingSession]:
         """Return every place of the bar, to be measured with it and travelled to without."""
         repeats = 0 if self.cell.motion.is_continuous else self.cell.plan.repeat
         out = []
         for m in self.cell.mountings:
             near = self.pool.q[self.pool.samples.at_mounting(m)]
-            out.append(MountingSession(Constraints(self.cell, m), Constraints(self.cell, m, bar=False), near, repeats))
+            measuring, travelling = (Constraints(self.cell, m, bar, limit=limit) for bar in (True, False))
+            out.append(MountingSession(measuring, travelling, near, repeats))
         return out
 
     def stop(self, choice: PoseChoice, k: int) -> TourStop:

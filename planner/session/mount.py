@@ -7,7 +7,7 @@ import numpy as np
 from planner.cell.cell import Cell
 from planner.cell.workspace import Workspace
 from planner.common.errors import InputError, NoSolutionError
-from planner.common.progress import ROADMAP, must_stop
+from planner.common.progress import ROADMAP, UNLIMITED, TimeLimit
 from planner.common.summary import Aside
 from planner.common.units import Array, round_angles
 from planner.design.candidates.pool import PoseSet, draw_candidates
@@ -37,7 +37,7 @@ def check_home(cell: Cell, without_bar: Constraints) -> None:
         raise InputError(f"{cell.path}: home_deg cannot be the start pose: {reason}{cure}")
 
 
-def with_mounts(cell: Cell, seed: int) -> Cell:
+def with_mounts(cell: Cell, seed: int, limit: TimeLimit = UNLIMITED) -> Cell:
     """Return the cell with a mount pose for every fixture and tool point: its own, checked, or one that is found.
 
     The twist of a cable along the bar is counted from there, so it is settled before the candidates are drawn.
@@ -49,7 +49,7 @@ def with_mounts(cell: Cell, seed: int) -> Cell:
     check_home(cell, Constraints(cell, bar=False))
     for m in cell.mountings:
         if cell.mount(m) is None:
-            cell = cell.with_mount(m, round_angles(_find_mount(cell, m, seed)))
+            cell = cell.with_mount(m, round_angles(_find_mount(cell, m, seed, limit)))
     for m in cell.mountings:
         reason = Constraints(cell, m).reason(np.asarray(cell.mount(m)))
         if reason is not None:
@@ -59,7 +59,9 @@ def with_mounts(cell: Cell, seed: int) -> Cell:
     return cell
 
 
-def move_mounts(cell: Cell, given: Cell, pool: PoseSet, joined: np.ndarray, seed: int) -> Cell:
+def move_mounts(
+    cell: Cell, given: Cell, pool: PoseSet, joined: np.ndarray, seed: int, limit: TimeLimit = UNLIMITED
+) -> Cell:
     """Return the cell with other mount poses, in the largest part of the candidates, where nearly none are joined.
 
     The cable's twist is counted from the mount pose, so which candidates there are, and their parts, depend on it.
@@ -70,11 +72,12 @@ def move_mounts(cell: Cell, given: Cell, pool: PoseSet, joined: np.ndarray, seed
         pool: candidates.
         joined: which of them a path joins to their mount pose, (n,) bool.
         seed: of the roadmap.
+        limit: of the time that a plan may take.
     """
     for m in cell.mountings:
         mine = np.flatnonzero(pool.samples.at_mounting(m))
         if given.mount(m) is None and len(mine) and joined[mine].mean() < FEW_JOINED_SHARE:
-            part = connected_parts(Constraints(cell, m), pool.q[mine], seed)
+            part = connected_parts(Constraints(cell, m, limit=limit), pool.q[mine], seed)
             cell = cell.with_mount(m, round_angles(_quickest_roomy(cell.at(m), pool.q[mine[part == 0]])))
     return cell
 
@@ -93,7 +96,13 @@ class MountMaps:
 
 
 def drop_unreachable(
-    cell: Cell, pool: PoseSet, reach: MountMaps, index: str, poses: int | None, seed: int
+    cell: Cell,
+    pool: PoseSet,
+    reach: MountMaps,
+    index: str,
+    poses: int | None,
+    seed: int,
+    limit: TimeLimit = UNLIMITED,
 ) -> tuple[PoseSet, MountMaps, tuple[str, ...], Certificate]:
     """Keep the candidates that a path joins to the mount pose; a note says how many others there were.
 
@@ -107,19 +116,21 @@ def drop_unreachable(
     _, _, rows = identify_candidates(cell, likely)
     n = min(poses or 35, len(rows))  # poses, where no number is given
     # 5e-3: [1] gap of the bound, whose prices single out likely candidates
-    rough = certify_bound(rows, index, n, tolerance=5e-3, seed=seed)
-    if must_stop(ROADMAP, "ways to the mount pose were looked for from a sample of the candidates alone"):
+    rough = certify_bound(rows, index, n, tolerance=5e-3, seed=seed, limit=limit)
+    if limit.must_stop(ROADMAP, "ways to the mount pose were looked for from a sample of the candidates alone"):
         reach = replace(reach, joined=np.ones(len(likely), dtype=bool))
     else:
         order, _ = price_core(rows, rough, n)
         # 2000: likely candidates that are joined to the roadmap themselves
-        reach = join_to_mounts(cell, likely, seed, np.sort(order[:2000]))
+        reach = join_to_mounts(cell, likely, seed, np.sort(order[:2000]), limit)
     lost = len(pool) - int(reach.joined.sum())
     note = Aside(f"{lost} of {len(pool)} candidates were left out: no path joins them to the mount pose")
     return likely.take(reach.joined), reach, (note,) if lost else (), rough.among(reach.joined)
 
 
-def join_to_mounts(cell: Cell, pool: PoseSet, seed: int, certain: np.ndarray = NONE) -> MountMaps:
+def join_to_mounts(
+    cell: Cell, pool: PoseSet, seed: int, certain: np.ndarray = NONE, limit: TimeLimit = UNLIMITED
+) -> MountMaps:
     """Tell which candidates lie in their mount pose's part.
 
     The roadmap has those in ``certain`` (positions in the pool) as nodes, and a sample of the others.
@@ -130,17 +141,17 @@ def join_to_mounts(cell: Cell, pool: PoseSet, seed: int, certain: np.ndarray = N
         mine, first = np.flatnonzero(held), certain[held[certain]]
         rows = np.concatenate([first, np.setdiff1d(mine, first)])
         q = np.vstack([np.array(cell.mount(m)), pool.q[rows]])
-        maps[m] = PartMap.of(Constraints(cell, m), q, seed, 1 + len(first))
+        maps[m] = PartMap.of(Constraints(cell, m, limit=limit), q, seed, 1 + len(first))
         part = maps[m].parts(q)
         kept[rows] = part[1:] == part[0]
     return MountMaps(kept, maps)
 
 
-def _find_mount(cell: Cell, mounting: Mounting, seed: int) -> Array:
+def _find_mount(cell: Cell, mounting: Mounting, seed: int, limit: TimeLimit) -> Array:
     """Return a pose in the largest part of the shell."""
     one = replace(cell.unwound.only(mounting), plan=replace(cell.plan, grid_step=None))
-    q = draw_candidates(one, 2000, seed).q  # poses among which a mount pose is looked for
-    return _quickest_roomy(one, q[connected_parts(Constraints(one), q, seed) == 0])
+    q = draw_candidates(one, 2000, seed, limit=limit).q  # poses among which a mount pose is looked for
+    return _quickest_roomy(one, q[connected_parts(Constraints(one, limit=limit), q, seed) == 0])
 
 
 def _quickest_roomy(cell: Cell, q: Array) -> Array:

@@ -13,7 +13,7 @@ from planner.cell.cell import Cell
 from planner.common.choices import SelectionMethod
 from planner.common.determinism import on_one_thread
 from planner.common.errors import NoSolutionError
-from planner.common.progress import Stages, TimeIsOverError, current_limit
+from planner.common.progress import Stages, TimeIsOverError, TimeLimit
 from planner.common.second_process import ForkedTask
 from planner.common.summary import Aside
 from planner.common.units import Array
@@ -86,8 +86,7 @@ def plan_session(
     with stages.stage("programs"):
         if driven:
             driven(bare)
-        limit = current_limit()
-        bare = replace(bare, notes=(*bare.notes, *(limit.notes if limit else ())))
+        bare = replace(bare, notes=(*bare.notes, *stages.limit.notes))
         return with_programs(replace(bare, plan_id=content_hash(session.record(bare), bare.cell)), dialects)
 
 
@@ -158,26 +157,26 @@ class PoseSession(ABC):
         """Drive all places, and certify the poses beside that; those that are driven come with the drives."""
 
         def certify(choice: PoseChoice) -> Certificate:
-            return certify_off_grid(self.cell, self.pool, choice) if by_index else choice.certificate
+            return certify_off_grid(self.cell, self.pool, choice, stages.limit) if by_index else choice.certificate
 
         try:
             with ForkedTask(partial(certify, refined)) as certifying, stages.stage("path"):
-                drives, choice = self._drive_places(refined)
+                drives, choice = self._drive_places(refined, stages.limit)
         except TimeIsOverError as over:
-            limit, certificate = current_limit(), certify(refined)
-            notes = (*self.notes, *session_notes(self.cell), *(limit.notes if limit else ()))
+            certificate = certify(refined)
+            notes = (*self.notes, *session_notes(self.cell), *stages.limit.notes)
             raise PathNotProvenError(
                 UnprovenPoses(self.cell, self.options.seed, self.pool, refined, certificate, notes, str(over))
             ) from over
         certificate = certifying.result()
         return choice, certificate if choice is refined else certify(choice), drives
 
-    def _drive_places(self, choice: PoseChoice) -> tuple[tuple[Drive, ...], PoseChoice]:
+    def _drive_places(self, choice: PoseChoice, limit: TimeLimit) -> tuple[tuple[Drive, ...], PoseChoice]:
         """Drive the tour of every mounting; a pose that no path joins is replaced after all, and told."""
         most_replacements = 20  # of a pose that no path joins, before the cell is taken to be split
         checks = self.draw_validation(choice)
         drives: list[Drive] = []
-        for place in self.places():
+        for place in self.places(limit):
             for _ in range(most_replacements):
                 mine = np.flatnonzero(choice.samples.at_mounting(place.mounting))
                 others = checks[self.pool.samples.take(checks).at_mounting(place.mounting)]
@@ -223,7 +222,7 @@ class PoseSession(ABC):
         """Return the candidates by which the fit is judged that never sees them."""
 
     @abstractmethod
-    def places(self) -> list[MountingSession]:
+    def places(self, limit: TimeLimit) -> list[MountingSession]:
         """Return what is measured with each mounting of the gauge."""
 
     @abstractmethod

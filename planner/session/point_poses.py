@@ -4,7 +4,7 @@ import numpy as np
 
 from planner.cell.cell import Cell
 from planner.common.errors import InputError, NoSolutionError
-from planner.common.progress import Stages
+from planner.common.progress import Stages, TimeLimit
 from planner.common.summary import Aside
 from planner.common.units import Array
 from planner.design.candidates.balls import BallFunnel, draw_ball_candidates
@@ -38,16 +38,16 @@ class PointPoses(PoseSession):
 
     def draw(self, stages: Stages) -> None:
         """Draw the candidates and settle where the session starts; keep those that a path joins to it."""
-        seed = self.options.seed
+        seed, limit = self.options.seed, stages.limit
         with stages.stage("candidates") as progress:
-            self.away = Constraints(self.cell, bar=False)
+            self.away = Constraints(self.cell, bar=False, limit=limit)
             if self.at_balls:
                 pool = draw_ball_candidates(self.cell, self.cell.plan.candidates, seed, progress)
             else:
-                pool = draw_candidates(self.cell, self.cell.plan.candidates, seed, progress)
+                pool = draw_candidates(self.cell, self.cell.plan.candidates, seed, progress, limit)
             starts = self.cell.gauge.starts_among(_passed_states(pool))
             self.cell = with_point_mount(self.cell, self.away, seed, starts)
-            self.away = Constraints(self.cell, bar=False, scene=self.away.scene)
+            self.away = Constraints(self.cell, bar=False, scene=self.away.scene, limit=limit)
         with stages.stage("roadmap"):
             self.pool = self._reachable(pool)
 
@@ -74,10 +74,11 @@ class PointPoses(PoseSession):
         cell, pool, index, seed = self.cell, self.pool, self.index, self.options.seed
         with stages.stage("selection"):
             if not self.only_validates:
-                return Selection(*select_poses(cell, pool, self.poses, index, seed, method=self.method))
+                chosen = select_poses(cell, pool, self.poses, index, seed, method=self.method, limit=stages.limit)
+                return Selection(*chosen)
             asked = "validate_" in cell.file.plan.model_fields_set
             count = cell.plan.validate if asked else cell.gauge.validates_with
-            return Selection(judge_poses(cell, pool, _draw_poses(pool, count, seed), index))
+            return Selection(judge_poses(cell, pool, _draw_poses(pool, count, seed), index, limit=stages.limit))
 
     def refine(self, chosen: Selection, stages: Stages) -> PoseChoice:
         """Replace poses whose last way to the ball is not proven; settle which are centred several times."""
@@ -125,7 +126,7 @@ class PointPoses(PoseSession):
             found += mine[self._prove_touch(mine)][:share].tolist()
         return np.sort(np.array(found, dtype=int))
 
-    def places(self) -> list[MountingSession]:
+    def places(self, limit: TimeLimit) -> list[MountingSession]:
         """Return the one place from which everything is measured; balls are repeated in a row, not at the end."""
         repeats = 0 if self.at_balls else self.cell.plan.repeat
         return [MountingSession(self.away, self.away, _passed_states(self.pool), repeats)]

@@ -159,9 +159,11 @@ def join_tour(place: MountingSession, nodes: Array, tsp: TourSolver, seed: int) 
     )
     for _ in range(most_tours):
         with known or nullcontext():
-            tour = solve_tour(cost, forbidden=set(forbidden), method=tsp, seed=seed, nodes=proof)
+            tour = solve_tour(
+                cost, forbidden=set(forbidden), method=tsp, seed=seed, nodes=proof, limit=place.measuring.limit
+            )
             order = [*(int(k) for k in tour.order), 0]
-            order += _repeat_tour(cost, order, place.repeats, set(forbidden), tsp, seed)
+            order += _repeat_tour(cost, order, place, set(forbidden), tsp, seed)
             path = connect_poses(place.measuring, nodes, order, seed=seed, pool=place.detours, known=known)
         if known:
             known.stop()
@@ -191,16 +193,17 @@ def _note_forbidden_legs(tour: Tour, forbidden: dict[tuple[int, int], str]) -> T
 
 
 def _repeat_tour(
-    cost: Array, order: list[int], repeats: int, forbidden: set[tuple[int, int]], tsp: TourSolver, seed: int
+    cost: Array, order: list[int], place: MountingSession, forbidden: set[tuple[int, int]], tsp: TourSolver, seed: int
 ) -> list[int]:
     """Poses visited a second time at the end, spread evenly along the tour: their scatter is the noise floor."""
     inner = order[1:-1]
+    repeats, limit = place.repeats, place.measuring.limit
     if repeats == 0 or not inner:
         return []
     again = [inner[k] for k in np.unique(np.linspace(0, len(inner) - 1, min(repeats, len(inner))).astype(int))]
     nodes = [0, *again]
     inside = {(nodes.index(a), nodes.index(b)) for a, b in forbidden if a in nodes and b in nodes}
-    tour = solve_tour(cost[np.ix_(nodes, nodes)], forbidden=inside, method=tsp, seed=seed)
+    tour = solve_tour(cost[np.ix_(nodes, nodes)], forbidden=inside, method=tsp, seed=seed, limit=limit)
     return [*(nodes[k] for k in tour.order[1:]), 0]
 
 

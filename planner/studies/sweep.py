@@ -207,8 +207,8 @@ class SweepResult(Result):
         """Return the figures of every point."""
         return {"schema": "edbb-sweep-result/1", "points": self.figures.to_dicts()}
 
-    def write(self, folder: Path | str) -> list[Path]:
-        """Write ``sweep.json`` and ``sweep.csv`` beside the parts, which stay."""
+    def write(self, folder: Path | str, force: bool = False) -> list[Path]:
+        """Write ``sweep.json`` and ``sweep.csv`` beside the parts, which stay; older ones are the sweep's own."""
         folder = Path(folder)
         write_text(folder / "sweep.json", document_text(self.content()), own=True)
         write_text(folder / "sweep.csv", self.figures.write_csv(), own=True)

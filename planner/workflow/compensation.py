@@ -80,9 +80,9 @@ class CompensationResult(Result):
             "text": self.file.text,
         }
 
-    def write(self, folder: Path | str) -> list[Path]:
-        """Write the corrected file to a path, in the encoding in which it was read."""
-        write_text(Path(folder), self.file.text, self.file.encoding)
+    def write(self, folder: Path | str, force: bool = False) -> list[Path]:
+        """Write the corrected file to a path, in the encoding in which it was read; ``force``: over one of others."""
+        write_text(Path(folder), self.file.text, self.file.encoding, force=force)
         return [Path(folder)]
 
 

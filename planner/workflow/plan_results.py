@@ -176,13 +176,13 @@ class SimulationResult(Result):
         """Return the run as CSV, with what is true of it in comments."""
         return run_text(self.run, self.run.comments())
 
-    def write(self, folder: Path | str) -> list[Path]:
-        """Write the run into a file, as CSV or Parquet by the name's ending."""
+    def write(self, folder: Path | str, force: bool = False) -> list[Path]:
+        """Write the run into a file, as CSV or Parquet by the name's ending; ``force``: over a file of others too."""
         path = Path(folder)
         if path.suffix.lower() == ".csv":
-            write_text(path, self.text())
+            write_text(path, self.text(), force=force)
         else:
-            save_run(self.run, path)
+            save_run(self.run, path, force)
         return [path]
 
 
@@ -193,9 +193,12 @@ class ExportResult:
     programs: tuple[ProgramFile, ...]
     notes: tuple[str, ...] = ()
 
-    def write(self, path: Path | str) -> list[str]:
-        """Write the program to ``path`` and the others beside it; returned is what a person must know of that."""
-        return write_program_as(self.programs, Path(path))
+    def write(self, path: Path | str, force: bool = False) -> list[str]:
+        """Write the program to ``path`` and the others beside it; returned is what a person must know of that.
+
+        ``force``: over files of others too.
+        """
+        return write_program_as(self.programs, Path(path), force)
 
 
 def plan_files(programs: Programs) -> str:

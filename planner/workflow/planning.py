@@ -7,7 +7,7 @@ from planner.cell.cell import Cell
 from planner.cell.reading import load_cell
 from planner.common.calls import called_with
 from planner.common.files import folder_of
-from planner.common.progress import Stages, TimeLimit, limit_time
+from planner.common.progress import UNLIMITED, Stages, TimeLimit
 from planner.common.units import from_mm
 from planner.design.free_parameters import check_effects
 from planner.instruments.next_session import CalibratedState, NextSessionChooser
@@ -39,17 +39,16 @@ def plan(asked: PlanCall) -> PlanResult | PosesResult | SessionResult:
         MissingProgramError: a package of planning is not installed.
     """
     require_planning_packages()
-    stages = Stages(asked.progress)
+    limit = UNLIMITED if asked.time_limit is None else TimeLimit(asked.time_limit)
+    stages = Stages(asked.progress, limit)
     chosen = asked.cell if isinstance(asked.cell, Cell) else load_cell(str(asked.cell))
-    limit = None if asked.time_limit is None else TimeLimit(asked.time_limit)
-    with limit_time(limit):
-        if kind := kind_of_cell(chosen):
-            made = kind.load_maker().plan(chosen, asked, stages)
-            return replace(made, cut_short=limit.notes if limit else ())
-        try:
-            return PlanResult(plan_cell(chosen, asked, stages), stages, limit.notes if limit else ())
-        except PathNotProvenError as cut:
-            return PosesResult(cut.poses, (*(limit.notes if limit else ()), str(cut)))
+    if kind := kind_of_cell(chosen):
+        made = kind.load_maker().plan(chosen, asked, stages)
+        return replace(made, cut_short=limit.notes)
+    try:
+        return PlanResult(plan_cell(chosen, asked, stages), stages, limit.notes)
+    except PathNotProvenError as cut:
+        return PosesResult(cut.poses, (*limit.notes, str(cut)))
 
 
 def plan_cell(cell: Cell, options: PlanOptions, stages: Stages) -> Plan:

@@ -68,11 +68,11 @@ def trajectory_csv(plan: SessionPlan, one_clock: bool) -> str:
     return table_csv(pl.concat(frames))
 
 
-def write_program_as(files: tuple[ProgramFile, ...], path: Path) -> list[str]:
+def write_program_as(files: tuple[ProgramFile, ...], path: Path, force: bool = False) -> list[str]:
     """Write the first of ``files`` to ``path`` as given and the others beside it; return what a person must know.
 
     A companion of the same name takes the name of ``path`` where that differs from its own in nothing but case;
-    else it keeps the name by which the program finds it.
+    else it keeps the name by which the program finds it. ``force``: files of others are written over.
 
     Raises:
         InputError: ``path`` is the name of one of the others, a device for several files, or cannot be written.
@@ -86,10 +86,11 @@ def write_program_as(files: tuple[ProgramFile, ...], path: Path) -> list[str]:
         targets.append(path.with_name((path.stem if same else other.stem) + other.suffix))
     if len({t.name.lower() for t in targets}) < len(targets):
         raise InputError(f"{path}: this name is that of another file of the program; {first.name} starts it")
-    check_writing(path)
+    check_writing(path, force=force)
     if len(files) > 1 and path.exists() and not path.is_file():
         raise InputError(f"{path}: is no plain file, and the program is {len(files)} files; name a file")
-    write_together([(t, encode_text(t, f.text, f.encoding)) for t, f in zip(targets, files, strict=True)])
+    texts = [(t, encode_text(t, f.text, f.encoding)) for t, f in zip(targets, files, strict=True)]
+    write_together(texts, force=force)
     said = [f"{asked} is written; the controller takes it under the name {first.name}"]
     needed = [f"{target} is written too: {path.name} needs it beside it" for target in targets[1:]]
     return (said if path.name != first.name else []) + needed

@@ -30,7 +30,7 @@ from scipy.spatial import cKDTree
 import planner.motion.path.connection as connection
 import planner.motion.path.roadmap as roadmap_module
 from planner.cell.reading import load_cell, shipped_cells
-from planner.common.progress import Stages
+from planner.common.progress import UNLIMITED, Stages
 from planner.motion.path.roadmap import BOX_MARGIN, MILESTONES, NEIGHBOURS, LazyGraph, Roadmap, rrt_connect
 from planner.motion.path.verdict import ProvenPath
 from planner.motion.tour.solve import solve_tour
@@ -162,7 +162,7 @@ def prepare(name, poses, seed):
     chosen = session.select(Stages())
     with chosen.curve:
         choice = session.refine(chosen, Stages())
-    for place in session.places():
+    for place in session.places(UNLIMITED):
         mine = np.flatnonzero(choice.samples.at_mounting(place.mounting))
         nodes = np.array([place.mount, *(session.stop(choice, int(k)).node for k in mine)])
         tour = solve_tour(tour_costs(place.cell, place.mounting, nodes), nodes=PROOF_NODES)

@@ -15,7 +15,7 @@ import pytest
 from planner.cli.app import main
 from planner.cli.terminal import give
 from planner.common.errors import InputError, NoSolutionError
-from planner.common.files import INPUTS, OVERWRITING, read_utf8, write_text
+from planner.common.files import INPUTS, read_utf8, write_text
 from planner.common.result import FolderResult, Result
 from planner.common.result_folder import changed_files, draft_folder, move_all
 from planner.common.summary import Summary
@@ -29,18 +29,11 @@ MAP = 'schema = "edbb-map/1"\nmeasure = "static"\nheader = false\n[columns]\n' +
 MAP += "length_mm = 7\n"
 
 
-@pytest.fixture(autouse=True)
-def _no_force():
-    OVERWRITING.allowed = False
-    yield
-    OVERWRITING.allowed = False
-
-
-def _results(folder: Path, **files: str) -> None:
+def _results(folder: Path, force: bool = False, **files: str) -> None:
     with draft_folder(folder) as draft:
         for name, text in files.items():
             write_text(draft / name.replace("_", "."), text)
-        move_all(draft, folder)
+        move_all(draft, folder, force)
 
 
 def _content(folder: Path) -> dict[str, str]:
@@ -73,8 +66,7 @@ def test_a_file_that_a_person_changed_or_wrote_is_not_written_over(tmp_path):
     (tmp_path / "own" / "robot.toml").write_text("mine")
     with pytest.raises(InputError, match=r"robot\.toml: was not written by edbb"):
         _results(tmp_path / "own", identification_json="{}", robot_toml="new")
-    OVERWRITING.allowed = True
-    _results(out, plan_json="{2}", a_src="two")
+    _results(out, force=True, plan_json="{2}", a_src="two")
     assert _content(out)["a.src"] == "two"
 
 
@@ -82,16 +74,15 @@ def test_what_was_read_is_never_written_over(tmp_path):
     out, run = tmp_path / "out", tmp_path / "run.csv"
     _results(out, plan_json="{1}", cell_toml="cell")
     run.write_text("# plan_id: 0\n")
-    OVERWRITING.allowed = True
     with INPUTS.watch():
         read_utf8(out / "cell.toml")
         read_utf8(run)
         with pytest.raises(InputError, match=r"cell\.toml: this command has read it"):
-            _results(out, plan_json="{2}", cell_toml="new")
+            _results(out, force=True, plan_json="{2}", cell_toml="new")
         (tmp_path / "link.csv").symlink_to(run)
         for path in (run, tmp_path / "link.csv"):
             with pytest.raises(InputError, match="this command has read it"):
-                write_text(path, "new")
+                write_text(path, "new", force=True)
     assert _content(out) == {"plan.json": "{1}", "cell.toml": "cell"}
     assert run.read_text() == "# plan_id: 0\n"
 

@@ -5,7 +5,7 @@ import pytest
 
 from planner.cell.reading import load_cell
 from planner.common.errors import NoSolutionError
-from planner.common.progress import TimeLimit, current_limit, limit_time, must_stop
+from planner.common.progress import UNLIMITED, Stages, TimeLimit
 from planner.design.selection.index_search import exchange_poses
 from planner.motion.path.constraints import Constraints
 
@@ -13,21 +13,25 @@ from planner.motion.path.constraints import Constraints
 def test_a_share_that_is_over_is_noted_once() -> None:
     limit = TimeLimit(10.0)
     limit.start -= 5.0
-    with limit_time(limit):
-        assert current_limit() is limit
-        assert must_stop(0.4, "this")
-        assert must_stop(0.3, "this")
-        assert not must_stop(0.6, "that")
+    assert limit.must_stop(0.4, "this")
+    assert limit.must_stop(0.3, "this")
+    assert not limit.must_stop(0.6, "that")
     assert limit.notes == ("time limit of 10 s: this",)
-    assert not must_stop(0.0, "no limit holds")
+
+
+def test_without_a_limit_nothing_is_over() -> None:
+    assert Stages().limit is UNLIMITED
+    assert not UNLIMITED.must_stop(0.0, "nothing")
+    assert UNLIMITED.seconds_left(0.5) == np.inf
+    UNLIMITED.check("proving")
+    assert UNLIMITED.notes == ()
 
 
 def test_a_search_that_is_cut_keeps_a_bound_that_holds() -> None:
     rows = np.random.default_rng(0).normal(size=(400, 1, 5))
     whole = exchange_poses(rows, 12, "O2")
     limit = TimeLimit(1.0, start=0.0)
-    with limit_time(limit):
-        cut = exchange_poses(rows, 12, "O2")
+    cut = exchange_poses(rows, 12, "O2", limit=limit)
     assert limit.notes
     assert cut.certificate is not None
     assert whole.certificate is not None
@@ -37,8 +41,9 @@ def test_a_search_that_is_cut_keeps_a_bound_that_holds() -> None:
 
 
 def test_no_motion_counts_as_proven_once_time_is_over() -> None:
-    constraints = Constraints(load_cell("ur10/edbb"), bar=False)
-    home = constraints.cell.home[None]
-    assert constraints.prove(home, home).proven.all()
-    with limit_time(TimeLimit(1.0, start=0.0)), pytest.raises(NoSolutionError, match="1 s is over"):
-        constraints.prove(home, home)
+    free = Constraints(load_cell("ur10/edbb"), bar=False)
+    home = free.cell.home[None]
+    assert free.prove(home, home).proven.all()
+    held = Constraints(free.cell, bar=False, scene=free.scene, limit=TimeLimit(1.0, start=0.0))
+    with pytest.raises(NoSolutionError, match="1 s is over"):
+        held.prove(home, home)

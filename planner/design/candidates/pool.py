@@ -11,7 +11,7 @@ from planner.cell.cell import Cell
 from planner.cell.gauge_types import JointSamples
 from planner.cell.workspace import SAFETY_MARGIN, Workspace
 from planner.common.errors import InputError, NoSolutionError
-from planner.common.progress import CANDIDATES, ROADMAP, must_stop
+from planner.common.progress import CANDIDATES, ROADMAP, UNLIMITED, TimeLimit
 from planner.common.second_process import available_threads
 from planner.common.units import Array
 from planner.motion.collision.engines import CollisionWorld
@@ -82,7 +82,13 @@ class PoseSet:
         return PoseSet(self.samples.take(rows), self.funnel, ball, back)
 
 
-def draw_candidates(cell: Cell, count: int, seed: int = 0, progress: Progress | None = None) -> PoseSet:
+def draw_candidates(
+    cell: Cell,
+    count: int,
+    seed: int = 0,
+    progress: Progress | None = None,
+    limit: TimeLimit = UNLIMITED,
+) -> PoseSet:
     """Draw ``count`` candidates, shared evenly by the fixtures and tool points, or what the rounds allow.
 
     Args:
@@ -90,6 +96,7 @@ def draw_candidates(cell: Cell, count: int, seed: int = 0, progress: Progress | 
         count: how many are wanted.
         seed: of the low-discrepancy sequence.
         progress: called with (found, wanted).
+        limit: of the time that a plan may take.
 
     Raises:
         NoSolutionError: no state passes all filters; the message names the filter that emptied, and what would help.
@@ -98,7 +105,7 @@ def draw_candidates(cell: Cell, count: int, seed: int = 0, progress: Progress | 
     parts: list[Samples] = []
     funnel = Funnel()
     for mounting in cell.mountings:
-        q, counted = _draw_at(cell, mounting, share, seed, progress)
+        q, counted = _draw_at(cell, mounting, share, seed, progress, limit)
         funnel += counted
         if len(q) == 0:
             raise NoSolutionError(explain_empty(cell, mounting, counted))
@@ -106,7 +113,9 @@ def draw_candidates(cell: Cell, count: int, seed: int = 0, progress: Progress | 
     return PoseSet(Samples.concatenate(parts), funnel)
 
 
-def _draw_at(cell: Cell, mounting: Mounting, count: int, seed: int, progress: Progress | None) -> tuple[Array, Funnel]:
+def _draw_at(
+    cell: Cell, mounting: Mounting, count: int, seed: int, progress: Progress | None, limit: TimeLimit
+) -> tuple[Array, Funnel]:
     world, workspace = CollisionWorld.from_cell(cell, mounting), Workspace(cell, mounting)
     found: list[Array] = []
     funnel, total = Funnel(), 0
@@ -124,7 +133,7 @@ def _draw_at(cell: Cell, mounting: Mounting, count: int, seed: int, progress: Pr
         hopeless = total == 0 and (funnel.cable > none_is_free or out_of_reach or closed)
         if (total >= count and not whole) or hopeless:
             break
-        if must_stop(CANDIDATES if total else ROADMAP, f"{min(total, count)} of {count} candidates were drawn"):
+        if limit.must_stop(CANDIDATES if total else ROADMAP, f"{min(total, count)} of {count} candidates were drawn"):
             break
     q = np.vstack(found)
     if whole and len(q) > count:  # a grid is thinned evenly, not cut off

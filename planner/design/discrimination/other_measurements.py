@@ -9,6 +9,7 @@ import numpy as np
 from planner.cell.cell import Cell
 from planner.cell.setup import MeasurementSetup
 from planner.common.errors import NoSolutionError
+from planner.common.progress import UNLIMITED, TimeLimit
 from planner.common.units import Array, to_mm
 from planner.design.assumptions import ALIKE_SHARE, LOG_LIKELIHOOD_EVIDENCE, OTHER_MEASUREMENT_FACTOR, UNSAID_PAYLOAD
 from planner.design.candidates.pool import draw_candidates
@@ -52,11 +53,12 @@ class OtherMeasurements:
     scale: float
     n: int
     seed: int
+    limit: TimeLimit = UNLIMITED
 
     @cached_property
     def measurements(self) -> tuple[OtherMeasurement, ...]:
         """All of them."""
-        return tuple(propose_measurements(self.cell, self.sight, self.scale, self.n, self.seed))
+        return tuple(propose_measurements(self.cell, self.sight, self.scale, self.n, self.seed, self.limit))
 
     def help(self, asked: QuestionSet, pair: RivalPair) -> tuple[str, ...]:
         """Those that would tell a pair apart, in words."""
@@ -64,7 +66,7 @@ class OtherMeasurements:
 
 
 def propose_measurements(
-    cell: Cell, sight: PredictedReadings, scale: float, poses: int, seed: int
+    cell: Cell, sight: PredictedReadings, scale: float, poses: int, seed: int, limit: TimeLimit = UNLIMITED
 ) -> Iterator[OtherMeasurement]:
     """Yield ways of measuring otherwise; ``scale``: noise in the model's."""
     few = sight.thin()
@@ -79,23 +81,23 @@ def propose_measurements(
                 "driving the path both ways (motion.both_ways = true)", replace(few, samples=few.samples + back)
             )
     if few.model.setup.gauge.is_attached:
-        yield from _second_fixture(cell, few, scale, poses, seed)
+        yield from _second_fixture(cell, few, scale, poses, seed, limit)
         # 1.5: a bar half as long again
         longer = replace(cell, gauge=replace(cell.gauge, length_max=1.5 * cell.gauge.length_max))
-        samples = _draw_visits(longer, poses, seed)
+        samples = _draw_visits(longer, poses, seed, limit)
         if samples:
             yield OtherMeasurement(f"a longer {cell.gauge.noun}", PredictedReadings.of(few.model, samples, scale))
 
 
 def _second_fixture(
-    cell: Cell, few: PredictedReadings, scale: float, poses: int, seed: int
+    cell: Cell, few: PredictedReadings, scale: float, poses: int, seed: int, limit: TimeLimit
 ) -> Iterator[OtherMeasurement]:
     cell = cell.only(FIRST_MOUNTING).with_mount(FIRST_MOUNTING, None)
     first = cell.fixtures[0]
     for turn in (0.9, -0.9, 1.8, -1.8):  # [rad] about the base's axis
         R = np.array([[np.cos(turn), -np.sin(turn), 0.0], [np.sin(turn), np.cos(turn), 0.0], [0.0, 0.0, 1.0]])
         fixture = replace(first, p_BX=R @ first.p_BX)
-        samples = _draw_visits(replace(cell, fixtures=(fixture,)), poses, seed)
+        samples = _draw_visits(replace(cell, fixtures=(fixture,)), poses, seed, limit)
         if not samples:
             continue
         setup = few.model.setup
@@ -125,10 +127,10 @@ def _add_place(setup: MeasurementSetup, p_BX: Array) -> MeasurementSetup:
     )
 
 
-def _draw_visits(cell: Cell, poses: int, seed: int) -> tuple[Samples, ...]:
+def _draw_visits(cell: Cell, poses: int, seed: int, limit: TimeLimit) -> tuple[Samples, ...]:
     """Visits of candidates of another cell; none where it has none."""
     try:
         # 800: candidates: enough to say whether it would help
-        return candidate_visits(cell.unwound, draw_candidates(cell.unwound, 800, seed), poses, seed)
+        return candidate_visits(cell.unwound, draw_candidates(cell.unwound, 800, seed, limit=limit), poses, seed)
     except NoSolutionError:
         return ()

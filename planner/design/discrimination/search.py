@@ -6,6 +6,7 @@ from typing import ClassVar
 import numpy as np
 
 from planner.common.determinism import Positions, round_significant
+from planner.common.progress import UNLIMITED, TimeLimit
 from planner.common.units import Array
 from planner.design.assumptions import INFORMATION_RIDGE
 from planner.design.discrimination.criterion import DTCriterion
@@ -67,7 +68,7 @@ class DTPricing(Pricing):
         """Solve on the active candidates; weights sum to the number of poses."""
         capped = len(state.active) > self.count
         problem = ConcaveProblem(self.rows[state.active], self.count, capped, self.aim)
-        z, _ = solve_interior_point(problem, problem.start(state.weights), accuracy)
+        z, _ = solve_interior_point(problem, problem.start(state.weights), accuracy, self.limit)
         weights = z * (self.count / np.sum(z))
         mass = problem.mass(weights)
         dual = TangentDual(self.aim.slope(mass), self.aim.value(mass), self.count)
@@ -91,11 +92,13 @@ class DTPricing(Pricing):
         return ActiveSet(active, np.array([known.get(int(k), 1e-3) for k in active]))
 
 
-def bound_criterion(rows: Array, aim: DTCriterion, poses: int, start: Positions) -> Certificate:
+def bound_criterion(
+    rows: Array, aim: DTCriterion, poses: int, start: Positions, limit: TimeLimit = UNLIMITED
+) -> Certificate:
     """Return a bound on the criterion of any ``poses`` of the candidates ``rows`` (N, r, p); ``start``: a choice."""
     tolerance = 2e-3  # [1] gap of the bound: finer than a reading can decide
     most_rounds = 25  # of adding candidates; the gap that is left is told
-    pricing = DTPricing(rows, poses, "DT", aim)
+    pricing = DTPricing(rows, poses, "DT", limit, aim)
     return generate_columns(pricing, pricing.first(start), tolerance, tolerance / 3, most_rounds)
 
 
@@ -123,7 +126,13 @@ class DTSwaps:
 
 
 def exchange_by_criterion(
-    rows: Array, aim: DTCriterion, bound: Certificate, start: Positions, seed: int, group: Positions
+    rows: Array,
+    aim: DTCriterion,
+    bound: Certificate,
+    start: Positions,
+    seed: int,
+    group: Positions,
+    limit: TimeLimit = UNLIMITED,
 ) -> Positions:
     """Return the best set of as many candidates as ``start`` has, ascending.
 
@@ -138,7 +147,7 @@ def exchange_by_criterion(
             chosen = np.sort(order[first[: len(start)]])
         if len(chosen) < len(start):
             return None
-        chosen = descend(DTSwaps(rows, aim, group), chosen, np.arange(len(rows)))
+        chosen = descend(DTSwaps(rows, aim, group), chosen, np.arange(len(rows)), limit)
         return chosen, aim.value(information_matrix(rows[chosen]))
 
     return search_starts(search, range(DRAWN_STARTS + 1), lambda value, than: value > than + LEAST_GAIN)[0]

@@ -8,6 +8,7 @@ import numpy as np
 from planner.cell.cell import Cell
 from planner.common.determinism import Positions, on_one_thread
 from planner.common.errors import NoSolutionError
+from planner.common.progress import UNLIMITED, TimeLimit
 from planner.common.units import Array
 from planner.design.assumptions import (
     INDUCED_RIVALS_PER_TRUTH,
@@ -141,7 +142,12 @@ class DiscriminatingChoice:
 
 @on_one_thread
 def select_discriminating_poses(
-    cell: Cell, pool: PoseSet, choice: PoseChoice, identified: IdentificationResult, seed: int
+    cell: Cell,
+    pool: PoseSet,
+    choice: PoseChoice,
+    identified: IdentificationResult,
+    seed: int,
+    limit: TimeLimit = UNLIMITED,
 ) -> DiscriminatingChoice:
     """Choose as many candidates as ``choice`` has, to tell every finding from its rivals.
 
@@ -156,10 +162,10 @@ def select_discriminating_poses(
     asked = pose_questions(sight, entries, identified)
     frame, rows = _pool_rows(sight, asked)
     open_, closed = split_separable(asked, frame, rows, len(choice.chosen))
-    other_ways = OtherMeasurements(cell, sight, scale, len(choice.chosen), seed)
+    other_ways = OtherMeasurements(cell, sight, scale, len(choice.chosen), seed, limit)
     sentences = asked.not_shown + tuple(
-        explain_inseparable(pair, limit, other_ways.n, other_ways.help(asked, pair))
-        for k, limit in closed.items()
+        explain_inseparable(pair, most, other_ways.n, other_ways.help(asked, pair))
+        for k, most in closed.items()
         for pair in [asked.pairs[k]]
     )
     if not open_:
@@ -168,7 +174,8 @@ def select_discriminating_poses(
         )
     places = choice.chosen
     for _ in range(3):  # rounds of choosing and taking up the rivals that the chosen poses would bring up
-        places = descend(DTSwaps(rows, _make_criterion(frame, asked, open_), group), places, np.arange(len(rows)))
+        swaps = DTSwaps(rows, _make_criterion(frame, asked, open_), group)
+        places = descend(swaps, places, np.arange(len(rows)), limit)
         known = len(asked.pairs)
         asked = add_induced_rivals(sight, entries, asked, open_, places)
         if len(asked.pairs) == known:
@@ -176,14 +183,14 @@ def select_discriminating_poses(
         frame, rows = _pool_rows(sight, asked)
         open_ |= split_separable(asked, frame, rows, len(places), known)[0]
     aim = _make_criterion(frame, asked, open_)
-    bound = bound_criterion(rows, aim, len(places), places)
-    places = exchange_by_criterion(rows, aim, bound, places, seed, group)
+    bound = bound_criterion(rows, aim, len(places), places, limit)
+    places = exchange_by_criterion(rows, aim, bound, places, seed, group, limit)
     now, before = (pair_powers(asked, frame, information_matrix(rows[k])) for k in (places, choice.chosen))
     told = []
-    for k, limit in sorted(open_.items()):
+    for k, most in sorted(open_.items()):
         pair, (size, power) = asked.pairs[k], now[k]
         help_ = other_ways.help(asked, pair) if pair.named and power < UNSURE_POWER else ()
-        told.append(PairPower(pair.finding, pair.rival, pair.named, size, power, before[k][0], limit, help_))
+        told.append(PairPower(pair.finding, pair.rival, pair.named, size, power, before[k][0], most, help_))
     separation = Discrimination(
         tuple(told),
         sentences,

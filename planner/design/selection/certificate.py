@@ -13,7 +13,7 @@ from typing import ClassVar, Protocol
 import numpy as np
 
 from planner.common.determinism import Positions
-from planner.common.progress import BOUND, must_stop
+from planner.common.progress import BOUND, TimeLimit
 from planner.common.units import Array, read_only
 
 
@@ -94,12 +94,14 @@ class Pricing(ABC):
         rows: of all candidates, (N, r, P).
         poses: number of candidates in a set, or ``None`` for any number.
         name: of the criterion.
+        limit: of the time that a plan may take.
         negligible: share of the largest weight below which a candidate does not belong to the support.
     """
 
     rows: Array
     poses: int | None
     name: str
+    limit: TimeLimit
     negligible: ClassVar[float] = 0.0
 
     @property
@@ -138,7 +140,7 @@ def generate_columns(pricing: Pricing, state: ActiveSet, tolerance: float, accur
             best = dual, value  # the tightest bound is the one that promises least
         if pricing.distance(relaxed, best[1]) < tolerance or turn == rounds:
             break
-        if must_stop(BOUND, "the bound of the certificate holds, but is not as tight as it can be"):
+        if pricing.limit.must_stop(BOUND, "the bound of the certificate holds, but is not as tight as it can be"):
             break
         grown = pricing.grow(state, dual)
         if grown is None:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from planner.common.determinism import Positions, first_maximum, on_one_thread
 from planner.common.errors import InputError
+from planner.common.progress import UNLIMITED, TimeLimit
 from planner.common.units import Array
 from planner.design.selection.index_criterion import BarrierPotential, PotentialCriterion
 from planner.design.selection.matrix_forms import information_matrix
@@ -120,6 +121,7 @@ def detmax(
     excursion: int = 6,
     group: Positions | None = None,
     likely: Positions | None = None,
+    limit: TimeLimit = UNLIMITED,
 ) -> Positions:
     """Return ``n`` distinct candidates (n,) of ``rows`` (N, r, P), ascending, with a large determinant.
 
@@ -147,7 +149,7 @@ def detmax(
 
     best, _ = search_starts(search, range(starts), lambda value, than: value > than + LEAST_GAIN)
     criterion = PotentialCriterion(white, BarrierPotential("O1", 1.0), group)
-    return np.sort(descend(criterion, among[best], everything))
+    return np.sort(descend(criterion, among[best], everything, limit))
 
 
 def _greedy_start(rows: Array, n: int, share: EqualShares | None) -> _DOptimalSet:

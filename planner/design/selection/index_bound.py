@@ -22,6 +22,7 @@ import numpy as np
 
 from planner.common.determinism import Positions, on_one_thread, round_significant
 from planner.common.errors import InputError
+from planner.common.progress import UNLIMITED, TimeLimit
 from planner.common.units import Array, read_only
 from planner.design.observability.information import INDEX_RULES, find_rule, index_value
 from planner.design.selection.certificate import ActiveSet, Certificate, Dual, Pricing, generate_columns
@@ -165,7 +166,7 @@ class IndexPricing(Pricing):
     def solve(self, state: ActiveSet, accuracy: float) -> tuple[ActiveSet, Dual, float]:
         """Solve on the active candidates; the index is that of the weights, scaled to sum to the number of poses."""
         problem = self._problem(state)
-        z, duals = solve_interior_point(problem, problem.start(state.weights), accuracy)
+        z, duals = solve_interior_point(problem, problem.start(state.weights), accuracy, self.limit)
         X, Y = problem.proof(z, duals)
         weights, count = z[: problem.count], self.count
         mass = problem.mass(weights * (count / np.sum(weights)))
@@ -212,6 +213,7 @@ def certify_bound(
     tolerance: float = 5e-4,
     seed: int = 0,
     near: Certificate | None = None,
+    limit: TimeLimit = UNLIMITED,
 ) -> Certificate:
     """Return a certificate that no set of ``poses`` distinct candidates beats ``value`` on ``index``.
 
@@ -232,11 +234,13 @@ def certify_bound(
     if poses is not None and not 1 <= poses <= len(rows):
         raise InputError(f"{poses} poses out of {len(rows)} candidates: choose between 1 and {len(rows)}")
     if index == "O4":
-        return _divide_bounds(*(certify_bound(rows, part, poses, tolerance, seed, near) for part in ("O3", "O2")))
+        return _divide_bounds(
+            *(certify_bound(rows, part, poses, tolerance, seed, near, limit) for part in ("O3", "O2"))
+        )
     if poses == len(rows):
         value, dual = index_value(index, rows), WholePool(index, poses)
         return Certificate(index, value, poses, np.arange(poses), np.ones(poses), value, (dual,), True, 0, poses)
-    pricing = IndexPricing(rows, poses, index)
+    pricing = IndexPricing(rows, poses, index, limit)
     accuracy = 0.05 if near is None else tolerance
     return generate_columns(pricing, pricing.first(seed, near), tolerance, accuracy, most_rounds)
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from planner.common.determinism import Positions, on_one_thread
 from planner.common.errors import InputError
+from planner.common.progress import UNLIMITED, TimeLimit
 from planner.common.second_process import ForkedTask
 from planner.common.units import Array
 from planner.design.observability.information import find_rule
@@ -61,6 +62,7 @@ def compute_index_curve(
     seed: int = 0,
     steps: int = 400,
     near: Certificate | None = None,
+    limit: TimeLimit = UNLIMITED,
 ) -> IndexCurve:
     """Return the index reached and its bound for each number of poses in ``sizes``.
 
@@ -73,8 +75,9 @@ def compute_index_curve(
     found: list[PoseSelection] = []
     before = near
     for n in sorted(set(sizes)):
-        before = certify_bound(rows, index, n, tolerance=5e-3, seed=seed, near=before)  # [1] gap: a curve needs no more
-        found.append(exchange_poses(rows, n, index, starts=1, seed=seed, certificate=before, steps=steps, width=4_000))
+        # 5e-3: [1] gap of the bound: a curve needs no more
+        before = certify_bound(rows, index, n, tolerance=5e-3, seed=seed, near=before, limit=limit)
+        found.append(exchange_poses(rows, n, index, 1, seed, before, steps, width=4_000, limit=limit))
     return IndexCurve(index, tuple(found))
 
 
@@ -111,6 +114,7 @@ class BackgroundCurve(ForkedTask[IndexCurve]):
         seed: of the searches.
         near: a certificate for another number of poses, where the bounds begin.
         help_out: whoever waits for the curve has nothing else to do: it computes every other size itself.
+        limit: of the time that a plan may take.
     """
 
     def __init__(
@@ -121,8 +125,9 @@ class BackgroundCurve(ForkedTask[IndexCurve]):
         seed: int,
         near: Certificate | None = None,
         help_out: bool = False,
+        limit: TimeLimit = UNLIMITED,
     ) -> None:
-        self._compute = partial(compute_index_curve, rows, index=index, seed=seed, near=near)
+        self._compute = partial(compute_index_curve, rows, index=index, seed=seed, near=near, limit=limit)
         self._own = list(sizes)[1::2] if help_out else []
         super().__init__(partial(self._compute, [n for n in sizes if n not in self._own]))
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from planner.common.determinism import Positions, on_one_thread
 from planner.common.errors import InputError
-from planner.common.progress import CHOICE, must_stop
+from planner.common.progress import CHOICE, UNLIMITED, TimeLimit
 from planner.common.units import Array
 from planner.design.observability.information import find_rule
 from planner.design.selection.certificate import Certificate
@@ -22,7 +22,15 @@ from planner.design.selection.index_criterion import (
 from planner.design.selection.search import descend, order_by_weight, search_starts
 
 
-def anneal(rows: Array, chosen: Positions, pool: Positions, index: str, steps: int, seed: int) -> Positions:
+def anneal(
+    rows: Array,
+    chosen: Positions,
+    pool: Positions,
+    index: str,
+    steps: int,
+    seed: int,
+    limit: TimeLimit = UNLIMITED,
+) -> Positions:
     """Return the best set met in ``steps`` swaps between ``chosen`` (n,) and ``pool`` (K,), candidates of ``rows``."""
     block = 256  # draws whose candidates are drawn together
     rng, better = np.random.default_rng(seed), find_rule(index)
@@ -39,7 +47,7 @@ def anneal(rows: Array, chosen: Positions, pool: Positions, index: str, steps: i
     for step in range(steps):
         share = step / steps
         if step % block == 0:
-            if must_stop(CHOICE, "the search for the poses was cut short; the gap to the bound holds"):
+            if limit.must_stop(CHOICE, "the search for the poses was cut short; the gap to the bound holds"):
                 break
             candidates = rng.integers(0, len(pool), (block, look))
         if step % 4 == 0:  # draws with the barriers where they are
@@ -135,6 +143,7 @@ def exchange_poses(
     certificate: Certificate | None = None,
     steps: int = 12_000,
     width: int | None = None,
+    limit: TimeLimit = UNLIMITED,
 ) -> PoseSelection:
     """Return the best set of ``n`` distinct candidates for ``index`` among ``starts`` searches. Deterministic.
 
@@ -151,8 +160,8 @@ def exchange_poses(
             f"{n} poses give {n * rows.shape[1]} readings for {rows.shape[2]} parameters: "
             f"ask for at least {-(-rows.shape[2] // rows.shape[1])} poses"
         )
-    certificate = certificate or certify_bound(rows, index, n, seed=seed)
-    search = _IndexSearch(rows, n, index, certificate, seed, steps, width)
+    certificate = certificate or certify_bound(rows, index, n, seed=seed, limit=limit)
+    search = _IndexSearch(rows, n, index, certificate, seed, steps, width, limit)
     starts = starts or (1 if search.anneals else 4)
     chosen, value = search_starts(search.run, range(starts), find_rule(index).better)
     return PoseSelection(chosen, index, value, certificate)
@@ -169,6 +178,7 @@ class _IndexSearch:
     seed: int
     steps: int
     width: int | None
+    limit: TimeLimit
 
     @property
     def anneals(self) -> bool:
@@ -189,13 +199,13 @@ class _IndexSearch:
         short = np.sort(order[: max(2_000, 10 * n)])  # the descent looks at these before it looks at all
         whole = np.arange(len(rows)) if self.width is None else np.sort(order[: max(self.width, 2 * n)])
         if index == "O1":
-            return descend(PotentialCriterion(rows, BarrierPotential(index, 1.0)), chosen, whole)
+            return descend(PotentialCriterion(rows, BarrierPotential(index, 1.0)), chosen, whole, self.limit)
         if self.anneals:
-            chosen = anneal(rows, chosen, near, index, self.steps, self.seed + 7919 * turn)
+            chosen = anneal(rows, chosen, near, index, self.steps, self.seed + 7919 * turn, self.limit)
             chosen = self._tighten(chosen, short, BARRIER_STRENGTHS[-1:])
         else:
             chosen = self._iterate(chosen, near, short, np.random.default_rng([self.seed, turn, 2]))
-        return descend(IndexCriterion(rows, index), chosen, whole)
+        return descend(IndexCriterion(rows, index), chosen, whole, self.limit)
 
     def _iterate(self, chosen: Positions, near: Positions, short: Positions, rng: np.random.Generator) -> Positions:
         """Iterated descent, for scores that are not exact: throw out an eighth, descend, keep the better."""
@@ -216,5 +226,6 @@ class _IndexSearch:
         self, chosen: Positions, short: Positions, strengths: tuple[float, ...] = BARRIER_STRENGTHS
     ) -> Positions:
         for strength in strengths:
-            chosen = descend(PotentialCriterion(self.rows, BarrierPotential(self.index, strength)), chosen, short)
+            criterion = PotentialCriterion(self.rows, BarrierPotential(self.index, strength))
+            chosen = descend(criterion, chosen, short, self.limit)
         return chosen

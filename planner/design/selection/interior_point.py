@@ -10,7 +10,7 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 from scipy.linalg.lapack import dtrtrs
 
-from planner.common.progress import CHOICE, must_stop
+from planner.common.progress import CHOICE, UNLIMITED, TimeLimit
 from planner.common.units import Array
 from planner.design.selection.relaxation import RelaxationProblem
 
@@ -26,13 +26,15 @@ class _PrimalDual:
     x: Array
 
 
-def solve_interior_point(problem: RelaxationProblem, z: Array, tolerance: float) -> tuple[Array, list[Array]]:
+def solve_interior_point(
+    problem: RelaxationProblem, z: Array, tolerance: float, limit: TimeLimit = UNLIMITED
+) -> tuple[Array, list[Array]]:
     """Return (z, X) with a relative duality gap of about ``tolerance``, from a strictly feasible z."""
     slack = problem.slacks(z)
     mu = max(abs(problem.objective(z)), 1.0) / (len(slack) + 1)
     point = _PrimalDual(z, [mu * _inverse(S) for S in problem.matrices(z)], mu / slack)
     for _ in range(60):  # Newton steps at most
-        if must_stop(CHOICE, "the bound of the certificate holds, but is not as tight as it can be"):
+        if limit.must_stop(CHOICE, "the bound of the certificate holds, but is not as tight as it can be"):
             break  # any duals prove a bound
         gap, degree = _duality_gap(problem, point)
         scale = 1.0 if problem.logarithmic else abs(problem.objective(point.z))

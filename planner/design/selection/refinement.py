@@ -12,7 +12,7 @@ import numpy as np
 
 from planner.common.determinism import Positions, on_one_thread
 from planner.common.errors import InputError
-from planner.common.progress import REFINEMENT, must_stop
+from planner.common.progress import REFINEMENT, UNLIMITED, TimeLimit
 from planner.common.units import Array, read_only
 from planner.design.observability.information import find_rule
 from planner.design.selection.index_criterion import (
@@ -33,7 +33,13 @@ Valid = Callable[[Array, np.ndarray], "np.ndarray[tuple[int, ...], np.dtype[np.b
 
 @on_one_thread
 def refine_off_grid(
-    q0: Array, rows_of: RowsOf, valid: Valid, index: str = "O2", seed: int = 0, rounds: int = 30
+    q0: Array,
+    rows_of: RowsOf,
+    valid: Valid,
+    index: str = "O2",
+    seed: int = 0,
+    rounds: int = 30,
+    limit: TimeLimit = UNLIMITED,
 ) -> Array:
     """Return poses (n, N) [rad] near ``q0`` (n, N) [rad] with a better index.
 
@@ -66,7 +72,7 @@ def refine_off_grid(
                 best = q, rows, value
             if np.mean(reach > LEAST_REACH) < 0.05:  # of the poses still move: they are left there
                 break
-            if must_stop(REFINEMENT, "the poses were refined off the grid only in part"):
+            if limit.must_stop(REFINEMENT, "the poses were refined off the grid only in part"):
                 break
         q, rows = best[0], best[1]
     return read_only(best[0])

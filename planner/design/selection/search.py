@@ -13,7 +13,7 @@ from typing import Protocol
 import numpy as np
 
 from planner.common.determinism import Positions, first_maximum, round_significant
-from planner.common.progress import CHOICE, must_stop
+from planner.common.progress import CHOICE, UNLIMITED, TimeLimit
 from planner.common.units import Array
 
 
@@ -42,10 +42,10 @@ class SequentialCriterion(Protocol):
         """Add a candidate, or remove it where ``sign`` is −1; arrays are replaced, so that copies stay as they were."""
 
 
-def descend(criterion: SwapCriterion, chosen: Positions, pool: Positions) -> Positions:
+def descend(criterion: SwapCriterion, chosen: Positions, pool: Positions, limit: TimeLimit = UNLIMITED) -> Positions:
     """Take the best swap between ``chosen`` (n,) and the rest of ``pool`` until there is none."""
     for _ in range(2_000):  # swaps at most: no descent was seen to take a tenth of them
-        if must_stop(CHOICE, "the search for the poses was cut short; the gap to the bound holds"):
+        if limit.must_stop(CHOICE, "the search for the poses was cut short; the gap to the bound holds"):
             break
         swap = criterion.best_swap(chosen, np.setdiff1d(pool, chosen))
         if swap is None:
@@ -85,6 +85,7 @@ def exchange_singly(
     chosen: Positions,
     passes: int,
     order: Callable[[Positions], Iterable[int]] = lambda chosen: range(len(chosen)),
+    limit: TimeLimit = UNLIMITED,
 ) -> Positions:
     """Remove each of ``chosen`` in turn and add the best candidate in its place, in ``passes`` or until none changes.
 
@@ -94,7 +95,7 @@ def exchange_singly(
     for _ in range(passes):
         before = out.copy()
         for k in order(out):
-            if must_stop(CHOICE, "the search for the poses was cut short; the gap to the bound holds"):
+            if limit.must_stop(CHOICE, "the search for the poses was cut short; the gap to the bound holds"):
                 return out
             kept = copy(criterion)
             criterion.change(int(out[k]), -1)

@@ -193,8 +193,8 @@ def centring_program(how: RobotSettings) -> dict[str, str]:
     return {f"{how.program}.{e}": "\r\n".join(text.splitlines()) + "\r\n" for e, text in texts.items()}
 
 
-def write_centring_program(how: RobotSettings, out: Path) -> list[Path]:
-    """Write the robot's program into a folder, and return its files.
+def write_centring_program(how: RobotSettings, out: Path, force: bool = False) -> list[Path]:
+    """Write the robot's program into a folder, and return its files; ``force``: over files of others too.
 
     Raises:
         InputError: the folder cannot be written.
@@ -205,7 +205,7 @@ def write_centring_program(how: RobotSettings, out: Path) -> list[Path]:
         raise InputError(f"{out}: cannot be made ({err.strerror or err})") from err
     paths = []
     for name, text in centring_program(how).items():
-        write_text(out / name, text, "ascii")
+        write_text(out / name, text, "ascii", force=force)
         paths.append(out / name)
     return paths
 

@@ -9,7 +9,7 @@ from planner.cell.cell import Cell
 from planner.cell.reading import cell_of
 from planner.common.determinism import Positions, even_positions
 from planner.common.errors import InputError
-from planner.common.progress import Stages
+from planner.common.progress import Stages, TimeLimit
 from planner.common.units import Array
 from planner.design.observability.identifiability import find_identifiable
 from planner.design.pose_selection import PoseChoice
@@ -127,13 +127,13 @@ class CheckChooser:
             changes = possible_changes(session.cell, baseline.model.setup, with_play=False)
             changes = build_detector(baseline, changes, pool.take(even_positions(len(pool), COMPETING_CANDIDATES)))[1]
             chosen = choose_check_poses(baseline, changes, pool, self.count)
-            choice = _judge_by_index(session, baseline, changes, chosen)
+            choice = _judge_by_index(session, baseline, changes, chosen, stages.limit)
         session.notes.append(CHECK_NOTE)
         return Selection(choice)
 
 
 def _judge_by_index(
-    session: PoseSession, baseline: Baseline, changes: tuple[Change, ...], chosen: Positions
+    session: PoseSession, baseline: Baseline, changes: tuple[Change, ...], chosen: Positions, limit: TimeLimit
 ) -> PoseChoice:
     """Return the chosen poses with their index on the axes' zeros."""
     samples, size, index = session.pool.samples, session.cell.robot.priors.angle, session.index
@@ -143,5 +143,5 @@ def _judge_by_index(
     seen = find_identifiable(rows, model.names, model.prior, noise=noise)
     kept = list(seen.kept)
     model, rows = model.subset(kept), np.ascontiguousarray(rows[:, :, kept])
-    certificate = certify_bound(rows, index, len(chosen))
+    certificate = certify_bound(rows, index, len(chosen), limit=limit)
     return PoseChoice.among(session.pool, chosen, model, seen, certificate)

@@ -8,7 +8,7 @@ import numpy as np
 from planner.cell.cell import Cell
 from planner.cell.circles import Circle
 from planner.common.errors import InputError, NoSolutionError
-from planner.common.progress import Stages
+from planner.common.progress import UNLIMITED, Stages, TimeLimit
 from planner.common.units import Array, round_angles, to_deg
 from planner.instruments.circular.assumptions import DRIVABLE
 from planner.instruments.circular.configurations import (
@@ -73,9 +73,10 @@ class CircularSession:
         drives: list[CircularDrive] = []
         for mounting in sorted({c.mounting for c in self.cell.circles}):
             with stages.stage("circles"):
-                arcs = self._plan_arcs([c for c in self.cell.circles if c.mounting == mounting])
+                arcs = self._plan_arcs([c for c in self.cell.circles if c.mounting == mounting], stages.limit)
             with stages.stage("path"):
-                drives.append(self._join_circles(mounting, arcs, 2 * sum(len(d.passes) for d in drives)))
+                first = 2 * sum(len(d.passes) for d in drives)
+                drives.append(self._join_circles(mounting, arcs, first, stages.limit))
         collision = (
             *describe_unchecked_links(self.cell),
             *describe_parked_joints(self.cell),
@@ -88,21 +89,21 @@ class CircularSession:
         """Return what decides what is driven and measured."""
         return circular_record(plan)
 
-    def _plan_arcs(self, circles: Sequence[Circle]) -> tuple[Arc, ...]:
+    def _plan_arcs(self, circles: Sequence[Circle], limit: TimeLimit) -> tuple[Arc, ...]:
         """Plan all circles of one fixture; the first one's beginning is the mount pose, unless the cell has one."""
         arcs: list[Arc] = []
         for circle in circles:
             near = self.starts.get(circle.name, arcs[-1].q[0] if arcs else None)
-            arcs.append(plan_arc(self.cell, circle, self.seed, near))
+            arcs.append(plan_arc(self.cell, circle, self.seed, near, limit))
             if self.cell.mount(circle.mounting) is None:
                 mount = arcs[0].q[0] if circle.directions[0] == "ccw" else arcs[0].q[-1]
                 self.cell = self.cell.with_mount(circle.mounting, mount)
         return tuple(arcs)
 
-    def _join_circles(self, mounting: Mounting, arcs: tuple[Arc, ...], first: int) -> CircularDrive:
+    def _join_circles(self, mounting: Mounting, arcs: tuple[Arc, ...], first: int, limit: TimeLimit) -> CircularDrive:
         """Join the circles of one fixture into a session from mount pose to mount pose."""
         cell, seed = self.cell, self.seed
-        with_bar, without_bar = Constraints(cell, mounting), Constraints(cell, mounting, bar=False)
+        with_bar, without_bar = (Constraints(cell, mounting, bar, limit=limit) for bar in (True, False))
         mount = np.asarray(cell.mount(mounting))
         travel = release_way(without_bar, path_to_mount(without_bar, np.vstack([cell.home, mount]), seed))
         passes: list[CircularPass] = []
@@ -171,7 +172,7 @@ def _way_notes(cell: Cell, drives: Sequence[CircularDrive]) -> list[str]:
     return notes
 
 
-def plan_arc(cell: Cell, circle: Circle, seed: int = 0, near: Array | None = None) -> Arc:
+def plan_arc(cell: Cell, circle: Circle, seed: int = 0, near: Array | None = None, limit: TimeLimit = UNLIMITED) -> Arc:
     """Plan the way round a circle: of the roomy ones the nearest.
 
     Args:
@@ -180,6 +181,7 @@ def plan_arc(cell: Cell, circle: Circle, seed: int = 0, near: Array | None = Non
         circle: one of the cell's.
         seed: of everything random.
         near: the state from which the arm comes (N,) [rad], home if ``None``.
+        limit: of the time that a plan may take.
 
     Raises:
         InputError: the bar does not reach round.
@@ -188,7 +190,7 @@ def plan_arc(cell: Cell, circle: Circle, seed: int = 0, near: Array | None = Non
     most_trials = 6  # ways that are driven finely and judged before the circle is given up
     check_bar(cell, circle)
     ways = find_arm_paths(cell, circle, seed)
-    constraints = Constraints(cell, circle.mounting)
+    constraints = Constraints(cell, circle.mounting, limit=limit)
     n = cell.robot.n_joints
     hits = constraints.world.near(ways.q.reshape(-1, n), constraints.clearance).reshape(ways.q.shape[:2])
     free = np.flatnonzero(~hits.any(axis=1))
@@ -238,7 +240,7 @@ def _with_mount(constraints: Constraints, mount: Array) -> Constraints:
     """Count the cable's twist along the bar from a mount pose."""
     held = constraints.workspace.mounting
     cell = constraints.cell.with_mount(held, mount)
-    return Constraints(cell, held, constraints.bar, constraints.scene, constraints.room)
+    return Constraints(cell, held, constraints.bar, constraints.scene, constraints.room, constraints.limit)
 
 
 def _explain_collision(constraints: Constraints, circle: Circle, ways: ArmPaths, hits: np.ndarray) -> str:

@@ -6,6 +6,7 @@ import numpy as np
 
 from planner.cell.cell import Cell
 from planner.cell.workspace import Workspace
+from planner.common.progress import UNLIMITED, TimeLimit
 from planner.common.units import MM, Array, to_deg, to_mm
 from planner.motion.collision.engines import CollisionWorld
 from planner.motion.collision.fcl_world import FclWorld
@@ -25,16 +26,17 @@ class Constraints:
         bar: whether the bar is attached; without it the arm travels free of length, cones and twist about the bar.
         scene: bodies and pairs, where a collision world has already found out which pairs always overlap.
         room: distance of bodies that is wanted beyond the cell's clearance [m].
+        limit: of the time that proofs and searches may take.
     """
 
     def __init__(
         self, cell: Cell, mounting: Mounting = FIRST_MOUNTING, bar: bool = True, scene: Scene | None = None,
-        room: float = 0.0,
+        room: float = 0.0, limit: TimeLimit = UNLIMITED,
     ) -> None:  # fmt: skip
         cell = cell.at(mounting)
         scene = build_scene(cell, mounting) if scene is None else scene
         bar = bar and cell.gauge.is_attached
-        self.cell, self.bar, self.room = cell, bar, room
+        self.cell, self.bar, self.room, self.limit = cell, bar, room, limit
         self.workspace = Workspace(cell, mounting, bar)
         self.scene = scene if bar else scene.without_bar()
         self.world = CollisionWorld(self.scene)
@@ -46,7 +48,7 @@ class Constraints:
         """Return the constraints of the last way to one ball of an artifact, which the indicators' tips may touch."""
         if ball not in self._at_balls:
             scene = self.scene.at_ball(ball)
-            self._at_balls[ball] = Constraints(self.cell, self.workspace.mounting, False, scene, self.room)
+            self._at_balls[ball] = Constraints(self.cell, self.workspace.mounting, False, scene, self.room, self.limit)
         return self._at_balls[ball]
 
     @property
@@ -56,7 +58,7 @@ class Constraints:
 
     def with_room(self, room: float) -> "Constraints":
         """Return the same constraints with bodies kept ``room`` [m] further apart than the cell asks."""
-        wide = Constraints(self.cell, self.workspace.mounting, self.bar, self.scene, room)
+        wide = Constraints(self.cell, self.workspace.mounting, self.bar, self.scene, room, self.limit)
         wide.pairs = self.pairs  # found already: bounds of how fast distances change know no clearance
         return wide
 
@@ -96,7 +98,9 @@ class Constraints:
 
     def judge_by_coal(self, corners: Array) -> Proof:
         """Prove motions or triangles (m, K, N) [rad] with coal's distances alone."""
-        return self._judge_once("coal", Prover(self.bounds, self.pairs, self.world, self.clearance), corners)
+        return self._judge_once(
+            "coal", Prover(self.bounds, self.pairs, self.world, self.clearance, self.limit), corners
+        )
 
     def judge(self, corners: Array) -> Proof:
         """Prove motions or triangles (m, K, N) [rad] again with python-fcl's distances."""
@@ -135,11 +139,11 @@ class Constraints:
 
     @cached_property
     def _prover(self) -> Prover:
-        return Prover(self.bounds, self.pairs, ScreenedDistances(self.world), self.clearance)
+        return Prover(self.bounds, self.pairs, ScreenedDistances(self.world), self.clearance, self.limit)
 
     @cached_property
     def _judge(self) -> Prover:
-        return Prover(self.bounds, self.pairs, FclWorld(self.scene), self.clearance)
+        return Prover(self.bounds, self.pairs, FclWorld(self.scene), self.clearance, self.limit)
 
     def _overrun(self, column: int, margin: float) -> str:
         stage, name = self.workspace.columns[column]

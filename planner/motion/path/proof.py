@@ -8,7 +8,7 @@ from typing import Protocol
 import numpy as np
 
 from planner.common.arrays import Rows
-from planner.common.progress import check_time
+from planner.common.progress import UNLIMITED, TimeLimit
 from planner.common.second_process import ForkedWorker
 from planner.common.units import Array
 from planner.motion.path.margins import PairBounds, WorkspaceBounds
@@ -135,12 +135,14 @@ class Prover:
         bounds, pairs: of the workspace, and of the pairs of bodies.
         distances: the engine.
         clearance: smallest distance wanted [m].
+        limit: of the time that proofs may take.
     """
 
     bounds: WorkspaceBounds
     pairs: PairBounds
     distances: Distances
     clearance: float
+    limit: TimeLimit = UNLIMITED
 
     def prove(self, corners: Array) -> Proof:
         """Prove motions with corners (m, K, N) [rad]: K = 2 straight legs, K = 3 triangles; many on two processors."""
@@ -169,7 +171,7 @@ class Prover:
         for level in range(MOST_BISECTIONS):
             if len(cells.motion) == 0:
                 break
-            check_time("motions are proven")
+            self.limit.check("motions are proven")
             cells, asked = self._level(cells, asked, proof, last=level == MOST_BISECTIONS - 1)
         return proof
 

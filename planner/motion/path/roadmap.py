@@ -11,7 +11,7 @@ from scipy.sparse.csgraph import connected_components, dijkstra
 from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 
-from planner.common.progress import ROADMAP, must_stop
+from planner.common.progress import ROADMAP
 from planner.common.units import Array
 from planner.motion.path.constraints import Constraints
 from planner.motion.planning_packages import ob, og, ou
@@ -171,7 +171,9 @@ class LazyGraph:
             rows = np.flatnonzero((self.known == Known.UNKNOWN) & (a != b))
             if len(rows) == 0:
                 return part
-            if must_stop(share, "which poses can be joined was not proven for all before they were chosen"):
+            if self.constraints.limit.must_stop(
+                share, "which poses can be joined was not proven for all before they were chosen"
+            ):
                 return self._parts(self.known != Known.BROKEN)
             self._prove(_cheapest(rows, part[self.edges[rows]], self.cost[rows], np.bincount(part)))
 

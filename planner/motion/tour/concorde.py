@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from planner.common.errors import PlannerError
-from planner.common.progress import TOUR, seconds_left
+from planner.common.progress import TOUR, UNLIMITED, TimeLimit
 from planner.common.system import kill_group, start_in_own_group
 from planner.common.units import IntArray
 from planner.motion.tour.instance import TourInstance
@@ -56,7 +56,9 @@ def find_concorde() -> Path | None:
     return Path(os.path.abspath(found))
 
 
-def solve_concorde(program: Path, instance: TourInstance, upper: int, seed: int) -> list[int]:
+def solve_concorde(
+    program: Path, instance: TourInstance, upper: int, seed: int, limit: TimeLimit = UNLIMITED
+) -> list[int]:
     """Return the optimal closed tour over the instance's nodes.
 
     Args:
@@ -64,6 +66,7 @@ def solve_concorde(program: Path, instance: TourInstance, upper: int, seed: int)
         instance: the problem.
         upper: cost of a known tour without forbidden legs [units].
         seed: passed on.
+        limit: of the time that a plan may take.
 
     Raises:
         ConcordeError: it crashed, hung or wrote what is not an optimal tour.
@@ -71,7 +74,7 @@ def solve_concorde(program: Path, instance: TourInstance, upper: int, seed: int)
     """
     # a forbidden leg costs more than a tour that is known
     matrix = np.where(instance.forbidden, upper + 1, instance.cost)
-    timeout = min(TIMEOUT_S, seconds_left(TOUR))
+    timeout = min(TIMEOUT_S, limit.seconds_left(TOUR))
     with tempfile.TemporaryDirectory(prefix="edbb-") as folder:
         Path(folder, "problem.tsp").write_text(_tsplib(matrix), encoding="ascii")
         command = [str(program), "-s", str(seed), "-o", "out.sol", "problem.tsp"]

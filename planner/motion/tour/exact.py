@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
-from planner.common.progress import TOUR, seconds_left
+from planner.common.progress import TOUR, UNLIMITED, TimeLimit
 from planner.common.quiet import quiet_output
 from planner.common.units import Array, IntArray
 from planner.motion.tour.instance import TourInstance
@@ -27,10 +27,10 @@ NEIGHBOURS = 6  # of the shortest legs from each node that the relaxation begins
 DUAL_STEPS = 2**14  # steps of a dual value per unit of cost
 
 
-def initial_search(instance: TourInstance, seed: int) -> LocalSearch:
+def initial_search(instance: TourInstance, seed: int, limit: TimeLimit = UNLIMITED) -> LocalSearch:
     """Return a local search that has come to a good tour, a few per cent at most above the best."""
     weight = instance.weigh_legs()
-    search = LocalSearch(weight, nearest_neighbours(weight, 8), greedy_tour(weight), seed)  # neighbours
+    search = LocalSearch(weight, nearest_neighbours(weight, 8), greedy_tour(weight), seed, limit)  # neighbours
     search.improve(len(weight) // 2)
     return search
 
@@ -51,7 +51,8 @@ def solve_embedded(instance: TourInstance, search: LocalSearch, nodes: int) -> t
     if bound >= length or nodes == 0:
         return tour, min(bound, length)
     useful = np.triu(reduced <= (length - 1) * DUAL_STEPS - root, 1) & ~instance.forbidden
-    return _search_tree(instance, tour, np.argwhere(useful), relaxation.tight_sets(), bound, nodes)
+    legs, sets = np.argwhere(useful), relaxation.tight_sets()
+    return _search_tree(instance, tour, legs, sets, bound, nodes, search.limit)
 
 
 class _Program:
@@ -169,7 +170,13 @@ class Relaxation(_Program):
 
 
 def _search_tree(
-    instance: TourInstance, tour: list[int], useful: IntArray, sets: BoolArray, bound: int, limit: int
+    instance: TourInstance,
+    tour: list[int],
+    useful: IntArray,
+    sets: BoolArray,
+    bound: int,
+    most_nodes: int,
+    limit: TimeLimit,
 ) -> tuple[list[int], int]:
     """Return the shortest tour over the legs (k, 2), ``tour`` where none is shorter, and the proven bound [units]."""
     length, nodes = instance.length(tour), 0
@@ -181,8 +188,8 @@ def _search_tree(
     program.add_sets(sets)
     program.make_whole()
     while True:
-        program.solver.setOptionValue("mip_max_nodes", limit - nodes)
-        program.solver.setOptionValue("time_limit", program.solver.getRunTime() + seconds_left(TOUR))
+        program.solver.setOptionValue("mip_max_nodes", most_nodes - nodes)
+        program.solver.setOptionValue("time_limit", program.solver.getRunTime() + limit.seconds_left(TOUR))
         if allowed:
             program.start_from(tour)
         x = program.point()
@@ -195,7 +202,7 @@ def _search_tree(
         if optimal and len(parts) == 1:
             shorter = _cycle(x)
             return shorter, instance.length(shorter)
-        if not optimal or nodes >= limit:
+        if not optimal or nodes >= most_nodes:
             return tour, min(length, max(bound, int(np.ceil(info.mip_dual_bound - 0.5))))
         program.add_sets(parts)
 

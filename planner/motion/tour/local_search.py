@@ -9,19 +9,21 @@ from random import Random
 
 import numpy as np
 
-from planner.common.progress import TOUR, must_stop
+from planner.common.progress import TOUR, UNLIMITED, TimeLimit
 from planner.common.units import IntArray
 
 
 class LocalSearch:
     """Improves one closed tour over integer costs; ``tour`` is always the best found so far."""
 
-    def __init__(self, cost: IntArray, neighbours: IntArray, tour: list[int], seed: int) -> None:
+    def __init__(
+        self, cost: IntArray, neighbours: IntArray, tour: list[int], seed: int, limit: TimeLimit = UNLIMITED
+    ) -> None:
         """Take costs (m, m), each node's promising neighbours (m, k), a first tour (m nodes) and a seed."""
         self._cost: list[list[int]] = cost.tolist()
         self.neighbours = neighbours
         self._size = len(tour)
-        self._random = Random(seed)
+        self._random, self.limit = Random(seed), limit
         self.tour = list(tour)
         self._position = [0] * self._size
         for place, node in enumerate(self.tour):
@@ -37,7 +39,7 @@ class LocalSearch:
         if self._size < 8:
             return
         for _ in range(kicks):
-            if gained >= most or must_stop(TOUR, "the order of the poses was searched only in part"):
+            if gained >= most or self.limit.must_stop(TOUR, "the order of the poses was searched only in part"):
                 break
             tour, position = self.tour.copy(), self._position.copy()
             change, ends = self._kick()

@@ -9,7 +9,7 @@ import numpy as np
 
 from planner.common.choices import TourSolver
 from planner.common.errors import InputError, MissingProgramError, NoSolutionError
-from planner.common.progress import TOUR, must_stop
+from planner.common.progress import TOUR, UNLIMITED, TimeLimit
 from planner.common.units import Array, IntArray
 from planner.motion.tour.concorde import ConcordeError, find_concorde, solve_concorde
 from planner.motion.tour.exact import initial_search, solve_embedded
@@ -76,6 +76,7 @@ def solve_tour(
     method: TourSolver = "auto",
     seed: int = 0,
     nodes: int = MOST_NODES,
+    limit: TimeLimit = UNLIMITED,
 ) -> Tour:
     """Find the cheapest closed tour of all nodes, and prove it.
 
@@ -86,6 +87,7 @@ def solve_tour(
         seed: of the local search and of Concorde.
         nodes: of the embedded solver's search tree at most; 0 proves what the root proves, which many poses take a
             minute less for. By default as many as a proof usually takes, and more.
+        limit: of the time that a plan may take.
 
     Raises:
         InputError: there is no such method.
@@ -95,7 +97,7 @@ def solve_tour(
     """
     if method not in get_args(TourSolver):
         raise InputError(f'the tour is solved by "auto", "exact" or "concorde"; found "{method}"')
-    request = _TourRequest(cost_s, frozenset(forbidden), method, seed, nodes)
+    request = _TourRequest(cost_s, frozenset(forbidden), method, seed, nodes, limit)
     return request.by_dynamic_programming() if len(cost_s) <= _FEW else request.by_search()
 
 
@@ -108,6 +110,7 @@ class _TourRequest:
     method: TourSolver
     seed: int
     nodes: int
+    limit: TimeLimit
 
     def by_dynamic_programming(self) -> Tour:
         """Solve by dynamic programming, on the costs as they are."""
@@ -126,7 +129,7 @@ class _TourRequest:
     def by_search(self) -> Tour:
         """Solve by Concorde where wanted and possible, else by the embedded solver."""
         instance = build_instance(self.cost_s, self.forbidden)
-        search = initial_search(instance, self.seed)
+        search = initial_search(instance, self.seed, self.limit)
         upper = instance.length(search.tour)
         notes: tuple[str, ...] = ()
         if self.method != "exact":
@@ -137,7 +140,7 @@ class _TourRequest:
             else:
                 if known is not None:
                     return known
-        cut = must_stop(TOUR, "of the proof that the tour is the shortest only the root was computed")
+        cut = self.limit.must_stop(TOUR, "of the proof that the tour is the shortest only the root was computed")
         nodes = 0 if cut else self.nodes
         tour, bound = solve_embedded(instance, search, nodes)
         length = instance.length(tour)
@@ -158,7 +161,7 @@ class _TourRequest:
             return None
         if upper >= instance.penalty:
             raise ConcordeError("Concorde was not asked, as no tour without forbidden legs was at hand")
-        cycle = solve_concorde(program, instance, upper, self.seed)
+        cycle = solve_concorde(program, instance, upper, self.seed, self.limit)
         bound_s = instance.length(cycle) * instance.unit_s
         return self._tour(cycle, bound_s, True, "concorde", ())
 
