@@ -15,6 +15,7 @@ from typer.testing import CliRunner
 
 import planner
 from planner.cell.declared import CellWord
+from planner.cli.app import with_shared_options
 from planner.cli.declared import folder_command
 from planner.common.calls import Call, Option, ProgressKeyword, call_fields, called_with, options_table
 from planner.common.progress import no_progress
@@ -55,7 +56,7 @@ class Warmed(Result):
     def content(self):
         return {"laps": self.asked.laps, "pace": self.asked.pace}
 
-    def write(self, folder):
+    def write(self, folder, force=False):
         Path(folder).mkdir()
         return []
 
@@ -105,7 +106,7 @@ def test_a_type_checker_knows_the_keywords(tmp_path):
 @pytest.fixture
 def command():
     app = typer.Typer(add_completion=False)
-    app.command("warm")(folder_command(WarmCall))
+    app.command("warm")(with_shared_options(folder_command(WarmCall)))
     return lambda *words: CliRunner().invoke(app, [str(w) for w in words], env={"COLUMNS": "120"})
 
 

@@ -254,7 +254,7 @@ def test_a_result_that_is_written_says_what_comes_next_and_one_that_must_not_be_
         def content(self):
             return {}
 
-        def write(self, folder):
+        def write(self, folder, force=False):
             return []
 
         def next_step(self, folder):
