@@ -59,7 +59,7 @@ class GaugeNumbers:
             fitted: what a fit left of these numbers, (n, m).
             left: what is left of the readings where they are judged, held out for instance, (n, r) [m, rad].
         """
-        raise NotImplementedError(f"a gauge '{self.kind}' shows lengths")
+        raise TypeError(f"a gauge '{self.kind}' reads lengths alone: there are no other numbers that could be off")
 
     def own_errors_text(self, before: float, after: float, values: Mapping[str, float]) -> str:
         """Say these errors before and after; ``values`` are those of the fitted parameters by their names."""

@@ -111,6 +111,7 @@ def with_shared_options(function: Callable[..., None]) -> Callable[..., None]:
     def wrapped(
         *, verbose: bool = False, force: bool = False, package: list[str] | None = None, **values: object
     ) -> None:
+        """Run the command with its own values; packages and manner are settled before."""
         COMMAND_PACKAGES.set(package or ())
         function(**values, **({"manner": Manner(verbose, force)} if told else {}))
 

@@ -32,6 +32,7 @@ def declare_command(call: type[Call], work: Callable[..., None], **own: tuple[An
     parameters = [*words, *alone, *(p for p in known if p not in words and p.name not in own)]
 
     def command(*, manner: Manner = PLAINLY, **values: Any) -> None:
+        """Part what is declared from what the command line alone has, and do the work."""
         mine = {name: values.pop(name) for name in own} | {"manner": manner}
         work({name: v for name, v in values.items() if v is not None and v != []}, **mine)
 
@@ -56,6 +57,7 @@ def folder_command(call: type[Call]) -> Callable[..., None]:
     """Return the command whose result is a folder."""
 
     def work(values: Values, output: Any, as_json: bool, manner: Manner) -> None:
+        """Give the result of the declared function, written into a folder."""
         with stand_by() if call.draws else nullcontext():
             result = give(
                 lambda stages: find_function(call)(**values, progress=stages.say),

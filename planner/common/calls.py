@@ -240,10 +240,12 @@ def called_with(declaration: Callable[P, C]) -> Callable[[Callable[[C], R]], Cal
     ]
 
     def decorate(function: Callable[[C], R]) -> Callable[P, R]:
+        """Return the function with the declaration's signature and docstring."""
         signature = Signature(parameters, return_annotation=function.__annotations__["return"])
 
         @wraps(function)
         def called(*args: P.args, **kwargs: P.kwargs) -> R:
+            """Call the function with the declaration's object; a notebook shows its progress."""
             _take_former_keywords(function.__name__, renamed, kwargs)
             try:
                 _ = signature.bind(*args, **kwargs)

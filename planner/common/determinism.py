@@ -27,6 +27,7 @@ def on_one_thread(function: Callable[_P, _R]) -> Callable[_P, _R]:
 
     @wraps(function)
     def wrapped(*args: _P.args, **kwargs: _P.kwargs) -> _R:
+        """Call the function with one BLAS thread."""
         with _controller().limit(limits=1, user_api="blas"):
             return function(*args, **kwargs)
 

@@ -8,7 +8,7 @@ import re
 import shutil
 import tempfile
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from planner.common.errors import InputError
@@ -146,10 +146,11 @@ def _is_unchanged(folder: Path, name: str, written: str | None) -> bool:
 
 def _link(source: Path, target: Path) -> None:
     target.parent.mkdir(parents=True, exist_ok=True)
-    try:
-        os.link(source, target, follow_symlinks=False)
-    except (OSError, NotImplementedError):  # Windows cannot be told whether a link is followed
-        shutil.copy2(source, target, follow_symlinks=False)
+    if os.link in os.supports_follow_symlinks:  # Windows cannot be told whether a link is followed
+        with suppress(OSError):  # not every disk has hard links
+            os.link(source, target, follow_symlinks=False)
+            return
+    shutil.copy2(source, target, follow_symlinks=False)
 
 
 def _exchange(draft: Path, folder: Path) -> None:

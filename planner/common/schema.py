@@ -199,6 +199,7 @@ class OptionalKeys(StrictModel):
         names = {f.alias or name: name for name, f in fields.items()}  # of a key as it is written
 
         def is_set(key: str) -> bool:
+            """Tell whether a file says the key."""
             name = names.get(key, key)
             return name not in self.LATER or getattr(self, name) != fields[name].default
 

@@ -53,6 +53,7 @@ def sobol_points(dimensions: int, seed: int | Sequence[int] | None) -> Callable[
     done = 0
 
     def draw(count: int) -> Array:
+        """Return the next ``count`` points, (count, dimensions)."""
         nonlocal done, last
         index = np.arange(max(done, 1), done + count)
         steps = v.T[np.bitwise_count((index & -index) - 1)]

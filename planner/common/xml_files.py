@@ -24,6 +24,7 @@ def parse_xml(data: bytes, comments: bool = False) -> ET.Element:
     depth = 0
 
     def start(tag: str, attributes: dict[str, str]) -> None:
+        """Begin an element inside the one that is open."""
         most_depth = 100  # of elements in one another; a URDF has about ten
         nonlocal depth
         depth += 1
@@ -32,11 +33,13 @@ def parse_xml(data: bytes, comments: bool = False) -> ET.Element:
         builder.start(tag, attributes)
 
     def end(tag: str) -> None:
+        """End the element that is open."""
         nonlocal depth
         depth -= 1
         builder.end(tag)
 
     def refuse_entity(name: str, *_: object) -> None:
+        """Refuse entities: a few lines of them fill any memory."""
         raise XmlError(f"declares the entity '{name}': entities are not read, write out what it stands for")
 
     parser.StartElementHandler, parser.EndElementHandler = start, end

@@ -204,12 +204,14 @@ class _Search:
     start: Array
 
     def rows(self, at: np.ndarray) -> "_Search":
+        """Return the search of the targets at some rows."""
         return _Search(self.poser, self.goal.rows(at), self.row, self.start[at])
 
     def solve(self, q: Array, free: np.ndarray) -> Array:
         """Step from q (n, N) until the steps have died away; joints that are not ``free`` (n, N) stay."""
 
         def task(q: Array, rows: Positions) -> tuple[Array, Array]:
+            """Return the step of each target from q (m, N); without a Jacobian, as the step is solved for already."""
             return self.rows(np.asarray(rows)).step(q, free[rows]), np.empty((len(q), 0, 0))
 
         # 30: iterations: what is left of the turns makes the steps shrink by a factor of about ten each

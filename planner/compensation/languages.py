@@ -167,6 +167,7 @@ def _sentences(robot: str, corrected: Sequence[int], left: Sequence[Note], befor
     most_reasons = 20  # that are told; the lines are all told
 
     def lines(numbers: Sequence[int]) -> str:
+        """Return the ranges of line numbers as they are once the head stands in the file."""
         return line_ranges(n + shift if n > before else n for n in numbers)
 
     yield f"Compensated in part for {robot}. Lines are counted in this file."
@@ -174,13 +175,19 @@ def _sentences(robot: str, corrected: Sequence[int], left: Sequence[Note], befor
     reasons: dict[str, list[int]] = {}
     for line, why in left:
         here = re.sub(r"\bline (\d++)(?! of (?:the other|module))", lambda m: f"line {lines([int(m[1])])}", why)
-        reasons.setdefault(textwrap.shorten(here, 160, placeholder=" ..."), []).append(line)  # characters of a reason
+        reasons.setdefault(_shorten(here), []).append(line)
     for count, (why, where) in enumerate(reasons.items(), start=1):
         if count > most_reasons:
             rest = [n for group in list(reasons.values())[most_reasons:] for n in group]
             yield f"Left as they were for other reasons: {lines(rest)}."
             break
         yield f"Left as written, lines {lines(where)}: {why}."
+
+
+def _shorten(text: str) -> str:
+    """Return a reason in 160 letters at most, cut between two words."""
+    said = " ".join(text.split())
+    return said if len(said) <= 160 else f"{said[:157].rpartition(' ')[0]} ..."
 
 
 def _place(text: str, behind: re.Pattern[str]) -> tuple[int, int]:

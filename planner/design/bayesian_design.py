@@ -241,6 +241,7 @@ def choose_bayesian_poses(
     after = errors_after(white[chosen], unknown)
 
     def limits() -> tuple[float, float, float]:
+        """Return bound, floor and 95 % limit of the tool error [m]."""
         bound = unknown.state(bound_tool_error(white, weight, chosen, limit) ** 2)
         return bound, _error_left(white, unknown), error_limit(unknown, white[chosen])
 
@@ -257,6 +258,7 @@ def _count_until(unknown: ExpectedErrors, white: Array, order: np.ndarray, until
     """
 
     def limit(count: int) -> float:
+        """Return what 95 of 100 such robots stay below after the first ``count`` readings [m]."""
         return error_limit(unknown, white[order[:count]])
 
     if (best := limit(len(order))) > until:
@@ -341,6 +343,7 @@ def select_greedily(
     squares: list[float] = []
 
     def stop(chosen: Sequence[int]) -> bool:
+        """Tell of the progress, and whether the error is down to the target or falls no more."""
         if chosen:
             squares.append(posterior.square)
             if progress is not None:

@@ -71,6 +71,7 @@ def refine_poses(cell: Cell, choice: PoseChoice, seed: int, limit: TimeLimit = U
         return choice
 
     def rows(states: Array, pose: np.ndarray) -> Array:
+        """Return the Jacobian's rows of states (m, N) in the place of the poses (m,)."""
         return choice.model.rows(replace(choice.samples.take(pose), q=states))
 
     valid = CandidateFilters(cell, choice.samples)
@@ -178,6 +179,7 @@ def _descend_price(
     valid, scale, rng = CandidateFilters(cell, start), rows[support], np.random.default_rng(seed)
 
     def price(which: np.ndarray, q: Array) -> Array:
+        """Return the price of states (m, N) in the place of the samples ``which`` (m,)."""
         shown = np.concatenate([scale, model.rows(replace(start.take(which), q=q))])
         return round_significant(dual.prices(shown, np.arange(len(scale)))[len(scale) :])
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass, fields
 from typing import ClassVar, dataclass_transform
 
 import numpy as np
+from numpy.polynomial.legendre import legval
 
 from planner.common.units import Array
 from planner.effects.context import Context
@@ -101,6 +102,11 @@ class BasisFunction(ABC):
             return None
         label = self.plot_label.replace("JOINT", str(getattr(self, "joint", 0) + 1))
         return EffectVariable(label, self.plot_factor * self(c))
+
+
+def legendre(degree: int, u: Array) -> Array:
+    """Return Legendre's polynomial P_degree(u), beyond −1 … 1 as at these ends."""
+    return np.asarray(legval(np.clip(u, -1.0, 1.0), np.eye(degree + 1)[degree]))
 
 
 def key_words(pattern: str) -> list[str]:

@@ -182,6 +182,7 @@ def register(
     """
 
     def enter(generator: EffectGenerator) -> EffectGenerator:
+        """Put what makes the effects into the catalogue, once for each kind."""
         if not generator.__module__.startswith(f"{__package__}."):
             _import_shipped()  # so that who takes one of their names is the one who is told
         for other in _REGISTRY:

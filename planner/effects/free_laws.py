@@ -10,11 +10,10 @@ from functools import partial
 from itertools import product
 
 import numpy as np
-from numpy.polynomial.legendre import legval
 
 from planner.common.units import Array
 from planner.effects.backlash import TorqueSign
-from planner.effects.basis import BasisFunction
+from planner.effects.basis import BasisFunction, legendre
 from planner.effects.catalogue import Excitation
 from planner.effects.compliance import LoadMoment, LoadTorque, twist_moves
 from planner.effects.context import Context
@@ -41,8 +40,7 @@ class LegendreOf(BasisFunction):
         """Return the product."""
         out: Array = np.ones(1)
         for phi, middle, reach, degree in zip(self.functions, self.middle, self.reach, self.degrees, strict=True):
-            u = np.clip((c.value(phi) - middle) / reach, -1.0, 1.0)
-            out = out * legval(u, np.eye(degree + 1)[degree]) * np.sqrt(2 * degree + 1)
+            out = out * legendre(degree, (c.value(phi) - middle) / reach) * np.sqrt(2 * degree + 1)
         return out
 
 

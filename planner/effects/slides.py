@@ -10,7 +10,7 @@ import numpy as np
 
 from planner.common.units import MM, Array
 from planner.effects.backlash import ApproachDirection, SpeedSign
-from planner.effects.basis import BasisFunction, EffectVariable
+from planner.effects.basis import BasisFunction, EffectVariable, legendre
 from planner.effects.catalogue import Background, Excitation, register
 from planner.effects.compliance import LoadTorque, twist_moves
 from planner.effects.context import Context
@@ -18,25 +18,29 @@ from planner.effects.effect import Effect, Parameter, ParameterMove, Role, joint
 from planner.effects.sizes import CARRIAGE_TILT, GUIDE, GUIDE_BOW, SLIDE_PLAY, SLIDE_SCALE, SLIDE_YIELD
 
 
-class SlideTravel(BasisFunction, key="travel:JOINT:NUMBER"):
-    """φ = travel − about [m] of a joint that slides: a scale that is wrong."""
+class OfTravel(BasisFunction):
+    """A function of the travel of the joint ``joint``, which slides."""
 
     joint: int
+
+    def plot_variable(self, c: Context) -> EffectVariable:
+        """Draw against the travel."""
+        return EffectVariable(f"joint {self.joint + 1} (mm)", c.theta[:, self.joint] / MM)
+
+
+class SlideTravel(OfTravel, key="travel:JOINT:NUMBER"):
+    """φ = travel − about [m] of a joint that slides: a scale that is wrong."""
+
     about: float
 
     def __call__(self, c: Context) -> Array:
         """Return the travel."""
         return np.asarray(c.theta[:, self.joint] - self.about)
 
-    def plot_variable(self, c: Context) -> EffectVariable:
-        """Draw against the travel."""
-        return _against_travel(c, self.joint)
 
-
-class GuideShape(BasisFunction, key="guide:JOINT:INDEX:NUMBER:NUMBER"):
+class GuideShape(OfTravel, key="guide:JOINT:INDEX:NUMBER:NUMBER"):
     """φ = Legendre's polynomial of a degree in the travel between two places [m], beyond which it stays as there."""
 
-    joint: int
     degree: int
     lowest: float
     highest: float
@@ -44,12 +48,7 @@ class GuideShape(BasisFunction, key="guide:JOINT:INDEX:NUMBER:NUMBER"):
     def __call__(self, c: Context) -> Array:
         """Return the polynomial."""
         middle, half = (self.lowest + self.highest) / 2, (self.highest - self.lowest) / 2
-        s = np.clip((c.theta[:, self.joint] - middle) / half, -1.0, 1.0)
-        return np.asarray(np.polynomial.legendre.legval(s, np.eye(self.degree + 1)[self.degree]))
-
-    def plot_variable(self, c: Context) -> EffectVariable:
-        """Draw against the travel."""
-        return _against_travel(c, self.joint)
+        return legendre(self.degree, (c.theta[:, self.joint] - middle) / half)
 
 
 class StationShift(BasisFunction, key="shift:STATION:AXIS:AXIS:PHI"):
@@ -63,10 +62,6 @@ class StationShift(BasisFunction, key="shift:STATION:AXIS:AXIS:PHI"):
     def __call__(self, c: Context) -> Array:
         """Return the number."""
         return np.asarray(c.stations.R[self.station, self.part, self.axis] * self.by(c))
-
-
-def _against_travel(c: Context, joint: int) -> EffectVariable:
-    return EffectVariable(f"joint {joint + 1} (mm)", c.theta[:, joint] / MM)
 
 
 def shift_moves(station: int, axis: int, by: BasisFunction) -> tuple[ParameterMove, ...]:

@@ -77,6 +77,7 @@ class BallGauge(FrameGauge):
         assert r.ball is not None
 
         def place(ball: IntArray) -> tuple[SocketPlacement, float]:
+            """Return the artifact placed by the balls that were read, and the rms distance that is left [m]."""
             found = place_sockets(stand, ball, setup.p_GS, r.offset, p_FM)
             in_plate = setup.p_GS[ball] + (0.0 if r.offset is None else r.offset)
             plate_point = np.einsum("nij,nj->ni", found.R_BP[stand.place], in_plate) + found.p_BP[stand.place]

@@ -199,6 +199,7 @@ def _place_frames(setup: Placement, run: Run, p_FM: Array | None) -> FramePlacem
     assert p_GM is not None
 
     def place_mirrored() -> FramePlacement:
+        """Place the tracker as if its axes were left-handed."""
         return place_frames(stand, p_GM * MIRROR, p_FM)
 
     try:

@@ -175,6 +175,7 @@ def effect_parameter(name: str, moves: Sequence[MovedBy], setup: MeasurementSetu
     """
 
     def move(m: MovedBy) -> ParameterMove:
+        """Return the move that an entry of the file describes."""
         phi, (word, _, number) = phi_from_key(m.phi, setup.robot.n_joints), m.on.partition(" ")
         if word == "reading":
             return ParameterMove("reading", int(number), phi)

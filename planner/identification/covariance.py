@@ -72,6 +72,7 @@ def _scores(fit: Fit, block: np.ndarray, count: int) -> Array:
     problem = fit.problem
 
     def one(part: slice) -> Array:
+        """Return the scores of the samples of one piece."""
         piece = problem.piece(part, fit.errors)
         each = np.einsum("nrp,nr->np", piece.rows, piece.residual)
         out = np.zeros((count, each.shape[1]))

@@ -50,6 +50,7 @@ def _timeless(found: Fit, run: Run) -> Model:
     model = found.model.fixing(found.errors)
 
     def standing(move: ParameterMove) -> ParameterMove:
+        """Return the move, with the mean of its φ in the place of one that means nothing outside the run."""
         key = move.phi.key
         if not depends_on_run(key) and all(getattr(run.samples, c) is not None for c in columns_of(key)):
             return move
@@ -69,6 +70,7 @@ def usable_elsewhere(found: Fit, run: Run) -> tuple[Model, np.ndarray] | None:
     columns = run.samples
 
     def is_there(key: str) -> bool:
+        """Tell whether φ can be evaluated in another run."""
         return not depends_on_run(key) and all(getattr(columns, c) is not None for c in columns_of(key))
 
     which = [k for k, p in enumerate(found.model.parameters) if all(is_there(m.phi.key) for m in p.moves)]
@@ -313,6 +315,7 @@ def _grams(problem: FitProblem, errors: Array, split: Split) -> Array:
     """Information [J r]ᵀ[J r] of every fold, (folds, P+1, P+1)."""
 
     def one(part: slice) -> Array:
+        """Return the products of columns over each fold of one piece."""
         piece = problem.piece(part, errors)
         fold, size = split.fold[part], len(piece.factored)
         out = np.zeros((split.folds, size, size))
@@ -346,6 +349,7 @@ def _shift_residual(problem: FitProblem, errors: Array, shift: Array, split: Spl
     """Residuals (n, r) after moving the parameters by the shift of each sample's fold."""
 
     def one(part: slice) -> Array:
+        """Return the residuals of one piece, each after the step of its fold."""
         linear, fold = problem.linear(part, errors), split.fold[part]
         out = np.array(linear.residual)
         for f in np.unique(fold):

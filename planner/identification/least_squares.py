@@ -256,6 +256,7 @@ def _leverage(problem: FitProblem, solution: Solution) -> Array:
         return np.zeros((len(problem), problem.model.width))
 
     def one(part: slice) -> Array:
+        """Return the leverages of one piece."""
         return problem.piece(part, solution.errors).factored.square_sums(root)
 
     return np.concatenate(list(problem.over_pieces(one)))

@@ -17,6 +17,7 @@ def own_errors_text(found: Calibration) -> str:
     fitted = shown - fit.model.full_reading(run.samples, fit.errors)
 
     def size(left: Array) -> float:
+        """Return the rms error of a fit in the gauge's own numbers."""
         return gauge.own_errors(fit.setup, run.samples, fitted, left)
 
     before = next((s for s in found.stages if s.name == "frames"), found.stages[0])

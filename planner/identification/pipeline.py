@@ -68,6 +68,7 @@ def identify(
     parts = split_run(run, settings.hold_out, settings.seed)
 
     def judge(found: Fit) -> Metrics | None:
+        """Return the stage with what validation poses say of it."""
         return None if validation is None or bare is None else validate_fit(found, validation, bare)
 
     free = choose_parameters(cell, setup, run)

@@ -275,6 +275,7 @@ class _Families:
 
     @classmethod
     def of(cls, before: Model, whole: Model, background: Sequence[EffectFamily]) -> "_Families":
+        """Return the families of what was fitted and of what is looked at beside it."""
         own = {p.name: p for p in (*whole.parameters, *before.parameters)}  # as fitted only where ``whole`` lacks it
         own |= {p.name: p for p in whole.parameters}
         label = {name: _own_family(p) for name, p in own.items()}

@@ -160,6 +160,7 @@ class FitProblem:
         """Reading − prediction of every sample, (n, r) [m, rad]."""
 
         def one(part: slice) -> Array:
+            """Return the residuals of one piece."""
             if len(self) > PIECE_SAMPLES:
                 return self.model.residual(self.samples.take(part), self.targets.take(part), errors)
             return self.linear(part, errors).residual

@@ -20,6 +20,7 @@ def use_held_torques(parameters: Sequence[Parameter]) -> tuple[Parameter, ...]:
     """Return parameters with compliances by the torques that the samples carry, see :func:`with_held_torque`."""
 
     def hold(p: Parameter) -> Parameter:
+        """Return the parameter with the held torque in the place of the load's."""
         phi = p.main.phi
         return replace(p, moves=(replace(p.main, phi=DriveTorque(phi.joint)),)) if isinstance(phi, LoadTorque) else p
 

@@ -80,6 +80,7 @@ def simulate_run(cell: Cell, plan_id: str, samples: Samples, truth: Truth, seed:
     noise = gauge.full_sigmas * rng.standard_normal((len(samples), len(gauge.full_sigmas)))
 
     def predict(told: Samples) -> Array:
+        """Return the readings where the true robot stands, in balance under the gauge's force."""
         there = replace(told, q=told.q + off)
         where, stood = (model, there) if there.force is None else solve_equilibrium(model, there, errors)
         return where.full_reading(stood, errors)

@@ -24,7 +24,7 @@ BORDER_DECIMALS = 9  # of a degree kept at the border: sums of decimals as peopl
 STROKE_ROUNDING = 1e-6  # [rad] by which an angle may stand over the end of a stroke
 MOST_ZERO_DEG = 720.0  # [deg] a zero that is farther off is no zero of an axis: strokes of wrists end there
 MOST_FACTOR = 10.0  # by which an axis counts with another one: real ones are 1, or a ratio of gears at a wrist
-PLACEHOLDER = re.compile(r"<[^<>]*>")  # what the lines that are advised leave to be filled in
+TO_FILL_IN = re.compile(r"<[^<>]*>")  # what the lines that are advised leave to be filled in
 MODEL = "model"  # stands for the model's own angles, where a controller's name is asked for
 
 
@@ -52,7 +52,7 @@ class ControllerTable(StrictModel):
             raise ValueError("same = true leaves no room for sense, zeros or coupling: give one of the two")
         if not self.same and not (self.sense and self.zero_deg):
             raise ValueError("give sense and zero_deg of every axis, or same = true where all count as the model's do")
-        if (left := PLACEHOLDER.search(self.source)) is not None:
+        if (left := TO_FILL_IN.search(self.source)) is not None:
             raise ValueError(
                 f"source still says {left[0]}: jog the axes at the robot first, then write there when that was, such "
                 'as source = "jogged at the robot on 2026-03-02"'
@@ -182,7 +182,7 @@ class JointRange:
     speed: Array
     slides: np.ndarray | None = None
 
-    def seen_by(self, matrix: Array, zero: Array) -> JointRange:
+    def for_controller(self, matrix: Array, zero: Array) -> JointRange:
         """Return the limits of ``M q + z``, each axis alone: of axes that are coupled the widest that can occur."""
         ends = [np.where(matrix == 0.0, 0.0, matrix * end) for end in (_finite(self.lower), _finite(self.upper))]
         low, high = np.minimum(*ends).sum(axis=1) + zero, np.maximum(*ends).sum(axis=1) + zero
@@ -224,7 +224,7 @@ def convention_from_table(where: str, controller: str, table: ControllerTable, j
         back: Array = np.asarray(np.linalg.inv(np.eye(n) - _coupling(at, table, n, int(slides.sum()))), dtype=float)
         matrix = np.asarray(back @ np.diag([float(s) for s in table.sense]) @ matrix)
         zero = np.asarray(back @ from_deg((*table.zero_deg, *(table.zero_mm or (0.0,) * int(slides.sum())))))
-    seen = joints.seen_by(matrix, zero)
+    seen = joints.for_controller(matrix, zero)
     lower, upper = (
         (from_deg(side) for side in zip(*table.limit_deg, strict=True)) if table.limit_deg else (seen.lower, seen.upper)
     )

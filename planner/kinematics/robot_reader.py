@@ -221,9 +221,6 @@ def _build_robot(
     zero = from_deg([j.drive("zero") for j in joints])
     masses = tuple(j.mass for j in joints)
     shapes = tuple((b.link, b.body(f"link{b.link}_{k}", path.parent)) for k, b in enumerate(file.bodies))
-    sources = dict(file.sources) or ({} if urdf is None else {"all": f"URDF {path.name}"})
-    if unsaid := ", ".join(_unsaid_drives(file)):
-        sources[unsaid] = f"estimated: {SPEED_TIME} s to full speed"
     joints = tuple(j.with_estimates() for j in joints)
     limits = JointRange(_limits(joints, 0), _limits(joints, 1), _limit_or_infinity(joints, "speed"), slides)
     if urdf is not None:
@@ -250,7 +247,7 @@ def _build_robot(
         gear_ratio=tuple(j.gear_ratio for j in joints),
         never_meet=frozenset((min(p), max(p)) for p in file.numbered_pairs),
         never_meet_reason=file.never_meet_reason,
-        sources=tuple(sorted(sources.items())),
+        sources=_sources(file, path, urdf),
         path=path,
         tip=None if urdf is None else urdf.tip,
         base=file.base,
@@ -264,6 +261,14 @@ def _build_robot(
         simulated=file.simulated,
         conventions=tuple(_conventions(file, path, limits, None if urdf is None else (urdf, A, -sense * zero))),
     )
+
+
+def _sources(file: RobotDescription, path: Path, urdf: UrdfChain | None) -> tuple[tuple[str, str], ...]:
+    """Return where the numbers come from: what the file says, and what was estimated."""
+    sources = dict(file.sources) or ({} if urdf is None else {"all": f"URDF {path.name}"})
+    if unsaid := ", ".join(_unsaid_drives(file)):
+        sources[unsaid] = f"estimated: {SPEED_TIME} s to full speed"
+    return tuple(sorted(sources.items()))
 
 
 URDF_JOINTS = "ros2-trajectory"  # the language whose axes are the joints of the URDF
@@ -280,7 +285,7 @@ def _conventions(
     sense = np.array([float(j.sense) for j in chain.joints])
     unit = np.array([SLIDE if j.slides else 1.0 for j in chain.joints])
     matrix, offset = sense[:, None] * (A / unit[:, None]), sense * zero / unit
-    seen, said = limits.seen_by(matrix, offset), f"the joints of {file.urdf}"
+    seen, said = limits.for_controller(matrix, offset), f"the joints of {file.urdf}"
     yield AxisConvention(URDF_JOINTS, read_only(matrix), read_only(offset), seen.lower, seen.upper, seen.speed, said)
 
 

@@ -77,6 +77,7 @@ class Columns:
         place[kept] = np.arange(len(kept))
 
         def part(columns: Array, at: np.ndarray) -> tuple[Array, np.ndarray]:
+            """Return the columns of one part that are kept, and where they stand now."""
             stays = place[at] >= 0
             return columns if stays.all() else columns[stays], place[at][stays]
 

@@ -73,6 +73,7 @@ def pad_corners(parts: Sequence[Array]) -> list[Array]:
     most = max(p.shape[1] for p in parts)
 
     def whole(p: Array) -> Array:
+        """Return an array with room for all corners, NaN where an image lacks one."""
         out = np.full((len(p), most, *p.shape[2:]), False if p.dtype == bool else np.nan, dtype=p.dtype)
         out[:, : p.shape[1]] = p
         return out

@@ -25,6 +25,7 @@ def take_fields(call: type[Call], *laid: str) -> Callable[[type[JobRequest]], ty
     """
 
     def decorate(request: type[JobRequest]) -> type[JobRequest]:
+        """Return the request with the fields of the declaration."""
         served = tuple(
             s for s in served_fields(call) if s.name not in request.model_fields and s.field.name not in laid
         )

@@ -119,6 +119,7 @@ class Guard:
     @staticmethod
     def _add_headers(send: Send) -> Send:
         async def with_headers(message: Message) -> None:
+            """Send the answer with the headers of safety."""
             if message["type"] == "http.response.start":
                 headers = MutableHeaders(scope=message)
                 for name, value in HEADERS.items():
@@ -142,6 +143,7 @@ def _count_bytes(receive: Receive, most: int) -> Receive:
     taken = 0
 
     async def receive_some() -> Message:
+        """Take in a part of the body, as long as it is not too large."""
         nonlocal taken
         message = await receive()
         taken += len(message.get("body", b""))

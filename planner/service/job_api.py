@@ -63,6 +63,7 @@ def next_link(request: Request, place: str) -> str:
 
 def _submit_route(request_type: type[JobRequest]) -> Callable[..., Job]:
     def submit(request: JobRequest, context: Context, response: Response) -> Job:
+        """Put the job of a request into the queue."""
         job = context.submit(request)
         response.headers["location"] = f"/api/jobs/{job.id}"
         return context.describe(job)

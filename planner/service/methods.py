@@ -40,6 +40,7 @@ class PlainMethods:
         asked_before: list[bool] = []
 
         async def receive_nothing() -> Message:
+            """Return the empty body once; then wait until the answer has ended."""
             if not asked_before:
                 asked_before.append(True)
                 return {"type": "http.request", "body": b"", "more_body": False}
@@ -47,6 +48,7 @@ class PlainMethods:
             return {"type": "http.disconnect"}
 
         async def send_head(message: Message) -> None:
+            """Send the head of the answer alone."""
             if message["type"] == "http.response.start":
                 await send(message)
             elif not ended.is_set():

@@ -99,6 +99,7 @@ def add_problem_handlers(app: FastAPI) -> None:
     """Let every error leave ``app`` as a problem: a program reads it as JSON, a person as a page."""
 
     def answer(request: Request, err: Exception) -> Response:
+        """Answer a failure as a page or as JSON, by what was asked for."""
         problem = problem_of(err)
         if problem.status_code == 500:
             LOG.error("%s %s", request.method, request.url.path, exc_info=err)

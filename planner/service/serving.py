@@ -74,6 +74,7 @@ def build_app(context: ServiceContext) -> FastAPI:
 
     @asynccontextmanager
     async def lifespan(_: FastAPI) -> AsyncIterator[None]:
+        """Run what the service needs while it serves."""
         sweeper = Sweeper(context.keeper, context.settings.kept)
         context.supervisor.start()
         sweeper.start()
@@ -99,6 +100,7 @@ def build_app(context: ServiceContext) -> FastAPI:
     describe = app.openapi
 
     def describe_once() -> dict[str, Any]:
+        """Return the OpenAPI description, which is made once."""
         return app.openapi_schema or _name_media_type(describe())
 
     app.openapi = describe_once  # type: ignore[method-assign]

@@ -70,6 +70,7 @@ class _Walk:
     paused: bool = True
 
     def go(self, move: JointMove, number: int, held: Held) -> None:
+        """Take one move of the program."""
         if held != self.held or not self.points:
             self.close()
             self.points, self.blends, self.rounded, self.held = [self.here], [0.0], [False], held
@@ -83,6 +84,7 @@ class _Walk:
         self.here, self.paused = move.q_deg, False
 
     def close(self) -> None:
+        """End the piece that is open, and begin another."""
         if len(self.points) > 1:
             q, number = read_only(np.deg2rad(self.points)), np.array(self.numbers)
             self.chains.append(Chain(self.held, q, read_only(self.blends), np.array(self.rounded), number))
@@ -209,6 +211,7 @@ class _Piece:
     moved: bool = False
 
     def add(self, move: JointMove) -> None:
+        """Add a leg to the piece."""
         if not self.moved:
             self.paused_first, self.before = self.paused, move.mounting
         self.last, self.after, self.rests = move.q_deg, move.mounting, move.blend_mm == 0.0

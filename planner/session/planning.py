@@ -157,6 +157,7 @@ class PoseSession(ABC):
         """Drive all places, and certify the poses beside that; those that are driven come with the drives."""
 
         def certify(choice: PoseChoice) -> Certificate:
+            """Return the bound for poses as they are driven."""
             return certify_off_grid(self.cell, self.pool, choice, stages.limit) if by_index else choice.certificate
 
         try:

@@ -97,6 +97,7 @@ def session_minutes(cell: Cell, drives: Sequence[Drive], poses: int) -> Callable
     moving = sum(d.trajectory.duration_s for d in drives) - visits * still
 
     def minutes(count: int) -> float:
+        """Return the minutes that so many poses take."""
         other = visits - poses + count
         # 6: dimensions: the shortest tour of n points in d dimensions grows as n^(1 - 1/d), d = 6
         return float(other * still + moving * (other / visits) ** (1 - 1 / 6)) / 60

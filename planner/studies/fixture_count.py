@@ -119,9 +119,11 @@ def count_fixtures(cell: Cell, map_: FixtureMap, noise: float, seed: int) -> Fix
     rule = find_rule(map_.index)
 
     def step(places: list[FixturePlace], before: Sequence[DroppedParameter] = ()) -> FixtureStep:
+        """Return the step with fixtures at these places."""
         return _make_step(map_, places, combine_places(map_, places, noise), before)
 
     def merit(places: list[FixturePlace]) -> tuple[int, float]:
+        """Return what fixtures at these places show: how many parameters, then the index."""
         tried = step(places)
         return tried.robot_seen, rule.merit(tried.value)
 

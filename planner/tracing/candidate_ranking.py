@@ -8,7 +8,7 @@ import numpy as np
 from planner.effects.effect import Effect, Role
 from planner.tracing.assumptions import COMPLIANCE_SHARE, MASS_PRIOR, PARAMETER_COST
 from planner.tracing.dictionary import DictionaryItem, EffectDictionary
-from planner.tracing.score_test import EffectScore, ScoreTest
+from planner.tracing.effect_scores import EffectScore, ScoreTest
 from planner.tracing.state import FittedEffect, known_values, link_mass_parameters, may_join
 
 

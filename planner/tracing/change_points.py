@@ -30,7 +30,7 @@ from planner.tracing.assumptions import (
 from planner.tracing.candidate_ranking import merit_of
 from planner.tracing.column_space import row_products
 from planner.tracing.dictionary import whiten
-from planner.tracing.score_test import EffectScore, ScoreTest, score_gains
+from planner.tracing.effect_scores import EffectScore, ScoreTest, score_gains
 from planner.tracing.search_context import SearchContext
 from planner.tracing.significance import LOG_SIGNIFICANCE
 from planner.tracing.state import FittedEffect, SearchState

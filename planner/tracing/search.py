@@ -23,7 +23,7 @@ from planner.tracing.assumptions import (
 )
 from planner.tracing.candidate_ranking import rank_candidates
 from planner.tracing.change_points import rank_changes, relocate_steps, series_merit, step_series
-from planner.tracing.score_test import EffectScore, ScoreTest
+from planner.tracing.effect_scores import EffectScore, ScoreTest
 from planner.tracing.search_context import Progress, SearchContext, without_effects
 from planner.tracing.significance import LOG_SIGNIFICANCE, held_out_gain, rejection_reason
 from planner.tracing.state import FittedEffect, SearchState, number_repeat

@@ -12,8 +12,8 @@ from planner.effects.steps import Steppable
 from planner.identification.stages import FitContext
 from planner.tracing.assumptions import RETRY_RATIO
 from planner.tracing.dictionary import EffectDictionary
+from planner.tracing.effect_scores import EffectScore, ScoreTest
 from planner.tracing.linear_refit import LinearState, changes_compliance
-from planner.tracing.score_test import EffectScore, ScoreTest
 from planner.tracing.significance import LOG_SIGNIFICANCE, screening_correlation_time, variance_inflations, wald_log_p
 from planner.tracing.state import LINK_MASSES, FittedEffect, SearchState
 

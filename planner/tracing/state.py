@@ -198,6 +198,7 @@ class SearchState:
         masses = _link_masses(self.base, effects, errors)
 
         def fit(model: Model) -> FittedStage:
+            """Return the stage of a model, fitted from this state on."""
             return fit_context.fit_stage(effects[-1].name, model, self.fit)
 
         fitted = fit(model.plus(masses))

@@ -29,7 +29,7 @@ from planner.tracing.assumptions import (
 )
 from planner.tracing.candidate_ranking import scores_beside, with_link_masses
 from planner.tracing.change_points import change_sample, locate_step, score_steps
-from planner.tracing.score_test import LEAST_SHARE, EffectScore, ScoreTest
+from planner.tracing.effect_scores import LEAST_SHARE, EffectScore, ScoreTest
 from planner.tracing.search import SearchResult, search
 from planner.tracing.search_context import Progress, SearchContext
 from planner.tracing.significance import LOG_SIGNIFICANCE, own_gains, variance_inflation, wald_log_p
@@ -55,6 +55,7 @@ def find_rivals(context: SearchContext, state: SearchState, found: FittedEffect)
     rest = tuple(f for f in state.effects if f.name != found.name)
 
     def merit(score: EffectScore) -> float:  # more parameters explain more by chance alone
+        """Return a candidate's gain in noise variances, less what as many parameters gain by chance."""
         return score.gain / test.noise - CHANCE_COST * score.size - 2 * float(np.log(score.effect.scanned))
 
     best: dict[str, EffectScore] = {}
@@ -161,7 +162,7 @@ def _describe_wrong_row(state: SearchState, found: FittedEffect, sentence: str, 
     ]
     if not parts:
         return f"{where}: {sentence}{_ball_it_would_be(state, run, k, error)}"
-    other = _exchanged_with(state, found, run, k, 2 * SLIP_SIGMAS * float(std[0]))
+    other = _find_exchanged(state, found, run, k, 2 * SLIP_SIGMAS * float(std[0]))
     cause = "or its pose is wrong" if other is None else f"as if exchanged with {run.where(other)}"
     return f"{where}: {'; '.join(parts)}; {cause}"
 
@@ -178,7 +179,7 @@ def _ball_it_would_be(state: SearchState, run: Run, k: int, error: Array) -> str
     return f": its ball would be '{setup.ball_names[nearest]}'" if near else ""
 
 
-def _exchanged_with(state: SearchState, found: FittedEffect, run: Run, k: int, tolerance: float) -> int | None:
+def _find_exchanged(state: SearchState, found: FittedEffect, run: Run, k: int, tolerance: float) -> int | None:
     """Return the other wrong row whose length this one should have, and the other way round."""
     length, number = run.readings.length, np.asarray(run.samples.number)
     if length is None:

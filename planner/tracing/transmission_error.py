@@ -17,7 +17,7 @@ from planner.effects.effect import Effect, Role
 from planner.effects.gears import JointWave
 from planner.effects.nonparametric import gear_curve
 from planner.tracing.assumptions import FAINT_WAVE_SHARE, LEAST_CURVE_EVIDENCE, LEAST_GAIN, QUICKNESSES
-from planner.tracing.score_test import ScoreTest
+from planner.tracing.effect_scores import ScoreTest
 from planner.tracing.search_context import SearchContext
 from planner.tracing.significance import LOG_SIGNIFICANCE, held_out_gain, own_gains
 from planner.tracing.state import FittedEffect, SearchState
@@ -117,6 +117,7 @@ def _refine_quickness(context: SearchContext, state: SearchState) -> SearchState
     """How quick each curve is, seen again beside the others; kept where the run is likelier so."""
 
     def reselect(f: FittedEffect) -> FittedEffect:
+        """Return the curve with the waves that are likeliest beside everything else."""
         joint = f.effect.place.joint
         if not f.has(Role.GEAR_CURVE) or joint is None:
             return f

@@ -10,7 +10,7 @@ from planner.effects.steps import steppables
 from planner.identification.pipeline import FitSettings, identify
 from planner.identification.run_setup import number_samples
 from planner.tracing.change_points import best_steps, change_sample, score_steps, step_series
-from planner.tracing.score_test import ScoreTest
+from planner.tracing.effect_scores import ScoreTest
 from planner.tracing.significance import LOG_SIGNIFICANCE
 from planner.tracing.state import FittedEffect
 from planner.tracing.trace import slip_of_the_pen, trace

@@ -8,7 +8,7 @@ import pytest
 from planner.effects.catalogue import Excitation
 from planner.effects.steps import steppables
 from planner.tracing.change_points import score_steps
-from planner.tracing.score_test import ScoreTest
+from planner.tracing.effect_scores import ScoreTest
 from planner.tracing.search_context import without_effects
 from planner.tracing.state import FittedEffect
 from tests.tracing.test_state import begun

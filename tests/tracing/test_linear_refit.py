@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from planner.tracing.effect_scores import ScoreTest
 from planner.tracing.linear_refit import LinearState
-from planner.tracing.score_test import ScoreTest
 from planner.tracing.significance import held_out_gain, wald_statistic
 from planner.tracing.state import FittedEffect
 from planner.tracing.transmission_error import likeliest_curve

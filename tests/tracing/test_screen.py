@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from planner.effects.catalogue import catalogue
-from planner.tracing.score_test import ScoreTest
+from planner.tracing.effect_scores import ScoreTest
 from tests.tracing.worlds import calibrated, effect
 
 

@@ -140,6 +140,7 @@ def exchange_by_criterion(
     """
 
     def search(turn: int) -> tuple[Positions, float] | None:
+        """Return the set of one start and its value; ``None`` where the start has too few."""
         chosen = start
         if turn < DRAWN_STARTS:
             order = order_by_weight(bound.support, np.maximum(bound.weights, 1e-12), seed, turn)

@@ -144,6 +144,7 @@ def detmax(
     share = None if group is None else EqualShares.of(group[among], n)
 
     def search(turn: int) -> tuple[Positions, float]:
+        """Return the set of one start and the logarithm of its determinant."""
         design = _greedy_start(some, n, share) if turn == 0 else _sample_start(some, n, seed + turn, share)
         return _search_excursions(design, n, excursion)
 

@@ -172,6 +172,7 @@ def _starts(problem: BarProblem, p_FM: Array | None, p_BX: Array | None) -> Arra
     zero = np.full(1, np.nan)
 
     def add_seeds(m: Array, X: Array, z: Array) -> None:
+        """Take more places to start from, where there is room for them."""
         m = np.broadcast_to(m if p_FM is None else p_FM, (len(m), T, 3)).copy()
         X = np.broadcast_to(X if p_BX is None else p_BX, (len(m), S, 3)).copy()
         seeds.append(_complete_seeds(s, length, m, X, np.broadcast_to(z, len(m)).copy()))

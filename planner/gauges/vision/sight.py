@@ -133,6 +133,7 @@ class BoardSight(FrameGauge):
         lower, upper = cell.sampling_range
 
         def sample(count: int) -> JointSamples:
+            """Draw ``count`` looks at the board and bring the arm there."""
             u = draw(count)
             p_BM, R_BM = self._looks(place, u[:, :POSE_AXES])
             start = lower + u[:, POSE_AXES:] * (upper - lower)

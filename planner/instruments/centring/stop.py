@@ -84,6 +84,7 @@ def stop_on_signals(stop: StopRequest) -> Iterator[StopRequest]:
     """Turn Ctrl-C and a termination signal into a stop while the block runs; a second one ends the program at once."""
 
     def on_signal(number: int, _frame: FrameType | None) -> None:
+        """Ask for a stop."""
         stop.ask("Ctrl-C" if number == signal.SIGINT else signal.Signals(number).name)
         signal.signal(number, before[number])
 

@@ -158,6 +158,7 @@ def shift_for_power(d: int, freedom: float, threshold: float) -> float:
     true = freedom / stats.chi2.ppf((np.arange(sizes) + 0.5) / sizes, freedom)  # variance over the estimated one
 
     def lacking(shift: float) -> float:
+        """Return how much power a shift lacks."""
         return POWER - float(stats.ncx2.sf(critical * d / true, d, shift / true).mean())
 
     high = 10.0 * d * critical

@@ -70,6 +70,7 @@ class _Merit:
 
     @classmethod
     def of(cls, baseline: Baseline, changes: tuple[Change, ...], samples: Samples) -> "_Merit":
+        """Return what samples tell of each change, for choosing among them."""
         parts, blocks, zeros, start = [], [], [], 0
         alone = [c for c in changes if c.kind != "collision"]  # which is nothing but the others together
         for c, rows in zip(alone, change_columns(baseline, samples, alone), strict=True):

@@ -152,6 +152,7 @@ def torque_rows(model: Model, samples: Samples, errors: Array, prior: Array) -> 
     nothing = Targets(length=np.zeros(len(samples)))
 
     def read(torques_by: Array) -> Array:
+        """Return what is read under such torques, (n,)."""
         return np.asarray(-model.residual(with_held_torque(samples, model, torques_by), nothing, errors)[:, 0])
 
     out, here = np.empty((len(samples), len(prior))), read(errors)

@@ -21,6 +21,7 @@ def places_content(found: CirclePlaceChoice, robot: str, both: CommonFit | None 
     """Return the content of ``places.json``; ``both`` is what the chosen circles know with a plan without load."""
 
     def shares(known: PredictedCompliance) -> dict[str, object]:
+        """Return what is left of each prior, and by the readings alone."""
         std, alone = (dict(zip(found.names, map(significant, s), strict=True)) for s in (known.std, known.alone))
         return {"share_of_prior": std, "share_of_prior_by_readings_alone": alone}
 

@@ -192,6 +192,7 @@ def _curve_table(c: EvaluatedCircle) -> pl.DataFrame:
     first = curves.length[:, :1]
 
     def column(values: Array, decimals: int) -> Array:
+        """Return values as one rounded column of the table."""
         return np.round(np.broadcast_to(values, (D, K, B)).ravel(), decimals)
 
     predicted = np.concatenate([np.zeros((D, 1, B)), c.predicted], axis=1)

@@ -83,6 +83,7 @@ class _Evaluation:
         self._functions, self._names, self._spend = functions, names, spend
 
     def value(self, node: ast.expr) -> object:
+        """Return the value of a node of the expression."""
         value = check_value(self._raw_value(node))
         self._spend(1 + _size_of(value))
         return value

@@ -103,6 +103,7 @@ def _read_yaml(path: Path, data: bytes, number: Callable[[str], object]) -> obje
                 raise XacroError("a table that merges another (<<) is not read; write out its entries")
 
     def with_unit(loader: Any, node: Any) -> float:
+        """Return the number times the unit that its tag names."""
         value = number(str(loader.construct_scalar(node)))
         if not isinstance(value, int | float):
             raise XacroError(f"'{value}' with the unit {node.tag} is no number")

@@ -109,6 +109,7 @@ def _is_equal(a: object, b: object) -> bool:
 
 def _compare_alike(compare: Callable[[float, float], bool]) -> Callable[[object, object], bool]:
     def compare_alike(a: object, b: object) -> bool:
+        """Compare two values of one kind."""
         if isinstance(a, str) and isinstance(b, str):
             return compare(a, b)  # type: ignore[arg-type]
         return compare(_number(a), _number(b))
@@ -156,6 +157,7 @@ def _entries(values: tuple[object, ...]) -> Sequence[object]:
 
 def _extreme(choose: Function) -> Function:
     def extreme(*values: object) -> object:
+        """Return the smallest or the largest of some values."""
         entries = _entries(values)
         texts = len(entries) > 0 and all(isinstance(v, str) for v in entries)
         return choose(entries if texts else [_number(v) for v in entries])

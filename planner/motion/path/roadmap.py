@@ -83,7 +83,10 @@ def _motion_validator(info: Any, good: Callable[[Array, Array], bool], n: int) -
     """Return a validator that judges motions by a function of both ends (N,)."""
 
     class Validator(ob.MotionValidator):  # type: ignore[misc]
+        """Judges motions as OMPL asks for it."""
+
         def checkMotion(self, a: Any, b: Any, *_: Any) -> bool:
+            """Tell whether the motion between two states of OMPL is good."""
             return good(np.array([a[i] for i in range(n)]), np.array([b[i] for i in range(n)]))
 
     return Validator(info)

@@ -100,6 +100,7 @@ def _peak_speed(length: Array, v0: Array, v1: Array, fastest: Array, acceleratio
     """Return the highest speed (n,) [m/s] that leaves room for both ramps."""
 
     def fits(peak: Array) -> Mask:
+        """Tell whether a move with this peak speed is no longer than the way."""
         return np.asarray(
             ramp_length(v0, peak, acceleration, jerk) + ramp_length(peak, v1, acceleration, jerk) <= length
         )

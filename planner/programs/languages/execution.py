@@ -261,6 +261,7 @@ def known_statements(
 
     @cache
     def is_known(said: str) -> bool:
+        """Tell whether a statement is on the dialect's list."""
         return any(p.fullmatch(said) for p in patterns)
 
     return lambda statement: is_known(_squeeze(statement.text))
@@ -280,6 +281,7 @@ def _with_numbers(text: str, dialect: Dialect, program: Program | None) -> str |
     """Return ``text`` with numbers and signals in it; nothing where it wants one that the program has not."""
 
     def number(key: str) -> int | None:
+        """Return the number that the program gives under a key of the controller; any, where there is no program."""
         found = int(ANY) if program is None else getattr(program.controller, key)
         return None if found is None else int(found)
 

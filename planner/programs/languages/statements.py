@@ -70,6 +70,7 @@ def mask_comments(text: str, comment: str, strings: str = '"') -> str:
     quoted = "".join(rf"|{q}[^{q}\r\n]*{q}" for q in strings)
 
     def blank(match: re.Match[str]) -> str:
+        """Return as many blanks as a comment has letters; one that does not end stays."""
         return " " * len(match[0]) if match.groupdict().get("unfinished") is None else match[0]
 
     return re.sub(f"(?:{comment}){quoted}", blank, text.replace("\ufeff", " "))
