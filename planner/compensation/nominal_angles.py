@@ -204,8 +204,9 @@ def _choose_turns(
     nothing = np.full(len(solution), np.nan)
     if not within.any(axis=0).all():
         j = int(np.argmin(within.any(axis=0)))
-        low, up = robot.q_lower[j] / DEG, robot.q_upper[j] / DEG
-        return nothing, f"joint {j + 1} would stand at {solution[j] / DEG:.2f}°; {low:g} … {up:g}° are allowed"
+        low, up = robot.q_lower[j] / DEG, robot.joint_text(j, robot.q_upper[j], "g")
+        stands = robot.joint_text(j, solution[j], ".2f")
+        return nothing, f"joint {j + 1} would stand at {stands}; {low:g} … {up} are allowed"
     if pose.configuration is not None:
         allowed, distance = within & pose.configuration.turns(options), np.abs(options)
     else:
@@ -213,7 +214,7 @@ def _choose_turns(
         allowed, distance = within, np.abs(options - q[follows])
     if not allowed.any(axis=0).all():
         j = int(np.argmin(allowed.any(axis=0)))
-        angles = " or ".join(f"{v / DEG:.2f}°" for v in options[within[:, j], j])
+        angles = " or ".join(f"{robot.joint_text(j, v, '.2f')}" for v in options[within[:, j], j])
         return nothing, f"joint {j + 1} would stand at {angles}, which is not in the turn that is said"
     best = np.where(allowed, distance, np.inf).argmin(axis=0)
     return np.asarray(options[best, np.arange(robot.n_joints)]), ""

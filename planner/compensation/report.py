@@ -33,8 +33,8 @@ def large_joint_motions(robot: Robot, targets: Sequence[Target], q: Array, q_new
         because = ": the target is near a singular position" if lost else ", which its calibration asks for"
         yield (
             targets[k].line,
-            f"joint {j + 1} moves by {moved[k, j] / DEG:.1f}° for a correction of {shift[k] / MM:.2f} mm{because}; "
-            "try it slowly",
+            f"joint {j + 1} moves by {robot.joint_text(j, moved[k, j], '.1f')} for a correction of "
+            f"{shift[k] / MM:.2f} mm{because}; try it slowly",
         )
     if len(far) > shown:
         line = targets[far[shown]].line
@@ -179,7 +179,7 @@ def read_printed(
         off = np.abs(angles[k] - q_new[k])
         j = int(off.argmax())
         if off[j] > JOINT_OFF:
-            stands = f"{angles[k, j] / DEG:.3f}° instead of {q_new[k, j] / DEG:.3f}°"
+            stands = " instead of ".join(robot.joint_text(j, q[k, j], ".3f") for q in (angles, q_new))
             wrong.append((k, f"read again, joint {j + 1} would stand at {stands}"))
         elif max(far_m[k], far_rad[k]) > PLACE_OFF:
             wrong.append((k, f"read again, {far_m[k] / UM:.1f} µm and {far_rad[k] * 1e6:.1f} µrad are left"))

@@ -48,13 +48,13 @@ def target_problems(lines: list[int], nominal: Robot, c: Correction) -> list[Not
         where = ": the target is near a singular position" if c.singular[k] else ""
         if not c.within[k] and c.solved[k]:
             j = int(np.argmax(np.maximum(nominal.q_lower - c.q[k], c.q[k] - nominal.q_upper)))
-            low, up = nominal.q_lower[j] / DEG, nominal.q_upper[j] / DEG
-            why = f"joint {j + 1} would have to stand at {c.q[k, j] / DEG:.4f}°; {low:g} … {up:g}° are allowed"
+            low, up = nominal.q_lower[j] / DEG, nominal.joint_text(j, nominal.q_upper[j], "g")
+            why = f"joint {j + 1} would have to stand at {nominal.joint_text(j, c.q[k, j])}; {low:g} … {up} are allowed"
         elif c.solved[k]:
             j = int(np.abs(c.moved[k]).argmax())
             why = (
-                f"joint {j + 1} would have to turn by {c.moved[k, j] / DEG:.1f}°, further than "
-                f"{move_limit(nominal) / DEG:g}°{where or ', which is more than a correction'}"
+                f"joint {j + 1} would have to move by {nominal.joint_text(j, c.moved[k, j], '.1f')}, further than "
+                f"{nominal.joint_text(j, move_limit(nominal), 'g')}{where or ', which is more than a correction'}"
             )
         else:
             ends = "the arm is at a singular position or at the end of its reach"

@@ -342,25 +342,29 @@ def replace_all(
     Raises:
         NoSolutionError: replacements are lost again and again.
     """
-    count = 0
+    count, gone = 0, np.zeros(0, dtype=int)
     for _ in range(8):  # rounds: what replaces a lost pose may be lost itself
         lost = find_lost(choice)
         if not len(lost):
             return choice, count
+        gone = np.union1d(gone, choice.chosen[lost])
         for k in lost:
-            choice = replace_pose(pool, choice, int(k))
+            choice = replace_pose(pool, choice, int(k), gone)
         count += len(lost)
     raise NoSolutionError(f"{count} chosen poses {advice}")
 
 
-def replace_pose(pool: PoseSet, choice: PoseChoice, lost: int) -> PoseChoice:
-    """Put the candidate that keeps the index best, of those on the same fixture, in the place of a lost pose."""
+def replace_pose(pool: PoseSet, choice: PoseChoice, lost: int, gone: np.ndarray) -> PoseChoice:
+    """Put the candidate that keeps the index best, of those on the same fixture, in the place of a lost pose.
+
+    Candidates that are ``gone`` were lost themselves, and do not come back.
+    """
     rng = np.random.default_rng(lost)
     there = choice.samples
     alike = pool.samples.at_mounting(there.mounting(lost))
     if pool.ball is not None:
         alike &= pool.ball == pool.ball[choice.chosen[lost]]
-    others = np.setdiff1d(np.flatnonzero(alike), choice.chosen)
+    others = np.setdiff1d(np.flatnonzero(alike), np.union1d(choice.chosen, gone))
     tried = np.sort(rng.choice(others, min(3000, len(others)), replace=False))  # candidates that compete for one place
     kept = choice.model.rows(there.take(np.arange(len(there)) != lost))
     rows = choice.model.rows(pool.samples.take(tried))

@@ -92,4 +92,5 @@ def misfit_place(released: ReleasedRobot) -> MisfitPlace | None:
     anywhere = float(np.sqrt(square.mean()))
     if np.sqrt(best) < LOCAL_RATIO * anywhere:
         return MisfitPlace(anywhere=anywhere)
-    return MisfitPlace(anywhere=anywhere, there=float(np.sqrt(best)), joint=joint, range=ends)
+    slides = (joint in released.fit.setup.robot.slide_numbers) or None
+    return MisfitPlace(anywhere=anywhere, there=float(np.sqrt(best)), joint=joint, range=ends, slides=slides)

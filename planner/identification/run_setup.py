@@ -54,9 +54,10 @@ def _check_limits(cell: Cell, run: Run) -> None:
         return
     k = int(rows[0])
     j = int(beyond[k].argmax())
-    low, high, found = np.rad2deg([robot.q_lower[j], robot.q_upper[j], q[k, j]])
+    low, high = np.rad2deg([robot.q_lower[j], robot.q_upper[j]])
+    found, unit = robot.joint_text(j, q[k, j], ".6g"), robot.joint_units[j]
     raise InputError(
-        f"{run.where(k)}: joint {j + 1} stands at {found:.6g} degrees, its limit_deg in {robot.path} is "
+        f"{run.where(k)}: joint {j + 1} stands at {found}, its limit_{unit} in {robot.path} is "
         f"[{low:.6g}, {high:.6g}] ({len(rows)} of {len(q)} rows have such a joint): are the angles the controller's, "
         "in its order, sense and zero, and are the limits this robot's?"
     )

@@ -231,6 +231,10 @@ class Robot:
         """The unit of each joint at the border, ``deg`` or ``mm``."""
         return tuple("mm" if slides else "deg" for slides in self.slides)
 
+    def joint_text(self, joint: int, q: float, form: str = ".4f") -> str:
+        """Return a value of a joint (from 0) as a person reads it: ``12.5°``, of one that slides ``12.5 mm``."""
+        return f"{q / DEG:{form}}{' mm' if self.slides[joint] else '°'}"
+
     @property
     def slide_numbers(self) -> frozenset[int]:
         """Numbers of the joints that slide, from 1."""

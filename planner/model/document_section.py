@@ -80,3 +80,32 @@ class DocumentSection(BaseModel):
             out["unit"] = file_unit(str(out["unit"]))
             out |= {key: _times(out[key], 1 / si_unit(str(out["unit"]))[1]) for key in self.in_unit}
         return out
+
+
+IN_DEGREES = {"zero_mm": "zero_deg", "std_mm": "std_deg", "range_mm": "range_deg"}  # keys of a joint that slides
+
+
+class SectionOfJoint(DocumentSection):
+    """What is said of one joint [rad]; of one that ``slides`` the file says it in mm, a millimetre for a degree."""
+
+    slides: bool | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _of_slide(cls, data: object) -> object:
+        if not isinstance(data, dict) or not {"zero_mm", "range_mm"} & data.keys():
+            return data
+        return {IN_DEGREES.get(key, key): value for key, value in data.items()} | {"slides": True}
+
+    @model_serializer(mode="wrap")
+    def _to_file(self, handler: SerializerFunctionWrapHandler) -> dict[str, object]:
+        out = super()._to_file(handler)
+        if not self.slides:
+            return out
+        in_mm = {degrees: key for key, degrees in IN_DEGREES.items()}
+        return {in_mm.get(key, key): value for key, value in out.items() if key != "slides"}
+
+    @property
+    def unit(self) -> str:
+        """The unit that a person reads it in."""
+        return " mm" if self.slides else "°"

@@ -1,8 +1,6 @@
 """Where the gauge stands by a calibrated robot, where its tool points sit, and what its joint zeros are off."""
 
-from pydantic import SerializerFunctionWrapHandler, model_serializer, model_validator
-
-from planner.model.document_section import DocumentSection
+from planner.model.document_section import DocumentSection, SectionOfJoint
 
 Vector = tuple[float, float, float]
 
@@ -47,10 +45,7 @@ class GaugeFrames(DocumentSection):
     zero_std: float | None = None
 
 
-IN_DEGREES = {"zero_mm": "zero_deg", "std_mm": "std_deg"}  # keys of an axis that slides, of which numbers are the same
-
-
-class JointZero(DocumentSection):
+class JointZero(SectionOfJoint):
     """What the angle that the controller shows of an axis lacks, and its standard deviation [rad].
 
     Attributes:
@@ -58,7 +53,6 @@ class JointZero(DocumentSection):
         axes_of: name of the language of the controller whose axes they are; ``None``: the joints of the model.
         offset: to be added to the angle that is shown, by the robot that is released; ``offset_std`` its deviation.
         absorbs: names of parameters that the run does not show and whose error it also carries.
-        slides: whether the axis slides: it is then ``zero_mm`` in the file, a millimetre for a degree.
     """
 
     if_any = ("axes_of", "slides")
@@ -67,24 +61,3 @@ class JointZero(DocumentSection):
     offset: float
     offset_std: float
     absorbs: tuple[str, ...] = ()
-    slides: bool | None = None
-
-    @model_validator(mode="before")
-    @classmethod
-    def _of_slide(cls, data: object) -> object:
-        if not isinstance(data, dict) or "zero_mm" not in data:
-            return data
-        return {IN_DEGREES.get(key, key): value for key, value in data.items()} | {"slides": True}
-
-    @model_serializer(mode="wrap")
-    def _to_file(self, handler: SerializerFunctionWrapHandler) -> dict[str, object]:
-        out = super()._to_file(handler)
-        if not self.slides:
-            return out
-        in_mm = {degrees: key for key, degrees in IN_DEGREES.items()}
-        return {in_mm.get(key, key): value for key, value in out.items() if key != "slides"}
-
-    @property
-    def unit(self) -> str:
-        """The unit that a person reads it in."""
-        return " mm" if self.slides else "°"

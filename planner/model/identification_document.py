@@ -12,7 +12,7 @@ from pydantic_core.core_schema import any_schema
 from planner.common.arrays import mean_by_group
 from planner.common.schema import read_json, validate
 from planner.common.units import Array
-from planner.model.document_section import DocumentSection
+from planner.model.document_section import DocumentSection, SectionOfJoint
 from planner.model.gauge_frames import GaugeFrames, JointZero
 
 OnlyInMemory = GetPydanticSchema(lambda *_: any_schema())
@@ -256,7 +256,7 @@ class ErrorParts(DocumentSection):
     drift: float = 0.0
 
 
-class MisfitPlace(DocumentSection):
+class MisfitPlace(SectionOfJoint):
     """How far what no named cause explains moves the tool over the workspace [m], rms, and where most.
 
     Attributes:
@@ -264,7 +264,7 @@ class MisfitPlace(DocumentSection):
         there, joint, range: where a joint, from 1, is within a range [rad]; ``None`` where it is alike everywhere.
     """
 
-    if_any = ("there", "joint", "range")
+    if_any = ("there", "joint", "range", "slides")
     anywhere: float
     there: float | None = None
     joint: int | None = None

@@ -68,11 +68,12 @@ def in_controller_axes(program: Program, axes: AxisConvention, dialect: Dialect,
         if not axes.is_within(c).all():
             j = int(np.argmin(axes.is_within(c)))
             low, high = to_deg([axes.lower[j], axes.upper[j]])
+            unit = turned.unit_of(j)
             where = f"place {number} of the program" if number else "home"
             raise NoSolutionError(
-                f"{where} would take {axis_names(dialect)[j]} of the controller to {q_deg[j]:.4f} deg, its stroke "
-                f"is {low:g} to {high:g} deg: an axis that counts with others has a stroke that the limits of single "
-                f"joints do not say; narrow limit_deg of the joints that it follows from "
+                f"{where} would take {axis_names(dialect)[j]} of the controller to {q_deg[j]:.4f} {unit}, its stroke "
+                f"is {low:g} to {high:g} {unit}: an axis that counts with others has a stroke that the limits of "
+                f"single joints do not say; narrow limit_{unit} of the joints that it follows from "
                 f"({axes.sentences(axis_names(dialect))[j]})"
             )
     return turned
@@ -116,9 +117,10 @@ def check_model_angles(program: Program, axes: AxisConvention, found: ReadBack, 
     off = np.abs(read - planned) - room
     if off.max() > 0.0:
         move, j = np.unravel_index(int(off.argmax()), off.shape)
+        unit = program.unit_of(int(j))
         raise ProgramMismatchError(
-            f"the program is not released: move {move + 1} leads joint {j + 1} to {read[move, j]:.6f} deg, planned are "
-            f"{planned[move, j]:.6f} deg"
+            f"the program is not released: move {move + 1} leads joint {j + 1} to {read[move, j]:.6f} {unit}, "
+            f"planned are {planned[move, j]:.6f} {unit}"
         )
 
 

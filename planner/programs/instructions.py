@@ -226,6 +226,10 @@ class Program:
         """Tell whether an axis, from 0, slides."""
         return bool(self.joint_units) and self.joint_units[axis] == "mm"
 
+    def unit_of(self, axis: int) -> str:
+        """Return the unit of an axis, from 0: ``deg``, or ``mm`` of one that slides."""
+        return "mm" if self.slides(axis) else "deg"
+
     def without_starts(self) -> "Program":
         """Return the program for a controller that can be started at its beginning only."""
         kept = (i for i in self.instructions if not isinstance(i, StretchBegin | StretchEnd | Entry))

@@ -113,7 +113,7 @@ def _complaints(program: Program, dialect: Dialect, found: ReadBack) -> Iterator
     off = np.abs(found.joint_path_deg - planned)
     if off.max() > _resolution(dialect):
         move, axis = np.unravel_index(int(off.argmax()), off.shape)
-        yield f"move {move + 1} has axis {axis + 1} off by {off.max():.6f} deg"
+        yield f"move {move + 1} has axis {axis + 1} off by {off.max():.6f} {program.unit_of(int(axis))}"
     dwells = [i.seconds for i in program.instructions if isinstance(i, Dwell)]
     if len(dwells) != len(found.dwells_s) or not np.allclose(dwells, found.dwells_s, rtol=0.0, atol=1e-3):
         yield f"it dwells {len(found.dwells_s)} times, planned are {len(dwells)}, or the times differ"
@@ -138,7 +138,8 @@ def _too_abrupt(program: Program, found: ReadBack) -> Iterator[str]:
         zip(found.acceleration_deg_s2, program.acceleration_deg_s2, strict=True), start=1
     ):
         if not asked <= limit * ROUNDING_RATIO:
-            yield f"it accelerates joint {joint} at {asked:.0f} deg/s2, allowed are {limit:.0f} deg/s2"
+            unit = program.unit_of(joint - 1)
+            yield f"it accelerates joint {joint} at {asked:.0f} {unit}/s2, allowed are {limit:.0f} {unit}/s2"
 
 
 def _centrings(program: Program) -> tuple[tuple[int, int, int], ...]:

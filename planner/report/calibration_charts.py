@@ -234,11 +234,11 @@ def misfit_chart(facts: CalibrationFacts, robot: ReleasedRobot) -> Chart:
         y_range=(float(y[0]), float(y[-1])),
         height=FIELD_HEIGHT,
     )
-    seen = to_deg(few.q)
+    seen, units = to_deg(few.q), facts.calibration.setup.robot.joint_units
     joints = tuple(
         Panel(
             "",
-            f"joint {j + 1} (deg)",
+            f"joint {j + 1} ({units[j]})",
             "moved by (mm, rms)" if j % 2 else "",  # beside the colours of the field there is no room
             (
                 _rms_line("no named cause", moved, RED, q[:, j]),

@@ -83,7 +83,8 @@ class CalibrationFacts:
 
     def _angles(self) -> list[PlotVariable]:
         samples = self.calibration.run.samples.take(self.looked_samples)
-        out = [PlotVariable("joints", f"joint {j + 1} (deg)", q) for j, q in enumerate(to_deg(samples.q).T)]
+        units = self.calibration.setup.robot.joint_units
+        out = [PlotVariable("joints", f"joint {j + 1} ({units[j]})", q) for j, q in enumerate(to_deg(samples.q).T)]
         setup = self.calibration.setup
         if setup.weighs or samples.force is not None or samples.payload is not None:
             load = Context(setup, samples).load_torque

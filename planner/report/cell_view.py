@@ -194,8 +194,9 @@ def view_session(
         cloud: candidates' tool points, (c, 3) [mm].
         way_step: time between two points of a way there [s].
     """
+    units = " and ".join(dict.fromkeys(cell.robot.joint_units))
     labels = [
-        f"{told}   axes {'  '.join(f'{a:.1f}' for a in angles)} deg"
+        f"{told}   axes {'  '.join(f'{a:.1f}' for a in angles)} {units}"
         for s in shown
         for told, angles in zip(s.told, to_deg(s.q), strict=True)
     ]

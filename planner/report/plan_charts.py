@@ -30,10 +30,8 @@ from planner.report.chart import (
     share_panel,
 )
 from planner.report.formatting import count_text, digits, duration_text
-from planner.report.plan_data import DrivenPath, ParameterForecast, TourOrders
+from planner.report.plan_data import DrivenPath, ParameterForecast, TourOrders, angle_label
 from planner.session.plan_types import Drive, Plan
-
-ANGLE_LABEL = "joint angle (deg)"
 
 
 def index_chart(plan: Plan, curve: IndexCurve) -> Chart:
@@ -146,7 +144,7 @@ def tour_chart(both: TourOrders) -> Chart:
     for name, t, q in (("Unsorted", both.unsorted_t, both.unsorted_q), ("Sorted", both.sorted_t, both.sorted_q)):
         title = f"{name}: legs of {duration_text(float(t[-1]))}"
         label = "time by the cost of the legs (s)"
-        panels.append(Panel(title, label, ANGLE_LABEL, joint_series(t, to_deg(q)), **axes))
+        panels.append(Panel(title, label, both.angle_label, joint_series(t, to_deg(q)), **axes))
     caption = (
         "The same poses on the same scale; unsorted is the order of selection. A leg lasts as long as its slowest "
         f"limit: {both.cost_name}."
@@ -154,10 +152,10 @@ def tour_chart(both: TourOrders) -> Chart:
     return Chart("tour", "The tour, before and after sorting", caption, tuple(panels))
 
 
-def joint_chart(way: DrivenPath) -> Chart:
+def joint_chart(cell: Cell, way: DrivenPath) -> Chart:
     """Joint angles as driven."""
     series, span = joint_series(way.motion.t, to_deg(way.motion.q)), _angle_span(way.motion.q)
-    panel = _over_time(way, "", ANGLE_LABEL, series, span, height=330)
+    panel = _over_time(way, "", angle_label(cell.robot), series, span, height=330)
     return Chart("joints", "Joint angles as driven", _there(way), (panel,))
 
 

@@ -9,6 +9,7 @@ from planner.cell.workspace import Workspace
 from planner.common.units import Array
 from planner.design.observability.information import predict_covariance
 from planner.effects.effect import Parameter
+from planner.kinematics.robot import Robot
 from planner.motion.timing.trajectory import MotionSamples
 from planner.runs.run import Mounting
 from planner.session.course import axis_limits
@@ -73,6 +74,12 @@ class TourOrders:
     sorted_t: Array
     sorted_q: Array
     cost_name: str
+    angle_label: str
+
+
+def angle_label(robot: Robot) -> str:
+    """Return what an axis of a chart says that holds all joints, those that slide too."""
+    return "joint angle (deg)" if not robot.slides.any() else "joints: angle (deg), travel (mm)"
 
 
 def tour_orders(cell: Cell, drive: Drive) -> TourOrders:
@@ -82,7 +89,7 @@ def tour_orders(cell: Cell, drive: Drive) -> TourOrders:
     sorted_q = np.vstack([q, q[:1]])
     unsorted_q = np.vstack([q[np.argsort(order)], q[:1]])
     unsorted_t, sorted_t = (_clock(cell, drive.mounting, way) for way in (unsorted_q, sorted_q))
-    return TourOrders(unsorted_t, unsorted_q, sorted_t, sorted_q, cost_name(cell))
+    return TourOrders(unsorted_t, unsorted_q, sorted_t, sorted_q, cost_name(cell), angle_label(cell.robot))
 
 
 def _clock(cell: Cell, mounting: Mounting, q: Array) -> Array:

@@ -181,7 +181,7 @@ def _drive(plan: Plan, k: int) -> dict[str, Any]:
     attached = cell.has_bar()
     drawn = (
         plan_charts.tour_chart(tour_orders(cell, drive)),
-        plan_charts.joint_chart(way),
+        plan_charts.joint_chart(cell, way),
         plan_charts.bar_chart(cell, way, drive) if attached else plan_charts.contact_chart(cell, drive),
         plan_charts.speed_chart(cell, way, drive),
     )

@@ -114,7 +114,8 @@ def check_run(paths: Sequence[Path], cell: Cell) -> RunCheck:
 
 def _series(run: Run, shown: Array) -> list[RunSeries]:
     s, r = run.samples, run.readings
-    columns = [(f"axis {k + 1}", "deg", to_deg(s.q[:, k])) for k in range(s.q.shape[1])]
+    units = ["mm" if k in run.slides else "deg" for k in range(1, s.q.shape[1] + 1)]
+    columns = [(f"axis {k}", unit, to_deg(q)) for k, (unit, q) in enumerate(zip(units, s.q.T, strict=True), start=1)]
     if r.length is not None:
         columns.insert(0, ("length", "mm", to_mm(r.length)))
     if r.position is not None:

@@ -11,7 +11,7 @@ from planner.cell.cell import Cell
 from planner.common.errors import InputError
 from planner.common.files import write_text
 from planner.common.schema import StrictModel
-from planner.common.units import Array, from_mm, to_deg, to_mm
+from planner.common.units import Array, from_mm, to_mm
 from planner.design.fixtures.addition import place_fixture
 from planner.design.fixtures.places import PlaceForecast, Status, forecast_place
 from planner.kinematics.bodies import Vector
@@ -118,7 +118,7 @@ def check_view(cell: Cell) -> CellCheck:
         *((f"fixture {f.name}", f"{_vector_text(f.p_BX)} mm") for f in cell.fixtures if cell.has_bar()),
         ("measured point", f"{tool} mm in the flange"),
         ("obstacles", str(len(cell.obstacles))),
-        ("home", ", ".join(f"{v:.1f}" for v in to_deg(cell.home)) + " deg"),
+        ("home", ", ".join(cell.robot.joint_text(j, v, ".1f") for j, v in enumerate(cell.home))),
     ]
     movable = cell.fixtures if cell.has_bar(free=True) else ()
     return CellCheck(

@@ -12,7 +12,6 @@ from planner.common.errors import InputError
 from planner.common.files import data_folder
 from planner.common.result_folder import changed_files
 from planner.common.schema import read_json
-from planner.common.units import to_deg
 from planner.session.course import Course, Waypoints, time_course
 from planner.session.document import DriveRecord, PlanDocument, WaypointRecord, read_plan, read_waypoints
 from planner.session.plan_record import changed_parts, content_hash, plan_document
@@ -71,9 +70,10 @@ def check_joined(path: Path, cell: Cell, courses: Sequence[Course]) -> None:
             off = np.abs(end - begin)
             j = int(off.argmax())
             if not off[j] <= SAME_ANGLE:
+                ends_at, begins_at = (cell.robot.joint_text(j, q[j]) for q in (end, begin))
                 raise InputError(
                     f"{path}: the drive at fixture {cell.place_name(course.mounting)} does not join: {name} ends with "
-                    f"joint {j + 1} at {to_deg(end[j]):.4f} deg, what follows begins at {to_deg(begin[j]):.4f} deg; "
+                    f"joint {j + 1} at {ends_at}, what follows begins at {begins_at}; "
                     "one of them was changed after planning; use the plan as it was written, or plan again"
                 )
 
@@ -187,7 +187,8 @@ def _check_visits(path: Path, cell: Cell, plan: PlanDocument) -> None:
         off = np.abs(np.subtract(listed[k], q_deg))
         if off.max() > CHANGED_ANGLE_DEG:
             j = int(off.argmax())
-            said, goes = f"{listed[k][j]:.4g} deg in 'poses'", f"{q_deg[j]:.4g} deg ('drives')"
+            unit = cell.robot.joint_units[j]
+            said, goes = f"{listed[k][j]:.4g} {unit} in 'poses'", f"{q_deg[j]:.4g} {unit} ('drives')"
             raise InputError(f"{path}: pose {k} has joint {j + 1} at {said}, but is driven to {goes}; {because}")
 
 

@@ -174,11 +174,11 @@ class PoseSession(ABC):
 
     def _drive_places(self, choice: PoseChoice, limit: TimeLimit) -> tuple[tuple[Drive, ...], PoseChoice]:
         """Drive the tour of every mounting; a pose that no path joins is replaced after all, and told."""
-        most_replacements = 20  # of a pose that no path joins, before the cell is taken to be split
-        checks = self.draw_validation(choice)
+        most_rounds = 20  # of replacing poses that no path joins, before the cell is taken to be split
+        checks, gone = self.draw_validation(choice), np.zeros(0, dtype=int)
         drives: list[Drive] = []
         for place in self.places(limit):
-            for _ in range(most_replacements):
+            for _ in range(most_rounds):
                 mine = np.flatnonzero(choice.samples.at_mounting(place.mounting))
                 others = checks[self.pool.samples.take(checks).at_mounting(place.mounting)]
                 stops = [self.stop(choice, int(k)) for k in mine]
@@ -188,16 +188,21 @@ class PoseSession(ABC):
                     drives.append(drive_tour(place, stops, self.options.tsp, self.options.seed, first))
                     break
                 except Unreachable as lost:
-                    if lost.which < len(mine):
-                        choice = self.replace(choice, int(mine[lost.which]))
-                    else:
-                        checks = np.setdiff1d(checks, others[lost.which - len(mine)])
+                    at = np.array(lost.which)
+                    chosen = mine[at[at < len(mine)]]
+                    checks = np.setdiff1d(checks, others[at[at >= len(mine)] - len(mine)])
+                    gone = np.union1d(gone, choice.chosen[chosen])
+                    for k in chosen.tolist():
+                        choice = self.replace(choice, k, gone)
                     name = place.cell.place_name(place.mounting)
                     where = f" (fixture {name})" if name else ""
-                    self.notes.append(Aside(f"a pose that no path could join was replaced{where}"))
+                    what = "a pose" if len(at) == 1 else f"{len(at)} poses"
+                    was = "was" if len(at) == 1 else "were"
+                    self.notes.append(Aside(f"{what} that no path could join {was} replaced{where}"))
             else:
                 raise NoSolutionError(
-                    f"{most_replacements} poses in a row could not be joined to the tour: obstacles split the cell"
+                    f"{most_rounds} times poses could not be joined to the tour: obstacles split the cell; move the "
+                    "fixture or what is in the way, lower motion.clearance_mm, or try another --seed"
                 )
         self.notes += [note for d in drives for note in d.tour.notes]
         return tuple(drives), choice
@@ -230,9 +235,9 @@ class PoseSession(ABC):
     def stop(self, choice: PoseChoice, k: int) -> TourStop:
         """Return the chosen pose ``k`` as a stop of the tour."""
 
-    def replace(self, choice: PoseChoice, lost: int) -> PoseChoice:
-        """Replace a chosen pose that no path joins."""
-        return replace_pose(self.pool, choice, lost)
+    def replace(self, choice: PoseChoice, lost: int, gone: np.ndarray) -> PoseChoice:
+        """Replace a chosen pose that no path joins, by none of the candidates that are ``gone``."""
+        return replace_pose(self.pool, choice, lost, gone)
 
     @abstractmethod
     def driven_rows(self, choice: PoseChoice, drives: tuple[Drive, ...]) -> Array:

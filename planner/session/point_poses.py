@@ -136,9 +136,9 @@ class PointPoses(PoseSession):
         role: Role = "validate" if self.only_validates else "calibrate"
         return candidate_stop(self.pool, int(choice.chosen[k]), role, REPEATED_CENTRINGS if k in self.repeated else 1)
 
-    def replace(self, choice: PoseChoice, lost: int) -> PoseChoice:
-        """Replace a chosen pose that no path joins."""
-        return self._touchable(super().replace(choice, lost))
+    def replace(self, choice: PoseChoice, lost: int, gone: np.ndarray) -> PoseChoice:
+        """Replace a chosen pose that no path joins, by none of the candidates that are ``gone``."""
+        return self._touchable(super().replace(choice, lost, gone))
 
     def driven_rows(self, choice: PoseChoice, drives: tuple[Drive, ...]) -> Array:
         """Rows of the chosen poses: the robot rests at each."""

@@ -72,9 +72,9 @@ class MountingSession:
 
 @dataclass(frozen=True)
 class Unreachable(Exception):
-    """A pose that no path joins; ``which`` is its position among the stops."""
+    """Poses that no path joins; ``which`` are their positions among the stops."""
 
-    which: int
+    which: tuple[int, ...]
 
 
 def drive_tour(place: MountingSession, stops: Sequence[TourStop], tsp: TourSolver, seed: int, first: int = 0) -> Drive:
@@ -87,7 +87,7 @@ def drive_tour(place: MountingSession, stops: Sequence[TourStop], tsp: TourSolve
         first: number of the first visit; those of earlier fixtures come before.
 
     Raises:
-        Unreachable: a stop cannot be reached; replace it and call again.
+        Unreachable: stops cannot be reached; replace them and call again.
         NoSolutionError: no tour joins the poses, or a judge rejects the path.
     """
     cell, constraints = place.cell, place.measuring
@@ -147,7 +147,7 @@ def join_tour(place: MountingSession, nodes: Array, tsp: TourSolver, seed: int) 
     """Return the shortest tour of the nodes (n, N) [rad] that a path joins, and that path.
 
     Raises:
-        Unreachable: a stop cannot be reached.
+        Unreachable: stops cannot be reached.
         NoSolutionError: no tour joins the nodes.
     """
     most_tours = 12  # re-solved with a leg forbidden
@@ -173,7 +173,7 @@ def join_tour(place: MountingSession, nodes: Array, tsp: TourSolver, seed: int) 
         if 0 in path.unreachable:
             raise NoSolutionError(f"no path leads from the mount pose to any other pose: {path.reasons[0]}")
         if path.unreachable:
-            raise Unreachable(path.unreachable[0] - 1)
+            raise Unreachable(tuple(k - 1 for k in path.unreachable))
         forbidden |= dict(zip(path.failed, path.reasons, strict=True))
     why = "; ".join(sorted(set(forbidden.values()))[:3])
     raise NoSolutionError(

@@ -68,9 +68,10 @@ def stage_row(s: Stage) -> Row:
     }
 
 
-def error_rows(q: list[list[float]], position: list[list[float]], errors: list[list[float]]) -> list[Row]:
-    """Return the states of the workspace: joint angles, tool point, and its likely error of three robots [rad, m]."""
-    heads = [f"q{j + 1}_deg" for j in range(len(q[0]))]
+def error_rows(
+    heads: list[str], q: list[list[float]], position: list[list[float]], errors: list[list[float]]
+) -> list[Row]:
+    """Return the states of the workspace [rad, m]: joints (``heads``), tool point, errors of three robots."""
     return [
         {name: float(to_deg(v)) for name, v in zip(heads, angles, strict=True)}
         | {f"{axis}_mm": float(to_mm(v)) for axis, v in zip("xyz", place, strict=True)}

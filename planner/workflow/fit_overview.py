@@ -139,7 +139,7 @@ def _misfit_facts(r: Release, width: int) -> Iterator[Fact]:
     where, there = "alike everywhere", "all over the workspace"
     if m.range is not None and m.there is not None:
         low, high = (f"{v / DEG:.0f}" for v in m.range)
-        there = f"with joint {m.joint} from {low} to {high} deg"
+        there = f"with joint {m.joint} from {low} to {high}{m.unit.replace('°', ' deg')}"
         where = f"most {there} ({_mm(m.there)} mm)"
     how = " (edbb plan --aim tracing, or about a further fixture)" if width == 1 else ""
     kept = "; the robot as written follows it where it was measured" if r.basis == "posterior" else ""

@@ -101,7 +101,15 @@ class CalibrationResult(FolderResult):
         if released is None:
             return RowTable((), dict)
         errors = np.stack([released.likely_errors(f) for f in (None, released.geometry, released.fit)], axis=1)
-        return RowTable(error_rows(released.tool.q.tolist(), released.tool.position.tolist(), errors.tolist()), dict)
+        return RowTable(
+            error_rows(
+                self.calibration.setup.robot.joint_columns("q"),
+                released.tool.q.tolist(),
+                released.tool.position.tolist(),
+                errors.tolist(),
+            ),
+            dict,
+        )
 
     @property
     def simulated(self) -> bool:

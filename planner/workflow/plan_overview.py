@@ -53,7 +53,7 @@ def _error_facts(expected: BayesianDesign) -> Iterator[Fact]:
     better = [f for f in expected.by_number if f.error < expected.left and f.poses > len(expected.after)]
     cures = [_number_text(f) for f in better[-1:]]
     if another_place_pays(expected):
-        cures.append("another place of the fixture (--fixtures 2)")
+        cures.append("a further fixture, if --fixtures 2 foresees less")
     yield (
         "for less",
         "  ".join(cures[:1]) + "".join(f"; or {c}" for c in cures[1:])

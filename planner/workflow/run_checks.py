@@ -121,9 +121,10 @@ def check_angles(run: Run, path: Path, plan: PlanDocument, cell: Cell) -> None:
     for k, row in enumerate(rows):
         axis = int((off[k] - limit[k]).argmax())
         if off[k, axis] > limit[k, axis]:
+            say = cell.robot.joint_text
             raise InputError(
                 f"{run.where(row)}: pose {run.samples.pose[row]} was measured with axis {axis + 1} "
-                f"{np.rad2deg(off[k, axis]):.1f} deg off, by {path} (at most {np.rad2deg(limit[k, axis]):.1f} deg"
+                f"{say(axis, off[k, axis], '.1f')} off, by {path} (at most {say(axis, limit[k, axis], '.1f')}"
                 f"{_led_text(cell)}): are the poses numbered right, and is the plan the one that was driven?"
             )
 

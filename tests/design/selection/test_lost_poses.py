@@ -1,0 +1,76 @@
+"""Poses that no path joins are replaced together, and none of them comes back."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from planner.cell.reading import load_cell
+from planner.common.errors import NoSolutionError
+from planner.design.candidates.pool import draw_candidates
+from planner.design.pose_selection import judge_poses, replace_all
+from planner.session import planning
+from planner.session.bar_poses import BarPoses
+from planner.session.options import PlanOptions
+from planner.session.tour_drive import Unreachable
+
+
+@pytest.fixture(scope="module")
+def chosen():
+    cell = load_cell("ur10/edbb")
+    pool = draw_candidates(cell, 400, seed=0)
+    return cell, pool, judge_poses(cell, pool, np.arange(0, 400, 10), "O2")
+
+
+def test_what_was_lost_does_not_come_back(chosen):
+    _, pool, choice = chosen
+    bad = set(range(0, 400, 3))  # two thirds of the candidates are joined
+    asked = []
+
+    def lost(c):
+        asked.append(c.chosen.copy())
+        return np.array([k for k, row in enumerate(c.chosen.tolist()) if row in bad])
+
+    done, count = replace_all(pool, choice, lost, "are lost")
+    assert not bad & set(done.chosen.tolist())
+    assert len(set(done.chosen.tolist())) == len(choice.chosen)
+    seen = [row for rows in asked for row in set(rows.tolist()) & bad]
+    assert len(seen) == len(set(seen)) == count  # no lost candidate was tried twice
+
+
+def session_of(cell, pool, monkeypatch, drive):
+    session = BarPoses(cell, PlanOptions())
+    session.pool = pool
+    place = SimpleNamespace(mounting=cell.mountings[0], cell=cell)
+    monkeypatch.setattr(session, "places", lambda: [place])
+    monkeypatch.setattr(planning, "drive_tour", drive)
+    return session
+
+
+def test_all_lost_poses_of_a_tour_are_replaced_at_once(chosen, monkeypatch):
+    cell, pool, choice = chosen
+    calls = []
+
+    def drive(place, stops, tsp, seed, first):
+        calls.append([tuple(s.q) for s in stops])
+        if len(calls) == 1:
+            raise Unreachable((0, 3, len(stops) - 1))  # the last is one that validates
+        return SimpleNamespace(visits=(), tour=SimpleNamespace(notes=()))
+
+    session = session_of(cell, pool, monkeypatch, drive)
+    _, new = session._drive_places(choice)
+    assert len(calls) == 2
+    assert np.flatnonzero(new.chosen != choice.chosen).tolist() == [0, 3]
+    assert len(calls[1]) == len(calls[0]) - 1
+    assert calls[0][-1] not in calls[1]
+    assert session.notes == ["3 poses that no path could join were replaced (fixture A)"]
+
+
+def test_a_split_cell_is_told_with_what_would_help(chosen, monkeypatch):
+    cell, pool, choice = chosen
+
+    def drive(*_):
+        raise Unreachable((1,))
+
+    with pytest.raises(NoSolutionError, match="obstacles split the cell; move the fixture"):
+        session_of(cell, pool, monkeypatch, drive)._drive_places(choice)
