@@ -166,7 +166,8 @@ def solve_few_axes(
 ) -> Array:
     """Return angles (n, N) [rad] at which the tool stands where it ought to, turned as nearly as the arm can.
 
-    A joint that would leave its limits is held at its limit, and the others take the place as well as they can.
+    A joint that would leave its limits is held at its limit, and the others take the place as well as they can. Where
+    the place asks a joint for more than ``farthest`` it is held there in the same way: the tool comes nearer.
 
     Args:
         robot: the limits.
@@ -174,20 +175,27 @@ def solve_few_axes(
         start: where to start, (n, N) [rad].
         goal: where the tools ought to be.
         weights: of the turns.
-        farthest: that a joint may move for the sake of a turn [rad].
+        farthest: that a joint may move [rad].
     """
+    within = robot.q_lower, robot.q_upper
+    room = farthest * (1 - 1e-9)  # so that rounding does not make it more
+    near = np.maximum(within[0], start - room), np.minimum(within[1], start + room)
     q, rows, error = start.copy(), np.arange(len(start)), np.full(len(start), np.inf)
     # ((1.0, 0.0), (1.0, 0.1), (1.0, 0.3), (0.0, 1.0)): parts of what the turns and the joints' own moves count
-    for turns, hold in ((1.0, 0.0), (1.0, 0.1), (1.0, 0.3), (0.0, 1.0)):
+    tries = ((1.0, 0.0, within), (1.0, 0.1, within), (1.0, 0.3, within), (0.0, 1.0, within), (0.0, 1.0, near))
+    for turns, hold, box in tries:
         row = np.append(turns * weights.row, hold)
-        tried = _solve_within(robot, _Search(poser, goal.rows(rows), row, start[rows]))
+        low, high = (np.broadcast_to(end, start.shape)[rows] for end in box)
+        tried = _solve_within(low, high, _Search(poser, goal.rows(rows), row, start[rows]))
         off = np.linalg.norm(goal.rows(rows).missing(poser, tried)[0], axis=1)
-        near = np.abs(tried - start[rows]).max(axis=1, initial=0.0) <= farthest
-        better = np.where(near, off, np.inf) < error[rows]
+        moved = np.abs(tried - start[rows]).max(axis=1, initial=0.0)
+        better = np.where(moved <= farthest, off, np.inf) < error[rows]
         q[rows[better]], error[rows[better]] = tried[better], off[better]
         rows = rows[error[rows] > POINT_REACHED]
         if not rows.size:
             break
+    farther = error > np.linalg.norm(goal.missing(poser, start)[0], axis=1)
+    q[farther] = start[farther]
     return q
 
 
@@ -235,19 +243,19 @@ class _Search:
         return shorten(step, np.abs(step).max(axis=1), LARGEST_STEP)
 
 
-def _solve_within(robot: Robot, search: _Search) -> Array:
-    """Return the angles (n, N) [rad], joints that would leave their limits held there."""
+def _solve_within(low: Array, high: Array, search: _Search) -> Array:
+    """Return the angles (n, N) [rad], joints that would leave their limits (n, N) held there."""
     free = np.ones(search.start.shape, dtype=bool)
     q = search.solve(search.start, free)
     for _ in range(3):  # times that joints which would leave their limits are held there and the others solved again
-        over = free & ((q > robot.q_upper) | (q < robot.q_lower))
+        over = free & ((q > high) | (q < low))
         rows = np.flatnonzero(over.any(axis=1))
         if not rows.size:
             break
         free[rows] &= ~over[rows]
-        held = np.clip(q[rows], robot.q_lower, robot.q_upper)
+        held = np.clip(q[rows], low[rows], high[rows])
         q[rows] = search.rows(rows).solve(held, free[rows])
-    return np.asarray(np.clip(q, robot.q_lower, robot.q_upper))
+    return np.asarray(np.clip(q, low, high))
 
 
 def _jacobians(poser: FlangeSource, q: Array, goal: ToolGoal) -> tuple[Array, Array]:
