@@ -76,8 +76,9 @@ def test_an_arm_that_is_off_is_found_and_its_targets_come_out_nearer(planned):
     assert lines[0] == head
     corrected = np.deg2rad([[float(v) for v in x.split(",")] for x in lines[1:]])
     assert np.abs(np.rad2deg(corrected - targets)[:, 0]).max() < 10  # the lift moves by millimetres
-    said = re.search(r"expected at the (\d+) targets: ([\d.]+) mm rms.* before; ([\d.]+) mm rms", done.stdout + done.stderr)
-    assert said, done.stdout + done.stderr
+    shown = done.stdout + done.stderr
+    said = re.search(r"expected at the (\d+) targets: ([\d.]+) mm rms.* before; ([\d.]+) mm rms", shown)
+    assert said, shown
     stated_before, stated_after = float(said[2]), float(said[3])
     kept = np.abs(np.rad2deg(corrected - targets)).max(axis=1) < 1e-5  # near a singular position: left as they were
     assert (~kept).sum() == int(said[1]) >= 15
