@@ -163,5 +163,5 @@ def test_rows_are_held_against_the_poses_of_their_plan(tmp_path, spoil):
     if spoil == "nothing":
         check_angles(run, tmp_path / "plan.json", plan, CELL)
         return
-    with pytest.raises(InputError, match=r"run.csv, line 2: pose \d was measured with axis .* ° off, by .*plan.json"):
+    with pytest.raises(InputError, match=r"run.csv, line 2: pose \d was measured with axis .*° off, by .*plan.json"):
         check_angles(run, tmp_path / "plan.json", plan, CELL)
