@@ -7,6 +7,7 @@ import pytest
 
 from planner.cell.reading import load_cell
 from planner.common.errors import NoSolutionError
+from planner.common.progress import TimeLimit
 from planner.design.candidates.pool import draw_candidates
 from planner.design.pose_selection import judge_poses, replace_all
 from planner.session import planning
@@ -42,7 +43,7 @@ def session_of(cell, pool, monkeypatch, drive):
     session = BarPoses(cell, PlanOptions())
     session.pool = pool
     place = SimpleNamespace(mounting=cell.mountings[0], cell=cell)
-    monkeypatch.setattr(session, "places", lambda: [place])
+    monkeypatch.setattr(session, "places", lambda limit: [place])
     monkeypatch.setattr(planning, "drive_tour", drive)
     return session
 
@@ -58,7 +59,7 @@ def test_all_lost_poses_of_a_tour_are_replaced_at_once(chosen, monkeypatch):
         return SimpleNamespace(visits=(), tour=SimpleNamespace(notes=()))
 
     session = session_of(cell, pool, monkeypatch, drive)
-    _, new = session._drive_places(choice)
+    _, new = session._drive_places(choice, TimeLimit(float("inf")))
     assert len(calls) == 2
     assert np.flatnonzero(new.chosen != choice.chosen).tolist() == [0, 3]
     assert len(calls[1]) == len(calls[0]) - 1
@@ -73,4 +74,4 @@ def test_a_split_cell_is_told_with_what_would_help(chosen, monkeypatch):
         raise Unreachable((1,))
 
     with pytest.raises(NoSolutionError, match="obstacles split the cell; move the fixture"):
-        session_of(cell, pool, monkeypatch, drive)._drive_places(choice)
+        session_of(cell, pool, monkeypatch, drive)._drive_places(choice, TimeLimit(float("inf")))
