@@ -207,13 +207,13 @@ def write_cell(robot: Robot, folder: Path, tool_mm: tuple[float, float, float] |
     return write(home, places[np.argmax(count)])
 
 
-def plan_arm(found: Outcome, arm: OtherArm, urdf: Path, folder: Path, limit: float) -> Robot | None:
+def plan_arm(found: Outcome, arm: OtherArm, urdf: Path, folder: Path, options: list[object]) -> Robot | None:
     """Plan; crude bodies that touch at home are left out as the refusal says, up to three times."""
     more = ""
     for _ in range(4):
         robot = write_description(arm, urdf, folder, more)
         cell = write_cell(robot, folder, arm.tool_mm)
-        words = "plan", cell, "-o", folder / "plan", "--time-limit", limit, "--force", "--dialect", "poses-csv"
+        words = "plan", cell, "-o", folder / "plan", "--force", "--dialect", "poses-csv", *options
         cpu, wall, done = run_command(*words)
         found.plan_cpu, found.plan_wall = found.plan_cpu + cpu, found.plan_wall + wall
         cure = CURE.search(done.stderr)
@@ -230,11 +230,11 @@ def plan_arm(found: Outcome, arm: OtherArm, urdf: Path, folder: Path, limit: flo
     return robot
 
 
-def run_arm(arm: OtherArm, urdf: Path, folder: Path, limit: float) -> Outcome:
+def run_arm(arm: OtherArm, urdf: Path, folder: Path, options: list[object]) -> Outcome:
     """Plan, check, measure, identify and correct one arm; one that fails keeps nobody from the next."""
     found = Outcome(arm.name)
     try:
-        robot = plan_arm(found, arm, urdf, folder, limit)
+        robot = plan_arm(found, arm, urdf, folder, options)
         if robot is not None:
             judge(found, robot, folder)
     except Exception as error:
@@ -309,8 +309,14 @@ def main() -> None:
     parser.add_argument("--packages", nargs="*", type=Path, default=[], help="folders with packages of URDFs")
     parser.add_argument("--only", nargs="*", default=[""], help="words in the arm's name")
     parser.add_argument("--limit", type=float, default=600.0, help="of each plan [s]")
+    parser.add_argument("--poses", type=int, help="of each plan, chosen by its error; as many as pay without it")
     parser.add_argument("--table", action="store_true", help="print what the log holds")
     asked = parser.parse_args()
+    options: list[object] = [
+        "--time-limit",
+        asked.limit,
+        *(["--aim", "tracing", "--poses", asked.poses] if asked.poses else []),
+    ]
     lines = asked.log.read_text().splitlines() if asked.log.exists() else []
     outcomes = [Outcome(**json.loads(line)) for line in lines]
     if not asked.table:
@@ -320,7 +326,7 @@ def main() -> None:
             if arm.name in done or urdf is None or not any(w in arm.name for w in asked.only):
                 continue
             folder = work / re.sub(r"\W+", "-", arm.name)
-            outcomes.append(run_arm(arm, urdf.resolve(), folder, asked.limit))
+            outcomes.append(run_arm(arm, urdf.resolve(), folder, options))
             with asked.log.open("a") as log:
                 log.write(json.dumps(asdict(outcomes[-1])) + "\n")
             print(outcomes[-1].line(), flush=True)
