@@ -277,6 +277,19 @@ CASES = (
         50,
     ),
     Case(
+        "panda-camera",
+        {
+            "cell.toml": shipped("panda/camera", plan="candidates = 300\nvalidate = 2\nrepeat = 1\nrefine = false"),
+            "truth.toml": TRUTH,
+        },
+        (
+            edbb("plan cell.toml -o out --poses 24 --json"),
+            edbb("simulate out/plan.json -o run.csv --truth truth.toml"),
+            edbb("identify run.csv --cell out/cell.toml --plan out/plan.json -o found --no-trace"),
+        ),
+        50,
+    ),
+    Case(
         "kr6-trical",
         {
             "cell.toml": shipped("kuka-kr6-r700/trical", plan="candidates = 600\nposes = 24\nvalidate = 2\nrepeat = 2"),

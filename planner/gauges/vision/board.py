@@ -20,6 +20,7 @@ class BoardFile(StrictModel):
 
     ``charuco`` is a chessboard of ``columns`` × ``rows`` squares with markers in the white ones, ``tags`` a grid of
     markers ``gap_mm`` apart, ``marker`` one of them. Markers are numbered from ``first`` on, as OpenCV draws them.
+    ``legacy``: a ChArUco board as OpenCV drew it before 4.6: with an even number of rows its top left square is white.
     """
 
     kind: BoardKind
@@ -30,6 +31,7 @@ class BoardFile(StrictModel):
     gap_mm: PositiveFloat | None = None
     dictionary: str = "DICT_4X4_50"
     first: Annotated[int, Field(ge=0)] = 0
+    legacy: bool = False
     scale_ppm: Annotated[float, Field(gt=0, le=20_000)] = (
         300.0  # one sigma of its size: a calliper, 0.05 mm over 170 mm
     )
@@ -40,6 +42,8 @@ class BoardFile(StrictModel):
             raise ValueError("a charuco board needs square_mm, larger than marker_mm")
         if self.kind == "charuco" and min(self.columns, self.rows) < 3:
             raise ValueError("a charuco board has at least 3 columns and 3 rows of squares")
+        if self.legacy and self.kind != "charuco":
+            raise ValueError("legacy is for a charuco board: tags and markers are drawn as they always were")
         if self.kind == "tags" and self.gap_mm is None:
             raise ValueError("a board of tags needs gap_mm, from the edge of one to the next")
         if self.kind == "marker" and (self.columns, self.rows) != (1, 1):

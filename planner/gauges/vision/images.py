@@ -170,6 +170,7 @@ class CornerSeeker:
             theirs = cv2.aruco.CharucoBoard(
                 (file.columns, file.rows), float(file.square_mm or 0), float(file.marker_mm), dictionary, numbers
             )
+            theirs.setLegacyPattern(file.legacy)
             charuco = cv2.aruco.CharucoDetector(theirs, cv2.aruco.CharucoParameters(), how)
         else:
             how.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
@@ -221,6 +222,9 @@ class CornerSeeker:
             return f"shows markers {_some(seen)}, and none of the board's ({min(own)} to {max(own)}): another board"
         if foreign := sorted(set(seen) - own):
             return f"shows markers {_some(foreign)} that the board ({min(own)} to {max(own)}) has not: another board"
+        if seen and self._is_other_pattern(image):
+            key = str(not self.board.file.legacy).lower()
+            return f"shows the pattern of another version of OpenCV: write legacy = {key} for the board"
         if seen:
             return f"shows {len(seen)} markers of the board and no corner between two of them"
         aruco = self.cv2.aruco
@@ -229,6 +233,14 @@ class CornerSeeker:
             if len(other.detectMarkers(image)[0]) >= min(4, len(own)):
                 return f"shows markers of {name}, not of {self.board.file.dictionary}: another board"
         return "no board is seen: is it in the picture, in focus and lit?"
+
+    def _is_other_pattern(self, image: np.ndarray) -> bool:
+        """Tell whether the board is seen once its squares are taken as OpenCV drew them before 4.6, or since."""
+        file = self.board.file
+        if file.kind != "charuco":
+            return False
+        other = CornerSeeker.of(file.model_copy(update={"legacy": not file.legacy}).board)
+        return bool((~np.isnan(other._charuco(image)[:, 0])).sum() >= LEAST_CORNERS)
 
     def _distance_from_flat(self, found: Array) -> float:
         """Return by how much the corners miss the picture of a flat board, rms [px]."""

@@ -236,3 +236,33 @@ def test_images_of_an_arm_lead_to_its_errors(lines, pattern, tmp_path):
         e = zeros[f"theta{joint}"]
         assert abs(e.value - e.nominal - scene.zeros[joint - 1]) < max(4 * e.std, 2e-4)
     assert found.stages[-1].held_out.rms < 3e-4
+
+
+def old_board():
+    """A ChArUco board of 7 by 6 squares as OpenCV drew it before 4.6."""
+    dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50)
+    board = cv2.aruco.CharucoBoard((7, 6), 0.03, 0.022, dictionary)
+    board.setLegacyPattern(True)
+    return board
+
+
+def test_a_board_that_an_older_opencv_drew_is_found_and_its_key_is_named(lines):
+    T = stands(3, 0.4, 0.45)
+    image = picture(T, lines, printed(old_board()), seed=3)
+    found = seeker(rows=6, legacy=True).corners(image)
+    true = cv2.projectPoints(
+        old_board().getChessboardCorners(), cv2.Rodrigues(T[:3, :3])[0], T[:3, 3], SMALL_LENS, SMALL_BENT
+    )[0][:, 0]
+    off = found - true
+    assert (~np.isnan(off[:, 0])).sum() >= 24
+    assert np.sqrt(np.nanmean((off**2).sum(axis=1))) < 0.25
+    assert "write legacy = true" in seeker(rows=6).corners(image)
+    new = cv2.aruco.CharucoBoard((7, 6), 0.03, 0.022, cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50))
+    other = picture(T, lines, printed(new), seed=3)
+    assert "write legacy = false" in seeker(rows=6, legacy=True).corners(other)
+    assert not isinstance(seeker(rows=6).corners(other), str)
+
+
+def test_legacy_is_a_charuco_boards():
+    with pytest.raises(ValueError, match="legacy is for a charuco board"):
+        BoardFile(kind="marker", marker_mm=50, legacy=True)
