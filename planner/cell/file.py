@@ -82,8 +82,6 @@ class TrackerFile(PlacedFile):
 Number = Annotated[int, Field(ge=0, le=9999)]
 Signal = Annotated[int, Field(ge=1, le=9999)]
 AngleDeg = Annotated[float, Field(gt=0, le=180)]
-MOST_OBSTACLES = 500  # each pair of bodies is judged by itself; many small ones are one mesh
-MOST_TOOL_KG = 5000.0  # [kg] more than any arm carries
 FIRST_POINT = "1"  # name of the tool point at map_mm, where there are others
 
 
@@ -100,7 +98,7 @@ class ToolFile(OptionalKeys):
 
     map_mm: Vector
     map_axis: Vector = (0.0, 0.0, 1.0)
-    mass_kg: Annotated[float, Field(ge=0, le=MOST_TOOL_KG)] = 0.0
+    mass_kg: Annotated[float, Field(ge=0, le=5000.0)] = 0.0  # more than any arm carries
     com_mm: Vector = (0.0, 0.0, 0.0)
     bodies: tuple[BodyFile, ...] = ()
     prior_mm: PositiveFloat = 1.0
@@ -326,7 +324,8 @@ class CellFile(OptionalKeys):
     balls: tuple[BallFile, ...] = ()
     artifact: ArtifactFile | None = None
     tracker: TrackerFile | None = None
-    obstacles: tuple[BodyFile, ...] = Field(default=(), max_length=MOST_OBSTACLES)
+    # 500: each pair of bodies is judged by itself; many small ones are one mesh
+    obstacles: tuple[BodyFile, ...] = Field(default=(), max_length=500)
     circles: tuple[CircleFile, ...] = ()
     motion: MotionFile = MotionFile()
     cable: CableFile = CableFile()

@@ -5,6 +5,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from enum import Enum
 
 from planner.common.errors import NoSolutionError
 
@@ -16,8 +17,15 @@ def no_progress(stage: str, done: int, of: int) -> None:
     """Pass over what is going on."""
 
 
-CANDIDATES, ROADMAP, BOUND, CHOICE, REFINEMENT, TOUR = 0.2, 0.35, 0.55, 0.6, 0.7, 0.75
-"""Shares of the limit after which a stage begins nothing new; what is left is for the path and its proofs."""
+class LastStart(float, Enum):
+    """Share of a limit after which a stage begins nothing new; what is left is for the path and its proofs."""
+
+    CANDIDATES = 0.2
+    ROADMAP = 0.35
+    BOUND = 0.55
+    CHOICE = 0.6
+    REFINEMENT = 0.7
+    TOUR = 0.75
 
 
 class TimeIsOverError(NoSolutionError):

@@ -27,7 +27,6 @@ PositiveFloat = Annotated[float, Field(gt=0, le=MOST)]
 NonNegativeFloat = Annotated[float, Field(ge=0, le=MOST)]
 OneLine = Annotated[str, AfterValidator(lambda text: _check_line(text))]
 KeyPath = tuple[str | int, ...]
-SHOWN_ENTRIES = 10  # of a list in a message
 MOST_NAME = 200  # letters of a name
 TABLE = "table"
 NEEDED = {  # by pydantic's name of the fault
@@ -112,8 +111,9 @@ def _fault_message(error: ErrorDetails) -> str:
 
 
 def _state_value(key: str, found: object, toml: bool) -> str:
+    shown_entries = 10  # of a list in a message
     text = ("a table" if toml else "an object") if isinstance(found, dict) else repr(found)
-    if isinstance(found, list) and len(found) > SHOWN_ENTRIES:
+    if isinstance(found, list) and len(found) > shown_entries:
         text = f"{len(found)} entries"
     return f"{key} = {text}: " if key else f"{text}: "
 

@@ -51,13 +51,11 @@ class Summary:
         return "\n".join([self.title, *fact_lines(facts)])
 
 
-MOST_NAMED = 8  # things that are named in a line
-
-
 def name_first(names: Sequence[str]) -> str:
     """Return names in a line, of many the first and how many more there are."""
-    more = len(names) - MOST_NAMED
-    return ", ".join(names) if more <= 1 else f"{', '.join(names[:MOST_NAMED])} and {more} more"
+    most_named = 8  # things that are named in a line
+    more = len(names) - most_named
+    return ", ".join(names) if more <= 1 else f"{', '.join(names[:most_named])} and {more} more"
 
 
 def under_key(key: str, texts: Iterable[str]) -> list[Fact]:

@@ -65,7 +65,6 @@ def _wrist(p: Array, u: Array) -> Array:
 
 ACCURATE = 16  # status bit of a point that was taught on a robot with an accuracy model of its own
 CONFIGURED = (0, 3, 5)  # joints whose quarter turns cf1, cf4, cf6 count
-WRIST_BIT = 4  # number of the status bit and of the joint of the wrist
 
 
 @dataclass(frozen=True)
@@ -90,9 +89,10 @@ class StatusTurn:
 
     def correct_numbers(self, arm: CorrectedArm) -> tuple[int, ...]:
         """Return status and turn; a bit changes only where the corrected angle contradicts it."""
+        wrist_bit = 4  # number of the status bit and of the joint of the wrist
         turn = renewed_bits(self.turn, arm.q, arm.q_slack)
         status = renewed_bits(self.status & 3, arm.margins[:2], arm.margins_slack[:2]) | self.status & ~3
-        return status ^ (WRIST_BIT if (turn ^ self.turn) >> WRIST_BIT & 1 else 0), turn
+        return status ^ (wrist_bit if (turn ^ self.turn) >> wrist_bit & 1 else 0), turn
 
 
 def renewed_bits(bits: int, values: Array, slack: Array) -> int:

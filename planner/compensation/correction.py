@@ -44,8 +44,6 @@ class NominalFlange:
         return tool_pose(self.robot.chain, self.robot, q)[:2]
 
 
-MOVE_LIMIT = np.deg2rad(10.0)  # a calibration that moves a joint by more is no small correction
-CORRECTION_ITERATIONS = (12, 20)  # with the nominal Jacobian, and then with the own one
 ALL_TURNS = TurnWeights()
 
 
@@ -133,7 +131,8 @@ def correct_joints(
 
 def move_limit(robot: Robot) -> float:
     """Return how far a correction may move a joint [rad]: over ten degrees where its parts are coarse."""
-    return max(float(MOVE_LIMIT), COARSE_ARM_SIGMAS * robot.priors.angle)
+    # 10.0: [deg] a calibration that moves a joint by more is no small correction
+    return max(float(np.deg2rad(10.0)), COARSE_ARM_SIGMAS * robot.priors.angle)
 
 
 def near_singular(robot: Robot, q: Array) -> np.ndarray:
@@ -155,11 +154,12 @@ def flange_deviation(poser: FlangeModel, q: Array, p: Array, R: Array) -> tuple[
 
 
 def solve_flange_ik(
-    robot: Robot, poser: FlangeModel, start: Array, p: Array, R: Array, rounds: tuple[int, int] = CORRECTION_ITERATIONS
+    robot: Robot, poser: FlangeModel, start: Array, p: Array, R: Array, rounds: tuple[int, int] = (12, 20)
 ) -> Array:
     """Return angles (n, N) [rad] at which ``poser`` stands at p (n, 3) [m], R (n, 3, 3), for six joints or more.
 
     All targets step together; those that have arrived rest. A target that cannot be met ends at the best angles seen.
+    ``rounds``: with the nominal Jacobian, and then with the own one.
     """
 
     def task(q: Array, rows: Positions) -> tuple[Array, Array]:

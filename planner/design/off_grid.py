@@ -19,7 +19,7 @@ import numpy as np
 from planner.cell.cell import Cell
 from planner.cell.workspace import SAFETY_MARGIN, Workspace
 from planner.common.determinism import Positions, on_one_thread, round_significant
-from planner.common.progress import BOUND, REFINEMENT, UNLIMITED, TimeLimit
+from planner.common.progress import UNLIMITED, LastStart, TimeLimit
 from planner.common.units import Array
 from planner.design.candidates.pool import PoseSet
 from planner.design.expected_errors import ExpectedErrors
@@ -90,7 +90,7 @@ def refine_bayesian_poses(
     # 0.2: [rad] of a trial at first
     white, weight, reach = unknown.white(samples), unknown.weight_per_prior, np.full(len(q), 0.2)
     for _ in range(16):  # rounds of trials around every pose
-        if limit.must_stop(REFINEMENT, "the poses were refined off the grid only in part"):
+        if limit.must_stop(LastStart.REFINEMENT, "the poses were refined off the grid only in part"):
             break
         steps = rng.normal(size=(len(q), trials, q.shape[1])) * rng.random((len(q), trials, 1))
         tried = (q[:, None] + reach[:, None, None] * steps).reshape(-1, q.shape[1])
@@ -150,7 +150,7 @@ def certify_off_grid(cell: Cell, pool: PoseSet, choice: PoseChoice, limit: TimeL
         if (
             settled
             or number == MOST_DESCENTS - 1
-            or limit.must_stop(BOUND, "poses off the grid were sought only in part")
+            or limit.must_stop(LastStart.BOUND, "poses off the grid were sought only in part")
         ):
             break
         duals = [d for d in found.duals if not isinstance(d, WholePool)]

@@ -22,8 +22,6 @@ from planner.effects.effect import (
 )
 from planner.effects.sizes import BACKLASH, LAG, PLAY_OF_SCATTER, SETTLING, EffectSize
 
-HYSTERESIS_WIDTHS = np.geomspace(5e-3, 1.0, 16)  # [rad] of travel after a reversal
-
 
 class SpeedSign(BasisFunction, key="speed-sign:JOINT", static=False, column="speed"):
     """φ = ±½ by the sign of a joint's speed."""
@@ -147,7 +145,8 @@ def backlash_by_load(run: Excitation) -> Iterator[Effect]:
 @register("hysteresis", needs=CONTINUOUS_RUN)
 def hysteresis(run: Excitation) -> Iterator[Effect]:
     """Friction on a spring: the joint turns gradually from one side of its play to the other."""
-    widths = NonlinearParameter("width", "rad", HYSTERESIS_WIDTHS, True)
+    hysteresis_widths = np.geomspace(5e-3, 1.0, 16)  # [rad] of travel after a reversal
+    widths = NonlinearParameter("width", "rad", hysteresis_widths, True)
     for i in run.moving_joints if run.has("reversals") else ():
         of_width = partial(_hysteresis, run, i)
         yield replace(of_width(widths.values[0]), parameters=partial(_parameters, of_width), nonlinear=widths)

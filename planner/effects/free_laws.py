@@ -21,9 +21,6 @@ from planner.effects.effect import BASE_TURNS, Parameter, ParameterMove, transfo
 from planner.effects.gears import WAVES, JointWave
 from planner.effects.thermal import ElapsedTime
 
-LAW_DEGREE = 5  # of the polynomials of one load or of time
-MOMENT_DEGREE = 3  # of those of two moments together
-OWN_WAVES = 5  # of a joint's own angle, once to five times a turn
 Mover = Callable[[BasisFunction], tuple[ParameterMove, ...]]
 """From φ to what it moves."""
 
@@ -46,28 +43,30 @@ class LegendreOf(BasisFunction):
 
 def free_laws(run: Excitation) -> Iterator[tuple[str, tuple[Parameter, ...]]]:
     """Yield the parameters of each law by where it acts and by what: ``joint 2 by its load``."""
+    moment_degree = 3  # of those of two moments together
+    law_degree = 5  # of the polynomials of one load or of time
     for joint in run.turning:
         turn = partial(transform_move, run.rotation(joint))
         if run.setup.weighs:
             sides = (TorqueSign(joint),)
             yield from _polynomials(
-                run, f"joint {joint + 1} by its load", [turn], [LoadTorque(joint)], LAW_DEGREE, sides
+                run, f"joint {joint + 1} by its load", [turn], [LoadTorque(joint)], law_degree, sides
             )
         if run.varies("t"):
-            yield from _polynomials(run, f"joint {joint + 1} over time", [turn], [ElapsedTime(run.start)], LAW_DEGREE)
+            yield from _polynomials(run, f"joint {joint + 1} over time", [turn], [ElapsedTime(run.start)], law_degree)
     for joint in run.moving_joints:
         turn = partial(transform_move, run.rotation(joint))
         yield _waves(f"joint {joint + 1} by its own angle", joint, [turn])
         yield _waves(f"axis of joint {joint + 1} by its own angle", joint, _tilts(run, joint + 1, joint))
     if run.setup.weighs:
         tips = [partial(transform_move, m.index) for m in BASE_TURNS[:2]]
-        yield from _polynomials(run, "base by its load", tips, [LoadMoment(0, 0), LoadMoment(0, 1)], MOMENT_DEGREE)
+        yield from _polynomials(run, "base by its load", tips, [LoadMoment(0, 0), LoadMoment(0, 1)], moment_degree)
         for link in run.joints:
             last = link + 1 == run.setup.robot.n_joints
             name = "tool by its load" if last else f"link {link + 1} by its load"
             axes = _across(run, None if last else link + 1)
             bends = _tilts(run, link + 2, None if last else link + 1)
-            yield from _polynomials(run, name, bends, [LoadMoment(link + 2, a) for a in axes], MOMENT_DEGREE)
+            yield from _polynomials(run, name, bends, [LoadMoment(link + 2, a) for a in axes], moment_degree)
 
 
 def _across(run: Excitation, joint: int | None) -> list[int]:
@@ -102,7 +101,8 @@ def _polynomials(
 
 
 def _waves(name: str, joint: int, movers: Sequence[Mover]) -> tuple[str, tuple[Parameter, ...]]:
-    phis = [(JointWave(w, joint, float(k)), float(k)) for k in range(1, OWN_WAVES + 1) for w in WAVES]
+    own_waves = 5  # of a joint's own angle, once to five times a turn
+    phis = [(JointWave(w, joint, float(k)), float(k)) for k in range(1, own_waves + 1) for w in WAVES]
     return name, tuple(_parameters_of(name, movers, phis))
 
 

@@ -17,7 +17,7 @@ from planner.effects.sizes import GEAR_WAVE, LARGEST_COUPLING
 OF_GEARS = Background.NAMED_ONLY  # the posterior has harmonics and a band of ripple for every gear
 GROWING = Background.NAMED_ONLY  # hardly any arm has it, and its errors grow beyond the angles measured
 WAVES: tuple[Literal["sin", "cos"], ...] = ("sin", "cos")
-TIMES = ((1.0, "once"), (2.0, "twice"), (3.0, "three times"))
+TIMES = ((1.0, "once"), (2.0, "twice"), (3.0, "three times"))  # a turn, in words
 SLAMANI = "Slamani, Nubiola & Bonev 2012, Industrial Robot 39(1): positioning errors of a serial robot, 0.1 mm waves"
 STRAIN = "Ghorbel, Gandhi & Alpeter 2001, J. Mech. Design 123(1): strain-wave gears err twice a turn of the motor"
 NUBIOLA = "Nubiola & Bonev 2013, RCIM 29(1): coupling of wrist joints"

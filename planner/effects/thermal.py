@@ -29,8 +29,6 @@ from planner.effects.effect import (
 )
 from planner.effects.sizes import DRIFT_SHIFT, DRIFT_TURN, EXPANSION, HEISEL, SIGMAS_OF_LARGEST, THERMAL_GROWTH
 
-LEAST_CAUSE = {"s": 3600.0, "K": 5.0}
-
 
 def against_temperature(phi: BasisFunction, c: Context) -> EffectVariable:
     """Draw an effect against the temperature."""
@@ -159,7 +157,8 @@ def _drift(
     usual, largest = (
         (DRIFT_TURN.usual, DRIFT_TURN.largest) if unit == "rad" else (DRIFT_SHIFT.usual, DRIFT_SHIFT.largest)
     )
-    most = largest / max(cause.size, LEAST_CAUSE[cause.per])
+    least = {"s": 3600.0, "K": 5.0}[cause.per]  # an hour, 5 K: of less of a cause no larger drift is believed
+    most = largest / max(cause.size, least)
     prior, label = min(usual / cause.size, most / SIGMAS_OF_LARGEST), cause.kind.replace(" ", "_")
     parameters = (Parameter(f"{label}{end}", f"{unit}/{cause.per}", prior, what, moves) for end, what, moves in each)
     return Effect(cause.kind, place, tuple(parameters), sentence, most, HEISEL)

@@ -28,7 +28,6 @@ from planner.kinematics.robot import Robot
 from planner.runs.run import Mounting, Readings, ReferenceReadings, Run, Samples
 
 NOMINAL_OFF = 10 * MM  # [m] more than a robot as it is bought misses by (rms)
-MIRROR, MIRRORED_GAIN = np.array([1.0, 1.0, -1.0]), 3.0  # times better in a mirror: the axes are left-handed
 
 
 @register_gauge
@@ -200,7 +199,7 @@ def _place_frames(setup: Placement, run: Run, p_FM: Array | None) -> FramePlacem
 
     def place_mirrored() -> FramePlacement:
         """Place the tracker as if its axes were left-handed."""
-        return place_frames(stand, p_GM * MIRROR, p_FM)
+        return place_frames(stand, p_GM * np.array([1.0, 1.0, -1.0]), p_FM)
 
     try:
         seen = place_frames(stand, p_GM, p_FM, R_GM)
@@ -218,7 +217,8 @@ def _check_handedness(run: Run, rms: float, mirrored: Callable[[], FramePlacemen
         found = mirrored().rms
     except NoSolutionError:
         return
-    if found < min(rms / MIRRORED_GAIN, NOMINAL_OFF):
+    mirrored_gain = 3.0  # times better in a mirror: the axes are left-handed
+    if found < min(rms / mirrored_gain, NOMINAL_OFF):
         instead = "not at all" if np.isinf(rms) else f"to {float(to_mm(rms)):.3g} mm"
         raise InputError(
             f"{run.name}: the positions fit the arm {instead} as they are, and to {float(to_mm(found)):.3g} mm with "

@@ -63,7 +63,6 @@ NO_POSTERIOR = (
     "the fit of all effects together did not come to rest: the calibrated robot is that of the last stage, and its "
     "error over the workspace is that of its covariance, which sees no misfit"
 )
-LARGEST_ERROR = {"m": 50 * MM, "rad": 5 * DEG}  # no sound robot is further off than this,
 ROW_EFFECTS = ("backlash", "hysteresis")  # that show by how each joint came to a pose
 
 
@@ -71,6 +70,7 @@ def find_problems(
     table: tuple[Estimate, ...], stages: Sequence[FittedStage], found: Fit, traced: TracingResult, run: Run, cell: Cell
 ) -> tuple[str, ...]:
     """Return the reasons not to use the result, after tracing, and what was tried; none when it passed."""
+    largest_error = {"m": 50 * MM, "rad": 5 * DEG}  # no sound robot is further off than this
     prior = dict(zip(found.model.names, found.model.prior.tolist(), strict=True))
     out = [
         f"{e.name} came out {abs(e.value - e.nominal) / (MM if e.unit == 'm' else DEG):.1f} "
@@ -78,7 +78,7 @@ def find_problems(
         f"{_tried_text(traced)}"
         for e in table
         if e.group == "geometry"
-        and abs(e.value - e.nominal) > max(LARGEST_ERROR.get(e.unit, np.inf), LARGEST_SIGMAS * prior.get(e.name, 0.0))
+        and abs(e.value - e.nominal) > max(largest_error.get(e.unit, np.inf), LARGEST_SIGMAS * prior.get(e.name, 0.0))
     ]
     factor = found.solution.factor
     if len(factor) and not np.all(np.isfinite(factor)):

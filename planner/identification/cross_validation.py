@@ -103,7 +103,6 @@ def _with_frames(model: Model) -> Model:
     return replace(model, parameters=tuple(frames), fixed=fixed)
 
 
-SAME_POSE = np.deg2rad(0.01)  # joint angles closer than this are the same pose measured again
 FEWEST_GROUPS = 5  # placements or sessions that make a split of their own: else a fold is too large a part
 
 
@@ -210,7 +209,8 @@ def _are_balanced(session: np.ndarray) -> bool:
 
 def number_poses(q: Array) -> np.ndarray:
     """Number the poses (n, N) [rad] so that a pose measured again has the number of the first time, (n,)."""
-    return np.unique(np.round(q / SAME_POSE).astype(np.int64), axis=0, return_inverse=True)[1].reshape(-1)
+    same_pose = np.deg2rad(0.01)  # joint angles closer than this are the same pose measured again
+    return np.unique(np.round(q / same_pose).astype(np.int64), axis=0, return_inverse=True)[1].reshape(-1)
 
 
 def number_targets(samples: Samples) -> np.ndarray:

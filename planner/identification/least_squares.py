@@ -28,7 +28,6 @@ from planner.identification.noise import Noise, estimate_noise
 from planner.identification.problem import PIECE_SAMPLES, FitProblem, LinearPiece
 from planner.model.model import Model
 
-START_SAMPLES = 3_000  # of a long run find the minimum before all of them polish it
 FROZEN_NUMBERS = 1_000_000  # of a Jacobian, from which on it stands for those at the next steps too
 
 
@@ -62,9 +61,10 @@ def solve(problem: FitProblem, start: Array | None = None, converged: float = CO
     Raises:
         NoSolutionError: the fit does not come to rest.
     """
+    start_samples = 3_000  # of a long run find the minimum before all of them polish it
     errors = np.zeros(len(problem.prior)) if start is None else np.array(start)
-    if len(problem) > 2 * START_SAMPLES:
-        few = problem.take(even_positions(len(problem), START_SAMPLES))
+    if len(problem) > 2 * start_samples:
+        few = problem.take(even_positions(len(problem), start_samples))
         errors = _descend(few, errors, ROUGHLY_CONVERGED_SIGMAS).errors
     return _descend(problem, errors, converged)
 

@@ -116,9 +116,9 @@ class _DrawnFit:
 FINDING = float(np.exp(-6.0))  # probability of a finding: it is one of some hundred that were tried
 RARE, COMMON, UNNAMED = 1, 2, 3  # pools: few of many acts; joints and links that yield, of which most arms have some
 SLAB: Array = 0.1 * 2.0 ** np.arange(7, dtype=float)  # factors of a family that acts; weights normal in the log
-SLAB_WEIGHT: Array = np.exp(-0.5 * (np.log(SLAB) + 1.0) ** 2)
+SLAB_WEIGHT: Array = np.exp(-0.5 * (np.log(SLAB) + 1.0) ** 2)  # normal in the log about 1/e, its sigma 1
 OWN: Array = np.exp(np.linspace(-2.0, 2.0, 9))  # the same of geometry and of findings
-OWN_WEIGHT: Array = np.exp(-0.5 * np.log(OWN) ** 2)
+OWN_WEIGHT: Array = np.exp(-0.5 * np.log(OWN) ** 2)  # normal in the log about 1, its sigma 1
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,6 @@ from planner.gauges.placement.flange_poses import LOCATED_SIGMA, index_in_cell
 from planner.runs.joint_motion import joint_speeds, last_reversals
 from planner.runs.run import Run, Samples
 
-LIMIT_SLACK = np.deg2rad(2.0)  # that an arm may stand beyond a limit of its file
 JOINT_MOVED = 1e-3  # [rad] from pose to pose that tell a joint's way
 
 
@@ -47,9 +46,10 @@ def _check_limits(cell: Cell, run: Run) -> None:
     Raises:
         InputError: naming the row, the joint and its limits.
     """
+    limit_slack = np.deg2rad(2.0)  # that an arm may stand beyond a limit of its file
     robot, q = cell.robot, run.samples.q
     beyond = np.maximum(robot.q_lower - q, q - robot.q_upper)
-    rows = np.flatnonzero(beyond.max(axis=1) > LIMIT_SLACK)
+    rows = np.flatnonzero(beyond.max(axis=1) > limit_slack)
     if not len(rows):
         return
     k = int(rows[0])

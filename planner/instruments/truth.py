@@ -107,11 +107,6 @@ def _unit_factor(where: str, unit: str, wanted: str) -> float:
     return factor
 
 
-UNIT_SPELLINGS = {
-    "m": {"mm": MM, "um": UM, "m": 1.0},
-    "rad": {"deg": DEG, "mrad": 1e-3, "urad": 1e-6, "rad": 1.0},
-    "rad/Nm": {"urad_Nm": 1e-6, "deg_Nm": DEG, "rad_Nm": 1.0},
-}  # of a parameter's unit in a key, the first is how it is written; other units stand as they are
 TRUTH_LINE = "# truth: "  # of a simulated run begins a line that says what is true
 WRITTEN_DECIMALS = 9  # of a drawn error as it is written
 
@@ -262,7 +257,13 @@ def _error_keys(p: Parameter) -> list[tuple[str, float]]:
 
 
 def _spellings(p: Parameter) -> dict[str, float]:
-    return UNIT_SPELLINGS.get(p.unit, {p.unit.replace("/", "_"): 1.0})
+    """Return how a parameter's unit may stand in a key, and its factor to SI; the first is how it is written."""
+    known = {
+        "m": {"mm": MM, "um": UM, "m": 1.0},
+        "rad": {"deg": DEG, "mrad": 1e-3, "urad": 1e-6, "rad": 1.0},
+        "rad/Nm": {"urad_Nm": 1e-6, "deg_Nm": DEG, "rad_Nm": 1.0},
+    }
+    return known.get(p.unit, {p.unit.replace("/", "_"): 1.0})
 
 
 def _key_hint(key: str, model: Model, known: list[str]) -> str:

@@ -188,9 +188,6 @@ def _rotate(R: Array, axis: int, angle: Array) -> Array:
     return out
 
 
-PARALLEL_ANGLE = np.deg2rad(5.0)  # neighbouring axes closer than this get Hayati's parameter [rad]
-
-
 ROWS = {  # Hayati's β only where it is given; θ is the joint's
     "dh": ("theta", "d", "a", "alpha", "beta"),  # Rz(θ) Tz(d) Tx(a) Rx(α) Ry(β)
     "mdh": ("alpha", "a", "beta", "theta", "d"),  # Rx(α) Tx(a) Ry(β) Rz(θ) Tz(d) (TriCal, Table 4)
@@ -219,8 +216,9 @@ def is_of_link_before(convention: str, key: str) -> bool:
 
 def is_near_parallel(convention: str, i: int, n: int, alpha: float) -> bool:
     """Tell whether row i of n joins near-parallel axes, so that DH alone cannot say that they are skew."""
+    parallel_angle = np.deg2rad(5.0)  # neighbouring axes closer than this get Hayati's parameter [rad]
     joins_axes = i < n if convention == "dh" else i > 1
-    return joins_axes and abs(np.sin(alpha)) < np.sin(PARALLEL_ANGLE)
+    return joins_axes and abs(np.sin(alpha)) < np.sin(parallel_angle)
 
 
 def xyz_transforms(

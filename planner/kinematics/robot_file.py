@@ -25,7 +25,6 @@ DRIVE_KEYS = {  # what planning asks of a joint: the keys of one that turns, and
     "acceleration": ("acceleration_deg_s2", "acceleration_mm_s2"),
     "jerk": ("jerk_deg_s3", "jerk_mm_s3"),
 }
-LEAST_STROKE = 5.0  # [mm] limits of a slide that are all nearer to 0 are metres
 
 
 class JointTable(StrictModel):
@@ -60,6 +59,7 @@ class JointTable(StrictModel):
     @field_validator("limit_deg", "limit_mm")
     @classmethod
     def _ordered(cls, value: tuple[float, float] | None, info: ValidationInfo) -> tuple[float, float] | None:
+        least_stroke = 5.0  # [mm] limits of a slide that are all nearer to 0 are metres
         if value is None:
             return None
         if value[0] >= value[1]:
@@ -67,7 +67,7 @@ class JointTable(StrictModel):
         largest = max(abs(v) for v in value)
         if info.field_name == "limit_deg" and largest <= 2 * np.pi + 1e-9:
             raise ValueError("these look like radians; limits are in degrees")
-        if info.field_name == "limit_mm" and largest <= LEAST_STROKE:
+        if info.field_name == "limit_mm" and largest <= least_stroke:
             raise ValueError("these look like metres; limits of a joint that slides are in millimetres")
         return value
 

@@ -19,7 +19,6 @@ LinkMassKg = Annotated[float, Field(ge=0, le=20_000)]
 ReachMm = Annotated[float, Field(ge=50, le=20_000)]
 RepeatabilityMm = Annotated[float, Field(ge=1e-3, le=10)]  # the best arms repeat to 5 µm, toys to a millimetre
 REACH_SHARE = (0.3, 1.1)  # of that length: makers state the reach of the wrist's centre from axis 1, 0.58 to 0.77 of it
-TRACK_MOST = 50_000.0  # [mm] of a linear track: 47 m are on the market
 
 
 def check_joint_limits(path: Path, lower: Array, upper: Array, slides: np.ndarray) -> None:
@@ -30,6 +29,7 @@ def check_joint_limits(path: Path, lower: Array, upper: Array, slides: np.ndarra
     Raises:
         InputError: naming the joint, its limits and what is allowed.
     """
+    track_most = 50_000.0  # [mm] of a linear track: 47 m are on the market
     # [deg] beyond which both limits of an axis are alike to this factor: it has no own stop there
     one_sided = (540.0, 2.0)
     for i, limits in enumerate(zip(to_deg(lower), to_deg(upper), strict=True), 1):
@@ -37,10 +37,10 @@ def check_joint_limits(path: Path, lower: Array, upper: Array, slides: np.ndarra
         if not np.isfinite(far):
             continue
         if slides[i - 1]:
-            if far > TRACK_MOST:
+            if far > track_most:
                 raise InputError(
                     f"{path}: joint {i} slides, and has the limits {limits[0]:.6g} mm and {limits[1]:.6g} mm: allowed "
-                    f"are {TRACK_MOST:g} mm to either side"
+                    f"are {track_most:g} mm to either side"
                 )
             continue
         # [deg] the first three axes carry the arm: cables and castings stop them; an end of the wrist may turn

@@ -114,7 +114,6 @@ ROW = ("alpha", "a", "theta", "d")
 ANGLES = ("alpha", "theta", "beta", "zero", "lower", "upper", "speed")
 LENGTHS = ("a", "d")
 PLAIN = ("sense", "name")
-FACTORS = {"deg": 1.0, "rad": 180.0 / np.pi, "mm": 1.0, "m": 1e3, "deg_s": 1.0, "rad_s": 180.0 / np.pi}
 ROW_KEYS = {"alpha": "alpha_deg", "theta": "theta_deg", "beta": "beta_deg", "a": "a_mm", "d": "d_mm"}
 KEYS = ROW_KEYS | {"zero": "zero_deg"}
 CONVENTION = re.compile(r"#\s*convention\s*:\s*(\S+)", re.IGNORECASE)
@@ -162,7 +161,9 @@ def _column(path: Path, line: int, title: str) -> tuple[str, float]:
     if unit not in allowed:
         called = " or ".join(f"{key}_{u}" for u in allowed)
         raise InputError(f"{path}, line {line}: '{title.strip()}' does not say its unit: {called}")
-    return key, FACTORS[unit]
+    # to mm and degrees, as robot.toml has them
+    factors = {"deg": 1.0, "rad": 180.0 / np.pi, "mm": 1.0, "m": 1e3, "deg_s": 1.0, "rad_s": 180.0 / np.pi}
+    return key, factors[unit]
 
 
 def _joint(where: str, columns: list[tuple[str, float]], row: list[str]) -> dict[str, object]:

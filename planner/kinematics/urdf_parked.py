@@ -28,7 +28,6 @@ from planner.kinematics.urdf_elements import (
 from planner.kinematics.urdf_tree import UrdfError, link_of
 
 UNITS = {"revolute": "deg", "continuous": "deg", "prismatic": "mm"}  # of the joints that can be parked
-ENDLESS = 1e9  # [rad, m] limits of joints that have none, as files write them: 999999
 UNIT_ROUNDING = 1e-9  # [rad, m] beyond a limit that comes of the conversion of units
 
 
@@ -133,10 +132,11 @@ def _stand(
 
 
 def _stand_of_leader(joint: ET.Element, given: float | None) -> tuple[float, str]:
+    endless = 1e9  # [rad, m] limits of joints that have none, as files write them: 999999
     limit = None if joint.get("type") == "continuous" else joint.find("limit")
     lower, upper = -np.inf, np.inf
     if limit is not None:
-        lower, upper = (number(limit, key, ENDLESS) for key in ("lower", "upper"))
+        lower, upper = (number(limit, key, endless) for key in ("lower", "upper"))
     if not lower < upper:  # a file that says no limits, or none that bound anything
         lower, upper = -np.inf, np.inf
     if given is None:

@@ -14,7 +14,6 @@ from planner.effects.nonparametric import NONPARAMETRIC
 from planner.model.identification_document import Finding
 
 JOINT = "joint "
-EVEN_CHANCE = 0.5  # probability below which another cause, or none, is likelier
 
 
 @dataclass(frozen=True)
@@ -40,7 +39,8 @@ class FindingGroup:
     @property
     def is_doubtful(self) -> bool:
         """Whether another cause, or none, is likelier than the most certain of them."""
-        return all(f.probability is not None and f.probability < EVEN_CHANCE for f in self.findings)
+        even_chance = 0.5  # probability below which another cause, or none, is likelier
+        return all(f.probability is not None and f.probability < even_chance for f in self.findings)
 
     @property
     def rival_texts(self) -> tuple[str, ...]:

@@ -15,7 +15,6 @@ from planner.model.model import Model
 from planner.runs.run import Run, Samples
 
 WORKSPACE_STATES = 2000  # joint states at which the tool is looked at
-FRAME_COLUMNS = 6  # the first ones only say where the base stands
 
 
 @dataclass(frozen=True)
@@ -76,9 +75,10 @@ def tool_rows(
     samples: Samples, setup: MeasurementSetup, unknown: Sequence[Parameter]
 ) -> tuple[tuple[str, ...], Array, Array]:
     """Return the same names, the tool's motion per how the base stands, (3 n, 6), and per each of them, (3 n, P)."""
+    frame_columns = 6  # the first ones only say where the base stands
     model = _tool_model(setup).plus(list(unknown))
     rows = model.rows(samples).reshape(-1, len(model.names))
-    return model.names[FRAME_COLUMNS:], rows[:, :FRAME_COLUMNS], rows[:, FRAME_COLUMNS:]
+    return model.names[frame_columns:], rows[:, :frame_columns], rows[:, frame_columns:]
 
 
 def tool_position(samples: Samples, setup: MeasurementSetup) -> Array:

@@ -14,7 +14,6 @@ from planner.kinematics.geometry import bar_state
 from planner.model.identification_document import Stage, error_size
 
 PANEL_POINTS = 500  # of the samples, drawn in one panel
-SHOWN_POSES = 1500  # that are drawn one by one
 
 
 @dataclass(frozen=True)
@@ -127,14 +126,15 @@ def error_along(residual: Array) -> Array:
 
 def error_by_pose(told: CalibrationFacts) -> tuple[tuple[str, ...], Array, Array]:
     """Names and held-out errors [m] before and after, of the poses at rest or of samples along a continuous run."""
+    shown_poses = 1500  # that are drawn one by one
     run = told.calibration.run
     before, after = error_size(told.before.held_residual), error_size(told.after.held_residual)
     if run.continuous or run.samples.pose is None:
-        which = even_positions(len(run), SHOWN_POSES)
+        which = even_positions(len(run), shown_poses)
         return tuple(f"sample {k + 1}" for k in which), before[which], after[which]
     pose, first = np.unique(run.samples.pose, return_index=True)
     pose = pose[np.argsort(first)]
     place = np.argsort(pose)[np.searchsorted(np.sort(pose), run.samples.pose)]
-    few = even_positions(len(pose), SHOWN_POSES)
+    few = even_positions(len(pose), shown_poses)
     was, left = (np.sqrt(mean_by_group(size**2, place))[few] for size in (before, after))
     return tuple(f"pose {p}" for p in pose[few]), was, left

@@ -196,8 +196,6 @@ def refusal_text(c: Calibration) -> tuple[str, ...]:
 
 FAMILIAR = ("backlash", "gear ripple", "joint compliance", "encoder once a turn")  # what a mechanic asks for first
 NOTHING_FOUND = "Nothing beyond noise that the catalogue can name."
-BLIND = {"rad": 0.02, "m": 0.01, "rad/rad": 0.02, "rad/Nm": 1e-3, "1": 1.0, "s": 1.0}
-"""Sizes of an effect that no arm has: a run that shows only such ones does not see it."""
 
 
 def finding_texts(facts: CalibrationFacts) -> list[tuple[str, str, tuple[str, ...]]]:
@@ -320,7 +318,9 @@ def _limits(effect: str, joints: Row, own: list[tuple[str, DetectionLimit]]) -> 
 
 def _would_show(limit: DetectionLimit) -> bool:
     """Tell whether the run would show a size of the effect that an arm may have."""
-    return limit.size < BLIND.get(limit.unit, np.inf)
+    # sizes that no arm has, by their unit: a run that shows only such ones does not see the effect
+    blind = {"rad": 0.02, "m": 0.01, "rad/rad": 0.02, "rad/Nm": 1e-3, "1": 1.0, "s": 1.0}
+    return limit.size < blind.get(limit.unit, np.inf)
 
 
 def _capital(text: str) -> str:

@@ -24,6 +24,7 @@ from planner.session.plan_types import Drive, Plan
 FACETS_AROUND = 20  # a capsule
 CAP_RINGS = 5  # from the rim of a cap to its pole
 BOX_CORNERS = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
+# corners of each side, turning left as seen from outside
 BOX_SIDES = np.array([[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]])
 
 

@@ -12,7 +12,6 @@ from planner.report.cell_view import STAND, CellView, Mesh
 from planner.report.chart import ROLES
 from planner.report.matplotlib_backend import figure_png, print_style
 
-PRINT_LIGHT = np.array([0.35, 0.45, 0.82])
 PRINT_MARKERS = {"calibrate": "o", "repeat": "D", "validate": "s", "mount": "P"}
 
 
@@ -71,6 +70,7 @@ def _shade(mesh: Mesh, colours: tuple[str, ...]) -> Array:
     a, b, c = np.moveaxis(mesh.vertices[mesh.triangles], 1, 0)
     normal = np.cross(b - a, c - a)
     normal /= np.maximum(np.linalg.norm(normal, axis=1), 1e-12)[:, None]
-    bright = 0.62 + 0.38 * np.abs(normal @ PRINT_LIGHT)
+    light = np.array([0.35, 0.45, 0.82])  # where it comes from: steeply from above, over the left shoulder
+    bright = 0.62 + 0.38 * np.abs(normal @ light)  # 0.62: what lies in the shade
     palette = {name: to_rgb(name) for name in set(colours)}
     return np.asarray(np.array([palette[name] for name in colours]) * bright[:, None])

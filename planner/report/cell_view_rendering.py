@@ -11,6 +11,7 @@ from planner.report.cell_view import STAND, CellView, Mesh
 from planner.report.chart import ROLES
 from planner.report.plotly_backend import FONT, INK, Properties, figure_json
 
+# light from high up on the right: shapes show, and no side is black
 SURFACE = {
     "hoverinfo": "skip",
     "lighting": {"ambient": 0.72, "diffuse": 0.55, "specular": 0.04, "roughness": 0.9, "fresnel": 0.02},

@@ -28,9 +28,7 @@ from planner.report.chart import (
     Series,
 )
 
-WIDTH_INCH = 8.0  # [inch] of a chart
 DPI = 160  # dots an inch
-LETTER_INCH = 0.073  # [inch] a letter
 FIELD_COLOURS = "YlOrRd"
 LINE_COLOUR = "#666666"
 STYLE = {
@@ -72,19 +70,20 @@ def figure_png(figure: Figure, small: bool = False) -> bytes:
 
 def chart_png(chart: Chart, small: bool = False) -> bytes:
     """Return the PNG of a chart: panels in rows."""
+    width_inch = 8.0  # [inch] of a chart
     polar_inch = 6.4  # [inch] of a polar chart
     many = min(chart.columns, len(chart.panels))
     heights = [max(p.height for p in row) * (1 / 80) for row in chart.rows]  # [inch] a pixel of the page
     polar = any(p.rings for p in chart.panels)
     with print_style():
         tall = sum(heights) + 0.75 * len(heights) + 0.1
-        size = (polar_inch, polar_inch) if polar else (WIDTH_INCH, tall)
+        size = (polar_inch, polar_inch) if polar else (width_inch, tall)
         figure = Figure(figsize=size, dpi=DPI, layout="constrained" if many == 1 else None)
         kind = {"projection": "polar"} if polar else None
         axes = figure.subplots(len(heights), many, height_ratios=heights, squeeze=False, subplot_kw=kind).ravel()
         named: set[str] = set()
         for ax, panel in zip(axes, chart.panels, strict=False):
-            _draw(ax, panel, named, WIDTH_INCH / many - 0.75)  # [inch] beside a panel
+            _draw(ax, panel, named, width_inch / many - 0.75)  # [inch] beside a panel
         if many > 1:  # of one size each, so their room need not be found out
             scaled = any(p.field for p in chart.panels)
             margin = {"left": 0.085, "right": 0.95 if scaled else 0.99, "bottom": 0.5 / tall, "top": 1 - 0.3 / tall}
@@ -123,10 +122,11 @@ def _draw(ax: Axes, panel: Panel, named: set[str], room: float) -> None:
 
 def _head(ax: Axes, panel: Panel, labels: Sequence[str], room: float) -> None:
     """Title and legend in one line where they have room [inch] beside each other, else one above the other."""
-    left = LETTER_INCH * max((len(n) for n in panel.y_names), default=0)
-    wide = sum(0.46 + LETTER_INCH * len(text) for text in labels)  # [inch] what stands beside a text in a legend
+    letter_inch = 0.073  # [inch] a letter
+    left = letter_inch * max((len(n) for n in panel.y_names), default=0)
+    wide = sum(0.46 + letter_inch * len(text) for text in labels)  # [inch] what stands beside a text in a legend
     lines = ceil(wide / (room - left))
-    beside = lines < 2 and wide + LETTER_INCH * len(panel.title) < room - left
+    beside = lines < 2 and wide + letter_inch * len(panel.title) < room - left
     ax.set_title(panel.title, pad=None if beside else 6 + 15 * lines)  # [pt] a line of a legend
     if labels:
         columns = ceil(len(labels) / lines)

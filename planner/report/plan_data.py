@@ -16,8 +16,6 @@ from planner.session.course import axis_limits
 from planner.session.plan_types import Drive, Plan
 from planner.session.tour_cost import cost_name, leg_times
 
-PATH_SAMPLES = 2000  # along the way there: a picture has no more columns
-
 
 @dataclass(frozen=True)
 class DrivenPath:
@@ -43,8 +41,8 @@ class DrivenPath:
     returns: bool
 
 
-def sample_drive(cell: Cell, drive: Drive, samples: int = PATH_SAMPLES) -> DrivenPath:
-    """Sample one fixture's way there evenly in time."""
+def sample_drive(cell: Cell, drive: Drive, samples: int = 2000) -> DrivenPath:
+    """Sample one fixture's way there evenly in time; a picture has no more columns than that."""
     trajectory, count = drive.trajectory, len(drive.path.q)
     returns = len(trajectory.waypoint_time) > count
     ends = float(trajectory.waypoint_time[count - 1]) if returns else trajectory.duration_s

@@ -27,8 +27,8 @@ from planner.report.chart import (
 
 FONT = "system-ui, -apple-system, 'Segoe UI', Roboto, 'Helvetica Neue', Arial, sans-serif"
 INK, GRID_COLOUR = "#222222", "#E4E4E4"
-PAGE = {"paper_bgcolor": "white", "font": {"family": FONT, "size": 14, "color": INK}}
-DECADES = range(-18, 19)
+PAGE = {"paper_bgcolor": "white", "font": {"family": FONT, "size": 14, "color": INK}}  # [px] size of letters
+DECADES = range(-18, 19)  # powers of ten that an axis may have ticks at
 DECADE_TEXTS = [f"{10.0**k:.{max(-k, 0)}f}" if abs(k) <= PLAIN_DECADES else f"10<sup>{k}</sup>" for k in DECADES]
 LOG = {"type": "log", "tickmode": "array", "tickvals": [10.0**k for k in DECADES], "ticktext": DECADE_TEXTS}
 AXIS = {"showline": True, "linecolor": "#999999", "ticks": "outside", "tickcolor": "#999999", "zeroline": False}

@@ -13,8 +13,6 @@ from planner.runs.quantities import joint_angles
 from planner.runs.run import Readings, Run, Samples
 from planner.runs.table import read_table
 
-MOST_JOINTS = 32  # columns of angles that are looked for
-
 
 def run_of_images(path: Path, poses: Sequence[int], pixels: Array) -> tuple[Run, tuple[int, ...]]:
     """Return the run of images whose joint angles stand in a table, and the poses of which the table has none.
@@ -27,7 +25,8 @@ def run_of_images(path: Path, poses: Sequence[int], pixels: Array) -> tuple[Run,
     Raises:
         InputError: the table lacks a column, has a pose twice, or none of the images' poses.
     """
-    table = read_table(path, MOST_JOINTS)
+    most_joints = 32  # columns of angles that are looked for
+    table = read_table(path, most_joints)
     if not table.has("pose"):
         raise InputError(f"{path}: the column 'pose' is missing, by whose number an image finds its joint angles")
     if table.notes.get(AXES_OF, MODEL) != MODEL:

@@ -30,13 +30,15 @@ from planner.runs.text import (
     split_head,
 )
 
+# factors to SI of the units that a column may name
 LENGTH = {"mm": MM, "m": 1.0, "um": UM}
-ANGLE = {"deg": DEG, "rad": 1.0}
+ANGLE = {"deg": DEG, "rad": 1.0}  # to radians
 TRAVEL = {
     "mm": DEG,
     "m": 1e3 * DEG,
 }  # of a joint that slides: a millimetre counts as a degree does, see kinematics.robot
 NO_UNIT: Mapping[str, float] = {}
+# of columns that are there once
 PLAIN: Mapping[str, Mapping[str, float]] = {
     "t": {"s": 1.0},
     "length": LENGTH,
@@ -150,7 +152,7 @@ def recognise_columns(headers: Sequence[str], n_joints: int, file: str) -> tuple
     return columns, warnings
 
 
-ALLOWED = {"direction": (-1, 0, 1), "sync": (0, 1)}
+ALLOWED = {"direction": (-1, 0, 1), "sync": (0, 1)}  # values of columns that have few
 MAY_BE_BLANK = frozenset({"pose"})  # between two poses there is none
 
 

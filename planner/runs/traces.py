@@ -41,7 +41,6 @@ from planner.runs.text import RowSource, numbers_in, parse_rows, read_lines
 ENCODINGS = re.compile(  # of text; not those that obey escapes (unicode_escape), nor of names of hosts (idna, punycode)
     r"ascii|utf-(8|16|32)(-\w+)?|iso8859-\d+|cp\d+|mac-\w+|koi8-\w|gb\w+|big5\w*|shift_jis\w*|euc_\w+|tis-620"
 )
-EXTRA_UNITS = {"t": {"ms": 1e-3, "us": 1e-6, "min": 60.0}, "force": {"kN": 1e3}}  # beside those of a run's columns
 
 
 def _encoding(name: str) -> str:
@@ -177,7 +176,8 @@ def column_in_unit(key: str, unit: str) -> RunColumn:
     Raises:
         ValueError: there is no such quantity, or it is not written in that unit.
     """
-    units = {**(units_of(key) or {}), **EXTRA_UNITS.get(key, {})}
+    extra_units = {"t": {"ms": 1e-3, "us": 1e-6, "min": 60.0}, "force": {"kN": 1e3}}  # beside those of a run's columns
+    units = {**(units_of(key) or {}), **extra_units.get(key, {})}
     if unit not in units:
         allowed = ", ".join(units)
         raise ValueError(

@@ -22,8 +22,6 @@ from planner.service.record_index import RecordIndex
 from planner.service.settings import DAY_S, Retention
 
 LOG = logging.getLogger("edbb.service")
-SWEEP_S = 3_600.0  # between two sweeps: what may go is days old
-TASK_DAYS = 7.0  # after which views and checks of pages go: they are made again where somebody looks
 
 
 class KeptJobError(InputError):
@@ -87,7 +85,8 @@ class JobKeeper:
 
         Nothing goes that is archived or needed; what only serves pages goes first.
         """
-        count = sum(self._try_delete(id) for id in self._ended_before(now - TASK_DAYS * DAY_S, tasks=True))
+        task_days = 7.0  # after which views and checks of pages go: they are made again where somebody looks
+        count = sum(self._try_delete(id) for id in self._ended_before(now - task_days * DAY_S, tasks=True))
         if kept.age_s is not None:
             count += sum(self._try_delete(id) for id in self._ended_before(now - kept.age_s))
         if kept.size_bytes is not None:
@@ -170,6 +169,7 @@ class Sweeper:
             self._thread.join()
 
     def _run(self) -> None:
+        sweep_s = 3_600.0  # between two sweeps: what may go is days old
         while not self._stopping.is_set():
             try:
                 count = self._keeper.sweep(self._kept, time.time())
@@ -178,4 +178,4 @@ class Sweeper:
             else:
                 if count:
                     LOG.info("%d old jobs deleted", count)
-            self._stopping.wait(SWEEP_S)
+            self._stopping.wait(sweep_s)

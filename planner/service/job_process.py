@@ -40,7 +40,6 @@ class _Right(IntFlag):
     EXECUTE, WRITE, READ_FILE, READ_FOLDER, TRUNCATE = 1, 2, 4, 8, 1 << 14
 
 
-_NO_NEW_PRIVILEGES = 38  # PR_SET_NO_NEW_PRIVS of prctl
 _FILE_RIGHTS = _Right.EXECUTE | _Right.WRITE | _Right.READ_FILE | _Right.TRUNCATE
 RIGHTS = {1: (1 << 13) - 1, 2: (1 << 14) - 1, 3: (1 << 15) - 1}  # all rights on files, by version
 SYSTEM = ("/usr", "/bin", "/lib", "/lib32", "/lib64", "/etc", "/proc", "/sys/devices/system", "/nix", "/opt")
@@ -63,6 +62,7 @@ def confine_process(folder: Path, readable: Sequence[Path]) -> bool:
         folder: may be read and written.
         readable: may be read, beside the system's libraries and Python's.
     """
+    no_new_privileges = 38  # PR_SET_NO_NEW_PRIVS of prctl
     version = confinement_version()
     if version < 1:
         return False
@@ -81,7 +81,7 @@ def confine_process(folder: Path, readable: Sequence[Path]) -> bool:
     for path in ("/dev/null", "/dev/urandom", "/dev/zero", "/dev/shm"):
         _allow(libc, ruleset, path, (_Right.READ_FILE | _Right.WRITE) & rights)
     _allow(libc, ruleset, str(folder), rights)
-    libc.prctl(_NO_NEW_PRIVILEGES, 1, 0, 0, 0)
+    libc.prctl(no_new_privileges, 1, 0, 0, 0)
     held: bool = libc.syscall(c_long(_Syscall.RESTRICT_SELF), c_int(ruleset), c_uint32(0)) == 0
     os.close(ruleset)
     return held
@@ -105,10 +105,8 @@ def _allow(libc: CDLL, ruleset: int, path: str, rights: int) -> None:
 SPECIFICATION = "job.json"
 INPUT_FOLDER = "work"
 RESULTS = "out"  # folder in it for what the command writes
-MOST_WRITTEN = 2 * GB  # bytes of a file that a command writes
 FIRST_TO_GO = "1000"  # the most that Linux knows
 NICE, TASK_NICE = 10, 3  # what answers a person goes first, then what a page waits for
-ADDRESS_SPACE_RATIO = 4  # to the memory: libraries reserve more than they use; the server watches what is used
 
 
 @dataclass(frozen=True)
@@ -147,11 +145,13 @@ def main() -> None:
 
 def limit_resources(job: JobSpecification) -> None:
     """Set the limits that the system itself keeps; where its memory ends, this process goes and not the server."""
+    address_space_ratio = 4  # to the memory: libraries reserve more than they use; the server watches what is used
+    most_written = 2 * GB  # bytes of a file that a command writes
     with suppress(OSError):
         Path("/proc/self/oom_score_adj").write_text(FIRST_TO_GO, encoding="ascii")
     give_way(TASK_NICE if job.command.task else NICE)
     seconds = int(job.limits.time_s * (os.cpu_count() or 1)) + 1
-    limit_process(ADDRESS_SPACE_RATIO * job.limits.memory_bytes, MOST_WRITTEN, seconds)
+    limit_process(address_space_ratio * job.limits.memory_bytes, most_written, seconds)
 
 
 def lay_out(job: JobSpecification) -> None:

@@ -19,6 +19,7 @@ from planner.service.job_store import UnknownJobError
 from planner.service.record_store import UnknownRecordError
 
 MEDIA_TYPE = "application/problem+json"
+# codes of HTTP (RFC 9110)
 STATUS: tuple[tuple[type[PlannerError], int], ...] = (
     (DiskFullError, 507),
     (UnknownJobError, 404),

@@ -20,7 +20,6 @@ from planner.service.database import Database
 RobotState = Literal["good", "check due", "changed", "not calibrated", "damaged"]
 IN_NEED = ("damaged", "changed", "check due", "not calibrated", "good")  # the order of the list
 LOOK_S = 2.0  # between two looks at the stamps of all folders
-READ_AT_ONCE_S = 0.2  # for reading changed records while a page waits; the others are read behind it
 ADVICE = {"good": "nothing until the next check", "check due": "measure the poses of a check"}
 COLUMNS = "serial, robot, advice, due, due_text, entries, simulated"
 STATE = "CASE WHEN state = 'good' AND due < :today THEN 'check due' ELSE state END"
@@ -136,11 +135,12 @@ class RecordIndex:
 
         ``now``: look although somebody has just looked.
         """
+        read_at_once_s = 0.2  # for reading changed records while a page waits; the others are read behind it
         if (not now and time.monotonic() - self._looked < LOOK_S) or not self._looking.acquire(blocking=False):
             return not self._looking.locked()  # somebody has just looked, looks, or reads what is left
         left: list[tuple[str, str]] = []
         try:
-            left = self._read_changed(self._find_changed(), READ_AT_ONCE_S)
+            left = self._read_changed(self._find_changed(), read_at_once_s)
             self._looked = time.monotonic()
             if left:
                 threading.Thread(target=self._read_left, args=(left,), name="records", daemon=True).start()

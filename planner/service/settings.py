@@ -9,7 +9,6 @@ from planner.common.system import memory_bytes as system_memory
 
 LOOPBACK = ("127.0.0.1", "::1", "localhost")
 TOKEN_VARIABLE = "EDBB_TOKEN"
-SHORTEST_TOKEN = 16  # signs: shorter ones can be guessed
 GB = 1 << 30  # bytes
 DAY_S = 86_400.0  # [s] of a day
 
@@ -76,14 +75,15 @@ class ServiceSettings:
     kept: Retention = Retention()
 
     def __post_init__(self) -> None:
+        shortest_token = 16  # signs: shorter ones can be guessed
         if self.host not in LOOPBACK and not self.token:
             raise InputError(
                 f"--host {self.host}: on an address that others reach a token is demanded; set the environment "
-                f"variable {TOKEN_VARIABLE} to {SHORTEST_TOKEN} signs or more, or listen on 127.0.0.1"
+                f"variable {TOKEN_VARIABLE} to {shortest_token} signs or more, or listen on 127.0.0.1"
             )
-        if self.token and (len(self.token) < SHORTEST_TOKEN or not self.token.isascii()):
+        if self.token and (len(self.token) < shortest_token or not self.token.isascii()):
             raise InputError(
-                f"{TOKEN_VARIABLE}: has {len(self.token)} signs; at least {SHORTEST_TOKEN}, all of ASCII, are needed"
+                f"{TOKEN_VARIABLE}: has {len(self.token)} signs; at least {shortest_token}, all of ASCII, are needed"
             )
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from planner.cell.cell import Cell
-from planner.common.progress import REFINEMENT, ROADMAP, Stages, TimeLimit
+from planner.common.progress import LastStart, Stages, TimeLimit
 from planner.common.summary import Aside
 from planner.common.units import Array, from_mm
 from planner.design.bayesian_design import choose_bayesian_poses
@@ -70,7 +70,7 @@ class BarPoses(PoseSession):
         with stages.stage("roadmap"):
             reach = join_to_mounts(self.cell, pool, seed, limit=limit)
             moved = move_mounts(self.cell, given, pool, reach.joined, seed, limit)
-            if moved is not self.cell and not limit.must_stop(ROADMAP, "another mount pose was not tried"):
+            if moved is not self.cell and not limit.must_stop(LastStart.ROADMAP, "another mount pose was not tried"):
                 other = draw_candidates(moved, moved.plan.candidates, seed, limit=limit)
                 there = join_to_mounts(moved, other, seed, limit=limit)
                 if there.joined.sum() > reach.joined.sum():
@@ -124,7 +124,7 @@ class BarPoses(PoseSession):
         lost = []
         for m in self.cell.mountings:
             mine = np.flatnonzero(choice.samples.at_mounting(m))
-            lost.append(mine[self.reach.maps[m].find_unjoined(choice.q[mine], REFINEMENT)])
+            lost.append(mine[self.reach.maps[m].find_unjoined(choice.q[mine], LastStart.REFINEMENT)])
         return np.concatenate(lost)
 
     def draw_validation(self, choice: PoseChoice) -> np.ndarray:

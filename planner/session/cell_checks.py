@@ -36,15 +36,13 @@ def settle_dialects(cell: Cell, options: PlanOptions) -> tuple[str, ...]:
     return dialects
 
 
-NO_PLAN = "0" * 12  # stands for the plan of a program that no plan holds
-
-
 def check_cell(cell: Cell, dialects: Sequence[str]) -> None:
     """Write a program of two moves in every dialect, and hold the surroundings against what the robot can reach.
 
     Raises:
         InputError: naming the key.
     """
+    no_plan = "0" * 12  # stands for the plan of a program that no plan holds
     check_surroundings(cell)
     _check_home(cell)
     home = JointMove(tuple(float(v) for v in np.rad2deg(cell.home)), 10.0, 50.0, 5.0)
@@ -54,7 +52,7 @@ def check_cell(cell: Cell, dialects: Sequence[str]) -> None:
     body += preparation(cell, FIRST_MOUNTING)
     for name in dialects:
         try:
-            write_session(cell, build_program(cell, NO_PLAN, [*body, home]), name, cell.robot.name)
+            write_session(cell, build_program(cell, no_plan, [*body, home]), name, cell.robot.name)
         except InputError as err:
             raise InputError(f"{cell.path}: the program in '{name}' cannot be written: {err}") from err
 

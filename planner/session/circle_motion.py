@@ -12,7 +12,6 @@ from planner.kinematics.inverse_kinematics import solve_pose_ik, tool_pose
 from planner.session.tolerances import CIRCLE_END_OFF
 
 STEP = np.deg2rad(1.0)  # of a circle between two points at which the joints are found
-BRANCH = np.deg2rad(20.0)  # that no joint turns from one point to the next, unless the arm passes a singular pose
 
 Angles = tuple[float, ...]
 CirclePiece = tuple[Angles, Angles, Angles]
@@ -44,13 +43,14 @@ def circle_polygons(cell: Cell, pieces: Sequence[CirclePiece]) -> list[list[Angl
 
 def _follow(cell: Cell, q: Array, x: Array) -> Array:
     """Return the joints (k, P, N) [rad] from q (P, N) on, with the tool at x (k, P, 3) [m] and never turned."""
+    branch = np.deg2rad(20.0)  # that no joint turns from one point to the next, unless the arm passes a singular pose
     R = tool_pose(cell.chain, cell.robot, q)[1]
     out = [q]
     for there in x[1:]:
         guess = out[-1] if len(out) == 1 else 2 * out[-1] - out[-2]
         # 8: rounds of Newton from one point to the next
         found, good = solve_pose_ik(cell.chain, cell.robot, guess, there, R, 8)
-        if not good.all() or np.abs(found - out[-1]).max() > BRANCH:
+        if not good.all() or np.abs(found - out[-1]).max() > branch:
             raise NoSolutionError("the arm does not get round a circle without turning the tool")
         out.append(found)
     return np.array(out)

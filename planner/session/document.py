@@ -26,7 +26,6 @@ from planner.session.evaluations import evaluation_of
 
 SCHEMA = "edbb-plan/1"
 MOST_WAYPOINTS = 20_000  # of a drive: a plan has hundreds
-MOST_KIND = 40  # letters of a kind of plan that a message shows
 MOST_DEG = 1e5  # [deg] of an angle that a controller could drive
 MOST_BLEND_MM = 1e4  # [mm] of a corner that a controller could round
 
@@ -152,9 +151,10 @@ def read_plan(path: Path, *needed: str) -> PlanDocument:
     Raises:
         InputError: no such file, no plan, or a plan of circles.
     """
+    most_kind = 40  # letters of a kind of plan that a message shows
     content = read_json(path)
     if isinstance(content, dict) and content.get("kind"):
-        kind = str(content["kind"])[:MOST_KIND]
+        kind = str(content["kind"])[:most_kind]
         its_own = evaluation_of("RUN", path, kind, calibrates=False)
         cure = f"; its runs are for {its_own}" if its_own else ""
         raise InputError(f"{path}: is a plan of the kind '{kind}', and a plan of poses is needed here{cure}")

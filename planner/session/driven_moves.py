@@ -207,14 +207,12 @@ def degrees(q: Array) -> tuple[float, ...]:
     return tuple(float(v) for v in np.rad2deg(q))
 
 
-LONGEST_PIECE = np.deg2rad(120.0)  # controllers allow 180 to 240 degrees
-
-
 def circle_moves(cell: Cell, path: TimedPath, mounting: Mounting) -> list[JointMove] | None:
     """Return the pieces of a circle, or nothing where the path is none, or the tool turns on it.
 
     A piece ends at every mark of the path.
     """
+    longest_piece = np.deg2rad(120.0)  # controllers allow 180 to 240 degrees
     robot, x = cell.robot, cell.map_position(path.q)
     R = np.moveaxis(robot.chain.forward(robot.theta(path.q)).R, 2, 0)
     found = _circle_angles(x, R)
@@ -224,7 +222,7 @@ def circle_moves(cell: Cell, path: TimedPath, mounting: Mounting) -> list[JointM
     steps = joint_moves(cell, path, mounting)
     ends = [0]
     for a, b in pairwise(edges):
-        count = int(min(np.ceil((found[b] - found[a]) / LONGEST_PIECE), (b - a) // 2))
+        count = int(min(np.ceil((found[b] - found[a]) / longest_piece), (b - a) // 2))
         if count == 0:  # two points have no middle: a joint move would have to stop at both
             return None
         ends += [int(e) for e in np.round(np.linspace(a, b, count + 1))[1:]]

@@ -7,7 +7,7 @@ import numpy as np
 from planner.cell.cell import Cell
 from planner.cell.workspace import Workspace
 from planner.common.errors import InputError, NoSolutionError
-from planner.common.progress import ROADMAP, UNLIMITED, TimeLimit
+from planner.common.progress import UNLIMITED, LastStart, TimeLimit
 from planner.common.summary import Aside
 from planner.common.units import Array, round_angles
 from planner.design.candidates.pool import PoseSet, draw_candidates
@@ -21,7 +21,6 @@ from planner.runs.run import FIRST_MOUNTING, Mounting
 from planner.session.tolerances import FEW_JOINED_SHARE, ROOMY_SHARE
 
 NONE = np.arange(0)
-UPRIGHT = np.deg2rad(10.0)  # tilt at which the master ball still rests in its socket
 
 
 def check_home(cell: Cell, without_bar: Constraints) -> None:
@@ -117,7 +116,9 @@ def drop_unreachable(
     n = min(poses or 35, len(rows))  # poses, where no number is given
     # 5e-3: [1] gap of the bound, whose prices single out likely candidates
     rough = certify_bound(rows, index, n, tolerance=5e-3, seed=seed, limit=limit)
-    if limit.must_stop(ROADMAP, "ways to the mount pose were looked for from a sample of the candidates alone"):
+    if limit.must_stop(
+        LastStart.ROADMAP, "ways to the mount pose were looked for from a sample of the candidates alone"
+    ):
         reach = replace(reach, joined=np.ones(len(likely), dtype=bool))
     else:
         order, _ = price_core(rows, rough, n)
@@ -186,16 +187,17 @@ def with_point_mount(cell: Cell, away: Constraints, seed: int, pool: Array | Non
 
 
 def _draw_upright(cell: Cell, away: Constraints, seed: int) -> Array:
+    upright = np.deg2rad(10.0)  # tilt at which the master ball still rests in its socket
     robot, rng = cell.robot, np.random.default_rng([seed, 3])
     half = np.where(robot.slides, np.inf, np.pi)
     lower, upper = np.maximum(robot.q_lower, cell.home - half), np.minimum(robot.q_upper, cell.home + half)
     q = rng.uniform(lower, upper, (200_000, robot.n_joints))  # states among which a pose for mastering is looked for
     up = cell.map_axis(q) @ cell.base.R_WB[2]
-    q = q[up > np.cos(UPRIGHT)]
+    q = q[up > np.cos(upright)]
     q = q[away.valid(q)]
     if not len(q):
         raise NoSolutionError(
-            f"no collision-free pose turns the head upwards within {np.rad2deg(UPRIGHT):.0f}°, as mastering the "
+            f"no collision-free pose turns the head upwards within {np.rad2deg(upright):.0f}°, as mastering the "
             "indicators takes: give gauge.mount_deg"
         )
     return np.asarray(q)

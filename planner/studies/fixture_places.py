@@ -18,8 +18,6 @@ from planner.model.model import Model
 from planner.runs.run import FIRST_MOUNTING, Samples
 
 CANDIDATES = 1000  # at each place: as many everywhere, so that the places compare
-PLACES_ACROSS = 9  # of the grid, across the robot's reach
-PLACES_UP = 6  # of the grid, from the floor up
 
 
 @dataclass(frozen=True)
@@ -85,8 +83,8 @@ def map_fixture_places(
     poses: int,
     seed: int,
     say: Progress,
-    across: int = PLACES_ACROSS,
-    up: int = PLACES_UP,
+    across: int = 9,
+    up: int = 6,
 ) -> FixtureMap:
     """Judge a grid of places for the cell's first fixture, with ``poses`` poses selected for ``index`` at each.
 

@@ -35,8 +35,6 @@ from planner.tracing.search_context import SearchContext
 from planner.tracing.significance import LOG_SIGNIFICANCE
 from planner.tracing.state import FittedEffect, SearchState
 
-LOG_SUDDEN = float(np.log(1e-3))  # chance of a step beside a drift below which it is sudden
-
 
 def rank_changes(
     test: ScoreTest, steppables: Sequence[Steppable], effects: tuple[FittedEffect, ...], continuous: bool
@@ -191,13 +189,14 @@ def _is_sudden(test: ScoreTest, columns: Array, score: EffectScore) -> bool:
     Of poses in a systematic order whatever the model lacks changes slowly over the run, and much of that looks like a
     step.
     """
+    log_sudden = float(np.log(1e-3))  # chance of a step beside a drift below which it is sudden
     drift, taken = _beyond(test, np.linspace(-1.0, 1.0, len(columns))[:, None, None] * columns)
     count, residual = drift.shape[1], test.residual - drift @ taken
     A = _as_stepped(test, columns, score).reshape(-1, columns.shape[2])
     shared, along = np.vstack([test.products(A), drift.T @ A]), A.T @ residual
     gain, size = score_gains((A.T @ A - shared.T @ shared)[None], along[None], (A**2).sum(axis=0)[None])
     beside = replace(test, residual=residual, dof=max(1.0, test.dof - count), added=count)
-    return beside.log_p(float(gain[0]), int(size[0]), 1.0) < LOG_SUDDEN
+    return beside.log_p(float(gain[0]), int(size[0]), 1.0) < log_sudden
 
 
 def _columns(test: ScoreTest, steppables: Sequence[Steppable]) -> Iterator[Array]:

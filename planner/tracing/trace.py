@@ -227,9 +227,6 @@ def slip_of_the_pen(read: float, wanted: float, tolerance: float) -> str:
     return ""
 
 
-INNER_UNITS = {"1/turn": ("", 1.0), "m": ("mm", 1e3)}  # of numbers inside φ, where they are not those of errors
-
-
 def trace(geometry: FittedStage, fit_context: FitContext, report: Progress) -> tuple[list[FittedStage], TracingResult]:
     """Trace what the geometry leaves, and the effects that stand beside it; return the stages that came, and findings.
 
@@ -304,12 +301,13 @@ def _finding(
 
 def describe_effect(found: FittedEffect, value: float, std: float, inner_std: float | None, sizes: Array) -> str:
     """Fill the effect's sentence with its size, its nonlinear value, and the periods of a curve."""
+    inner_units = {"1/turn": ("", 1.0), "m": ("mm", 1e3)}  # of numbers inside φ, where they are not those of errors
     effect, nonlinear = found.effect, found.effect.nonlinear
     unit = (unit_of_change if effect.has(Role.CHANGE | Role.SET_UP) else display_unit)(effect.unit, value)
     size = format_value(abs(value), std, *unit)
     inner = ""
     if found.value is not None and nonlinear is not None:
-        inner_unit = INNER_UNITS.get(nonlinear.unit) or display_unit(nonlinear.unit, found.value)
+        inner_unit = inner_units.get(nonlinear.unit) or display_unit(nonlinear.unit, found.value)
         inner = format_value(found.value, inner_std, *inner_unit)
     words = {"more": "more", "grow": "grow"} if value > 0 else {"more": "less", "grow": "shrink"}
     sentence = effect.sentence.format(size=size, inner=inner, **words)

@@ -22,8 +22,6 @@ from planner.tracing.search_context import SearchContext
 from planner.tracing.significance import LOG_SIGNIFICANCE, held_out_gain, own_gains
 from planner.tracing.state import FittedEffect, SearchState
 
-SIZE_FACTORS = np.array([0.3, 1.0, 3.0])  # times the expected one that are tried
-
 
 def likeliest_curve(test: ScoreTest, joint: int) -> Effect:
     """The curve of a joint whose quickness the screened samples are likeliest under, any size being possible."""
@@ -33,9 +31,10 @@ def likeliest_curve(test: ScoreTest, joint: int) -> Effect:
 
 def _log_likelihood(test: ScoreTest, curve: Effect) -> float:
     """Logarithm of the likelihood of the screened samples with a curve over that without, at its likeliest size."""
+    size_factors = np.array([0.3, 1.0, 3.0])  # times the expected one that are tried
     score = test.score_one(curve)
     mu, axes = np.linalg.eigh(score.information / test.noise)
-    mu, along, s2 = np.maximum(mu, 0.0), axes.T @ score.along / test.noise, SIZE_FACTORS[:, None] ** 2
+    mu, along, s2 = np.maximum(mu, 0.0), axes.T @ score.along / test.noise, size_factors[:, None] ** 2
     return float(((along**2 / (mu + 1 / s2)).sum(axis=1) - np.log1p(s2 * mu).sum(axis=1)).max() / 2)
 
 

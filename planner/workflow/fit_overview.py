@@ -15,7 +15,6 @@ from planner.model.identification_document import Estimate, Metrics, Release
 from planner.workflow.calibration_tables import border_unit
 
 NAMED = 3  # rivals, and parameters, that are listed by name
-MOST_FOUND = 5  # causes that are listed one by one
 BEYOND = 3.0  # times the expected size from which on a parameter is told to be beyond it
 
 
@@ -91,11 +90,12 @@ def _unit(found: Calibration) -> str:
 
 def _cause_facts(found: Calibration) -> Iterator[Fact]:
     """Say which causes were found, those first that bring most."""
+    most_found = 5  # causes that are listed one by one
     if found.tried is None:
         return
     groups = sorted(group_findings(found.findings), key=lambda g: (g.is_doubtful, -g.gain))
-    yield from (("doubtful" if g.is_doubtful else "found", _cause_text(g)) for g in groups[:MOST_FOUND])
-    if more := groups[MOST_FOUND:]:
+    yield from (("doubtful" if g.is_doubtful else "found", _cause_text(g)) for g in groups[:most_found])
+    if more := groups[most_found:]:
         yield "", f"and {number_of(len(more), 'cause')} more that bring less (report.html)"
     if not groups:
         yield "found", "no cause beyond the geometry"

@@ -14,8 +14,8 @@ from planner.compensation.tolerances import START_OFF
 from planner.kinematics.robot import Robot
 from planner.programs.languages.statements import EXPONENT_NUMBER, Lines, Slot
 
+# factors to SI; a slide counts as its joint does: a millimetre as a degree
 _UNITS = {"deg": DEG, "rad": 1.0, "mm": MM, "m": 1.0, "": 1.0, "travel_mm": DEG, "travel_m": 1e3 * DEG}
-_DECIMALS = {"deg": 6, "rad": 8, "mm": 5, "m": 8, "": 9, "travel_mm": 6, "travel_m": 9}
 POSES_OF_TOOL = (
     "no tool is named: by the joint angles beside them these are poses of the measured tool point, which robot.toml has"
 )
@@ -126,7 +126,7 @@ def _row(number: int, start: int, line: str, separator: str, columns: _TargetCol
             reading.refuse(number, f"'{cells[k].strip()}' found in column {k + 1}; a number with a point is allowed")
             return
         place = int(places[k]) + len(match[1])
-        slots.append(Slot(place, place + len(match[2]), _UNITS[unit], _DECIMALS[unit]))
+        slots.append(Slot(place, place + len(match[2]), _UNITS[unit], _decimals(unit)))
         values.append(float(match[2]) * _UNITS[unit])
     numbers = np.array(values)
     if not columns.pose:
@@ -173,3 +173,8 @@ def _frames(number: int, p_BT: Array, q: Array, reading: TargetReading) -> tuple
     T = np.eye(4)
     T[:3, 3] = p_FM
     return base, T
+
+
+def _decimals(unit: str) -> int:
+    """Return the decimals with which a number of a unit is written: a hundredth of a micrometre, a millionth of 1°."""
+    return {"deg": 6, "rad": 8, "mm": 5, "m": 8, "": 9, "travel_mm": 6, "travel_m": 9}[unit]

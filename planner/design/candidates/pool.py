@@ -11,7 +11,7 @@ from planner.cell.cell import Cell
 from planner.cell.gauge_types import JointSamples
 from planner.cell.workspace import SAFETY_MARGIN, Workspace
 from planner.common.errors import InputError, NoSolutionError
-from planner.common.progress import CANDIDATES, ROADMAP, UNLIMITED, TimeLimit
+from planner.common.progress import UNLIMITED, LastStart, TimeLimit
 from planner.common.second_process import available_threads
 from planner.common.units import Array
 from planner.motion.collision.engines import CollisionWorld
@@ -133,7 +133,10 @@ def _draw_at(
         hopeless = total == 0 and (funnel.cable > none_is_free or out_of_reach or closed)
         if (total >= count and not whole) or hopeless:
             break
-        if limit.must_stop(CANDIDATES if total else ROADMAP, f"{min(total, count)} of {count} candidates were drawn"):
+        if limit.must_stop(
+            LastStart.CANDIDATES if total else LastStart.ROADMAP,
+            f"{min(total, count)} of {count} candidates were drawn",
+        ):
             break
     q = np.vstack(found)
     if whole and len(q) > count:  # a grid is thinned evenly, not cut off

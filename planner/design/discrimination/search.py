@@ -22,7 +22,6 @@ from planner.design.selection.relaxation import ConcaveProblem
 from planner.design.selection.search import Swap, best_priced, descend, order_by_weight, search_starts
 
 LEAST_GAIN = 1e-7  # of the criterion [1]: below, a swap is rounding
-DRAWN_STARTS = 3  # from the relaxation and from draws by its weights; one more is the given start
 
 
 @dataclass(frozen=True)
@@ -138,11 +137,12 @@ def exchange_by_criterion(
 
     Starts from the relaxation's heaviest candidates, from some drawn by their weights, and from ``start``.
     """
+    drawn_starts = 3  # from the relaxation and from draws by its weights; one more is the given start
 
     def search(turn: int) -> tuple[Positions, float] | None:
         """Return the set of one start and its value; ``None`` where the start has too few."""
         chosen = start
-        if turn < DRAWN_STARTS:
+        if turn < drawn_starts:
             order = order_by_weight(bound.support, np.maximum(bound.weights, 1e-12), seed, turn)
             first = np.sort(np.unique(group[order], return_index=True)[1])  # one of a group
             chosen = np.sort(order[first[: len(start)]])
@@ -151,4 +151,4 @@ def exchange_by_criterion(
         chosen = descend(DTSwaps(rows, aim, group), chosen, np.arange(len(rows)), limit)
         return chosen, aim.value(information_matrix(rows[chosen]))
 
-    return search_starts(search, range(DRAWN_STARTS + 1), lambda value, than: value > than + LEAST_GAIN)[0]
+    return search_starts(search, range(drawn_starts + 1), lambda value, than: value > than + LEAST_GAIN)[0]

@@ -13,7 +13,7 @@ from typing import ClassVar, Protocol
 import numpy as np
 
 from planner.common.determinism import Positions
-from planner.common.progress import BOUND, TimeLimit
+from planner.common.progress import LastStart, TimeLimit
 from planner.common.units import Array, read_only
 
 
@@ -140,7 +140,9 @@ def generate_columns(pricing: Pricing, state: ActiveSet, tolerance: float, accur
             best = dual, value  # the tightest bound is the one that promises least
         if pricing.distance(relaxed, best[1]) < tolerance or turn == rounds:
             break
-        if pricing.limit.must_stop(BOUND, "the bound of the certificate holds, but is not as tight as it can be"):
+        if pricing.limit.must_stop(
+            LastStart.BOUND, "the bound of the certificate holds, but is not as tight as it can be"
+        ):
             break
         grown = pricing.grow(state, dual)
         if grown is None:

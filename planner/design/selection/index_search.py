@@ -6,7 +6,7 @@ import numpy as np
 
 from planner.common.determinism import Positions, on_one_thread
 from planner.common.errors import InputError
-from planner.common.progress import CHOICE, UNLIMITED, TimeLimit
+from planner.common.progress import UNLIMITED, LastStart, TimeLimit
 from planner.common.units import Array
 from planner.design.observability.information import find_rule
 from planner.design.selection.certificate import Certificate
@@ -47,7 +47,7 @@ def anneal(
     for step in range(steps):
         share = step / steps
         if step % block == 0:
-            if limit.must_stop(CHOICE, "the search for the poses was cut short; the gap to the bound holds"):
+            if limit.must_stop(LastStart.CHOICE, "the search for the poses was cut short; the gap to the bound holds"):
                 break
             candidates = rng.integers(0, len(pool), (block, look))
         if step % 4 == 0:  # draws with the barriers where they are

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 from scipy.linalg.lapack import dtrtrs
 
-from planner.common.progress import CHOICE, UNLIMITED, TimeLimit
+from planner.common.progress import UNLIMITED, LastStart, TimeLimit
 from planner.common.units import Array
 from planner.design.selection.relaxation import RelaxationProblem
 
@@ -34,7 +34,7 @@ def solve_interior_point(
     mu = max(abs(problem.objective(z)), 1.0) / (len(slack) + 1)
     point = _PrimalDual(z, [mu * _inverse(S) for S in problem.matrices(z)], mu / slack)
     for _ in range(60):  # Newton steps at most
-        if limit.must_stop(CHOICE, "the bound of the certificate holds, but is not as tight as it can be"):
+        if limit.must_stop(LastStart.CHOICE, "the bound of the certificate holds, but is not as tight as it can be"):
             break  # any duals prove a bound
         gap, degree = _duality_gap(problem, point)
         scale = 1.0 if problem.logarithmic else abs(problem.objective(point.z))

@@ -12,7 +12,7 @@ import numpy as np
 
 from planner.common.determinism import Positions, on_one_thread
 from planner.common.errors import InputError
-from planner.common.progress import REFINEMENT, UNLIMITED, TimeLimit
+from planner.common.progress import UNLIMITED, LastStart, TimeLimit
 from planner.common.units import Array, read_only
 from planner.design.observability.information import find_rule
 from planner.design.selection.index_criterion import (
@@ -72,7 +72,7 @@ def refine_off_grid(
                 best = q, rows, value
             if np.mean(reach > LEAST_REACH) < 0.05:  # of the poses still move: they are left there
                 break
-            if limit.must_stop(REFINEMENT, "the poses were refined off the grid only in part"):
+            if limit.must_stop(LastStart.REFINEMENT, "the poses were refined off the grid only in part"):
                 break
         q, rows = best[0], best[1]
     return read_only(best[0])

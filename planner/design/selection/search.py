@@ -13,7 +13,7 @@ from typing import Protocol
 import numpy as np
 
 from planner.common.determinism import Positions, first_maximum, round_significant
-from planner.common.progress import CHOICE, UNLIMITED, TimeLimit
+from planner.common.progress import UNLIMITED, LastStart, TimeLimit
 from planner.common.units import Array
 
 
@@ -45,7 +45,7 @@ class SequentialCriterion(Protocol):
 def descend(criterion: SwapCriterion, chosen: Positions, pool: Positions, limit: TimeLimit = UNLIMITED) -> Positions:
     """Take the best swap between ``chosen`` (n,) and the rest of ``pool`` until there is none."""
     for _ in range(2_000):  # swaps at most: no descent was seen to take a tenth of them
-        if limit.must_stop(CHOICE, "the search for the poses was cut short; the gap to the bound holds"):
+        if limit.must_stop(LastStart.CHOICE, "the search for the poses was cut short; the gap to the bound holds"):
             break
         swap = criterion.best_swap(chosen, np.setdiff1d(pool, chosen))
         if swap is None:
@@ -95,7 +95,7 @@ def exchange_singly(
     for _ in range(passes):
         before = out.copy()
         for k in order(out):
-            if limit.must_stop(CHOICE, "the search for the poses was cut short; the gap to the bound holds"):
+            if limit.must_stop(LastStart.CHOICE, "the search for the poses was cut short; the gap to the bound holds"):
                 return out
             kept = copy(criterion)
             criterion.change(int(out[k]), -1)

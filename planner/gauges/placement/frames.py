@@ -203,6 +203,7 @@ class FrameProblem:
         return PlacementFrames(exp3(turn_G) @ f.R_BG, f.p_BG + p_BG, f.p_FM + p_FM, exp3(turn_M) @ f.R_FM).pack()
 
 
+# weights that a round of candidates is refined by, and how many candidates go on
 _ROUNDS: tuple[tuple[Schedule, int], ...] = (((), 12), (((8, "huber"), (8, "huber")), 3))
 
 

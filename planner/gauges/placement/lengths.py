@@ -119,6 +119,7 @@ def linear_bar_start(stand: FlangePoses, length: Array) -> tuple[Array, Array, A
     return np.stack([m, by_product]), np.stack([X, X]) + origin, np.full(2, x[6])
 
 
+# weights that a round of candidates is refined by, and how many candidates go on
 _ROUNDS: tuple[tuple[Schedule, int], ...] = ((((6, "huber"),), 24), (((7, "huber"), (7, "huber")), 6))
 
 

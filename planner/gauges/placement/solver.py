@@ -14,9 +14,6 @@ from planner.common.units import Array, IntArray
 from planner.gauges.placement.flange_poses import FlangePoses
 from planner.kinematics.geometry import log3
 
-# scale of a block's norm of d unit normals: its median (square root of the χ² median)
-_MEDIAN = {1: 0.6745, 3: 1.5382, 6: 2.3126}
-
 
 class PlacementProblem(Protocol):
     """Residuals of n rows, each a block of d numbers [m], over k states at once."""
@@ -50,8 +47,10 @@ class RefinedStates(Rows):
 
 def robust_scale(error: Array, d: int) -> Array:
     """Return the standard deviation of one number from the medians of block norms (..., n), (..., 1) [m]."""
+    # scale of a block's norm of d unit normals: its median (square root of the χ² median)
+    median = {1: 0.6745, 3: 1.5382, 6: 2.3126}
     # 4e-3: [m] nominal robots are wrong by up to five times this: no such residual is called an outlier
-    return np.asarray(np.maximum(np.median(error, axis=-1, keepdims=True) / _MEDIAN[d], 4e-3))
+    return np.asarray(np.maximum(np.median(error, axis=-1, keepdims=True) / median[d], 4e-3))
 
 
 def outlier_limit(d: int) -> float:
@@ -60,6 +59,7 @@ def outlier_limit(d: int) -> float:
 
 
 Schedule = tuple[tuple[int, str], ...]
+# steps under each weight function: Huber finds the valley, Tukey then leaves out what is wrong
 LAST: Schedule = ((15, "huber"), (20, "tukey"), (20, "tukey"))
 MANY_ROWS = 400  # for the few states that are left
 

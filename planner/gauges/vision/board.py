@@ -12,7 +12,6 @@ from planner.common.units import MM, Array, IntArray, read_only
 
 BoardKind = Literal["charuco", "tags", "marker"]
 Count = Annotated[int, Field(ge=1, le=100)]
-TAG_CORNERS = np.array([[-0.5, 0.5], [0.5, 0.5], [0.5, -0.5], [-0.5, -0.5]])  # of a marker, in its sides, as it is read
 
 
 class BoardFile(StrictModel):
@@ -72,13 +71,16 @@ class Board:
 
         Of markers each has four, from its top left one clockwise as it is read.
         """
+        tag_corners = np.array(
+            [[-0.5, 0.5], [0.5, 0.5], [0.5, -0.5], [-0.5, -0.5]]
+        )  # of a marker, in its sides, as it is read
         f = self.file
         pitch = (f.square_mm or f.marker_mm + (f.gap_mm or 0.0)) * MM
         columns, rows = (f.columns - 1, f.rows - 1) if f.kind == "charuco" else (f.columns, f.rows)
         right, down = (np.arange(n) - (n - 1) / 2 for n in (columns, rows))
         middles = np.stack(np.meshgrid(right, -down), axis=-1).reshape(-1, 2) * pitch
         if f.kind != "charuco":
-            middles = (middles[:, None] + TAG_CORNERS * f.marker_mm * MM).reshape(-1, 2)
+            middles = (middles[:, None] + tag_corners * f.marker_mm * MM).reshape(-1, 2)
         return read_only(np.column_stack([middles, np.zeros(len(middles))]))
 
     @cached_property

@@ -33,9 +33,6 @@ from planner.runs.run import Readings, Run, Samples
 
 POSE_NUMBERS = 6  # of a board before a camera
 FEWEST_CORNERS = 4  # of an image that counts
-FAR_CORNER = 8.0  # times the median corner error of a run from which on a corner was found at another place
-FAR_PIXELS = 2.0  # [px] below which no corner is far
-WRONG_BOARD = 20.0  # [px] median corner error of a run whose board or lens is another one
 
 
 @dataclass
@@ -246,15 +243,18 @@ class BoardCamera(BoardSight):
         Raises:
             InputError: hardly any image shows this board by this lens.
         """
+        wrong_board = 20.0  # [px] median corner error of a run whose board or lens is another one
+        far_pixels = 2.0  # [px] below which no corner is far
+        far_corner = 8.0  # times the median corner error of a run from which on a corner was found at another place
         self.check_run(cell, run)
         found, pixels = self.boards(run)
         usual = float(np.nanmedian(found.corner_error)) if len(run) else 0.0
-        if not usual < WRONG_BOARD:
+        if not usual < wrong_board:
             raise InputError(
                 f"{run.name}: half of the corners are {usual:.0f} px or more from where the {self.board} can have "
                 f"them: check gauge.board and gauge.lens of {cell.path}, and how the corners are numbered"
             )
-        pixels, far = drop_far_corners(found, pixels, max(FAR_CORNER * usual, FAR_PIXELS))
+        pixels, far = drop_far_corners(found, pixels, max(far_corner * usual, far_pixels))
         seen = ~np.isnan(pixels[..., 0])
         whole = seen.sum(axis=1) >= FEWEST_CORNERS
         said = list[str]()

@@ -10,10 +10,7 @@ from planner.kinematics.geometry import exp3, nearest_rotation, skew
 
 FEWEST_CORNERS = 4  # that hold the six numbers of a pose
 STEPS = 10  # of Gauss–Newton
-DAMPING = 1e-9  # share of the largest curvature: an image whose corners lie on one line stays where it is
 OUTSIDE = 8.0  # times it, from which on it does not count at all
-LEAST_MIDDLE = 0.1  # [px] of a median error: below it corners are as good as they can be
-HUBER = 2.5  # times an image's median error, from which on a corner counts less
 
 
 @dataclass(frozen=True)
@@ -61,17 +58,20 @@ def find_board(lens: Lens, corners: Array, pixels: Array) -> BoardPoses:
 
 def refine_poses(lens: Lens, corners: Array, pixels: Array, R: Array, p: Array) -> BoardPoses:
     """Return the poses by least squares, far corners counting less, from R (n, 3, 3) and p (n, 3) [m]."""
+    huber = 2.5  # times an image's median error, from which on a corner counts less
+    least_middle = 0.1  # [px] of a median error: below it corners are as good as they can be
+    damping = 1e-9  # share of the largest curvature: an image whose corners lie on one line stays where it is
     unseen = np.isnan(pixels[..., 0])
     halfway = np.maximum((~unseen).sum(axis=1, keepdims=True) - 1, 0) // 2
     for step_number in range(STEPS):
         left, J = pose_slopes(lens, corners, pixels, R, p)
         size = np.linalg.norm(left, axis=2)
         middle = np.take_along_axis(np.sort(np.where(unseen, np.inf, size), axis=1), halfway, axis=1)
-        weight = np.minimum(1.0, HUBER * middle / np.maximum(size, 1e-12))
+        weight = np.minimum(1.0, huber * middle / np.maximum(size, 1e-12))
         if step_number >= STEPS // 2:  # where the rest has found its place, what lies elsewhere has no say
-            weight = np.where(size > OUTSIDE * np.maximum(middle, LEAST_MIDDLE), 0.0, weight)
+            weight = np.where(size > OUTSIDE * np.maximum(middle, least_middle), 0.0, weight)
         H = np.einsum("nk,nkia,nkib->nab", weight, J, J)
-        H += np.eye(6) * (DAMPING * np.trace(H, axis1=1, axis2=2) + 1e-300)[:, None, None]
+        H += np.eye(6) * (damping * np.trace(H, axis1=1, axis2=2) + 1e-300)[:, None, None]
         step = np.linalg.solve(H, np.einsum("nk,nkia,nki->na", weight, J, left)[..., None])[..., 0]
         p = p + step[:, :3]
         p[:, 2] = np.maximum(p[:, 2], 1e-3)

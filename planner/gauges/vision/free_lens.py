@@ -21,7 +21,6 @@ from planner.runs.run import Run, Samples
 # one sigma of what is unknown of a lens whose data sheet was read: focal lengths to 3 %, the centre to 3 % of them,
 # little distortion; of a lens that was calibrated some time ago it is far less
 PRIORS = (0.03, 0.03, 0.03, 0.03, 0.2, 0.2, 5e-3, 5e-3)
-LEFT = 0.1  # of it once all images together have found the lens
 WORDS = ("focal length along u", "focal length along v", "centre along u", "centre along v", *(
     f"distortion {name}" for name in LENS_UNKNOWNS[4:]
 ))  # fmt: skip
@@ -96,10 +95,11 @@ class FreeLensCamera(BoardCamera):
 
     def parameters(self, setup: Placement, free: frozenset[str]) -> Iterator[Parameter]:
         """What is unknown of the lens beside the places."""
+        left = 0.1  # of it once all images together have found the lens
         yield from super().parameters(setup, free)
         for k, (name, words, prior) in enumerate(zip(LENS_UNKNOWNS, WORDS, PRIORS, strict=True)):
             moves = tuple(ParameterMove("reading", n, LensMove(float(k), float(n))) for n in range(self.width))
-            yield Parameter(f"lens_{name}", "1", LEFT * prior, f"{words} of the lens", moves, "gauge")
+            yield Parameter(f"lens_{name}", "1", left * prior, f"{words} of the lens", moves, "gauge")
 
     def own_errors_text(self, before: float, after: float, values: Mapping[str, float]) -> str:
         """Say the lens as well."""

@@ -18,10 +18,6 @@ from planner.gauges.vision.board import Board, BoardFile
 
 ENDINGS = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm", ".webp")
 LEAST_SHARE, LEAST_CORNERS = 0.15, 6  # of a board that must be seen, of one with so many corners
-BLURRED = 4.5  # [px] mean width of the edges at the corners: focused and at rest it is 1.5 to 3
-HALF_PATCH = 8  # [px] about a corner, in which its edges are looked at
-MISPLACED = 6.0  # [px] rms that corners miss a flat board's by; a lens bends them by less within one image
-PLAIN_IMAGE = 8  # levels of grey between light and dark below which there is no edge
 
 
 class BoardOfImages(BoardFile):
@@ -184,12 +180,13 @@ class CornerSeeker:
 
     def corners(self, image: np.ndarray) -> Array | str:
         """Return the corners (K, 2) [px], NaN where one is not seen; or why the image cannot be used."""
+        misplaced = 6.0  # [px] rms that corners miss a flat board's by; a lens bends them by less within one image
         found = self._charuco(image) if self.charuco is not None else self._tags(image)
         count = int((~np.isnan(found[:, 0])).sum())
         least = min(LEAST_CORNERS, len(self.board)) if self.charuco is None else LEAST_CORNERS
         if count < max(least, LEAST_SHARE * len(self.board)):
             return self._why_so_few(image, found[~np.isnan(found[:, 0])])
-        if (off := self._distance_from_flat(found)) > MISPLACED:
+        if (off := self._distance_from_flat(found)) > misplaced:
             return f"its corners miss those of the {self.board} by {off:.0f} px (rms): another board, or it is bent"
         return blur_text(image, found[~np.isnan(found[:, 0])]) or found
 
@@ -260,24 +257,27 @@ def edge_width(image: np.ndarray, corners: Array) -> float:
 
     The median over the corners; infinite where there is no edge at most of them.
     """
+    plain_image = 8  # levels of grey between light and dark below which there is no edge
+    half_patch = 8  # [px] about a corner, in which its edges are looked at
     widths = []
     for u, v in np.round(corners).astype(int):
-        patch = image[max(v - HALF_PATCH, 0) : v + HALF_PATCH + 1, max(u - HALF_PATCH, 0) : u + HALF_PATCH + 1]
+        patch = image[max(v - half_patch, 0) : v + half_patch + 1, max(u - half_patch, 0) : u + half_patch + 1]
         patch = patch.astype(float)
-        if min(patch.shape) < HALF_PATCH:
+        if min(patch.shape) < half_patch:
             continue
         dark, light = np.percentile(patch, [10, 90])
         slope = np.hypot(*(g[1:-1, 1:-1] for g in np.gradient(patch)))
-        widths.append((light - dark) / np.percentile(slope, 97) if light - dark > PLAIN_IMAGE else np.inf)
+        widths.append((light - dark) / np.percentile(slope, 97) if light - dark > plain_image else np.inf)
     return float(np.median(widths)) if widths else float("inf")
 
 
 def blur_text(image: np.ndarray, corners: Array) -> str:
     """Say that edges at corners (k, 2) [px] are too wide, where they are; nothing where there is no corner."""
+    blurred = 4.5  # [px] mean width of the edges at the corners: focused and at rest it is 1.5 to 3
     width = edge_width(image, corners) if len(corners) else 0.0
     return (
-        f"is blurred: edges at the corners are {width:.1f} px wide, {BLURRED:g} px at most are usable"
-        if width > BLURRED
+        f"is blurred: edges at the corners are {width:.1f} px wide, {blurred:g} px at most are usable"
+        if width > blurred
         else ""
     )
 

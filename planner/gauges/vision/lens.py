@@ -11,7 +11,6 @@ import numpy as np
 from planner.common.units import Array
 
 LENS_UNKNOWNS = ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2")  # that a run may free, in the order of their columns
-UNDISTORT_STEPS = 12  # of Newton's, which end at rounding for any lens whose picture does not fold
 NEAREST = 1e-6  # [m] before the camera: a point behind it has no picture
 
 
@@ -72,9 +71,10 @@ class Lens:
 
     def directions(self, pixels: Array) -> Array:
         """Return where pixels (..., 2) look: points (..., 2) of the plane one metre before an ideal camera."""
+        undistort_steps = 12  # of Newton's, which end at rounding for any lens whose picture does not fold
         wanted = (pixels - self.centre) / self.focal
         xy = np.array(wanted)
-        for _ in range(UNDISTORT_STEPS):
+        for _ in range(undistort_steps):
             found, bent = self._distort(xy)
             miss = wanted - found
             det = bent[..., 0, 0] * bent[..., 1, 1] - bent[..., 0, 1] * bent[..., 1, 0]

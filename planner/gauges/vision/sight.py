@@ -34,10 +34,6 @@ from planner.kinematics.inverse_kinematics import solve_pose_ik
 from planner.kinematics.robot import Robot
 from planner.runs.run import Mounting
 
-POSE_AXES = 6  # of a pose in space
-IK_STEPS = 25  # after which a state that has not come to its pose is dropped
-SIGHT_RADIUS = 5e-3  # [m] of the line of sight, which nothing may stand in
-
 
 @dataclass(frozen=True)
 class BoardSight(FrameGauge):
@@ -127,17 +123,19 @@ class BoardSight(FrameGauge):
         Distance, direction from the board, turns of the picture and the state to begin from are drawn, and inverse
         kinematics brings the arm there. An arm of fewer than six joints is drawn like that of a bar.
         """
-        if cell.robot.n_joints < POSE_AXES:
+        ik_steps = 25  # after which a state that has not come to its pose is dropped
+        pose_axes = 6  # of a pose in space
+        if cell.robot.n_joints < pose_axes:
             return super().joint_sampler(cell, mounting, seed)
-        draw, place = sobol_points(POSE_AXES + cell.robot.n_joints, seed), cell.fixtures[mounting.fixture]
+        draw, place = sobol_points(pose_axes + cell.robot.n_joints, seed), cell.fixtures[mounting.fixture]
         lower, upper = cell.sampling_range
 
         def sample(count: int) -> JointSamples:
             """Draw ``count`` looks at the board and bring the arm there."""
             u = draw(count)
-            p_BM, R_BM = self._looks(place, u[:, :POSE_AXES])
-            start = lower + u[:, POSE_AXES:] * (upper - lower)
-            q, there = solve_pose_ik(cell.chain, cell.robot, start, p_BM, R_BM @ self.R_FM.T, IK_STEPS)
+            p_BM, R_BM = self._looks(place, u[:, :pose_axes])
+            start = lower + u[:, pose_axes:] * (upper - lower)
+            q, there = solve_pose_ik(cell.chain, cell.robot, start, p_BM, R_BM @ self.R_FM.T, ik_steps)
             turn = np.where(cell.robot.slides, np.inf, 2 * np.pi)
             q = q + np.round((np.clip(q, lower, upper) - q) / turn) * np.where(cell.robot.slides, 0.0, turn)
             return JointSamples(q[there], count)
@@ -196,10 +194,11 @@ class BoardSight(FrameGauge):
 
     def bodies(self, cell: Site) -> list[GaugeBody]:
         """The line of sight, from both its ends as far as it reaches at its shortest: nothing may stand in it."""
-        start, end = self.trim + SIGHT_RADIUS, max(self.length_min - self.trim, self.trim + 3 * SIGHT_RADIUS)
+        sight_radius = 5e-3  # [m] of the line of sight, which nothing may stand in
+        start, end = self.trim + sight_radius, max(self.length_min - self.trim, self.trim + 3 * sight_radius)
         z = np.array([0.0, 0.0, 1.0])
-        near = capsule_between("line of sight at the place", z * start, z * end, SIGHT_RADIUS)
-        far = capsule_between("line of sight at the tool", -z * start, -z * end, SIGHT_RADIUS)
+        near = capsule_between("line of sight at the place", z * start, z * end, sight_radius)
+        far = capsule_between("line of sight at the tool", -z * start, -z * end, sight_radius)
         return [GaugeBody(near, "housing"), GaugeBody(far, "rod")]
 
     @property

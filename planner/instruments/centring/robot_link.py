@@ -20,7 +20,6 @@ from planner.instruments.centring.settings import RobotSettings
 from planner.instruments.centring.stop import LinkError, StoppedError, StopRequest
 from planner.kinematics.axes import AxisConvention
 
-DEFAULT_PORT = 7000  # of KUKAVARPROXY
 IDLE_TIME = 20.0  # [s] after which the connection is made anew, before the server drops it
 
 
@@ -361,6 +360,7 @@ def open_link(
         InputError: no such form of address.
         LinkError: nobody answers there, or the centring program does not run.
     """
+    default_port = 7000  # of KUKAVARPROXY
     try:
         url = urlsplit(address)
         host, port = url.hostname, url.port
@@ -368,6 +368,6 @@ def open_link(
         url, host, port = urlsplit(""), None, None
     if url.scheme != "tcp" or not host or url.path not in ("", "/"):
         raise InputError(
-            f"--robot {address}: an address is tcp://HOST or tcp://HOST:PORT (KUKAVARPROXY, port {DEFAULT_PORT})"
+            f"--robot {address}: an address is tcp://HOST or tcp://HOST:PORT (KUKAVARPROXY, port {default_port})"
         )
-    return KukaLink(host, port or DEFAULT_PORT, axes, how, stop, follow)
+    return KukaLink(host, port or default_port, axes, how, stop, follow)

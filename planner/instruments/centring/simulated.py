@@ -14,8 +14,6 @@ from planner.instruments.truth import Truth
 from planner.kinematics.inverse_kinematics import solve_pose_ik, tool_pose
 from planner.runs.run import Samples
 
-FORGOTTEN = float(np.deg2rad(1.0))  # [rad] travel of a joint over which it forgets by how much it stood off
-
 
 class SimulatedArm:
     """Robot and indicators at once: a :class:`RobotLink` and :class:`Indicators` of one cell.
@@ -42,6 +40,7 @@ class SimulatedArm:
 
     def shift(self, step: Array) -> None:
         """Move the tool by ``step`` (3,) [m] in its own frame, as the nominal robot does."""
+        forgotten = float(np.deg2rad(1.0))  # [rad] travel of a joint over which it forgets by how much it stood off
         steps = 20  # of Newton: from a neighbouring pose it takes a few
         chain, robot = self._cell.chain, self._cell.robot
         x, R, _ = tool_pose(chain, robot, self._q[None])
@@ -50,7 +49,7 @@ class SimulatedArm:
             raise LinkError("the arm cannot move the tool on this line")
         change = q[0] - self._q
         self._q = read_only(q[0])  # where a move came to rest stays as it is: small steps are far finer than that
-        kept = np.exp(-np.abs(change) / FORGOTTEN)  # so that it stands as well as it repeats to after any steps
+        kept = np.exp(-np.abs(change) / forgotten)  # so that it stands as well as it repeats to after any steps
         fresh = self._model.joint_sigma * self._rng.standard_normal(len(change))
         self._off = read_only(kept * self._off + np.sqrt(1.0 - kept**2) * fresh)
 

@@ -17,7 +17,6 @@ from planner.instruments.circular.assumptions import DRIVABLE
 from planner.kinematics.geometry import bar_state
 from planner.kinematics.inverse_kinematics import smallest_singular_value, solve_pose_ik
 
-COARSEST = np.deg2rad(2.0)  # [rad] between points at most
 COARSE_STEP = np.deg2rad(5.0)  # [rad] between the places that decide which way round is taken
 
 
@@ -34,10 +33,11 @@ def coarse_angles(circle: Circle) -> Array:
 
 def fine_angles(circle: Circle) -> Array:
     """Angles (m,) [rad] of the points that are driven; both ends of the sweep are among them."""
+    coarsest = np.deg2rad(2.0)  # [rad] between points at most
     sagitta = 1e-6  # [m] between the circle and the straight line from point to point
     # 0.03: [s] from point to point at least: controllers plan no quicker
     step = max(np.sqrt(8.0 * sagitta / circle.radius), 0.03 * circle.speed / circle.radius)
-    step = min(step, COARSEST)
+    step = min(step, coarsest)
     low, high = driven_span(circle)
     edges = (low, circle.start, circle.start + circle.sweep, high)
     parts = [_even_angles(a, b, step) for a, b in pairwise(edges) if b > a]

@@ -11,7 +11,7 @@ from scipy.sparse.csgraph import connected_components, dijkstra
 from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 
-from planner.common.progress import ROADMAP
+from planner.common.progress import LastStart
 from planner.common.units import Array
 from planner.motion.path.constraints import Constraints
 from planner.motion.planning_packages import ob, og, ou
@@ -351,7 +351,7 @@ class PartMap:
             certain: how many of the first poses must be in the roadmap itself.
         """
         roadmap = Roadmap.grow(constraints, q[:certain], q[certain:], seed)
-        return cls(roadmap, roadmap.graph.parts(ROADMAP))
+        return cls(roadmap, roadmap.graph.parts(LastStart.ROADMAP))
 
     def parts(self, q: Array) -> np.ndarray:
         """Part of each pose (n, N) [rad], (n,): that of the nearest state of the roadmap."""

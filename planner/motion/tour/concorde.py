@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from planner.common.errors import PlannerError
-from planner.common.progress import TOUR, UNLIMITED, TimeLimit
+from planner.common.progress import UNLIMITED, LastStart, TimeLimit
 from planner.common.system import kill_group, start_in_own_group
 from planner.common.units import IntArray
 from planner.motion.tour.instance import TourInstance
@@ -74,7 +74,7 @@ def solve_concorde(
     """
     # a forbidden leg costs more than a tour that is known
     matrix = np.where(instance.forbidden, upper + 1, instance.cost)
-    timeout = min(TIMEOUT_S, limit.seconds_left(TOUR))
+    timeout = min(TIMEOUT_S, limit.seconds_left(LastStart.TOUR))
     with tempfile.TemporaryDirectory(prefix="edbb-") as folder:
         Path(folder, "problem.tsp").write_text(_tsplib(matrix), encoding="ascii")
         command = [str(program), "-s", str(seed), "-o", "out.sol", "problem.tsp"]

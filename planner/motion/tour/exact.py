@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
-from planner.common.progress import TOUR, UNLIMITED, TimeLimit
+from planner.common.progress import UNLIMITED, LastStart, TimeLimit
 from planner.common.quiet import quiet_output
 from planner.common.units import Array, IntArray
 from planner.motion.tour.instance import TourInstance
@@ -189,7 +189,7 @@ def _search_tree(
     program.make_whole()
     while True:
         program.solver.setOptionValue("mip_max_nodes", most_nodes - nodes)
-        program.solver.setOptionValue("time_limit", program.solver.getRunTime() + limit.seconds_left(TOUR))
+        program.solver.setOptionValue("time_limit", program.solver.getRunTime() + limit.seconds_left(LastStart.TOUR))
         if allowed:
             program.start_from(tour)
         x = program.point()

@@ -9,7 +9,7 @@ from random import Random
 
 import numpy as np
 
-from planner.common.progress import TOUR, UNLIMITED, TimeLimit
+from planner.common.progress import UNLIMITED, LastStart, TimeLimit
 from planner.common.units import IntArray
 
 
@@ -39,7 +39,9 @@ class LocalSearch:
         if self._size < 8:
             return
         for _ in range(kicks):
-            if gained >= most or self.limit.must_stop(TOUR, "the order of the poses was searched only in part"):
+            if gained >= most or self.limit.must_stop(
+                LastStart.TOUR, "the order of the poses was searched only in part"
+            ):
                 break
             tour, position = self.tour.copy(), self._position.copy()
             change, ends = self._kick()

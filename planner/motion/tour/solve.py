@@ -9,7 +9,7 @@ import numpy as np
 
 from planner.common.choices import TourSolver
 from planner.common.errors import InputError, MissingProgramError, NoSolutionError
-from planner.common.progress import TOUR, UNLIMITED, TimeLimit
+from planner.common.progress import UNLIMITED, LastStart, TimeLimit
 from planner.common.units import Array, IntArray
 from planner.motion.tour.concorde import ConcordeError, find_concorde, solve_concorde
 from planner.motion.tour.exact import initial_search, solve_embedded
@@ -140,7 +140,9 @@ class _TourRequest:
             else:
                 if known is not None:
                     return known
-        cut = self.limit.must_stop(TOUR, "of the proof that the tour is the shortest only the root was computed")
+        cut = self.limit.must_stop(
+            LastStart.TOUR, "of the proof that the tour is the shortest only the root was computed"
+        )
         nodes = 0 if cut else self.nodes
         tour, bound = solve_embedded(instance, search, nodes)
         length = instance.length(tour)
