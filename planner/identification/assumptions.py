@@ -32,11 +32,13 @@ FIRST_HARMONIC = 1.5e-4  # [rad] prior sigma of a gear's first harmonic, the k-t
 FIRST_PULL = 1e-4  # [rad] the same of what one joint does to another
 
 # ---- the misfit: what the model does not hold
-NO_MISFIT_PROBABILITY = 0.8  # prior, that there is no stretch, and that there is no rest
-LOG_MISFIT_NOISE_SIGMA = 0.3  # of the logarithm of the noise over that declared, below it: data sheets are cautious
-LOG_EXCESS_NOISE_SIGMA = 0.1  # the same above it: a data sheet is a limit, and what goes far beyond it is misfit
+NO_STRETCH_PROBABILITY = 0.8  # prior
+NO_REST_PROBABILITY = 0.5  # prior, before it is known how many families act without a name
+NAMELESS_FAMILIES, FAMILIES_OF_A_REST = 1.0, 6.0  # that act where the catalogue has the causes, and where it lacks one
+USUAL_NOISE_SHARE = 0.65  # of the noise declared: data sheets say what is kept to, most of all of a repeatability
+LOG_USUAL_NOISE_SIGMA = 0.3  # of the logarithm of the noise over the usual one
 LOG_STRETCH_SIGMA = 0.7  # of the stretch's logarithm: twice is usual where it is any
-USUAL_REST, LOG_REST_SIGMA = 0.5, 1.5  # [noise], and of its logarithm: hardly anything is known of it
+USUAL_REST, LOG_REST_SIGMA = 1.0, 1.0  # [usual noise], and of its logarithm: little is known of it
 MISFIT_PROBABILITY = 0.5  # from which on a run is said to show misfit
 LOCAL_RATIO = 1.2  # of the misfit at a place to that over the workspace, from which on the place is worth naming
 

@@ -6,7 +6,11 @@ poses predicts those that it chose them by, and one that was measured all round 
 is left of the readings there is held against what was expected: noise, what the other poses leave open, and two
 unknowns. The ``stretch`` multiplies what is left open, for a model of the right shape that is too sure. The ``rest``
 moves the tool at each pose alone, as a law does that no column follows. A run without misfit needs neither, so either
-is most likely absent (a spike and a slab); noise is what the data sheet says or a little off.
+is most likely absent (a spike and a slab).
+Where the rest is of the noise's size, residuals alone do not tell one from the other, and a noise that is fitted takes
+both: how large noise is follows from data sheets, and from poses that the arm came back to, where there are any.
+How many families act without being named tells of a rest as well: a cause whose law the catalogue has takes about one
+of them to be described, a law that it lacks takes several, each of which follows it in part only.
 What is left open moves all poses of a region together: it is looked at in the directions in which it is independent, so
 that a region counts as so many readings as it has of these. One region is stretched more than another, and what is
 drawn for the workspace is a stretch of a region not yet seen (a random effect, as of studies in a meta-analysis:
@@ -22,12 +26,15 @@ from planner.common.determinism import even_positions
 from planner.common.units import Array
 from planner.effects.context import Context
 from planner.identification.assumptions import (
-    LOG_EXCESS_NOISE_SIGMA,
-    LOG_MISFIT_NOISE_SIGMA,
+    FAMILIES_OF_A_REST,
     LOG_REST_SIGMA,
     LOG_STRETCH_SIGMA,
-    NO_MISFIT_PROBABILITY,
+    LOG_USUAL_NOISE_SIGMA,
+    NAMELESS_FAMILIES,
+    NO_REST_PROBABILITY,
+    NO_STRETCH_PROBABILITY,
     POSITION_AXES,
+    USUAL_NOISE_SHARE,
     USUAL_REST,
 )
 from planner.identification.cross_validation import renumber_places, usable_elsewhere
@@ -41,10 +48,10 @@ from planner.runs.run import Run, Samples
 
 SWEEPS = 30  # how often sizes are drawn without each
 MOST_JUDGED = 600  # readings of a region that are looked at
-NOISES: Array = np.exp(np.linspace(-1.0, 1.2, 12))  # over the noise said, and
+NOISES: Array = np.exp(np.linspace(-1.2, 1.5, 19))  # over the usual noise, and
 LOGS: Array = np.linspace(-1.5, 4.0, 23)  # of the stretch of one region, and of what regions have in common
 APART: Array = np.array([0.0, 0.25, 0.5, 0.75, 1.0])  # one sigma of the logarithm of a region's stretch
-RESTS: Array = np.append(0.0, 0.05 * np.exp(np.linspace(0.0, 6.0, 19)))  # over the noise said
+RESTS: Array = np.append(0.0, 0.05 * np.exp(np.linspace(0.0, 6.0, 19)))  # over the usual noise
 
 
 @dataclass(frozen=True)
@@ -78,8 +85,8 @@ class HeldOutReadings:
     Attributes:
         residual: what is left of them, (m,) [m].
         open: variance of the prediction by what the posterior leaves open, (m,) [m²].
-        noise: variance of the reading, gauge and joints as large beside each other as was fitted, and together at most
-            as declared: what is fitted beyond that may be misfit, (m,) [m²].
+        noise: variance of the reading, gauge and joints as large beside each other as was fitted, and together as large
+            as is usual by what is declared: what is fitted may be misfit, (m,) [m²].
         turn: from readings, one behind the other, to these directions, (m, m).
     """
 
@@ -150,17 +157,19 @@ def number_regions(samples: Samples, fit: Fit) -> np.ndarray:
     return np.unique(out, return_inverse=True)[1].reshape(-1)
 
 
-def draw_misfit(parts: Sequence[HeldOutReadings], count: int, seed: int = 0) -> Misfit:
-    """Return ``count`` draws of stretch and rest from their posterior by readings held out."""
+def draw_misfit(parts: Sequence[HeldOutReadings], count: int, acting: np.ndarray, seed: int = 0) -> Misfit:
+    """Return ``count`` draws of stretch and rest from their posterior by readings held out.
+
+    ``acting`` (d,) int: how many families act without a name, in each draw of the sizes.
+    """
     usual = float(np.mean([p.noise.mean() for p in parts]))
     own = np.stack([_log_density(part, usual) for part in parts])  # of noise, rest and stretch of each region
     none = own[..., [int(np.argmin(np.abs(LOGS)))]].sum(axis=0)
     near = _chances_about(LOGS)
     logs = np.stack([np.concatenate([none, _mix(own, chance).sum(axis=0)], axis=-1) for chance in near])
-    sigma = np.where(NOISES > 1.0, LOG_EXCESS_NOISE_SIGMA, LOG_MISFIT_NOISE_SIGMA)
-    logs += (-0.5 * (np.log(NOISES) / sigma) ** 2)[:, None, None]
-    logs += _spike_and_slab(np.log(RESTS[1:] / USUAL_REST) / LOG_REST_SIGMA)[:, None]
-    logs += _spike_and_slab(LOGS / LOG_STRETCH_SIGMA)
+    logs += (-0.5 * (np.log(NOISES) / LOG_USUAL_NOISE_SIGMA) ** 2)[:, None, None]
+    logs += _spike_and_slab(np.log(RESTS[1:] / USUAL_REST) / LOG_REST_SIGMA, no_rest_probability(acting))[:, None]
+    logs += _spike_and_slab(LOGS / LOG_STRETCH_SIGMA, NO_STRETCH_PROBABILITY)
     # half normal, one sigma 0.5: regions of one robot differ by a factor of one and a half
     logs += (-0.5 * (APART / 0.5) ** 2)[:, None, None, None]
     chance = np.exp(logs - logs.max()).sum(axis=1)
@@ -170,6 +179,19 @@ def draw_misfit(parts: Sequence[HeldOutReadings], count: int, seed: int = 0) -> 
     )
     log = np.append(0.0, LOGS)[common] + np.where(common > 0, APART[apart] * rng.standard_normal(count), 0.0)
     return Misfit(np.exp(np.maximum(log, 0.0)), RESTS[rest] * np.sqrt(usual))
+
+
+def no_rest_probability(acting: np.ndarray) -> float:
+    """Return how likely there is no rest where so many families act without a name, in each draw of the sizes (d,).
+
+    Their number is taken as geometric, with one mean for arms whose causes the catalogue has and one for all others.
+    """
+
+    def chance(mean: float) -> float:
+        return float((mean**acting / (1 + mean) ** (acting + 1.0)).mean())
+
+    named, lacking = (chance(mean) for mean in (NAMELESS_FAMILIES, FAMILIES_OF_A_REST))
+    return NO_REST_PROBABILITY * named / (NO_REST_PROBABILITY * named + (1 - NO_REST_PROBABILITY) * lacking)
 
 
 def _log_density(part: HeldOutReadings, usual: float) -> Array:
@@ -196,10 +218,10 @@ def _mix(logs: Array, chance: Array) -> Array:
     return np.asarray(top + np.log(np.exp(logs - top) @ chance.T + 1e-300))
 
 
-def _spike_and_slab(off: Array) -> Array:
-    """Return log probabilities (1 + k,): of none, and of values so many standard deviations off the usual one."""
+def _spike_and_slab(off: Array, none: float) -> Array:
+    """Return log probabilities (1 + k,): ``none`` of 0, and of values so many standard deviations off the usual one."""
     weight = np.exp(-0.5 * off**2)
-    return np.asarray(np.log(np.append(NO_MISFIT_PROBABILITY, (1 - NO_MISFIT_PROBABILITY) * weight / weight.sum())))
+    return np.asarray(np.log(np.append(none, (1 - none) * weight / weight.sum())))
 
 
 def _predict_region(
@@ -235,8 +257,8 @@ def _held_out(there: FitProblem, errors: Array, root: Array) -> HeldOutReadings:
         white.covariance(slice(None))[:, :width, :width]
         for white in (there.whitener, there.whitener.with_noise(Noise()))
     )
-    over = np.einsum("nii->", fitted) / np.einsum("nii->", declared)
-    noise_root = np.linalg.inv(np.linalg.cholesky(fitted / max(1.0, over)))
+    usual = USUAL_NOISE_SHARE**2 * np.einsum("nii->", declared) / np.einsum("nii->", fitted)
+    noise_root = np.linalg.inv(np.linalg.cholesky(usual * fitted))
     return HeldOutReadings.of(linear.residual[:, :width], linear.rows[:, :width] @ root, noise_root)
 
 

@@ -164,6 +164,11 @@ class DrawRecord:
     effects: RandomEffects
     draws: tuple[SizeDraw, ...]
 
+    def count_nameless(self) -> np.ndarray:
+        """Return how many families of the background act in each draw, (d,) int."""
+        nameless = np.array([name.endswith(OF_BACKGROUND) for name in self.names])
+        return np.array([np.count_nonzero(d.factors[nameless]) for d in self.draws])
+
 
 @dataclass(frozen=True)
 class DrawnPosterior:

@@ -66,7 +66,7 @@ def release_robot(
     regions = predict_regions(last, run, whole, families, time)
     judged = None if context.validation is None else predict_validation(posterior.fit, context.validation, time)
     unseen = [*(r.readings for r in regions), *([] if judged is None else [judged])]
-    misfit = draw_misfit(unseen, posterior.drawn.shape[1])
+    misfit = draw_misfit(unseen, posterior.drawn.shape[1], posterior.record.count_nameless())
     drift, maps = drift_of(cell, run, posterior), tool_maps(cell, context.run, posterior.fit)
     known, own = (posterior, misfit, drift, *maps), plain.stage
     geometry = ReleasedRobot(plain.fit, plain.fit, *known, own.held_out, own.validation, own.held_residual)
