@@ -43,6 +43,10 @@ class GaugeReading(ABC):
         """Standard deviation of each number of a reading, (r,) [m, rad], without the robot's repeatability."""
         return np.array([self.noise] * (self.width - self.angles) + [self.noise_angle] * self.angles)
 
+    def sigmas_of(self, samples: Samples) -> Array:
+        """Standard deviation of each number of every reading, (n, r), or (1, r) where all are alike [m, rad]."""
+        return self.sigmas[None]
+
     @abstractmethod
     def residual(self, setup: Placement, samples: Samples, motion: ForwardPass, targets: Targets) -> Array:
         """Return reading − prediction, (n, r) [m, rad], where the motion puts the measured point."""

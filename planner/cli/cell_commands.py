@@ -167,8 +167,23 @@ def measure_command(
         float, typer.Option("--factor", help="of its numbers to millimetres, −1 if it counts down")
     ] = 1.0,
     zero: Annotated[float, typer.Option("--zero-mm", help="length where it shows 0")] = 0.0,
+    until: Annotated[
+        float | None,
+        typer.Option(
+            "--until-mm",
+            metavar="MM",
+            min=0.001,
+            max=10.0,
+            help="after each pose say the expected error; pass what adds nothing, and all once 95 of 100 such robots "
+            "are below this",
+        ),
+    ] = None,
+    after: Annotated[
+        Path | None, typer.Option("--after", metavar="CALIBRATED", help="identification of the sessions before")
+    ] = None,
 ) -> None:
     """Read a bar or wire at a serial port at each pose of a plan, and write the run."""
+    from planner.common.units import from_mm
     from planner.instruments.centring.settings import find_protocol
     from planner.instruments.live_gauge import STREAM, LiveGauge, measure_poses, open_log
     from planner.session.planned_session import load_session
@@ -182,9 +197,16 @@ def measure_command(
             "wire is read; log a continuous session with controller and gauge, and bring both logs in by edbb import"
         )
     log = open_log(output, session.document, session.cell)
+    adviser = None
+    if until is not None or after is not None:
+        from planner.instruments.live_advice import LiveAdvice
+
+        goal = None if until is None else float(from_mm(until))
+        adviser = LiveAdvice.of(session.document, session.cell, output, goal, after)
+        adviser.resume(log.rows)
     live = LiveGauge(gauge, baud, protocol, factor * 1e-3, zero * 1e-3)
     try:
-        for line in measure_poses(log, live.read_settled, _ask, time.monotonic):
+        for line in measure_poses(log, live.read_settled, _ask, time.monotonic, adviser):
             errors.print(line)
     finally:
         live.line.close()

@@ -8,6 +8,7 @@ __all__ = [
     "expected_errors",
     "fixtures",
     "free_parameters",
+    "learnt_sizes",
     "observability",
     "off_grid",
     "pose_selection",

@@ -17,6 +17,7 @@ from planner.effects.compliance import JOINT_COMPLIANCE, compliance_parameters
 from planner.effects.effect import Parameter
 from planner.effects.nonparametric import gear_curve
 from planner.effects.sizes import GEAR_CURVE_SIZE
+from planner.kinematics.robot import Robot
 from planner.model.model import Model
 from planner.model.tool_error import ToolError, uniform_states
 from planner.runs.run import Samples
@@ -210,6 +211,12 @@ class UndeclaredErrors:
         return np.asarray(self.model.rows(samples)[:, 0] / self.model.noise(samples)[:, None] * self.prior)
 
 
+def gear_factor(robot: Robot, joint: int) -> float:
+    """Return how much larger than usual a gear's whole error is, as a fleet has shown; ``joint`` from 0."""
+    kinds = ("gear once a turn", "gear twice a turn", "gear harmonics", "gear ripple")
+    return float(np.sqrt(np.mean([robot.priors.factor(f"{kind}, joint {joint + 1}") ** 2 for kind in kinds])))
+
+
 def undeclared_errors(cell: Cell, samples: Samples) -> UndeclaredErrors:
     """Return what may have to be found in a cell, seen from the poses ``samples``.
 
@@ -219,7 +226,9 @@ def undeclared_errors(cell: Cell, samples: Samples) -> UndeclaredErrors:
     base = planned_model(cell, samples)
     ends = np.array(cell.joint_range)
     gears = [
-        p for j in range(cell.robot.n_joints) for p in gear_curve(base.setup, ends, j, HIGHEST_GEAR_WAVE).make(None)
+        replace(p, prior=p.prior * gear_factor(cell.robot, j))
+        for j in range(cell.robot.n_joints)
+        for p in gear_curve(base.setup, ends, j, HIGHEST_GEAR_WAVE).make(None)
     ]
     declared = set(base.names)
     soft = compliance_parameters(base.setup) if base.setup.weighs else []

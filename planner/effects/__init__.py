@@ -15,6 +15,7 @@ __all__ = [
     "gears",
     "misfit_shapes",
     "nonparametric",
+    "own_places",
     "phi_keys",
     "sizes",
     "steps",

@@ -133,9 +133,10 @@ def twist_moves(station: int, axis: int, by: BasisFunction) -> tuple[ParameterMo
 
 def compliance_parameters(setup: MeasurementSetup) -> list[Parameter]:
     """Compliance of each joint under gravity, payload and the bar's pull, as far as the robot's file expects it."""
-    prior = setup.robot.priors.compliance
+    priors = setup.robot.priors
+    size = [priors.compliance * priors.factor(f"compliance, joint {i + 1}") for i in range(setup.robot.n_joints)]
     return [
-        Parameter(f"compliance{i + 1}", "rad/Nm", prior, f"compliance of joint {i + 1}",
+        Parameter(f"compliance{i + 1}", "rad/Nm", size[i], f"compliance of joint {i + 1}",
                   transform_move(k, LoadTorque(i)), JOINT_COMPLIANCE)
         for i, k in enumerate(setup.chain.joint_places.tolist()) if not setup.robot.slides[i]
     ]  # fmt: skip

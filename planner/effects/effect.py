@@ -12,6 +12,7 @@ from planner.cell.placement import N_BASE_TRANSFORMS, Placement
 from planner.cell.setup import MeasurementSetup
 from planner.common.units import Array, display_unit, si_unit
 from planner.effects.basis import ONE, AtPoint, BasisFunction
+from planner.kinematics.robot import Robot
 
 
 @dataclass(frozen=True)
@@ -100,6 +101,17 @@ def tool_parameters(setup: Placement) -> Iterator[Parameter]:
             yield Parameter(f"{label}_{axis}", "m", setup.tool_prior, what, moves, "gauge")
 
 
+def geometry_group(robot: Robot, transform: int) -> str:
+    """Return the group of a geometric error that a fleet has one size for: ``lengths, joint 3`` or ``angles, joint 3``.
+
+    A joint has those of its row of the table, or of the link that it carries.
+    """
+    t = robot.transforms[transform]
+    link = int(np.searchsorted(robot.link_end, transform, side="right"))
+    number = min(t.joint + 1 if t.joint is not None else link, robot.n_joints)
+    return f"{'lengths' if t.kind == 'translation' else 'angles'}, joint {number}"
+
+
 def robot_parameters(setup: MeasurementSetup) -> list[Parameter]:
     """Errors of the robot's own transforms; transforms that are ``fixed`` have none.
 
@@ -117,6 +129,7 @@ def robot_parameters(setup: MeasurementSetup) -> list[Parameter]:
             link = int(np.searchsorted(robot.link_end, k, side="right"))
             what = f"{'shift along' if t.kind == 'translation' else 'turn about'} {'xyz'[t.axis]}, link {link}"
         prior = robot.priors.length if t.kind == "translation" else robot.priors.angle
+        prior *= robot.priors.factor(geometry_group(robot, k))
         parameter = Parameter(
             t.name, "m" if t.kind == "translation" else "rad", prior, what, transform_move(N_BASE_TRANSFORMS + k)
         )

@@ -222,7 +222,7 @@ class LengthGauge(LineGauge, GaugeUnknowns):
     def parameters(self, setup: Placement, free: frozenset[str]) -> Iterator[Parameter]:
         """Fixtures, tool points and zeros, as far as they are free."""
         if "fixture" in free:
-            yield from _fixture_parameters(setup)
+            yield from fixture_parameters(setup)
         if "tool" in free:
             yield from tool_parameters(setup)
         if "zero" in free:
@@ -353,7 +353,7 @@ class LoadedBar(DoubleBallBar):
     checklist: ClassVar[BarChecklist] = LOADED
 
 
-def _fixture_parameters(setup: Placement) -> Iterator[Parameter]:
+def fixture_parameters(setup: Placement) -> Iterator[Parameter]:
     """A fixture that lies further out looks like a base that stands further back, hence the sign."""
     for s, name in enumerate(setup.place_names):
         label = f"fixture_{name}" if name else "fixture"

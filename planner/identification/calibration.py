@@ -89,6 +89,7 @@ class Calibration(Identification):
         diagnosis: every test of the last stage's residual.
         released: the robot that is written; the last stage's where it is ``None``.
         other_zeros: the joint zeros in the axes of the cell's other controllers, where these count otherwise.
+        planned_errors: what its plan has foreseen after each pose [m], where that is known.
     """
 
     run: Annotated[Run, OnlyInMemory] = Field(exclude=True)
@@ -98,6 +99,7 @@ class Calibration(Identification):
     diagnosis: Annotated[ResidualDiagnosis, OnlyInMemory] = Field(exclude=True)
     released: Annotated[ReleasedRobot | None, OnlyInMemory] = Field(default=None, exclude=True)
     other_zeros: Annotated[tuple[JointZero, ...], OnlyInMemory] = Field(default=(), exclude=True)
+    planned_errors: Annotated[tuple[float, ...], OnlyInMemory] = Field(default=(), exclude=True)
 
     @property
     def setup(self) -> MeasurementSetup:

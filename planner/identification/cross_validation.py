@@ -103,6 +103,7 @@ def _with_frames(model: Model) -> Model:
     return replace(model, parameters=tuple(frames), fixed=fixed)
 
 
+OTHER_POSE = np.deg2rad(1.0)  # of a joint, from where the pose of one number was first: another one
 FEWEST_GROUPS = 5  # placements or sessions that make a split of their own: else a fold is too large a part
 
 
@@ -192,7 +193,20 @@ def run_groups(run: Run) -> tuple[str, np.ndarray]:
 
 def finest_groups(run: Run) -> np.ndarray:
     """Return the finest groups that stay together, (n,): poses with their repeats, or stretches."""
-    return _stretches(len(run)) if run.continuous else join_groups(number_poses(run.samples.q), run.samples.pose)
+    return _stretches(len(run)) if run.continuous else join_groups(number_poses(run.samples.q), _own_poses(run.samples))
+
+
+def _own_poses(samples: Samples) -> np.ndarray | None:
+    """Return the numbers of the poses (n,), those of another plan's under numbers of their own.
+
+    Files of several plans count from one each; what bears a number and stands elsewhere is another pose.
+    """
+    pose, file = samples.pose, samples.file
+    if pose is None or file is None or not len(pose):
+        return pose
+    first = np.unique(pose, return_index=True, return_inverse=True)
+    apart = np.abs(samples.q - samples.q[first[1][first[2]]]).max(axis=1) > OTHER_POSE
+    return np.where(apart & (pose >= 0), pose + (1 + file) * (pose.max() + 1), pose)
 
 
 def _stretches(n: int) -> np.ndarray:

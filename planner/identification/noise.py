@@ -34,7 +34,7 @@ class Whitener:
     """Turns residuals and rows into multiples of their standard deviation.
 
     Attributes:
-        declared: variances of the gauge alone, (r,) [m², rad²].
+        declared: variances of the gauge alone, (n, r) [m², rad²].
         shaken: covariance that the joints' repeatability adds, (n, r, r).
         noise: how large both really are.
     """
@@ -47,13 +47,18 @@ class Whitener:
     def of(cls, model: Model, samples: Samples, noise: Noise | None = None) -> "Whitener":
         """Build it for the samples of a run."""
         declared = model.reading_noise(samples)
-        return cls(declared.gauge_variance, declared.robot_covariance, noise or Noise())
+        each = np.broadcast_to(declared.gauge_variance, (len(samples), model.width))
+        return cls(each, declared.robot_covariance, noise or Noise())
 
     @property
     def declared_rms(self) -> float:
         """Size that the errors of readings should have by what is declared [m], rms; a probe's turn is left aside."""
         robot = np.einsum("nii->n", self.shaken[:, :3, :3]).mean()
-        return float(np.sqrt(self.declared[:3].sum() + robot))
+        return float(np.sqrt(self.declared[:, :3].sum(axis=1).mean() + robot))
+
+    def take(self, which: np.ndarray) -> "Whitener":
+        """Return it for the readings at ``which`` (indices or a mask)."""
+        return Whitener(self.declared[which], self.shaken[which], self.noise)
 
     def with_noise(self, noise: Noise) -> "Whitener":
         """Return it for another size of the noise."""
@@ -67,8 +72,9 @@ class Whitener:
     def covariance(self, part: slice) -> Array:
         """Covariance of the readings of ``part``, (n, r, r)."""
         noise = self.noise
-        gauge = np.array([noise.gauge] * min(3, len(self.declared)) + [noise.angle] * (len(self.declared) - 3))
-        return noise.joints**2 * self.shaken[part] + np.diag(gauge**2 * self.declared)
+        width = self.declared.shape[1]
+        gauge = np.array([noise.gauge] * min(3, width) + [noise.angle] * (width - 3))
+        return noise.joints**2 * self.shaken[part] + np.eye(width) * (gauge**2 * self.declared[part])[:, None]
 
     def white(self, part: slice, values: Array) -> Array:
         """Return L⁻¹ values for the readings of ``part``, with L Lᵀ their covariance; values (n, r, m)."""
@@ -134,8 +140,8 @@ class _Spread:
     def of(cls, white: Whitener, residual: Array, block: slice) -> "_Spread":
         """Split the numbers ``block`` of every reading."""
         which = even_positions(len(residual), 20_000)  # samples that the likelihood looks at
-        unit = 1 / np.sqrt(white.declared[block])
-        ratio, axes = np.linalg.eigh(white.shaken[which][:, block, block] * unit[:, None] * unit)
+        unit = 1 / np.sqrt(white.declared[which][:, block])
+        ratio, axes = np.linalg.eigh(white.shaken[which][:, block, block] * unit[:, :, None] * unit[:, None])
         turned = np.einsum("nij,ni->nj", axes, residual[which][:, block] * unit)
         return cls((turned**2).ravel(), np.maximum(ratio, 0.0).ravel())
 

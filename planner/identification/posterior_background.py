@@ -81,7 +81,11 @@ def background_families(setup: MeasurementSetup, samples: Samples) -> tuple[Effe
     unnamed = {f"{UNNAMED}, {name}": list(p) for name, p in (*misfit_shapes(run), *drift_shapes(run))}
     return tuple(
         EffectFamily(
-            name, tuple(replace(p, group=BACKGROUND) for p in own), name in known, name in common, name in unnamed
+            name,
+            tuple(replace(p, group=BACKGROUND, prior=p.prior * setup.robot.priors.factor(name)) for p in own),
+            name in known,
+            name in common,
+            name in unnamed,
         )
         for name, own in (out | unnamed).items()
     )

@@ -361,9 +361,9 @@ class IndependentReadings:
         width = rows.shape[1]
         for start in range(0, width, 3):
             block = slice(start, min(start + 3, width))
-            unit = 1 / np.sqrt(declared[block])
-            ratio, axes = np.linalg.eigh(shaken[:, block, block] * unit[:, None] * unit)
-            turn = np.einsum("nji,j->nij", axes, unit)
+            unit = 1 / np.sqrt(declared[:, block])
+            ratio, axes = np.linalg.eigh(shaken[:, block, block] * unit[:, :, None] * unit[:, None])
+            turn = np.einsum("nji,nj->nij", axes, unit)
             columns.append((turn @ rows[:, block]).reshape(-1, rows.shape[2]))
             targets.append(np.einsum("nij,nj->ni", turn, y[:, block]).ravel())
             part = np.zeros((ratio.size, 2 if width <= 3 else 3))

@@ -105,7 +105,7 @@ class FitProblem:
 
     def take(self, which: np.ndarray) -> "FitProblem":
         """Return the problem with only the samples at ``which`` (indices or a mask)."""
-        white = replace(self.whitener, shaken=self.whitener.shaken[which])
+        white = self.whitener.take(which)
         samples, memory = self.samples, ProblemCache()
         if len(self) <= PIECE_SAMPLES:
             key = np.arange(len(self))[which].tobytes()

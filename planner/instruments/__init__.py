@@ -2,6 +2,6 @@
 
 __all__ = [
     "assumptions",
-    "centring", "check", "circular", "live_gauge", "loaded", "next_session", "opcua", "precision", "record",
-    "simulation", "truth", "validation",
+    "centring", "check", "circular", "fleet", "live_advice", "live_gauge", "loaded", "next_session", "opcua",
+    "precision", "record", "simulation", "truth", "validation",
 ]  # fmt: skip

@@ -5,6 +5,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 import serial
@@ -161,16 +162,47 @@ def open_log(output: Path, plan: PlanDocument, cell: Cell) -> PoseLog:
     return log
 
 
+class Adviser(Protocol):
+    """Says of each pose whether it need not be read, and after each reading where the session stands."""
+
+    def passes(self, pose: int) -> str:
+        """Return why the pose of this id need not be read; empty where it is to be read."""
+
+    def after(self, pose: int, t: float, length: float) -> str:
+        """Return where the session stands after a reading [m] at a time [s] of the session."""
+
+
+class NoAdvice:
+    """All poses are read, and nothing is said of them."""
+
+    def passes(self, pose: int) -> str:
+        """Return nothing."""
+        return ""
+
+    def after(self, pose: int, t: float, length: float) -> str:
+        """Return nothing."""
+        return ""
+
+
 def measure_poses(
-    log: PoseLog, read: Callable[[], float], ask: Callable[[str], str], clock: Callable[[], float]
+    log: PoseLog,
+    read: Callable[[], float],
+    ask: Callable[[str], str],
+    clock: Callable[[], float],
+    adviser: Adviser | None = None,
 ) -> Iterator[str]:
     """Tick off the poses that are left, each when a person says that the arm rests there; yields what is said of each.
 
-    ``ask`` shows a pose and returns the answer: nothing to read, ``s`` to skip it, ``q`` to end.
+    ``ask`` shows a pose and returns the answer: nothing to read, ``s`` to skip it, ``q`` to end. A pose that the
+    ``adviser`` passes is not asked for: the arm drives on through it, along the way that was proven.
     """
+    adviser = adviser or NoAdvice()
     left = [p for p in log.poses if p.id not in log.rows]
     start = clock() - max((t + 1.0 for t, _ in log.rows.values()), default=0.0)
     for p in left:
+        if why := adviser.passes(p.id):
+            yield f"pose {p.id}: drive on, {why}"
+            continue
         planned = "" if p.length_mm is None else f", planned {p.length_mm:.2f} mm"
         answer = ask(f"pose {p.id} at {p.fixture or 'the gauge'}{planned}: Enter reads, s skips, q ends")
         if answer == "q":
@@ -178,11 +210,14 @@ def measure_poses(
         if answer == "s":
             continue
         length = read()
-        log.add(p.id, round(clock() - start, 3), length)
+        t = round(clock() - start, 3)
+        log.add(p.id, t, length)
         off = length - (p.length_mm or float(to_mm(length))) * MM
         far = (
             f", {float(to_mm(off)):+.1f} mm from the plan: is this the pose, and the zero set?"
             if abs(off) > LIVE_GAUGE.far_from_plan
             else ""
         )
-        yield f"pose {p.id}: {float(to_mm(length)):.3f} mm{far} ({len(log.rows)} of {len(log.poses)})"
+        stands = adviser.after(p.id, t, length)
+        count = f"({len(log.rows)} of {len(log.poses)})"
+        yield f"pose {p.id}: {float(to_mm(length)):.3f} mm{far} {count}{'; ' if stands else ''}{stands}"

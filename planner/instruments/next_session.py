@@ -15,6 +15,7 @@ from scipy.linalg import block_diag
 
 from planner.cell.cell import Cell
 from planner.cell.placement import FREEABLE
+from planner.cell.region_file import states_in_region
 from planner.cell.setup import MeasurementSetup, setup_of
 from planner.common.errors import InputError, NoSolutionError
 from planner.common.progress import Stages
@@ -87,7 +88,9 @@ class RemainingErrors:
         model: of all that moves the reading.
         root: root of the covariance of its parameters, (P, r).
         of_gauge: which columns of the root only say where the gauge stands, (r,) bool.
-        weight_per_prior: mean square error of the tool per squared columns, (r, r) [m²].
+        weight_per_prior: mean square error of the tool per squared columns, (r, r) [m²], where it counts.
+        whole_weight: the same over the whole workspace, for which the error is stated.
+        where: where it counts, as the end of a sentence says it.
     """
 
     before: CalibratedState
@@ -95,20 +98,22 @@ class RemainingErrors:
     root: Array
     of_gauge: np.ndarray
     weight_per_prior: Array
+    whole_weight: Array
+    where: str = "over the workspace"
 
     untraced_label: ClassVar[str] = "before this session"
     before_label: ClassVar[str] = "as stated by the runs so far"
     condition: ClassVar[str] = ""
 
     @classmethod
-    def of(cls, before: CalibratedState, cell: Cell, samples: Samples) -> "RemainingErrors":
-        """Return what poses like ``samples`` of the cell's gauge may tell of.
+    def of(cls, before: CalibratedState, cell: Cell, samples: Samples, region: Path | None = None) -> "RemainingErrors":
+        """Return what poses like ``samples`` of the cell's gauge may tell of; ``region``: the box where errors count.
 
         Raises:
-            InputError: an effect moves a part that the cell's robot does not have.
+            InputError: an effect moves a part that the cell's robot does not have, or the robot does not reach the box.
         """
         setup, known = setup_of(cell), before.known
-        tool = {f"map_{axis}": name for axis, name in zip("xyz", _tool_names(setup), strict=True)}
+        tool = {f"map_{axis}": name for axis, name in zip("xyz", tool_names(setup), strict=True)}
         names = [tool.get(p.name, p.name) for p in known.file.parameters]
         own = {p.name: p for p in Model.of(setup, FREEABLE).parameters}
         effects = [effect_parameter(p.name, p.moves, setup) for p in known.file.parameters if p.moves]
@@ -120,14 +125,20 @@ class RemainingErrors:
         spread = np.array(known.file.spread).reshape(len(names), -1)[kept]
         sizes = np.array([p.prior if np.isfinite(p.prior) else SESSION.unknown_prior for p in anew])
         root = block_diag(spread, np.diag(sizes))
-        moved = known.aligned_spread(uniform_states(cell, WORKSPACE_STATES, 0)).reshape(-1, spread.shape[1])
-        weight = block_diag(3.0 * moved.T @ moved / len(moved), np.zeros((len(anew), len(anew))))
-        return cls(before, model, root, np.arange(root.shape[1]) >= spread.shape[1], weight)
+        states = uniform_states(cell, WORKSPACE_STATES, 0)
+        whole = weight = _tool_weight(known, states, len(anew))
+        where = "over the workspace"
+        if region is not None:
+            # 10: times as many states, of which a box holds a part
+            inside = states_in_region(region, cell, uniform_states(cell, 10 * WORKSPACE_STATES, 0))
+            weight, where = _tool_weight(known, inside[:WORKSPACE_STATES], len(anew)), f"in {region.name}"
+        gauge = np.arange(root.shape[1]) >= spread.shape[1]
+        return cls(before, model, root, gauge, weight, whole, where)
 
     @property
     def untraced(self) -> float:
-        """Error of the tool [m] before the session."""
-        return self.before.stated
+        """Error of the tool [m] before the session, where it counts."""
+        return self.state(float(np.trace(self.weight_per_prior)))
 
     @property
     def assumed(self) -> str:
@@ -140,7 +151,7 @@ class RemainingErrors:
 
     def state(self, square: float) -> float:
         """Return the error of the tool [m] as likely exceeded as not, where the columns leave a mean square [m²]."""
-        return self._factor(self.before.stated, float(np.trace(self.weight_per_prior))) * self._root_with_rest(square)
+        return self._factor(self.before.stated, float(np.trace(self.whole_weight))) * self._root_with_rest(square)
 
     def state_limit(self, square: float) -> float:
         """Return what 95 of 100 such robots stay below, for that quantile of the square [m²]."""
@@ -149,15 +160,20 @@ class RemainingErrors:
     def describe(self, left: float, left_mm: str, at_most_mm: str) -> str:
         """Say in half a sentence what the session would leave [m], written and as a limit [mm]."""
         return (
-            f"the tool's error over the workspace, {to_mm(self.before.stated):.3f} mm as stated now (95 % below "
-            f"{to_mm(self.before.at_most):.3f} mm), is expected to be {left_mm} mm (95 % below {at_most_mm} mm) once "
-            "this session is identified together with the runs before"
+            f"the tool's error {self.where}, {to_mm(self.untraced):.3f} mm as stated now (95 % below "
+            f"{to_mm(self.limit_before):.3f} mm), is expected to be {left_mm} mm (95 % below "
+            f"{at_most_mm} mm) once this session is identified together with the runs before"
         )
 
     @cached_property
     def _limit_square(self) -> float:
-        """The square that 95 of 100 robots stay below before the session [m²]."""
-        return square_limit(self.weight_per_prior, np.zeros((0, self.root.shape[1])))
+        """The square that 95 of 100 robots stay below over the whole workspace before the session [m²]."""
+        return square_limit(self.whole_weight, np.zeros((0, self.root.shape[1])))
+
+    @property
+    def limit_before(self) -> float:
+        """What 95 of 100 such robots stay below before the session, where it counts [m]."""
+        return self.state_limit(square_limit(self.weight_per_prior, np.zeros((0, self.root.shape[1]))))
 
     def _root_with_rest(self, square: float) -> float:
         return float(np.sqrt(max(square, 0.0) + float(from_mm(self.before.known.file.rest_mm)) ** 2))
@@ -167,7 +183,14 @@ class RemainingErrors:
         return stated / max(self._root_with_rest(square), 1e-300)
 
 
-def _tool_names(setup: MeasurementSetup) -> list[str]:
+def _tool_weight(known: ExpectedError, states: Array, anew: int) -> Array:
+    """Return the mean square error of the tool at joint states (n, N) per squared columns; ``anew`` move none."""
+    moved = known.aligned_spread(states)
+    moved = moved.reshape(-1, moved.shape[-1])
+    return np.asarray(block_diag(moved.T @ moved / len(states), np.zeros((anew, anew))))
+
+
+def tool_names(setup: MeasurementSetup) -> list[str]:
     """Names of the three parameters of the first tool point."""
     first = next(iter(setup.point_names), "")
     return [f"map_{first}_{axis}" if first else f"map_{axis}" for axis in "xyz"]
@@ -187,25 +210,37 @@ class NextSessionChooser:
         before: what the sessions before say.
         poses: their number; ``None``: ``NEXT_SESSION_POSES``, or as many as ``until`` needs.
         until: as many as bring down to this what 95 of 100 such robots stay below [m].
+        region: file of the box in which the error counts; ``None``: the whole workspace.
     """
 
     before: CalibratedState
     poses: int | None = None
     until: float | None = None
+    region: Path | None = None
 
     def __call__(self, session: PoseSession, stages: Stages) -> Selection:
         """Choose the poses by the error that they leave; the index only judges them."""
-        if self.until is not None and self.before.at_most <= self.until:
-            raise NoSolutionError(
-                f"{self.before.folder}: 95 of 100 such robots are below {to_mm(self.before.at_most):.3f} mm already: "
-                "nothing is to be measured for that; ask for less, or give --poses"
-            )
+        if self.region is None:
+            self._check_goal(self.before.at_most)
         pool, cell = session.pool, session.cell
         poses = self.poses or (None if self.until else SESSION.next_session_poses)
         with stages.stage("foresight") as progress:
-            unknown = RemainingErrors.of(self.before, cell, pool.samples)
+            unknown = RemainingErrors.of(self.before, cell, pool.samples, self.region)
+            self._check_goal(unknown.limit_before)
             expected = choose_bayesian_poses(cell, pool, poses, progress, unknown, self.until, stages.limit)
         session.notes.append(TOGETHER)
         with stages.stage("selection"):
             judged = judge_few_poses(cell, pool, expected.chosen, session.index, stages.limit)
             return Selection(judged, expected_error=expected)
+
+    def _check_goal(self, at_most: float) -> None:
+        """Refuse a goal [m] that is reached already.
+
+        Raises:
+            NoSolutionError: with what 95 of 100 such robots stay below.
+        """
+        if self.until is not None and at_most <= self.until:
+            raise NoSolutionError(
+                f"{self.before.folder}: 95 of 100 such robots are below {to_mm(at_most):.3f} mm already: "
+                "nothing is to be measured for that; ask for less, or give --poses"
+            )

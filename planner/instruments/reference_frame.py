@@ -133,7 +133,7 @@ def error_floor(cell: Cell, run: Run, frame: TrackerRegistration, by_nests: bool
     nests = frame_uncertainty(frame, frame.to_nests(run.readings.position), cell.gauge.noise)
     return ErrorFloor(
         float(np.sqrt((nests**2).mean())) * by_nests,
-        float(np.sqrt(noise.gauge_variance.sum())),
+        float(np.sqrt(noise.gauge_variance.sum(axis=1).mean())),
         float(np.sqrt(noise.robot_variance.sum(axis=1).mean())),
     )
 

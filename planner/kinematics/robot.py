@@ -120,6 +120,12 @@ class Priors:
     length: float = 1e-3
     angle: float = 1e-3
     compliance: float = 2e-6
+    factors: tuple[tuple[str, float], ...] = ()
+    """How much larger than usual errors of a group are, as a fleet has shown: ``lengths, joint 3``, a cause."""
+
+    def factor(self, group: str) -> float:
+        """Return how much larger than usual the errors of a group are; 1 where no fleet has shown it."""
+        return next((value for name, value in self.factors if name == group), 1.0)
 
 
 @dataclass(frozen=True)

@@ -151,14 +151,13 @@ class Finding(DocumentSection):
         probability: that it is this cause and no other; ``None`` where no posterior was drawn, as in older files.
         rivals: other causes that explain the same, the likeliest first; ``unnamed`` is what the catalogue lacks.
         rival_probabilities: of each; 0 where the readings speak against it, but the poses need not have told.
-        note: what a mechanic would say.
-        inner: the number inside it, where it has one.
-        after_sample: of a step, how many samples of the run were before it; ``surely_within``: the range that holds it.
+        note: what a mechanic would say; ``inner``: the number inside the effect, where it has one.
+        after_sample: of a step, the samples before it; ``surely_within`` a range, or ``between_sessions`` of two files.
         row: number of the sample, from 1, whose reading is wrong.
     """
 
     in_unit = ("value", "std")
-    if_any = ("probability", "rival_probabilities", "inner", "after_sample", "surely_within", "row")
+    if_any = ("probability", "rival_probabilities", "inner", "after_sample", "surely_within", "between_sessions", "row")
     effect: str
     on: str
     value: float
@@ -174,6 +173,7 @@ class Finding(DocumentSection):
     inner: InnerNumber | None = None
     after_sample: int | None = None
     surely_within: tuple[int, int] | None = None
+    between_sessions: tuple[str, str] | None = None
     row: int | None = None
 
     @property

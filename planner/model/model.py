@@ -32,7 +32,7 @@ class ReadingNoise:
     The covariance of a reading is diag(gauge²) + J_q Σ_q J_qᵀ, with Σ_q = joint_sigma² I.
 
     Attributes:
-        gauge: standard deviation of each number of a reading by the gauge alone, (r,) [m, rad].
+        gauge: standard deviation of each number of a reading by the gauge alone, (n, r), or (1, r) for all [m, rad].
         joint_sigma: repeatability of one joint [rad].
         joint_rows: derivative J_q of the readings by the joint angles, (n, r, N).
     """
@@ -43,7 +43,7 @@ class ReadingNoise:
 
     @property
     def gauge_variance(self) -> Array:
-        """Variance of each number by the gauge alone, (r,) [m², rad²]."""
+        """Variance of each number by the gauge alone, (n, r) or (1, r) [m², rad²]."""
         return self.gauge**2
 
     @property
@@ -64,7 +64,7 @@ class ReadingNoise:
     @property
     def square(self) -> Array:
         """Expected square of a reading's whole error, (n,) [m²]."""
-        return np.asarray(self.gauge_variance.sum() + self.robot_variance.sum(axis=1))
+        return np.asarray(self.gauge_variance.sum(axis=1) + self.robot_variance.sum(axis=1))
 
 
 @dataclass(frozen=True)
@@ -185,7 +185,7 @@ class Model:
 
     def reading_noise(self, samples: Samples) -> ReadingNoise:
         """Return how much the readings of samples are declared to scatter."""
-        return ReadingNoise(self.setup.gauge.sigmas, self.setup.joint_sigma, self.joint_rows(samples))
+        return ReadingNoise(self.setup.gauge.sigmas_of(samples), self.setup.joint_sigma, self.joint_rows(samples))
 
     @property
     def joint_sigma(self) -> float:

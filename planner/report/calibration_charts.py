@@ -31,6 +31,7 @@ from planner.report.chart import (
 )
 from planner.report.effect_evidence import finding_chart, finding_steps, stage_chart
 from planner.report.formatting import digits
+from planner.report.history_charts import history_charts
 
 KINDS = {
     "joints": ("residual_joints", "Error against each joint"),
@@ -109,7 +110,7 @@ def draw_calibration_charts(facts: CalibrationFacts) -> tuple[Chart, ...]:
     known = [] if released is None else [error_map_chart(facts, released)]
     if released is not None and misfit_place(released) is not None:
         known.append(misfit_chart(facts, released))
-    return (*known, histogram_chart(facts), pose_chart(facts), *loop, *drawn, *matrix)
+    return (*known, histogram_chart(facts), pose_chart(facts), *history_charts(facts), *loop, *drawn, *matrix)
 
 
 def histogram_chart(facts: CalibrationFacts) -> Chart:

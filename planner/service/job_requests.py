@@ -182,6 +182,18 @@ class IdentificationRequest(MeasuredRequest):
     kind = "identification"
     document = "identification.json"
     example = {"runs": [{"id": SOME_FILE, "name": "run.csv"}], "plan": SOME_JOB}
+    plans: Annotated[list[JobId], Field(max_length=20)] = Field(
+        [], description="the plans of the runs after the first, where each is a session of its own, in their order"
+    )
+
+    def arguments(self, folder: JobFolder) -> list[str]:
+        """Return the runs, and what they were measured with: one plan and cell for all, or one for each."""
+        if not self.plans:
+            return super().arguments(folder)
+        runs, cell, plan = self.lay_runs(folder)
+        more = [folder.results(job, "plan", f"plan-{k}") for k, job in enumerate(self.plans, start=2)]
+        plans = [plan or "plan/plan.json", *(f"{own}/plan.json" for own in more)]
+        return [*runs, *options(plan=plans, cell=[cell, *(f"{own}/cell.toml" for own in more)])]
 
 
 class ErrorMapRequest(OfIdentificationRequest):

@@ -4,7 +4,7 @@ from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from planner.common.calls import Dialects, JobFile, Option, Seed
+from planner.common.calls import SENT, Dialects, JobFile, Option, Seed
 from planner.common.choices import Aim, IndexName, SelectionMethod, TourOrder, TourSolver
 from planner.common.errors import InputError
 
@@ -67,6 +67,25 @@ class PlanOptions:
         ),
     ] = None
 
+    region: Annotated[
+        Path | str | None,
+        Option(
+            "with --after: the box of the workspace in which the error counts (lower_mm, upper_mm in the base frame)",
+            typed=Path | None,
+            metavar="BOX.toml",
+            from_service=SENT,
+        ),
+    ] = None
+    fleet: Annotated[
+        Path | str | None,
+        Option(
+            "what a fleet of this kind of robot has shown ('edbb fleet' wrote it): how large its errors are",
+            typed=Path | None,
+            metavar="FLEET.toml",
+            from_service=SENT,
+        ),
+    ] = None
+
     def in_order(self, cell: "Cell") -> "Cell":
         """Return the cell with the order of the poses that is asked for, in its file as well."""
         if self.order is None:
@@ -105,6 +124,10 @@ class PlanOptions:
         Raises:
             InputError: something else is asked for as well.
         """
+        if self.region is not None and self.after is None:
+            raise InputError(
+                f"{cell.path}: --region goes with --after: of a robot of which nothing is known all errors count"
+            )
         name = "--after" if self.after else "--until-mm" if self.until_mm is not None else ""
         if not name:
             return False

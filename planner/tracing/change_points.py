@@ -154,9 +154,26 @@ def _best_step(test: ScoreTest, steppable: Steppable, columns: Array, count: int
     information, along, length = _sums_before(test, columns, " ".join(p.name for p in steppable.parameters))
     gain, size = score_gains(information, along, length)
     allowed = _step_positions(test.problem.samples)
-    j = int(allowed[np.argmax(gain[allowed])])
-    effect = steppable.step(int(number[j + 1]), -(-len(number) * count // ALIKE_TRIES))
+    ends = np.intersect1d(allowed, session_ends(test.problem.samples))
+    likelier = 2.0 * np.log(_odds_of_end(allowed, ends)) * test.noise * np.isin(allowed, ends)
+    j = int(allowed[np.argmax(gain[allowed] + likelier)])
+    tries = 2 * len(ends) if j in ends else len(number)
+    effect = steppable.step(int(number[j + 1]), -(-tries * count // ALIKE_TRIES))
     return _with_chance(test, EffectScore(effect, None, float(gain[j]), int(size[j]), information[j], along[j]))
+
+
+def session_ends(samples: Samples) -> np.ndarray:
+    """Positions of the last sample of every session but the last."""
+    return np.flatnonzero(np.diff(samples.session_numbers) != 0)
+
+
+def _odds_of_end(allowed: np.ndarray, ends: np.ndarray) -> float:
+    """How much likelier a step is at the end of a session than at any other of the allowed positions.
+
+    Between two sessions hours or days pass, and people take things down: all their ends together are as likely as all
+    other samples together.
+    """
+    return max((len(allowed) - len(ends)) / max(len(ends), 1), 1.0)
 
 
 def _step_positions(samples: Samples) -> np.ndarray:
@@ -252,7 +269,7 @@ def locate_step(state: SearchState, found: FittedEffect) -> StepTime:
     """Return where a step lies, everything else as fitted: its likeliest sample, and the range that holds it surely.
 
     With the residual e as if nothing had stepped and what the step adds, s, the misfit of a step before sample j is
-    Σ_{i<j} |e + s|² + Σ_{i≥j} |e|²; every sample is as likely beforehand.
+    Σ_{i<j} |e + s|² + Σ_{i≥j} |e|²; every sample is as likely beforehand, and an end of a session as all of them.
     """
     problem, errors = state.fit.problem, state.fit.errors
     piece = problem.piece(slice(None), errors)
@@ -265,6 +282,8 @@ def locate_step(state: SearchState, found: FittedEffect) -> StepTime:
     allowed = _step_positions(problem.samples)
     fall = np.cumsum((still**2 - (still + shift) ** 2).sum(axis=1))[allowed]
     scale = max(1.0, float((piece.residual**2).mean()))
+    ends = np.isin(allowed, session_ends(problem.samples))
+    fall = fall + np.where(ends, 2 * scale * np.log(_odds_of_end(allowed, allowed[ends])), 0.0)
     chance = np.exp((fall - fall.max()) / (2 * scale))
     chance /= chance.sum()
     low, high = np.searchsorted(np.cumsum(chance), [(1 - RANGE_PROBABILITY) / 2, (1 + RANGE_PROBABILITY) / 2])

@@ -28,7 +28,7 @@ from planner.tracing.assumptions import (
     SLIP_SIGMAS,
 )
 from planner.tracing.candidate_ranking import scores_beside, with_link_masses
-from planner.tracing.change_points import change_sample, locate_step, score_steps
+from planner.tracing.change_points import change_sample, locate_step, score_steps, session_ends
 from planner.tracing.effect_scores import LEAST_SHARE, EffectScore, ScoreTest
 from planner.tracing.search import SearchResult, search
 from planner.tracing.search_context import Progress, SearchContext
@@ -142,12 +142,26 @@ def locate_change(state: SearchState, found: FittedEffect, finding: Finding, run
         return finding.model_copy(update={"note": note, "row": int(number[k]) + 1})
     when = locate_step(state, found)
     last = int(np.searchsorted(number, sample)) - 1  # the last one before
+    if last in session_ends(run.samples):
+        sessions = _files_about(run, last)
+        note = finding.note.replace(f"after sample {sample} ", f"between {sessions[0]} and {sessions[1]} ", 1)
+        update = {"note": note, "after_sample": sample, "between_sessions": sessions}
+        return finding.model_copy(update=update)
     where = f" ({run.where(last)})" if run.samples.file is not None else ""
     note = finding.note.replace(f"after sample {sample} ", f"after sample {sample}{where} ", 1)
     if when.last - when.first > 1:
         note += f"; it was surely between samples {when.first} and {when.last + 1}"
     within = (when.first, when.last + 1)
     return finding.model_copy(update={"note": note, "after_sample": sample, "surely_within": within})
+
+
+def _files_about(run: Run, last: int) -> tuple[str, str]:
+    """Return what the session that ends with a sample is called, and the one after it: by their files, or numbers."""
+    s = run.samples
+    if s.file is not None and s.file[last] != s.file[last + 1]:
+        return run.files[s.file[last]], run.files[s.file[last + 1]]
+    before, after = (f"session {s.session_numbers[k] + 1}" for k in (last, last + 1))
+    return before, after
 
 
 def _describe_wrong_row(state: SearchState, found: FittedEffect, sentence: str, run: Run, k: int) -> str:

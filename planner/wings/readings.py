@@ -2,7 +2,13 @@
 
 from planner.common.commands import register_command
 
-PARTS = ("instruments/centring", "instruments/live_gauge.py", "cli/cell_commands.py")
+PARTS = (
+    "instruments/centring",
+    "instruments/live_gauge.py",
+    "instruments/live_estimate.py",
+    "instruments/live_advice.py",
+    "cli/cell_commands.py",
+)
 
 COMMANDS, GROUP = "planner.cli.cell_commands", "Measure"
 register_command("centre", "Centre a head of indicators on the balls of a plan.", f"{COMMANDS}:centre_command", GROUP)

@@ -9,6 +9,7 @@ __all__ = [
     "compensate_call",
     "compensation",
     "demo",
+    "fleet",
     "identification",
     "identify_call",
     "plan_call",

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from planner.cell.cell import Cell
+from planner.cell.fleet_file import read_fleet, with_fleet
 from planner.common.calls import called_with
 from planner.common.errors import InputError
 from planner.common.files import write_bytes, write_text
@@ -15,6 +16,7 @@ from planner.common.progress import Stages
 from planner.common.result import FolderResult, Plot, Result
 from planner.common.summary import Summary
 from planner.common.tables import NamedTable, Row, RowTable
+from planner.common.units import from_mm
 from planner.effects.catalogue import catalogue
 from planner.identification.baseline import NAME as BASELINE
 from planner.identification.baseline import baseline_text
@@ -23,6 +25,7 @@ from planner.identification.calibration import Calibration
 from planner.identification.contenders import HUNDRED_TO_ONE
 from planner.identification.expected_error import NAME as EXPECTED_ERROR
 from planner.identification.expected_error import expected_error_csv, expected_error_text
+from planner.identification.fleet_fit import RobotErrors, misfits_of
 from planner.identification.pipeline import FitSettings
 from planner.identification.pipeline import identify as fit_and_trace
 from planner.identification.residual_table import residuals_csv
@@ -34,11 +37,12 @@ from planner.model.gauge_frames import ToolPointPosition
 from planner.model.identification_document import Estimate, Finding, Stage
 from planner.runs.loader import load_runs
 from planner.runs.run import Run, read_reference_readings
-from planner.session.document import read_plan
+from planner.session.document import PlanDocument, read_plan
 from planner.tracing.trace import trace
 from planner.workflow.calibration_tables import error_rows, finding_row, parameter_row, stage_row, tool_row
 from planner.workflow.fit_overview import fit_overview
 from planner.workflow.identify_call import IdentifyCall
+from planner.workflow.joint_runs import RunSource, are_sessions, load_sessions, only_one, run_sources
 from planner.workflow.run_checks import cell_of_run, check_unit, split_by_plan
 
 if TYPE_CHECKING:
@@ -197,11 +201,42 @@ def identify(asked: IdentifyCall) -> CalibrationResult:
         InputError: a file is wrong, or run, cell and plan do not belong together.
         NoSolutionError: the fit does not come to rest.
     """
-    stages, where = Stages(asked.progress), _cell_of(asked.cell, asked.plan)
+    stages = Stages(asked.progress)
     settings = FitSettings(asked.hold_out, asked.robust, asked.seed, asked.geometry)
     measured = asked.runs.run if isinstance(asked.runs, Result) else asked.runs
-    found = identify_runs(measured, where, stages, asked.plan, asked.validate, settings, tracing=not asked.no_trace)
-    return CalibrationResult(found, where, stages)
+    if not isinstance(measured, Run | Path | str):
+        sources = run_sources(measured, asked.cell, asked.plan)
+        if are_sessions(sources, asked.cell, asked.plan):
+            return _identify_sessions(sources, stages, asked, settings)
+    cell, plan = only_one(asked.cell, "--cell"), only_one(asked.plan, "--plan")
+    where = with_fleet(_cell_of(cell, plan), asked.fleet)
+    found = identify_runs(measured, where, stages, plan, asked.validate, settings, tracing=not asked.no_trace)
+    return CalibrationResult(_beside_fleet(found, asked.fleet), where, stages)
+
+
+def _identify_sessions(
+    sources: Sequence[RunSource], stages: Stages, asked: IdentifyCall, settings: FitSettings
+) -> CalibrationResult:
+    """Identify the robot of several sessions, each with its own fixtures and gauge."""
+    with stages.stage("reading"):
+        run, cell, kept_out = load_sessions(sources)
+        cell = with_fleet(cell, asked.fleet)
+        judge = asked.validate
+        other = kept_out if judge is None else drop_unreadable(cell, load_any(judge, cell.robot))
+    with stages.stage("identification"):
+        tracer = None if asked.no_trace else trace
+        found = fit_and_trace(run, cell, other, settings, lambda s: stages.say(s, 0, 0), tracer)
+    return CalibrationResult(_beside_fleet(found, asked.fleet), cell, stages)
+
+
+def _beside_fleet(found: Calibration, fleet: Path | str | None) -> Calibration:
+    """Return the calibration, warned where the robot's errors are not the fleet's."""
+    if fleet is None:
+        return found
+    robot = found.setup.robot.nominal
+    errors = RobotErrors.of("this robot", found, robot)
+    odd = tuple(m.sentence for m in misfits_of(errors, read_fleet(Path(fleet), robot.name)))
+    return found.model_copy(update={"warnings": (*found.warnings, *odd)})
 
 
 def _cell_of(cell: Cell | Path | str | None, plan: "PlanResult | Path | str | None") -> Cell:
@@ -241,6 +276,7 @@ def identify_runs(
         InputError: a file is wrong, or run, cell and plan do not belong together.
         NoSolutionError: the fit does not come to rest.
     """
+    foreseen: tuple[float, ...] = ()
     with stages.stage("reading"):
         run = _with_mastering_warnings(cell, load_any(runs, cell.robot), runs)
         other = None if validate is None else load_any(validate, cell.robot)
@@ -248,13 +284,20 @@ def identify_runs(
             path = Path(plan) if isinstance(plan, Path | str) else Path("plan.json")
             document = read_plan(path, "drives") if isinstance(plan, Path | str) else plan.document()
             run, kept_out = split_by_plan(number_samples(run), path, document, cell)
-            other = other or kept_out
+            other, foreseen = other or kept_out, _foreseen(document)
         for each in (run, other):
             if each is not None:
                 check_unit(each, cell)
         run, other = drop_unreadable(cell, run), None if other is None else drop_unreadable(cell, other)
     with stages.stage("identification"):
-        return fit_and_trace(run, cell, other, settings, lambda s: stages.say(s, 0, 0), trace if tracing else None)
+        found = fit_and_trace(run, cell, other, settings, lambda s: stages.say(s, 0, 0), trace if tracing else None)
+    return found.model_copy(update={"planned_errors": foreseen}) if foreseen else found
+
+
+def _foreseen(document: PlanDocument) -> tuple[float, ...]:
+    """Return the error that a plan has foreseen after each pose [m]; empty where it has foreseen none."""
+    after = () if document.foresight is None else document.foresight.after_mm
+    return () if any(v is None for v in after) else tuple(float(from_mm(v)) for v in after if v is not None)
 
 
 def _with_mastering_warnings(cell: Cell, run: Run, source: Runs) -> Run:

@@ -4,14 +4,15 @@ from dataclasses import KW_ONLY, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from planner.cell.declared import CellOption
+from planner.cell.declared import CELL
 from planner.common.calls import SENT, Call, Option, ProgressKeyword, Seed
 from planner.common.progress import no_progress
-from planner.workflow.declared import MEASURED, RUNS
+from planner.workflow.declared import RUNS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from planner.cell.cell import Cell
     from planner.runs.run import Run
     from planner.workflow.plan_results import PlanResult, SimulationResult
 
@@ -35,8 +36,22 @@ class IdentifyCall(Call):
 
     runs: Annotated["Run | SimulationResult | Path | str | Sequence[Path | str]", RUNS]
     _: KW_ONLY
-    cell: CellOption = None
-    plan: Annotated["PlanResult | Path | str | None", MEASURED] = None
+    cell: Annotated[
+        "Cell | Path | str | Sequence[Cell | Path | str] | None",
+        Option(
+            f"{CELL}, once for all runs or once for each (default: the cell.toml beside the plan, or beside each run)",
+            metavar="CELL",
+            typed=list[str] | None,
+        ),
+    ] = None
+    plan: Annotated[
+        "PlanResult | Path | str | Sequence[PlanResult | Path | str] | None",
+        Option(
+            "the plan that was measured, once for all runs or once for each",
+            metavar="PLAN.json",
+            typed=list[Path] | None,
+        ),
+    ] = None
     validate: Annotated[
         "Run | Path | str | None",
         Option(
@@ -44,6 +59,15 @@ class IdentifyCall(Call):
             metavar="RUN",
             typed=Path | None,
             request_name="validate_with",  # "validate" is a method of requests
+            from_service=SENT,
+        ),
+    ] = None
+    fleet: Annotated[
+        Path | str | None,
+        Option(
+            "what a fleet of this kind of robot has shown ('edbb fleet' wrote it): how large its errors are",
+            typed=Path | None,
+            metavar="FLEET.toml",
             from_service=SENT,
         ),
     ] = None

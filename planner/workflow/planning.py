@@ -4,6 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from planner.cell.cell import Cell
+from planner.cell.fleet_file import with_fleet
 from planner.cell.reading import load_cell
 from planner.common.calls import called_with
 from planner.common.files import folder_of
@@ -42,6 +43,7 @@ def plan(asked: PlanCall) -> PlanResult | PosesResult | SessionResult:
     limit = UNLIMITED if asked.time_limit is None else TimeLimit(asked.time_limit)
     stages = Stages(asked.progress, limit)
     chosen = asked.cell if isinstance(asked.cell, Cell) else load_cell(str(asked.cell))
+    chosen = with_fleet(chosen, asked.fleet)
     if kind := kind_of_cell(chosen):
         made = kind.load_maker().plan(chosen, asked, stages)
         return replace(made, cut_short=limit.notes)
@@ -68,7 +70,9 @@ def _chooser(cell: Cell, options: PlanOptions) -> PoseChooser | None:
     if options.after is None or not cell.has_bar():
         return None
     until = None if options.until_mm is None else float(from_mm(options.until_mm))
-    return NextSessionChooser(CalibratedState.read(folder_of(Path(options.after)), cell), options.poses, until)
+    region = None if options.region is None else Path(options.region)
+    before = CalibratedState.read(folder_of(Path(options.after)), cell)
+    return NextSessionChooser(before, options.poses, until, region)
 
 
 def _begin_drawing(plan: Plan) -> None:

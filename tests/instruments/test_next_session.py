@@ -11,7 +11,7 @@ import pytest
 import tests.simulation.generator.runs as runs
 from planner.cell.reading import load_cell
 from planner.common.errors import InputError, NoSolutionError
-from planner.design.bayesian_design import errors_after
+from planner.design.bayesian_design import BayesianPosterior, errors_after, select_greedily
 from planner.design.expected_errors import error_limit, square_limit
 from planner.instruments.next_session import CalibratedState, NextSessionChooser, RemainingErrors
 from planner.model.identification_document import Identification
@@ -77,11 +77,40 @@ def test_what_does_not_belong_together_is_refused(measured, tmp_path):
 
 @pytest.mark.parametrize(
     ("asked", "other"),
-    [({"after": "known", "index": "O1"}, "--index"), ({"until_mm": 0.1, "poses": 30}, "--poses")],
+    [
+        ({"after": "known", "index": "O1"}, "--index"),
+        ({"until_mm": 0.1, "poses": 30}, "--poses"),
+        ({"region": "box.toml"}, "--region"),
+    ],
 )
 def test_what_also_chooses_the_poses_is_refused(asked, other):
     with pytest.raises(InputError, match=other):
         PlanOptions(**asked).for_tracing(Of(path="cell.toml", plan=Of(aim=None, method=None, poses=None)))
+
+
+@pytest.mark.long
+def test_a_box_counts_by_its_own_states_and_is_lowered_most(measured, tmp_path):
+    box = tmp_path / "box.toml"
+    box.write_text('schema = "edbb-region/1"\nlower_mm = [200, -300, 100]\nupper_mm = [600, 300, 500]\n')
+    before = CalibratedState.read(measured.folder / "known", measured.cell)
+    samples = measured.second.samples
+    whole, there = (RemainingErrors.of(before, measured.cell, samples, r) for r in (None, box))
+    assert "in box.toml" in there.describe(1e-4, "0.1", "0.2")
+    q = np.random.default_rng(5).uniform(*measured.cell.joint_range, (20_000, 6))
+    p = measured.cell.map_position(q)
+    inside = q[np.all((p > [0.2, -0.3, 0.1]) & (p < [0.6, 0.3, 0.5]), axis=1)]
+    moved = before.known.aligned_spread(inside)
+    assert np.trace(there.weight_per_prior) == pytest.approx((moved**2).sum() / len(inside), rel=0.1)
+    assert np.trace(whole.weight_per_prior) == pytest.approx(np.trace(there.whole_weight))
+
+    def left(weighed, judged):
+        order = select_greedily(BayesianPosterior.prior(weighed.white(samples), weighed.weight_per_prior), 10, 0.0)
+        return errors_after(judged.white(samples)[order], judged)[-1]
+
+    assert left(there, there) <= left(whole, there) * 1.0001
+    box.write_text('schema = "edbb-region/1"\nlower_mm = [5000, 0, 0]\nupper_mm = [6000, 300, 500]\n')
+    with pytest.raises(InputError, match="is in this box in 0 of"):
+        RemainingErrors.of(before, measured.cell, samples, box)
 
 
 def test_ninety_five_of_a_hundred_sums_of_squares_stay_below():

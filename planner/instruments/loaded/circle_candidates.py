@@ -300,7 +300,7 @@ def promised_turn_noise(setup: MeasurementSetup, q: Array) -> Array:
     few[: DEFLECTION.spread_harmonics] = (
         float(noise.robot_variance.mean()) * count.sum() / count[: DEFLECTION.spread_harmonics].sum()
     )
-    return np.asarray(few + noise.gauge_variance)
+    return np.asarray(few + noise.gauge_variance[0])
 
 
 def predict_compliance(information: Array) -> PredictedCompliance:

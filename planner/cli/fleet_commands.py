@@ -1,0 +1,32 @@
+"""The command fleet."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from planner.cli.terminal import Json, OutputFile, Screen, errors, give_file, print_json
+from planner.common.lazy_modules import LazyModule
+
+if TYPE_CHECKING:
+    from planner.workflow import fleet as fleets
+else:  # imported by the work itself
+    fleets = LazyModule("planner.workflow.fleet")
+
+
+def fleet_command(
+    records: Annotated[
+        list[Path], typer.Argument(metavar="RECORD...", help="records of robots, or folders of identifications")
+    ],
+    output: OutputFile,
+    as_json: Json = False,
+) -> None:
+    """Learn from several robots of a kind how large their errors are, joint by joint: a prior for the next one."""
+    with Screen():
+        found = fleets.fleet(records)
+    errors.print(found.full_summary())
+    if as_json:
+        _ = found.write(output)
+        print_json(dict(found.content()))
+        return
+    give_file(found.text(), found.write, output, found.next_step(Path(output)))

@@ -1,0 +1,76 @@
+"""How the expected error fell reading by reading, and which poses were worth most, by the posterior of the whole run.
+
+With the sizes of all errors as the run has taught them, a reading's information is the outer product of its whitened
+row R. Of K = I + R Rᵀ = L Lᵀ, and M a root of the tool's mean square error, the first k readings leave
+|M|² − Σ_{i≤k} |(L⁻¹ R M)_i|²; without the pose of rows b the mean square error would be larger by
+tr((K⁻¹_bb)⁻¹ X_b X_bᵀ), X = K⁻¹ R M (Woodbury).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import cholesky, solve_triangular
+
+from planner.common.units import Array
+from planner.identification.released_robot import ReleasedRobot
+from planner.runs.run import Samples
+
+MOST_NUMBERS_READ = 2000  # [numbers] of a run whose history is worked out: beyond, it was read on the way
+
+
+@dataclass(frozen=True)
+class ErrorHistory:
+    """The expected error of the tool while a run was measured.
+
+    Attributes:
+        error: after the first 1 … n samples, (n,) [m], on the scale of what is stated.
+        worth: how much larger the mean square error would be without each sample, as a part of it, (n,).
+        minutes: from the first sample, (n,); ``None`` where no clock was logged, or sessions have clocks of their own.
+    """
+
+    error: Array
+    worth: Array
+    minutes: Array | None
+
+
+def error_history(released: ReleasedRobot, samples: Samples) -> ErrorHistory | None:
+    """Return the history of a run of poses at rest; ``None`` of a long run."""
+    known = released.posterior
+    problem = known.fit.problem
+    if len(problem) * problem.model.width > MOST_NUMBERS_READ:
+        return None
+    rows = problem.piece(slice(None), known.fit.errors).rows
+    n, width, _ = rows.shape
+    size = np.sqrt((known.mixture.scaled**2).mean(axis=0))
+    white = rows.reshape(n * width, -1) * size
+    root = _tool_root(released) * size[:, None]
+    shared, seen = cholesky(np.eye(len(white)) + white @ white.T, lower=True), white @ root
+    told = solve_triangular(shared, seen, lower=True)
+    square = (root**2).sum() - np.cumsum((told**2).sum(axis=1).reshape(n, width).sum(axis=1))
+    square = np.maximum(square, 0.0) + released.beside_square
+    inverse = solve_triangular(shared, np.eye(len(white)), lower=True)
+    left = solve_triangular(shared, told, lower=True, trans=1).reshape(n, width, -1)
+    blocks = (inverse.T @ inverse).reshape(n, width, n, width)[np.arange(n), :, np.arange(n)]
+    worth = np.einsum("nia,nij,nja->n", left, np.linalg.inv(blocks), left)
+    scale = released.anywhere / max(float(np.sqrt(square[-1])), 1e-300)
+    return ErrorHistory(scale * np.sqrt(square), worth / max(float(square[-1]), 1e-300), _minutes(samples))
+
+
+def _tool_root(released: ReleasedRobot) -> Array:
+    """Return a root (P, r) of the tool's mean square error per squared parameters in their prior sizes [m²]."""
+    fit, tool = released.posterior.fit, released.tool
+    here = {name: k for k, name in enumerate(fit.model.names)}
+    at = [k for k, name in enumerate(tool.names) if name in here]
+    values, axes = np.linalg.eigh(tool.gram[np.ix_(at, at)] / len(tool.q))
+    kept = values > 1e-9 * values.sum()
+    out = np.zeros((len(fit.model.names), int(kept.sum())))
+    which = [here[tool.names[k]] for k in at]
+    out[which] = axes[:, kept] * np.sqrt(values[kept]) * fit.problem.prior[which, None]
+    return out
+
+
+def _minutes(samples: Samples) -> Array | None:
+    t = samples.t
+    if t is None or len(np.unique(samples.session_numbers)) > 1 or np.any(np.diff(t) < 0) or np.ptp(t) <= 0.0:
+        return None
+    return np.asarray((t - t[0]) / 60.0)

@@ -1,0 +1,146 @@
+"""Runs of different plans, days, fixtures and gauges as one: one robot, and in each session a gauge set up anew.
+
+The robot's errors are common. Each session has fixtures of its own and a zero of its own, also where two sessions call
+a fixture by one name: whoever took it away and put it back put it elsewhere. Tool points at one place of the flange
+are one. Noise and scale are those of the gauge that read; only lengths are joined across kinds of gauge, other readings
+where the gauge is the same.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from planner.cell.cell import Cell
+from planner.cell.parts import Fixture, ToolPoint
+from planner.cell.setup import setup_of
+from planner.common.errors import InputError
+from planner.gauges.bar import LengthGauge
+from planner.gauges.placement.flange_poses import index_in_cell
+from planner.gauges.several_lengths import SessionGauge, SeveralLengths
+from planner.runs.loader import join_runs
+from planner.runs.run import Run
+
+SAME_POINT = 1e-6  # [m] between two tool points that are one
+
+
+@dataclass(frozen=True)
+class MeasuredSession:
+    """One session: its name, which tells its fixtures from those of others, what was measured, and where."""
+
+    name: str
+    run: Run
+    cell: Cell
+
+
+def join_sessions(sessions: Sequence[MeasuredSession]) -> tuple[Run, Cell]:
+    """Return all samples as one run, in a cell that has the fixtures, gauges and tool points of all sessions.
+
+    Raises:
+        InputError: the sessions are of different robots, or of readings that cannot be fitted together.
+    """
+    first = sessions[0].cell
+    for session in sessions[1:]:
+        _check_same_arm(first, session.cell)
+    if not all(isinstance(s.cell.gauge, LengthGauge) and s.cell.fixtures for s in sessions):
+        return _join_same_gauge(sessions)
+    points = _tool_points(sessions)
+    held = [_own_names(s, _shared_names(sessions)) for s in sessions]
+    runs = [_with_common_names(s, names, points) for s, names in zip(sessions, held, strict=True)]
+    gauges = [
+        SessionGauge(s.name, s.cell.gauge, tuple(names))
+        for s, names in zip(sessions, held, strict=True)
+        if isinstance(s.cell.gauge, LengthGauge)
+    ]
+    tool = replace(
+        first.tool,
+        points=points,
+        prior=max(s.cell.tool.prior for s in sessions),
+        measured=all(s.cell.tool.measured for s in sessions),
+    )
+    fixtures = [f for s, names in zip(sessions, held, strict=True) for f in _fixtures(s.cell, names, len(points))]
+    plan = replace(first.plan, free=frozenset().union(*(s.cell.plan.free for s in sessions)))
+    cell = replace(first, gauge=SeveralLengths.of(gauges), fixtures=tuple(fixtures), tool=tool, plan=plan)
+    return join_runs([replace(r, plan_id=None) for r in runs]), cell
+
+
+def _check_same_arm(first: Cell, other: Cell) -> None:
+    """Refuse another robot, or one that stands or carries otherwise.
+
+    Raises:
+        InputError: with both.
+    """
+    if first.robot.name != other.robot.name:
+        raise InputError(
+            f"{other.path}: has the robot '{other.robot.name}', but {first.path} has '{first.robot.name}': only runs "
+            "of one robot are identified together"
+        )
+    if not np.allclose(first.base.R_WB, other.base.R_WB, atol=1e-3):  # [rad] of a base that stands the same
+        raise InputError(f"{other.path}: its base is mounted otherwise than that of {first.path}")
+    if first.tool.mass != other.tool.mass:
+        raise InputError(
+            f"{other.path}: its tool weighs {other.tool.mass:g} kg, that of {first.path} {first.tool.mass:g} kg: give "
+            "both cells one tool, and what it carries beyond as the run's column payload_kg"
+        )
+
+
+def _join_same_gauge(sessions: Sequence[MeasuredSession]) -> tuple[Run, Cell]:
+    """Join runs of one gauge that is no length gauge: its frame is another one in each file."""
+    first = sessions[0]
+    for s in sessions[1:]:
+        if s.cell.gauge != first.cell.gauge or len(s.cell.balls) != len(first.cell.balls):
+            raise InputError(
+                f"{s.cell.path}: its gauge is '{s.cell.gauge.kind}', that of {first.cell.path} "
+                f"'{first.cell.gauge.kind}': bars and wires are identified together, other gauges only with their like"
+            )
+    named = [replace(s.run, name=s.name, plan_id=None) for s in sessions]
+    return join_runs(named), first.cell
+
+
+def _shared_names(sessions: Sequence[MeasuredSession]) -> frozenset[str]:
+    """Names of fixtures that more than one session has."""
+    names = [f.name for s in sessions for f in s.cell.fixtures]
+    return frozenset(n for n in names if names.count(n) > 1)
+
+
+def _own_names(session: MeasuredSession, shared: frozenset[str]) -> list[str]:
+    """Names of the fixtures of a session, in the order of its cell, as no other session has them."""
+    return [f"{session.name}/{f.name}" if f.name in shared else f.name for f in session.cell.fixtures]
+
+
+def _tool_points(sessions: Sequence[MeasuredSession]) -> tuple[ToolPoint, ...]:
+    """Return the tool points of all sessions, each once; those of a later session that are new bear its name."""
+    out: list[ToolPoint] = []
+    for s in sessions:
+        for point in s.cell.tool.points:
+            if not any(_same(point, other) for other in out):
+                taken = any(point.name == other.name for other in out)
+                out.append(replace(point, name=f"{s.name}/{point.name}") if taken else point)
+    return tuple(out)
+
+
+def _same(one: ToolPoint, other: ToolPoint) -> bool:
+    return bool(np.linalg.norm(one.p_FM - other.p_FM) < SAME_POINT)
+
+
+def _with_common_names(session: MeasuredSession, names: Sequence[str], points: Sequence[ToolPoint]) -> Run:
+    """Return the run with the fixtures and tool points as all sessions together call them."""
+    run, cell = session.run, session.cell
+    own = tuple(f.name for f in cell.fixtures)
+    places = tuple(names[index_in_cell(run, name, own, "fixture", cell)] for name in run.places)
+    run = replace(run, name=session.name, places=places)
+    if len(points) == 1:
+        return replace(run, points=("",), samples=replace(run.samples, point=None))
+    named = tuple(p.name for p in cell.tool.points)
+    which = [0 if len(named) == 1 else index_in_cell(run, name, named, "point", cell) for name in run.points]
+    called = tuple(next(p.name for p in points if _same(p, cell.tool.points[k])) for k in which)
+    return replace(run, points=called, samples=replace(run.samples, point=run.samples.point_numbers))
+
+
+def _fixtures(cell: Cell, names: Sequence[str], points: int) -> list[Fixture]:
+    """Return the fixtures under their names, as uncertain as the cell has them."""
+    prior = setup_of(cell).place_prior
+    return [
+        replace(f, name=name, prior=float(sigma), mounts=(None,) * points)
+        for f, name, sigma in zip(cell.fixtures, names, prior, strict=True)
+    ]

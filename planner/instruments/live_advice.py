@@ -1,0 +1,93 @@
+"""What is said at the cell after each reading: expected error, how many poses it still takes, which may be passed."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from planner.cell.cell import Cell
+from planner.common.files import write_text
+from planner.common.units import from_deg, to_mm
+from planner.instruments.live_estimate import LiveEstimate, Progress
+from planner.session.document import PlanDocument
+
+FEWEST_READ = 30  # [poses] that are read whatever is expected: an identification wants them for what nobody foresees
+ODD_SIGMAS = 5.0  # [standard deviations] from what was expected of a reading: the pose or the zero is wrong
+HEAD = "pose,t_s,expected_mm,at_most_mm"
+
+
+@dataclass
+class LiveAdvice:
+    """The adviser of a session with a bar or wire.
+
+    Validation poses are never chosen by it: they are read as the plan has them, and no estimate sees them.
+
+    Attributes:
+        estimate: of the poses that calibrate.
+        numbers: of these, by their id.
+        record: where expected error against poses is written, beside the run.
+        rows: of that file.
+    """
+
+    estimate: LiveEstimate
+    numbers: dict[int, int]
+    record: Path
+    rows: list[str] = field(default_factory=list)
+
+    @classmethod
+    def of(
+        cls, plan: PlanDocument, cell: Cell, run: Path, until: float | None = None, after: Path | None = None
+    ) -> "LiveAdvice":
+        """Begin the advice for a plan; ``run``: where the readings are written; the rest as of the estimate."""
+        poses = [p for p in plan.poses if p.role == "calibrate"]
+        place = np.array([m.fixture for m in cell.mountings_of(poses, run)])
+        estimate = LiveEstimate.of(cell, from_deg([p.q_deg for p in poses]), place, until, after)
+        return cls(estimate, {p.id: k for k, p in enumerate(poses)}, run.with_suffix(".progress.csv"))
+
+    def resume(self, rows: dict[int, tuple[float, float]]) -> None:
+        """Take what was read already: by the id of the pose its time [s] and its reading [m]."""
+        for pose, (t, length) in rows.items():
+            self._take(pose, t, length)
+
+    def passes(self, pose: int) -> str:
+        """Return why the pose of this id need not be read: the goal is reached, or it adds nothing."""
+        number = self.numbers.get(pose)
+        if number is None or len(self.estimate.read) < FEWEST_READ:
+            return ""
+        if self.estimate.reached:
+            return "the goal is reached"
+        others = [k for k in self.estimate.unread_poses() if k != number]
+        return "it would add nothing to the others" if self.estimate.adds_nothing(number, others) else ""
+
+    def after(self, pose: int, t: float, length: float) -> str:
+        """Return where the session stands after a reading [m] at a time [s]."""
+        stands = self._take(pose, t, length)
+        if stands is None:
+            return "a validation pose"
+        write_text(self.record, "\n".join([HEAD, *self.rows]) + "\n", own=True)
+        return self._words(stands, t)
+
+    def _take(self, pose: int, t: float, length: float) -> Progress | None:
+        number = self.numbers.get(pose)
+        if number is None:
+            return None
+        stands = self.estimate.add(number, length)
+        self.rows.append(f"{pose},{t:.3f},{float(to_mm(stands.error)):.4f},{float(to_mm(stands.at_most)):.4f}")
+        return stands
+
+    def _words(self, stands: Progress, t: float) -> str:
+        """Say it in one sentence; minutes are those that the poses took so far."""
+        said = f"error {float(to_mm(stands.error)):.3f} mm expected, 95 % below {float(to_mm(stands.at_most)):.3f} mm"
+        if stands.surprise > ODD_SIGMAS and len(self.estimate.read) > FEWEST_READ:
+            said += f"; this reading is {stands.surprise:.0f} sigma from what was expected: read it again"
+        if self.estimate.until is None:
+            return said
+        goal = f"{float(to_mm(self.estimate.until)):.3g} mm"
+        if self.estimate.reached:
+            return f"{said}: {goal} is reached"
+        left = len(self.estimate.unread_poses()) if stands.more is None else stands.more
+        minutes = left * t / 60.0 / max(len(self.estimate.read), 1)
+        more = f"{left} more poses, about {minutes:.0f} min, would bring {float(to_mm(stands.then)):.3f} mm"
+        if stands.more is None:
+            return f"{said}; {more}, not {goal}: then plan on with edbb plan --after"
+        return f"{said}; {more}"

@@ -1,0 +1,129 @@
+"""The estimate at the cell: how true it is over arms drawn, what it costs a pose, what it passes and where it stops."""
+
+import time
+from types import SimpleNamespace as Of
+
+import numpy as np
+import pytest
+
+from planner.cell.reading import load_cell
+from planner.design.learnt_sizes import learn_errors
+from planner.instruments.live_advice import FEWEST_READ, LiveAdvice
+from planner.instruments.live_estimate import LiveEstimate
+from planner.instruments.live_gauge import measure_poses
+from tests.identification.joint_world import BAR_LEFT, World
+
+POSES = 70
+
+
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory):
+    """A cell, and poses in its shell from the generator."""
+    folder = tmp_path_factory.mktemp("bench")
+    world = World.drawn(8)
+    made = world.measure(folder / "run", BAR_LEFT.__class__(**{**vars(BAR_LEFT), "poses": POSES}), 8)
+    return Of(cell=load_cell(str(made.cell), planning=False), made=made)
+
+
+def begun(bench, until=None):
+    return LiveEstimate.of(bench.cell, bench.made.q, np.zeros(len(bench.made.q), dtype=int), until)
+
+
+def test_an_update_takes_less_than_a_second_and_does_not_depend_on_the_order(bench):
+    one, other = begun(bench, 0.02e-3), begun(bench)
+    longest = 0.0
+    for k, length in enumerate(bench.made.length):
+        start = time.process_time()
+        stands = one.add(k, length)
+        longest = max(longest, time.process_time() - start)
+    assert longest < 1.0
+    for k in np.random.default_rng(0).permutation(len(bench.made.q)):
+        last = other.add(int(k), bench.made.length[k])
+    assert last.error == pytest.approx(stands.error, rel=1e-6)
+    errors = [p.error for p in one.history]
+    assert errors[-1] < 0.3 * errors[4]
+
+
+def test_what_is_expected_is_what_comes(bench):
+    """Arms drawn with sizes between half and twice the usual: mean square and 95 % limit of what is left."""
+    ratio, below = [], []
+    for seed in range(60):
+        rng = np.random.default_rng([seed, 4])
+        live = begun(bench)
+        size = np.where(live.known, 1.0, 2.0 ** rng.uniform(-1, 1, len(live.known)))
+        truth = size[live.family] * rng.standard_normal(len(live.family))
+        readings = live.expected + live.noise * (live.white @ truth + rng.standard_normal(len(live.noise)))
+        live.read = list(range(45))
+        off = (readings - live.expected)[:45] / live.noise[:45]
+        live.learnt = learn_errors(live.white[:45], off, live.family, live.known)
+        off = truth - live.learnt.mean
+        square = off @ live.unknown.weight_per_prior @ off
+        stands = live._progress(0.0)
+        ratio.append(square / stands.error**2)
+        below.append(np.sqrt(square) <= stands.at_most)
+    assert 0.6 < np.mean(ratio) < 1.6
+    assert np.mean(below) >= 0.87
+
+
+def test_sizes_are_those_that_were_drawn_and_what_is_not_seen_pulls_nowhere():
+    rng = np.random.default_rng(1)
+    family = np.repeat([0, 1], 400)
+    truth = np.where(family == 0, 3.0, 0.5) * rng.standard_normal(800)
+    shown = 10.0 * np.eye(800)[:400]  # nothing is seen of the second family
+    found = learn_errors(shown, shown @ truth, family, np.array([False, False]))
+    assert found.factors[0] == pytest.approx(3.0, rel=0.1)
+    assert found.factors[1] == pytest.approx(1.0, abs=0.02)
+
+
+def advice(bench, tmp_path, until):
+    ids = np.arange(1, len(bench.made.q) + 1)
+    poses = [
+        Of(id=int(k), q_deg=np.degrees(q).tolist(), fixture="A", point="", length_mm=float(1e3 * length),
+           role="validate" if k % 7 == 0 else "calibrate")
+        for k, q, length in zip(ids, bench.made.q, bench.made.length, strict=True)
+    ]  # fmt: skip
+    plan = Of(poses=poses)
+    return LiveAdvice.of(plan, bench.cell, tmp_path / "run.csv", until), poses
+
+
+def test_it_stops_at_the_goal_and_never_passes_a_validation_pose(bench, tmp_path):
+    adviser, poses = advice(bench, tmp_path, 0.3e-3)
+    length = dict(zip((p.id for p in poses), bench.made.length, strict=True))
+    rows = {}
+    log = Of(poses=tuple(poses), rows=rows, add=lambda pose, t, value: rows.__setitem__(pose, (t, value)))
+    asked = []
+
+    def ask(text):
+        asked.append(int(text.split()[1]))
+        return ""
+
+    clock = iter(np.arange(0.0, 1e4, 12.0)).__next__
+    said = list(measure_poses(log, lambda: length[asked[-1]], ask, clock, adviser))
+    passed = [k for k, line in zip((p.id for p in poses), said, strict=True) if "drive on" in line]
+    validation = {p.id for p in poses if p.role == "validate"}
+    assert passed
+    assert not validation & set(passed)
+    assert validation <= set(rows)
+    assert len(adviser.estimate.samples) == len(poses) - len(validation)
+    assert len(adviser.estimate.read) >= FEWEST_READ
+    assert adviser.estimate.reached
+    assert any("more poses, about" in line for line in said)
+    assert any(": 0.3 mm is reached" in line for line in said)
+    table = (tmp_path / "run.progress.csv").read_text().splitlines()
+    assert table[0] == "pose,t_s,expected_mm,at_most_mm"
+    assert len(table) == 1 + len(adviser.estimate.read)
+    assert not validation & {int(line.split(",")[0]) for line in table[1:]}
+
+
+def test_a_reading_that_does_not_fit_is_told(bench, tmp_path):
+    adviser, poses = advice(bench, tmp_path, 1e-6)
+    for k, p in enumerate(poses):
+        off = 2e-3 if k == len(poses) - 1 else 0.0
+        said = adviser.after(p.id, 10.0 * k, bench.made.length[k] + off)
+    assert "sigma from what was expected: read it again" in said
+
+
+def test_a_goal_out_of_reach_says_so(bench, tmp_path):
+    adviser, poses = advice(bench, tmp_path, 1e-6)
+    said = adviser.after(poses[0].id, 10.0, bench.made.length[0])
+    assert "not 0.001 mm: then plan on with edbb plan --after" in said
