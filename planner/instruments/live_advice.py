@@ -63,7 +63,7 @@ class LiveAdvice:
         """Return where the session stands after a reading [m] at a time [s]."""
         stands = self._take(pose, t, length)
         if stands is None:
-            return "a validation pose"
+            return "kept out of the estimate"
         write_text(self.record, "\n".join([HEAD, *self.rows]) + "\n", own=True)
         return self._words(stands, t)
 

@@ -1,5 +1,6 @@
 """The estimate at the cell: how true it is over arms drawn, what it costs a pose, what it passes and where it stops."""
 
+import json
 import time
 from types import SimpleNamespace as Of
 
@@ -7,11 +8,16 @@ import numpy as np
 import pytest
 
 from planner.cell.reading import load_cell
+from planner.cli import cell_commands
 from planner.design.learnt_sizes import learn_errors
 from planner.instruments.live_advice import FEWEST_READ, LiveAdvice
 from planner.instruments.live_estimate import LiveEstimate
 from planner.instruments.live_gauge import measure_poses
+from planner.runs.run import Mounting
+from tests.command import edbb
 from tests.identification.joint_world import BAR_LEFT, World
+from tests.instruments.test_live_gauge import Gauge
+from tests.simulation.made import wide_plan
 
 POSES = 70
 
@@ -127,3 +133,32 @@ def test_a_goal_out_of_reach_says_so(bench, tmp_path):
     adviser, poses = advice(bench, tmp_path, 1e-6)
     said = adviser.after(poses[0].id, 10.0, bench.made.length[0])
     assert "not 0.001 mm: then plan on with edbb plan --after" in said
+
+
+def test_the_command_reads_until_the_goal_and_goes_on_where_it_was_left(tmp_path, monkeypatch):
+    """The gauge shows the length of the nominal arm and 0.3 mm more; the second call takes up what was read."""
+    plan = wide_plan(tmp_path, calibrate=45, validate=5, repeat=0)
+    poses, cell = json.loads(plan.read_text())["poses"], load_cell(str(plan.parent / "cell.toml"), planning=False)
+    shown = 1e3 * cell.bar_length(np.radians([p["q_deg"] for p in poses]), Mounting(0, 0)) + 0.3
+    length = dict(zip((p["id"] for p in poses), shown.tolist(), strict=True))
+    gauge, asked = Gauge(), []
+
+    def ask(text):
+        asked.append(int(text.split()[1]))
+        gauge.shown = length[asked[-1]]
+        time.sleep(0.05)
+        return "q" if len(asked) == 12 else ""
+
+    monkeypatch.setattr(cell_commands, "_ask", ask)
+    words = ["measure", plan, "--gauge", gauge.port, "--until-mm", "6", "-o", tmp_path / "run.csv"]
+    first, second = edbb(*words), edbb(*words)
+    gauge.on = False
+    assert first.returncode == second.returncode == 0, first.stderr + second.stderr
+    assert "11 of 50 poses are measured" in first.stderr
+    assert "6 mm is reached" in second.stderr
+    assert "drive on, the goal is reached" in second.stderr
+    validation = {p["id"] for p in poses if p["role"] == "validate"}
+    measured = {p for k, p in enumerate(asked) if k != 11}
+    assert len(validation) == 5
+    assert validation <= measured
+    assert len(measured) == FEWEST_READ + 5
