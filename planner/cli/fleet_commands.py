@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from planner.cli.terminal import Json, OutputFile, Screen, errors, give_file, print_json
+from planner.cli.terminal import PLAINLY, Json, Manner, OutputFile, Screen, errors, give_file, print_json
 from planner.common.lazy_modules import LazyModule
 
 if TYPE_CHECKING:
@@ -20,13 +20,14 @@ def fleet_command(
     ],
     output: OutputFile,
     as_json: Json = False,
+    manner: Manner = PLAINLY,
 ) -> None:
     """Learn from several robots of a kind how large their errors are, joint by joint: a prior for the next one."""
     with Screen():
         found = fleets.fleet(records)
-    errors.print(found.full_summary())
+    errors.print(found.full_summary(manner.verbose))
     if as_json:
-        _ = found.write(output)
+        _ = found.write(output, manner.force)
         print_json(dict(found.content()))
         return
-    give_file(found.text(), found.write, output, found.next_step(Path(output)))
+    give_file(found.text(), lambda path: found.write(path, manner.force), output, found.next_step(Path(output)))

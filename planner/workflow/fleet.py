@@ -40,10 +40,10 @@ class FleetResult(Result):
         """Return the text of ``fleet.toml``."""
         return tomli_w.dumps(dict(self.content()))
 
-    def write(self, folder: Path | str) -> list[Path]:
+    def write(self, folder: Path | str, force: bool = False) -> list[Path]:
         """Write ``fleet.toml``; return its path."""
         path = Path(folder)
-        write_text(path, self.text())
+        write_text(path, self.text(), force=force)
         return [path]
 
     def next_step(self, folder: Path) -> str:
