@@ -12,8 +12,6 @@ from planner.common.schema import StrictModel, read_toml
 from planner.common.units import Array, from_mm
 from planner.kinematics.bodies import Vector
 
-FEWEST_STATES = 100  # joint states in the box, of those that are drawn: with fewer its error is a guess
-
 
 class RegionFile(StrictModel):
     """The file: opposite corners of the box [mm]."""
@@ -35,7 +33,8 @@ def states_in_region(path: Path, site: Site, q: Array) -> Array:
         raise InputError(f"{path}: lower_mm must be less than upper_mm in x, y and z")
     p_BM = site.map_position(q)
     inside = np.all((p_BM >= lower) & (p_BM <= upper), axis=1)
-    if inside.sum() < FEWEST_STATES:
+    # 100: joint states in the box, of those that are drawn: with fewer its error is a guess
+    if inside.sum() < 100:
         raise InputError(
             f"{path}: the tool point of {site.robot.name} is in this box in {inside.sum()} of {len(q)} states of the "
             "workspace: is it in the base frame, in mm, and large enough?"

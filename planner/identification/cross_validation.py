@@ -103,7 +103,6 @@ def _with_frames(model: Model) -> Model:
     return replace(model, parameters=tuple(frames), fixed=fixed)
 
 
-OTHER_POSE = np.deg2rad(1.0)  # of a joint, from where the pose of one number was first: another one
 FEWEST_GROUPS = 5  # placements or sessions that make a split of their own: else a fold is too large a part
 
 
@@ -205,7 +204,8 @@ def _own_poses(samples: Samples) -> np.ndarray | None:
     if pose is None or file is None or not len(pose):
         return pose
     first = np.unique(pose, return_index=True, return_inverse=True)
-    apart = np.abs(samples.q - samples.q[first[1][first[2]]]).max(axis=1) > OTHER_POSE
+    # 1.0: [deg] of a joint, from where the pose of one number was first: another one
+    apart = np.abs(samples.q - samples.q[first[1][first[2]]]).max(axis=1) > np.deg2rad(1.0)
     return np.where(apart & (pose >= 0), pose + (1 + file) * (pose.max() + 1), pose)
 
 

@@ -15,8 +15,6 @@ from planner.common.units import Array
 from planner.identification.released_robot import ReleasedRobot
 from planner.runs.run import Samples
 
-MOST_NUMBERS_READ = 2000  # [numbers] of a run whose history is worked out: beyond, it was read on the way
-
 
 @dataclass(frozen=True)
 class ErrorHistory:
@@ -37,7 +35,8 @@ def error_history(released: ReleasedRobot, samples: Samples) -> ErrorHistory | N
     """Return the history of a run of poses at rest; ``None`` of a long run."""
     known = released.posterior
     problem = known.fit.problem
-    if len(problem) * problem.model.width > MOST_NUMBERS_READ:
+    # 2000: numbers of a run whose history is worked out: a longer one was read on the way
+    if len(problem) * problem.model.width > 2000:
         return None
     rows = problem.piece(slice(None), known.fit.errors).rows
     n, width, _ = rows.shape

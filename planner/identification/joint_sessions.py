@@ -21,8 +21,6 @@ from planner.gauges.several_lengths import SessionGauge, SeveralLengths
 from planner.runs.loader import join_runs
 from planner.runs.run import Run
 
-SAME_POINT = 1e-6  # [m] between two tool points that are one
-
 
 @dataclass(frozen=True)
 class MeasuredSession:
@@ -120,7 +118,8 @@ def _tool_points(sessions: Sequence[MeasuredSession]) -> tuple[ToolPoint, ...]:
 
 
 def _same(one: ToolPoint, other: ToolPoint) -> bool:
-    return bool(np.linalg.norm(one.p_FM - other.p_FM) < SAME_POINT)
+    # 1e-6: [m] between two tool points that are one
+    return bool(np.linalg.norm(one.p_FM - other.p_FM) < 1e-6)
 
 
 def _with_common_names(session: MeasuredSession, names: Sequence[str], points: Sequence[ToolPoint]) -> Run:

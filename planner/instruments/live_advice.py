@@ -12,7 +12,6 @@ from planner.instruments.live_estimate import LiveEstimate, Progress
 from planner.session.document import PlanDocument
 
 FEWEST_READ = 30  # [poses] that are read whatever is expected: an identification wants them for what nobody foresees
-ODD_SIGMAS = 5.0  # [standard deviations] from what was expected of a reading: the pose or the zero is wrong
 HEAD = "pose,t_s,expected_mm,at_most_mm"
 
 
@@ -78,7 +77,8 @@ class LiveAdvice:
     def _words(self, stands: Progress, t: float) -> str:
         """Say it in one sentence; minutes are those that the poses took so far."""
         said = f"error {float(to_mm(stands.error)):.3f} mm expected, 95 % below {float(to_mm(stands.at_most)):.3f} mm"
-        if stands.surprise > ODD_SIGMAS and len(self.estimate.read) > FEWEST_READ:
+        # 5.0: standard deviations from what was expected of a reading: the pose or the zero is wrong
+        if stands.surprise > 5.0 and len(self.estimate.read) > FEWEST_READ:
             said += f"; this reading is {stands.surprise:.0f} sigma from what was expected: read it again"
         if self.estimate.until is None:
             return said

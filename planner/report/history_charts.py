@@ -8,8 +8,6 @@ from planner.report.calibration_data import CalibrationFacts
 from planner.report.chart import BLUE, GREY, ORANGE, Chart, Panel, Series
 from planner.report.formatting import digits
 
-NAMED = 5  # poses that are named as worth most
-
 
 def history_charts(facts: CalibrationFacts) -> tuple[Chart, ...]:
     """Return the chart of a run of poses at rest; none of a run on the way, or where no robot was released."""
@@ -35,7 +33,8 @@ def _chart(facts: CalibrationFacts, found: ErrorHistory) -> Chart:
     drawn = np.concatenate([s.y for s in lines])
     span = (0.7 * float(drawn.min()), 1.3 * float(drawn.max()))
     curve = Panel("", label, "expected error (mm, logarithmic)", tuple(lines), log_y=True, y_range=span)
-    share, best = 100 * found.worth, np.argsort(-found.worth)[:NAMED]
+    # 5: poses that are named as worth most
+    share, best = 100 * found.worth, np.argsort(-found.worth)[:5]
     names = tuple(_pose_name(facts, k) for k in range(n))
     worth = Series("a pose", x, share, BLUE, "points", hover=names, size=5.0, opacity=0.6)
     most = Series("worth most", x[best], share[best], ORANGE, "points", hover=tuple(names[k] for k in best))

@@ -13,8 +13,6 @@ from planner.common.result import Result
 from planner.common.summary import Summary
 from planner.instruments.fleet import Fleet, read_robots
 
-NOTABLE = 1.5  # times larger or smaller than usual, from where the screen says a size
-
 
 @dataclass(frozen=True, repr=False)
 class FleetResult(Result):
@@ -25,7 +23,8 @@ class FleetResult(Result):
     def overview(self) -> Summary:
         """Return what is larger or smaller than usual, and which robot does not fit."""
         sizes = sorted(self.fleet.file().sizes, key=lambda s: -_times_off(s))
-        notable = [s for s in sizes if _times_off(s) >= NOTABLE]
+        # 1.5: times larger or smaller than usual, from where the screen says a size
+        notable = [s for s in sizes if _times_off(s) >= 1.5]
         facts = [("" if k else "not as usual", _words(s)) for k, s in enumerate(notable[:8])]
         facts += [("" if k else "odd", m.sentence) for k, m in enumerate(self.fleet.misfits())]
         details = [("" if k else "sizes", _words(s)) for k, s in enumerate(self.fleet.file().sizes)]
