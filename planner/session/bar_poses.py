@@ -115,23 +115,47 @@ class BarPoses(PoseSession):
                 self.notes.append(f"{cell.robot.name} has no collision bodies: {checked}")
             if chosen.expected_error and cell.plan.refine:
                 unknown = chosen.expected_error.unknown
-                return replace(choice, q=refine_bayesian_poses(cell, unknown, choice.samples, seed, limit))
+                moved = replace(choice, q=refine_bayesian_poses(cell, unknown, choice.samples, seed, limit))
+                return self._put_back_unjoined(moved)
             settled = chosen.discriminating or chosen.expected_error or choice.pruning
-            return choice if settled else refine_poses(cell, choice, seed, limit)
+            return choice if settled else self._put_back_unjoined(refine_poses(cell, choice, seed, limit))
+
+    def _put_back_unjoined(self, choice: PoseChoice) -> PoseChoice:
+        """Put poses that were moved to where no path joins them back to the candidates that they were."""
+        lost = self._find_unjoined(choice)
+        if not len(lost):
+            return choice
+        q = choice.q.copy()
+        q[lost] = choice.candidates.q[lost]
+        return replace(choice, q=q)
 
     def _find_unjoined(self, choice: PoseChoice) -> np.ndarray:
         """Positions of the chosen poses that are not in the part of their mount pose."""
+        return self._unjoined(choice.samples)
+
+    def _unjoined(self, samples: Samples) -> np.ndarray:
         lost = []
         for m in self.cell.mountings:
-            mine = np.flatnonzero(choice.samples.at_mounting(m))
-            lost.append(mine[self.reach.maps[m].find_unjoined(choice.q[mine], LastStart.REFINEMENT)])
+            mine = np.flatnonzero(samples.at_mounting(m))
+            lost.append(mine[self.reach.maps[m].find_unjoined(samples.q[mine], LastStart.REFINEMENT)])
         return np.concatenate(lost)
 
     def draw_validation(self, choice: PoseChoice) -> np.ndarray:
-        """Poses for checking the fit that it never sees: drawn blindly from the pool, none of them chosen."""
+        """Poses for checking the fit that it never sees: drawn blindly of those that a path joins, none of them chosen.
+
+        The pool itself was joined by a sample of it: of poses beside no path some are found only here.
+        """
         others = np.setdiff1d(np.arange(len(self.pool)), choice.chosen)
         count = min(self.cell.plan.validate, len(others))
-        return np.sort(np.random.default_rng(self.options.seed).choice(others, count, replace=False))
+        rng = np.random.default_rng(self.options.seed)
+        drawn = rng.choice(others, count, replace=False)
+        lost = self._unjoined(self.pool.samples.take(drawn))
+        if len(lost):
+            rest = np.setdiff1d(others, drawn)
+            more = rng.choice(rest, min(2 * len(lost), len(rest)), replace=False)
+            more = np.delete(more, self._unjoined(self.pool.samples.take(more)))
+            drawn = np.append(np.delete(drawn, lost), more[: len(lost)])
+        return np.sort(drawn)
 
     def places(self, limit: TimeLimit) -> list[MountingSession]:
         """Return every place of the bar, to be measured with it and travelled to without."""

@@ -1,5 +1,6 @@
 """Poses that no path joins are replaced together, and none of them comes back."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -45,6 +46,7 @@ def session_of(cell, pool, monkeypatch, drive):
     place = SimpleNamespace(mounting=cell.mountings[0], cell=cell)
     monkeypatch.setattr(session, "places", lambda limit: [place])
     monkeypatch.setattr(planning, "drive_tour", drive)
+    monkeypatch.setattr(session, "_unjoined", lambda samples: np.zeros(0, dtype=int))
     return session
 
 
@@ -75,3 +77,29 @@ def test_a_split_cell_is_told_with_what_would_help(chosen, monkeypatch):
 
     with pytest.raises(NoSolutionError, match="obstacles split the cell; move the fixture"):
         session_of(cell, pool, monkeypatch, drive)._drive_places(choice, TimeLimit(float("inf")))
+
+
+def test_poses_moved_to_where_no_path_joins_them_are_put_back(chosen, monkeypatch):
+    cell, _, choice = chosen
+    session = BarPoses(cell, PlanOptions())
+    moved = replace(choice, q=choice.q + 0.01)
+    monkeypatch.setattr(session, "_unjoined", lambda samples: np.array([2, 5]))
+    kept = session._put_back_unjoined(moved)
+    assert np.flatnonzero((kept.q == choice.q).all(axis=1)).tolist() == [2, 5]
+    assert np.flatnonzero((kept.q == moved.q).all(axis=1)).tolist() == [k for k in range(40) if k not in (2, 5)]
+
+
+def test_poses_that_validate_are_joined_and_none_is_lost_for_it(chosen, monkeypatch):
+    cell, pool, choice = chosen
+    session = BarPoses(cell, PlanOptions())
+    session.pool = pool
+    monkeypatch.setattr(session, "_unjoined", lambda samples: np.zeros(0, dtype=int))
+    usual = session.draw_validation(choice)
+    q_lost = pool.q[usual[:3]]
+    alike = lambda samples: np.flatnonzero((samples.q[:, None] == q_lost).all(axis=2).any(axis=1))  # noqa: E731
+    monkeypatch.setattr(session, "_unjoined", alike)
+    joined = session.draw_validation(choice)
+    assert len(set(joined.tolist())) == len(usual) == cell.plan.validate
+    assert set(usual[3:].tolist()) <= set(joined.tolist())
+    assert not set(usual[:3].tolist()) & set(joined.tolist())
+    assert not set(choice.chosen.tolist()) & set(joined.tolist())
