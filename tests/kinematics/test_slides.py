@@ -8,11 +8,15 @@ import pinocchio as pin
 import pytest
 
 from planner.common.errors import InputError
+from planner.compensation.correction import NominalFlange, correct_joints
+from planner.compensation.unmet_targets import target_problems
 from planner.effects.context import gravity_torque
 from planner.kinematics.inverse_kinematics import solve_pose_ik, tool_pose
 from planner.kinematics.robot import SLIDE
 from planner.kinematics.robot_reader import load_robot
 from planner.kinematics.robot_writer import RobotCorrections, write_robot
+from planner.model.gauge_frames import JointZero
+from planner.model.identification_document import MisfitPlace
 from planner.motion.collision.engines import pin_model
 from tests.kinematics.sliding_arms import AXES, lift_text, write_rail
 
@@ -126,3 +130,47 @@ def test_a_lift_that_says_no_speed_is_asked_for_it_in_millimetres(tmp_path: Path
     robot = ('robot = "ur10"', 'robot = "lift.urdf"\ntip = "l6"\nhome_mm = [100]')
     with pytest.raises(InputError, match=r"(?s)joint 1 has no speed_mm_s.*name = \"lift\"\nspeed_mm_s = 70"):
         load_cell(small_cell("ur10/edbb", tmp_path, robot))
+
+
+def test_values_of_joints_are_said_in_their_own_unit(tmp_path: Path) -> None:
+    robot = robot_of(tmp_path, "urdf")
+    assert robot.joint_text(0, np.deg2rad(12.5), ".1f") == "12.5 mm"
+    assert robot.joint_text(1, np.deg2rad(12.5), ".1f") == "12.5°"
+
+
+def test_a_target_beyond_the_lift_is_told_in_mm(tmp_path: Path) -> None:
+    robot = robot_of(tmp_path, "urdf")
+    q = np.deg2rad([[399.5, 10, -70, 60, 20, 40, 30]])
+
+    up = tool_pose(robot.chain, robot, q)[2][0, :3, 0]  # where the lift goes [m/rad]
+
+    class Low:
+        """The same arm, its lift 100 mm too low."""
+
+        def flange(self, q):
+            x, R, _ = tool_pose(robot.chain, robot, q)
+            return x - 0.1 * up / np.linalg.norm(up), R
+
+    found = correct_joints(robot, NominalFlange(robot), Low(), q)
+    (line, why) = target_problems([7], robot, found)[0]
+    assert line == 7
+    assert re.search(
+        r"joint 1 would have to (stand at [\d.]+ mm; -100 … 400 mm|move by [\d.]+ mm, further than 10 mm)", why
+    ), why
+
+
+@pytest.mark.parametrize("section", ["misfit", "zero"])
+def test_what_is_said_of_a_slide_is_in_mm_in_the_file_and_comes_back(section: str) -> None:
+    if section == "misfit":
+        said = MisfitPlace(anywhere=1e-4, there=2e-4, joint=1, range=(0.1, 0.2), slides=True)
+        key, values = "range_mm", [np.rad2deg(0.1), np.rad2deg(0.2)]
+    else:
+        said = JointZero(joint=1, offset=0.01, offset_std=0.001, slides=True)
+        key, values = "zero_mm", np.rad2deg(0.01)
+    written = said.model_dump(mode="json", by_alias=True)
+    assert np.allclose(written[key], values)
+    assert key.replace("_mm", "_deg") not in written
+    assert "slides" not in written
+    back = type(said).model_validate(written)
+    assert back.slides
+    assert np.allclose(back.model_dump(mode="json", by_alias=True)[key], values)
