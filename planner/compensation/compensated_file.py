@@ -46,6 +46,7 @@ class CompensatedFile:
     """The corrected text, in the encoding in which it was read, and the report.
 
     ``targets`` are those that were corrected, as they were, ``q`` the nominal robot's angles there, (n, N) [rad];
+    ``left`` and ``q_left`` are the same of those that the arm reaches and that were left as they are;
     ``step`` says what the person does next with ``{file}``, and for which controller its angles are.
     """
 
@@ -55,6 +56,8 @@ class CompensatedFile:
     report: CompensationReport
     targets: tuple[Target, ...]
     q: Array
+    left: tuple[Target, ...]
+    q_left: Array
     step: str
 
     @property
@@ -196,7 +199,18 @@ def _correct_source(
     problems += written.wrong
     if not written.rows.size or (written.wrong and strict):
         raise NoSolutionError("\n".join([problems_summary(path, problems, targets), *list_lines(path.name, problems)]))
-    return _finish(source, written, (*notes, *reading.notes), [*reading.left, *problems], mark)
+    rest = np.setdiff1d(done, written.rows)
+    left = _Left(tuple(targets[i] for i in rest), q[rest], (*reading.left, *problems))
+    return _finish(source, written, (*notes, *reading.notes), left, mark)
+
+
+@dataclass(frozen=True)
+class _Left:
+    """Targets that the arm reaches and that are left, its angles there, (n, N) [rad], and why what is left is."""
+
+    targets: tuple[Target, ...]
+    q: Array
+    reasons: tuple[Note, ...]
 
 
 @dataclass(frozen=True)
@@ -244,19 +258,20 @@ def _modal_words(targets: list[Target], rows: np.ndarray) -> list[tuple[Slot, fl
 
 
 def _finish(
-    source: _Source, done: _Written, notes: Sequence[Note], left: list[Note], mark: CorrectionMark | None
+    source: _Source, done: _Written, notes: Sequence[Note], left: _Left, mark: CorrectionMark | None
 ) -> CompensatedFile:
     """Measure what was done, and say at the head of the file which model did it, and what was not done."""
     tools = source.tools(done.chosen)
     report = report_of(
         source.robot, source.calibrated, done.chosen, done.printed, done.q, done.q_new, done.q_printed, tools
     )
-    report = replace(report, notes=(*notes, *report.notes), kept=tuple(sorted(left)))
+    report = replace(report, notes=(*notes, *report.notes), kept=tuple(sorted(left.reasons)))
     said = [] if mark is None else [mark.sentence(source.robot.name)]
     said += axes_statement(source.name, source.dialect, source.text, source.axes)
     text = add_head(done.text, source.dialect, source.robot.name, report.corrected, report.kept, said)
-    q = source.axes.to_model(done.q)
-    return CompensatedFile(source.name, text, source.encoding, report, tuple(done.chosen), q, source.step)
+    q, q_left = source.axes.to_model(done.q), source.axes.to_model(left.q)
+    chosen = tuple(done.chosen)
+    return CompensatedFile(source.name, text, source.encoding, report, chosen, q, left.targets, q_left, source.step)
 
 
 def _certain_targets(path: Path, reading: TargetReading, strict: bool) -> list[Target]:

@@ -1,7 +1,7 @@
 """How good the robot is expected to be at a program's own targets, before and after they are corrected."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -29,10 +29,12 @@ class ProgramError:
     Attributes:
         parts: one for each tool.
         targets: number of corrected targets, of which the parts hold some, evenly, where they are many.
+        left: of targets that are left as they were [m], (k,); they keep it.
     """
 
     parts: tuple[ToolErrors, ...]
     targets: int
+    left: Array = field(default_factory=lambda: np.zeros(0))
 
     @property
     def before(self) -> Array:
@@ -74,6 +76,9 @@ class ProgramError:
             f"before; {_mm(_rms(self.after))} mm rms, {_mm(self.after.max())} mm worst after (base aligned)",
             f"least certain: {self._worst()}",
         ]
+        if count := len(self.left):
+            those = "target that is left as it was keeps" if count == 1 else f"{count} targets that are left keep"
+            out.append(f"the {those} {_mm(_rms(self.left))} mm rms, {_mm(self.left.max())} mm worst")
         if len(self.parts) > 1 or not self.parts[0].tool.startswith("the measured"):
             out += [f"of these with {p.tool}: {_mm(_rms(p.before))} → {_mm(_rms(p.after))} mm rms" for p in self.parts]
         if (worse := self.lines[self.after > WORSE_RATIO * self.before]).size:
@@ -86,6 +91,7 @@ class ProgramError:
         return {
             "before_rms_mm": _rms(self.before) / MM,
             "after_rms_mm": _rms(self.after) / MM,
+            **({"left_rms_mm": _rms(self.left) / MM} if len(self.left) else {}),
             "targets": [{"line": k, "before_mm": round(a, 5), "after_mm": round(b, 5)} for k, a, b in errors],
         }
 
@@ -96,6 +102,11 @@ class ProgramError:
             if len(named) == 5:  # lines that are named
                 break
         return ", ".join(f"line {line} {_mm(error)} mm" for line, error in named.items())
+
+
+def left_errors(expected: ExpectedError, targets: Sequence[Target], q: Array, p_FM: Array | None) -> Array:
+    """Return what targets that are left as they were keep [m], (n,), arguments as of :func:`program_error`."""
+    return program_error(expected, targets, q, p_FM).before if len(targets) else np.zeros(0)
 
 
 def program_error(expected: ExpectedError, targets: Sequence[Target], q: Array, p_FM: Array | None) -> ProgramError:

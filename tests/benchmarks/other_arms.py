@@ -104,7 +104,10 @@ kind = "draw-wire"
 length_mm = [{low:.0f}, {high:.0f}]
 [[fixtures]]
 position_mm = {at}
+[plan]
+candidates = {candidates}
 """
+CANDIDATES = 20_000  # poses that compete: a fifth of what a plan has unless it is said
 PLANNED = (0, 5)  # ends of a plan: whole, or with searches cut short by the limit
 CURE = re.compile(r"never_meet = \[\[.*\]\]")  # of links whose crude bodies touch, as a refused cell is told
 REASON = 'never_meet_reason = "crude bodies of neighbouring links touch"\n'
@@ -189,7 +192,12 @@ def write_cell(robot: Robot, folder: Path, tool_mm: tuple[float, float, float] |
         shown = np.rad2deg(home).round(1)
         slides = f"home_mm = {shown[robot.slides].tolist()}" if robot.slides.any() else ""
         text = CELL.format(
-            home=shown[~robot.slides].tolist(), slides=slides, at=(1e3 * at).round(0).tolist(), tool=tool, **words
+            home=shown[~robot.slides].tolist(),
+            slides=slides,
+            at=(1e3 * at).round(0).tolist(),
+            tool=tool,
+            candidates=CANDIDATES,
+            **words,
         )
         (folder / "cell.toml").write_text(text)
         return folder / "cell.toml"
