@@ -131,9 +131,9 @@ class BarPoses(PoseSession):
 
     def _find_unjoined(self, choice: PoseChoice) -> np.ndarray:
         """Positions of the chosen poses that are not in the part of their mount pose."""
-        return self._unjoined(choice.samples)
+        return self._find_unjoined_rows(choice.samples)
 
-    def _unjoined(self, samples: Samples) -> np.ndarray:
+    def _find_unjoined_rows(self, samples: Samples) -> np.ndarray:
         lost = []
         for m in self.cell.mountings:
             mine = np.flatnonzero(samples.at_mounting(m))
@@ -149,11 +149,11 @@ class BarPoses(PoseSession):
         count = min(self.cell.plan.validate, len(others))
         rng = np.random.default_rng(self.options.seed)
         drawn = rng.choice(others, count, replace=False)
-        lost = self._unjoined(self.pool.samples.take(drawn))
+        lost = self._find_unjoined_rows(self.pool.samples.take(drawn))
         if len(lost):
             rest = np.setdiff1d(others, drawn)
             more = rng.choice(rest, min(2 * len(lost), len(rest)), replace=False)
-            more = np.delete(more, self._unjoined(self.pool.samples.take(more)))
+            more = np.delete(more, self._find_unjoined_rows(self.pool.samples.take(more)))
             drawn = np.append(np.delete(drawn, lost), more[: len(lost)])
         return np.sort(drawn)
 

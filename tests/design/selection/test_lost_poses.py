@@ -46,7 +46,7 @@ def session_of(cell, pool, monkeypatch, drive):
     place = SimpleNamespace(mounting=cell.mountings[0], cell=cell)
     monkeypatch.setattr(session, "places", lambda limit: [place])
     monkeypatch.setattr(planning, "drive_tour", drive)
-    monkeypatch.setattr(session, "_unjoined", lambda samples: np.zeros(0, dtype=int))
+    monkeypatch.setattr(session, "_find_unjoined_rows", lambda samples: np.zeros(0, dtype=int))
     return session
 
 
@@ -83,7 +83,7 @@ def test_poses_moved_to_where_no_path_joins_them_are_put_back(chosen, monkeypatc
     cell, _, choice = chosen
     session = BarPoses(cell, PlanOptions())
     moved = replace(choice, q=choice.q + 0.01)
-    monkeypatch.setattr(session, "_unjoined", lambda samples: np.array([2, 5]))
+    monkeypatch.setattr(session, "_find_unjoined_rows", lambda samples: np.array([2, 5]))
     kept = session._put_back_unjoined(moved)
     assert np.flatnonzero((kept.q == choice.q).all(axis=1)).tolist() == [2, 5]
     assert np.flatnonzero((kept.q == moved.q).all(axis=1)).tolist() == [k for k in range(40) if k not in (2, 5)]
@@ -93,11 +93,11 @@ def test_poses_that_validate_are_joined_and_none_is_lost_for_it(chosen, monkeypa
     cell, pool, choice = chosen
     session = BarPoses(cell, PlanOptions())
     session.pool = pool
-    monkeypatch.setattr(session, "_unjoined", lambda samples: np.zeros(0, dtype=int))
+    monkeypatch.setattr(session, "_find_unjoined_rows", lambda samples: np.zeros(0, dtype=int))
     usual = session.draw_validation(choice)
     q_lost = pool.q[usual[:3]]
     alike = lambda samples: np.flatnonzero((samples.q[:, None] == q_lost).all(axis=2).any(axis=1))  # noqa: E731
-    monkeypatch.setattr(session, "_unjoined", alike)
+    monkeypatch.setattr(session, "_find_unjoined_rows", alike)
     joined = session.draw_validation(choice)
     assert len(set(joined.tolist())) == len(usual) == cell.plan.validate
     assert set(usual[3:].tolist()) <= set(joined.tolist())
