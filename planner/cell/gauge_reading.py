@@ -61,7 +61,7 @@ class GaugeReading(ABC):
 
     @abstractmethod
     def readings(self, values: Array) -> Readings:
-        """Return readings with the values (n, r) [m, rad]."""
+        """Return the readings of a run that show the values (n, r) [m, rad]."""
 
     def simulate(
         self, cell: Site, samples: Samples, predict: Callable[[Samples], Array],

@@ -82,7 +82,7 @@ class GaugeSession:
         return np.zeros(len(poses))
 
     def plan_error_text(self, pose: int, error: float) -> str:
-        """Say such an error [mm] of the pose with that id."""
+        """Say by how many millimetres the pose with this id misses what the gauge holds it to."""
         return f"pose {pose} is {error:.3f} mm off its ball"
 
     @classmethod

@@ -33,7 +33,7 @@ class MeasurementSetup(Placement):
         return Chain((*BASE_TRANSFORMS, *self.robot.transforms, *tool, *probe))
 
     def offsets(self, samples: Samples) -> list[float | Array]:
-        """Return what every transform gets beside its nominal value: the tool point that was measured, K values [m]."""
+        """Return what is added to the nominal value of each of the K transforms for the measured tool point [m]."""
         out = super().offsets(samples)
         first = N_BASE_TRANSFORMS + len(self.robot.transforms)
         for k in range(3):

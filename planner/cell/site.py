@@ -99,7 +99,7 @@ class Site:
 
     @property
     def joint_range(self) -> tuple[Array, Array]:
-        """Range of each joint, both ends (N,) [rad]: its limits, or a turn about home where it can turn further.
+        """Ends of each joint's range, (N,) each [rad]: its limits, or one turn about home where they are wider.
 
         More turns only repeat the same arm. A joint that slides has its whole stroke.
         """

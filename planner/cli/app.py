@@ -77,7 +77,7 @@ class PlainSwitches:
 
 
 class Verb(PlainSwitches, TyperCommand):
-    """One command."""
+    """A command of ``edbb``."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Read what was typed; options by their former names as well."""

@@ -169,7 +169,7 @@ def evaluation_step(run: Path | str, plan: Path) -> str:
 
 
 def check_folder(output: Path, force: bool = False) -> None:
-    """Refuse a file where a folder is to be written, and a place that cannot be written, before the work is done."""
+    """Refuse, before any work is done, a folder of results that is a file or cannot be written."""
     if str(output) == "-":
         raise InputError("-o needs a folder: several files are written")
     try:

@@ -18,7 +18,7 @@ HINT = f"; one that is not shipped comes with an installed package whose entry p
 
 
 def shipped_extensions() -> tuple[str, ...]:
-    """Return the modules of the extensions that come with this installation, none where their folder is left out."""
+    """Return the modules of the shipped extensions; none where their folder was left out of the installation."""
     if find_spec(SHIPPED) is None:
         return ()
     return tuple(sorted(f"{SHIPPED}.{m.name}" for m in iter_modules(import_module(SHIPPED).__path__)))

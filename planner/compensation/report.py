@@ -42,7 +42,7 @@ def large_joint_motions(robot: Robot, targets: Sequence[Target], q: Array, q_new
 
 
 def near_singular_angles(before: Sequence[Target], after: Sequence[Target]) -> Iterator[Note]:
-    """Yield (line, sentence) of poses whose A and C change by far more than the orientation that they spell."""
+    """Yield (line, sentence) of poses near B = ±90°, where A and C change by far more than the orientation does."""
     for old, new in zip(before, after, strict=True):
         if old.pose is None or new.pose is None or old.pose.spelling != "abc":
             continue

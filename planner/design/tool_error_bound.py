@@ -43,7 +43,7 @@ class ErrorTangent:
 
 @dataclass(frozen=True)
 class ErrorPricing(Pricing):
-    """Weights of all readings (multiplicative algorithm), rows (n, 1, P) and ``weight`` W (P, P)."""
+    """The relaxation of the tool's error over weights of all readings: rows (n, 1, P) and ``weight`` W (P, P)."""
 
     weight: Array
 

@@ -119,7 +119,7 @@ def _play(run: Excitation) -> EffectSize:
 
 @register("backlash", needs="poses come to from both sides of the joint")
 def backlash(run: Excitation) -> Iterator[Effect]:
-    """Play that shows by the side from which a joint comes: its speed's sign, or its last approach."""
+    """Play, by the side from which a joint comes to the pose: the sign of its speed, or of its last approach."""
     if not (run.has("speed") or run.has("direction")):
         return
     phi = SpeedSign if run.has("speed") else ApproachDirection

@@ -131,7 +131,7 @@ class BarSag(BasisFunction, key="sag:NUMBER", static=False, gauge=True):
 
 
 class ScaleWave(BasisFunction, key="scale-(sin|cos):NUMBER", static=False, gauge=True):
-    """φ = sin or cos(2π·reading/period) of the length as it was read: interpolation error of a scale."""
+    """φ = sin or cos(2π·reading/period): the interpolation error of a scale, by the length that it read."""
 
     wave: Literal["sin", "cos"]
     period: float
@@ -279,7 +279,7 @@ def ball_centres(run: Excitation) -> Iterator[Effect]:
 
 @register(*(kind for kind, _ in LOBES), by_gauge=True)
 def ball_shapes(run: Excitation) -> Iterator[Effect]:
-    """Balls that are not round: even harmonics of the direction in which the bar touches them."""
+    """Balls that are not round: even harmonics of the direction from which the bar touches the ball."""
     for kind, degree in LOBES:
         for end, name in ENDS:
             label = f"{kind.replace(' ', '_')}_{end}"

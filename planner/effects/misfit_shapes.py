@@ -21,7 +21,7 @@ from planner.effects.sizes import PART_TURN
 
 
 class GravityHarmonic(BasisFunction, key="gravity:STATION:INDEX:INDEX", loads=True):
-    """φ = real spherical harmonic, of mean square 1, of the direction of gravity in the axes of a station.
+    """φ = a real spherical harmonic of gravity's direction in the axes of a station, scaled to a mean square of 1.
 
     The first index is the degree n, the second the order m plus n, 0 … 2n.
     """

@@ -64,7 +64,7 @@ def depends_on_run(key: str) -> bool:
 
 
 def columns_of(key: str) -> tuple[str, ...]:
-    """Return the columns of the samples that ``key`` needs; raises as :func:`functions_in`."""
+    """Return which columns of the samples the function ``key`` needs; raises what :func:`functions_in` raises."""
     return tuple(f.column for f in functions_in(key) if f.column)
 
 

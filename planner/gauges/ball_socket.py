@@ -124,7 +124,7 @@ class BallSocket(BallGauge):
         return cell.balls[visit.ball].name, f"{tilt:.0f}"
 
     def plan_error_text(self, pose: int, error: float) -> str:
-        """Say how far a pose is off its socket."""
+        """Say how far the tool's ball is from its socket at a pose."""
         return f"pose {pose} is {error:.3f} mm off its socket"
 
     def bodies(self, cell: Site) -> list[GaugeBody]:

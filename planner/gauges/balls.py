@@ -22,7 +22,7 @@ from planner.runs.run import Readings, Run, Samples
 
 
 def artifact_step(file: CellFile, title: str, seats: str) -> CellStep:
-    """Return the step that sets the artifact up; ``seats``: what it carries."""
+    """Return the step of the checklist that sets the artifact up; ``seats``: what it carries."""
     there, names = file.artifact, ", ".join(b.name for b in file.balls)
     where = f" at {place_text(there.position_mm)} of the base frame, to about {there.prior_mm:g} mm," if there else ""
     return CellStep(

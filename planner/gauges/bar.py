@@ -153,7 +153,7 @@ class LengthGauge(LineGauge, GaugeUnknowns):
         return np.asarray(np.einsum("kin,ni->kn", motion.point_screws(which), e)[:, None])
 
     def targets(self, setup: Placement, samples: Samples, readings: Readings) -> Targets:
-        """Return the lengths less the zero as far as it is known."""
+        """Return the lengths that a fit compares with: as read, less the known part of the zero."""
         assert readings.length is not None
         return Targets(length=readings.length - setup.zero)
 

@@ -106,7 +106,7 @@ def _tried_text(traced: TracingResult) -> str:
 
 
 def too_few_text(spare: int) -> str:
-    """Say why nothing was traced."""
+    """Say that too few readings are left beyond the parameters to trace anything."""
     return f"only {spare} readings beyond the parameters: too few to trace what is left; nothing was sought"
 
 

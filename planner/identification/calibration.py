@@ -114,7 +114,7 @@ OWN_ANGLES = "add it to the angle of the model, which the controller may count i
 def find_joint_zeros(
     robot: Robot, estimates: Sequence[Estimate], controller: str | None = None
 ) -> tuple[JointZero, ...]:
-    """Return what the zeros of the controller's axes are off, by the values of a robot's parameters.
+    """Return by how much the zeros of the controller's axes are off, from the values of the robot's parameters.
 
     ``controller``: name of its language, where it is not the one of the robot's maker.
     An axis that the run does not show, or that counts with a joint that it does not show, has none.

@@ -177,7 +177,7 @@ class ExpectedError:
 
     @classmethod
     def read(cls, robot: Robot, robot_file: Path) -> "ExpectedError | str":
-        """Read what lies beside a ``robot.toml``; or say why nothing is known of that robot.
+        """Read the file beside a ``robot.toml``, or return the reason why nothing is known of that robot's error.
 
         Raises:
             InputError: the file is there and cannot be understood.

@@ -158,7 +158,7 @@ def number_regions(samples: Samples, fit: Fit) -> np.ndarray:
 
 
 def draw_misfit(parts: Sequence[HeldOutReadings], count: int, acting: np.ndarray, seed: int = 0) -> Misfit:
-    """Return ``count`` draws of stretch and rest from their posterior by readings held out.
+    """Return ``count`` posterior draws of the misfit's stretch and rest, given the held-out readings.
 
     ``acting`` (d,) int: how many families act without a name, in each draw of the sizes.
     """

@@ -52,7 +52,7 @@ class Whitener:
 
     @property
     def declared_rms(self) -> float:
-        """Size that the errors of readings should have by what is declared [m], rms; a probe's turn is left aside."""
+        """Root mean square of the readings' errors by their declared noise [m]; rotations of a probe are left out."""
         robot = np.einsum("nii->n", self.shaken[:, :3, :3]).mean()
         return float(np.sqrt(self.declared[:, :3].sum(axis=1).mean() + robot))
 

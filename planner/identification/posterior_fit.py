@@ -172,7 +172,7 @@ class DrawRecord:
 
 @dataclass(frozen=True)
 class DrawnPosterior:
-    """The sizes of everything as drawn, before it is fitted with them.
+    """The prior sizes of all families as they were drawn, before the model is fitted with them.
 
     Attributes:
         problem: of all parameters that may act, with the draws' mean noise.

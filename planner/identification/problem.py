@@ -37,7 +37,7 @@ class LinearPiece:
 
     @property
     def columns(self) -> Array:
-        """All of them, (P + 1, r, n): samples side by side."""
+        """All columns and behind them the residual, as one dense array (P + 1, r, n)."""
         return self.factored.dense
 
     @property

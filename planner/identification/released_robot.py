@@ -201,7 +201,7 @@ class ReleasedRobot:
         return np.stack([root[here[n]] if n in here else np.zeros(root.shape[1]) for n in names])
 
     def offset(self, names: Sequence[str], fit: Fit | None) -> Array:
-        """Return the values (K,) of a fit, or of the nominal robot, less the posterior mean."""
+        """Return how far the values (K,) of a fit, or of the nominal robot, are from the posterior mean."""
         known = self.posterior.fit
         mean = known.values
         own = {} if fit is None else fit.values

@@ -17,7 +17,7 @@ BALANCE_ROUNDS = 3  # each is a hundred times nearer: a deflection of 1 mm turns
 
 
 def use_held_torques(parameters: Sequence[Parameter]) -> tuple[Parameter, ...]:
-    """Return parameters with compliances by the torques that the samples carry, see :func:`with_held_torque`."""
+    """Return the parameters with compliances driven by the torques of the samples; see :func:`with_held_torque`."""
 
     def hold(p: Parameter) -> Parameter:
         """Return the parameter with the held torque in the place of the load's."""

@@ -124,7 +124,7 @@ def fit_circle_in_space(x: Array) -> tuple[Array, Array, float]:
 
 
 def points_on_arc(x: Array, share: Array) -> tuple[Array, float]:
-    """Points (n, 3) [m] at shares (n,) of the arc from x[0] through x[1] to x[2], x (3, 3), and its length [m]."""
+    """Return points (n, 3) [m] at shares (n,) of the arc through x[0], x[1], x[2], x (3, 3), and its length [m]."""
     centre, axes, radius = fit_circle_in_space(x)
     u, v, _ = axes @ (x - centre).T
     first, middle, last = np.arctan2(v, u)

@@ -21,7 +21,7 @@ from planner.kinematics.robot import BASE_TRANSFORMS, Loads, RobotEffect, ToolPo
 
 
 class RobotEffectTable(StrictModel):
-    """One ``[[effects]]`` table: what is added to the elementary transform ``on`` is ``value`` times ``phi``."""
+    """One ``[[effects]]`` table: the elementary transform ``on`` gets ``value`` · ``phi`` beside its nominal value."""
 
     name: str
     on: str

@@ -21,7 +21,7 @@ NO_RESIDUAL = np.empty((0, 0))
 
 
 class Metrics(DocumentSection):
-    """Root mean square, mean and largest error of a set of samples [m]; ``spread`` of the rms over the folds [m]."""
+    """Root mean square, mean and largest error of some samples [m]; ``spread``: of the rms between the folds [m]."""
 
     if_any = ("spread_mm",)
     rms: float

@@ -17,7 +17,7 @@ from planner.programs.verification import ProgramMismatchError
 
 
 def axes_for(robot: Robot, dialect: Dialect) -> AxisConvention:
-    """Return how the angles in a dialect's programs count: as the controller does, or as the model where it says so.
+    """Return how a dialect counts the axes: as the robot's controller does or, where it says so, as the model.
 
     Raises:
         InputError: the robot's file does not say how that controller counts; with the lines to be added.

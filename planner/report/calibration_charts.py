@@ -151,7 +151,7 @@ def pose_chart(facts: CalibrationFacts) -> Chart:
 
 
 def correlation_chart(facts: CalibrationFacts) -> Chart:
-    """Correlations of the fitted parameters; of many, those that hang together most."""
+    """Draw the correlations of the fitted parameters; where there are many, those of the most correlated ones."""
     most = 60  # parameters in the correlation matrix
     matrix = facts.correlation
     strongest = np.abs(matrix - np.eye(len(matrix))).max(axis=1)

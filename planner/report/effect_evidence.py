@@ -80,7 +80,7 @@ class Evidence:
 
 
 def finding_steps(facts: CalibrationFacts) -> tuple[FindingStep, ...]:
-    """Return the findings that came with a stage, in the order in which they came; the set-up has none of its own."""
+    """Return each finding with the stages before and after it, in the order in which they came; none of the set-up."""
     c = facts.calibration
     out = list[tuple[int, FindingStep]]()
     for f in (f for f in c.findings if any(f.name in s.effects for s in c.stages)):

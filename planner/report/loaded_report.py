@@ -96,7 +96,7 @@ def compensated_chart(c: EvaluatedCircle) -> Chart:
 
 
 def kinematic_chart(c: EvaluatedCircle) -> Chart:
-    """What is left when load and offset are taken off, beside the tracker's (paper, figure 15)."""
+    """Draw the error that is left without load and offset, beside the tracker's (paper, figure 15)."""
     angle = to_deg(c.curves.theta)
     series = [
         Series(SENSES[d], angle, y / UM, colour)

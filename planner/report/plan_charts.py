@@ -166,7 +166,7 @@ def _over_time(way: DrivenPath, title: str, label: str, series: Sequence[Series]
 
 
 def bar_chart(cell: Cell, way: DrivenPath, drive: Drive) -> Chart:
-    """Length of the bar, and its tilt in both ball joints, against what they allow."""
+    """Draw the bar's length and its tilt in both ball joints, with the limits of each."""
     g, t = cell.gauge, way.motion.t
     low, high = float(to_mm(g.length_min)), float(to_mm(g.length_max))
     pad = 0.12 * (high - low)

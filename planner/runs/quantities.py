@@ -86,7 +86,7 @@ def has_reading(table: RunTable) -> bool:
 
 
 def readings_of(table: RunTable, pixels: Array | None = None) -> tuple[Readings, tuple[str, ...]]:
-    """Return what the gauge read, and the names of the sockets; ``pixels`` (n, K, 2) [px] of a run of images.
+    """Return the readings of a run and the names of its sockets; ``pixels`` (n, K, 2) [px] where it is made of images.
 
     Raises:
         InputError: no reading, several kinds of it, or a part of one.

@@ -56,7 +56,7 @@ class JobPage(StrictModel):
 
 
 def next_link(request: Request, place: str) -> str:
-    """Return the header by which a list leads to its next page: the same request, behind a place."""
+    """Return the ``Link`` header to the next page of a list: the same request, starting after the last entry."""
     url = request.url.include_query_params(after=place)
     return f'<{url.path}?{url.query}>; rel="next"'
 

@@ -248,7 +248,7 @@ class JobStore:
                 _tell(db, job.id, "queued", {"because": "its process was killed" if crashed else "the server stopped"})
 
     def cancel(self, id: str) -> JobRecord:
-        """Ask for a job to be stopped; one that waits is cancelled at once.
+        """Ask for a job to be stopped; a job that still waits is cancelled at once.
 
         Raises:
             UnknownJobError: there is none.

@@ -11,7 +11,7 @@ ASKED = ("GET", "POST", "PUT", "PATCH", "DELETE")
 
 
 class PlainMethods:
-    """ASGI middleware: HEAD is answered as GET without the body, OPTIONS by the methods that a path takes."""
+    """ASGI middleware that answers HEAD as GET without the body, and OPTIONS with the methods that a path takes."""
 
     def __init__(self, app: ASGIApp, routes: Starlette) -> None:
         self._app, self._routes = app, routes

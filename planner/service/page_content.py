@@ -170,7 +170,7 @@ def is_simulated(context: ServiceContext, job: Job) -> bool:
 
 
 def visible_files(job: Job) -> list[OutputFile]:
-    """Return the files that a person looks for: no pictures, no notes of the machine."""
+    """Return the files that a page lists: those for people, without pictures and the machine's notes."""
     return [f for f in job.files if f.name not in HIDDEN and not f.name.startswith("pictures/")]
 
 

@@ -161,7 +161,7 @@ def time_course(
 
 
 def time_measuring(cell: Cell, path: Waypoints, mounting: Mounting) -> TimedPath:
-    """Time a measuring path, given one way, as it is driven: both ways where asked, at rest at the poses or not."""
+    """Time a measuring path, given one way, as it is driven: both ways where asked for, at rest at the poses or not."""
     moving = cell.motion.is_continuous
     if moving and cell.motion.both_ways:
         path = path.there_and_back()

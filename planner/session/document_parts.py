@@ -41,7 +41,7 @@ class OnGridRecord(PartialModel):
 
 
 class ExchangeRecord(PartialModel):
-    """What exchange would have reached where pruning chose the poses; ``gap`` as a part of the bound."""
+    """The index that exchange would have reached where pruning chose; ``gap``: to the bound, as a share of it."""
 
     value: Stated = None
     gap: Stated = None

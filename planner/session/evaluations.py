@@ -45,7 +45,7 @@ def register_drawn_warning(note: str, warning: str) -> None:
 
 
 def drawn_warnings(notes: Sequence[str]) -> tuple[str, ...]:
-    """Return what is to be said where a robot is drawn anew for a plan with these notes."""
+    """Return the warnings for a simulated run of a plan with these notes: its robot is drawn at random."""
     load_extensions()
     return tuple(warning for note, warning in _DRAWN.items() if note in notes)
 

@@ -53,7 +53,7 @@ def _seem_proven(constraints: Constraints, corners: Array) -> np.ndarray:
 
 
 def judge_plan(path: Path, cell: Cell, program: Program, notes: Sequence[str], proven: bool = False) -> tuple[str, ...]:
-    """Judge the program of the plan at ``path``; return what a person must know of a plan that was changed and holds.
+    """Judge the program of the plan at ``path``; return the notes for a plan that was changed by hand and still holds.
 
     Where the collision engines are not installed nothing is judged: a program is trusted then if it is one that they
     have proven, which is said, and refused otherwise.

@@ -43,7 +43,7 @@ LEG_PIECES = 32  # of a leg, whose chords give the largest speed on it
 
 
 def check_emitted_speeds(cell: Cell, program: Program, axes: AxisConvention, dialect: Dialect, found: ReadBack) -> None:
-    """Hold the largest speed of tool and gauge on every leg of a program against their limits.
+    """Refuse a program on any leg of which tool or gauge would exceed its speed limit.
 
     ``program`` is in the joints of the model, ``found`` what was read back of its text, in the controller's ``axes``.
     The joints are taken to move evenly over the time that the speed words give the leg, faster by the peak over the

@@ -105,7 +105,7 @@ class PoseChooser(Protocol):
 
 
 class PoseSession(ABC):
-    """A session of poses. What differs between gauges: where poses come from, how they are chosen and refined.
+    """A session of poses; gauges differ in where poses come from, how they are chosen and how they are refined.
 
     ``cell`` and ``pool`` are settled by the first two stages; ``notes`` grow with each. A ``chooser`` chooses the poses
     for another purpose than a calibration.

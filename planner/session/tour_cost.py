@@ -106,7 +106,7 @@ def session_minutes(cell: Cell, drives: Sequence[Drive], poses: int) -> Callable
 
 
 def prove_shortcuts(constraints: Constraints, q: Array, visit: np.ndarray) -> tuple[int, ...]:
-    """Return the points of a path q (m, N) [rad], one way, that both engines join straight to its first point.
+    """Return which points of a path q (m, N) [rad] both engines prove to be joined straight to its first point.
 
     Tried are those from which a pose is driven to, there and back: a start in the middle leads to one of them.
     """
@@ -122,7 +122,7 @@ def prove_shortcuts(constraints: Constraints, q: Array, visit: np.ndarray) -> tu
 
 
 def entry_ways(cell: Cell, mounting: Mounting, q: Array, shortcuts: Sequence[int]) -> list[list[int]]:
-    """Return the quickest proven way from the first point to each point of a path q (m, N), one way, as its points.
+    """Return for each point of a path q (m, N) the quickest proven way to it from the first, as points passed.
 
     Its legs are legs of the path, driven either way, and the shortcuts from the first point. Where the path comes to a
     point again, from a ball that it has touched, that counts as one point: no way leads over the ball.

@@ -66,7 +66,7 @@ class FactoredEquations:
         return cls(factor, solve_triangular(factor, gram[:-1, -1] - z, trans="T", check_finite=False))
 
     def beside(self, products: Array, gram: Array) -> "FactoredEquations":
-        """Return them with new columns, which stand at zero.
+        """Return the equations with new columns added, whose parameters are still zero.
 
         Args:
             products: of the columns and of the residual with the new columns, (q + 1, k).

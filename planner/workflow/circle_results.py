@@ -66,7 +66,7 @@ class CircularMaker:
     """Plans the circles of a cell, and reads their plans."""
 
     def plan(self, cell: Cell, options: PlanOptions, stages: Stages) -> CircularPlanResult:
-        """Plan the circular test of a cell; see :func:`.plan_circles`."""
+        """Plan the circular test of a cell, as :func:`.plan_circles` does."""
         from planner.instruments.circular.planning import plan_circles  # needless to read a plan, and slow to load
 
         check_circle_options(cell, options)

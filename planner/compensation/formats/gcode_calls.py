@@ -86,7 +86,7 @@ class CallsElsewhere:
         self._moves.append(move)
 
     def uncertain_moves(self) -> Iterator[tuple[int, str]]:
-        """Yield the lines of moves that are not certain, and why, once all has been taken in."""
+        """Yield the lines of moves whose targets are not certain, each with the reason, once the file has been read."""
         for line, call in sorted(self._doubted.items()) if self._elsewhere else ():
             yield (
                 line,

@@ -51,7 +51,7 @@ def names_set_beside(statement: st.Statement) -> set[str]:
 
 
 def names_given_away(statement: st.Statement) -> set[str]:
-    """Return the names in the brackets of calls, in capitals: what a routine is given it may change."""
+    """Return the variables, in capitals, that calls are given as arguments, and so may change."""
     if isinstance(statement, Bas | st.Routine) or not calls_function(statement):
         return set()
     given = statement.text.upper().partition("(")[2]

@@ -63,7 +63,7 @@ class PredictedReadings:
 
 
 def project_out(columns: Array, basis: Array) -> Array:
-    """What is left of columns (m, k) beside an orthonormal basis (m, p)."""
+    """Return what is left of columns (m, k) once their part within an orthonormal basis (m, p) is taken away."""
     return np.asarray(columns - basis @ (basis.T @ columns))
 
 

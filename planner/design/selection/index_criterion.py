@@ -23,8 +23,8 @@ from planner.design.observability.information import find_rule
 from planner.design.selection.matrix_forms import information_matrix, quadratic_form, swap_log_ratios, trial_log_ratios
 from planner.design.selection.search import Swap
 
-_LOWER = {"O2": 1.0, "O3": 1.0, "O4": 2.0}  # weight of the barrier below the smallest eigenvalue
-_UPPER = ("O2", "O4")
+_LOWER = {"O2": 1.0, "O3": 1.0, "O4": 2.0}  # power of the smallest singular value in the index
+_UPPER = ("O2", "O4")  # in which the largest stands
 TRIED_PAIRS = 48  # of the best scores, whose eigenvalues are computed
 LEAST_GAIN = 1e-10  # of the criterion [1]: below, a swap is rounding
 # weights of the barriers, one after the other: the weakest follows the index closest

@@ -85,14 +85,14 @@ class _CappedWeights:
 
 @dataclass(frozen=True)
 class EigenvalueProblem(_CappedWeights):
-    """I <= M(w), for O3; with ``bounded`` M(w) <= t I as well, for O2."""
+    """The relaxation for O3: I ≤ M(w). With ``bounded``, for O2, M(w) ≤ t I holds as well."""
 
     bounded: bool
     curved: ClassVar[bool] = False
     logarithmic: ClassVar[bool] = False
 
     def start(self, weights: Array) -> Array:
-        """Return a strictly feasible z near the given weights, M above I."""
+        """Return a strictly feasible point z near the given weights, where M(w) exceeds I."""
         w = self.inner_weights(weights)
         mu = np.linalg.eigvalsh(self.mass(w))
         w = w * (1.5 / mu[0])

@@ -21,7 +21,7 @@ LEAST_SHARE, LEAST_CORNERS = 0.15, 6  # of a board that must be seen, of one wit
 
 
 class BoardOfImages(BoardFile):
-    """``board.toml`` (schema ``edbb-board/1``): the board, and the size of images that its lens was calibrated at."""
+    """``board.toml`` (schema ``edbb-board/1``): the board, and the image size for which its lens was calibrated."""
 
     schema_: Literal["edbb-board/1"] = Field(alias="schema")
     width_px: PositiveInt | None = None

@@ -185,7 +185,7 @@ class BoardSight(FrameGauge):
         return np.empty((len(p_BM), 0))
 
     def margin_changes(self, travel: PointTravel) -> list[Array]:
-        """Distances and the board's size by the stretch, tilts by the swing, and on the flange by the turn."""
+        """Bound each margin's change: distances and size by the travel, tilts by swing and turn."""
         r, d = self.board.radius, self.length_min
         grows = travel.stretch * r / (d * np.sqrt(max(d * d - r * r, 1e-12)))
         turned, still = travel.swing + travel.turn, travel.swing

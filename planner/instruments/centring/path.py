@@ -66,7 +66,7 @@ class PlannedPath:
 
 
 def read_planned_path(path: Path) -> PlannedPath:
-    """Read the way of the plan at ``path``.
+    """Read the planned path, with its poses and moves, from the plan at ``path``.
 
     Raises:
         InputError: no plan, no balls, poses of unlike length, or balls that follow each other with no way between.

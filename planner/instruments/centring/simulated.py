@@ -80,7 +80,7 @@ class SimulatedArm:
         raise LinkError("a simulated arm has no program of its own: leave out --follow")
 
     def release(self) -> None:
-        """Nothing waits."""
+        """Do nothing: no motion waits for a release here."""
 
     def stop(self) -> None:
         """It stands still anyway."""

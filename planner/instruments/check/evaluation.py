@@ -166,7 +166,7 @@ class CheckVerdict:
 
     @property
     def best(self) -> JudgedChange | None:
-        """The most likely change; ``None`` where none of them explains the readings as well as anything may."""
+        """The most likely change; ``None`` where none explains the readings as well as some change without a name."""
         return self.judged[0] if self.judged[0].lead >= self.anything_lead else None
 
     @property

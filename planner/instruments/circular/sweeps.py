@@ -51,7 +51,7 @@ class Sweep:
 
 
 def measured_circles(cell: Cell, names: Sequence[str]) -> tuple[MeasuredCircle, ...]:
-    """Return the circles of a cell that a plan names.
+    """Return the circles of a cell with these names, each with its fixture's ball.
 
     Raises:
         InputError: a circle that the cell does not have.

@@ -57,7 +57,7 @@ class UnloadedPoses:
 
     @classmethod
     def of(cls, plan: Plan) -> "UnloadedPoses":
-        """Return what a plan measures for the fit: mounting and validation poses left out."""
+        """Return the poses of a plan that the fit uses; mounting and validation poses are left out."""
         visits = [v for d in plan.drives for v in d.visits if v.role in FITTED]
         return cls(plan.cell, Samples.concatenate([Samples.at(v.q[None], v.mounting) for v in visits]))
 

@@ -76,7 +76,7 @@ def _left_out_parts(cell: Cell) -> list[str]:
 
 
 def describe_parked_joints(cell: Cell) -> tuple[str, ...]:
-    """Return a sentence with every joint that must stand still where the proof has it; none if all are driven."""
+    """Return the sentence that names all joints that must stand still, and where; none if every joint is driven."""
     if not cell.robot.parked:
         return ()
     together: dict[str, list[str]] = {}

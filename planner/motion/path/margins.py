@@ -131,7 +131,7 @@ class WorkspaceBounds:
         return self.workspace.margins(q), self.changes(spokes, far), far
 
     def changes(self, spokes: Array, far: Travel) -> Array:
-        """Return what each margin can lose in the neighbourhoods, (n, columns) [rad or m]."""
+        """Bound by how much each margin can fall within the neighbourhoods, (n, columns) [rad or m]."""
         cell, step = self.workspace.cell, np.abs(spokes)
         limits = step.max(axis=1)
         sums = [step[:, :, axes].sum(axis=2).max(axis=1) for axes, _ in cell.cable.sums]
@@ -147,7 +147,7 @@ class WorkspaceBounds:
 
 @dataclass(frozen=True)
 class BarPairs:
-    """The pairs of a part of the bar with another piece.
+    """Pairs of bodies of which one is a part of the bar.
 
     Attributes:
         pair: position of each among the scene's pairs, (m,) int.

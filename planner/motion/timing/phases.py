@@ -59,7 +59,7 @@ class Phases:
 
 
 def time_steps(steps: Steps, edge: Array, wait: Array) -> tuple[Phases, Array]:
-    """Time the steps between the ends ``edge`` [m], resting for ``wait`` [s] at each end (both (S+1,)).
+    """Time the steps that end at ``edge`` [m], with a rest of ``wait`` [s] at each end, both (S + 1,).
 
     Returns the phases and the time (S+1,) [s] of arrival at each end at which a step begins or ends, NaN at the others.
     """

@@ -109,7 +109,7 @@ def blend_corners(
     limits: Limits,
     tool_speed: ArrayLike = np.inf,
 ) -> tuple[Array, Array, Mask]:
-    """Return entry (m, N) and exit (m, N) [rad] of every blend and the stops (m,) that a trajectory will have.
+    """Return where each blend begins and ends, (m, N) [rad] each, and which corners (m,) the trajectory stops at.
 
     The driven path stays inside the triangles (entry, path point, exit) and on the straight legs between them: check
     these before timing. At stops, reversals and corners of radius 0 among them, both equal the path point.

@@ -59,7 +59,7 @@ class KrlMove(st.MotionStatement):
 
 @dataclass(frozen=True)
 class Bas(st.Statement):
-    """A call of BAS: which of its functions, and the argument or nothing."""
+    """A call of BAS: the name of its function, and the argument where there is one."""
 
     what: str
     value: str
