@@ -11,6 +11,10 @@ from planner.common.errors import NoSolutionError
 
 Progress = Callable[[str, int, int], None]
 """Called with the stage, how much of it is done, and of how much (0 where that is not known)."""
+StageProgress = Callable[[int, int], None]
+"""Called within one stage with how much of it is done, and of how much."""
+StageReport = Callable[[str], None]
+"""Called with each stage as it begins."""
 
 
 def no_progress(stage: str, done: int, of: int) -> None:
@@ -85,7 +89,7 @@ class Stages:
     seconds: dict[str, float] = field(default_factory=dict)
 
     @contextmanager
-    def stage(self, name: str) -> Iterator[Callable[[int, int], None]]:
+    def stage(self, name: str) -> Iterator[StageProgress]:
         """Time one stage; yields a callback for its progress (done, of)."""
         start = time.perf_counter()
         self.say(name, 0, 0)

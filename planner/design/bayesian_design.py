@@ -15,7 +15,7 @@ import numpy as np
 from planner.cell.cell import Cell
 from planner.common.determinism import even_positions, on_one_thread
 from planner.common.errors import NoSolutionError
-from planner.common.progress import UNLIMITED, TimeLimit
+from planner.common.progress import UNLIMITED, StageProgress, TimeLimit
 from planner.common.second_process import ForkedTask
 from planner.common.units import Array, to_mm
 from planner.design.assumptions import (
@@ -96,7 +96,6 @@ class BayesianPosterior:
 
 EXCHANGE_PASSES = 2  # through the chosen poses, in which each may give way to another
 FORESEEN_NUMBERS = (40, 80, 120, 200)  # [poses] of which the error is foreseen beside the number that is asked for
-Progress = Callable[[int, int], None]
 
 
 @dataclass(frozen=True)
@@ -202,7 +201,7 @@ def choose_bayesian_poses(
     cell: Cell,
     pool: PoseSet,
     poses: int | None,
-    progress: Progress | None = None,
+    progress: StageProgress | None = None,
     unknown: ExpectedErrors | None = None,
     until: float | None = None,
     limit: TimeLimit = UNLIMITED,
@@ -327,7 +326,7 @@ def _start_factors(unknown: ExpectedErrors) -> Array:
 
 
 def select_greedily(
-    posterior: BayesianPosterior, most: int, target: float, progress: Progress | None = None
+    posterior: BayesianPosterior, most: int, target: float, progress: StageProgress | None = None
 ) -> np.ndarray:
     """Take one candidate after the other into ``posterior``, always the one that leaves the smallest error.
 

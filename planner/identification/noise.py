@@ -50,6 +50,19 @@ class Whitener:
         each = np.broadcast_to(declared.gauge_variance, (len(samples), model.width))
         return cls(each, declared.robot_covariance, noise or Noise())
 
+    def noise_axes(self, block: slice, which: np.ndarray | slice = slice(None)) -> tuple[Array, Array, Array]:
+        """Return the axes in which the noise of gauge and joints do not mix, for the numbers ``block`` of readings.
+
+        With D the declared covariance of the gauge and S what the joints add, S v = ρ D v (Golub and Van Loan, 8.7).
+
+        Returns:
+            Variance of the joints over the gauge's, as declared, (n, b); axes, the columns of (n, b, b), of numbers
+            times ``unit``; unit (n, b), one over the gauge's standard deviations.
+        """
+        unit = 1 / np.sqrt(self.declared[which][:, block])
+        ratio, axes = np.linalg.eigh(self.shaken[which][:, block, block] * unit[:, :, None] * unit[:, None])
+        return np.maximum(ratio, 0.0), axes, unit
+
     @property
     def declared_rms(self) -> float:
         """Root mean square of the readings' errors by their declared noise [m]; rotations of a probe are left out."""
@@ -140,10 +153,9 @@ class _Spread:
     def of(cls, white: Whitener, residual: Array, block: slice) -> "_Spread":
         """Split the numbers ``block`` of every reading."""
         which = even_positions(len(residual), 20_000)  # samples that the likelihood looks at
-        unit = 1 / np.sqrt(white.declared[which][:, block])
-        ratio, axes = np.linalg.eigh(white.shaken[which][:, block, block] * unit[:, :, None] * unit[:, None])
+        ratio, axes, unit = white.noise_axes(block, which)
         turned = np.einsum("nij,ni->nj", axes, residual[which][:, block] * unit)
-        return cls((turned**2).ravel(), np.maximum(ratio, 0.0).ravel())
+        return cls((turned**2).ravel(), ratio.ravel())
 
     def slope(self, logs: Array) -> tuple[Array, Array]:
         """Gradient and expected curvature of minus twice the log likelihood of (log gauge, log joints)."""

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from planner.cell.cell import Cell
 from planner.common.determinism import on_one_thread
 from planner.common.errors import InputError
+from planner.common.progress import StageReport
 from planner.design.assumptions import TRACEABLE_READINGS
 from planner.effects.compliance import JOINT_COMPLIANCE
 from planner.identification.artifact_pose import use_declared_pose
@@ -15,7 +16,7 @@ from planner.identification.cross_validation import split_run, validate_fit
 from planner.identification.identifiable_parameters import choose_parameters, parameters_of_groups
 from planner.identification.least_squares import Fit
 from planner.identification.run_setup import add_motion, check_pull, locate_gauge, number_samples, setup_for_run
-from planner.identification.stages import FitContext, Progress, Tracer, add_declared_stages, add_stage_if_gain
+from planner.identification.stages import FitContext, Tracer, add_declared_stages, add_stage_if_gain
 from planner.model.identification_document import Metrics, ReleaseBasis
 from planner.model.model import Model
 from planner.runs.run import Run
@@ -48,7 +49,7 @@ def identify(
     cell: Cell,
     validation: Run | None = None,
     settings: FitSettings | None = None,
-    say: Progress = lambda _: None,
+    say: StageReport = lambda _: None,
     tracer: Tracer | None = None,
 ) -> Calibration:
     """Identify the robot of a run; with a ``tracer`` what the geometry leaves is traced to its causes.

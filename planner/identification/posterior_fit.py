@@ -356,17 +356,15 @@ class IndependentReadings:
         """Linearise about errors (P,)."""
         linear = problem.linear(slice(0, len(problem)), errors)
         rows, y = linear.rows * problem.prior, linear.residual + linear.rows @ errors
-        declared, shaken = problem.whitener.declared, problem.whitener.shaken
         columns, targets, noise = [], [], []
         width = rows.shape[1]
         for start in range(0, width, 3):
             block = slice(start, min(start + 3, width))
-            unit = 1 / np.sqrt(declared[:, block])
-            ratio, axes = np.linalg.eigh(shaken[:, block, block] * unit[:, :, None] * unit[:, None])
+            ratio, axes, unit = problem.whitener.noise_axes(block)
             turn = np.einsum("nji,nj->nij", axes, unit)
             columns.append((turn @ rows[:, block]).reshape(-1, rows.shape[2]))
             targets.append(np.einsum("nij,nj->ni", turn, y[:, block]).ravel())
             part = np.zeros((ratio.size, 2 if width <= 3 else 3))
-            part[:, 2 if start else 0], part[:, 1] = 1.0, np.maximum(ratio, 0.0).ravel()
+            part[:, 2 if start else 0], part[:, 1] = 1.0, ratio.ravel()
             noise.append(part)
         return cls(np.concatenate(columns), np.concatenate(targets), np.concatenate(noise))

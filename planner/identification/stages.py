@@ -8,6 +8,7 @@ import numpy as np
 from planner.cell.placement import Targets
 from planner.common.arrays import mean_by_group
 from planner.common.determinism import even_positions
+from planner.common.progress import StageReport
 from planner.common.units import MM, Array
 from planner.effects.context import Context
 from planner.effects.effect import Parameter
@@ -144,8 +145,7 @@ class _Piece:
     targets: Targets
 
 
-Progress = Callable[[str], None]
-Tracer = Callable[[FittedStage, FitContext, Progress], tuple[list[FittedStage], TracingResult]]
+Tracer = Callable[[FittedStage, FitContext, StageReport], tuple[list[FittedStage], TracingResult]]
 """From the fitted geometry, with what the cell declares beside it, to one stage for each effect, and what was found."""
 
 
@@ -174,7 +174,7 @@ def error_reduction(before: Array, after: Array, split: Split) -> tuple[float, f
 
 
 def add_declared_stages(
-    stages: list[FittedStage], free: FittedParameters, effects: tuple[str, ...], context: FitContext, say: Progress
+    stages: list[FittedStage], free: FittedParameters, effects: tuple[str, ...], context: FitContext, say: StageReport
 ) -> tuple[list[FittedStage], list[str]]:
     """Add a stage for each effect that the cell declares; return the stages and warnings.
 

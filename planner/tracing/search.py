@@ -8,6 +8,7 @@ from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
+from planner.common.progress import StageReport
 from planner.effects.catalogue import Excitation
 from planner.effects.effect import Effect, Role
 from planner.effects.nonparametric import GEAR_CURVE, nonparametric_effects
@@ -24,7 +25,7 @@ from planner.tracing.assumptions import (
 from planner.tracing.candidate_ranking import rank_candidates
 from planner.tracing.change_points import rank_changes, relocate_steps, series_merit, step_series
 from planner.tracing.effect_scores import EffectScore, ScoreTest
-from planner.tracing.search_context import Progress, SearchContext, without_effects
+from planner.tracing.search_context import SearchContext, without_effects
 from planner.tracing.significance import LOG_SIGNIFICANCE, held_out_gain, rejection_reason
 from planner.tracing.state import FittedEffect, SearchState, number_repeat
 from planner.tracing.transmission_error import all_gear_curves, effects_beside_curve, likeliest_curve
@@ -208,7 +209,7 @@ class SearchResult:
         return self.path[-1]
 
 
-def search(start: SearchState, effects: Sequence[Effect], fit_context: FitContext, report: Progress) -> SearchResult:
+def search(start: SearchState, effects: Sequence[Effect], fit_context: FitContext, report: StageReport) -> SearchResult:
     """Trace the residual of ``start`` to effects of the catalogue."""
     test = ScoreTest.of(start.fit)
     dictionary = test.lay_out([(e, value) for e in effects for value in e.grid])

@@ -1,12 +1,13 @@
 """What every step of the search needs: the dictionary, what fits and judges, and what was refused so far."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from threading import Lock
 
 import numpy as np
 
 from planner.common.errors import NoSolutionError
+from planner.common.progress import StageReport
 from planner.effects.effect import Effect, Parameter, Role
 from planner.effects.steps import Steppable
 from planner.identification.stages import FitContext
@@ -16,8 +17,6 @@ from planner.tracing.effect_scores import EffectScore, ScoreTest
 from planner.tracing.linear_refit import LinearState, changes_compliance
 from planner.tracing.significance import LOG_SIGNIFICANCE, screening_correlation_time, variance_inflations, wald_log_p
 from planner.tracing.state import LINK_MASSES, FittedEffect, SearchState
-
-Progress = Callable[[str], None]
 
 
 @dataclass
@@ -53,7 +52,7 @@ class SearchContext:
     effects: tuple[Effect, ...]
     dictionary: EffectDictionary
     fit_context: FitContext
-    report: Progress
+    report: StageReport
     steppables: tuple[Steppable, ...] = ()
     rejected: RejectedEffects = field(default_factory=RejectedEffects)
     excluded: set[str] = field(default_factory=set)

@@ -7,6 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from planner.common.progress import StageReport
 from planner.common.units import MM, Array, display_unit, format_value
 from planner.design.assumptions import LOG_LIKELIHOOD_EVIDENCE
 from planner.effects.catalogue import catalogue
@@ -31,7 +32,7 @@ from planner.tracing.candidate_ranking import scores_beside, with_link_masses
 from planner.tracing.change_points import change_sample, locate_step, score_steps, session_ends
 from planner.tracing.effect_scores import LEAST_SHARE, EffectScore, ScoreTest
 from planner.tracing.search import SearchResult, search
-from planner.tracing.search_context import Progress, SearchContext
+from planner.tracing.search_context import SearchContext
 from planner.tracing.significance import LOG_SIGNIFICANCE, own_gains, variance_inflation, wald_log_p
 from planner.tracing.state import FittedEffect, SearchState
 from planner.tracing.stated_set_up import covariance_beside, stated_set_up
@@ -241,7 +242,9 @@ def slip_of_the_pen(read: float, wanted: float, tolerance: float) -> str:
     return ""
 
 
-def trace(geometry: FittedStage, fit_context: FitContext, report: Progress) -> tuple[list[FittedStage], TracingResult]:
+def trace(
+    geometry: FittedStage, fit_context: FitContext, report: StageReport
+) -> tuple[list[FittedStage], TracingResult]:
     """Trace what the geometry leaves, and the effects that stand beside it; return the stages that came, and findings.
 
     A kind of effect that is in the model already is not looked for again.

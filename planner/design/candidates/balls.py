@@ -9,10 +9,11 @@ import numpy as np
 from planner.cell.cell import Cell
 from planner.cell.workspace import SAFETY_MARGIN, Workspace
 from planner.common.errors import NoSolutionError
+from planner.common.progress import StageProgress
 from planner.common.sequences import sobol_points
 from planner.common.units import Array, read_only, to_mm
 from planner.design.assumptions import BALL_MARGIN, CHANCE_OF_A_LED_ARM, LEAST_SINGULAR_VALUE, TURN_MARGIN_SIGMAS
-from planner.design.candidates.pool import Funnel, PoseSet, Progress
+from planner.design.candidates.pool import Funnel, PoseSet
 from planner.kinematics.inverse_kinematics import POINT_TOLERANCE, smallest_singular_value, solve_point_ik
 from planner.model.model import Model
 from planner.motion.collision.engines import CollisionWorld
@@ -132,7 +133,7 @@ class SocketFunnel(BallFunnel):
     )
 
 
-def draw_ball_candidates(cell: Cell, count: int, seed: int = 0, progress: Progress | None = None) -> PoseSet:
+def draw_ball_candidates(cell: Cell, count: int, seed: int = 0, progress: StageProgress | None = None) -> PoseSet:
     """Draw ``count`` candidates, shared evenly by the balls, or what the rounds allow.
 
     Raises:

@@ -1,6 +1,6 @@
 """Draws candidates until there are enough, and counts what every filter leaves."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import astuple, dataclass
 from typing import ClassVar, Self
@@ -11,7 +11,7 @@ from planner.cell.cell import Cell
 from planner.cell.gauge_types import JointSamples
 from planner.cell.workspace import SAFETY_MARGIN, Workspace
 from planner.common.errors import InputError, NoSolutionError
-from planner.common.progress import UNLIMITED, LastStart, TimeLimit
+from planner.common.progress import UNLIMITED, LastStart, StageProgress, TimeLimit
 from planner.common.second_process import available_threads
 from planner.common.units import Array
 from planner.motion.collision.engines import CollisionWorld
@@ -19,7 +19,6 @@ from planner.runs.run import Mounting, Samples
 
 MOST_ROUNDS = 80  # of 20 million samples together: then nothing more is drawn
 DRAWS = (1 << 14, 1 << 18)  # samples of the other joints in the first round, and at most: each doubles the last
-Progress = Callable[[int, int], None]
 
 
 @dataclass(frozen=True)
@@ -86,7 +85,7 @@ def draw_candidates(
     cell: Cell,
     count: int,
     seed: int = 0,
-    progress: Progress | None = None,
+    progress: StageProgress | None = None,
     limit: TimeLimit = UNLIMITED,
 ) -> PoseSet:
     """Draw ``count`` candidates, shared evenly by the fixtures and tool points, or what the rounds allow.
@@ -114,7 +113,7 @@ def draw_candidates(
 
 
 def _draw_at(
-    cell: Cell, mounting: Mounting, count: int, seed: int, progress: Progress | None, limit: TimeLimit
+    cell: Cell, mounting: Mounting, count: int, seed: int, progress: StageProgress | None, limit: TimeLimit
 ) -> tuple[Array, Funnel]:
     world, workspace = CollisionWorld.from_cell(cell, mounting), Workspace(cell, mounting)
     found: list[Array] = []
