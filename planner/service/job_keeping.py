@@ -8,7 +8,7 @@ import logging
 import sqlite3
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Sequence
 from typing import Annotated
 
 from pydantic import Field
@@ -64,11 +64,11 @@ class JobKeeper:
         if not self._records.refresh(now=True):
             raise KeptJobError("the records of robots are being read, and may cite it; try again in a moment")
         with self._db.write() as db:
-            job = self._jobs.get(id)
-            reason = _reason_to_keep(db, job)
+            job, named_by = self._jobs.get(id), _named_by(db, id)
+            reason = _reason_to_keep(db, job, named_by)
             if reason:
                 raise KeptJobError(f"the {job.kind} {id} cannot be deleted: {reason}")
-            gone = [id, *_views_of(db, id)]
+            gone = [id, *(other["id"] for other in named_by if other["task"])]
             contents = {c for one in gone for c in _contents(db, one)}
             for one in gone:
                 for table in ("events", "outputs", "inputs"):
@@ -113,15 +113,15 @@ class JobKeeper:
         return True
 
 
-def _reason_to_keep(db: sqlite3.Connection, job: JobRecord) -> str:
-    """Return what needs a job; empty where nothing does."""
+def _reason_to_keep(db: sqlite3.Connection, job: JobRecord, named_by: Sequence[sqlite3.Row]) -> str:
+    """Return what needs a job, of the jobs that name it or else; empty where nothing does."""
     if not job.ended:
         return f"it is {job.state}; cancel it first"
     cited = "SELECT serial FROM outputs JOIN recorded ON document_sha256 = sha256 WHERE job = ? LIMIT 1"
     row = db.execute(cited, (job.id,)).fetchone()
     if row is not None:
         return f"the record of the robot {row['serial']} cites it"
-    for other in _named_by(db, job.id):
+    for other in named_by:
         if not other["task"]:
             return f"the {other['kind']} {other['id']} starts from it; delete that first"
         if other["state"] in ("queued", "running"):
@@ -129,13 +129,10 @@ def _reason_to_keep(db: sqlite3.Connection, job: JobRecord) -> str:
     return ""
 
 
-def _named_by(db: sqlite3.Connection, id: str) -> Iterator[sqlite3.Row]:
-    """Yield the jobs whose requests name a job."""
-    yield from db.execute("SELECT id, kind, state, task FROM jobs WHERE id != ? AND instr(request, ?) > 0", (id, id))
-
-
-def _views_of(db: sqlite3.Connection, id: str) -> list[str]:
-    return [row["id"] for row in _named_by(db, id) if row["task"]]
+def _named_by(db: sqlite3.Connection, id: str) -> list[sqlite3.Row]:
+    """Return the jobs whose requests name a job: all requests are looked through."""
+    query = "SELECT id, kind, state, task FROM jobs WHERE id != ? AND instr(request, ?) > 0"
+    return db.execute(query, (id, id)).fetchall()
 
 
 def _contents(db: sqlite3.Connection, id: str) -> list[str]:
