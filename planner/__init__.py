@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 __version__ = "0.1.0"
 
-if TYPE_CHECKING:  # for type checkers and editors, those of the shipped extensions among them
+if TYPE_CHECKING:  # for type checkers and editors
     from planner.cell.cell import Cell as Cell
     from planner.cell.reading import load_cell as load_cell
     from planner.common.result import Plot as Plot
@@ -27,13 +27,7 @@ if TYPE_CHECKING:  # for type checkers and editors, those of the shipped extensi
     from planner.kinematics.robot_reader import load_robot as load_robot
     from planner.runs.loader import load_run as load_run
     from planner.runs.run import Run as Run
-    from planner.studies.cell_study import StudyResult as StudyResult
-    from planner.studies.cell_study import study as study
-    from planner.workflow.checking import CheckPlanResult as CheckPlanResult
-    from planner.workflow.checking import CheckResult as CheckResult
-    from planner.workflow.checking import check as check
-    from planner.workflow.checking import plan_check as plan_check
-    from planner.workflow.circle_results import CircularPlanResult as CircularPlanResult
+    from planner.wings.names import *  # noqa: F403  (extensions say what they give)
     from planner.workflow.compensation import CompensationResult as CompensationResult
     from planner.workflow.compensation import compensate as compensate
     from planner.workflow.identification import CalibrationResult as CalibrationResult
@@ -44,7 +38,6 @@ if TYPE_CHECKING:  # for type checkers and editors, those of the shipped extensi
     from planner.workflow.plan_use import export as export
     from planner.workflow.plan_use import simulate as simulate
     from planner.workflow.planning import plan as plan
-    from planner.workflow.recording import record as record
 
 _MODULES = {
     "cell.cell": ("Cell",),

@@ -1,0 +1,10 @@
+# Names that shipped extensions give to ``planner``, for type checkers and editors; see ``register_names``.
+
+from planner.studies.cell_study import StudyResult as StudyResult
+from planner.studies.cell_study import study as study
+from planner.workflow.checking import CheckPlanResult as CheckPlanResult
+from planner.workflow.checking import CheckResult as CheckResult
+from planner.workflow.checking import check as check
+from planner.workflow.checking import plan_check as plan_check
+from planner.workflow.circle_results import CircularPlanResult as CircularPlanResult
+from planner.workflow.recording import record as record

@@ -1,0 +1,76 @@
+"""Which tests are of the core: those that need no module of an extension, themselves or by what they import."""
+
+import ast
+import shutil
+from functools import cache
+
+from tests.wings.installation import ROOT, WINGS, files_of, install_without, run_in
+
+ROOMS = (
+    "cell", "cli", "common", "compensation", "design", "effects", "gauges", "identification", "kinematics", "motion",
+    "programs", "report", "runs", "simulation", "tracing", "workflow",
+)  # fmt: skip
+
+
+def _module_files(name, names=()):
+    """The files that an import of a module, and of names from it, may read."""
+    base = ROOT.joinpath(*name.split("."))
+    tried = [base.with_suffix(".py"), base / "__init__.py", *((base / n).with_suffix(".py") for n in names)]
+    return {path for path in tried if path.is_file()}
+
+
+def _is_ours(name):
+    return name.partition(".")[0] in ("planner", "tests")
+
+
+@cache
+def _needs(path):
+    """The files of planner and tests that a file imports or names in a text, and the settings that pytest reads."""
+    found = set()
+    for node in ast.walk(ast.parse(path.read_text())):
+        match node:
+            case ast.ImportFrom(module=str(module), names=names) if _is_ours(module):
+                found |= _module_files(module, [n.name for n in names])
+            case ast.Import(names=names):
+                found |= {f for n in names if _is_ours(n.name) for f in _module_files(n.name)}
+            case ast.Constant(value=str(text)) if text.startswith("planner."):
+                module = text.partition(":")[0]
+                found |= _module_files(module) | _module_files(module.rpartition(".")[0])
+    settings = (folder / "conftest.py" for folder in path.parents if folder.is_relative_to(ROOT / "tests"))
+    return found | {f for f in settings if f.is_file() and path.name != "conftest.py"}
+
+
+def _reached(path):
+    """All files of tests that a test imports, and the modules of the planner that these name."""
+    seen, open_ = set(), [path]
+    while open_:
+        file = open_.pop()
+        if file not in seen:
+            seen.add(file)
+            open_ += _needs(file) if file.is_relative_to(ROOT / "tests") else ()
+    return seen
+
+
+def core_tests(*wings):
+    """The tests of the core's rooms that name no module of these extensions, as paths from the root."""
+    taken = {f for wing in wings for f in files_of(wing)}
+    tests = [path for room in ROOMS for path in sorted((ROOT / "tests" / room).rglob("test_*.py"))]
+    return [str(path.relative_to(ROOT)) for path in tests if not taken & _reached(path)]
+
+
+def install_with_tests(folder, *wings):
+    """Copy the package without some extensions, and with its tests and what they read; return the environment."""
+    environment = install_without(folder, *wings)
+    for name in ("tests", "docs", "examples"):
+        shutil.copytree(ROOT / name, folder / name, ignore=shutil.ignore_patterns("__pycache__"))
+    for name in ("pyproject.toml", "README.md", "CHANGELOG.md"):
+        shutil.copy(ROOT / name, folder / name)
+    return environment
+
+
+def run_tests(folder, environment, tests, *words):
+    """Run tests in an installation, in one process."""
+    return run_in(folder, environment, "-m", "pytest", "-n", 0, "-p", "no:cacheprovider", *words, *tests)
+
+
+__all__ = ["ROOMS", "WINGS", "core_tests", "install_with_tests", "run_tests"]

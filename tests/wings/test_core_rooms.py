@@ -1,0 +1,50 @@
+"""The core's tests pass in an installation without an extension: none of its rooms needs one."""
+
+import re
+
+import pytest
+
+from tests.wings.core_rooms import ROOMS, WINGS, core_tests, install_with_tests, run_tests
+
+QUICK = ("tests/cell/test_model.py", "tests/common/", "tests/kinematics/test_axes.py", "tests/runs/")
+SPREAD = 8  # every so many of the core's tests are run of each extension that is left out, another part of each
+
+
+@pytest.fixture(scope="module")
+def without_any(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("core")
+    return folder, install_with_tests(folder, *WINGS)
+
+
+def test_hardly_any_test_of_the_cores_rooms_needs_an_extension():
+    every, left = core_tests(), core_tests(*WINGS)
+    assert {t.split("/")[1] for t in left} == set(ROOMS)
+    assert len(left) > 0.95 * len(every)
+
+
+def test_the_cores_tests_are_collected_and_the_quick_ones_pass_without_any_extension(without_any):
+    tests = core_tests(*WINGS)
+    done = run_tests(*without_any, tests, "--collect-only")
+    assert done.returncode == 0, done.stdout[-2000:]
+    quick = [t for t in tests if t.startswith(QUICK)]
+    done = run_tests(*without_any, quick)
+    assert done.returncode == 0, done.stdout[-3000:]
+    assert int(re.search(r"(\d+) passed", done.stdout)[1]) > 100
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("wing", WINGS)
+def test_the_cores_rooms_pass_without_one_extension(tmp_path, wing):
+    """Each extension is left out for a part of the tests of every room, all together for all of them."""
+    environment = install_with_tests(tmp_path, wing)
+    tests = core_tests(wing)
+    assert run_tests(tmp_path, environment, tests, "--collect-only").returncode == 0
+    done = run_tests(tmp_path, environment, tests[sorted(WINGS).index(wing) :: SPREAD])
+    assert done.returncode == 0, done.stdout[-3000:]
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("room", ROOMS)
+def test_every_room_of_the_core_passes_without_any_extension(without_any, room):
+    done = run_tests(*without_any, [t for t in core_tests(*WINGS) if t.split("/")[1] == room])
+    assert done.returncode == 0, done.stdout[-3000:]
