@@ -225,12 +225,12 @@ def fit(problem: FitProblem, robust: bool = False, start: Array | None = None, f
         solution = solve(few, errors, ROUGHLY_CONVERGED_SIGMAS)
         errors = solution.errors
         weight = _weights(few, errors) if robust else few.weight
-        shrunk = _prior_share(solution)
+        shrinkage = _shrinkage(solution)
         # 0.05: relative change of noise and factors up to which leverages of a large problem hold
         if change > 0.05 or not _is_large(few):
             leverage = _leverage(few, solution)
         noise = estimate_noise(few.whitener, few.residual(errors) * np.sqrt(weight)[:, None], leverage)
-        model = few.model.with_prior(prior * prior_factors(few.model, prior, errors, shrunk))
+        model = few.model.with_prior(prior * prior_factors(few.model, prior, errors, shrinkage))
         change = max(
             _change(noise, few.whitener.noise), float(np.max(np.abs(model.prior / few.prior - 1), initial=0.0))
         )
@@ -241,7 +241,7 @@ def fit(problem: FitProblem, robust: bool = False, start: Array | None = None, f
     if long and robust and errors is not None:
         whole = replace(whole, weight=_weights(whole, errors))
     solution = solve(whole, errors)
-    return Fit(whole, solution, float((1 - _prior_share(solution)).sum()), _outliers(whole, solution))
+    return Fit(whole, solution, float((1 - _shrinkage(solution)).sum()), _outliers(whole, solution))
 
 
 def subset_size(model: Model, samples: int) -> int:
@@ -262,8 +262,8 @@ def _leverage(problem: FitProblem, solution: Solution) -> Array:
     return np.concatenate(list(problem.over_pieces(one)))
 
 
-def _prior_share(solution: Solution) -> Array:
-    """Share of each parameter's prior variance that is left after the readings, (P,), 0 … 1."""
+def _shrinkage(solution: Solution) -> Array:
+    """Return the shrinkage of each parameter towards its prior, σ²(posterior) / σ²(prior), (P,), 0 … 1."""
     return np.asarray((solution.inverse**2).sum(axis=1))
 
 
@@ -275,14 +275,14 @@ def prior_groups(model: Model) -> Iterator[list[int]]:
             yield [j for j, other in enumerate(labels) if other == label]
 
 
-def prior_factors(model: Model, prior: Array, errors: Array, shrunk: Array) -> Array:
+def prior_factors(model: Model, prior: Array, errors: Array, shrinkage: Array) -> Array:
     """Factor of each prior size at which the run is likeliest: Σ z² over the number of well-decided parameters.
 
     One decided parameter's worth of the prior itself (factor 1) is added, so that few or faint ones keep it.
     """
     out = np.ones(len(prior))
     for which in prior_groups(model):
-        decided = float((1 - shrunk[which]).sum())
+        decided = float((1 - shrinkage[which]).sum())
         square = (float(((errors[which] / prior[which]) ** 2).sum()) + 1.0) / (decided + 1.0)
         out[which] = np.clip(np.sqrt(square), *PRIOR_FACTORS)
     return out

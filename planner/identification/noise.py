@@ -114,7 +114,7 @@ def estimate_noise(white: Whitener, residual: Array, leverage: Array) -> Noise:
         return white.noise
     residual = residual / np.sqrt(np.maximum(1.0 - leverage, LEAST_NOISE_SHARE))
     spread = _Spread.of(white, residual, slice(0, 3))
-    one = float(np.sqrt((spread.square / (1 + spread.ratio)).mean()))
+    one = float(np.sqrt((spread.square / (1 + spread.variance_ratio)).mean()))
     if dof < ENOUGH_FREEDOM:
         return Noise(one, one, one)
     joints = _two(spread, one)
@@ -143,11 +143,11 @@ def _two(spread: "_Spread", one: float) -> Noise:
 class _Spread:
     """Residuals in axes in which gauge and joints do not mix.
 
-    ``square`` (m,) squared residuals, ``ratio`` (m,) the joints' variance over the gauge's, as declared.
+    ``square`` (m,) squared residuals; ``variance_ratio`` (m,): noise variance of the joints over the gauge's.
     """
 
     square: Array
-    ratio: Array
+    variance_ratio: Array
 
     @classmethod
     def of(cls, white: Whitener, residual: Array, block: slice) -> "_Spread":
@@ -160,8 +160,8 @@ class _Spread:
     def slope(self, logs: Array) -> tuple[Array, Array]:
         """Gradient and expected curvature of minus twice the log likelihood of (log gauge, log joints)."""
         a, b = np.exp(2 * logs)
-        variance = a + b * self.ratio
-        parts = 2 * np.stack([a / variance, b * self.ratio / variance])
+        variance = a + b * self.variance_ratio
+        parts = 2 * np.stack([a / variance, b * self.variance_ratio / variance])
         return parts @ (1 - self.square / variance), parts @ parts.T
 
     def gauge_beside(self, joints: float) -> float:
