@@ -10,6 +10,7 @@ import pytest
 from planner.cell.file import CellFile
 from planner.cell.reading import cell_of, load_cell
 from planner.common.errors import InputError
+from planner.common.progress import Stages
 from planner.common.schema import read_toml
 from planner.common.units import DEG
 from planner.identification.pipeline import identify
@@ -20,7 +21,9 @@ from planner.model.model import Model
 from planner.runs.loader import load_run
 from planner.runs.run import Samples
 from planner.runs.writer import save_run
+from planner.session.options import PlanOptions
 from planner.workflow.fit_overview import fit_overview
+from planner.workflow.planning import plan_cell
 from tests.gauges.inclinometer import RANGE, InclineReadings, Inclinometer
 
 SHIPPED = load_cell("comau-nj130/edbb").path.read_text()
@@ -115,3 +118,18 @@ def test_a_simulated_run_is_identified(cell, run):
     table = pl.read_csv(residuals_csv(found).encode())
     assert {"incline_deg", "residual_mrad", "held_out_mrad"} <= set(table.columns)
     assert np.sqrt(np.mean(table["held_out_mrad"].to_numpy() ** 2)) == pytest.approx(1e3 * after, rel=1e-3)
+
+
+def test_it_is_planned(cell):
+    """Chosen poses show more of the robot than as many candidates at random, and no set shows more than the bound."""
+    plan = plan_cell(
+        replace(cell, plan=replace(cell.plan, candidates=1500)), PlanOptions(poses=40, index="O1"), Stages()
+    )
+    assert plan.choice.certificate.verified
+    assert plan.choice.certificate.value >= plan.choice.on_grid_value
+    any_forty = np.random.default_rng(0).permutation(len(plan.pool))[:40]
+    rows = plan.choice.model.rows(plan.pool.take(any_forty).samples)[:, 0]
+    singular = np.linalg.svd(rows, compute_uv=False)
+    assert plan.choice.value > 1.2 * np.exp(np.log(singular).mean()) / np.sqrt(40)
+    assert sum(v.role == "calibrate" for d in plan.drives for v in d.visits) == 40
+    assert plan.programs
