@@ -14,11 +14,6 @@ errors are rms over the workspace, after one alignment of the base [mm].
 
 import argparse
 import json
-import os
-import re
-import resource
-import subprocess
-import sys
 import time
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -33,6 +28,7 @@ from planner.kinematics.robot_reader import list_robots, load_robot
 from planner.model.tool_error import uniform_states
 from planner.motion.path.constraints import Constraints
 from planner.workflow.identification import identify
+from tests.benchmarks.other_arms import CURE, run_command
 from tests.benchmarks.true_arms import TrueArm, aligned_distance, readable_urdf, true_flange
 
 GAUGES = ("tracker", "draw-wire", "ball-socket", "edbb")
@@ -76,7 +72,6 @@ PLACED = {
     "[artifact]\nposition_mm = [{x:.0f}, {left:.0f}, {z:.0f}]\n[plan]\nposes = 60\n" + BALLS,
 }
 TRIED, DRAWN = 2000, 400  # states among which a home is looked for; states that tell the reach
-CURE = re.compile(r"never_meet = \[\[.*\]\]")  # of links whose crude bodies touch, as a refused cell is told
 CURED = """schema = "edbb-robot/1"
 name = "{name}"
 convention = "urdf"
@@ -161,12 +156,8 @@ def write_cell(arm: Arm, kind: str, path: Path) -> Path:
 
 def time_plan(case: Case, cell: Path, out: Path, limit: float) -> bool:
     """Plan in a process of its own, and note what it cost and how it ended; tell whether there is a plan."""
-    start, before = time.perf_counter(), resource.getrusage(resource.RUSAGE_CHILDREN)
-    command = [sys.executable, "-m", "planner.cli", "plan", str(cell), "-o", str(out), "--time-limit", str(limit)]
-    done = subprocess.run([*command, "--force"], check=False, capture_output=True, text=True, env=os.environ)
-    after = resource.getrusage(resource.RUSAGE_CHILDREN)
-    case.plan_wall = time.perf_counter() - start
-    case.plan_cpu = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+    words = "plan", cell, "-o", out, "--time-limit", limit, "--force"
+    case.plan_cpu, case.plan_wall, done = run_command(*words)
     timings = out / "timings.json"
     case.stages = json.loads(timings.read_text()) if timings.is_file() else {}
     ends = {0: "whole", 5: "cut short"}
