@@ -128,7 +128,7 @@ def test_each_protocol_of_a_gauge_is_small(protocol):
 def test_no_import_goes_past_the_public_modules_of_a_room():
     public, used, wrong = public_modules(), set(), []
     assert {folder[0] for folder in public} == set(ORDER), "every room lists its public modules"
-    for path in ROOT.rglob("*.py"):
+    for path in (*ROOT.rglob("*.py"), *ROOT.rglob("*.pyi")):
         for parts in imported_modules(path):
             if room_of(path) == parts[0]:
                 continue
@@ -157,19 +157,45 @@ IRREGULAR = re.compile(
     "told|torn|understood|worn|written"
 )
 NO_PARTICIPLES = {"seed", "need", "feed", "speed"}
+PARTICLES = {
+    "again",
+    "apart",
+    "aside",
+    "away",
+    "down",
+    "from",
+    "in",
+    "into",
+    "of",
+    "off",
+    "on",
+    "out",
+    "over",
+    "to",
+    "together",
+    "up",
+    "with",
+}
 
 
 def test_no_function_is_named_by_a_participle_alone():
-    """A verb does (``solve_ik``), a noun is. Properties say what is so; validators and wrappers are not called."""
+    """A verb does (``solve_ik``), a noun is. Properties say what is so; validators and wrappers are not called.
+
+    Nor by one with ``out``, ``with`` or the like; a decorator may: it stands above what is so.
+    """
     free = ("property", "validator", "wraps", "setter")
+    decorators = {"called_with"}
     for path in ROOT.rglob("*.py"):
         for node in nodes_of(path):
-            if not isinstance(node, ast.FunctionDef) or any(
-                w in ast.unparse(d) for d in node.decorator_list for w in free
+            if (
+                not isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
+                or node.name in decorators
+                or any(w in ast.unparse(d) for d in node.decorator_list for w in free)
             ):
                 continue
-            word = node.name.strip("_")
-            bare = "_" not in word and word not in NO_PARTICIPLES and (word.endswith("ed") or IRREGULAR.fullmatch(word))
+            word, *others = node.name.strip("_").split("_")
+            alone = PARTICLES.issuperset(others) and word not in NO_PARTICIPLES
+            bare = alone and (word.endswith("ed") or IRREGULAR.fullmatch(word))
             assert not bare, f"{path}: {node.name}: name what it does, or what it returns"
 
 

@@ -233,7 +233,7 @@ def _predict_region(
     worth = max(1.0, time * len(seen) / (~test).sum())
     known = draw_posterior(before, run.take(seen), whole, background, worth, sweeps=SWEEPS).fit().fit
     there = FitProblem.of(known.model, run.take(unseen), _scale_noise(known.problem.whitener.noise, 1 / np.sqrt(worth)))
-    return HeldOutRegion(unseen, _held_out(there, known.errors, known.solution.root(known.problem.prior)))
+    return HeldOutRegion(unseen, _hold_out(there, known.errors, known.solution.root(known.problem.prior)))
 
 
 def predict_validation(known: Fit, run: Run, time: float) -> HeldOutReadings | None:
@@ -247,10 +247,10 @@ def predict_validation(known: Fit, run: Run, time: float) -> HeldOutReadings | N
     few = run.take(_worth_one_each(np.arange(len(run)), time if run.continuous else 1.0, model.width))
     noise = _scale_noise(known.problem.whitener.noise, 1 / np.sqrt(time))
     there = FitProblem.of(model, renumber_places(few, known.setup), noise)
-    return _held_out(there, known.errors[which], known.solution.root(known.problem.prior)[which])
+    return _hold_out(there, known.errors[which], known.solution.root(known.problem.prior)[which])
 
 
-def _held_out(there: FitProblem, errors: Array, root: Array) -> HeldOutReadings:
+def _hold_out(there: FitProblem, errors: Array, root: Array) -> HeldOutReadings:
     """Return what is left of positions with errors (P,), known by a root (P, k) of their covariance."""
     linear, width = there.linear(slice(0, len(there)), errors), min(POSITION_AXES, there.model.width)
     fitted, declared = (

@@ -1,3 +1,3 @@
 """Extensions that come with the planner, a module each; the core does without any of them, and knows no name of one."""
 
-__all__: list[str] = []
+__all__ = ["names"]
