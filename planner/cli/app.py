@@ -168,7 +168,8 @@ app = typer.Typer(
 def root(
     version: Annotated[bool, typer.Option("--version", help="print the version")] = False,
     server: Annotated[
-        str | None, typer.Option(metavar="URL", help="run the command on an edbb serve (token: EDBB_TOKEN)")
+        str | None,
+        typer.Option(metavar="URL", help="run the command on an edbb serve (EDBB_TOKEN, EDBB_TOKEN_FILE)"),
     ] = None,
 ) -> None:
     """Plans measurements that calibrate industrial robots with simple gauges, and identifies the robot."""

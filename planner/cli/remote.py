@@ -2,7 +2,6 @@
 
 import hashlib
 import json
-import os
 import re
 import sys
 import time
@@ -16,7 +15,7 @@ from urllib.parse import quote, urlencode
 from urllib.request import Request, urlopen
 
 from planner.cell.reading import load_cell
-from planner.cli.terminal import Screen, check_folder, errors
+from planner.cli.terminal import Screen, check_folder, environment_token, errors
 from planner.common.errors import InputError, MissingProgramError
 from planner.common.files import write_bytes
 from planner.common.result_folder import MANIFEST, draft_folder, move_all
@@ -231,10 +230,10 @@ def _write(files: dict[str, bytes], output: Path, verb: str, force: bool) -> str
 
 
 def run_on_server(url: str, words: Sequence[str]) -> int:
-    """Run a command on the service at an address, with the token in ``EDBB_TOKEN``; return its exit code.
+    """Run a command on the service at an address, with the token of the environment; return its exit code.
 
     Raises:
         InputError: the service refuses the command, or the results cannot be written.
         MissingProgramError: nobody answers.
     """
-    return run_remotely(Server(url.rstrip("/"), os.environ.get("EDBB_TOKEN", "")), words)
+    return run_remotely(Server(url.rstrip("/"), environment_token()), words)

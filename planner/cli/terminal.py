@@ -88,6 +88,23 @@ OutputFile = Annotated[
 ]
 
 
+def environment_token() -> str:
+    """Return the token of ``EDBB_TOKEN``, or of the file that ``EDBB_TOKEN_FILE`` names; empty where neither is set.
+
+    Raises:
+        InputError: the file cannot be read, or both are set.
+    """
+    token, file = os.environ.get("EDBB_TOKEN", ""), os.environ.get("EDBB_TOKEN_FILE", "")
+    if not file:
+        return token
+    if token:
+        raise InputError("EDBB_TOKEN and EDBB_TOKEN_FILE are both set; one of them is enough")
+    try:
+        return Path(file).read_text(encoding="utf-8").strip()
+    except (OSError, UnicodeDecodeError) as err:
+        raise InputError(f"EDBB_TOKEN_FILE={file}: cannot be read ({err})") from err
+
+
 def parse_folder(text: str) -> Path:
     """Return the folder that a person names; an empty name is no way to mean the current one."""
     if not text.strip():

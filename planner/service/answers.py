@@ -8,7 +8,7 @@ from pydantic import Field
 
 from planner.common.schema import StrictModel
 from planner.service.job_filter import State
-from planner.service.job_store import JobOutput, JobProblem, JobRecord
+from planner.service.job_record import JobOutput, JobProblem, JobRecord
 
 
 class StoredFile(StrictModel):
@@ -49,6 +49,7 @@ class Job(StrictModel):
     url: str
     note: str = Field("", description="what a person has written to it")
     archived: bool = Field(False, description="kept, and not in the list")
+    person: str = Field("", description="who asked for it; empty where nobody had to say")
 
 
 class RobotEntry(StrictModel):
@@ -107,6 +108,7 @@ def describe_job(job: JobRecord, outputs: list[JobOutput]) -> Job:
         url=url,
         note=job.note,
         archived=job.archived,
+        person=job.person,
     )
 
 

@@ -1,50 +1,97 @@
 """The command serve."""
 
 import os
+from collections.abc import Sequence
 from importlib import import_module
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 import typer
 
-from planner.cli.terminal import errors
+from planner.cli.terminal import environment_token, errors
 from planner.common.errors import InputError, MissingProgramError
-from planner.service.settings import GB
+from planner.service.settings import (
+    GB,
+    ProxySettings,
+    Quota,
+    Retention,
+    Role,
+    ServiceSettings,
+    default_folder,
+    machine_memory,
+    share_memory,
+)
+
+Words = Annotated[
+    list[str] | None,
+    typer.Argument(
+        metavar="ACTION",
+        help="backup FOLDER: copy the store, in use or not; restore FOLDER: bring a copy back; users ...: who may "
+        "log in (add NAME, list, passwd NAME, role NAME, remove NAME, token NAME, untoken NAME)",
+        show_default=False,
+    ),
+]
+Data = Annotated[
+    Path | None, typer.Option(metavar="DIR", help="where jobs and files are kept (default: ~/.local/share/edbb)")
+]
+Host = Annotated[str, typer.Option(help="address to listen on; beyond this machine people have to log in")]
+Port = Annotated[int, typer.Option(min=0, max=65535, help="0: any free one")]
+Names = Annotated[list[str] | None, typer.Option(help="a further name of this host; may be repeated")]
+Workers = Annotated[int | None, typer.Option(min=1, help="most jobs at a time (default: one a core)")]
+MemoryGb = Annotated[float | None, typer.Option(min=0.25, help="memory of one job")]
+Minutes = Annotated[float, typer.Option(min=0.05, help="time of one job")]
+KeepDays = Annotated[float | None, typer.Option(min=1, help="jobs that ended longer ago are deleted (default: none)")]
+KeepGb = Annotated[
+    float | None, typer.Option(min=0.1, help="the oldest jobs are deleted while files are larger (default: none)")
+]
+Proxy = Annotated[
+    list[str] | None,
+    typer.Option(metavar="ADDRESS", help="proxy or network of proxies whose X-Forwarded-For is believed"),
+]
+ProxyUser = Annotated[
+    str, typer.Option(metavar="HEADER", help="header in which that proxy names who has logged in there")
+]
+ProxyRole = Annotated[
+    Role | None, typer.Option(help="what people may do whom the proxy names and nobody added (default: nothing)")
+]
+PersonJobs = Annotated[int | None, typer.Option(min=1, help="most jobs of one person that wait or run")]
+PersonGb = Annotated[float | None, typer.Option(min=0.001, help="most files of one person")]
+RoleOption = Annotated[Role | None, typer.Option(help="users add, role: what the person may do (default: work)")]
+Label = Annotated[str, typer.Option(help="users token, untoken: what the token is for")]
+NoPassword = Annotated[bool, typer.Option("--no-password", help="users add: a token or a proxy lets the person in")]
 
 
 def serve_command(
-    what: Annotated[
-        Literal["backup", "restore"] | None,
-        typer.Argument(help="backup: copy the store, in use or not; restore: bring a copy back", show_default=False),
-    ] = None,
-    folder: Annotated[Path | None, typer.Argument(metavar="FOLDER", help="of the copy", show_default=False)] = None,
-    data: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="where jobs and files are kept (default: ~/.local/share/edbb)")
-    ] = None,
-    host: Annotated[str, typer.Option(help="address to listen on; beyond this machine EDBB_TOKEN must be set")] = (
-        "127.0.0.1"
-    ),
-    port: Annotated[int, typer.Option(min=0, max=65535, help="0: any free one")] = 8017,
-    name: Annotated[list[str] | None, typer.Option(help="a further name of this host; may be repeated")] = None,
-    workers: Annotated[int | None, typer.Option(min=1, help="most jobs at a time (default: one a core)")] = None,
-    memory_gb: Annotated[float | None, typer.Option(min=0.25, help="memory of one job")] = None,
-    minutes: Annotated[float, typer.Option(min=0.05, help="time of one job")] = 120.0,
-    keep_days: Annotated[
-        float | None, typer.Option(min=1, help="jobs that ended longer ago are deleted (default: none)")
-    ] = None,
-    keep_gb: Annotated[
-        float | None,
-        typer.Option(min=0.1, help="the oldest jobs are deleted while files are larger (default: none)"),
-    ] = None,
+    what: Words = None,
+    data: Data = None,
+    host: Host = "127.0.0.1",
+    port: Port = 8017,
+    name: Names = None,
+    workers: Workers = None,
+    memory_gb: MemoryGb = None,
+    minutes: Minutes = 120.0,
+    keep_days: KeepDays = None,
+    keep_gb: KeepGb = None,
+    proxy: Proxy = None,
+    proxy_user: ProxyUser = "",
+    proxy_role: ProxyRole = None,
+    person_jobs: PersonJobs = None,
+    person_gb: PersonGb = None,
+    role: RoleOption = None,
+    label: Label = "program",
+    no_password: NoPassword = False,
 ) -> None:
     """Serve the planner to browsers and programs: robots, plans, calibrations, as jobs that survive a crash."""
     import_service()
+    from planner.service.people_command import UserOptions, change_people
     from planner.service.serving import serve, start_notices
-    from planner.service.settings import Retention, ServiceSettings, default_folder, machine_memory, share_memory
 
-    store = (data or default_folder()).resolve()
-    if what is not None:
-        copy_store(what, folder, store)
+    store, words = (data or default_folder()).resolve(), what or []
+    if words and words[0] == "users":
+        change_people(words[1:], UserOptions(role, label, no_password), store, errors.print, typer.echo)
+        return
+    if words:
+        copy_store(words, store)
         return
     most = min(workers or os.cpu_count() or 1, os.cpu_count() or 1)
     shares = share_memory(most, None if memory_gb is None else int(memory_gb * GB), machine_memory())
@@ -55,11 +102,13 @@ def serve_command(
         host=host,
         port=port,
         names=tuple(name or ()),
-        token=os.environ.get("EDBB_TOKEN", ""),
+        token=environment_token(),
         workers=shares.workers,
         beside=shares.beside,
         limits=shares.limits(minutes * 60),
         kept=Retention.of(keep_days, keep_gb),
+        proxy=ProxySettings(tuple(proxy or ()), proxy_user, proxy_role),
+        quota=Quota(person_jobs, None if person_gb is None else int(person_gb * GB)),
     )
     serve(settings, lambda address: errors.print(f"serving at {address}, jobs and files in {settings.folder}"))
 
@@ -80,16 +129,21 @@ def import_service() -> None:
         ) from err
 
 
-def copy_store(what: Literal["backup", "restore"], folder: Path | None, store: Path) -> None:
+def copy_store(words: Sequence[str], store: Path) -> None:
     """Copy the store of a service into a folder, or bring such a copy back.
 
     Raises:
-        InputError: no folder is named, or one of the two is not what it should be.
+        InputError: the words say something else, or one of the two folders is not what it should be.
     """
     from planner.service.backup import back_up, restore
 
-    if folder is None:
-        raise InputError(f"edbb serve {what} FOLDER: name the folder of the copy")
+    what, folders = words[0], words[1:]
+    if what not in ("backup", "restore") or len(folders) != 1:
+        raise InputError(
+            f"edbb serve {' '.join(words)}: say 'backup FOLDER' or 'restore FOLDER' with the folder of the copy, or "
+            "'users list'"
+        )
+    folder = Path(folders[0])
     done = back_up(store, folder) if what == "backup" else restore(folder, store)
     where = f"copied to {folder}" if what == "backup" else f"brought back to {store}"
     errors.print(f"{done.jobs} jobs, {done.files} files and {done.robots} robots {where}")

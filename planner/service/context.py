@@ -6,21 +6,26 @@ import sqlite3
 import threading
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, cast
 
 from fastapi import Depends, Request
 
 from planner.service.answers import Job, describe_job
+from planner.service.callers import CALLER, CallerFinder
+from planner.service.deed_log import DeedLog
 from planner.service.file_store import FileStore, UploadList
+from planner.service.guesses import GuessLimit
 from planner.service.job_folder import JobFolder
-from planner.service.job_keeping import JobKeeper
+from planner.service.job_keeping import JobKeeper, QuotaError
+from planner.service.job_record import JobProblem, JobRecord
 from planner.service.job_request import JobRequest
-from planner.service.job_store import MOST_CRASHES, JobProblem, JobRecord, JobStore
+from planner.service.job_store import MOST_CRASHES, JobStore
+from planner.service.people import PeopleStore
 from planner.service.record_store import RecordStore
 from planner.service.runner import JobRunner
-from planner.service.settings import JobLimits, ServiceSettings
+from planner.service.settings import GB, JobLimits, ServiceSettings
 
 IDLE_S, TROUBLE_S = 0.5, 2.0  # [s] to the next look for a job; after a failure to take one
 LOG = logging.getLogger("edbb.service")
@@ -115,20 +120,47 @@ class ServiceContext:
     records: RecordStore
     keeper: JobKeeper
     supervisor: Supervisor
+    people: PeopleStore
+    guesses: GuessLimit
+    finder: CallerFinder
+    deeds: DeedLog
+    _submitting: threading.Lock = field(default_factory=threading.Lock)
 
     def submit(self, request: JobRequest) -> JobRecord:
-        """Accept a request as a job, and have it looked at; the same content is the same job.
+        """Accept a request as a job of whoever asks, and have it looked at; the same content is the same job.
 
         Raises:
             InputError: it names what is not there.
+            QuotaError: the person has as many jobs or files as one may.
         """
         self.files.check_room()
         folder = JobFolder(self.jobs, self.files, self.uploads)
         command = request.command(folder)
         title, text, robot = request.subject(folder), request.model_dump_json(), request.robot(folder)
-        job = self.jobs.submit(request.job_id(command), request.job_kind, title, text, command, robot)
+        id, person = request.job_id(command), CALLER.get().name
+        with self._submitting:  # nobody slips past the quota by asking often at the same moment
+            if not command.task and not self.jobs.is_accepted(id):
+                self.check_quota(person)
+            job = self.jobs.submit(id, request.job_kind, title, text, command, robot, person)
         self.supervisor.wake()
         return job
+
+    def check_quota(self, person: str, new_jobs: int = 1) -> None:
+        """Refuse more of a person who has as much as one may.
+
+        Raises:
+            QuotaError: the person has.
+        """
+        quota = self.settings.quota
+        if not person:
+            return
+        if quota.jobs is not None and (there := self.jobs.count_open(person)) + new_jobs > quota.jobs:
+            raise QuotaError(f"{there} jobs of {person} wait or run, as many as one person may have; wait, or stop one")
+        if quota.size_bytes is not None and (size := self.keeper.size_bytes(person)) > quota.size_bytes:
+            raise QuotaError(
+                f"the files of {person} take {size / GB:.3g} GB, more than the {quota.size_bytes / GB:.3g} GB that one "
+                "person may have; delete jobs that nobody needs"
+            )
 
     def describe(self, job: JobRecord) -> Job:
         """Return a job as the interface shows it."""

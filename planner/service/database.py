@@ -54,7 +54,20 @@ CREATE INDEX inputs_by_job ON inputs (job);
 CREATE INDEX inputs_by_content ON inputs (sha256);
 INSERT INTO inputs SELECT jobs.id, json_extract(value, '$.sha256') FROM jobs, json_each(jobs.command, '$.inputs');
 """
-MIGRATIONS = (FIRST, DEATHS, LISTS, KEEPING)
+PEOPLE = """
+CREATE TABLE people (name TEXT PRIMARY KEY, role TEXT NOT NULL, password TEXT NOT NULL, created REAL NOT NULL);
+CREATE TABLE tokens (
+    sha256 TEXT PRIMARY KEY, person TEXT NOT NULL, label TEXT NOT NULL, created REAL NOT NULL);
+CREATE TABLE sessions (sha256 TEXT PRIMARY KEY, person TEXT NOT NULL, opened REAL NOT NULL, seen REAL NOT NULL);
+CREATE TABLE deeds (
+    id INTEGER PRIMARY KEY AUTOINCREMENT, at REAL NOT NULL, person TEXT NOT NULL, address TEXT NOT NULL,
+    deed TEXT NOT NULL, subject TEXT NOT NULL, status INTEGER NOT NULL);
+CREATE INDEX deeds_by_person ON deeds (person, id);
+ALTER TABLE jobs ADD COLUMN person TEXT NOT NULL DEFAULT '';
+ALTER TABLE uploads ADD COLUMN person TEXT NOT NULL DEFAULT '';
+CREATE INDEX jobs_by_person ON jobs (person, created, id);
+"""
+MIGRATIONS = (FIRST, DEATHS, LISTS, KEEPING, PEOPLE)
 """Statements that lead from one version of the store to the next; the version is how many of them it has seen."""
 VERSION = len(MIGRATIONS)
 

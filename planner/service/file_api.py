@@ -16,6 +16,7 @@ from planner.common.errors import InputError
 from planner.kinematics.robot_reader import list_robots
 from planner.programs.dialect import dialects
 from planner.service.answers import CellEntry, DialectEntry, Health, RobotEntry, StoredFile
+from planner.service.callers import CALLER
 from planner.service.context import Context, ServiceContext
 from planner.service.file_store import FileStore
 from planner.service.job_folder import FileName, Sha256
@@ -120,8 +121,10 @@ async def receive_body(request: Request, files: FileStore, name: str, sha256: st
 
 
 async def _receive(request: Request, context: ServiceContext, name: str, sha256: str | None, kind: str) -> StoredFile:
+    person = CALLER.get().name
+    await run_in_threadpool(context.check_quota, person, 0)
     file = await receive_body(request, context.files, name, sha256)
-    await run_in_threadpool(context.uploads.add, file, kind)
+    await run_in_threadpool(context.uploads.add, file, kind, person)
     return file
 
 

@@ -172,11 +172,11 @@ class UploadList:
     def __init__(self, database: Database) -> None:
         self._db = database
 
-    def add(self, file: StoredFile, kind: str) -> None:
-        """Note a file; the same again changes nothing."""
+    def add(self, file: StoredFile, kind: str, person: str = "") -> None:
+        """Note a file that a person has sent; the same again changes nothing."""
         with self._db.write() as db:
-            row = (file.id, file.name, file.size, kind, time.time())
-            db.execute("INSERT OR IGNORE INTO uploads VALUES (?, ?, ?, ?, ?)", row)
+            row = (file.id, file.name, file.size, kind, time.time(), person)
+            db.execute("INSERT OR IGNORE INTO uploads VALUES (?, ?, ?, ?, ?, ?)", row)
 
     def list_files(self, kind: str, most: int = 200) -> list[StoredFile]:
         """Return the latest files of a kind."""

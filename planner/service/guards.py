@@ -1,24 +1,27 @@
 """What stands before every request: who may ask, how much may be sent, and what a browser may do with the answer."""
 
-import hashlib
-import hmac
 import ipaddress
+import logging
 import socket
-from http.cookies import CookieError, SimpleCookie
+import sqlite3
 from urllib.parse import urlsplit
 
+from starlette.concurrency import run_in_threadpool
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.exceptions import HTTPException
-from starlette.requests import Request
-from starlette.responses import RedirectResponse
+from starlette.responses import HTMLResponse, RedirectResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from planner.service.problems import ProblemResponse
-from planner.service.settings import LOOPBACK, ServiceSettings
+from planner.service.callers import CALLER, Caller, Refusal
+from planner.service.context import ServiceContext
+from planner.service.login import login_address
+from planner.service.problems import ProblemResponse, problem_of
+from planner.service.rendering import render
+from planner.service.settings import LOOPBACK, Role
 
 UPLOADS = ("/api/files", "/api/runs")
-OPEN = ("/login", "/static/")  # what is there without a token
-COOKIE = "edbb_session"
+OPEN = ("/login", "/logout", "/static/")  # what is there for everybody
+LOG = logging.getLogger("edbb.service")
 SAFE = ("GET", "HEAD", "OPTIONS")
 POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data: blob:; connect-src 'self'; "
@@ -45,17 +48,13 @@ class BodyTooLargeError(HTTPException):
         super().__init__(413, f"at most {most} bytes are taken")
 
 
-def session_cookie(token: str) -> str:
-    """Return what a browser keeps instead of the token."""
-    return hmac.new(token.encode(), b"edbb session", hashlib.sha256).hexdigest()
-
-
 class Guard:
-    """ASGI middleware: Host, Origin, token, size of the body, and headers of the answer."""
+    """ASGI middleware: Host, Origin, who asks, size of the body, headers of the answer, and the log of deeds."""
 
-    def __init__(self, app: ASGIApp, settings: ServiceSettings) -> None:
-        self._app, self._settings = app, settings
-        self._names = {n.lower() for n in (*LOOPBACK, *settings.names, settings.host, socket.gethostname())}
+    def __init__(self, app: ASGIApp, context: ServiceContext) -> None:
+        self._app, self._context, self._settings = app, context, context.settings
+        names = (*LOOPBACK, *self._settings.names, self._settings.host, socket.gethostname())
+        self._names = {n.lower() for n in names}
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Pass a request on, or refuse it."""
@@ -63,14 +62,39 @@ class Guard:
             await self._app(scope, receive, send)
             return
         guarded = self._add_headers(send)
-        refusal = self._refusal(scope)
-        if refusal is not None:
-            await refusal(scope, receive, guarded)
+        caller = self._refusal(scope) or self._find_caller(scope)
+        if isinstance(caller, Response):
+            await caller(scope, receive, guarded)
             return
-        await self._app(scope, _count_bytes(receive, self._most_body(scope)), guarded)
+        CALLER.set(caller)
+        if caller.unnoted:
+            await run_in_threadpool(self._context.people.note_use, caller.cookie)
+        answered: dict[str, str] = {}
+        await self._app(scope, _count_bytes(receive, self._most_body(scope)), _note_answer(guarded, answered))
+        if scope.get("edbb.deed") and answered:
+            await run_in_threadpool(self._note_deed, scope, caller, answered)
 
-    def _refusal(self, scope: Scope) -> ProblemResponse | RedirectResponse | None:
-        headers, path = Headers(scope=scope), str(scope["path"])
+    def _find_caller(self, scope: Scope) -> Caller | Response:
+        """Return who asks, or the answer to somebody who is not known."""
+        try:
+            found = self._context.finder.find(scope)
+        except sqlite3.Error as err:
+            return problem_of(err)
+        if isinstance(found, Refusal):
+            return _refuse(scope, found) or Caller(role=Role.LOOK, address=found.address)
+        return found
+
+    def _note_deed(self, scope: Scope, caller: Caller, answered: dict[str, str]) -> None:
+        person, status = scope.get("edbb.person", caller.name), int(answered["status"])
+        deed = "tried to log in" if scope["path"] == "/login" and status >= 400 else scope["edbb.deed"]
+        try:
+            self._context.deeds.add(person, caller.address, deed, answered.get("location") or scope["path"], status)
+        except sqlite3.Error as err:
+            LOG.error("%s: '%s' could not be noted: %s", person, deed, err)
+
+    def _refusal(self, scope: Scope) -> Response | None:
+        """Return why a request is refused whoever sends it."""
+        headers = Headers(scope=scope)
         host = headers.get("host", "")
         if not self._is_known(host):
             return ProblemResponse(421, "this service is not known by that name; see edbb serve --name")
@@ -82,13 +106,7 @@ class Guard:
         length = headers.get("content-length", "0")
         if not length.isdigit() or int(length) > self._most_body(scope):
             return ProblemResponse(413, f"at most {self._most_body(scope)} bytes are taken")
-        if self._is_allowed(headers) or path.startswith(OPEN):
-            return None
-        if path.startswith("/api/") or scope["method"] not in SAFE:
-            answer = ProblemResponse(401, "a token is needed: the header 'Authorization: Bearer …'")
-            answer.headers["www-authenticate"] = "Bearer"
-            return answer
-        return RedirectResponse("/login", 303)
+        return None
 
     def _is_known(self, host: str) -> bool:
         """An address cannot be pointed elsewhere by a foreign name server; a name must be one of ours."""
@@ -98,19 +116,6 @@ class Guard:
         except ValueError:
             return host.partition(":")[0].lower() in self._names
         return True
-
-    def _is_allowed(self, headers: Headers) -> bool:
-        token = self._settings.token
-        if not token:
-            return True
-        scheme, _, given = headers.get("authorization", "").partition(" ")
-        if scheme.lower() == "bearer" and hmac.compare_digest(given.strip().encode(), token.encode()):
-            return True
-        try:
-            kept = SimpleCookie(headers.get("cookie", "")).get(COOKIE)
-        except CookieError:
-            return False
-        return kept is not None and hmac.compare_digest(kept.value.encode(), session_cookie(token).encode())
 
     def _most_body(self, scope: Scope) -> int:
         # 1 << 20: bytes of any body but an upload's
@@ -154,6 +159,38 @@ def _count_bytes(receive: Receive, most: int) -> Receive:
     return receive_some
 
 
-def is_secure(request: Request) -> bool:
-    """Tell whether the browser came by TLS, itself or up to a proxy on this machine."""
-    return request.url.scheme == "https" or request.headers.get("x-forwarded-proto") == "https"
+def _refuse(scope: Scope, refusal: Refusal) -> Response | None:
+    """Return the answer to somebody who is not known; nothing where everybody may go."""
+    path = str(scope["path"])
+    if path.startswith(OPEN):
+        return None
+    answer: Response
+    if path.startswith("/api/") or scope["method"] not in SAFE or path == "/metrics":
+        words = "; a program sends the header 'Authorization: Bearer …'" if refusal.status == 401 else ""
+        answer = ProblemResponse(refusal.status, f"{refusal.words}{words}")
+    elif refusal.status == 401:
+        return RedirectResponse(login_address(path), 303)
+    else:
+        answer = _problem_page(refusal)
+    if refusal.status == 401:
+        answer.headers["www-authenticate"] = "Bearer"
+    if refusal.wait_s:
+        answer.headers["retry-after"] = f"{refusal.wait_s:.0f}"
+    return answer
+
+
+def _problem_page(refusal: Refusal) -> HTMLResponse:
+    return render("problem", refusal.status, detail=f"{refusal.words[:1].upper()}{refusal.words[1:]}.")
+
+
+def _note_answer(send: Send, answered: dict[str, str]) -> Send:
+    """Pass an answer on, and keep its status and where it leads."""
+
+    async def pass_on(message: Message) -> None:
+        if message["type"] == "http.response.start":
+            answered["status"] = str(message["status"])
+            leads = Headers(raw=message["headers"]).get("location", "")
+            answered["location"] = leads if message["status"] < 300 else ""
+        await send(message)
+
+    return pass_on

@@ -13,16 +13,19 @@ from starlette.concurrency import run_in_threadpool
 from starlette.exceptions import HTTPException
 
 from planner.common.schema import StrictModel
+from planner.service.access import submit_path
 from planner.service.answers import Job
+from planner.service.callers import CALLER
 from planner.service.context import Context, ServiceContext
 from planner.service.file_api import file_answer
 from planner.service.guards import REPORT_POLICY
 from planner.service.job_filter import JobFilter, JobPlace, State
 from planner.service.job_folder import JobId
 from planner.service.job_keeping import JobChanges
+from planner.service.job_record import JobEvent, JobOutput, JobRecord
 from planner.service.job_request import JobRequest
 from planner.service.job_requests import REQUESTS
-from planner.service.job_store import JobEvent, JobOutput, JobRecord, JobStore
+from planner.service.job_store import JobStore
 from planner.service.problems import Problem
 
 JOBS = APIRouter(prefix="/api", tags=["jobs"])
@@ -30,7 +33,6 @@ Kind = Literal[
     "plan", "plan-view", "cell-check", "run-check", "simulation", "export", "study", "identification", "validation",
     "compensation", "error-map", "command", "check-plan", "check", "fixture-view",
 ]  # fmt: skip
-PLURALS = {"study": "studies"}
 LIST_MOST = 1000  # entries of a page of a list
 
 
@@ -40,6 +42,7 @@ class JobPage(StrictModel):
     kind: Kind | None = None
     state: State | None = None
     robot: Annotated[str, Field(max_length=100)] | None = Field(None, description="model of the robot")
+    person: Annotated[str, Field(max_length=64)] | None = Field(None, description="who asked for it")
     q: str = Field("", max_length=200, description="text that the title has")
     since: AwareDatetime | None = Field(None, description="submitted then or later")
     until: AwareDatetime | None = Field(None, description="submitted before")
@@ -52,7 +55,8 @@ class JobPage(StrictModel):
     def wanted(self) -> JobFilter:
         """The jobs that are asked for."""
         since, until = (None if t is None else t.timestamp() for t in (self.since, self.until))
-        return JobFilter(self.kind, self.state, self.robot, self.q, since, until, self.tasks, self.archived)
+        shown = (self.tasks, self.archived, self.person)
+        return JobFilter(self.kind, self.state, self.robot, self.q, since, until, *shown)
 
 
 def next_link(request: Request, place: str) -> str:
@@ -76,14 +80,14 @@ def _submit_route(request_type: type[JobRequest]) -> Callable[..., Job]:
 
 for _kind, _type in REQUESTS.items():
     JOBS.add_api_route(
-        f"/{PLURALS.get(_kind, f'{_kind}s')}",
+        submit_path(_kind),
         _submit_route(_type),
         methods=["POST"],
         status_code=202,
         response_model=Job,
         name=f"submit {_kind}",
         operation_id=f"submit_{_kind.replace('-', '_')}",
-        responses={404: {"model": Problem}, 409: {"model": Problem}},
+        responses={404: {"model": Problem}, 409: {"model": Problem}, 429: {"model": Problem}},
     )
 
 
@@ -108,18 +112,21 @@ async def get_job(id: JobId, context: Context) -> Job:
 @JOBS.patch("/jobs/{id}", responses={404: {"model": Problem}})
 def change_job(id: JobId, changes: JobChanges, context: Context) -> Job:
     """Give a job another title or a note, or put it aside; what is not given stays."""
+    CALLER.get().check_owner(context.jobs.get(id).person)
     return context.describe(context.keeper.change(id, changes))
 
 
 @JOBS.delete("/jobs/{id}", status_code=204, responses={404: {"model": Problem}, 409: {"model": Problem}})
 def delete_job(id: JobId, context: Context) -> None:
     """Delete a job with what only it needs: its files, and the views of pages that start from it."""
+    CALLER.get().check_owner(context.jobs.get(id).person)
     context.keeper.delete(id)
 
 
 @JOBS.post("/jobs/{id}/cancel", responses={404: {"model": Problem}})
 def cancel_job(id: JobId, context: Context) -> Job:
     """Stop a job; what has ended stays as it is."""
+    CALLER.get().check_owner(context.jobs.get(id).person)
     return context.describe(context.jobs.cancel(id))
 
 

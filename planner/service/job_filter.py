@@ -45,6 +45,7 @@ class JobFilter:
         kind: of the job; without one the short tasks of pages are left out, unless ``tasks`` says otherwise.
         state: how far it is.
         robot: model of the robot.
+        person: who asked for it.
         text: stands in title or note.
         since, until: when it was submitted [s since 1970].
         tasks: whether the tasks of pages (views, checks of cells) are in the list of all kinds.
@@ -59,6 +60,7 @@ class JobFilter:
     until: float | None = None
     tasks: bool = False
     archived: bool | None = None
+    person: str | None = None
 
     def condition(self) -> tuple[str, tuple[object, ...]]:
         """Return the condition of a query, and the values of its places."""
@@ -66,6 +68,7 @@ class JobFilter:
             ("kind = ?", self.kind), ("state = ?", self.state), ("robot = ?", self.robot), ("created >= ?", self.since),
             ("created < ?", self.until), ("instr(lower(title || ' ' || note), ?) > 0", self.text.lower() or None),
             ("task = ?", None if self.kind or self.tasks else 0), ("archived = ?", self.archived),
+            ("person = ?", self.person),
         ]  # fmt: skip
         given = [(text, value) for text, value in parts if value is not None]
         return " AND ".join(["1", *(text for text, _ in given)]), tuple(value for _, value in given)

@@ -10,7 +10,8 @@ from planner.common.errors import InputError
 from planner.common.schema import StrictModel
 from planner.runs.run import SIMULATED
 from planner.service.file_store import FileStore, UploadList
-from planner.service.job_store import JobInput, JobStore
+from planner.service.job_record import JobInput
+from planner.service.job_store import JobStore
 
 Sha256 = Annotated[str, Field(pattern="^[0-9a-f]{64}$", description="identifier of an uploaded file")]
 JobId = Annotated[str, Field(pattern="^[0-9a-f]{24}$", description="identifier of a job")]

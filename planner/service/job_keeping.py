@@ -17,7 +17,8 @@ from planner.common.errors import InputError
 from planner.common.schema import StrictModel
 from planner.service.database import Database
 from planner.service.file_store import FileStore
-from planner.service.job_store import JobRecord, JobStore
+from planner.service.job_record import JobRecord
+from planner.service.job_store import JobStore
 from planner.service.record_index import RecordIndex
 from planner.service.settings import DAY_S, Retention
 
@@ -26,6 +27,10 @@ LOG = logging.getLogger("edbb.service")
 
 class KeptJobError(InputError):
     """A job cannot be deleted, as something needs it."""
+
+
+class QuotaError(InputError):
+    """A person has as much as one may."""
 
 
 class JobChanges(StrictModel):
@@ -95,10 +100,14 @@ class JobKeeper:
                 count += self._try_delete(id)
         return count
 
-    def size_bytes(self) -> int:
-        """Return the size of all files that jobs have written and people have sent [bytes]."""
-        query = "SELECT sum(size) FROM (SELECT sha256, size FROM outputs UNION SELECT sha256, size FROM uploads)"
-        return int(self._db.read(query)[0][0] or 0)
+    def size_bytes(self, person: str | None = None) -> int:
+        """Return the size of all files that jobs have written and people have sent [bytes]; of one person or of all."""
+        sent, written = "SELECT sha256, size FROM uploads", "SELECT sha256, size FROM outputs"
+        values: tuple[str, ...] = ()
+        if person is not None:
+            written = f"{written} JOIN jobs ON jobs.id = job WHERE jobs.person = ?"
+            sent, values = f"{sent} WHERE person = ?", (person, person)
+        return int(self._db.read(f"SELECT sum(size) FROM ({written} UNION {sent})", *values)[0][0] or 0)
 
     def _ended_before(self, moment: float, tasks: bool = False) -> list[str]:
         """Return the jobs that ended before a moment [s since 1970] and are not archived, the oldest first."""

@@ -22,7 +22,7 @@ from planner.common.errors import PlannerError
 from planner.common.files import INPUTS, data_folder
 from planner.common.system import die_with, give_way, limit_process
 from planner.service.file_store import copy_checked
-from planner.service.job_store import JobCommand
+from planner.service.job_record import JobCommand
 from planner.service.settings import GB, JobLimits
 
 DAMAGED = 66  # exit code: a file of the store is not what it was; the request is not to blame

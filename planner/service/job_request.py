@@ -11,7 +11,7 @@ from planner import __version__
 from planner.common.calls import JobFile, ServedField
 from planner.common.schema import StrictModel
 from planner.service.job_folder import FileReference, JobFolder, JobId
-from planner.service.job_store import JobCommand
+from planner.service.job_record import JobCommand
 
 CellReference = Annotated[
     str,

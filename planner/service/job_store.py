@@ -4,15 +4,15 @@ import json
 import sqlite3
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import fields
 
 from pydantic import TypeAdapter
-from pydantic.dataclasses import dataclass as model
 
 from planner import __version__
 from planner.common.errors import InputError
 from planner.service.database import Database
 from planner.service.job_filter import JobFilter, JobPlace, State
+from planner.service.job_record import JobCommand, JobEvent, JobOutput, JobProblem, JobRecord
 from planner.service.owner import is_gone, own_name
 
 
@@ -23,104 +23,6 @@ class UnknownJobError(InputError):
 LEASE_S = 20.0  # [s] that a job is a server's after it was last heard of
 MOST_CRASHES = 3  # of a command, after which it is the job's fault
 MOST_DEATHS = 20  # of servers while they ran a job: a machine that is switched off often is no fault of the job's
-TRIED_AGAIN = (None, 1, 4)  # exit codes after which the same request may succeed: killed, a mistake, a missing program
-
-
-@model(frozen=True)
-class JobInput:
-    """A file of the store, laid into the folder of the job under a name."""
-
-    name: str
-    sha256: str
-
-
-@model(frozen=True)
-class JobCommand:
-    """What a job runs: words after ``edbb``, or a ``task`` of the service."""
-
-    words: tuple[str, ...]
-    inputs: tuple[JobInput, ...] = ()
-    task: bool = False
-
-    def option(self, name: str) -> str | None:
-        """Return the word of an option, ``None`` where it is not given."""
-        words = (w.partition("=") for w in self.words)
-        after = dict(zip(self.words, self.words[1:], strict=False)).get(name)
-        return next((value for key, equals, value in words if equals and key == name), after)
-
-    def calibrated_inputs(self) -> dict[str, str]:
-        """Return the inputs that a calibrated robot is, hash by name; jobs of earlier versions call it a baseline."""
-        return self.inputs_of("--model") or self.inputs_of("--baseline")
-
-    def inputs_of(self, option: str) -> dict[str, str]:
-        """Return the inputs that an option names, hash by name: its file, or what lies in its folder."""
-        place = f"{self.option(option)}"
-        return {
-            i.name.rpartition("/")[2] if i.name == place else i.name[len(place) + 1 :]: i.sha256
-            for i in self.inputs
-            if i.name == place or i.name.startswith(f"{place}/")
-        }
-
-
-@model(frozen=True)
-class JobOutput:
-    """A file that a job has written."""
-
-    name: str
-    sha256: str
-    size: int
-
-
-@model(frozen=True)
-class JobProblem:
-    """Why a job has no result, as the command line says it."""
-
-    title: str
-    detail: str
-    exit_code: int | None = None
-
-
-@dataclass(frozen=True)
-class JobRecord:
-    """A job as it stands in the store; times in seconds since 1970."""
-
-    id: str
-    kind: str
-    title: str
-    robot: str
-    request: str
-    command: JobCommand
-    state: State
-    fence: int
-    crashes: int
-    cancelled: bool
-    stage: str
-    done: int
-    total: int
-    created: float
-    started: float | None
-    finished: float | None
-    exit_code: int | None
-    problem: JobProblem | None
-    version: str
-    note: str
-    archived: bool
-
-    @property
-    def ended(self) -> bool:
-        """Whether nothing more happens to it."""
-        return self.state in ("done", "failed", "cancelled")
-
-
-@dataclass(frozen=True)
-class JobEvent:
-    """Something that happened to a job; numbers rise over all jobs."""
-
-    id: int
-    job: str
-    kind: str
-    content: str
-    at: float
 
 
 COMMAND, PROBLEM = TypeAdapter(JobCommand), TypeAdapter(JobProblem)
@@ -133,26 +35,28 @@ class JobStore:
         self._db, self._owner = database, own_name()
         self._leases: dict[str, tuple[float, float]] = {}  # of each running job: its lease, and since when it is that
 
-    def submit(self, id: str, kind: str, title: str, request: str, command: JobCommand, robot: str = "") -> JobRecord:
+    def submit(
+        self, id: str, kind: str, title: str, request: str, command: JobCommand, robot: str = "", person: str = ""
+    ) -> JobRecord:
         """Accept a job, or return the one of the same content; one that was cancelled or crashed is tried again.
 
-        ``robot``: the model of robot that it is of, where that is known.
+        ``robot``: the model of robot that it is of, where that is known; ``person``: who asks for it.
         """
         with self._db.write() as db:
             found = self._find(id)
             if found is None:
                 db.execute(
-                    "INSERT INTO jobs (id, kind, title, request, command, task, robot, state, created, version)"
-                    " VALUES (?, ?, ?, ?, ?, ?, ?, 'queued', ?, ?)",
-                    (id, kind, title, request, _text(command), command.task, robot, time.time(), __version__),
+                    "INSERT INTO jobs (id, kind, title, request, command, task, robot, person, state, created, version)"
+                    " VALUES (?, ?, ?, ?, ?, ?, ?, ?, 'queued', ?, ?)",
+                    (id, kind, title, request, _text(command), command.task, robot, person, time.time(), __version__),
                 )
                 db.executemany("INSERT INTO inputs VALUES (?, ?)", [(id, i.sha256) for i in command.inputs])
                 _tell(db, id, "queued", {})
-            elif found.state == "cancelled" or (found.state == "failed" and found.exit_code in TRIED_AGAIN):
+            elif found.is_tried_again:
                 db.execute(
                     "UPDATE jobs SET state = 'queued', crashes = 0, deaths = 0, cancelled = 0, problem = '',"
-                    " exit_code = NULL, finished = NULL, stage = '', done = 0, total = 0 WHERE id = ?",
-                    (id,),
+                    " exit_code = NULL, finished = NULL, stage = '', done = 0, total = 0, person = ? WHERE id = ?",
+                    (person, id),
                 )
                 db.execute("DELETE FROM outputs WHERE job = ?", (id,))
                 db.execute("DELETE FROM events WHERE job = ?", (id,))  # who follows it must not meet the earlier end
@@ -295,6 +199,20 @@ class JobStore:
     def count(self, state: State) -> int:
         """Return how many jobs are in a state."""
         return int(self._db.read("SELECT count(*) FROM jobs WHERE state = ?", state)[0][0])
+
+    def is_accepted(self, id: str) -> bool:
+        """Tell whether a job is there that asking for it again does not start anew."""
+        found = self._find(id)
+        return found is not None and not found.is_tried_again
+
+    def count_open(self, person: str) -> int:
+        """Return how many jobs of a person wait or run, without the short tasks of pages."""
+        query = "SELECT count(*) FROM jobs WHERE state IN ('queued', 'running') AND person = ? AND task = 0"
+        return int(self._db.read(query, person)[0][0])
+
+    def people(self) -> list[str]:
+        """Return the names of all who have jobs."""
+        return [row[0] for row in self._db.read("SELECT DISTINCT person FROM jobs WHERE person != '' ORDER BY person")]
 
     def statistics(self) -> list[tuple[str, str, int]]:
         """Return the number of jobs of each kind and state."""

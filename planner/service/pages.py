@@ -1,6 +1,5 @@
 """The pages for the person at the cell: rendered here, brought to life by small scripts that come with the package."""
 
-import hmac
 import json
 import logging
 from dataclasses import dataclass
@@ -9,11 +8,10 @@ from functools import cache
 from pathlib import Path
 from typing import Annotated, get_args
 
-from fastapi import APIRouter, FastAPI, Form, Query, Request, Response
+from fastapi import APIRouter, FastAPI, Query, Request, Response
 from fastapi.exceptions import RequestValidationError
-from fastapi.responses import HTMLResponse, RedirectResponse
+from fastapi.responses import HTMLResponse
 
-from planner import __version__
 from planner.cell.file import CellFile
 from planner.cell.reading import load_cell, shipped_cells
 from planner.common.schema import read_json, read_toml
@@ -22,12 +20,10 @@ from planner.instruments.circular.document import CircularDocument
 from planner.instruments.record import CheckedChange, CheckFile
 from planner.model.finding_groups import percent
 from planner.model.identification_document import Identification
-from planner.report.page import template_environment
 from planner.service.answers import Job
 from planner.service.context import Context, ServiceContext
 from planner.service.declared_request import typed_options
 from planner.service.file_api import dialect_entries, robot_entries, robot_title
-from planner.service.guards import COOKIE, is_secure, session_cookie
 from planner.service.job_api import output_path
 from planner.service.job_filter import JobFilter, State
 from planner.service.job_folder import JobId, Sha256
@@ -52,6 +48,7 @@ from planner.service.record_api import (
     find_recorded,
 )
 from planner.service.record_index import RecordedEntry, RobotFilter
+from planner.service.rendering import ENVIRONMENT, render
 from planner.service.sheets import certificate_content, session_content
 from planner.session.document import PlanDocument, PlanHeader
 
@@ -80,19 +77,9 @@ class PlanChoice:
     baseline: str | None
 
 
-FOLDER = Path(__file__).parent
-STATIC = FOLDER / "static"
 PAGES = APIRouter(include_in_schema=False, default_response_class=HTMLResponse)
-ENVIRONMENT = template_environment(FOLDER / "templates")
-ENVIRONMENT.globals |= {
-    "version": __version__, "find_action": find_action, "finding_size": finding_size, "percent": percent,
-}  # fmt: skip
+ENVIRONMENT.globals |= {"find_action": find_action, "finding_size": finding_size, "percent": percent}
 ENVIRONMENT.globals["typed_options"] = typed_options
-
-
-def render(template: str, status: int = 200, /, **content: object) -> HTMLResponse:
-    """Return a page."""
-    return HTMLResponse(ENVIRONMENT.get_template(f"{template}.html.j2").render(status=status, **content), status)
 
 
 def add_problem_handlers(app: FastAPI) -> None:
@@ -147,29 +134,11 @@ def show_robot(serial: Serial, context: Context) -> HTMLResponse:
 
 
 @PAGES.get("/jobs")
-def show_jobs() -> HTMLResponse:
+def show_jobs(context: Context) -> HTMLResponse:
     """All jobs that a person looks for."""
     kinds = [kind for kind, request in REQUESTS.items() if not request.task]
-    return render("jobs", kinds=kinds, states=get_args(State), models=[r.name for r in robot_entries()])
-
-
-@PAGES.get("/login")
-def show_login() -> HTMLResponse:
-    """The form that asks for the token."""
-    return render("login", wrong=False)
-
-
-@PAGES.post("/login")
-def log_in(request: Request, context: Context, token: Annotated[str, Form(max_length=1000)] = "") -> Response:
-    """Give a browser its cookie."""
-    wanted = context.settings.token
-    if not wanted or not hmac.compare_digest(token.encode(), wanted.encode()):
-        return render("login", 401, wrong=True)
-    answer = RedirectResponse("/", 303)
-    answer.set_cookie(
-        COOKIE, session_cookie(wanted), max_age=30 * 86400, httponly=True, samesite="strict", secure=is_secure(request)
-    )
-    return answer
+    people = context.jobs.people()
+    return render("jobs", kinds=kinds, states=get_args(State), models=[r.name for r in robot_entries()], people=people)
 
 
 @PAGES.get("/cells/{robot}/{cell}")

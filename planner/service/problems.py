@@ -14,7 +14,7 @@ from planner.common.schema import StrictModel
 from planner.service.database import damage_text, is_damage
 from planner.service.file_store import DiskFullError
 from planner.service.job_folder import UnfinishedJobError
-from planner.service.job_keeping import KeptJobError
+from planner.service.job_keeping import KeptJobError, QuotaError
 from planner.service.job_store import UnknownJobError
 from planner.service.record_store import UnknownRecordError
 
@@ -26,6 +26,7 @@ STATUS: tuple[tuple[type[PlannerError], int], ...] = (
     (UnknownRecordError, 404),
     (UnfinishedJobError, 409),
     (KeptJobError, 409),
+    (QuotaError, 429),
     (NoSolutionError, 422),
     (MissingProgramError, 501),
     (PlannerError, 422),

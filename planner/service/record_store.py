@@ -13,7 +13,8 @@ from planner.common.system import hold_lock
 from planner.instruments.record import BESIDE, DOCUMENTS, Circumstances, RobotRecord, add_entry
 from planner.service.database import Database
 from planner.service.file_store import FileStore
-from planner.service.job_store import JobRecord, JobStore
+from planner.service.job_record import JobRecord
+from planner.service.job_store import JobStore
 from planner.service.record_index import RecordIndex
 
 

@@ -17,7 +17,8 @@ from planner.common.system import group_memory, kill_group, start_in_own_group
 from planner.service.file_store import FileStore
 from planner.service.job_filter import State
 from planner.service.job_process import DAMAGED, INPUT_FOLDER, RESULTS, SPECIFICATION, SPECIFICATIONS, JobSpecification
-from planner.service.job_store import LEASE_S, MOST_CRASHES, JobOutput, JobProblem, JobRecord, JobStore
+from planner.service.job_record import JobOutput, JobProblem, JobRecord
+from planner.service.job_store import LEASE_S, MOST_CRASHES, JobStore
 from planner.service.settings import GB, JobLimits
 
 
@@ -25,7 +26,7 @@ class ProcessGroup:
     """A process in a session of its own; what it prints goes into two files of its folder."""
 
     def __init__(self, module: str, folder: Path) -> None:
-        environment = {k: v for k, v in os.environ.items() if k != "EDBB_TOKEN"} | {
+        environment = {k: v for k, v in os.environ.items() if not k.startswith("EDBB_TOKEN")} | {
             "EDBB_PROGRESS": "json",
             "PYTHONUNBUFFERED": "1",
             "OMP_NUM_THREADS": "1",

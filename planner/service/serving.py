@@ -5,27 +5,35 @@ from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from typing import Any
 
-from fastapi import FastAPI
+from fastapi import Depends, FastAPI
 from fastapi.staticfiles import StaticFiles
 from starlette.types import ASGIApp
 
 from planner import __version__
 from planner.common.errors import InputError
+from planner.service.access import check_access, check_rules
+from planner.service.callers import CallerFinder
 from planner.service.context import ServiceContext, Supervisor
 from planner.service.database import Database, damage_text
+from planner.service.deed_log import DeedLog
+from planner.service.deeds import DEEDS
 from planner.service.file_api import FILES, LISTS
 from planner.service.file_store import FileStore, UploadList, disk_error
 from planner.service.guards import Guard
+from planner.service.guesses import GuessLimit
 from planner.service.job_api import EVENTS, JOBS
 from planner.service.job_keeping import JobKeeper, Sweeper
 from planner.service.job_process import confinement_version
 from planner.service.job_store import JobStore
+from planner.service.login import LOGIN
 from planner.service.methods import PlainMethods
 from planner.service.metrics import METRICS
-from planner.service.pages import PAGES, STATIC, add_problem_handlers
+from planner.service.pages import PAGES, add_problem_handlers
+from planner.service.people import PeopleStore
 from planner.service.problems import MEDIA_TYPE, Problem
 from planner.service.record_api import RECORDS
 from planner.service.record_store import RecordStore
+from planner.service.rendering import STATIC
 from planner.service.settings import GB, JobShares, ServiceSettings
 
 DESCRIPTION = (
@@ -36,8 +44,8 @@ PROBLEMS: dict[int | str, dict[str, Any]] = {
     code: {"model": Problem, "description": text}
     for code, text in (
         (400, "no JSON, or a broken body"),
-        (401, "a token is needed"),
-        (403, "another site asks"),
+        (401, "nobody has said who asks"),
+        (403, "another site asks, or the person may not do this"),
         (413, "more bytes than are taken"),
         (421, "the service is not known by that name"),
         (422, "the request or what it names is wrong"),
@@ -66,7 +74,11 @@ def build_context(settings: ServiceSettings) -> ServiceContext:
     supervisor = Supervisor(jobs, files, settings.folder, settings.workers, settings.limits, settings.beside)
     records = RecordStore(settings.folder, jobs, files, database)
     keeper = JobKeeper(database, jobs, files, records.index)
-    return ServiceContext(settings, jobs, files, UploadList(database), records, keeper, supervisor)
+    people, guesses = PeopleStore(database, settings.token), GuessLimit()
+    settings.check_door(people.exist())
+    finder, deeds = CallerFinder(settings, people, guesses), DeedLog(database)
+    uploads = UploadList(database)
+    return ServiceContext(settings, jobs, files, uploads, records, keeper, supervisor, people, guesses, finder, deeds)
 
 
 def build_app(context: ServiceContext) -> FastAPI:
@@ -91,11 +103,13 @@ def build_app(context: ServiceContext) -> FastAPI:
         redoc_url=None,
         openapi_url="/api/openapi.json",
         responses=PROBLEMS,
+        dependencies=[Depends(check_access)],
     )
     app.state.context = context
     add_problem_handlers(app)
-    for router in (JOBS, EVENTS, LISTS, FILES, RECORDS, METRICS, PAGES):
+    for router in (JOBS, EVENTS, LISTS, FILES, RECORDS, DEEDS, METRICS, LOGIN, PAGES):
         app.include_router(router)
+    check_rules(app)
     app.mount("/static", StaticFiles(directory=STATIC), name="static")
     describe = app.openapi
 
@@ -120,8 +134,9 @@ def _name_media_type(document: dict[str, Any]) -> dict[str, Any]:
 
 def guarded_app(settings: ServiceSettings) -> ASGIApp:
     """Return the application behind its guard."""
-    app = build_app(build_context(settings))
-    return Guard(PlainMethods(app, app), settings)
+    context = build_context(settings)
+    app = build_app(context)
+    return Guard(PlainMethods(app, app), context)
 
 
 def start_notices(workers: int | None, shares: JobShares) -> list[str]:
@@ -157,6 +172,7 @@ def serve(settings: ServiceSettings, announce: Callable[[str], None]) -> None:
         port=settings.port,
         log_level="warning",
         access_log=False,
+        proxy_headers=False,  # which proxies are believed is said by --proxy
         server_header=False,
         timeout_graceful_shutdown=3,  # [s] for open requests when the server stops
         limit_concurrency=1000,

@@ -1,7 +1,10 @@
 """Where the service listens, where it keeps its files, and what a job may use."""
 
+import ipaddress
 import os
+import re
 from dataclasses import dataclass, field
+from enum import StrEnum
 from pathlib import Path
 
 from planner.common.errors import InputError
@@ -45,6 +48,67 @@ class Retention:
         return self.age_s is not None or self.size_bytes is not None
 
 
+class Role(StrEnum):
+    """What a person may do; each may do what stands before it too."""
+
+    LOOK = "look"
+    WORK = "work"
+    ADMINISTER = "administer"
+
+    def covers(self, needed: "Role") -> bool:
+        """Tell whether this role may do what another one may."""
+        order = list(Role)
+        return order.index(self) >= order.index(needed)
+
+
+@dataclass(frozen=True)
+class ProxySettings:
+    """Proxies that stand before the service.
+
+    Attributes:
+        networks: addresses or networks of them; what they say of where a request came from is believed.
+        user_header: header in which they name who has logged in there; empty where they do not.
+        role: what those may do whom the service does not know by name; ``None``: nothing.
+    """
+
+    networks: tuple[str, ...] = ()
+    user_header: str = ""
+    role: Role | None = None
+
+    def __post_init__(self) -> None:
+        for network in self.networks:
+            try:
+                ipaddress.ip_network(network)
+            except ValueError as err:
+                raise InputError(f"--proxy {network}: an address or a network such as 10.0.0.0/24 is needed") from err
+        if self.user_header and not self.networks:
+            raise InputError("--proxy-user: name the proxy that is trusted, such as --proxy 127.0.0.1")
+        if not re.fullmatch(r"[A-Za-z0-9-]*", self.user_header):
+            raise InputError(f"--proxy-user {self.user_header}: a name of a header such as X-Forwarded-User is needed")
+
+    def trusts(self, address: str) -> bool:
+        """Tell whether an address is that of a trusted proxy."""
+        try:
+            parsed = ipaddress.ip_address(address)
+        except ValueError:
+            return False
+        mapped = parsed.ipv4_mapped if isinstance(parsed, ipaddress.IPv6Address) else None
+        return any((mapped or parsed) in ipaddress.ip_network(n) for n in self.networks)
+
+
+@dataclass(frozen=True)
+class Quota:
+    """What one person may have at a time; ``None``: as much as the machine has.
+
+    Attributes:
+        jobs: that wait or run.
+        size_bytes: of all files that the person's jobs have written and the person has sent.
+    """
+
+    jobs: int | None = None
+    size_bytes: int | None = None
+
+
 @dataclass(frozen=True)
 class ServiceSettings:
     """All that the service is told.
@@ -53,7 +117,9 @@ class ServiceSettings:
         folder: store of jobs and files.
         host, port: address to listen on.
         names: further names by which a browser may call this host.
-        token: demanded of every caller where it is not empty; never printed.
+        token: lets a program or a browser do everything, where it is not empty; never printed.
+        proxy: what stands before the service.
+        quota: of each person.
         workers: most commands at a time.
         beside: short tasks of a page that may run beside them.
         limits: of each job.
@@ -73,17 +139,27 @@ class ServiceSettings:
     most_upload: int = GB
     reserve: int = GB // 4
     kept: Retention = Retention()
+    proxy: ProxySettings = ProxySettings()
+    quota: Quota = Quota()
 
     def __post_init__(self) -> None:
         shortest_token = 16  # signs: shorter ones can be guessed
-        if self.host not in LOOPBACK and not self.token:
-            raise InputError(
-                f"--host {self.host}: on an address that others reach a token is demanded; set the environment "
-                f"variable {TOKEN_VARIABLE} to {shortest_token} signs or more, or listen on 127.0.0.1"
-            )
         if self.token and (len(self.token) < shortest_token or not self.token.isascii()):
             raise InputError(
                 f"{TOKEN_VARIABLE}: has {len(self.token)} signs; at least {shortest_token}, all of ASCII, are needed"
+            )
+
+    def check_door(self, people_known: bool) -> None:
+        """Refuse to serve others where nobody has to say who asks.
+
+        Raises:
+            InputError: nobody has to.
+        """
+        if self.host not in LOOPBACK and not (self.token or self.proxy.user_header or people_known):
+            raise InputError(
+                f"--host {self.host}: on an address that others reach people have to log in; name them "
+                f"(edbb serve users add NAME --role administer), set the environment variable {TOKEN_VARIABLE} "
+                f"(a long random word), or listen on 127.0.0.1"
             )
 
 

@@ -17,7 +17,8 @@ from planner.service.context import Supervisor
 from planner.service.database import Database
 from planner.service.file_store import FileStore
 from planner.service.job_filter import JobFilter
-from planner.service.job_store import JobCommand, JobStore
+from planner.service.job_record import JobCommand
+from planner.service.job_store import JobStore
 from planner.service.settings import JobLimits
 
 CHEAP = JobCommand(("--version",))  # the quickest command line there is

@@ -20,8 +20,9 @@ from planner.service import connections, file_api, job_store, serving
 from planner.service.database import Database
 from planner.service.file_store import FileStore
 from planner.service.job_process import DAMAGED
+from planner.service.job_record import JobCommand, JobInput
 from planner.service.job_requests import CommandRequest
-from planner.service.job_store import MOST_DEATHS, JobCommand, JobInput
+from planner.service.job_store import MOST_DEATHS
 from planner.service.serving import build_context, start_notices
 from planner.service.settings import GB, JobShares, share_memory
 from tests.service.conftest import client_of, ended, settings, upload

@@ -3,6 +3,7 @@
 import pytest
 
 from planner.common.errors import InputError
+from planner.service.serving import guarded_app
 from planner.service.settings import JobLimits, ServiceSettings
 from tests.service.conftest import AT_HOME, client_of, ended, upload
 
@@ -18,7 +19,7 @@ def locked(tmp_path_factory):
 
 def test_beyond_this_machine_a_token_is_demanded(tmp_path):
     with pytest.raises(InputError, match="EDBB_TOKEN"):
-        ServiceSettings(folder=tmp_path, host="0.0.0.0")
+        guarded_app(ServiceSettings(folder=tmp_path, host="0.0.0.0"))
     with pytest.raises(InputError, match="at least 16"):
         ServiceSettings(folder=tmp_path, token="short")
     assert TOKEN not in repr(ServiceSettings(folder=tmp_path, token=TOKEN))
@@ -52,7 +53,7 @@ def test_a_browser_logs_in_and_keeps_no_token(locked):
     cookie = right.headers["set-cookie"]
     assert right.status_code == 303
     assert "HttpOnly" in cookie
-    assert "SameSite=strict" in cookie
+    assert "SameSite=lax" in cookie
     assert TOKEN not in cookie
     assert locked.get("/").status_code == 200
     locked.cookies.clear()

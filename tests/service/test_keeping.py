@@ -16,7 +16,8 @@ from planner.service.database import Database
 from planner.service.file_store import FileStore
 from planner.service.job_filter import JobFilter
 from planner.service.job_keeping import JobKeeper, KeptJobError
-from planner.service.job_store import JobCommand, JobInput, JobOutput, JobStore
+from planner.service.job_record import JobCommand, JobInput, JobOutput
+from planner.service.job_store import JobStore
 from planner.service.record_index import RecordIndex
 from planner.service.settings import DAY_S, Retention
 from tests.command import edbb

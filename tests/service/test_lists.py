@@ -18,7 +18,8 @@ from planner.instruments.record import Circumstances, add_entry
 from planner.service.database import FIRST, VERSION, Database
 from planner.service.file_store import FileStore
 from planner.service.job_filter import JobFilter, JobPlace
-from planner.service.job_store import JobCommand, JobOutput, JobStore
+from planner.service.job_record import JobCommand, JobOutput
+from planner.service.job_store import JobStore
 from planner.service.record_index import LOOK_S, RecordIndex, RobotFilter
 from tests.instruments.check.fleet import NAME
 from tests.instruments.check.test_evaluation import judged

@@ -10,8 +10,8 @@ from scipy.stats import maxwell
 
 from planner.cell.reading import load_cell
 from planner.common.errors import InputError
+from planner.service.job_record import JobCommand, JobInput, JobOutput
 from planner.service.job_requests import CommandRequest
-from planner.service.job_store import JobCommand, JobInput, JobOutput
 from planner.service.page_content import GENERAL, find_action, plan_facts
 from planner.service.pages import render
 from planner.service.runner import SHIPPED

@@ -12,7 +12,7 @@ from planner.common.files import data_folder, document_text
 from planner.common.units import DEG
 from planner.instruments.check.results import verdict_content
 from planner.instruments.record import RobotRecord
-from planner.service.job_store import JobCommand, JobOutput
+from planner.service.job_record import JobCommand, JobOutput
 from tests.command import edbb
 from tests.instruments.check.fleet import NAME
 from tests.instruments.check.test_evaluation import judged

@@ -4,8 +4,8 @@ import pytest
 
 from planner.common.errors import InputError
 from planner.service.job_folder import JobFolder
+from planner.service.job_record import JobCommand, JobInput, JobOutput
 from planner.service.job_requests import REQUESTS
-from planner.service.job_store import JobCommand, JobInput, JobOutput
 from planner.service.serving import build_context
 from tests.service.conftest import settings
 

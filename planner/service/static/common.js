@@ -91,7 +91,9 @@ export function showFacts(list, facts) {
 const HELPERS = ["plan-view", "fixture-view", "error-map", "cell-check", "run-check", "simulation", "export"];
 export const isResult = (job) => !HELPERS.includes(job.kind);
 
-export const timeText = (iso) => `${iso.slice(0, 16).replace("T", " ")} UTC`;
+/** A time in the zone of whoever looks. */
+export const timeText = (iso) => new Date(iso).toLocaleString("en-GB", {
+  year: "numeric", month: "short", day: "2-digit", hour: "2-digit", minute: "2-digit", timeZoneName: "short" });
 
 export const sizeText = (bytes) => bytes > 1e6 ? `${(bytes / 1e6).toFixed(1)} MB` : `${Math.max(1, Math.round(bytes / 1e3))} kB`;
 

@@ -22,7 +22,7 @@ function tick(job) {
 
 const row = (j) => make("tr", {}, make("td", {}, tick(j)),
   make("th", { scope: "row" }, make("a", { href: `/jobs/${j.id}` }, j.kind)),
-  make("td", {}, j.title, j.note ? make("div", { className: "hint" }, j.note) : ""),
+  make("td", {}, j.title, j.note ? make("div", { className: "hint" }, j.note) : "", j.person ? make("div", { className: "hint" }, `by ${j.person}`) : ""),
   make("td", {}, make("span", { className: `state ${j.state}` }, j.state), j.problem ? make("div", { className: "hint" }, j.problem.detail) : ""),
   make("td", {}, timeText(j.created)));
 

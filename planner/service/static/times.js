@@ -1,0 +1,7 @@
+// Times in the zone of whoever looks; the title keeps them in UTC.
+import { timeText } from "/static/common.js";
+
+for (const node of document.querySelectorAll("time[datetime]")) {
+  node.title = node.textContent;
+  node.textContent = timeText(node.dateTime);
+}
