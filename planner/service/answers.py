@@ -8,6 +8,7 @@ from pydantic import Field
 
 from planner.common.schema import StrictModel
 from planner.service.job_filter import State
+from planner.service.job_queue import Outlook
 from planner.service.job_record import JobOutput, JobProblem, JobRecord
 
 
@@ -50,6 +51,8 @@ class Job(StrictModel):
     note: str = Field("", description="what a person has written to it")
     archived: bool = Field(False, description="kept, and not in the list")
     person: str = Field("", description="who asked for it; empty where nobody had to say")
+    position: int | None = Field(None, description="place among those that wait, from 1; not in lists")
+    left_s: float | None = Field(None, description="until it is done [s], by like jobs; not in lists")
 
 
 class RobotEntry(StrictModel):
@@ -86,7 +89,7 @@ class Health(StrictModel):
     jobs_waiting: int
 
 
-def describe_job(job: JobRecord, outputs: list[JobOutput]) -> Job:
+def describe_job(job: JobRecord, outputs: list[JobOutput], outlook: Outlook | None = None) -> Job:
     """Return a job as the interface shows it."""
     url = f"/api/jobs/{job.id}"
     return Job(
@@ -109,6 +112,8 @@ def describe_job(job: JobRecord, outputs: list[JobOutput]) -> Job:
         note=job.note,
         archived=job.archived,
         person=job.person,
+        position=outlook.position or None if outlook else None,
+        left_s=outlook.left_s if outlook else None,
     )
 
 

@@ -164,7 +164,8 @@ class ServiceContext:
 
     def describe(self, job: JobRecord) -> Job:
         """Return a job as the interface shows it."""
-        return describe_job(job, self.jobs.outputs(job.id) if job.ended else [])
+        outlook = None if job.ended else self.jobs.outlook(job.id, self.settings.workers)
+        return describe_job(job, self.jobs.outputs(job.id) if job.ended else [], outlook)
 
     def describe_all(self, jobs: Sequence[JobRecord]) -> list[Job]:
         """Return jobs as the interface shows them."""

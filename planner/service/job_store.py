@@ -12,6 +12,7 @@ from planner import __version__
 from planner.common.errors import InputError
 from planner.service.database import Database
 from planner.service.job_filter import JobFilter, JobPlace, State
+from planner.service.job_queue import Outlook, foresee_end, next_job
 from planner.service.job_record import JobCommand, JobEvent, JobOutput, JobProblem, JobRecord
 from planner.service.owner import is_gone, own_name
 
@@ -83,26 +84,29 @@ class JobStore:
         return [_record(r) for r in self._db.read(query, *values, most)]
 
     def take(self, most: int, beside: int = 1) -> JobRecord | None:
-        """Make the oldest waiting job this server's, under a new fence; nothing where ``most`` are running.
+        """Make the next waiting job this server's, under a new fence; nothing where ``most`` are running.
 
-        The short tasks of a page, at which a person looks, go before commands, and ``beside`` may run beside
-        ``most``.
+        People take turns (:mod:`planner.service.job_queue`). The short tasks of a page, at which a person looks, go
+        before commands, and ``beside`` may run beside ``most``.
         A job whose server is gone, or has not renewed its lease, waits again.
         """
         with self._db.write() as db:
             now, running = time.time(), len(self._release_lost(db))
-            row = db.execute(
-                "SELECT id, task FROM jobs WHERE state = 'queued' ORDER BY task DESC, created, id LIMIT 1"
-            ).fetchone()
-            if row is None or running >= most + beside * bool(row["task"]):
+            chosen = next_job(db, now) if running < most + beside else None
+            if chosen is None or running >= most + beside * chosen[1]:
                 return None
+            id = chosen[0]
             db.execute(
                 "UPDATE jobs SET state = 'running', fence = fence + 1, owner = ?, lease_until = ?, started = ?,"
                 " stage = 'starting', done = 0, total = 0, version = ? WHERE id = ?",
-                (self._owner, now + LEASE_S, now, __version__, row["id"]),
+                (self._owner, now + LEASE_S, now, __version__, id),
             )
-            _tell(db, row["id"], "running", {})
-        return self.get(row["id"])
+            _tell(db, id, "running", {})
+        return self.get(id)
+
+    def outlook(self, id: str, workers: int) -> Outlook | None:
+        """Return when a job is to be done where so many run at a time; nothing of one that has ended."""
+        return foresee_end(self._db.connection, id, workers, time.time())
 
     def running(self) -> set[str]:
         """Return identifier and fence of every job that a living server runs, as ``id-fence``; others wait again."""

@@ -1,0 +1,128 @@
+"""Which waiting job is next, and when a job will be done: people take turns, and each person's short jobs go first.
+
+Among people the one goes first who has the fewest jobs running, then whose last job began the longest ago. Among the
+jobs of one person the one of the highest response ratio, (waiting + length) / length, goes first (Brinch Hansen 1971):
+short jobs pass long ones, and no job waits for ever, as its own ratio grows while it waits.
+"""
+
+import sqlite3
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+UNKNOWN_S = 60.0  # [s] that a job is taken to last whose like has never been done
+LIKE_JOBS = 20  # jobs of a kind, the latest, whose mean length is expected of the next
+
+
+@dataclass(frozen=True)
+class WaitingJob:
+    """A job that waits; ``created`` in seconds since 1970, ``length_s`` as expected of it."""
+
+    id: str
+    person: str
+    created: float
+    length_s: float
+
+    def response_ratio(self, now: float) -> float:
+        """Return by how much its waiting lengthens it."""
+        return (max(0.0, now - self.created) + self.length_s) / self.length_s
+
+
+@dataclass(frozen=True)
+class Turns:
+    """Who had how many turns: running jobs of each person, and when the last one began [s since 1970]."""
+
+    running: Mapping[str, int]
+    last_start: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class Outlook:
+    """When a job is to be done.
+
+    Attributes:
+        position: its place among those that wait, from 1; 0 where it runs.
+        left_s: until it is done [s], by the mean of like jobs; ``None`` where none was done yet.
+    """
+
+    position: int
+    left_s: float | None
+
+
+def order_jobs(waiting: Sequence[WaitingJob], turns: Turns, now: float) -> list[WaitingJob]:
+    """Return the jobs in the order in which they begin, if each lasts as long as any other."""
+    own: dict[str, list[WaitingJob]] = {}
+    for job in sorted(waiting, key=lambda j: (-j.response_ratio(now), j.created, j.id), reverse=True):
+        own.setdefault(job.person, []).append(job)  # the last is the first to go
+    running, last = Counter(turns.running), dict(turns.last_start)
+    found = []
+    for turn in range(len(waiting)):
+        person = min(own, key=lambda p: (running[p], last.get(p, 0.0), own[p][-1].created, p))
+        found.append(own[person].pop())
+        running[person] += 1
+        last[person] = now + 1.0 + turn
+        if not own[person]:
+            del own[person]
+    return found
+
+
+def expected_lengths(db: sqlite3.Connection, kinds: Iterable[str]) -> dict[str, float]:
+    """Return the mean length of the latest jobs of some kinds that were done [s]; without those that never were."""
+    query = (
+        "SELECT avg(length), count(*) FROM (SELECT finished - started AS length FROM jobs"
+        " WHERE kind = ? AND state = 'done' AND started IS NOT NULL ORDER BY created DESC LIMIT ?)"
+    )
+    rows = {kind: db.execute(query, (kind, LIKE_JOBS)).fetchone() for kind in set(kinds)}
+    return {kind: max(0.1, float(row[0])) for kind, row in rows.items() if row[1]}
+
+
+def read_turns(db: sqlite3.Connection, people: Iterable[str]) -> Turns:
+    """Return the turns that people had."""
+    names = sorted(set(people))
+    running = dict(
+        db.execute("SELECT person, count(*) FROM jobs WHERE state = 'running' AND task = 0 GROUP BY person").fetchall()
+    )
+    # the latest hundred of each: a job that began later than it stands in the list changes little
+    latest = "SELECT started FROM jobs WHERE person = ? AND task = 0 ORDER BY created DESC LIMIT 100"
+    query = f"SELECT max(started) FROM ({latest})"
+    last = {name: db.execute(query, (name,)).fetchone()[0] for name in names}
+    return Turns(running, {name: at for name, at in last.items() if at is not None})
+
+
+def read_order(db: sqlite3.Connection, now: float, firsts_only: bool) -> list[WaitingJob]:
+    """Return the jobs that wait, tasks of pages left out, in their order.
+
+    ``firsts_only``: only the first of each person and kind; they suffice to know which is next.
+    """
+    first = "id, person, kind, min(created) AS created" if firsts_only else "id, person, kind, created"
+    group = "GROUP BY person, kind" if firsts_only else ""
+    rows = db.execute(f"SELECT {first} FROM jobs WHERE state = 'queued' AND task = 0 {group}").fetchall()
+    lengths = expected_lengths(db, (r["kind"] for r in rows))
+    jobs = [WaitingJob(r["id"], r["person"], r["created"], lengths.get(r["kind"], UNKNOWN_S)) for r in rows]
+    return order_jobs(jobs, read_turns(db, (j.person for j in jobs)), now)
+
+
+def next_job(db: sqlite3.Connection, now: float) -> tuple[str, bool] | None:
+    """Return which job begins next, and whether it is a task of a page: those go first, the oldest before."""
+    task = db.execute("SELECT id FROM jobs WHERE state = 'queued' AND task = 1 ORDER BY created, id LIMIT 1").fetchone()
+    if task is not None:
+        return task["id"], True
+    order = read_order(db, now, firsts_only=True)
+    return (order[0].id, False) if order else None
+
+
+def foresee_end(db: sqlite3.Connection, id: str, workers: int, now: float) -> Outlook | None:
+    """Return when a job is to be done; nothing of one that has ended, or of a task of a page."""
+    row = db.execute("SELECT kind, state, started, task FROM jobs WHERE id = ?", (id,)).fetchone()
+    if row is None or row["task"] or row["state"] not in ("queued", "running"):
+        return None
+    running = db.execute("SELECT kind, started FROM jobs WHERE state = 'running' AND task = 0").fetchall()
+    lengths = expected_lengths(db, {row["kind"], *(r["kind"] for r in running)})
+    own = lengths.get(row["kind"])
+    if row["state"] == "running":
+        return Outlook(0, None if own is None else max(0.0, own - (now - row["started"])))
+    order = read_order(db, now, firsts_only=False)
+    place = next(k for k, job in enumerate(order) if job.id == id)
+    before = sum(max(0.0, lengths.get(r["kind"], UNKNOWN_S) - (now - r["started"])) for r in running)
+    before += sum(job.length_s for job in order[:place])
+    return Outlook(place + 1, None if own is None else before / max(1, workers) + own)
