@@ -32,7 +32,7 @@ LOOKED_AT = (
     "/api/health", "/api/robots", "/api/robots/{name}", "/api/dialects", "/api/cells", "/api/cells/{robot}/{cell}",
     "/api/runs", "/api/files/{id}", "/api/jobs", "/api/jobs/{id}", "/api/jobs/{id}/result", "/api/jobs/{id}/report",
     "/api/jobs/{id}/files/{name:path}", "/api/events", "/api/records", "/api/records/{serial}",
-    "/api/records/{serial}/opcua", "/api/records/{serial}/export",
+    "/api/contents/{sha256}", "/api/records/{serial}/opcua", "/api/records/{serial}/export",
 )  # fmt: skip
 PLURALS = {"study": "studies"}
 

@@ -12,6 +12,7 @@ from planner.cli.terminal import environment_token, errors
 from planner.common.errors import InputError, MissingProgramError
 from planner.service.settings import (
     GB,
+    ClusterSettings,
     ProxySettings,
     Quota,
     Retention,
@@ -56,6 +57,10 @@ ProxyRole = Annotated[
 ]
 PersonJobs = Annotated[int | None, typer.Option(min=1, help="most jobs of one person that wait or run")]
 PersonGb = Annotated[float | None, typer.Option(min=0.001, help="most files of one person")]
+ClusterAddress = Annotated[
+    str, typer.Option(metavar="ADDRESS", help="Dask scheduler whose workers compute the jobs, such as tcp://host:8786")
+]
+ClusterUrl = Annotated[str, typer.Option(metavar="URL", help="by which those workers reach this service")]
 RoleOption = Annotated[Role | None, typer.Option(help="users add, role: what the person may do (default: work)")]
 Label = Annotated[str, typer.Option(help="users token, untoken: what the token is for")]
 NoPassword = Annotated[bool, typer.Option("--no-password", help="users add: a token or a proxy lets the person in")]
@@ -77,6 +82,8 @@ def serve_command(
     proxy_role: ProxyRole = None,
     person_jobs: PersonJobs = None,
     person_gb: PersonGb = None,
+    cluster: ClusterAddress = "",
+    cluster_url: ClusterUrl = "",
     role: RoleOption = None,
     label: Label = "program",
     no_password: NoPassword = False,
@@ -95,7 +102,7 @@ def serve_command(
         return
     most = min(workers or os.cpu_count() or 1, os.cpu_count() or 1)
     shares = share_memory(most, None if memory_gb is None else int(memory_gb * GB), machine_memory())
-    for notice in start_notices(workers, shares):
+    for notice in start_notices(None if cluster else workers, shares):
         errors.print(notice)
     settings = ServiceSettings(
         folder=store,
@@ -103,12 +110,13 @@ def serve_command(
         port=port,
         names=tuple(name or ()),
         token=environment_token(),
-        workers=shares.workers,
+        workers=workers or shares.workers if cluster else shares.workers,
         beside=shares.beside,
         limits=shares.limits(minutes * 60),
         kept=Retention.of(keep_days, keep_gb),
         proxy=ProxySettings(tuple(proxy or ()), proxy_user, proxy_role),
         quota=Quota(person_jobs, None if person_gb is None else int(person_gb * GB)),
+        cluster=ClusterSettings(cluster, cluster_url),
     )
     serve(settings, lambda address: errors.print(f"serving at {address}, jobs and files in {settings.folder}"))
 

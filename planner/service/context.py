@@ -14,6 +14,7 @@ from fastapi import Depends, Request
 
 from planner.service.answers import Job, describe_job
 from planner.service.callers import CALLER, CallerFinder
+from planner.service.cluster import Cluster, ClusterRunner
 from planner.service.deed_log import DeedLog
 from planner.service.file_store import FileStore, UploadList
 from planner.service.guesses import GuessLimit
@@ -35,11 +36,18 @@ class Supervisor:
     """The thread that takes jobs, and those that run them."""
 
     def __init__(
-        self, jobs: JobStore, files: FileStore, folder: Path, workers: int, limits: JobLimits, beside: int = 1
+        self,
+        jobs: JobStore,
+        files: FileStore,
+        folder: Path,
+        workers: int,
+        limits: JobLimits,
+        beside: int = 1,
+        cluster: Cluster | None = None,
     ) -> None:
         self._jobs, self._files, self._folder = jobs, files, folder / "jobs"
-        self._workers, self._limits, self._beside = workers, limits, beside
-        self._running: dict[threading.Thread, JobRunner] = {}
+        self._workers, self._limits, self._beside, self._cluster = workers, limits, beside, cluster
+        self._running: dict[threading.Thread, JobRunner | ClusterRunner] = {}
         self._news, self._stopping = threading.Event(), False
         self._thread = threading.Thread(target=self._run, name="supervisor", daemon=True)
 
@@ -67,13 +75,16 @@ class Supervisor:
             runner.stop.set()
         for thread in self._running:
             thread.join()
+        if self._cluster is not None:
+            self._cluster.close()
 
     def _run(self) -> None:
         while not self._stopping:
             self._news.clear()
             self._running = {t: r for t, r in self._running.items() if t.is_alive()}
             try:
-                job = self._jobs.take(self._workers, self._beside)
+                ready = self._cluster is None or self._cluster.is_ready()
+                job = self._jobs.take(self._workers if ready else 0, self._beside)
             except Exception as err:  # the disk may be full: nothing is lost by waiting
                 LOG.error("no job could be taken: %s", err, exc_info=not isinstance(err, sqlite3.Error))
                 self._news.wait(TROUBLE_S)
@@ -84,12 +95,16 @@ class Supervisor:
                 self._begin(job)
 
     def _begin(self, job: JobRecord) -> None:
-        runner = JobRunner(job, self._jobs, self._files, self._folder, self._limits)
+        runner: JobRunner | ClusterRunner
+        if self._cluster is not None and not job.command.task:
+            runner = self._cluster.runner(job, self._jobs, self._files)
+        else:  # a page waits for its tasks: they are short and computed here
+            runner = JobRunner(job, self._jobs, self._files, self._folder, self._limits)
         thread = threading.Thread(target=self._watch, args=(runner, job), name=f"job {job.id}", daemon=True)
         self._running[thread] = runner
         thread.start()
 
-    def _watch(self, runner: JobRunner, job: JobRecord) -> None:
+    def _watch(self, runner: JobRunner | ClusterRunner, job: JobRecord) -> None:
         try:
             runner.run()
         except Exception:

@@ -60,6 +60,14 @@ def download_file(id: Sha256, context: Context) -> FileResponse:
     return file_answer(context, id, found.name)
 
 
+@FILES.get("/contents/{sha256}", responses={404: {"model": Problem}})
+def download_content(sha256: Sha256, context: Context) -> FileResponse:
+    """Get a file that was sent or written by a job, by its SHA-256; workers fetch what jobs start from."""
+    if not context.files.holds(sha256):
+        raise HTTPException(404, f"there is no file {sha256[:12]}…")
+    return file_answer(context, sha256, sha256)
+
+
 @FILES.post("/runs", status_code=201, openapi_extra=dict(BINARY))
 async def upload_run(request: Request, context: Context, name: Name, sha256: Hash = None) -> StoredFile:
     """Send a measured run, CSV or Parquet, up to 1 GB; ``run-checks`` read it, ``identifications`` use it."""

@@ -10,6 +10,7 @@ import threading
 import time
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Protocol
 
 from planner.common.errors import PARTLY_DONE, InputError
 from planner.common.files import data_folder
@@ -18,7 +19,7 @@ from planner.service.file_store import FileStore
 from planner.service.job_filter import State
 from planner.service.job_process import DAMAGED, INPUT_FOLDER, RESULTS, SPECIFICATION, SPECIFICATIONS, JobSpecification
 from planner.service.job_record import JobOutput, JobProblem, JobRecord
-from planner.service.job_store import LEASE_S, MOST_CRASHES, JobStore
+from planner.service.job_store import LEASE_S, MOST_CRASHES
 from planner.service.settings import GB, JobLimits
 
 
@@ -85,10 +86,36 @@ class Ending:
     interrupted: bool = False
 
 
+class RunningJobs(Protocol):
+    """What a runner needs of the store of jobs."""
+
+    def progress(self, job: JobRecord, stage: str, done: int, total: int) -> None:
+        """Say how far a job is."""
+        ...
+
+    def renew(self, job: JobRecord) -> bool:
+        """Go on to hold a job."""
+        ...
+
+    def wants_stop(self, job: JobRecord) -> bool:
+        """Tell whether a job is to be stopped."""
+        ...
+
+    def finish(
+        self, job: JobRecord, state: State, outputs: list[JobOutput], exit_code: int | None, problem: JobProblem | None
+    ) -> bool:
+        """End a job."""
+        ...
+
+    def requeue(self, job: JobRecord, crashed: bool) -> None:
+        """Let a job wait again."""
+        ...
+
+
 class JobRunner:
     """Runs a job that this server has taken."""
 
-    def __init__(self, job: JobRecord, jobs: JobStore, files: FileStore, folder: Path, limits: JobLimits) -> None:
+    def __init__(self, job: JobRecord, jobs: RunningJobs, files: FileStore, folder: Path, limits: JobLimits) -> None:
         self._job, self._jobs, self._files, self._limits = job, jobs, files, limits
         self._folder = folder / f"{job.id}-{job.fence}"
         self.stop = threading.Event()

@@ -13,6 +13,7 @@ from planner import __version__
 from planner.common.errors import InputError
 from planner.service.access import check_access, check_rules
 from planner.service.callers import CallerFinder
+from planner.service.cluster import Cluster
 from planner.service.context import ServiceContext, Supervisor
 from planner.service.database import Database, damage_text
 from planner.service.deed_log import DeedLog
@@ -71,12 +72,14 @@ def build_context(settings: ServiceSettings) -> ServiceContext:
         jobs.running()
     except sqlite3.DatabaseError as err:
         raise InputError(damage_text(err)) from err
-    supervisor = Supervisor(jobs, files, settings.folder, settings.workers, settings.limits, settings.beside)
+    cluster = Cluster(settings.cluster, settings.limits) if settings.cluster.scheduler else None
+    supervisor = Supervisor(jobs, files, settings.folder, settings.workers, settings.limits, settings.beside, cluster)
     records = RecordStore(settings.folder, jobs, files, database)
     keeper = JobKeeper(database, jobs, files, records.index)
     people, guesses = PeopleStore(database, settings.token), GuessLimit()
     settings.check_door(people.exist())
-    finder, deeds = CallerFinder(settings, people, guesses), DeedLog(database)
+    finder = CallerFinder(settings, people, guesses, cluster.token if cluster else "")
+    deeds = DeedLog(database)
     uploads = UploadList(database)
     return ServiceContext(settings, jobs, files, uploads, records, keeper, supervisor, people, guesses, finder, deeds)
 

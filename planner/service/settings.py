@@ -97,6 +97,23 @@ class ProxySettings:
 
 
 @dataclass(frozen=True)
+class ClusterSettings:
+    """Where jobs are computed that this machine does not compute.
+
+    Attributes:
+        scheduler: address of a Dask scheduler, such as ``tcp://10.0.0.4:8786``; empty: here.
+        url: by which its workers reach this service.
+    """
+
+    scheduler: str = ""
+    url: str = ""
+
+    def __post_init__(self) -> None:
+        if self.scheduler and not self.url.startswith(("http://", "https://")):
+            raise InputError("--cluster-url: say by which address workers reach this service, http://10.0.0.2:8017")
+
+
+@dataclass(frozen=True)
 class Quota:
     """What one person may have at a time; ``None``: as much as the machine has.
 
@@ -120,6 +137,7 @@ class ServiceSettings:
         token: lets a program or a browser do everything, where it is not empty; never printed.
         proxy: what stands before the service.
         quota: of each person.
+        cluster: where jobs are computed.
         workers: most commands at a time.
         beside: short tasks of a page that may run beside them.
         limits: of each job.
@@ -141,6 +159,7 @@ class ServiceSettings:
     kept: Retention = Retention()
     proxy: ProxySettings = ProxySettings()
     quota: Quota = Quota()
+    cluster: ClusterSettings = ClusterSettings()
 
     def __post_init__(self) -> None:
         shortest_token = 16  # signs: shorter ones can be guessed
