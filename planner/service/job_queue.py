@@ -11,7 +11,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 UNKNOWN_S = 60.0  # [s] that a job is taken to last whose like has never been done
-LIKE_JOBS = 20  # jobs of a kind, the latest, whose mean length is expected of the next
 
 
 @dataclass(frozen=True)
@@ -68,11 +67,12 @@ def order_jobs(waiting: Sequence[WaitingJob], turns: Turns, now: float) -> list[
 
 def expected_lengths(db: sqlite3.Connection, kinds: Iterable[str]) -> dict[str, float]:
     """Return the mean length of the latest jobs of some kinds that were done [s]; without those that never were."""
+    like = 20  # jobs, the latest, whose mean length is expected of the next
     query = (
         "SELECT avg(length), count(*) FROM (SELECT finished - started AS length FROM jobs"
         " WHERE kind = ? AND state = 'done' AND started IS NOT NULL ORDER BY created DESC LIMIT ?)"
     )
-    rows = {kind: db.execute(query, (kind, LIKE_JOBS)).fetchone() for kind in set(kinds)}
+    rows = {kind: db.execute(query, (kind, like)).fetchone() for kind in set(kinds)}
     return {kind: max(0.1, float(row[0])) for kind, row in rows.items() if row[1]}
 
 

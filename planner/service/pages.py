@@ -55,7 +55,6 @@ from planner.session.document import PlanDocument, PlanHeader
 LOG = logging.getLogger("edbb.service")
 PLANS = ("plan", "check-plan")  # kinds of jobs whose folder holds a plan
 ROBOTS_SHOWN = 50  # of a plant on the first page
-SERIALS_OFFERED = 200  # where a result is added to a record
 
 
 @dataclass(frozen=True)
@@ -286,7 +285,8 @@ def _record_form(context: ServiceContext, job: Job, calibration: str | None = No
     own, recorded = find_recorded(context, job.id), find_recorded(context, before)
     if recorded.simulated != simulated:
         recorded = RecordedEntry()  # a simulated robot is not in the record of a real one
-    serials = [r.serial for r in context.records.index.list_robots(RobotFilter(simulated=simulated), SERIALS_OFFERED)]
+    # 200: serial numbers that are offered
+    serials = [r.serial for r in context.records.index.list_robots(RobotFilter(simulated=simulated), 200)]
     return {"own": own, "recorded": recorded, "serials": serials, "simulated": simulated}
 
 

@@ -20,7 +20,7 @@ from planner.common.errors import InputError
 from planner.service.database import Database
 from planner.service.settings import DAY_S, Role
 
-SHORTEST_PASSWORD, LONGEST_PASSWORD = 10, 200  # signs: shorter ones are guessed, longer ones only cost time
+LONGEST_PASSWORD = 200  # signs: longer ones only cost time
 SESSION_S, IDLE_S = 7 * DAY_S, DAY_S / 2  # [s] that a browser stays logged in: at most, and while nobody uses it
 HASHING = threading.BoundedSemaphore(2)  # a password takes 64 MB to check: guesses at the same time wait
 
@@ -60,8 +60,9 @@ def checked_password(text: str) -> str:
     Raises:
         InputError: it is too short or too long.
     """
-    if not SHORTEST_PASSWORD <= len(text) <= LONGEST_PASSWORD:
-        raise InputError(f"the password has {len(text)} signs; {SHORTEST_PASSWORD} to {LONGEST_PASSWORD} are allowed")
+    shortest = 10  # signs: shorter ones are guessed
+    if not shortest <= len(text) <= LONGEST_PASSWORD:
+        raise InputError(f"the password has {len(text)} signs; {shortest} to {LONGEST_PASSWORD} are allowed")
     return text
 
 
