@@ -43,7 +43,8 @@ class Cluster:
         from distributed import Client
 
         # 10: [s] for the scheduler to answer
-        self._client = Client(self._settings.scheduler, timeout=10, set_as_default=False, name="edbb-serve")
+        made: Any = Client
+        self._client = made(self._settings.scheduler, timeout=10, set_as_default=False, name="edbb-serve")
 
     def is_ready(self) -> bool:
         """Tell whether work can be given out; a connection that has ended is made anew."""
