@@ -32,7 +32,8 @@ LOOKED_AT = (
     "/api/health", "/api/robots", "/api/robots/{name}", "/api/dialects", "/api/cells", "/api/cells/{robot}/{cell}",
     "/api/runs", "/api/files/{id}", "/api/jobs", "/api/jobs/{id}", "/api/jobs/{id}/result", "/api/jobs/{id}/report",
     "/api/jobs/{id}/files/{name:path}", "/api/events", "/api/records", "/api/records/{serial}",
-    "/api/contents/{sha256}", "/api/records/{serial}/opcua", "/api/records/{serial}/export",
+    "/api/contents/{sha256}", "/api/jobs/{id}/ticks", "/api/records/{serial}/opcua", "/api/records/{serial}/export",
+    "/worker.js",
 )  # fmt: skip
 PLURALS = {"study": "studies"}
 
@@ -55,6 +56,7 @@ RULES = {
     "PATCH /api/jobs/{id}": Rule(Role.WORK, "changed a job"),
     "DELETE /api/jobs/{id}": Rule(Role.WORK, "deleted a job"),
     "POST /api/jobs/{id}/cancel": Rule(Role.WORK, "stopped a job"),
+    "POST /api/jobs/{id}/ticks": Rule(Role.WORK, "ticked a checklist"),
     "POST /api/records/{serial}/entries": Rule(Role.WORK, "added to a robot's record"),
     "GET /api/deeds": Rule(Role.ADMINISTER),
     "GET /deeds": Rule(Role.ADMINISTER),

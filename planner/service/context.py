@@ -27,6 +27,7 @@ from planner.service.people import PeopleStore
 from planner.service.record_store import RecordStore
 from planner.service.runner import JobRunner
 from planner.service.settings import GB, JobLimits, ServiceSettings
+from planner.service.tick_store import TickStore
 
 IDLE_S, TROUBLE_S = 0.5, 2.0  # [s] to the next look for a job; after a failure to take one
 LOG = logging.getLogger("edbb.service")
@@ -139,6 +140,7 @@ class ServiceContext:
     guesses: GuessLimit
     finder: CallerFinder
     deeds: DeedLog
+    ticks: TickStore
     _submitting: threading.Lock = field(default_factory=threading.Lock)
 
     def submit(self, request: JobRequest) -> JobRecord:

@@ -67,7 +67,12 @@ ALTER TABLE jobs ADD COLUMN person TEXT NOT NULL DEFAULT '';
 ALTER TABLE uploads ADD COLUMN person TEXT NOT NULL DEFAULT '';
 CREATE INDEX jobs_by_person ON jobs (person, created, id);
 """
-MIGRATIONS = (FIRST, DEATHS, LISTS, KEEPING, PEOPLE)
+TICKS = """
+CREATE TABLE ticks (
+    job TEXT NOT NULL REFERENCES jobs (id), step TEXT NOT NULL, done INTEGER NOT NULL, at REAL NOT NULL,
+    person TEXT NOT NULL, PRIMARY KEY (job, step));
+"""
+MIGRATIONS = (FIRST, DEATHS, LISTS, KEEPING, PEOPLE, TICKS)
 """Statements that lead from one version of the store to the next; the version is how many of them it has seen."""
 VERSION = len(MIGRATIONS)
 

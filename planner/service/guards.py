@@ -33,7 +33,7 @@ REPORT_POLICY = (  # a report has its scripts inside; in a sandbox it is of no o
 )
 HEADERS = {
     "x-content-type-options": "nosniff",
-    "referrer-policy": "no-referrer",
+    "referrer-policy": "same-origin",  # without any a browser says no origin with the form of the log-in
     "cross-origin-opener-policy": "same-origin",
     "cross-origin-resource-policy": "same-origin",
     "permissions-policy": "camera=(), geolocation=(), microphone=()",

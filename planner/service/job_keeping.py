@@ -76,7 +76,7 @@ class JobKeeper:
             gone = [id, *(other["id"] for other in named_by if other["task"])]
             contents = {c for one in gone for c in _contents(db, one)}
             for one in gone:
-                for table in ("events", "outputs", "inputs"):
+                for table in ("events", "outputs", "inputs", "ticks"):
                     db.execute(f"DELETE FROM {table} WHERE job = ?", (one,))
                 db.execute("DELETE FROM jobs WHERE id = ?", (one,))
         # only once the jobs are gone for good: a crash may leave files that nobody names, never a job without its own

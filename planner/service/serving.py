@@ -36,6 +36,8 @@ from planner.service.record_api import RECORDS
 from planner.service.record_store import RecordStore
 from planner.service.rendering import STATIC
 from planner.service.settings import GB, JobShares, ServiceSettings
+from planner.service.tick_store import TickStore
+from planner.service.ticks import TICKS
 
 DESCRIPTION = (
     "Plans measuring sessions that calibrate robots, and identifies robots from measured runs. What takes long is a "
@@ -79,9 +81,20 @@ def build_context(settings: ServiceSettings) -> ServiceContext:
     people, guesses = PeopleStore(database, settings.token), GuessLimit()
     settings.check_door(people.exist())
     finder = CallerFinder(settings, people, guesses, cluster.token if cluster else "")
-    deeds = DeedLog(database)
-    uploads = UploadList(database)
-    return ServiceContext(settings, jobs, files, uploads, records, keeper, supervisor, people, guesses, finder, deeds)
+    return ServiceContext(
+        settings=settings,
+        jobs=jobs,
+        files=files,
+        uploads=UploadList(database),
+        records=records,
+        keeper=keeper,
+        supervisor=supervisor,
+        people=people,
+        guesses=guesses,
+        finder=finder,
+        deeds=DeedLog(database),
+        ticks=TickStore(database),
+    )
 
 
 def build_app(context: ServiceContext) -> FastAPI:
@@ -110,7 +123,7 @@ def build_app(context: ServiceContext) -> FastAPI:
     )
     app.state.context = context
     add_problem_handlers(app)
-    for router in (JOBS, EVENTS, LISTS, FILES, RECORDS, DEEDS, METRICS, LOGIN, PAGES):
+    for router in (JOBS, EVENTS, LISTS, FILES, RECORDS, TICKS, DEEDS, METRICS, LOGIN, PAGES):
         app.include_router(router)
     check_rules(app)
     app.mount("/static", StaticFiles(directory=STATIC), name="static")

@@ -12,23 +12,58 @@ export function make(tag, attributes = {}, ...children) {
   return node;
 }
 
+let gone = null; // while the service does not answer: what says so, and who waits for it
+
+/** Say that the service does not answer, until it does again. */
+function tellGone() {
+  if (gone) return;
+  const text = "The service does not answer. Nothing that was asked for is lost; this page goes on by itself when it is back.";
+  gone = { note: make("p", { className: "gone", role: "alert" }, text), waiting: [] };
+  document.body.prepend(gone.note);
+  setTimeout(lookAgain, 1000);
+}
+
+async function lookAgain() {
+  const answer = await fetch("/api/health", { cache: "no-store" }).catch(() => null);
+  if (answer?.status === 401) { logIn(); return; }
+  if (!answer?.ok) { setTimeout(lookAgain, 3000); return; }
+  const { note, waiting } = gone;
+  gone = null;
+  note.remove();
+  waiting.forEach((go) => go());
+}
+
+/** Resolves when the service answers; at once where it is not known to be gone. */
+export const serviceBack = () => gone ? new Promise((go) => gone.waiting.push(go)) : Promise.resolve();
+
+const logIn = () => location.assign(`/login?next=${encodeURIComponent(location.pathname)}`);
+
+/** Ask the service; that it does not answer is said in plain words. */
+export async function reach(path, options) {
+  try { return await fetch(path, options); } catch {
+    tellGone();
+    throw new Error("The service does not answer. Try again when it is back.");
+  }
+}
+
 async function answerOf(response) {
+  if (response.status === 401) logIn();
   const json = (response.headers.get("content-type") || "").includes("json");
   const content = json ? await response.json() : await response.text();
   if (!response.ok) throw new Error(content.detail || response.statusText);
   return content;
 }
 
-export const get = async (path) => answerOf(await fetch(path));
+export const get = async (path) => answerOf(await reach(path));
 
 /** A page of a list, and the address of the next one, of its Link header; none behind the last. */
 export async function page(path) {
-  const answer = await fetch(path);
+  const answer = await reach(path);
   const next = (answer.headers.get("link") || "").match(/<([^>]+)>; rel="next"/);
   return { content: await answerOf(answer), next: next ? next[1] : null };
 }
 
-export const send = async (method, path, body) => answerOf(await fetch(path, {
+export const send = async (method, path, body) => answerOf(await reach(path, {
   method, headers: { "content-type": "application/json" }, body: body === undefined ? undefined : JSON.stringify(body),
 }));
 
@@ -44,7 +79,7 @@ export function upload(kind, file, onShare = () => {}) {
     request.open("POST", `/api/${kind}?name=${encodeURIComponent(name)}`);
     request.setRequestHeader("content-type", "application/octet-stream");
     request.upload.onprogress = (e) => e.lengthComputable && onShare(e.loaded / e.total);
-    request.onerror = () => reject(new Error(`${file.name}: the service does not answer`));
+    request.onerror = () => { tellGone(); reject(new Error(`${file.name}: the service does not answer; send it again when it is back`)); };
     request.onload = () => {
       let content = {};
       try { content = JSON.parse(request.responseText); } catch { /* no JSON came */ }
@@ -56,10 +91,16 @@ export function upload(kind, file, onShare = () => {}) {
 }
 
 // One stream a page; the browser resumes it by the number of the last event.
-export function follow(job, onEvent) {
-  const stream = new EventSource(`/api/events?job=${job}`);
+export function follow(job, onEvent, after = 0) {
+  const stream = new EventSource(`/api/events?job=${job}&after=${after}`);
+  let last = after;
+  stream.onerror = () => {
+    tellGone();
+    if (stream.readyState === EventSource.CLOSED) serviceBack().then(() => follow(job, onEvent, last)); // an answer that was no stream
+  };
   for (const kind of ["queued", "running", "progress", "end"]) {
     stream.addEventListener(kind, (e) => {
+      last = Number(e.lastEventId);
       if (kind === "end") stream.close();
       onEvent(kind, JSON.parse(e.data));
     });

@@ -38,6 +38,7 @@ export class FixtureEditor {
     // before the view's own turning hears of it
     view.stage.addEventListener("pointerdown", (e) => this.grab(e), true);
     view.stage.addEventListener("pointermove", (e) => this.drag(e), true);
+    view.stage.addEventListener("touchstart", (e) => { if (this.held) e.preventDefault(); }, { passive: false }); // no scrolling
     for (const end of ["pointerup", "pointercancel"]) view.stage.addEventListener(end, (e) => this.release(e), true);
     find("#fixture-card").hidden = false;
     this.putBack();
@@ -94,9 +95,18 @@ export class FixtureEditor {
     this.handle.position.copy(position);
     this.inputs.forEach((input, k) => { if (Number(input.value) !== position.getComponent(k) || input.value === "") input.value = position.getComponent(k); });
     this.tellWrong();
+    this.tellDistances(position);
     const shells = this.view.layers.get(REACH)?.nodes ?? [], each = shells.length / this.fixtures.length;
     shells.forEach((n, k) => n.position.copy(Math.floor(k / each) === this.which ? position.clone().sub(this.start) : new THREE.Vector3()));
     this.view.draw();
+  }
+
+  // How far the fixture stands from the robot's base, and how far it was moved.
+  tellDistances(p) {
+    const moved = p.distanceTo(this.start), mm = (v) => `${Math.round(v)} mm`;
+    const height = `${mm(Math.abs(p.z))} ${p.z < 0 ? "below" : "above"} its base`;
+    const step = moved < 0.5 ? "" : `; moved by ${mm(moved)} (${AXES.map((a, k) => `${a} ${Math.round(p.getComponent(k) - this.start.getComponent(k))}`).join(", ")})`;
+    find("#fixture-distances").textContent = `${mm(Math.hypot(p.x, p.y))} from the robot's first axis, ${height}${step}`;
   }
 
   moveTo(position) {

@@ -1,7 +1,9 @@
 // A chart of lines over time, as SVG with a title for screen readers.
 import { make } from "/static/common.js";
 
-const COLOURS = ["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#7a5c00", "#3c6e9e", "#555555"];
+// Okabe and Ito's colours that are dark enough on white; lines are told apart by their dashes too.
+const COLOURS = ["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#222222", "#9a6b00", "#7a2f8f"];
+const DASHES = ["", "9 3", "3 3", "12 3 3 3", "6 6", "1 4", "14 5"];
 const FEW = 40; // values that are marked one by one
 const ROOM = 84; // of a name below the axis
 const [WIDTH, HEIGHT, LEFT, RIGHT, TOP, BOTTOM] = [Math.min(640, innerWidth - 40), 260, 62, 20, 10, 40]; // letters stay readable on a phone
@@ -44,7 +46,7 @@ export function lineChart(title, across, at, series, label = null) {
     if (s.limit) { chart.append(svg("line", { x1: LEFT, x2: WIDTH - RIGHT, y1: y(s.values[0]), y2: y(s.values[0]), stroke, "stroke-width": 2, "stroke-dasharray": "7 5" })); return; }
     const aside = s.std ? 9 * (k - (series.length - 1) / 2) : 0; // bars stand beside each other
     const path = s.values.map((v, i) => v === null ? "" : `${i && s.values[i - 1] !== null ? "L" : "M"}${(x(at[i]) + aside).toFixed(1)} ${y(v).toFixed(1)}`).join("");
-    chart.append(svg("path", { d: path, fill: "none", stroke, "stroke-width": 1.4 }));
+    chart.append(svg("path", { d: path, fill: "none", stroke, "stroke-width": 1.6, "stroke-dasharray": DASHES[k % DASHES.length] }));
     if (at.length > FEW) return;
     s.values.forEach((v, i) => {
       if (v === null) return;
@@ -53,9 +55,10 @@ export function lineChart(title, across, at, series, label = null) {
     });
   });
   const names = series.map((s, k) => {
-    const swatch = make("span", { className: "swatch" });
-    swatch.style.background = COLOURS[k % COLOURS.length];
-    return make("span", { className: "legend" }, swatch, s.name, " ");
+    const stroke = COLOURS[k % COLOURS.length], swatch = svg("svg", { width: 34, height: 10, "aria-hidden": "true" });
+    const dashes = s.limit ? "7 5" : DASHES[k % DASHES.length];
+    swatch.append(svg("line", { x1: 0, x2: 34, y1: 5, y2: 5, stroke, "stroke-width": 2.5, "stroke-dasharray": dashes }));
+    return make("span", { className: "legend" }, swatch, " ", s.name, " ");
   });
   return make("figure", {}, make("figcaption", {}, title, " ", ...(series.length > 1 ? names : [])), chart);
 }

@@ -14,9 +14,29 @@ export class Orbit {
     stage.addEventListener("pointerdown", (e) => { stage.setPointerCapture(e.pointerId); this.pointers.set(e.pointerId, e); });
     for (const end of ["pointerup", "pointercancel"]) stage.addEventListener(end, (e) => this.pointers.delete(e.pointerId));
     stage.addEventListener("pointermove", (e) => this.drag(e));
-    stage.addEventListener("wheel", (e) => { e.preventDefault(); this.move(0, 0, Math.exp(e.deltaY * 0.001)); }, { passive: false });
+    stage.addEventListener("wheel", (e) => this.turnWheel(e), { passive: false });
     stage.addEventListener("contextmenu", (e) => e.preventDefault());
     stage.addEventListener("keydown", (e) => this.press(e));
+  }
+
+  // The wheel scrolls the page, as everywhere; with Ctrl (which a pinch on a touchpad sends too) it comes closer.
+  turnWheel(event) {
+    if (!event.ctrlKey && !event.metaKey) { this.tellWheel(); return; }
+    event.preventDefault();
+    this.move(0, 0, Math.exp(event.deltaY * (Math.abs(event.deltaY) < 20 ? 0.01 : 0.001)));
+  }
+
+  tellWheel() {
+    this.note ??= this.stage.parentElement.querySelector(".wheel-note");
+    if (!this.note) return;
+    this.note.hidden = false;
+    clearTimeout(this.noted);
+    this.noted = setTimeout(() => { this.note.hidden = true; }, 1500);
+  }
+
+  /** Do what a key does, for the buttons below the view. */
+  act(key) {
+    if (key === "0") this.reset(); else this.move(...KEYS[key]);
   }
 
   reset() {
@@ -28,9 +48,8 @@ export class Orbit {
   }
 
   press(event) {
-    if (event.key === "0") this.reset();
-    else if (event.key in KEYS) this.move(...KEYS[event.key]);
-    else return;
+    if (event.key !== "0" && !(event.key in KEYS)) return;
+    this.act(event.key);
     event.preventDefault();
   }
 

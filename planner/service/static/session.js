@@ -1,25 +1,84 @@
-import { find } from "/static/common.js";
+// The checklist at the cell: what is ticked is kept on this device at once, and sent when the service answers.
+import { find, timeText } from "/static/common.js";
 
-const key = `edbb-session-${document.body.dataset.planId}`;
-const boxes = [...document.querySelectorAll(".checklist input")];
-let ticked = new Set();
-try { ticked = new Set(JSON.parse(localStorage.getItem(key) || "[]")); } catch { /* kept nothing */ }
+const { job, planId } = document.body.dataset;
+const key = `edbb-session-${planId}`, boxes = [...document.querySelectorAll(".checklist input")];
+const LOOK_MS = 10_000; // between two looks for what other devices have ticked
+let ticks = read(), mayTick = true, sending = false;
 
-function tell() {
+/** What is known of each step: done, at, person; ``unsent`` where the service has not been told. */
+function read() {
+  try {
+    const kept = JSON.parse(localStorage.getItem(key) || "{}");
+    if (!Array.isArray(kept)) return kept;
+    return Object.fromEntries(kept.map((step) => [step, { done: true, at: new Date().toISOString(), unsent: true }])); // of before
+  } catch { return {}; }
+}
+
+const unsent = () => Object.entries(ticks).filter(([, t]) => t.unsent);
+
+function keep() {
+  try { localStorage.setItem(key, JSON.stringify(ticks)); } catch { /* a private window keeps nothing */ }
+}
+
+function show() {
+  for (const box of boxes) {
+    const tick = ticks[box.id];
+    box.checked = tick?.done ?? false;
+    box.closest("li").querySelector(".ticked").textContent = tick?.done ? `${timeText(tick.at)}${tick.person ? `, ${tick.person}` : ""}` : "";
+  }
   const done = boxes.filter((b) => b.checked).length;
   find("#done").textContent = done === boxes.length ? "All steps are done." : `${done} of ${boxes.length} steps are done.`;
 }
 
-for (const box of boxes) {
-  box.checked = ticked.has(box.id);
-  box.addEventListener("change", () => {
-    localStorage.setItem(key, JSON.stringify(boxes.filter((b) => b.checked).map((b) => b.id)));
-    tell();
-  });
+function tick(box, done) {
+  ticks[box.id] = { done, at: new Date().toISOString(), unsent: true };
 }
-find("#again").addEventListener("click", () => {
-  boxes.forEach((b) => { b.checked = false; });
-  localStorage.removeItem(key);
-  tell();
-});
-tell();
+
+/** Send what is unsent, and take over what others have ticked. */
+async function sync() {
+  if (sending) return;
+  sending = true;
+  const open = mayTick ? unsent() : [];
+  const body = { ticks: open.map(([step, { done, at }]) => ({ step, done, at })) };
+  try {
+    const path = `/api/jobs/${job}/ticks`;
+    const answer = await fetch(path, open.length ? { method: "POST", headers: { "content-type": "application/json" }, body: JSON.stringify(body) } : {});
+    if (answer.status === 403) { mayTick = false; tell("You may look, not tick for others: what you tick stays on this device."); return; }
+    if (answer.status === 401) { tell("Log in to send what is ticked: it is kept on this device."); return; }
+    if (!answer.ok) throw new Error(answer.statusText);
+    const before = new Map(open.map(([step, t]) => [step, t.at]));
+    for (const { step, ...known } of await answer.json()) {
+      const own = ticks[step];
+      if (!own?.unsent || own.at === before.get(step)) ticks[step] = known; // ticked again meanwhile: that is sent next
+    }
+    keep();
+    show();
+    tell(unsent().length ? "" : "All that is ticked is sent; other devices see it.");
+  } catch { tell(`There is no connection to the service. ${unsent().length ? "What is ticked is kept on this device and sent when it is back." : "You can go on ticking."}`); }
+  finally { sending = false; }
+}
+
+const tell = (text) => { find("#sent").textContent = text; };
+
+for (const box of boxes) {
+  box.closest("li").querySelector("label span").append(Object.assign(document.createElement("span"), { className: "ticked hint" }));
+  box.addEventListener("change", () => { tick(box, box.checked); keep(); show(); sync(); });
+}
+find("#again").addEventListener("click", () => { boxes.forEach((b) => tick(b, false)); keep(); show(); sync(); });
+addEventListener("online", sync);
+document.addEventListener("visibilitychange", () => { if (!document.hidden) sync(); });
+setInterval(sync, LOOK_MS);
+show();
+sync();
+
+// from now on the page opens without a network too; only over TLS or on this machine do browsers allow it
+if ("serviceWorker" in navigator) {
+  await navigator.serviceWorker.register("/worker.js");
+  await navigator.serviceWorker.ready;
+  const drawn = performance.getEntriesByType("resource").map((r) => r.name).filter((url) => new URL(url).pathname.startsWith("/static/"));
+  const claimed = navigator.serviceWorker.controller ? Promise.resolve() : new Promise((go) => navigator.serviceWorker.addEventListener("controllerchange", go, { once: true }));
+  await claimed;
+  await Promise.all([location.href, ...drawn].map((url) => fetch(url).catch(() => null)));
+  find("#offline").textContent = "This page opens on this device without a network, too.";
+}

@@ -15,6 +15,24 @@ export function scaleColour(share) {
   return new THREE.Color(SCALE[k]).lerp(new THREE.Color(SCALE[k + 1]), at - k);
 }
 
+// Orange, green and blue of Okabe and Ito, which the colour-blind tell apart; the letters say it too.
+const AXES = [["x", "#D55E00", [1, 0, 0]], ["y", "#009E73", [0, 1, 0]], ["z", "#0072B2", [0, 0, 1]]];
+
+function letterSprite(text, colour) {
+  const canvas = document.createElement("canvas"), size = 64;
+  canvas.width = canvas.height = size;
+  const pen = canvas.getContext("2d");
+  Object.assign(pen, { font: "bold 52px sans-serif", textAlign: "center", textBaseline: "middle", lineWidth: 8 });
+  Object.assign(pen, { strokeStyle: "#ffffff", fillStyle: colour });
+  pen.strokeText(text, size / 2, size / 2);
+  pen.fillText(text, size / 2, size / 2);
+  const map = new THREE.CanvasTexture(canvas);
+  map.colorSpace = THREE.SRGBColorSpace;
+  const sprite = new THREE.Sprite(new THREE.SpriteMaterial({ map }));
+  sprite.scale.set(110, 110, 1); // mm
+  return sprite;
+}
+
 function unpack(text, Type) {
   const bytes = Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
   return new Type(bytes.buffer);
@@ -63,6 +81,28 @@ export class CellView {
     this.addSpots();
     this.addCloud();
     this.addFloor();
+    this.addAxes();
+  }
+
+  // Arrows x, y, z at the base, each with its letter and strokes every 100 mm; nothing hides them.
+  addAxes() {
+    const low = new THREE.Vector3(...this.view.low_mm), high = new THREE.Vector3(...this.view.high_mm);
+    const length = Math.max(300, Math.round(0.22 * low.distanceTo(high) / 100) * 100), axes = new THREE.Group();
+    for (const [name, colour, along] of AXES) {
+      const direction = new THREE.Vector3(...along), aside = new THREE.Vector3(along[1] + along[2], along[0], 0);
+      const arrow = new THREE.ArrowHelper(direction, new THREE.Vector3(), length, colour, 60, 30);
+      const marks = [];
+      for (let at = 100; at < length; at += 100) {
+        for (const s of [-12, 12]) marks.push(direction.clone().multiplyScalar(at).addScaledVector(aside, s));
+      }
+      const strokes = new THREE.LineSegments(
+        new THREE.BufferGeometry().setFromPoints(marks), new THREE.LineBasicMaterial({ color: colour }));
+      const letter = letterSprite(name, colour);
+      letter.position.copy(direction).multiplyScalar(length + 60);
+      axes.add(arrow, strokes, letter);
+    }
+    axes.traverse((node) => { if (node.material) { node.material.depthTest = false; node.renderOrder = 4; } });
+    this.scene.add(this.layer("axes x, y, z", AXES[0][1], axes));
   }
 
   addPart(part) {
@@ -194,6 +234,7 @@ export function showView(view) {
     stage.replaceChildren(make("p", { className: "hint waiting" }, "This browser shows no 3D (WebGL is off)."));
     return null;
   }
+  document.querySelectorAll("[data-turn]").forEach((b) => b.addEventListener("click", () => shown.orbit.act(b.dataset.turn)));
   document.querySelector(".layers").append(...shown.layerSwitches());
   const text = document.querySelector("#frame-text");
   const tell = (k) => { text.textContent = view.labels[k] ?? ""; };

@@ -1,0 +1,26 @@
+// Keeps the checklist of a session on the device, with what it is drawn by: at the cell there may be no network.
+const CACHE = "edbb-session";
+const KEPT = [/^\/jobs\/[0-9a-f]{24}\/session$/, /^\/static\//];
+
+self.addEventListener("install", () => self.skipWaiting());
+self.addEventListener("activate", (event) => event.waitUntil(self.clients.claim()));
+self.addEventListener("fetch", (event) => {
+  const url = new URL(event.request.url);
+  const wanted = event.request.method === "GET" && url.origin === location.origin && KEPT.some((p) => p.test(url.pathname));
+  if (wanted) event.respondWith(newestOf(event.request));
+});
+
+// The newest there is: of the service, and where it does not answer what was kept.
+async function newestOf(request) {
+  const cache = await caches.open(CACHE);
+  try {
+    const fresh = await fetch(request);
+    if (fresh.type === "opaqueredirect") await caches.delete(CACHE); // whoever has to log in first sees nothing kept
+    else if (fresh.ok) await cache.put(request.url, fresh.clone());
+    return fresh;
+  } catch (gone) {
+    const kept = await cache.match(request.url);
+    if (kept) return kept;
+    throw gone;
+  }
+}

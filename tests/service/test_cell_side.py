@@ -1,0 +1,216 @@
+"""Pages at the cell in a browser: a checklist without a network, a service that comes back, a view that scrolls."""
+
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import httpx
+import pytest
+from axe_playwright_python.sync_playwright import Axe
+from playwright.sync_api import expect, sync_playwright
+
+from planner.service.database import Database
+from planner.service.file_store import FileStore
+from planner.service.job_record import JobCommand, JobOutput
+from planner.service.job_store import JobStore
+from planner.service.people import PeopleStore
+from planner.service.settings import Role
+from tests.service.conftest import client_of
+from tests.service.test_browser import CHROMIUM, RULES, SOFTWARE_3D
+from tests.service.test_cluster import free_port
+
+PLAN = Path(__file__).parents[1] / "data" / "kr6-plan"
+PASSWORD, JOB = "correct horse battery", "a" * 24
+SHOTS = os.environ.get("EDBB_PICTURES")  # folder for screenshots to be looked at
+expect.set_options(timeout=60_000)  # the machine may be busy
+needs_browser = pytest.mark.skipif(CHROMIUM is None, reason="there is no Chromium here")
+
+
+def add_plan(folder, person=""):
+    """A finished plan in the store of a service, as if it had just been made."""
+    jobs, files = JobStore(Database(folder / "jobs.sqlite3")), FileStore(folder)
+    jobs.submit(JOB, "plan", "kuka-kr6-r700/edbb", "{}", JobCommand(("plan",)), "kuka-kr6-r700", person)
+    names = [p.name for p in PLAN.iterdir() if p.is_file()]
+    outputs = [JobOutput(n, files.add(data), len(data)) for n in names if (data := (PLAN / n).read_bytes())]
+    assert jobs.finish(jobs.take(9), "done", outputs, 0, None)
+
+
+class Service:
+    """A service that can be cut off and come back at the same address."""
+
+    def __init__(self, folder, *words):
+        self.folder, self.words, self.port = folder, words, free_port()
+        self.address = f"http://127.0.0.1:{self.port}"
+
+    def begin(self):
+        command = ["-m", "planner.cli", "serve", "--port", self.port, "--data", self.folder, *self.words]
+        self.process = subprocess.Popen([sys.executable, *map(str, command)], stderr=subprocess.PIPE, text=True)
+        while "serving at" not in (line := self.process.stderr.readline()):
+            assert line
+        return self
+
+    def cut(self):
+        self.process.send_signal(signal.SIGKILL)
+        self.process.wait()
+
+
+@pytest.fixture
+def service(tmp_path):
+    made = Service(tmp_path)
+    yield made
+    made.cut()
+
+
+@pytest.fixture
+def browser():
+    with sync_playwright() as library:
+        started = library.chromium.launch(executable_path=CHROMIUM, args=SOFTWARE_3D)
+        yield started
+        started.close()
+
+
+def open_page(browser, service, name, phone):
+    size = {"width": 390, "height": 844} if phone else {"width": 1280, "height": 900}
+    page = browser.new_context(base_url=service.address, viewport=size, has_touch=phone).new_page()
+    page.set_default_timeout(60_000)
+    if name:
+        page.goto("/login")
+        page.fill("#name", name)
+        page.fill("#password", PASSWORD)
+        page.get_by_role("button", name="Log in").click()
+        expect(page.locator(".who")).to_contain_text(name)
+    return page
+
+
+def wait_until(is_so):
+    until = time.monotonic() + 20
+    while not is_so():
+        assert time.monotonic() < until
+        time.sleep(0.1)
+
+
+def check_page(page, name):
+    if SHOTS:
+        page.screenshot(path=str(Path(SHOTS) / f"{name}.png"), full_page=True)
+    found = Axe().run(page, options=RULES).response["violations"]
+    assert not found, [(v["id"], v["nodes"][0]["html"]) for v in found]
+    assert page.evaluate("document.documentElement.scrollWidth <= innerWidth"), f"{name} scrolls sideways"
+
+
+@needs_browser
+@pytest.mark.long
+def test_a_checklist_goes_on_without_a_network_and_is_seen_by_others_when_it_is_back(service, browser):
+    people = PeopleStore(Database(service.folder / "jobs.sqlite3"))
+    people.add("ada", Role.ADMINISTER, PASSWORD)
+    people.add("wanda", Role.WORK, PASSWORD)
+    add_plan(service.folder, "ada")
+    service.begin()
+    phone = open_page(browser, service, "wanda", phone=True)
+    phone.goto(f"/jobs/{JOB}/session")
+    expect(phone.locator("#offline")).to_contain_text("without a network", timeout=30_000)
+    phone.check("#step-1")
+    expect(phone.locator("#sent")).to_contain_text("All that is ticked is sent")
+    check_page(phone, "checklist-phone")
+    service.cut()
+    phone.reload()
+    assert phone.is_checked("#step-1")
+    phone.check("#step-2")
+    phone.uncheck("#step-1")
+    expect(phone.locator("#sent")).to_contain_text("kept on this device and sent when it is back")
+    check_page(phone, "checklist-phone-offline")
+    service.begin()
+    expect(phone.locator("#sent")).to_contain_text("All that is ticked is sent", timeout=30_000)
+    desk = open_page(browser, service, "ada", phone=False)
+    desk.goto(f"/jobs/{JOB}/session")
+    expect(desk.locator("#step-2")).to_be_checked(timeout=20_000)
+    expect(desk.locator("#step-1")).not_to_be_checked()
+    assert "wanda" in desk.locator("li:has(#step-2) .ticked").inner_text()
+    desk.check("#step-3")
+    expect(phone.locator("#step-3")).to_be_checked(timeout=30_000)
+    check_page(desk, "checklist-desk")
+    desk.goto("/deeds")
+    assert "ticked a checklist" in desk.inner_text("main")
+    check_page(desk, "deeds")
+    phone.click("text=Log out")
+    phone.wait_for_url("**/login")
+    check_page(phone, "login-phone")
+    wait_until(lambda: phone.evaluate("caches.keys()") == [])
+
+
+@needs_browser
+@pytest.mark.long
+def test_a_service_that_goes_is_said_and_the_page_goes_on_when_it_is_back(service, browser):
+    service.begin()
+    job = httpx.post(f"{service.address}/api/plans", json={"cell": "comau-nj130/edbb", "seed": 11}).json()
+    page = open_page(browser, service, None, phone=False)
+    page.goto(f"/jobs/{job['id']}")
+    expect(page.locator("#stages li")).not_to_have_count(0)
+    service.cut()
+    expect(page.locator(".gone")).to_contain_text("The service does not answer")
+    check_page(page, "gone")
+    service.begin()
+    expect(page.locator(".gone")).to_have_count(0, timeout=30_000)
+    page.click("#cancel")
+    expect(page.locator("text=It was stopped")).to_be_visible(timeout=30_000)
+
+
+@needs_browser
+@pytest.mark.long
+@pytest.mark.parametrize("phone", [False, True])
+def test_a_view_does_not_hold_the_page_and_says_axes_and_distances(service, browser, phone):
+    service.begin()
+    page = open_page(browser, service, None, phone=phone)
+    page.goto("/cells/kuka-kr6-r700/edbb")
+    page.wait_for_selector("#view canvas")
+    expect(page.locator("#fixture-distances")).to_contain_text("from the robot's first axis")
+    page.locator("#view").scroll_into_view_if_needed()
+    box = page.locator("#view").bounding_box()
+    page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+    before = page.evaluate("scrollY")
+    page.mouse.wheel(0, 300)
+    wait_until(lambda: page.evaluate("scrollY") > before + 100)
+    assert page.evaluate("getComputedStyle(document.querySelector('#view')).touchAction") == "pan-y"
+    expect(page.locator(".layers")).to_contain_text("axes x, y, z")
+    x = float(page.input_value("#fixture-x"))
+    page.fill("#fixture-x", str(x + 50))
+    expect(page.locator("#fixture-distances")).to_contain_text("moved by 50 mm (x 50, y 0, z 0)")
+    page.locator("[data-turn='+']").click()
+    page.wait_for_timeout(500)
+    check_page(page, f"cell-{'phone' if phone else 'desk'}")
+
+
+def test_ticks_are_merged_by_their_time(tmp_path):
+    add_plan(tmp_path)
+    with client_of(tmp_path, workers=0, beside=0) as client:
+        path = f"/api/jobs/{JOB}/ticks"
+
+        def send(step, done, at):
+            return client.post(path, json={"ticks": [{"step": step, "done": done, "at": at}]})
+
+        assert send("step-1", True, "2026-01-01T10:00:00Z").status_code == 200
+        send("step-1", False, "2026-01-01T09:00:00Z")  # made earlier on a device that had no network
+        assert [(t["step"], t["done"]) for t in client.get(path).json()] == [("step-1", True)]
+        send("step-1", False, "2026-01-01T12:00:00+01:00")
+        assert client.get(path).json()[0]["done"] is False
+        send("step-2", True, "2099-01-01T00:00:00Z")
+        send("step-2", False, "2098-01-01T00:00:00Z")
+        assert [t["done"] for t in client.get(path).json()] == [False, False], "a clock that is ahead counts as now"
+        assert send("step-x", True, "2026-01-01T10:00:00Z").status_code == 422
+        assert send("step-1", True, "2026-01-01T10:00:00").status_code == 422
+        assert client.get(f"/api/jobs/{'b' * 24}/ticks").status_code == 404
+        assert client.delete(f"/api/jobs/{JOB}").status_code == 204
+        assert client.get("/worker.js").headers["content-type"].startswith("text/javascript")
+
+
+def test_the_page_of_a_session_needs_only_what_a_device_keeps(tmp_path):
+    """All that the checklist is drawn by lies under /static/, which the worker keeps."""
+    add_plan(tmp_path)
+    with client_of(tmp_path, workers=0, beside=0) as client:
+        text = client.get(f"/jobs/{JOB}/session").text
+    loaded = re.findall(r'<(?:script|link)[^>]*(?:src|href)="([^"]+)"', text)
+    assert loaded
+    assert all(path.startswith("/static/") for path in loaded)
