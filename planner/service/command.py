@@ -18,6 +18,7 @@ from planner.service.settings import (
     Retention,
     Role,
     ServiceSettings,
+    WebhookSettings,
     default_folder,
     machine_memory,
     share_memory,
@@ -61,6 +62,11 @@ ClusterAddress = Annotated[
     str, typer.Option(metavar="ADDRESS", help="Dask scheduler whose workers compute the jobs, such as tcp://host:8786")
 ]
 ClusterUrl = Annotated[str, typer.Option(metavar="URL", help="by which those workers reach this service")]
+Webhook = Annotated[
+    list[str] | None, typer.Option(metavar="URL", help="told when a job ends (signed by EDBB_WEBHOOK_SECRET)")
+]
+WebhookPrivate = Annotated[bool, typer.Option("--webhook-private", help="webhooks may lie in private networks")]
+AccessLogFile = Annotated[str, typer.Option(metavar="FILE", help="log of accesses; - for standard error")]
 RoleOption = Annotated[Role | None, typer.Option(help="users add, role: what the person may do (default: work)")]
 Label = Annotated[str, typer.Option(help="users token, untoken: what the token is for")]
 NoPassword = Annotated[bool, typer.Option("--no-password", help="users add: a token or a proxy lets the person in")]
@@ -84,6 +90,9 @@ def serve_command(
     person_gb: PersonGb = None,
     cluster: ClusterAddress = "",
     cluster_url: ClusterUrl = "",
+    webhook: Webhook = None,
+    webhook_private: WebhookPrivate = False,
+    access_log: AccessLogFile = "",
     role: RoleOption = None,
     label: Label = "program",
     no_password: NoPassword = False,
@@ -117,6 +126,8 @@ def serve_command(
         proxy=ProxySettings(tuple(proxy or ()), proxy_user, proxy_role),
         quota=Quota(person_jobs, None if person_gb is None else int(person_gb * GB)),
         cluster=ClusterSettings(cluster, cluster_url),
+        webhooks=WebhookSettings(tuple(webhook or ()), webhook_private, os.environ.get("EDBB_WEBHOOK_SECRET", "")),
+        access_log=access_log,
     )
     serve(settings, lambda address: errors.print(f"serving at {address}, jobs and files in {settings.folder}"))
 

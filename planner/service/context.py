@@ -28,6 +28,7 @@ from planner.service.record_store import RecordStore
 from planner.service.runner import JobRunner
 from planner.service.settings import GB, JobLimits, ServiceSettings
 from planner.service.tick_store import TickStore
+from planner.service.webhook import Notifier
 
 IDLE_S, TROUBLE_S = 0.5, 2.0  # [s] to the next look for a job; after a failure to take one
 LOG = logging.getLogger("edbb.service")
@@ -141,6 +142,7 @@ class ServiceContext:
     finder: CallerFinder
     deeds: DeedLog
     ticks: TickStore
+    notifier: Notifier
     _submitting: threading.Lock = field(default_factory=threading.Lock)
 
     def submit(self, request: JobRequest) -> JobRecord:

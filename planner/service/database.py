@@ -72,7 +72,8 @@ CREATE TABLE ticks (
     job TEXT NOT NULL REFERENCES jobs (id), step TEXT NOT NULL, done INTEGER NOT NULL, at REAL NOT NULL,
     person TEXT NOT NULL, PRIMARY KEY (job, step));
 """
-MIGRATIONS = (FIRST, DEATHS, LISTS, KEEPING, PEOPLE, TICKS)
+NOTICES = "CREATE TABLE notices (url TEXT PRIMARY KEY, last INTEGER NOT NULL);"
+MIGRATIONS = (FIRST, DEATHS, LISTS, KEEPING, PEOPLE, TICKS, NOTICES)
 """Statements that lead from one version of the store to the next; the version is how many of them it has seen."""
 VERSION = len(MIGRATIONS)
 

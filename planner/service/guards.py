@@ -67,6 +67,7 @@ class Guard:
             await caller(scope, receive, guarded)
             return
         CALLER.set(caller)
+        scope["edbb.caller"] = caller
         if caller.unnoted:
             await run_in_threadpool(self._context.people.note_use, caller.cookie)
         answered: dict[str, str] = {}

@@ -27,7 +27,7 @@ class ProcessGroup:
     """A process in a session of its own; what it prints goes into two files of its folder."""
 
     def __init__(self, module: str, folder: Path) -> None:
-        environment = {k: v for k, v in os.environ.items() if not k.startswith("EDBB_TOKEN")} | {
+        environment = {k: v for k, v in os.environ.items() if not k.startswith(("EDBB_TOKEN", "EDBB_WEBHOOK"))} | {
             "EDBB_PROGRESS": "json",
             "PYTHONUNBUFFERED": "1",
             "OMP_NUM_THREADS": "1",

@@ -12,6 +12,7 @@ from starlette.types import ASGIApp
 from planner import __version__
 from planner.common.errors import InputError
 from planner.service.access import check_access, check_rules
+from planner.service.access_log import AccessLog, open_log
 from planner.service.callers import CallerFinder
 from planner.service.cluster import Cluster
 from planner.service.context import ServiceContext, Supervisor
@@ -38,6 +39,7 @@ from planner.service.rendering import STATIC
 from planner.service.settings import GB, JobShares, ServiceSettings
 from planner.service.tick_store import TickStore
 from planner.service.ticks import TICKS
+from planner.service.webhook import Notifier
 
 DESCRIPTION = (
     "Plans measuring sessions that calibrate robots, and identifies robots from measured runs. What takes long is a "
@@ -94,6 +96,7 @@ def build_context(settings: ServiceSettings) -> ServiceContext:
         finder=finder,
         deeds=DeedLog(database),
         ticks=TickStore(database),
+        notifier=Notifier(settings.webhooks, database, jobs),
     )
 
 
@@ -106,7 +109,9 @@ def build_app(context: ServiceContext) -> FastAPI:
         sweeper = Sweeper(context.keeper, context.settings.kept)
         context.supervisor.start()
         sweeper.start()
+        context.notifier.start()
         yield
+        context.notifier.stop()
         sweeper.stop()
         context.supervisor.stop()
 
@@ -152,7 +157,8 @@ def guarded_app(settings: ServiceSettings) -> ASGIApp:
     """Return the application behind its guard."""
     context = build_context(settings)
     app = build_app(context)
-    return Guard(PlainMethods(app, app), context)
+    guarded = Guard(PlainMethods(app, app), context)
+    return AccessLog(guarded) if settings.access_log else guarded
 
 
 def start_notices(workers: int | None, shares: JobShares) -> list[str]:
@@ -180,6 +186,8 @@ def serve(settings: ServiceSettings, announce: Callable[[str], None]) -> None:
     from planner.service.connections import TimedProtocol
 
     app = guarded_app(settings)
+    if settings.access_log:
+        open_log(settings.access_log)
     host = f"[{settings.host}]" if ":" in settings.host else settings.host
     config = uvicorn.Config(
         app,

@@ -6,6 +6,7 @@ import re
 from dataclasses import dataclass, field
 from enum import StrEnum
 from pathlib import Path
+from urllib.parse import urlsplit
 
 from planner.common.errors import InputError
 from planner.common.system import memory_bytes as system_memory
@@ -114,6 +115,27 @@ class ClusterSettings:
 
 
 @dataclass(frozen=True)
+class WebhookSettings:
+    """Who is told when a job ends.
+
+    Attributes:
+        urls: addresses that notices are sent to.
+        private: whether they may lie in private networks or on this machine.
+        secret: by which notices are signed; empty: they are not.
+    """
+
+    urls: tuple[str, ...] = ()
+    private: bool = False
+    secret: str = field(default="", repr=False)
+
+    def __post_init__(self) -> None:
+        for url in self.urls:
+            parts = urlsplit(url)
+            if parts.scheme not in ("http", "https") or not parts.hostname or parts.username or parts.password:
+                raise InputError(f"--webhook {url}: an address such as https://mes.plant.example/edbb is needed")
+
+
+@dataclass(frozen=True)
 class Quota:
     """What one person may have at a time; ``None``: as much as the machine has.
 
@@ -138,6 +160,8 @@ class ServiceSettings:
         proxy: what stands before the service.
         quota: of each person.
         cluster: where jobs are computed.
+        webhooks: who is told when a job ends.
+        access_log: file of a line a request, ``-`` for standard error; empty: none.
         workers: most commands at a time.
         beside: short tasks of a page that may run beside them.
         limits: of each job.
@@ -160,6 +184,8 @@ class ServiceSettings:
     proxy: ProxySettings = ProxySettings()
     quota: Quota = Quota()
     cluster: ClusterSettings = ClusterSettings()
+    webhooks: WebhookSettings = WebhookSettings()
+    access_log: str = ""
 
     def __post_init__(self) -> None:
         shortest_token = 16  # signs: shorter ones can be guessed

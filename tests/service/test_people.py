@@ -25,7 +25,7 @@ from tests.service.conftest import AT_HOME, client_of, settings, upload
 ROLES = {"luis": Role.LOOK, "wanda": Role.WORK, "ada": Role.ADMINISTER}
 PASSWORD = "correct horse battery"
 SOME_JOB, SOME_FILE = "0" * 24, "0" * 64
-PLACES = {"id": SOME_JOB, "serial": "R1", "robot": "ur10", "cell": "edbb", "name": "x"}
+PLACES = {"id": SOME_JOB, "sha256": SOME_FILE, "serial": "R1", "robot": "ur10", "cell": "edbb", "name": "x"}
 
 
 def people_of(folder):
