@@ -66,6 +66,7 @@ Webhook = Annotated[
     list[str] | None, typer.Option(metavar="URL", help="told when a job ends (signed by EDBB_WEBHOOK_SECRET)")
 ]
 WebhookPrivate = Annotated[bool, typer.Option("--webhook-private", help="webhooks may lie in private networks")]
+RootPath = Annotated[str, typer.Option(metavar="PATH", help="where a proxy has the service on its host, such as /edbb")]
 AccessLogFile = Annotated[str, typer.Option(metavar="FILE", help="log of accesses; - for standard error")]
 RoleOption = Annotated[Role | None, typer.Option(help="users add, role: what the person may do (default: work)")]
 Label = Annotated[str, typer.Option(help="users token, untoken: what the token is for")]
@@ -93,6 +94,7 @@ def serve_command(
     webhook: Webhook = None,
     webhook_private: WebhookPrivate = False,
     access_log: AccessLogFile = "",
+    root_path: RootPath = "",
     role: RoleOption = None,
     label: Label = "program",
     no_password: NoPassword = False,
@@ -128,6 +130,7 @@ def serve_command(
         cluster=ClusterSettings(cluster, cluster_url),
         webhooks=WebhookSettings(tuple(webhook or ()), webhook_private, os.environ.get("EDBB_WEBHOOK_SECRET", "")),
         access_log=access_log,
+        root_path=root_path,
     )
     serve(settings, lambda address: errors.print(f"serving at {address}, jobs and files in {settings.folder}"))
 

@@ -30,7 +30,7 @@ from planner.service.settings import GB, JobLimits, ServiceSettings
 from planner.service.tick_store import TickStore
 from planner.service.webhook import Notifier
 
-IDLE_S, TROUBLE_S = 0.5, 2.0  # [s] to the next look for a job; after a failure to take one
+TROUBLE_S = 2.0  # [s] to the next try after a failure
 LOG = logging.getLogger("edbb.service")
 
 
@@ -92,7 +92,7 @@ class Supervisor:
                 self._news.wait(TROUBLE_S)
                 continue
             if job is None:
-                self._news.wait(IDLE_S)
+                self._news.wait(0.5)  # [s] to the next look for a job
             else:
                 self._begin(job)
 

@@ -16,7 +16,7 @@ from planner.service.callers import CALLER, Caller, Refusal
 from planner.service.context import ServiceContext
 from planner.service.login import login_address
 from planner.service.problems import ProblemResponse, problem_of
-from planner.service.rendering import render
+from planner.service.rendering import ROOT, render
 from planner.service.settings import LOOPBACK, Role
 
 UPLOADS = ("/api/files", "/api/runs")
@@ -61,7 +61,10 @@ class Guard:
         if scope["type"] != "http":
             await self._app(scope, receive, send)
             return
-        guarded = self._add_headers(send)
+        guarded, root = self._add_headers(send), self._settings.root_path
+        if root and str(scope["path"]).startswith(f"{root}/"):  # a proxy that leaves the path as it is
+            scope = {**scope, "path": scope["path"][len(root) :], "raw_path": scope["raw_path"][len(root) :]}
+        ROOT.set(root)
         caller = self._refusal(scope) or self._find_caller(scope)
         if isinstance(caller, Response):
             await caller(scope, receive, guarded)
@@ -122,14 +125,19 @@ class Guard:
         # 1 << 20: bytes of any body but an upload's
         return self._settings.most_upload if scope["path"] in UPLOADS else (1 << 20)
 
-    @staticmethod
-    def _add_headers(send: Send) -> Send:
+    def _add_headers(self, send: Send) -> Send:
+        root = self._settings.root_path
+
         async def with_headers(message: Message) -> None:
             """Send the answer with the headers of safety."""
             if message["type"] == "http.response.start":
                 headers = MutableHeaders(scope=message)
                 for name, value in HEADERS.items():
                     headers[name] = value
+                if headers.get("location", "").startswith("/"):
+                    headers["location"] = root + headers["location"]
+                if headers.get("link", "").startswith("</"):
+                    headers["link"] = f"<{root}{headers['link'][1:]}"
                 headers.setdefault("content-security-policy", POLICY)
                 headers.setdefault("cache-control", "no-store")
             await send(message)

@@ -106,7 +106,6 @@ SPECIFICATION = "job.json"
 INPUT_FOLDER = "work"
 RESULTS = "out"  # folder in it for what the command writes
 FIRST_TO_GO = "1000"  # the most that Linux knows
-NICE, TASK_NICE = 10, 3  # what answers a person goes first, then what a page waits for
 
 
 @dataclass(frozen=True)
@@ -149,7 +148,7 @@ def limit_resources(job: JobSpecification) -> None:
     most_written = 2 * GB  # bytes of a file that a command writes
     with suppress(OSError):
         Path("/proc/self/oom_score_adj").write_text(FIRST_TO_GO, encoding="ascii")
-    give_way(TASK_NICE if job.command.task else NICE)
+    give_way(3 if job.command.task else 10)  # what answers a person goes first, then what a page waits for
     seconds = int(job.limits.time_s * (os.cpu_count() or 1)) + 1
     limit_process(address_space_ratio * job.limits.memory_bytes, most_written, seconds)
 

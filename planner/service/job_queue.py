@@ -10,8 +10,6 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-UNKNOWN_S = 60.0  # [s] that a job is taken to last whose like has never been done
-
 
 @dataclass(frozen=True)
 class WaitingJob:
@@ -76,6 +74,11 @@ def expected_lengths(db: sqlite3.Connection, kinds: Iterable[str]) -> dict[str, 
     return {kind: max(0.1, float(row[0])) for kind, row in rows.items() if row[1]}
 
 
+def length_of(kind: str, lengths: Mapping[str, float]) -> float:
+    """Return how long a job is taken to last [s], also where no like job was ever done."""
+    return lengths.get(kind, 60.0)
+
+
 def read_turns(db: sqlite3.Connection, people: Iterable[str]) -> Turns:
     """Return the turns that people had."""
     names = sorted(set(people))
@@ -98,7 +101,7 @@ def read_order(db: sqlite3.Connection, now: float, firsts_only: bool) -> list[Wa
     group = "GROUP BY person, kind" if firsts_only else ""
     rows = db.execute(f"SELECT {first} FROM jobs WHERE state = 'queued' AND task = 0 {group}").fetchall()
     lengths = expected_lengths(db, (r["kind"] for r in rows))
-    jobs = [WaitingJob(r["id"], r["person"], r["created"], lengths.get(r["kind"], UNKNOWN_S)) for r in rows]
+    jobs = [WaitingJob(r["id"], r["person"], r["created"], length_of(r["kind"], lengths)) for r in rows]
     return order_jobs(jobs, read_turns(db, (j.person for j in jobs)), now)
 
 
@@ -123,6 +126,6 @@ def foresee_end(db: sqlite3.Connection, id: str, workers: int, now: float) -> Ou
         return Outlook(0, None if own is None else max(0.0, own - (now - row["started"])))
     order = read_order(db, now, firsts_only=False)
     place = next(k for k, job in enumerate(order) if job.id == id)
-    before = sum(max(0.0, lengths.get(r["kind"], UNKNOWN_S) - (now - r["started"])) for r in running)
+    before = sum(max(0.0, length_of(r["kind"], lengths) - (now - r["started"])) for r in running)
     before += sum(job.length_s for job in order[:place])
     return Outlook(place + 1, None if own is None else before / max(1, workers) + own)

@@ -54,7 +54,6 @@ from planner.session.document import PlanDocument, PlanHeader
 
 LOG = logging.getLogger("edbb.service")
 PLANS = ("plan", "check-plan")  # kinds of jobs whose folder holds a plan
-ROBOTS_SHOWN = 50  # of a plant on the first page
 
 
 @dataclass(frozen=True)
@@ -104,16 +103,17 @@ def show_start(
     context: Context, q: Annotated[str, Query(max_length=200)] = "", after: Annotated[str, Query(max_length=120)] = ""
 ) -> HTMLResponse:
     """The robots of this plant with their states, those that ship with cells, and what was done lately."""
-    found = context.records.index.list_robots(RobotFilter(q), ROBOTS_SHOWN + 1, after)
+    most = 50  # of a plant on the first page
+    found = context.records.index.list_robots(RobotFilter(q), most + 1, after)
     return render(
         "start",
         robots=robot_entries(),
         title_of=robot_title,
-        records=[describe_robot(r) for r in found[:ROBOTS_SHOWN]],
+        records=[describe_robot(r) for r in found[:most]],
         known=context.records.index.count(),
         q=q,
         after=after,
-        more=found[ROBOTS_SHOWN - 1].place if len(found) > ROBOTS_SHOWN else None,
+        more=found[most - 1].place if len(found) > most else None,
     )
 
 

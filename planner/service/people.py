@@ -20,7 +20,6 @@ from planner.common.errors import InputError
 from planner.service.database import Database
 from planner.service.settings import DAY_S, Role
 
-LONGEST_PASSWORD = 200  # signs: longer ones only cost time
 SESSION_S, IDLE_S = 7 * DAY_S, DAY_S / 2  # [s] that a browser stays logged in: at most, and while nobody uses it
 HASHING = threading.BoundedSemaphore(2)  # a password takes 64 MB to check: guesses at the same time wait
 
@@ -60,9 +59,9 @@ def checked_password(text: str) -> str:
     Raises:
         InputError: it is too short or too long.
     """
-    shortest = 10  # signs: shorter ones are guessed
-    if not shortest <= len(text) <= LONGEST_PASSWORD:
-        raise InputError(f"the password has {len(text)} signs; {shortest} to {LONGEST_PASSWORD} are allowed")
+    shortest, longest = 10, 200  # signs: shorter ones are guessed, longer ones only cost time
+    if not shortest <= len(text) <= longest:
+        raise InputError(f"the password has {len(text)} signs; {shortest} to {longest} are allowed")
     return text
 
 
@@ -176,7 +175,7 @@ class PeopleStore:
             self._nobody = self._nobody or self._hasher.hash(secrets.token_hex())
             kept = (rows and rows[0]["password"]) or self._nobody
             try:
-                self._hasher.verify(kept, password[:LONGEST_PASSWORD])
+                self._hasher.verify(kept, password)
             except (VerificationError, InvalidHashError):
                 return None
         return self._person(rows[0]) if rows and kept != self._nobody else None

@@ -1,5 +1,6 @@
 """Templates of the pages, and what each page shows of who looks at it."""
 
+from contextvars import ContextVar
 from pathlib import Path
 
 from fastapi.responses import HTMLResponse
@@ -14,7 +15,11 @@ ENVIRONMENT = template_environment(FOLDER / "templates")
 ENVIRONMENT.globals["version"] = __version__
 
 
+ROOT: ContextVar[str] = ContextVar("root", default="")
+"""Where the service lies on its host: empty, or a path such as ``/edbb``."""
+
+
 def render(template: str, status: int = 200, /, **content: object) -> HTMLResponse:
     """Return a page."""
     page = ENVIRONMENT.get_template(f"{template}.html.j2")
-    return HTMLResponse(page.render(status=status, caller=CALLER.get(), **content), status)
+    return HTMLResponse(page.render(status=status, caller=CALLER.get(), root=ROOT.get(), **content), status)

@@ -122,11 +122,15 @@ class WebhookSettings:
         urls: addresses that notices are sent to.
         private: whether they may lie in private networks or on this machine.
         secret: by which notices are signed; empty: they are not.
+        pauses_s: between tries of a notice that nobody takes [s]; the last one again and again.
+        answer_s: that a receiver may take [s].
     """
 
     urls: tuple[str, ...] = ()
     private: bool = False
     secret: str = field(default="", repr=False)
+    pauses_s: tuple[float, ...] = (1.0, 5.0, 30.0, 120.0, 600.0)
+    answer_s: float = 10.0
 
     def __post_init__(self) -> None:
         for url in self.urls:
@@ -161,6 +165,7 @@ class ServiceSettings:
         quota: of each person.
         cluster: where jobs are computed.
         webhooks: who is told when a job ends.
+        root_path: where the service lies on its host behind a proxy, such as ``/edbb``.
         access_log: file of a line a request, ``-`` for standard error; empty: none.
         workers: most commands at a time.
         beside: short tasks of a page that may run beside them.
@@ -186,8 +191,11 @@ class ServiceSettings:
     cluster: ClusterSettings = ClusterSettings()
     webhooks: WebhookSettings = WebhookSettings()
     access_log: str = ""
+    root_path: str = ""
 
     def __post_init__(self) -> None:
+        if not re.fullmatch(r"(/[A-Za-z0-9._~-]+)*", self.root_path):
+            raise InputError(f"--root-path {self.root_path}: a path such as /edbb is needed, with no slash at its end")
         shortest_token = 16  # signs: shorter ones can be guessed
         if self.token and (len(self.token) < shortest_token or not self.token.isascii()):
             raise InputError(

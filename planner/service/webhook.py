@@ -24,9 +24,6 @@ from planner.service.job_store import JobStore, UnknownJobError
 from planner.service.settings import WebhookSettings
 
 LOG = logging.getLogger("edbb.service")
-ANSWER_S = 10.0  # [s] that a receiver may take
-PAUSES_S = (1.0, 5.0, 30.0, 120.0, 600.0)
-"""[s] between tries of a notice that nobody takes; the last one again and again."""
 
 
 class BlockedAddressError(OSError):
@@ -63,9 +60,9 @@ def send_notice(url: str, body: bytes, settings: WebhookSettings) -> int:
     host, secure = str(parts.hostname), parts.scheme == "https"
     port = parts.port or (443 if secure else 80)
     address = resolve_host(host, port, settings.private)
-    connection = http.client.HTTPConnection(host, port, timeout=ANSWER_S)
+    connection = http.client.HTTPConnection(host, port, timeout=settings.answer_s)
     try:
-        connection.sock = socket.create_connection((address, port), timeout=ANSWER_S)
+        connection.sock = socket.create_connection((address, port), timeout=settings.answer_s)
         if secure:
             connection.sock = ssl.create_default_context().wrap_socket(connection.sock, server_hostname=host)
         headers = {"content-type": "application/json", "user-agent": "edbb"}
@@ -108,8 +105,8 @@ class Notifier:
                 thread.join()
 
     def _run(self, url: str) -> None:
-        tries = 0
-        while not self._stopping.wait(PAUSES_S[min(tries, len(PAUSES_S)) - 1] if tries else 0.5):
+        tries, pauses = 0, self._settings.pauses_s
+        while not self._stopping.wait(pauses[min(tries, len(pauses)) - 1] if tries else 0.5):  # [s] to the next look
             try:
                 tries = 0 if self._send_next(url) else tries + 1
             except Exception:  # of the store

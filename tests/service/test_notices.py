@@ -14,7 +14,6 @@ from urllib.parse import urlsplit
 import pytest
 
 from planner.common.errors import InputError
-from planner.service import webhook
 from planner.service.access_log import LOG, access_line, open_log
 from planner.service.callers import Caller
 from planner.service.database import Database
@@ -67,11 +66,10 @@ def wait_for(is_so):
         time.sleep(0.02)
 
 
-def test_each_job_that_ends_is_told_signed_and_also_after_a_crash(tmp_path, receiver, monkeypatch):
-    monkeypatch.setattr(webhook, "PAUSES_S", (0.05,))
+def test_each_job_that_ends_is_told_signed_and_also_after_a_crash(tmp_path, receiver):
     database = Database(tmp_path / "jobs.sqlite3")
     store = JobStore(database)
-    settings = WebhookSettings((receiver.url,), private=True, secret="a secret of the plant")
+    settings = WebhookSettings((receiver.url,), private=True, secret="a secret of the plant", pauses_s=(0.05,))
     end_job(store, 1)  # before anybody wanted notices
     receiver.codes = [500, 302, 204]
     notifier = Notifier(settings, database, store)

@@ -1,5 +1,5 @@
-import { find, finished, get, post, say, showFacts, upload } from "/static/common.js";
-import { lineChart } from "/static/linechart.js";
+import { find, finished, get, post, root, say, showFacts, upload } from "./common.js";
+import { lineChart } from "./linechart.js";
 
 const message = find("#run-message"), sent = find("#sent"), drop = find("#drop");
 let runs = [], simulation = null, good = false, asked = 0, unknown = "";
@@ -17,7 +17,7 @@ function update() {
   find("#check-choice").hidden = !check;
   find("#trace-choice").hidden = check;
   find("#change-choice").hidden = !check;
-  if (baseline) find("#baseline").href = `/jobs/${baseline}`; else find("#baseline").removeAttribute("href");
+  if (baseline) find("#baseline").href = `${root}/jobs/${baseline}`; else find("#baseline").removeAttribute("href");
   find("#simulate").disabled = plan === "";
   find("#identify").disabled = !good;
   find("#identify").textContent = check ? "3. Judge the check" : "3. Identify the robot";
@@ -116,7 +116,7 @@ async function judge() {
     run = { id: file.sha256, name: file.name };
   }
   const job = await post("/api/checks", { plan: find("#plan").value, run, ...(limit && { limit_mm: Number(limit) }) });
-  location.href = `/jobs/${job.id}`;
+  location.href = `${root}/jobs/${job.id}`;
 }
 
 find("#run-form").addEventListener("submit", (event) => {
@@ -124,7 +124,7 @@ find("#run-form").addEventListener("submit", (event) => {
   attempt(async () => {
     if (isCheck()) { await judge(); return; }
     const job = await post("/api/identifications", { runs, simulation, ...place(), no_trace: !find("#trace").checked });
-    location.href = `/jobs/${job.id}`;
+    location.href = `${root}/jobs/${job.id}`;
   });
 });
 update();

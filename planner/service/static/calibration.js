@@ -1,7 +1,7 @@
-import { find, finished, get, make, post, say, upload } from "/static/common.js";
-import { watchJob } from "/static/progress.js";
-import { offerRecord } from "/static/record.js";
-import { showView } from "/static/view3d.js";
+import { find, finished, get, make, post, root, say, upload } from "./common.js";
+import { watchJob } from "./progress.js";
+import { offerRecord } from "./record.js";
+import { showView } from "./view3d.js";
 
 const { job, state } = document.body.dataset;
 watchJob();
@@ -41,8 +41,8 @@ if (state === "done") {
       const file = done.files.find((f) => f.name === program.name);
       const log = done.files.find((f) => f.name === "log");
       say(message, done.exit_code === 5 ? "Corrected in part; the log lists what was left as it was." : "Corrected.");
-      result.append(make("a", { href: file.url, download: `corrected_${program.name}` }, `corrected ${program.name}`));
-      if (log) result.append(" ", make("a", { href: log.url, download: "log.txt" }, "log"));
+      result.append(make("a", { href: root + file.url, download: `corrected_${program.name}` }, `corrected ${program.name}`));
+      if (log) result.append(" ", make("a", { href: root + log.url, download: "log.txt" }, "log"));
     } catch (problem) { say(message, problem.message, true); }
   });
 }
@@ -52,6 +52,6 @@ find("#check-plan-form")?.addEventListener("submit", async (event) => {
   const message = find("#check-message");
   try {
     say(message, "Sending …");
-    location.href = `/jobs/${(await post("/api/check-plans", { model: job, poses: Number(find("#check-poses").value) })).id}`;
+    location.href = `${root}/jobs/${(await post("/api/check-plans", { model: job, poses: Number(find("#check-poses").value) })).id}`;
   } catch (problem) { say(message, problem.message, true); }
 });

@@ -1,6 +1,6 @@
-import { find, finished, get, givenOptions, plainName, post, say, showFacts } from "/static/common.js";
-import { FixtureEditor } from "/static/editor.js";
-import { showView } from "/static/view3d.js";
+import { find, finished, get, givenOptions, plainName, post, root, say, showFacts } from "./common.js";
+import { FixtureEditor } from "./editor.js";
+import { showView } from "./view3d.js";
 
 const { cell, files } = document.body.dataset;
 const request = { cell, files: files ? JSON.parse(files) : [] };
@@ -25,7 +25,7 @@ async function start(route, body) {
   try {
     const name = `${plainName(find("h1").textContent).replace(/(_moved)?[.]toml$/, "")}_moved.toml`;
     const job = await post(`/api/${route}`, { ...(editor ? await editor.chosen(name) : request), ...body });
-    location.href = `/jobs/${job.id}`;
+    location.href = `${root}/jobs/${job.id}`;
   } catch (problem) { say(message, problem.message, true); message.scrollIntoView(); }
 }
 

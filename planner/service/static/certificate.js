@@ -1,5 +1,5 @@
 // Remembers what a person fills in, and adds up the budget of the uncertainty.
-import { find } from "/static/common.js";
+import { find } from "./common.js";
 
 const key = `edbb-certificate-${document.body.dataset.job}`;
 const inputs = [...document.querySelectorAll(".sheet input")];

@@ -12,6 +12,9 @@ export function make(tag, attributes = {}, ...children) {
   return node;
 }
 
+/** Where the service lies on its host: empty, or a path such as /edbb. */
+export const root = document.documentElement.dataset.root ?? "";
+
 let gone = null; // while the service does not answer: what says so, and who waits for it
 
 /** Say that the service does not answer, until it does again. */
@@ -24,7 +27,7 @@ function tellGone() {
 }
 
 async function lookAgain() {
-  const answer = await fetch("/api/health", { cache: "no-store" }).catch(() => null);
+  const answer = await fetch(`${root}/api/health`, { cache: "no-store" }).catch(() => null);
   if (answer?.status === 401) { logIn(); return; }
   if (!answer?.ok) { setTimeout(lookAgain, 3000); return; }
   const { note, waiting } = gone;
@@ -36,14 +39,14 @@ async function lookAgain() {
 /** Resolves when the service answers; at once where it is not known to be gone. */
 export const serviceBack = () => gone ? new Promise((go) => gone.waiting.push(go)) : Promise.resolve();
 
-const logIn = () => location.assign(`/login?next=${encodeURIComponent(location.pathname)}`);
+const logIn = () => location.assign(`${root}/login?next=${encodeURIComponent(location.pathname.slice(root.length))}`);
 
 /** Ask the service; that it does not answer is said in plain words. */
 export async function reach(path, options) {
-  try { return await fetch(path, options); } catch {
-    tellGone();
-    throw new Error("The service does not answer. Try again when it is back.");
-  }
+  const answer = await fetch(root + path, options).catch(() => null);
+  if (answer && answer.status !== 502 && answer.status !== 504) return answer; // so says a proxy before a service that is gone
+  tellGone();
+  throw new Error("The service does not answer. Try again when it is back.");
 }
 
 async function answerOf(response) {
@@ -60,7 +63,7 @@ export const get = async (path) => answerOf(await reach(path));
 export async function page(path) {
   const answer = await reach(path);
   const next = (answer.headers.get("link") || "").match(/<([^>]+)>; rel="next"/);
-  return { content: await answerOf(answer), next: next ? next[1] : null };
+  return { content: await answerOf(answer), next: next ? next[1].slice(root.length) : null };
 }
 
 export const send = async (method, path, body) => answerOf(await reach(path, {
@@ -76,7 +79,7 @@ export function upload(kind, file, onShare = () => {}) {
   return new Promise((resolve, reject) => {
     const request = new XMLHttpRequest();
     const name = plainName(file.name);
-    request.open("POST", `/api/${kind}?name=${encodeURIComponent(name)}`);
+    request.open("POST", `${root}/api/${kind}?name=${encodeURIComponent(name)}`);
     request.setRequestHeader("content-type", "application/octet-stream");
     request.upload.onprogress = (e) => e.lengthComputable && onShare(e.loaded / e.total);
     request.onerror = () => { tellGone(); reject(new Error(`${file.name}: the service does not answer; send it again when it is back`)); };
@@ -92,7 +95,7 @@ export function upload(kind, file, onShare = () => {}) {
 
 // One stream a page; the browser resumes it by the number of the last event.
 export function follow(job, onEvent, after = 0) {
-  const stream = new EventSource(`/api/events?job=${job}&after=${after}`);
+  const stream = new EventSource(`${root}/api/events?job=${job}&after=${after}`);
   let last = after;
   stream.onerror = () => {
     tellGone();

@@ -1,6 +1,6 @@
 // The fixture of a cell, dragged in the 3D view or set by its coordinates; what is reached from there follows.
-import * as THREE from "/static/three/three.module.min.js";
-import { find, finished, get, make, post, say, showFacts } from "/static/common.js";
+import * as THREE from "./three/three.module.min.js";
+import { find, finished, get, make, post, reach, root, say, showFacts } from "./common.js";
 
 const AXES = ["x", "y", "z"], PAUSE_MS = 350, REACH = "reach of the gauge";
 
@@ -160,7 +160,7 @@ export class FixtureEditor {
     find("#fixture-facts").removeAttribute("aria-busy");
     say(find("#fixture-problem"), found.problem, found.problem !== "");
     find("#fixture-file").hidden = this.moved === null;
-    if (this.moved) find("#fixture-file").href = `/api/jobs/${this.moved}/files/cell.toml`;
+    if (this.moved) find("#fixture-file").href = `${root}/api/jobs/${this.moved}/files/cell.toml`;
     showFacts(find("#facts"), found.check.facts.map((f) => [f.what, f.value]));
     this.view.replaceLayer("obstacles", found.check.view.parts.filter((p) => p.name === "obstacles"));
   }
@@ -171,7 +171,7 @@ export class FixtureEditor {
     if (this.handle.position.equals(this.start)) return this.request;
     this.ask();
     const job = await this.answer, text = await get(`/api/jobs/${job}/files/cell.toml`);
-    const answer = await fetch(`/api/cells?name=${encodeURIComponent(name)}`, { method: "POST", body: text });
+    const answer = await reach(`/api/cells?name=${encodeURIComponent(name)}`, { method: "POST", body: text });
     if (!answer.ok) throw new Error("the moved cell was not taken");
     return { ...this.request, cell: (await answer.json()).id };
   }

@@ -1,5 +1,5 @@
-import { watchJob } from "/static/progress.js";
-import { offerRecord } from "/static/record.js";
+import { watchJob } from "./progress.js";
+import { offerRecord } from "./record.js";
 
 watchJob();
 offerRecord(document.body.dataset.job);

@@ -1,4 +1,4 @@
-import { find, make, page, timeText } from "/static/common.js";
+import { find, make, page, root, timeText } from "./common.js";
 
 const PLANS = ["plan", "check-plan"];
 const form = find("#compare-form"), filter = find("#filter"), more = find("#more"), body = find("#jobs tbody");
@@ -21,7 +21,7 @@ function tick(job) {
 }
 
 const row = (j) => make("tr", {}, make("td", {}, tick(j)),
-  make("th", { scope: "row" }, make("a", { href: `/jobs/${j.id}` }, j.kind)),
+  make("th", { scope: "row" }, make("a", { href: `${root}/jobs/${j.id}` }, j.kind)),
   make("td", {}, j.title, j.note ? make("div", { className: "hint" }, j.note) : "", j.person ? make("div", { className: "hint" }, `by ${j.person}`) : ""),
   make("td", {}, make("span", { className: `state ${j.state}` }, j.state), j.problem ? make("div", { className: "hint" }, j.problem.detail) : ""),
   make("td", {}, timeText(j.created)));

@@ -1,5 +1,5 @@
 // Name, note, archive and deletion of a job.
-import { find, say, send } from "/static/common.js";
+import { find, root, say, send } from "./common.js";
 
 const form = find("#keeping-form"), message = find("#keeping-message"), { job } = document.body.dataset;
 
@@ -21,5 +21,5 @@ find("#delete")?.addEventListener("click", async (event) => {
     say(message, "Its files go with it. Press again to delete.");
     return;
   }
-  if (await change(() => send("DELETE", `/api/jobs/${job}`), "Deleted.")) location.href = "/jobs";
+  if (await change(() => send("DELETE", `/api/jobs/${job}`), "Deleted.")) location.href = `${root}/jobs`;
 });

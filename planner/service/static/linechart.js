@@ -1,5 +1,5 @@
 // A chart of lines over time, as SVG with a title for screen readers.
-import { make } from "/static/common.js";
+import { make } from "./common.js";
 
 // Okabe and Ito's colours that are dark enough on white; lines are told apart by their dashes too.
 const COLOURS = ["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#222222", "#9a6b00", "#7a2f8f"];

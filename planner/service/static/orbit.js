@@ -1,5 +1,5 @@
 // Turns a camera about a point by mouse, fingers and keys.
-import { Vector3 } from "/static/three/three.module.min.js";
+import { Vector3 } from "./three/three.module.min.js";
 
 const KEYS = {
   ArrowLeft: [-0.12, 0, 1], ArrowRight: [0.12, 0, 1], ArrowUp: [0, 0.1, 1], ArrowDown: [0, -0.1, 1],

@@ -1,6 +1,6 @@
-import { find, finished, get, make, post, say } from "/static/common.js";
-import { watchJob } from "/static/progress.js";
-import { showView } from "/static/view3d.js";
+import { find, finished, get, make, post, root, say } from "./common.js";
+import { watchJob } from "./progress.js";
+import { showView } from "./view3d.js";
 
 const { job, state } = document.body.dataset;
 watchJob();
@@ -14,7 +14,7 @@ if (state === "done") {
       const made = await post("/api/exports", { plan: job, dialect: find("#dialect").value });
       const done = made.state === "done" ? await get(made.url) : await finished(made.id);
       const files = done.files.filter((f) => !["log", "printed"].includes(f.name));
-      message.replaceChildren(...files.flatMap((f) => [make("a", { href: f.url, download: f.name }, f.name), " "]));
+      message.replaceChildren(...files.flatMap((f) => [make("a", { href: root + f.url, download: f.name }, f.name), " "]));
     } catch (problem) { say(message, problem.message, true); }
   });
   try {

@@ -1,5 +1,5 @@
 // Shows how far the job of a page is; when it ends the page is loaded again, with the result.
-import { find, follow, get, make, post, say } from "/static/common.js";
+import { find, follow, get, make, post, say } from "./common.js";
 
 const ORDINALS = { one: "st", two: "nd", few: "rd", other: "th" };
 const ordinal = (n) => `${n}${ORDINALS[new Intl.PluralRules("en", { type: "ordinal" }).select(n)]}`;

@@ -1,5 +1,5 @@
 // Adds what a job has found to the record of a robot.
-import { find, post, say } from "/static/common.js";
+import { find, post, root, say } from "./common.js";
 
 const FIELDS = { operator: "#operator", tool: "#tool", gauge: "#gauge", certificate: "#gauge-certificate" };
 
@@ -17,7 +17,7 @@ export function offerRecord(job) {
     for (const [name, field] of Object.entries(FIELDS)) circumstances[name] = find(field).value;
     try {
       await post(`/api/records/${encodeURIComponent(serial)}/entries`, { job, circumstances });
-      location.href = `/robots/${encodeURIComponent(serial)}`;
+      location.href = `${root}/robots/${encodeURIComponent(serial)}`;
     } catch (problem) { say(find("#record-message"), problem.message, true); }
   });
 }

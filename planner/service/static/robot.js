@@ -1,5 +1,5 @@
-import { find, get } from "/static/common.js";
-import { lineChart } from "/static/linechart.js";
+import { find, get } from "./common.js";
+import { lineChart } from "./linechart.js";
 
 const DAY = 86400000;
 const record = await get(`/api/records/${encodeURIComponent(document.body.dataset.serial)}`);

@@ -1,5 +1,5 @@
 // The checklist at the cell: what is ticked is kept on this device at once, and sent when the service answers.
-import { find, timeText } from "/static/common.js";
+import { find, root, timeText } from "./common.js";
 
 const { job, planId } = document.body.dataset;
 const key = `edbb-session-${planId}`, boxes = [...document.querySelectorAll(".checklist input")];
@@ -43,7 +43,7 @@ async function sync() {
   const body = { ticks: open.map(([step, { done, at }]) => ({ step, done, at })) };
   try {
     const path = `/api/jobs/${job}/ticks`;
-    const answer = await fetch(path, open.length ? { method: "POST", headers: { "content-type": "application/json" }, body: JSON.stringify(body) } : {});
+    const answer = await fetch(root + path, open.length ? { method: "POST", headers: { "content-type": "application/json" }, body: JSON.stringify(body) } : {});
     if (answer.status === 403) { mayTick = false; tell("You may look, not tick for others: what you tick stays on this device."); return; }
     if (answer.status === 401) { tell("Log in to send what is ticked: it is kept on this device."); return; }
     if (!answer.ok) throw new Error(answer.statusText);
@@ -74,9 +74,9 @@ sync();
 
 // from now on the page opens without a network too; only over TLS or on this machine do browsers allow it
 if ("serviceWorker" in navigator) {
-  await navigator.serviceWorker.register("/worker.js");
+  await navigator.serviceWorker.register(`${root}/worker.js`);
   await navigator.serviceWorker.ready;
-  const drawn = performance.getEntriesByType("resource").map((r) => r.name).filter((url) => new URL(url).pathname.startsWith("/static/"));
+  const drawn = performance.getEntriesByType("resource").map((r) => r.name).filter((url) => new URL(url).pathname.startsWith(`${root}/static/`));
   const claimed = navigator.serviceWorker.controller ? Promise.resolve() : new Promise((go) => navigator.serviceWorker.addEventListener("controllerchange", go, { once: true }));
   await claimed;
   await Promise.all([location.href, ...drawn].map((url) => fetch(url).catch(() => null)));

@@ -1,4 +1,4 @@
-import { find, finished, get, isResult, make, post, say, upload } from "/static/common.js";
+import { find, finished, get, isResult, make, post, root, say, upload } from "./common.js";
 
 const message = find("#cell-message");
 
@@ -14,7 +14,7 @@ async function checkCell(files) {
   const job = await post("/api/cell-checks", { cell: cell.id, files: others });
   say(message, "The cell is being checked …");
   await finished(job.id);
-  location.href = `/cells/${cell.id}?check=${job.id}`;
+  location.href = `${root}/cells/${cell.id}?check=${job.id}`;
 }
 
 find("#cell-form").addEventListener("submit", async (event) => {
@@ -26,4 +26,4 @@ find("#cell-form").addEventListener("submit", async (event) => {
 const jobs = (await get("/api/jobs?most=60")).filter(isResult);
 find("#lately-none").hidden = jobs.length > 0;
 find("#lately-list").append(...jobs.slice(0, 8).map((j) => make("li", {},
-  make("a", { href: `/jobs/${j.id}` }, `${j.kind} of ${j.title}`), " ", make("span", { className: `state ${j.state}` }, j.state))));
+  make("a", { href: `${root}/jobs/${j.id}` }, `${j.kind} of ${j.title}`), " ", make("span", { className: `state ${j.state}` }, j.state))));

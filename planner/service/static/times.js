@@ -1,5 +1,5 @@
 // Times in the zone of whoever looks; the title keeps them in UTC.
-import { timeText } from "/static/common.js";
+import { timeText } from "./common.js";
 
 for (const node of document.querySelectorAll("time[datetime]")) {
   node.title = node.textContent;

@@ -1,7 +1,7 @@
 // The cell in space: bodies carried by links, a path, poses, and a slider through time. Lengths in mm, z up.
-import * as THREE from "/static/three/three.module.min.js";
-import { Orbit } from "/static/orbit.js";
-import { make } from "/static/common.js";
+import * as THREE from "./three/three.module.min.js";
+import { Orbit } from "./orbit.js";
+import { make } from "./common.js";
 
 const ROLES = { calibrate: "#0072B2", repeat: "#009E73", validate: "#CC79A7", mount: "#E69F00" };
 const MANY = 100; // poses: more of them hide the robot, and so does their path
