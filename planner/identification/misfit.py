@@ -22,6 +22,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from planner.common.arrays import mean_by_group
 from planner.common.determinism import even_positions
 from planner.common.units import Array
 from planner.effects.context import Context
@@ -37,7 +38,7 @@ from planner.identification.assumptions import (
     USUAL_NOISE_SHARE,
     USUAL_REST,
 )
-from planner.identification.cross_validation import renumber_places, usable_elsewhere
+from planner.identification.cross_validation import number_targets, renumber_places, usable_elsewhere
 from planner.identification.least_squares import Fit
 from planner.identification.noise import Noise
 from planner.identification.posterior_background import EffectFamily
@@ -130,6 +131,40 @@ class HeldOutRegion:
     readings: HeldOutReadings
 
 
+@dataclass(frozen=True)
+class RepeatedReadings:
+    """Readings of poses to which the arm came back: what they scatter by is noise, whatever the model lacks.
+
+    Attributes:
+        square: sum of their squares about the means of the poses, over the usual variance of the noise.
+        freedom: degrees of freedom behind it.
+    """
+
+    square: float = 0.0
+    freedom: int = 0
+
+    @classmethod
+    def of(cls, fit: Fit, run: Run) -> "RepeatedReadings":
+        """Compare the first readings of every visit to a pose, less what a fit to the run has of time and approach."""
+        if run.continuous:
+            return cls()
+        pose = number_targets(run.samples)
+        first = np.flatnonzero(np.append(True, np.diff(pose) != 0))  # then the arm stands still
+        visited = np.unique(pose[first], return_inverse=True)[1].reshape(-1)
+        width = min(POSITION_AXES, fit.model.width)
+        left = fit.problem.residual(fit.errors)[first, :width]
+        apart = left - mean_by_group(left, visited)[visited]
+        white = np.einsum("nij,nj->ni", _noise_root(fit.problem, width)[first], apart)
+        return cls(float((white**2).sum()), width * (len(first) - int(visited.max()) - 1))
+
+    def log_density(self, factors: Array) -> Array:
+        """Return the log density at noises (k,) over the usual one, without a constant."""
+        return np.asarray(-0.5 * self.square / factors**2 - self.freedom * np.log(factors))
+
+
+NEVER_REPEATED = RepeatedReadings()
+
+
 def predict_regions(
     before: Fit, run: Run, whole: Model, background: Sequence[EffectFamily], time: float
 ) -> tuple[HeldOutRegion, ...]:
@@ -157,17 +192,28 @@ def number_regions(samples: Samples, fit: Fit) -> np.ndarray:
     return np.unique(out, return_inverse=True)[1].reshape(-1)
 
 
-def draw_misfit(parts: Sequence[HeldOutReadings], count: int, acting: np.ndarray, seed: int = 0) -> Misfit:
+def draw_misfit(
+    parts: Sequence[HeldOutReadings],
+    count: int,
+    acting: np.ndarray,
+    repeats: RepeatedReadings = NEVER_REPEATED,
+    seed: int = 0,
+) -> Misfit:
     """Return ``count`` posterior draws of the misfit's stretch and rest, given the held-out readings.
 
-    ``acting`` (d,) int: how many families act without a name, in each draw of the sizes.
+    Args:
+        parts: readings held out.
+        count: of the draws.
+        acting: how many families act without a name, in each draw of the sizes, (d,) int.
+        repeats: what poses measured again say of the noise.
+        seed: of the draws.
     """
     usual = float(np.mean([p.noise.mean() for p in parts]))
     own = np.stack([_log_density(part, usual) for part in parts])  # of noise, rest and stretch of each region
     none = own[..., [int(np.argmin(np.abs(LOGS)))]].sum(axis=0)
     near = _chances_about(LOGS)
     logs = np.stack([np.concatenate([none, _mix(own, chance).sum(axis=0)], axis=-1) for chance in near])
-    logs += (-0.5 * (np.log(NOISES) / LOG_USUAL_NOISE_SIGMA) ** 2)[:, None, None]
+    logs += (-0.5 * (np.log(NOISES) / LOG_USUAL_NOISE_SIGMA) ** 2 + repeats.log_density(NOISES))[:, None, None]
     logs += _spike_and_slab(np.log(RESTS[1:] / USUAL_REST) / LOG_REST_SIGMA, no_rest_probability(acting))[:, None]
     logs += _spike_and_slab(LOGS / LOG_STRETCH_SIGMA, NO_STRETCH_PROBABILITY)
     # half normal, one sigma 0.5: regions of one robot differ by a factor of one and a half
@@ -253,13 +299,16 @@ def predict_validation(known: Fit, run: Run, time: float) -> HeldOutReadings | N
 def _hold_out(there: FitProblem, errors: Array, root: Array) -> HeldOutReadings:
     """Return what is left of positions with errors (P,), known by a root (P, k) of their covariance."""
     linear, width = there.linear(slice(0, len(there)), errors), min(POSITION_AXES, there.model.width)
-    fitted, declared = (
-        white.covariance(slice(None))[:, :width, :width]
-        for white in (there.whitener, there.whitener.with_noise(Noise()))
-    )
-    usual = USUAL_NOISE_SHARE**2 * np.einsum("nii->", declared) / np.einsum("nii->", fitted)
-    noise_root = np.linalg.inv(np.linalg.cholesky(usual * fitted))
+    noise_root = _noise_root(there, width)
     return HeldOutReadings.of(linear.residual[:, :width], linear.rows[:, :width] @ root, noise_root)
+
+
+def _noise_root(problem: FitProblem, width: int) -> Array:
+    """Return L⁻¹ of the covariance L Lᵀ of each position's noise, as large as usual, (n, width, width) [1/m]."""
+    white = problem.whitener
+    fitted, declared = (w.covariance(slice(None))[:, :width, :width] for w in (white, white.with_noise(Noise())))
+    usual = USUAL_NOISE_SHARE**2 * np.einsum("nii->", declared) / np.einsum("nii->", fitted)
+    return np.asarray(np.linalg.inv(np.linalg.cholesky(usual * fitted)))
 
 
 def _worth_one_each(which: np.ndarray, time: float, width: int) -> np.ndarray:

@@ -19,7 +19,13 @@ from planner.identification.assumptions import (
 from planner.identification.cross_validation import Split, predict_held_out
 from planner.identification.error_parts import error_parts, misfit_place
 from planner.identification.least_squares import Fit
-from planner.identification.misfit import HeldOutRegion, draw_misfit, predict_regions, predict_validation
+from planner.identification.misfit import (
+    HeldOutRegion,
+    RepeatedReadings,
+    draw_misfit,
+    predict_regions,
+    predict_validation,
+)
 from planner.identification.posterior_background import background_families, curve_groups
 from planner.identification.posterior_fit import draw_posterior
 from planner.identification.released_robot import ReleasedRobot, ToolMap, drift_of, tool_maps
@@ -66,7 +72,8 @@ def release_robot(
     regions = predict_regions(last, run, whole, families, time)
     judged = None if context.validation is None else predict_validation(posterior.fit, context.validation, time)
     unseen = [*(r.readings for r in regions), *([] if judged is None else [judged])]
-    misfit = draw_misfit(unseen, posterior.drawn.shape[1], posterior.record.count_nameless())
+    nameless, repeats = posterior.record.count_nameless(), RepeatedReadings.of(posterior.fit, run)
+    misfit = draw_misfit(unseen, posterior.drawn.shape[1], nameless, repeats)
     drift, maps = drift_of(cell, run, posterior), tool_maps(cell, context.run, posterior.fit)
     known, own = (posterior, misfit, drift, *maps), plain.stage
     geometry = ReleasedRobot(plain.fit, plain.fit, *known, own.held_out, own.validation, own.held_residual)

@@ -14,13 +14,27 @@ from planner.effects.catalogue import Excitation
 from planner.effects.context import Context
 from planner.effects.misfit_shapes import GravityHarmonic, misfit_shapes
 from planner.effects.sizes import PART_TURN
+from planner.identification.assumptions import USUAL_NOISE_SHARE
 from planner.identification.expected_error import expected_error_text
-from planner.identification.misfit import HeldOutReadings, Misfit, draw_misfit
+from planner.identification.least_squares import Fit, Solution
+from planner.identification.misfit import (
+    HeldOutReadings,
+    Misfit,
+    RepeatedReadings,
+    draw_misfit,
+    no_rest_probability,
+)
+from planner.identification.problem import FitProblem
+from planner.identification.run_setup import locate_gauge, number_samples, setup_for_run
 from planner.model.identification_document import Identification
+from planner.model.model import Model
 from planner.runs.run import Samples
 from planner.tracing.trace import trace
+from planner.workflow.identification import load_any
 from tests.blind.trial import identified
 from tests.blind.workspace import difference, released_tool, states_anywhere, true_tool
+from tests.independent_arms.arm import make_arm
+from tests.independent_arms.runs import CELLS, FIXTURE, bar_at_rest, bar_lengths, bar_poses, write_run
 from tests.simulation.generator.arm import Arm
 from tests.simulation.generator.benches import BENCHES
 from tests.simulation.generator.catalogue import KINDS
@@ -98,6 +112,49 @@ def test_what_moves_the_tool_at_each_pose_alone_is_the_rest():
 def test_a_gauge_that_is_a_little_noisier_than_its_data_sheet_is_no_misfit():
     found = [draw_misfit([held_out(seed, noise=1.15)], 400, NAMED) for seed in range(20)]
     assert np.median([m.rest_square**0.5 for m in found]) < NOISE
+
+
+def test_poses_measured_again_tell_noise_from_misfit():
+    """What is left is as large as noise or as misfit would leave it: only readings of the same poses tell which."""
+
+    def rest(square_of_one):
+        repeats = RepeatedReadings(100 * square_of_one, 100)
+        found = [draw_misfit([held_out(seed, noise=1.5)], 400, NAMED, repeats) for seed in range(20)]
+        return np.median([np.sqrt(np.mean(m.rest**2)) for m in found])
+
+    assert rest(1.5**2) < 0.4 * NOISE
+    assert rest(1.0) == pytest.approx(np.sqrt(1.5**2 - 1) * NOISE, rel=0.2)
+
+
+def test_families_without_a_name_make_a_rest_likelier():
+    found = [
+        np.mean([draw_misfit([held_out(seed, noise=1.3)], 400, np.full(3, n)).rest ** 2 for seed in range(10)])
+        for n in (0, 3, 8)
+    ]
+    assert found[0] < found[1] < found[2]
+    assert no_rest_probability(np.array([1])) > 0.5 > no_rest_probability(np.array([5]))
+
+
+def test_poses_measured_again_scatter_by_the_noise_of_gauge_and_joints(tmp_path):
+    """Four visits to each of 20 poses, of a bar whose scatter the arm itself says; geometry is not even fitted."""
+    true = make_arm(3, "bar", 0, False)
+    q = bar_poses()[:20]
+    write_run(bar_at_rest(true, np.tile(q, (4, 1))), tmp_path / "run.csv")
+    cell = load_cell(str(CELLS["bar"]), planning=False)
+    run = number_samples(load_any(tmp_path / "run.csv", cell.robot))
+    setup = locate_gauge(setup_for_run(cell, run), run)
+    problem = FitProblem.of(Model.of(setup, frozenset()).subset([]), run)
+    repeats = RepeatedReadings.of(
+        Fit(problem, Solution(np.zeros(0), np.zeros((0, 0)), 0.0), 0.0, np.zeros(0, int)), run
+    )
+    rng = np.random.default_rng(0)
+    lengths = [
+        bar_lengths(true, q, np.zeros(20), rng.normal(0, true.joint_noise, q.shape), FIXTURE) for _ in range(300)
+    ]
+    usual = USUAL_NOISE_SHARE**2 * problem.whitener.covariance(slice(20))[:, 0, 0]
+    expected = np.mean((np.var(lengths, axis=0) + true.noise**2) / usual)
+    assert repeats.freedom == 60
+    assert repeats.square / repeats.freedom == pytest.approx(expected, rel=3 * np.sqrt(2 / 60))
 
 
 def test_no_misfit_is_said_by_no_draw():
