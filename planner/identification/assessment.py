@@ -45,6 +45,7 @@ from planner.identification.released_robot import ReleasedRobot
 from planner.identification.residual_tests import diagnose_residual
 from planner.identification.run_setup import setup_for_run
 from planner.identification.stages import FitContext, FittedStage
+from planner.model.finding_groups import many_of_one_kind
 from planner.model.gauge_frames import GaugeFrames
 from planner.model.identification_document import (
     Estimate,
@@ -220,6 +221,8 @@ def assess_fit(
     estimates = table if released is None else released_estimates(table, released)
     diagnosis, kept = diagnose_residual(found, run.continuous, last.train.rms), tuple(s.stage for s in stages)
     release = None if released is None else describe_release(released)
+    causes = _findings_by_posterior(traced, released, len(run) * found.model.width / time)
+    findings = tuple(_with_estimates(causes, table))
     return Calibration(
         schema_="edbb-identification/1",
         worse_than_nominal=worse_than_nominal(kept, release, expected),
@@ -234,9 +237,8 @@ def assess_fit(
         other_zeros=find_other_zeros(found.setup.robot, estimates, cell.controller.dialects),
         fitted=() if released is None else tuple(e for e in table if e.identifiable),
         degrees_of_freedom=max(1.0, len(found.problem) * found.model.width / time - found.effective),
-        findings=tuple(
-            _with_estimates(_findings_by_posterior(traced, released, len(run) * found.model.width / time), table)
-        ),
+        findings=findings,
+        many_of_one_kind=many_of_one_kind(findings),
         limits=traced.limits,
         rejected=traced.rejected,
         tried=traced.tried,

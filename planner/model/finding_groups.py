@@ -1,17 +1,17 @@
 """Findings of one kind as the one thing that they are: a reflector that was seated anew, play in joint after joint.
 
-Steps of one thing are draws of one random effect: what it changes by each time has a root mean square, which n of them
-tell within 1 / √(2 n) of itself.
+They are draws of one random effect: its size each time, or at each joint, has a root mean square, which n of them tell
+within 1 / √(2 n) of itself.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from planner.common.units import MM, display_unit, format_value
 from planner.effects.nonparametric import NONPARAMETRIC
-from planner.model.identification_document import Finding
+from planner.model.identification_document import Finding, ManyOfOneKind
 
 JOINT = "joint "
 
@@ -61,9 +61,40 @@ class FindingGroup:
         return f"{first.effect}, {len(self.findings)} joints"
 
     @property
+    def each(self) -> tuple[float, float]:
+        """Root mean square of their sizes, in SI units, and its standard deviation."""
+        value, std = np.array([f.value for f in self.findings]), np.array([f.std for f in self.findings])
+        size = float(np.sqrt(max(float((value**2 - std**2).mean()), float((std**2).mean()))))
+        return size, size / float(np.sqrt(2 * len(value)))
+
+    @property
     def gain(self) -> float:
         """Largest of the falls of the rms error on held-out samples [m]."""
         return max(f.gain for f in self.findings)
+
+
+def many_of_one_kind(findings: Sequence[Finding]) -> tuple[ManyOfOneKind, ...] | None:
+    """Return what the document says of findings that are one thing together; ``None`` where all stand alone."""
+    place = {id(f): k for k, f in enumerate(findings)}
+    out = []
+    for group in group_findings(findings):
+        if len(group.findings) > 1:
+            first, (value, std) = group.findings[0], group.each
+            on = first.on if first.after_sample is not None else "joints"
+            at = tuple(place[id(f)] for f in group.findings)
+            out.append(
+                ManyOfOneKind(
+                    effect=first.effect,
+                    on=on,
+                    value=value,
+                    std=std,
+                    unit=first.unit,
+                    findings=at,
+                    probability=group.probability,
+                    note=group.note,
+                )
+            )
+    return tuple(out) or None
 
 
 def cause_text(name: str) -> str:
@@ -99,9 +130,10 @@ def _groups_of(own: Sequence[Finding]) -> Iterator[FindingGroup]:
     if len(own) < 3:  # findings of one kind from which on they are said in one sentence
         yield from (FindingGroup((f,), f.note, f.rivals) for f in own)
         return
-    note = _steps_note(own) if own[0].after_sample is not None else _joints_note(own)
     rivals = dict.fromkeys(r for f in own for r in f.rivals if not r.startswith(f"{own[0].effect}, "))
-    yield FindingGroup(tuple(own), note, tuple(rivals))
+    group = FindingGroup(tuple(own), "", tuple(rivals))
+    note = _steps_note(group) if own[0].after_sample is not None else _joints_note(group)
+    yield replace(group, note=note)
 
 
 def unit_of_change(unit: str, size: float) -> tuple[str, float]:
@@ -110,18 +142,19 @@ def unit_of_change(unit: str, size: float) -> tuple[str, float]:
     return ("mm", 1 / MM) if unit == "m" and abs(size) > 1e-4 else display_unit(unit, size)
 
 
-def _steps_note(own: Sequence[Finding]) -> str:
+def _steps_note(group: FindingGroup) -> str:
     """Say how often something changed, by how much each time, and when."""
-    value, std = np.array([f.value for f in own]), np.array([f.std for f in own])
-    each = float(np.sqrt(max(float((value**2 - std**2).mean()), float((std**2).mean()))))
-    size = format_value(each, each / np.sqrt(2 * len(own)), *unit_of_change(own[0].unit, each))
+    own, (each, std) = group.findings, group.each
+    size = format_value(each, std, *unit_of_change(own[0].unit, each))
     when = ", ".join(str(k) for k in sorted(f.after_sample or 0 for f in own))
     return f"{own[0].on}: changed {len(own)} times, by {size} each (root mean square), after samples {when}"
 
 
-def _joints_note(own: Sequence[Finding]) -> str:
-    """Say the size at each joint."""
+def _joints_note(group: FindingGroup) -> str:
+    """Say the size that the joints have in the mean, and that of each."""
+    own, (each, std) = group.findings, group.each
     unit = display_unit(own[0].unit, max(abs(f.value) for f in own))
     ordered = sorted(own, key=lambda f: int(f.on.removeprefix(JOINT)))
-    each = ", ".join(f"{f.on.removeprefix(JOINT)}: {format_value(f.value, f.std, *unit)}" for f in ordered)
-    return f"{own[0].effect} of {len(own)} joints ({each})"
+    sizes = ", ".join(f"{f.on.removeprefix(JOINT)}: {format_value(f.value, f.std, *unit)}" for f in ordered)
+    mean = format_value(each, std, *unit)
+    return f"{own[0].effect} of {len(own)} joints, {mean} each (root mean square; {sizes})"

@@ -187,6 +187,29 @@ class Finding(DocumentSection):
         return f"{self.effect}, {self.on}"
 
 
+class ManyOfOneKind(DocumentSection):
+    """Findings of one kind that are one thing: a reflector that was seated anew, play in joint after joint.
+
+    Attributes:
+        effect, on: what they have in common; ``on`` is ``joints`` where it is one effect at several joints.
+        value, std, unit: root mean square of their sizes, which are draws of one random effect, and its deviation.
+        findings: their positions among the document's findings, from 0.
+        probability: of the least certain of them.
+        note: sentence about all of them.
+    """
+
+    in_unit = ("value", "std")
+    if_any = ("probability",)
+    effect: str
+    on: str
+    value: float
+    std: float
+    unit: str
+    findings: tuple[int, ...]
+    probability: float | None = None
+    note: str = ""
+
+
 class DetectionLimit(DocumentSection):
     """The smallest size of an effect that was not found which this run would have shown in 95 of 100 cases."""
 
@@ -324,6 +347,7 @@ class Identification(DocumentSection):
         joint_zeros: what the controller's zeros of the released robot's joints are off, of joints that the run shows.
         degrees_of_freedom: readings, correlated ones counted as fewer, less the parameters that they decide.
         findings: effects that tracing found, in the order in which they were found.
+        many_of_one_kind: findings that are one thing together.
         limits: for every effect that was looked for and not found.
         tried: number of effects and inner values that tracing looked at; ``None`` where nothing was traced.
         noise_floor: standard deviation of repeated readings [m], or ``None`` without repeats.
@@ -337,7 +361,7 @@ class Identification(DocumentSection):
         simulated: true where a run was simulated, else ``None``: nobody measured this robot.
     """
 
-    if_any = ("release", "n_validation", "simulated", "worse_than_nominal")
+    if_any = ("release", "n_validation", "simulated", "worse_than_nominal", "many_of_one_kind")
     schema_: Literal["edbb-identification/1"]
     worse_than_nominal: str | None = None
     robot: str
@@ -351,6 +375,7 @@ class Identification(DocumentSection):
     joint_zeros: tuple[JointZero, ...] = ()
     degrees_of_freedom: float = Field(ge=1)
     findings: tuple[Finding, ...]
+    many_of_one_kind: tuple[ManyOfOneKind, ...] | None = None
     limits: tuple[DetectionLimit, ...] = ()
     rejected: tuple[RejectedEffect, ...] = ()
     tried: int | None = None

@@ -3,9 +3,10 @@
 import re
 
 import numpy as np
+import pytest
 
-from planner.model.finding_groups import group_findings
-from planner.model.identification_document import Finding
+from planner.model.finding_groups import group_findings, many_of_one_kind
+from planner.model.identification_document import Finding, ManyOfOneKind
 
 
 def step(sample, value, on="tool point", std=2e-5):
@@ -35,7 +36,10 @@ def test_a_reflector_seated_anew_many_times_is_one_thing():
 def test_one_sentence_lists_each_joint():
     found = group_findings([of_joint(5, 3e-5), of_joint(1, 1e-5), step(9, 1e-3), of_joint(2, 2e-5)])
     assert [len(g.findings) for g in found] == [3, 1]
-    assert found[0].note == "backlash of 3 joints (1: 10.0 ± 1.0 µrad, 2: 20.0 ± 2.0 µrad, 5: 30 ± 3 µrad)"
+    assert found[0].note == (
+        "backlash of 3 joints, 21 ± 9 µrad each (root mean square; 1: 10.0 ± 1.0 µrad, 2: 20.0 ± 2.0 µrad, "
+        "5: 30 ± 3 µrad)"
+    )
 
 
 def test_two_of_a_kind_and_other_kinds_stay_as_they_are():
@@ -52,3 +56,19 @@ def test_rivals_of_all_of_them_are_kept():
     ]
     (group,) = group_findings(own)
     assert group.rivals == ("soft base",)
+
+
+def test_the_document_has_them_as_one_random_effect():
+    """Sizes of 3, 4 and 12: root mean square 7.5; which findings they are is told by their positions."""
+    found = [of_joint(5, 3e-4), step(9, 1e-3), of_joint(1, 4e-4), of_joint(2, 12e-4)]
+    exact = [
+        f.model_copy(update={"std": 0.0, "probability": p}) for f, p in zip(found, (0.9, 1.0, 0.8, 0.95), strict=True)
+    ]
+    (group,) = many_of_one_kind(exact)
+    assert (group.effect, group.on, group.findings, group.probability) == ("backlash", "joints", (0, 2, 3), 0.8)
+    assert group.value == pytest.approx(np.sqrt((9 + 16 + 144) / 3) * 1e-4)
+    assert group.std == pytest.approx(group.value / np.sqrt(6))
+    again = ManyOfOneKind.model_validate(group.model_dump(mode="json", by_alias=True))
+    assert again.findings == group.findings
+    assert (again.value, again.std) == pytest.approx((group.value, group.std))
+    assert many_of_one_kind(found[:3]) is None
