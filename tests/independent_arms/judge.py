@@ -68,6 +68,7 @@ class Names:
     wrong: int  # findings that are no hidden cause, nor is one of their rivals, and that are not called doubtful
     found: int
     doubtful: int = 0  # findings than which the report calls another cause, or none, likelier
+    listed_wrong: int = 0  # findings, doubtful or not, that are no hidden cause, nor is one of their named rivals
 
 
 def _is(effect, on, cause):
@@ -91,9 +92,13 @@ def _is_doubtful(finding):
 
 
 def judge_names(findings, causes):
-    """Hold findings against what is hidden; a rival without a name is right where a hidden cause has none.
+    """Hold findings against what is hidden, in two ways, since it is a matter of what a person takes from a report.
 
-    What a report calls doubtful is named as a rival at best.
+    ``wrong`` counts what the report asserts: not what it calls doubtful itself (another cause, or none, is likelier),
+    and neither what it says may as well be a cause without a name, where a hidden cause is one. ``listed_wrong``
+    counts all that stands in the list: a person may act on a doubtful line, and "or something without a name" fits
+    whatever is hidden, wherever it acts. The first is the figure of the product's own promise (2 % at most); the
+    second is the one to compare with lists that have no probabilities.
     """
     known, foreign = [c for c in causes if c.names], any(not c.names for c in causes)
     findings = [f for f in findings if f["effect"] != "unnamed"]  # described by what moves with what, called nothing
@@ -104,13 +109,15 @@ def judge_names(findings, causes):
     rival = {id(c) for c in known for name in named if _is(*name, c)} - right
 
     def stands(f):
-        names = [(f["effect"], str(f["on"])), *_rivals(f)]
-        return any(_is(*name, c) for name in names for c in known) or (
-            foreign and any(effect == "unnamed" for effect, _ in names)
-        )
+        return any(_is(*name, c) for name in [(f["effect"], str(f["on"])), *_rivals(f)] for c in known)
 
-    wrong = [f for f in sure if not stands(f)]
-    return Names(len(known), len(right), len(rival), len(wrong), len(findings), len(findings) - len(sure))
+    def is_left_open(f):
+        return foreign and any(effect == "unnamed" for effect, _ in _rivals(f))
+
+    wrong = [f for f in sure if not stands(f) and not is_left_open(f)]
+    listed = [f for f in findings if not stands(f)]
+    doubtful = len(findings) - len(sure)
+    return Names(len(known), len(right), len(rival), len(wrong), len(findings), doubtful, len(listed))
 
 
 def identify(columns, session, folder, *options, name="calibrated"):
@@ -152,6 +159,6 @@ def judge(seed, session, count, with_foreign, folder, product_geometry=False):
         "bound_mm": report["release"]["at_most_mm"], "stated_geometry_mm": report["release"]["geometry_anywhere_mm"],
         "stated_nominal_mm": report["release"]["nominal_anywhere_mm"], "corrected": corrected, "true": names.true,
         "right": names.right, "rival": names.rival, "wrong": names.wrong, "found": names.found,
-        "doubtful": names.doubtful,
+        "doubtful": names.doubtful, "listed_wrong": names.listed_wrong,
         "findings": "; ".join(f"{f['effect']}, {f['on']}" for f in report["findings"]),
     }  # fmt: skip

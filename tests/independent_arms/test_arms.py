@@ -147,7 +147,7 @@ def test_names_are_held_against_what_is_hidden():
         {"effect": "link bending", "on": "link 4", "rivals": []},
         {"effect": "unnamed", "on": "joint 1", "rivals": []},
     ]
-    assert judge_names(findings, [gear, base, bend]) == Names(true=3, right=1, rival=1, wrong=1, found=3)
+    assert judge_names(findings, [gear, base, bend]) == Names(3, right=1, rival=1, wrong=1, found=3, listed_wrong=1)
     assert judge_names(findings, []).wrong == 3
 
 
@@ -157,10 +157,10 @@ def test_a_rival_without_a_name_is_right_where_the_cause_has_none():
     wobble = {"effect": "axis wobble once a turn", "on": "joint 4", "probability": 0.7, "rivals": ["unnamed, joint 4"]}
     sure = {"effect": "link bending", "on": "link 4", "probability": 0.99, "rivals": []}
     doubtful = {"effect": "soft base", "on": "base", "probability": 0.2, "rivals": []}
-    assert judge_names([wobble, sure], [dent]) == Names(true=0, right=0, rival=0, wrong=1, found=2)
+    assert judge_names([wobble, sure], [dent]) == Names(0, right=0, rival=0, wrong=1, found=2, listed_wrong=2)
     assert judge_names([wobble], [base]).wrong == 1
     assert judge_names([doubtful], [base]) == Names(true=1, right=0, rival=1, wrong=0, found=1, doubtful=1)
-    assert judge_names([doubtful], [dent]).wrong == 0
+    assert judge_names([doubtful], [dent]) == Names(0, right=0, rival=0, wrong=0, found=1, doubtful=1, listed_wrong=1)
 
 
 @pytest.mark.long
