@@ -15,6 +15,7 @@ from planner.identification.contenders import Contest
 from planner.identification.least_squares import Fit
 from planner.identification.released_robot import ReleasedRobot
 from planner.kinematics.robot import Robot
+from planner.model.beside_findings import RejectedEffect
 from planner.model.gauge_frames import JointZero
 from planner.model.identification_document import (
     DetectionLimit,
@@ -22,7 +23,6 @@ from planner.model.identification_document import (
     Finding,
     Identification,
     OnlyInMemory,
-    RejectedEffect,
 )
 from planner.programs.controller_axes import controller_words
 from planner.runs.run import Run

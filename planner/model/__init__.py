@@ -1,3 +1,11 @@
 """Predicted readings, identification Jacobian and noise of a set-up, and the document of what was identified."""
 
-__all__ = ["columns", "finding_groups", "gauge_frames", "identification_document", "model", "tool_error"]
+__all__ = [
+    "beside_findings",
+    "columns",
+    "finding_groups",
+    "gauge_frames",
+    "identification_document",
+    "model",
+    "tool_error",
+]

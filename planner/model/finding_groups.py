@@ -11,7 +11,8 @@ import numpy as np
 
 from planner.common.units import MM, display_unit, format_value
 from planner.effects.nonparametric import NONPARAMETRIC
-from planner.model.identification_document import Finding, ManyOfOneKind
+from planner.model.beside_findings import ManyOfOneKind
+from planner.model.identification_document import Finding
 
 JOINT = "joint "
 

@@ -12,6 +12,7 @@ from pydantic_core.core_schema import any_schema
 from planner.common.arrays import mean_by_group
 from planner.common.schema import read_json, validate
 from planner.common.units import Array
+from planner.model.beside_findings import ManyOfOneKind, RejectedEffect
 from planner.model.document_section import DocumentSection, SectionOfJoint
 from planner.model.gauge_frames import GaugeFrames, JointZero
 
@@ -187,29 +188,6 @@ class Finding(DocumentSection):
         return f"{self.effect}, {self.on}"
 
 
-class ManyOfOneKind(DocumentSection):
-    """Findings of one kind that are one thing: a reflector that was seated anew, play in joint after joint.
-
-    Attributes:
-        effect, on: what they have in common; ``on`` is ``joints`` where it is one effect at several joints.
-        value, std, unit: root mean square of their sizes, which are draws of one random effect, and its deviation.
-        findings: their positions among the document's findings, from 0.
-        probability: of the least certain of them.
-        note: sentence about all of them.
-    """
-
-    in_unit = ("value", "std")
-    if_any = ("probability",)
-    effect: str
-    on: str
-    value: float
-    std: float
-    unit: str
-    findings: tuple[int, ...]
-    probability: float | None = None
-    note: str = ""
-
-
 class DetectionLimit(DocumentSection):
     """The smallest size of an effect that was not found which this run would have shown in 95 of 100 cases."""
 
@@ -218,13 +196,6 @@ class DetectionLimit(DocumentSection):
     on: str
     size: float
     unit: str
-
-
-class RejectedEffect(DocumentSection):
-    """An effect that was tried in full and not kept."""
-
-    name: str
-    because: str
 
 
 class Unexplained(DocumentSection):

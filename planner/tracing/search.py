@@ -14,7 +14,7 @@ from planner.effects.effect import Effect, Role
 from planner.effects.nonparametric import GEAR_CURVE, nonparametric_effects
 from planner.effects.steps import steppables
 from planner.identification.stages import FitContext
-from planner.model.identification_document import RejectedEffect
+from planner.model.beside_findings import RejectedEffect
 from planner.tracing.assumptions import (
     COMPLIANCE_EVIDENCE,
     LEAST_GAIN,

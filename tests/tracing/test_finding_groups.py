@@ -5,8 +5,9 @@ import re
 import numpy as np
 import pytest
 
+from planner.model.beside_findings import ManyOfOneKind
 from planner.model.finding_groups import group_findings, many_of_one_kind
-from planner.model.identification_document import Finding, ManyOfOneKind
+from planner.model.identification_document import Finding
 
 
 def step(sample, value, on="tool point", std=2e-5):
