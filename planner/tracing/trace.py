@@ -3,12 +3,11 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
-from itertools import pairwise
 
 import numpy as np
 
 from planner.common.progress import StageReport
-from planner.common.units import MM, Array, display_unit, format_value
+from planner.common.units import Array, display_unit, format_value
 from planner.design.assumptions import LOG_LIKELIHOOD_EVIDENCE
 from planner.effects.catalogue import catalogue
 from planner.effects.effect import Effect, Role
@@ -24,9 +23,7 @@ from planner.tracing.assumptions import (
     DETECTION_POWER,
     DETECTION_QUANTILE,
     LEAST_GAIN,
-    OTHER_BALL_SHARE,
     RIVAL_SHARE,
-    SLIP_SIGMAS,
 )
 from planner.tracing.candidate_ranking import scores_beside, with_link_masses
 from planner.tracing.change_points import change_sample, locate_step, score_steps, session_ends
@@ -37,6 +34,7 @@ from planner.tracing.significance import LOG_SIGNIFICANCE, own_gains, variance_i
 from planner.tracing.state import FittedEffect, SearchState
 from planner.tracing.stated_set_up import covariance_beside, stated_set_up
 from planner.tracing.transmission_error import dominant_waves
+from planner.tracing.wrong_rows import describe_wrong_row
 
 
 @dataclass(frozen=True)
@@ -128,9 +126,6 @@ def _noncentrality(size: int, tried: int) -> float:
     return float(brentq(lambda nc: ncx2.sf(needed, size, nc) - DETECTION_POWER, 1e-3, 10 * needed + 100))
 
 
-DECIMALS = 3  # of a reading in millimetres
-
-
 def locate_change(state: SearchState, found: FittedEffect, finding: Finding, run: Run) -> Finding:
     """Return the finding of a change with when it was; its note tells so far what changed and by how much."""
     sample = change_sample(found)
@@ -139,7 +134,7 @@ def locate_change(state: SearchState, found: FittedEffect, finding: Finding, run
     assert number is not None
     if found.effect.kind != STEP:
         k = int(np.searchsorted(number, sample))
-        note = _describe_wrong_row(state, found, finding.note, run, k)
+        note = describe_wrong_row(state, found, finding.note, run, k)
         return finding.model_copy(update={"note": note, "row": int(number[k]) + 1})
     when = locate_step(state, found)
     last = int(np.searchsorted(number, sample)) - 1  # the last one before
@@ -163,83 +158,6 @@ def _files_about(run: Run, last: int) -> tuple[str, str]:
         return run.files[s.file[last]], run.files[s.file[last + 1]]
     before, after = (f"session {s.session_numbers[k] + 1}" for k in (last, last + 1))
     return before, after
-
-
-def _describe_wrong_row(state: SearchState, found: FittedEffect, sentence: str, run: Run, k: int) -> str:
-    """Say which row is wrong, what it reads and what it would have to read."""
-    error = state.sizes(found)
-    where = run.where(k) if run.samples.file is not None else f"row {int(np.asarray(run.samples.number)[k]) + 1}"
-    std = np.linalg.norm(state.fit.solution.root(state.fit.problem.prior)[state.positions(found)], axis=1)
-    parts = [
-        f"{column} reads {read:.{DECIMALS}f}, would have to be {read - off:.{DECIMALS}f} ± {sigma:.2g} mm"
-        + (f" ({slip})" if (slip := slip_of_the_pen(read, read - off, SLIP_SIGMAS * sigma)) else "")
-        for column, read, off, sigma in _columns(state, run, k, error / MM, std / MM)
-    ]
-    if not parts:
-        return f"{where}: {sentence}{_ball_it_would_be(state, run, k, error)}"
-    other = _find_exchanged(state, found, run, k, 2 * SLIP_SIGMAS * float(std[0]))
-    cause = "or its pose is wrong" if other is None else f"as if exchanged with {run.where(other)}"
-    return f"{where}: {'; '.join(parts)}; {cause}"
-
-
-def _ball_it_would_be(state: SearchState, run: Run, k: int, error: Array) -> str:
-    """Say in which other ball or socket the tool point of row ``k`` was, which is off by ``error`` (3,) [m]."""
-    setup, ball = state.fit.setup, run.readings.ball
-    if ball is None or len(error) != len(setup.p_GS[0]):
-        return ""
-    p_BS = setup.p_GS @ setup.R_BG[run.samples.place[k]].T  # of one plate, differences count alone
-    apart = np.linalg.norm(p_BS - (p_BS[ball[k]] - error), axis=1)
-    nearest = int(np.argmin(apart))
-    near = nearest != ball[k] and apart[nearest] < OTHER_BALL_SHARE * np.linalg.norm(error)
-    return f": its ball would be '{setup.ball_names[nearest]}'" if near else ""
-
-
-def _find_exchanged(state: SearchState, found: FittedEffect, run: Run, k: int, tolerance: float) -> int | None:
-    """Return the other wrong row whose length this one should have, and the other way round."""
-    length, number = run.readings.length, np.asarray(run.samples.number)
-    if length is None:
-        return None
-    for other in state.effects:
-        if other.effect.kind != found.effect.kind or other.name == found.name:
-            continue
-        j = int(np.searchsorted(number, change_sample(other) or 0))
-        gap = length[k] - length[j]
-        if max(abs(gap - state.sizes(found)[0]), abs(-gap - state.sizes(other)[0])) < tolerance:
-            return j
-    return None
-
-
-def _columns(state: SearchState, run: Run, k: int, error: Array, std: Array) -> list[tuple[str, float, float, float]]:
-    """Columns that are wrong: name, what was read, by how much it is off, and how well that is known [mm]."""
-    length, position = run.readings.length, run.readings.position
-    if length is not None:
-        return [("length_mm", float(length[k]) / MM, float(error[0]), float(std[0]))]
-    if position is None:
-        return []
-    R_GB = state.fit.setup.R_BG[run.samples.place[k]].T
-    off, sigma = R_GB @ error[:3], np.sqrt((R_GB**2) @ std[:3] ** 2)
-    return [
-        (f"{axis}_mm", float(position[k, a]) / MM, float(off[a]), float(sigma[a]))
-        for a, axis in enumerate("xyz") if abs(off[a]) > max(SLIP_SIGMAS * sigma[a], 0.1 * float(np.abs(off).max()))
-    ]  # fmt: skip
-
-
-def slip_of_the_pen(read: float, wanted: float, tolerance: float) -> str:
-    """Return which slip of sign, point or digits made ``read`` of ``wanted`` [mm], within the tolerance; or ''."""
-    text = f"{abs(read):.{DECIMALS}f}"
-    if abs(-read - wanted) < tolerance:
-        return "its sign was lost"
-    for k, (a, b) in enumerate(pairwise(text)):
-        other = text[:k] + b + a + text[k + 2 :]
-        if a != b and "." not in (a, b) and abs(np.copysign(float(other), read) - wanted) < tolerance:
-            return f"'{a}{b}' for '{b}{a}'"
-    if any(abs(read * factor - wanted) < tolerance * max(1.0, factor) for factor in (10.0, 0.1)):
-        return "its point stands one place off"
-    for k, a in enumerate(text):
-        for b in "0123456789" if a != "." else "":
-            if a != b and abs(np.copysign(float(text[:k] + b + text[k + 1 :]), read) - wanted) < tolerance:
-                return f"'{a}' for '{b}'"
-    return ""
 
 
 def trace(

@@ -13,7 +13,8 @@ from planner.tracing.change_points import best_steps, change_sample, score_steps
 from planner.tracing.effect_scores import ScoreTest
 from planner.tracing.significance import LOG_SIGNIFICANCE
 from planner.tracing.state import FittedEffect
-from planner.tracing.trace import slip_of_the_pen, trace
+from planner.tracing.trace import trace
+from planner.tracing.wrong_rows import slip_of_the_pen
 from tests.identification.worlds import declared, world
 from tests.simulation.generator.truth import Noise, draw_errors
 
