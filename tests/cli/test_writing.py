@@ -286,6 +286,11 @@ def test_a_file_where_a_folder_of_results_is_written_stays(tmp_path):
         Written().write(tmp_path / "file")
     assert (tmp_path / "file").read_text() == "mine"
     assert Written().write(tmp_path / "out") == [tmp_path.resolve() / "out" / "done.json"]
+    (tmp_path / "out" / "done.json").write_text("corrected by hand")
+    with pytest.raises(InputError, match="was changed since edbb wrote it"):
+        Written().write(tmp_path / "out")
+    Written().write(tmp_path / "out", force=True)
+    assert (tmp_path / "out" / "done.json").read_text() == "{}\n"
 
 
 def _fill_disk_at(size):
