@@ -234,6 +234,7 @@ def no_rest_probability(acting: np.ndarray) -> float:
     """
 
     def chance(mean: float) -> float:
+        """Return the probability of as many families where their mean number is ``mean``."""
         return float((mean**acting / (1 + mean) ** (acting + 1.0)).mean())
 
     named, lacking = (chance(mean) for mean in (NAMELESS_FAMILIES, FAMILIES_OF_A_REST))

@@ -43,6 +43,7 @@ class AccessLog:
         begun, answered = time.monotonic(), {"status": 500, "bytes": 0}
 
         async def count(message: Message) -> None:
+            """Pass a part of the answer on, and count its bytes."""
             if message["type"] == "http.response.start":
                 answered["status"] = message["status"]
             answered["bytes"] += len(message.get("body", b""))

@@ -196,6 +196,7 @@ def _note_answer(send: Send, answered: dict[str, str]) -> Send:
     """Pass an answer on, and keep its status and where it leads."""
 
     async def pass_on(message: Message) -> None:
+        """Send a part of the answer; of its head keep status and address."""
         if message["type"] == "http.response.start":
             answered["status"] = str(message["status"])
             leads = Headers(raw=message["headers"]).get("location", "")
