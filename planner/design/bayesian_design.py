@@ -28,7 +28,7 @@ from planner.design.assumptions import (
     UNTRACED_TARGET_SHARE,
 )
 from planner.design.candidates.pool import PoseSet
-from planner.design.expected_errors import ExpectedErrors, error_limit
+from planner.design.expected_errors import ExpectedErrors, GoalOutOfReachError, error_limit
 from planner.design.free_parameters import undeclared_errors
 from planner.design.selection.search import add_greedily, exchange_singly
 from planner.design.tool_error_bound import bound_tool_error
@@ -253,7 +253,7 @@ def _count_until(unknown: ExpectedErrors, white: Array, order: np.ndarray, until
     Not fewer than tell where the gauge stands.
 
     Raises:
-        NoSolutionError: not even all of them do.
+        GoalOutOfReachError: not even all of them do.
     """
 
     def limit(count: int) -> float:
@@ -262,11 +262,12 @@ def _count_until(unknown: ExpectedErrors, white: Array, order: np.ndarray, until
 
     if (best := limit(len(order))) > until:
         every = error_limit(unknown, white)
-        raise NoSolutionError(
+        raise GoalOutOfReachError(
             f"an error of {to_mm(until):.3g} mm over the workspace (95 of 100 such robots below it) cannot be reached "
             f"with this gauge at these places: {len(order)} poses leave {to_mm(best):.3f} mm, all {len(white)} "
-            f"candidates {to_mm(every):.3f} mm; ask for more than that, or measure from another place as well"
-        )
+            f"candidates {to_mm(every):.3f} mm; ask for more than that, or measure from another place as well",
+            unknown, white, every,
+        )  # fmt: skip
     count = bisect_left(range(len(order)), True, 1, key=lambda count: limit(count) <= until)
     return max(count, FEWEST_POSES_AT_A_PLACE)
 

@@ -4,6 +4,7 @@ from typing import Protocol
 
 import numpy as np
 
+from planner.common.errors import NoSolutionError
 from planner.common.units import Array
 from planner.design.assumptions import LIMIT_QUANTILE
 from planner.model.model import Model
@@ -56,6 +57,20 @@ class ExpectedErrors(Protocol):
 
     def describe(self, left: float, left_mm: str, at_most_mm: str) -> str:
         """Say in half a sentence what the session would leave [m], written and as a limit [mm]."""
+
+
+class GoalOutOfReachError(NoSolutionError):
+    """No number of the candidates brings the error down to what is wanted.
+
+    Attributes:
+        unknown: what may be wrong.
+        white: rows of all candidates, (n, P).
+        every: what 95 of 100 robots stay below after all of them [m].
+    """
+
+    def __init__(self, text: str, unknown: ExpectedErrors, white: Array, every: float) -> None:
+        super().__init__(text)
+        self.unknown, self.white, self.every = unknown, white, every
 
 
 def error_limit(errors: ExpectedErrors, white: Array) -> float:

@@ -20,6 +20,8 @@ from planner.common.units import Array
 from planner.design.bayesian_design import BackgroundDesign
 from planner.design.candidates.pool import PoseSet
 from planner.design.discrimination.selection import DiscriminatingChoice
+from planner.design.expected_errors import GoalOutOfReachError
+from planner.design.fixtures.another_place import describe_other_place
 from planner.design.observability.information import index_value
 from planner.design.off_grid import certify_off_grid
 from planner.design.pose_selection import PoseChoice, replace_pose
@@ -122,7 +124,12 @@ class PoseSession(ABC):
     def drive(self, stages: Stages) -> Plan:
         """Draw, choose and refine the poses, and drive the tour of every mounting."""
         self.draw(stages)
-        chosen = self.chooser(self, stages) if self.chooser else self.select(stages)
+        try:
+            chosen = self.chooser(self, stages) if self.chooser else self.select(stages)
+        except GoalOutOfReachError as err:
+            with stages.stage("fixtures"):
+                elsewhere = describe_other_place(self.cell, err, self.options.seed)
+            raise NoSolutionError(f"{err}{elsewhere}") from None
         with chosen.curve or nullcontext(), chosen.expected_error or nullcontext():
             by_index = chosen.expected_error is None
             choice, certificate, drives = self._drive_refined(self.refine(chosen, stages), by_index, stages)
