@@ -238,14 +238,17 @@ class ExpectedError:
         known = square[:, 3:].sum(axis=1) + float(from_mm(rest)) ** 2
         return ErrorAtPoses(*(s * np.sqrt(square[:, k] + known) for k, s in enumerate(self.file.likely_share)))
 
-    def aligned_spread(self, q: Array) -> Array:
-        """Return how far the measured tool point moves at q (n, N) [rad] by each column of the root, (n, 3, r) [m].
+    def aligned_spread(self, q: Array, p_FM: Array | None = None) -> Array:
+        """Return how far a tool point moves at q (n, N) [rad] by each column of the root, (n, 3, r) [m].
 
+        It is the measured one, or ``p_FM`` (3,) [m] in the flange, which counts as known where it was not measured.
         The base is aligned anew, over the file's own states.
         """
-        spread = self._vectors[:, 3:]
-        shift = np.linalg.lstsq(*self._motion(self._states, self.tool, spread))[0]
-        frame, motion = self._motion(q, self.tool, spread)
+        tool = self.tool if p_FM is None else p_FM
+        placed = np.array([[self.is_measured(tool) or not p.name.startswith("map_")] for p in self.file.parameters])
+        spread = self._vectors[:, 3:] * placed
+        shift = np.linalg.lstsq(*self._motion(self._states, tool, spread))[0]
+        frame, motion = self._motion(q, tool, spread)
         return np.asarray((motion - frame @ shift).reshape(len(q), 3, -1))
 
     def _motion(self, q: Array, p_FM: Array, vectors: Array) -> tuple[Array, Array]:

@@ -3,5 +3,5 @@
 __all__ = [
     "assumptions",
     "centring", "check", "circular", "fleet", "live_advice", "live_gauge", "loaded", "next_session", "opcua",
-    "precision", "record", "simulation", "truth", "validation",
+    "precision", "record", "simulation", "truth", "validation", "where_it_counts",
 ]  # fmt: skip

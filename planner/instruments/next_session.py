@@ -15,7 +15,6 @@ from scipy.linalg import block_diag
 
 from planner.cell.cell import Cell
 from planner.cell.placement import FREEABLE
-from planner.cell.region_file import states_in_region
 from planner.cell.setup import MeasurementSetup, setup_of
 from planner.common.errors import InputError, NoSolutionError
 from planner.common.progress import Stages
@@ -28,6 +27,7 @@ from planner.identification.calibrated_robot import effect_parameter
 from planner.identification.expected_error import ExpectedError
 from planner.identification.posterior_background import acts_on_robot, background_families
 from planner.instruments.assumptions import SESSION
+from planner.instruments.where_it_counts import ErrorPlaces
 from planner.model.identification_document import Identification
 from planner.model.model import Model
 from planner.model.tool_error import WORKSPACE_STATES, uniform_states
@@ -106,11 +106,13 @@ class RemainingErrors:
     condition: ClassVar[str] = ""
 
     @classmethod
-    def of(cls, before: CalibratedState, cell: Cell, samples: Samples, region: Path | None = None) -> "RemainingErrors":
-        """Return what poses like ``samples`` of the cell's gauge may tell of; ``region``: the box where errors count.
+    def of(
+        cls, before: CalibratedState, cell: Cell, samples: Samples, counts: ErrorPlaces | None = None
+    ) -> "RemainingErrors":
+        """Return what poses like ``samples`` of the cell's gauge may tell of; ``counts``: where errors count.
 
         Raises:
-            InputError: an effect moves a part that the cell's robot does not have, or the robot does not reach the box.
+            InputError: an effect moves a part that the cell's robot does not have.
         """
         setup, known = setup_of(cell), before.known
         tool = {f"map_{axis}": name for axis, name in zip("xyz", tool_names(setup), strict=True)}
@@ -125,13 +127,11 @@ class RemainingErrors:
         spread = np.array(known.file.spread).reshape(len(names), -1)[kept]
         sizes = np.array([p.prior if np.isfinite(p.prior) else SESSION.unknown_prior for p in anew])
         root = block_diag(spread, np.diag(sizes))
-        states = uniform_states(cell, WORKSPACE_STATES, 0)
-        whole = weight = _tool_weight(known, states, len(anew))
-        where = "over the workspace"
-        if region is not None:
-            # 10: times as many states, of which a box holds a part
-            inside = states_in_region(region, cell, uniform_states(cell, 10 * WORKSPACE_STATES, 0))
-            weight, where = _tool_weight(known, inside[:WORKSPACE_STATES], len(anew)), f"in {region.name}"
+        everywhere = ErrorPlaces("over the workspace", uniform_states(cell, WORKSPACE_STATES, 0))
+        whole = weight = _tool_weight(known, everywhere, len(anew))
+        if counts is not None:
+            weight = _tool_weight(known, counts, len(anew))
+        where = (counts or everywhere).words
         gauge = np.arange(root.shape[1]) >= spread.shape[1]
         return cls(before, model, root, gauge, weight, whole, where)
 
@@ -183,11 +183,13 @@ class RemainingErrors:
         return stated / max(self._root_with_rest(square), 1e-300)
 
 
-def _tool_weight(known: ExpectedError, states: Array, anew: int) -> Array:
-    """Return the mean square error of the tool at joint states (n, N) per squared columns; ``anew`` move none."""
-    moved = known.aligned_spread(states)
-    moved = moved.reshape(-1, moved.shape[-1])
-    return np.asarray(block_diag(moved.T @ moved / len(states), np.zeros((anew, anew))))
+def _tool_weight(known: ExpectedError, places: ErrorPlaces, anew: int) -> Array:
+    """Return the mean square error of the tool at some places per squared columns; ``anew`` move none."""
+    own = np.broadcast_to(known.tool, (len(places.q), 3)) if places.p_FM is None else places.p_FM
+    tools, which = np.unique(np.round(own, 7), axis=0, return_inverse=True)
+    parts = [known.aligned_spread(places.q[which.ravel() == k], tool) for k, tool in enumerate(tools)]
+    moved = np.concatenate(parts).reshape(-1, parts[0].shape[-1])
+    return np.asarray(block_diag(moved.T @ moved / len(places.q), np.zeros((anew, anew))))
 
 
 def tool_names(setup: MeasurementSetup) -> list[str]:
@@ -210,22 +212,22 @@ class NextSessionChooser:
         before: what the sessions before say.
         poses: their number; ``None``: ``NEXT_SESSION_POSES``, or as many as ``until`` needs.
         until: as many as bring down to this what 95 of 100 such robots stay below [m].
-        region: file of the box in which the error counts; ``None``: the whole workspace.
+        counts: where the error counts; ``None``: in the whole workspace.
     """
 
     before: CalibratedState
     poses: int | None = None
     until: float | None = None
-    region: Path | None = None
+    counts: ErrorPlaces | None = None
 
     def __call__(self, session: PoseSession, stages: Stages) -> Selection:
         """Choose the poses by the error that they leave; the index only judges them."""
-        if self.region is None:
+        if self.counts is None:
             self._check_goal(self.before.at_most)
         pool, cell = session.pool, session.cell
         poses = self.poses or (None if self.until else SESSION.next_session_poses)
         with stages.stage("foresight") as progress:
-            unknown = RemainingErrors.of(self.before, cell, pool.samples, self.region)
+            unknown = RemainingErrors.of(self.before, cell, pool.samples, self.counts)
             self._check_goal(unknown.limit_before)
             expected = choose_bayesian_poses(cell, pool, poses, progress, unknown, self.until, stages.limit)
         session.notes.append(TOGETHER)

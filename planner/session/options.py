@@ -76,6 +76,15 @@ class PlanOptions:
             from_service=SENT,
         ),
     ] = None
+    program: Annotated[
+        Path | str | None,
+        Option(
+            "with --after: the program (or table of targets) at whose targets the error counts, with its tools",
+            typed=Path | None,
+            metavar="PROGRAM",
+            from_service=SENT,
+        ),
+    ] = None
     fleet: Annotated[
         Path | str | None,
         Option(
@@ -124,10 +133,13 @@ class PlanOptions:
         Raises:
             InputError: something else is asked for as well.
         """
-        if self.region is not None and self.after is None:
+        counts = [f"--{name}" for name in ("region", "program") if getattr(self, name) is not None]
+        if counts and self.after is None:
             raise InputError(
-                f"{cell.path}: --region goes with --after: of a robot of which nothing is known all errors count"
+                f"{cell.path}: {counts[0]} goes with --after: of a robot of which nothing is known all errors count"
             )
+        if len(counts) > 1:
+            raise InputError(f"{cell.path}: both --region and --program say where the error counts: leave one out")
         name = "--after" if self.after else "--until-mm" if self.until_mm is not None else ""
         if not name:
             return False

@@ -11,7 +11,8 @@ from planner.common.files import folder_of
 from planner.common.progress import UNLIMITED, Stages, TimeLimit
 from planner.common.units import from_mm
 from planner.design.free_parameters import check_effects
-from planner.instruments.next_session import CalibratedState, NextSessionChooser
+from planner.instruments.next_session import ROBOT, CalibratedState, NextSessionChooser
+from planner.instruments.where_it_counts import places_in_region, places_of_program
 from planner.motion.planning_packages import require_planning_packages
 from planner.report.plan_report import report_plan
 from planner.report.standby import drawing_process
@@ -70,9 +71,13 @@ def _chooser(cell: Cell, options: PlanOptions) -> PoseChooser | None:
     if options.after is None or not cell.has_bar():
         return None
     until = None if options.until_mm is None else float(from_mm(options.until_mm))
-    region = None if options.region is None else Path(options.region)
     before = CalibratedState.read(folder_of(Path(options.after)), cell)
-    return NextSessionChooser(before, options.poses, until, region)
+    counts = None
+    if options.region is not None:
+        counts = places_in_region(Path(options.region), cell)
+    elif options.program is not None:
+        counts = places_of_program(Path(options.program), before.folder / ROBOT)
+    return NextSessionChooser(before, options.poses, until, counts)
 
 
 def _begin_drawing(plan: Plan) -> None:

@@ -3,6 +3,7 @@
 Runs are the generator's: its own forward model, and effects that no cell declares.
 """
 
+from dataclasses import replace
 from types import SimpleNamespace as Of
 
 import numpy as np
@@ -14,6 +15,7 @@ from planner.common.errors import InputError, NoSolutionError
 from planner.design.bayesian_design import BayesianPosterior, errors_after, select_greedily
 from planner.design.expected_errors import error_limit, square_limit
 from planner.instruments.next_session import CalibratedState, NextSessionChooser, RemainingErrors
+from planner.instruments.where_it_counts import places_in_region, places_of_program
 from planner.model.identification_document import Identification
 from planner.runs.loader import load_runs
 from planner.runs.writer import save_run
@@ -94,7 +96,8 @@ def test_a_box_counts_by_its_own_states_and_is_lowered_most(measured, tmp_path):
     box.write_text('schema = "edbb-region/1"\nlower_mm = [200, -300, 100]\nupper_mm = [600, 300, 500]\n')
     before = CalibratedState.read(measured.folder / "known", measured.cell)
     samples = measured.second.samples
-    whole, there = (RemainingErrors.of(before, measured.cell, samples, r) for r in (None, box))
+    counts = places_in_region(box, measured.cell)
+    whole, there = (RemainingErrors.of(before, measured.cell, samples, c) for c in (None, counts))
     assert "in box.toml" in there.describe(1e-4, "0.1", "0.2")
     q = np.random.default_rng(5).uniform(*measured.cell.joint_range, (20_000, 6))
     p = measured.cell.map_position(q)
@@ -110,7 +113,25 @@ def test_a_box_counts_by_its_own_states_and_is_lowered_most(measured, tmp_path):
     assert left(there, there) <= left(whole, there) * 1.0001
     box.write_text('schema = "edbb-region/1"\nlower_mm = [5000, 0, 0]\nupper_mm = [6000, 300, 500]\n')
     with pytest.raises(InputError, match="is in this box in 0 of"):
-        RemainingErrors.of(before, measured.cell, samples, box)
+        places_in_region(box, measured.cell)
+
+
+@pytest.mark.long
+def test_a_program_counts_by_its_targets_and_their_tool(measured, tmp_path):
+    before = CalibratedState.read(measured.folder / "known", measured.cell)
+    q = np.array([[10.0, -80, 95, 5, 40, 0], [-20, -95, 100, 20, 50, 30], [35, -60, 80, -15, 60, -40]])
+    names = ",".join(f"q{j}_deg" for j in range(1, 7))
+    targets = tmp_path / "targets.csv"
+    targets.write_text("\n".join([names, *(",".join(map(str, row)) for row in q.tolist())]) + "\n")
+    counts = places_of_program(targets, before.folder / "robot.toml")
+    np.testing.assert_allclose(np.degrees(counts.q), q, atol=1e-9)
+    unknown = RemainingErrors.of(before, measured.cell, measured.second.samples, counts)
+    assert "at the targets of targets.csv" in unknown.describe(1e-4, "0.1", "0.2")
+    moved = before.known.aligned_spread(np.radians(q))
+    assert np.trace(unknown.weight_per_prior) == pytest.approx((moved**2).sum() / len(q), rel=1e-6)
+    other = replace(counts, p_FM=np.add(counts.p_FM, (0.1, 0.0, 0.0)))
+    turned = RemainingErrors.of(before, measured.cell, measured.second.samples, other)
+    assert np.trace(turned.weight_per_prior) != pytest.approx(np.trace(unknown.weight_per_prior), rel=1e-3)
 
 
 def test_ninety_five_of_a_hundred_sums_of_squares_stay_below():
