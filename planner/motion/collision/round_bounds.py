@@ -128,7 +128,9 @@ class RoundBounds:
             R, origin = frames[int(box)]
             body = self.scene.pieces[box].body
             if R.shape[2] > 1:
-                R, origin = R[:, :, rows[mine]], origin[:, rows[mine]]
+                R = R[:, :, rows[mine]]
+            if origin.shape[1] > 1:  # a link that slides moves and does not turn
+                origin = origin[:, rows[mine]]
             T_axes = np.einsum("ijm,jk->kim", R, body.T[:3, :3])  # the box's axes in the base frame
             centre = np.einsum("ijm,j->im", R, body.T[:3, 3]) + origin
             inside = np.einsum("kim,eim->ekm", np.broadcast_to(T_axes, (3, 3, len(mine))), ends[:, :, mine] - centre)

@@ -1,6 +1,7 @@
 """The two engines against each other, and both against a plain numeric minimisation."""
 
 from functools import cache
+from pathlib import Path
 
 import fcl
 import numpy as np
@@ -14,6 +15,8 @@ from planner.common.units import Array
 from planner.motion.collision.engines import CollisionWorld
 from planner.motion.collision.fcl_world import FclWorld
 from planner.motion.collision.round_bounds import RoundBounds, ScreenedDistances
+from tests.workflow.test_lift import LIFT
+from tests.workflow.test_unchecked_links import cell_of, whole_arm
 
 CELLS = ["comau-nj130/edbb", "kuka-kr6-r700/edbb", "ur10/edbb"]
 
@@ -213,3 +216,24 @@ def test_bar_spans_from_ball_to_ball() -> None:
     overlap = reach[0].max(axis=1) + radii[housing] - (reach[1].min(axis=1) - radii[rod])
     assert (overlap > -1e-9).all()
     assert (reach[1].min(axis=1) - radii[rod] > 0.0).all()
+
+
+def test_a_box_that_a_lift_carries_moves_and_does_not_turn(tmp_path: Path) -> None:
+    """Its orientation is one for all states, its place is not."""
+    shape = '<collision><geometry><box size="0.3 0.2 0.1"/></geometry></collision>'
+    text = whole_arm()
+    assert '<link name="l0"/>' in text
+    text = text.replace('<link name="l0"/>', f'<link name="l0">{shape}</link>')
+    file = cell_of(tmp_path, text.replace("</robot>", LIFT + "</robot>"))
+    changed = file.read_text().replace("home_deg", "home_mm = [200]\nhome_deg", 1)
+    file.write_text(changed.replace("floor_mm = -100", "floor_mm = -600"))
+    w = CollisionWorld.from_cell(load_cell(str(file)))
+    robot = w.cell.robot
+    assert robot.slides[0]
+    q = np.random.default_rng(5).uniform(*robot.one_turn, (200, robot.n_joints))
+    coal, bounds = w.distances(q), RoundBounds(w.scene)
+    apart = coal > 1e-6
+    assert any(p.body.kind == "box" and p.link == 1 for p in w.scene.pieces)
+    closed = bounds.distances(q, *np.nonzero(np.ones(coal.shape, dtype=bool))).reshape(coal.shape)
+    assert (closed - coal)[apart].max() < 1e-9
+    assert np.abs(FclWorld(w.scene).distances(q) - coal)[apart].max() < 1e-4
