@@ -41,6 +41,7 @@ class OtherArm:
         lines: of ``robot.toml`` that the description needs: what is parked, what it leaves out.
         change: text of the description that is put in, as another program writes it: old and new.
         tool_mm: where the wire is held, beyond a gripper that the description has; else a share of the reach.
+        cell: lines of the cell that the arm needs: where the floor is beneath one that hangs at a trunk.
     """
 
     name: str
@@ -50,6 +51,7 @@ class OtherArm:
     lines: str = ""
     change: tuple[str, str] = ("", "")
     tool_mm: tuple[float, float, float] | None = None
+    cell: str = ""
 
 
 ARMS = (
@@ -70,7 +72,8 @@ ARMS = (
     OtherArm("Unitree Z1", f"{ERD}/z1_description/urdf/z1.urdf", "gripperStator", tool_mm=(200, 0, 0)),
     OtherArm("Kinova Jaco 6", f"{ERD}/kinova_description/robots/kinova.urdf", "j2s6s200_end_effector"),
     OtherArm("xArm7", f"{ERD}/xarm_description/urdf/xarm7.urdf", "link_eef"),
-    OtherArm("TALOS, left arm", f"{ERD}/talos_data/robots/talos_left_arm.urdf", "gripper_left_base_link"),
+    OtherArm("TALOS, left arm", f"{ERD}/talos_data/robots/talos_left_arm.urdf", "gripper_left_base_link",
+             cell="[base]\nfloor_mm = -1100\n"),
     OtherArm("PR2, lift and left arm", f"{ERD}/pr2_description/urdf/pr2.urdf", "l_gripper_tool_frame", "base_link",
              tool_mm=(40, 0, 0)),
     OtherArm("Fetch, lift and arm", f"{RTB}/fetch_description/robots/fetch.urdf", "gripper_link", "base_link",
@@ -106,7 +109,7 @@ length_mm = [{low:.0f}, {high:.0f}]
 position_mm = {at}
 [plan]
 candidates = {candidates}
-"""
+{more}"""
 CANDIDATES = 20_000  # poses that compete: a fifth of what a plan has unless it is said
 PLANNED = (0, 5)  # ends of a plan: whole, or with searches cut short by the limit
 CURE = re.compile(r"never_meet = \[\[.*\]\]")  # of links whose crude bodies touch, as a refused cell is told
@@ -178,14 +181,14 @@ def write_description(arm: OtherArm, urdf: Path, folder: Path, more: str = "") -
     return load_robot(folder / "robot.toml")
 
 
-def write_cell(robot: Robot, folder: Path, tool_mm: tuple[float, float, float] | None) -> Path:
+def write_cell(robot: Robot, folder: Path, arm: OtherArm) -> Path:
     """Write a cell whose wire is fixed where the tool comes near from most sides; home is the least bent free state."""
     rng, (low, high) = np.random.default_rng(0), robot.one_turn
     q = rng.uniform(low, high, (TRIED, robot.n_joints))
     x = robot.chain.carry(robot.theta(q), np.zeros(3))
     centre = np.median(x, axis=0)
     reach = 1e3 * float(np.quantile(np.linalg.norm(x - centre, axis=1), 0.95))
-    tool = [round(0.03 * reach), 0, round(0.06 * reach)] if tool_mm is None else list(tool_mm)
+    tool = [round(0.03 * reach), 0, round(0.06 * reach)] if arm.tool_mm is None else list(arm.tool_mm)
     words = {"low": 0.3 * reach, "high": 0.9 * reach}
 
     def write(home: np.ndarray, at: np.ndarray) -> Path:
@@ -197,6 +200,7 @@ def write_cell(robot: Robot, folder: Path, tool_mm: tuple[float, float, float] |
             at=(1e3 * at).round(0).tolist(),
             tool=tool,
             candidates=CANDIDATES,
+            more=arm.cell,
             **words,
         )
         (folder / "cell.toml").write_text(text)
@@ -220,7 +224,7 @@ def plan_arm(found: Outcome, arm: OtherArm, urdf: Path, folder: Path, options: l
     more = ""
     for _ in range(4):
         robot = write_description(arm, urdf, folder, more)
-        cell = write_cell(robot, folder, arm.tool_mm)
+        cell = write_cell(robot, folder, arm)
         words = "plan", cell, "-o", folder / "plan", "--force", "--dialect", "poses-csv", *options
         cpu, wall, done = run_command(*words)
         found.plan_cpu, found.plan_wall = found.plan_cpu + cpu, found.plan_wall + wall
