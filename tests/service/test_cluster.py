@@ -36,8 +36,8 @@ def free_port():
 class Plant:
     """A scheduler, a service and workers, each a process; each can be killed and begun again."""
 
-    def __init__(self, folder):
-        self.folder, self.processes = folder, {}
+    def __init__(self, folder, jobs=2, on_cluster=True):
+        self.folder, self.processes, self.jobs, self.on_cluster = folder, {}, jobs, on_cluster
         self.scheduler, self.port = f"tcp://127.0.0.1:{free_port()}", free_port()
         self.client = httpx.Client(base_url=f"http://127.0.0.1:{self.port}", timeout=30)
 
@@ -46,8 +46,9 @@ class Plant:
         modules = {
             "scheduler": ("distributed.cli.dask_scheduler", "--port", at, "--host", "127.0.0.1", "--no-dashboard"),
             "service": (
-                "planner.cli", "serve", "--port", self.port, "--data", self.folder / "data", "--workers", 2,
-                "--cluster", self.scheduler, "--cluster-url", f"http://127.0.0.1:{self.port}",
+                "planner.cli", "serve", "--port", self.port, "--data", self.folder / "data", "--workers", self.jobs,
+                *(("--cluster", self.scheduler) if self.on_cluster else ()),
+                *(("--cluster-url", f"http://127.0.0.1:{self.port}") if self.on_cluster else ()),
             ),
         }  # fmt: skip
         worker = (
