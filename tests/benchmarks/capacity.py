@@ -1,8 +1,8 @@
 """What the service itself costs a job, with one and two workers, beside it and on a Dask cluster over loopback.
 
-``python -m tests.benchmarks.capacity [JOBS]`` runs jobs that compute next to nothing (``edbb robots``): what is left is the
-service's own processor time a job, which says how many jobs an hour one service can give out, and the time from one job
-to the next, in which Python starts.
+``python -m tests.benchmarks.capacity [JOBS]`` runs jobs that compute next to nothing (``edbb robots``): what is left is
+the service's own processor time a job, which says how many jobs an hour one service can give out, and the time from one
+job to the next, in which Python starts.
 """
 
 import os

@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+from datetime import date, timedelta
 from pathlib import Path
 
 import httpx
@@ -22,6 +23,7 @@ from planner.service.settings import Role
 from tests.service.conftest import client_of
 from tests.service.test_browser import CHROMIUM, RULES, SOFTWARE_3D
 from tests.service.test_cluster import free_port
+from tests.workflow.conftest import small_cell
 
 PLAN = Path(__file__).parents[1] / "data" / "kr6-plan"
 PASSWORD, JOB = "correct horse battery", "a" * 24
@@ -214,3 +216,107 @@ def test_the_page_of_a_session_needs_only_what_a_device_keeps(tmp_path):
     loaded = re.findall(r'<(?:script|link)[^>]*(?:src|href)="([^"]+)"', text)
     assert loaded
     assert all(path.startswith("/static/") for path in loaded)
+
+
+MONTH_AGO, TODAY = (date.today() - timedelta(days=d) for d in (30, 0))
+
+
+def ended_page(page, text):
+    """Wait for the result of the job whose page is shown; return the job."""
+    page.wait_for_selector(f"text={text}", timeout=6 * 60_000)
+    return page.url.rpartition("/")[2]
+
+
+def record(page, serial, day, **fields):
+    page.fill("#serial", serial)
+    page.fill("#date", day.isoformat())
+    for name, value in fields.items():
+        page.fill(f"#{name}", value)
+    page.get_by_role("button", name="Add", exact=True).click()
+    page.wait_for_url(f"**/robots/{serial}")
+
+
+@needs_browser
+@pytest.mark.long
+def test_two_people_calibrate_a_robot_and_check_it_after_a_month(service, browser, tmp_path):
+    """Ada plans and calibrates at the desk, Wanda measures with a phone whose network is cut for a while."""
+    people = PeopleStore(Database(service.folder / "jobs.sqlite3"))
+    people.add("ada", Role.ADMINISTER, PASSWORD)
+    people.add("wanda", Role.WORK, PASSWORD)
+    service.begin()
+    desk, phone = (open_page(browser, service, name, name == "wanda") for name in ("ada", "wanda"))
+    cell = small_cell("kuka-kr6-r700/edbb", tmp_path / "cell", ("candidates = 3000", "candidates = 600"))
+    desk.set_input_files("#cell-file", cell)
+    desk.click("text=Check the cell")
+    desk.wait_for_selector("#view canvas")
+    desk.fill("#poses", "28")
+    desk.click("#plan-form button:has-text('Plan')")
+    plan = ended_page(desk, "What was planned")
+
+    measure_without_network(phone, desk, service, plan)
+    calibration = calibrate(phone, service, plan)
+    check_after_a_month(desk, calibration)
+
+    desk.goto(f"/jobs/{calibration}/certificate")
+    assert desk.input_value("#operator") == "Wanda"
+    assert desk.input_value("#gauge-serial") == "bar 4711"
+    assert "Simulated: no certificate" in desk.inner_text("main")
+    check_page(desk, "certificate-two")
+    desk.goto("/deeds")
+    log = desk.inner_text("main")
+    assert all(deed in log for deed in ("asked for: identification", "added to a robot's record", "ticked a checklist"))
+    desk.goto("/jobs")
+    desk.select_option("#job-person", "wanda")
+    desk.click("text=Show")
+    expect(desk.locator("#jobs tbody")).to_contain_text("identification")
+    expect(desk.locator("#jobs tbody")).not_to_contain_text("check-plan")
+
+
+def measure_without_network(phone, desk, service, plan):
+    phone.goto(f"/jobs/{plan}/session")
+    expect(phone.locator("#offline")).to_contain_text("without a network")
+    steps = phone.locator(".checklist input").count()
+    service.cut()
+    for k in range(1, steps + 1):
+        phone.check(f"#step-{k}")
+    assert "All steps are done" in phone.inner_text("#done")
+    service.begin()
+    expect(phone.locator("#sent")).to_contain_text("All that is ticked is sent")
+    desk.goto(f"/jobs/{plan}/session")
+    expect(desk.locator(f"#step-{steps}")).to_be_checked()
+
+
+def calibrate(phone, service, plan):
+    """Identify the robot; another's plan is not stopped."""
+    refused = phone.request.post(f"/api/jobs/{plan}/cancel", headers={"origin": service.address})
+    assert (refused.status, "it is of ada" in refused.text()) == (403, True)
+
+    phone.goto(f"/jobs/{plan}/session")
+    phone.click("text=The run is measured")
+    phone.click("#simulate")
+    phone.wait_for_selector("#run-chart svg", timeout=4 * 60_000)
+    check_page(phone, "log-phone")
+    phone.uncheck("#trace")
+    phone.click("#identify")
+    calibration = ended_page(phone, "Before and after")
+    record(phone, "KR6-SIM-1", MONTH_AGO, operator="Wanda", gauge="bar 4711")
+    check_page(phone, "robot-phone")
+    return calibration
+
+
+def check_after_a_month(desk, calibration):
+    desk.goto(f"/jobs/{calibration}")
+    desk.fill("#check-poses", "8")
+    desk.click("#check-plan-form button")
+    check_plan = ended_page(desk, "What it shows, and from where on")
+    check_page(desk, "check-plan")
+    desk.goto(f"/calibrate?plan={check_plan}")
+    desk.click("#simulate")
+    desk.wait_for_selector("#run-chart svg", timeout=4 * 60_000)
+    desk.click("#identify")
+    desk.wait_for_selector(".verdict", timeout=6 * 60_000)
+    assert desk.inner_text(".verdict .word").lower() == "passed"
+    record(desk, "KR6-SIM-1", TODAY)
+    history = desk.inner_text("main")
+    assert MONTH_AGO.isoformat() in history
+    assert TODAY.isoformat() in history
