@@ -2,6 +2,13 @@
 
 import re
 
+from planner.common.errors import InputError
+
+
+class RefusedCommandError(InputError):
+    """A command that a service does not run."""
+
+
 # A slash is harmless between names (out/run.csv, ur10/edbb), and nowhere else: not at the start of a word (/etc), after
 # a sign (--cell=/etc, a,/etc), nor in a word that glues a value to a short option (-o/etc, -fo/etc).
 OUTSIDE = re.compile(r"\.\.|(?<![A-Za-z0-9_.+-])/|^-[^-/]*/")

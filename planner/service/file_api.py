@@ -24,18 +24,20 @@ from planner.service.problems import Problem
 
 FILES = APIRouter(prefix="/api", tags=["files"])
 STALL_S = 60.0  # without a byte, after which a client is taken for gone
+# an empty file is none
 BINARY: Mapping[str, Any] = {
     "requestBody": {
         "required": True,
-        "content": {"application/octet-stream": {"schema": {"type": "string", "format": "binary"}}},
+        "content": {"application/octet-stream": {"schema": {"type": "string", "format": "binary", "minLength": 1}}},
     }
 }
+# nor is an empty cell
 TOML: Mapping[str, Any] = {
     "requestBody": {
         "required": True,
         "content": {
             "text/plain": {
-                "schema": {"type": "string"},
+                "schema": {"type": "string", "minLength": 1},
                 "example": 'schema = "edbb-cell/1"\nrobot = "ur10"\n[gauge]\nkind = "tracker"\n',
             }
         },

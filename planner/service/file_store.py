@@ -20,6 +20,14 @@ ID = re.compile(r"[0-9a-f]{64}")
 FULL = (errno.ENOSPC, errno.EDQUOT)
 
 
+class UnknownFileError(InputError):
+    """A file that somebody names was never sent."""
+
+
+class DisturbedTransferError(InputError):
+    """A file came otherwise than it was sent."""
+
+
 class DiskFullError(InputError):
     """The disk of the store has no room left."""
 
@@ -84,11 +92,11 @@ class FileStore:
         """Move what was received to its place; return its hash.
 
         Raises:
-            InputError: the hash is not as ``expected``: the transfer was cut or disturbed.
+            DisturbedTransferError: the hash is not as ``expected``: the transfer was cut or disturbed.
         """
         found = draft.finish()
         if expected is not None and found != expected:
-            raise InputError(f"the file came as {found[:12]}…, sent was {expected[:12]}…; send it again")
+            raise DisturbedTransferError(f"the file came as {found[:12]}…, sent was {expected[:12]}…; send it again")
         self._move(draft.path, found)
         return found
 

@@ -19,7 +19,7 @@ from planner.service.callers import CALLER
 from planner.service.context import Context, ServiceContext
 from planner.service.file_api import file_answer
 from planner.service.guards import REPORT_POLICY
-from planner.service.job_filter import JobFilter, JobPlace, State
+from planner.service.job_filter import PLACE, JobFilter, JobPlace, State
 from planner.service.job_folder import JobId
 from planner.service.job_keeping import JobChanges
 from planner.service.job_record import JobEvent, JobOutput, JobRecord
@@ -49,7 +49,7 @@ class JobPage(StrictModel):
     tasks: bool = Field(False, description="also what only serves a page: views and checks of cells")
     archived: bool = Field(False, description="those that were put aside, instead of the others")
     most: int = Field(100, ge=1, le=LIST_MOST)
-    after: str = Field("", max_length=60, description="where the page before ended, of its Link header")
+    after: str = Field("", pattern=f"^({PLACE})?$", description="where the page before ended, of its Link header")
 
     @property
     def wanted(self) -> JobFilter:

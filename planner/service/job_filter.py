@@ -6,6 +6,7 @@ from typing import Literal
 
 from planner.common.errors import InputError
 
+PLACE = r"([0-9]{1,12}\.[0-9]{1,9})-([0-9a-f]{24})"  # in a list, as text
 State = Literal["queued", "running", "done", "failed", "cancelled"]
 
 
@@ -28,7 +29,7 @@ class JobPlace:
         Raises:
             InputError: it is none.
         """
-        found = re.fullmatch(r"([0-9]{1,12}\.[0-9]{1,9})-([0-9a-f]{24})", text)
+        found = re.fullmatch(PLACE, text)
         if found is None:
             raise InputError(f"after: '{text}' is no place in a list; take it from the Link header of the page before")
         return cls(float(found[1]), found[2])

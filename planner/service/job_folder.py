@@ -9,7 +9,7 @@ from pydantic import Field
 from planner.common.errors import InputError
 from planner.common.schema import StrictModel
 from planner.runs.run import SIMULATED
-from planner.service.file_store import FileStore, UploadList
+from planner.service.file_store import FileStore, UnknownFileError, UploadList
 from planner.service.job_record import JobInput
 from planner.service.job_store import JobStore
 
@@ -67,10 +67,10 @@ class JobFolder:
         """Lay in an uploaded file.
 
         Raises:
-            InputError: it was never sent.
+            UnknownFileError: it was never sent.
         """
         if not self._files.holds(file.id):
-            raise InputError(f"'{file.name}': there is no file {file.id[:12]}…; upload it first")
+            raise UnknownFileError(f"'{file.name}': there is no file {file.id[:12]}…; upload it first")
         return self._lay(file.name, file.id)
 
     def cell(self, cell: str, files: Sequence[FileReference]) -> str:

@@ -5,7 +5,7 @@ import json
 from abc import ABC, abstractmethod
 from typing import Annotated, Any, ClassVar, Self
 
-from pydantic import AliasChoices, Field, model_validator
+from pydantic import AliasChoices, ConfigDict, Field, model_validator
 
 from planner import __version__
 from planner.common.calls import JobFile, ServedField
@@ -160,6 +160,16 @@ class OfPlanRequest(JobRequest):
         return folder.jobs.get(self.plan).robot
 
 
+def one_of(**schemas: dict[str, Any]) -> dict[str, Any]:
+    """Return the schema of an object that has one of some keys, as it is described."""
+    return {"anyOf": [{"required": [key], "properties": {key: schema}} for key, schema in schemas.items()]}
+
+
+GIVEN = {"type": "string"}
+RUNS_OR_SIMULATION = one_of(runs={"type": "array", "minItems": 1}, simulation=GIVEN)
+PLAN_OR_CELL = one_of(plan=GIVEN, cell=GIVEN)
+
+
 class MeasuredRequest(JobRequest):
     """Something that starts from measured runs: uploaded, or of a simulation; the cell may be that of the plan."""
 
@@ -168,6 +178,7 @@ class MeasuredRequest(JobRequest):
     plan: JobId | None = None
     cell: CellReference | None = None
     files: ExtraFiles = []
+    model_config = ConfigDict(json_schema_extra={"allOf": [RUNS_OR_SIMULATION, PLAN_OR_CELL]})
 
     @model_validator(mode="after")
     def _complete(self) -> Self:

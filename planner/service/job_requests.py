@@ -1,16 +1,17 @@
 """What a client may ask for: one model a kind of job, with the command that it becomes."""
 
-from typing import Annotated, Self
+from typing import Annotated, Any, Self
 
-from pydantic import AliasChoices, Field, model_validator
+from pydantic import AliasChoices, ConfigDict, Field, model_validator
 
 from planner.cell.reading import shipped_cells
 from planner.common.errors import InputError
 from planner.programs.dialect import load_dialect
-from planner.service.command_words import leads_outside
+from planner.service.command_words import RefusedCommandError, leads_outside
 from planner.service.declared_request import take_fields
 from planner.service.job_folder import FileInFolder, FileReference, JobFolder, JobId
 from planner.service.job_request import (
+    PLAN_OR_CELL,
     CellRequest,
     Coordinate,
     JobRequest,
@@ -31,6 +32,13 @@ from planner.workflow.verbs import declared_calls
 
 VERBS = (*declared_calls(), "robots", "dialects")  # commands that run on a server
 ERROR_MAP_FILES = ("expected_error.csv", "identification.json")
+# either one file, or a simulation
+ONE_RUN: dict[str, Any] = {
+    "oneOf": [
+        {"required": ["runs"], "properties": {"runs": {"minItems": 1, "maxItems": 1}, "simulation": {"type": "null"}}},
+        {"required": ["simulation"], "properties": {"simulation": {"type": "string"}, "runs": {"maxItems": 0}}},
+    ]
+}
 SOME_JOB, SOME_FILE = "0123456789abcdef01234567", "0" * 64  # ids that stand in examples of requests
 
 
@@ -51,10 +59,10 @@ class CommandRequest(JobRequest):
     @model_validator(mode="after")
     def _known_verb(self) -> Self:
         if self.words[0] not in VERBS:
-            raise ValueError(f"'{self.words[0]}' does not run on a server; {', '.join(VERBS)} do")
+            raise RefusedCommandError(f"'{self.words[0]}' does not run on a server; {', '.join(VERBS)} do")
         for word in self.words:
             if leads_outside(word):
-                raise ValueError(f"'{word}' leads out of the folder of the job")
+                raise RefusedCommandError(f"'{word}' leads out of the folder of the job")
         return self
 
     @property
@@ -218,6 +226,7 @@ class ValidationRequest(MeasuredRequest):
 
     kind = "validation"
     document = "accuracy.json"
+    model_config = ConfigDict(json_schema_extra={"allOf": [ONE_RUN, PLAN_OR_CELL]})
     example = {"runs": [{"id": SOME_FILE, "name": "v.csv"}], "cell": "kuka-kr6-r700/tracker"}
 
     def arguments(self, folder: JobFolder) -> list[str]:

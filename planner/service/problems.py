@@ -11,8 +11,9 @@ from starlette.exceptions import HTTPException
 
 from planner.common.errors import MissingProgramError, NoSolutionError, PlannerError, printable
 from planner.common.schema import StrictModel
+from planner.service.command_words import RefusedCommandError
 from planner.service.database import damage_text, is_damage
-from planner.service.file_store import DiskFullError
+from planner.service.file_store import DiskFullError, DisturbedTransferError, UnknownFileError
 from planner.service.job_folder import UnfinishedJobError
 from planner.service.job_keeping import KeptJobError, QuotaError
 from planner.service.job_store import UnknownJobError
@@ -22,6 +23,9 @@ MEDIA_TYPE = "application/problem+json"
 # codes of HTTP (RFC 9110)
 STATUS: tuple[tuple[type[PlannerError], int], ...] = (
     (DiskFullError, 507),
+    (DisturbedTransferError, 409),
+    (UnknownFileError, 404),
+    (RefusedCommandError, 403),
     (UnknownJobError, 404),
     (UnknownRecordError, 404),
     (UnfinishedJobError, 409),

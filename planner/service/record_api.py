@@ -19,6 +19,7 @@ from planner.service.job_api import LIST_MOST, next_link
 from planner.service.job_folder import JobId
 from planner.service.problems import Problem
 from planner.service.record_index import (
+    PLACE,
     RecordedEntry,
     RobotFilter,
     RobotState,
@@ -90,7 +91,7 @@ class RobotPage(StrictModel):
     robot: Annotated[str, Field(max_length=100)] | None = Field(None, description="model of the robot")
     state: RobotState | None = None
     most: int = Field(100, ge=1, le=LIST_MOST)
-    after: str = Field("", max_length=120, description="where the page before ended, of its Link header")
+    after: str = Field("", pattern=f"^({PLACE})?$", description="where the page before ended, of its Link header")
 
 
 @RECORDS.get("/records")

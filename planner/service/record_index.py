@@ -219,11 +219,14 @@ def _summary(row: sqlite3.Row) -> RobotSummary:
     )
 
 
+PLACE = r"([0-9])~([0-9-]{0,10})~([^~]{1,100})"  # in a list of robots, as text
+
+
 def _parse_place(text: str) -> dict[str, object]:
     """Return rank, day and serial number of a place in the list; before the first robot where there is none."""
     if not text:
         return {"rank": -1, "day": "", "serial": ""}
-    found = re.fullmatch(r"([0-9])~([0-9-]{0,10})~([^~]{1,100})", text)
+    found = re.fullmatch(PLACE, text)
     if found is None:
         raise InputError(f"after: '{text}' is no place in a list; take it from the Link header of the page before")
     return {"rank": int(found[1]), "day": found[2], "serial": found[3]}

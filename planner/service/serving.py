@@ -51,6 +51,8 @@ PROBLEMS: dict[int | str, dict[str, Any]] = {
         (400, "no JSON, or a broken body"),
         (401, "nobody has said who asks"),
         (403, "another site asks, or the person may not do this"),
+        (404, "something that is named is not there"),
+        (409, "it cannot be done now, or a file came disturbed"),
         (413, "more bytes than are taken"),
         (421, "the service is not known by that name"),
         (422, "the request or what it names is wrong"),

@@ -112,7 +112,7 @@ def test_where_no_memory_is_left_no_task_runs_beside(tmp_path):
     "word", ["-o/etc/x", "-fo/etc/x", "--cell=/etc/x", "/etc/x", "a,/etc/x", "a//etc", "a:/x", "../x"]
 )
 def test_no_word_leads_out_of_the_folder(word):
-    with pytest.raises(ValueError, match="leads out of the folder"):
+    with pytest.raises(InputError, match="leads out of the folder"):
         CommandRequest(words=["plan", "ur10/edbb", word])
 
 

@@ -72,7 +72,7 @@ def test_a_run_that_does_not_fit_is_told(client):
         ("plans", {"cell": "../../etc"}, 422, "cell: "),
         ("plans", {"cell": "ur10/edbb", "index": "O9"}, 422, "must be 'O1', 'O2', 'O3', 'O4' or 'O5'"),
         ("plans", {"cell": "ur10/edbb", "pose": 3}, 422, "pose: "),
-        ("plans", {"cell": "0" * 64}, 422, "upload it first"),
+        ("plans", {"cell": "0" * 64}, 404, "upload it first"),
         ("exports", {"plan": "0" * 24, "dialect": "krl"}, 404, "there is no job"),
         ("check-plans", {"model": "0" * 24}, 404, "there is no job"),
         ("checks", {"plan": "0" * 24, "run": {"id": "0" * 64, "name": "c.csv"}}, 404, "there is no job"),
@@ -89,7 +89,7 @@ def test_problems_say_what_is_wrong(client, route, body, status, sentence):
 
 def test_a_disturbed_upload_leaves_nothing(client):
     answer = client.post("/api/runs", params={"name": "run.csv", "sha256": "0" * 64}, content=b"cut")
-    assert answer.status_code == 422
+    assert answer.status_code == 409
     assert "send it again" in answer.json()["detail"]
     assert client.get("/api/files/" + hashlib.sha256(b"cut").hexdigest()).status_code == 404
 

@@ -318,7 +318,7 @@ def test_the_log_says_who_did_what(plant):
     shown = [(d["person"], d["deed"], d["status"]) for d in reversed(deeds)]
     assert shown == [
         ("wanda", "asked for: plan", 202),
-        ("wanda", "asked for: plan", 422),
+        ("wanda", "asked for: plan", 404),
         ("luis", "stopped a job", 403),
         ("ada", "stopped a job", 200),
         ("luis", "tried to log in", 401),

@@ -36,7 +36,7 @@ def test_words_that_are_files_are_sent_with_what_belongs_to_them(tmp_path, monke
 )
 def test_what_must_not_run_there_is_refused(client, words, because):
     answer = client.post("/api/commands", json={"words": words})
-    assert answer.status_code == 422
+    assert answer.status_code == 403
     assert because in answer.json()["detail"]
 
 
