@@ -1,5 +1,6 @@
 """Pages at the cell in a browser: a checklist without a network, a service that comes back, a view that scrolls."""
 
+import json
 import os
 import re
 import signal
@@ -8,12 +9,14 @@ import sys
 import time
 from datetime import date, timedelta
 from pathlib import Path
+from types import MappingProxyType
 
 import httpx
 import pytest
 from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import expect, sync_playwright
 
+from planner.design.pose_selection import warn_too_few_readings
 from planner.service.database import Database
 from planner.service.file_store import FileStore
 from planner.service.job_record import JobCommand, JobOutput
@@ -32,12 +35,12 @@ expect.set_options(timeout=60_000)  # the machine may be busy
 needs_browser = pytest.mark.skipif(CHROMIUM is None, reason="there is no Chromium here")
 
 
-def add_plan(folder, person=""):
+def add_plan(folder, person="", changed=MappingProxyType({})):
     """A finished plan in the store of a service, as if it had just been made."""
     jobs, files = JobStore(Database(folder / "jobs.sqlite3")), FileStore(folder)
     jobs.submit(JOB, "plan", "kuka-kr6-r700/edbb", "{}", JobCommand(("plan",)), "kuka-kr6-r700", person)
-    names = [p.name for p in PLAN.iterdir() if p.is_file()]
-    outputs = [JobOutput(n, files.add(data), len(data)) for n in names if (data := (PLAN / n).read_bytes())]
+    contents = {p.name: p.read_bytes() for p in PLAN.iterdir() if p.is_file()} | changed
+    outputs = [JobOutput(name, files.add(data), len(data)) for name, data in contents.items()]
     assert jobs.finish(jobs.take(9), "done", outputs, 0, None)
 
 
@@ -183,6 +186,17 @@ def test_a_view_does_not_hold_the_page_and_says_axes_and_distances(service, brow
     page.locator("[data-turn='+']").click()
     page.wait_for_timeout(500)
     check_page(page, f"cell-{'phone' if phone else 'desk'}")
+
+
+@pytest.mark.parametrize("too_few", [False, True])
+def test_the_page_of_a_plan_warns_where_poses_are_too_few(tmp_path, too_few):
+    plan = json.loads((PLAN / "plan.json").read_text())
+    plan["notes"] = [warn_too_few_readings(10, 30)] if too_few else []
+    add_plan(tmp_path, changed={"plan.json": json.dumps(plan).encode()})
+    with client_of(tmp_path, workers=0, beside=0) as client:
+        text = client.get(f"/jobs/{JOB}").text
+    assert ("Too few poses to find causes" in text) is too_few
+    assert ("ask for at least" in text) is too_few
 
 
 def test_ticks_are_merged_by_their_time(tmp_path):

@@ -23,7 +23,7 @@ from planner.service.settings import JobLimits
 
 CHEAP = JobCommand(("--version",))  # the quickest command line there is
 
-MANY = 100 if os.environ.get("EDBB_ALL_TRIALS") else 30
+MANY = 200 if os.environ.get("EDBB_ALL_TRIALS") else 30
 
 
 class Store:
