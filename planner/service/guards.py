@@ -63,7 +63,7 @@ class Guard:
             return
         guarded, root = self._add_headers(send), self._settings.root_path
         if root and str(scope["path"]).startswith(f"{root}/"):  # a proxy that leaves the path as it is
-            scope = {**scope, "path": scope["path"][len(root) :], "raw_path": scope["raw_path"][len(root) :]}
+            scope.update(path=scope["path"][len(root) :], raw_path=scope["raw_path"][len(root) :])
         ROOT.set(root)
         caller = self._refusal(scope) or self._find_caller(scope)
         if isinstance(caller, Response):
