@@ -78,7 +78,8 @@ class CellEntry(StrictModel):
     """A cell: shipped (``robot/cell``) or uploaded."""
 
     id: str
-    name: str
+    name: str = Field(description="of its file, or what a person calls it")
+    note: str = ""
 
 
 class Health(StrictModel):

@@ -14,6 +14,7 @@ from fastapi import Depends, Request
 
 from planner.service.answers import Job, describe_job
 from planner.service.callers import CALLER, CallerFinder
+from planner.service.cell_notes import CellNotes
 from planner.service.cluster import Cluster, ClusterRunner
 from planner.service.deed_log import DeedLog
 from planner.service.file_store import FileStore, UploadList
@@ -143,6 +144,7 @@ class ServiceContext:
     deeds: DeedLog
     ticks: TickStore
     notifier: Notifier
+    cells: CellNotes
     _submitting: threading.Lock = field(default_factory=threading.Lock)
 
     def submit(self, request: JobRequest) -> JobRecord:
@@ -153,7 +155,7 @@ class ServiceContext:
             QuotaError: the person has as many jobs or files as one may.
         """
         self.files.check_room()
-        folder = JobFolder(self.jobs, self.files, self.uploads)
+        folder = JobFolder(self.jobs, self.files, self.uploads, self.cells)
         command = request.command(folder)
         title, text, robot = request.subject(folder), request.model_dump_json(), request.robot(folder)
         id, person = request.job_id(command), CALLER.get().name

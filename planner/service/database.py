@@ -73,7 +73,8 @@ CREATE TABLE ticks (
     person TEXT NOT NULL, PRIMARY KEY (job, step));
 """
 NOTICES = "CREATE TABLE notices (url TEXT PRIMARY KEY, last INTEGER NOT NULL);"
-MIGRATIONS = (FIRST, DEATHS, LISTS, KEEPING, PEOPLE, TICKS, NOTICES)
+CELL_NOTES = "CREATE TABLE cell_notes (sha256 TEXT PRIMARY KEY, title TEXT NOT NULL, note TEXT NOT NULL);"
+MIGRATIONS = (FIRST, DEATHS, LISTS, KEEPING, PEOPLE, TICKS, NOTICES, CELL_NOTES)
 """Statements that lead from one version of the store to the next; the version is how many of them it has seen."""
 VERSION = len(MIGRATIONS)
 

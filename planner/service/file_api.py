@@ -17,6 +17,7 @@ from planner.kinematics.robot_reader import list_robots
 from planner.programs.dialect import dialects
 from planner.service.answers import CellEntry, DialectEntry, Health, RobotEntry, StoredFile
 from planner.service.callers import CALLER
+from planner.service.cell_notes import CellChanges
 from planner.service.context import Context, ServiceContext
 from planner.service.file_store import FileStore
 from planner.service.job_folder import FileName, Sha256
@@ -91,8 +92,25 @@ async def upload_cell(request: Request, context: Context, name: Name) -> StoredF
 @FILES.get("/cells")
 def list_cells(context: Context) -> list[CellEntry]:
     """List the shipped cells and those that were sent."""
-    sent = [CellEntry(id=f.id, name=f.name) for f in context.uploads.list_files("cell")]
+    sent = [describe_cell(context, f) for f in context.uploads.list_files("cell")]
     return [*(CellEntry(id=c, name=c) for c in _shipped_names()), *sent]
+
+
+def describe_cell(context: ServiceContext, file: StoredFile) -> CellEntry:
+    """Return a cell that was sent, as lists show it."""
+    known = context.cells.find(file.id)
+    return CellEntry(id=file.id, name=known.title or file.name, note=known.note)
+
+
+@FILES.patch("/cells/{id}", responses={404: {"model": Problem}})
+def change_cell(id: Sha256, changes: CellChanges, context: Context) -> CellEntry:
+    """Give a cell that was sent another name or a note; what is not given stays."""
+    found = context.uploads.find(id)
+    if found is None:
+        raise HTTPException(404, f"there is no file {id[:12]}…")
+    CALLER.get().check_owner(context.uploads.sender(id, "cell"))
+    context.cells.change(id, changes)
+    return describe_cell(context, found)
 
 
 @FILES.get("/cells/{robot}/{cell}", responses={404: {"model": Problem}})

@@ -194,6 +194,11 @@ class UploadList:
         """Return an uploaded file, by the first name it had."""
         return next(iter(self._find("sha256 = ? ORDER BY at LIMIT 1", sha256)), None)
 
+    def sender(self, sha256: str, kind: str) -> str:
+        """Return who has sent a file first; empty where nobody had to say."""
+        rows = self._db.read("SELECT person FROM uploads WHERE sha256 = ? AND kind = ? ORDER BY at", sha256, kind)
+        return str(rows[0]["person"]) if rows else ""
+
     def _find(self, which: str, *values: object) -> list[StoredFile]:
         rows = self._db.read(f"SELECT sha256, name, size FROM uploads WHERE {which}", *values)
         return [StoredFile(id=sha256, name=name, size=size) for sha256, name, size in rows]

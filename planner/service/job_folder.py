@@ -9,6 +9,7 @@ from pydantic import Field
 from planner.common.errors import InputError
 from planner.common.schema import StrictModel
 from planner.runs.run import SIMULATED
+from planner.service.cell_notes import CellNotes
 from planner.service.file_store import FileStore, UnknownFileError, UploadList
 from planner.service.job_record import JobInput
 from planner.service.job_store import JobStore
@@ -46,8 +47,8 @@ class UnfinishedJobError(InputError):
 class JobFolder:
     """Lays files into the folder of a job; every call returns the word by which the job's command names them."""
 
-    def __init__(self, jobs: JobStore, files: FileStore, uploads: UploadList) -> None:
-        self.jobs, self._files, self._uploads = jobs, files, uploads
+    def __init__(self, jobs: JobStore, files: FileStore, uploads: UploadList, cells: CellNotes | None = None) -> None:
+        self.jobs, self._files, self._uploads, self._cells = jobs, files, uploads, cells
         self._inputs: list[JobInput] = []
 
     @property
@@ -135,7 +136,8 @@ class JobFolder:
     def cell_title(self, cell: str) -> str:
         """Return what a cell is called."""
         sent = None if "/" in cell else self._uploads.find(cell)
-        return sent.name if sent else cell
+        named = self._cells.find(cell).title if sent and self._cells else ""
+        return named or (sent.name if sent else cell)
 
     def robot(self, cell: str) -> str:
         """Return the model of the robot of a cell; empty where an uploaded cell does not say it."""

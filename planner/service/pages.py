@@ -23,7 +23,7 @@ from planner.model.identification_document import Identification
 from planner.service.answers import Job
 from planner.service.context import Context, ServiceContext
 from planner.service.declared_request import typed_options
-from planner.service.file_api import dialect_entries, robot_entries, robot_title
+from planner.service.file_api import describe_cell, dialect_entries, robot_entries, robot_title
 from planner.service.job_api import output_path
 from planner.service.job_filter import JobFilter, State
 from planner.service.job_folder import JobId, Sha256
@@ -146,7 +146,7 @@ def show_cell(robot: str, cell: str) -> HTMLResponse:
     name = f"{robot}/{cell}"
     if name not in shipped_cells():
         return render("problem", 404, detail=f"There is no shipped cell {name}.")
-    return render("cell", cell=name, title=name, files="[]", dialects=dialect_entries())
+    return render("cell", cell=name, title=name, note="", own=False, files="[]", dialects=dialect_entries())
 
 
 @PAGES.get("/cells/{cell}")
@@ -156,7 +156,10 @@ def show_own_cell(cell: Sha256, check: JobId, context: Context) -> HTMLResponse:
     request = json.loads(job.request)
     if file is None or request.get("cell") != cell:
         return render("problem", 404, detail="There is no such cell.")
-    return render("cell", cell=cell, title=file.name, files=json.dumps(request["files"]), dialects=dialect_entries())
+    named, files = describe_cell(context, file), json.dumps(request["files"])
+    return render(
+        "cell", cell=cell, title=named.name, note=named.note, own=True, files=files, dialects=dialect_entries()
+    )
 
 
 @PAGES.get("/jobs/{id}")
@@ -318,7 +321,8 @@ def _own_cells(context: ServiceContext) -> list[OwnCell]:
     for job in context.jobs.list_jobs(JobFilter("cell-check", "done")):
         request = json.loads(job.request)
         if "/" not in request["cell"]:
-            title = f"{job.title}, {datetime.fromtimestamp(job.created, UTC):%Y-%m-%d %H:%M} UTC"
+            name = context.cells.find(request["cell"]).title or job.title
+            title = f"{name}, {datetime.fromtimestamp(job.created, UTC):%Y-%m-%d %H:%M} UTC"
             checked.setdefault(request["cell"], OwnCell(request["cell"], title, json.dumps(request["files"])))
     return list(checked.values())
 

@@ -14,6 +14,7 @@ from planner.common.errors import InputError
 from planner.service.access import check_access, check_rules
 from planner.service.access_log import AccessLog, open_log
 from planner.service.callers import CallerFinder
+from planner.service.cell_notes import CellNotes
 from planner.service.cluster import Cluster
 from planner.service.context import ServiceContext, Supervisor
 from planner.service.database import Database, damage_text
@@ -98,6 +99,7 @@ def build_context(settings: ServiceSettings) -> ServiceContext:
         finder=finder,
         deeds=DeedLog(database),
         ticks=TickStore(database),
+        cells=CellNotes(database),
         notifier=Notifier(settings.webhooks, database, jobs),
     )
 

@@ -1,4 +1,4 @@
-import { find, finished, get, givenOptions, plainName, post, root, say, showFacts } from "./common.js";
+import { find, finished, get, givenOptions, plainName, post, send, root, say, showFacts } from "./common.js";
 import { FixtureEditor } from "./editor.js";
 import { showView } from "./view3d.js";
 
@@ -18,6 +18,16 @@ try {
   say(message, problem.message, true);
   find("#view").replaceChildren();
 }
+
+find("#naming-form")?.addEventListener("submit", async (event) => {
+  event.preventDefault();
+  const { title, note } = event.target.elements, said = find("#naming-message");
+  try {
+    const named = await send("PATCH", `/api/cells/${cell}`, { title: title.value, note: note.value });
+    find("h1").textContent = named.name;
+    say(said, "Saved.");
+  } catch (problem) { say(said, problem.message, true); }
+});
 
 async function start(route, body) {
   const wrong = editor?.tellWrong();
