@@ -175,7 +175,8 @@ def _refuse(scope: Scope, refusal: Refusal) -> Response | None:
         return None
     answer: Response
     if path.startswith("/api/") or scope["method"] not in SAFE or path == "/metrics":
-        words = "; a program sends the header 'Authorization: Bearer …'" if refusal.status == 401 else ""
+        how = "; a program sends the header 'Authorization: Bearer …' (edbb --server: EDBB_TOKEN)"
+        words = how if refusal.status == 401 else ""
         answer = ProblemResponse(refusal.status, f"{refusal.words}{words}")
     elif refusal.status == 401:
         return RedirectResponse(login_address(path), 303)
