@@ -85,17 +85,6 @@ class Columns:
         blocks = [part(phi, at) for phi, at in zip(self.phi, self.phi_at, strict=True)]
         return Columns(plain, plain_at, self.screws, tuple(phi for phi, _ in blocks), tuple(at for _, at in blocks))
 
-    def beside(self, more: "Columns") -> "Columns":
-        """Return these columns and behind them more over the same samples."""
-        first = len(self)
-        return Columns(
-            np.concatenate([self.plain, more.plain]),
-            np.concatenate([self.plain_at, more.plain_at + first]),
-            np.concatenate([self.screws, more.screws]),
-            (*self.phi, *more.phi),
-            (*self.phi_at, *(at + first for at in more.phi_at)),
-        )
-
     def whiten(self, root: Array, scale: Array, residual: Array) -> "Columns":
         """Return them times ``scale`` (P,), and behind them a residual (n, r), all in standard deviations.
 
@@ -129,18 +118,6 @@ class Columns:
                 _put(out, at, self.phi_at[c], (phi * both) @ self.phi[c].T)
             own = phi * np.sqrt(_along(screw[None], screw)[0])
             out[np.ix_(at, at)] = own @ own.T
-        return out
-
-    def products(self, other: "Columns") -> Array:
-        """Products of all columns with all of another's over the same samples, (P, Q)."""
-        out = np.empty((len(self), len(other)))
-        out[np.ix_(self.plain_at, other.plain_at)] = self._flat @ other._flat.T
-        for at, screw, phi in zip(self.phi_at, self.screws, self.phi, strict=True):
-            out[np.ix_(at, other.plain_at)] = phi @ _along(other.plain, screw).T
-        for at, screw, phi in zip(other.phi_at, other.screws, other.phi, strict=True):
-            out[np.ix_(self.plain_at, at)] = _along(self.plain, screw) @ phi.T
-            for own_at, own_screw, own in zip(self.phi_at, self.screws, self.phi, strict=True):
-                out[np.ix_(own_at, at)] = (own * _along(own_screw[None], screw)[0]) @ phi.T
         return out
 
     def along(self, residual: Array) -> Array:

@@ -45,12 +45,8 @@ def best_step(
         likely = [c for c in likely if all(c is not n for n in near)]
         trials = _refit_candidates(context, state, test, near)
         kept = [t for t in trials if _holds(context, state, t)]
-        while kept:
-            best = context.likeliest(kept, at=kept[0])
-            whole = context.fit_whole(best)
-            if whole is best or (whole is not None and _holds(context, state, whole)):
-                return whole
-            kept = [t for t in kept if t is not best]
+        if kept:
+            return context.likeliest(kept, at=kept[0])
         context.rejected.add_shares(near, test.scatter)
         doubtful += trials
     return next((s for t in doubtful if (s := _add_pair(context, state, t)) is not None), None)
@@ -110,15 +106,12 @@ def swap_effects(context: SearchContext, state: SearchState, ahead: float = -SWA
         if other is None or (own and other.merit < own[0].merit + ahead):
             continue
         context.report(f"trying {other.effect.name} for {found.name}")
-        trial = context.compare_with(state, _with_candidate(bare, other, rest))
+        trial = context.try_refit(state, _with_candidate(bare, other, rest))
         least = COMPLIANCE_EVIDENCE if found.has(Role.COMPLIANCE) else SWAP_EVIDENCE
         if trial is None or context.evidence_fall(state, trial) <= least:
             continue
-        whole = context.fit_whole(trial)
-        if whole is None or (whole is not trial and context.evidence_fall(state, whole) <= least):
-            continue
-        if context.is_significant(whole, whole.effects[-1]):
-            state = swapped = whole
+        if context.is_significant(trial, trial.effects[-1]):
+            state = swapped = trial
     return swapped
 
 
@@ -136,9 +129,9 @@ def _refit_candidates(
     A fit that does not come to rest is left out: what cannot be told from the geometry may run off with it.
     """
     with ThreadPoolExecutor(2) as pool:  # refits at a time: they are taken in order, so their number does not show
-        waves = pool.map(lambda c: context.compare_with(state, _with_candidate(test, c, state.effects)), near)
+        waves = pool.map(lambda c: context.try_refit(state, _with_candidate(test, c, state.effects)), near)
         curves = pool.map(
-            lambda joint: context.compare_with(state, _with_curve(state, test, *joint)), _joints(context, state, near)
+            lambda joint: context.try_refit(state, _with_curve(state, test, *joint)), _joints(context, state, near)
         )
         return [s for s in (*waves, *curves) if s is not None]
 
@@ -177,9 +170,8 @@ def _add_pair(context: SearchContext, state: SearchState, trial: SearchState) ->
     if second is None:
         return None
     context.report(f"trying {first.name} in two ways")
-    one = context.fit_whole(trial)
-    both = None if one is None else context.try_refit(one, _with_candidate(test, second, one.effects))
-    if one is None or both is None or rejection_reason(one, both, context.fit_context, context.tried):
+    both = context.try_refit(trial, _with_candidate(test, second, trial.effects))
+    if both is None or rejection_reason(trial, both, context.fit_context, context.tried):
         return None
     return both if context.is_significant(both, both.effects[-2]) else None
 

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from threading import Lock
 
 import numpy as np
 
@@ -14,7 +13,6 @@ from planner.identification.stages import FitContext
 from planner.tracing.assumptions import RETRY_RATIO
 from planner.tracing.dictionary import EffectDictionary
 from planner.tracing.effect_scores import EffectScore, ScoreTest
-from planner.tracing.linear_refit import LinearState, changes_compliance
 from planner.tracing.significance import LOG_SIGNIFICANCE, screening_correlation_time, variance_inflations, wald_log_p
 from planner.tracing.state import LINK_MASSES, FittedEffect, SearchState
 
@@ -58,8 +56,6 @@ class SearchContext:
     excluded: set[str] = field(default_factory=set)
 
     _tests: dict[tuple[int, str], tuple[SearchState, ScoreTest]] = field(default_factory=dict)
-    _linear: list[LinearState] = field(default_factory=list)
-    _lock: Lock = field(default_factory=Lock)
 
     @property
     def tried(self) -> int:
@@ -101,25 +97,8 @@ class SearchContext:
         except NoSolutionError:
             return None
 
-    def compare_with(self, state: SearchState, effects: tuple[FittedEffect, ...]) -> SearchState | None:
-        """Refit with other effects as well as a comparison needs: of a long run linearly, see :meth:`fit_whole`."""
-        if not self._is_long(state) or changes_compliance(state, effects):
-            return self.try_refit(state, effects)
-        return self._linear_state(state).refit(effects)
-
     def _is_long(self, state: SearchState) -> bool:
         return self.fit_context.part(state.fit.model) is not None
-
-    def fit_whole(self, state: SearchState) -> SearchState | None:
-        """Refit what was only refitted linearly, ``None`` where the fit does not come to rest."""
-        return state if state.linear is None else self.try_refit(state, state.effects)
-
-    def _linear_state(self, state: SearchState) -> LinearState:
-        """The state linearised, kept as long as the search looks at the same state."""
-        with self._lock:
-            if not self._linear or self._linear[0].state is not state:
-                self._linear[:] = [LinearState.of(state, self.fit_context)]
-            return self._linear[0]
 
     def is_significant(self, state: SearchState, found: FittedEffect) -> bool:
         """Tell whether an effect is larger than chance would have it among everything that was tried."""

@@ -103,13 +103,7 @@ def rejection_reason(before: SearchState, after: SearchState, fit_context: FitCo
 
 def held_out_gain(before: SearchState, after: SearchState, fit_context: FitContext) -> tuple[float, float]:
     """Share of the held-out squared error that goes from one state to another, and its standard error."""
-    if after.linear is None:
-        return error_reduction(before.stage.held_residual, after.stage.held_residual, fit_context.split)
-    few = fit_context.part(before.fit.model)  # a linear refit predicts only samples that are fitted
-    own, split = before.stage.held_residual, fit_context.split
-    if few is not None:
-        own, split = own[few], split.take(few)
-    return error_reduction(own, after.stage.held_residual, split)
+    return error_reduction(before.stage.held_residual, after.stage.held_residual, fit_context.split)
 
 
 @dataclass(frozen=True)

@@ -120,13 +120,11 @@ class SearchState:
         base: model without any effect.
         effects: in the order in which they were found.
         fitted: stage and fit with all of them.
-        linear: of a state that was only refitted linearly, its columns about the fit.
     """
 
     base: Model
     effects: tuple[FittedEffect, ...]
     fitted: FittedStage
-    linear: LinearPiece | None = None
 
     @property
     def fit(self) -> Fit:
@@ -141,7 +139,7 @@ class SearchState:
     @property
     def piece(self) -> LinearPiece:
         """Whitened columns and residual about the fit."""
-        return self.linear or self.fit.problem.piece(slice(None), self.fit.errors)
+        return self.fit.problem.piece(slice(None), self.fit.errors)
 
     @property
     def names(self) -> frozenset[str]:
@@ -185,14 +183,9 @@ class SearchState:
     def refit(self, fit_context: FitContext, effects: tuple[FittedEffect, ...]) -> "SearchState":
         """Fit the base model with effects: nonlinear values settle first, then all parameters together.
 
-        It starts from this state, with its noise and priors. What was only refitted linearly has settled already.
+        It starts from this state, with its noise and priors.
         """
-        errors = self.fit.values
-        if self.linear is not None and effects is self.effects:
-            still = self._still()
-            effects, errors = _take_steps(effects, {n: v for n, v in errors.items() if n not in still})
-        else:
-            effects, errors = self._settle(effects, errors)
+        effects, errors = self._settle(effects, self.fit.values)
         sensitivities = [p for f in effects if (p := f.sensitivity(errors)) is not None]
         model = self.base.plus([*(p for f in effects for p in f.parameters), *sensitivities])
         masses = _link_masses(self.base, effects, errors)
@@ -205,12 +198,6 @@ class SearchState:
         if masses and link_mass_uncertainty(fitted.fit.model) > LARGEST_MASS_PRIOR:
             fitted = fit(model)  # they stand in for what is missing yet, and for the compliances themselves
         return SearchState(self.base, effects, fitted)
-
-    def _still(self) -> set[str]:
-        """Names of the parameters that stand for steps of nonlinear values which are not worth one."""
-        sigma = np.linalg.norm(self.fit.solution.root(self.fit.problem.prior), axis=1)
-        near = np.abs(self.fit.errors) <= STILL_SIGMAS * sigma
-        return {f.sensitivity_name for f in self.effects} & set(np.array(self.fit.model.names)[near].tolist())
 
     @cached_property
     def known_root(self) -> tuple[np.ndarray, Array]:
