@@ -4,8 +4,9 @@
 Arms are those of ``tests.independent_arms``, which share nothing with the planner's code: 0 to 3 hidden causes of the
 catalogue, every other arm with one that no catalogue has. All choose among the same poses in the bar's shell:
 
-- ``batches``: 40 poses as a plan of nothing known chooses them, then 15 at a time by what the runs so far leave,
-  each batch with the bar set up anew, all identified as one;
+- ``sequential``: 40 poses as a plan of nothing known chooses them, then 15 at a time by what the run so far leaves, the
+  gauge left standing;
+- ``batches``: the same, each batch with the bar set up anew, all identified as one;
 - ``plan``: the same rule as for the first 40, for a number of poses that is fixed beforehand;
 - ``d-optimal``: the largest determinant of the information on the geometry, taken greedily;
 - ``next-view``: a pose at a time by the trace of the geometry's covariance, after arXiv 2303.06766.
@@ -39,7 +40,7 @@ from tests.simulation.generator.poses import at_targets, shell_points
 FIRST, STEP, MOST = 40, 15, 130  # poses
 SECONDS_A_POSE, MINUTES_A_BATCH = 21.0, 3.0
 GOALS_MM = (0.4, 0.2, 0.1)
-WAYS = ("batches", "plan", "d-optimal", "next-view")
+WAYS = ("sequential", "batches", "plan", "d-optimal", "next-view")
 SHARE_OF_PLACE = 1e-2  # of what is unknown of the gauge's place, in greedy choices: else it comes first
 
 
@@ -71,7 +72,7 @@ def fixed_order(way):
     q, cell = pool()
     unknown = undeclared_errors(cell, samples(q))
     white = unknown.white(samples(q))
-    if way in ("batches", "plan"):
+    if way in ("sequential", "batches", "plan"):
         return greedy(unknown, white, MOST)
     of_geometry = np.array([not p.is_effect for p in unknown.model.parameters])
     rows, order = white[:, of_geometry], []
@@ -128,7 +129,7 @@ def judge_way(seed, way, folder):
         rows.append({"poses": len(taken), "minutes": minutes, "bound": bound, "stated": stated, "true": off})
         if bound <= min(GOALS_MM) or len(taken) + STEP > MOST:
             return rows
-        if way == "batches":
+        if way in ("sequential", "batches"):
             unknown = RemainingErrors.of(CalibratedState.read(known, cell), cell, samples(q))
             free = np.setdiff1d(np.arange(len(q)), taken)
             new = list(free[greedy(unknown, unknown.white(samples(q[free])), STEP)])
