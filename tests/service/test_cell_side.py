@@ -329,7 +329,7 @@ def check_after_a_month(desk, calibration):
     desk.wait_for_selector("#run-chart svg", timeout=4 * 60_000)
     desk.click("#identify")
     desk.wait_for_selector(".verdict", timeout=6 * 60_000)
-    assert desk.inner_text(".verdict .word").lower() == "passed"
+    assert desk.inner_text(".verdict .word").lower().startswith("passed")
     record(desk, "KR6-SIM-1", TODAY)
     history = desk.inner_text("main")
     assert MONTH_AGO.isoformat() in history
