@@ -10,7 +10,7 @@ from planner.common.units import Array
 
 BLUE, ORANGE, GREEN, RED = "#0072B2", "#E69F00", "#009E73", "#D55E00"
 PURPLE, SKY, BLACK, GREY = "#CC79A7", "#56B4E9", "#222222", "#8A8A8A"
-JOINTS = (BLUE, ORANGE, GREEN, RED, PURPLE, SKY, BLACK)
+JOINTS = (BLUE, ORANGE, GREEN, RED, PURPLE, BLACK, SKY)  # six joints without a second blue
 """Okabe and Ito's palette: told apart by every common kind of colour vision."""
 Span = tuple[float, float]
 ROLES = {"calibrate": BLUE, "repeat": PURPLE, "validate": ORANGE, "mount": BLACK}
