@@ -93,7 +93,7 @@ def test_results_share_one_face():
 
 def test_the_python_of_the_pages_uses_what_there_is():
     page = (EXAMPLES.parent / "docs" / "python.md").read_text()
-    (text,) = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
+    text = re.findall(r"```python\n(.*?)```", page, re.DOTALL)[0]
     names = re.search(r"from planner import (.*)", text)[1].split(", ")
     assert set(names) <= set(planner.__all__)
     compile(text, "python.md", "exec")

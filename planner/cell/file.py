@@ -307,6 +307,12 @@ class PlanSettingsFile(OptionalKeys):
 RobotClass = Literal["industrial", "hobby"]
 
 
+class UseFile(StrictModel):
+    """``[use]``: what the robot is to be good enough for: how far off the tool may be at a target of a program."""
+
+    tolerance_mm: Annotated[PositiveFloat, Field(ge=0.001, le=1000)]
+
+
 class CellFile(OptionalKeys):
     """The whole cell file."""
 
@@ -333,8 +339,9 @@ class CellFile(OptionalKeys):
     floor: FloorFile | None = None
     controller: ControllerFile = ControllerFile()
     plan: PlanSettingsFile = PlanSettingsFile()
+    use: UseFile | None = None
     LATER: ClassVar[tuple[str, ...]] = (
-        "class_", "artifact", "tracker", "circles", "packages", "parked", "floor", "home_mm",
+        "class_", "artifact", "tracker", "circles", "packages", "parked", "floor", "home_mm", "use",
     )  # fmt: skip
 
     @model_validator(mode="before")

@@ -151,7 +151,7 @@ def add_dropped(seen: Identifiability, names: tuple[str, ...], others: tuple[Dro
 
 
 ASSUMED = (
-    f"every gear errs by {GEAR_CURVE_SIZE.usual * 1e6:.0f} µrad in waves of up to {HIGHEST_GEAR_WAVE:.0f} a turn, "
+    f"every gear errs by {GEAR_CURVE_SIZE.usual * 1e6:.0f} µrad, repeating up to {HIGHEST_GEAR_WAVE:.0f} times a turn, "
     "and every joint gives way"
 )
 

@@ -24,5 +24,6 @@ __all__ = [
     "row_basis",
     "run_setup",
     "stages",
+    "suitability",
     "zeros_set",
 ]

@@ -103,7 +103,7 @@ def _tried_text(traced: TracingResult) -> str:
     if traced.tried is None:
         return ""
     found = "; ".join(f.note for f in traced.findings) or "none of them"
-    return f" (tried: {traced.tried} effects and steps of all that is fitted at every sample; found: {found})"
+    return f" ({traced.tried} causes were tried; found: {found})"
 
 
 def too_few_text(spare: int) -> str:

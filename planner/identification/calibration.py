@@ -24,6 +24,7 @@ from planner.model.identification_document import (
     Identification,
     OnlyInMemory,
 )
+from planner.model.use_statement import Use
 from planner.programs.controller_axes import controller_words
 from planner.runs.run import Run
 
@@ -90,6 +91,7 @@ class Calibration(Identification):
         released: the robot that is written; the last stage's where it is ``None``.
         other_zeros: the joint zeros in the axes of the cell's other controllers, where these count otherwise.
         planned_errors: what its plan has foreseen after each pose [m], where that is known.
+        good_for: what the released robot is good for, whether or not a tolerance was asked for.
     """
 
     run: Annotated[Run, OnlyInMemory] = Field(exclude=True)
@@ -100,6 +102,7 @@ class Calibration(Identification):
     released: Annotated[ReleasedRobot | None, OnlyInMemory] = Field(default=None, exclude=True)
     other_zeros: Annotated[tuple[JointZero, ...], OnlyInMemory] = Field(default=(), exclude=True)
     planned_errors: Annotated[tuple[float, ...], OnlyInMemory] = Field(default=(), exclude=True)
+    good_for: Annotated[Use | None, OnlyInMemory] = Field(default=None, exclude=True)
 
     @property
     def setup(self) -> MeasurementSetup:

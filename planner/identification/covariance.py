@@ -123,7 +123,6 @@ def workspace_warning(known: float, held_out: Metrics, width: int) -> list[str]:
     if known <= MUCH_WORSE_RATIO * there:
         return []
     return [
-        f"held-out samples are like those measured; over the whole workspace the tool is known to {known / MM:.3f} mm "
-        "(rms) by the posterior: measure more poses all over it, with a bar those of edbb plan --aim "
-        "tracing or about a further fixture"
+        f"held-out samples are like those measured; over the workspace the tool is known to {known / MM:.3f} mm (rms): "
+        "measure more poses all over it, with a bar those of edbb plan --aim tracing"
     ]

@@ -20,7 +20,7 @@ def own_errors_text(found: Calibration) -> str:
         """Return the rms error of a fit in the gauge's own numbers."""
         return gauge.own_errors(fit.setup, run.samples, fitted, left)
 
-    before = next((s for s in found.stages if s.name == "frames"), found.stages[0])
+    before = found.placed_stage
     return gauge.own_errors_text(size(before.held_residual), size(_residual_as_written(found)), fit.values)
 
 

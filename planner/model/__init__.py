@@ -8,4 +8,6 @@ __all__ = [
     "identification_document",
     "model",
     "tool_error",
+    "use_statement",
+    "use_text",
 ]

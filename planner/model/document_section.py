@@ -1,5 +1,6 @@
 """A section of a document: SI units in memory, the units that the keys name in the file."""
 
+from math import isfinite
 from typing import ClassVar
 
 from pydantic import BaseModel, ConfigDict, SerializerFunctionWrapHandler, model_serializer, model_validator
@@ -37,6 +38,10 @@ KEYS = {
     "drift": "drift_mm",
     "there": "there_mm",
     "range": "range_deg",
+    "within": "within_mm",
+    "within_before": "within_before_mm",
+    "tolerance": "tolerance_mm",
+    "repeatability": "repeatability_mm",
 }
 """Field of a section and its key in the file, where they differ."""
 SCALES = {"_mm": MM, "_deg": DEG, "held_out_gain": MM}  # by the end of a key
@@ -109,3 +114,14 @@ class SectionOfJoint(DocumentSection):
     def unit(self) -> str:
         """The unit that a person reads it in."""
         return " mm" if self.slides else "°"
+
+
+def round_numbers(value: object) -> object:
+    """Return a document with its numbers to nine digits; one that is not finite is no number."""
+    if isinstance(value, dict):
+        return {k: round_numbers(v) for k, v in value.items()}
+    if isinstance(value, list):
+        return [round_numbers(v) for v in value]
+    if not isinstance(value, float):
+        return value
+    return float(f"{value:.{9}g}") + 0.0 if isfinite(value) else None

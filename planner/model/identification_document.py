@@ -13,8 +13,9 @@ from planner.common.arrays import mean_by_group
 from planner.common.schema import read_json, validate
 from planner.common.units import Array
 from planner.model.beside_findings import ManyOfOneKind, RejectedEffect
-from planner.model.document_section import DocumentSection, SectionOfJoint
+from planner.model.document_section import DocumentSection, SectionOfJoint, round_numbers
 from planner.model.gauge_frames import GaugeFrames, JointZero
+from planner.model.use_statement import Use
 
 OnlyInMemory = GetPydanticSchema(lambda *_: any_schema())
 """Of a field that the file does not hold and pydantic does not look into."""
@@ -327,12 +328,13 @@ class Identification(DocumentSection):
         condition_number: of the rows per prior size; ``None`` where it is not finite.
         correlation_time: how many samples are worth one.
         worse_than_nominal: in what the robot that is written is worse than the nominal one; ``None`` where in nothing.
+        use: whether the robot is good enough for a tolerance, where one was asked for.
         problems: reasons not to use the result; empty when the fit passed its own checks.
         warnings: what a person should know.
         simulated: true where a run was simulated, else ``None``: nobody measured this robot.
     """
 
-    if_any = ("release", "n_validation", "simulated", "worse_than_nominal", "many_of_one_kind")
+    if_any = ("release", "n_validation", "simulated", "worse_than_nominal", "many_of_one_kind", "use")
     schema_: Literal["edbb-identification/1"]
     worse_than_nominal: str | None = None
     robot: str
@@ -357,9 +359,15 @@ class Identification(DocumentSection):
     condition_number: float | None = None
     correlation_time: float = Field(default=1.0, gt=0)
     frames: GaugeFrames = GaugeFrames()
+    use: Use | None = None
     problems: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
     simulated: Literal[True] | None = None
+
+    @property
+    def placed_stage(self) -> Stage:
+        """The robot as its data sheet has it, only the gauge placed on it: what "before" means of readings."""
+        return next((s for s in self.stages if s.name == "frames"), self.stages[0])
 
     @property
     def last_fit(self) -> tuple[Estimate, ...]:
@@ -377,20 +385,10 @@ class Identification(DocumentSection):
 
     def content(self) -> dict[str, object]:
         """Return what the file says, in the contract's keys and units."""
-        out = _round(self.model_dump(mode="json", by_alias=True))
+        out = round_numbers(self.model_dump(mode="json", by_alias=True))
         assert isinstance(out, dict)
         return out
 
     def to_json(self) -> str:
         """Return the text of ``identification.json``; the same calibration gives the same bytes."""
         return json.dumps(self.content(), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
-
-
-def _round(value: object) -> object:
-    if isinstance(value, dict):
-        return {k: _round(v) for k, v in value.items()}
-    if isinstance(value, list):
-        return [_round(v) for v in value]
-    if not isinstance(value, float):
-        return value
-    return float(f"{value:.{9}g}") + 0.0 if isfinite(value) else None

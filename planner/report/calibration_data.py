@@ -34,7 +34,7 @@ class CalibrationFacts:
     @property
     def before(self) -> Stage:
         """The robot as its data sheet has it, only the gauge placed on it."""
-        return next((s for s in self.calibration.stages if s.name == "frames"), self.calibration.stages[0])
+        return self.calibration.placed_stage
 
     @cached_property
     def after(self) -> Stage:

@@ -9,6 +9,7 @@ import planner.report.calibration_text as text
 from planner.common.units import to_deg, to_mm
 from planner.identification.calibration import Calibration, joint_zeros_text
 from planner.model.identification_document import Estimate, Metrics, Stage, error_size
+from planner.model.use_text import taught_sentence, use_rows, use_sentence
 from planner.report.calibration_charts import draw_calibration_charts
 from planner.report.calibration_data import CalibrationFacts
 from planner.report.formatting import chance_text, count_text, decimals_of, digits, in_mm
@@ -37,6 +38,7 @@ def calibration_content(facts: CalibrationFacts) -> dict[str, Any]:
         "problems": text.refusal_text(c),
         "headline": text.headline_text(facts),
         "facts": _facts(facts),
+        "use": _use(c),
         "stages": [*stages, *_release_row(c)],
         "first_stages": [*first, *_release_row(c)],
         "summary": text.findings_summary(c),
@@ -91,6 +93,15 @@ def _facts(facts: CalibrationFacts) -> tuple[Row, ...]:
         ("condition", digits(c.condition_number or np.inf), "of the rows, scaled"),
         ("outliers", count_text(len(c.fit.outliers)), floor),
     )
+
+
+def _use(c: Calibration) -> dict[str, Any] | None:
+    """What the robot is good for: a sentence for a person, head and rows of a table."""
+    if (use := c.good_for) is None:
+        return None
+    asked = [] if use.tolerance is None else [f"within {to_mm(use.tolerance):g} mm?"]
+    said = f"Good for {use_sentence(use)}; {taught_sentence(use)}."
+    return {"said": said, "head": ("use", "before", "calibrated", *asked), "rows": use_rows(use)}
 
 
 def _other_tool(c: Calibration) -> list[Row]:

@@ -108,13 +108,20 @@ def record_rows(record: RobotRecord) -> list[Row]:
 
 
 HEAD = ("entry", "date", "kind", "result", "operator", "temperature_degC", "tool", "gauge")
+SHOWN_HEAD = (*HEAD[:5], "temperature (°C)", *HEAD[6:])
 
 
 def report_record(record: RobotRecord) -> Report:
     """Return the page of a record and its picture."""
     chart, file = drift_chart(record), record.file
     due = f"next check due {record.due_text}" if record.due_text else "no entry yet"
-    page = {"title": f"Robot {file.serial}", "model": file.robot, "due": due, "head": HEAD, "rows": record_rows(record)}
+    page = {
+        "title": f"Robot {file.serial}",
+        "model": file.robot,
+        "due": due,
+        "head": SHOWN_HEAD,
+        "rows": record_rows(record),
+    }
     gauges = [e.file.circumstances.gauge for e in record.entries if e.file.circumstances.gauge]
     identity = (f"robot {file.robot}, serial number {file.serial}", *gauges[-1:])
     charts = () if chart is None else (chart,)

@@ -82,7 +82,7 @@ def expected_error_chart(expected: BayesianDesign) -> Chart:
     others, errors = np.array([float(f.poses) for f in by_number]), to_mm(np.array([f.error for f in by_number]))
     times = tuple(f"{f.poses} poses: {to_mm(f.error):.3f} mm, about {f.minutes or 0:.0f} min" for f in by_number)
     series = (
-        Series("expected once the run is traced", n, to_mm(expected.after), BLUE, hover=hover),
+        Series("expected once causes are found", n, to_mm(expected.after), BLUE, hover=hover),
         Series("other numbers of poses", others, errors, ORANGE, "points", hover=times),
         _this_plan(len(n), float(to_mm(expected.left)), f"{to_mm(expected.left):.3f} mm"),
     )

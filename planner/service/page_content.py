@@ -120,7 +120,7 @@ class CalibrationPage:
     @property
     def before(self) -> Stage:
         """The robot of its data sheet, only the gauge placed on it."""
-        return next((s for s in self.document.stages if s.name == "frames"), self.document.stages[0])
+        return self.document.placed_stage
 
     @property
     def after(self) -> Errors:

@@ -59,6 +59,10 @@ class FixtureMap:
     prior: Array
     places: tuple[FixturePlace, ...]
 
+    def ratio(self, place: FixturePlace) -> float:
+        """Return the index at a place over that at the present one."""
+        return place.value / self.present.value
+
     @property
     def present(self) -> FixturePlace:
         """Where the fixture stands now."""

@@ -17,8 +17,8 @@ from planner.design.observability.information import INDEX_RULES
 from planner.report.chart import BLUE, GREY, ORANGE, RED, SKY, Chart, Heatmap, Panel, ReferenceLine, Series
 from planner.report.matplotlib_backend import figure_png, print_style
 from planner.studies.basis import BoundedCurve, StudyBasis
-from planner.studies.fixture_places import FixtureMap, FixturePlace
-from planner.studies.summary import StudySummary, describe_best_place, describe_fixtures, format_number
+from planner.studies.fixture_places import FixtureMap
+from planner.studies.summary import StudySummary, describe_fixtures, format_number
 
 ROW_PX = 16  # [px] a parameter's line
 
@@ -157,11 +157,16 @@ def draw_fixtures(study: StudySummary) -> Chart:
     return Chart("fixtures_needed", "How many fixtures", "", panels)
 
 
+def _against_first(value: float, first: float, index: str) -> str:
+    """Say the index of the robot's own parameters against that with the fewest fixtures."""
+    return "" if value == first else f"; {index} of its own {value / first:.2f} times that of the first"
+
+
 def _fixture_steps(study: StudySummary) -> Panel:
     steps, index = study.fixtures.steps, study.basis.index
     rows = list(range(len(steps)))
     texts = tuple(
-        f"{s.robot_seen} of the robot, {s.seen} of all {s.parameters}; {index} of its own {format_number(s.value)}"
+        f"{s.robot_seen} of the robot, {s.seen} of all {s.parameters}{_against_first(s.value, steps[0].value, index)}"
         for s in steps
     )
     series = (
@@ -193,8 +198,11 @@ MARKS: dict[str, dict[str, Any]] = {
 
 
 def draw_map(places: FixtureMap) -> bytes:
-    """Two grids of places, coloured by the index; the present and the best place marked."""
-    values = [p.value for p in places.usable]
+    """Two grids of places, coloured by the index against that of the present place; this and the best place marked.
+
+    One number says how good the present place is, that of the index curve: here only ratios stand.
+    """
+    values = [places.ratio(p) for p in places.usable]
     norm = LogNorm(min(values), max(max(values), 1.01 * min(values)))
     colours = ScalarMappable(norm, "viridis" if INDEX_RULES[places.index].maximise else "viridis_r")
     with print_style():
@@ -204,26 +212,25 @@ def draw_map(places: FixtureMap) -> bytes:
         _draw_upright(upright, places, colours)
         _draw_colour_bar(figure, [level, upright], places, colours)
         figure.legend(handles=_map_legend(places), loc="outside lower center", ncols=5)
-        figure.suptitle(fill(describe_best_place(places), 150), x=0.01, ha="left", fontsize=10)
         return figure_png(figure)
 
 
-def _draw_cells(ax: Axes, places: list[FixturePlace], half: tuple[float, float], colours: ScalarMappable) -> None:
-    for p in places:
+def _draw_cells(ax: Axes, places: FixtureMap, plane: str, half: tuple[float, float], colours: ScalarMappable) -> None:
+    for p in (p for p in places.places if p.plane == plane):
         box = ((p.along - half[0], p.up - half[1]), 2 * half[0], 2 * half[1])
         if p.status != "usable":
             _, face, hatch = STATUS_LOOKS[p.status]
             ax.add_patch(Rectangle(*box, facecolor=face, hatch=hatch, edgecolor="#BBBBBB", linewidth=0.6))
             continue
-        red, green, blue, _ = np.asarray(colours.to_rgba(np.array([p.value])))[0]
+        red, green, blue, _ = np.asarray(colours.to_rgba(np.array([places.ratio(p)])))[0]
         ax.add_patch(Rectangle(*box, facecolor=(red, green, blue), edgecolor="white", linewidth=1.0))
         ink = "white" if 0.3 * red + 0.59 * green + 0.11 * blue < 0.5 else "black"
-        ax.annotate(format_number(p.value), (p.along, p.up), ha="center", va="center", fontsize=7.5, color=ink)
+        ax.annotate(f"{places.ratio(p):.2f}", (p.along, p.up), ha="center", va="center", fontsize=7.5, color=ink)
 
 
 def _draw_level(ax: Axes, places: FixtureMap, colours: ScalarMappable) -> None:
     half, far, here = places.half[0], places.reach, places.present.p_BX
-    _draw_cells(ax, [p for p in places.places if p.plane == "level"], (half, half), colours)
+    _draw_cells(ax, places, "level", (half, half), colours)
     ax.add_patch(Circle((0, 0), far, fill=False, edgecolor="#777777", linewidth=0.8, linestyle="--"))
     ax.annotate("axis 1", (0, 0), ha="center", va="center", fontsize=8)
     corner = (0.71 * far, -0.71 * far)
@@ -238,7 +245,7 @@ def _draw_level(ax: Axes, places: FixtureMap, colours: ScalarMappable) -> None:
 def _draw_upright(ax: Axes, places: FixtureMap, colours: ScalarMappable) -> None:
     mine = [p for p in places.places if p.plane == "upright"]
     along, up = places.half[0] / 2, places.half[1]
-    _draw_cells(ax, mine, (along, up), colours)
+    _draw_cells(ax, places, "upright", (along, up), colours)
     ax.set(xlabel="distance from axis 1 (m)", ylabel="height z (m)", aspect="equal")
     ax.set_title("Upright, through axis 1 and the present fixture")
     ups = [p.up for p in mine]
@@ -261,7 +268,7 @@ def _draw_colour_bar(figure: Figure, axes: list[Axes], places: FixtureMap, colou
     assert high is not None
     better = "higher" if INDEX_RULES[places.index].maximise else "lower"
     bar = figure.colorbar(colours, ax=axes, shrink=0.85, aspect=35)
-    bar.set_label(f"{places.index} of {places.poses} poses quickly chosen ({better} is better)")
+    bar.set_label(f"{places.index} over that of the present place, {places.poses} poses ({better} is better)")
     inside = [float(f"{v:.2g}") for v in np.geomspace(low, high, 6)[1:-1]]
     ticks = np.unique([low, *inside, high])
     bar.set_ticks(ticks.tolist(), labels=[format_number(v) for v in ticks])

@@ -248,5 +248,5 @@ def describe_effect(found: FittedEffect, value: float, std: float, inner_std: fl
     sentence = effect.sentence.format(size=size, inner=inner, **words)
     if found.has(Role.GEAR_CURVE):
         *others, last = [f"{f:.0f}" for f in dominant_waves(found, sizes)]
-        sentence += f", mostly in waves of about {', '.join(others)}{' and ' if others else ''}{last} a turn"
+        sentence += f", mostly repeating {', '.join(others)}{' and ' if others else ''}{last} times a turn"
     return sentence

@@ -42,11 +42,24 @@ class DemoResult(FolderResult):
     hidden: tuple[str, str, float]
 
     @property
+    def _names(self) -> tuple[bool, bool]:
+        """Whether the fault is a finding, and whether it is a rival of one."""
+        kind, on, _ = self.hidden
+        name, findings = f"{kind}, {on}", self.robot.calibration.findings
+        return any(name == f.name for f in findings), any(name in f.rivals for f in findings)
+
+    @property
     def is_found(self) -> bool:
         """Tell whether the fault is among the findings, or a rival of one that this run cannot tell from it."""
-        kind, on, _ = self.hidden
-        name = f"{kind}, {on}"
-        return any(name in (f.name, *f.rivals) for f in self.robot.calibration.findings)
+        return any(self._names)
+
+    @property
+    def verdict(self) -> str:
+        """Say whether the fault was found."""
+        named, rival = self._names
+        if named:
+            return "the hidden fault was found"
+        return "the hidden fault is among the rivals of a finding" if rival else "the hidden fault was not found"
 
     @property
     def simulated(self) -> bool:
@@ -59,7 +72,7 @@ class DemoResult(FolderResult):
         found, release = self.robot.calibration, self.robot.calibration.release
         facts: list[Fact] = [("hidden", f"{kind}, {on}: {size:.0f} µrad, beside errors of every length and angle")]
         facts += [f for f in self.robot.overview().facts if f[0] in ("found", "rest")]
-        facts.append(("so", "the hidden fault was found" if self.is_found else "the hidden fault was not found"))
+        facts.append(("so", self.verdict))
         if release is not None:
             before, after = (float(to_mm(v)) for v in (release.nominal_anywhere, found.workspace_error))
             facts.append(("tool error", f"{before:.3f} → {after:.3f} mm  rms over the workspace"))

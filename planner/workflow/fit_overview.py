@@ -12,6 +12,8 @@ from planner.identification.error_parts import drift_counts
 from planner.identification.own_errors import own_errors_text
 from planner.model.finding_groups import FindingGroup, group_findings, percent
 from planner.model.identification_document import Estimate, Metrics, Release
+from planner.model.use_statement import Use
+from planner.model.use_text import taught_sentence, tolerance_sentence, use_sentence
 from planner.workflow.calibration_tables import border_unit
 
 NAMED = 3  # rivals, and parameters, that are listed by name
@@ -23,7 +25,9 @@ def fit_overview(found: Calibration) -> Summary:
     release = None if found.problems else found.release
     said = "calibrated" if not found.problems else "NOT calibrated, the fit failed its own checks"
     fitted, samples = len(found.last_fit), number_of(len(found.run), "sample")
+    use = found.good_for
     facts = [
+        *([] if release is None or use is None else _use_facts(use)),
         *([] if release is None else _leading_facts(release, found.workspace_error, found.fit.model.width)),
         *_reading_facts(found, release),
         *([("in pixels", own)] if (own := own_errors_text(found)) else []),
@@ -67,9 +71,17 @@ def _tool_facts(r: Release, anywhere: float) -> Iterator[Fact]:
         yield "", "it is written as it was on average; measure once it is warm, or log temperature_degC"
 
 
+def _use_facts(use: Use) -> Iterator[Fact]:
+    """Say what the robot is good enough for."""
+    yield "good for", use_sentence(use)
+    yield "", f"(95 of 100 targets, 95 % sure); {taught_sentence(use)}"
+    if use.tolerance is not None:
+        yield "tolerance", tolerance_sentence(use)
+
+
 def _reading_facts(found: Calibration, release: Release | None) -> Iterator[Fact]:
     """Say what is left of readings that no fit saw."""
-    first, last = found.stages[0], found.stages[-1]
+    first, last = found.placed_stage, found.stages[-1]
     held_out = last.held_out if release is None else release.held_out
     where = f"on {found.n_groups} {found.split.groups} that no fit saw"
     yield "held out", f"{_change_text(first.held_out, held_out, _unit(found))} {where}"
@@ -94,7 +106,10 @@ def _cause_facts(found: Calibration) -> Iterator[Fact]:
     if found.tried is None:
         return
     groups = sorted(group_findings(found.findings), key=lambda g: (g.is_doubtful, -g.gain))
-    yield from (("doubtful" if g.is_doubtful else "found", _cause_text(g)) for g in groups[:most_found])
+    for group in groups[:most_found]:
+        yield "doubtful" if group.is_doubtful else "found", _cause_text(group)
+        if rivals := _rival_text(group):
+            yield "", rivals
     if more := groups[most_found:]:
         yield "", f"and {number_of(len(more), 'cause')} more that bring less (report.html)"
     if not groups:
@@ -102,11 +117,18 @@ def _cause_facts(found: Calibration) -> Iterator[Fact]:
 
 
 def _cause_text(group: FindingGroup) -> str:
-    surely, names = "" if group.probability is None else f" ({percent(group.probability)})", group.rival_texts
+    surely = "" if group.probability is None else f" ({percent(group.probability)})"
+    nothing = "; or nothing" if group.is_doubtful and not group.rival_texts else ""
+    return f"{group.note}{surely}{nothing}"
+
+
+def _rival_text(group: FindingGroup) -> str:
+    """Say what else it may be; empty where nothing else explains the same."""
+    names = group.rival_texts
     if not names:
-        return f"{group.note}{surely}{'; or nothing' if group.is_doubtful else ''}"
+        return ""
     more = f" or {len(names) - NAMED} more" if len(names) > NAMED else ""
-    return f"{group.note}{surely}; or {', or '.join(names[:NAMED])}{more}: this run cannot tell which"
+    return f"or {', or '.join(names[:NAMED])}{more}: this run cannot tell which"
 
 
 def _parameter_facts(found: Calibration) -> Iterator[Fact]:
@@ -143,8 +165,10 @@ def _misfit_facts(r: Release, width: int) -> Iterator[Fact]:
         where = f"most {there} ({_mm(m.there)} mm)"
     how = " (edbb plan --aim tracing, or about a further fixture)" if width == 1 else ""
     kept = "; the robot as written follows it where it was measured" if r.basis == "posterior" else ""
-    stated = "" if r.parts is None else f"{_mm(r.parts.misfit)} mm of the tool error, as regions held out are off; "
-    yield "misfit", f"{stated}{_mm(m.anywhere)} mm rms over the workspace has no named cause, {where}{kept}"
+    if r.parts is not None:
+        yield "misfit", f"{_mm(r.parts.misfit)} mm of the tool error, as regions held out are off"
+    label = "misfit" if r.parts is None else ""
+    yield label, f"{_mm(m.anywhere)} mm rms over the workspace has no named cause, {where}{kept}"
     yield "", f"measure next: more poses {there}{how}"
 
 

@@ -30,6 +30,7 @@ from planner.identification.pipeline import FitSettings
 from planner.identification.pipeline import identify as fit_and_trace
 from planner.identification.residual_table import residuals_csv
 from planner.identification.run_setup import drop_unreadable, number_samples
+from planner.identification.suitability import judge_use
 from planner.instruments.precision import check_mastering
 from planner.instruments.simulation import SimulatedRun
 from planner.kinematics.robot import Robot
@@ -211,7 +212,7 @@ def identify(asked: IdentifyCall) -> CalibrationResult:
     cell, plan = only_one(asked.cell, "--cell"), only_one(asked.plan, "--plan")
     where = with_fleet(_cell_of(cell, plan), asked.fleet)
     found = identify_runs(measured, where, stages, plan, asked.validate, settings, tracing=not asked.no_trace)
-    return CalibrationResult(_beside_fleet(found, asked.fleet), where, stages)
+    return CalibrationResult(_with_use(_beside_fleet(found, asked.fleet), where, asked.tolerance_mm), where, stages)
 
 
 def _identify_sessions(
@@ -226,7 +227,7 @@ def _identify_sessions(
     with stages.stage("identification"):
         tracer = None if asked.no_trace else trace
         found = fit_and_trace(run, cell, other, settings, lambda s: stages.say(s, 0, 0), tracer)
-    return CalibrationResult(_beside_fleet(found, asked.fleet), cell, stages)
+    return CalibrationResult(_with_use(_beside_fleet(found, asked.fleet), cell, asked.tolerance_mm), cell, stages)
 
 
 def _beside_fleet(found: Calibration, fleet: Path | str | None) -> Calibration:
@@ -237,6 +238,16 @@ def _beside_fleet(found: Calibration, fleet: Path | str | None) -> Calibration:
     errors = RobotErrors.of("this robot", found, robot)
     odd = tuple(m.sentence for m in misfits_of(errors, read_fleet(Path(fleet), robot.name)))
     return found.model_copy(update={"warnings": (*found.warnings, *odd)})
+
+
+def _with_use(found: Calibration, cell: Cell, asked_mm: float | None) -> Calibration:
+    """Return a calibration that says what its robot is good for; the file holds that where a tolerance is asked for."""
+    if found.released is None or found.problems:
+        return found
+    stated_mm = None if cell.file.use is None else cell.file.use.tolerance_mm
+    tolerance = asked_mm or stated_mm
+    use = judge_use(found.released, cell.robot.repeatability, None if tolerance is None else float(from_mm(tolerance)))
+    return found.model_copy(update={"good_for": use, "use": None if tolerance is None else use})
 
 
 def _cell_of(cell: Cell | Path | str | None, plan: "PlanResult | Path | str | None") -> Cell:

@@ -75,5 +75,13 @@ class IdentifyCall(Call):
     geometry: Annotated[bool, Option("the calibrated robot holds geometry alone")] = False
     hold_out: Annotated[float, Option("share of the groups held out at a time", min=0.02, max=0.5)] = 0.2
     robust: Annotated[bool, Option("turn down outliers (Huber)")] = False
+    tolerance_mm: Annotated[
+        float | None,
+        Option(
+            "is the robot good enough for programs made offline, whose targets may be so far off (default: the cell's)",
+            min=0.001,
+            max=1000.0,
+        ),
+    ] = None
     seed: Seed = 0
     progress: ProgressKeyword = no_progress

@@ -4,6 +4,7 @@ import csv
 import io
 from collections.abc import Mapping
 from dataclasses import dataclass
+from datetime import date
 from pathlib import Path
 from typing import Any
 
@@ -91,11 +92,12 @@ def record(
         folder: of the record; made with the first entry.
         add: folder that ``identify``, ``accuracy`` or ``check`` wrote.
         serial: number of the robot, for a new record.
-        circumstances: date, operator, temperature, tool and gauge of what is added.
+        circumstances: date (default: today), operator, temperature, tool and gauge of what is added.
 
     Raises:
         InputError: there is no record, or what is to be added does not belong to it.
     """
-    if add is not None and circumstances is not None:
-        return RecordResult(add_entry(Path(folder), Path(add), circumstances, serial))
+    if add is not None:
+        when = circumstances or Circumstances(date=date.today())
+        return RecordResult(add_entry(Path(folder), Path(add), when, serial))
     return RecordResult(RobotRecord.read(Path(folder)))

@@ -37,8 +37,8 @@ HIDDEN = (Effect("reducer-ripple", 2, 3e-4, (("frequency", 2.0), ("phase", 0.7))
 
 
 @cache
-def judged(seed, hidden=HIDDEN, geometry=False):
-    """Calibration of an arm by 60 poses of a tracker, and the error [m] of its written robot anywhere, aligned."""
+def judged_targets(seed, hidden=HIDDEN, geometry=False):
+    """Calibration of an arm by 60 poses of a tracker, and the error (500,) [m] of its written robot, aligned."""
     arm, bench = arm_of(NAME), BENCHES[NAME]
     truth = Truth(seed, draw_errors(arm, np.random.default_rng([8, seed])), hidden, Noise(5e-6, 1e-5), (1.0,) * 6)
     with TemporaryDirectory() as folder:
@@ -52,7 +52,13 @@ def judged(seed, hidden=HIDDEN, geometry=False):
     scene = course(arm, bench, "tracker", q, truth, np.random.default_rng(1), frozenset())
     x = scene.points(total(truth.of_arm(arm), catalogue.motions(scene, truth.effects)))
     p, R = robot.flange(q)
-    return found, float(np.sqrt((aligned(x, p + R @ found.frames.tool[0].p_FM) ** 2).sum(axis=1).mean()))
+    return found, np.sqrt((aligned(x, p + R @ found.frames.tool[0].p_FM) ** 2).sum(axis=1))
+
+
+def judged(seed, hidden=HIDDEN, geometry=False):
+    """The same, and the root mean square of the error [m]."""
+    found, off = judged_targets(seed, hidden, geometry)
+    return found, float(np.sqrt((off**2).mean()))
 
 
 def by_posterior(released):

@@ -307,7 +307,7 @@ def test_what_was_simulated_is_identified_in_the_cell_of_its_plan(tmp_path):
     assert repr(found.cell) == f"Cell('{tmp_path / 'cell.toml'}', robot='kuka-kr6-r700', gauge='edbb')"
     same = identify(simulated.run, cell=tmp_path / "cell.toml", plan=plan, no_trace=True, geometry=True)
     assert found.to_json() == same.to_json()
-    with pytest.raises(InputError, match="cell=, or the plan= that was measured"):
+    with pytest.raises(InputError, match="which cell was measured in"):
         identify(simulated)
 
 

@@ -1,0 +1,60 @@
+"""What a calibrated robot is good enough for, in words: on the screen and at the top of its page."""
+
+from math import ceil, floor, log10
+
+from planner.common.units import to_mm
+from planner.model.use_statement import ToolUse, Use
+
+TOOLS = {"measured": "the measured tool", "own": "its own tool", "another": "any other tool"}
+Row = tuple[str, ...]
+
+
+def use_sentence(use: Use) -> str:
+    """Say in one sentence for which programs the robot is good enough."""
+    first, others = use.tools[0], use.tools[1:]
+    said = ", ".join(f"from {bound_text(t.within)} with {TOOLS[t.tool]}" for t in others)
+    return f"offline programs at tolerances from {bound_text(first.within)} on with {TOOLS[first.tool]}, {said}"
+
+
+def taught_sentence(use: Use) -> str:
+    """Say what calibration does to poses that are led to by hand: nothing."""
+    return f"poses that are taught by hand come back within {bound_text(use.repeatability)}, calibrated or not"
+
+
+def tolerance_sentence(use: Use) -> str:
+    """Say whether the robot is good enough for the tolerance that was asked for."""
+    assert use.tolerance is not None
+    said = "; ".join(f"{t.answer} with {TOOLS[t.tool]} ({_shares(t)})" for t in use.tools)
+    return f"{float(to_mm(use.tolerance)):g} mm: {said}"
+
+
+def _shares(tool: ToolUse) -> str:
+    return f"{share_text(tool.share)} of targets, {share_text(tool.share_before)} before"
+
+
+def use_rows(use: Use) -> list[Row]:
+    """Return a row for each use: what, before, after and, where a tolerance was asked for, whether it is enough."""
+    repeats = bound_text(use.repeatability)
+    asked = use.tolerance is not None
+    taught = "yes" if use.tolerance is not None and use.tolerance >= use.repeatability else "no"
+    rows = [("poses taught by hand", repeats, repeats, *([taught] if asked else []))]
+    for t in use.tools:
+        verdict = (
+            [f"{t.answer}: {share_text(t.share)} of targets, {share_text(t.share_before)} before"] if asked else []
+        )
+        rows.append((f"offline programs, {TOOLS[t.tool]}", bound_text(t.within_before), bound_text(t.within), *verdict))
+    return rows
+
+
+def bound_text(value: float) -> str:
+    """Write a length [m] in mm to two digits, rounded up: a bound is never made smaller."""
+    mm = float(to_mm(value))
+    if mm <= 0:
+        return "0 mm"
+    decimals = max(1 - floor(log10(mm)), 0)
+    return f"{ceil(mm * 10**decimals - 1e-9) / 10**decimals:.{decimals}f} mm"
+
+
+def share_text(share: float | None) -> str:
+    """Write a share in percent, rounded down: all only where it is all."""
+    return f"{floor(100 * (share or 0.0)):d} %"

@@ -1,0 +1,57 @@
+"""Every command that a message or a page of the program names is one, and has the options that stand behind it."""
+
+import ast
+import re
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+import planner
+from planner.cli.app import load_command, verbs
+
+SOURCE = Path(planner.__file__).parent
+NAMED = re.compile(r"\bedbb ([a-z]+(?:-[a-z]+)*)\b((?:(?!\bedbb )[^;:.`'\"]|\.\w|\.\.\.)*)")
+OPTION = re.compile(r"(?<![\w-])--[a-z][a-z-]*")
+PROSE = {"serves", "wrote"}  # words after the name that are no commands
+OF_ALL = {"--server", "--help", "--version"}
+
+
+def texts(path):
+    """The texts of a module, what is filled in standing as X; of a page all of it."""
+    if path.suffix != ".py":
+        yield path.read_text(encoding="utf-8")
+        return
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.JoinedStr):
+            yield "".join(str(v.value) if isinstance(v, ast.Constant) else "X" for v in node.values)
+        elif isinstance(node, ast.Constant) and isinstance(node.value, str):
+            yield node.value
+
+
+def named_commands():
+    """File, command and options of each command that a text names."""
+    for path in sorted(p for end in ("py", "j2", "js") for p in SOURCE.rglob(f"*.{end}") if "three" not in p.parts):
+        for text in texts(path):
+            for found in NAMED.finditer(text):
+                yield path.relative_to(SOURCE).as_posix(), found[1], frozenset(OPTION.findall(found[2]))
+
+
+FOUND = sorted(set(named_commands()), key=lambda f: (f[0], f[1], sorted(f[2])))
+
+
+@cache
+def options_of(verb):
+    return {name for p in load_command(verb).params for name in p.opts} | OF_ALL
+
+
+@pytest.mark.parametrize(("file", "verb", "options"), FOUND, ids=[f"{f}: {v}" for f, v, _ in FOUND])
+def test_what_is_named_is_a_command_with_such_options(file, verb, options):
+    if verb not in PROSE:
+        assert verb in verbs()
+        assert options <= options_of(verb)
+
+
+def test_many_commands_are_named():
+    assert {"identify", "compensate", "plan", "check", "record", "loaded"} <= {verb for _, verb, _ in FOUND}
+    assert sum(bool(options) for *_, options in FOUND) > 15
