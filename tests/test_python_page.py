@@ -37,7 +37,7 @@ def test_every_public_name_stands_in_an_example():
 def test_the_examples_with_files_run(moving, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     Path("session").symlink_to(moving.folder)
-    Path("targets.csv").write_text("q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg\n0,10,-100,0,20,0\n")
+    Path("targets.csv").write_text("q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg\n0,10,-20,0,20,0\n")
     with few_draws():
         made = run_block(FROM_FILES, {})
     assert {"parameter", "value", "unit"} <= set(made["table"].columns)

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from planner.cell.fleet_file import FleetFile
 from planner.common.units import Array
@@ -105,7 +105,7 @@ def misfits_of(robot: RobotErrors, fleet: FleetFile) -> Iterator[Misfit]:
         own = np.array([g == group for g in robot.groups])
         size = known[group].factor * np.exp(known[group].log_std)
         square = float((robot.value[own] ** 2 / (size**2 + robot.std[own] ** 2)).sum())
-        chance = float(chi2.sf(square, own.sum()))
+        chance = float(chdtrc(own.sum(), square))
         if chance < 1e-3 / len(groups):
             rms = float(np.sqrt((robot.value[own] ** 2).mean()))
             yield Misfit(robot.name, group, rms / known[group].factor, chance)
