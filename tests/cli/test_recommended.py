@@ -13,7 +13,7 @@ from planner.cli.app import load_command, verbs
 SOURCE = Path(planner.__file__).parent
 NAMED = re.compile(r"\bedbb ([a-z]+(?:-[a-z]+)*)\b((?:(?!\bedbb )[^;:.`'\"]|\.\w|\.\.\.)*)")
 OPTION = re.compile(r"(?<![\w-])--[a-z][a-z-]*")
-PROSE = {"serves", "wrote"}  # words after the name that are no commands
+PROSE = {"is", "serves", "wrote"}  # words after the name that are no commands
 OF_ALL = {"--server", "--help", "--version"}
 
 
