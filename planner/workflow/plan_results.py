@@ -193,6 +193,13 @@ class ExportResult:
     programs: tuple[ProgramFile, ...]
     notes: tuple[str, ...] = ()
 
+    def __repr__(self) -> str:
+        """Name the files and their lines: their texts are long."""
+        shown = 3  # files that are named
+        files = ", ".join(f"{p.name} ({len(p.text.splitlines())} lines)" for p in self.programs[:shown])
+        more = f" and {len(self.programs) - shown} more" if len(self.programs) > shown else ""
+        return f"<ExportResult: {files}{more}>"
+
     def write(self, path: Path | str, force: bool = False) -> list[str]:
         """Write the program to ``path`` and the others beside it; returned is what a person must know of that.
 
