@@ -71,7 +71,7 @@ def test_words_of_files_are_printed_as_they_stand(monkeypatch):
 
 @pytest.mark.parametrize("name", ["", " "])
 def test_an_empty_name_is_no_folder(name, tmp_path):
-    done = edbb("study", "ur10/edbb", "-o", name, cwd=tmp_path)
+    done = edbb("plan", "ur10/edbb", "-o", name, cwd=tmp_path)
     assert done.returncode == 2
     assert done.stderr == "edbb: -o '': names no folder; '-o .' would be the one that you are in\n"
     assert not list(tmp_path.iterdir())
