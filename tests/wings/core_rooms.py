@@ -13,6 +13,7 @@ ROOMS = (
 
 
 OF_ALL_COMMANDS = (
+    "tests/cli/test_recommended.py",
     "tests/cli/test_groups.py::test_the_documentation_has_the_same_groups",
     "tests/cli/test_groups.py::test_the_help_shows_every_command_under_its_group",
     "tests/cli/test_json.py::test_there_are_commands_with_json",
