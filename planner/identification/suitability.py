@@ -43,7 +43,7 @@ def _judge_tool(
     before, after = (
         np.concatenate([target_errors(released, fit, tool) for tool in tools]) for fit in (None, released.fit)
     )
-    of = {"tool": name, "within_before": _within(before), "within": _within(after)}
+    of = {"tool": name, "targets_within_before": _within(before), "targets_within": _within(after)}
     if tolerance is not None:
         shares = (after <= tolerance).mean(axis=0)
         of |= {

@@ -38,8 +38,8 @@ KEYS = {
     "drift": "drift_mm",
     "there": "there_mm",
     "range": "range_deg",
-    "within": "within_mm",
-    "within_before": "within_before_mm",
+    "targets_within": "within_mm",
+    "targets_within_before": "within_before_mm",
     "tolerance": "tolerance_mm",
     "repeatability": "repeatability_mm",
 }

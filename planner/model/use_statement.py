@@ -12,16 +12,16 @@ class ToolUse(DocumentSection):
 
     Attributes:
         tool: the one whose point was measured, the robot's own, or any that was not measured.
-        within, within_before: what 95 of 100 targets of the workspace stay within [m], with a probability of 95 %, of
-            the robot as it is written and of the nominal one.
+        targets_within, targets_within_before: what 95 of 100 targets of the workspace stay within [m], with a
+            probability of 95 %, of the robot as it is written and of the nominal one.
         share, share_before: of the targets within the tolerance that is asked for, as likely more as less.
         answer: whether 95 of 100 targets are within it; yes or no with a probability of 95 %.
     """
 
     if_any = ("share", "share_before", "answer")
     tool: Literal["measured", "own", "another"]
-    within: float
-    within_before: float
+    targets_within: float
+    targets_within_before: float
     share: float | None = None
     share_before: float | None = None
     answer: UseAnswer | None = None

@@ -12,8 +12,8 @@ Row = tuple[str, ...]
 def use_sentence(use: Use) -> str:
     """Say in one sentence for which programs the robot is good enough."""
     first, others = use.tools[0], use.tools[1:]
-    said = ", ".join(f"from {bound_text(t.within)} with {TOOLS[t.tool]}" for t in others)
-    return f"offline programs at tolerances from {bound_text(first.within)} on with {TOOLS[first.tool]}, {said}"
+    said = ", ".join(f"from {bound_text(t.targets_within)} with {TOOLS[t.tool]}" for t in others)
+    return f"offline programs at tolerances from {bound_text(first.targets_within)} on with {TOOLS[first.tool]}, {said}"
 
 
 def taught_sentence(use: Use) -> str:
@@ -42,7 +42,8 @@ def use_rows(use: Use) -> list[Row]:
         verdict = (
             [f"{t.answer}: {share_text(t.share)} of targets, {share_text(t.share_before)} before"] if asked else []
         )
-        rows.append((f"offline programs, {TOOLS[t.tool]}", bound_text(t.within_before), bound_text(t.within), *verdict))
+        bounds = (bound_text(t.targets_within_before), bound_text(t.targets_within))
+        rows.append((f"offline programs, {TOOLS[t.tool]}", *bounds, *verdict))
     return rows
 
 

@@ -18,7 +18,7 @@ def test_targets_of_arms_lie_within_what_is_stated():
     held, ratios = [], []
     for seed in ARMS:
         found, off = judged_targets(seed)
-        within = judge_use(found.released, REPEATS).tools[0].within
+        within = judge_use(found.released, REPEATS).tools[0].targets_within
         held.append((off <= within).mean() >= 0.95)
         ratios.append(within / np.quantile(off, 0.95))
     assert sum(held) >= len(ARMS) - 1
@@ -36,13 +36,13 @@ def test_over_the_targets_the_errors_are_those_that_are_stated_everywhere():
 def test_the_answer_is_that_of_the_stated_share(factor):
     """A tolerance of what is stated is held by 95 of 100 robots, a twentieth by none; below repeatability none is."""
     released = judged_targets(0)[0].released
-    tolerance = factor * judge_use(released, 0.0).tools[0].within
+    tolerance = factor * judge_use(released, 0.0).tools[0].targets_within
     use = judge_use(released, 0.0, tolerance)
     measured, another = use.tools
     assert measured.answer == {0.05: "no", 0.5: "not known", 1.0: "yes", 20.0: "yes"}.get(factor, measured.answer)
     assert measured.share >= measured.share_before
     assert another.tool == "another"
-    assert another.within >= measured.within
+    assert another.targets_within >= measured.targets_within
     assert judge_use(released, 2 * tolerance, tolerance).tools[0].answer == "no"
 
 
@@ -57,7 +57,7 @@ def test_the_document_keeps_it_and_the_words_say_it():
     use = judge_use(judged_targets(0)[0].released, REPEATS, 0.3 * MM)
     kept = use.model_dump(mode="json", by_alias=True)
     assert kept["tolerance_mm"] == pytest.approx(0.3)
-    assert Use.model_validate(kept).tools[0].within == pytest.approx(use.tools[0].within)
+    assert Use.model_validate(kept).tools[0].targets_within == pytest.approx(use.tools[0].targets_within)
     assert use_sentence(use).startswith("offline programs at tolerances from ")
     assert tolerance_sentence(use).startswith("0.3 mm: ")
     assert [len(row) for row in use_rows(use)] == [4, 4, 4]
