@@ -10,7 +10,7 @@ from tests.tracing.worlds import calibrated, effect, names, run
 def test_an_uneven_gear_is_one_finding_and_not_ripple_upon_ripple():
     found = calibrated((effect("gear-uneven", 3, 2e-4, knots=30.0, seed=5.0),), build="tracker", size=400)
     assert names(found) == ["gear error curve, joint 3"]
-    assert "waves of" in found.findings[0].note
+    assert "mostly repeating" in found.findings[0].note
     geometry = next(s for s in found.stages if s.name == "geometry")
     noise = found.fit.problem.whitener.covariance(slice(None))
     floor = np.sqrt(np.einsum("nii->n", noise).mean())
