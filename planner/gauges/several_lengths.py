@@ -9,6 +9,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from planner.cell.cell import Cell
 from planner.cell.placement import P, Placement
 from planner.cell.setup import MeasurementSetup
 from planner.cell.site import Site
@@ -19,6 +20,11 @@ from planner.effects.effect import Effect, Parameter, reading_move, tool_paramet
 from planner.effects.own_places import effect_at
 from planner.gauges.bar import ZERO_SIGMA, LengthGauge, fixture_parameters
 from planner.runs.run import Run, Samples
+
+
+def standing_lengths(cells: Sequence[Cell]) -> list[LengthGauge]:
+    """Return the gauge of each cell whose gauge reads lengths from fixtures."""
+    return [c.gauge for c in cells if isinstance(c.gauge, LengthGauge) and c.fixtures]
 
 
 @dataclass(frozen=True)

@@ -15,9 +15,8 @@ from planner.cell.cell import Cell
 from planner.cell.parts import Fixture, ToolPoint
 from planner.cell.setup import setup_of
 from planner.common.errors import InputError
-from planner.gauges.bar import LengthGauge
 from planner.gauges.placement.flange_poses import index_in_cell
-from planner.gauges.several_lengths import SessionGauge, SeveralLengths
+from planner.gauges.several_lengths import SessionGauge, SeveralLengths, standing_lengths
 from planner.runs.loader import join_runs
 from planner.runs.run import Run
 
@@ -40,16 +39,13 @@ def join_sessions(sessions: Sequence[MeasuredSession]) -> tuple[Run, Cell]:
     first = sessions[0].cell
     for session in sessions[1:]:
         _check_same_arm(first, session.cell)
-    if not all(isinstance(s.cell.gauge, LengthGauge) and s.cell.fixtures for s in sessions):
+    read_by = standing_lengths([s.cell for s in sessions])
+    if len(read_by) < len(sessions):
         return _join_same_gauge(sessions)
     points = _tool_points(sessions)
     held = [_own_names(s, _shared_names(sessions)) for s in sessions]
     runs = [_with_common_names(s, names, points) for s, names in zip(sessions, held, strict=True)]
-    gauges = [
-        SessionGauge(s.name, s.cell.gauge, tuple(names))
-        for s, names in zip(sessions, held, strict=True)
-        if isinstance(s.cell.gauge, LengthGauge)
-    ]
+    gauges = [SessionGauge(s.name, g, tuple(n)) for s, g, n in zip(sessions, read_by, held, strict=True)]
     tool = replace(
         first.tool,
         points=points,

@@ -56,7 +56,7 @@ def test_arms_of_large_errors_are_taken_and_rows_of_other_poses_are_not(planned,
         check_angles(run, Path("plan.json"), plan, BARE)
         for other in (run.samples.pose ^ 1, np.roll(run.samples.pose, 2)):  # at the other socket; at the same
             moved = replace(run, samples=replace(run.samples, pose=other))
-            with pytest.raises(InputError, match=r"pose \d+ was measured with axis .*\(at most \d+\.\d deg by the err"):
+            with pytest.raises(InputError, match=r"pose \d+ was measured with axis .*\(at most \d+\.\d° by the err"):
                 check_angles(moved, Path("plan.json"), plan, BARE)
 
 

@@ -1,5 +1,6 @@
 """The core's tests pass in an installation without an extension: none of its rooms needs one."""
 
+import os
 import re
 
 import pytest
@@ -7,6 +8,9 @@ import pytest
 from tests.wings.core_rooms import ROOMS, WINGS, core_tests, install_with_tests, run_tests
 
 QUICK = ("tests/cell/test_model.py", "tests/common/", "tests/kinematics/test_axes.py", "tests/runs/")
+TAKES_LONG = pytest.mark.skipif(
+    not os.environ.get("EDBB_ALL_TRIALS"), reason="takes as long as all other tests: only with EDBB_ALL_TRIALS=1"
+)
 SPREAD = 8  # every so many of the core's tests are run of each extension that is left out, another part of each
 
 
@@ -32,6 +36,7 @@ def test_the_cores_tests_are_collected_and_the_quick_ones_pass_without_any_exten
     assert int(re.search(r"(\d+) passed", done.stdout)[1]) > 100
 
 
+@TAKES_LONG
 @pytest.mark.long
 @pytest.mark.parametrize("wing", WINGS)
 def test_the_cores_rooms_pass_without_one_extension(tmp_path, wing):
@@ -43,6 +48,7 @@ def test_the_cores_rooms_pass_without_one_extension(tmp_path, wing):
     assert done.returncode == 0, done.stdout[-3000:]
 
 
+@TAKES_LONG
 @pytest.mark.long
 @pytest.mark.parametrize("room", ROOMS)
 def test_every_room_of_the_core_passes_without_any_extension(without_any, room):
