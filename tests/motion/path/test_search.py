@@ -11,6 +11,7 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components, dijkstra
 from scipy.spatial import cKDTree
 
+from planner.common.progress import UNLIMITED
 from planner.common.units import Array
 from planner.motion.path.connection import cut_corners, pull_supports
 from planner.motion.path.constraints import Constraints
@@ -24,6 +25,7 @@ class Discs:
     """Stands in for the constraints of a robot: straight motions in the plane that pass through no disc."""
 
     cell = SimpleNamespace(robot=SimpleNamespace(speed=np.ones(2), q_lower=-np.ones(2), q_upper=2 * np.ones(2)))
+    limit = UNLIMITED
 
     def __init__(self) -> None:
         rng = np.random.default_rng(0)
