@@ -164,7 +164,7 @@ def test_ways_that_do_not_join_are_refused(written):
     changed = copy.deepcopy(plan)
     changed["drives"][0]["travel"][1]["q_deg"][2] -= 6.0
     (folder / "plan.json").write_text(json.dumps(changed))
-    with pytest.raises(InputError, match=r"the drive at fixture A does not join: .* joint 3 at .* deg, what follows"):
+    with pytest.raises(InputError, match=r"the drive at fixture A does not join: .* joint 3 at .*°, what follows"):
         _exported(folder)
     with pytest.raises(InputError, match="does not join"):
         export(folder / "plan.json", dialect="krl")
