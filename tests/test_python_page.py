@@ -34,6 +34,7 @@ def test_every_public_name_stands_in_an_example():
     assert {n for n in planner.__all__ if n != "__version__"} <= words
 
 
+@pytest.mark.long
 def test_the_examples_with_files_run(moving, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     Path("session").symlink_to(moving.folder)

@@ -58,6 +58,7 @@ def arms(models, name):
     return [arm_of(models / name / "robot.toml", nominal) for nominal in (True, False)]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("language", NOMINAL)
 def test_no_motion_of_foreign_programs_is_silently_wrong(language, models, tmp_path):
     nominal, true = arms(models, language)

@@ -13,6 +13,7 @@ ARMS = range(4)
 REPEATS = 0.03 * MM
 
 
+@pytest.mark.long
 def test_targets_of_arms_lie_within_what_is_stated():
     """95 of 100 targets, of nearly all arms; and not by stating ten times too much (measured: 4 to 5 times)."""
     held, ratios = [], []

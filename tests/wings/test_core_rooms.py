@@ -26,6 +26,7 @@ def test_hardly_any_test_of_the_cores_rooms_needs_an_extension():
     assert len(left) > 0.95 * len(every)
 
 
+@pytest.mark.long
 def test_the_cores_tests_are_collected_and_the_quick_ones_pass_without_any_extension(without_any):
     tests = core_tests(*WINGS)
     done = run_tests(*without_any, tests, "--collect-only")

@@ -99,6 +99,7 @@ def test_every_module_of_the_core_is_imported_without_extensions(core):
     assert done.returncode == 0, done.stderr[-2000:]
 
 
+@pytest.mark.long
 def test_the_chain_runs_without_extensions(core):
     """From a cell to a corrected program, with nothing installed but the core."""
     folder, environment = core
