@@ -65,8 +65,24 @@ class CandidateFilters:
         return ok
 
 
-def refine_poses(cell: Cell, choice: PoseChoice, seed: int, limit: TimeLimit = UNLIMITED) -> PoseChoice:
-    """Move the chosen poses continuously to better the index, each on its own fixture and keeping every filter."""
+Filter = Callable[[Array, np.ndarray], np.ndarray]  # of states (m, N) [rad] in the place of the poses (m,): (m,) bool
+
+
+def _keep_in_place(valid: Filter, q: Array, stay: Positions | None) -> Filter:
+    """Return the filter by which the poses ``stay`` of q (n, N) [rad] may be nowhere but where they are."""
+    stays = np.zeros(len(q), dtype=bool)
+    if stay is not None:
+        stays[stay] = True
+    return lambda tried, which: valid(tried, which) & (~stays[which] | (tried == q[which]).all(axis=1))
+
+
+def refine_poses(
+    cell: Cell, choice: PoseChoice, seed: int, limit: TimeLimit = UNLIMITED, stay: Positions | None = None
+) -> PoseChoice:
+    """Move the chosen poses continuously to better the index, each on its own fixture and keeping every filter.
+
+    The poses ``stay`` (k,) are left where they are.
+    """
     if not cell.plan.refine or choice.ball is not None:
         return choice
 
@@ -74,19 +90,28 @@ def refine_poses(cell: Cell, choice: PoseChoice, seed: int, limit: TimeLimit = U
         """Return the Jacobian's rows of states (m, N) in the place of the poses (m,)."""
         return choice.model.rows(replace(choice.samples.take(pose), q=states))
 
-    valid = CandidateFilters(cell, choice.samples)
+    valid = _keep_in_place(CandidateFilters(cell, choice.samples), choice.q, stay)
     return replace(choice, q=refine_off_grid(choice.q, rows, valid, choice.index, seed=seed, limit=limit))
 
 
 @on_one_thread
 def refine_bayesian_poses(
-    cell: Cell, unknown: ExpectedErrors, samples: Samples, seed: int, limit: TimeLimit = UNLIMITED
+    cell: Cell,
+    unknown: ExpectedErrors,
+    samples: Samples,
+    seed: int,
+    limit: TimeLimit = UNLIMITED,
+    stay: Positions | None = None,
 ) -> Array:
-    """Return poses (n, N) [rad] near those of ``samples``, in their order, that leave a smaller expected error."""
+    """Return poses (n, N) [rad] near those of ``samples``, in their order, that leave a smaller expected error.
+
+    The poses ``stay`` (k,) are left where they are.
+    """
     shorter = 0.7  # times the reach after a failure
     longer = 1.2  # times the reach after a success
     trials = 12  # around each pose in a round
-    rng, valid, q = np.random.default_rng(seed), CandidateFilters(cell, samples), samples.q.copy()
+    rng, q = np.random.default_rng(seed), samples.q.copy()
+    valid = _keep_in_place(CandidateFilters(cell, samples), samples.q, stay)
     # 0.2: [rad] of a trial at first
     white, weight, reach = unknown.white(samples), unknown.weight_per_prior, np.full(len(q), 0.2)
     for _ in range(16):  # rounds of trials around every pose

@@ -1,11 +1,13 @@
 """Poses of a bar: drawn from its shell, chosen by the index, for discrimination or for tracing, and driven."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from planner.cell.cell import Cell
+from planner.common.determinism import Positions
 from planner.common.progress import LastStart, Stages, TimeLimit
 from planner.common.summary import Aside
 from planner.common.units import Array, from_mm
@@ -115,19 +117,31 @@ class BarPoses(PoseSession):
                 self.notes.append(f"{cell.robot.name} has no collision bodies: {checked}")
             if chosen.expected_error and cell.plan.refine:
                 unknown = chosen.expected_error.unknown
-                moved = replace(choice, q=refine_bayesian_poses(cell, unknown, choice.samples, seed, limit))
-                return self._put_back_unjoined(moved)
+                return self._move_joined(
+                    choice,
+                    lambda c, stay: replace(c, q=refine_bayesian_poses(cell, unknown, c.samples, seed, limit, stay)),
+                )
             settled = chosen.discriminating or chosen.expected_error or choice.pruning
-            return choice if settled else self._put_back_unjoined(refine_poses(cell, choice, seed, limit))
+            if settled:
+                return choice
+            return self._move_joined(choice, lambda c, stay: refine_poses(cell, c, seed, limit, stay))
 
-    def _put_back_unjoined(self, choice: PoseChoice) -> PoseChoice:
-        """Put poses that were moved to where no path joins them back to the candidates that they were."""
-        lost = self._find_unjoined(choice)
-        if not len(lost):
-            return choice
-        q = choice.q.copy()
-        q[lost] = choice.candidates.q[lost]
-        return replace(choice, q=q)
+    def _move_joined(self, choice: PoseChoice, move: Callable[[PoseChoice, Positions], PoseChoice]) -> PoseChoice:
+        """Move the poses; those moved to where no path joins them go back to their candidates and stay there.
+
+        The others are moved anew, since they had been chosen beside poses that are no more.
+        """
+        most_rounds = 4  # of moving; each leaves fewer poses that move
+        stay = np.zeros(0, dtype=int)
+        for _ in range(most_rounds):
+            choice = move(choice, stay)
+            lost = self._find_unjoined(choice)
+            if not len(lost):
+                break
+            q = choice.q.copy()
+            q[lost] = choice.candidates.q[lost]
+            choice, stay = replace(choice, q=q), np.union1d(stay, lost)
+        return choice
 
     def _find_unjoined(self, choice: PoseChoice) -> np.ndarray:
         """Positions of the chosen poses that are not in the part of their mount pose."""

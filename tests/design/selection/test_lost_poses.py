@@ -10,6 +10,8 @@ from planner.cell.reading import load_cell
 from planner.common.errors import NoSolutionError
 from planner.common.progress import TimeLimit
 from planner.design.candidates.pool import draw_candidates
+from planner.design.observability.information import find_rule
+from planner.design.off_grid import refine_poses
 from planner.design.pose_selection import judge_poses, replace_all
 from planner.session import planning
 from planner.session.bar_poses import BarPoses
@@ -79,14 +81,29 @@ def test_a_split_cell_is_told_with_what_would_help(chosen, monkeypatch):
         session_of(cell, pool, monkeypatch, drive)._drive_places(choice, TimeLimit(float("inf")))
 
 
-def test_poses_moved_to_where_no_path_joins_them_are_put_back(chosen, monkeypatch):
+def test_poses_moved_to_where_no_path_joins_them_are_put_back_and_the_others_moved_anew(chosen, monkeypatch):
     cell, _, choice = chosen
-    session = BarPoses(cell, PlanOptions())
-    moved = replace(choice, q=choice.q + 0.01)
-    monkeypatch.setattr(session, "_find_unjoined_rows", lambda samples: np.array([2, 5]))
-    kept = session._put_back_unjoined(moved)
-    assert np.flatnonzero((kept.q == choice.q).all(axis=1)).tolist() == [2, 5]
-    assert np.flatnonzero((kept.q == moved.q).all(axis=1)).tolist() == [k for k in range(40) if k not in (2, 5)]
+    session, told = BarPoses(cell, PlanOptions()), []
+    lost = iter((np.array([2, 5]), np.array([7]), np.zeros(0, dtype=int)))
+    monkeypatch.setattr(session, "_find_unjoined_rows", lambda samples: next(lost))
+
+    def move(c, stay):
+        told.append(stay.tolist())
+        return replace(c, q=np.where(np.isin(np.arange(40), stay)[:, None], c.q, c.q + 0.01))
+
+    kept = session._move_joined(choice, move)
+    assert told == [[], [2, 5], [2, 5, 7]]
+    assert np.flatnonzero((kept.q == choice.q).all(axis=1)).tolist() == [2, 5, 7]
+    moved = np.setdiff1d(np.arange(40), [2, 5, 7])
+    np.testing.assert_allclose(kept.q[moved], choice.q[moved] + 0.03)
+
+
+def test_poses_that_stay_are_where_they_were_and_the_others_better_the_index(chosen):
+    cell, _, choice = chosen
+    stay = np.array([2, 5, 30])
+    moved = refine_poses(cell, choice, 0, stay=stay)
+    np.testing.assert_array_equal(moved.q[stay], choice.q[stay])
+    assert find_rule(choice.index).better(moved.value, choice.value)
 
 
 def test_poses_that_validate_are_joined_and_none_is_lost_for_it(chosen, monkeypatch):
