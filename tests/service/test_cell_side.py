@@ -257,6 +257,10 @@ def record(page, serial, day, **fields):
 
 @needs_browser
 @pytest.mark.long
+@pytest.mark.skipif(
+    not os.environ.get("EDBB_ALL_TRIALS"),
+    reason="a plan and a fit behind a browser outlast its patience on a busy machine: only with EDBB_ALL_TRIALS=1",
+)
 def test_two_people_calibrate_a_robot_and_check_it_after_a_month(service, browser, tmp_path):
     """Ada plans and calibrates at the desk, Wanda measures with a phone whose network is cut for a while."""
     people = PeopleStore(Database(service.folder / "jobs.sqlite3"))
