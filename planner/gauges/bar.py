@@ -226,7 +226,11 @@ class LengthGauge(LineGauge, GaugeUnknowns):
         if "tool" in free:
             yield from tool_parameters(setup)
         if "zero" in free:
-            yield from _zero_parameters(setup, self.noun)
+            yield from self.zero_parameters(setup)
+
+    def zero_parameters(self, setup: Placement) -> Iterator[Parameter]:
+        """Yield the zeros of the readings."""
+        yield from _zero_parameters(setup, self.noun)
 
     def lag_moves(self) -> tuple[ParameterMove, ...]:
         """Return how a late clock shows in the length."""

@@ -16,9 +16,9 @@ from planner.cell.site import Site
 from planner.common.units import Array
 from planner.effects.basis import AtPlace
 from planner.effects.catalogue import Excitation
-from planner.effects.effect import Effect, Parameter, reading_move, tool_parameters
+from planner.effects.effect import Effect, Parameter, reading_move
 from planner.effects.own_places import effect_at
-from planner.gauges.bar import ZERO_SIGMA, LengthGauge, fixture_parameters
+from planner.gauges.bar import ZERO_SIGMA, LengthGauge
 from planner.runs.run import Run, Samples
 
 
@@ -95,17 +95,8 @@ class SeveralLengths(LengthGauge):
             noise[self._at(session)] = session.gauge.noise
         return np.asarray(noise[samples.place][:, None])
 
-    def parameters(self, setup: Placement, free: frozenset[str]) -> Iterator[Parameter]:
-        """Yield fixtures, tool points and the zero of each session, as far as they are free."""
-        if "fixture" in free:
-            yield from fixture_parameters(setup)
-        if "tool" in free:
-            yield from tool_parameters(setup)
-        if "zero" in free:
-            yield from self._zeros()
-
-    def _zeros(self) -> Iterator[Parameter]:
-        """A zero is set anew in each session; the first has the name of a single one."""
+    def zero_parameters(self, setup: Placement) -> Iterator[Parameter]:
+        """Yield a zero of each session, since it is set anew there; the first has the name of a single one."""
         for k, session in enumerate(self.sessions, start=1):
             moves = tuple(m for place in self._at(session) for m in reading_move(AtPlace(place)))
             if session.gauge.zero_free and moves:

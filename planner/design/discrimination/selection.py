@@ -1,6 +1,6 @@
 """The poses that tell the findings of an identification from their rivals."""
 
-from collections.abc import Container, Mapping
+from collections.abc import Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -186,13 +186,8 @@ def select_discriminating_poses(
     bound = bound_criterion(rows, aim, len(places), places, limit)
     places = exchange_by_criterion(rows, aim, bound, places, seed, group, limit)
     now, before = (pair_powers(asked, frame, information_matrix(rows[k])) for k in (places, choice.chosen))
-    told = []
-    for k, most in sorted(open_.items()):
-        pair, (size, power) = asked.pairs[k], now[k]
-        help_ = other_ways.help(asked, pair) if pair.named and power < UNSURE_POWER else ()
-        told.append(PairPower(pair.finding, pair.rival, pair.named, size, power, before[k][0], most, help_))
     separation = Discrimination(
-        tuple(told),
+        tuple(_pair_powers(asked, open_, now, before, other_ways)),
         sentences,
         len(places),
         float(np.expm1(bound.value - aim.value(information_matrix(rows[places])))),
@@ -205,6 +200,27 @@ def select_discriminating_poses(
     if sides:
         kept = replace(kept, approach=approach_signs(sight.samples[0].take(places), sides))
     return DiscriminatingChoice(kept, separation, asked, frame, scale)
+
+
+def _pair_powers(
+    asked: QuestionSet,
+    most: Mapping[int, float],
+    now: Sequence[tuple[float, float]],
+    before: Sequence[tuple[float, float]],
+    other_ways: OtherMeasurements,
+) -> Iterator[PairPower]:
+    """Yield how well each pair is told apart, with what would help where that is not sure.
+
+    Args:
+        asked: the pairs.
+        most: of those that poses can tell apart, by number, the most that any poses give.
+        now, before: size and power of every pair at the poses chosen, and at those of the plan without this question.
+        other_ways: what else would tell them apart.
+    """
+    for k, bound in sorted(most.items()):
+        pair, (size, power) = asked.pairs[k], now[k]
+        help_ = other_ways.help(asked, pair) if pair.named and power < UNSURE_POWER else ()
+        yield PairPower(pair.finding, pair.rival, pair.named, size, power, before[k][0], bound, help_)
 
 
 def _predict_readings(
