@@ -131,6 +131,16 @@ class Database:
         return self.connection.execute(query, values).fetchall()
 
     @contextmanager
+    def snapshot(self) -> Iterator[sqlite3.Connection]:
+        """Reads that agree with one another: what others write meanwhile is not seen. It must not be nested."""
+        db = self.connection
+        db.execute("BEGIN DEFERRED")
+        try:
+            yield db
+        finally:
+            db.execute("ROLLBACK")  # nothing was written
+
+    @contextmanager
     def write(self) -> Iterator[sqlite3.Connection]:
         """One transaction, alone among all writers; an error undoes all of it."""
         db = self.connection

@@ -115,7 +115,10 @@ def next_job(db: sqlite3.Connection, now: float) -> tuple[str, bool] | None:
 
 
 def foresee_end(db: sqlite3.Connection, id: str, workers: int, now: float) -> Outlook | None:
-    """Return when a job is to be done; nothing of one that has ended, or of a task of a page."""
+    """Return when a job is to be done; nothing of one that has ended, or of a task of a page.
+
+    ``db`` must be within one transaction.
+    """
     row = db.execute("SELECT kind, state, started, task FROM jobs WHERE id = ?", (id,)).fetchone()
     if row is None or row["task"] or row["state"] not in ("queued", "running"):
         return None

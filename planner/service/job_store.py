@@ -106,7 +106,8 @@ class JobStore:
 
     def outlook(self, id: str, workers: int) -> Outlook | None:
         """Return when a job is to be done where so many run at a time; nothing of one that has ended."""
-        return foresee_end(self._db.connection, id, workers, time.time())
+        with self._db.snapshot() as db:  # else a job may begin between two of its questions
+            return foresee_end(db, id, workers, time.time())
 
     def running(self) -> set[str]:
         """Return identifier and fence of every job that a living server runs, as ``id-fence``; others wait again."""

@@ -3,9 +3,11 @@
 import itertools
 import random
 import time
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
+from planner.service import job_queue
 from planner.service.database import Database
 from planner.service.job_queue import Turns, WaitingJob, order_jobs
 from planner.service.job_record import JobCommand
@@ -131,3 +133,26 @@ def test_the_queue_of_a_plant_is_quick(tmp_path):
     begun = time.process_time()
     store.take(1)
     assert time.process_time() - begun < 0.2
+
+
+def test_a_job_that_begins_while_its_end_is_foreseen_is_no_trouble(tmp_path, monkeypatch):
+    """Between the questions of one answer a worker takes the job; each is answered of the same moment."""
+    path = tmp_path / "jobs.sqlite3"
+    store, worker = JobStore(Database(path)), JobStore(Database(path))
+    add(store, 1, "ada")
+    add(store, 2, "ada")
+
+    taken, read_order = [], job_queue.read_order
+
+    def read_late(db, now, firsts_only):
+        monkeypatch.setattr(job_queue, "read_order", read_order)
+        with ThreadPoolExecutor() as other:
+            taken.append(other.submit(worker.take, 9).result().id)
+        return read_order(db, now, firsts_only)
+
+    monkeypatch.setattr(job_queue, "read_order", read_late)
+    outlook = store.outlook(f"{1:024x}", workers=1)
+    assert taken == [f"{1:024x}"]
+    assert outlook.position == 1
+    assert store.get(f"{1:024x}").state == "running"
+    assert store.outlook(f"{1:024x}", workers=1).position == 0
