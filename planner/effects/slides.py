@@ -8,6 +8,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from planner.common.errors import InputError
 from planner.common.units import MM, Array
 from planner.effects.backlash import ApproachDirection, SpeedSign
 from planner.effects.basis import BasisFunction, EffectVariable, legendre
@@ -44,6 +45,11 @@ class GuideShape(OfTravel, key="guide:JOINT:INDEX:NUMBER:NUMBER"):
     degree: int
     lowest: float
     highest: float
+
+    def __post_init__(self) -> None:
+        """Refuse a travel of no length."""
+        if not self.lowest < self.highest:
+            raise InputError(f"the basis function '{self.key}' has a travel that ends before it begins")
 
     def __call__(self, c: Context) -> Array:
         """Return the polynomial."""

@@ -22,12 +22,19 @@ def basis_functions():
     return {c for c in classes if hasattr(c, "key") and "__call__" in vars(c)} - {basis.BasisFunction, LegendreOf}
 
 
-EXAMPLE = {"JOINT": "2", "LINK": "7", "STATION": "3", "AXIS": "1", "PART": "4", "INDEX": "1", "NUMBER": "1.5"}
+EXAMPLE = {"JOINT": "2", "LINK": "7", "STATION": "3", "AXIS": "1", "PART": "4", "INDEX": "1"}
 WORDS = {"(sin|cos)": ("sin", "cos"), "bar-(fixture|tool)": ("bar-fixture", "bar-tool"),
          "scale-(sin|cos)": ("scale-sin", "scale-cos"), "bounded-(sin|cos)": ("bounded-sin", "bounded-cos"),
          "ball-shape-(fixture|tool)": ("ball-shape-fixture", "ball-shape-tool")}  # fmt: skip
+
+
+def example_of(kind, place):
+    """A value of a kind; a number that stands further on is larger, as the end of a travel is."""
+    return f"{place}.5" if kind == "NUMBER" else ({"PHI": "moment:2:0"} | EXAMPLE)[kind]
+
+
 KEYS = [
-    ":".join([word, *(({"PHI": "moment:2:0"} | EXAMPLE)[kind] for kind in kinds)])
+    ":".join([word, *(example_of(kind, place) for place, kind in enumerate(kinds, 1))])
     for first, *kinds in (pattern.split(":") for pattern in key_patterns())
     for word in WORDS.get(first, (first,))
 ]
@@ -58,6 +65,7 @@ def test_what_is_in_another_key_counts():
         ("weight:2:8", "from 1 to 7"),
         ("sin:2:fast", "a number belongs"),
         ("sin:2:inf", "a number belongs"),
+        ("guide:1:1:0.5:0.5", "ends before it begins"),
         ("times:2.0", "must read times:NUMBER:PHI"),
         ("times:2.0:torqe:2", 'did you mean "torque"'),
         ("moment:2:3", "from 0 to 2"),
