@@ -5,7 +5,7 @@ Each kind is one file in ``planner.gauges``, registered by ``register_gauge``, a
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar, Literal, Self
 
@@ -28,7 +28,13 @@ from planner.kinematics.robot import Robot
 
 @dataclass(frozen=True, kw_only=True)
 class Gauge(GaugeReading, GaugeNumbers, GaugeFrames, GaugeReach, GaugeSession):
-    """What every kind of gauge has and does, and how it is read from a cell file."""
+    """What every kind of gauge has and does, and how it is read from a cell file.
+
+    Attributes:
+        mounting: name of its set-up, which runs share that find it as the one before has left it; empty: none else has.
+    """
+
+    mounting: str = field(default="", compare=False)
 
     reads_moving: ClassVar[bool] = False  # whether it can be read while the robot moves
     validates_with: ClassVar[int] = 0  # poses of a plan that only validates, where no number is given; 0: it calibrates

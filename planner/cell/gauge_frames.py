@@ -4,6 +4,7 @@ from abc import ABC, abstractmethod
 from typing import ClassVar
 
 from planner.cell.file import CellFile, PlacedFile
+from planner.cell.gauge_types import LeftStanding
 from planner.cell.placement import P, Placement
 from planner.cell.site import Site
 from planner.common.units import Array
@@ -39,6 +40,10 @@ class GaugeFrames(ABC):
     def lasting_places(self, setup: Placement) -> dict[str, Array] | None:
         """Return places (3,) [m] that stand from session to session by their names; ``None``: not known where."""
         return {}
+
+    def left_standing(self, setup: Placement) -> LeftStanding:
+        """Return what a later run may find as the last run has left it; nothing of a gauge that is set up each time."""
+        return LeftStanding()
 
     def place_as_stated(self, setup: P, cell: Site) -> P:
         """Return the setup with its frame where the cell states it, where readings of a run to come depend on that."""

@@ -1,6 +1,7 @@
 """What is passed between a gauge and those who plan with it: bodies, samples, travel, poses, steps of a person."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Literal, Protocol
 
 from planner.common.units import Array
@@ -127,3 +128,16 @@ class PointTravel:
     stretch: Array
     swing: Array
     turn: Array
+
+
+@dataclass(frozen=True)
+class LeftStanding:
+    """What of a gauge stays as it is where nobody moves it after a run.
+
+    Attributes:
+        names: of its parameters in the model of the run, and as the cell of the last session alone has them.
+        places: (3,) [m] that the parameters count from, by the names that this cell has for them.
+    """
+
+    names: Mapping[str, str] = field(default_factory=dict)
+    places: Mapping[str, Array] = field(default_factory=dict)

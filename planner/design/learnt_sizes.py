@@ -1,4 +1,6 @@
-"""How large errors of a kind are, learnt from what was seen of some of them: scaled inverse chi-square, by EM.
+"""How large errors of a kind are, learnt from what was seen of some of them.
+
+Of readings (``learn_errors``) by their marginal likelihood; of estimates of several robots (``learn_sizes``) by EM:
 
 Each error x_i of a family is normal with the family's size s; before anything is seen s² is scaled-inverse-chi-square
 with ν degrees of freedom about the size that such errors usually have (Gelman et al., Bayesian Data Analysis, 3rd ed.,
@@ -13,7 +15,6 @@ in which what was not seen has c_i = s², and pulls nowhere.
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import cho_solve, solve_triangular
 
 from planner.common.units import Array
 
@@ -21,40 +22,113 @@ TRUST = 4.0  # [errors seen] that a usual size counts for: it is good to a facto
 
 
 @dataclass(frozen=True)
+class Families:
+    """Which errors share a size.
+
+    Attributes:
+        number: family of each error, (P,) int from 0.
+        known: families whose size is stated and not learnt, (F,) bool.
+        rare: families of which most robots may show nothing, as gears and joints that yield, (F,) bool.
+        doubt: one sigma of the logarithm of what is left of the errors, once their sizes are learnt each as the others
+            stand: by that they are known too well (of arms drawn with sizes between half and twice the usual).
+    """
+
+    number: np.ndarray
+    known: np.ndarray
+    rare: np.ndarray
+    doubt: float = 0.0
+
+    def __len__(self) -> int:
+        """Return how many there are."""
+        return len(self.known)
+
+    def factors(self, family: int) -> tuple[Array, Array]:
+        """Return factors on the usual size that a family may have, and their probabilities, (k,) each.
+
+        They are normal in the log about the usual size with a sigma of 1, or 0 for a quarter of those that may be
+        absent: a session stops by them, so they promise less than those of an identification, which has half absent.
+        """
+        if not self.rare[family]:
+            own = np.exp(np.linspace(-2.0, 2.0, 9))
+            weight = np.exp(-0.5 * np.log(own) ** 2)
+            return own, weight / weight.sum()
+        slab = 0.1 * 2.0 ** np.arange(7, dtype=float)
+        weight = np.exp(-0.5 * np.log(slab) ** 2)
+        return np.append(0.0, slab), np.append(0.25, 0.75 * weight / weight.sum())
+
+
+@dataclass(frozen=True)
 class LearntErrors:
-    """Errors after some readings, in their usual sizes: mean and standard deviations (P,), learnt factors (F,)."""
+    """Errors after some readings, in their usual sizes: mean and standard deviations (P,), learnt factors (F,).
+
+    ``noise`` is that of a reading over the one that is declared: what follows no column of the model is in it.
+    """
 
     mean: Array
     std: Array
     factors: Array
+    noise: float = 1.0
 
 
-def learn_errors(white: Array, seen: Array, family: np.ndarray, known: np.ndarray) -> LearntErrors:
+def learn_errors(white: Array, seen: Array, families: Families) -> LearntErrors:
     """Return what n readings say of P errors, and of how large those of each of F families are.
 
-    Solved among the readings, (n, n): while a session is measured they are fewer than the errors.
+    The readings y are normal with the covariance S = ν² 1 + Σ_f v_f W_f W_fᵀ. In turn each v_f is the mean of its
+    square under the readings' marginal likelihood, all others as they stand (mean field; Bishop, Pattern Recognition
+    and Machine Learning, 10.1). Solved among the readings: while a session is measured they are fewer than the errors.
 
     Args:
         white: the readings' rows W in standard deviations per usual size, (n, P).
         seen: the readings less what was expected of them, in standard deviations, (n,).
-        family: of each error, (P,) int from 0.
-        known: families whose size is stated and not learnt, (F,) bool.
+        families: which errors share a size.
     """
-    count = np.bincount(family, minlength=len(known))
-    square = np.ones(len(known))
-    for _ in range(60):  # rounds: each takes a part of the way, most of it in the first ones
-        variance = square[family]
-        root = np.linalg.cholesky(np.eye(len(white)) + (white * variance) @ white.T)
-        mean = variance * (white.T @ cho_solve((root, True), seen))
-        told = variance**2 * (solve_triangular(root, white, lower=True) ** 2).sum(axis=0)
-        left = np.maximum(variance - told, 0.0)
-        held = np.bincount(family, mean**2 + left, minlength=len(known))
-        new = np.where(known, 1.0, (TRUST + held) / (TRUST + count))
-        change = np.abs(np.log(new / square)).max()
-        square = new
-        if change < 1e-3:
+    columns = [white[:, families.number == f] for f in range(len(families))]
+    offers = [families.factors(f) for f in range(len(families))]
+    noise = np.append(0.0, 0.3 * 2.0 ** np.arange(7, dtype=float))  # beside the declared one; half have none
+    columns.append(np.eye(len(white)))
+    offers.append((noise, np.append(0.5, np.full(7, 0.5 / 7))))
+    fixed = np.append(families.known, False)
+    square = np.append(np.ones(len(families)), 0.0)
+    spread = np.eye(len(white)) + sum(v * (w @ w.T) for v, w in zip(square, columns, strict=True))
+    inverse = np.linalg.inv(spread)
+    rare = np.append(families.rare, False)
+    share, acts = np.full(len(square), 0.75), np.full(len(square), 0.75)
+    for _ in range(12):  # rounds: sizes move by less than a few per cent after that
+        before = square.copy()
+        share[rare] = (3.0 + acts[rare].sum()) / (4.0 + rare.sum())  # how many act says how likely each does
+        for f in np.flatnonzero(~fixed):
+            through = inverse @ columns[f]
+            values, axes = np.linalg.eigh(columns[f].T @ through)
+            values = np.maximum(values, 0.0)
+            ease = np.maximum(1.0 - square[f] * values, 1e-9)  # without this family
+            shown, pull = values / ease, (axes.T @ (through.T @ seen)) / ease
+            new, acts[f] = _mean_square(*offers[f], shown, pull, share[f])
+            moved = through @ axes
+            inverse -= (moved * ((new - square[f]) / (1.0 + (new - square[f]) * values))) @ moved.T
+            square[f] = new
+        if np.abs(square - before).max() < 1e-3 * (1e-2 + square.max()):
             break
-    return LearntErrors(np.asarray(mean), np.asarray(np.sqrt(left)), np.asarray(np.sqrt(square)))
+    variance = square[:-1][families.number]
+    mean = variance * (white.T @ (inverse @ seen))
+    left = np.maximum(variance - variance**2 * np.einsum("ij,ij->j", white, inverse @ white), 0.0)
+    return LearntErrors(mean, np.sqrt(left), np.sqrt(square[:-1]), float(np.sqrt(1.0 + square[-1])))
+
+
+def _mean_square(factors: Array, probability: Array, shown: Array, pull: Array, share: float) -> tuple[float, float]:
+    """Return the mean of the squared factor of a family, and the probability that it is not 0.
+
+    Args:
+        factors, probability: that it may have, (k,); where the first is 0, the others together have ``share``.
+        shown, pull: what the readings show of it in their principal axes, and how they pull, (m,).
+    """
+    size = factors[:, None] ** 2
+    spread = 1.0 + size * shown
+    if factors[0] == 0.0:
+        probability = np.append(1.0 - share, share * probability[1:] / probability[1:].sum())
+    log = np.log(probability) + 0.5 * (size * pull**2 / spread - np.log(spread)).sum(axis=1)
+    weight = np.exp(log - log.max())
+    weight /= weight.sum()
+    return float(weight @ factors**2), float(weight[factors > 0].sum())
 
 
 @dataclass(frozen=True)

@@ -17,6 +17,7 @@ __all__ = [
     "nonparametric",
     "own_places",
     "phi_keys",
+    "sessions",
     "sizes",
     "steps",
 ]

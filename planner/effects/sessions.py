@@ -43,7 +43,10 @@ class PlaceInSession(BasisFunction, key="remounted:INDEX:INDEX", static=False, g
         return np.asarray((c.samples.session == self.session) & (c.samples.place == self.place), dtype=float)
 
 
-@register("session step", needs="poses measured in several sessions, the bar taken off in between")
+SESSION_STEP = "session step"
+
+
+@register(SESSION_STEP, needs="poses measured in several sessions, the bar taken off in between")
 def session_step(run: Excitation) -> Iterator[Effect]:
     """In every session the bar's zero is another one, and base and gauge stand otherwise to each other."""
     if not run.sessions:
@@ -60,11 +63,11 @@ def session_step(run: Excitation) -> Iterator[Effect]:
             for s in run.sessions
         )
         sentence = "the gauge's zero steps from session to session, {size}"
-        yield _step("session step", "gauge", zeros, sentence)
+        yield _step(SESSION_STEP, "gauge", zeros, sentence)
     shifts = _frame_steps(run.sessions, "base", "base", InSession, BASE_SHIFTS)
-    yield _step("session step", "base", shifts, "the base shifts against the gauge from session to session, {size}")
+    yield _step(SESSION_STEP, "base", shifts, "the gauge (or the base) was moved from session to session, {size}")
     tilts = _frame_steps(run.sessions, "base", "base tilt", InSession, BASE_TURNS)
-    yield _step("session step", "base tilt", tilts, "the base tilts against the gauge from session to session, {size}")
+    yield _step(SESSION_STEP, "base tilt", tilts, "the gauge (or the base) was turned from session to session, {size}")
 
 
 @register("remounting", needs="poses measured in several sessions, the fixture mounted anew in between")

@@ -10,7 +10,7 @@ from pydantic import BaseModel, Field
 
 from planner.cell.file import CellFile
 from planner.cell.gauge_registry import register_gauge
-from planner.cell.gauge_types import GaugeBody, PlannedVisit, RecordedPose, SessionGuide
+from planner.cell.gauge_types import GaugeBody, LeftStanding, PlannedVisit, RecordedPose, SessionGuide
 from planner.cell.parts import Fixture
 from planner.cell.placement import P, Placement, Targets
 from planner.cell.places import read_fixtures
@@ -42,6 +42,7 @@ class BarKeys(StrictModel):
     rate_mm_s: Annotated[PositiveFloat, Field(ge=0.1)] = 100.0
     acceleration_mm_s2: Annotated[PositiveFloat, Field(ge=1)] = 1000.0
     stop_margin_mm: NonNegativeFloat | None = None
+    mounting: str = Field(default="", pattern=r"^[A-Za-z0-9._-]{0,40}$")
 
 
 UNITS = {  # what a column of lengths may hold instead of what it says, and how large one of it comes out
@@ -128,6 +129,7 @@ class LengthGauge(LineGauge, GaugeUnknowns):
             "rate": keys.rate_mm_s * MM,
             "acceleration": keys.acceleration_mm_s2 * MM,
             "stop_margin": margin,
+            "mounting": keys.mounting,
         }
 
     @classmethod
@@ -140,7 +142,7 @@ class LengthGauge(LineGauge, GaugeUnknowns):
     @classmethod
     def session_guide(cls, file: CellFile) -> SessionGuide:
         """It is held between fixture and tool while it reads."""
-        return cls.checklist.guide(file, cls.noun, cls.removal)
+        return cls.checklist.guide(file, cls.noun, cls.removal, bool(file.gauge.own.get("mounting")))
 
     def residual(self, setup: Placement, samples: Samples, motion: ForwardPass, targets: Targets) -> Array:
         """Length read less the distance of tool point and fixture, (n, 1) [m]."""
@@ -172,7 +174,8 @@ class LengthGauge(LineGauge, GaugeUnknowns):
         """The bar is attached."""
         fixture, point = cell.names_of(mounting)
         tool = f"tool point {point}" if point else "tool"
-        return "", f"attach the {self.noun} (fixture {fixture} to {tool}), set its zero"
+        zero = "leave fixture and zero as they stand" if self.mounting else "set its zero"
+        return "", f"attach the {self.noun} (fixture {fixture} to {tool}), {zero}"
 
     def session_names(self, cell: Site, mounting: Mounting) -> tuple[str, str]:
         """Name the fixture, and the tool point where there are more."""
@@ -266,6 +269,11 @@ class LengthGauge(LineGauge, GaugeUnknowns):
     def lasting_places(self, setup: Placement) -> dict[str, Array] | None:
         """Return the fixtures."""
         return dict(zip(setup.place_names, setup.p_BX, strict=True)) if len(setup.p_BX) else None
+
+    def left_standing(self, setup: Placement) -> LeftStanding:
+        """Return fixtures and zero."""
+        names = [p.name for p in (*fixture_parameters(setup), *self.zero_parameters(setup))]
+        return LeftStanding(dict(zip(names, names, strict=True)), self.lasting_places(setup) or {})
 
     def place(self, setup: P, run: Run, p_FM: Array | None) -> P:
         """Find fixtures, tool points and zero, unless the cell has the fixtures and the tool points."""

@@ -170,8 +170,8 @@ class BarChecklist:
     attach: str = "put one ball of the bar into the fixture's cup, the other into the tool's."
     load: str = ""
 
-    def guide(self, file: CellFile, noun: str, removal: str) -> SessionGuide:
-        """Return the steps with it; ``removal`` is what is done after the last pose."""
+    def guide(self, file: CellFile, noun: str, removal: str, stands: bool = False) -> SessionGuide:
+        """Return its steps; ``removal`` is what is done after the last pose, ``stands``: as another run left it."""
         places = [
             f"{self.fixture} {f.name} stands at {place_text(f.position_mm)} of the base frame, to about "
             f"{f.prior_mm:g} mm."
@@ -179,6 +179,12 @@ class BarChecklist:
         ]
         tool = f"{self.tool} at {place_text(file.tool.map_mm)} of the flange." if file.tool else ""
         zero = "Set it to zero as the program asks." if file.gauge.zero == "free" else "Check its known zero."
+        if stands:
+            places = [
+                "Leave every fixture as it stands since the run before; where one was moved, plan anew without "
+                "--same-mounting."
+            ]
+            zero = "Leave its zero as it is: do not set it anew, do not switch it off."
         carried = " At the next fixture the same, where the program asks for it." if len(file.fixtures) > 1 else ""
         return SessionGuide(
             f"the length of the {noun} (length_mm)",

@@ -10,6 +10,7 @@ from typing import ClassVar
 import numpy as np
 
 from planner.cell.cell import Cell
+from planner.cell.gauge_types import LeftStanding
 from planner.cell.placement import P, Placement
 from planner.cell.setup import MeasurementSetup
 from planner.cell.site import Site
@@ -87,6 +88,14 @@ class SeveralLengths(LengthGauge):
     def lasting_places(self, setup: Placement) -> dict[str, Array] | None:
         """Return none: fixtures of several sessions are not all there when the robot is checked."""
         return None
+
+    def left_standing(self, setup: Placement) -> LeftStanding:
+        """Return the fixtures and the zero of the last session, as its own cell calls them."""
+        last, zeros = self.sessions[-1], list(self.zero_parameters(setup))
+        own = {name: name.removeprefix(f"{last.name}/") for name in last.places}
+        places = {own[n]: p for n, p in zip(setup.place_names, setup.p_BX, strict=True) if n in own}
+        names = {f"fixture_{n}_{axis}": f"fixture_{called}_{axis}" for n, called in own.items() for axis in "xyz"}
+        return LeftStanding(names | ({zeros[-1].name: "zero"} if last.gauge.zero_free and zeros else {}), places)
 
     def sigmas_of(self, samples: Samples) -> Array:
         """Return the noise of the gauge that took each reading, (n, 1) [m]."""

@@ -31,7 +31,7 @@ from planner.kinematics.bodies import Vector
 from planner.kinematics.robot import Robot
 from planner.model.model import chunks
 from planner.model.tool_error import tool_rows, tool_setup
-from planner.runs.run import Samples
+from planner.runs.run import Run, Samples
 
 
 def expected_error_csv(released: ReleasedRobot) -> str:
@@ -59,6 +59,23 @@ class KnownParameter(StrictModel):
     moves: tuple[MovedBy, ...] = ()
 
 
+class StandingGauge(StrictModel):
+    """Where the gauge of the last run stands: what a run that finds it as it was left need not find anew.
+
+    Attributes:
+        mounting: name of the set-up; empty where no plan and no cell names it.
+        fixtures_mm: places that the values count from.
+        parameters: of place and zero, G; ``values`` of them [m].
+        spread: root of the covariance of the robot's parameters and of these, (P + G, r).
+    """
+
+    mounting: str = ""
+    fixtures_mm: dict[str, Vector]
+    parameters: tuple[str, ...]
+    values: tuple[float, ...]
+    spread: tuple[tuple[float, ...], ...]
+
+
 class ExpectedErrorFile(StrictModel):
     """The file.
 
@@ -75,6 +92,7 @@ class ExpectedErrorFile(StrictModel):
         parts_mm: error over the workspace by its parts: ``seen`` (noise and number of readings), ``unseen`` (what more
             readings at the same poses cannot show: scale, tool, other postures) and ``misfit`` (no named cause).
         states_deg: joint states at which the base is aligned, (n, N).
+        gauge: where the gauge stands, of a bar or wire.
     """
 
     schema_: Literal["edbb-expected-error/1"] = Field(alias="schema")
@@ -91,10 +109,17 @@ class ExpectedErrorFile(StrictModel):
     likely_share: tuple[float, float, float] = (1.0, 1.0, 1.0)
     parts_mm: dict[Literal["seen", "unseen", "misfit", "drift"], float] = Field(default_factory=dict)
     states_deg: tuple[tuple[float, ...], ...]
+    gauge: StandingGauge | None = None
 
 
-def expected_error_text(released: ReleasedRobot, robot_toml: str) -> str:
-    """Return the text of the file that goes with ``robot_toml``."""
+def expected_error_text(released: ReleasedRobot, run: Run, robot_toml: str, mounting: str = "") -> str:
+    """Return the text of the file that goes with ``robot_toml``; ``mounting``: name of the set-up of the last run."""
+    content = expected_error_content(released, run, robot_toml, mounting)
+    return json.dumps(content, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def expected_error_content(released: ReleasedRobot, run: Run, robot_toml: str, mounting: str = "") -> dict[str, object]:
+    """Return what the file says; ``run``: that was identified."""
     tool, setup = released.tool, released.fit.setup
     whole, others = released.spread(tool.names), released.other_tools
     root = _few_columns(whole, (tool, *others), tool.names)
@@ -105,7 +130,7 @@ def expected_error_text(released: ReleasedRobot, robot_toml: str) -> str:
         for name, fit in (("nominal", None), ("geometry", released.geometry), ("released", released.fit))
     }
     few = tool.q[even_positions(len(tool.q), 300)]  # states at which the base is aligned
-    content = {
+    return {
         "schema": "edbb-expected-error/1",
         "robot": setup.robot.name,
         "robot_sha256": sha256(robot_toml.encode()).hexdigest(),
@@ -122,8 +147,42 @@ def expected_error_text(released: ReleasedRobot, robot_toml: str) -> str:
             name: float(few_digits(to_mm(value), DIGITS)) for name, value in dict(error_parts(released)).items()
         },
         "states_deg": np.round(to_deg(few), 3).tolist(),
+        **_standing_gauge(released, run, mounting),
     }
-    return json.dumps(content, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def _standing_gauge(released: ReleasedRobot, run: Run, mounting: str) -> dict[str, object]:
+    """Return what is known of where the gauge of the last run stands; nothing of a gauge without lasting places.
+
+    Errors of the robot that a gauge elsewhere would take up are as open as the gauge's place, and only both together
+    are known: so the root has all directions that move either the tool or the readings.
+    """
+    setup, known, tool = released.fit.setup, released.posterior.fit, released.tool
+    stands = setup.gauge.left_standing(setup)
+    own = {name: own for name, own in stands.names.items() if name in known.values}
+    if not own:
+        return {}
+    names = [*tool.names, *own]
+    root = released.spread(names)
+    few = run.samples.take(even_positions(len(run), 300))  # readings say which directions move them
+    rows = known.model.rows(few)[:, 0] / known.model.noise(few)[:, None]
+    at = [known.model.names.index(n) if n in known.model.names else -1 for n in names]
+    seen = np.where(np.array(at) >= 0, rows[:, at], 0.0) @ root
+    moved = seen.T @ seen
+    for each in (tool, *released.other_tools):
+        motion = _tool_motion(root, each, names)
+        # 10: as much as ten readings of one standard deviation each
+        moved += 10.0 * motion.T @ motion / max(float((motion**2).sum()), 1e-300)
+    square, turn = np.linalg.eigh(moved)
+    kept = square > 1e-3 * len(few) / len(square)  # all that is left out moves no reading by more than 3 % of its noise
+    gauge = {
+        "mounting": mounting,
+        "fixtures_mm": {name: few_digits(to_mm(p), 8).tolist() for name, p in stands.places.items()},
+        "parameters": list(own.values()),
+        "values": [float(few_digits(known.values[name], DIGITS)) for name in own],
+        "spread": few_digits(root @ turn[:, kept], DIGITS).tolist(),
+    }
+    return {"gauge": gauge}
 
 
 def _few_columns(root: Array, maps: Sequence[ToolMap], names: Sequence[str]) -> Array:
@@ -244,9 +303,24 @@ class ExpectedError:
         It is the measured one, or ``p_FM`` (3,) [m] in the flange, which counts as known where it was not measured.
         The base is aligned anew, over the file's own states.
         """
+        return self.aligned_motion(q, self.spread, p_FM)
+
+    @property
+    def spread(self) -> Array:
+        """The root of the covariance of the parameters, (P, r)."""
+        return self._vectors[:, 3:]
+
+    @property
+    def spread_with_gauge(self) -> Array:
+        """The root of their covariance together with where the gauge stands, (P + G, r)."""
+        gauge = self.file.gauge
+        return self.spread if gauge is None else np.array(gauge.spread)
+
+    def aligned_motion(self, q: Array, spread: Array, p_FM: Array | None = None) -> Array:
+        """Return how far a tool point moves at q (n, N) [rad] by each column of errors (P, r), as above."""
         tool = self.tool if p_FM is None else p_FM
         placed = np.array([[self.is_measured(tool) or not p.name.startswith("map_")] for p in self.file.parameters])
-        spread = self._vectors[:, 3:] * placed
+        spread = spread * placed
         shift = np.linalg.lstsq(*self._motion(self._states, tool, spread))[0]
         frame, motion = self._motion(q, tool, spread)
         return np.asarray((motion - frame @ shift).reshape(len(q), 3, -1))

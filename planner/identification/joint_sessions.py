@@ -15,6 +15,7 @@ from planner.cell.cell import Cell
 from planner.cell.parts import Fixture, ToolPoint
 from planner.cell.setup import setup_of
 from planner.common.errors import InputError
+from planner.common.units import Array
 from planner.gauges.placement.flange_poses import index_in_cell
 from planner.gauges.several_lengths import SessionGauge, SeveralLengths, standing_lengths
 from planner.runs.loader import join_runs
@@ -23,11 +24,15 @@ from planner.runs.run import Run
 
 @dataclass(frozen=True)
 class MeasuredSession:
-    """One session: its name, which tells its fixtures from those of others, what was measured, and where."""
+    """One session: its name, which tells its fixtures from those of others, what was measured, and where.
+
+    ``mounting`` is the name of the gauge's set-up, which sessions share between which nobody moved it.
+    """
 
     name: str
     run: Run
     cell: Cell
+    mounting: str = ""
 
 
 def join_sessions(sessions: Sequence[MeasuredSession]) -> tuple[Run, Cell]:
@@ -39,6 +44,9 @@ def join_sessions(sessions: Sequence[MeasuredSession]) -> tuple[Run, Cell]:
     first = sessions[0].cell
     for session in sessions[1:]:
         _check_same_arm(first, session.cell)
+    sessions, lonely = _join_standing(sessions), _without_the_first(sessions)
+    if len(sessions) == 1:
+        return sessions[0].run, sessions[0].cell
     read_by = standing_lengths([s.cell for s in sessions])
     if len(read_by) < len(sessions):
         return _join_same_gauge(sessions)
@@ -54,8 +62,55 @@ def join_sessions(sessions: Sequence[MeasuredSession]) -> tuple[Run, Cell]:
     )
     fixtures = [f for s, names in zip(sessions, held, strict=True) for f in _fixtures(s.cell, names, len(points))]
     plan = replace(first.plan, free=frozenset().union(*(s.cell.plan.free for s in sessions)))
-    cell = replace(first, gauge=SeveralLengths.of(gauges), fixtures=tuple(fixtures), tool=tool, plan=plan)
-    return join_runs([replace(r, plan_id=None) for r in runs]), cell
+    gauge = replace(SeveralLengths.of(gauges), mounting=sessions[-1].mounting)
+    cell = replace(first, gauge=gauge, fixtures=tuple(fixtures), tool=tool, plan=plan)
+    run = join_runs([replace(r, plan_id=None) for r in runs])
+    return replace(run, warnings=(*run.warnings, *lonely)), cell
+
+
+def _join_standing(sessions: Sequence[MeasuredSession]) -> list[MeasuredSession]:
+    """Return the sessions, those as one between which the gauge was left standing: they share its place and zero.
+
+    Raises:
+        InputError: two of them have it, or the tool, elsewhere.
+    """
+    groups: dict[str, list[MeasuredSession]] = {}
+    for k, s in enumerate(sessions):
+        groups.setdefault(s.mounting or f" {k}", []).append(s)
+    return [_as_one_mounting(group) if len(group) > 1 else group[0] for group in groups.values()]
+
+
+def _as_one_mounting(group: Sequence[MeasuredSession]) -> MeasuredSession:
+    first, name = group[0], group[0].mounting
+    for s in group[1:]:
+        if not _stands_alike(first.cell, s.cell):
+            raise InputError(
+                f"{s.cell.path}: the gauge of '{name}' was left standing, but gauge, fixtures or tool points are not "
+                f"those of {first.cell.path}: give both one cell, or leave gauge.mounting out"
+            )
+    run = join_runs([replace(s.run, name=s.name, plan_id=None) for s in group])
+    cell = replace(first.cell, gauge=replace(first.cell.gauge, mounting=name))
+    return MeasuredSession("+".join(s.name for s in group), run, cell, name)
+
+
+def _stands_alike(one: Cell, other: Cell) -> bool:
+    places = [[f.name for f in c.fixtures] for c in (one, other)]
+    if one.gauge != other.gauge or places[0] != places[1] or len(one.tool.points) != len(other.tool.points):
+        return False
+    apart = [a.p_BX - b.p_BX for a, b in zip(one.fixtures, other.fixtures, strict=True)]
+    apart += [a.p_FM - b.p_FM for a, b in zip(one.tool.points, other.tool.points, strict=True)]
+    return _are_zero(np.array(apart))
+
+
+def _without_the_first(sessions: Sequence[MeasuredSession]) -> list[str]:
+    """Say of each session that found its gauge as another run has left it that this run is not among them."""
+    names = [s.mounting for s in sessions]
+    return [
+        f"{s.name}: its plan has the gauge as another run has left it (gauge.mounting = '{s.mounting}'), and that run "
+        "is not among these: the gauge counts as set up anew"
+        for s in sessions
+        if s.cell.gauge.mounting and names.count(s.mounting) == 1
+    ]
 
 
 def _check_same_arm(first: Cell, other: Cell) -> None:
@@ -114,8 +169,12 @@ def _tool_points(sessions: Sequence[MeasuredSession]) -> tuple[ToolPoint, ...]:
 
 
 def _same(one: ToolPoint, other: ToolPoint) -> bool:
-    # 1e-6: [m] between two tool points that are one
-    return bool(np.linalg.norm(one.p_FM - other.p_FM) < 1e-6)
+    return _are_zero(one.p_FM - other.p_FM)
+
+
+def _are_zero(apart: Array) -> bool:
+    # 1e-6: [m] between two tool points, or two places of a fixture, that are one
+    return bool(np.abs(apart).max(initial=0.0) < 1e-6)
 
 
 def _with_common_names(session: MeasuredSession, names: Sequence[str], points: Sequence[ToolPoint]) -> Run:

@@ -2,6 +2,6 @@
 
 __all__ = [
     "assumptions",
-    "centring", "check", "circular", "fleet", "live_advice", "live_gauge", "loaded", "next_session", "opcua",
-    "precision", "record", "simulation", "truth", "validation", "where_it_counts",
+    "centring", "check", "circular", "fleet", "live_advice", "live_gauge", "loaded", "more_poses", "next_session",
+    "opcua", "precision", "record", "simulation", "truth", "validation", "where_it_counts",
 ]  # fmt: skip

@@ -2,10 +2,11 @@
 
 What is known of the robot is the covariance in ``expected_error.json``: of all causes that may act, with the sizes that
 the runs so far say, averaged over the rivals that they leave. Where gauge and fixtures stand counts as set up anew, so
-that the gauge may be another one. What no column of that covariance holds, the discrepancy among it, stays.
+that the gauge may be another one, unless the cell says that they were left standing. What no column of that covariance
+holds, the discrepancy among it, stays.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import ClassVar
@@ -24,7 +25,7 @@ from planner.design.expected_errors import square_limit
 from planner.design.pose_selection import judge_few_poses
 from planner.effects.effect import Parameter
 from planner.identification.calibrated_robot import effect_parameter
-from planner.identification.expected_error import ExpectedError
+from planner.identification.expected_error import ExpectedError, StandingGauge
 from planner.identification.posterior_background import acts_on_robot, background_families
 from planner.instruments.assumptions import SESSION
 from planner.instruments.where_it_counts import ErrorPlaces
@@ -37,6 +38,10 @@ from planner.session.planning import PoseSession, Selection
 TOGETHER = (
     "identify this run together with those before, each by its own file: edbb identify BEFORE.csv run.csv --cell "
     "CELL -o calibrated"
+)
+LEFT_STANDING = (
+    "the gauge counts as left standing since the run before: leave its fixtures where they are and its zero as it is; "
+    "edbb identify says if it was moved after all"
 )
 ROBOT, IDENTIFICATION = "robot.toml", "identification.json"
 
@@ -91,6 +96,7 @@ class RemainingErrors:
         weight_per_prior: mean square error of the tool per squared columns, (r, r) [m²], where it counts.
         whole_weight: the same over the whole workspace, for which the error is stated.
         where: where it counts, as the end of a sentence says it.
+        stands: where the gauge stands, if it was left standing.
     """
 
     before: CalibratedState
@@ -100,6 +106,7 @@ class RemainingErrors:
     weight_per_prior: Array
     whole_weight: Array
     where: str = "over the workspace"
+    stands: StandingGauge | None = None
 
     untraced_label: ClassVar[str] = "before this session"
     before_label: ClassVar[str] = "as stated by the runs so far"
@@ -119,21 +126,25 @@ class RemainingErrors:
         names = [tool.get(p.name, p.name) for p in known.file.parameters]
         own = {p.name: p for p in Model.of(setup, FREEABLE).parameters}
         effects = [effect_parameter(p.name, p.moves, setup) for p in known.file.parameters if p.moves]
-        anew = [p for n, p in own.items() if n not in names and p.group != "geometry"]
+        stands = standing_gauge(cell, known)
+        standing = [] if stands is None else [n for n in stands.parameters if n in own]
+        anew = [p for n, p in own.items() if n not in (*names, *standing) and p.group != "geometry"]
         anew += _gauge_errors(setup, samples)
         robot = {p.name: p for p in (*own.values(), *effects) if p.name in names}
         kept = [k for k, n in enumerate(names) if n in robot]
-        model = Model(setup, (*(robot[names[k]] for k in kept), *anew))
-        spread = np.array(known.file.spread).reshape(len(names), -1)[kept]
+        model = Model(setup, (*(robot[names[k]] for k in kept), *(own[n] for n in standing), *anew))
+        spread = known.spread if stands is None else known.spread_with_gauge
+        rows = [*kept, *(len(names) + k for k, n in enumerate(stands.parameters if stands else ()) if n in own)]
         sizes = np.array([p.prior if np.isfinite(p.prior) else SESSION.unknown_prior for p in anew])
-        root = block_diag(spread, np.diag(sizes))
+        root = block_diag(spread[rows], np.diag(sizes))
         everywhere = ErrorPlaces("over the workspace", uniform_states(cell, WORKSPACE_STATES, 0))
-        whole = weight = _tool_weight(known, everywhere, len(anew))
+        of_robot = spread[: len(names)]
+        whole = weight = _tool_weight(known, everywhere, of_robot, len(anew))
         if counts is not None:
-            weight = _tool_weight(known, counts, len(anew))
+            weight = _tool_weight(known, counts, of_robot, len(anew))
         where = (counts or everywhere).words
         gauge = np.arange(root.shape[1]) >= spread.shape[1]
-        return cls(before, model, root, gauge, weight, whole, where)
+        return cls(before, model, root, gauge, weight, whole, where, stands)
 
     @property
     def untraced(self) -> float:
@@ -183,11 +194,48 @@ class RemainingErrors:
         return stated / max(self._root_with_rest(square), 1e-300)
 
 
-def _tool_weight(known: ExpectedError, places: ErrorPlaces, anew: int) -> Array:
-    """Return the mean square error of the tool at some places per squared columns; ``anew`` move none."""
+def standing_gauge(cell: Cell, known: ExpectedError) -> StandingGauge | None:
+    """Return where the gauge stands, if the cell says that it stands as the runs so far have left it."""
+    gauge = known.file.gauge
+    return gauge if gauge is not None and cell.gauge.mounting == mounting_of(known) else None
+
+
+def mounting_of(known: ExpectedError) -> str:
+    """Return the name of the last run's set-up; that of the robot found with it, where no plan has named it."""
+    named = "" if known.file.gauge is None else known.file.gauge.mounting
+    return named or known.file.robot_sha256[:12]
+
+
+def leave_standing(cell: Cell, before: CalibratedState) -> Cell:
+    """Return the cell with the gauge as the runs so far have left it.
+
+    Raises:
+        InputError: they do not say where it stands, or the cell has it elsewhere.
+    """
+    gauge = before.known.file.gauge
+    if gauge is None:
+        raise InputError(
+            f"{before.folder}: does not say where a gauge stands, which --same-mounting needs: identify the run again "
+            "(of a bar or wire), or leave --same-mounting out"
+        )
+    here = {f.name: to_mm(f.p_BX) for f in cell.fixtures}
+    for name, place in gauge.fixtures_mm.items():
+        # 1e-3: [mm] between places that are one
+        if name not in here or np.abs(here[name] - np.array(place)).max() > 1e-3:
+            raise InputError(
+                f"{cell.path}: fixture '{name}' stands elsewhere than in {before.folder}: leave --same-mounting out"
+            )
+    name = mounting_of(before.known)
+    own = {**cell.file.gauge.own, "mounting": name}
+    file = cell.file.model_copy(update={"gauge": cell.file.gauge.model_copy(update={"own": own})})
+    return replace(cell, file=file, gauge=replace(cell.gauge, mounting=name))
+
+
+def _tool_weight(known: ExpectedError, places: ErrorPlaces, spread: Array, anew: int) -> Array:
+    """Return the mean square error of the tool at places per squared columns of a root; ``anew`` more move none."""
     own = np.broadcast_to(known.tool, (len(places.q), 3)) if places.p_FM is None else places.p_FM
     tools, which = np.unique(np.round(own, 7), axis=0, return_inverse=True)
-    parts = [known.aligned_spread(places.q[which.ravel() == k], tool) for k, tool in enumerate(tools)]
+    parts = [known.aligned_motion(places.q[which.ravel() == k], spread, tool) for k, tool in enumerate(tools)]
     moved = np.concatenate(parts).reshape(-1, parts[0].shape[-1])
     return np.asarray(block_diag(moved.T @ moved / len(places.q), np.zeros((anew, anew))))
 
@@ -231,6 +279,8 @@ class NextSessionChooser:
             self._check_goal(unknown.limit_before)
             expected = choose_bayesian_poses(cell, pool, poses, progress, unknown, self.until, stages.limit)
         session.notes.append(TOGETHER)
+        if unknown.stands is not None:
+            session.notes.append(LEFT_STANDING)
         with stages.stage("selection"):
             judged = judge_few_poses(cell, pool, expected.chosen, session.index, stages.limit)
             return Selection(judged, expected_error=expected)

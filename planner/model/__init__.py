@@ -7,6 +7,7 @@ __all__ = [
     "gauge_frames",
     "identification_document",
     "model",
+    "more_poses",
     "tool_error",
     "use_statement",
     "use_text",

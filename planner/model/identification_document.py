@@ -15,6 +15,7 @@ from planner.common.units import Array
 from planner.model.beside_findings import ManyOfOneKind, RejectedEffect
 from planner.model.document_section import DocumentSection, SectionOfJoint, round_numbers
 from planner.model.gauge_frames import GaugeFrames, JointZero
+from planner.model.more_poses import MorePoses
 from planner.model.use_statement import Use
 
 OnlyInMemory = GetPydanticSchema(lambda *_: any_schema())
@@ -329,12 +330,13 @@ class Identification(DocumentSection):
         correlation_time: how many samples are worth one.
         worse_than_nominal: in what the robot that is written is worse than the nominal one; ``None`` where in nothing.
         use: whether the robot is good enough for a tolerance, where one was asked for.
+        more: what more poses would bring, of a bar or a wire.
         problems: reasons not to use the result; empty when the fit passed its own checks.
         warnings: what a person should know.
         simulated: true where a run was simulated, else ``None``: nobody measured this robot.
     """
 
-    if_any = ("release", "n_validation", "simulated", "worse_than_nominal", "many_of_one_kind", "use")
+    if_any = ("release", "n_validation", "simulated", "worse_than_nominal", "many_of_one_kind", "use", "more")
     schema_: Literal["edbb-identification/1"]
     worse_than_nominal: str | None = None
     robot: str
@@ -360,6 +362,7 @@ class Identification(DocumentSection):
     correlation_time: float = Field(default=1.0, gt=0)
     frames: GaugeFrames = GaugeFrames()
     use: Use | None = None
+    more: MorePoses | None = None
     problems: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
     simulated: Literal[True] | None = None

@@ -55,6 +55,10 @@ class PlanOptions:
             from_service=JobFile("identification", "calibrated"),
         ),
     ] = None
+    same_mounting: Annotated[
+        bool,
+        Option("with --after: the gauge was left standing; its place and zero are as the last run found"),
+    ] = False
     until_mm: Annotated[
         float | None,
         Option(
@@ -133,6 +137,8 @@ class PlanOptions:
         Raises:
             InputError: something else is asked for as well.
         """
+        if self.same_mounting and self.after is None:
+            raise InputError(f"{cell.path}: --same-mounting goes with --after, whose run has left the gauge standing")
         counts = [f"--{name}" for name in ("region", "program") if getattr(self, name) is not None]
         if counts and self.after is None:
             raise InputError(

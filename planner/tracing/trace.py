@@ -11,6 +11,7 @@ from planner.common.units import Array, display_unit, format_value
 from planner.design.assumptions import LOG_LIKELIHOOD_EVIDENCE
 from planner.effects.catalogue import catalogue
 from planner.effects.effect import Effect, Role
+from planner.effects.sessions import SESSION_STEP
 from planner.effects.steps import STEP
 from planner.identification.calibration import TracingResult
 from planner.identification.contenders import Contender, Contest
@@ -151,6 +152,21 @@ def locate_change(state: SearchState, found: FittedEffect, finding: Finding, run
     return finding.model_copy(update={"note": note, "after_sample": sample, "surely_within": within})
 
 
+def locate_session_step(sizes: Array, finding: Finding, run: Run) -> Finding:
+    """Return the finding of a step from session to session, of sizes (p,), with the files between which it was."""
+    ends = session_ends(run.samples)
+    if not len(ends) or len(sizes) % len(ends):
+        return finding
+    steps = np.diff(sizes.reshape(len(ends), -1), axis=0, prepend=0.0)
+    moved = np.linalg.norm(steps, axis=1)
+    clear = [int(k) for k in np.flatnonzero(moved > 3.0 * finding.std)] or [int(np.argmax(moved))]
+    between = [_files_about(run, int(ends[k])) for k in clear]
+    words = ", and ".join(f"between {before} and {after}" for before, after in between)
+    note = finding.note.replace("from session to session", words, 1)
+    largest = between[int(np.argmax(moved[clear]))]
+    return finding.model_copy(update={"note": note, "between_sessions": largest})
+
+
 def _files_about(run: Run, last: int) -> tuple[str, str]:
     """Return what the session that ends with a sample is called, and the one after it: by their files, or numbers."""
     s = run.samples
@@ -231,6 +247,8 @@ def _finding(
         rivals=others,
         note=describe_effect(found, signed, std, inner_std, sizes),
     )
+    if found.effect.kind == SESSION_STEP:
+        return locate_session_step(sizes, finding, run)
     return locate_change(last, found, finding, run) if found.has(Role.CHANGE) else finding
 
 

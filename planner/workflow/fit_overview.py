@@ -29,6 +29,7 @@ def fit_overview(found: Calibration) -> Summary:
     facts = [
         *([] if release is None or use is None else _use_facts(use)),
         *([] if release is None else _leading_facts(release, found.workspace_error, found.fit.model.width)),
+        *([] if found.more is None else [("", found.more.sentence)]),
         *_reading_facts(found, release),
         *([("in pixels", own)] if (own := own_errors_text(found)) else []),
         *_cause_facts(found),

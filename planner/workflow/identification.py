@@ -31,6 +31,7 @@ from planner.identification.pipeline import identify as fit_and_trace
 from planner.identification.residual_table import residuals_csv
 from planner.identification.run_setup import drop_unreadable, number_samples
 from planner.identification.suitability import judge_use
+from planner.instruments.more_poses import foresee_more_poses
 from planner.instruments.precision import check_mastering
 from planner.instruments.simulation import SimulatedRun
 from planner.kinematics.robot import Robot
@@ -151,7 +152,8 @@ class CalibrationResult(FolderResult):
         """Write the calibrated robot alone: ``robot.toml`` and what belongs to it."""
         files = dict(calibrated_files(self.calibration))
         if (released := self.calibration.released) is not None:
-            files[EXPECTED_ERROR] = expected_error_text(released, files["robot.toml"])
+            mounting = self.cell.gauge.mounting or self.calibration.run.plan_id or ""
+            files[EXPECTED_ERROR] = expected_error_text(released, self.calibration.run, files["robot.toml"], mounting)
             files["expected_error.csv"] = expected_error_csv(released)
             known = self.calibration
             baseline = baseline_text(released, known.degrees_of_freedom, known.run, self.cell, files["robot.toml"])
@@ -212,7 +214,7 @@ def identify(asked: IdentifyCall) -> CalibrationResult:
     cell, plan = only_one(asked.cell, "--cell"), only_one(asked.plan, "--plan")
     where = with_fleet(_cell_of(cell, plan), asked.fleet)
     found = identify_runs(measured, where, stages, plan, asked.validate, settings, tracing=not asked.no_trace)
-    return CalibrationResult(_with_use(_beside_fleet(found, asked.fleet), where, asked.tolerance_mm), where, stages)
+    return _result(found, where, asked, stages)
 
 
 def _identify_sessions(
@@ -227,7 +229,14 @@ def _identify_sessions(
     with stages.stage("identification"):
         tracer = None if asked.no_trace else trace
         found = fit_and_trace(run, cell, other, settings, lambda s: stages.say(s, 0, 0), tracer)
-    return CalibrationResult(_with_use(_beside_fleet(found, asked.fleet), cell, asked.tolerance_mm), cell, stages)
+    return _result(found, cell, asked, stages)
+
+
+def _result(found: Calibration, cell: Cell, asked: IdentifyCall, stages: Stages) -> CalibrationResult:
+    """Return the calibration with what its robot is good for and what more poses would bring."""
+    judged = _with_use(_beside_fleet(found, asked.fleet), cell, asked.tolerance_mm)
+    more = foresee_more_poses(judged, cell)
+    return CalibrationResult(judged.model_copy(update={"more": more}), cell, stages)
 
 
 def _beside_fleet(found: Calibration, fleet: Path | str | None) -> Calibration:
@@ -295,6 +304,7 @@ def identify_runs(
             path = Path(plan) if isinstance(plan, Path | str) else Path("plan.json")
             document = read_plan(path, "drives") if isinstance(plan, Path | str) else plan.document()
             run, kept_out = split_by_plan(number_samples(run), path, document, cell)
+            run = replace(run, plan_id=document.plan_id)
             other, foreseen = other or kept_out, _foreseen(document)
         for each in (run, other):
             if each is not None:

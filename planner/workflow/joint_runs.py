@@ -116,7 +116,8 @@ def _load(source: RunSource, name: str) -> tuple[MeasuredSession, np.ndarray]:
     run = replace(run, samples=replace(run.samples, number=None))
     if name != source.path.stem:  # several files are called alike
         run = replace(run, files=(f"{source.path.resolve().parent.name}/{source.path.name}",))
-    return MeasuredSession(name, run, cell), aside
+    planned = run.plan_id if plan is None else plan.plan_id
+    return MeasuredSession(name, run, cell, cell.gauge.mounting or planned or ""), aside
 
 
 def _plan_of(source: RunSource) -> tuple[Path, PlanDocument | None]:

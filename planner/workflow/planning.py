@@ -11,7 +11,7 @@ from planner.common.files import folder_of
 from planner.common.progress import UNLIMITED, Stages, TimeLimit
 from planner.common.units import from_mm
 from planner.design.free_parameters import check_effects
-from planner.instruments.next_session import ROBOT, CalibratedState, NextSessionChooser
+from planner.instruments.next_session import ROBOT, CalibratedState, NextSessionChooser, leave_standing
 from planner.instruments.where_it_counts import places_in_region, places_of_program
 from planner.motion.planning_packages import require_planning_packages
 from planner.report.plan_report import report_plan
@@ -62,11 +62,14 @@ def plan_cell(cell: Cell, options: PlanOptions, stages: Stages) -> Plan:
         NoSolutionError: a stage has no solution; the message says which.
     """
     check_effects(cell)
-    session = pose_session(options.in_order(cell), options, _chooser(cell, options))
+    chooser = _chooser(cell, options)
+    if chooser is not None and options.same_mounting:
+        cell = leave_standing(cell, chooser.before)
+    session = pose_session(options.in_order(cell), options, chooser)
     return plan_session(session, options, stages, _begin_drawing)
 
 
-def _chooser(cell: Cell, options: PlanOptions) -> PoseChooser | None:
+def _chooser(cell: Cell, options: PlanOptions) -> NextSessionChooser | None:
     """Return what chooses the poses after other sessions; ``None`` for a robot of which nothing is known."""
     if options.after is None or not cell.has_bar():
         return None

@@ -1,26 +1,31 @@
-"""Minutes to a stated bound, in batches until it is reached and by plans of fixed size.
+"""Minutes to a stated bound: a gauge read until it is good enough, against sets of poses that are fixed beforehand.
 
 ``python -m tests.benchmarks.stopping LOG.jsonl``.
 Arms are those of ``tests.independent_arms``, which share nothing with the planner's code: 0 to 3 hidden causes of the
-catalogue, every other arm with one that no catalogue has. All choose among the same poses in the bar's shell:
+catalogue, every other arm with one that no catalogue has. All ways choose among the same poses in the bar's shell:
 
-- ``sequential``: 40 poses as a plan of nothing known chooses them, then 15 at a time by what the run so far leaves, the
-  gauge left standing;
-- ``batches``: the same, each batch with the bar set up anew, all identified as one;
-- ``plan``: the same rule as for the first 40, for a number of poses that is fixed beforehand;
+- ``ten at a time``: an electronic gauge, an arm that is led on; 30 poses as a plan of nothing known chooses them, then
+  ten at a time that lower most, in a second of way and reading, what the readings so far leave;
+- ``batches``: the same, 15 at a time, each a program of its own, the gauge left standing;
+- ``batches, by the error alone``: the same, chosen whatever the way to them takes;
+- ``batches anew``: batches with the gauge set up anew for each;
+- ``plan``: a plan of nothing known, chosen by the error that it leaves;
 - ``d-optimal``: the largest determinant of the information on the geometry, taken greedily;
 - ``next-view``: a pose at a time by the trace of the geometry's covariance, after arXiv 2303.06766.
 
-A bound is what ``edbb identify`` states (``at_most_mm``); a pose takes 21 s, a batch 3 min more. Of plans of fixed size
-the bound is asked after 40, 55, 70 … poses, as if it had been known beforehand which size is enough. True errors are
-those of the tool that ``edbb compensate`` corrects. One line of LOG an arm and a way; what is there is not done again.
+Readings are those of the true arm with all its causes, in their order of time; the estimate is the one that ``edbb
+measure`` makes at the cell (linear, its sizes learnt), whose 95 % limit stops. The true error is that of the tool
+against the model's mean, over the workspace. Legs take as long as the planner's tour estimates them; paths are not
+proven. The last three are asked after 30, 40 … poses in one tour each, as if it had been known beforehand which number
+is enough for this very arm; with one number for all arms, the minutes that 90 % of them need are everybody's. One line
+of LOG an arm; what is there is not done again.
 """
 
 import argparse
 import json
-import shutil
-import tempfile
+from dataclasses import dataclass, replace
 from functools import cache
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -28,119 +33,240 @@ import numpy as np
 from planner.cell.reading import load_cell
 from planner.design.bayesian_design import BayesianPosterior, select_greedily
 from planner.design.free_parameters import undeclared_errors
-from planner.instruments.next_session import CalibratedState, RemainingErrors
-from planner.runs.run import Samples
-from planner.workflow.identification import identify
+from planner.design.learnt_posterior import LearntPosterior
+from planner.instruments.live_estimate import families
+from planner.model.tool_error import tool_rows
+from planner.motion.tour.solve import solve_tour
+from planner.runs.run import Mounting, Readings, Samples
+from planner.session.tour_cost import tour_costs
 from tests.independent_arms import runs
-from tests.independent_arms.arm import make_arm
-from tests.independent_arms.judge import evaluation_states, model_error
+from tests.independent_arms.arm import TOOL, make_arm
+from tests.independent_arms.chain import frames, points
+from tests.independent_arms.judge import evaluation_states, rms_aligned
 from tests.simulation.generator.arm import Arm
 from tests.simulation.generator.poses import at_targets, shell_points
 
-FIRST, STEP, MOST = 40, 15, 130  # poses
-SECONDS_A_POSE, MINUTES_A_BATCH = 21.0, 3.0
-GOALS_MM = (0.4, 0.2, 0.1)
-WAYS = ("sequential", "batches", "plan", "d-optimal", "next-view")
+FIRST, BATCH, FEW, MOST = 30, 15, 10, 180  # poses
+READ_S = 6.0  # [s] a pose: rest, settle, read
+PROGRAM_MIN, SET_UP_MIN = 3.0, 5.0  # [min] to carry a log away and a program back; to set a bar up, and its zero
+GOALS_MM = (0.4, 0.3, 0.2, 0.1)
+FIXED = ("plan", "d-optimal", "next-view")
+WAYS = ("ten at a time", "batches", "batches, by the error alone", "batches anew", *FIXED)
 SHARE_OF_PLACE = 1e-2  # of what is unknown of the gauge's place, in greedy choices: else it comes first
-
-
-@cache
-def pool():
-    """Poses (n, 6) [rad] in the bar's shell from which all ways choose, and the cell."""
-    cell = load_cell(str(runs.CELLS["bar"]), planning=False)
-    rng = np.random.default_rng(1)
-    arm, tool = Arm.from_toml("comau-nj130"), np.array([0.050, 0.0, 0.150])
-    aim = shell_points(runs.FIXTURE, np.array([0.308, 0.512]), 500, rng, 1.3)
-    q = at_targets(arm, aim, tool, rng)
-    return q[~np.isnan(q[:, 0])], cell
 
 
 def samples(q):
     return Samples(q, np.zeros(len(q), dtype=int))
 
 
-def greedy(unknown, rows, count):
-    """Positions of ``count`` poses by the error that they leave."""
-    start = np.where(unknown.of_gauge, SHARE_OF_PLACE, 1.0)
-    known = BayesianPosterior.prior(rows * start, unknown.weight_per_prior)
-    return select_greedily(known, count, 0.0)
+class Bench:
+    """What all arms share: poses (n, 6) [rad], what is unknown, legs [s], the tool at states of the workspace."""
+
+    def __init__(self):
+        self.cell = load_cell(str(runs.CELLS["bar"]), planning=False)
+        rng = np.random.default_rng(1)
+        arm, tool = Arm.from_toml("comau-nj130"), np.array([0.050, 0.0, 0.150])
+        q = at_targets(arm, shell_points(runs.FIXTURE, np.array([0.308, 0.512]), 500, rng, 1.3), tool, rng)
+        self.q = q[~np.isnan(q[:, 0])]
+        self.unknown = undeclared_errors(self.cell, samples(self.q))
+        self.white = self.unknown.white(samples(self.q))
+        self.noise = self.unknown.model.noise(samples(self.q))
+        self.nominal = self.unknown.model.reading(samples(self.q), np.zeros(len(self.unknown.prior)))[:, 0]
+        self.families = families(self.unknown)
+        self.anew = np.array(
+            [p.group == "gauge" and not p.name.startswith("map") for p in self.unknown.model.parameters]
+        )
+        self.legs = tour_costs(self.cell, Mounting(), self.q)
+        self.states = evaluation_states(make_arm(0, "bar", 0, False).arm, 0)
+        effects = [p for p in self.unknown.model.parameters if p.is_effect]
+        names, _, rows = tool_rows(samples(self.states), self.unknown.model.setup, effects)
+        where = [self.unknown.model.names.index(n) for n in names if n in self.unknown.model.names]
+        self.tool = np.zeros((len(rows), len(self.unknown.prior)))
+        self.tool[:, where] = rows[:, [names.index(self.unknown.model.names[k]) for k in where]]
+
+    def greedy(self, white, weight, taken, count, of_gauge):
+        """Positions of ``count`` further poses by the error that they leave; ``white`` per size as known now."""
+        start = np.where(of_gauge, SHARE_OF_PLACE, 1.0) if not len(taken) else 1.0
+        known = BayesianPosterior.prior(white * start, weight).with_readings(np.array(taken, dtype=int))
+        known.shown[taken] = 0.0  # a pose is read once
+        free = np.setdiff1d(np.arange(len(white)), taken)
+        part = BayesianPosterior(
+            known.white[free], weight, known.covariance, known.shown[free], known.spread[free], known.square
+        )
+        return list(free[select_greedily(part, count, 0.0)])
+
+    def quick(self, white, weight, taken, count, start):
+        """The same by the error that they take off a second: of reading, and of the way inserted into the others'."""
+        known = BayesianPosterior.prior(white, weight).with_readings(np.array(taken, dtype=int))
+        path = [] if start is None else [start]
+        for _ in range(count):
+            way = np.full(len(white), 0.0)
+            if path:
+                way = self.legs[path[-1]].copy()
+                if start is None:
+                    way = np.minimum(way, self.legs[path[0]])
+                a, b = path[:-1], path[1:]
+                if a:
+                    way = np.minimum(way, (self.legs[a] + self.legs[b] - self.legs[a, b][:, None]).min(axis=0))
+            worth = np.maximum(known.gains(), 0.0) / (READ_S + way)
+            worth[[*taken, *path]] = -1.0
+            k = int(np.argmax(worth))
+            known.change(k)
+            ends = [self.legs[path[-1], k]] if path else [0.0]
+            ends += [self.legs[k, path[0]]] if path and start is None else [np.inf]
+            between = [self.legs[a, k] + self.legs[k, b] - self.legs[a, b] for a, b in pairwise(path)]
+            best = int(np.argmin([*between, *ends]))
+            path.insert({len(between): len(path), len(between) + 1: 0}.get(best, best + 1), k)
+        return path if start is None else path[1:]
+
+    @cache  # noqa: B019 - there is one
+    def order(self, way):
+        """Positions in the order in which a way that knows nothing of the robot takes them."""
+        if way == "plan":
+            return self.greedy(self.white, self.unknown.weight_per_prior, [], MOST, self.unknown.of_gauge)
+        of_geometry = np.array([not p.is_effect for p in self.unknown.model.parameters])
+        rows, order = self.white[:, of_geometry], []
+        covariance = np.eye(rows.shape[1])
+        for _ in range(MOST):
+            seen = rows @ covariance
+            spread = 1.0 + np.einsum("ij,ij->i", seen, rows)
+            gain = np.log(spread) if way == "d-optimal" else (seen**2).sum(axis=1) / spread
+            gain[order] = -np.inf
+            k = int(np.argmax(gain))
+            covariance = covariance - np.outer(seen[k], seen[k]) / spread[k]
+            order.append(k)
+        return order
+
+    def toured(self, which, start=None):
+        """The poses in the order of a short tour, and its minutes; from pose ``start`` where the arm stands at one."""
+        nodes = ([] if start is None else [start]) + list(which)
+        tour = solve_tour(self.legs[np.ix_(nodes, nodes)], method="exact", nodes=0)
+        order = [nodes[k] for k in tour.order]
+        drive = sum(self.legs[a, b] for a, b in pairwise(order))
+        kept = order if start is None else order[1:]
+        return kept, (drive + READ_S * len(kept)) / 60
+
+    @cache  # noqa: B019
+    def fixed(self, way, count):
+        """The first poses of a fixed way as they are toured, and its minutes."""
+        return self.toured(self.order(way)[:count])
 
 
-@cache
-def fixed_order(way):
-    """Positions in the pool in the order in which a way that knows nothing of the robot takes them."""
-    q, cell = pool()
-    unknown = undeclared_errors(cell, samples(q))
-    white = unknown.white(samples(q))
-    if way in ("sequential", "batches", "plan"):
-        return greedy(unknown, white, MOST)
-    of_geometry = np.array([not p.is_effect for p in unknown.model.parameters])
-    rows, order = white[:, of_geometry], []
-    covariance = np.eye(rows.shape[1])
-    for _ in range(MOST):
-        seen = rows @ covariance
-        spread = 1.0 + np.einsum("ij,ij->i", seen, rows)
-        gain = np.log(spread) if way == "d-optimal" else (seen**2).sum(axis=1) / spread
-        gain[order] = -np.inf
-        k = int(np.argmax(gain))
-        covariance = covariance - np.outer(seen[k], seen[k]) / spread[k]
-        order.append(k)
-    return np.array(order)
+@dataclass
+class Session:
+    """An arm that is measured: readings come in their order of time; what the estimate says, and what is true."""
+
+    bench: Bench
+    seed: int
+    anew: bool = False
+
+    def __post_init__(self):
+        b = self.bench
+        self.true = make_arm(self.seed, "bar", self.seed % 4, bool(self.seed % 2))
+        rng = np.random.default_rng([self.seed, 5])
+        self.rest = rng.normal(0, self.true.joint_noise, b.q.shape)
+        self.noise = rng.normal(0, self.true.noise, len(b.q))
+        self.rng, self.taken, self.off, self.minutes = rng, [], np.zeros(0), 0.0
+        self.white, self.families, self.weight = b.white, b.families, b.unknown.weight_per_prior
+        self.gauge, self.stands = b.unknown.of_gauge, b.anew
+        self.fixture, self.zero = None, 0.0
+        self.posterior = None
+
+    def set_up(self, first):
+        """Set the gauge up: by hand, where the robot shows it."""
+        self.fixture = runs.fixture_as_set_up(self.true, self.bench.q[first], self.rng)
+        if not self.anew or not self.taken:
+            return
+        b, free = self.bench, np.flatnonzero(self.bench.anew)
+        self.zero = self.rng.normal(0, 0.05e-3)
+        later = np.setdiff1d(np.arange(len(b.q)), self.taken)
+        here, more = self.white.copy(), np.zeros((len(b.q), len(free)))
+        here[np.ix_(later, np.flatnonzero(self.stands))] = 0.0
+        more[later] = b.white[later][:, free]
+        self.white = np.concatenate([here, more], axis=1)
+        self.stands = np.concatenate([self.stands, np.ones(len(free), dtype=bool)])
+        number = np.concatenate([self.families.number, self.families.number[free]])
+        self.families = replace(self.families, number=number)
+        self.gauge = np.concatenate([self.gauge, np.ones(len(free), dtype=bool)])
+        self.weight = np.pad(self.weight, ((0, len(free)), (0, len(free))))
+
+    def read(self, which, minutes):
+        """Read poses, in that order, which takes so many minutes."""
+        b, true = self.bench, self.true
+        time = 60 * (self.minutes + minutes * (1 + np.arange(len(which))) / len(which))
+        q = b.q[which]
+        length = runs.bar_lengths(true, q, time, self.rest[which], self.fixture) + self.zero + self.noise[which]
+        target = b.unknown.model.setup.targets(samples(q), Readings(length=length)).length
+        self.off = np.append(self.off, (target - b.nominal[which]) / b.noise[which])
+        self.taken += list(which)
+        self.minutes += minutes
+        self.posterior = LearntPosterior.of(self.white, self.weight, self.families)
+        self.posterior.learn(self.taken, self.off)
+
+    def choose(self, count, start=None, quick=False):
+        """The poses that lower most what is still unknown, or lower it most in a second, from where the arm stands."""
+        size = self.posterior.learnt.factors[self.families.number]
+        weight = self.weight * np.outer(size, size)
+        if quick:
+            white = self.white * size / self.posterior.learnt.noise
+            return self.bench.quick(white, weight, self.taken, count, start)
+        return self.bench.greedy(self.white * size / self.posterior.learnt.noise, weight, self.taken, count, self.gauge)
+
+    def stand(self):
+        """Where the session stands: poses, minutes, bound, stated and true error [mm]."""
+        b, p = self.bench, self.posterior
+        errors = p.learnt.mean[: len(b.unknown.prior)] * b.unknown.prior
+        moment = {"time": 30 * self.minutes, "warm": runs.warming(30 * self.minutes)}
+        meant = points(frames(self.true.arm, b.states)[6], TOOL) + (b.tool @ errors).reshape(-1, 3)
+        off = rms_aligned(self.true.points(b.states, **moment), meant)
+        unknown = b.unknown
+        stated, bound = unknown.state(p.square(self.taken)), unknown.state_limit(p.square_limit(self.taken))
+        return {
+            "poses": len(self.taken),
+            "minutes": self.minutes,
+            "bound": 1e3 * bound,
+            "stated": 1e3 * stated,
+            "true": off,
+        }
 
 
-def measure(true, q, folder, batch=0):
-    """Measure poses into the folder of a session, its noise and set-up drawn anew."""
-    folder.mkdir(parents=True)
-    other = true.__class__(**{**vars(true), "seed": true.seed + 10_000 * batch})
-    columns = runs.bar_at_rest(other, q)
-    runs.write_run(columns, folder / "run.csv")
-    shutil.copy(runs.CELLS["bar"], folder / "cell.toml")
-    return columns
-
-
-def calibrate(paths, folder):
-    """Identify the runs and write what the next step needs; the bound in mm."""
-    found = identify([str(p / "run.csv") for p in paths] if len(paths) > 1 else paths[0] / "run.csv",
-                     cell=None if len(paths) > 1 else paths[0] / "cell.toml", no_trace=True)  # fmt: skip
-    folder.mkdir()
-    (folder / "identification.json").write_text(found.to_json())
-    found.write_robot(folder)
-    return 1e3 * found.calibration.release.at_most, 1e3 * found.calibration.workspace_error
-
-
-def judge_way(seed, way, folder):
+def judge_way(bench, seed, way):
     """Rows of one arm and one way: after each number of poses the minutes, the bound, and stated and true error."""
-    q, cell = pool()
-    true = make_arm(seed, "bar", seed % 4, bool(seed % 2))
-    at, rows, taken, sessions = evaluation_states(true.arm, seed), [], list(fixed_order(way)[:FIRST]), []
-    new = taken
+    rows, goal = [], min(GOALS_MM)
+    if way in FIXED:
+        for count in range(FIRST, MOST + 1, FEW):
+            session = Session(bench, seed)
+            which, minutes = bench.fixed(way, count)
+            session.set_up(which)
+            session.read(which, minutes)
+            rows.append(session.stand())
+            if rows[-1]["bound"] <= goal:
+                break
+        return rows
+    led, quick = way == "ten at a time", way != "batches, by the error alone"
+    session, step = Session(bench, seed, way == "batches anew"), FEW if led else BATCH
+    which, minutes = bench.fixed("plan", FIRST)
+    session.set_up(which)
     while True:
-        number = len(rows)
-        if way == "batches":
-            sessions.append(folder / f"batch{number}")
-            columns = measure(true, q[new], sessions[-1], number)
-        else:
-            sessions = [folder / f"plan{number}"]
-            columns = measure(true, q[taken], sessions[0])
-        known = folder / f"known{number}"
-        bound, stated = calibrate(sessions, known)
-        minutes = len(taken) * SECONDS_A_POSE / 60 + MINUTES_A_BATCH * (len(sessions) - 1)
-        off = model_error(true, at, known / "robot.toml", folder, runs.middle(columns["t_s"]))[0]
-        rows.append({"poses": len(taken), "minutes": minutes, "bound": bound, "stated": stated, "true": off})
-        if bound <= min(GOALS_MM) or len(taken) + STEP > MOST:
+        session.read(which, minutes)
+        rows.append(session.stand())
+        if rows[-1]["bound"] <= goal or len(session.taken) + step > MOST:
             return rows
-        if way in ("sequential", "batches"):
-            unknown = RemainingErrors.of(CalibratedState.read(known, cell), cell, samples(q))
-            free = np.setdiff1d(np.arange(len(q)), taken)
-            new = list(free[greedy(unknown, unknown.white(samples(q[free])), STEP)])
-            taken = [*taken, *new]
-        else:
-            taken = list(fixed_order(way)[: len(taken) + STEP])
+        if way == "batches anew":
+            session.set_up(which)
+        start = session.taken[-1] if led else None
+        which, minutes = bench.toured(session.choose(step, start, quick), start)
+        if not led:
+            session.minutes += PROGRAM_MIN + (SET_UP_MIN if way == "batches anew" else 0.0)
 
 
 def first_below(rows, goal):
     """The first row whose bound is below a goal; ``None`` where none is."""
     return next((r for r in rows if r["bound"] <= goal), None)
+
+
+def quantile(values, share):
+    return float(np.sort(values)[int(np.ceil(share * len(values))) - 1])
 
 
 def table(lines):
@@ -151,15 +277,14 @@ def table(lines):
     ]
     for goal in GOALS_MM:
         for way in WAYS:
-            own = [line["rows"] for line in lines if line["way"] == way]
+            own = [line["ways"][way] for line in lines if way in line["ways"]]
             hit = [r for rows in own if (r := first_below(rows, goal))]
             if not own:
                 continue
-            minutes = np.sort([*(r["minutes"] for r in hit), *[np.inf] * (len(own) - len(hit))])
-            middle, most = (minutes[int(np.ceil(share * len(minutes))) - 1] for share in (0.5, 0.9))
+            minutes = [*(r["minutes"] for r in hit), *[np.inf] * (len(own) - len(hit))]
+            said = [f"{m:.0f}" if np.isfinite(m := quantile(minutes, s)) else "not reached" for s in (0.5, 0.9)]
             ratio = f"{np.median([r['stated'] / r['true'] for r in hit]):.2f}" if hit else "–"
             below = f"{sum(r['true'] <= r['bound'] for r in hit)} of {len(hit)}"
-            said = [f"{m:.0f}" if np.isfinite(m) else "not reached" for m in (middle, most)]
             out.append(f"| {goal} mm | {way} | {len(hit)} of {len(own)} | {said[0]} | {said[1]} | {ratio} | {below} |")
     return "\n".join(out)
 
@@ -167,21 +292,20 @@ def table(lines):
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("log", type=Path)
-    parser.add_argument("--arms", type=int, default=10)
+    parser.add_argument("--arms", type=int, default=50)
     parser.add_argument("--first-seed", type=int, default=0)
     parser.add_argument("--ways", nargs="+", default=WAYS, choices=WAYS)
     parser.add_argument("--table", action="store_true", help="only print the table of what stands in the log")
     given = parser.parse_args()
     text = given.log.read_text() if given.log.exists() else ""
     lines = [json.loads(line) for line in text.splitlines()]
+    bench = None if given.table else Bench()
     for seed in range(given.first_seed, given.first_seed + (0 if given.table else given.arms)):
-        for way in given.ways:
-            if any((line["seed"], line["way"]) == (seed, way) for line in lines):
-                continue
-            with tempfile.TemporaryDirectory() as folder:
-                lines.append({"seed": seed, "way": way, "rows": judge_way(seed, way, Path(folder))})
-            with given.log.open("a") as log:
-                log.write(json.dumps(lines[-1]) + "\n")
+        if any(line["seed"] == seed for line in lines):
+            continue
+        lines.append({"seed": seed, "ways": {way: judge_way(bench, seed, way) for way in given.ways}})
+        with given.log.open("a") as log:
+            log.write(json.dumps(lines[-1]) + "\n")
     print(table(lines))
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from planner.cell.reading import load_cell
 from planner.cli import cell_commands
-from planner.design.learnt_sizes import learn_errors
+from planner.design.learnt_sizes import Families, learn_errors
 from planner.instruments.live_advice import FEWEST_READ, LiveAdvice
 from planner.instruments.live_estimate import LiveEstimate
 from planner.instruments.live_gauge import measure_poses
@@ -46,6 +46,8 @@ def test_an_update_takes_less_than_a_second_and_does_not_depend_on_the_order(ben
     for k in np.random.default_rng(0).permutation(len(bench.made.q)):
         last = other.add(int(k), bench.made.length[k])
     assert last.error == pytest.approx(stands.error, rel=1e-6)
+    at_once = begun(bench).add_all(dict(enumerate(bench.made.length.tolist())))
+    assert at_once.at_most == pytest.approx(stands.at_most, rel=1e-6)
     errors = [p.error for p in one.history]
     assert errors[-1] < 0.3 * errors[4]
 
@@ -56,15 +58,13 @@ def test_what_is_expected_is_what_comes(bench):
     for seed in range(60):
         rng = np.random.default_rng([seed, 4])
         live = begun(bench)
-        size = np.where(live.known, 1.0, 2.0 ** rng.uniform(-1, 1, len(live.known)))
-        truth = size[live.family] * rng.standard_normal(len(live.family))
-        readings = live.expected + live.noise * (live.white @ truth + rng.standard_normal(len(live.noise)))
-        live.read = list(range(45))
-        off = (readings - live.expected)[:45] / live.noise[:45]
-        live.learnt = learn_errors(live.white[:45], off, live.family, live.known)
-        off = truth - live.learnt.mean
+        known, family = live.posterior.families.known, live.posterior.families.number
+        size = np.where(known, 1.0, 2.0 ** rng.uniform(-1, 1, len(known)))
+        truth = size[family] * rng.standard_normal(len(family))
+        readings = live.expected + live.noise * (live.posterior.white @ truth + rng.standard_normal(len(live.noise)))
+        stands = live.add_all(dict(enumerate(readings[:45].tolist())))
+        off = truth - live.posterior.learnt.mean
         square = off @ live.unknown.weight_per_prior @ off
-        stands = live._progress(0.0)
         ratio.append(square / stands.error**2)
         below.append(np.sqrt(square) <= stands.at_most)
     assert 0.6 < np.mean(ratio) < 1.6
@@ -73,12 +73,30 @@ def test_what_is_expected_is_what_comes(bench):
 
 def test_sizes_are_those_that_were_drawn_and_what_is_not_seen_pulls_nowhere():
     rng = np.random.default_rng(1)
-    family = np.repeat([0, 1], 400)
-    truth = np.where(family == 0, 3.0, 0.5) * rng.standard_normal(800)
-    shown = 10.0 * np.eye(800)[:400]  # nothing is seen of the second family
-    found = learn_errors(shown, shown @ truth, family, np.array([False, False]))
-    assert found.factors[0] == pytest.approx(3.0, rel=0.1)
-    assert found.factors[1] == pytest.approx(1.0, abs=0.02)
+    family = np.repeat([0, 1], 60)
+    truth = np.where(family == 0, 3.0, 0.5) * rng.standard_normal(120)
+    shown = np.tile(10.0 * np.eye(120)[:60], (3, 1))  # three readings each; nothing is seen of the second family
+    nothing = np.array([False, False])
+    found = learn_errors(shown, shown @ truth + rng.standard_normal(180), Families(family, nothing, nothing))
+    assert found.factors[0] == pytest.approx(3.0, rel=0.25)
+    assert found.noise == pytest.approx(1.0, abs=0.1)
+    usual, weight = Families(family, nothing, nothing).factors(1)
+    assert found.factors[1] == pytest.approx(np.sqrt(weight @ usual**2), rel=1e-3)
+
+
+def test_what_most_robots_do_not_show_is_found_where_it_is_and_not_elsewhere():
+    """Twelve families of gears, two of which act; readings that no column explains make the noise larger."""
+    rng = np.random.default_rng(2)
+    family = np.repeat(np.arange(12), 10)
+    size = np.where(np.arange(12) < 2, 1.5, 0.0)
+    shown = 8.0 * rng.standard_normal((90, 120)) / np.sqrt(12)
+    truth = size[family] * rng.standard_normal(120)
+    families = Families(family, np.zeros(12, dtype=bool), np.ones(12, dtype=bool))
+    found = learn_errors(shown, shown @ truth + rng.standard_normal(90), families)
+    assert found.factors[:2] == pytest.approx(1.5, rel=0.5)
+    assert found.factors[2:].max() < 0.35
+    louder = learn_errors(shown, shown @ truth + 4.0 * rng.standard_normal(90), families)
+    assert louder.noise == pytest.approx(4.0, rel=0.35)
 
 
 def advice(bench, tmp_path, until):

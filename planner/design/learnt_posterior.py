@@ -1,0 +1,95 @@
+"""What some readings leave of the tool's error in a linear model, the sizes of its errors learnt from these readings.
+
+Everything is asked of a set of readings, of which only those that were taken have taught the sizes: so further ones are
+foreseen by the sizes as known now.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+from scipy.linalg import solve_triangular
+
+from planner.common.units import Array
+from planner.design.assumptions import LIMIT_QUANTILE
+from planner.design.learnt_sizes import Families, LearntErrors, learn_errors
+
+
+@cache
+def _draw_robots() -> tuple[Array, Array]:
+    """Return squared normal numbers of robots, (robots, values), and normal ones, (robots,).
+
+    They are those of the largest values of a sum, beyond which what is left is certain; and of what is not known of the
+    sizes.
+    """
+    rng = np.random.default_rng(11)
+    return rng.chisquare(1.0, (4000, 60)), rng.standard_normal(4000)
+
+
+@dataclass
+class LearntPosterior:
+    """A linear model whose errors belong to families of sizes that are learnt.
+
+    Attributes:
+        white: rows of all readings that may be taken, in their standard deviations per usual size, (n, P).
+        root: root of the mean square error of the tool per squared errors, (P, r).
+        families: which errors share a size.
+        learnt: what the readings taken say.
+    """
+
+    white: Array
+    root: Array
+    families: Families
+    learnt: LearntErrors
+
+    @classmethod
+    def of(cls, white: Array, weight: Array, families: Families) -> "LearntPosterior":
+        """Begin with the usual sizes; ``weight``: mean square error of the tool per squared errors, (P, P)."""
+        size = white.shape[1]
+        start = LearntErrors(np.zeros(size), np.ones(size), np.ones(len(families)))
+        return cls(white, _root(weight), families, start)
+
+    @property
+    def size(self) -> Array:
+        """Sizes of the errors over the usual ones, (P,)."""
+        return np.asarray(self.learnt.factors[self.families.number])
+
+    def learn(self, taken: Sequence[int], off: Array) -> None:
+        """Learn from readings ``taken``, less what was expected of them, in standard deviations, (k,)."""
+        self.learnt = learn_errors(self.white[list(taken)], off, self.families)
+
+    def spread_of(self, reading: int, taken: Sequence[int]) -> float:
+        """Return the variance of a reading that is expected after those ``taken``, its noise included, in its own."""
+        white, own = self.white[list(taken)] * self.size, self.white[reading] * self.size
+        noise = self.learnt.noise**2
+        told = np.linalg.solve(noise * np.eye(len(white)) + white @ white.T, white @ own)
+        return noise + float(max(own @ own - (white @ own) @ told, 0.0))
+
+    def remaining(self, which: Sequence[int]) -> Array:
+        """Return the matrix whose trace is the mean square error of the tool after some readings, (r, r) [m²].
+
+        It is Rᵀ C R, with R the root of the weight and C the covariance that the readings leave.
+        """
+        root, white = self.root * self.size[:, None], self.white[list(which)] * self.size / self.learnt.noise
+        seen = solve_triangular(np.linalg.cholesky(np.eye(len(white)) + white @ white.T), white @ root, lower=True)
+        return np.asarray(root.T @ root - seen.T @ seen)
+
+    def square(self, which: Sequence[int]) -> float:
+        """Return the mean square error of the tool after some readings [m²]."""
+        return float(np.trace(self.remaining(which)) * np.exp(2.0 * self.families.doubt**2))
+
+    def square_limit(self, which: Sequence[int]) -> float:
+        """Return the square that 95 of 100 such robots stay below after some readings [m²]; see ``square_limit``."""
+        values = np.maximum(np.linalg.eigvalsh(self.remaining(which))[::-1], 0.0)
+        own, doubt = _draw_robots()
+        few = values[: own.shape[1]]
+        squares = own[:, : len(few)] @ few + values[len(few) :].sum()
+        return float(np.quantile(squares * np.exp(2.0 * self.families.doubt * doubt), LIMIT_QUANTILE))
+
+
+def _root(weight: Array) -> Array:
+    """Return a root (P, r) of a symmetric matrix, without what adds nothing to its trace."""
+    values, axes = np.linalg.eigh(weight)
+    kept = values > 1e-9 * values.sum()
+    return np.asarray(axes[:, kept] * np.sqrt(values[kept]))

@@ -1,0 +1,60 @@
+"""Foresees what more poses at the same places would bring of a robot that was identified just now.
+
+The poses of the run stand for those that ``edbb plan --after`` would choose among many more: it may promise less than
+these bring.
+"""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from planner.cell.cell import Cell
+from planner.common.schema import validate
+from planner.design.bayesian_design import BayesianPosterior, select_greedily
+from planner.design.expected_errors import error_limit
+from planner.identification.calibration import Calibration
+from planner.identification.expected_error import NAME, ExpectedError, ExpectedErrorFile, expected_error_content
+from planner.instruments.assumptions import SESSION
+from planner.instruments.next_session import CalibratedState, RemainingErrors, mounting_of
+from planner.model.more_poses import MorePoses
+from planner.runs.run import Run
+
+
+def foresee_more_poses(found: Calibration, cell: Cell) -> MorePoses | None:
+    """Return what as many poses more as a session has would bring; ``None`` where it cannot be foreseen.
+
+    That is where no robot was released, of other gauges than bars and wires, and of several set-ups in one.
+    """
+    released, run = found.released, found.run
+    if released is None or found.problems or run.continuous or run.readings.length is None or not cell.fixtures:
+        return None
+    stands = released.fit.setup.gauge.left_standing(released.fit.setup).names
+    if not stands or list(stands) != list(stands.values()):
+        return None
+    file = validate(expected_error_content(released, run, ""), ExpectedErrorFile, NAME)
+    known = ExpectedError(file, cell.robot)
+    cell = replace(cell, gauge=replace(cell.gauge, mounting=mounting_of(known)))
+    before = CalibratedState(Path(), known, released.anywhere, released.at_most)
+    pose = np.arange(len(run)) if run.samples.pose is None else run.samples.pose
+    first = run.take(np.unique(pose, return_index=True)[1])
+    unknown = RemainingErrors.of(before, cell, first.samples)
+    white = unknown.white(first.samples)
+    count = min(SESSION.next_session_poses, len(white))
+    chosen = select_greedily(BayesianPosterior.prior(white, unknown.weight_per_prior), count, 0.0)
+    left = BayesianPosterior.prior(white, unknown.weight_per_prior).with_readings(chosen)
+    pace = _minutes_a_pose(run, len(first))
+    return MorePoses(
+        poses=count,
+        minutes=None if pace is None else count * pace,
+        anywhere=unknown.state(left.square),
+        at_most=error_limit(unknown, white[chosen]),
+    )
+
+
+def _minutes_a_pose(run: Run, poses: int) -> float | None:
+    """Return how long a pose took; ``None`` without a clock, or with one for each of several files."""
+    t = run.samples.t
+    if t is None or poses < 2 or not np.all(np.diff(t) > 0):
+        return None
+    return float(t[-1] - t[0]) / 60.0 / (poses - 1)

@@ -1,0 +1,148 @@
+"""A gauge left standing between two runs: what the second need not find anew, and what is said when it was moved."""
+
+import json
+import tomllib
+from dataclasses import replace
+from types import SimpleNamespace as Of
+
+import numpy as np
+import pytest
+
+from planner.cell.reading import load_cell
+from planner.common.errors import InputError
+from planner.design.expected_errors import error_limit
+from planner.instruments.live_estimate import LiveEstimate, mean_errors
+from planner.instruments.next_session import CalibratedState, RemainingErrors, leave_standing
+from planner.runs.run import FIRST_MOUNTING, Samples
+from planner.session.movable_cell import cell_files
+from planner.session.options import PlanOptions
+from planner.workflow.identification import identify
+from planner.workflow.joint_runs import load_sessions, run_sources
+from tests.identification.few_draws import few_draws
+from tests.identification.joint_world import BAR_LEFT, BAR_RIGHT, World
+
+
+def named(session, name):
+    """The session whose cell says how its set-up is called."""
+    session.cell.write_text(session.cell.read_text().replace('zero = "free"', f'zero = "free"\nmounting = "{name}"'))
+    return session
+
+
+@pytest.fixture(scope="module")
+def known(tmp_path_factory):
+    """An arm measured once, what that run says of it, and a second run with the gauge as it was left."""
+    folder, world = tmp_path_factory.mktemp("mounting"), World.drawn(11)
+    first = named(world.measure(folder / "first", BAR_LEFT, 11), "monday")
+    second = world.measure(folder / "second", BAR_LEFT, 12)
+    cell = load_cell(str(first.cell), planning=False)
+    with few_draws():
+        found = identify(first.run, cell=first.cell, no_trace=True)
+    (folder / "known").mkdir()
+    (folder / "known" / "identification.json").write_text(found.to_json())
+    found.write_robot(folder / "known")
+    return Of(folder=folder, world=world, first=first, second=second, cell=cell, found=found)
+
+
+def test_what_the_first_run_says_of_the_second_is_its_whole_posterior(known):
+    """Readings at other poses, by the file and by the fit's own covariance of everything that moves them."""
+    before = CalibratedState.read(known.folder / "known", known.cell)
+    samples = Samples(known.second.q, np.zeros(len(known.second.q), dtype=int))
+    unknown = RemainingErrors.of(before, known.cell, samples)
+    fit = known.found.calibration.released.posterior.fit
+    rows = fit.model.rows(samples)[:, 0] @ fit.solution.root(fit.problem.prior)
+    stretch = np.sqrt((known.found.calibration.released.misfit.stretch**2).mean())
+    theirs = stretch * np.linalg.norm(rows, axis=1)
+    moved = unknown.model.rows(samples)[:, 0] @ unknown.root
+    both = np.linalg.norm(moved[:, ~unknown.of_gauge], axis=1)
+    assert np.all(np.abs(both - theirs) < 0.5 * unknown.model.noise(samples))
+    own = np.linalg.norm(moved, axis=1)  # with the gauge's scale, of which the file does not know how it hangs together
+    assert own.max() < 25e-6  # a gauge set up anew: 3 mm
+    live = LiveEstimate(unknown, samples)
+    off = (known.second.length - live.expected) / np.hypot(own, live.noise)
+    assert np.sqrt((off**2).mean()) < 2.0  # the second run reads what the first foretells
+
+
+def test_a_gauge_left_standing_leaves_less_open_than_one_set_up_anew(known):
+    before = CalibratedState.read(known.folder / "known", known.cell)
+    samples = Samples(known.second.q, np.zeros(len(known.second.q), dtype=int))
+    anew_cell = replace(known.cell, gauge=replace(known.cell.gauge, mounting=""))
+    standing, anew = (RemainingErrors.of(before, c, samples) for c in (known.cell, anew_cell))
+    assert standing.stands is not None
+    assert anew.stands is None
+    few = np.arange(4)  # so many only tell where a new gauge stands
+    limits = [error_limit(u, u.white(samples)[few]) for u in (standing, anew)]
+    assert limits[0] < limits[1] <= anew.limit_before * 1.0001
+    assert mean_errors(standing)[standing.model.names.index("fixture_A_x")]
+    assert not mean_errors(anew)[anew.model.names.index("fixture_A_x")]
+
+
+def test_the_plan_carries_the_mounting_on(known):
+    cell = replace(known.cell, gauge=replace(known.cell.gauge, mounting=""))
+    before = CalibratedState.read(known.folder / "known", cell)
+    assert cell.gauge.preparation(cell, FIRST_MOUNTING)[1].endswith("set its zero")
+    left = leave_standing(cell, before)
+    assert left.gauge.preparation(left, FIRST_MOUNTING)[1].endswith("leave fixture and zero as they stand")
+    assert tomllib.loads(cell_files(left)["cell.toml"].decode())["gauge"]["mounting"] == "monday"
+    steps = type(left.gauge).session_guide(left.file)
+    assert "Leave every fixture as it stands" in str(steps)
+    assert "Set it to zero" not in str(steps)
+    moved = replace(cell, fixtures=(replace(cell.fixtures[0], p_BX=cell.fixtures[0].p_BX + 1e-3),))
+    with pytest.raises(InputError, match="fixture 'A' stands elsewhere"):
+        leave_standing(moved, before)
+    content = json.loads((known.folder / "known" / "expected_error.json").read_text())
+    content.pop("gauge")
+    silent = replace(before, known=replace(before.known, file=type(before.known.file).model_validate(content)))
+    with pytest.raises(InputError, match="does not say where a gauge stands"):
+        leave_standing(cell, silent)
+    with pytest.raises(InputError, match="--same-mounting goes with --after"):
+        PlanOptions(same_mounting=True).for_tracing(cell)
+
+
+def test_runs_of_one_mounting_share_place_and_zero(tmp_path):
+    world = World.drawn(2)
+    one, two = (named(world.measure(tmp_path / d, BAR_LEFT, k), "monday") for k, d in enumerate(("one", "two")))
+    other = world.measure(tmp_path / "other", BAR_LEFT, 9)
+    run, cell, _ = load_sessions(run_sources([one.run, two.run], None, None))
+    assert (run.places, cell.gauge.mounting, cell.gauge.kind) == (("A",), "monday", "edbb")
+    assert run.samples.session_numbers.tolist() == [0] * len(one.q) + [1] * len(two.q)
+    assert len(run.readings.length) == len(one.q) + len(two.q)
+    run, cell, _ = load_sessions(run_sources([one.run, other.run, two.run], None, None))
+    assert run.places == ("one+two/A", "other/A")
+    alone, _, _ = load_sessions(run_sources([two.run, other.run], None, None))
+    assert "gauge.mounting = 'monday'" in alone.warnings[-1]
+    named(other, "monday").cell.write_text(other.cell.read_text().replace("430.0", "431.0"))
+    with pytest.raises(InputError, match="was left standing, but gauge, fixtures or tool points are not those"):
+        load_sessions(run_sources([one.run, other.run], None, None))
+
+
+@pytest.mark.parametrize("moved", [(0.4e-3, 0.2e-3, 0.0), (0.0, 0.0, 0.0)])
+def test_a_gauge_that_was_moved_after_all_is_told(tmp_path, moved):
+    world = World.drawn(1)
+    off = BAR_LEFT.__class__(**{**vars(BAR_LEFT), "off": tuple(np.add(BAR_LEFT.off, moved))})
+    one, two = (named(world.measure(tmp_path / d, b, k), "monday") for d, b, k in (("a", BAR_LEFT, 1), ("b", off, 2)))
+    with few_draws():
+        found = identify([one.run, two.run])
+    told = [f.note for f in found.findings]
+    assert len(told) == bool(any(moved))
+    if told:
+        assert told[0].startswith("the gauge (or the base) was moved between a/run.csv and b/run.csv")
+        assert found.findings[0].value == pytest.approx(np.linalg.norm(moved), abs=6 * found.findings[0].std)
+
+
+def test_several_set_ups_leave_the_last_one_standing(tmp_path):
+    """The zero and the fixture of the last session, by the names that its own cell has for them."""
+    world = World.drawn(4)
+    one, two = (world.measure(tmp_path / d, b, k) for k, (d, b) in enumerate((("one", BAR_RIGHT), ("two", BAR_LEFT))))
+    named(two, "tuesday")
+    with few_draws():
+        found = identify([one.run, two.run], no_trace=True)
+    (tmp_path / "both").mkdir()
+    found.write_robot(tmp_path / "both")
+    gauge = json.loads((tmp_path / "both" / "expected_error.json").read_text())["gauge"]
+    assert gauge["mounting"] == "tuesday"
+    assert gauge["parameters"] == [*(f"fixture_A_{a}" for a in "xyz"), "zero"]
+    values = found.calibration.released.posterior.fit.values
+    assert gauge["values"] == pytest.approx(
+        [values[n] for n in (*(f"fixture_A_{a}" for a in "xyz"), "zero_2")], rel=1e-4
+    )
+    assert list(gauge["fixtures_mm"]) == ["A"]
