@@ -11,6 +11,7 @@ from planner.cell.reading import load_cell
 from planner.common.errors import InputError
 from planner.compensation.compensated_file import compensate_file
 from planner.instruments.centring.settings import read_settings
+from planner.instruments.circular.circle import circles_of
 from planner.instruments.truth import read_truth
 from planner.runs.loader import load_run
 from planner.runs.run import Samples
@@ -145,6 +146,6 @@ def test_the_circles_stand_in_a_cell(tmp_path):
     start, end = text.index("[[circles]]"), text.index("[controller]")
     (given,) = re.findall(r"```text\n(.*?)```", CIRCLES, re.DOTALL)
     (tmp_path / "cell.toml").write_text(text[:start] + given + text[end:])
-    (mine,), (shipped,) = load_cell(str(tmp_path / "cell.toml")).circles, load_cell("abb-irb6700/ldbb").circles
+    (mine,), (shipped,) = circles_of(load_cell(str(tmp_path / "cell.toml"))), circles_of(load_cell("abb-irb6700/ldbb"))
     assert str(mine) == str(shipped)
     assert mine.loads == (125, 250, 375, 500, 625)

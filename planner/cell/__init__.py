@@ -2,7 +2,6 @@
 
 __all__ = [
     "cell",
-    "circles",
     "declared",
     "file",
     "fleet_file",
@@ -14,6 +13,9 @@ __all__ = [
     "places",
     "reading",
     "region_file",
+    "section_content",
+    "section_registry",
+    "sections",
     "setup",
     "site",
     "workspace",

@@ -19,11 +19,16 @@ class Cell(Site):
 
     @property
     def is_under_load(self) -> bool:
-        """Whether a bar pulls at the tool, or circles are driven."""
-        return self.gauge.is_loaded or bool(self.circles)
+        """Whether a bar pulls at the tool, or something else than poses is driven."""
+        return self.gauge.is_loaded or bool(self._driven_tables)
+
+    @property
+    def _driven_tables(self) -> tuple[str, ...]:
+        """The sections of which a session is planned, and not one of poses."""
+        return tuple(key for key, content in self.sections.items() if content.replaces_poses)
 
     def has_bar(self, free: bool = False) -> bool:
-        """Tell whether a bar is attached between fixture and tool; ``free``: without load, and no cell of circles."""
+        """Tell whether a bar is attached between fixture and tool; ``free``: without load, at poses."""
         return self.gauge.is_attached and not (free and self.is_under_load)
 
     def require_bar(self, use: str, free: bool = False) -> None:
@@ -31,11 +36,11 @@ class Cell(Site):
 
         Args:
             use: what needs one, the beginning of a sentence.
-            free: whether a loaded bar and a cell of circles are refused as well.
+            free: whether a loaded bar, and a cell of which no poses are planned, are refused as well.
 
         Raises:
             InputError: naming the gauge's kind.
         """
         if not self.has_bar(free):
-            circles = " with [[circles]]" if self.circles else ""
-            raise InputError(f"{self.path}: {use}, and gauge.kind is '{self.gauge.kind}'{circles}")
+            tables = "".join(f" with [[{key}]]" for key in self._driven_tables)
+            raise InputError(f"{self.path}: {use}, and gauge.kind is '{self.gauge.kind}'{tables}")

@@ -1,7 +1,7 @@
 """The cell file as the contract gives it (schema ``edbb-cell/1``): millimetres and degrees, units in the keys."""
 
 from collections.abc import Sequence
-from itertools import combinations
+from itertools import combinations, dropwhile
 from math import dist
 from typing import Annotated, ClassVar, Literal
 
@@ -15,7 +15,6 @@ from pydantic import (
     model_validator,
 )
 
-from planner.cell.circles import CircleFile
 from planner.cell.gauge_registry import gauge_kinds
 from planner.common.choices import Aim, SelectionMethod, SetUp, TourOrder
 from planner.common.extensions import HINT
@@ -332,7 +331,6 @@ class CellFile(OptionalKeys):
     tracker: TrackerFile | None = None
     # 500: each pair of bodies is judged by itself; many small ones are one mesh
     obstacles: tuple[BodyFile, ...] = Field(default=(), max_length=500)
-    circles: tuple[CircleFile, ...] = ()
     motion: MotionFile = MotionFile()
     cable: CableFile = CableFile()
     base: BaseFile = BaseFile()
@@ -341,8 +339,9 @@ class CellFile(OptionalKeys):
     plan: PlanSettingsFile = PlanSettingsFile()
     use: UseFile | None = None
     LATER: ClassVar[tuple[str, ...]] = (
-        "class_", "artifact", "tracker", "circles", "packages", "parked", "floor", "home_mm", "use",
+        "class_", "artifact", "tracker", "packages", "parked", "floor", "home_mm", "use",
     )  # fmt: skip
+    ADDED: ClassVar[tuple[str, ...]] = ()  # sections of extensions, which a model made of this one has
 
     @model_validator(mode="before")
     @classmethod
@@ -351,6 +350,13 @@ class CellFile(OptionalKeys):
         if not isinstance(data, dict) or not isinstance(gauge := data.get("gauge"), dict):
             return data
         return _with_usual_keys(data, gauge.get("kind"), ("plan",))
+
+    def _set_keys(self, out: dict[str, object]) -> dict[str, object]:
+        """Write the sections of extensions with what else stands in the cell, before it is said how it is driven."""
+        added = {key: rows for key in self.ADDED if (rows := out.pop(key, ()))}
+        kept = super()._set_keys(out)
+        driven = {key: kept.pop(key) for key in list(dropwhile(lambda key: key != "motion", kept))}
+        return kept | added | driven
 
     @model_validator(mode="after")
     def _names(self) -> "CellFile":

@@ -4,7 +4,8 @@ Places are fixtures of a bar, socket plates or tracker stations; points are targ
 not say where they are, they are found from the run first (``planner.gauges.placement``) and stand here as found.
 """
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Self, TypeVar
 
@@ -62,7 +63,8 @@ class Placement(RobotSetup):
         place_prior, tool_prior, turn_prior: one-sigma sizes of their errors, (S,) [m], [m], [rad].
         joint_sigma: repeatability of one joint [rad].
         zero: what a bar reads beyond its length, as far as known [m].
-        loaded: names of the places of a loaded bar, where another bar stands elsewhere: each has a zero of its own.
+        loaded: the places at which the gauge pulls, with the key of the cell's file that says so; where another bar
+            stands elsewhere each has a zero of its own.
         fixed: what of ``FREEABLE`` the cell holds for known, so that it is not in the model.
     """
 
@@ -79,7 +81,7 @@ class Placement(RobotSetup):
     turn_prior: float
     joint_sigma: float
     zero: float = 0.0
-    loaded: tuple[str, ...] = ()
+    loaded: Mapping[str, str] = field(default_factory=dict)
     ball_names: tuple[str, ...] = ()
     fixed: frozenset[str] = frozenset()
 

@@ -9,7 +9,6 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from planner.cell.cell import Cell
-from planner.cell.circles import Circle, CircleFile
 from planner.cell.file import CellFile
 from planner.cell.gauge import Gauge
 from planner.cell.gauge_registry import gauge_kinds
@@ -21,12 +20,11 @@ from planner.cell.places import (
     read_joint_angles,
     read_nests,
     read_tool,
-    unit_vector,
 )
+from planner.cell.sections import read_cell_file, read_sections
 from planner.common.errors import InputError, did_you_mean, read_together
 from planner.common.files import data_folder
-from planner.common.schema import read_toml
-from planner.common.units import MM, MM_PER_MIN, Array, from_deg, from_mm, read_only
+from planner.common.units import MM, MM_PER_MIN, Array, from_deg, read_only
 from planner.kinematics.packages import named_packages
 from planner.kinematics.robot import Priors, Robot
 from planner.kinematics.robot_file import DRIVE_KEYS
@@ -147,7 +145,7 @@ def read_cell(path: Path, name: str, planning: bool = True) -> Cell:
     Raises:
         InputError: a key is wrong, missing, or contradicts another.
     """
-    return cell_of(read_toml(path, CellFile), path, name, planning)
+    return cell_of(read_cell_file(path), path, name, planning)
 
 
 def gauge_class(file: CellFile) -> type[Gauge]:
@@ -207,7 +205,7 @@ def cell_of(file: CellFile, path: Path, name: str, planning: bool = True) -> Cel
         path=path,
         carrier=read_artifact_bodies(path, file),
         nests=read_nests(file),
-        circles=_read_circles(path, file),
+        sections=read_sections(path, file),
     )
 
 
@@ -235,65 +233,6 @@ def _advise_drive(robot: Robot, i: int, missing: Sequence[str]) -> str:
     file = "" if robot.path.suffix == ".toml" else f' (which names it: urdf = "{robot.path.name}", tip = "{robot.tip}")'
     lines = "\n".join(f"{key} = {examples[key]}" for key in missing)
     return f'; say it in robot.toml{file}:\n[[joints]]\nname = "{robot.joint_names[i]}"\n{lines}'
-
-
-def _read_circles(path: Path, file: CellFile) -> tuple[Circle, ...]:
-    """Return the circles; one without a radius gets that at which a bar of its middle length reaches it."""
-    if not file.circles:
-        return ()
-    if not file.fixtures or file.gauge.length_mm is None:
-        raise InputError(f"{path}: [[circles]] need a [[fixtures]] table and 'gauge.length_mm'")
-    if any(c.loads_N for c in file.circles) and not gauge_class(file).is_loaded:
-        raise InputError(f"{path}: 'circles.loads_N' needs gauge.kind = 'ldbb', found '{file.gauge.kind}'")
-    names = [_circle_name(c, k, file.circles) for k, c in enumerate(file.circles)]
-    if len(set(names)) < len(names):
-        raise InputError(f"{path}: two circles share a name ({', '.join(names)})")
-    middle = sum(length * MM for length in file.gauge.length_mm) / 2
-    circles = [(_read_circle(path, n, c, file), c) for n, c in zip(names, file.circles, strict=True)]
-    return tuple(c if f.radius_mm else _with_middle_length(path, c, file, middle) for c, f in circles)
-
-
-def _circle_name(circle: CircleFile, k: int, files: Sequence[CircleFile]) -> str:
-    alone = sum(f.plane == circle.plane for f in files) == 1
-    return circle.name or (circle.plane if alone else f"{circle.plane} {k + 1}")
-
-
-def _read_circle(path: Path, name: str, f: CircleFile, file: CellFile) -> Circle:
-    known = [x.name for x in file.fixtures]
-    fixture = known[0] if f.fixture is None else f.fixture
-    if fixture not in known:
-        raise InputError(
-            f"{path}: circle {name} is about fixture '{fixture}'{did_you_mean(fixture, known)}; there are {known}"
-        )
-    # 5.0: [deg] before and after the sweep, where the cell says nothing
-    at, given = known.index(fixture), 45.0 if f.sweep_deg == 360.0 else 5.0
-    return Circle(
-        name=name,
-        plane=f.plane,
-        fixture=at,
-        p_BC=read_only(from_mm(f.centre_mm or file.fixtures[at].position_mm)),
-        radius=(f.radius_mm or 0.0) * MM,
-        start=float(from_deg(f.start_deg)),
-        sweep=float(from_deg(f.sweep_deg)),
-        overshoot=float(from_deg(given if f.overshoot_deg is None else f.overshoot_deg)),
-        directions=f.directions,
-        speed=file.motion.tool_speed_mm_min * MM_PER_MIN if f.speed_mm_s is None else f.speed_mm_s * MM,
-        follows=f.orientation == "follow",
-        axis_B=None if f.tool_axis is None else unit_vector(f"{path}: circle {name}", "tool_axis", f.tool_axis),
-        loads=f.loads_N,
-        repeats=f.repeats,
-    )
-
-
-def _with_middle_length(path: Path, circle: Circle, file: CellFile, middle: float) -> Circle:
-    """Give the circle the radius at which a bar of its middle length [m] reaches it."""
-    height = float((circle.p_BC - from_mm(file.fixtures[circle.fixture].position_mm)) @ circle.normal)
-    if not abs(height) < middle:
-        raise InputError(
-            f"{path}: circle {circle.name} lies {abs(height) / MM:.1f} mm beside its fixture's plane, more than the "
-            f"bar's middle length of {middle / MM:.1f} mm: give radius_mm, or a centre_mm nearer to the fixture"
-        )
-    return replace(circle, radius=float(np.sqrt(middle**2 - height**2)))
 
 
 def _read_motion(file: CellFile) -> MotionSettings:

@@ -68,7 +68,7 @@ def setup_of(cell: Cell) -> MeasurementSetup:
         gravity_B=cell.base.R_WB.T @ np.array([0.0, 0.0, -STANDARD_GRAVITY]),
         tool_mass=tool.mass,
         com_F=tool.com_F,
-        loaded=tuple(dict.fromkeys(fixtures[c.fixture].name for c in cell.circles if c.loads)),
+        loaded={fixtures[k].name: key for content in cell.sections.values() for k, key in content.pulls.items()},
         ball_names=tuple(b.name for b in cell.balls),
         fixed=_known_parts(cell),
     )

@@ -1,14 +1,13 @@
 """A cell without its gauge, in SI units, checked and read-only: robot, tool, fixtures, balls, and how it is driven."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Self
 
 import numpy as np
 
-from planner.cell.circles import Circle
 from planner.cell.file import CellFile, ControllerFile
 from planner.cell.parts import (
     STANDARD_GRAVITY,
@@ -22,6 +21,7 @@ from planner.cell.parts import (
     PlanSettings,
     Tool,
 )
+from planner.cell.section_content import SectionContent
 from planner.common.arrays import CACHED_ROWS
 from planner.common.errors import InputError
 from planner.common.units import Array
@@ -36,7 +36,8 @@ from planner.runs.run import Mounting, Run
 class Site:
     """Robot, tool, fixtures and surroundings, all that a gauge may ask for; ``file`` is what was read, whole.
 
-    ``carrier`` are the artifact's bodies, in its own frame; ``nests`` tie a tracker's frame to the artifact's.
+    ``carrier`` are the artifact's bodies, in its own frame; ``nests`` tie a tracker's frame to the artifact's;
+    ``sections`` are what extensions have read of sections of their own, by the keys of these.
     """
 
     name: str
@@ -53,9 +54,9 @@ class Site:
     plan: PlanSettings
     file: CellFile
     path: Path
-    circles: tuple[Circle, ...] = ()
     carrier: tuple[Body, ...] = ()
     nests: tuple[Nest, ...] = ()
+    sections: Mapping[str, SectionContent] = field(default_factory=dict)
 
     def check_robot(self, run: Run) -> None:
         """Refuse a run of another robot.

@@ -24,6 +24,12 @@ def shipped_extensions() -> tuple[str, ...]:
     return tuple(sorted(f"{SHIPPED}.{m.name}" for m in iter_modules(import_module(SHIPPED).__path__)))
 
 
+def section_owner(key: str) -> str:
+    """Return the shipped extension that reads a section of cell files, installed or not; empty where none does."""
+    owners: dict[str, str] = {} if find_spec(SHIPPED) is None else import_module(SHIPPED).SECTIONS
+    return owners.get(key, "")
+
+
 @cache
 def load_extensions() -> None:
     """Import the shipped extensions, then those that installed packages name, by their names.

@@ -103,7 +103,7 @@ def check_pull(cell: Cell, setup: MeasurementSetup, run: Run) -> None:
     if under and run.samples.force is None and run.readings.length is not None:
         raise InputError(
             f"{run.name}: the column force_N is missing, and at fixture '{under[0]}' of {cell.path} the bar pulls "
-            "(circles.loads_N): without it the loads would be taken for errors of the robot"
+            f"({setup.loaded[under[0]]}): without it the loads would be taken for errors of the robot"
         )
 
 

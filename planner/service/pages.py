@@ -12,9 +12,9 @@ from fastapi import APIRouter, FastAPI, Query, Request, Response
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import HTMLResponse
 
-from planner.cell.file import CellFile
 from planner.cell.reading import load_cell, shipped_cells
-from planner.common.schema import read_json, read_toml
+from planner.cell.sections import read_cell_file
+from planner.common.schema import read_json
 from planner.identification.baseline import NAME as BASELINE
 from planner.instruments.circular.document import CircularDocument
 from planner.instruments.record import CheckedChange, CheckFile
@@ -240,7 +240,7 @@ def show_session(id: JobId, context: Context) -> HTMLResponse:
     if job.kind not in PLANS or job.state != "done":
         return render("problem", 404, detail="Only a finished plan has a session.")
     plan = _plan(context, job)
-    cell = read_toml(output_path(context, id, "cell.toml"), CellFile)
+    cell = read_cell_file(output_path(context, id, "cell.toml"))
     return render("session", job=job, **session_content(plan, cell, job.files))
 
 

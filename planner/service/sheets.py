@@ -6,6 +6,7 @@ from pathlib import Path
 from planner import load_cell
 from planner.cell.file import CellFile
 from planner.cell.reading import gauge_class
+from planner.cell.sections import read_cell_file
 from planner.common.schema import read_json, read_toml, validate
 from planner.common.units import to_mm
 from planner.instruments.record import AccuracyFile
@@ -79,7 +80,7 @@ def _results(found: CalibrationPage) -> list[tuple[str, Metrics]]:
 def _cell_file(context: ServiceContext, name: str, inputs: dict[str, str]) -> CellFile:
     """The cell that was identified in."""
     if name in inputs:
-        return read_toml(context.files.path(inputs[name]), CellFile)
+        return read_cell_file(context.files.path(inputs[name]))
     return load_cell(name, planning=False).file
 
 

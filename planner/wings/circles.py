@@ -1,5 +1,6 @@
 """Circles: the circular test, and circles under load."""
 
+from planner.cell.section_registry import register_section
 from planner.common.commands import register_call, register_names
 from planner.session.evaluations import Evaluation, register_evaluation
 from planner.workflow.circle_calls import CircularCall, LoadedCall, LoadedPlacesCall, PlanBothCall
@@ -11,9 +12,11 @@ PARTS = (
     "report/loaded_report.py", "report/templates/circular.html.j2", "report/templates/circular_plan.html.j2",
     "report/templates/loaded.html.j2",
 )  # fmt: skip
+CELLS = ("abb-irb6700/ldbb", "comau-nj130/circular")  # shipped cells that have the section of this extension
 
 for call in (CircularCall, LoadedCall, LoadedPlacesCall, PlanBothCall):
     register_call(call)
+register_section("circles", "planner.instruments.circular.section:READER")
 register_plan_kind(PlanKind("circular", "circles", "planner.workflow.circle_results:CircularMaker"))
 register_evaluation(
     Evaluation(

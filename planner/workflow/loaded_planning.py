@@ -6,15 +6,14 @@ from pathlib import Path
 from typing import Any
 
 from planner.cell.cell import Cell
-from planner.cell.file import CellFile
 from planner.cell.reading import load_cell
+from planner.cell.sections import cell_file_of
 from planner.common.calls import called_with
 from planner.common.errors import InputError, NoSolutionError
 from planner.common.files import write_text
 from planner.common.numbers import number_of
 from planner.common.progress import Stages
 from planner.common.result import FolderResult
-from planner.common.schema import validate
 from planner.common.summary import Fact, Summary, under_key
 from planner.common.units import to_mm
 from planner.instruments.circular.plan import CircularPlan
@@ -183,7 +182,7 @@ def fit_cell(free: Cell, loaded: Cell) -> Cell:
         "length_mm": [min(lengths), max(lengths)],
         "noise_um": max(g.get("noise_um", 1.0) for g in gauges),
     }
-    return replace(loaded, file=validate(content, CellFile, str(loaded.path)))
+    return replace(loaded, file=cell_file_of(content, str(loaded.path)))
 
 
 PLACES_FILES = (

@@ -98,12 +98,13 @@ def kind_of_cell(cell: "Cell") -> PlanKind | None:
     """Return the kind of plan that a cell asks for beside poses, if any.
 
     Raises:
-        InputError: no extension that is installed here plans it.
+        InputError: no extension that is installed here plans what its file has in place of poses.
     """
     load_extensions()
     for kind in _KINDS.values():
-        if getattr(cell, kind.table):
+        if kind.table in cell.sections:
             return kind
-    if cell.circles:
-        raise InputError(f"{cell.path}: no extension that is installed here plans [[circles]]")
+    for key, content in cell.sections.items():
+        if content.replaces_poses:
+            raise InputError(f"{cell.path}: no extension that is installed here plans [[{key}]]")
     return None

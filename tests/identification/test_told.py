@@ -58,13 +58,15 @@ def test_who_fits_a_loaded_bar_is_told_what_fits_it_in_balance():
 
 
 def test_a_loaded_bars_run_needs_its_force():
-    cell = load_cell("abb-irb6700/ldbb")
-    name = cell.fixtures[cell.circles[0].fixture].name
+    cell = load_cell("abb-irb6700/edbb")
+    name = cell.fixtures[0].name
+    setup = replace(setup_of(cell), loaded={name: "pulls.load_N"})
     samples = Samples(np.zeros((5, 6)), np.zeros(5, dtype=int))
     run = Run("run.csv", samples, Readings(length=np.full(5, 0.13)), places=(name,))
-    with pytest.raises(InputError, match="force_N is missing"):
-        check_pull(cell, setup_of(cell), run)
-    check_pull(cell, setup_of(cell), replace(run, samples=replace(samples, force=np.full(5, 125.0))))
+    with pytest.raises(InputError, match=r"force_N is missing.* \(pulls.load_N\)"):
+        check_pull(cell, setup, run)
+    check_pull(cell, setup_of(cell), run)
+    check_pull(cell, setup, replace(run, samples=replace(samples, force=np.full(5, 125.0))))
 
 
 def test_a_tool_point_that_a_cell_with_one_point_does_not_name_is_told():

@@ -13,7 +13,7 @@ from planner.instruments.set_up import place_fixtures_by_robot, solve_fixture_po
 from planner.instruments.truth import draw_truth
 from tests.simulation.generator.arm import Arm
 
-CELLS = ("comau-nj130/edbb", "comau-nj130/paper", "abb-irb6700/ldbb", "kuka-kr6-r700/edbb")
+CELLS = ("comau-nj130/edbb", "comau-nj130/paper", "abb-irb6700/edbb", "kuka-kr6-r700/edbb")
 
 
 def errors_of(truth):

@@ -4,13 +4,15 @@ import ast
 import shutil
 from functools import cache
 
-from tests.wings.installation import ROOT, WINGS, files_of, install_without, run_in
+from tests.wings.installation import ROOT, WINGS, cell_part, cells_of, files_of, install_without, run_in
 
 ROOMS = (
     "cell", "cli", "common", "compensation", "design", "effects", "gauges", "identification", "kinematics", "motion",
     "programs", "report", "runs", "simulation", "tracing", "workflow",
 )  # fmt: skip
 
+
+CELLS = {name for wing in WINGS for name in cells_of(wing)}
 
 OF_ALL_COMMANDS = (
     "tests/cli/test_recommended.py",
@@ -46,6 +48,8 @@ def _needs(path):
             case ast.Constant(value=str(text)) if text.startswith("planner."):
                 module = text.partition(":")[0]
                 found |= _module_files(module) | _module_files(module.rpartition(".")[0])
+            case ast.Constant(value=str(text)) if text in CELLS:
+                found.add((ROOT / "planner" / cell_part(text)).resolve())
     settings = (folder / "conftest.py" for folder in path.parents if folder.is_relative_to(ROOT / "tests"))
     return found | {f for f in settings if f.is_file() and path.name != "conftest.py"}
 

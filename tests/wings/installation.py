@@ -17,14 +17,25 @@ WINGS = {module.rpartition(".")[2]: module for module in shipped_extensions()}
 
 def parts_of(wing):
     """The files and folders of an extension, from the folder of the package."""
-    return [f"wings/{wing}.py", *import_module(WINGS[wing]).PARTS]
+    return [f"wings/{wing}.py", *import_module(WINGS[wing]).PARTS, *map(cell_part, cells_of(wing))]
+
+
+def cells_of(wing):
+    """The shipped cells that only an extension reads, ``robot/cell`` each."""
+    return getattr(import_module(WINGS[wing]), "CELLS", ())
+
+
+def cell_part(name):
+    """The file of a shipped cell, from the folder of the package."""
+    robot, cell = name.split("/")
+    return f"../robots/{robot}/cells/{cell}.toml"
 
 
 def files_of(wing):
-    """All its files of Python, from the folder of the package."""
+    """All its files of Python, and its cells."""
     home = ROOT / "planner"
     for part in parts_of(wing):
-        yield from (home / part).rglob("*.py") if (home / part).is_dir() else [home / part]
+        yield from (home / part).rglob("*.py") if (home / part).is_dir() else [(home / part).resolve()]
 
 
 def install_without(folder, *wings):

@@ -8,8 +8,10 @@ from importlib import import_module
 
 import pytest
 
+from planner.cell.section_registry import section_readers
 from planner.common.commands import extension_commands
 from planner.common.extensions import GROUP
+from planner.wings import SECTIONS
 from planner.workflow.verbs import CORE, declared_calls
 from tests.golden.cases import shipped
 from tests.wings.installation import ROOT, WINGS, edbb_in, files_of, install_without, parts_of, run_in
@@ -122,11 +124,27 @@ def test_the_chain_runs_without_extensions(core):
     assert (folder / "corrected.src").read_text() != source.read_text()
 
 
+def test_a_section_that_only_an_extension_reads_is_refused_by_the_name_of_it(core):
+    folder, environment = core
+    (folder / "mine.toml").write_text(shipped("comau-nj130/circular"))
+    done = edbb_in(folder, environment, "plan", "mine.toml", "-o", "circles")
+    assert done.returncode == 2
+    assert "mine.toml: [[circles]] is read by the extension 'circles', which is not installed here" in done.stderr
+    assert done.stderr.count("\n") == 1, done.stderr
+    assert "comau-nj130/circular" not in edbb_in(folder, environment, "robots").stdout
+
+
+@pytest.mark.parametrize("wing", WINGS)
+def test_the_sections_that_are_told_of_are_those_that_an_extension_declares(wing):
+    """What names them where they are left out says the same as what declares them."""
+    calls = [n for n in ast.walk(ast.parse((HOME / "wings" / f"{wing}.py").read_text())) if isinstance(n, ast.Call)]
+    declared = {c.args[0].value for c in calls if getattr(c.func, "id", "") == "register_section"}
+    assert declared == {key for key, owner in SECTIONS.items() if owner == wing}
+    assert declared <= set(section_readers())
+
+
 def test_what_only_an_extension_plans_is_told(core):
     folder, environment = core
-    done = edbb_in(folder, environment, "plan", "comau-nj130/circular", "-o", "circles")
-    assert done.returncode == 2
-    assert "no extension that is installed here plans [[circles]]" in done.stderr
     (folder / "plan.json").write_text(json.dumps({"schema": "edbb-plan/1", "kind": "circular", "plan_id": "0" * 12}))
     done = edbb_in(folder, environment, "simulate", "plan.json", "-o", "run.csv")
     assert done.returncode == 2

@@ -14,9 +14,6 @@ from tests.command import edbb
             "--separate chooses the poses of a bar, the gauge here is 'tr",
         ),
         ("kuka-kr6-r700/tracker", ["--separate", "i.json"], "the gauge here is 'tracker'; leave it out"),
-        ("comau-nj130/circular", ["--separate", "i.json"], "no poses to be chosen; leave out --separate"),
-        ("comau-nj130/circular", ["--poses", "30", "--index", "O1"], "leave out --poses, --index"),
-        ("comau-nj130/circular", ["--fixtures", "2", "--aim", "tracing"], "leave out --fixtures, --aim"),
         ("kuka-kr6-r700/trical", ["--aim", "tracing"], "the aim 'tracing' is for a bar"),
         (
             "kuka-kr6-r700/tracker",
@@ -26,7 +23,6 @@ from tests.command import edbb
         ("comau-nj130/edbb", ["--aim", "tracing", "--separate", "i.json"], "leave one out"),
         ("comau-nj130/edbb", ["--aim", "tracing", "--method", "pruning"], "by the error that is left: leave one out"),
         ("comau-nj130/edbb", ["--method", "pruning", "--separate", "i.json"], "and so does --method: leave one out"),
-        ("comau-nj130/circular", ["--method", "pruning", "--order", "slowest-axis"], "leave out --method, --order"),
         ("kuka-kr6-r700/trical", ["--method", "pruning"], "each ball is to have as many: leave the method out"),
     ],
 )

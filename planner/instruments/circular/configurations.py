@@ -9,11 +9,11 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import qmc
 
 from planner.cell.cell import Cell
-from planner.cell.circles import Circle
 from planner.cell.workspace import SAFETY_MARGIN, Workspace
 from planner.common.errors import InputError, NoSolutionError
 from planner.common.units import MM, Array, to_deg, to_mm
 from planner.instruments.circular.assumptions import DRIVABLE
+from planner.instruments.circular.circle import Circle
 from planner.kinematics.geometry import bar_state
 from planner.kinematics.inverse_kinematics import smallest_singular_value, solve_pose_ik
 

@@ -8,10 +8,10 @@ import numpy as np
 from pydantic import Field
 
 from planner.cell.cell import Cell
-from planner.cell.circles import CircleFile
 from planner.common.errors import InputError
 from planner.common.schema import OneLine, PartialModel, read_json, validate
 from planner.common.units import MM, from_deg, round_angles, to_deg, to_mm
+from planner.instruments.circular.circle import circles_of
 from planner.instruments.circular.plan import (
     Arc,
     CircularDrive,
@@ -21,6 +21,7 @@ from planner.instruments.circular.plan import (
     drive_arc,
     measured_passes,
 )
+from planner.instruments.circular.section import CircleFile
 from planner.runs.run import Mounting
 from planner.session.course import time_path
 from planner.session.document import (
@@ -198,7 +199,7 @@ def load_circular_cell(path: Path, plan: CircularDocument) -> Cell:
         InputError: it is not there, or it is not that of the plan.
     """
     beside, cell = read_cell_beside(path, "read")
-    wanted, there = [c.name for c in plan.circles], [c.name for c in cell.circles]
+    wanted, there = [c.name for c in plan.circles], [c.name for c in circles_of(cell)]
     fixtures = {s.fixture for s in plan.sessions} <= {f.name for f in cell.fixtures}
     if cell.robot.name != plan.robot or sorted(wanted) != sorted(there) or not fixtures:
         raise InputError(
@@ -209,7 +210,7 @@ def load_circular_cell(path: Path, plan: CircularDocument) -> Cell:
 
 
 def _read_arc(path: Path, cell: Cell, file: ArcRecord) -> Arc:
-    circle = next(c for c in cell.circles if c.name == file.name)
+    circle = next(c for c in circles_of(cell) if c.name == file.name)
     if any(len(q) != cell.robot.n_joints for q in file.q_deg) or len(file.q_deg) != len(file.angle_deg):
         raise InputError(f"{path}: circle {file.name} needs {cell.robot.n_joints} joint angles at every angle")
     q, angle = round_angles(np.deg2rad(file.q_deg)), from_deg(file.angle_deg)

@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from planner.cell.cell import Cell
-from planner.cell.circles import Circle, CircleDirection
 from planner.common.units import Array, read_only, to_mm
+from planner.instruments.circular.circle import Circle, CircleDirection
 from planner.kinematics.geometry import bar_state
 from planner.motion.path.verdict import Verdict
 from planner.motion.timing.trajectory import Trajectory

@@ -6,11 +6,11 @@ from dataclasses import replace
 import numpy as np
 
 from planner.cell.cell import Cell
-from planner.cell.circles import Circle
 from planner.common.errors import InputError, NoSolutionError
 from planner.common.progress import UNLIMITED, Stages, TimeLimit
 from planner.common.units import Array, round_angles, to_deg
 from planner.instruments.circular.assumptions import DRIVABLE
+from planner.instruments.circular.circle import Circle, circles_of
 from planner.instruments.circular.configurations import (
     COARSE_STEP,
     ArmPaths,
@@ -61,7 +61,7 @@ class CircularSession:
     """A session of circles, see :class:`planner.session.planning.Session`."""
 
     def __init__(self, cell: Cell, seed: int, starts: Mapping[str, Array]) -> None:
-        if not cell.circles:
+        if not circles_of(cell):
             raise InputError(f"{cell.path}: a circular test needs at least one [[circles]] table")
         check_loads(cell)
         self.cell = replace(cell, motion=replace(cell.motion, measure="continuous", both_ways=False))
@@ -71,9 +71,9 @@ class CircularSession:
         """Plan the circles of every fixture and the ways between them."""
         check_home(self.cell, Constraints(self.cell, bar=False))
         drives: list[CircularDrive] = []
-        for mounting in sorted({c.mounting for c in self.cell.circles}):
+        for mounting in sorted({c.mounting for c in circles_of(self.cell)}):
             with stages.stage("circles"):
-                arcs = self._plan_arcs([c for c in self.cell.circles if c.mounting == mounting], stages.limit)
+                arcs = self._plan_arcs([c for c in circles_of(self.cell) if c.mounting == mounting], stages.limit)
             with stages.stage("path"):
                 first = 2 * sum(len(d.passes) for d in drives)
                 drives.append(self._join_circles(mounting, arcs, first, stages.limit))
@@ -130,7 +130,7 @@ def check_loads(cell: Cell) -> None:
     Raises:
         InputError: with the load, the circle and what is allowed.
     """
-    for c in cell.circles:
+    for c in circles_of(cell):
         most = max(c.loads, default=0.0)
         cell.check_load(most, f"{cell.path}: circle {c.name}: loads_N goes up to {most:g} N", "load less")
 
@@ -150,10 +150,10 @@ def load_notes(cell: Cell) -> list[str]:
     """Say of loads that give no stiffness, and of a robot that does not say what it carries."""
     notes = [
         f"circle {c.name}: loads_N has {c.loads[0]:g} N only; a stiffness needs two loads at least, better five"
-        for c in cell.circles
+        for c in circles_of(cell)
         if len(set(c.loads)) == 1
     ]
-    if any(c.loads for c in cell.circles) and cell.robot.payload is None:
+    if any(c.loads for c in circles_of(cell)) and cell.robot.payload is None:
         notes.append(f"{cell.robot.name} has no payload_kg: whether it may carry the loads was not checked")
     return notes
 

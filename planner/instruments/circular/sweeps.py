@@ -6,10 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from planner.cell.cell import Cell
-from planner.cell.circles import NEAR_CIRCLE, Circle, CircleAtFixture
 from planner.common.errors import InputError
 from planner.common.units import Array
 from planner.instruments.circular.assumptions import SWEEP
+from planner.instruments.circular.circle import NEAR_CIRCLE, Circle, CircleAtFixture, circles_of
 from planner.kinematics.geometry import bar_state
 from planner.runs.joint_motion import find_rests
 from planner.runs.run import Run
@@ -56,7 +56,7 @@ def measured_circles(cell: Cell, names: Sequence[str]) -> tuple[MeasuredCircle, 
     Raises:
         InputError: a circle that the cell does not have.
     """
-    there = {c.name: c for c in cell.circles}
+    there = {c.name: c for c in circles_of(cell)}
     if missing := [n for n in names if n not in there]:
         raise InputError(f"{cell.path} has no circle {', '.join(missing)}; it has {', '.join(there) or 'none'}")
     return tuple(MeasuredCircle.of(there[n], cell.fixtures[there[n].fixture].p_BX) for n in names)

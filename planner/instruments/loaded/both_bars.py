@@ -5,10 +5,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from planner.cell.cell import Cell
-from planner.cell.circles import Circle
 from planner.common.errors import InputError, NoSolutionError
 from planner.common.progress import Stages
 from planner.common.units import Array, read_only
+from planner.instruments.circular.circle import Circle, circles_of
 from planner.instruments.circular.plan import CircularPlan
 from planner.instruments.circular.planning import plan_arc, plan_circles
 from planner.instruments.loaded.circle_candidates import FOLLOWED_ANGLES, CirclePlace, with_circles
@@ -49,7 +49,7 @@ def plan_circles_beside(
         with stages.stage("choice"):
             which = select_circles_beside(free, cell, pool, places)
         there = with_circles(cell, [pool[int(i)] for i in which])
-        starts = {c.name: _start(c, pool[int(i)]) for c, i in zip(there.circles, which, strict=True)}
+        starts = {c.name: _start(c, pool[int(i)]) for c, i in zip(circles_of(there), which, strict=True)}
         try:
             return plan_circles(there, options, stages, starts)
         except NoSolutionError as err:
@@ -71,7 +71,7 @@ def _start(circle: Circle, place: CirclePlace) -> Array:
 def _is_drivable(cell: Cell, place: CirclePlace, seed: int) -> bool:
     there = with_circles(cell, [place])
     try:
-        plan_arc(there, there.circles[0], seed)
+        plan_arc(there, circles_of(there)[0], seed)
     except NoSolutionError:
         return False
     return True

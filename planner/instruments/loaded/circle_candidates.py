@@ -11,16 +11,15 @@ import numpy as np
 from scipy.stats import qmc
 
 from planner.cell.cell import Cell
-from planner.cell.circles import Circle, CirclePlane
-from planner.cell.file import CellFile
 from planner.cell.reading import cell_of
+from planner.cell.sections import cell_file_of
 from planner.cell.setup import MeasurementSetup, setup_of
 from planner.common.determinism import on_one_thread
 from planner.common.errors import InputError, NoSolutionError
-from planner.common.schema import validate
 from planner.common.units import MM, Array, read_only, to_mm
 from planner.design.selection.d_optimal import detmax
 from planner.effects.compliance import compliance_parameters
+from planner.instruments.circular.circle import Circle, CirclePlane, circles_of
 from planner.instruments.circular.configurations import follow_poses, spun_orientations
 from planner.instruments.loaded.assumptions import DEFLECTION, DRIVABLE
 from planner.instruments.loaded.compliance import harmonic_counts, harmonics_of
@@ -108,14 +107,14 @@ def own_circle(cell: Cell) -> Circle:
     Raises:
         InputError: it has none, or it is driven without loads.
     """
-    if not cell.circles:
+    if not circles_of(cell):
         raise InputError(f"{cell.path}: has no [[circles]]; radius, loads and the bar's lean are taken from the first")
-    if len(cell.circles[0].loads) < 2:
+    if len(circles_of(cell)[0].loads) < 2:
         raise InputError(
-            f"{cell.path}: circle {cell.circles[0].name} has {len(cell.circles[0].loads)} loads in loads_N; a "
+            f"{cell.path}: circle {circles_of(cell)[0].name} has {len(circles_of(cell)[0].loads)} loads in loads_N; a "
             "stiffness needs two at least, better five"
         )
-    return cell.circles[0]
+    return circles_of(cell)[0]
 
 
 def _centre_height(cell: Cell, circle: Circle) -> float:
@@ -193,8 +192,8 @@ def with_circles(cell: Cell, places: Sequence[CirclePlace]) -> Cell:
         content["fixtures"].append({**fixture, "name": name, "position_mm": _mm(p.p_BX), "axis": axis.tolist()})
         where = {"plane": p.circle.plane, "centre_mm": _mm(p.circle.p_BC), "tool_axis": (0.0 - axis).tolist()}
         content["circles"].append({**circle, "name": name, "fixture": name, **where})
-    there = cell_of(validate(content, CellFile, str(cell.path)), cell.path, cell.name)
-    return replace(cell, file=there.file, fixtures=there.fixtures, circles=there.circles)
+    there = cell_of(cell_file_of(content, str(cell.path)), cell.path, cell.name)
+    return replace(cell, file=there.file, fixtures=there.fixtures, sections=there.sections)
 
 
 def _mm(point: Array) -> list[float]:

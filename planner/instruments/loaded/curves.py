@@ -5,11 +5,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from planner.cell.circles import NEAR_CIRCLE
 from planner.cell.setup import MeasurementSetup
 from planner.common.arrays import mean_by_group
 from planner.common.errors import InputError
 from planner.common.units import Array, read_only
+from planner.instruments.circular.circle import NEAR_CIRCLE
 from planner.instruments.loaded.assumptions import SAMPLES
 from planner.instruments.loaded.compliance import smooth_spectrum, turn_noise
 from planner.instruments.loaded.equilibrium import find_circle, measured_points

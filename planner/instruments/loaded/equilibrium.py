@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from planner.cell.circles import NEAR_CIRCLE
 from planner.cell.setup import MeasurementSetup
 from planner.common.errors import InputError
 from planner.common.units import MM, Array, read_only
 from planner.effects.context import Context
+from planner.instruments.circular.circle import NEAR_CIRCLE
 from planner.instruments.equilibrium import BALANCE_ROUNDS
 from planner.instruments.loaded.assumptions import SAMPLES
 from planner.instruments.loaded.types import AveragedCurves, CentringOffset, DrivenCircle

@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 
 from planner.cell.cell import Cell
-from planner.cell.circles import NEAR_CIRCLE
 from planner.cell.setup import MeasurementSetup
 from planner.common.arrays import mean_by_group
 from planner.common.determinism import even_positions, on_one_thread
@@ -15,6 +14,7 @@ from planner.common.units import DEG, MM, UM, Array, read_only
 from planner.gauges.placement.flange_poses import FlangePoses, nominal_flange_poses
 from planner.gauges.placement.frames import place_frames
 from planner.identification.run_setup import setup_for_run
+from planner.instruments.circular.circle import NEAR_CIRCLE, circles_of
 from planner.instruments.loaded.assumptions import SAMPLES, TOLD
 from planner.instruments.loaded.compliance import bar_deflection, fit_compliances
 from planner.instruments.loaded.curves import average_curves
@@ -54,7 +54,7 @@ def _check_measured_loads(cell: Cell, curves: Sequence[AveragedCurves], name: st
         InputError: with the load and what is allowed.
     """
     largest = max(float(np.abs(c.loads).max()) for c in curves)
-    stated = max((load for c in cell.circles for load in c.loads), default=np.inf)
+    stated = max((load for c in circles_of(cell) for load in c.loads), default=np.inf)
     if largest > TOLD.overload_ratio * stated:
         raise InputError(
             f"{name}: the bar loads the arm with {largest:.0f} N, but the circles of {cell.path} go up to {stated:g} N "
@@ -245,8 +245,8 @@ def evaluate_loaded_circles(
 
 def _overshoot(cell: Cell, wanted: float | None) -> float:
     """What is left out at either end of a pass [rad]: as wanted, else what the cell's circles run over there."""
-    there = min((c.overshoot for c in cell.circles), default=SAMPLES.paper_overshoot)
-    if wanted is not None and cell.circles and wanted > there + 1e-9:
+    there = min((c.overshoot for c in circles_of(cell)), default=SAMPLES.paper_overshoot)
+    if wanted is not None and circles_of(cell) and wanted > there + 1e-9:
         raise InputError(
             f"--overshoot-deg {wanted / DEG:g} would drop more than the passes of {cell.path} run over at either "
             f"end of their turn, {there / DEG:g} degrees (circles.overshoot_deg)"

@@ -200,7 +200,9 @@ def fit_jointly(cell: Cell, unloaded: Run, loaded: Run, turns: Sequence[Array]) 
     """
     _check(unloaded, loaded)
     whole_run = join_runs([add_motion(run) for run in (at_rest(unloaded), loaded)])
-    setup = replace(locate_gauge(setup_for_run(cell, whole_run), whole_run), loaded=loaded.places)
+    setup = replace(
+        locate_gauge(setup_for_run(cell, whole_run), whole_run), loaded=dict.fromkeys(loaded.places, "force_N")
+    )
     own = [whole_run.places.index(p) for p in loaded.places]
     whole = Model.of(setup, cell.plan.free).plus(list(use_held_torques(compliance_parameters(setup))))
     whole_run = _with_balanced_torque(whole_run, whole, np.zeros(len(whole.parameters)))

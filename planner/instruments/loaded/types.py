@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from planner.cell.circles import CircleAtFixture
 from planner.common.units import Array
 from planner.design.observability.identifiability import format_direction
+from planner.instruments.circular.circle import CircleAtFixture
 from planner.instruments.loaded.assumptions import TOLD
 
 # [1] as OPEN_SHARE, but with the prior, where the readings say no more than was known before

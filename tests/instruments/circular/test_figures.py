@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from planner.cell.circles import Circle
+from planner.instruments.circular.circle import Circle
 from planner.instruments.circular.figures import circle_figures, find_reversals, fit_circle, minimum_zone
 from planner.instruments.circular.sweeps import MeasuredCircle, Sweep
 

@@ -8,6 +8,7 @@ import pytest
 
 from planner.common.errors import InputError
 from planner.common.files import document_text
+from planner.instruments.circular.circle import circles_of, replace_circles
 from planner.instruments.circular.document import circular_document, read_circular_plan
 from planner.instruments.circular.evaluation import circular_test_content, evaluate_circles
 from planner.instruments.circular.plan import circle_samples
@@ -134,7 +135,7 @@ def test_runs_that_cannot_be_evaluated(planned, plan_file, made):
 
 def test_loads_are_told_apart_by_their_force(planned, plan_file, made):
     run = made[0]
-    cell = replace(planned.cell, circles=tuple(replace(c, loads=(125.0, 250.0)) for c in planned.cell.circles))
+    cell = replace_circles(planned.cell, *(replace(c, loads=(125.0, 250.0)) for c in circles_of(planned.cell)))
     force = np.where(run.samples.t < run.samples.t[len(run) // 4], 128.0, 246.0)
     loaded = replace(run, samples=replace(run.samples, force=force))
     test = evaluate_circles(cell, plan_file, loaded)

@@ -10,6 +10,7 @@ import tests.instruments.loaded.world as world
 from planner.cell.reading import load_cell
 from planner.common.errors import InputError, PlannerError
 from planner.common.progress import Stages
+from planner.instruments.circular.circle import circles_of, replace_circles
 from planner.instruments.circular.planning import check_loads, load_notes, plan_circles
 from planner.instruments.loaded.compliance import compliance_posterior
 from planner.instruments.loaded.evaluation import evaluate_loaded_circles, problems_of
@@ -60,12 +61,12 @@ def test_forces_of_both_signs(good):
 def test_more_load_than_the_robot_carries(good):
     way, length = good
     cell = load_cell(shared.CELL, planning=False)
-    refused(shared.run_of(way, length, way.force * 10), "6250 N", "300 kg", cell=replace(cell, circles=()))
+    refused(shared.run_of(way, length, way.force * 10), "6250 N", "300 kg", cell=replace_circles(cell))
 
 
 def test_a_plan_refuses_more_load_than_the_robot_carries():
     cell = load_cell(shared.CELL)
-    heavy = replace(cell, circles=(replace(cell.circles[0], loads=(125.0, 62_500.0)),))
+    heavy = replace_circles(cell, replace(circles_of(cell)[0], loads=(125.0, 62_500.0)))
     with pytest.raises(InputError, match=r"loads_N goes up to 62500 N, but abb-irb6700 may carry 300 kg, 2746 N"):
         plan_circles(heavy, PlanOptions(), Stages(lambda *_: None))
     check_loads(cell)
@@ -75,7 +76,7 @@ def test_a_plan_refuses_more_load_than_the_robot_carries():
 def test_a_plan_says_what_its_loads_do_not_tell():
     cell = load_cell(shared.CELL)
     assert not load_notes(cell)
-    (one,) = load_notes(replace(cell, circles=(replace(cell.circles[0], loads=(125.0,)),)))
+    (one,) = load_notes(replace_circles(cell, replace(circles_of(cell)[0], loads=(125.0,))))
     assert "125 N only; a stiffness needs two loads" in one
     (unknown,) = load_notes(replace(cell, robot=replace(cell.robot, payload=None)))
     assert "no payload_kg" in unknown

@@ -13,6 +13,7 @@ import tests.instruments.loaded.world as world
 from planner.cell.reading import load_cell
 from planner.common.errors import InputError, NoSolutionError
 from planner.design.selection.d_optimal import augment_design
+from planner.instruments.circular.circle import circles_of
 from planner.instruments.loaded.both_bars import collision_free_places
 from planner.instruments.loaded.circle_candidates import find_circle_places
 from planner.instruments.loaded.common_fit import (
@@ -137,7 +138,7 @@ def test_files_of_a_session_and_the_cell_of_its_fit(done, tmp_path):
     cell = load_cell(str(out / "cell.toml"), planning=False)
     assert [f.name for f in cell.fixtures] == ["P1", "E"]
     assert (cell.gauge.length_min, cell.gauge.length_max) == (0.128, 0.520)
-    assert len(cell.circles) == 1
+    assert len(circles_of(cell)) == 1
 
 
 def test_sentences(done):

@@ -12,6 +12,7 @@ import tests.instruments.loaded.world as world
 from planner.cell.reading import load_cell
 from planner.cell.setup import setup_of
 from planner.common.errors import InputError
+from planner.instruments.circular.circle import replace_circles
 from planner.instruments.loaded.assumptions import JOINT_FIT
 from planner.instruments.loaded.circle_candidates import find_own_place, planned_curves
 from planner.instruments.loaded.common_fit import UnloadedPoses, predict_common_fit
@@ -118,7 +119,7 @@ def test_each_bar_has_its_own_zero(fits):
 
 def test_the_model_has_two_zeros_only_where_there_are_two_bars(cell):
     both = setup_of(cell)
-    assert both.loaded == ("A",)
+    assert tuple(both.loaded) == ("A",)
     names = [n for n in Model.of(both, cell.plan.free).names if n.startswith("zero")]
     assert names == ["zero", "zero_loaded"]
     one = replace(both, p_BX=both.p_BX[:1], place_names=("A",), place_prior=both.place_prior[:1])
@@ -176,7 +177,7 @@ def test_the_plan_predicts_what_the_fit_finds(cell):
         ),
         (np.repeat(turn[None], K, axis=0),) * 2,
     )
-    other = replace(shipped, fixtures=(replace(cell.fixtures[1], prior=5e-3),), circles=())
+    other = replace_circles(replace(shipped, fixtures=(replace(cell.fixtures[1], prior=5e-3),)))
     known = predict_common_fit(UnloadedPoses(other, Samples.at(q)), shipped, [place])
     std = dict(zip(found.names, np.sqrt(np.diag(found.covariance)), strict=True))
     ratio = [std[n] / (b * p) for n, b, p in zip(known.names, known.both, known.prior, strict=True) if n in NAMES[:5]]

@@ -12,6 +12,7 @@ import tests.instruments.loaded.world as world
 from planner.cell.reading import load_cell
 from planner.cell.setup import setup_of
 from planner.common.errors import InputError, NoSolutionError
+from planner.instruments.circular.circle import circles_of, replace_circles
 from planner.instruments.loaded.circle_candidates import (
     find_circle_places,
     find_own_place,
@@ -145,11 +146,11 @@ def test_files_and_the_cell_that_drives_them(cell, places, tmp_path):
     assert content["schema"] == "edbb-places/1"
     assert len(content["sets"][2]["places"]) == 3
     chosen = load_cell(str(tmp_path / "out" / "cell.toml"))
-    assert [c.name for c in chosen.circles] == [f.name for f in chosen.fixtures] == ["P1", "P2", "P3"]
-    for circle, fixture, i in zip(chosen.circles, chosen.fixtures, places.sets[2], strict=True):
+    assert [c.name for c in circles_of(chosen)] == [f.name for f in chosen.fixtures] == ["P1", "P2", "P3"]
+    for circle, fixture, i in zip(circles_of(chosen), chosen.fixtures, places.sets[2], strict=True):
         np.testing.assert_allclose(circle.p_BC, places.pool[i].circle.p_BC, atol=1e-6)
         np.testing.assert_allclose(fixture.p_BX, places.pool[i].p_BX, atol=1e-6)
-        assert circle.loads == cell.circles[0].loads
+        assert circle.loads == circles_of(cell)[0].loads
     assert places_csv(places).count("\n") == len(places.pool) + 1
 
 
@@ -172,16 +173,16 @@ def test_one_fit_of_both_knows_more_than_either(cell, places):
 
 def test_a_cell_without_loads_is_refused(cell):
     with pytest.raises(InputError, match=r"no \[\[circles\]\]"):
-        find_circle_places(replace(cell, circles=()))
-    few = replace(cell.circles[0], loads=(125.0,))
+        find_circle_places(replace_circles(cell))
+    few = replace(circles_of(cell)[0], loads=(125.0,))
     with pytest.raises(InputError, match="1 loads in loads_N"):
-        find_circle_places(replace(cell, circles=(few,)))
+        find_circle_places(replace_circles(cell, few))
 
 
 def test_a_circle_out_of_the_arms_reach_is_refused(cell):
-    far = replace(cell.circles[0], p_BC=np.array([4.0, 0.0, 1.0]))
+    far = replace(circles_of(cell)[0], p_BC=np.array([4.0, 0.0, 1.0]))
     with pytest.raises(NoSolutionError, match="cannot be followed"):
-        find_own_place(replace(cell, circles=(far,)))
+        find_own_place(replace_circles(cell, far))
 
 
 def test_more_places_than_there_are(monkeypatch, places, cell):

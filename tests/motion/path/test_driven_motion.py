@@ -153,7 +153,7 @@ def test_a_narrow_corner_of_steps_takes_few_cells(height):
 
 
 def test_joints_on_a_circle_stay_within_its_polygon():
-    cell = load_cell("comau-nj130/circular")
+    cell = load_cell("comau-nj130/edbb")
     start = np.array([0.1, 0.2, -1.2, 0.3, 0.9, 0.2]) + cell.home * 0.0
     x0, R = cell.map_position(start[None])[0], cell.chain.forward(cell.robot.theta(start[None])).R[..., 0]
     angle = np.linspace(0.0, np.pi / 2, 181)

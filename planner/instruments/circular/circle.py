@@ -1,52 +1,19 @@
-"""``[[circles]]``: circles and half circles for a circular test (in the manner of ISO 230-4), as written and in SI."""
+"""Circles and half circles of a cell for a circular test, in the manner of ISO 230-4."""
 
-from dataclasses import dataclass
-from typing import Annotated, Literal
+from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
-from pydantic import Field, PositiveInt, field_validator
 
-from planner.common.schema import PositiveFloat, StrictModel
+from planner.cell.cell import Cell
+from planner.cell.section_content import SectionContent
 from planner.common.units import Array
-from planner.kinematics.bodies import Vector
 from planner.runs.run import Mounting
 
 CirclePlane = Literal["XY", "XZ", "YZ"]
 CircleDirection = Literal["ccw", "cw"]
+CIRCLES = "circles"  # the table of a cell file
 NEAR_CIRCLE = 0.05  # of the radius: as far off the circle a sample may lie to count as on it
-
-
-class CircleFile(StrictModel):
-    """One circle: where it lies, what is measured of it, how fast, in which directions and under which loads."""
-
-    name: str | None = None
-    plane: CirclePlane = "XY"
-    fixture: str | None = None
-    centre_mm: Vector | None = None
-    radius_mm: PositiveFloat | None = None
-    start_deg: Annotated[float, Field(ge=-720, le=720)] = 0.0
-    sweep_deg: Annotated[float, Field(ge=30, le=360)] = 360.0
-    overshoot_deg: Annotated[float, Field(ge=0, le=360)] | None = None
-    directions: tuple[CircleDirection, ...] = ("ccw", "cw")
-    speed_mm_s: Annotated[float, Field(ge=0.5)] | None = None
-    orientation: Literal["constant", "follow"] = "constant"
-    tool_axis: Vector | None = None
-    loads_N: tuple[PositiveFloat, ...] = ()
-    repeats: PositiveInt = 1
-
-    @field_validator("radius_mm")
-    @classmethod
-    def _millimetres(cls, value: float | None) -> float | None:
-        if value is not None and value < 5.0:  # [mm] no bar is that short
-            raise ValueError("this looks like metres; the radius is in millimetres")
-        return value
-
-    @field_validator("directions")
-    @classmethod
-    def _each_once(cls, value: tuple[CircleDirection, ...]) -> tuple[CircleDirection, ...]:
-        if not value or len(set(value)) < len(value):
-            raise ValueError('give "ccw", "cw" or both, each once')
-        return value
 
 
 @dataclass(frozen=True)
@@ -101,6 +68,31 @@ class Circle:
         """Points p_BM (n, 3) [m] at angles (n,) [rad]."""
         first, second = self.axes
         return np.asarray(self.p_BC + self.radius * (np.cos(angle)[:, None] * first + np.sin(angle)[:, None] * second))
+
+
+@dataclass(frozen=True)
+class Circles(SectionContent):
+    """``[[circles]]`` of a cell, as read."""
+
+    circles: tuple[Circle, ...]
+    replaces_poses = True
+
+    @property
+    def pulls(self) -> dict[int, str]:
+        """The fixtures of circles that are driven under load."""
+        return {c.fixture: f"{CIRCLES}.loads_N" for c in self.circles if c.loads}
+
+
+def circles_of(cell: Cell) -> tuple[Circle, ...]:
+    """Return the circles of a cell, in the order of its file."""
+    content = cell.sections.get(CIRCLES)
+    return content.circles if isinstance(content, Circles) else ()
+
+
+def replace_circles(cell: Cell, *circles: Circle) -> Cell:
+    """Return a cell with other circles, or with none."""
+    others = {key: content for key, content in cell.sections.items() if key != CIRCLES}
+    return replace(cell, sections=others | ({CIRCLES: Circles(circles)} if circles else {}))
 
 
 @dataclass(frozen=True)
