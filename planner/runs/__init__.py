@@ -1,3 +1,3 @@
 """A measured run: its columns and clocks, import, checks."""
 
-__all__ = ["image_table", "joint_motion", "loader", "run", "scalars", "traces", "writer"]
+__all__ = ["image_table", "joint_motion", "loader", "proposed_map", "run", "scalars", "traces", "writer"]

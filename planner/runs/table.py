@@ -15,6 +15,7 @@ from planner.common.lazy_modules import pl
 from planner.common.units import DEG, MM, UM, Array, IntArray, read_only
 from planner.kinematics.axes_line import KEY as AXES_OF
 from planner.kinematics.axes_line import axes_line
+from planner.runs.foreign_table import foreign_table
 from planner.runs.run import index_names
 from planner.runs.scalars import scalar_kinds
 from planner.runs.text import (
@@ -242,16 +243,28 @@ def read_table(path: Path, n_joints: int) -> RunTable:
     head, headers = split_head(lines)
     if not headers:
         raise InputError(f"{path}: the file is empty; a line with the names of the columns is expected")
-    if len(headers) == 1 and (";" in headers[0] or "\t" in headers[0]):
-        raise InputError(f"{path}: the columns are not separated by commas; bring the file in with 'edbb import'")
+    foreign = foreign_table(lines) if len(headers) == 1 and set(headers[0]) & {";", "\t"} else None
+    separator, decimal = (",", ".") if foreign is None else (foreign.separator, foreign.decimal)
+    headers = headers if foreign is None else list(foreign.titles)
     columns, warnings = recognise_columns(headers, n_joints, str(path))
+    if not columns:
+        raise InputError(f"{path}: no column has a name of a run's; {import_advice(path)}")
     source = RowSource.of_text(
-        str(path), lines, len(head) + 1, len(headers), {c.key: c.header for c in columns.values()}
+        str(path), lines, len(head) + 1, len(headers), {c.key: c.header for c in columns.values()}, separator=separator
     )
     numbers = frozenset(c.header for c in columns.values() if c.stem not in NAMES)
     unique = [h if headers.index(h) == i and h else f"{h}#{i + 1}" for i, h in enumerate(headers)]
-    source, frame = parse_rows(source, unique, numbers)
+    source, frame = parse_rows(source, unique, numbers, decimal)
+    if foreign is not None:
+        between = "tabs" if separator == "\t" else f"'{separator}'"
+        warnings.append(f"{path.name}: was read with {between} between columns and '{decimal}' as the decimal sign")
     return table_in_si(source, frame, list(columns.values()), _with_axes(path, notes_in(head), lines), warnings)
+
+
+def import_advice(path: Path | str) -> str:
+    """Say how a table with titles of its own is brought in."""
+    named = f'"{path}"' if " " in str(path) else path
+    return f"edbb import {named} --map map.toml -o run.csv reads other names (map.toml is proposed where there is none)"
 
 
 def _with_axes(path: Path, notes: Mapping[str, str], lines: Iterable[str]) -> Mapping[str, str]:

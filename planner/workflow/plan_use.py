@@ -23,6 +23,7 @@ from planner.programs.dialect import PathForm, dialect_names, load_dialect
 from planner.programs.instructions import Program
 from planner.programs.verification import import_map
 from planner.runs.image_table import run_of_images
+from planner.runs.proposed_map import write_proposed_map
 from planner.runs.run import Run, Samples
 from planner.runs.traces import ColumnMap, import_mapped, import_run, is_trace_of
 from planner.session.document import read_dialects, read_plan
@@ -175,6 +176,8 @@ def import_traces(asked: ImportCall) -> Run:
     if asked.images is not None or asked.board is not None:
         return import_images(asked, traces)
     if asked.map_file is not None and not plan and not dialect:
+        if not Path(asked.map_file).exists() and all(trace.is_file() for trace in traces):
+            write_proposed_map(traces, Path(asked.map_file))
         return import_run(traces, Path(asked.map_file))
     if asked.map_file is None and plan is not None and dialect is not None:
         return import_log(traces, plan, dialect)

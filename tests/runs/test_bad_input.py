@@ -36,7 +36,7 @@ CASES = {
     ),
     "empty": ("", r"the file is empty; a line with the names of the columns"),
     "no rows": (HEAD + "\n# nothing\n", r"there is no row below the names of the columns"),
-    "semicolons": (rows().replace(",", ";"), r"not separated by commas; bring the file in with 'edbb import'"),
+    "titles of its own": ("J1;J2;L\n1;2;3\n", r"no column has a name of a run's; edbb import .* --map map.toml -o run"),
     "no angles": ("t_s,length_mm\n1,2\n", r"no joint angles; q1_deg … q2_deg \(as read\) or cmd1_deg"),
     "joint missing": (
         rows().replace("q2_deg", "other"),

@@ -1,0 +1,154 @@
+"""A column map proposed from the titles of a foreign table: a person looks at it before it is used."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from planner.common.errors import InputError
+from planner.common.files import write_text
+from planner.runs.foreign_table import ForeignTable, foreign_table
+from planner.runs.table import find_column
+from planner.runs.text import read_lines
+
+LARGEST_RAD = 7.0  # [rad] joints without a unit that all stay below it are taken for radians
+LARGEST_M = 10.0  # [m] places and lengths without a unit that all stay below it are taken for metres
+WINDOWS = "cp1252"  # what a spreadsheet of Windows writes
+UNIT = re.compile(r"[\[(\s_]\s*(deg|°|grad|rad|mm|µm|um|m|ms|s|min|°c|degc|c)\s*[\])]?$", re.IGNORECASE)
+UNITS = {"°": "deg", "grad": "deg", "µm": "um", "°c": "degC", "degc": "degC", "c": "degC"}
+MEANINGS = (  # what a title means, by its words without the unit; {n} is the number that stands in it
+    (r"(?:cmd|soll|target|set ?point)\W*(?:joint|axis|achse|gelenk|[jqa])?\W*(?P<n>[1-9])", "cmd{n}"),
+    (r"(?:joint|axis|achse|gelenk|theta|act|ist|actual|[jqa])\W*(?:joint|axis|[jqa])?\W*(?P<n>[1-9])", "q{n}"),
+    (r"(?:pose|point|punkt|nr|no|number|nummer|index|#)", "pose"),
+    (r"(?:time|zeit|timestamp|t)", "t"),
+    (r"(?:temperature|temperatur|temp)", "temperature"),
+    (r"(?:length|länge|laenge|distance|abstand|bar|gauge|reading|messwert|l)", "length"),
+    (r"(?:ball|socket|kugel)", "ball"),
+    (r"(?:.*\W)?(?P<n>[xyz])(?:\W*(?:pos|position|ist|act))?", "{n}"),
+)
+USUAL = {"q": "deg", "cmd": "deg", "t": "s", "temperature": "degC", "length": "mm", "x": "mm", "y": "mm", "z": "mm"}
+
+
+def _read_foreign(path: Path) -> tuple[ForeignTable | None, str]:
+    """Return how a table is written, and its encoding."""
+    try:
+        return foreign_table(read_lines(path)), "utf-8"
+    except InputError:
+        return foreign_table(read_lines(path, WINDOWS)), WINDOWS
+
+
+def proposed_map(traces: Sequence[Path]) -> str:
+    """Return the text of a map that reads tables as their titles are understood, to be looked at by a person.
+
+    Raises:
+        InputError: a file cannot be read, or has no columns with titles.
+    """
+    parts = [_trace_lines(path, "traces." if k else "") for k, path in enumerate(traces)]
+    return (
+        "\n".join(
+            (
+                "# Proposed from the titles of the columns: look at each line before it is used.",
+                'schema = "edbb-map/1"',
+                '# axes_of = "krl"  # where the angles are a controller\'s: its language (edbb dialects), and then',
+                '# robot = "robot.toml"  # shipped, or its file beside this one: says how the controller counts',
+                *(line for part in parts for line in part),
+            )
+        )
+        + "\n"
+    )
+
+
+def _trace_lines(path: Path, table_name: str) -> Iterator[str]:
+    """Return the lines of the map that read one trace."""
+    table, encoding = _read_foreign(path)
+    if table is None:
+        raise InputError(f"{path}: has no columns with titles; a map with a pattern reads it (docs/how-to/run.md)")
+    known = dict(_understood(table))
+    if table_name:
+        yield f"\n[[traces]]  # {path.name}"
+    yield f"separator = {_quoted(table.separator)}"
+    if table.decimal != ".":
+        yield f'decimal = "{table.decimal}"'
+    if encoding == WINDOWS:
+        yield f'encoding = "{encoding}"'
+    if table.skip:
+        yield f"skip_rows = {table.skip}"
+    yield f"\n[{table_name}columns]  # quantity = title of its column"
+    yield from (f"{name} = {_quoted(table.titles[k])}{_doubt(table, k)}" for k, name in known.items())
+    yield from (f"# not understood: {_quoted(t)}" for k, t in enumerate(table.titles) if k not in known)
+
+
+def _understood(table: ForeignTable) -> Iterator[tuple[int, str]]:
+    """Return the columns whose titles are understood, and the quantity with its unit; each quantity once."""
+    taken: set[str] = set()
+    for k, title in enumerate(table.titles):
+        name = title if find_column(title) else _quantity_of(table, k)
+        if name is not None and name not in taken and (table.numbers(k) or name == "ball"):
+            taken.add(name)
+            yield k, name
+
+
+def _quantity_of(table: ForeignTable, column: int) -> str | None:
+    """Return the quantity that a title means, with its unit: ``q1_deg`` of ``J1``."""
+    words, said = _without_unit(table.titles[column])
+    for pattern, name in MEANINGS:
+        if match := re.fullmatch(pattern, words.strip().rstrip(".:"), re.IGNORECASE):
+            key = name.format(n=match.groupdict().get("n", "").lower())
+            full = f"{key}_{said or _usual_unit(table, column, key)}".rstrip("_")
+            return full if find_column(full) else None
+    return None
+
+
+def _without_unit(title: str) -> tuple[str, str]:
+    """Return the words of a title, and the unit that it says, empty where it says none."""
+    found = UNIT.search(title)
+    if found is None:
+        return title, ""
+    unit = found[1].lower()
+    return title[: found.start()], UNITS.get(unit, unit)
+
+
+def _usual_unit(table: ForeignTable, column: int, key: str) -> str:
+    """Return the unit of a quantity whose title says none: by the size of all numbers of its like."""
+    stem = key.rstrip("123456789")
+    usual = USUAL.get(stem, "")
+    like = [k for k, title in enumerate(table.titles) if _stem_of(title) == stem] or [column]
+    largest = max((abs(v) for k in like for v in table.numbers(k)), default=0.0)
+    if usual == "deg" and largest < LARGEST_RAD:
+        return "rad"
+    return "m" if usual == "mm" and largest < LARGEST_M else usual
+
+
+def _stem_of(title: str) -> str:
+    words, _ = _without_unit(title)
+    for pattern, name in MEANINGS:
+        if match := re.fullmatch(pattern, words.strip().rstrip(".:"), re.IGNORECASE):
+            return name.format(n=match.groupdict().get("n", "")).rstrip("123456789").lower()
+    return ""
+
+
+def _doubt(table: ForeignTable, column: int) -> str:
+    """Return a remark where the title says no unit, and the numbers had to."""
+    title = table.titles[column]
+    if find_column(title) or _without_unit(title)[1] or _stem_of(title) not in USUAL:
+        return ""
+    return "  # the title says no unit: is this one true?"
+
+
+def _quoted(text: str) -> str:
+    escaped = text.replace("\\", "\\\\").replace('"', '\\"').replace("\t", "\\t")
+    return f'"{escaped}"'
+
+
+def write_proposed_map(traces: Sequence[Path], target: Path) -> None:
+    """Write a map of the traces where there is none yet, and say so.
+
+    Raises:
+        InputError: always: the map is to be looked at before anything is read through it.
+    """
+    write_text(target, proposed_map(traces))
+    raise InputError(
+        f"{target}: was not there, and is written now as the titles of the columns are understood. Look at its lines, "
+        "then give the same command again"
+    )

@@ -1,0 +1,81 @@
+"""Tables of somebody else, written by a German spreadsheet, with titles of its own: nothing is guessed silently."""
+
+import csv
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from planner.common.errors import InputError
+from planner.runs.loader import load_run
+from planner.runs.proposed_map import proposed_map
+from planner.runs.traces import import_run
+from tests.command import edbb
+
+UR5 = Path("tests/data/ur5-tracker/run.csv")
+AXES = [f"cmd{i}_deg" for i in range(1, 7)]
+PLACE = ["x_mm", "y_mm", "z_mm"]
+
+
+@pytest.fixture(scope="module")
+def rows():
+    """The first 40 rows of the UR5's run."""
+    lines = [line for line in UR5.read_text().splitlines() if not line.startswith("#")]
+    return [[float(row[k]) for k in AXES + PLACE] for row in csv.DictReader(lines[:41])]
+
+
+def write(path, titles, rows, scale=1.0, encoding="utf-8"):
+    """Write rows as a German spreadsheet does."""
+    lines = [";".join(titles)]
+    for k, row in enumerate(rows, 1):
+        fields = [f"{v * scale:.5f}".replace(".", ",") for v in row[:6]] + [
+            f"{v:.3f}".replace(".", ",") for v in row[6:]
+        ]
+        lines.append(";".join([str(k), *fields, "Wärme, Halle 3"]))
+    path.write_text("\n".join(lines), encoding=encoding)
+    return path
+
+
+GERMAN = ["Nr.", *(f"Achse {i}" for i in range(1, 7)), *(f"Tracker {a} [mm]" for a in "XYZ"), "Größe"]
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "cp1252"])
+def test_the_proposed_map_reads_the_table(tmp_path, rows, encoding):
+    table = write(tmp_path / "Messung Halle 3.csv", GERMAN, rows, encoding=encoding)
+    (tmp_path / "map.toml").write_text(proposed_map([table]), encoding="utf-8")
+    run = import_run([table], tmp_path / "map.toml")
+    assert np.allclose(np.rad2deg(run.samples.q), np.array(rows)[:, :6], atol=1e-5)
+    assert np.allclose(run.readings.position * 1e3, np.array(rows)[:, 6:], atol=1e-3)
+
+
+def test_angles_without_a_unit_that_are_radians_are_proposed_so(tmp_path, rows):
+    table = write(
+        tmp_path / "log.csv", ["Nr.", *(f"J{i}" for i in range(1, 7)), "x", "y", "z", "note"], rows, np.pi / 180
+    )
+    text = proposed_map([table])
+    assert 'q1_rad = "J1"  # the title says no unit' in text
+    assert 'x_mm = "x"' in text
+    assert '# not understood: "note"' in text
+
+
+def test_a_map_that_is_not_there_is_proposed_and_nothing_is_read_yet(tmp_path, rows):
+    table, target = write(tmp_path / "log.csv", GERMAN, rows), tmp_path / "map.toml"
+    words = ("import", str(table), "--map", str(target), "-o", str(tmp_path / "run.csv"))
+    first = edbb(*words)
+    assert first.returncode == 2
+    assert "Look at its lines" in first.stderr
+    assert not (tmp_path / "run.csv").exists()
+    assert edbb(*words).returncode == 0
+    assert len(load_run(tmp_path / "run.csv", 6)) == len(rows)
+
+
+def test_a_runs_own_names_are_read_with_semicolons_and_said(tmp_path, rows):
+    named = ["pose", *AXES, *PLACE, "note"]
+    run = load_run(write(tmp_path / "run.csv", named, rows), 6)
+    assert np.allclose(run.readings.position * 1e3, np.array(rows)[:, 6:], atol=1e-3)
+    assert any("was read with ';' between columns and ',' as the decimal sign" in w for w in run.warnings)
+
+
+def test_other_titles_are_refused_with_the_command_that_reads_them(tmp_path, rows):
+    with pytest.raises(InputError, match=r"edbb import .* --map map.toml -o run.csv reads other names"):
+        load_run(write(tmp_path / "log.csv", GERMAN, rows), 6)
