@@ -9,7 +9,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 SEPARATORS = (";", "\t", ",")
-READ_LINES = 60  # lines of a table that are looked at
 
 
 @dataclass(frozen=True)
@@ -40,7 +39,8 @@ class ForeignTable:
 
 def foreign_table(lines: Sequence[str]) -> ForeignTable | None:
     """Return how the lines of a table are written, ``None`` where they are no columns under titles."""
-    found = (t for s in SEPARATORS if (t := _table_between(lines[:READ_LINES], s)) is not None)
+    # 60 lines tell how the others are written
+    found = (t for s in SEPARATORS if (t := _table_between(lines[:60], s)) is not None)
     return max(found, key=lambda t: len(t.titles), default=None)
 
 

@@ -12,8 +12,6 @@ from planner.runs.foreign_table import ForeignTable, foreign_table
 from planner.runs.table import find_column
 from planner.runs.text import read_lines
 
-LARGEST_RAD = 7.0  # [rad] joints without a unit that all stay below it are taken for radians
-LARGEST_M = 10.0  # [m] places and lengths without a unit that all stay below it are taken for metres
 WINDOWS = "cp1252"  # what a spreadsheet of Windows writes
 UNIT = re.compile(r"[\[(\s_]\s*(deg|°|grad|rad|mm|µm|um|m|ms|s|min|°c|degc|c)\s*[\])]?$", re.IGNORECASE)
 UNITS = {"°": "deg", "grad": "deg", "µm": "um", "°c": "degC", "degc": "degC", "c": "degC"}
@@ -64,10 +62,10 @@ def _trace_lines(path: Path, table_name: str) -> Iterator[str]:
     table, encoding = _read_foreign(path)
     if table is None:
         raise InputError(f"{path}: has no columns with titles; a map with a pattern reads it (docs/how-to/run.md)")
-    known = dict(_understood(table))
+    known = dict(_quantities_of_titles(table))
     if table_name:
         yield f"\n[[traces]]  # {path.name}"
-    yield f"separator = {_quoted(table.separator)}"
+    yield f"separator = {_toml_text(table.separator)}"
     if table.decimal != ".":
         yield f'decimal = "{table.decimal}"'
     if encoding == WINDOWS:
@@ -75,11 +73,11 @@ def _trace_lines(path: Path, table_name: str) -> Iterator[str]:
     if table.skip:
         yield f"skip_rows = {table.skip}"
     yield f"\n[{table_name}columns]  # quantity = title of its column"
-    yield from (f"{name} = {_quoted(table.titles[k])}{_doubt(table, k)}" for k, name in known.items())
-    yield from (f"# not understood: {_quoted(t)}" for k, t in enumerate(table.titles) if k not in known)
+    yield from (f"{name} = {_toml_text(table.titles[k])}{_doubt(table, k)}" for k, name in known.items())
+    yield from (f"# not understood: {_toml_text(t)}" for k, t in enumerate(table.titles) if k not in known)
 
 
-def _understood(table: ForeignTable) -> Iterator[tuple[int, str]]:
+def _quantities_of_titles(table: ForeignTable) -> Iterator[tuple[int, str]]:
     """Return the columns whose titles are understood, and the quantity with its unit; each quantity once."""
     taken: set[str] = set()
     for k, title in enumerate(table.titles):
@@ -115,9 +113,9 @@ def _usual_unit(table: ForeignTable, column: int, key: str) -> str:
     usual = USUAL.get(stem, "")
     like = [k for k, title in enumerate(table.titles) if _stem_of(title) == stem] or [column]
     largest = max((abs(v) for k in like for v in table.numbers(k)), default=0.0)
-    if usual == "deg" and largest < LARGEST_RAD:
+    if usual == "deg" and largest < 7.0:  # [rad] joints that all stay below one turn are taken for radians
         return "rad"
-    return "m" if usual == "mm" and largest < LARGEST_M else usual
+    return "m" if usual == "mm" and largest < 10.0 else usual  # [m] no run has all of its lengths below 10 mm
 
 
 def _stem_of(title: str) -> str:
@@ -136,7 +134,8 @@ def _doubt(table: ForeignTable, column: int) -> str:
     return "  # the title says no unit: is this one true?"
 
 
-def _quoted(text: str) -> str:
+def _toml_text(text: str) -> str:
+    """Return a text as TOML writes it."""
     escaped = text.replace("\\", "\\\\").replace('"', '\\"').replace("\t", "\\t")
     return f'"{escaped}"'
 
