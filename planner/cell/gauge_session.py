@@ -31,7 +31,11 @@ class GaugeSession:
     noun: ClassVar[str] = "gauge"  # what reports and messages call it
     pose_columns: ClassVar[tuple[str, str]] = ("place", "reading (mm)")  # of a table of poses: where, and a figure
     removal: ClassVar[str] = ""  # what a person does after the last pose
-    measured_by: ClassVar[str] = "run the program and log it (to try it: edbb simulate PLAN -o run.csv)"
+
+    @property
+    def measured_by(self) -> str:
+        """How the session of a plan is measured; ``PLAN`` stands for its path."""
+        return "run the program and log it (to try it: edbb simulate PLAN -o run.csv)"
 
     @property
     def indicators(self) -> IndicatorHead:

@@ -169,7 +169,7 @@ def root(
     version: Annotated[bool, typer.Option("--version", help="print the version")] = False,
     server: Annotated[
         str | None,
-        typer.Option(metavar="URL", help="run the command on an edbb serve (EDBB_TOKEN, EDBB_TOKEN_FILE)"),
+        typer.Option(metavar="URL", help="run the command on a server of the planner (EDBB_TOKEN, EDBB_TOKEN_FILE)"),
     ] = None,
 ) -> None:
     """Plans measurements that calibrate industrial robots with simple gauges, and identifies the robot."""

@@ -1,6 +1,7 @@
 """Arrays by row, errors with exit codes, units at the border, files written as a whole, schema checks, results."""
 
 __all__ = [
+    "advice",
     "arrays",
     "calls",
     "choices",

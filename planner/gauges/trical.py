@@ -12,6 +12,7 @@ from planner.cell.gauge_registry import register_gauge
 from planner.cell.gauge_types import CellStep, GaugeBody, SessionGuide, place_text
 from planner.cell.parts import Ball, IndicatorHead
 from planner.cell.site import Site
+from planner.common.advice import Occasion, advice
 from planner.common.errors import InputError
 from planner.common.units import MM, UM, Array, read_only, to_mm
 from planner.gauges.balls import BallGauge, artifact_frame, artifact_step, check_names, nearest_ball
@@ -21,6 +22,11 @@ from planner.kinematics.inverse_kinematics import retract_tool
 from planner.kinematics.robot import Robot
 from planner.runs.run import NO_REFERENCE_READINGS, Mounting, ReferenceReadings, Run, Samples
 
+BY_HAND = (
+    "At each ball jog the robot by hand until all three indicators show what they showed at the master ball, and note "
+    "the joint angles."
+)
+
 
 @register_gauge
 @dataclass(frozen=True)
@@ -29,7 +35,6 @@ class TriCalHead(BallGauge):
 
     kind: ClassVar[str] = "trical"
     default_noise_um: ClassVar[float] = 3.0
-    measured_by: ClassVar[str] = "edbb centre PLAN measures it"
 
     @classmethod
     def read_own(cls, path: Path, robot: Robot, file: CellFile, planning: bool) -> dict[str, Any]:
@@ -52,16 +57,20 @@ class TriCalHead(BallGauge):
         tool = f" Its tool point lies at {place_text(file.tool.map_mm)} of the flange." if file.tool else ""
         mastered = f"Where the program pauses, the head's opening upwards: lay {size} into its socket,"
         return SessionGuide(
-            "the name of the ball (ball); edbb centre writes all of it by itself",
+            f"the name of the ball (ball){advice(Occasion.CENTRED_COLUMNS)}",
             (
                 artifact_step(file, "Artifact and its balls", "balls"),
                 CellStep("Head of indicators", f"All three move freely and are connected.{tool}"),
             ),
             (CellStep("Master the indicators", f"{mastered} set all three indicators to {shown}, take the ball out."),),
-            "At each ball edbb centre drives the robot until all three indicators show what they showed at the master "
-            "ball; without it, jog there by hand and note the joint angles. Keep the stop at hand.",
+            f"{advice(Occasion.CENTRED_BALL, BY_HAND)} Keep the stop at hand.",
             (CellStep("Master again", "Lay the master ball in once more and note the indicators: have they drifted?"),),
         )
+
+    @property
+    def measured_by(self) -> str:
+        """An extension may drive the robot to each ball."""
+        return advice(Occasion.CENTRED_SESSION, super().measured_by)
 
     def starts_among(self, q: Array) -> Array | None:
         """The indicators are mastered with the head's opening upwards."""

@@ -6,6 +6,7 @@ import numpy as np
 
 from planner.cell.cell import Cell
 from planner.cell.file import FIRST_POINT
+from planner.common.advice import Occasion, advice
 from planner.common.arrays import mean_by_group
 from planner.common.determinism import even_positions
 from planner.common.errors import NoSolutionError
@@ -170,7 +171,7 @@ def _of_pull(run: Run) -> list[str]:
         return []
     return [
         f"the bar pulled with up to {np.abs(force).max():.0f} N: its moments are those about the robot by its data "
-        "sheet; edbb loaded fits circles under load with the arm in balance"
+        f"sheet{advice(Occasion.STRONG_PULL)}"
     ]
 
 

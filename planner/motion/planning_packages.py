@@ -8,6 +8,7 @@ from importlib import import_module
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
+from planner.common.advice import Occasion, advice
 from planner.common.errors import MissingProgramError
 from planner.common.lazy_modules import LazyModule
 
@@ -18,7 +19,7 @@ DISTRIBUTIONS = {"pinocchio": "pin", "coal": "coal", "fcl": "python-fcl", "ompl"
 JUDGES = ("pinocchio", "coal", "fcl")  # the two collision engines, the first with the model that it moves
 ELSEWHERE = (
     "plan on a computer that has all of them (Linux, macOS, WSL on Windows, or the container; docs/install.md) and "
-    "bring its folder here, or let a server do it: --server URL, where edbb serve runs"
+    "bring its folder here"
 )
 
 
@@ -72,8 +73,9 @@ def _absent() -> list[str]:
 
 def _missing(absent: list[str]) -> MissingProgramError:
     names = ", ".join(DISTRIBUTIONS[name] for name in absent)
+    server = advice(Occasion.PLANNING_ELSEWHERE)
     are = "packages {}, which are" if len(absent) > 1 else "package {}, which is"
-    return MissingProgramError(f"planning needs the Python {are.format(names)} not installed here: {ELSEWHERE}")
+    return MissingProgramError(f"planning needs the Python {are.format(names)} not installed here: {ELSEWHERE}{server}")
 
 
 if TYPE_CHECKING:

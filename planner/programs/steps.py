@@ -6,6 +6,7 @@ from itertools import pairwise
 from typing import Literal, assert_never
 
 import planner.programs.instructions as ins
+from planner.common.advice import Occasion, advice
 from planner.common.errors import InputError
 from planner.programs.dialect import Dialect, comment_text
 from planner.programs.motion_words import blend_values, choose_reductions, format_fixed, round_down, speed_value
@@ -181,7 +182,7 @@ class _StepBuilder:
         if self.dialect.centre is None:
             raise InputError(
                 f"{self.dialect.title} has no call of a centring routine, which a plan with an artifact's balls needs; "
-                "take a dialect with one (krl), or let 'edbb centre' drive the robot"
+                f"take a dialect with one (krl){advice(Occasion.NO_CENTRING_CALL)}"
             )
         return self.dialect.centre.call.format(ball=ball, pose=pose)
 

@@ -7,6 +7,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from planner.common.advice import Occasion, advice
 from planner.common.errors import InputError
 from planner.common.units import Array, IntArray, read_only
 from planner.runs.images import pad_corners, split_images
@@ -250,7 +251,7 @@ def _hint_for_loaded(runs: Sequence[Run]) -> str:
     raw = [r.name for r in runs if r.continuous and r.samples.force is not None]
     if not raw:
         return ""
-    return f"; edbb loaded brings {raw[0]} into a static run, averaged.csv, or fits both at once (--unloaded)"
+    return advice(Occasion.LOADED_RUN, run=raw[0])
 
 
 def _check_same(values: Sequence[str], runs: Sequence[Run], text: str, more: str = "") -> None:

@@ -149,7 +149,7 @@ def read_plan(path: Path, *needed: str) -> PlanDocument:
     """Read the plan at ``path``; the keys ``needed`` must be there.
 
     Raises:
-        InputError: no such file, no plan, or a plan of circles.
+        InputError: no such file, no plan, or a plan of another kind.
     """
     most_kind = 40  # letters of a kind of plan that a message shows
     content = read_json(path)

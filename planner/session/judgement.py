@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from planner.cell.cell import Cell
+from planner.common.advice import Occasion, advice
 from planner.common.errors import MissingProgramError, NoSolutionError
 from planner.common.units import Array
 from planner.motion.path.constraints import Constraints
@@ -98,7 +99,7 @@ def _trust_plan(path: Path, notes: Sequence[str], proven: bool) -> tuple[str, ..
         return (NOT_JUDGED,)
     raise MissingProgramError(
         f"{differs}; it would have to be proven anew by both collision engines, which are not installed here: export "
-        "it where they are, or let a server do it (--server URL)"
+        f"it where they are{advice(Occasion.PROVING_ELSEWHERE)}"
     )
 
 

@@ -1,6 +1,6 @@
 """What a person may ask of a plan, and what of it does not go together."""
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -92,7 +92,7 @@ class PlanOptions:
     fleet: Annotated[
         Path | str | None,
         Option(
-            "what a fleet of this kind of robot has shown ('edbb fleet' wrote it): how large its errors are",
+            "what several robots of this kind have shown of how large its errors are",
             typed=Path | None,
             metavar="FLEET.toml",
             from_service=SENT,
@@ -156,18 +156,6 @@ class PlanOptions:
             why = "it says how many poses" if given[0] == "--poses" else "the error that is left chooses the poses"
             raise InputError(f"{cell.path}: {name} does not go together with {given[0]} ({why}): leave one out")
         return True
-
-
-def check_circle_options(cell: "Cell", options: PlanOptions) -> None:
-    """Check that nothing is asked of a circular test that only a choice of poses can give.
-
-    Raises:
-        InputError: with the options to leave out.
-    """
-    of_choice = [f.name for f in fields(PlanOptions) if f.default is None]
-    given = ", ".join(f"--{name.replace('_', '-')}" for name in of_choice if getattr(options, name) is not None)
-    if given:
-        raise InputError(f"{cell.path}: a circular test has no poses to be chosen; leave out {given}")
 
 
 def check_point_options(cell: "Cell", options: PlanOptions) -> None:

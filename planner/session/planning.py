@@ -60,7 +60,7 @@ P = TypeVar("P", bound=SessionPlan)
 
 
 class Session(Protocol[P]):
-    """What is measured: poses of a bar, poses at balls or for a tracker, circles."""
+    """What is measured: poses of a bar, at balls or for a tracker, or what an extension plans."""
 
     cell: Cell
 

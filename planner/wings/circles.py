@@ -1,6 +1,7 @@
 """Circles: the circular test, and circles under load."""
 
 from planner.cell.section_registry import register_section
+from planner.common.advice import Occasion, register_advice
 from planner.common.commands import register_call, register_names
 from planner.session.evaluations import Evaluation, register_evaluation
 from planner.workflow.circle_calls import CircularCall, LoadedCall, LoadedPlacesCall, PlanBothCall
@@ -23,5 +24,10 @@ register_evaluation(
         "edbb circular {run} --plan {plan} -o circular; under load edbb loaded {run} --cell {cell} -o loaded",
         kind="circular",
     )
+)
+register_advice(Occasion.STRONG_PULL, "; edbb loaded fits circles under load with the arm in balance")
+register_advice(
+    Occasion.LOADED_RUN,
+    "; edbb loaded brings {run} into a static run, averaged.csv, or fits both at once (--unloaded)",
 )
 register_names("planner.workflow.circle_results", "CircularPlanResult")

@@ -1,5 +1,6 @@
 """Readings at the cell: a head of indicators that is centred on balls, and a bar or wire that is read at each pose."""
 
+from planner.common.advice import Occasion, register_advice
 from planner.common.commands import register_command
 
 PARTS = (
@@ -10,6 +11,14 @@ PARTS = (
     "cli/cell_commands.py",
 )
 
+register_advice(Occasion.CENTRED_SESSION, "edbb centre PLAN measures it")
+register_advice(Occasion.CENTRED_COLUMNS, "; edbb centre writes all of it by itself")
+register_advice(Occasion.NO_CENTRING_CALL, ", or let 'edbb centre' drive the robot")
+register_advice(
+    Occasion.CENTRED_BALL,
+    "At each ball edbb centre drives the robot until all three indicators show what they showed at the master ball; "
+    "without it, jog there by hand and note the joint angles.",
+)
 COMMANDS, GROUP = "planner.cli.cell_commands", "Measure"
 register_command("centre", "Centre a head of indicators on the balls of a plan.", f"{COMMANDS}:centre_command", GROUP)
 register_command("measure", "Read a bar or wire at each pose into a run.", f"{COMMANDS}:measure_command", GROUP)

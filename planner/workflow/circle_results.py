@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from planner.cell.cell import Cell
+from planner.common.errors import InputError
 from planner.common.numbers import number_of
 from planner.common.progress import Stages
 from planner.common.summary import Fact, Summary
@@ -14,7 +15,7 @@ from planner.common.units import to_deg, to_mm
 from planner.instruments.circular.document import CircularDocument, circular_document, load_circular_plan
 from planner.instruments.circular.plan import CircularPlan, circle_samples
 from planner.runs.run import Samples
-from planner.session.options import PlanOptions, check_circle_options
+from planner.session.options import PlanOptions
 from planner.workflow.plan_results import SessionResult
 
 if TYPE_CHECKING:
@@ -69,7 +70,7 @@ class CircularMaker:
         """Plan the circular test of a cell, as :func:`.plan_circles` does."""
         from planner.instruments.circular.planning import plan_circles  # needless to read a plan, and slow to load
 
-        check_circle_options(cell, options)
+        _check_options(cell, options)
         return CircularPlanResult(plan_circles(cell, options, stages), stages)
 
     def load(self, path: Path) -> CircularPlan:
@@ -79,3 +80,15 @@ class CircularMaker:
     def samples(self, plan: CircularPlan, rate: float) -> Samples:
         """Return where the arm is told to stand while the passes are driven, ``rate`` times a second."""
         return circle_samples(plan, rate)
+
+
+def _check_options(cell: Cell, options: PlanOptions) -> None:
+    """Check that nothing is asked of a circular test that only a choice of poses can give.
+
+    Raises:
+        InputError: with the options to leave out.
+    """
+    of_choice = [f.name for f in fields(PlanOptions) if f.default is None]
+    given = ", ".join(f"--{name.replace('_', '-')}" for name in of_choice if getattr(options, name) is not None)
+    if given:
+        raise InputError(f"{cell.path}: a circular test has no poses to be chosen; leave out {given}")

@@ -65,7 +65,7 @@ class IdentifyCall(Call):
     fleet: Annotated[
         Path | str | None,
         Option(
-            "what a fleet of this kind of robot has shown ('edbb fleet' wrote it): how large its errors are",
+            "what several robots of this kind have shown of how large its errors are",
             typed=Path | None,
             metavar="FLEET.toml",
             from_service=SENT,

@@ -68,6 +68,17 @@ def test_no_file_of_the_core_imports_one_of_an_extension():
                 assert not taken, f"{path.relative_to(HOME)}: {node.module} is of the extension {taken[0]}"
 
 
+def test_no_text_of_the_core_names_a_command_of_an_extension():
+    """What a message says of one, its extension tells (``common/advice.py``)."""
+    theirs = {path for wing in WINGS for path in files_of(wing)}
+    commands = sorted({name for wing in WINGS for name in own_commands(wing)})
+    named = re.compile(rf"edbb ({'|'.join(commands)})\b")
+    core = [p for kind in ("*.py", "*.j2") for p in HOME.rglob(kind) if p not in theirs and "service" not in p.parts]
+    found = {str(p.relative_to(HOME)): named.findall(p.read_text()) for p in core}
+    assert not {path: names for path, names in found.items() if names}
+    assert named.search("edbb centre")
+
+
 def test_no_verb_of_an_extension_is_one_of_the_core():
     core = {call.verb for call in CORE}
     assert core == {"plan", "export", "simulate", "identify", "import", "compensate"}
