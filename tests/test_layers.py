@@ -175,13 +175,18 @@ PARTICLES = {
     "together",
     "up",
     "with",
+    "after",
+    "along",
+    "before",
+    "by",
+    "there",
 }
 
 
 def test_no_function_is_named_by_a_participle_alone():
     """A verb does (``solve_ik``), a noun is. Properties say what is so; validators and wrappers are not called.
 
-    Nor by one with ``out``, ``with`` or the like; a decorator may: it stands above what is so.
+    Nor by one with ``out``, ``with``, ``before`` or the like; a decorator may: it stands above what is so.
     """
     free = ("property", "validator", "wraps", "setter")
     decorators = {"called_with"}

@@ -200,7 +200,7 @@ class Site:
         for k in range(0, len(q), CACHED_ROWS):
             part = slice(k, k + CACHED_ROWS)
             screws = chain.forward(self.robot.theta(q[part])).point_screws(chain.joint_places)  # (N, 3, n) by theta
-            np.einsum("jkn,ji->nki", screws, self.robot.sense_matrix, out=out[part])
+            np.einsum("jkn,ji->nki", screws, self.robot.coupling_matrix, out=out[part])
         return out
 
     def map_axis(self, q: Array) -> Array:

@@ -33,7 +33,7 @@ def shape_margins(robot: Robot, q: Array) -> Array:
     ahead = np.sum(np.cross(u[0], u[1]) * (wrist - p[0]), axis=-1)
     p0, u0 = _axes(robot, np.zeros((1, 6)))
     forward = np.sign(np.sum(np.cross(u0[0], u0[1]) * (_wrist(p0, u0) - p0[0])))
-    sense = np.sign(robot.sense_matrix[2, 2])
+    sense = np.sign(robot.coupling_matrix[2, 2])
     elbow = sense * np.sum(np.cross(p[2] - p[1], wrist - p[2]) * u[2], axis=-1)
     return np.column_stack([forward * ahead, -elbow, q[:, 4]])
 

@@ -198,7 +198,8 @@ def _choose_turns(
     Returns:
         The angles (N,) [rad], NaN where there are none, and why there are none.
     """
-    whole = (robot.sense_matrix == np.round(robot.sense_matrix)).all(axis=0) & ~robot.slides  # its turn leaves the pose
+    A = robot.coupling_matrix
+    whole = (np.round(A) == A).all(axis=0) & ~robot.slides  # its turn leaves the pose
     options = solution + 2.0 * np.pi * np.arange(-3, 4)[:, None] * whole
     within = (options >= robot.q_lower - REACHED) & (options <= robot.q_upper + REACHED)
     nothing = np.full(len(solution), np.nan)

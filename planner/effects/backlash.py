@@ -13,11 +13,11 @@ from planner.effects.compliance import LoadTorque
 from planner.effects.context import Context
 from planner.effects.effect import (
     Effect,
-    NonlinearParameter,
     Parameter,
     ParameterMove,
     Place,
     Role,
+    ShapeParameter,
     joint_place,
 )
 from planner.effects.sizes import BACKLASH, LAG, PLAY_OF_SCATTER, SETTLING, EffectSize
@@ -95,7 +95,7 @@ class SpeedLag(BasisFunction, key="behind:JOINT", static=False, column="speed"):
 
     def __call__(self, c: Context) -> Array:
         """Return minus the speed."""
-        return np.asarray(-c.column("speed") @ c.setup.robot.sense_matrix[self.joint])
+        return np.asarray(-c.column("speed") @ c.setup.robot.coupling_matrix[self.joint])
 
 
 class SettlingError(BasisFunction, key="unsettled:JOINT", static=False, column="q_cmd"):
@@ -108,7 +108,7 @@ class SettlingError(BasisFunction, key="unsettled:JOINT", static=False, column="
 
     def __call__(self, c: Context) -> Array:
         """Return the difference."""
-        return np.asarray((c.column("q_cmd") - c.column("q_read")) @ c.setup.robot.sense_matrix[self.joint])
+        return np.asarray((c.column("q_cmd") - c.column("q_read")) @ c.setup.robot.coupling_matrix[self.joint])
 
 
 def _play(run: Excitation) -> EffectSize:
@@ -146,7 +146,7 @@ def backlash_by_load(run: Excitation) -> Iterator[Effect]:
 def hysteresis(run: Excitation) -> Iterator[Effect]:
     """Friction on a spring: the joint turns gradually from one side of its play to the other."""
     hysteresis_widths = np.geomspace(5e-3, 1.0, 16)  # [rad] of travel after a reversal
-    widths = NonlinearParameter("width", "rad", hysteresis_widths, True)
+    widths = ShapeParameter("width", "rad", hysteresis_widths, True)
     for i in run.moving_joints if run.has("reversals") else ():
         of_width = partial(_hysteresis, run, i)
         yield replace(of_width(widths.values[0]), parameters=partial(_parameters, of_width), nonlinear=widths)

@@ -122,7 +122,7 @@ class DriveTorque(BasisFunction, key="drive:JOINT", static=False, column="torque
 
     def __call__(self, c: Context) -> Array:
         """Return minus the logged torque."""
-        sense = c.setup.robot.sense_matrix[self.joint, self.joint]
+        sense = c.setup.robot.coupling_matrix[self.joint, self.joint]
         return np.asarray(-c.column("torque")[:, self.joint] * np.sign(sense))
 
 

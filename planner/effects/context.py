@@ -166,7 +166,7 @@ class Context:
     @cached_property
     def velocity(self) -> Array:
         """Velocity of the measured point in the base frame, (n, 3) [m/s], from the joints' speeds."""
-        rate = self.column("speed") @ self.setup.robot.sense_matrix.T
+        rate = self.column("speed") @ self.setup.robot.coupling_matrix.T
         return np.asarray(np.einsum("jkn,nj->nk", self.motion.point_screws(self.joints), rate))
 
     @cached_property

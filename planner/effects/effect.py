@@ -194,7 +194,7 @@ def joint_place(joint: int, driver: int | None = None) -> Place:
 
 
 @dataclass(frozen=True)
-class NonlinearParameter:
+class ShapeParameter:
     """A number inside the basis functions that is not known beforehand: a frequency, a time constant, a width.
 
     Attributes:
@@ -252,7 +252,7 @@ class Effect:
     sentence: str
     largest: float
     literature: str
-    nonlinear: NonlinearParameter | None = None
+    nonlinear: ShapeParameter | None = None
     role: Role = Role.ORDINARY
     repeat: int = 1
     scanned: int = 1

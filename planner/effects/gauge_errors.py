@@ -10,7 +10,7 @@ from planner.common.units import Array, to_mm
 from planner.effects.basis import BasisFunction, EffectVariable
 from planner.effects.catalogue import CONTINUOUS_RUN, Background, Excitation, register
 from planner.effects.context import Context
-from planner.effects.effect import Effect, NonlinearParameter, Parameter, ParameterMove, Place, reading_move
+from planner.effects.effect import Effect, Parameter, ParameterMove, Place, ShapeParameter, reading_move
 from planner.effects.gauge_unknowns import unknowns_of
 from planner.effects.sizes import GAUGE_LAG
 from planner.effects.thermal import against_temperature
@@ -305,7 +305,7 @@ def scale_interpolation(run: Excitation) -> Iterator[Effect]:
     yield Effect(
         "scale interpolation", Place("gauge"), _scale_waves,
         "the gauge's scale errs by {size} with a period of {inner}", 5e-4, KAKINO,
-        NonlinearParameter("period", "m", np.concatenate([usual, 1 / often[::-1]]), True),
+        ShapeParameter("period", "m", np.concatenate([usual, 1 / often[::-1]]), True),
     )  # fmt: skip
 
 

@@ -11,7 +11,7 @@ from planner.effects.basis import BasisFunction, EffectVariable
 from planner.effects.catalogue import Background, Excitation, register
 from planner.effects.compliance import twist_moves
 from planner.effects.context import Context
-from planner.effects.effect import Effect, NonlinearParameter, Parameter, Role, joint_place, transform_move
+from planner.effects.effect import Effect, Parameter, Role, ShapeParameter, joint_place, transform_move
 from planner.effects.sizes import GEAR_WAVE, LARGEST_COUPLING
 
 OF_GEARS = Background.NAMED_ONLY  # the posterior has harmonics and a band of ripple for every gear
@@ -104,7 +104,7 @@ def gear_ripple(run: Excitation) -> Iterator[Effect]:
         # 0.25: of a wave over the range of the joint between neighbours of the scan
         grid = np.arange(2.5, highest, 0.25 * TURN / float(np.ptp(run.samples.q[:, i])))
         sentence = f"joint {i + 1}: gear runs out {{inner}} times a turn, {{size}}"
-        frequency = NonlinearParameter("frequency", "1/turn", grid)
+        frequency = ShapeParameter("frequency", "1/turn", grid)
         yield _wave(run, "gear ripple", i, frequency, sentence, SLAMANI, Role.GEAR_WAVE | Role.REPEATABLE)
 
 
@@ -145,13 +145,13 @@ def axis_wobble(run: Excitation) -> Iterator[Effect]:
 
 
 def _wave(
-    run: Excitation, kind: str, joint: int, frequency: float | NonlinearParameter, sentence: str, literature: str,
+    run: Excitation, kind: str, joint: int, frequency: float | ShapeParameter, sentence: str, literature: str,
     role: Role = Role.ORDINARY,
 ) -> Effect:  # fmt: skip
     """A wave over the joint's angle, with a frequency that is known or scanned."""
     make = partial(_wave_parameters, run, kind, joint)
     place = joint_place(joint)
-    if isinstance(frequency, NonlinearParameter):
+    if isinstance(frequency, ShapeParameter):
         return Effect(kind, place, make, sentence, GEAR_WAVE.largest, literature, frequency, role=role)
     return Effect(kind, place, make(frequency), sentence, GEAR_WAVE.largest, literature, role=role)
 

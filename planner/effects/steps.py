@@ -70,7 +70,7 @@ def _against_sample(c: Context) -> EffectVariable | None:
 
 
 @register(STEP, SLIP, needs="nothing that can be planned: nobody knows when something moves")
-def made_by_change_points(run: Excitation) -> Iterator[Effect]:
+def no_steps_beforehand(run: Excitation) -> Iterator[Effect]:
     """None of these is offered beforehand: the search finds the sample."""
     yield from ()
 

@@ -18,11 +18,11 @@ from planner.effects.effect import (
     BASE_SHIFTS,
     BASE_TURNS,
     Effect,
-    NonlinearParameter,
     Parameter,
     ParameterMove,
     Place,
     Role,
+    ShapeParameter,
     joint_place,
     reading_move,
     transform_move,
@@ -172,7 +172,7 @@ def _warm_up(
     constants = np.geomspace(min(run.duration / 50, longest / 10), longest, 12)  # time constants that are scanned
     return Effect(
         "warm-up", place, lambda constant: make(_warming(run, constant)), sentence, largest, HEISEL,
-        NonlinearParameter("time constant", "s", constants, True), role=Role.REPEATABLE,
+        ShapeParameter("time constant", "s", constants, True), role=Role.REPEATABLE,
     )  # fmt: skip
 
 

@@ -64,7 +64,7 @@ def shell_points(cell: Site, seed: int) -> Callable[[int], Array]:
         InputError: another joint's axis is coupled to that one's, so that its circle is none.
     """
     first = first_turn(cell)
-    if np.any(np.delete(cell.robot.sense_matrix[:, first], first)):
+    if np.any(np.delete(cell.robot.coupling_matrix[:, first], first)):
         raise InputError(
             f"{cell.robot.path}: a joint is coupled to joint {first + 1}; candidates need it to turn alone"
         )
@@ -133,7 +133,7 @@ def _arcs_in_shell(
     φ the angle between them.
     """
     chain, joint = cell.chain, first_turn(cell)
-    sense = float(cell.robot.sense_matrix[joint, joint])
+    sense = float(cell.robot.coupling_matrix[joint, joint])
     lower, upper = joint_range
     first = chain.joint_places[joint]
     motion = chain.forward(cell.robot.theta(q if joint else q[:1]))  # slides before it shift the axis

@@ -36,17 +36,17 @@ def angle_hint(cell: Cell, run: Run, rms: float) -> str:
 
 def _other_countings(robot: Robot) -> Iterator[tuple[Robot, str]]:
     """Yield robots with one joint counted backwards, or moved along by another one, and what to write into the file."""
-    A = robot.sense_matrix
+    A = robot.coupling_matrix
     for i in range(robot.n_joints):
         flipped = np.where(np.arange(len(A))[:, None] == i, -A, A)
-        yield replace(robot, sense_matrix=flipped), f"perhaps joint {i + 1} counts the other way: give it sense = -1"
+        yield replace(robot, coupling_matrix=flipped), f"perhaps joint {i + 1} counts the other way: give it sense = -1"
     for i in range(robot.n_joints):
         for k in range(robot.n_joints):
             for c in (-1.0, 1.0) if k != i and not robot.slides[[i, k]].any() else ():
                 coupled = A.copy()
                 coupled[i, k] += c * np.sign(A[i, i])
                 words = f"perhaps joint {k + 1} drives joint {i + 1} along: give it couple = {{ {k + 1} = {c:g} }}"
-                yield replace(robot, sense_matrix=coupled), words
+                yield replace(robot, coupling_matrix=coupled), words
 
 
 def _placed_error(cell: Cell, run: Run, robot: Robot) -> float:

@@ -253,7 +253,7 @@ def assess_fit(
         problems=find_problems(table, stages, found, traced, run, cell),
         warnings=(
             *(*run.warnings, *collect_warnings(run, cell, found, validation)),
-            *(*notes, *_fitted_there(parts, stages[-1]), *([NO_POSTERIOR] if not released and basis != "fit" else [])),
+            *(*notes, *_refit_notes(parts, stages[-1]), *([NO_POSTERIOR] if not released and basis != "fit" else [])),
             *workspace_warning(expected, last.held_out, found.model.width),
             *([] if released is None else tool_point_advice(released)),
         ),
@@ -344,7 +344,7 @@ def _within(run: Run, parts: Split, found: Fit) -> WithinGroups | None:
     return WithinGroups(held_out=Metrics.of(predict_held_out(found, finer).residual, finer.fold))
 
 
-def _fitted_there(parts: Split, last: FittedStage) -> list[str]:
+def _refit_notes(parts: Split, last: FittedStage) -> list[str]:
     """Return a warning if parameters were fitted on the held-out samples, because no others depend on them."""
     own = [p for p in last.fit.model.parameters if p.name in last.refitted and not p.group.startswith(SLIP)]
     if not own:

@@ -26,7 +26,7 @@ class AxisZeros:
     @classmethod
     def of(cls, robot: Robot, controller: str | None = None) -> "AxisZeros":
         """Return them for the controller of a robot's maker, or for another one."""
-        inverse = np.asarray(np.linalg.inv(robot.sense_matrix), dtype=float)
+        inverse = np.asarray(np.linalg.inv(robot.coupling_matrix), dtype=float)
         for c in robot.conventions:
             if c.controller == (controller or robot.dialect):
                 return cls(c.controller, c.matrix @ inverse)

@@ -32,7 +32,7 @@ def error_parts(released: ReleasedRobot) -> ErrorParts:
     whole = max(float((released.expected_errors(released.fit) ** 2).mean()), 1e-300)
     drift = min(released.drift_rms**2, whole)
     beyond = min(beyond, whole - drift)
-    unseen = min((1 - share) * min(_trace(weight, _left_by_many(known)[which]), all_square), whole - drift - beyond)
+    unseen = min((1 - share) * min(_trace(weight, _root_after_many(known)[which]), all_square), whole - drift - beyond)
     parts = (
         np.sqrt(np.maximum([whole - drift - beyond - unseen, unseen, beyond, drift], 0.0) / whole) * released.anywhere
     )
@@ -49,7 +49,7 @@ def _trace(weight: Array, columns: Array) -> float:
     return float((columns * (weight @ columns)).sum())
 
 
-def _left_by_many(known: PosteriorFit) -> Array:
+def _root_after_many(known: PosteriorFit) -> Array:
     """Return a root (P, P) of the covariance after MANY times as many readings at the same poses."""
     size = np.sqrt((known.mixture.scaled**2).mean(axis=0))
     information = UNSEEN_READINGS_RATIO * size[:, None] * known.gram[:-1, :-1] * size + np.eye(len(size))

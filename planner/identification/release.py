@@ -83,7 +83,7 @@ def release_robot(
         share = share_by_regions(share, plain.fit, regions)
     if share < LEAST_EFFECT_SHARE:
         return geometry
-    fit = _part_way(plain.fit, aim, share)
+    fit = _interpolate_fit(plain.fit, aim, share)
     before = own.held_residual if few is None else own.held_residual[few]
     problem = posterior.fit.problem
     held = predict_held_out(posterior.fit, split, posterior.mixture.scaled).residual
@@ -152,7 +152,7 @@ def share_by_regions(share: float, plain: Fit, regions: Sequence[HeldOutRegion])
     return share if 2 * best >= share else max(best, 0.0)
 
 
-def _part_way(geometry: Fit, aim: Fit, share: float) -> Fit:
+def _interpolate_fit(geometry: Fit, aim: Fit, share: float) -> Fit:
     """Return the posterior's fit with values a share of the way from those of geometry alone to those of ``aim``."""
     start = geometry.at(aim.model.names)
     return _with_values(aim, start + share * (aim.errors - start))

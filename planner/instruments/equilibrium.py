@@ -49,11 +49,11 @@ def with_held_torque(samples: Samples, model: Model, errors: Array) -> Samples:
             if m.on == "transform":
                 delta[m.index] = delta[m.index] + value * context.value(m.phi)
     turned = np.stack([np.broadcast_to(delta[k], len(samples)) for k in context.joints], axis=1)
-    q = samples.q + turned @ np.linalg.inv(setup.robot.sense_matrix).T
+    q = samples.q + turned @ np.linalg.inv(setup.robot.coupling_matrix).T
     torque = Context(setup, replace(samples, q=q, force=None)).load_torque
     if samples.force is not None:
         motion = setup.chain.forward(context.theta, delta)
         pull = -samples.force * bar_state(motion.x.T, setup.p_BX[samples.place]).direction.T
         torque = torque + np.einsum("jkn,kn->nj", motion.point_screws(context.joints), pull)
-    held = -torque * np.sign(np.diag(setup.robot.sense_matrix))
+    held = -torque * np.sign(np.diag(setup.robot.coupling_matrix))
     return replace(samples, torque=read_only(held))

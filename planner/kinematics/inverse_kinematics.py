@@ -84,7 +84,7 @@ def tool_pose(chain: Chain, robot: Robot, q: Array) -> tuple[Array, Array, Array
     motion = chain.forward(robot.theta(q))
     moving = chain.joint_places
     screws = np.concatenate([motion.point_screws(moving), motion.turns(moving)], axis=1)  # (N, 6, n) by theta
-    J = np.einsum("jkn,ji->nki", screws, robot.sense_matrix)
+    J = np.einsum("jkn,ji->nki", screws, robot.coupling_matrix)
     return motion.x.T, np.moveaxis(motion.R, 2, 0), J
 
 
@@ -181,7 +181,7 @@ def solve_point_ik(chain: Chain, robot: Robot, q: Array, p_B: Array) -> tuple[Ar
     found = solve_ik(task, start, step=_bold_step, iterations=14, tolerance=POINT_TOLERANCE, norm=2)
     missing = np.linalg.norm(task(found.q, np.arange(len(q)))[0], axis=1)
     theta[:, moved] = found.q
-    solved = np.linalg.solve(robot.sense_matrix, (theta - robot.theta_zero).T).T
+    solved = np.linalg.solve(robot.coupling_matrix, (theta - robot.theta_zero).T).T
     whole = TURN * np.round((solved - (robot.q_lower + robot.q_upper) / 2) / TURN)
     return np.asarray(solved - np.where(robot.slides, 0.0, whole)), missing
 

@@ -140,7 +140,7 @@ class Robot:
         convention: ``dh``, ``mdh`` or ``urdf``.
         transforms: elementary transforms from the base to the flange.
         link_end: number of transforms up to the end of link frame 0 (the base) … N.
-        sense_matrix: A of ``theta = A q + theta_zero``, (N, N); the row of a joint that slides holds ``SLIDE``.
+        coupling_matrix: A of ``theta = A q + theta_zero``, (N, N); the row of a joint that slides holds ``SLIDE``.
         theta_zero: (N,) [rad].
         q_lower, q_upper: limits of the joints, (N,) [rad].
         speed, acceleration, jerk: of the joints, (N,) [rad/s, rad/s², rad/s³].
@@ -176,7 +176,7 @@ class Robot:
     convention: str
     transforms: tuple[Transform, ...]
     link_end: tuple[int, ...]
-    sense_matrix: Array
+    coupling_matrix: Array
     theta_zero: Array
     q_lower: Array
     q_upper: Array
@@ -273,7 +273,7 @@ class Robot:
 
     def theta(self, q: Array) -> Array:
         """Convert joint angles (n, N) [rad] to the variable part of the kinematic rows' angles."""
-        return q @ self.sense_matrix.T + self.theta_zero
+        return q @ self.coupling_matrix.T + self.theta_zero
 
     def axes_of(self, controller: str) -> AxisConvention:
         """Return how a controller counts the axes of this robot; ``controller`` is the name of its language.
@@ -296,10 +296,10 @@ class Robot:
         """Return this robot, rigid, with the axes of a controller as its joints: its q are the controller's angles."""
         if convention.is_same:
             return self.nominal
-        back = self.sense_matrix @ convention.inverse
+        back = self.coupling_matrix @ convention.inverse
         return replace(
             self.nominal,
-            sense_matrix=read_only(back),
+            coupling_matrix=read_only(back),
             theta_zero=read_only(self.theta_zero - back @ convention.zero),
             q_lower=convention.lower,
             q_upper=convention.upper,

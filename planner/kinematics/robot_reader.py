@@ -232,7 +232,7 @@ def _build_robot(
         convention=file.convention,
         transforms=_with_travel(whole, limits, A, -sense * zero),
         link_end=ends,
-        sense_matrix=read_only(A),
+        coupling_matrix=read_only(A),
         theta_zero=read_only(-sense * zero),
         q_lower=limits.lower,
         q_upper=limits.upper,

@@ -55,8 +55,8 @@ def exported_models(robot: Robot, values: Mapping[str, float]) -> Iterator[tuple
 
     ``robot.urdf`` where the joints have names, ``calibration.yaml`` of ur_description for the robots of UR.
     """
-    sense = np.diag(robot.sense_matrix)
-    if robot.convention == "urdf" or not np.array_equal(np.diag(sense), robot.sense_matrix):
+    sense = np.diag(robot.coupling_matrix)
+    if robot.convention == "urdf" or not np.array_equal(np.diag(sense), robot.coupling_matrix):
         return
     if robot.joint_names:
         yield "robot.urdf", _urdf(robot, values, sense)

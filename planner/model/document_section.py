@@ -116,12 +116,12 @@ class SectionOfJoint(DocumentSection):
         return " mm" if self.slides else "°"
 
 
-def round_numbers(value: object) -> object:
+def round_digits(value: object) -> object:
     """Return a document with its numbers to nine digits; one that is not finite is no number."""
     if isinstance(value, dict):
-        return {k: round_numbers(v) for k, v in value.items()}
+        return {k: round_digits(v) for k, v in value.items()}
     if isinstance(value, list):
-        return [round_numbers(v) for v in value]
+        return [round_digits(v) for v in value]
     if not isinstance(value, float):
         return value
     return float(f"{value:.{9}g}") + 0.0 if isfinite(value) else None

@@ -13,7 +13,7 @@ from planner.common.arrays import mean_by_group
 from planner.common.schema import read_json, validate
 from planner.common.units import Array
 from planner.model.beside_findings import ManyOfOneKind, RejectedEffect
-from planner.model.document_section import DocumentSection, SectionOfJoint, round_numbers
+from planner.model.document_section import DocumentSection, SectionOfJoint, round_digits
 from planner.model.gauge_frames import GaugeFrames, JointZero
 from planner.model.more_poses import MorePoses
 from planner.model.use_statement import Use
@@ -388,7 +388,7 @@ class Identification(DocumentSection):
 
     def content(self) -> dict[str, object]:
         """Return what the file says, in the contract's keys and units."""
-        out = round_numbers(self.model_dump(mode="json", by_alias=True))
+        out = round_digits(self.model_dump(mode="json", by_alias=True))
         assert isinstance(out, dict)
         return out
 

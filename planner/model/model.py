@@ -200,7 +200,7 @@ class Model:
         for part in chunks(len(samples)):
             context = Context(self.setup, samples.take(part))
             motion = self.setup.chain.forward(context.theta, self.setup.offsets(context.samples))
-            out[part] = np.einsum("krn,kj->nrj", self._project(context, motion, which), robot.sense_matrix)
+            out[part] = np.einsum("krn,kj->nrj", self._project(context, motion, which), robot.coupling_matrix)
         return out
 
     def _pass(self, context: Context, errors: Array | None) -> tuple[ForwardPass, Array]:

@@ -69,7 +69,7 @@ class JobKeeper:
         if not self._records.refresh(now=True):
             raise KeptJobError("the records of robots are being read, and may cite it; try again in a moment")
         with self._db.write() as db:
-            job, named_by = self._jobs.get(id), _named_by(db, id)
+            job, named_by = self._jobs.get(id), _jobs_naming(db, id)
             reason = _reason_to_keep(db, job, named_by)
             if reason:
                 raise KeptJobError(f"the {job.kind} {id} cannot be deleted: {reason}")
@@ -91,11 +91,11 @@ class JobKeeper:
         Nothing goes that is archived or needed; what only serves pages goes first.
         """
         task_days = 7.0  # after which views and checks of pages go: they are made again where somebody looks
-        count = sum(self._try_delete(id) for id in self._ended_before(now - task_days * DAY_S, tasks=True))
+        count = sum(self._try_delete(id) for id in self._list_ended(now - task_days * DAY_S, tasks=True))
         if kept.age_s is not None:
-            count += sum(self._try_delete(id) for id in self._ended_before(now - kept.age_s))
+            count += sum(self._try_delete(id) for id in self._list_ended(now - kept.age_s))
         if kept.size_bytes is not None:
-            candidates = iter([*self._ended_before(now, tasks=True), *self._ended_before(now)])
+            candidates = iter([*self._list_ended(now, tasks=True), *self._list_ended(now)])
             while self.size_bytes() > kept.size_bytes and (id := next(candidates, None)) is not None:
                 count += self._try_delete(id)
         return count
@@ -109,7 +109,7 @@ class JobKeeper:
             sent, values = f"{sent} WHERE person = ?", (person, person)
         return int(self._db.read(f"SELECT sum(size) FROM ({written} UNION {sent})", *values)[0][0] or 0)
 
-    def _ended_before(self, moment: float, tasks: bool = False) -> list[str]:
+    def _list_ended(self, moment: float, tasks: bool = False) -> list[str]:
         """Return the jobs that ended before a moment [s since 1970] and are not archived, the oldest first."""
         query = "SELECT id FROM jobs WHERE task = ? AND finished < ? AND archived = 0 ORDER BY finished, id"
         return [row["id"] for row in self._db.read(query, int(tasks), moment)]
@@ -138,7 +138,7 @@ def _reason_to_keep(db: sqlite3.Connection, job: JobRecord, named_by: Sequence[s
     return ""
 
 
-def _named_by(db: sqlite3.Connection, id: str) -> list[sqlite3.Row]:
+def _jobs_naming(db: sqlite3.Connection, id: str) -> list[sqlite3.Row]:
     """Return the jobs whose requests name a job: all requests are looked through."""
     query = "SELECT id, kind, state, task FROM jobs WHERE id != ? AND instr(request, ?) > 0"
     return db.execute(query, (id, id)).fetchall()

@@ -52,7 +52,7 @@ def fill_document(document: type[Document], plan: SessionPlan, content: dict[str
     """Return a plan of any kind as its document: its id, its content, its programs and its notes."""
     files = [ProgramRecord(dialect=name, file=f.name) for name, files in plan.programs for f in files]
     whole = {"schema": SCHEMA, "plan_id": plan.plan_id, **content, "programs": files, "notes": list(plan.notes)}
-    filled = document.model_validate(round_numbers(whole))
+    filled = document.model_validate(round_decimals(whole))
     return filled.model_copy(update={"hashes": part_hashes(filled.content(), plan.cell)})
 
 
@@ -88,7 +88,7 @@ def changed_parts(content: Mapping[str, object], cell: Cell) -> list[str]:
 
 
 def _short_hash(value: object) -> str:
-    return hashlib.sha256(json.dumps(round_numbers(value), sort_keys=True).encode()).hexdigest()[:12]
+    return hashlib.sha256(json.dumps(round_decimals(value), sort_keys=True).encode()).hexdigest()[:12]
 
 
 def content_hash(content: dict[str, object], cell: Cell) -> str:
@@ -278,16 +278,16 @@ def verdict_records(verdicts: Iterable[Verdict]) -> tuple[VerdictRecord, ...]:
     return tuple(VerdictRecord(engine=v.engine, proven=v.clear, clearance_mm=v.clearance * 1e3) for v in verdicts)
 
 
-def round_numbers(value: object) -> object:
+def round_decimals(value: object) -> object:
     """Round every number to what matters, so that the last bits of a sum do not change the bytes."""
     if isinstance(value, BaseModel):
-        return round_numbers(value.model_dump(exclude_unset=True))
+        return round_decimals(value.model_dump(exclude_unset=True))
     if isinstance(value, dict):
-        return {k: round_numbers(v) for k, v in value.items()}
+        return {k: round_decimals(v) for k, v in value.items()}
     if isinstance(value, list | tuple):
-        return [round_numbers(v) for v in value]
+        return [round_decimals(v) for v in value]
     if isinstance(value, np.ndarray):
-        return round_numbers(value.tolist())
+        return round_decimals(value.tolist())
     if isinstance(value, float | np.floating):
         if not np.isfinite(value):  # no body, no clearance: JSON has no word for infinity
             return None
@@ -332,7 +332,7 @@ class UnprovenPoses:
             "observability": observability_record(self.choice, self.certificate),
             "notes": list(self.notes),
         }
-        rounded = {key: round_numbers(value) for key, value in content.items()}
+        rounded = {key: round_decimals(value) for key, value in content.items()}
         return rename_key(rounded, "q_deg", "q") if self.cell.robot.slides.any() else rounded
 
     def _pose(self, k: int) -> dict[str, object]:

@@ -80,7 +80,7 @@ def judge_corners(
     return verdicts, corner[unproven]
 
 
-def release_way(constraints: Constraints, path: ProvenPath) -> ReleasedPath:
+def release_travel(constraints: Constraints, path: ProvenPath) -> ReleasedPath:
     """Release a way on which nothing is measured, blended wherever that fits."""
     points = add_blends(constraints, path, np.zeros(len(path.q), dtype=bool), np.full(len(path.q), -1))
     cell, mounting = constraints.cell, constraints.workspace.mounting

@@ -121,7 +121,7 @@ def prove_shortcuts(constraints: Constraints, q: Array, visit: np.ndarray) -> tu
     return tuple(int(k) for k in wanted[constraints.proven_by_both(legs)])
 
 
-def entry_ways(cell: Cell, mounting: Mounting, q: Array, shortcuts: Sequence[int]) -> list[list[int]]:
+def entry_paths(cell: Cell, mounting: Mounting, q: Array, shortcuts: Sequence[int]) -> list[list[int]]:
     """Return for each point of a path q (m, N) the quickest proven way to it from the first, as points passed.
 
     Its legs are legs of the path, driven either way, and the shortcuts from the first point. Where the path comes to a
@@ -162,7 +162,7 @@ def cut_stretches(
         first: number of the first start; the others count on.
     """
     m = path.one_way
-    ways = entry_ways(cell, mounting, path.q[:m], shortcuts)
+    ways = entry_paths(cell, mounting, path.q[:m], shortcuts)
     legs = sorted({leg for way in ways for leg in pairwise(way)})
     ends = np.array(legs, dtype=int).ravel()  # every second of the moves between them is a leg
     moves = dict(zip(legs, even_moves(cell, path.q[ends], path.visit[ends], mounting)[::2], strict=True))

@@ -33,7 +33,7 @@ from planner.session.release import (
     approach_from_sides,
     insert_ball_approaches,
     release_path,
-    release_way,
+    release_travel,
     separate_motions,
 )
 from planner.session.tour_cost import prove_shortcuts, tour_costs
@@ -111,7 +111,7 @@ def drive_tour(place: MountingSession, stops: Sequence[TourStop], tsp: TourSolve
     reading = reading_limits(cell, place.mounting, bar=True)
     task = partial(check_limits, measuring.path.trajectory, axis_limits(cell, bar=True), step, reading)
     with ForkedTask(task) as checking:
-        travelling = release_way(place.travelling, travel)
+        travelling = release_travel(place.travelling, travel)
         shortcuts = prove_shortcuts(constraints, points.q, points.visit)
     path = replace(
         path, verdict=measuring.verdicts[0], second=measuring.verdicts[1]

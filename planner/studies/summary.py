@@ -41,7 +41,7 @@ class StudySummary:
             *([("unseen", f"{join_names(unseen)} (why: unseen.csv)")] if unseen else []),
             ("poses", f"{b.index} bends at {own.knee} poses, {format_number(own.at_knee)}; {limit}"),
             ("least sure", least),
-            ("fixture", f"{describe_best_place(self.places)}{self._moved_along()}"),
+            ("fixture", f"{describe_best_place(self.places)}{self._moved_text()}"),
             *(("fixtures", sentence) for sentence in describe_fixtures(self.fixtures, b.index)),
         ]
         title = (
@@ -53,7 +53,7 @@ class StudySummary:
         """Names of the bodies that hold the fixture up."""
         return [self.basis.cell.obstacles[k].name for k in find_stands(self.basis.cell)]
 
-    def _moved_along(self) -> str:
+    def _moved_text(self) -> str:
         names, fixtures = self._stands(), self.basis.cell.fixtures
         moved = f"; {' and '.join(names)} moved along, all other obstacles stayed" if names else ""
         return moved + (f"; fixture {fixtures[0].name} alone" if len(fixtures) > 1 else "")

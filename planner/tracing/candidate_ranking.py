@@ -60,7 +60,7 @@ def rank_candidates(
 ) -> list[EffectScore]:
     """Every effect that may join others at its best value, the likeliest first; ties in catalogue order."""
     best = scores_beside(test, dictionary, effects)
-    needless = _explained_by_compliance(test, best)
+    needless = _needless_beside_compliance(test, best)
     best = [s for s in best if s.effect.name not in needless]
     gain, size = np.array([s.gain for s in best]), np.array([s.size for s in best], dtype=int)
     chances = test.log_ps(gain, size, len(dictionary.items)).tolist()
@@ -87,7 +87,7 @@ def _are_distinct(effect: Effect, items: Sequence[DictionaryItem], effects: tupl
     return np.asarray(apart > 3 * effect.nonlinear.spacings(values))
 
 
-def _explained_by_compliance(test: ScoreTest, scores: list[EffectScore]) -> set[str]:
+def _needless_beside_compliance(test: ScoreTest, scores: list[EffectScore]) -> set[str]:
     """Names of effects like compliance that plain compliance explains: of the joints that they move, or of all."""
     compliances = [p for s in scores if s.effect.has(Role.COMPLIANCE) for p in s.effect.make()]
     plain = list[tuple[EffectScore, Effect]]()

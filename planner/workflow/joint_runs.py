@@ -40,7 +40,7 @@ class RunSource:
         return path if path.is_file() else None
 
 
-def given_in_pairs(value: object, count: int, option: str) -> list[object]:
+def one_for_each_run(value: object, count: int, option: str) -> list[object]:
     """Return one value for each of ``count`` runs: one for all, or one each in their order.
 
     Raises:
@@ -59,7 +59,7 @@ def given_in_pairs(value: object, count: int, option: str) -> list[object]:
 
 def run_sources(runs: Sequence[Path | str], cell: object, plan: object) -> tuple[RunSource, ...]:
     """Return the files of an identification, each with what is given for it."""
-    cells, plans = (given_in_pairs(v, len(runs), o) for v, o in ((cell, "--cell"), (plan, "--plan")))
+    cells, plans = (one_for_each_run(v, len(runs), o) for v, o in ((cell, "--cell"), (plan, "--plan")))
     return tuple(
         RunSource(Path(r), c, p)  # type: ignore[arg-type]
         for r, c, p in zip(runs, cells, plans, strict=True)

@@ -31,9 +31,9 @@ from planner.workflow.plan_results import PlanResult, PosesResult, SessionResult
 def plan(asked: PlanCall) -> PlanResult | PosesResult | SessionResult:
     """Plan a measuring session: poses, certificate, collision-free path, robot programs.
 
-    What a section of an extension asks for in place of poses, that extension plans. With a limit of time searches stop early, and the notes say what
-    they left; the same seed then no longer gives the same bytes. Over before a path is proven: the poses alone, without
-    a program.
+    What an extension's section of the cell asks for in place of poses, the extension plans. With a limit of time
+    searches stop early, and the notes say what they left; the same seed then no longer gives the same bytes. Over
+    before a path is proven: the poses alone, without a program.
 
     Raises:
         InputError: the cell or an argument is wrong.

@@ -81,7 +81,7 @@ def test_urdf_agrees_with_pinocchio(tmp_path, axes):
     ours, _ = pin_model(robot)
     gravity = pin.computeGeneralizedGravity(ours, ours.createData(), robot.theta(q[:1])[0])
     theirs = pin.computeGeneralizedGravity(model, data, q[0])
-    np.testing.assert_allclose(robot.sense_matrix.T @ gravity, theirs, atol=1e-9)
+    np.testing.assert_allclose(robot.coupling_matrix.T @ gravity, theirs, atol=1e-9)
 
 
 def test_coupling_and_sense_follow_the_contract(tmp_path):

@@ -185,7 +185,7 @@ def test_bases_on_an_external_kinematic_are_not_taken_for_fixed(kuka, tmp_path):
 def test_turn_bits_follow_an_axis_over_zero(kuka, tmp_path):
     robot, _ = kuka
     real = exact(robot)
-    real.delta[[k for k, t in enumerate(robot.transforms) if t.joint == 5]] = robot.sense_matrix[5, 5] * 0.02
+    real.delta[[k for k, t in enumerate(robot.transforms) if t.joint == 5]] = robot.coupling_matrix[5, 5] * 0.02
     q = np.radians([[10, -80, 100, 20, 40, 0.5]])
     path = tmp_path / "part.src"
     path.write_bytes(krl(robot, q).encode())

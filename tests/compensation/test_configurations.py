@@ -20,7 +20,7 @@ HOMES = [
 
 def turned(robot, angles):
     """A robot whose joints stand further by ``angles`` [deg] than the controller believes."""
-    by_joint = robot.sense_matrix @ np.radians(angles)
+    by_joint = robot.coupling_matrix @ np.radians(angles)
     delta = [0.0 if t.joint is None else by_joint[t.joint] for t in robot.transforms]
     return BentRobot(robot, np.array(delta))
 

@@ -25,7 +25,9 @@ CSV = HEAD + "a; 10.5;-20;30.25;\t4.0;55;6e1\n\nb,c;1;2;3;4;35;6\n"
 
 def shifted(robot, joint=3, angle=HALF):
     """A robot whose joint stands further by ``angle`` than its controller believes."""
-    delta = np.array([angle * robot.sense_matrix[joint, joint] if t.joint == joint else 0.0 for t in robot.transforms])
+    delta = np.array(
+        [angle * robot.coupling_matrix[joint, joint] if t.joint == joint else 0.0 for t in robot.transforms]
+    )
     return BentRobot(robot, delta)
 
 

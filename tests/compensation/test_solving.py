@@ -57,14 +57,14 @@ def test_a_known_error_of_a_zero_position_is_undone():
     delta = np.array([0.01 if t.joint == 2 else 0.0 for t in robot.transforms])
     q = regular_angles(robot, 50)
     done = correct_joints(robot, NominalFlange(robot), BentRobot(robot, delta), q)
-    expected = np.linalg.solve(robot.sense_matrix, np.eye(6)[2] * -0.01)
+    expected = np.linalg.solve(robot.coupling_matrix, np.eye(6)[2] * -0.01)
     np.testing.assert_allclose(done.moved, np.tile(expected, (50, 1)), atol=1e-8)
 
 
 def test_targets_that_cannot_be_corrected_are_marked():
     robot, real = bent("kuka-kr6-r700")
     q = np.radians([[0, -90, 90, 0, 0, 0], [10, -70, 100, 20, 40, 349.999], [10, -70, 100, 20, 40, 30]])
-    sign = -np.sign(robot.sense_matrix[5, 5])
+    sign = -np.sign(robot.coupling_matrix[5, 5])
     turned = BentRobot(robot, np.array([sign * 0.01 if t.joint == 5 else 0.0 for t in robot.transforms]))
     assert correct_joints(robot, NominalFlange(robot), turned, q).within.tolist() == [True, False, True]
     done = correct_joints(robot, NominalFlange(robot), real, q)
@@ -118,11 +118,11 @@ def _with_joints(robot, transforms, n):
         return read_only(np.append(v, fill)[:n])
 
     A = np.eye(7)
-    A[:6, :6] = robot.sense_matrix
+    A[:6, :6] = robot.coupling_matrix
     return replace(
         robot,
         transforms=transforms,
-        sense_matrix=read_only(A[:n, :n]),
+        coupling_matrix=read_only(A[:n, :n]),
         theta_zero=cut(robot.theta_zero, 0.0),
         q_lower=cut(robot.q_lower, -3.0),
         q_upper=cut(robot.q_upper, 3.0),

@@ -25,7 +25,7 @@ LENGTH = 0.4  # [mm] of which the upper arm is longer
 def calibrated(path, name):
     """A calibrated robot whose zeros and upper arm are off, its file made by hand."""
     robot = load_robot(name)
-    shift = robot.sense_matrix @ np.radians([OFF.get(k, 0.0) for k in range(1, 7)])
+    shift = robot.coupling_matrix @ np.radians([OFF.get(k, 0.0) for k in range(1, 7)])
     text, nominal = (data_folder("robots") / name / "robot.toml").read_text(), {}
     head, *joints = text.split("[[joints]]")
     for k, t in ((t.joint, t) for t in robot.transforms if t.joint is not None):
@@ -123,7 +123,7 @@ def test_the_error_before_is_that_of_the_robot_with_its_zeros_set(tmp_path):
     """Where the zeros are all that is off, the robot is as good before as after once they are set."""
     model = calibrated(tmp_path / "robot.toml", "kuka-kr6-r700")
     robot = load_robot(str(model))
-    shift = robot.sense_matrix @ np.radians([OFF.get(k, 0.0) for k in range(1, 7)])
+    shift = robot.coupling_matrix @ np.radians([OFF.get(k, 0.0) for k in range(1, 7)])
     names = [f"theta{k}" for k in range(1, 7)]
     content = {
         "schema": "edbb-expected-error/1", "robot": robot.name, "robot_sha256": "0" * 64, "tool_mm": [10, 0, 100],

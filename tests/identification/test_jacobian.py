@@ -79,9 +79,9 @@ def test_every_kind_frees_what_places_it(kind):
 def test_joint_rows_are_the_derivative_by_the_controllers_angles():
     rng = np.random.default_rng(7)
     setup = rigs.setup("kuka-kr6-r700", "length", rng)
-    coupled = setup.robot.sense_matrix.copy()
+    coupled = setup.robot.coupling_matrix.copy()
     coupled[2, 1] = 0.7
-    setup = replace(setup, robot=replace(setup.robot, sense_matrix=coupled))
+    setup = replace(setup, robot=replace(setup.robot, coupling_matrix=coupled))
     model, s = Model.of(setup, frozenset()), rigs.samples(setup.robot, 20, rng, force=False)
     rows = model.joint_rows(s)
     zero = rigs.Targets(length=np.zeros(len(s)))

@@ -42,7 +42,7 @@ def test_zeros_are_those_of_the_controllers_axes() -> None:
     """Comau counts five axes of the NJ-130 the other way round; where the file states no convention, that is said."""
     robot = load_robot("comau-nj130")
     off = np.deg2rad([0.1, 0.2, -0.3, 0.4, -0.5, 0.6])  # of the joints
-    shift = robot.sense_matrix @ off
+    shift = robot.coupling_matrix @ off
     rows = [
         Estimate(name=f"theta{k + 1}", value=float(v), std=1e-5, unit="rad", group="geometry")
         for k, v in enumerate(shift)
@@ -69,7 +69,7 @@ def test_a_cell_of_another_controller_sees_the_zeros_in_its_axes() -> None:
     off = np.deg2rad([0.1, 0.2, -0.3, 0.4, -0.5, 0.6])  # of the joints
     rows = [
         Estimate(name=f"theta{k + 1}", value=float(v), std=1e-5, unit="rad", group="geometry")
-        for k, v in enumerate(robot.sense_matrix @ off)
+        for k, v in enumerate(robot.coupling_matrix @ off)
     ]
     others = find_other_zeros(robot, rows, ("bnr+g126", "pdl2", "poses-csv"))
     assert {z.axes_of for z in others} == {"bnr"}  # the maker's stand before it, lists hold the model's own angles

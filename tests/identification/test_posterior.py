@@ -116,7 +116,7 @@ def test_a_robot_part_way_is_as_likely_worse_than_geometry_as_is_accepted(monkey
         share = release.safe_share(before, aim)
         if not 0.0 < share < 1.0:
             continue
-        there = release._part_way(released.geometry, aim, share)
+        there = release._interpolate_fit(released.geometry, aim, share)
         worse = (released.drawn_errors(there) > released.drawn_errors(released.geometry)).mean()
         assert worse == pytest.approx(doubt, abs=2 / released.posterior.drawn.shape[1])
         partial += 1
@@ -192,6 +192,6 @@ def test_the_compromise_has_the_least_mean_square_error_over_that_of_geometry_al
     assert ratio(aim) < ratio(before.geometry)
     for own in np.random.default_rng(0).permutation(drawn.T)[:20]:
         for step in (0.3, -0.3):
-            assert ratio(aim) < ratio(release._part_way(aim, release._with_values(aim, own), step))
+            assert ratio(aim) < ratio(release._interpolate_fit(aim, release._with_values(aim, own), step))
     best = drawn @ (alone**-2 / (alone**-2).sum())
     assert np.all(np.abs(aim.errors - best) <= noise)

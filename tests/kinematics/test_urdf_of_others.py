@@ -73,7 +73,7 @@ def test_what_a_joint_does_not_say_is_asked_for_and_taken_from_robot_toml(tmp_pa
     found, said, others = expected[missing]
     assert found[2] == pytest.approx(said)
     assert np.delete(found, 2) == pytest.approx(np.delete(others, 2))
-    assert (robot.sense_matrix == whole.sense_matrix).all()
+    assert (robot.coupling_matrix == whole.coupling_matrix).all()
 
 
 def test_a_table_of_a_joint_that_is_not_there_is_refused(tmp_path: Path) -> None:

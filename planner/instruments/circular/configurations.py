@@ -172,7 +172,7 @@ def spun_orientations(axis_F: Array, axes_B: Iterable[Array], spins: int) -> Arr
 def _remove_turns(cell: Cell, q: Array) -> Array:
     """Take whole turns off every joint's angle (n, N) [rad], to where it is nearest to home within the limits."""
     robot = cell.robot
-    turn = 2 * np.pi * np.linalg.inv(robot.sense_matrix).T  # row j: what a whole turn of row j's angle is in q
+    turn = 2 * np.pi * np.linalg.inv(robot.coupling_matrix).T  # row j: what a whole turn of row j's angle is in q
     for step in turn[~robot.slides]:
         options = q[:, None] + np.arange(-3, 4)[:, None] * step
         over = np.maximum(robot.q_lower - options, options - robot.q_upper).clip(min=0.0).sum(axis=2)

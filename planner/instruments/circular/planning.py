@@ -38,7 +38,7 @@ from planner.runs.run import Mounting
 from planner.session.mount import check_home
 from planner.session.options import PlanOptions
 from planner.session.planning import plan_session
-from planner.session.release import ReleasedPath, judge_corners, release_way
+from planner.session.release import ReleasedPath, judge_corners, release_travel
 from planner.session.tour_drive import path_to_mount
 
 
@@ -105,7 +105,7 @@ class CircularSession:
         cell, seed = self.cell, self.seed
         with_bar, without_bar = (Constraints(cell, mounting, bar, limit=limit) for bar in (True, False))
         mount = np.asarray(cell.mount(mounting))
-        travel = release_way(without_bar, path_to_mount(without_bar, np.vstack([cell.home, mount]), seed))
+        travel = release_travel(without_bar, path_to_mount(without_bar, np.vstack([cell.home, mount]), seed))
         passes: list[CircularPass] = []
         ways: dict[bytes, ReleasedPath] = {}
         here = mount
@@ -114,7 +114,7 @@ class CircularSession:
             if np.abs(goal - here).max() > 1e-6:  # [rad] else the arm already stands there
                 key = here.tobytes() + goal.tobytes()
                 if key not in ways:
-                    ways[key] = _way_between(with_bar, here, goal, seed)
+                    ways[key] = _path_between(with_bar, here, goal, seed)
                 passes.append(CircularPass.between(ways[key].path, last=one is None))
             if one is not None:
                 passes.append(one)
@@ -135,7 +135,7 @@ def check_loads(cell: Cell) -> None:
         cell.check_load(most, f"{cell.path}: circle {c.name}: loads_N goes up to {most:g} N", "load less")
 
 
-def _way_between(constraints: Constraints, here: Array, goal: Array, seed: int) -> ReleasedPath:
+def _path_between(constraints: Constraints, here: Array, goal: Array, seed: int) -> ReleasedPath:
     """The way with the bar on from one circle to the next."""
     path = connect_poses(constraints, np.vstack([here, goal]), [0, 1], seed=seed)
     if isinstance(path, PathGaps):
@@ -143,7 +143,7 @@ def _way_between(constraints: Constraints, here: Array, goal: Array, seed: int) 
             f"no way with the bar on leads from one circle to the next: {'; '.join(path.reasons)}; measure them in "
             "cells of their own, or give tool_axis so that both are driven alike"
         )
-    return release_way(constraints, replace(path, q=round_angles(path.q)))
+    return release_travel(constraints, replace(path, q=round_angles(path.q)))
 
 
 def load_notes(cell: Cell) -> list[str]:

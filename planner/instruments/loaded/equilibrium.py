@@ -27,7 +27,7 @@ def deflect_joints(setup: MeasurementSetup, samples: Samples, value: Array) -> S
         samples: as driven.
         value: compliance of every joint, (N,) [rad/Nm].
     """
-    back = np.linalg.inv(setup.robot.sense_matrix)
+    back = np.linalg.inv(setup.robot.coupling_matrix)
     q = samples.q
     for _ in range(BALANCE_ROUNDS):
         torque = Context(setup, replace(samples, q=q)).load_torque

@@ -111,7 +111,7 @@ class WorkspaceBounds:
     def travel(self, q: Array, spokes: Array) -> tuple[ToolState, Travel]:
         """Return tool, bar and their travel over neighbourhoods q (n, N), spokes (n, M, N) [rad, controller's]."""
         pose = self.at(q)
-        return pose, bound_travel(pose, spokes @ self.workspace.cell.robot.sense_matrix.T, self.map_reach)
+        return pose, bound_travel(pose, spokes @ self.workspace.cell.robot.coupling_matrix.T, self.map_reach)
 
     def margins(self, q: Array) -> Array:
         """Margins of the workspace at q (n, N) [rad], (n, columns) [rad or m]."""
@@ -126,7 +126,7 @@ class WorkspaceBounds:
             pose, far = self.travel(q, spokes)
             return self.workspace.margins(q, pose), self.changes(spokes, far), far
         unknown = np.full(len(q), FAR)
-        step = np.abs(spokes @ self.workspace.cell.robot.sense_matrix.T).max(axis=1)
+        step = np.abs(spokes @ self.workspace.cell.robot.coupling_matrix.T).max(axis=1)
         far = Travel(unknown, unknown, unknown, unknown, step)
         return self.workspace.margins(q), self.changes(spokes, far), far
 

@@ -193,7 +193,7 @@ def test_plain_formulas():
     e = c.motion.x.T - c.setup.p_BX[s.place]
     e = e / np.linalg.norm(e, axis=1)[:, None]
     R_BF = np.moveaxis(c.motion.R, 2, 0)
-    theta_speed = s.speed @ c.setup.robot.sense_matrix.T
+    theta_speed = s.speed @ c.setup.robot.coupling_matrix.T
     horizontal = np.linalg.norm(e - np.outer(e @ down, down), axis=1)
     both = {
         JointWave("sin", 2, 12.5): np.sin(12.5 * q[:, 2]),
@@ -203,8 +203,8 @@ def test_plain_formulas():
         SpeedSign(3): np.where(s.speed[:, 3] > 0, 0.5, -0.5),
         ApproachDirection(3): s.direction[:, 3] / 2,
         SpeedLag(4): -theta_speed[:, 4],
-        SettlingError(0): (s.q_cmd - s.q_read)[:, 0] * c.setup.robot.sense_matrix[0, 0],
-        DriveTorque(1): -s.torque[:, 1] * c.setup.robot.sense_matrix[1, 1],
+        SettlingError(0): (s.q_cmd - s.q_read)[:, 0] * c.setup.robot.coupling_matrix[0, 0],
+        DriveTorque(1): -s.torque[:, 1] * c.setup.robot.coupling_matrix[1, 1],
         TorqueSign(1): np.sign(c.load_torque[:, 1]) / 2,
         TemperatureRise(21.0): s.temperature - 21.0,
         ElapsedTime(5.0): s.t - 5.0,

@@ -70,7 +70,7 @@ def test_the_file_gives_the_flange_of_the_fitted_model(name, tmp_path):
 def test_all_else_is_kept(name, tmp_path):
     robot = robot_called(name, tmp_path)
     again = back(tmp_path, calibration(robot, seed=2))
-    for what in ("q_lower", "q_upper", "speed", "acceleration", "jerk", "sense_matrix", "theta_zero"):
+    for what in ("q_lower", "q_upper", "speed", "acceleration", "jerk", "coupling_matrix", "theta_zero"):
         np.testing.assert_array_equal(getattr(again, what), getattr(robot, what))
     for what in ("name", "title", "convention", "repeatability", "payload", "gear_ratio", "never_meet", "tip"):
         assert getattr(again, what) == getattr(robot, what), what
@@ -241,7 +241,7 @@ def test_a_robot_file_that_points_at_a_urdf(tmp_path):
     q = poses(robot)
     np.testing.assert_allclose(CalibratedRobot(again).flange(q)[0], predicted(made, q), rtol=0, atol=1e-9)
     assert [b.mesh.name for _, b in again.bodies] == ["hand.stl"]
-    np.testing.assert_array_equal(again.sense_matrix, robot.sense_matrix)
+    np.testing.assert_array_equal(again.coupling_matrix, robot.coupling_matrix)
     assert "# bought used" in (tmp_path / "out" / "robot.toml").read_text()
 
 

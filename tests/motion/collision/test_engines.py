@@ -69,7 +69,7 @@ def segments(w: CollisionWorld, q: Array) -> tuple[Array, Array]:
 def _link_frames(cell: Cell, q: Array) -> list[Array]:
     """Pose of every link frame at one state, transform by transform with scipy's rotations."""
     robot = cell.robot
-    theta, T, out = robot.sense_matrix @ q + robot.theta_zero, np.eye(4), []
+    theta, T, out = robot.coupling_matrix @ q + robot.theta_zero, np.eye(4), []
     for k in range(len(robot.transforms) + 1):
         out += [T.copy() for end in robot.link_end if end == k]
         if k == len(robot.transforms):

@@ -38,7 +38,7 @@ def test_kinematics_agrees_with_workspace_and_finite_differences(name: str) -> N
     for j in range(cell.robot.n_joints):
         dq = step * np.eye(cell.robot.n_joints)[j]
         far, near = kinematics.at(q + dq), kinematics.at(q - dq)
-        turn = cell.robot.sense_matrix[:, j]
+        turn = cell.robot.coupling_matrix[:, j]
         np.testing.assert_allclose((far.x - near.x) / (2 * step), pose.J @ turn, atol=1e-8)
         np.testing.assert_allclose((far.axis - near.axis) / (2 * step), np.cross(pose.W @ turn, pose.axis), atol=1e-8)
 

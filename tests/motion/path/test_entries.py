@@ -11,7 +11,7 @@ from planner.cell.reading import load_cell
 from planner.programs.instructions import Comment, Instruction, JointMove, StretchBegin
 from planner.runs.run import FIRST_MOUNTING
 from planner.session.course import TimedPath
-from planner.session.tour_cost import cut_stretches, entry_ways, leg_times, tour_costs
+from planner.session.tour_cost import cut_stretches, entry_paths, leg_times, tour_costs
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -28,7 +28,7 @@ def test_ways_use_the_path_and_its_shortcuts_only_and_none_is_quicker(seed):
         for leg, time in seconds.items():
             a, b = sorted(leg)
             best[b], best[a] = min(best[b], best[a] + time), min(best[a], best[b] + time)
-    for point, way in enumerate(entry_ways(cell, FIRST_MOUNTING, q, shortcuts)):
+    for point, way in enumerate(entry_paths(cell, FIRST_MOUNTING, q, shortcuts)):
         legs = [frozenset(pair) for pair in pairwise(way)]
         assert way[0] == 0
         assert way[-1] == point
