@@ -139,6 +139,8 @@ class Verbs(PlainSwitches, TyperGroup):
 def command_function(name: str) -> Callable[..., None]:
     """Return the function of the command ``name``."""
     brought = extension_commands().get(name)
+    if brought:
+        brought.check()
     typed = brought.typed if brought else WITH_MORE.get(name) or WRITTEN.get(name, ("",))[0]
     if not typed:
         return folder_command(declared_calls()[name])

@@ -8,6 +8,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from planner.common.calls import MORE, Call
+from planner.common.errors import MissingProgramError
+from planner.common.extensions import shipped_extensions
 
 
 @dataclass(frozen=True)
@@ -20,6 +22,7 @@ class Command:
         call: its declaration; nothing where the command line alone has it.
         typed: ``module:name`` of the function of the command line, where more is typed than is declared, or nothing is.
         group: heading under which the list of commands shows it.
+        needs: shipped extensions without which it does nothing, by their names.
     """
 
     name: str
@@ -27,6 +30,20 @@ class Command:
     call: type[Call] | None = None
     typed: str = ""
     group: str = MORE
+    needs: tuple[str, ...] = ()
+
+    def check(self) -> None:
+        """Refuse to run where an extension that it needs is left out.
+
+        Raises:
+            MissingProgramError: with the names of these.
+        """
+        there = {module.rpartition(".")[2] for module in shipped_extensions()}
+        if absent := [name for name in self.needs if name not in there]:
+            few = (
+                f"extension {absent[0]}, which is" if len(absent) == 1 else f"extensions {', '.join(absent)}, which are"
+            )
+            raise MissingProgramError(f"edbb {self.name} needs the {few} not installed here")
 
 
 _COMMANDS: dict[str, Command] = {}
@@ -34,13 +51,20 @@ _NAMES: dict[str, str] = {}
 _REMOTE: list[str] = []
 
 
-def register_command(name: str, line: str, typed: str, group: str = MORE) -> None:
-    """Make a command known that the command line alone has; ``typed``: its function, as ``module:name``.
+def register_command(name: str, line: str, typed: str, group: str = MORE, needs: tuple[str, ...] = ()) -> None:
+    """Make a command known that the command line alone has.
+
+    Args:
+        name: as it is typed.
+        line: what it does, in the list of all commands.
+        typed: its function, as ``module:name``.
+        group: heading under which the list shows it.
+        needs: shipped extensions without which it does nothing, by their names.
 
     Raises:
         ValueError: another extension has that command.
     """
-    _enter(Command(name, line, None, typed, group))
+    _enter(Command(name, line, None, typed, group, needs))
 
 
 def register_call(call: type[Call], typed: str = "") -> None:

@@ -5,7 +5,12 @@ from planner.common.commands import register_command, register_remote
 
 PARTS = ("service", "cli/remote.py")
 
-register_command("serve", "Serve the planner to browsers and programs.", "planner.service.command:serve_command")
+register_command(
+    "serve",
+    "Serve the planner to browsers and programs.",
+    "planner.service.command:serve_command",
+    needs=("checks", "circles", "studies", "validation"),
+)
 register_advice(Occasion.PLANNING_ELSEWHERE, ", or let a server do it: --server URL, where edbb serve runs")
 register_advice(Occasion.PROVING_ELSEWHERE, ", or let a server do it (--server URL)")
 register_remote("planner.cli.remote:run_on_server")

@@ -30,6 +30,16 @@ for path in sorted(Path(planner.__file__).parent.rglob("*.py")):
 """
 
 
+def imported_files(path):
+    """The files that may be meant by what a file imports from the planner."""
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.ImportFrom) and node.module and node.module.startswith("planner."):
+            base = ROOT.joinpath(*node.module.split("."))
+            yield from (base.with_suffix(".py"), base / "__init__.py")
+            for name in (a.name for a in node.names):
+                yield from ((base / name).with_suffix(".py"), base / name / "__init__.py")
+
+
 def own_commands(wing):
     """The commands of an extension alone."""
     declared_calls()
@@ -59,13 +69,10 @@ def test_no_file_of_the_core_imports_one_of_an_extension():
     for path in HOME.rglob("*.py"):
         if path in owner:
             continue
-        for node in ast.walk(ast.parse(path.read_text())):
-            if isinstance(node, ast.ImportFrom) and node.module and node.module.startswith("planner."):
-                base = ROOT.joinpath(*node.module.split("."))
-                named = [base.with_suffix(".py"), *((base / a.name).with_suffix(".py") for a in node.names)]
-                named += [base / "__init__.py", *(base / a.name / "__init__.py" for a in node.names)]
-                taken = [owner[f] for f in named if f in owner]
-                assert not taken, f"{path.relative_to(HOME)}: {node.module} is of the extension {taken[0]}"
+        taken = [f for f in imported_files(path) if f in owner]
+        assert not taken, (
+            f"{path.relative_to(HOME)}: {taken[0].relative_to(HOME)} is of the extension {owner[taken[0]]}"
+        )
 
 
 def test_no_text_of_the_core_names_a_command_of_an_extension():
@@ -77,6 +84,28 @@ def test_no_text_of_the_core_names_a_command_of_an_extension():
     found = {str(p.relative_to(HOME)): named.findall(p.read_text()) for p in core}
     assert not {path: names for path, names in found.items() if names}
     assert named.search("edbb centre")
+
+
+@pytest.mark.parametrize("wing", WINGS)
+def test_an_extension_names_the_others_that_it_imports(wing):
+    """Its command names them where they are left out, and ends with the code of what is not installed."""
+    declared_calls()
+    owner = {f: other for other in WINGS for f in files_of(other)}
+    named = {f for path in files_of(wing) if path.suffix == ".py" for f in imported_files(path)}
+    needed = {owner[f] for f in named if f in owner} - {wing}
+    commands = [extension_commands()[name] for name in own_commands(wing)]
+    assert set().union(*(c.needs for c in commands)) == needed
+
+
+def test_a_command_that_needs_an_extension_that_is_left_out_says_so(tmp_path):
+    environment = install_without(tmp_path, "circles", "checks")
+    for words, absent in (
+        (["serve"], "extensions checks, circles, which are"),
+        (["fleet"], "extension checks, which is"),
+    ):
+        done = edbb_in(tmp_path, environment, *words)
+        assert done.returncode == 4
+        assert done.stderr.strip().endswith(f"edbb {words[0]} needs the {absent} not installed here"), done.stderr
 
 
 def test_no_verb_of_an_extension_is_one_of_the_core():
