@@ -22,6 +22,7 @@ from planner.effects.effect import (
 from planner.effects.sizes import LOAD_TURN, MASS_TURN
 
 JOINT_COMPLIANCE = "joint compliance"
+LINK_BENDING = "link bending"
 LEAST_LOAD = 1e-6  # [Nm] below which nothing is asked of it
 TRICAL = "TriCal paper, Table 8; Nubiola & Bonev 2013, RCIM 29(1): 0.01 to 0.2e-3 deg/Nm for a 6 kg robot"
 BENDING = "Meggiolaro, Dubowsky & Mavroidis 2005, Mech. Mach. Theory 40(7): elastic errors of links; size estimated"
@@ -193,13 +194,13 @@ def payload_compliance(run: Excitation) -> Iterator[Effect]:
         yield from _effect("payload compliance", joint_place(i), parameters, sentence, TRICAL)
 
 
-@register("link bending", background=Background.COMMON)
+@register(LINK_BENDING, background=Background.COMMON)
 def link_bending(run: Excitation) -> Iterator[Effect]:
     """A link, or the bearing at its end, bends about the two axes across the next joint's."""
     for link in run.joints[:-1]:
         parameters = _transverse_tilts(run, link + 2, f"bending{link + 1}", f"link {link + 1}")
         sentence = f"link {link + 1}: bends under load at the bearing of joint {link + 2}, {{size}}"
-        yield from _effect("link bending", Place("link", link), parameters, sentence, BENDING)
+        yield from _effect(LINK_BENDING, Place("link", link), parameters, sentence, BENDING)
 
 
 @register("soft base")

@@ -2,7 +2,9 @@
 
 A joint that softens and then meets a stop is no compliance, though it turns with its load; a dent in a bearing is no
 wobble, though it tips the axis as it turns. Each part moves here as any smooth function of the loads upon it, of its
-joint's angle or of time: polynomials and waves, the quicker the smaller.
+joint's angle or of time: polynomials and waves, the quicker the smaller. Over an angle there are stiff laws as well:
+over half a turn a slow curve of any origin is as good as a wave once a turn.
+Links as beams are laws that have a name.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -15,10 +17,11 @@ from planner.common.units import Array
 from planner.effects.backlash import TorqueSign
 from planner.effects.basis import BasisFunction, legendre
 from planner.effects.catalogue import Excitation
-from planner.effects.compliance import LoadMoment, LoadTorque, twist_moves
+from planner.effects.compliance import LEAST_LOAD, LINK_BENDING, LoadMoment, LoadTorque, StationTwist, twist_moves
 from planner.effects.context import Context
 from planner.effects.effect import BASE_TURNS, Parameter, ParameterMove, transform_move
-from planner.effects.gears import WAVES, JointWave
+from planner.effects.gears import WAVES, JointAngle, JointWave
+from planner.effects.sizes import LOAD_TURN
 from planner.effects.thermal import ElapsedTime
 
 Mover = Callable[[BasisFunction], tuple[ParameterMove, ...]]
@@ -57,6 +60,8 @@ def free_laws(run: Excitation) -> Iterator[tuple[str, tuple[Parameter, ...]]]:
     for joint in run.moving_joints:
         turn = partial(transform_move, run.rotation(joint))
         yield _waves(f"joint {joint + 1} by its own angle", joint, [turn])
+        angle = JointAngle(joint, 0.0)
+        yield from _polynomials(run, f"joint {joint + 1} by its own angle", [turn], [angle], 3)  # degree of a stiff law
         yield _waves(f"axis of joint {joint + 1} by its own angle", joint, _tilts(run, joint + 1, joint))
     if run.setup.weighs:
         tips = [partial(transform_move, m.index) for m in BASE_TURNS[:2]]
@@ -67,6 +72,45 @@ def free_laws(run: Excitation) -> Iterator[tuple[str, tuple[Parameter, ...]]]:
             axes = _across(run, None if last else link + 1)
             bends = _tilts(run, link + 2, None if last else link + 1)
             yield from _polynomials(run, name, bends, [LoadMoment(link + 2, a) for a in axes], moment_degree)
+
+
+class BeamTwist(StationTwist):
+    """The same about the middle of the link before the station: so turns and sinks the end of a beam under a moment.
+
+    Its end turns by M L/(E I) and sinks by M L²/(2 E I): Timoshenko, Strength of Materials (1940), art. 35.
+    """
+
+    def __call__(self, c: Context) -> Array:
+        """Return the number."""
+        whole = super().__call__(c)
+        if self.part >= 3:
+            return whole
+        u, k, m = c.stations.R[self.station, :, self.axis], (self.part + 1) % 3, (self.part + 2) % 3
+        half = (c.stations.p[self.station] - c.stations.p[self.station - 1]) / 2
+        return np.asarray(whole - (half[k] * u[m] - half[m] * u[k]) * self.by(c))
+
+
+def beam_laws(run: Excitation) -> Iterator[tuple[str, tuple[Parameter, ...]]]:
+    """Yield the parameters of each link as a beam: it bends about all axes by the moments at its end.
+
+    The catalogue has it bend across the next joint alone: about that joint's axis its angle is one with the joint's
+    compliance, and only where its end sinks tells it apart.
+    """
+    for link in run.joints[:-1] if run.setup.weighs else ():
+        station = link + 2
+        loads = [(axis, run.largest(LoadMoment(station, axis))) for axis in range(3)]
+        parameters = [
+            Parameter(
+                f"beam{link + 1}_{'xyz'[axis]}", "rad/Nm", LOAD_TURN.usual / load, f"bending of link {link + 1}",
+                tuple(
+                    ParameterMove("transform", part, BeamTwist(station, axis, part, LoadMoment(station, axis)))
+                    for part in range(6)
+                ),
+            )
+            for axis, load in loads if load > LEAST_LOAD
+        ]  # fmt: skip
+        if parameters:
+            yield f"{LINK_BENDING}, link {link + 1}", tuple(parameters)
 
 
 def _across(run: Excitation, joint: int | None) -> list[int]:

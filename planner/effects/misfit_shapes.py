@@ -3,7 +3,8 @@
 They are the discrepancy between arm and catalogue (Kennedy and O'Hagan 2001, J. R. Statist. Soc. B 63(3)): beside them
 an error that the catalogue lacks is not taken for geometry, and what is known of the tool tells of it. A cause acts
 where an arm yields, is worn or is pulled: each part may turn with the direction in which its weight pulls, whatever the
-law, and with the angle of any other joint. What it does with the angle of its own joint the catalogue has.
+law, and with the angle of any other joint. What it does with the angle of its own joint the catalogue has. The base
+stands always alike to gravity: it turns by how far the arm leans to which side.
 """
 
 from collections.abc import Iterator
@@ -13,9 +14,9 @@ import numpy as np
 from planner.common.units import Array
 from planner.effects.basis import BasisFunction
 from planner.effects.catalogue import Excitation
-from planner.effects.compliance import twist_moves
+from planner.effects.compliance import LEAST_LOAD, twist_moves
 from planner.effects.context import Context
-from planner.effects.effect import Parameter
+from planner.effects.effect import BASE_TURNS, Parameter, transform_move
 from planner.effects.gears import WAVES, JointWave
 from planner.effects.sizes import PART_TURN
 
@@ -42,8 +43,23 @@ class GravityHarmonic(BasisFunction, key="gravity:STATION:INDEX:INDEX", loads=Tr
         return np.asarray(size * (wave.imag if order < 0 else wave.real))
 
 
+class LeanWave(BasisFunction, key="lean-(sin|cos):INDEX", loads=True):
+    """φ = moment [Nm] by which the arm leans over its base, times a wave of the side to which it leans."""
+
+    wave: str
+    number: int
+
+    def __call__(self, c: Context) -> Array:
+        """Return the product."""
+        x, y = c.moments[0, :2]
+        side = self.number * np.arctan2(y, x)
+        return np.asarray(np.hypot(x, y) * (np.sin if self.wave == "sin" else np.cos)(side))
+
+
 def misfit_shapes(run: Excitation) -> Iterator[tuple[str, tuple[Parameter, ...]]]:
     """Yield families of parameters by name: a part that turns with gravity, or with the angle of another joint."""
+    if run.setup.weighs and (lean := run.largest(LeanWave("cos", 0))) > LEAST_LOAD:
+        yield "base by its load", tuple(_by_lean(lean))
     for joint in run.joints:
         if run.setup.weighs:
             yield f"part {joint + 1} by gravity", tuple(_by_gravity(joint + 1))
@@ -66,6 +82,21 @@ def _by_gravity(station: int) -> Iterator[Parameter]:
                 name = f"misfit{station}_{'xyz'[axis]}_gravity{n}_{k}"
                 moves = twist_moves(station, axis, GravityHarmonic(station, n, k))
                 yield Parameter(name, "rad", size, f"turn of part {station} by gravity", moves)
+
+
+def _by_lean(lean: float) -> Iterator[Parameter]:
+    """Yield turns of the base by the side to which the arm leans ``lean`` [Nm] at most, the k-th wave by k² smaller.
+
+    Once around is a soft base, which the catalogue has; a base that opens to one side has every even one as well.
+    """
+    waves = [(k, wave) for k in (0, 2, 3, 4) for wave in WAVES if k or wave == "cos"]
+    share = np.array([1 / max(k, 1) ** 2 for k, _ in waves])
+    square = np.array([0.5 if k else 1.0 for k, _ in waves])  # mean square of each around the base
+    sizes = PART_TURN * share / np.sqrt((square * share**2).sum()) / lean
+    for move in BASE_TURNS[:2]:
+        for (k, wave), size in zip(waves, sizes.tolist(), strict=True):
+            moves = transform_move(move.index, LeanWave(wave, k))
+            yield Parameter(f"misfit_base_{move.name}_{wave}{k}", "rad/Nm", size, "turn of the base by its load", moves)
 
 
 def _by_joint(station: int, axes: list[int], joint: int) -> Iterator[Parameter]:

@@ -39,6 +39,7 @@ from planner.identification.cross_validation import (
 )
 from planner.identification.identifiable_parameters import FittedParameters, estimate_parameters
 from planner.identification.least_squares import Fit
+from planner.identification.nameless_rivals import with_nameless_rivals
 from planner.identification.nominal_comparison import worse_than_nominal
 from planner.identification.release import describe_release, release_robot, tool_point_advice
 from planner.identification.released_parameters import released_estimates, std_beside_robot
@@ -296,8 +297,9 @@ def _findings_by_posterior(
     if released is None:
         return traced.findings
     posterior = released.posterior
+    names = [c.own.name for c in traced.contests]
     standings = judge_findings(posterior, traced.contests, readings / len(posterior.record.effects.y))
-    known = {c.own.name: s for c, s in zip(traced.contests, standings, strict=True)}
+    known = dict(zip(names, with_nameless_rivals(released, names, standings), strict=True))
     return tuple(
         f.model_copy(
             update={

@@ -14,6 +14,7 @@ plausible size: the logarithms of their likelihoods differ by δ²/2, give or ta
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve, solve_triangular
@@ -139,8 +140,9 @@ class Bouts:
         held = [part for part in self.present if part[0].name != own.name]
         beside = Beside.of(self.gram, held)
         size = next((s for b, s in self.present if b.name == own.name), None) or _best_factor(beside, own)
-        state = self._prune([*held, (own, size)])  # what was drawn by chance alone would count against the finding
-        held, whole = state[:-1], self.log_odds(state)
+        # what was drawn by chance alone would count against the finding
+        state = Together.of(self.gram, [*held, (own, size)]).prune()
+        held, whole = list(state.parts[:-1]), self.log_odds(state.parts)
         beside = Beside.of(self.gram, held)
         by_poses = set[str]()
         out = {OWN_NAME: 0.0, NOTHING: self.log_odds(held) - whole}
@@ -155,8 +157,8 @@ class Bouts:
             log = max(
                 (self._log_odds_with(state, own, part) for part in self._newcomers(held, own, block)), default=-np.inf
             )
-            if log > -np.inf:
-                out[block.name] = log - whole
+            if log > -np.inf:  # one name may have several laws
+                out[block.name] = float(np.logaddexp(out.get(block.name, -np.inf), log - whole))
         return Weights(out, frozenset(by_poses))
 
     def _near(self, k: int, held: Sequence[Part], beside: Beside, b: Array) -> Iterator[tuple[Block, float]]:
@@ -173,28 +175,10 @@ class Bouts:
         for rest in (held, others) if len(others) < len(held) else (held,):
             yield block, _best_factor(Beside.of(self.gram, rest), block)
 
-    def _log_odds_with(self, state: Sequence[Part], own: Block, newcomer: Part) -> float:
+    def _log_odds_with(self, state: "Together", own: Block, newcomer: Part) -> float:
         """Return the log odds with a newcomer in and all needless out, minus infinity where the finding stays."""
-        kept = self._prune([*state, newcomer])
+        kept = state.beside(self.gram, newcomer).prune().parts
         return -np.inf if any(b is own for b, _ in kept) else self.log_odds(kept)
-
-    def _prune(self, state: list[Part]) -> list[Part]:
-        """Take out what is needless, the least first; the last one stays."""
-        while len(state) > 1:
-            columns, size = _sizes(state)
-            information = np.eye(len(columns)) + size[:, None] * self.gram[np.ix_(columns, columns)] * size
-            covariance = np.linalg.inv(information)
-            mean = covariance @ (size * self.gram[columns, -1])
-            ends = np.cumsum([0, *(len(b.columns) for b, _ in state)])
-            worth = [
-                part[0].log_odds(part[1]) + _log_ratio(covariance[a:e, a:e], mean[a:e])
-                for part, a, e in zip(state[:-1], ends[:-2], ends[1:-1], strict=True)
-            ]
-            least = int(np.argmin(worth))
-            if worth[least] > 0:
-                break
-            state = [*state[:least], *state[least + 1 :]]
-        return state
 
     def log_odds(self, state: Sequence[Part]) -> float:
         """Return the logarithm of a state's probability over that of the one in which nothing acts."""
@@ -205,6 +189,67 @@ class Bouts:
         along = solve_triangular(root, size * self.gram[columns, -1], lower=True)
         prior = sum(b.log_odds(s) for b, s in state)
         return float(prior + 0.5 * along @ along - np.log(np.diag(root)).sum())
+
+
+@dataclass(frozen=True)
+class Together:
+    """Causes that act, fitted together.
+
+    Attributes:
+        parts: in order; the last one stays whatever happens.
+        covariance, mean: of their parameters, each over its size, (k, k) and (k,).
+    """
+
+    parts: tuple[Part, ...]
+    covariance: Array
+    mean: Array
+
+    @classmethod
+    def of(cls, gram: Array, parts: Sequence[Part]) -> "Together":
+        """Fit causes of known sizes, by products of all columns (p + 1, p + 1)."""
+        columns, size = _sizes(parts)
+        information = np.eye(len(columns)) + size[:, None] * gram[np.ix_(columns, columns)] * size
+        covariance = np.linalg.inv(information)
+        return cls(tuple(parts), covariance, covariance @ (size * gram[columns, -1]))
+
+    def beside(self, gram: Array, part: Part) -> "Together":
+        """Return the fit with one more cause, behind the others (a block's inverse by its Schur complement)."""
+        (columns, size), (new, its) = _sizes(self.parts), _sizes([part])
+        shared = size[:, None] * gram[np.ix_(columns, new)] * its
+        along = self.covariance @ shared
+        own = np.linalg.inv(np.eye(len(new)) + its[:, None] * gram[np.ix_(new, new)] * its - shared.T @ along)
+        mean = own @ (its * gram[new, -1] - shared.T @ self.mean)
+        side = -along @ own
+        covariance = np.block([[self.covariance - side @ along.T, side], [side.T, own]])
+        return Together((*self.parts, part), covariance, np.append(self.mean - along @ mean, mean))
+
+    def without(self, k: int) -> "Together":
+        """Return the fit without one of its causes: its parameters are nought then."""
+        gone = self._places[k]
+        kept = np.delete(np.arange(len(self.mean)), gone)
+        side = self.covariance[kept, gone]
+        shift = np.linalg.solve(self.covariance[gone, gone], np.column_stack([side.T, self.mean[gone]]))
+        covariance = self.covariance[np.ix_(kept, kept)] - side @ shift[:, :-1]
+        return Together((*self.parts[:k], *self.parts[k + 1 :]), covariance, self.mean[kept] - side @ shift[:, -1])
+
+    @property
+    def _places(self) -> list[slice]:
+        ends = np.cumsum([0, *(len(b.columns) for b, _ in self.parts)]).tolist()
+        return [slice(a, e) for a, e in pairwise(ends)]
+
+    def prune(self) -> "Together":
+        """Take out what is needless, the least first; the last one stays."""
+        state = self
+        while len(state.parts) > 1:
+            worth = [
+                part[0].log_odds(part[1]) + _log_ratio(state.covariance[at, at], state.mean[at])
+                for part, at in zip(state.parts[:-1], state._places, strict=False)
+            ]
+            least = int(np.argmin(worth))
+            if worth[least] > 0:
+                break
+            state = state.without(least)
+        return state
 
 
 def _log_ratio(covariance: Array, mean: Array) -> float:

@@ -1,5 +1,6 @@
 """All columns that take part in contests for what findings explain, beside what the draws of the posterior hold."""
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -8,7 +9,7 @@ import numpy as np
 from planner.common.units import Array
 from planner.effects.catalogue import Background, Excitation, effect_kinds, registration_of
 from planner.effects.effect import Parameter
-from planner.effects.free_laws import free_laws
+from planner.effects.free_laws import beam_laws, free_laws
 from planner.effects.nonparametric import NONPARAMETRIC
 from planner.identification.contenders import Contender, Contest
 from planner.identification.posterior_background import cause_of_family
@@ -77,10 +78,12 @@ class Arena:
     def of(cls, posterior: PosteriorFit, contests: Sequence[Contest], worth: float) -> "Arena":
         """Lay out the columns; ``worth``: readings of the run that each of the record's is, 1 or more."""
         record, odds = posterior.record, LearntOdds.of(posterior.record)
-        laws = free_laws(Excitation.of(record.model.setup, record.run.samples))
-        every = [who for c in contests for who in (c.own, *c.others)]
-        named = len(every)
-        every += [Contender(f"{NONPARAMETRIC}, {name}", own) for name, own in laws]
+        run = Excitation.of(record.model.setup, record.run.samples)
+        laws = [(f"{NONPARAMETRIC}, {name}", own) for name, own in free_laws(run)]
+        beams = [Contender(name, own) for name, own in beam_laws(run)]
+        every = [*(who for c in contests for who in (c.own, *c.others)), *beams]
+        named, often = len(every), Counter(name for name, _ in laws)
+        every += [Contender(name, own, float(np.log(often[name]))) for name, own in laws]
         readings = _with_columns(record, [p for who in every for p in who.parameters])
         first = len(record.model.parameters)
         ends = first + np.cumsum([0, *(len(who.parameters) for who in every)])
@@ -96,6 +99,7 @@ class Arena:
             own.append(_block(mine.name, mine.columns, chance, OWN, OWN_WEIGHT))
             others.append(tuple(rest))
             blocks = blocks[1 + len(contest.others) :]
+        others, blocks = [(*rest, *blocks[: len(beams)]) for rest in others], blocks[len(beams) :]
         places = record.effects.family_positions
         nameless = [
             _block(cause, places[f], odds.of_pool(UNNAMED), SLAB, SLAB_WEIGHT)

@@ -55,7 +55,7 @@ class SearchContext:
     rejected: RejectedEffects = field(default_factory=RejectedEffects)
     excluded: set[str] = field(default_factory=set)
 
-    _tests: dict[tuple[int, str], tuple[SearchState, ScoreTest]] = field(default_factory=dict)
+    _tests: dict[int, tuple[SearchState, ScoreTest]] = field(default_factory=dict)
 
     @property
     def tried(self) -> int:
@@ -64,18 +64,15 @@ class SearchContext:
 
     def score_test(self, state: SearchState) -> ScoreTest:
         """The space that a state's model spans; kept as long as the search looks at the same state."""
-        if (id(state), "") not in self._tests:
+        if id(state) not in self._tests:
             near = next((test.space for _, test in self._tests.values()), None) if self._is_long(state) else None
             self._tests.clear()
-            self._tests[id(state), ""] = state, ScoreTest.of(state.fit, self._correlation_time(state), near)
-        return self._tests[id(state), ""][1]
+            self._tests[id(state)] = state, ScoreTest.of(state.fit, self._correlation_time(state), near)
+        return self._tests[id(state)][1]
 
     def score_test_without(self, state: SearchState, found: FittedEffect) -> ScoreTest:
-        """The same of the model less one effect."""
-        test = self.score_test(state)
-        if (id(state), found.name) not in self._tests:
-            self._tests[id(state), found.name] = state, without_effects(test, [found])
-        return self._tests[id(state), found.name][1]
+        """The same of the model less one effect; it is not kept: what may step makes it large."""
+        return without_effects(self.score_test(state), [found])
 
     def evidence_fall(self, before: SearchState, after: SearchState, at: SearchState | None = None) -> float:
         """By how much minus twice the logarithm of the likelihood falls, with the correlation time of a state.

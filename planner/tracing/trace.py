@@ -18,6 +18,7 @@ from planner.identification.contenders import Contender, Contest
 from planner.identification.stages import FitContext, FittedStage
 from planner.model.finding_groups import unit_of_change
 from planner.model.identification_document import DetectionLimit, Finding, InnerNumber, log10_p, p_value
+from planner.model.model import chunks
 from planner.runs.run import Run
 from planner.tracing.assumptions import (
     CHANCE_COST,
@@ -96,7 +97,8 @@ def detection_limits(test: ScoreTest, effects: Sequence[Effect], tried: int) -> 
     """Yield the detection limit of every effect that the readings show at all, at the worst phase and value."""
     least = (np.sqrt(LEAST_GAIN * test.dof) + DETECTION_QUANTILE) ** 2
     worst: dict[str, float] = {}
-    for s in test.score(test.lay_out([(e, v) for e in effects for v in _sample_values(e)])):
+    # 32: effects that are laid out at a time
+    for s in (s for part in chunks(len(effects), 32) for s in _scores_of(test, effects[part])):
         prior = np.array([p.prior for p in s.effect.make(s.value)])
         mu = np.linalg.eigvalsh(s.information / np.outer(prior, prior))  # per unit of size
         seen = mu[mu > LEAST_SHARE * mu[-1]] if mu[-1] > 0 else mu[:0]
@@ -108,6 +110,10 @@ def detection_limits(test: ScoreTest, effects: Sequence[Effect], tried: int) -> 
     for e in effects:
         if worst.get(e.name, np.inf) <= e.largest:  # beyond that no arm has it: the run says nothing of it
             yield DetectionLimit(effect=e.kind, on=str(e.place), size=worst[e.name], unit=e.unit)
+
+
+def _scores_of(test: ScoreTest, effects: Sequence[Effect]) -> Iterator[EffectScore]:
+    yield from test.score(test.lay_out([(e, v) for e in effects for v in _sample_values(e)]))
 
 
 def _sample_values(effect: Effect) -> list[float | None]:

@@ -11,6 +11,7 @@ from planner.identification.contest import (
     TOLD_APART,
     Beside,
     Bouts,
+    Together,
     mean_standing,
 )
 from planner.identification.contest_arena import Arena, Block
@@ -123,3 +124,17 @@ def test_where_it_was_drawn_beside_what_is_needless_a_finding_does_not_lose_by_t
     gram = products(columns, y - columns[:, 2:] @ (columns[:, 2:].T @ y) / M)
     alone, beside = (Bouts(arena(own, [other]), gram, (*more, (own, 1.0))).weigh(0) for more in ((), idle))
     assert alone.logs == pytest.approx(beside.logs)
+
+
+def test_causes_that_come_and_go_leave_the_fit_that_others_have_by_themselves():
+    rng = np.random.default_rng(6)
+    columns, y = rng.normal(size=(M, 7)), rng.normal(size=M)
+    gram = products(columns, y)
+    parts = [(block("a, joint 1", 0, 2), 0.5), (block("b, joint 2", 2, 3), 2.0), (block("c, joint 3", 5, 2), 1.5)]
+    grown = Together.of(gram, parts[:1]).beside(gram, parts[1]).beside(gram, parts[2])
+    for k in (None, 0, 1, 2):
+        state = grown if k is None else grown.without(k)
+        alone = Together.of(gram, [p for j, p in enumerate(parts) if j != k])
+        assert state.parts == alone.parts
+        np.testing.assert_allclose(state.covariance, alone.covariance, atol=1e-12)
+        np.testing.assert_allclose(state.mean, alone.mean, atol=1e-12)

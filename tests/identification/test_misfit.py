@@ -2,6 +2,7 @@
 
 import json
 import tempfile
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,10 +12,12 @@ from scipy.spatial.transform import Rotation
 from planner.cell.reading import load_cell
 from planner.cell.setup import setup_of
 from planner.effects.catalogue import Excitation
+from planner.effects.compliance import LoadMoment
 from planner.effects.context import Context
 from planner.effects.misfit_shapes import GravityHarmonic, misfit_shapes
 from planner.effects.sizes import PART_TURN
 from planner.identification.assumptions import USUAL_NOISE_SHARE
+from planner.identification.contenders import Rival, Standing
 from planner.identification.expected_error import expected_error_text
 from planner.identification.least_squares import Fit, Solution
 from planner.identification.misfit import (
@@ -24,6 +27,7 @@ from planner.identification.misfit import (
     draw_misfit,
     no_rest_probability,
 )
+from planner.identification.nameless_rivals import with_nameless_rivals
 from planner.identification.problem import FitProblem
 from planner.identification.run_setup import locate_gauge, number_samples, setup_for_run
 from planner.model.identification_document import Identification
@@ -184,6 +188,10 @@ def test_a_part_turns_as_much_as_is_usual_whatever_moves_it():
     q = np.random.default_rng(1).uniform(*cell.joint_range, (500, 6))
     run = Excitation.of(setup_of(cell), Samples(q, np.zeros(len(q), dtype=int)))
     families = dict(misfit_shapes(run))
+    base = families.pop("base by its load")
+    turned = sum((p.prior * run.values(p.main.phi)) ** 2 for p in base) / 2  # axes
+    lean = np.hypot(*(run.values(LoadMoment(0, axis)) for axis in range(2)))
+    assert np.sqrt(np.mean(turned / (lean / lean.max()) ** 2)) == pytest.approx(PART_TURN, rel=0.02)
     assert {"part 3 by gravity", "part 3 by joint 5"} < set(families)
     assert "part 3 by joint 3" not in families
     assert len({p.name for own in families.values() for p in own}) == sum(map(len, families.values()))
@@ -191,6 +199,23 @@ def test_a_part_turns_as_much_as_is_usual_whatever_moves_it():
         square = sum(p.prior**2 for p in own) / (3 if "gravity" in name else 2)  # axes
         waves = 1.0 if "gravity" in name else 0.5  # mean square
         assert np.sqrt(square * waves * 2 if "joint" in name else square) == pytest.approx(PART_TURN, rel=0.01), name
+
+
+def test_a_base_that_opens_to_one_side_is_waves_of_the_side_to_which_the_arm_leans():
+    """Of a plate that opens under the moment to one side alone, without the linear part that a soft base has."""
+    cell = load_cell("comau-nj130/edbb", planning=False)
+    q = np.random.default_rng(2).uniform(*cell.joint_range, (400, 6))
+    run = Excitation.of(setup_of(cell), Samples(q, np.zeros(len(q), dtype=int)))
+    moment = np.stack([run.values(LoadMoment(0, axis)) for axis in range(2)], axis=1)
+    opened = np.maximum(0.0, moment @ [np.cos(0.7), np.sin(0.7)])
+    own = dict(misfit_shapes(run))["base by its load"]
+    waves = np.stack([run.values(p.main.phi) for p in own if p.name.startswith("misfit_base_rx")], axis=1)
+    left = [
+        float(np.std(opened - columns @ np.linalg.lstsq(columns, opened)[0]) / np.std(opened))
+        for columns in (moment, np.column_stack([moment, waves]))
+    ]
+    assert left[0] > 0.3
+    assert left[1] < 0.07
 
 
 def _cable(scene, e):
@@ -230,8 +255,32 @@ def test_a_run_with_a_cause_that_no_catalogue_lists_says_so(identified_run):
 def test_the_parts_make_up_what_is_stated(identified_run):
     _, found, _ = identified_run
     parts = found.release.parts
-    assert np.hypot(np.hypot(parts.seen, parts.unseen), parts.misfit) == pytest.approx(found.workspace_error, rel=1e-6)
+    square = parts.seen**2 + parts.unseen**2 + parts.misfit**2 + parts.drift**2
+    assert np.sqrt(square) == pytest.approx(found.workspace_error, rel=1e-6)
     file = json.loads(expected_error_text(found.released, "robot"))
     assert file["parts_mm"]["misfit"] == pytest.approx(1e3 * parts.misfit, rel=1e-4)
     again = Identification.model_validate_json(json.dumps(found.content()))
     assert again.release.parts.seen == pytest.approx(parts.seen, rel=1e-6)
+
+
+def test_what_moves_the_tool_beside_a_nameless_cause_may_be_a_part_of_it(identified_run):
+    """What is nameless has its share in what both move; the probabilities stay those of one contest."""
+    hidden, found, _ = identified_run
+    released, before = found.released, Standing(0.9, (Rival("gear ripple, joint 2", 0.1),))
+    unmoved, moved = with_nameless_rivals(released, ["drift, gauge", "geometry, all"], [before] * 2)
+    assert unmoved == before
+    released = replace(released, posterior=replace(released.posterior, fit=_called(released.posterior.fit)))
+    (moved,) = with_nameless_rivals(released, ["geometry, all"], [before])
+    nameless = [r for r in moved.rivals if r.name == "unnamed, all"]
+    assert moved.probability + sum(r.probability for r in moved.rivals) == pytest.approx(1.0)
+    assert len(nameless) == hidden
+    assert moved.probability == pytest.approx(0.9 * (1 - sum(r.probability for r in nameless)))
+    (twice,) = with_nameless_rivals(released, ["geometry, all"], [moved])
+    assert len(twice.rivals) == len(moved.rivals)
+
+
+def _called(fit):
+    """The fit with its geometry as a finding."""
+    parameters = tuple(replace(p, group="geometry, all") if p.group == "geometry" else p for p in fit.model.parameters)
+    model = replace(fit.model, parameters=parameters)
+    return replace(fit, problem=fit.problem.with_model(model))

@@ -1,0 +1,55 @@
+"""A finding may be the part of a nameless cause that a name happens to fit.
+
+Each finding is held against single causes, with a name or without (``contest``). A cause that acts by several laws at
+once, as a hose that pulls at four joints does, loses each of these contests and is there nevertheless: what it moves
+besides is then seen as misfit. Of what the catalogue has, nothing is left. The finding is such a part as likely as
+there is misfit, times the share that the nameless has in what both move: a name that fits leaves little beside it.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from planner.effects.nonparametric import NONPARAMETRIC
+from planner.identification.contenders import HUNDRED_TO_ONE, Rival, Standing
+from planner.identification.error_parts import misfit_likelihood, misfit_motion
+from planner.identification.released_robot import ReleasedRobot
+
+
+def with_nameless_rivals(
+    released: ReleasedRobot, names: Sequence[str], standings: Sequence[Standing]
+) -> list[Standing]:
+    """Return the standings of findings by name, each held against what the run shows of nameless causes as well."""
+    chance = misfit_likelihood(released)
+    beside = float(np.sqrt((misfit_motion(released) ** 2).mean()))
+    return [
+        _share_out(standing, chance * beside / (beside + moved), name)
+        if (moved := _motion(released, name)) > 0
+        else standing
+        for name, standing in zip(names, standings, strict=True)
+    ]
+
+
+def _motion(released: ReleasedRobot, group: str) -> float:
+    """Return how far a finding moves the tool over the workspace, rms [m], the base aligned anew; 0: not at all."""
+    tool, values = released.tool, released.posterior.fit.values
+    own = {p.name: values[p.name] for p in released.posterior.fit.model.parameters if p.group == group}
+    errors = np.array([own.get(name, 0.0) for name in tool.names])
+    return float(np.sqrt(tool.square(errors[:, None]).mean()))
+
+
+def _share_out(standing: Standing, nameless: float, name: str) -> Standing:
+    """Return a standing of which a nameless cause takes a share, as the rival without a name that it has or a new one.
+
+    What is less than a hundred to one against it is left out, as of other rivals.
+    """
+    if nameless < HUNDRED_TO_ONE:
+        return standing
+    left = [Rival(r.name, (1 - nameless) * r.probability) for r in standing.rivals]
+    taken = nameless * (standing.probability + sum(r.probability for r in standing.rivals))
+    here = next((k for k, r in enumerate(left) if r.name.startswith(f"{NONPARAMETRIC}, ")), None)
+    if here is None:
+        left.append(Rival(f"{NONPARAMETRIC}, {name.partition(', ')[2]}", taken))
+    else:
+        left[here] = Rival(left[here].name, left[here].probability + taken)
+    return Standing((1 - nameless) * standing.probability, tuple(sorted(left, key=lambda r: -r.probability)))
