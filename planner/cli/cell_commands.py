@@ -40,7 +40,7 @@ def centre_command(
         bool, typer.Option("--follow", help="the plan's own program drives the robot and calls at each ball")
     ] = False,
     program: Annotated[
-        Path | None, typer.Option("--program", metavar="DIR", help="write the robot's own program there, and end")
+        Path | None, typer.Option("--program-to", metavar="DIR", help="write the robot's own program there, and end")
     ] = None,
     simulate: Annotated[
         bool, typer.Option("--simulate", help="try it: robot, head and indicators are simulated, with errors drawn")
@@ -63,8 +63,8 @@ def centre_command(
         return
     if output is None or (not simulate and (robot is None or indicators is None)):
         raise InputError(
-            "edbb centre needs --robot, --indicators and -o (or --simulate and -o, to try it; or --program, to write "
-            "the robot's program)"
+            "edbb centre needs --robot, --indicators and -o (or --simulate and -o, to try it; or --program-to, to "
+            "write the robot's program)"
         )
     if stop_file is not None and stop_file.exists():
         raise InputError(f"the stop file {stop_file} is there already; remove it to begin")
@@ -157,7 +157,7 @@ Output = Annotated[Path, typer.Option("-o", "--output", metavar="RUN.csv", help=
 
 def measure_command(
     plan_file: Annotated[Path, typer.Argument(metavar="PLAN.json", help="a static plan for a bar or wire")],
-    gauge: Annotated[str, typer.Option("--gauge", metavar="PORT", help="serial port: COM5, /dev/ttyUSB0")],
+    gauge: Annotated[str, typer.Option("--serial-port", metavar="PORT", help="serial port: COM5, /dev/ttyUSB0")],
     output: Output,
     baud: Annotated[int, typer.Option("--baud", help="of the line")] = 9600,
     protocol: Annotated[

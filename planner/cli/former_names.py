@@ -6,6 +6,11 @@ from planner.cli.terminal import errors
 from planner.common.calls import typed_fields
 from planner.workflow.verbs import declared_calls
 
+WRITTEN = {  # of commands that are not declared: today's name by the former one
+    "measure": {"--gauge": "--serial-port"},
+    "centre": {"--program": "--program-to"},
+    "record": {"--tool": "--tool-name"},
+}
 OPTIONS_END = "--"  # what follows it are words, not options
 
 
@@ -13,7 +18,7 @@ def former_options(verb: str) -> dict[str, str]:
     """Return the options of a command that were renamed: today's name by the former one."""
     call = declared_calls().get(verb)
     fields = typed_fields(call) if call else ()
-    return {f.option.former: f.flag for f in fields if f.option.former}
+    return {f.option.former: f.flag for f in fields if f.option.former} | WRITTEN.get(verb, {})
 
 
 def take_former_options(verb: str, words: Sequence[str]) -> list[str]:

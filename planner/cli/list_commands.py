@@ -1,15 +1,40 @@
 """What comes with the planner: lists of robots and of robot languages."""
 
+from pathlib import Path
+from typing import Annotated
+
+import typer
 from rich.table import Table
 
-from planner.cli.terminal import Json, SafeConsole, print_json
-from planner.common.errors import printable
+from planner.cli.terminal import PLAINLY, Json, Manner, SafeConsole, errors, print_json, print_next
+from planner.common.errors import InputError, printable
+from planner.common.summary import fact_lines
 
 WIDE_SIGNS = 120  # of a line
 
 
-def robots_command(as_json: Json = False) -> None:
-    """List the robots and cells that come with the planner."""
+def robots_command(
+    robot: Annotated[
+        str | None, typer.Argument(metavar="[ROBOT]", help="with -o: a shipped robot, or a CSV table of DH rows")
+    ] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", metavar="DIR", help="folder for its robot.toml and cells, to be made your own"),
+    ] = None,
+    as_json: Json = False,
+    manner: Manner = PLAINLY,
+) -> None:
+    """List the robots and cells that come with the planner, or copy one as a start for your own."""
+    if (robot is None) != (output is None):
+        raise InputError("a robot is copied by its name and a folder together: edbb robots kuka-kr6-r700 -o mine")
+    if robot is not None and output is not None:
+        from planner.workflow.robot_copy import copy_robot
+
+        files = copy_robot(robot, output, manner.force)
+        cell = next((str(f) for f in files if f.name != "robot.toml"), "CELL")
+        errors.print("\n".join(fact_lines([("written to", f"{output}: {', '.join(f.name for f in files)}")])))
+        print_next(f"change robot.toml and the cell into yours, then: edbb plan {cell} -o plan")
+        return
     from planner.cell.reading import shipped_cells
     from planner.kinematics.robot_reader import list_robots, load_robot
 

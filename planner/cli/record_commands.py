@@ -26,7 +26,7 @@ def record_command(
     ] = None,
     operator: Annotated[str, typer.Option(help="who measured")] = "",
     temperature: Annotated[float | None, typer.Option("--temperature-degC", help="of the room")] = None,
-    tool: Annotated[str, typer.Option(help="on the flange")] = "",
+    tool: Annotated[str, typer.Option("--tool-name", help="on the flange")] = "",
     gauge: Annotated[str, typer.Option(help="kind and serial number of the gauge")] = "",
     certificate: Annotated[str, typer.Option(help="number of the gauge's certificate")] = "",
     output: OptionalOutput = None,

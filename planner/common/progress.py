@@ -68,7 +68,7 @@ class TimeLimit:
         if self.is_over(1.0):
             raise TimeIsOverError(
                 f"the time limit of {self.seconds:g} s is over while {doing}: no path is proven, so no program is "
-                "written; raise --time-limit, ask for fewer --poses, or lower plan.candidates and motion.clearance_mm"
+                "written; raise --time-limit-s, ask for fewer --poses, or lower plan.candidates and motion.clearance_mm"
             )
 
     @property

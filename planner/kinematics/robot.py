@@ -337,16 +337,15 @@ def _needs_file(robot: Robot) -> str:
     """Say what has to be written first where the robot was read from a file that has no room for such tables."""
     if robot.path.suffix == ".toml":
         return ""
-    kind = (
-        "a table of rows has no room for it: write"
-        if robot.path.suffix == ".csv"
-        else "a URDF has no room for it: write"
-    )
     if robot.path.suffix == ".csv":
-        return f"\n({kind} the rows as [[joints]] of a robot.toml)"
+        return (
+            f"\n(a table of rows has no room for it: edbb robots {robot.path} -o {robot.name} writes it as "
+            f'{robot.name}/robot.toml; add the lines there, and let the cell say robot = "{robot.name}/robot.toml")'
+        )
     return (
-        f'\n({kind} a robot.toml beside it with schema = "edbb-robot/1", name = "{robot.name}", convention = "urdf", '
-        f'urdf = "{robot.path.name}", tip = "{robot.tip}", and give that to the cell)'
+        f'\n(a URDF has no room for it: write a robot.toml beside it with schema = "edbb-robot/1", '
+        f'name = "{robot.name}", convention = "urdf", urdf = "{robot.path.name}", tip = "{robot.tip}", and give '
+        "that to the cell)"
     )
 
 

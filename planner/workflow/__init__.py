@@ -19,5 +19,6 @@ __all__ = [
     "plan_use_calls",
     "planning",
     "recording",
+    "robot_copy",
     "verbs",
 ]

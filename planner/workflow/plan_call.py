@@ -28,12 +28,14 @@ class PlanCall(PlanOptions, Call):
 
     cell: CellWord
     _: KW_ONLY
-    time_limit: Annotated[
+    time_limit_s: Annotated[
         float | None,
         Option(
             "seconds after which nothing new is searched; what that leaves open is said (exit code 5)",
             min=1,
             metavar="SECONDS",
+            former="--time-limit",
+            former_request="time_limit",
         ),
     ] = None
     progress: ProgressKeyword = no_progress

@@ -41,7 +41,7 @@ def plan(asked: PlanCall) -> PlanResult | PosesResult | SessionResult:
         MissingProgramError: a package of planning is not installed.
     """
     require_planning_packages()
-    limit = UNLIMITED if asked.time_limit is None else TimeLimit(asked.time_limit)
+    limit = UNLIMITED if asked.time_limit_s is None else TimeLimit(asked.time_limit_s)
     stages = Stages(asked.progress, limit)
     chosen = asked.cell if isinstance(asked.cell, Cell) else load_cell(str(asked.cell))
     chosen = with_fleet(chosen, asked.fleet)

@@ -156,7 +156,7 @@ def write_cell(arm: Arm, kind: str, path: Path) -> Path:
 
 def time_plan(case: Case, cell: Path, out: Path, limit: float) -> bool:
     """Plan in a process of its own, and note what it cost and how it ended; tell whether there is a plan."""
-    words = "plan", cell, "-o", out, "--time-limit", limit, "--force"
+    words = "plan", cell, "-o", out, "--time-limit-s", limit, "--force"
     case.plan_cpu, case.plan_wall, done = run_command(*words)
     timings = out / "timings.json"
     case.stages = json.loads(timings.read_text()) if timings.is_file() else {}

@@ -326,7 +326,7 @@ def main() -> None:
     parser.add_argument("--table", action="store_true", help="print what the log holds")
     asked = parser.parse_args()
     options: list[object] = [
-        "--time-limit",
+        "--time-limit-s",
         asked.limit,
         *(["--aim", "tracing", "--poses", asked.poses] if asked.poses else []),
     ]

@@ -17,9 +17,9 @@ from planner.workflow.verbs import declared_calls
 from tests.command import edbb
 
 VOCABULARY = Path(planner.__file__).parents[1] / "docs/commands.md"
-FORMER = [(verb, old, new) for verb in declared_calls() for old, new in former_options(verb).items()]
+FORMER = [(verb, old, new) for verb in verbs() for old, new in former_options(verb).items()]
 ONLY_PYTHON = {"--map": "map_file"}  # "map" is a function of Python
-OTHERWISE = {"--gauge", "--tool", "--places", "--unloaded"}  # what each command means by it stands in the table
+OTHERWISE = {"--places", "--unloaded"}  # what each command means by it stands in the table
 
 
 @pytest.mark.parametrize(("verb", "old", "new"), FORMER)

@@ -296,7 +296,7 @@ def test_a_run_at_a_gauge_that_is_killed_loses_no_pose(commands, tmp_path, small
     """What was read stays, whatever was killed; the next command goes on behind it."""
     commands.warm()
     gauge, run = Gauge(), tmp_path / "run.csv"
-    words = ("measure", small.folder / "plan.json", "--gauge", gauge.port, "-o", run)
+    words = ("measure", small.folder / "plan.json", "--serial-port", gauge.port, "-o", run)
     poses = [p["id"] for p in small.plan["poses"] if p["role"] != "mount"]
     whole = commands.run(words, tmp_path, run)
     assert whole["code"] == 0, whole["said"]

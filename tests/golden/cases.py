@@ -300,7 +300,7 @@ CASES = (
             edbb("simulate out/plan.json -o run.csv --truth truth.toml"),
             edbb("identify run.csv --cell out/cell.toml --plan out/plan.json -o found --no-trace"),
             edbb("accuracy run.csv --cell out/cell.toml --plan out/plan.json -o judged --json"),
-            edbb("centre out/plan.json --program robot"),
+            edbb("centre out/plan.json --program-to robot"),
         ),
         50,
     ),

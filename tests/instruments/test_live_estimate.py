@@ -168,7 +168,7 @@ def test_the_command_reads_until_the_goal_and_goes_on_where_it_was_left(tmp_path
         return "q" if len(asked) == 12 else ""
 
     monkeypatch.setattr(cell_commands, "_ask", ask)
-    words = ["measure", plan, "--gauge", gauge.port, "--until-mm", "6", "-o", tmp_path / "run.csv"]
+    words = ["measure", plan, "--serial-port", gauge.port, "--until-mm", "6", "-o", tmp_path / "run.csv"]
     first, second = edbb(*words), edbb(*words)
     gauge.on = False
     assert first.returncode == second.returncode == 0, first.stderr + second.stderr

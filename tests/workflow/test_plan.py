@@ -292,7 +292,7 @@ def test_poses_that_no_proven_path_joins_in_time_are_told_and_are_no_plan(tmp_pa
     monkeypatch.setattr(pose_selection, "SHOWN_SIZES", (POSES, 60))
     unrefined = ("[plan]", "[plan]\nrefine = false")
     cell, folder = small_cell("kuka-kr6-r700/edbb", tmp_path / "cell", *FEWER, unrefined), tmp_path / "out"
-    found = plan(cell, poses=POSES, time_limit=1e4)
+    found = plan(cell, poses=POSES, time_limit_s=1e4)
     assert isinstance(found, PosesResult)
     assert found.cut_short[-1] in found.summary()
     assert f"no set of these falls below {found.poses.certificate.value:#.4g}" in found.summary()  # less is better

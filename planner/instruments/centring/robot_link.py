@@ -128,7 +128,7 @@ class VarProxy:
     def _refusal_text(self, verb: str, name: str) -> str:
         return (
             f"the controller at {self.where} does not {verb} '{name}': "
-            "is the centring program with its .dat on the controller (edbb centre --program DIR writes them)?"
+            "is the centring program with its .dat on the controller (edbb centre --program-to DIR writes them)?"
         )
 
 
@@ -316,7 +316,7 @@ class KukaLink:
                 return
         raise LinkError(
             f"the program {self._how.program} does not run on the controller: select it, drive to its start and let it "
-            "wait (edbb centre --program DIR writes it)"
+            "wait (edbb centre --program-to DIR writes it)"
         )
 
     def _angles(self, name: str) -> Array:

@@ -116,7 +116,7 @@ def test_a_stop_file_that_is_there_already(cell, tmp_path):
 def test_the_robots_program_is_written_with_the_cells_numbers(cell, tmp_path):
     made = cell(count=1)
     (tmp_path / "cell.toml").write_text('robot = "x"\n[controller]\ntool = 4\nbase = 2\n')
-    assert invoked("centre", made.plan, "--program", tmp_path / "out").exit_code == 0
+    assert invoked("centre", made.plan, "--program-to", tmp_path / "out").exit_code == 0
     src = (tmp_path / "out" / "EDBB_CENTRE.src").read_bytes()
     assert b"BAS (#TOOL,4 )\r\nBAS (#BASE,2 )\r\n" in src
     assert sorted(p.name for p in (tmp_path / "out").iterdir()) == ["EDBB_CENTRE.dat", "EDBB_CENTRE.src"]

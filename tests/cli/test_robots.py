@@ -1,0 +1,75 @@
+"""A shipped robot, or a table of rows, as the start of one's own: the copy is the robot, and is never written over."""
+
+import pytest
+
+from planner.cell.reading import load_cell, shipped_cells
+from planner.kinematics.robot_reader import list_robots, load_robot
+from tests.command import edbb
+
+ROWS = """# convention: mdh
+alpha_deg,a_mm,theta_deg,d_mm,lower_deg,upper_deg,speed_deg_s
+180,0,0,-400,-170,170,300
+90,25,0,0,-190,45,225
+0,560,-90,0,-120,156,225
+90,35,0,-515,-185,185,381
+-90,0,0,0,-120,120,311
+90,0,0,-80,-350,350,492
+"""
+
+
+def same_robot(one, other):
+    assert [(t.name, t.nominal) for t in one.transforms] == [(t.name, t.nominal) for t in other.transforms]
+    assert (one.q_lower == other.q_lower).all()
+    assert (one.speed == other.speed).all()
+    assert len(one.bodies) == len(other.bodies)
+    assert [c.controller for c in one.conventions] == [c.controller for c in other.conventions]
+
+
+@pytest.mark.parametrize("name", list_robots())
+def test_a_copied_robot_is_the_robot_with_its_cells(tmp_path, name):
+    assert edbb("robots", name, "-o", tmp_path / "mine").returncode == 0
+    same_robot(load_robot(tmp_path / "mine/robot.toml"), load_robot(name))
+    cells = sorted(p.stem for p in (tmp_path / "mine").glob("*.toml") if p.name != "robot.toml")
+    assert [f"{name}/{cell}" for cell in cells] == [c for c in shipped_cells() if c.startswith(f"{name}/")]
+    for cell in cells:
+        mine, shipped = load_cell(tmp_path / f"mine/{cell}.toml"), load_cell(f"{name}/{cell}")
+        assert mine.robot.path == tmp_path / "mine/robot.toml"
+        assert (mine.home == shipped.home).all()
+
+
+def test_a_table_of_rows_becomes_a_file_with_room_for_the_controller(tmp_path):
+    (tmp_path / "kr10.csv").write_text(ROWS)
+    done = edbb("robots", tmp_path / "kr10.csv", "-o", tmp_path / "kr10")
+    assert done.returncode == 0
+    file = tmp_path / "kr10/robot.toml"
+    same_robot(load_robot(file), load_robot(tmp_path / "kr10.csv"))
+    text = file.read_text()
+    assert "# [controllers.krl]" in text
+    file.write_text(text + '\n[controllers.krl]\nsame = true\nsource = "jogged at the robot on 2026-03-02"\n')
+    assert load_robot(file).axes_of("krl").is_same
+
+
+def test_what_a_person_has_changed_is_not_written_over(tmp_path):
+    words = ("robots", "ur10", "-o", tmp_path / "mine")
+    assert edbb(*words).returncode == edbb(*words).returncode == 0
+    file = tmp_path / "mine/robot.toml"
+    file.write_text(file.read_text() + "\n# mine\n")
+    done = edbb(*words)
+    assert done.returncode == 2
+    assert "is there already and says otherwise; name another folder, or add --force" in done.stderr
+    assert "# mine" in file.read_text()
+    assert edbb(*words, "--force").returncode == 0
+    assert "# mine" not in file.read_text()
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("ur10",), "a robot is copied by its name and a folder together"),
+        (("ur1O", "-o", "x"), 'neither a shipped robot nor a table of DH rows (.csv); did you mean "ur10"?'),
+    ],
+)
+def test_what_cannot_be_copied_is_said(words, said):
+    done = edbb("robots", *words)
+    assert done.returncode == 2
+    assert said in done.stderr
