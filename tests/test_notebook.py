@@ -4,6 +4,7 @@ import sys
 from pathlib import Path
 
 import nbformat
+import pytest
 from jupyter_client import KernelManager
 from nbclient import NotebookClient
 
@@ -18,6 +19,7 @@ class OwnPython(KernelManager):
         return [sys.executable, "-m", "ipykernel_launcher", "-f", self.connection_file]
 
 
+@pytest.mark.long
 def test_the_notebook_runs_from_its_first_cell_to_its_last():
     book = nbformat.read(EXAMPLES / "measured_run.ipynb", as_version=4)
     assert not any(c.get("outputs") for c in book.cells)  # what is shown is made anew

@@ -92,6 +92,7 @@ def test_planning_without_its_packages_says_in_one_sentence_where_it_can_be_done
         assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.long
 def test_a_run_is_identified_without_packages_of_planning(tmp_path):
     words = ("identify", EXAMPLES / "measured_run.csv", "--cell", EXAMPLES / "measured_run.toml", "-o", "out")
     done = edbb_without(*words, cwd=tmp_path)

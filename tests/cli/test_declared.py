@@ -91,6 +91,7 @@ def test_what_is_not_declared_is_refused_by_the_name_of_the_function():
         warm()
 
 
+@pytest.mark.long
 def test_a_type_checker_knows_the_keywords(tmp_path):
     """Of a declared function: the right call passes, a wrong name and a wrong type do not."""
     calls = 'from planner import plan\nplan("x", poses=3)\nplan("x", pose=3)\nplan("x", poses="3")\n'

@@ -120,6 +120,7 @@ PLAIN = {**os.environ, "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0", "LC_ALL": 
 """Without UTF-8 anywhere but where a file is told to be in it: stricter than a Western Windows, whose µ is a byte."""
 
 
+@pytest.mark.long
 def test_a_run_is_identified_where_nothing_is_utf_8_by_itself(tmp_path):
     words = ["identify", EXAMPLES / "measured_run.csv", "--cell", EXAMPLES / "measured_run.toml", "-o", "out", "--json"]
     done = edbb_without(*words, cwd=tmp_path, env=PLAIN, flags=("-X", "warn_default_encoding"), text=False)

@@ -47,6 +47,7 @@ def _with_names_exchanged(run, one, two, out):
     return out
 
 
+@pytest.mark.long
 def test_a_ball_that_sits_elsewhere_is_found_and_the_robot_does_not_take_it(measured, tmp_path):
     run, cell = measured
     clean = _found(run, cell)

@@ -108,6 +108,7 @@ class SteepDial(PlaneDial):
         return super().margin_changes(travel)[:2]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", ["plane-dial", "steep-dial"])
 def test_its_plan_is_written_whatever_cones_it_has(kind, tmp_path):
     cell = read(tmp_path, cell_text(GAUGE.replace("plane-dial", kind)))

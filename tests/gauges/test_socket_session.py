@@ -57,6 +57,7 @@ def test_the_program_never_drives_into_a_socket_and_asks_at_each_pose(planned):
     assert files[0].text.count("lead the ball into socket") == 12
 
 
+@pytest.mark.long
 def test_geometry_is_found_and_chance_is_called_chance(planned):
     """The noise is in the angles of the arm that was led: no curve over them may be a curve of that noise."""
     cell, q = planned.cell, planned.pool.q[::2]

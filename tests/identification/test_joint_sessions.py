@@ -107,7 +107,7 @@ def test_a_joint_that_jumps_between_two_sessions_is_named(tmp_path, other):
 
 
 @pytest.mark.parametrize("other", ["bar", "wire"])
-@pytest.mark.parametrize("seed", [1, 2, 3, 4])
+@pytest.mark.parametrize("seed", [1, *(pytest.param(seed, marks=pytest.mark.long) for seed in (2, 3, 4))])
 def test_nothing_is_named_where_nothing_jumped(tmp_path, other, seed):
     world = World.drawn(seed)
     runs = [
@@ -153,6 +153,7 @@ def test_what_does_not_belong_together_is_refused_in_one_sentence(tmp_path):
         identify([one.run, Path(one.run)], cell=[one.cell, one.cell])
 
 
+@pytest.mark.long
 def test_the_command_line_takes_cells_in_pairs_and_writes_its_folder(tmp_path):
     world = World.drawn(6)
     one = world.measure(tmp_path / "one", BAR_LEFT, 3)

@@ -6,6 +6,7 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
+import pytest
 
 from planner.cell.reading import load_cell
 from planner.identification.calibration import find_joint_zeros, find_other_zeros, joint_zeros_text
@@ -21,6 +22,7 @@ NAME, TURNED = "kuka-kr6-r700", 3  # the joint whose controller counts the other
 STATED = re.compile(r"joint (\d) ([+-][\d.]+) ± ([\d.]+)°(\*?)")
 
 
+@pytest.mark.long
 def test_zeros_are_what_the_controller_shows_too_little(tmp_path) -> None:
     """A tracker's run of an arm that stands 0.2° and more elsewhere than its controller shows."""
     off = np.deg2rad([0.0, 0.3, -0.25, 0.2, -0.4, 0.0])

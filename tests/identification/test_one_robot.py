@@ -32,7 +32,7 @@ from tests.simulation.generator.truth import draw_truth
 NAME = "kuka-kr6-r700"
 
 
-@pytest.fixture(scope="module", params=["posterior", "geometry"])
+@pytest.fixture(scope="module", params=["posterior", pytest.param("geometry", marks=pytest.mark.long)])
 def written(request, tmp_path_factory):
     """A calibration of a bar's run, its folder, and the readings [m] with the angles [rad] that they belong to."""
     folder = tmp_path_factory.mktemp(request.param)

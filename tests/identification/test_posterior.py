@@ -67,6 +67,7 @@ def by_posterior(released):
     return replace(released, misfit=Misfit(np.ones(count), np.zeros(count)))
 
 
+@pytest.mark.long
 def test_it_beats_geometry_alone_anywhere_and_states_its_error():
     found, off = judged(0)
     plain, off_plain = judged(0, geometry=True)
@@ -105,6 +106,7 @@ def test_the_expected_error_is_that_of_drawn_robots():
     assert released.anywhere < released.at_most
 
 
+@pytest.mark.long
 def test_a_robot_part_way_is_as_likely_worse_than_geometry_as_is_accepted(monkeypatch):
     """Counted over the drawn robots, at every probability that ends part of the way."""
     released = by_posterior(judged(0, WEAK)[0].released)

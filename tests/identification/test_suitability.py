@@ -26,6 +26,7 @@ def test_targets_of_arms_lie_within_what_is_stated():
     assert np.median(ratios) < 8.0
 
 
+@pytest.mark.long
 def test_over_the_targets_the_errors_are_those_that_are_stated_everywhere():
     released = judged_targets(0)[0].released
     for fit in (None, released.fit):

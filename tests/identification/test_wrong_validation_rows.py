@@ -1,5 +1,7 @@
 """Rows of a validation that were mistyped are named, for its mean tells of nothing else."""
 
+import pytest
+
 from planner.cell.reading import load_cell
 from planner.identification.pipeline import FitSettings, identify
 from planner.runs.loader import load_runs
@@ -10,6 +12,7 @@ from tests.simulation.generator.truth import Noise, Truth
 NAME = "kuka-kr6-r700"
 
 
+@pytest.mark.long
 def test_a_mistyped_row_of_the_validation_is_named(tmp_path) -> None:
     truth = Truth(0, {"theta2": 1e-3}, (), Noise(5e-6, 1e-5), (1.0,) * 6)
     run, cell = runs.tracker(arm_of(NAME), n_poses=90, seed=0, truth=truth, logs=()).write(tmp_path)

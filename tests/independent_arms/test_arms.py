@@ -112,6 +112,7 @@ def test_seeds_say_all_and_those_for_judgement_are_kept():
     assert len(early) >= 8
 
 
+@pytest.mark.long
 def test_the_product_reads_a_run(tmp_path):
     true = make_arm(5, "bar", 0, False)
     out = identify(Session("bar").measure(true), Session("bar"), tmp_path, "--no-trace", "--geometry")

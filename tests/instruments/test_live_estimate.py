@@ -52,6 +52,7 @@ def test_an_update_takes_less_than_a_second_and_does_not_depend_on_the_order(ben
     assert errors[-1] < 0.3 * errors[4]
 
 
+@pytest.mark.long
 def test_what_is_expected_is_what_comes(bench):
     """Arms drawn with sizes between half and twice the usual: mean square and 95 % limit of what is left."""
     ratio, below = [], []

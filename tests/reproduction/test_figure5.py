@@ -13,6 +13,7 @@ OPTIMUM = 35  # "an optimum number of poses is reached at approx. 35"
 PARAMETERS = 22  # "reduced from 30 to 22 geometric model parameters": where the pruning ends
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", [0, 1, 2])
 def test_the_condition_number_has_its_optimum_near_35_poses(seed):
     cell = load_cell("comau-nj130/paper")

@@ -77,6 +77,7 @@ def test_a_wire_is_measured_and_a_bar_is_set_up_by_the_robot():
     assert {f.set_up for f in load_cell("ur5e/edbb").fixtures} == {"robot"}
 
 
+@pytest.mark.long
 def test_a_fixture_out_of_the_robots_reach_is_measured():
     cell = load_cell("kuka-kr6-r700/edbb")
     far = replace(cell.fixtures[0], p_BX=np.array([2.0, 0.0, 0.5]))

@@ -78,6 +78,7 @@ def test_the_run_says_so_and_its_robot_is_read_back(tmp_path):
     assert not any(line.startswith("#") for line in draw_truth(load_cell("kuka-kr6-r700/edbb"), 1).lines())
 
 
+@pytest.mark.long
 def test_the_balls_stand_as_well_as_the_paper_says():
     """Better than 1 mm: two sigma of where the balls stand, by the errors drawn of the artifact alone."""
     cell = load_cell(CELL)

@@ -141,6 +141,7 @@ def test_no_gauge_has_such_a_scale():
     assert implausible_text(scale, 4312e-6).startswith("the gauge scale would have to be 4312 ppm")
 
 
+@pytest.mark.long
 def test_a_calibration_worse_than_nominal_says_so_first():
     """Geometry alone takes up the fixture's and the zero's errors, and is worse than nothing anywhere else."""
     cell, found = calibrated(said(**FIXTURE, **ZERO), released=True)

@@ -11,6 +11,9 @@ import pytest
 from tests.command import edbb
 from tests.workflow.test_unchecked_links import cell_of, fixed, whole_arm
 
+pytestmark = pytest.mark.long  # a whole plan
+
+
 STEP = np.deg2rad(0.1)  # of the axis that moves most, between two states that are checked
 BOX = '<link name="{}"><collision><origin xyz="{}"/><geometry><box size="{}"/></geometry></collision></link>'
 LIMITS = '<limit lower="{}" upper="{}" velocity="1" effort="1"/>'

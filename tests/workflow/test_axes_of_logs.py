@@ -11,6 +11,9 @@ from planner.runs.loader import load_runs
 from tests.command import edbb
 from tests.workflow.conftest import FEWER, planned
 
+pytestmark = pytest.mark.long  # a whole plan
+
+
 SENSE, ZERO = np.array([-1, 1, -1, -1, -1, 1]), np.array([0, 0, -90, 0, 30, 0])
 TABLE = f"""
 [controllers.pdl2]

@@ -25,6 +25,7 @@ def test_planning_ends_at_once(tmp_path):
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.long
 def test_export_and_import_are_refused(resting, tmp_path):
     plan = resting.folder / "plan.json"
     check_refused(edbb("export", plan, "--dialect", "rapid", "-o", tmp_path / "a.mod"), "rapid")

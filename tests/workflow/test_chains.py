@@ -20,6 +20,7 @@ def folder(tmp_path_factory):
     return tmp_path_factory.mktemp("chains")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", QUICK)
 def test_a_small_session_of_a_quick_cell(folder, name):
     run_chain(folder, name, 1, small=True)

@@ -65,6 +65,7 @@ def test_the_poses_are_those_that_naive_pruning_leaves(pruned):
     assert naive_condition(rows, 30) == pytest.approx(seen["O2"], rel=1e-6)
 
 
+@pytest.mark.long
 def test_the_method_of_the_cell_is_that_of_the_command_line(pruned, tmp_path):
     path, folder, _ = pruned
     asked = tmp_path / "cell.toml"
@@ -108,6 +109,7 @@ def test_both_names_of_the_order_are_refused(tmp_path):
         load_cell(str(path))
 
 
+@pytest.mark.long
 def test_an_order_on_the_command_line_is_in_the_plan_and_in_its_cell(pruned, tmp_path):
     cell = load_cell("comau-nj130/edbb")
     asked = PlanOptions(order="slowest-axis").in_order(cell)

@@ -148,6 +148,7 @@ def test_the_plan_as_written_holds_by_the_independent_check(written):
     assert complaints(folder, plain.replace(there, ",".join(elsewhere))) != []
 
 
+@pytest.mark.long
 def test_changed_numbers_are_refused_or_said_and_right(written):
     exported = [_try(written, k) for k in range(FEW)]
     assert 0.2 < np.mean(exported) < 0.9

@@ -106,6 +106,7 @@ def file_head(lines):
     return " ".join(re.sub(r"^\s*\d+:", "", line).strip(" ;/#-'(){}\"!%") for line in lines[:80])
 
 
+@pytest.mark.long
 def test_screen_plan_report_and_program_name_them(crowded):
     out = crowded.parent / "out"
     done = edbb("plan", crowded, "-o", out, "--poses", 25, "--dialect", "poses-csv")

@@ -179,6 +179,7 @@ def test_a_fixture_that_tells_less_with_every_reading_has_poses_nevertheless():
     assert bayesian_design._use_every_place(place, both, white, np.eye(6)).tolist() == both.tolist()
 
 
+@pytest.mark.long
 def test_moved_off_the_grid_the_poses_leave_less_keep_every_filter_and_their_order(kuka, expected):
     cell, pool = kuka
     there = pool.samples.take(expected.chosen)

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from planner.cell.cell import Cell
 from planner.cell.workspace import Workspace
@@ -56,6 +57,7 @@ def test_extremes_are_those_of_dense_sampling() -> None:
     assert abs(found.clearance - world.distances(dense(a[proven], b[proven], 100)).min()) < 2e-3
 
 
+@pytest.mark.long
 def test_no_stop_of_a_printed_path_comes_nearer_than_is_stated() -> None:
     """Every single motion's clearance, held against another engine's distances at its ends, with rounded angles too."""
     cell, world = cell_and_world()

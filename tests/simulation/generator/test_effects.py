@@ -58,6 +58,7 @@ def test_share_is_what_a_full_fit_leaves(what, inside):
     assert KINDS[e.kind].in_catalogue == inside
 
 
+@pytest.mark.long
 def test_share_out_of_reach_is_refused():
     with pytest.raises(Implausible, match="gauge-scale"):
         random_run(edbb_static, arm("ur10"), 1, ("gauge-scale",), 3.0, n_poses=60)
