@@ -312,6 +312,12 @@ class UseFile(StrictModel):
     tolerance_mm: Annotated[PositiveFloat, Field(ge=0.001, le=1000)]
 
 
+class PriorFile(StrictModel):
+    """``[prior]``: what is known of robots of this kind: the file that ``edbb fleet`` wrote."""
+
+    fleet: OneLine
+
+
 class CellFile(OptionalKeys):
     """The whole cell file."""
 
@@ -338,8 +344,9 @@ class CellFile(OptionalKeys):
     controller: ControllerFile = ControllerFile()
     plan: PlanSettingsFile = PlanSettingsFile()
     use: UseFile | None = None
+    prior: PriorFile | None = None
     LATER: ClassVar[tuple[str, ...]] = (
-        "class_", "artifact", "tracker", "packages", "parked", "floor", "home_mm", "use",
+        "class_", "artifact", "tracker", "packages", "parked", "floor", "home_mm", "use", "prior",
     )  # fmt: skip
     ADDED: ClassVar[tuple[str, ...]] = ()  # sections of extensions, which a model made of this one has
 

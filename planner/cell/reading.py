@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from planner.cell.cell import Cell
 from planner.cell.file import CellFile
+from planner.cell.fleet_file import with_fleet
 from planner.cell.gauge import Gauge
 from planner.cell.gauge_registry import gauge_kinds
 from planner.cell.parts import BaseMounting, Cable, MotionSettings, PlanSettings
@@ -184,7 +185,7 @@ def cell_of(file: CellFile, path: Path, name: str, planning: bool = True) -> Cel
             gauge.read_places(path, robot, file) if planning else read_fixtures(path, robot, file, gauge.usual_set_up)
         ),
     )
-    return Cell(
+    cell = Cell(
         name=name,
         robot=robot,
         home=home,
@@ -207,6 +208,7 @@ def cell_of(file: CellFile, path: Path, name: str, planning: bool = True) -> Cel
         nests=read_nests(file),
         sections=read_sections(path, file),
     )
+    return with_fleet(cell, None if file.prior is None else path.parent / file.prior.fleet)
 
 
 def _read_home(path: Path, file: CellFile, robot: Robot, planning: bool) -> Array:

@@ -48,7 +48,7 @@ class LearntPosterior:
         """Begin with the usual sizes; ``weight``: mean square error of the tool per squared errors, (P, P)."""
         size = white.shape[1]
         start = LearntErrors(np.zeros(size), np.ones(size), np.ones(len(families)))
-        return cls(white, _root(weight), families, start)
+        return cls(white, root_of(weight), families, start)
 
     @property
     def size(self) -> Array:
@@ -88,7 +88,7 @@ class LearntPosterior:
         return float(np.quantile(squares * np.exp(2.0 * self.families.doubt * doubt), LIMIT_QUANTILE))
 
 
-def _root(weight: Array) -> Array:
+def root_of(weight: Array) -> Array:
     """Return a root (P, r) of a symmetric matrix, without what adds nothing to its trace."""
     values, axes = np.linalg.eigh(weight)
     kept = values > 1e-9 * values.sum()

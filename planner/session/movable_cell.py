@@ -16,9 +16,9 @@ from planner.kinematics.urdf_writer import write_urdf
 
 
 def movable_cell(cell: Cell) -> tuple[dict[str, object], dict[str, Path]]:
-    """Return the content of ``cell.toml``, defaults included, with names that hold in any folder, and meshes by name.
+    """Return the content of ``cell.toml``, defaults included, its names good in any folder, and its files by name.
 
-    The robot has its file's name, a mesh one of its own hash.
+    The robot has its file's name, a mesh and a fleet one of its own hash.
     """
     content = cell.file.model_dump(mode="json", by_alias=True)
     if not is_shipped(cell):
@@ -32,6 +32,10 @@ def movable_cell(cell: Cell) -> tuple[dict[str, object], dict[str, Path]]:
             path = (cell.path.parent / str(body["file"])).resolve()
             name = f"meshes/{hashlib.sha256(read_bytes(path)).hexdigest()[:12]}{path.suffix}"
             body["file"], meshes[name] = name, path
+    if cell.file.prior is not None:
+        path = (cell.path.parent / cell.file.prior.fleet).resolve()
+        name = f"fleet-{hashlib.sha256(read_bytes(path)).hexdigest()[:12]}.toml"
+        content["prior"], meshes[name] = {"fleet": name}, path
     return content, meshes
 
 

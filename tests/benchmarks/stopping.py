@@ -6,7 +6,7 @@ catalogue, every other arm with one that no catalogue has. All ways choose among
 
 - ``ten at a time``: an electronic gauge, an arm that is led on; 30 poses as a plan of nothing known chooses them, then
   ten at a time that lower most, in a second of way and reading, what the readings so far leave;
-- ``batches``: the same, 15 at a time, each a program of its own, the gauge left standing;
+- ``batches``: the same, in programs of as many poses as are expected to reach the bound, the gauge left standing;
 - ``batches, by the error alone``: the same, chosen whatever the way to them takes;
 - ``batches anew``: batches with the gauge set up anew for each;
 - ``plan``: a plan of nothing known, chosen by the error that it leaves;
@@ -33,7 +33,7 @@ import numpy as np
 from planner.cell.reading import load_cell
 from planner.design.bayesian_design import BayesianPosterior, select_greedily
 from planner.design.free_parameters import undeclared_errors
-from planner.design.learnt_posterior import LearntPosterior
+from planner.design.learnt_posterior import LearntPosterior, root_of
 from planner.instruments.live_estimate import families
 from planner.model.tool_error import tool_rows
 from planner.motion.tour.solve import solve_tour
@@ -46,10 +46,10 @@ from tests.independent_arms.judge import evaluation_states, rms_aligned
 from tests.simulation.generator.arm import Arm
 from tests.simulation.generator.poses import at_targets, shell_points
 
-FIRST, BATCH, FEW, MOST = 30, 15, 10, 180  # poses
+FIRST, FEW, LARGEST, MOST = 30, 10, 80, 180  # poses; of a batch between FEW and LARGEST
 READ_S = 6.0  # [s] a pose: rest, settle, read
 PROGRAM_MIN, SET_UP_MIN = 3.0, 5.0  # [min] to carry a log away and a program back; to set a bar up, and its zero
-GOALS_MM = (0.4, 0.3, 0.2, 0.1)
+GOALS_MM = (0.4, 0.3, 0.2)
 FIXED = ("plan", "d-optimal", "next-view")
 WAYS = ("ten at a time", "batches", "batches, by the error alone", "batches anew", *FIXED)
 SHARE_OF_PLACE = 1e-2  # of what is unknown of the gauge's place, in greedy choices: else it comes first
@@ -98,7 +98,7 @@ class Bench:
     def quick(self, white, weight, taken, count, start):
         """The same by the error that they take off a second: of reading, and of the way inserted into the others'."""
         known = BayesianPosterior.prior(white, weight).with_readings(np.array(taken, dtype=int))
-        path = [] if start is None else [start]
+        path, order = [] if start is None else [start], []
         for _ in range(count):
             way = np.full(len(white), 0.0)
             if path:
@@ -112,12 +112,13 @@ class Bench:
             worth[[*taken, *path]] = -1.0
             k = int(np.argmax(worth))
             known.change(k)
+            order.append(k)
             ends = [self.legs[path[-1], k]] if path else [0.0]
             ends += [self.legs[k, path[0]]] if path and start is None else [np.inf]
             between = [self.legs[a, k] + self.legs[k, b] - self.legs[a, b] for a, b in pairwise(path)]
             best = int(np.argmin([*between, *ends]))
             path.insert({len(between): len(path), len(between) + 1: 0}.get(best, best + 1), k)
-        return path if start is None else path[1:]
+        return order
 
     @cache  # noqa: B019 - there is one
     def order(self, way):
@@ -203,7 +204,13 @@ class Session:
         self.posterior = LearntPosterior.of(self.white, self.weight, self.families)
         self.posterior.learn(self.taken, self.off)
 
-    def choose(self, count, start=None, quick=False):
+    def count_until(self, chosen, goal):
+        """How many of the poses chosen, in their order, are expected to bring the bound below a goal [mm]."""
+        p = LearntPosterior(self.white, root_of(self.weight), self.families, self.posterior.learnt)
+        limits = [1e3 * p.square_limit([*self.taken, *chosen[:n]]) ** 0.5 for n in range(FEW, len(chosen) + 1, FEW)]
+        return FEW * (1 + next((k for k, v in enumerate(limits) if v <= goal), len(limits)))
+
+    def choose(self, count, start=None, quick=True):
         """The poses that lower most what is still unknown, or lower it most in a second, from where the arm stands."""
         size = self.posterior.learnt.factors[self.families.number]
         weight = self.weight * np.outer(size, size)
@@ -231,38 +238,63 @@ class Session:
 
 
 def judge_way(bench, seed, way):
-    """Rows of one arm and one way: after each number of poses the minutes, the bound, and stated and true error."""
-    rows, goal = [], min(GOALS_MM)
+    """By goal [mm] where an arm stands when its bound is below it, as ``Session.stand`` says; the last row if never."""
     if way in FIXED:
-        for count in range(FIRST, MOST + 1, FEW):
-            session = Session(bench, seed)
-            which, minutes = bench.fixed(way, count)
-            session.set_up(which)
-            session.read(which, minutes)
-            rows.append(session.stand())
-            if rows[-1]["bound"] <= goal:
-                break
-        return rows
-    led, quick = way == "ten at a time", way != "batches, by the error alone"
-    session, step = Session(bench, seed, way == "batches anew"), FEW if led else BATCH
-    which, minutes = bench.fixed("plan", FIRST)
-    session.set_up(which)
-    while True:
+        rows = fixed_rows(bench, seed, way)
+    elif way == "ten at a time":
+        rows = list(led_rows(bench, seed))
+    else:
+        return {str(goal): batches_to(bench, seed, way, goal) for goal in GOALS_MM}
+    return {str(goal): next((r for r in rows if r["bound"] <= goal), rows[-1]) for goal in GOALS_MM}
+
+
+def fixed_rows(bench, seed, way):
+    """Rows after 30, 40 … poses, each number in a tour of its own."""
+    rows = []
+    for count in range(FIRST, MOST + 1, FEW):
+        session = Session(bench, seed)
+        which, minutes = bench.fixed(way, count)
+        session.set_up(which)
         session.read(which, minutes)
         rows.append(session.stand())
-        if rows[-1]["bound"] <= goal or len(session.taken) + step > MOST:
-            return rows
-        if way == "batches anew":
-            session.set_up(which)
-        start = session.taken[-1] if led else None
-        which, minutes = bench.toured(session.choose(step, start, quick), start)
-        if not led:
-            session.minutes += PROGRAM_MIN + (SET_UP_MIN if way == "batches anew" else 0.0)
+        if rows[-1]["bound"] <= min(GOALS_MM):
+            break
+    return rows
 
 
-def first_below(rows, goal):
-    """The first row whose bound is below a goal; ``None`` where none is."""
-    return next((r for r in rows if r["bound"] <= goal), None)
+def begun(bench, seed, anew=False):
+    """A session after its first poses."""
+    session = Session(bench, seed, anew)
+    which, minutes = bench.fixed("plan", FIRST)
+    session.set_up(which)
+    session.read(which, minutes)
+    return session
+
+
+def led_rows(bench, seed):
+    """Rows of an arm that is led on, ten poses at a time."""
+    session = begun(bench, seed)
+    yield session.stand()
+    while session.stand()["bound"] > min(GOALS_MM) and len(session.taken) + FEW <= MOST:
+        start = session.taken[-1]
+        which, minutes = bench.toured(session.choose(FEW, start), start)
+        session.read(which, minutes)
+        yield session.stand()
+
+
+def batches_to(bench, seed, way, goal):
+    """Where an arm stands that is measured in programs until its bound is below a goal [mm]."""
+    anew = way == "batches anew"
+    session = begun(bench, seed, anew)
+    while (row := session.stand())["bound"] > goal and len(session.taken) + FEW <= MOST:
+        session.minutes += PROGRAM_MIN
+        if anew:
+            session.set_up(session.taken)
+            session.minutes += SET_UP_MIN
+        most = min(LARGEST, MOST - len(session.taken))
+        chosen = session.choose(most, quick=way != "batches, by the error alone")
+        session.read(*bench.toured(chosen[: session.count_until(chosen, goal)]))
+    return row
 
 
 def quantile(values, share):
@@ -277,8 +309,8 @@ def table(lines):
     ]
     for goal in GOALS_MM:
         for way in WAYS:
-            own = [line["ways"][way] for line in lines if way in line["ways"]]
-            hit = [r for rows in own if (r := first_below(rows, goal))]
+            own = [line["ways"][way][str(goal)] for line in lines if way in line["ways"]]
+            hit = [r for r in own if r["bound"] <= goal]
             if not own:
                 continue
             minutes = [*(r["minutes"] for r in hit), *[np.inf] * (len(own) - len(hit))]

@@ -11,6 +11,7 @@ from planner.design.free_parameters import undeclared_errors
 from planner.identification.fleet_fit import RobotErrors, misfits_of
 from planner.instruments.fleet import Fleet, read_robots
 from planner.runs.run import Samples
+from planner.session.movable_cell import cell_files
 from planner.workflow.fleet import fleet
 from planner.workflow.identification import identify
 from tests.command import edbb
@@ -101,6 +102,18 @@ def test_a_plan_takes_a_fleet_for_its_prior(tmp_path):
         assert fleets.prior[k] == pytest.approx(size[group] * usual.prior[k])
     with pytest.raises(InputError, match="is of the robot 'kuka-kr6-r700', but the cell's is 'ur10'"):
         read_fleet(path, "ur10")
+    own = tmp_path / "cell.toml"
+    own.write_text(cell.path.read_text() + '\n[prior]\nfleet = "fleet.toml"\n')
+    stated = load_cell(str(own))
+    assert stated.robot.priors == with_fleet(cell, path).robot.priors
+    for name, data in cell_files(stated).items():
+        (tmp_path / "plan" / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / "plan" / name).write_bytes(data)
+    assert load_cell(str(tmp_path / "plan" / "cell.toml")).robot.priors == stated.robot.priors
+    assert "[prior]" not in cell_files(cell)["cell.toml"].decode()
+    path.unlink()
+    with pytest.raises(InputError, match=r"fleet\.toml"):
+        load_cell(str(own))
 
 
 @pytest.fixture(scope="module")

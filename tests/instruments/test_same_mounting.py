@@ -12,6 +12,7 @@ from planner.cell.reading import load_cell
 from planner.common.errors import InputError
 from planner.design.expected_errors import error_limit
 from planner.instruments.live_estimate import LiveEstimate, mean_errors
+from planner.instruments.more_poses import foresee_more_poses
 from planner.instruments.next_session import CalibratedState, RemainingErrors, leave_standing
 from planner.runs.run import FIRST_MOUNTING, Samples
 from planner.session.movable_cell import cell_files
@@ -146,3 +147,18 @@ def test_several_set_ups_leave_the_last_one_standing(tmp_path):
         [values[n] for n in (*(f"fixture_A_{a}" for a in "xyz"), "zero_2")], rel=1e-4
     )
     assert list(gauge["fixtures_mm"]) == ["A"]
+
+
+def test_an_identification_foresees_what_more_poses_would_bring(known):
+    """Twenty poses more, by the poses that were measured; a run without a clock says no minutes."""
+    found, more = known.found.calibration, known.found.calibration.more
+    assert (more.poses, more.minutes) == (20, None)
+    assert 0.0 < more.anywhere < more.at_most <= found.released.at_most
+    assert more.anywhere < found.workspace_error
+    told = known.found.content()["more"]
+    assert told["at_most_mm"] == pytest.approx(1e3 * more.at_most, rel=1e-3)
+    assert more.sentence in str(known.found.overview())
+    timed = replace(found.run.samples, t=21.0 * np.arange(len(found.run)))
+    later = foresee_more_poses(found.model_copy(update={"run": replace(found.run, samples=timed)}), known.cell)
+    assert later.minutes == pytest.approx(7.0)
+    assert "20 more poses, about 7 min, would bring it to" in later.sentence
