@@ -61,6 +61,8 @@ def pictures() -> Iterator[Picture]:
         yield Picture(f"plan_{name}.png", partial(_chart, "plan_charts", ROOT / files[0]), _of_charts(files[0]))
     yield Picture("ur5_before_after.png", partial(_chart, "ur5_before_after"), _of_run("ur5"))
     yield Picture("panda_before_after.png", partial(_chart, "panda_before_after"), _of_run("panda"))
+    measured = ("docs/pictures/shown/stopping.json", f"{DRAWING}/stopping.py")
+    yield Picture("stopping.png", partial(_stopping, "0.3"), measured)
     for run, title in TITLES.items():
         yield Picture(f"{run}_stages.png", partial(_chart, "stages", run, title), _of_run(run))
 
@@ -105,6 +107,12 @@ def _chart(function: str, *arguments: object) -> bytes:
 
     drawn: bytes = getattr(charts, function)(*arguments)
     return drawn
+
+
+def _stopping(goal: str) -> bytes:
+    from docs.drawing.stopping import stopping_curves
+
+    return stopping_curves(goal)
 
 
 def measure(run: str) -> None:

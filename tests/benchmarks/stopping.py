@@ -23,6 +23,8 @@ of LOG an arm; what is there is not done again.
 
 import argparse
 import json
+import tempfile
+from bisect import bisect_left
 from dataclasses import dataclass, replace
 from functools import cache
 from itertools import pairwise
@@ -39,20 +41,31 @@ from planner.model.tool_error import tool_rows
 from planner.motion.tour.solve import solve_tour
 from planner.runs.run import Mounting, Readings, Samples
 from planner.session.tour_cost import tour_costs
+from planner.workflow.identification import identify
+from tests.benchmarks.stopping_tables import FIXED, GOALS_MM, WAYS, coverage, figures, table
 from tests.independent_arms import runs
 from tests.independent_arms.arm import TOOL, make_arm
 from tests.independent_arms.chain import frames, points
-from tests.independent_arms.judge import evaluation_states, rms_aligned
+from tests.independent_arms.judge import evaluation_states, model_error, rms_aligned
 from tests.simulation.generator.arm import Arm
 from tests.simulation.generator.poses import at_targets, shell_points
 
 FIRST, FEW, LARGEST, MOST = 30, 10, 80, 180  # poses; of a batch between FEW and LARGEST
+IDENTIFIED_MM = None  # goal at which what batches brought is identified as well; set by --identify
 READ_S = 6.0  # [s] a pose: rest, settle, read
 PROGRAM_MIN, SET_UP_MIN = 3.0, 5.0  # [min] to carry a log away and a program back; to set a bar up, and its zero
-GOALS_MM = (0.4, 0.3, 0.2)
-FIXED = ("plan", "d-optimal", "next-view")
-WAYS = ("ten at a time", "batches", "batches, by the error alone", "batches anew", *FIXED)
 SHARE_OF_PLACE = 1e-2  # of what is unknown of the gauge's place, in greedy choices: else it comes first
+
+
+def posterior_after(white, weight, taken):
+    """What the readings taken leave, in one step."""
+    covariance = np.linalg.inv(np.eye(white.shape[1]) + white[taken].T @ white[taken])
+    seen = white @ covariance
+    shown = np.einsum("ij,ij->i", seen @ weight, seen)
+    spread = np.einsum("ij,ij->i", seen, white)
+    return BayesianPosterior(
+        np.asfortranarray(white), weight, covariance, shown, spread, float((weight * covariance).sum())
+    )
 
 
 def samples(q):
@@ -87,7 +100,7 @@ class Bench:
     def greedy(self, white, weight, taken, count, of_gauge):
         """Positions of ``count`` further poses by the error that they leave; ``white`` per size as known now."""
         start = np.where(of_gauge, SHARE_OF_PLACE, 1.0) if not len(taken) else 1.0
-        known = BayesianPosterior.prior(white * start, weight).with_readings(np.array(taken, dtype=int))
+        known = posterior_after(white * start, weight, taken)
         known.shown[taken] = 0.0  # a pose is read once
         free = np.setdiff1d(np.arange(len(white)), taken)
         part = BayesianPosterior(
@@ -97,7 +110,7 @@ class Bench:
 
     def quick(self, white, weight, taken, count, start):
         """The same by the error that they take off a second: of reading, and of the way inserted into the others'."""
-        known = BayesianPosterior.prior(white, weight).with_readings(np.array(taken, dtype=int))
+        known = posterior_after(white, weight, taken)
         path, order = [] if start is None else [start], []
         for _ in range(count):
             way = np.full(len(white), 0.0)
@@ -168,6 +181,7 @@ class Session:
         self.rest = rng.normal(0, self.true.joint_noise, b.q.shape)
         self.noise = rng.normal(0, self.true.noise, len(b.q))
         self.rng, self.taken, self.off, self.minutes = rng, [], np.zeros(0), 0.0
+        self.time, self.length = np.zeros(0), np.zeros(0)
         self.white, self.families, self.weight = b.white, b.families, b.unknown.weight_per_prior
         self.gauge, self.stands = b.unknown.of_gauge, b.anew
         self.fixture, self.zero = None, 0.0
@@ -199,6 +213,7 @@ class Session:
         length = runs.bar_lengths(true, q, time, self.rest[which], self.fixture) + self.zero + self.noise[which]
         target = b.unknown.model.setup.targets(samples(q), Readings(length=length)).length
         self.off = np.append(self.off, (target - b.nominal[which]) / b.noise[which])
+        self.time, self.length = np.append(self.time, time), np.append(self.length, length)
         self.taken += list(which)
         self.minutes += minutes
         self.posterior = LearntPosterior.of(self.white, self.weight, self.families)
@@ -207,8 +222,11 @@ class Session:
     def count_until(self, chosen, goal):
         """How many of the poses chosen, in their order, are expected to bring the bound below a goal [mm]."""
         p = LearntPosterior(self.white, root_of(self.weight), self.families, self.posterior.learnt)
-        limits = [1e3 * p.square_limit([*self.taken, *chosen[:n]]) ** 0.5 for n in range(FEW, len(chosen) + 1, FEW)]
-        return FEW * (1 + next((k for k, v in enumerate(limits) if v <= goal), len(limits)))
+        counts = range(FEW, len(chosen) + 1, FEW)
+        enough = bisect_left(
+            counts, True, key=lambda n: 1e3 * p.square_limit([*self.taken, *chosen[:n]]) ** 0.5 <= goal
+        )
+        return counts[min(enough, len(counts) - 1)]
 
     def choose(self, count, start=None, quick=True):
         """The poses that lower most what is still unknown, or lower it most in a second, from where the arm stands."""
@@ -235,6 +253,20 @@ class Session:
             "stated": 1e3 * stated,
             "true": off,
         }
+
+
+def identified(session):
+    """The same poses by ``edbb identify``, as it states them, and the true error of the tool that it corrects [mm]."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        columns = runs.columns_at_rest(session.bench.q[session.taken], session.time)
+        runs.write_run(columns | {"length_mm": 1e3 * session.length}, folder / "run.csv")
+        found = identify(folder / "run.csv", cell=runs.CELLS["bar"], no_trace=True)
+        (folder / "known").mkdir()
+        found.write_robot(folder / "known")
+        model, release = folder / "known" / "robot.toml", found.calibration.release
+        off = model_error(session.true, session.bench.states, model, folder, runs.middle(session.time))[0]
+    return {"bound": 1e3 * release.at_most, "stated": 1e3 * found.calibration.workspace_error, "true": off}
 
 
 def judge_way(bench, seed, way):
@@ -274,12 +306,12 @@ def begun(bench, seed, anew=False):
 def led_rows(bench, seed):
     """Rows of an arm that is led on, ten poses at a time."""
     session = begun(bench, seed)
-    yield session.stand()
-    while session.stand()["bound"] > min(GOALS_MM) and len(session.taken) + FEW <= MOST:
+    yield (row := session.stand())
+    while row["bound"] > min(GOALS_MM) and len(session.taken) + FEW <= MOST:
         start = session.taken[-1]
         which, minutes = bench.toured(session.choose(FEW, start), start)
         session.read(which, minutes)
-        yield session.stand()
+        yield (row := session.stand())
 
 
 def batches_to(bench, seed, way, goal):
@@ -294,31 +326,7 @@ def batches_to(bench, seed, way, goal):
         most = min(LARGEST, MOST - len(session.taken))
         chosen = session.choose(most, quick=way != "batches, by the error alone")
         session.read(*bench.toured(chosen[: session.count_until(chosen, goal)]))
-    return row
-
-
-def quantile(values, share):
-    return float(np.sort(values)[int(np.ceil(share * len(values))) - 1])
-
-
-def table(lines):
-    """Minutes to each goal by way: median and 90 % over arms, how many reach it, how true what is stated is."""
-    out = [
-        "| bound | way | arms that reach it | minutes, median | minutes, 90 % | stated over true | true below |",
-        "|---|---|---|---|---|---|---|",
-    ]
-    for goal in GOALS_MM:
-        for way in WAYS:
-            own = [line["ways"][way][str(goal)] for line in lines if way in line["ways"]]
-            hit = [r for r in own if r["bound"] <= goal]
-            if not own:
-                continue
-            minutes = [*(r["minutes"] for r in hit), *[np.inf] * (len(own) - len(hit))]
-            said = [f"{m:.0f}" if np.isfinite(m := quantile(minutes, s)) else "not reached" for s in (0.5, 0.9)]
-            ratio = f"{np.median([r['stated'] / r['true'] for r in hit]):.2f}" if hit else "–"
-            below = f"{sum(r['true'] <= r['bound'] for r in hit)} of {len(hit)}"
-            out.append(f"| {goal} mm | {way} | {len(hit)} of {len(own)} | {said[0]} | {said[1]} | {ratio} | {below} |")
-    return "\n".join(out)
+    return row | ({"identified": identified(session)} if goal == IDENTIFIED_MM and way == "batches" else {})
 
 
 def main():
@@ -326,9 +334,12 @@ def main():
     parser.add_argument("log", type=Path)
     parser.add_argument("--arms", type=int, default=50)
     parser.add_argument("--first-seed", type=int, default=0)
+    parser.add_argument("--identify", type=float, metavar="MM", help="identify as well where batches reach this bound")
     parser.add_argument("--ways", nargs="+", default=WAYS, choices=WAYS)
+    parser.add_argument("--figures", type=Path, help="write the minutes of all arms here")
     parser.add_argument("--table", action="store_true", help="only print the table of what stands in the log")
     given = parser.parse_args()
+    globals()["IDENTIFIED_MM"] = given.identify
     text = given.log.read_text() if given.log.exists() else ""
     lines = [json.loads(line) for line in text.splitlines()]
     bench = None if given.table else Bench()
@@ -338,7 +349,9 @@ def main():
         lines.append({"seed": seed, "ways": {way: judge_way(bench, seed, way) for way in given.ways}})
         with given.log.open("a") as log:
             log.write(json.dumps(lines[-1]) + "\n")
-    print(table(lines))
+    if given.figures:
+        given.figures.write_text(json.dumps(figures(lines), indent=1) + "\n")
+    print(table(lines), coverage(lines), sep="\n\n")
 
 
 if __name__ == "__main__":

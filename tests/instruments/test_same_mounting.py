@@ -20,7 +20,7 @@ from planner.session.options import PlanOptions
 from planner.workflow.identification import identify
 from planner.workflow.joint_runs import load_sessions, run_sources
 from tests.identification.few_draws import few_draws
-from tests.identification.joint_world import BAR_LEFT, BAR_RIGHT, World
+from tests.identification.joint_world import BAR_LEFT, BAR_RIGHT, WIRE, World
 
 
 def named(session, name):
@@ -162,3 +162,25 @@ def test_an_identification_foresees_what_more_poses_would_bring(known):
     later = foresee_more_poses(found.model_copy(update={"run": replace(found.run, samples=timed)}), known.cell)
     assert later.minutes == pytest.approx(7.0)
     assert "20 more poses, about 7 min, would bring it to" in later.sentence
+
+
+def test_the_next_gauge_may_be_another_one_or_stand_at_a_second_fixture(known, tmp_path):
+    """Only the gauge that was left standing counts as known; what another shows of the robot counts all the same."""
+    wire = known.world.measure(tmp_path / "wire", WIRE, 21)
+    cell = load_cell(str(wire.cell), planning=False)
+    before = CalibratedState.read(known.folder / "known", cell)
+    other = RemainingErrors.of(before, cell, Samples(wire.q, np.zeros(len(wire.q), dtype=int)))
+    assert other.stands is None
+    assert other.limit_before == pytest.approx(before.at_most, rel=0.02)
+    assert error_limit(other, other.white(Samples(wire.q, np.zeros(len(wire.q), dtype=int)))) < before.at_most
+    right = known.world.measure(tmp_path / "right", BAR_RIGHT, 22)
+    second = load_cell(str(right.cell), planning=False).fixtures[0]
+    both = replace(known.cell, fixtures=(*known.cell.fixtures, second))
+    q, place = np.concatenate([known.second.q, right.q]), np.repeat([0, 1], (len(known.second.q), len(right.q)))
+    two = RemainingErrors.of(before, both, Samples(q, place))
+    white, names = two.white(Samples(q, place)), two.model.names
+    assert two.stands is not None
+    assert {"fixture_A_x", "fixture_B_x"} <= set(names)
+    sizes = np.linalg.norm(two.root, axis=1)
+    assert sizes[names.index("fixture_B_x")] > 2.5e-3 > sizes[names.index("fixture_A_x")]
+    assert error_limit(two, white) < error_limit(two, white[: len(known.second.q)]) < before.at_most
