@@ -14,9 +14,11 @@ from planner.design.expected_errors import error_limit
 from planner.instruments.live_estimate import LiveEstimate, mean_errors
 from planner.instruments.more_poses import foresee_more_poses
 from planner.instruments.next_session import CalibratedState, RemainingErrors, leave_standing
+from planner.model.identification_document import Finding
 from planner.runs.run import FIRST_MOUNTING, Samples
 from planner.session.movable_cell import cell_files
 from planner.session.options import PlanOptions
+from planner.tracing.trace import locate_session_step
 from planner.workflow.identification import identify
 from planner.workflow.joint_runs import load_sessions, run_sources
 from tests.identification.few_draws import few_draws
@@ -184,3 +186,20 @@ def test_the_next_gauge_may_be_another_one_or_stand_at_a_second_fixture(known, t
     sizes = np.linalg.norm(two.root, axis=1)
     assert sizes[names.index("fixture_B_x")] > 2.5e-3 > sizes[names.index("fixture_A_x")]
     assert error_limit(two, white) < error_limit(two, white[: len(known.second.q)]) < before.at_most
+
+
+def test_the_files_are_named_between_which_a_gauge_was_moved(tmp_path):
+    """Three runs of one mounting: places of the second and third less the first, as the model has them."""
+    world = World.drawn(2)
+    runs = [named(world.measure(tmp_path / d, BAR_LEFT, k), "monday").run for k, d in enumerate(("a", "b", "c"))]
+    run, _, _ = load_sessions(run_sources(runs, None, None))
+    note = "the gauge (or the base) was moved from session to session, 1.00 mm"
+    finding = Finding(effect="session step", on="base", value=1e-3, std=5e-6, unit="m", note=note)
+    for steps, told in (
+        ([0, 0, 0, 1e-3, 0, 0], "between b/run.csv and c/run.csv"),
+        ([1e-3, 0, 0, 1e-3, 0, 0], "between a/run.csv and b/run.csv"),
+        ([1e-3, 0, 0, 0, 0, 0], "between a/run.csv and b/run.csv, and between b/run.csv and c/run.csv"),
+    ):
+        found = locate_session_step(np.array(steps, dtype=float), finding, run)
+        assert found.note == f"the gauge (or the base) was moved {told}, 1.00 mm"
+    assert found.between_sessions == ("a/run.csv", "b/run.csv")
