@@ -102,7 +102,8 @@ def learn_errors(white: Array, seen: Array, families: Families) -> LearntErrors:
             values = np.maximum(values, 0.0)
             ease = np.maximum(1.0 - square[f] * values, 1e-9)  # without this family
             shown, pull = values / ease, (axes.T @ (through.T @ seen)) / ease
-            new, acts[f] = _mean_square(*offers[f], shown, pull, share[f])
+            factors, probability = offers[f]
+            new, acts[f] = _mean_square(factors, probability, shown, pull, float(share[f]))
             moved = through @ axes
             inverse -= (moved * ((new - square[f]) / (1.0 + (new - square[f]) * values))) @ moved.T
             square[f] = new
