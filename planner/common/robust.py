@@ -1,4 +1,35 @@
-"""Fits that outliers do not pull: Huber's weights."""
+"""Fits that outliers do not pull: the weights of Huber and of Tukey, and the scale that they count by.
+
+Source: Huber, Robust Statistics (1981); Holland and Welsch, Comm. Stat. A6 (1977).
+"""
+
+import numpy as np
+
+from planner.common.units import Array
 
 HUBER_SIGMAS = 1.5
 """[sigma] from which on a reading counts less: 95 % as sharp as least squares where the noise is normal."""
+MEDIAN_NORM = {1: 0.6745, 3: 1.5382, 6: 2.3126}
+"""Median of the norm of so many standard normal numbers: the root of the median of χ²."""
+MEDIAN_RMS = {1: 0.6745, 3: 0.8880, 6: 0.9441, 14: 0.9761}
+"""Median of the root mean square of so many standard normal numbers."""
+
+
+def huber_weights(size: Array, limit: float | Array) -> Array:
+    """Return Huber's weights of residuals by their sizes (...): 1 up to the limit, falling with the size beyond."""
+    return np.asarray(np.minimum(1.0, limit / np.maximum(size, 1e-300)))  # a size of nought has the weight 1
+
+
+def huber_costs(size: Array, limit: float) -> Array:
+    """Return what residuals of sizes (...) cost under Huber's weights: the square, a straight line beyond the limit."""
+    return np.where(size > limit, 2 * limit * size - limit * limit, size * size)
+
+
+def tukey_weights(size: Array, limit: float) -> Array:
+    """Return Tukey's weights of residuals by their sizes (...): nought from the limit on."""
+    return np.asarray(np.clip(1.0 - (size / limit) ** 2, 0.0, None) ** 2)
+
+
+def tukey_costs(size: Array, limit: float) -> Array:
+    """Return what residuals of sizes (...) cost under Tukey's weights: the same for all beyond the limit."""
+    return np.asarray(limit * limit / 3.0 * (1.0 - np.clip(1.0 - (size / limit) ** 2, 0.0, None) ** 3))

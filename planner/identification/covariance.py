@@ -5,10 +5,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from planner.cell.cell import Cell
+from planner.common.robust import MEDIAN_RMS
 from planner.common.units import MM, Array
 from planner.effects.effect import Parameter
 from planner.identification.assumptions import MUCH_WORSE_RATIO, POSITION_AXES
-from planner.identification.least_squares import MEDIAN_RMS, Fit
+from planner.identification.least_squares import Fit
 from planner.model.identification_document import Metrics
 from planner.model.tool_error import WORKSPACE_STATES, ToolError, moves_robot, samples_like, uniform_states
 from planner.runs.run import Run

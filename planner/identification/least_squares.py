@@ -15,7 +15,7 @@ from scipy.linalg.lapack import dtrtri
 from planner.cell.setup import MeasurementSetup
 from planner.common.determinism import even_positions
 from planner.common.errors import NoSolutionError
-from planner.common.robust import HUBER_SIGMAS
+from planner.common.robust import HUBER_SIGMAS, MEDIAN_RMS, huber_weights
 from planner.common.units import Array
 from planner.identification.assumptions import (
     CONVERGED_SIGMAS,
@@ -299,12 +299,9 @@ def _size(problem: FitProblem, errors: Array) -> Array:
     return np.asarray(size / max(float(np.median(size)) / MEDIAN_RMS[white.shape[1]], 1e-300))
 
 
-MEDIAN_RMS = {1: 0.6745, 3: 0.8880, 6: 0.9441, 14: 0.9761}  # of the root mean square of r standard normal numbers
-
-
 def _weights(problem: FitProblem, errors: Array) -> Array:
     """Huber's weights, (n,)."""
-    return np.minimum(1.0, HUBER_SIGMAS / np.maximum(_size(problem, errors), 1e-12))
+    return huber_weights(_size(problem, errors), HUBER_SIGMAS)
 
 
 def _outliers(problem: FitProblem, solution: Solution) -> np.ndarray:

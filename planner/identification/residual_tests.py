@@ -11,12 +11,13 @@ from functools import cached_property
 import numpy as np
 
 from planner.common.determinism import even_positions
+from planner.common.robust import MEDIAN_RMS
 from planner.common.units import Array, read_only
 from planner.identification.assumptions import CLIPPED_SIGMAS, LARGE_NOISE_RATIO, SIGNIFICANCE
 from planner.identification.calibration import ResidualDiagnosis, ResidualTest
 from planner.identification.covariance import correlation_time
 from planner.identification.cross_validation import number_targets
-from planner.identification.least_squares import MEDIAN_RMS, Fit, subset_size
+from planner.identification.least_squares import Fit, subset_size
 from planner.identification.problem import FitProblem, ProblemCache
 from planner.identification.residual_alternatives import joint_columns, other_columns
 from planner.identification.row_basis import space_basis

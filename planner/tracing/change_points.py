@@ -13,11 +13,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from planner.common.robust import MEDIAN_RMS
 from planner.common.units import Array
 from planner.effects.basis import BasisFunction
 from planner.effects.effect import Place
 from planner.effects.steps import STEP, AtSample, BeforeSample, Steppable, acting_throughout, wrong_row
-from planner.identification.least_squares import MEDIAN_RMS
 from planner.runs.run import Samples
 from planner.tracing.assumptions import (
     ALIKE_TRIES,

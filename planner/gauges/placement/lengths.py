@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from planner.common.errors import InputError
+from planner.common.robust import HUBER_SIGMAS, MEDIAN_NORM, huber_weights
 from planner.common.units import Array, IntArray, read_only
 from planner.gauges.placement.flange_poses import FlangePoses, directions, largest_group, tool_grid
 from planner.gauges.placement.solver import PlacementUnknown, Schedule, find_placement
@@ -95,8 +96,8 @@ def solve_reweighted(columns: Array, b: Array) -> Array:
         Cw = (C * w[..., None]).transpose(0, 2, 1)
         x = np.matmul(np.linalg.pinv(Cw @ C, rcond=1e-11, hermitian=True), Cw @ d[..., None])
         r = np.abs(d - (C @ x)[..., 0])
-        scale = np.maximum(np.median(r, axis=1, keepdims=True) / 0.6745, 1e-12)
-        weight = np.minimum(1.0, 1.5 * scale / np.maximum(r, 1e-300))
+        scale = np.maximum(np.median(r, axis=1, keepdims=True) / MEDIAN_NORM[1], 1e-12)
+        weight = huber_weights(r, HUBER_SIGMAS * scale)
     return np.asarray(x[..., 0])
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from planner.common.arrays import Rows
 from planner.common.errors import NoSolutionError
-from planner.common.robust import HUBER_SIGMAS
+from planner.common.robust import HUBER_SIGMAS, MEDIAN_NORM, huber_costs, huber_weights, tukey_costs, tukey_weights
 from planner.common.units import Array, IntArray
 from planner.gauges.placement.flange_poses import FlangePoses
 from planner.kinematics.geometry import log3
@@ -47,10 +47,8 @@ class RefinedStates(Rows):
 
 def robust_scale(error: Array, d: int) -> Array:
     """Return the standard deviation of one number from the medians of block norms (..., n), (..., 1) [m]."""
-    # scale of a block's norm of d unit normals: its median (square root of the χ² median)
-    median = {1: 0.6745, 3: 1.5382, 6: 2.3126}
     # 4e-3: [m] nominal robots are wrong by up to five times this: no such residual is called an outlier
-    return np.asarray(np.maximum(np.median(error, axis=-1, keepdims=True) / median[d], 4e-3))
+    return np.asarray(np.maximum(np.median(error, axis=-1, keepdims=True) / MEDIAN_NORM[d], 4e-3))
 
 
 def outlier_limit(d: int) -> float:
@@ -134,13 +132,10 @@ def find_placement(problem: P, starts: Callable[[P], Array], few: int, rounds: S
 def _weights(u: Array, kind: str, d: int) -> tuple[Array, Array]:
     """Return weights (k, n) and costs (k,) of scaled block norms u (k, n)."""
     if kind == "huber":
-        c = HUBER_SIGMAS * np.sqrt(d)
-        big = u > c
-        safe = np.where(big, u, 1.0)
-        return np.where(big, c / safe, 1.0), np.where(big, 2 * c * u - c * c, u * u).sum(axis=1)
-    c = outlier_limit(d)
-    inside = np.clip(1.0 - (u / c) ** 2, 0.0, None)
-    return inside**2, (c * c / 3.0 * (1.0 - inside**3)).sum(axis=1)
+        limit = HUBER_SIGMAS * float(np.sqrt(d))
+        return huber_weights(u, limit), huber_costs(u, limit).sum(axis=1)
+    limit = outlier_limit(d)
+    return tukey_weights(u, limit), tukey_costs(u, limit).sum(axis=1)
 
 
 def _step(r: Array, J: Array, weight: Array, damping: Array, floor: float) -> Array:

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from planner.common.robust import huber_weights
 from planner.common.units import Array
 from planner.gauges.vision.lens import Lens
 from planner.kinematics.geometry import exp3, nearest_rotation, skew
@@ -67,7 +68,7 @@ def refine_poses(lens: Lens, corners: Array, pixels: Array, R: Array, p: Array) 
         left, J = pose_slopes(lens, corners, pixels, R, p)
         size = np.linalg.norm(left, axis=2)
         middle = np.take_along_axis(np.sort(np.where(unseen, np.inf, size), axis=1), halfway, axis=1)
-        weight = np.minimum(1.0, huber * middle / np.maximum(size, 1e-12))
+        weight = huber_weights(size, huber * middle)
         if step_number >= STEPS // 2:  # where the rest has found its place, what lies elsewhere has no say
             weight = np.where(size > OUTSIDE * np.maximum(middle, least_middle), 0.0, weight)
         H = np.einsum("nk,nkia,nkib->nab", weight, J, J)
