@@ -103,7 +103,7 @@ class RandomEffects:
         return np.asarray(self.noise @ np.exp(2 * noise_logs))
 
     def covariance(self, factors: Array) -> Array:
-        """Return the lower triangle of the covariance of the readings by the families, (m, m); the last one is kept."""
+        """Return the covariance (m, m) of the readings by the families, its lower triangle; the last one is cached."""
         key = factors.tobytes()
         if key not in self._covariances:
             size = self.sizes(factors)

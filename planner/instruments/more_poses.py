@@ -1,7 +1,7 @@
 """Foresees what more poses at the same places would bring of a robot that was identified just now.
 
-The poses of the run stand for those that ``edbb plan --after`` would choose among many more: it may promise less than
-these bring.
+It takes more readings at the poses of the run. ``edbb plan --after`` chooses among many more poses, so that its session
+may bring more than is promised here.
 """
 
 from dataclasses import replace

@@ -123,7 +123,7 @@ class JobKeeper:
 
 
 def _reason_to_keep(db: sqlite3.Connection, job: JobRecord, named_by: Sequence[sqlite3.Row]) -> str:
-    """Return what needs a job, of the jobs that name it or else; empty where nothing does."""
+    """Return why a job cannot be deleted: it runs, a record cites it, or other jobs name it; empty where it can be."""
     if not job.ended:
         return f"it is {job.state}; cancel it first"
     cited = "SELECT serial FROM outputs JOIN recorded ON document_sha256 = sha256 WHERE job = ? LIMIT 1"

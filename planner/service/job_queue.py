@@ -21,7 +21,7 @@ class WaitingJob:
     length_s: float
 
     def response_ratio(self, now: float) -> float:
-        """Return by how much its waiting lengthens it."""
+        """Return waiting and running time over the running time alone (highest response ratio next)."""
         return (max(0.0, now - self.created) + self.length_s) / self.length_s
 
 

@@ -45,7 +45,7 @@ class Retention:
 
     @property
     def limited(self) -> bool:
-        """Whether anything ever goes."""
+        """Whether jobs are deleted at some age, or from some size of the store on."""
         return self.age_s is not None or self.size_bytes is not None
 
 

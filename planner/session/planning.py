@@ -180,7 +180,7 @@ class PoseSession(ABC):
         return choice, certificate if choice is refined else certify(choice), drives
 
     def _drive_places(self, choice: PoseChoice, limit: TimeLimit) -> tuple[tuple[Drive, ...], PoseChoice]:
-        """Drive the tour of every mounting; a pose that no path joins is replaced after all, and told."""
+        """Drive the tour of every mounting; a pose that no path joins is replaced by another, and a note says so."""
         most_rounds = 20  # of replacing poses that no path joins, before the cell is taken to be split
         checks, gone = self.draw_validation(choice), np.zeros(0, dtype=int)
         drives: list[Drive] = []

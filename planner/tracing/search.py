@@ -63,7 +63,7 @@ def _holds(context: SearchContext, state: SearchState, trial: SearchState) -> bo
 def add_series(context: SearchContext, state: SearchState, test: ScoreTest, best: EffectScore) -> SearchState | None:
     """Refit with all steps of the thing that stepped again and again; ``None`` unless that is worth more than ``best``.
 
-    Only steps that are significant beside each other stay.
+    A step stays only if it is significant while all others of the series are in the model.
     """
     series = [s for s in step_series(test, context.steppables) if _series_name(s) not in context.excluded]
     if not series or series_merit(test, series[0]) <= series_merit(test, [best]):

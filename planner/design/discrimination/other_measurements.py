@@ -31,7 +31,7 @@ class OtherMeasurement:
     more: tuple[Parameter, ...] = ()
 
     def tells(self, asked: QuestionSet, pair: RivalPair, poses: int) -> bool:
-        """Whether so many poses would tell a pair apart, whichever is the truth."""
+        """Tell whether this many poses would separate two rivals, whichever of them is true."""
         rows = self.sight.rows((*asked.parameters, *self.more))
         frame = PoolCoordinates.of(rows)
         whole = np.eye(frame.to.shape[1]) * (poses / len(rows))

@@ -115,7 +115,7 @@ class WholePool:
         return index_value(self.index, rows) if len(rows) == self.poses else np.nan
 
     def prices(self, rows: Array, active: Positions) -> Array:
-        """Return nought: all are wanted."""
+        """Return a price of 0 for each candidate: none is left out for its price."""
         return np.zeros(len(rows))
 
 

@@ -57,7 +57,10 @@ def find_reversals(angle: Array, q: Array, radial: Array, direction: int) -> tup
 
 
 def _chance_jump(angle: Array, radial: Array, middle: list[float]) -> float:
-    """Size of the jump [m] at angles where no joint reverses: readings wander, their scatter alone says too little."""
+    """Size of the jumps [m] that chance gives, from angles where no joint reverses.
+
+    Neighbouring readings depend on each other, so that their scatter alone would give too small a size.
+    """
     places = np.arange(angle[0] + REVERSAL.jump_window, angle[-1] - REVERSAL.jump_window, REVERSAL.jump_window / 2)
     away = [p for p in places if all(abs(p - m) > REVERSAL.jump_window for m in middle)]
     jumps = np.array([_jump(angle - p, radial, REVERSAL.jump_window, REVERSAL.jump_window)[0] for p in away])

@@ -275,7 +275,7 @@ def _evaluate_circle(setup: MeasurementSetup, curves: AveragedCurves, found: Joi
 
 
 def _nonlinearity(curves: AveragedCurves) -> float:
-    """Largest distance of the loads' curves at one angle after the best straight line over the load [m]."""
+    """Largest range [m] that the readings at one angle keep about their best straight line over the load."""
     force = curves.force - curves.force.mean(axis=1, keepdims=True)
     length = curves.length - curves.length.mean(axis=1, keepdims=True)
     slope = (force * length).sum(axis=1, keepdims=True) / (force**2).sum(axis=1, keepdims=True)

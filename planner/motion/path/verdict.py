@@ -26,7 +26,7 @@ class PathLeg:
 
     @property
     def direct(self) -> bool:
-        """Whether one straight joint motion does."""
+        """Whether the path is one straight motion of the joints, without a point between."""
         return len(self.supports) == 0
 
 
