@@ -17,7 +17,6 @@ import pytest
 import tomli_w
 
 from planner.cell.reading import load_cell
-from planner.instruments.circular.circle import circles_of
 from planner.kinematics.inverse_kinematics import smallest_singular_value
 from tests.command import edbb
 
@@ -30,7 +29,7 @@ SMALL = {  # keys of a smaller session
     "motion": {"measure": "static"},
 }
 VALIDATES = ("kuka-kr6-r700/tracker",)  # random poses that judge a robot, none that calibrate it
-IN_CIRCLES = tuple(name for name in CELLS if circles_of(load_cell(name)))
+IN_CIRCLES = tuple(name for name in CELLS if load_cell(name).sections)
 LARGE = {"comau-nj130/paper": ("--poses", "35")}  # as its documentation plans it
 ON_DEMAND = pytest.mark.skipif(
     not os.environ.get("EDBB_ALL_TRIALS"), reason="takes half an hour with the others: only with EDBB_ALL_TRIALS=1"
@@ -83,7 +82,7 @@ def evaluate(folder, name, plan, run, seed):
     """Evaluate a run by what fits its cell; with a calibrated robot correct two targets, and check it."""
     out, belongs = folder / f"{run.stem}-out", ("--cell", plan / "cell.toml", "--plan", plan / "plan.json")
     if name in IN_CIRCLES:
-        loaded = any(c.loads for c in circles_of(load_cell(name)))
+        loaded = any(s.pulls for s in load_cell(name).sections.values())
         said = (
             succeed("loaded", run, *belongs, "-o", out) if loaded else succeed("circular", run, *belongs[2:], "-o", out)
         )
