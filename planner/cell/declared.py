@@ -1,12 +1,11 @@
 """How a verb is told a cell."""
 
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from planner.common.calls import Option
+from planner.common.calls import SENT, Option
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from planner.cell.cell import Cell
 
 CELL = "a cell file, or robot/cell for a shipped one"
@@ -14,4 +13,13 @@ CellWord = Annotated["Cell | Path | str", Option(CELL, metavar="CELL", is_word=T
 CellOption = Annotated[
     "Cell | Path | str | None",
     Option(f"{CELL} (default: the cell.toml beside the plan)", metavar="CELL", typed=str | None),
+]
+FleetOption = Annotated[
+    Path | str | None,
+    Option(
+        "what several robots of this kind have shown of how large its errors are",
+        typed=Path | None,
+        metavar="FLEET.toml",
+        from_service=SENT,
+    ),
 ]

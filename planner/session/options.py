@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
+from planner.cell.declared import FleetOption
 from planner.common.calls import SENT, Dialects, JobFile, Option, Seed
 from planner.common.choices import Aim, IndexName, SelectionMethod, TourOrder, TourSolver
 from planner.common.errors import InputError
@@ -89,15 +90,7 @@ class PlanOptions:
             from_service=SENT,
         ),
     ] = None
-    fleet: Annotated[
-        Path | str | None,
-        Option(
-            "what several robots of this kind have shown of how large its errors are",
-            typed=Path | None,
-            metavar="FLEET.toml",
-            from_service=SENT,
-        ),
-    ] = None
+    fleet: FleetOption = None
 
     def in_order(self, cell: "Cell") -> "Cell":
         """Return the cell with the order of the poses that is asked for, in its file as well."""

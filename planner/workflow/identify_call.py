@@ -4,7 +4,7 @@ from dataclasses import KW_ONLY, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from planner.cell.declared import CELL
+from planner.cell.declared import CELL, FleetOption
 from planner.common.calls import SENT, Call, Option, ProgressKeyword, Seed
 from planner.common.progress import no_progress
 from planner.workflow.declared import RUNS
@@ -62,15 +62,7 @@ class IdentifyCall(Call):
             from_service=SENT,
         ),
     ] = None
-    fleet: Annotated[
-        Path | str | None,
-        Option(
-            "what several robots of this kind have shown of how large its errors are",
-            typed=Path | None,
-            metavar="FLEET.toml",
-            from_service=SENT,
-        ),
-    ] = None
+    fleet: FleetOption = None
     no_trace: Annotated[bool, Option("seek no causes of what geometry leaves")] = False
     geometry: Annotated[bool, Option("the calibrated robot holds geometry alone")] = False
     hold_out: Annotated[float, Option("share of the groups held out at a time", min=0.02, max=0.5)] = 0.2
