@@ -78,11 +78,11 @@ class Nest:
 
 @dataclass(frozen=True)
 class Fixture:
-    """Magnet cup in the base frame B: p_BX (3,) [m], axis of its ball joint (3,), prior size of its error [m].
+    """Magnet cup in the base frame B: p_BX (3,) [m], axis of its ball joint (3,), prior sigma of its error [m].
 
     ``mounts`` (N,) [rad], one for each of the tool's points, are the poses where the bar is attached, ``None`` until
     one is chosen. The artifact of a head with indicators and the station of a tracker stand here too: ``R_BX`` (3, 3)
-    is how they are turned, ``turn`` the prior size of the error of that [rad], and their mount is where the head is
+    is how they are turned, ``turn`` the prior sigma of the error of that [rad], and their mount is where the head is
     mastered or the reflector put in. ``set_up`` tells whether the robot's own tool point was driven there to place it.
     """
 

@@ -37,14 +37,14 @@ from planner.runs.run import Samples
 
 @dataclass
 class BayesianPosterior:
-    """The covariance C of all errors, in prior sizes, and what the candidates would change of it.
+    """The covariance C of all errors, in prior sigmas, and what the candidates would change of it.
 
     A reading moves every number below by the products of all candidates with two vectors (Sherman–Morrison), so that
     one step costs one look at the rows, however many numbers there are.
 
     Attributes:
-        white: rows of the candidates in standard deviations of their readings per prior size, (n, P).
-        weight: mean square error of the tool per squared errors in prior sizes, W (P, P).
+        white: rows of the candidates in standard deviations of their readings per prior sigma, (n, P).
+        weight: mean square error of the tool per squared errors in prior sigmas, W (P, P).
         covariance: C, (P, P).
         shown: a C W C aᵀ of each candidate's row a, (n,) [m²].
         spread: variance of each reading that C foretells, a C aᵀ, in its own noise, (n,).

@@ -203,11 +203,11 @@ class UndeclaredErrors:
 
     @property
     def weight_per_prior(self) -> Array:
-        """The weight for errors in prior sizes, (P, P) [m²]."""
+        """The weight for errors in prior sigmas, (P, P) [m²]."""
         return np.asarray(self.weight * np.outer(self.prior, self.prior))
 
     def white(self, samples: Samples) -> Array:
-        """Return the rows of readings in standard deviations per prior size, (n, P)."""
+        """Return the rows of readings in standard deviations per prior sigma, (n, P)."""
         return np.asarray(self.model.rows(samples)[:, 0] / self.model.noise(samples)[:, None] * self.prior)
 
 
@@ -240,7 +240,7 @@ def undeclared_errors(cell: Cell, samples: Samples) -> UndeclaredErrors:
 
 
 def _untraced_error(weight: Array, prior: Array, hidden: list[str], model: Model) -> float:
-    """Square of the hidden effects' prior sizes through what is left of the weight when all else fits them best."""
+    """Square of the hidden effects' prior sigmas through what is left of the weight when all else fits them best."""
     unseen = [k for k, name in enumerate(model.names) if name in set(hidden)]
     fitted = [k for k in range(len(prior)) if k not in set(unseen)]
     W = weight * np.outer(prior, prior)

@@ -117,7 +117,7 @@ class PoseChoice:
     @cached_property
     @on_one_thread
     def scaled(self) -> dict[str, float]:
-        """O1 … O5, unit-free by the parameters' prior sizes."""
+        """O1 … O5, unit-free by the parameters' prior sigmas."""
         return all_indices(self.model.rows(self.samples), self.model.prior)
 
     @property

@@ -71,8 +71,8 @@ def bound_tool_error(white: Array, weight: Array, chosen: np.ndarray, limit: Tim
     along all others stays as it was before.
 
     Args:
-        white: rows of the candidates in standard deviations of their readings per prior size, (m, P).
-        weight: mean square error per squared errors in prior sizes, (P, P).
+        white: rows of the candidates in standard deviations of their readings per prior sigma, (m, P).
+        weight: mean square error per squared errors in prior sigmas, (P, P).
         chosen: a good set, from which the search starts, (n,) int.
     """
     share = 0.7  # of the weight that the given set starts with

@@ -359,7 +359,7 @@ def _refit_notes(parts: Split, last: FittedStage) -> list[str]:
 
 
 def _condition(found: Fit) -> float | None:
-    """Condition number of the whitened rows of geometry and gauge per prior size, the prior left out, if finite."""
+    """Condition number of the whitened rows of geometry and gauge per prior sigma, the prior left out, if finite."""
     problem = found.problem
     own = [k for k, p in enumerate(found.model.parameters) if not p.is_effect]
     if not own:

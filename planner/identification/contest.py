@@ -31,7 +31,7 @@ NEAREST = 8  # causes that are tried in full for a finding, of those with a name
 DECIDES = 4.6  # difference of log likelihoods that decides: a hundred to one
 POWER = 1.645  # standard deviations: it must decide 95 times of 100
 TOLD_APART = POWER + float(np.sqrt(POWER**2 + 2 * DECIDES))  # δ from which on the poses tell two causes apart
-PLAUSIBLE = 3.0  # prior sizes of a rival
+PLAUSIBLE = 3.0  # prior sigmas of a rival
 OWN_NAME, NOTHING = "", "nothing"
 Part = tuple[Block, float]
 """A cause that acts, and the factor on its sizes."""
@@ -107,7 +107,7 @@ class Beside:
         return np.asarray(0.5 * (variance * toward**2 / grown - np.log(grown)).sum(axis=1) + block.logs)
 
     def distance_square(self, own: Block, b: Array, block: Block) -> float:
-        """Return δ² of the module's text for values b (k,) in prior sizes of a cause, and another of plausible size."""
+        """Return δ² of the module's text for values b (k,) of a cause, in prior sigmas, and a plausible other."""
         along = self.products(block.columns, own.columns) @ b
         information = self.products(block.columns, block.columns) + np.eye(len(along)) / PLAUSIBLE**2
         whole = float(b @ self.products(own.columns, own.columns) @ b)
@@ -262,7 +262,7 @@ def _best_factor(beside: Beside, block: Block) -> float:
 
 
 def _mean_of(beside: Beside, own: Block, size: float) -> Array:
-    """Return the mean of a cause's parameters, (k,) in prior sizes."""
+    """Return the mean of a cause's parameters, (k,) in prior sigmas."""
     y = np.array([len(beside.gram) - 1])
     information = beside.products(own.columns, own.columns) + np.eye(len(own.columns)) / size**2
     return np.asarray(np.linalg.solve(information, beside.products(own.columns, y)[:, 0]))

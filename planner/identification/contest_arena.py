@@ -57,7 +57,7 @@ class Arena:
 
     Attributes:
         record: of the draws.
-        columns: of the record's families and of the contenders behind them, per prior size, (m, p).
+        columns: of the record's families and of the contenders behind them, per prior sigma, (m, p).
         y: readings; what the posterior leaves of them is as small as the whole run makes it, (m,).
         worth: readings of the run that each is.
         families: blocks of the families that may be absent, by number.

@@ -35,7 +35,7 @@ def parameter_covariance(fit: Fit, continuous: bool) -> tuple[Array, float]:
         return plain * time, time
     scores = _scores(fit, np.minimum(np.arange(len(problem)) // size, count - 1), count)
     bread = solution.inverse
-    inverse = bread @ bread.T  # of the information, in prior sizes
+    inverse = bread @ bread.T  # of the information, in prior sigmas
     half = inverse @ scores.T
     white_noise = half @ half.T * count / max(1.0, count - fit.effective)
     return np.asarray((white_noise + inverse @ inverse) * np.outer(problem.prior, problem.prior)), time
@@ -69,7 +69,7 @@ def correlation_time(x: Array) -> float:
 
 
 def _scores(fit: Fit, block: np.ndarray, count: int) -> Array:
-    """Sum of rowᵀ·residual over every block, (blocks, P), in prior sizes."""
+    """Sum of rowᵀ·residual over every block, (blocks, P), in prior sigmas."""
     problem = fit.problem
 
     def one(part: slice) -> Array:
@@ -84,14 +84,14 @@ def _scores(fit: Fit, block: np.ndarray, count: int) -> Array:
 
 
 def consider_covariance(fit: Fit, held: Sequence[Parameter]) -> Array:
-    """Return what the held parameters, each off by its prior size, add to the covariance of the fitted ones, (P, P)."""
+    """Return what the held parameters, each off by its prior sigma, add to the covariance (P, P) of the others."""
     count = len(fit.errors)
     if not held or not count:
         return np.zeros((count, count))
     wider = fit.problem.with_model(fit.model.plus(list(held)))
     errors = np.append(fit.errors, np.zeros(len(held)))
     gram = np.asarray(sum(wider.over_pieces(lambda part: wider.piece(part, errors).gram)))
-    information = fit.solution.factor.T @ fit.solution.factor  # in prior sizes, the prior's own with it
+    information = fit.solution.factor.T @ fit.solution.factor  # in prior sigmas, the prior's own with it
     moved = fit.problem.prior[:, None] * np.linalg.solve(information, gram[:count, count:-1])
     return np.asarray(moved @ moved.T)
 

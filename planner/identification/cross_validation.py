@@ -265,7 +265,7 @@ class HeldOutPrediction:
 def predict_held_out(fit: Fit, split: Split, sizes: Array | None = None) -> HeldOutPrediction:
     """Predict every sample by the fit without its fold.
 
-    With ``sizes`` (d, P) it is the mean over fits with these prior sizes over the fit's own; at 0 a parameter is out.
+    With ``sizes`` (d, P) it is the mean over fits with these prior sigmas over the fit's own; at 0 a parameter is out.
     """
     every = np.ones((1, len(fit.errors))) if sizes is None else sizes
     grams, z = _grams(fit.problem, fit.errors, split), fit.errors / fit.problem.prior
@@ -278,7 +278,7 @@ def predict_held_out_without(
     """Yield the same prediction without each of some effects, all other parameters refitted.
 
     Args:
-        fit: with all of them; its noise and prior sizes stay.
+        fit: with all of them; its noise and prior sigmas stay.
         split: of the fit's samples.
         effects: positions of each effect's parameters.
         known: positions of parameters that stay as they are.
@@ -294,7 +294,7 @@ def predict_held_out_without(
 def _predict_all(fit: Fit, split: Split, grams: Array, steps: Array, sizes: Array) -> HeldOutPrediction:
     """Predict every sample by the mean over fits, (d, P) each.
 
-    ``steps``: given steps in prior sizes, NaN where the step is to be solved for; ``sizes``: prior sizes over the
+    ``steps``: given steps in prior sigmas, NaN where the step is to be solved for; ``sizes``: prior sigmas over the
     fit's own, used where they are not 0.
     """
     problem, errors = fit.problem, fit.errors
@@ -306,12 +306,12 @@ def _predict_all(fit: Fit, split: Split, grams: Array, steps: Array, sizes: Arra
 
 
 def steps_without_folds(grams: Array, z: Array, steps: Array, sizes: Array) -> tuple[Array, np.ndarray]:
-    """Return the steps in prior sizes to the fits without each fold (folds, P), and which it alone knows, the same.
+    """Return the steps in prior sigmas to the fits without each fold (folds, P), and which it alone knows, the same.
 
     Args:
-        grams: information [J r]ᵀ[J r] of every fold, per prior size, (folds, P + 1, P + 1).
-        z: values in prior sizes, (P,).
-        steps, sizes: given steps and prior sizes (d, P), over which the mean is taken; see :func:`_predict_all`.
+        grams: information [J r]ᵀ[J r] of every fold, per prior sigma, (folds, P + 1, P + 1).
+        z: values in prior sigmas, (P,).
+        steps, sizes: given steps and prior sigmas (d, P), over which the mean is taken; see :func:`_predict_all`.
     """
     total = grams.sum(axis=0)
     shift = np.zeros((len(grams), len(z)))
@@ -341,7 +341,7 @@ def _grams(problem: FitProblem, errors: Array, split: Split) -> Array:
 
 
 def _without(train: Array, fold: Array, z: Array, own: np.ndarray, step: Array, size: Array) -> Array:
-    """Step in prior sizes from the whole fit to the fit by the ``train`` information.
+    """Step in prior sigmas from the whole fit to the fit by the ``train`` information.
 
     Parameters that only the fold knows (where its plate lies) are then fitted on the fold itself.
     """

@@ -56,7 +56,7 @@ def error_history(released: ReleasedRobot, samples: Samples) -> ErrorHistory | N
 
 
 def _tool_root(released: ReleasedRobot) -> Array:
-    """Return a root (P, r) of the tool's mean square error per squared parameters in their prior sizes [m²]."""
+    """Return a root (P, r) of the tool's mean square error per squared parameters in their prior sigmas [m²]."""
     fit, tool = released.posterior.fit, released.tool
     here = {name: k for k, name in enumerate(fit.model.names)}
     at = [k for k, name in enumerate(tool.names) if name in here]

@@ -1,7 +1,7 @@
 """Regularised non-linear least squares: Levenberg–Marquardt with the priors as further readings.
 
-The prior sizes in the robot's file say how large an error of each kind usually is. How far *this* robot is off is
-estimated from the run as well: every kind (lengths, angles, compliances) has one common factor on its prior sizes, at
+The prior sigmas in the robot's file say how large an error of each kind usually is. How far *this* robot is off is
+estimated from the run as well: every kind (lengths, angles, compliances) has one common factor on its prior sigmas, at
 the value that maximises the evidence of the run (MacKay 1992). Where the run says little the factor stays near 1."""
 
 from collections.abc import Iterable, Iterator
@@ -37,7 +37,7 @@ class Solution:
 
     Attributes:
         errors: values of the parameters, (P,).
-        factor: R (P, P), upper triangular, of rows per prior size with the prior: RᵀR is the information.
+        factor: R (P, P), upper triangular, of rows per prior sigma with the prior: RᵀR is the information.
         cost: weighted sum of squares with the prior's.
     """
 
@@ -47,7 +47,7 @@ class Solution:
 
     @cached_property
     def inverse(self) -> Array:
-        """Inverse (P, P) of the factor, upper triangular: a square root of the covariance per prior size."""
+        """Inverse (P, P) of the factor, upper triangular: a square root of the covariance per prior sigma."""
         return np.asarray(dtrtri(self.factor)[0]) if len(self.factor) else self.factor
 
     def root(self, prior: Array) -> Array:
@@ -75,7 +75,7 @@ class _Triangle:
 
     ``factor`` (P, P) and ``right`` (P,) give the next step, ``factor``·z = ``right``; ``cost`` is where it stands now.
     Of a large problem that is one piece its columns are kept as ``piece``.
-    The columns are per prior size and the prior is in: the information is never below 1, its root by Cholesky exact
+    The columns are per prior sigma and the prior is in: the information is never below 1, its root by Cholesky exact
     enough.
     """
 
@@ -169,7 +169,7 @@ class Fit:
     """A model fitted to a problem.
 
     Attributes:
-        problem: with the noise and prior sizes as they were found.
+        problem: with the noise and prior sigmas as they were found.
         solution: parameters and information.
         effective: number of parameters that the readings, not the prior, decide.
         outliers: samples whose residual the noise does not explain, (m,) int.
@@ -207,7 +207,7 @@ class Fit:
 
 
 def fit(problem: FitProblem, robust: bool = False, start: Array | None = None, factors: Array | None = None) -> Fit:
-    """Fit the model of ``problem``, its noise and the factors on its prior sizes.
+    """Fit the model of ``problem``, its noise and the factors on its prior sigmas.
 
     ``start`` are the values and ``factors`` the factors (P,) that the rounds begin with.
 
@@ -276,7 +276,7 @@ def prior_groups(model: Model) -> Iterator[list[int]]:
 
 
 def prior_factors(model: Model, prior: Array, errors: Array, shrinkage: Array) -> Array:
-    """Factor of each prior size at which the run is likeliest: Σ z² over the number of well-decided parameters.
+    """Factor of each prior sigma at which the run is likeliest: Σ z² over the number of well-decided parameters.
 
     One decided parameter's worth of the prior itself (factor 1) is added, so that few or faint ones keep it.
     """

@@ -37,11 +37,11 @@ BY_PLACE = (Background.BY_PLACE, Background.COMMON)
 
 @dataclass(frozen=True)
 class EffectFamily:
-    """Parameters that share a factor on their prior sizes.
+    """Parameters that share a factor on their prior sigmas.
 
     Attributes:
         name, parameters: of the family.
-        known: whether the prior sizes stand as they are.
+        known: whether the prior sigmas stand as they are.
         common: whether most arms have it, whatever else they have.
         unnamed: whether it is what the catalogue has no name for.
     """

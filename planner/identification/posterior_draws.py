@@ -1,7 +1,7 @@
 """Sizes of random effects, drawn from their posterior: which families act at all, how large they are, and the noise.
 
 The model is y = X S z + e with z ~ N(0, 1), S the diagonal of sizes and independent noise e whose variance is a sum of
-components of unknown size. Columns of a family share a factor on their prior sizes. It is one of a few values; for the
+components of unknown size. Columns of a family share a factor on their prior sigmas. It is one of a few values; for the
 families of the background the first is 0, and likely: a spike and a slab (Mitchell and Beauchamp 1988, JASA 83(404)).
 How likely is learnt from how many of them act (Scott and Berger 2010, Annals of Statistics 38(5)). The factors are
 drawn one after the other with z averaged over (Gibbs sampling, collapsed; George and McCulloch 1997, Statistica Sinica
@@ -61,7 +61,7 @@ class RandomEffects:
     """A linear model of random effects in families.
 
     Attributes:
-        columns: of the effects per prior size, (m, p).
+        columns: of the effects per prior sigma, (m, p).
         y: readings less what is expected, (m,).
         family: number of each column's family, −1 for those whose size is known, (p,) int.
         noise: variance of each reading by component of the noise as declared, (m, c).

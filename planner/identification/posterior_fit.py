@@ -39,7 +39,7 @@ class SizeMixture:
     """Draws of the sizes, all equally likely.
 
     Attributes:
-        size: of every parameter over its prior size, (d, P), 0 where it does not act.
+        size: of every parameter over its prior sigma, (d, P), 0 where it does not act.
         ease: variance of the noise over that of the problem, (d,).
     """
 
@@ -52,11 +52,11 @@ class SizeMixture:
         return np.asarray(self.size / np.sqrt(self.ease)[:, None])
 
     def mean(self, gram: Array, z: Array) -> Array:
-        """Return the mean (P,) in prior sizes.
+        """Return the mean (P,) in prior sigmas.
 
         Args:
-            gram: products of rows per prior size and residuals, (P + 1, P + 1), linearised about ``z``.
-            z: values in prior sizes, (P,).
+            gram: products of rows per prior sigma and residuals, (P + 1, P + 1), linearised about ``z``.
+            z: values in prior sigmas, (P,).
         """
         return np.asarray(np.mean([draw.mean for draw in self._each(gram, z)], axis=0))
 
@@ -77,7 +77,7 @@ class SizeMixture:
         return np.asarray(dtrtri(rq(root)[0])[0])
 
     def draw_errors(self, gram: Array, z: Array, seed: int = 0) -> Array:
-        """Return parameters drawn from the mixture, in prior sizes, (P, d · EACH)."""
+        """Return parameters drawn from the mixture, in prior sigmas, (P, d · EACH)."""
         rng = np.random.default_rng(seed)
         out = np.zeros((len(z), len(self.size), EACH))
         for k, draw in enumerate(self._each(gram, z)):
@@ -102,7 +102,7 @@ class SizeMixture:
 class _DrawnFit:
     """The fit with one draw of the sizes.
 
-    ``mean`` (P,) in prior sizes; ``own`` (a,) sizes of the parameters ``acting`` (a,), and ``factor``, Cholesky's, of
+    ``mean`` (P,) in prior sigmas; ``own`` (a,) sizes of the parameters ``acting`` (a,), and ``factor``, Cholesky's, of
     the information per these sizes; ``ease`` is the variance of the noise over the problem's.
     """
 
@@ -126,10 +126,10 @@ class PosteriorFit:
     """The posterior.
 
     Attributes:
-        fit: mean and information of all parameters that may act; its prior sizes and noise are means over the draws.
+        fit: mean and information of all parameters that may act; its prior sigmas and noise are means over the draws.
         mixture: sizes that were drawn.
         drawn: parameters drawn from it, (P, n) [m, rad, …].
-        gram: products of whitened rows per prior size and residuals, (P + 1, P + 1).
+        gram: products of whitened rows per prior sigma and residuals, (P + 1, P + 1).
         families: sizes of them.
         findings: groups of ``before`` that stand.
         record: what was drawn of the sizes.
@@ -172,7 +172,7 @@ class DrawRecord:
 
 @dataclass(frozen=True)
 class DrawnPosterior:
-    """The prior sizes of all families as they were drawn, before the model is fitted with them.
+    """The prior sigmas of all families as they were drawn, before the model is fitted with them.
 
     Attributes:
         problem: of all parameters that may act, with the draws' mean noise.
@@ -220,7 +220,7 @@ def draw_posterior(
     Args:
         before: the fit that it starts from; effects in it have sizes of their own, or none where they do not pay.
         run: what was measured.
-        whole: gauge and geometry, what the run cannot identify too, with the prior sizes of the robot's file.
+        whole: gauge and geometry, what the run cannot identify too, with the prior sigmas of the robot's file.
         background: what else may be there.
         correlation_time: how many samples of the run are worth one.
         curves: groups of whole curves of gears that stand for what the background has of these gears.
@@ -259,7 +259,7 @@ def draw_posterior(
 
 
 def _gram(problem: FitProblem, errors: Array) -> Array:
-    """Products of rows per prior size and residuals about errors, (P + 1, P + 1)."""
+    """Products of rows per prior sigma and residuals about errors, (P + 1, P + 1)."""
     return np.asarray(sum(problem.over_pieces(lambda part: problem.piece(part, errors).gram)))
 
 
@@ -342,7 +342,7 @@ class IndependentReadings:
     """A linearised problem, positions and angles each in axes in which gauge and joints do not mix.
 
     Attributes:
-        columns: per prior size, (m, P).
+        columns: per prior sigma, (m, P).
         y: readings less what is expected of a robot without errors, (m,).
         noise: variance of each by component of the noise as declared, (m, c).
     """

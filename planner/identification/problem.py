@@ -31,7 +31,7 @@ class ProblemCache:
 
 @dataclass(frozen=True)
 class LinearPiece:
-    """Whitened columns per prior size of some samples, the residual's behind them."""
+    """Whitened columns per prior sigma of some samples, the residual's behind them."""
 
     factored: Columns
 
@@ -100,7 +100,7 @@ class FitProblem:
 
     @cached_property
     def prior(self) -> Array:
-        """Prior sizes of the parameters, (P,)."""
+        """Prior sigmas of the parameters, (P,)."""
         return self.model.prior
 
     def take(self, which: np.ndarray) -> "FitProblem":

@@ -69,7 +69,7 @@ class FitContext:
         """Fit a model to the run and judge it on held-out poses and on the validation run.
 
         Of a long run only a spread part is fitted unless ``whole``; all of it is judged. The fit starts where
-        ``before`` ended, with its noise and prior sizes.
+        ``before`` ended, with its noise and prior sigmas.
         """
         split = self.split
         start = factors = noise = None

@@ -22,7 +22,7 @@ APART = ("fixture_", "zero")  # names of errors that are the set-up's, not the r
 def set_up_sizes(cell: Cell, model: Model) -> Array:
     """Return the one-sigma sizes (P,) of errors by which robot, tool and gauge of a cell are drawn.
 
-    They are the prior sizes, but where a fixture is set up by the robot, only the care of the hand that adjusts it is
+    They are the prior sigmas, but where a fixture is set up by the robot, only the care of the hand that adjusts it is
     left, beside what the robot errs there (:func:`place_fixtures_by_robot`). The zero of a bar is set on the same ball;
     one that is known is set as well as the bar reads.
     """

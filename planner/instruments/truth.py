@@ -219,7 +219,7 @@ def _add_change(file: TruthFile, change: str) -> TruthFile:
 
 
 def draw_truth(cell: Cell, seed: int) -> Truth:
-    """Draw every error from its prior size, by its name: one robot in all cells of a seed.
+    """Draw every error from its prior sigma, by its name: one robot in all cells of a seed.
 
     Where the cell says how far a robot errs at most before calibration, that robot's errors are made smaller by one
     factor (:mod:`planner.instruments.uncalibrated`): the same arm, built with more care. Joints give way in the

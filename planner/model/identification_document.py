@@ -326,7 +326,7 @@ class Identification(DocumentSection):
         noise_floor: standard deviation of repeated readings [m], or ``None`` without repeats.
         workspace_error: error of the released robot's tool over the workspace [m], rms, as likely exceeded as not.
         release: what the robot's file holds and how good it is expected to be.
-        condition_number: of the rows per prior size; ``None`` where it is not finite.
+        condition_number: of the rows per prior sigma; ``None`` where it is not finite.
         correlation_time: how many samples are worth one.
         worse_than_nominal: in what the robot that is written is worse than the nominal one; ``None`` where in nothing.
         use: whether the robot is good enough for a tolerance, where one was asked for.

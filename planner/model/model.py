@@ -108,12 +108,12 @@ class Model:
 
     @cached_property
     def parameters_and_fixed(self) -> tuple[object, ...]:
-        """What decides the model's predictions, prior sizes aside."""
+        """What decides the model's predictions, prior sigmas aside."""
         return (*(p.moves for p in self.parameters), *((p.moves, value) for p, value in self.fixed))
 
     @cached_property
     def prior(self) -> Array:
-        """One-sigma prior sizes, (P,) in the parameters' units."""
+        """One-sigma prior sigmas, (P,) in the parameters' units."""
         return np.array([p.prior for p in self.parameters])
 
     @property
@@ -126,7 +126,7 @@ class Model:
         return replace(self, parameters=tuple(self.parameters[k] for k in kept))
 
     def with_prior(self, prior: Array) -> "Model":
-        """Return the model with other prior sizes, (P,) in the parameters' units."""
+        """Return the model with other prior sigmas, (P,) in the parameters' units."""
         sized = (replace(p, prior=s) for p, s in zip(self.parameters, prior.tolist(), strict=True))
         return replace(self, parameters=tuple(sized))
 

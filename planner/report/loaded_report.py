@@ -111,7 +111,7 @@ def kinematic_chart(c: EvaluatedCircle) -> Chart:
 
 
 def compliance_chart(found: LoadedEvaluation) -> Chart:
-    """How well each compliance and each combination is known, as a part of its prior size."""
+    """How well each compliance and each combination is known, as a part of its prior sigma."""
     c = found.compliances
     joints = [(n.replace("compliance", "c"), s / p) for n, s, p in zip(c.names, c.std, c.prior, strict=True)]
     mixed = [(k.text, k.std) for k in c.combinations]

@@ -126,7 +126,7 @@ def funnel_chart(plan: Plan) -> Chart:
 
 
 def parameter_chart(rows: tuple[ParameterForecast, ...]) -> Chart:
-    """Predicted standard deviation of each parameter as a part of its prior size."""
+    """Predicted standard deviation of each parameter as a part of its prior sigma."""
     order = sorted(rows, key=lambda r: r.share)
     share, names = np.array([r.share for r in order]), [r.parameter.name for r in order]
     hover = [f"{r.parameter.name}, {r.parameter.what}: {r.share:.3g} of the prior size" for r in order]

@@ -104,7 +104,7 @@ class ParameterForecast:
 
     @property
     def share(self) -> float:
-        """Standard deviation left, as a part of the prior size."""
+        """Standard deviation left, as a part of the prior sigma."""
         return self.sigma / self.parameter.prior
 
 

@@ -167,7 +167,7 @@ def _path_facts(cell: Cell, drive: Drive) -> tuple[Row, ...]:
 
 
 def _forecast(f: ParameterForecast) -> Row:
-    """Name, what it is, unit, prior size, standard deviation, their ratio."""
+    """Name, what it is, unit, prior sigma, standard deviation, their ratio."""
     p = f.parameter
     unit, to = ("mm", to_mm) if p.unit == "m" else (p.unit.replace("rad", "deg"), to_deg)
     prior, sigma = (text.digits(float(to(v))) for v in (p.prior, f.sigma))

@@ -27,7 +27,7 @@ class BoundedCurve:
     """One index against the number of poses.
 
     Attributes:
-        index: O1 … O5; ``scaled`` tells the unit-free one (columns times prior sizes) from the raw one.
+        index: O1 … O5; ``scaled`` tells the unit-free one (columns times prior sigmas) from the raw one.
         sizes: numbers of poses (k,); ``values`` (k,) what a selection reaches; ``bounds`` (k,) what none can beat.
         knee: the number of poses where the curve bends.
     """
@@ -41,7 +41,7 @@ class BoundedCurve:
 
     @property
     def scaling(self) -> str:
-        """Whether its columns are raw or in prior sizes, in words."""
+        """Whether its columns are raw or in prior sigmas, in words."""
         return "unit-free" if self.scaled else "raw"
 
     @property
@@ -154,7 +154,7 @@ class StudyBasis:
 
     @property
     def effects(self) -> tuple[Array, Array]:
-        """What one prior size of each parameter changes a reading by, rms and largest, (P,) [m]."""
+        """What one prior sigma of each parameter changes a reading by, rms and largest, (P,) [m]."""
         change = self.whole_rows * self.whole.prior
         return rms_sensitivity(change), abs(change).max(axis=(0, 1))
 

@@ -207,7 +207,7 @@ def identifiability_csv(study: StudySummary) -> str:
 
 
 def spectrum_csv(study: StudySummary) -> str:
-    """Singular values: the root-mean-square reading per prior size along each direction, the strongest first."""
+    """Singular values: the root-mean-square reading per prior sigma along each direction, the strongest first."""
     mu = study.basis.seen.spectrum
     order = np.arange(1, len(mu) + 1)
     return table_csv({"direction": order, "reading_um": mu / UM, "seen": order <= study.basis.seen.rank})
@@ -225,7 +225,7 @@ def curves_csv(study: StudySummary) -> str:
 
 
 def sensitivity_csv(study: StudySummary) -> str:
-    """The effect of one prior size of each parameter on the reading, the largest first."""
+    """The effect of one prior sigma of each parameter on the reading, the largest first."""
     rms, most = (v / UM for v in study.basis.effects)
     seen = [n in study.basis.seen.names for n in study.basis.whole.names]
     frame = pl.DataFrame({"parameter": study.basis.whole.names, "seen": seen, "rms_um": rms, "max_um": most})

@@ -31,7 +31,7 @@ class DictionaryItem:
 
 @dataclass(frozen=True)
 class ColumnBlock:
-    """All columns on one transform or number of the reading: φ per prior size (m, n), and which columns they are."""
+    """All columns on one transform or number of the reading: φ per prior sigma (m, n), and which columns they are."""
 
     move: ParameterMove
     phi: Array

@@ -30,7 +30,7 @@ class EffectScore:
         effect, value: which.
         gain: fall of the whitened sum of squares by its parameters, after the model has taken what it can.
         size: number of its parameters that the readings show.
-        information, along: per prior sizes, after projection: its information (k, k) and products with the residual.
+        information, along: per prior sigmas, after projection: its information (k, k) and products with the residual.
         log_p: logarithm of the chance of so large a gain, corrected for everything that was tried.
         merit: gain in noise variances less what parameters and nonlinear values explain by being many.
     """

@@ -121,7 +121,7 @@ class OwnGain:
 
 
 def own_gains(state: SearchState, fit_context: FitContext, effects: Sequence[FittedEffect]) -> list[OwnGain]:
-    """What each of some effects in the model of a state gains; noise, prior sizes and masses stay as they are."""
+    """What each of some effects in the model of a state gains; noise, prior sigmas and masses stay as they are."""
     fit = state.fit
     few = fit_context.part(fit.model) if len(fit.problem) < len(fit_context.run) else None
     split = fit_context.split if few is None else fit_context.split.take(few)
@@ -150,7 +150,7 @@ def wald_statistic(state: SearchState, found: FittedEffect, beside: Array | None
     root = whole[which]
     prior = state.fit.problem.prior[kept][which]
     spread = root @ root.T if beside is None else root @ root.T + beside / np.outer(prior, prior)
-    variance, axes = np.linalg.eigh(spread)  # per prior size: 1 where the readings say nothing
+    variance, axes = np.linalg.eigh(spread)  # per prior sigma: 1 where the readings say nothing
     along = axes.T @ (state.fit.errors[kept][which] / prior)
     decided = variance < DETERMINED_VARIANCE
     if not found.has(Role.GEAR_CURVE) or not decided.any():

@@ -24,7 +24,7 @@ class FirstContact:
     """Predicts the error of the measured point before calibration, pose by pose.
 
     The covariance is the prior one of all errors of the robot, of the artifact's place and of the tool point as it was
-    mastered: C = J Σ Jᵀ. How the robot's share is spread over its poses comes from J and the prior sizes; its size is
+    mastered: C = J Σ Jᵀ. How the robot's share is spread over its poses comes from J and the prior sigmas; its size is
     the cell's own figure, ``uncalibrated``, which the 95 % bounds of no pose exceed.
     """
 
@@ -54,8 +54,9 @@ class FirstContact:
 def led_turns(cell: Cell, q: Array) -> Array:
     """Return how much the arm's errors turn its joints where the tool point is led to a ball, (n, N) [rad].
 
-    A reading moves by J δq + R e with the errors e of robot, tool and artifact, of their prior sizes; what is led there
-    turns by the shortest δq = −J⁺ R e. These are its standard deviations at q (n, N) [rad]; zero where nothing is led.
+    A reading moves by J δq + R e with the errors e of robot, tool and artifact, of their prior sigmas; what is led
+    there turns by the shortest δq = −J⁺ R e. Returned are its standard deviations at q (n, N) [rad], zero where
+    nothing is led.
 
     Raises:
         InputError: the cell does not say where its artifact stands.
@@ -92,7 +93,7 @@ def first_contact_advice(cell: Cell, found: Array) -> str:
 
 
 def _prior_covariance(model: Model, q: Array) -> Array:
-    """Covariance of the measured point from the prior sizes of a model's parameters, (n, 3, 3) [m²]."""
+    """Covariance of the measured point from the prior sigmas of a model's parameters, (n, 3, 3) [m²]."""
     rows = model.rows(Samples.at(q)) * model.prior
     return np.asarray(rows @ np.swapaxes(rows, 1, 2))
 

@@ -28,7 +28,7 @@ class DroppedParameter:
 
 @dataclass(frozen=True)
 class WeakParameter:
-    """A kept parameter whose predicted standard deviation exceeds its prior size [m or rad]: it is hardly learnt."""
+    """A kept parameter whose predicted standard deviation exceeds its prior sigma [m or rad]: it is hardly learnt."""
 
     name: str
     std: float
@@ -40,7 +40,7 @@ class Identifiability:
     """What can be seen.
 
     ``kept`` column indices, ascending; ``names`` of those; ``dropped`` and ``weak`` as said there; ``rank``;
-    ``spectrum`` (P,) singular values of the rms reading per prior size, descending; ``gap`` the ratio of the smallest
+    ``spectrum`` (P,) singular values of the rms reading per prior sigma, descending; ``gap`` the ratio of the smallest
     seen to the largest unseen singular value (inf when nothing is unseen).
     """
 
@@ -78,7 +78,7 @@ def find_identifiable(
     the order in which to keep them (default: as listed). With ``noise`` [m or rad], the standard deviation of a
     reading, and ``readings``, how many will be taken (default: all rows), a direction far fainter than its prior
     size is left out as well (:data:`FAINT_SHARE`), and parameters whose predicted standard deviation exceeds their
-    prior size are listed in ``weak``.
+    prior sigma are listed in ``weak``.
 
     Raises:
         InputError: counts do not match, a prior is not positive, or no parameter is seen at all.
@@ -109,10 +109,10 @@ def find_identifiable(
 
 def _check_arguments(count: int, names: Sequence[str], size: Array, order: list[int]) -> None:
     if len(names) != count or size.shape != (count,):
-        raise InputError(f"{count} columns, but {len(names)} names and {size.size} prior sizes")
+        raise InputError(f"{count} columns, but {len(names)} names and {size.size} prior sigmas")
     if np.any(size <= 0) or not np.all(np.isfinite(size)):
         bad = names[int(np.flatnonzero(~(size > 0) | ~np.isfinite(size))[0])]
-        raise InputError(f"the prior size of {bad} must be a number above zero")
+        raise InputError(f"the prior sigma of {bad} must be a number above zero")
     if sorted(order) != list(range(count)):
         raise InputError("the order of preference must name every parameter once")
 

@@ -96,7 +96,7 @@ def singular_values(rows: Array) -> Array:
 def index_value(kind: str, rows: Array, scale: Array | None = None) -> float:
     """Return one index of the pose set ``rows`` (n, r, P) or (n, P); a set that sees too little gets its worst value.
 
-    ``scale`` (P,) multiplies the columns: with each parameter's prior size the index is free of units.
+    ``scale`` (P,) multiplies the columns: with each parameter's prior sigma the index is free of units.
     """
     mu = singular_values(rows if scale is None else rows * scale)
     return _apply_rule(find_rule(kind), mu, len(rows))
@@ -160,7 +160,7 @@ def predict_covariance(rows: Array, noise: float | Array, prior: Array | None = 
     """
     weights = np.asarray(noise, dtype=float)
     if np.any(weights <= 0) or (prior is not None and np.any(np.asarray(prior) <= 0)):
-        raise InputError("the noise of a reading and every prior size must be above zero")
+        raise InputError("the noise of a reading and every prior sigma must be above zero")
     white = rows / (weights[..., None] if weights.ndim else weights)
     tall = stack_rows(white)
     if prior is not None:
@@ -178,9 +178,9 @@ def predict_covariance(rows: Array, noise: float | Array, prior: Array | None = 
 
 
 def marginal_information(information: Array, nuisance: np.ndarray) -> Array:
-    """Return what an information in prior sizes (P, P) says of the other parameters where some are not of interest.
+    """Return what an information in prior sigmas (P, P) says of the other parameters where some are not of interest.
 
-    Those in ``nuisance`` (P,) bool are known to their prior sizes, and fitted with the rest (a Schur complement).
+    Those in ``nuisance`` (P,) bool are known to their prior sigmas, and fitted with the rest (a Schur complement).
     """
     kept = ~nuisance
     across = information[np.ix_(kept, nuisance)]

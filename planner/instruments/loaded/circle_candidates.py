@@ -202,7 +202,7 @@ def _mm(point: Array) -> list[float]:
 
 @dataclass(frozen=True)
 class PredictedCompliance:
-    """What some circles would tell: standard deviation with the prior (N,), and without (N,), per prior size."""
+    """What some circles would tell: standard deviation with the prior (N,), and without (N,), per prior sigma."""
 
     std: Array
     alone: Array
@@ -219,7 +219,7 @@ class CirclePlaceChoice:
 
     Attributes:
         names: of the compliances.
-        pool: the candidates; information: of each in prior sizes, (M, N, N).
+        pool: the candidates; information: of each in prior sigmas, (M, N, N).
         own: what the cell's own circle tells.
         sets: positions in the pool of the best 1, 2, … places; known: what each set tells.
     """
@@ -303,7 +303,7 @@ def promised_turn_noise(setup: MeasurementSetup, q: Array) -> Array:
 
 
 def predict_compliance(information: Array) -> PredictedCompliance:
-    """Return what an information in prior sizes (N, N) says of each compliance."""
+    """Return what an information in prior sigmas (N, N) says of each compliance."""
     size = np.diag(np.linalg.inv(information + np.eye(len(information))))
     alone = np.diag(np.linalg.inv(information + 1e-12 * np.trace(information) * np.eye(len(information))))
     return PredictedCompliance(read_only(np.sqrt(size)), read_only(np.sqrt(alone)))

@@ -29,7 +29,7 @@ FITTED = ("calibrate", "repeat")  # roles of the poses that a fit sees
 
 @dataclass(frozen=True)
 class FitRows:
-    """Rows (n, P) of one kind of run in standard deviations of a reading, with names, units and prior sizes.
+    """Rows (n, P) of one kind of run in standard deviations of a reading, with names, units and prior sigmas.
 
     What belongs to one gauge alone, its fixtures and zero, is named after it.
     """
@@ -40,7 +40,7 @@ class FitRows:
     rows: Array
 
     def on(self, names: Sequence[str]) -> Array:
-        """Rows per prior size with the columns of ``names``, (n, len(names)); nought where it has none of them."""
+        """Rows per prior sigma with the columns of ``names``, (n, len(names)); nought where it has none of them."""
         out = np.zeros((len(self.rows), len(names)))
         here = [n for n in self.names if n in names]
         which = [self.names.index(n) for n in here]
@@ -126,7 +126,7 @@ def _circle_rows(model: Model, k: int, place: CirclePlace) -> Array:
 
 @dataclass(frozen=True)
 class CommonFit:
-    """Standard deviations per prior size, (P,) each, of geometry and compliances.
+    """Standard deviations per prior sigma, (P,) each, of geometry and compliances.
 
     ``unloaded``, ``loaded``: by one kind of run alone; ``both``: by one fit of all. ``prior`` sizes in ``units``.
     """
@@ -204,7 +204,7 @@ def select_circles_beside(free: UnloadedPoses, cell: Cell, pool: Sequence[Circle
     """Return the positions in the pool, (count,), of the circles that one fit with the poses gains most from.
 
     The determinant of the information of geometry, compliances, tool point and zeros is what grows most: greedily, then
-    by exchange as long as any swap gains (Fedorov 1972); what the poses say and the prior sizes stand beneath.
+    by exchange as long as any swap gains (Fedorov 1972); what the poses say and the prior sigmas stand beneath.
 
     Raises:
         InputError: the cells have different robots.
@@ -224,7 +224,7 @@ def _is_fixture_of_place(name: str) -> bool:
 
 
 def _shared_information(part: FitRows, names: Sequence[str]) -> Array:
-    """Information of a circle about the parameters ``names`` (P, P) in prior sizes, its fixture left open."""
+    """Information of a circle about the parameters ``names`` (P, P) in prior sigmas, its fixture left open."""
     own = [n for n in part.names if _is_fixture_of_place(n)]
     rows = part.on((*names, *own))
     return marginal_information(rows.T @ rows, np.arange(len(names) + len(own)) >= len(names))

@@ -246,7 +246,7 @@ def bar_deflection(setup: MeasurementSetup, curves: AveragedCurves, value: Array
 def compliance_posterior(
     names: tuple[str, ...], prior: Array, information: Array, pulled: Array, noise: float, misfit: float
 ) -> JointCompliances:
-    """Put what the deflections tell (N, N), (N,) beside the prior sizes (N,) [rad/Nm]."""
+    """Put what the deflections tell (N, N), (N,) beside the prior sigmas (N,) [rad/Nm]."""
     scaled = information * np.outer(prior, prior)
     covariance = np.linalg.inv(scaled + np.eye(len(prior)))
     value = prior * (covariance @ (pulled * prior))
@@ -258,7 +258,7 @@ def compliance_posterior(
 
 
 def compliance_combinations(names: tuple[str, ...], scaled: Array) -> tuple[Combination, ...]:
-    """Directions of an information matrix in prior sizes (N, N), from the best known to the least."""
+    """Directions of an information matrix in prior sigmas (N, N), from the best known to the least."""
     size, axes = np.linalg.eigh(scaled)
     out = []
     for k in np.argsort(-size, kind="stable"):

@@ -92,7 +92,7 @@ def refine_fit(problem: FitProblem, run: Run, errors: Array, turns: Sequence[Arr
     """Go on from ``errors`` (P,) until nothing changes, the torques being those in balance (Gauss and Newton).
 
     Args:
-        problem: with the noise and prior sizes as they were found, its compliances by held torques.
+        problem: with the noise and prior sigmas as they were found, its compliances by held torques.
         run: of the problem, the rows of ``turns`` last.
         errors: where to begin.
         turns: covariance of the averages over A angles for the K loads of each block, (K, A, A) [m²], in the order of

@@ -81,7 +81,7 @@ def compliance_text(found: JointCompliances, k: int) -> str:
 
 
 def share_text(std: float) -> str:
-    """Write a standard deviation as a part of the prior size."""
+    """Write a standard deviation as a part of the prior sigma."""
     if std >= 10.0:
         return _times_text(std)
     # 0.095: of the prior sigma: finer parts are written with the digits that they need

@@ -18,7 +18,7 @@ SENSES = {1: "counter-clockwise", -1: "clockwise"}  # of travel about the circle
 
 @dataclass(frozen=True)
 class Combination:
-    """One direction of the compliances, in prior sizes: ``shares`` (N,) of unit length, ``std`` as a part of them."""
+    """One direction of the compliances, in prior sigmas: ``shares`` (N,) of unit length, ``std`` as a part of them."""
 
     names: tuple[str, ...]
     shares: Array
@@ -78,7 +78,7 @@ class JointCompliances:
 
     @property
     def known(self) -> tuple[Combination, ...]:
-        """Combinations known to a third of their prior size or better."""
+        """Combinations known to a third of their prior sigma or better."""
         return tuple(c for c in self.combinations if c.std < TOLD.known_share)
 
     @property

@@ -144,7 +144,7 @@ def test_bad_input_is_refused(poses):
     rows, names = dh_arm.rows(NJ130, poses), dh_arm.names(NJ130)
     with pytest.raises(InputError, match="24 columns, but 23 names"):
         find_identifiable(rows, names[:-1])
-    with pytest.raises(InputError, match="prior size of d1"):
+    with pytest.raises(InputError, match="prior sigma of d1"):
         find_identifiable(rows, names, np.where(np.arange(24) == 1, 0.0, 1.0))
     with pytest.raises(InputError, match="once"):
         find_identifiable(rows, names, prefer=[0] * 24)
