@@ -116,7 +116,7 @@ def recover_motion(cell: Cell, program: Program) -> list[Chain]:
             if item.led_to_deg is not None:
                 _lead(walk, item, number)
         elif isinstance(item, Entry):
-            ways.append(_way(item, mount))
+            ways.append(_entry_chain(item, mount))
         elif isinstance(item, JointMove):
             number += 1
             if item.mounting != attached:
@@ -158,7 +158,7 @@ def _lead(walk: _Walk, item: Pause, number: int) -> None:
     walk.paused = True
 
 
-def _way(entry: Entry, mount: tuple[float, ...]) -> Chain:
+def _entry_chain(entry: Entry, mount: tuple[float, ...]) -> Chain:
     """The way to a later start; the gauge is held there as it is on its moves."""
     mounting = entry.moves[0].mounting
     held = Held(mounting or FIRST_MOUNTING, mounting is not None, mount if mounting is not None else ())

@@ -82,7 +82,7 @@ class CircularSession:
             *describe_parked_joints(self.cell),
             *left_out_pairs(self.cell),
         )
-        notes = (*load_notes(self.cell), *_way_notes(self.cell, drives), *collision)
+        notes = (*load_notes(self.cell), *_path_notes(self.cell, drives), *collision)
         return CircularPlan(cell=self.cell, seed=self.seed, drives=tuple(drives), notes=notes)
 
     def record(self, plan: CircularPlan) -> dict[str, object]:
@@ -158,7 +158,7 @@ def load_notes(cell: Cell) -> list[str]:
     return notes
 
 
-def _way_notes(cell: Cell, drives: Sequence[CircularDrive]) -> list[str]:
+def _path_notes(cell: Cell, drives: Sequence[CircularDrive]) -> list[str]:
     """Say of a robot that was not checked itself, and of circles that are not driven at their speed all along."""
     bare = f"{cell.robot.name} has no collision bodies: only bar and tool were checked against the surroundings"
     notes = [] if cell.robot.bodies else [bare]

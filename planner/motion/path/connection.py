@@ -12,34 +12,34 @@ from planner.motion.path.verdict import PathGaps, PathLeg, ProvenPath, judge_pat
 from planner.motion.tolerances import DETOUR_MARGINS
 
 
-def cut_corners(constraints: Constraints, ways: Sequence[Array]) -> list[Array]:
-    """Leave out supports of ways (k, N) [rad] that proven motions between the others make needless."""
-    if not ways:
+def cut_corners(constraints: Constraints, paths: Sequence[Array]) -> list[Array]:
+    """Leave out supports of paths (k, N) [rad] that proven motions between the others make needless."""
+    if not paths:
         return []
-    start = np.concatenate([[0], np.cumsum([len(w) for w in ways])])
-    edges = [s + np.column_stack(np.triu_indices(len(w), 1)) for s, w in zip(start, ways, strict=False)]
-    graph = LazyGraph(constraints, np.concatenate(ways), np.concatenate(edges))
+    start = np.concatenate([[0], np.cumsum([len(w) for w in paths])])
+    edges = [s + np.column_stack(np.triu_indices(len(w), 1)) for s, w in zip(start, paths, strict=False)]
+    graph = LazyGraph(constraints, np.concatenate(paths), np.concatenate(edges))
     graph.strike(np.column_stack([start[:-1], start[1:] - 1]))  # the straight leg has failed before
-    found = graph.ways(np.column_stack([start[:-1], start[1:] - 1]), 60)  # rounds
-    return [graph.q[f] if f else w for f, w in zip(found, ways, strict=True)]
+    found = graph.paths(np.column_stack([start[:-1], start[1:] - 1]), 60)  # rounds
+    return [graph.q[f] if f else w for f, w in zip(found, paths, strict=True)]
 
 
 def pull_supports(
-    constraints: Constraints, ways: Sequence[Array], rng: np.random.Generator, passes: int
+    constraints: Constraints, paths: Sequence[Array], rng: np.random.Generator, passes: int
 ) -> list[Array]:
-    """Move the supports of proven ways (k, N) [rad] to where the ways are shorter and still proven."""
-    ways = [w.copy() for w in ways]
+    """Move the supports of proven paths (k, N) [rad] to where the paths are shorter and still proven."""
+    paths = [w.copy() for w in paths]
     for turn in range(passes):
-        places = [(k, i) for k, w in enumerate(ways) for i in range(1 + turn % 2, len(w) - 1, 2)]
+        places = [(k, i) for k, w in enumerate(paths) for i in range(1 + turn % 2, len(w) - 1, 2)]
         if places:
-            _pull_once(constraints, ways, places, rng)
-    return ways
+            _pull_once(constraints, paths, places, rng)
+    return paths
 
 
 def _pull_once(
-    constraints: Constraints, ways: list[Array], places: list[tuple[int, int]], rng: np.random.Generator
+    constraints: Constraints, paths: list[Array], places: list[tuple[int, int]], rng: np.random.Generator
 ) -> None:
-    before, here, after = (np.array([ways[k][i + step] for k, i in places]) for step in (-1, 0, 1))
+    before, here, after = (np.array([paths[k][i + step] for k, i in places]) for step in (-1, 0, 1))
     tries = _pull_candidates(before, here, after, rng)  # (places, tries, N)
     n, t, N = tries.shape
     ends = [np.broadcast_to(q[:, None], tries.shape).reshape(-1, N) for q in (before, after)]
@@ -49,7 +49,7 @@ def _pull_once(
     found = _first_proven(constraints, before, tries, after, np.where(gain > 1e-3 * gain.max(initial=0.0), gain, 0.0))
     for row, (k, i) in enumerate(places):
         if found[row] >= 0:
-            ways[k][i] = tries[row, found[row]]
+            paths[k][i] = tries[row, found[row]]
 
 
 def _first_proven(constraints: Constraints, before: Array, tries: Array, after: Array, gain: Array) -> np.ndarray:
@@ -124,7 +124,7 @@ def connect_poses(
     wanted = np.unique(np.sort(legs, axis=1), axis=0)
     wanted = wanted[wanted[:, 0] != wanted[:, 1]]
     direct = constraints.prove(q[wanted[:, 0]], q[wanted[:, 1]]).proven
-    ways = {_pair(leg): q[leg] for leg in wanted[direct]}
+    paths = {_pair(leg): q[leg] for leg in wanted[direct]}
     bent = wanted[~direct]
     reasons: tuple[str, ...] = ()
     for room in DETOUR_MARGINS:
@@ -134,11 +134,11 @@ def connect_poses(
             if known and room == DETOUR_MARGINS[0]:
                 roadmap.graph.known = known.result()
             found = _find_detours(roadmap, bent)
-            ways |= {_pair(leg): way for leg, way in zip(bent, found, strict=True) if way is not None}
-            failed = tuple(_pair(leg) for leg, way in zip(bent, found, strict=True) if way is None)
+            paths |= {_pair(leg): path for leg, path in zip(bent, found, strict=True) if path is not None}
+            failed = tuple(_pair(leg) for leg, path in zip(bent, found, strict=True) if path is None)
             if failed:  # in a second try the poses themselves are known to be within reach
                 return PathGaps(failed, (), reasons) if reasons else _describe_gaps(roadmap, failed, visits)
-        path = _assemble_path(constraints, q, visits, ways)
+        path = _assemble_path(constraints, q, visits, paths)
         if path.clear:
             return path
         bent, reasons = _unproven_legs(path)
@@ -163,16 +163,16 @@ def _unproven_legs(path: ProvenPath) -> tuple[np.ndarray, tuple[str, ...]]:
 
 
 def _find_detours(roadmap: Roadmap, bent: np.ndarray) -> list[Array | None]:
-    """Proven ways (k, N) [rad] for legs (m, 2) that are not straight, shortened; ``None`` where none was found."""
-    ways = roadmap.ways(bent)
-    rows = [k for k, way in enumerate(ways) if way is not None]
+    """Proven paths (k, N) [rad] for legs (m, 2) that are not straight, shortened; ``None`` where none was found."""
+    paths = roadmap.paths(bent)
+    rows = [k for k, path in enumerate(paths) if path is not None]
     rng = np.random.default_rng(roadmap.seed)
-    short = cut_corners(roadmap.constraints, [w for w in ways if w is not None])
+    short = cut_corners(roadmap.constraints, [w for w in paths if w is not None])
     # 6: passes of pulling supports towards the straight line
     short = cut_corners(roadmap.constraints, pull_supports(roadmap.constraints, short, rng, 6))
-    for k, way in zip(rows, short, strict=True):
-        ways[k] = way
-    return ways
+    for k, path in zip(rows, short, strict=True):
+        paths[k] = path
+    return paths
 
 
 def _draw_states(constraints: Constraints, q: Array, seed: int) -> Array:
@@ -200,13 +200,13 @@ def _describe_gaps(roadmap: Roadmap, failed: tuple[tuple[int, int], ...], visits
 
 
 def _assemble_path(
-    constraints: Constraints, q: Array, visits: np.ndarray, ways: dict[tuple[int, int], Array]
+    constraints: Constraints, q: Array, visits: np.ndarray, paths: dict[tuple[int, int], Array]
 ) -> ProvenPath:
     """String the legs together and have the whole judged by both engines."""
     points, node, legs = [q[visits[0]][None]], [visits[:1]], []
     for a, b in zip(visits[:-1].tolist(), visits[1:].tolist(), strict=True):
-        way = ways[min(a, b), max(a, b)] if a != b else q[[a, b]]
-        supports = (way if a <= b else way[::-1])[1:-1]
+        between = paths[min(a, b), max(a, b)] if a != b else q[[a, b]]
+        supports = (between if a <= b else between[::-1])[1:-1]
         legs.append(PathLeg(a, b, round_angles(supports)))
         points += [supports, q[b][None]]
         node.append(np.append(np.full(len(supports), -1), b))

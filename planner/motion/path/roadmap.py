@@ -1,4 +1,4 @@
-"""A roadmap over poses and a pool of valid states whose edges are proven only when a way uses them."""
+"""A roadmap over poses and a pool of valid states whose edges are proven only when a path uses them."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ from planner.motion.tolerances import SUPPORT_COST
 def rrt_connect(
     constraints: Constraints, q_from: Array, q_to: Array, low: Array, high: Array, iterations: int, seed: int
 ) -> Array | None:
-    """Return a proven way (k, N) [rad] found by RRT-Connect between two states (N,), both included, or ``None``.
+    """Return a proven path (k, N) [rad] found by RRT-Connect between two states (N,), both included, or ``None``.
 
     Args:
         constraints: what states and motions must keep.
@@ -121,12 +121,12 @@ class LazyGraph:
         self.cost = leg_time(constraints, *q[self.edges.T]) + SUPPORT_COST
         self.known = np.full(len(self.edges), Known.UNKNOWN)
 
-    def add_way(self, ends: np.ndarray, way: Array) -> None:
-        """Add a proven way (k, N) [rad] between two states that the graph has."""
-        inner = len(self.q) + np.arange(len(way) - 2)
+    def add_path(self, ends: np.ndarray, path: Array) -> None:
+        """Add a proven path (k, N) [rad] between two states that the graph has."""
+        inner = len(self.q) + np.arange(len(path) - 2)
         chain = np.concatenate([ends[:1], inner, ends[1:]])
         new = np.column_stack([chain[:-1], chain[1:]])
-        self.add_states(way[1:-1], new)
+        self.add_states(path[1:-1], new)
         self.known[self._rows(new)] = Known.PROVEN
 
     def add_states(self, q: Array, edges: np.ndarray) -> None:
@@ -139,26 +139,26 @@ class LazyGraph:
         """Mark edges (n, 2) that are known to fail; those not in the graph are passed over."""
         self.known[self._rows(edges)] = Known.BROKEN
 
-    def ways(self, wanted: np.ndarray, rounds: int) -> list[list[int] | None]:
-        """Return the shortest proven way for each wanted (from, to) (m, 2), ``None`` where there is none.
+    def paths(self, wanted: np.ndarray, rounds: int) -> list[list[int] | None]:
+        """Return the shortest proven path for each wanted (from, to) (m, 2), ``None`` where there is none.
 
         Args:
             wanted: positions of the states to join.
-            rounds: searches at most; ways not proven by then are ``None``.
+            rounds: searches at most; paths not proven by then are ``None``.
         """
         found: list[list[int] | None] = [None] * len(wanted)
         open_ = list(range(len(wanted)))
         for _ in range(rounds):
             if not open_:
                 break
-            ways = self._search(wanted[open_])
-            asked = [self._rows(np.column_stack([w[:-1], w[1:]])) if w else np.zeros(0, int) for w in ways]
+            paths = self._search(wanted[open_])
+            asked = [self._rows(np.column_stack([w[:-1], w[1:]])) if w else np.zeros(0, int) for w in paths]
             self._prove(np.unique(np.concatenate([np.zeros(0, int), *asked])))
             later = []
-            for k, way, rows in zip(open_, ways, asked, strict=True):
-                if way and (self.known[rows] == Known.PROVEN).all():
-                    found[k] = way
-                elif way:
+            for k, path, rows in zip(open_, paths, asked, strict=True):
+                if path and (self.known[rows] == Known.PROVEN).all():
+                    found[k] = path
+                elif path:
                     later.append(k)
             open_ = later
         return found
@@ -223,10 +223,10 @@ def _trace_back(before: np.ndarray, goal: int) -> list[int] | None:
     """Follow the predecessors back from ``goal``."""
     if before[goal] < 0:
         return None
-    way = [goal]
-    while before[way[-1]] >= 0:
-        way.append(int(before[way[-1]]))
-    return way[::-1]
+    path = [goal]
+    while before[path[-1]] >= 0:
+        path.append(int(before[path[-1]]))
+    return path[::-1]
 
 
 MILESTONES = 2000  # states of the pool that a roadmap uses
@@ -269,17 +269,17 @@ class Roadmap:
         """Connected part of each pose, (n,)."""
         return np.asarray(self.graph.parts()[self.place])
 
-    def ways(self, legs: np.ndarray) -> list[Array | None]:
-        """Return a proven way (k, N) [rad] for each leg (m, 2) but its straight motion, ``None`` if there is none."""
+    def paths(self, legs: np.ndarray) -> list[Array | None]:
+        """Return a proven path (k, N) [rad] for each leg (m, 2) but its straight motion, ``None`` if there is none."""
         legs = self.place[legs]
         self.graph.strike(legs)
         self._bridge(legs)
         part = self.graph.parts()
         rows = np.flatnonzero(part[legs[:, 0]] == part[legs[:, 1]])
         out: list[Array | None] = [None] * len(legs)
-        # 200: rounds of proving a way's motions and seeking another
-        for k, way in zip(rows, self.graph.ways(legs[rows], 200), strict=True):
-            out[k] = None if way is None else self.graph.q[way]
+        # 200: rounds of proving a path's motions and seeking another
+        for k, path in zip(rows, self.graph.paths(legs[rows], 200), strict=True):
+            out[k] = None if path is None else self.graph.q[path]
         return out
 
     def _bridge(self, legs: np.ndarray) -> None:
@@ -291,9 +291,9 @@ class Roadmap:
             if low == high or tried.get((low, high), 0) >= 3:  # legs between the same two parts that RRT-Connect tries
                 continue
             tried[low, high] = tried.get((low, high), 0) + 1
-            way = self._rrt(*self.graph.q[leg])
-            if way is not None:
-                self.graph.add_way(leg, way)
+            path = self._rrt(*self.graph.q[leg])
+            if path is not None:
+                self.graph.add_path(leg, path)
                 part = self.graph.parts()
                 tried = {}
 
@@ -330,7 +330,7 @@ def connected_parts(constraints: Constraints, q: Array, seed: int = 0) -> np.nda
 class PartMap:
     """The connected parts of the valid states, as a roadmap shows them.
 
-    Between different parts no way was found, so a tour must keep to one of them.
+    Between different parts no path was found, so a tour must keep to one of them.
 
     Attributes:
         roadmap: over the first poses and a sample of the others.
@@ -360,7 +360,7 @@ class PartMap:
         return np.asarray(self.part[nearest])
 
     def find_unjoined(self, q: Array, share: float) -> np.ndarray:
-        """Positions of those poses (n, N) [rad] that no proven way joins to the first pose; they join the roadmap."""
+        """Positions of those poses (n, N) [rad] that no proven path joins to the first pose; they join the roadmap."""
         graph, speed = self.roadmap.graph, self.roadmap.constraints.cell.robot.speed
         count = len(graph.q)
         _, near = cKDTree(graph.q / speed).query(q / speed, k=np.arange(min(NEIGHBOURS, count)) + 1)

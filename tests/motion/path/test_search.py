@@ -64,7 +64,7 @@ def test_lazy_ways_are_the_shortest_of_the_true_graph() -> None:
         wanted = np.random.default_rng(seed).integers(len(graph.q), size=(12, 2))
         wanted = wanted[wanted[:, 0] != wanted[:, 1]]
         length = dijkstra(truth, directed=False, indices=wanted[:, 0])[np.arange(len(wanted)), wanted[:, 1]]
-        for way, want, best in zip(graph.ways(wanted, 1000), wanted, length, strict=True):
+        for way, want, best in zip(graph.paths(wanted, 1000), wanted, length, strict=True):
             if way is None:
                 assert np.isinf(best)
             else:
@@ -115,7 +115,7 @@ def test_bridges_of_rrt_connect_join_parts_of_the_roadmap() -> None:
     graph = LazyGraph(discs, np.concatenate([left, right]), edges)  # type: ignore[arg-type]
     roadmap = Roadmap(discs, graph, np.array([0, len(left)]), seed=5)  # type: ignore[arg-type]
     assert roadmap.parts()[0] != roadmap.parts()[1]
-    way = roadmap.ways(np.array([[0, 1]]))[0]
+    way = roadmap.paths(np.array([[0, 1]]))[0]
     assert way is not None
     np.testing.assert_array_equal(way[[0, -1]], q)
     assert discs.prove(way[:-1], way[1:]).proven.all()
@@ -125,7 +125,7 @@ def test_bridges_of_rrt_connect_join_parts_of_the_roadmap() -> None:
 def test_shortening_keeps_the_ends_and_the_proof() -> None:
     discs, graph, _ = disc_graph(1)
     wanted = np.array([[0, 150], [3, 120], [20, 200]])
-    ways = [graph.q[w] for w in graph.ways(wanted, 1000) if w]
+    ways = [graph.q[w] for w in graph.paths(wanted, 1000) if w]
     assert len(ways) >= 2
 
     def cost(way: Array) -> float:
