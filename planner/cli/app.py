@@ -97,7 +97,7 @@ ROBOT_WORDS = {"cell", "unloaded", "model"}  # parameters that name a file with 
 def with_shared_options(function: Callable[..., None]) -> Callable[..., None]:
     """Give a command ``--verbose``, one that writes files ``--force``, one that reads a robot's file ``--package``.
 
-    A function that has the parameter ``manner`` is told what the first two say.
+    A function that has the parameter ``manner`` is handed the values of the first two in it.
     """
     plain = signature(function, eval_str=True)
     told = "manner" in plain.parameters

@@ -33,7 +33,7 @@ FULL_AXES = 6  # with fewer an arm cannot bring its tool to every pose near one 
 
 
 class FlangeSource(Protocol):
-    """A robot, as far as its flange is asked for."""
+    """What gives the pose of a robot's flange."""
 
     def flange(self, q: Array) -> tuple[Array, Array]:
         """Return p_BF (n, 3) [m] and R_BF (n, 3, 3) at controller angles q (n, N) [rad]."""

@@ -33,7 +33,7 @@ class ErrorTangent:
         return before - sum_largest(-self.prices(rows), self.poses)
 
     def prices(self, rows: Array, active: Positions | None = None) -> Array:
-        """Return minus what each reading gains, (n,)."""
+        """Return the price (n,) of each candidate: minus what its reading would take off the mean square error."""
         return -quadratic_form(rows, self._slope)
 
     @property

@@ -53,7 +53,7 @@ class Weights:
 
     Attributes:
         logs: logarithm of the weight of each cause, 0 of the finding itself.
-        by_poses: causes of which the poses cannot tell it.
+        by_poses: causes that readings at these poses are not expected to tell from the finding.
     """
 
     logs: Mapping[str, float]

@@ -360,12 +360,12 @@ class _Chain:
         self._let_act(idle[k], 1 + _choose(odds[k], rng))
 
     def _prior_logs(self, families: Sequence[int] | np.ndarray) -> list[Array]:
-        """Log probabilities of the factors of families with all others as they are."""
+        """Return for each family the log prior probabilities of its factors, all other families as they are."""
         acting = np.bincount(self.pool[self.factors > 0], minlength=len(self.pool_sizes))
         return [self._logs(f, int(acting[self.pool[f]]) - int(self.factors[f] > 0)) for f in families]
 
     def _logs(self, family: int, acting: int) -> Array:
-        """Log probabilities of a family's factors where so many others of its pool act, kept."""
+        """Return the log prior probabilities of a family's factors where so many others of its pool act; cached."""
         prior = self.model.priors[family]
         if (id(prior), acting) not in self.known_logs:
             self.known_logs[id(prior), acting] = prior.logs(acting, int(self.pool_sizes[prior.pool]) - 1)

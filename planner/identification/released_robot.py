@@ -136,7 +136,7 @@ class ReleasedRobot:
 
     @property
     def beside_square(self) -> float:
-        """Mean square motion of the tool that no joint angle tells: by the rest, and by drift [m²]."""
+        """Mean square [m²] of the tool's motion that joint angles do not determine: the rest, and the drift in time."""
         return self.misfit.rest_square + self.drift_rms**2
 
     def likely_errors(self, fit: Fit | None) -> Array:

@@ -33,7 +33,7 @@ class LiveGauge:
 
     Attributes:
         port, baud: of the line; ``protocol`` ``stream`` or one of ``PROTOCOLS``, which is asked.
-        factor, zero: of its readings, to metres.
+        factor, zero: ``factor`` times what it sends, plus ``zero``, is the reading [m].
     """
 
     port: str

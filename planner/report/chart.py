@@ -50,7 +50,7 @@ class Heatmap:
 
     Attributes:
         values: (rows, columns), the first row on top.
-        x_names: one a column; the panel's ``y_names`` are one a row.
+        x_names: names of the columns; those of the rows are the panel's ``y_names``.
     """
 
     values: Array

@@ -68,7 +68,7 @@ class PoseRecord(PartialModel):
     @field_validator("ball", mode="before")
     @classmethod
     def _name(cls, value: object) -> object:
-        """Take a ball's number for its name."""
+        """Read a ball that is given by its number as one of that name."""
         return str(value) if isinstance(value, int) else value
 
 

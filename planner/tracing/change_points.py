@@ -114,7 +114,7 @@ def series_merit(test: ScoreTest, steps: Sequence[EffectScore]) -> float:
 
 
 def _beside(test: ScoreTest, A: Array) -> ScoreTest:
-    """Return the test with whitened columns A (n, r, k) in the model."""
+    """Return the test of a model that has the whitened columns A (n, r, k) as well."""
     U, taken = _beyond(test, A)
     beside, dof = np.column_stack([test.beside, U]), max(1.0, test.dof - U.shape[1])
     return replace(test, beside=beside, residual=test.residual - U @ taken, dof=dof)
