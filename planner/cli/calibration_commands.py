@@ -17,8 +17,9 @@ from planner.cli.terminal import (
     print_notes,
 )
 from planner.common.calls import find_function
+from planner.common.console import as_word
 from planner.common.errors import PARTLY_DONE, InputError
-from planner.common.files import check_writing, short_path
+from planner.common.files import check_writing
 from planner.workflow.compensate_call import CompensateCall
 from planner.workflow.plan_use_calls import ImportCall, SimulateCall
 
@@ -39,14 +40,15 @@ def _import(values: Values, output: str, manner: Manner) -> None:
         from planner.runs.writer import run_text, save_run
     print_notes(run.warnings, manner.verbose)
     plan = values.get("plan")
-    step = f"edbb identify {output} --cell {_cell_of(plan)} {f'--plan {plan} ' if plan else ''}-o calibrated"
+    words = f"--plan {as_word(plan)} " if plan else ""
+    step = f"edbb identify {as_word(output)} --cell {_cell_of(plan)} {words}-o calibrated"
     give_file(run_text(run), lambda path: save_run(run, path, manner.force), output, step)
 
 
 def _cell_of(plan: Path | None) -> str:
     """Return the cell that lies beside a plan, or the word for the person's own."""
     beside = None if plan is None else Path(plan).parent / "cell.toml"
-    return "CELL" if beside is None or not beside.is_file() else short_path(beside)
+    return "CELL" if beside is None or not beside.is_file() else as_word(beside)
 
 
 def _compensate(values: Values, output: str, manner: Manner) -> None:

@@ -1,8 +1,12 @@
-"""Text for a console that does not have every letter: units and signs are spelt in plain ones there."""
+"""Text for a console: plain letters where it lacks some, and paths that its shell takes as one word."""
 
 import codecs
+import os
+import shlex
+import subprocess
 import sys
 from io import TextIOWrapper
+from pathlib import Path
 
 PLAIN = {
     "µ": "u", "μ": "u", "σ": "sigma", "φ": "phi", "θ": "theta", "Δ": "d", "Σ": "sum", "√": "sqrt",
@@ -27,3 +31,8 @@ def speak_plainly() -> None:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, TextIOWrapper) and codecs.lookup(stream.encoding).name != "utf-8":
             stream.reconfigure(errors=NAME)
+
+
+def as_word(path: Path | str) -> str:
+    """Return a path as one word of a command that a person may copy: quoted where a shell would part or change it."""
+    return subprocess.list2cmdline([str(path)]) if os.name == "nt" else shlex.quote(str(path))

@@ -1,5 +1,6 @@
 """Files are read with a word for what is wrong, appear whole or not at all; data folders are found here."""
 
+import hashlib
 import json
 import os
 import platform
@@ -98,6 +99,16 @@ def read_bytes(path: Path, most_bytes: int = MOST_TEXT, advice: str = "") -> byt
         return path.read_bytes()
     except OSError as err:
         raise InputError(f"{path}: cannot be read ({err.strerror or err})") from err
+
+
+def text_hash(data: bytes) -> str:
+    """Return the SHA-256 of a text whose lines end by one character, as everything that is written here does."""
+    return hashlib.sha256(data.replace(b"\r\n", b"\n")).hexdigest()
+
+
+def is_as_hashed(data: bytes, digest: str) -> bool:
+    """Tell whether ``data`` has this SHA-256, or had it before git or an editor ended its lines as Windows does."""
+    return digest in (hashlib.sha256(data).hexdigest(), text_hash(data))
 
 
 def read_utf8(path: Path, most_bytes: int = MOST_TEXT) -> str:

@@ -12,7 +12,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from planner.common.errors import InputError
-from planner.common.files import INPUTS, document_text, draft_prefix
+from planner.common.files import INPUTS, document_text, draft_prefix, is_as_hashed
 from planner.common.system import process_exists, swap_folders
 
 MANIFEST = "manifest.json"
@@ -139,7 +139,8 @@ def _files_in(folder: Path) -> list[str]:
 
 def _is_unchanged(folder: Path, name: str, written: str | None) -> bool:
     try:
-        return written is not None and written == file_hash(folder / name)
+        path = folder / name
+        return written is not None and (written == file_hash(path) or is_as_hashed(path.read_bytes(), written))
     except OSError:
         return False
 

@@ -48,7 +48,7 @@ class BarKeys(StrictModel):
 UNITS = {  # what a column of lengths may hold instead of what it says, and how large one of it comes out
     "millimetres": 1.0,
     "metres in a column of millimetres": 1e-3,
-    "millimetres in a column of metres": 1e3,
+    "micrometres in a column of millimetres, or millimetres in a column of metres": 1e3,
     "inches in a column of millimetres": 1 / 25.4,
     "half inches in a column of millimetres": 1 / 12.7,
     "centimetres in a column of millimetres": 0.1,

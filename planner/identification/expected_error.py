@@ -20,7 +20,7 @@ from pydantic import Field
 from planner.cell.setup import MeasurementSetup
 from planner.common.determinism import even_positions
 from planner.common.errors import InputError
-from planner.common.files import read_bytes
+from planner.common.files import is_as_hashed, read_bytes
 from planner.common.schema import StrictModel, read_json, validate
 from planner.common.units import Array, few_digits, from_deg, from_mm, read_only, to_deg, to_mm
 from planner.effects.effect import Parameter
@@ -245,7 +245,7 @@ class ExpectedError:
         if not path.is_file():
             return f"no {NAME} lies beside {robot_file.name} ('edbb identify' writes both)"
         file = validate(read_json(path), ExpectedErrorFile, str(path))
-        if file.robot_sha256 != sha256(read_bytes(robot_file)).hexdigest():
+        if not is_as_hashed(read_bytes(robot_file), file.robot_sha256):
             return f"{NAME} belongs to another {robot_file.name}: one of them was changed or exchanged"
         found = cls(file, robot)
         found.check(path)

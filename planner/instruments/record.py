@@ -17,8 +17,8 @@ import tomli_w
 from pydantic import Field
 
 from planner.common.errors import InputError
-from planner.common.files import document_text, read_bytes, write_text
-from planner.common.result_folder import draft_folder, file_hash, move_all
+from planner.common.files import document_text, is_as_hashed, read_bytes, text_hash, write_text
+from planner.common.result_folder import draft_folder, move_all
 from planner.common.schema import PartialModel, StrictModel, read_json, read_toml, validate
 from planner.common.units import to_mm
 from planner.instruments.assumptions import FRAMES
@@ -261,8 +261,7 @@ class RobotRecord:
 def _read_entry(folder: Path) -> RecordEntry:
     file = validate(read_json(folder / "entry.json"), EntryFile, str(folder / "entry.json"))
     path = folder / next(name for name, kind in DOCUMENTS.items() if kind == file.kind)
-    _ = read_bytes(path)
-    if file_hash(path) != file.document_sha256:
+    if not is_as_hashed(read_bytes(path), file.document_sha256):
         raise InputError(f"{path} is not what was added to the record: its hash differs; fetch it from a backup")
     return RecordEntry(int(folder.name.partition("-")[0]), file, _read_document(path, file.kind))
 
@@ -337,14 +336,15 @@ def add_entry(
             f"robot that is {'simulated' if known.simulated else 'real'}: keep simulated ones under serial numbers of "
             "their own"
         )
-    if file_hash(results / name) in [e.file.document_sha256 for e in known.entries]:
+    content = read_bytes(results / name)
+    if any(is_as_hashed(content, e.file.document_sha256) for e in known.entries):
         raise InputError(f"{results / name} is in the record already")
     _require_day(circumstances.date, kind, known, baseline)
     _require_same_model(results / ROBOT, record)
     entry = EntryFile(
         schema="edbb-record-entry/1",
         kind=kind,
-        document_sha256=file_hash(results / name),
+        document_sha256=text_hash(content),
         circumstances=circumstances,
     )
     number = max((e.number for e in known.entries), default=0) + 1

@@ -43,7 +43,7 @@ def run_of_images(path: Path, poses: Sequence[int], pixels: Array) -> tuple[Run,
     which = np.array([rows[poses[k]] for k in there])
     q, n = {}, table.n_joints
     for stem in ("q", "cmd"):
-        q[stem], _ = joint_angles(table, stem, n)
+        q[stem] = joint_angles(table, stem, n)
     angles = q["q"] if q["q"] is not None else q["cmd"]
     if angles is None:
         raise InputError(f"{path}: there are no joint angles; q1_deg … as read or cmd1_deg … as commanded are needed")

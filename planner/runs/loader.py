@@ -85,8 +85,8 @@ def _logged_run(table: RunTable, n_joints: int, pixels: Array | None) -> Run:
     Raises:
         InputError: joints or reading are missing, or the clock is wrong.
     """
-    q_read, odd = joint_angles(table, "q", n_joints)
-    q_cmd, odd_cmd = joint_angles(table, "cmd", n_joints)
+    q_read = joint_angles(table, "q", n_joints)
+    q_cmd = joint_angles(table, "cmd", n_joints)
     q = q_read if q_read is not None else q_cmd
     if q is None:
         raise InputError(
@@ -128,7 +128,7 @@ def _logged_run(table: RunTable, n_joints: int, pixels: Array | None) -> Run:
         2 if table.notes.get("clocks") == "2" else 1,
         table.notes.get("plan_id"),
         table.notes.get("robot"),
-        (*table.warnings, *odd, *odd_cmd, *said),
+        (*table.warnings, *said),
         (table.source.name,),
         "truth" in table.notes,
         table.slides,

@@ -13,45 +13,21 @@ from planner.runs.table import RunTable
 from planner.runs.text import first_row
 
 
-def joint_angles(table: RunTable, stem: str, n_joints: int) -> tuple[Array | None, list[str]]:
-    """Return read (``q``) or commanded (``cmd``) angles (n, N) [rad], and what looks odd about them.
+def joint_angles(table: RunTable, stem: str, n_joints: int) -> Array | None:
+    """Return read (``q``) or commanded (``cmd``) angles (n, N) [rad], None where there are none.
 
     Raises:
-        InputError: joints missing, degrees where radians are said, or radians where degrees are said.
+        InputError: joints missing, or degrees where radians are said.
     """
     q = table.joints(stem, n_joints)
     if q is None:
-        return None, []
+        return None
     for joint, angle in enumerate(q.T, start=1):
         key, row = f"{stem}{joint}", first_row(np.abs(angle) > 2.0 * TURN)
         if table.units.get(key) == "rad" and row is not None:
             hint = f"if the angles are degrees, call the column {key}_deg"
             raise table.source.error(row, key, f"{angle[row]:g} rad is more than two turns; {hint}")
-    return q, _radians_as_degrees(table, stem, q)
-
-
-def _radians_as_degrees(table: RunTable, stem: str, q: Array) -> list[str]:
-    """Refuse columns in degrees that move like radians do; warn where they do not move enough to tell.
-
-    An arm that measures moves by tens of degrees: all joints within ±6.3 and moving more than 1 there are in radians.
-    """
-    in_degrees = [j for j in range(q.shape[1]) if table.units.get(f"{stem}{j + 1}") == "deg"]
-    degrees = to_deg(q[:, in_degrees])
-    if degrees.size == 0 or np.abs(degrees).max() > TURN + 0.01 or table.notes.get("angles") == "degrees":
-        return []
-    spread = float(np.ptp(degrees, axis=0).max())
-    first = f"{stem}{in_degrees[0] + 1}"
-    name = f"{table.source.headers.get(first, first)} …"
-    if spread > 1.0 and len(degrees) > 1:
-        raise InputError(
-            f"{table.source.file}: the columns {name} are called degrees, but all joints stay within "
-            f"±{np.abs(degrees).max():.3g}: radians look like that; call them {stem}1_rad …, or write "
-            "'# angles: degrees' above if the arm really moved so little"
-        )
-    return [
-        f"{table.source.name}: no joint moves by more than {spread:.3g} degrees ({name}); "
-        f"if these are radians, call them {stem}1_rad"
-    ]
+    return q
 
 
 def check_jumps(table: RunTable, n_joints: int) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +12,8 @@ import numpy as np
 from planner.common.errors import InputError, did_you_mean
 from planner.common.files import check_readable
 from planner.common.lazy_modules import pl
-from planner.common.units import DEG, MM, UM, Array, IntArray, read_only
+from planner.common.units import DEG, MM, UM, Array, IntArray, read_only, to_deg
+from planner.kinematics.angle_units import DEGREES, NOTE, find_small
 from planner.kinematics.axes_line import KEY as AXES_OF
 from planner.kinematics.axes_line import axes_line
 from planner.runs.foreign_table import foreign_table
@@ -283,7 +284,7 @@ def table_in_si(
     """Return the table of ``columns`` in SI units, checked for blanks and numbers that are none.
 
     Raises:
-        InputError: there is no row, or a field is blank or not finite.
+        InputError: there is no row, a field is blank or not finite, or angles in radians are called degrees.
     """
     if frame.height == 0:
         raise InputError(f"{source.file}: there is no row below the names of the columns")
@@ -298,7 +299,27 @@ def table_in_si(
             check_names(si[c.key], source)
         if c.stem in WHOLE:
             check_whole(si[c.key], source, ALLOWED.get(c.stem, ()))
-    return RunTable(source, si, {c.key: c.unit for c in columns}, notes, tuple(warnings))
+    table = RunTable(source, si, {c.key: c.unit for c in columns}, notes, tuple(warnings))
+    return replace(table, warnings=(*warnings, *_radians_as_degrees(table)))
+
+
+def _radians_as_degrees(table: RunTable) -> list[str]:
+    """Refuse joint angles in degrees that move like radians do; warn where they do not move enough to tell.
+
+    This is judged as the file has them: axes of a controller with a zero of its own look otherwise once they are
+    turned into the model's joints.
+    """
+    said = []
+    for stem in ("q", "cmd"):
+        keys = [k for k in table.frame.columns if split_key(k)[0] == stem and table.units.get(k) == "deg"]
+        small = find_small(to_deg(table.frame.select(keys).to_numpy()))
+        if small is None or table.notes.get(NOTE) == DEGREES:
+            continue
+        columns, cure = f"{table.source.headers.get(keys[0], keys[0])} …", f"{keys[0]}_rad"
+        if small.are_radians:
+            raise InputError(f"{table.source.file}: {small.refusal(columns, cure)}")
+        said.append(f"{table.source.name}: {small.doubt(columns, cure)}")
+    return said
 
 
 def _read_parquet(path: Path, n_joints: int) -> RunTable:

@@ -94,16 +94,36 @@ def read_lines(path: Path, encoding: str | None = None) -> list[str]:
     """
     most_bytes = 250_000_000  # of a run's or trace's text: 1.7 GB while they are read
     data = read_bytes(path, most_bytes, "leave out samples, or write it as Parquet").removeprefix(b"\xef\xbb\xbf")
+    hint = _encoding_hint(data)
     try:
         text = data.decode(encoding or "utf-8").removeprefix("\ufeff")
+        if "\0" in text[:64]:
+            raise UnicodeError("it has letters of the number 0")
     except UnicodeError as err:
-        if encoding is not None or not isinstance(err, UnicodeDecodeError):
-            raise InputError(f"{path}: the text is not {encoding}, as the map says ({err})") from err
-        line = data.count(b"\n", 0, err.start) + 1
+        if encoding is not None:
+            raise InputError(f"{path}: the text is not {encoding}, as the map says ({err}){hint}") from err
+        line = data.count(b"\n", 0, err.start if isinstance(err, UnicodeDecodeError) else 0) + 1
         raise InputError(
             f"{path}, line {line}: the text is not UTF-8; name its encoding in a map of 'edbb import'"
         ) from err
     return text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+
+
+def _encoding_hint(data: bytes) -> str:
+    """Return which encoding a file announces, or its first letters show."""
+    if data.startswith((b"\xff\xfe", b"\xfe\xff")):
+        return '; it begins as UTF-16 does: encoding = "utf-16" in its map'
+    start = data[:64]
+    order = "le" if start[1::2].count(0) > start[::2].count(0) else "be"
+    return f'; every other byte is 0, as in UTF-16: encoding = "utf-16-{order}" in its map' if 0 in start else ""
+
+
+def separator_hint(wanted: str, fields: Sequence[str]) -> str:
+    """Return what a map would have to say where the one column that was found holds several by another sign."""
+    signs = {";": ";", "\t": "\\t", ",": ",", " ": " "}  # and how a map writes them
+    parted = (shown for sign, shown in signs.items() if wanted in (part.strip() for part in fields[0].split(sign)))
+    sign = next(parted, None) if len(fields) == 1 else None
+    return "" if sign is None else f'; separator = "{sign}" for this trace in the map parts the line'
 
 
 def split_head(lines: Sequence[str]) -> tuple[list[str], list[str]]:

@@ -16,6 +16,7 @@ from pydantic import AfterValidator, Field, model_validator
 from planner.common.errors import InputError, did_you_mean
 from planner.common.lazy_modules import pl
 from planner.common.schema import StrictModel, check_pattern, read_toml
+from planner.kinematics.angle_units import DEGREES, NOTE
 from planner.kinematics.axes import MODEL
 from planner.kinematics.axes_line import KEY as AXES_OF
 from planner.kinematics.axes_line import axes_line
@@ -36,7 +37,7 @@ from planner.runs.table import (
     table_in_si,
     units_of,
 )
-from planner.runs.text import RowSource, numbers_in, parse_rows, read_lines
+from planner.runs.text import RowSource, numbers_in, parse_rows, read_lines, separator_hint
 
 ENCODINGS = re.compile(  # of text; not those that obey escapes (unicode_escape), nor of names of hosts (idna, punycode)
     r"ascii|utf-(8|16|32)(-\w+)?|iso8859-\d+|cp\d+|mac-\w+|koi8-\w|gb\w+|big5\w*|shift_jis\w*|euc_\w+|tis-620"
@@ -147,8 +148,9 @@ class TraceMap(StrictModel):
 class ColumnMap(TraceMap):
     """A whole map: the first trace at the top level, further ones (another file each) under ``[[traces]]``.
 
-    ``axes_of`` names the language of the controller whose axes the angles are (``model``: the joints of the robot's
-    model), ``robot`` the shipped robot, or its file beside the map, that says how that controller counts.
+    ``angles`` (``degrees``) says that an arm moves so little that its degrees look like radians. ``axes_of`` names
+    the language of the controller whose axes the angles are (``model``: the joints of the robot's model), ``robot`` the
+    shipped robot, or its file beside the map, that says how that controller counts.
     """
 
     schema_: Literal["edbb-map/1"] = Field(alias="schema")
@@ -156,6 +158,7 @@ class ColumnMap(TraceMap):
     robot: str | None = None
     axes_of: str | None = None
     plan_id: str | None = None
+    angles: Literal["degrees"] | None = None
     traces: tuple[TraceMap, ...] = ()
 
     @property
@@ -191,8 +194,11 @@ def _key_of(name: str) -> str:
 
 
 LINE_SECONDS = 2.0  # [s] in which a sound pattern is through with any line
-PLAN_ID = re.compile(r"plan_id\W+([0-9a-f]{12})\b")
-TRUTH = re.compile(f"truth: ({SIMULATED})")
+SAID = {  # anywhere in a trace
+    "plan_id": re.compile(r"plan_id\W+([0-9a-f]{12})\b"),
+    "truth": re.compile(f"truth: ({SIMULATED})"),
+    NOTE: re.compile(rf"^\W*{NOTE}: ({DEGREES})\W*$", re.MULTILINE),
+}
 
 
 def read_trace(path: Path, trace: TraceMap, notes: Mapping[str, str]) -> RunTable:
@@ -203,7 +209,7 @@ def read_trace(path: Path, trace: TraceMap, notes: Mapping[str, str]) -> RunTabl
     """
     lines = read_lines(path, trace.encoding)
     text = "\n".join(lines)
-    found = {key: m[1] for key, m in (("plan_id", PLAN_ID.search(text)), ("truth", TRUTH.search(text))) if m}
+    found = {key: m[1] for key, pattern in SAID.items() if (m := pattern.search(text))}
     other, wanted = found.get("plan_id"), notes.get("plan_id", found.get("plan_id"))
     if other != wanted and other is not None:
         raise InputError(f"{path}: was kept while plan {other} was driven, not plan {wanted}")
@@ -314,7 +320,7 @@ def _position(name: str, fields: list[str], trace: TraceMap, where: str, file: s
         raise InputError(f"{file}: the map takes {name} from column '{wanted}', but {says}")
     if wanted not in fields:
         found = ", ".join(f"'{field}'" for field in fields)
-        hint = did_you_mean(wanted, fields)
+        hint = separator_hint(wanted, fields) or did_you_mean(wanted, fields)
         raise InputError(f"{file}: there is no column '{wanted}' for {name}{hint} (found: {found})")
     if fields.count(wanted) > 1:
         raise InputError(f"{file}: '{wanted}' stands above {fields.count(wanted)} columns; give {name} a position")
@@ -376,7 +382,7 @@ def import_mapped(traces: Sequence[Path], mapping: ColumnMap, name: str, axes_of
         raise InputError(f"no trace was given; {name} reads {len(mapping.all_traces)}")
     if len(traces) < len(mapping.all_traces):
         raise InputError(f"{name} reads {len(mapping.all_traces)} traces, but {len(traces)} were given")
-    said = {"measure": mapping.measure, "robot": mapping.robot, "plan_id": mapping.plan_id, AXES_OF: mapping.axes_of}
+    said = {AXES_OF: mapping.axes_of, **{k: getattr(mapping, k) for k in ("measure", "robot", "plan_id", "angles")}}
     notes = {key: value for key, value in said.items() if value is not None}
     n_joints = mapping.n_joints
     mapped = [read_trace(Path(p), trace, notes) for p, trace in zip(traces, mapping.all_traces, strict=False)]

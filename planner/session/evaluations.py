@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from planner.common.console import as_word
 from planner.common.extensions import load_extensions
 
 
@@ -58,4 +59,4 @@ def evaluation_of(run: Path | str, plan: Path, kind: str | None, calibrates: boo
     load_extensions()
     fitting = (e.command for e in _EVALUATIONS if e.fits(plan, kind, calibrates))
     known = "edbb identify {run} --cell {cell} --plan {plan} -o calibrated" if kind is None else ""
-    return next(fitting, known).format(run=run, plan=plan, cell=plan.parent / "cell.toml")
+    return next(fitting, known).format(run=as_word(run), plan=as_word(plan), cell=as_word(plan.parent / "cell.toml"))

@@ -7,6 +7,7 @@ import numpy as np
 
 from planner.cell.cell import Cell
 from planner.common.calls import called_with
+from planner.common.console import as_word
 from planner.common.errors import InputError
 from planner.common.files import write_bytes, write_text
 from planner.common.progress import Stages
@@ -62,7 +63,7 @@ class AccuracyCheck(FolderResult):
 
     def next_step(self, folder: Path) -> str:
         """Say how it is kept."""
-        return f"edbb record RECORD --add {folder} -o history keeps it with what is known of the robot"
+        return f"edbb record RECORD --add {as_word(folder)} -o history keeps it with what is known of the robot"
 
 
 @called_with(AccuracyCall)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from planner.cell.cell import Cell
 from planner.cell.reading import load_cell
 from planner.common.calls import called_with
+from planner.common.console import as_word
 from planner.common.files import document_text, folder_of, write_text
 from planner.common.progress import Stages
 from planner.common.result import FolderResult, simulated_section
@@ -91,7 +92,7 @@ class CheckResult(FolderResult):
 
     def next_step(self, folder: Path) -> str:
         """Say how the check is kept."""
-        return f"edbb record RECORD --add {folder} -o history keeps it with the robot's other checks"
+        return f"edbb record RECORD --add {as_word(folder)} -o history keeps it with the robot's other checks"
 
 
 @called_with(PlanCheckCall)

@@ -7,6 +7,7 @@ from typing import Any
 
 from planner.cell.cell import Cell
 from planner.common.calls import called_with
+from planner.common.console import as_word
 from planner.common.determinism import on_one_thread
 from planner.common.files import write_text
 from planner.common.numbers import number_of
@@ -150,9 +151,10 @@ class LoadedTestEvaluation(FolderResult):
 
     def next_step(self, folder: Path) -> str:
         """Say how the robot is corrected."""
+        cell = f"--cell {as_word(self.cell.path)}"
         if self.joint is None:
-            return f"edbb loaded LOADED.csv --unloaded FREE.csv --cell {self.cell.name} -o DIR adds runs without load"
-        return f"edbb identify {folder / 'joint.csv'} --cell {self.cell.path} -o calibrated"
+            return f"edbb loaded LOADED.csv --unloaded FREE.csv {cell} -o DIR adds runs without load"
+        return f"edbb identify {as_word(folder / 'joint.csv')} {cell} -o calibrated"
 
 
 @called_with(LoadedCall)

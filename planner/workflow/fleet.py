@@ -8,6 +8,7 @@ from typing import Any
 import tomli_w
 
 from planner.cell.fleet_file import FleetSize
+from planner.common.console import as_word
 from planner.common.files import write_text
 from planner.common.result import Result
 from planner.common.summary import Summary
@@ -48,8 +49,8 @@ class FleetResult(Result):
     def next_step(self, folder: Path) -> str:
         """Say what it is for."""
         return (
-            f"edbb plan CELL --fleet {folder} -o next plans for such a robot; "
-            f"edbb identify RUN.csv --cell CELL --fleet {folder} -o calibrated identifies it"
+            f"edbb plan CELL --fleet {as_word(folder)} -o next plans for such a robot; "
+            f"edbb identify RUN.csv --cell CELL --fleet {as_word(folder)} -o calibrated identifies it"
         )
 
 

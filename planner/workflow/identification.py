@@ -10,6 +10,7 @@ import numpy as np
 from planner.cell.cell import Cell
 from planner.cell.fleet_file import read_fleet, with_fleet
 from planner.common.calls import called_with
+from planner.common.console import as_word
 from planner.common.errors import InputError
 from planner.common.files import write_bytes, write_text
 from planner.common.progress import Stages
@@ -73,9 +74,9 @@ class CalibrationResult(FolderResult):
 
     def next_step(self, folder: Path) -> str:
         """Say how findings are told apart and programs are corrected."""
-        model, rivals = folder / "robot.toml", can_be_told_apart(self.calibration)
-        apart = f"\nedbb plan CELL --separate {folder} -o apart tells the causes apart"
-        return f"edbb compensate PROGRAM --model {model} -o CORRECTED corrects a program{apart if rivals else ''}"
+        correct = f"edbb compensate PROGRAM --model {as_word(folder / 'robot.toml')} -o CORRECTED corrects a program"
+        apart = f"edbb plan CELL --separate {as_word(folder)} -o apart tells the causes apart"
+        return f"{correct}\n{apart}" if can_be_told_apart(self.calibration) else correct
 
     @property
     def parameters(self) -> NamedTable[Estimate]:

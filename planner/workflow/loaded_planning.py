@@ -9,6 +9,7 @@ from planner.cell.cell import Cell
 from planner.cell.reading import load_cell
 from planner.cell.sections import cell_file_of
 from planner.common.calls import called_with
+from planner.common.console import as_word
 from planner.common.errors import InputError, NoSolutionError
 from planner.common.files import write_text
 from planner.common.numbers import number_of
@@ -240,7 +241,7 @@ class CirclePlacesResult(FolderResult):
 
     def next_step(self, folder: Path) -> str:
         """Say how the circles are driven."""
-        return f"edbb plan {folder / 'cell.toml'} -o circles plans the {self.count} best circles"
+        return f"edbb plan {as_word(folder / 'cell.toml')} -o circles plans the {self.count} best circles"
 
 
 @called_with(LoadedPlacesCall)

@@ -8,6 +8,7 @@ from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
+from planner.common.console import as_word
 from planner.common.errors import InputError
 from planner.common.files import write_text
 from planner.common.numbers import number_of
@@ -73,7 +74,7 @@ class PlanResult(SessionResult):
     def next_step(self, folder: Path) -> str:
         """Say how the session is measured and evaluated."""
         plan, calibrates = folder / "plan.json", any(v.role == "calibrate" for d in self.plan.drives for v in d.visits)
-        measure = self.plan.cell.gauge.measured_by.replace("PLAN", str(plan))
+        measure = self.plan.cell.gauge.measured_by.replace("PLAN", as_word(plan))
         return f"{measure}\n{evaluation_of('run.csv', plan, None, calibrates)}"
 
     def overview(self) -> Summary:

@@ -2,6 +2,7 @@
 
 import ast
 import re
+import shlex
 from functools import cache
 from pathlib import Path
 
@@ -9,6 +10,7 @@ import pytest
 
 import planner
 from planner.cli.app import load_command, verbs
+from planner.session.evaluations import evaluation_of
 
 SOURCE = Path(planner.__file__).parent
 NAMED = re.compile(r"\bedbb ([a-z]+(?:-[a-z]+)*)\b((?:(?!\bedbb )[^;:.`'\"]|\.\w|\.\.\.)*)")
@@ -55,3 +57,21 @@ def test_what_is_named_is_a_command_with_such_options(file, verb, options):
 def test_many_commands_are_named():
     assert {"identify", "compensate", "plan", "check", "record", "loaded"} <= {verb for _, verb, _ in FOUND}
     assert sum(bool(options) for *_, options in FOUND) > 15
+
+
+def test_paths_with_blanks_are_single_words_of_what_comes_next(tmp_path):
+    run, plan = tmp_path / "my run.csv", tmp_path / "plan of O'Neil" / "plan.json"
+    cell = plan.parent / "cell.toml"
+    expected = ["edbb", "identify", str(run), "--cell", str(cell), "--plan", str(plan), "-o", "calibrated"]
+    assert shlex.split(evaluation_of(run, plan, None, calibrates=True)) == expected
+
+
+def test_what_is_filled_into_a_command_is_a_word_of_its_own():
+    """No folder or file stands in a command as it is: a blank in its path would part it."""
+    bare = re.compile(r"\bedbb [a-z-]+ [^;:]*?(?:--[a-z-]+|-o|identify|plan|add) (\{(?!as_word)[^}]*\})")
+    for path in sorted(SOURCE.rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.JoinedStr):
+                parts = (v.value if isinstance(v, ast.Constant) else f"{{{ast.unparse(v.value)}}}" for v in node.values)
+                found = bare.search("".join(parts))
+                assert found is None, f"{path}: {found[0]}"

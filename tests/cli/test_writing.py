@@ -332,3 +332,13 @@ def test_a_name_that_cannot_be_taken_leaves_none_of_the_new_files(tmp_path, monk
     with pytest.raises(InputError, match="cannot be written"):
         write_program_as(files, tmp_path / "p.src")
     assert list(tmp_path.iterdir()) == []
+
+
+def test_line_ends_of_windows_are_no_change_of_a_result(tmp_path):
+    out = tmp_path / "out"
+    _results(out, plan_json='{"a":\n1}\n', a_src="one\ntwo\n")
+    (out / "a.src").write_bytes(b"one\r\ntwo\r\n")
+    (out / "plan.json").write_bytes(b'{"a":\r\n1}\r\n')
+    assert changed_files(out, "plan.json") == []
+    (out / "a.src").write_bytes(b"one\r\ntwo \r\n")
+    assert changed_files(out, "plan.json") == ["a.src"]

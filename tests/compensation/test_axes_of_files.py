@@ -10,6 +10,7 @@ from planner.common.errors import InputError
 from planner.compensation.compensated_file import compensate_file
 from planner.compensation.correction_mark import CorrectionMark
 from planner.compensation.languages import READERS
+from planner.compensation.targets import ToolAndBase
 from planner.kinematics.axes import AxisConvention
 from planner.kinematics.robot_reader import load_robot
 from planner.programs.controller_axes import in_controller_axes
@@ -218,3 +219,43 @@ def test_whose_axes_a_program_has_is_no_matter_of_an_option(tmp_path):
     path.write_text("PROGRAM part HOLD\nBEGIN\n  MOVE TO {1, 2, -90, 4, 5, 6}\nEND part\n")
     with pytest.raises(InputError, match=r"--axes-of is for tables"):
         compensate_file(path, load_robot("comau-nj130"), BentComau.drawn(4), axes_of="bnr")
+
+
+JOINTS = ",".join(f"q{j}_deg" for j in range(1, 7))
+RADIANS = np.round(np.deg2rad(np.random.default_rng(2).uniform(-60, 60, (5, 6)) + np.array([0, -60, 60, 0, 60, 0])), 5)
+
+
+@pytest.mark.parametrize("pose", [False, True])
+def test_a_table_of_radians_that_are_called_degrees_is_refused(tmp_path, pose):
+    robot, real = bent("kuka-kr6-r700")
+    beside = [",x_mm,y_mm,z_mm,a_deg,b_deg,c_deg", ",400,0,600,0,90,0"] if pose else ["", ""]
+    rows = "".join(",".join(map(str, row)) + beside[1] + "\n" for row in RADIANS)
+    path = tmp_path / "targets.csv"
+    frames = ToolAndBase(T_FT=np.eye(4), T_WB=np.eye(4))
+    path.write_text(f"{JOINTS}{beside[0]}\n{rows}")
+    with pytest.raises(
+        InputError, match=r"targets.csv: the columns q1_deg … .*radians look like that; call them q1_rad"
+    ):
+        compensate_file(path, robot, real, frames=frames)
+    if not pose:
+        path.write_text(f"{JOINTS.replace('deg', 'rad')}\n{rows}")
+        assert len(compensate_file(path, robot, real).targets) == len(RADIANS)
+
+
+def test_small_angles_are_degrees_where_the_table_says_so(tmp_path):
+    robot, real = bent("comau-nj130")
+    table = f"{JOINTS}\n1,-3.5,2.5,2,5.5,1\n-2,-5.5,3.1,-1,4.5,-3\n"
+    path = tmp_path / "targets.csv"
+    path.write_text(table)
+    with pytest.raises(InputError, match="radians look like that"):
+        compensate_file(path, robot, real)
+    path.write_text("# angles: degrees\n" + table)
+    done = compensate_file(path, robot, real)
+    assert (len(done.targets), "radians" in done.summary) == (2, False)
+
+
+def test_one_target_whose_angles_are_small_is_corrected_and_doubted(tmp_path):
+    robot, real = bent("comau-nj130")
+    (tmp_path / "one.csv").write_text(f"{JOINTS}\n1,-3.5,2.5,2,5.5,1\n")
+    done = compensate_file(tmp_path / "one.csv", robot, real)
+    assert "if these are radians, call them q1_rad" in " ".join(done.summary.split())

@@ -272,6 +272,60 @@ def test_a_trace_without_rows_is_told_as_it_is(tmp_path, text, words):
         import_run([tmp_path / "gauge.csv"], tmp_path / "map.toml")
 
 
+@pytest.mark.parametrize(("sign", "shown"), [(";", ";"), ("\t", r"\t"), (" ", " ")])
+def test_another_separator_is_named_as_the_map_would_say_it(tmp_path, sign, shown):
+    """What the sentence names is then written into the map, and the trace is read."""
+    trace = write(tmp_path / "t.csv", "A,Length\n10,400\n90,401\n".replace(",", sign))
+    text = 'schema = "edbb-map/1"\n{}[columns]\nq1_deg = "A"\nlength_mm = "Length"\n'
+    with pytest.raises(InputError, match=r'; separator = "(.*)" for this trace in the map parts the line') as caught:
+        import_run([trace], write(tmp_path / "map.toml", text.format("")))
+    (line,) = re.findall(r'separator = ".*?"', str(caught.value))
+    assert line == f'separator = "{shown}"'
+    assert len(import_run([trace], write(tmp_path / "map.toml", text.format(line + "\n")))) == 2
+
+
+@pytest.mark.parametrize("encoding", ["utf-16", "utf-16-le", "utf-16-be"])
+def test_another_encoding_is_named_as_the_map_would_say_it(tmp_path, encoding):
+    trace = tmp_path / "t.csv"
+    trace.write_bytes("A,Length\r\n10,400\r\n90,401\r\n".encode(encoding))
+    text = 'schema = "edbb-map/1"\n{}[columns]\nq1_deg = "A"\nlength_mm = "Length"\n'
+    with pytest.raises(InputError, match="the text is not utf-8, as the map says") as caught:
+        import_run([trace], write(tmp_path / "map.toml", text.format("")))
+    (line,) = re.findall(r'encoding = ".*?"', str(caught.value))
+    assert line == f'encoding = "{encoding}"'
+    assert len(import_run([trace], write(tmp_path / "map.toml", text.format(line + "\n")))) == 2
+
+
+SMALL = {"krl": (0.0, 1.0), "pdl2": (-90.0, -1.0)}  # zero [deg] and sense of axis 3 on the controller
+
+
+@pytest.mark.parametrize("axes_of", SMALL)
+def test_radians_under_degrees_are_told_by_their_own_file_in_the_controllers_axes(tmp_path, axes_of):
+    """A zero of 90° on the controller must not hide them; in the file they stay within a turn."""
+    robot = {"krl": "kuka-kr6-r700", "pdl2": "comau-nj130"}[axes_of]
+    columns = "".join(f'q{j}_deg = "A{j}"\n' for j in range(1, 7))
+    text = f'schema = "edbb-map/1"\nrobot = "{robot}"\naxes_of = "{axes_of}"\n{{}}[columns]\npose = "pose"\n{columns}'
+    text += '[[traces]]\n[traces.columns]\npose = "pose"\nlength_mm = "length_mm"\n'
+    c = np.round(np.random.default_rng(1).uniform(-1.5, 1.5, (6, 6)), 4)
+    head = "pose," + ",".join(f"A{j}" for j in range(1, 7)) + "\n"
+    lines = head + "".join(f"{i},{','.join(map(str, row))}\n" for i, row in enumerate(c, start=1))
+    traces = [write(tmp_path / "axes.log", lines), write(tmp_path / "gauge.csv", LENGTHS)]
+    message = (
+        r"axes\.log: the columns A1 … are called degrees, but .*radians look like that; call them q1_rad …, or write"
+    )
+    with pytest.raises(InputError, match=message):
+        import_run(traces, write(tmp_path / "map.toml", text.format("")))
+    zero, sense = SMALL[axes_of]
+    for said, log in (('angles = "degrees"\n', lines), ("", "# angles: degrees\n" + lines)):
+        traces[0].write_text(log)
+        q = import_run(traces, write(tmp_path / "map.toml", text.format(said))).samples.q
+        np.testing.assert_allclose(np.rad2deg(q[:, 2]), sense * (c[:, 2] - zero), atol=1e-9)
+    as_radians = write(tmp_path / "map.toml", text.format("").replace("_deg =", "_rad ="))
+    traces[0].write_text(lines)
+    q = import_run(traces, as_radians).samples.q
+    np.testing.assert_allclose(np.rad2deg(q[:, 2]), sense * (np.rad2deg(c[:, 2]) - zero), atol=1e-9)
+
+
 @pytest.mark.parametrize("case", MAPS)
 def test_one_sentence(tmp_path, case):
     text, message = MAPS[case]

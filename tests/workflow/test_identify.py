@@ -11,6 +11,7 @@ import pytest
 from planner.cell.reading import load_cell
 from planner.common.errors import InputError
 from planner.common.progress import Stages
+from planner.identification.baseline import Baseline
 from planner.identification.pipeline import FitSettings
 from planner.kinematics.robot_reader import load_robot
 from planner.runs.writer import save_run
@@ -170,6 +171,18 @@ def test_corrected_joints_bring_the_found_robot_where_the_nominal_should_be(iden
     found = load_robot(str(model))
     there = found.chain.forward(found.theta(new)).x.T
     assert np.linalg.norm(there - wanted, axis=1).max() < 1e-7
+
+
+def test_a_calibration_whose_line_ends_were_changed_by_git_corrects_as_before(identified):
+    (identified / "part.src").write_text(PROGRAM)
+    words = ("compensate", identified / "part.src", "--model", identified / "out" / "robot.toml", "-o", "-")
+    cell = load_cell(str(identified / "cell.toml"))
+    before, root = edbb(*words), Baseline.read(identified / "out", cell).root
+    for path in (p for p in (identified / "out").iterdir() if p.suffix in (".json", ".toml", ".csv")):
+        path.write_bytes(path.read_bytes().replace(b"\n", b"\r\n"))
+    assert edbb(*words) == before
+    assert "error unknown" not in before[2]
+    np.testing.assert_array_equal(Baseline.read(identified / "out", cell).root, root)
 
 
 def test_a_correction_that_is_expected_to_do_harm_is_refused(identified):

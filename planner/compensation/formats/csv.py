@@ -5,12 +5,13 @@ import re
 import numpy as np
 
 from planner.common.errors import InputError
-from planner.common.remarks import remark_of
-from planner.common.units import DEG, MM, Array, read_only
+from planner.common.remarks import CELL_ENDS, remark_of
+from planner.common.units import DEG, MM, Array, read_only, to_deg
 from planner.compensation.correction import NominalFlange
 from planner.compensation.rotations import pose_matrix
 from planner.compensation.targets import CartesianTarget, Target, TargetReading
 from planner.compensation.tolerances import START_OFF
+from planner.kinematics.angle_units import DEGREES, NOTE, find_small
 from planner.kinematics.robot import Robot
 from planner.programs.languages.statements import EXPONENT_NUMBER, Lines, Slot
 
@@ -26,11 +27,13 @@ def read(text: str, reading: TargetReading) -> None:
     """Note every row of the table; comment lines (``#``) and other columns are kept as they are.
 
     Raises:
-        InputError: the header has no complete set of target columns.
+        InputError: the header has no complete set of target columns; angles in radians are called degrees.
     """
-    separator, groups = ",", None
+    separator, groups, said = ",", None, False
     for number, start, line in Lines.of(text):
-        if not line.strip("\ufeff \t") or remark_of(line) is not None:
+        remark = remark_of(line)
+        if not line.strip("\ufeff \t") or remark is not None:
+            said |= remark is not None and re.fullmatch(f"{NOTE}: *{DEGREES}", remark.rstrip(CELL_ENDS)) is not None
             continue
         if groups is None:
             separator = max(",;\t", key=line.count)
@@ -38,6 +41,26 @@ def read(text: str, reading: TargetReading) -> None:
             groups = _TargetColumns(header, reading)
         else:
             _row(number, start, line, separator, groups, reading)
+    if groups is not None and not said:
+        _check_unit(groups, reading)
+
+
+def _check_unit(groups: "_TargetColumns", reading: TargetReading) -> None:
+    """Refuse joint angles in degrees that move like radians do; note where they do not move enough to tell.
+
+    Raises:
+        InputError: they do.
+    """
+    joints = [k for k, (_, unit) in enumerate(groups.joints) if unit == "deg"]
+    beside = (target.q if target.pose is None else target.pose.start for target in reading.take_targets())
+    q = np.array([angles[joints] for angles in beside if angles is not None])
+    small = find_small(to_deg(q))
+    if small is None:
+        return
+    columns, cure = f"q{joints[0] + 1}_deg …", f"q{joints[0] + 1}_rad"
+    if small.are_radians:
+        raise InputError(f"{reading.name}: {small.refusal(columns, cure)}")
+    reading.notes.append((1, small.doubt(columns, cure)))
 
 
 class _TargetColumns:

@@ -160,3 +160,26 @@ def test_the_command_shows_it(record):
     said = json.loads(done.stdout)
     assert (said["serial"], said["next_check"], len(said["entries"])) == ("S1", "2024-05-01", 4)
     assert edbb("record", record, "--add", record, "--date", "tomorrow").returncode == 2
+
+
+def with_windows_line_ends(folder):
+    for path in (p for p in folder.rglob("*") if p.suffix in (".json", ".toml", ".csv", ".src")):
+        path.write_bytes(path.read_bytes().replace(b"\n", b"\r\n"))
+
+
+def test_a_record_whose_line_ends_were_changed_by_git_is_the_same_record(record, tmp_path):
+    before = list(record_rows(RobotRecord.read(record)))
+    with_windows_line_ends(record)
+    assert list(record_rows(RobotRecord.read(record))) == before
+    with_windows_line_ends(tmp_path / "4")
+    with pytest.raises(InputError, match="is in the record already"):
+        add_entry(record, tmp_path / "4", Circumstances(date=date(2024, 5, 1)), "S1")
+    last = results(tmp_path / "5", "identification.json", calibration(0.05))
+    with_windows_line_ends(last)
+    add_entry(record, last, Circumstances(date=date(2024, 5, 1)), "S1")
+    (kept,) = record.glob("entries/0005-*/identification.json")
+    kept.write_bytes(kept.read_bytes().replace(b"\r\n", b"\n"))
+    assert len(RobotRecord.read(record).entries) == 5
+    kept.write_bytes(kept.read_bytes().replace(b"0.05", b"0.06"))
+    with pytest.raises(InputError, match="its hash differs"):
+        RobotRecord.read(record)
