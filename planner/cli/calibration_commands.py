@@ -40,15 +40,15 @@ def _import(values: Values, output: str, manner: Manner) -> None:
         from planner.runs.writer import run_text, save_run
     print_notes(run.warnings, manner.verbose)
     plan = values.get("plan")
-    words = f"--plan {as_word(plan)} " if plan else ""
-    step = f"edbb identify {as_word(output)} --cell {_cell_of(plan)} {words}-o calibrated"
+    its = f"--plan {as_word(plan)} " if plan else ""
+    step = f"edbb identify {as_word(output)} --cell {as_word(_cell_of(plan))} {its}-o calibrated"
     give_file(run_text(run), lambda path: save_run(run, path, manner.force), output, step)
 
 
-def _cell_of(plan: Path | None) -> str:
+def _cell_of(plan: Path | None) -> Path | str:
     """Return the cell that lies beside a plan, or the word for the person's own."""
     beside = None if plan is None else Path(plan).parent / "cell.toml"
-    return "CELL" if beside is None or not beside.is_file() else as_word(beside)
+    return "CELL" if beside is None or not beside.is_file() else beside
 
 
 def _compensate(values: Values, output: str, manner: Manner) -> None:
