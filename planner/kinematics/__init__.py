@@ -1,6 +1,7 @@
 """The chain of elementary transforms and its forward pass, robots by DH, MDH and URDF, bodies, inverse kinematics."""
 
 __all__ = [
+    "angle_units",
     "axes",
     "axes_line",
     "bodies",

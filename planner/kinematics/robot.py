@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from planner.common.console import as_word
 from planner.common.errors import InputError, did_you_mean
 from planner.common.units import DEG, MM, Array, read_only
 from planner.kinematics.axes import AxisConvention, advice, names_of
@@ -338,9 +339,10 @@ def _needs_file(robot: Robot) -> str:
     if robot.path.suffix == ".toml":
         return ""
     if robot.path.suffix == ".csv":
+        step = f"edbb robots {as_word(robot.path)} -o {as_word(robot.name)}"
         return (
-            f"\n(a table of rows has no room for it: edbb robots {robot.path} -o {robot.name} writes it as "
-            f'{robot.name}/robot.toml; add the lines there, and let the cell say robot = "{robot.name}/robot.toml")'
+            f"\n(a table of rows has no room for it: {step} writes it as {robot.name}/robot.toml; add the lines there, "
+            f'and let the cell say robot = "{robot.name}/robot.toml")'
         )
     return (
         f'\n(a URDF has no room for it: write a robot.toml beside it with schema = "edbb-robot/1", '
