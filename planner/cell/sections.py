@@ -58,13 +58,28 @@ def read_cell_file(path: Path) -> CellFile:
     return cell_file_of(read_toml_content(path), str(path))
 
 
+class _ExtendedFile(CellFile):
+    """A cell file with sections of extensions; pickled by their names, since its class is made where it is used."""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Return what makes it again."""
+        return _restore, (self.ADDED, self.__getstate__())
+
+
+def _restore(keys: tuple[str, ...], state: dict[Any, Any]) -> CellFile:
+    model = _model_with(keys)
+    file = model.__new__(model)
+    file.__setstate__(state)
+    return file
+
+
 @cache
 def _model_with(keys: tuple[str, ...]) -> type[CellFile]:
     """Return the model of a cell file that may have these sections of extensions."""
     if taken := CellFile.model_fields.keys() & set(keys):
         raise InputError(f"an extension declares the section '{min(taken)}' of cell files, which the core has already")
     tables: dict[str, Any] = {key: (tuple[_load_reader(key).table, ...], ()) for key in keys}  # type: ignore[misc]
-    model = create_model(CellFile.__name__, __base__=CellFile, **tables)
+    model = create_model(CellFile.__name__, __base__=_ExtendedFile, **tables)
     model.ADDED = keys
     return model
 

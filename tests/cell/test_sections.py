@@ -1,5 +1,7 @@
 """A section of cell files that an extension declares is read, checked, kept and written like those of the core."""
 
+import copy
+import pickle
 import tomllib
 from dataclasses import dataclass
 
@@ -67,6 +69,14 @@ def test_it_is_written_with_the_cell(tmp_path):
     written = tomllib.loads(cell_files(load(tmp_path, SPRINGS))["cell.toml"].decode())
     assert written["springs"] == [{"name": "a", "pull_N": 20.0}, {"name": "b", "pull_N": 5.0}]
     assert list(written).index("springs") < list(written).index("motion")
+
+
+def test_it_goes_to_another_process_with_the_cell(tmp_path):
+    for cell in (load(tmp_path, SPRINGS), load_cell("comau-nj130/edbb")):
+        again = pickle.loads(pickle.dumps(cell))
+        assert again.sections == cell.sections
+        assert type(again.file) is type(cell.file)
+        assert again.file == cell.file == copy.deepcopy(cell.file)
 
 
 def test_a_cell_without_it_is_as_before(tmp_path):
