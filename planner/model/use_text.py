@@ -47,6 +47,17 @@ def use_rows(use: Use) -> list[Row]:
     return rows
 
 
+def use_head(use: Use) -> Row:
+    """Return what stands above the columns of :func:`use_rows`."""
+    asked = [] if use.tolerance is None else [f"within {to_mm(use.tolerance):g} mm?"]
+    return ("use", "before", "calibrated", *asked)
+
+
+def verdict_text(use: Use) -> str:
+    """Say in two sentences for which programs the robot is good enough, and what stays as it was."""
+    return f"Good for {use_sentence(use)}; {taught_sentence(use)}."
+
+
 def bound_text(value: float) -> str:
     """Write a length [m] in mm to two digits, rounded up: a bound is never made smaller."""
     mm = float(to_mm(value))

@@ -9,7 +9,7 @@ import planner.report.calibration_text as text
 from planner.common.units import to_deg, to_mm
 from planner.identification.calibration import Calibration, joint_zeros_text
 from planner.model.identification_document import Estimate, Metrics, Stage, error_size
-from planner.model.use_text import taught_sentence, use_rows, use_sentence
+from planner.model.use_text import use_head, use_rows, verdict_text
 from planner.report.calibration_charts import draw_calibration_charts
 from planner.report.calibration_data import CalibrationFacts
 from planner.report.formatting import chance_text, count_text, decimals_of, digits, in_mm
@@ -99,9 +99,7 @@ def _use(c: Calibration) -> dict[str, Any] | None:
     """What the robot is good for: a sentence for a person, head and rows of a table."""
     if (use := c.good_for) is None:
         return None
-    asked = [] if use.tolerance is None else [f"within {to_mm(use.tolerance):g} mm?"]
-    said = f"Good for {use_sentence(use)}; {taught_sentence(use)}."
-    return {"said": said, "head": ("use", "before", "calibrated", *asked), "rows": use_rows(use)}
+    return {"said": verdict_text(use), "head": use_head(use), "rows": use_rows(use)}
 
 
 def _other_tool(c: Calibration) -> list[Row]:

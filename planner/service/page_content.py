@@ -10,6 +10,7 @@ from planner.instruments.circular.document import CircularDocument
 from planner.instruments.record import DOCUMENTS
 from planner.model.finding_groups import FindingGroup, group_findings
 from planner.model.identification_document import Finding, Identification, Release, Stage
+from planner.model.use_text import Row, bound_text, use_head, use_rows, verdict_text
 from planner.report.formatting import duration_text
 from planner.service.answers import Job, OutputFile
 from planner.service.context import ServiceContext
@@ -132,6 +133,28 @@ class CalibrationPage:
         """Name, number of parameters and errors of every stage, and of the robot that is written."""
         rows: list[tuple[str, int | None, Errors]] = [(s.name, s.parameters, s) for s in self.document.stages]
         return rows if self.document.release is None else [*rows, ("calibrated", None, self.document.release)]
+
+    @property
+    def verdict(self) -> str:
+        """Say for what the robot is good enough, by the tolerance that was asked for, else by the error it keeps."""
+        if self.document.use is not None:
+            return verdict_text(self.document.use)
+        if (r := self.document.release) is None:
+            return "No robot was written: this calibration must not be used."
+        other = (
+            f"a tool point that was not measured is about {bound_text(r.other_tool)} off"
+            if r.work_tool is None
+            else f"the tool that it works with is about {bound_text(r.work_tool.anywhere)} off"
+        )
+        return (
+            f"Over the workspace the measured tool errs by less than {bound_text(r.at_most)} (rms, 95 % sure); {other}."
+        )
+
+    @property
+    def use_table(self) -> tuple[Row, list[Row]] | None:
+        """Head and rows of what the robot is good for, where a tolerance was asked for."""
+        use = self.document.use
+        return None if use is None else (use_head(use), use_rows(use))
 
     @property
     def titles(self) -> str:

@@ -10,9 +10,11 @@ from scipy.stats import maxwell
 
 from planner.cell.reading import load_cell
 from planner.common.errors import InputError
+from planner.model.identification_document import Identification, Release, WorkToolError
+from planner.model.use_statement import ToolUse, Use
 from planner.service.job_record import JobCommand, JobInput, JobOutput
 from planner.service.job_requests import CommandRequest
-from planner.service.page_content import GENERAL, find_action, plan_facts
+from planner.service.page_content import GENERAL, CalibrationPage, find_action, plan_facts
 from planner.service.pages import render
 from planner.service.runner import SHIPPED
 from planner.service.serving import build_context
@@ -188,3 +190,33 @@ def test_a_log_is_offered_the_cells_of_its_gauge_and_refused_in_others(client, t
 def test_the_error_to_be_expected_of_a_plan_is_told():
     plan = PlanDocument.model_construct(foresight=ForesightRecord(error_mm=0.3512), plan_id="0" * 12)
     assert ("error to be expected", "0.351 mm") in plan_facts(plan)
+
+
+@pytest.mark.parametrize(
+    ("release", "use", "said"),
+    [
+        (None, None, "No robot was written: this calibration must not be used."),
+        ((0.0542e-3, 0.53e-3, None), None, "less than 0.055 mm (rms, 95 % sure); a tool point that was not measured is about 0.53"),
+        ((0.0542e-3, 0.53e-3, 0.07e-3), None, "the tool that it works with is about 0.070 mm off"),
+        ((0.0542e-3, 0.53e-3, None), 0.1e-3, "Good for offline programs at tolerances from 0.088 mm on with the measured tool, from 1.9"),
+    ],
+)  # fmt: skip
+def test_the_page_of_a_calibration_says_for_what_it_is_good_enough(release, use, said):
+    made = None
+    if release is not None:
+        own = None if release[2] is None else WorkToolError.model_construct(anywhere=release[2])
+        made = Release.model_construct(at_most=release[0], other_tool=release[1], work_tool=own)
+    verdict = None
+    if use is not None:
+        tools = (("measured", 0.088e-3, 5.8e-3, 0.99, 0.01, "yes"), ("another", 1.9e-3, 6.2e-3, 0.2, 0.01, "no"))
+        names = ("tool", "targets_within", "targets_within_before", "share", "share_before", "answer")
+        told = tuple(ToolUse(**dict(zip(names, t, strict=True))) for t in tools)
+        verdict = Use(tolerance=use, repeatability=0.03e-3, tools=told)
+    page = CalibrationPage(Identification.model_construct(release=made, use=verdict))
+    assert said in page.verdict
+    assert (page.use_table is None) == (use is None)
+    if page.use_table is not None:
+        head, rows = page.use_table
+        assert head[-1] == "within 0.1 mm?"
+        assert [row[-1].partition(":")[0] for row in rows] == ["yes", "yes", "no"]
+        assert {len(row) for row in rows} == {len(head)}
