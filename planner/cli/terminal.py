@@ -20,7 +20,7 @@ from planner.common.errors import InputError, NoSolutionError, printable
 from planner.common.progress import Progress, Stages
 from planner.common.result import Result
 from planner.common.result_folder import check_not_inside, check_overwriting
-from planner.common.summary import Aside, Fact, count_alike, fact_lines, under_key
+from planner.common.summary import Aside, Fact, count_alike, fact_lines, hang_lines, under_key
 
 UNKNOWN = 0.15  # of the way to the next stage, for a step that nobody foresaw: how many come is not known
 
@@ -66,9 +66,13 @@ class SafeConsole(Console):
         super().__init__(markup=False, emoji=False, highlight=False, **how)
 
     def print(self, *objects: Any, **how: Any) -> None:
-        """Print, with control signs in texts spelt out."""
+        """Print, with control signs in texts spelt out; where a person reads, long facts go on below themselves."""
         # 50_000: signs of a summary
-        super().print(*(printable(o, 50_000) if isinstance(o, str) else o for o in objects), **how)
+        texts = (printable(o, 50_000) if isinstance(o, str) else o for o in objects)
+        if self.is_terminal and self.soft_wrap:
+            width = min(self.width, 100)  # signs of a line that an eye follows
+            texts = (hang_lines(o, width) if isinstance(o, str) else o for o in texts)
+        super().print(*texts, **how)
 
 
 @dataclass(frozen=True)

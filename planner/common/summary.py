@@ -1,6 +1,7 @@
 """What a command says on the screen: one fact a line behind its key, most wanted first; more where that is asked."""
 
 import re
+import textwrap
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
@@ -66,3 +67,16 @@ def under_key(key: str, texts: Iterable[str]) -> list[Fact]:
 def fact_lines(facts: Iterable[Fact]) -> list[str]:
     """Return facts as lines, what is said of them in one column."""
     return [f"  {key:<{KEY}}{'' if len(key) < KEY else '  '}{text}".rstrip() for key, text in facts]
+
+
+def hang_lines(text: str, width: int) -> str:
+    """Return a text whose long facts go on below themselves, not below their keys; commands stay whole."""
+    return "\n".join(
+        line if len(line) <= width or not line.startswith("  ") or "edbb " in line else _hung_line(line, width)
+        for line in text.split("\n")
+    )
+
+
+def _hung_line(line: str, width: int) -> str:
+    below = " " * (KEY + 2)
+    return textwrap.fill(line, width, subsequent_indent=below, break_long_words=False, break_on_hyphens=False)

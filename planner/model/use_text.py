@@ -11,9 +11,8 @@ Row = tuple[str, ...]
 
 def use_sentence(use: Use) -> str:
     """Say in one sentence for which programs the robot is good enough."""
-    first, others = use.tools[0], use.tools[1:]
-    said = ", ".join(f"from {bound_text(t.targets_within)} with {TOOLS[t.tool]}" for t in others)
-    return f"offline programs at tolerances from {bound_text(first.targets_within)} on with {TOOLS[first.tool]}, {said}"
+    said = ", ".join(f"to {bound_text(t.targets_within)} with {TOOLS[t.tool]}" for t in use.tools)
+    return f"offline programs {said}"
 
 
 def taught_sentence(use: Use) -> str:
@@ -55,7 +54,7 @@ def use_head(use: Use) -> Row:
 
 def verdict_text(use: Use) -> str:
     """Say in two sentences for which programs the robot is good enough, and what stays as it was."""
-    return f"Good for {use_sentence(use)}; {taught_sentence(use)}."
+    return f"Good for {use_sentence(use)} (95 of 100 targets); {taught_sentence(use)}."
 
 
 def bound_text(value: float) -> str:

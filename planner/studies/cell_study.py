@@ -51,7 +51,7 @@ class StudyResult(FolderResult):
 
     def next_step(self, folder: Path) -> str:
         """Say what to look at."""
-        return f"look at {folder / PAGE}; edbb plan CELL --fixtures 2 plans with the place that adds most"
+        return f"look at {folder / PAGE}; edbb plan CELL --fixtures 2 -o plan plans with the place that adds most"
 
     def content(self) -> Mapping[str, Any]:
         """Return what ``study.json`` says."""

@@ -65,8 +65,6 @@ def _tool_facts(r: Release, anywhere: float) -> Iterator[Fact]:
             "own tool",
             f"{_mm(own.nominal_anywhere)} → {_mm(own.anywhere)} mm  with the tool that it works with",
         )
-    else:
-        yield "other tool", f"{_mm(r.other_tool)} mm  at a tool point that was not measured"
     if r.parts is not None and drift_counts(r.parts):
         yield "drift", f"{_mm(r.parts.drift)} mm of it: so far the arm moved in the time of the run"
         yield "", "it is written as it was on average; measure once it is warm, or log temperature_degC"
@@ -75,7 +73,6 @@ def _tool_facts(r: Release, anywhere: float) -> Iterator[Fact]:
 def _use_facts(use: Use) -> Iterator[Fact]:
     """Say what the robot is good enough for."""
     yield "good for", use_sentence(use)
-    yield "", f"(95 of 100 targets, 95 % sure); {taught_sentence(use)}"
     if use.tolerance is not None:
         yield "tolerance", tolerance_sentence(use)
 
@@ -102,25 +99,45 @@ def _unit(found: Calibration) -> str:
 
 
 def _cause_facts(found: Calibration) -> Iterator[Fact]:
-    """Say which causes were found, those first that bring most."""
-    most_found = 5  # causes that are listed one by one
+    """Say which causes were found, those first that bring most; of doubtful ones the first where none is sure."""
+    most_found = 3  # causes that are listed one by one
     if found.tried is None:
         return
-    groups = sorted(group_findings(found.findings), key=lambda g: (g.is_doubtful, -g.gain))
-    for group in groups[:most_found]:
+    groups = _sorted_causes(found)
+    sure = sum(not g.is_doubtful for g in groups)
+    shown = groups[: min(max(sure, 1), most_found)]
+    for group in shown:
         yield "doubtful" if group.is_doubtful else "found", _cause_text(group)
-        if rivals := _rival_text(group):
-            yield "", rivals
-    if more := groups[most_found:]:
-        yield "", f"and {number_of(len(more), 'cause')} more that bring less (report.html)"
+    if more := groups[len(shown) :]:
+        doubtful = sum(g.is_doubtful for g in more)
+        which = f", {'all' if doubtful == len(more) else doubtful} of them doubtful" if doubtful else ""
+        yield "", f"and {number_of(len(more), 'cause')} more{which} (report.html)"
     if not groups:
         yield "found", "no cause beyond the geometry"
 
 
+def _sorted_causes(found: Calibration) -> list[FindingGroup]:
+    """Return the causes, those first that are surer than not, among them those that bring most."""
+    return sorted(group_findings(found.findings), key=lambda g: (g.is_doubtful, -g.gain))
+
+
+def _rival_facts(found: Calibration) -> Iterator[Fact]:
+    """Say of every cause what it is, and what else explains the same."""
+    for group in _sorted_causes(found):
+        yield "doubtful" if group.is_doubtful else "found", group.note
+        if rivals := _rival_text(group):
+            yield "", rivals
+
+
 def _cause_text(group: FindingGroup) -> str:
-    surely = "" if group.probability is None else f" ({percent(group.probability)})"
-    nothing = "; or nothing" if group.is_doubtful and not group.rival_texts else ""
-    return f"{group.note}{surely}{nothing}"
+    """Say a cause in a line: its size, how sure it is, and how many others explain the same."""
+    said = group.note.partition(" (root mean square")[0]  # of many joints: each one's size stands below
+    surely = [] if group.probability is None else [percent(group.probability)]
+    if (others := len(group.rival_texts)) > 0:
+        surely.append(f"or {number_of(others, 'other cause')}: see -v")
+    elif group.is_doubtful:
+        surely.append("or nothing")
+    return f"{said} ({', '.join(surely)})" if surely else said
 
 
 def _rival_text(group: FindingGroup) -> str:
@@ -165,23 +182,29 @@ def _misfit_facts(r: Release, width: int) -> Iterator[Fact]:
         there = f"with joint {m.joint} from {low} to {high}{m.unit.replace('°', ' deg')}"
         where = f"most {there} ({_mm(m.there)} mm)"
     how = " (edbb plan --aim tracing, or about a further fixture)" if width == 1 else ""
-    kept = "; the robot as written follows it where it was measured" if r.basis == "posterior" else ""
-    if r.parts is not None:
-        yield "misfit", f"{_mm(r.parts.misfit)} mm of the tool error, as regions held out are off"
-    label = "misfit" if r.parts is None else ""
-    yield label, f"{_mm(m.anywhere)} mm rms over the workspace has no named cause, {where}{kept}"
+    size = m.anywhere if r.parts is None else r.parts.misfit
+    yield "misfit", f"{_mm(size)} mm of the tool error has no named cause, {where}"
     yield "", f"measure next: more poses {there}{how}"
 
 
 def _zero_facts(found: Calibration) -> Iterator[Fact]:
-    """Say what the controller's zeros are off, and what to do with that."""
+    """Say what the controller's zeros are off, whose angles they are, and that to use them once is enough."""
     values, remarks = zeros_text(found)
     if values:
         yield "zeros", values
-        yield from (("", text) for text in remarks)
+        yield from (("", text) for text in (remarks[0], remarks[-1]))
 
 
 def _details(found: Calibration, release: Release | None) -> Iterator[Fact]:
+    if release is not None and (use := found.good_for) is not None:
+        yield "good for", f"of 95 of 100 targets, 95 % sure; {taught_sentence(use)}"
+    if release is not None and release.work_tool is None:
+        yield "other tool", f"{_mm(release.other_tool)} mm  at a tool point that was not measured"
+    yield from _rival_facts(found)
+    if release is not None and (m := release.unexplained) is not None:
+        kept = "; the robot as written follows it where it was measured" if release.basis == "posterior" else ""
+        yield "misfit", f"{_mm(m.anywhere)} mm rms over the workspace has no named cause{kept}"
+    yield from (("zeros", text) for text in zeros_text(found)[1][1:-1])
     yield from _stage_rows(found)
     yield "held out", f"{100 * found.split.hold_out:.0f} % of {found.n_groups} {found.split.groups} at a time"
     if release is not None:

@@ -78,7 +78,7 @@ def _index_facts(plan: Plan) -> Iterator[Fact]:
         yield choice.index, f"{choice.value:#.4g}, {rule.what}; it did not choose the poses"
         return
     gap = 100 * max(rule.gap(choice.value, bound.value), 0.0)
-    yield choice.index, f"{choice.value:#.4g}, {rule.what}; at most {gap:.1f} % from the best possible"
+    yield choice.index, f"{choice.value:#.4g}; at most {gap:.1f} % from the best possible"
 
 
 def _unseen(dropped: Sequence[DroppedParameter], seen: int) -> Iterator[Fact]:
@@ -97,6 +97,7 @@ def _details(plan: Plan, said: Sequence[str]) -> Iterator[Fact]:
         yield "expected", describe_bayesian_design(expected)
         yield from (("", _number_text(f)) for f in expected.by_number)
         yield "all poses", f"{float(to_mm(expected.floor)):.3f} mm would be left by all candidates together"
+    yield choice.index, INDEX_RULES[choice.index].what
     yield choice.index, _proof_text(plan)
     tour_s, unsorted_s = sum(d.tour.cost_s for d in drives), sum(d.tour.unsorted_s for d in drives)
     shortest = "proven shortest" if all(d.tour.optimal for d in drives) else "not proven shortest"

@@ -2,7 +2,7 @@
 
 import re
 
-from planner.common.summary import KEY, Aside, Summary, count_alike, name_first, under_key
+from planner.common.summary import KEY, Aside, Summary, count_alike, fact_lines, hang_lines, name_first, under_key
 
 
 def said(verbose=False):
@@ -29,6 +29,18 @@ def test_the_same_note_many_times_is_one_with_its_count():
     assert len(alike) == 1
     assert re.search(r"pose 0 is near a stop \(and 9 more like it\)$", alike[0])
     assert count_alike(["a 1", "b 1", "a 2.5"]) == ["a 1 (and 1 more like it)", "b 1"]
+
+
+def test_a_long_fact_goes_on_below_itself_and_a_command_stays_whole():
+    words = " ".join(f"word{k}" for k in range(30))
+    text = "\n".join(["robot: " + words, *fact_lines([("misfit", words), ("next", f"edbb plan {words}")])])
+    title, first, *more, command = hang_lines(text, 60).split("\n")
+    assert title == "robot: " + words
+    assert first.startswith("  misfit      word0")
+    assert all(line.startswith(" " * (KEY + 2) + "word") for line in more)
+    assert all(len(line) <= 60 for line in (first, *more))
+    assert " ".join((first, *(line.strip() for line in more))) == f"  misfit      {words}"
+    assert command == f"  next        edbb plan {words}"
 
 
 def test_of_many_names_the_first_are_said_and_how_many_more_there_are():

@@ -61,6 +61,7 @@ def made(tmp_path_factory):
     with few_draws():
         code, _, told = edbb("identify", folder / "run.csv", *_cell(folder), "-o", folder / "out", "--no-trace")
     assert code == 0, told
+    (folder / "screen.txt").write_text(told)
     return folder
 
 
@@ -114,6 +115,25 @@ def test_a_plan_becomes_a_calibrated_robot(identified):
     assert (identified / "out" / "report.html").stat().st_size > 10_000
     assert (identified / "out" / "residuals.csv").read_text().count("\n") >= 64
     assert not list(identified.glob(".*"))  # no draft is left
+
+
+def test_the_screen_is_short_lines_of_one_fact(identified):
+    lines = (identified / "screen.txt").read_text().splitlines()
+    facts = [line for line in lines if not re.match(r"  (note|next|written)", line) and "edbb " not in line]
+    assert [line for line in facts if len(line) > 110] == []
+    assert [line for line in facts if len(line.split()) > 25] == []
+    assert len(facts) <= 13
+    text = " ".join(facts)
+    for said in (
+        "good for    offline programs to",
+        "tool error",
+        "held out",
+        "validation",
+        "moved most",
+        "no sigma",
+        "rest",
+    ):
+        assert said in text
 
 
 def test_the_calibrated_robot_is_the_true_one(identified):
