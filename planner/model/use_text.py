@@ -11,7 +11,7 @@ Row = tuple[str, ...]
 
 def use_sentence(use: Use) -> str:
     """Say in one sentence for which programs the robot is good enough."""
-    said = ", ".join(f"to {bound_text(t.targets_within)} with {TOOLS[t.tool]}" for t in use.tools)
+    said = ", ".join(f"within {bound_text(t.targets_within)} with {TOOLS[t.tool]}" for t in use.tools)
     return f"offline programs {said}"
 
 

@@ -60,7 +60,7 @@ def test_the_document_keeps_it_and_the_words_say_it():
     kept = use.model_dump(mode="json", by_alias=True)
     assert kept["tolerance_mm"] == pytest.approx(0.3)
     assert Use.model_validate(kept).tools[0].targets_within == pytest.approx(use.tools[0].targets_within)
-    assert use_sentence(use).startswith("offline programs at tolerances from ")
+    assert use_sentence(use).startswith("offline programs within ")
     assert tolerance_sentence(use).startswith("0.3 mm: ")
     assert [len(row) for row in use_rows(use)] == [4, 4, 4]
     assert "tolerance_mm" not in judge_use(judged_targets(0)[0].released, REPEATS).model_dump(by_alias=True)
