@@ -198,7 +198,7 @@ def test_the_error_to_be_expected_of_a_plan_is_told():
         (None, None, "No robot was written: this calibration must not be used."),
         ((0.0542e-3, 0.53e-3, None), None, "than 0.055 mm (rms, 95 % sure); a tool point that was not measured is"),
         ((0.0542e-3, 0.53e-3, 0.07e-3), None, "the tool that it works with is about 0.070 mm off"),
-        ((0.0542e-3, 0.53e-3, None), 0.1e-3, "Good for offline programs within 0.088 mm with the measured tool, within"),
+        ((0.0542e-3, 0.53e-3, None), 0.1e-3, "Good for offline programs within 0.088 mm with the measured tool"),
     ],
 )  # fmt: skip
 def test_the_page_of_a_calibration_says_for_what_it_is_good_enough(release, use, said):
