@@ -14,7 +14,7 @@ from pathlib import Path
 from planner.common.errors import InputError
 from planner.common.system import hold_lock, sync_folder
 from planner.service.database import Database, damage_text
-from planner.service.file_store import FileStore, copy_checked
+from planner.service.file_store import FileStore, GoneFileError, copy_checked
 
 DATABASE, RECORDS, FILES = "jobs.sqlite3", "records", "files"
 NAMED = "SELECT sha256 FROM outputs UNION SELECT sha256 FROM inputs UNION SELECT sha256 FROM uploads"
@@ -40,10 +40,16 @@ def back_up(store: Path, copy: Path) -> CopiedStore:
     if copy.exists() and any(copy.iterdir()) and not (copy / DATABASE).is_file():
         raise InputError(f"{copy} holds other files; name a new folder, or that of an earlier backup")
     (copy / FILES).mkdir(parents=True, exist_ok=True)
-    draft = copy / f"{DATABASE}.draft"
-    draft.unlink(missing_ok=True)
-    _copy_database(store / DATABASE, draft)
-    _copy_files(store, copy, draft)
+    draft, tries = copy / f"{DATABASE}.draft", 5
+    for left in reversed(range(tries)):
+        draft.unlink(missing_ok=True)
+        _copy_database(store / DATABASE, draft)
+        try:
+            _copy_files(store, copy, draft)
+            break
+        except GoneFileError:  # deleted with its job since the database was copied: what is there is not copied again
+            if not left:
+                raise
     _copy_records(store / RECORDS, copy / RECORDS)
     draft.replace(copy / DATABASE)  # last: until then the earlier copy stands
     sync_folder(copy)
@@ -87,8 +93,6 @@ def _copy_files(source: Path, target: Path, database: Path) -> None:
         if there.holds(name):
             continue
         path = source / FILES / name[:2] / name
-        if not path.is_file():
-            raise InputError(f"{path}: is gone; if jobs were deleted meanwhile, begin again")
         place = there.path(name)
         place.parent.mkdir(exist_ok=True)
         draft = place.with_suffix(".draft")

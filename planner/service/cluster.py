@@ -103,14 +103,15 @@ class ClusterRunner:
         if future.status in LOST:
             self._jobs.requeue(self._job, crashed=False)
             return
-        if future.status == "error":  # its workers died one after the other
-            LOG.error("job %s: %s", self._job.id, future.exception())
-            end = WorkEnd(None, crashed=True)
-        else:
+        try:
             end = future.result()
+        except Exception as err:  # its workers died one after the other, or the cluster forgot it just now
+            LOG.error("job %s: %s", self._job.id, err)
+            end = WorkEnd(None, crashed=future.status not in LOST)
         if end.state is not None:
-            written = [JobOutput(name, self._files.add(data), len(data)) for name, data in end.files.items()]
-            self._jobs.finish(self._job, end.state, written, end.exit_code, end.problem)
+            with self._files.placing():
+                written = [JobOutput(name, self._files.add(data), len(data)) for name, data in end.files.items()]
+                self._jobs.finish(self._job, end.state, written, end.exit_code, end.problem)
         elif end.crashed and self._job.crashes + 1 >= MOST_CRASHES:
             detail = f"its process or its worker was killed {MOST_CRASHES} times; the machine may be out of memory"
             self._jobs.finish(self._job, "failed", [], None, JobProblem("The process was killed", detail))

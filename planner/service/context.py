@@ -156,13 +156,14 @@ class ServiceContext:
         """
         self.files.check_room()
         folder = JobFolder(self.jobs, self.files, self.uploads, self.cells)
-        command = request.command(folder)
-        title, text, robot = request.subject(folder), request.model_dump_json(), request.robot(folder)
+        with self.jobs.at_one_moment():
+            command = request.command(folder)
+            title, text, robot = request.subject(folder), request.model_dump_json(), request.robot(folder)
         id, person = request.job_id(command), CALLER.get().name
         with self._submitting:  # nobody slips past the quota by asking often at the same moment
             if not command.task and not self.jobs.is_accepted(id):
                 self.check_quota(person)
-            job = self.jobs.submit(id, request.job_kind, title, text, command, robot, person)
+            job = self.jobs.submit(id, request.job_kind, title, text, command, robot, person, check_inputs=True)
         self.supervisor.wake()
         return job
 
@@ -185,8 +186,18 @@ class ServiceContext:
 
     def describe(self, job: JobRecord) -> Job:
         """Return a job as the interface shows it."""
-        outlook = None if job.ended else self.jobs.outlook(job.id, self.settings.workers)
-        return describe_job(job, self.jobs.outputs(job.id) if job.ended else [], outlook)
+        with self.jobs.at_one_moment():
+            outlook = None if job.ended else self.jobs.outlook(job.id, self.settings.workers)
+            return describe_job(job, self.jobs.outputs(job.id) if job.ended else [], outlook)
+
+    def show(self, id: str) -> Job:
+        """Return the job of an identifier as the interface shows it, all of it of one moment.
+
+        Raises:
+            UnknownJobError: there is none.
+        """
+        with self.jobs.at_one_moment():
+            return self.describe(self.jobs.get(id))
 
     def describe_all(self, jobs: Sequence[JobRecord]) -> list[Job]:
         """Return jobs as the interface shows them."""

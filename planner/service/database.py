@@ -132,13 +132,24 @@ class Database:
 
     @contextmanager
     def snapshot(self) -> Iterator[sqlite3.Connection]:
-        """Reads that agree with one another: what others write meanwhile is not seen. It must not be nested."""
+        """Reads that agree with one another: what others write meanwhile is not seen.
+
+        Within another one, or within a transaction that writes, it is part of that.
+        """
         db = self.connection
+        if db.in_transaction:
+            yield db
+            return
         db.execute("BEGIN DEFERRED")
         try:
             yield db
         finally:
             db.execute("ROLLBACK")  # nothing was written
+
+    @property
+    def is_within_transaction(self) -> bool:
+        """Whether this thread is reading at one moment, or writing."""
+        return self.connection.in_transaction
 
     @contextmanager
     def write(self) -> Iterator[sqlite3.Connection]:

@@ -1,7 +1,7 @@
 """Routes of files, runs and cells."""
 
 import asyncio
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import cache
 from typing import Annotated, Any
 
@@ -19,7 +19,8 @@ from planner.service.answers import CellEntry, DialectEntry, Health, RobotEntry,
 from planner.service.callers import CALLER
 from planner.service.cell_notes import CellChanges
 from planner.service.context import Context, ServiceContext
-from planner.service.file_store import FileStore
+from planner.service.file_answer import StoredFileResponse
+from planner.service.file_store import ContentDraft, FileStore
 from planner.service.job_folder import FileName, Sha256
 from planner.service.problems import Problem
 
@@ -66,8 +67,6 @@ def download_file(id: Sha256, context: Context) -> FileResponse:
 @FILES.get("/contents/{sha256}", responses={404: {"model": Problem}})
 def download_content(sha256: Sha256, context: Context) -> FileResponse:
     """Get a file that was sent or written by a job, by its SHA-256; workers fetch what jobs start from."""
-    if not context.files.holds(sha256):
-        raise HTTPException(404, f"there is no file {sha256[:12]}…")
     return file_answer(context, sha256, sha256)
 
 
@@ -121,8 +120,10 @@ def get_shipped_cell(robot: str, cell: str) -> FileResponse:
     return FileResponse(load_cell(f"{robot}/{cell}").path, media_type="application/toml")
 
 
-async def receive_body(request: Request, files: FileStore, name: str, sha256: str | None) -> StoredFile:
-    """Write the body of a request to the store while it comes in.
+async def receive_body(
+    request: Request, files: FileStore, name: str, sha256: str | None, note: Callable[[StoredFile], None]
+) -> StoredFile:
+    """Write the body of a request to the store while it comes in; ``note`` keeps its name before anybody removes it.
 
     Raises:
         InputError: nothing was sent, or not what ``sha256`` says.
@@ -144,16 +145,22 @@ async def receive_body(request: Request, files: FileStore, name: str, sha256: st
                 await run_in_threadpool(files.check_room)
         if draft.size == 0:
             raise InputError(f"'{name}': the file is empty")
-        found = await run_in_threadpool(files.keep, draft, sha256)  # a large file takes seconds to reach the disk
-        return StoredFile(id=found, name=name, size=draft.size)
+        found = await run_in_threadpool(files.finish, draft, sha256)  # a large file takes seconds to reach the disk
+        file = StoredFile(id=found, name=name, size=draft.size)
+        await run_in_threadpool(_place_noted, files, draft, file, note)
+        return file
+
+
+def _place_noted(files: FileStore, draft: ContentDraft, file: StoredFile, note: Callable[[StoredFile], None]) -> None:
+    with files.placing():
+        files.place(draft, file.id)
+        note(file)
 
 
 async def _receive(request: Request, context: ServiceContext, name: str, sha256: str | None, kind: str) -> StoredFile:
     person = CALLER.get().name
     await run_in_threadpool(context.check_quota, person, 0)
-    file = await receive_body(request, context.files, name, sha256)
-    await run_in_threadpool(context.uploads.add, file, kind, person)
-    return file
+    return await receive_body(request, context.files, name, sha256, lambda f: context.uploads.add(f, kind, person))
 
 
 @cache
@@ -162,8 +169,12 @@ def _shipped_names() -> tuple[str, ...]:
 
 
 def file_answer(context: ServiceContext, sha256: str, name: str, media_type: str | None = None) -> FileResponse:
-    """Return a file of the store as something to be saved: a browser shows nothing of it as a page."""
-    return FileResponse(
+    """Return a file of the store as something to be saved: a browser shows nothing of it as a page.
+
+    Raises:
+        HTTPException: it is gone.
+    """
+    return StoredFileResponse(
         context.files.path(sha256),
         filename=name,
         media_type=media_type or "application/octet-stream",
@@ -177,7 +188,7 @@ LISTS = APIRouter(prefix="/api", tags=["lists"])
 @LISTS.get("/health")
 def get_health(context: Context) -> Health:
     """Tell that the service is there, and how much it has to do."""
-    running, waiting = context.jobs.count("running"), context.jobs.count("queued")
+    running, waiting = context.jobs.count_open_states()
     return Health(version=__version__, jobs_running=running, jobs_waiting=waiting)
 
 

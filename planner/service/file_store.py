@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from planner.common.errors import InputError
-from planner.common.system import process_exists, sync_folder
+from planner.common.system import hold_lock, process_exists, sync_folder
 from planner.service.answers import StoredFile
 from planner.service.database import Database
 
@@ -26,6 +26,10 @@ class UnknownFileError(InputError):
 
 class DisturbedTransferError(InputError):
     """A file came otherwise than it was sent."""
+
+
+class GoneFileError(InputError):
+    """A file that the store has a name for is not there."""
 
 
 class DiskFullError(InputError):
@@ -88,8 +92,17 @@ class FileStore:
         finally:
             path.unlink(missing_ok=True)
 
-    def keep(self, draft: ContentDraft, expected: str | None = None) -> str:
-        """Move what was received to its place; return its hash.
+    @contextmanager
+    def placing(self) -> Iterator[None]:
+        """Hold off others that bring or remove files: what is brought is named before it may be removed.
+
+        It must not be nested.
+        """
+        with hold_lock(self._drafts.parent / ".placing"):
+            yield
+
+    def finish(self, draft: ContentDraft, expected: str | None) -> str:
+        """Bring what was received to the disk; return its hash, under which :meth:`place` puts it.
 
         Raises:
             DisturbedTransferError: the hash is not as ``expected``: the transfer was cut or disturbed.
@@ -97,7 +110,20 @@ class FileStore:
         found = draft.finish()
         if expected is not None and found != expected:
             raise DisturbedTransferError(f"the file came as {found[:12]}…, sent was {expected[:12]}…; send it again")
-        self._move(draft.path, found)
+        return found
+
+    def place(self, draft: ContentDraft, sha256: str) -> None:
+        """Move what was received and brought to the disk to its place."""
+        self._move(draft.path, sha256)
+
+    def keep(self, draft: ContentDraft, expected: str | None = None) -> str:
+        """Move what was received to its place; return its hash.
+
+        Raises:
+            DisturbedTransferError: the hash is not as ``expected``: the transfer was cut or disturbed.
+        """
+        found = self.finish(draft, expected)
+        self.place(draft, found)
         return found
 
     def take(self, path: Path) -> tuple[str, int]:
@@ -153,7 +179,8 @@ def copy_checked(source: Path, sha256: str, target: Path) -> None:
     """Copy a file of the store, and make sure that it is what its name says.
 
     Raises:
-        InputError: its content has changed, or it is gone.
+        GoneFileError: it is gone.
+        InputError: its content has changed.
     """
     found = hashlib.sha256()
     try:
@@ -162,7 +189,7 @@ def copy_checked(source: Path, sha256: str, target: Path) -> None:
                 found.update(data)
                 written.write(data)
     except FileNotFoundError as err:
-        raise InputError(f"{target.name}: is gone from the store; send it again") from err
+        raise GoneFileError(f"{target.name}: is gone from the store; send it again") from err
     if found.hexdigest() != sha256:
         raise InputError(f"{target.name}: its content in the store has changed; send it again")
 

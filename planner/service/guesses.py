@@ -1,6 +1,7 @@
 """How often somebody may guess: after each wrong password or token the next try of a sender has to wait longer."""
 
 import ipaddress
+import threading
 import time
 from collections import OrderedDict
 from dataclasses import dataclass
@@ -40,11 +41,23 @@ class GuessLimit:
 
     def __init__(self) -> None:
         self._tries: OrderedDict[tuple[str, str], WrongTries] = OrderedDict()
+        self._counting = threading.Lock()
 
     def wait_s(self, *senders: tuple[str, str]) -> float:
         """Return how long the next try of any of these senders has to wait [s]; 0 where none has to."""
         now = time.monotonic()
         return max((self._wait(sender, now) for sender in senders), default=0.0)
+
+    def begin_try(self, *senders: tuple[str, str]) -> float:
+        """Count a try of each sender as wrong until it is known to be right; return how long it has to wait [s].
+
+        Nothing is counted where it has to: many tries at the same moment are each looked at after the one before.
+        """
+        with self._counting:
+            wait = self.wait_s(*senders)
+            if not wait:
+                self.note_wrong(*senders)
+            return wait
 
     def note_wrong(self, *senders: tuple[str, str]) -> None:
         """Count a wrong try of each sender."""

@@ -15,8 +15,9 @@ from starlette.exceptions import HTTPException
 from planner.common.schema import StrictModel
 from planner.service.access import submit_path
 from planner.service.answers import Job
-from planner.service.callers import CALLER
+from planner.service.callers import CALLER, Caller
 from planner.service.context import Context, ServiceContext
+from planner.service.file_answer import StoredFileResponse
 from planner.service.file_api import file_answer
 from planner.service.guards import REPORT_POLICY
 from planner.service.job_filter import PLACE, JobFilter, JobPlace, State
@@ -29,6 +30,17 @@ from planner.service.job_store import JobStore
 from planner.service.problems import Problem
 
 JOBS = APIRouter(prefix="/api", tags=["jobs"])
+
+
+def check_own(job: JobRecord) -> None:
+    """Refuse to change another person's job, unless an administrator asks.
+
+    Raises:
+        ForbiddenError: it is another person's.
+    """
+    CALLER.get().check_owner(job.person)
+
+
 Kind = Literal[
     "plan", "plan-view", "cell-check", "run-check", "simulation", "export", "study", "identification", "validation",
     "compensation", "error-map", "command", "check-plan", "check", "fixture-view",
@@ -95,48 +107,47 @@ for _kind, _type in REQUESTS.items():
 def list_jobs(context: Context, request: Request, response: Response, page: Annotated[JobPage, Query()]) -> list[Job]:
     """List jobs, the latest first; where there are more, the header ``Link`` leads to the next page (RFC 8288)."""
     after = JobPlace.parse(page.after) if page.after else None
-    found = context.jobs.list_jobs(page.wanted, page.most + 1, after)
-    if len(found) > page.most:
-        last = found[page.most - 1]
-        response.headers["link"] = next_link(request, str(JobPlace(last.created, last.id)))
-    return context.describe_all(found[: page.most])
+    with context.jobs.at_one_moment():
+        found = context.jobs.list_jobs(page.wanted, page.most + 1, after)
+        if len(found) > page.most:
+            last = found[page.most - 1]
+            response.headers["link"] = next_link(request, str(JobPlace(last.created, last.id)))
+        return context.describe_all(found[: page.most])
 
 
 @JOBS.get("/jobs/{id}", responses={404: {"model": Problem}})
 async def get_job(id: JobId, context: Context) -> Job:
     """Get a job: how far it is, and what it has written."""
     # no thread: a read of the database waits for nobody, and many pages ask at once
-    return context.describe(context.jobs.get(id))
+    return context.show(id)
 
 
 @JOBS.patch("/jobs/{id}", responses={404: {"model": Problem}})
 def change_job(id: JobId, changes: JobChanges, context: Context) -> Job:
     """Give a job another title or a note, or put it aside; what is not given stays."""
-    CALLER.get().check_owner(context.jobs.get(id).person)
-    return context.describe(context.keeper.change(id, changes))
+    return context.describe(context.keeper.change(id, changes, check_own))
 
 
 @JOBS.delete("/jobs/{id}", status_code=204, responses={404: {"model": Problem}, 409: {"model": Problem}})
 def delete_job(id: JobId, context: Context) -> None:
     """Delete a job with what only it needs: its files, and the views of pages that start from it."""
-    CALLER.get().check_owner(context.jobs.get(id).person)
-    context.keeper.delete(id)
+    context.keeper.delete(id, check_own)
 
 
 @JOBS.post("/jobs/{id}/cancel", responses={404: {"model": Problem}})
 def cancel_job(id: JobId, context: Context) -> Job:
     """Stop a job; what has ended stays as it is."""
-    CALLER.get().check_owner(context.jobs.get(id).person)
-    return context.describe(context.jobs.cancel(id))
+    return context.describe(context.jobs.cancel(id, check_own))
 
 
 @JOBS.get("/jobs/{id}/result", responses={404: {"model": Problem}, 409: {"model": Problem}})
 def get_result(id: JobId, context: Context) -> FileResponse:
     """Get the document of a finished job: plan.json, identification.json, accuracy.json, view.json or summary."""
-    job = context.jobs.get(id)
+    with context.jobs.at_one_moment():
+        job, outputs = context.jobs.get(id), context.jobs.outputs(id)
     _check_ended(job)
     wanted = (REQUESTS[job.kind].document, "printed")
-    found = next((o for name in wanted for o in context.jobs.outputs(id) if o.name == name), None)
+    found = next((o for name in wanted for o in outputs if o.name == name), None)
     if found is None:
         raise HTTPException(404, f"the {job.kind} {id} has no document; its files are listed in the job")
     answer = file_answer(context, found.sha256, f"{job.kind}.json", "application/json")
@@ -150,7 +161,7 @@ def get_report(id: JobId, context: Context) -> FileResponse:
     job = context.jobs.get(id)
     _check_ended(job)
     found = find_output(context, id, "report.html")
-    answer = FileResponse(context.files.path(found.sha256), media_type="text/html; charset=utf-8")
+    answer = StoredFileResponse(context.files.path(found.sha256), media_type="text/html; charset=utf-8")
     answer.headers["content-security-policy"] = REPORT_POLICY
     return answer
 
@@ -178,9 +189,12 @@ def output_path(context: ServiceContext, id: str, name: str) -> Path:
     """Return where a file of a job lies in the store.
 
     Raises:
-        HTTPException: there is none.
+        HTTPException: there is none, or it is gone.
     """
-    return context.files.path(find_output(context, id, name).sha256)
+    path = context.files.path(find_output(context, id, name).sha256)
+    if not path.is_file():
+        raise HTTPException(404, f"the file {name} of the job {id} is gone")
+    return path
 
 
 def _check_ended(job: JobRecord) -> None:
@@ -189,6 +203,7 @@ def _check_ended(job: JobRecord) -> None:
 
 
 EVENTS = APIRouter(prefix="/api", tags=["events"])
+KNOWN_S = 5.0  # after which a stream looks again who follows it
 MOST_EVENT = 2**62  # the largest number of an event that the database holds
 
 
@@ -205,6 +220,7 @@ STREAMS = StreamCount()
 @EVENTS.get("/events", response_class=StreamingResponse, responses={200: {"content": {"text/event-stream": {}}}})
 async def stream_events(
     context: Context,
+    request: Request,
     job: Annotated[list[JobId], Query(description="jobs; all where none is named", max_length=50)] = [],  # noqa: B006
     last_event_id: Annotated[str | None, Header(description="number of the last event that came")] = None,
     after: Annotated[int | None, Query(ge=0, le=MOST_EVENT, description="the same, for a first request")] = None,
@@ -214,9 +230,8 @@ async def stream_events(
     if STREAMS.open >= 200:  # streams at a time
         raise HTTPException(503, "too many pages are open", {"retry-after": "10"})
     start = await run_in_threadpool(_start, context.jobs, job, last_event_id, after)
-    return StreamingResponse(
-        _stream(context.jobs, job, start, wait), media_type="text/event-stream", headers={"cache-control": "no-store"}
-    )
+    news = _stream(context, request, job, start, wait)
+    return StreamingResponse(news, media_type="text/event-stream", headers={"cache-control": "no-store"})
 
 
 def _start(jobs: JobStore, named: list[str], last_event_id: str | None, after: int | None) -> int:
@@ -228,13 +243,20 @@ def _start(jobs: JobStore, named: list[str], last_event_id: str | None, after: i
     return 0 if named else jobs.last_event()
 
 
-async def _stream(jobs: JobStore, named: list[str], last: int, wait: bool) -> AsyncIterator[str]:
+async def _stream(
+    context: ServiceContext, request: Request, named: list[str], last: int, wait: bool
+) -> AsyncIterator[str]:
+    """Yield events until the client goes, or may not look any more: its session has ended, or its token."""
     STREAMS.open += 1
     try:
         yield "retry: 2000\n\n"
-        told = time.monotonic()
+        told = known = time.monotonic()
         while True:
-            events = await run_in_threadpool(jobs.events_after, last, named)
+            if time.monotonic() - known > KNOWN_S:
+                known, found = time.monotonic(), await run_in_threadpool(context.finder.find, request.scope)
+                if not isinstance(found, Caller):
+                    return
+            events = await run_in_threadpool(context.jobs.events_after, last, named)
             for event in events:
                 last, told = event.id, time.monotonic()
                 yield event_text(event)

@@ -18,7 +18,7 @@ from planner.common.schema import StrictModel
 from planner.service.database import Database
 from planner.service.file_store import FileStore
 from planner.service.job_record import JobRecord
-from planner.service.job_store import JobStore
+from planner.service.job_store import JobCheck, JobStore, is_named
 from planner.service.record_index import RecordIndex
 from planner.service.settings import DAY_S, Retention
 
@@ -47,43 +47,52 @@ class JobKeeper:
     def __init__(self, database: Database, jobs: JobStore, files: FileStore, records: RecordIndex) -> None:
         self._db, self._jobs, self._files, self._records = database, jobs, files, records
 
-    def change(self, id: str, changes: JobChanges) -> JobRecord:
-        """Change what is given.
+    def change(self, id: str, changes: JobChanges, check: JobCheck = lambda job: None) -> JobRecord:
+        """Change what is given; ``check`` raises what forbids it, of the job as it is at that moment.
 
         Raises:
             UnknownJobError: there is no such job.
         """
-        self._jobs.get(id)
         with self._db.write() as db:
+            check(self._jobs.get(id))
             for name, value in changes.model_dump(exclude_none=True).items():
                 db.execute(f"UPDATE jobs SET {name} = ? WHERE id = ?", (value, id))  # names of the model's fields
-        return self._jobs.get(id)
+            return self._jobs.get(id)
 
-    def delete(self, id: str) -> None:
+    def delete(self, id: str, check: JobCheck = lambda job: None) -> None:
         """Delete a job, the views that pages have made of it, and the files that nothing else names.
+
+        ``check`` raises what forbids it, of the job as it is at that moment.
 
         Raises:
             UnknownJobError: there is no such job.
             KeptJobError: something needs it.
         """
-        if not self._records.refresh(now=True):
-            raise KeptJobError("the records of robots are being read, and may cite it; try again in a moment")
-        with self._db.write() as db:
-            job, named_by = self._jobs.get(id), _jobs_naming(db, id)
-            reason = _reason_to_keep(db, job, named_by)
-            if reason:
-                raise KeptJobError(f"the {job.kind} {id} cannot be deleted: {reason}")
-            gone = [id, *(other["id"] for other in named_by if other["task"])]
-            contents = {c for one in gone for c in _contents(db, one)}
-            for one in gone:
-                for table in ("events", "outputs", "inputs", "ticks"):
-                    db.execute(f"DELETE FROM {table} WHERE job = ?", (one,))
-                db.execute("DELETE FROM jobs WHERE id = ?", (one,))
+        with self._records.alone():  # what is deleted is not added to a record meanwhile
+            if not self._records.refresh(now=True):
+                raise KeptJobError("the records of robots are being read, and may cite it; try again in a moment")
+            with self._db.write() as db:
+                contents = self._delete_rows(db, id, check)
         # only once the jobs are gone for good: a crash may leave files that nobody names, never a job without its own
-        with self._db.write() as db:  # nobody begins to name one meanwhile
+        with self._files.placing(), self._db.write() as db:  # nobody brings or names one meanwhile
             for sha256 in contents:
-                if not _is_named(db, sha256):
+                if not is_named(db, sha256):
                     self._files.path(sha256).unlink(missing_ok=True)
+
+    def _delete_rows(self, db: sqlite3.Connection, id: str, check: JobCheck) -> set[str]:
+        """Delete what the database has of a job and of its views; return the hashes of their files."""
+        job, named_by = self._jobs.get(id), _jobs_naming(db, id)
+        check(job)
+        reason = _reason_to_keep(db, job, named_by)
+        if reason:
+            raise KeptJobError(f"the {job.kind} {id} cannot be deleted: {reason}")
+        gone = [id, *(other["id"] for other in named_by if other["task"])]
+        contents = {c for one in gone for c in _contents(db, one)}
+        for one in gone:
+            for table in ("events", "outputs", "inputs", "ticks"):
+                db.execute(f"DELETE FROM {table} WHERE job = ?", (one,))
+            db.execute("DELETE FROM jobs WHERE id = ?", (one,))
+        return contents
 
     def sweep(self, kept: Retention, now: float) -> int:
         """Delete what is older, and the oldest while the store is larger, than is to be kept; return how many jobs.
@@ -91,13 +100,15 @@ class JobKeeper:
         Nothing goes that is archived or needed; what only serves pages goes first.
         """
         task_days = 7.0  # after which views and checks of pages go: they are made again where somebody looks
-        count = sum(self._try_delete(id) for id in self._list_ended(now - task_days * DAY_S, tasks=True))
+        task_end = now - task_days * DAY_S
+        count = sum(self._try_delete(id, task_end) for id in self._list_ended(task_end, tasks=True))
         if kept.age_s is not None:
-            count += sum(self._try_delete(id) for id in self._list_ended(now - kept.age_s))
+            end = now - kept.age_s
+            count += sum(self._try_delete(id, end) for id in self._list_ended(end))
         if kept.size_bytes is not None:
             candidates = iter([*self._list_ended(now, tasks=True), *self._list_ended(now)])
             while self.size_bytes() > kept.size_bytes and (id := next(candidates, None)) is not None:
-                count += self._try_delete(id)
+                count += self._try_delete(id, now)
         return count
 
     def size_bytes(self, person: str | None = None) -> int:
@@ -114,9 +125,16 @@ class JobKeeper:
         query = "SELECT id FROM jobs WHERE task = ? AND finished < ? AND archived = 0 ORDER BY finished, id"
         return [row["id"] for row in self._db.read(query, int(tasks), moment)]
 
-    def _try_delete(self, id: str) -> bool:
+    def _try_delete(self, id: str, before: float) -> bool:
+        """Delete a job that ended before a moment [s since 1970], unless it is needed or was put aside meanwhile."""
+
+        def check(job: JobRecord) -> None:
+            """Refuse what somebody has archived, or asked for anew, since the list was made."""
+            if job.archived or (job.finished or before) >= before:
+                raise KeptJobError("it is to be kept")
+
         try:
-            self.delete(id)
+            self.delete(id, check)
         except InputError:  # it is needed, or went with another
             return False
         return True
@@ -148,12 +166,6 @@ def _contents(db: sqlite3.Connection, id: str) -> list[str]:
     """Return the hashes of the files that a job has written or was given."""
     query = "SELECT sha256 FROM outputs WHERE job = ? UNION SELECT sha256 FROM inputs WHERE job = ?"
     return [row["sha256"] for row in db.execute(query, (id, id))]
-
-
-def _is_named(db: sqlite3.Connection, sha256: str) -> bool:
-    """Tell whether a job or an upload still names a file."""
-    tables = ("outputs", "inputs", "uploads")
-    return any(db.execute(f"SELECT 1 FROM {t} WHERE sha256 = ? LIMIT 1", (sha256,)).fetchone() for t in tables)
 
 
 class Sweeper:

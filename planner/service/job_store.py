@@ -3,7 +3,8 @@
 import json
 import sqlite3
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import fields
 
 from pydantic import TypeAdapter
@@ -27,6 +28,7 @@ MOST_DEATHS = 20  # of servers while they ran a job: a machine that is switched 
 
 
 COMMAND, PROBLEM = TypeAdapter(JobCommand), TypeAdapter(JobProblem)
+JobCheck = Callable[["JobRecord"], None]  # raises what forbids to change a job
 
 
 class JobStore:
@@ -36,16 +38,34 @@ class JobStore:
         self._db, self._owner = database, own_name()
         self._leases: dict[str, tuple[float, float]] = {}  # of each running job: its lease, and since when it is that
 
+    def at_one_moment(self) -> AbstractContextManager[object]:
+        """What is read meanwhile agrees, whatever others write; nothing can be written by who reads."""
+        return self._db.snapshot()
+
     def submit(
-        self, id: str, kind: str, title: str, request: str, command: JobCommand, robot: str = "", person: str = ""
+        self,
+        id: str,
+        kind: str,
+        title: str,
+        request: str,
+        command: JobCommand,
+        robot: str = "",
+        person: str = "",
+        check_inputs: bool = False,
     ) -> JobRecord:
         """Accept a job, or return the one of the same content; one that was cancelled or crashed is tried again.
 
         ``robot``: the model of robot that it is of, where that is known; ``person``: who asks for it.
+
+        Raises:
+            UnknownJobError: a file that it starts from went meanwhile, with the job that had written it
+                (``check_inputs``).
         """
         with self._db.write() as db:
             found = self._find(id)
             if found is None:
+                if check_inputs and not all(is_named(db, i.sha256) for i in command.inputs):
+                    raise UnknownJobError("what it starts from was deleted meanwhile")
                 db.execute(
                     "INSERT INTO jobs (id, kind, title, request, command, task, robot, person, state, created, version)"
                     " VALUES (?, ?, ?, ?, ?, ?, ?, ?, 'queued', ?, ?)",
@@ -53,6 +73,8 @@ class JobStore:
                 )
                 db.executemany("INSERT INTO inputs VALUES (?, ?)", [(id, i.sha256) for i in command.inputs])
                 _tell(db, id, "queued", {})
+            elif found.state == "running" and found.cancelled:  # not stopped yet: it may go on
+                db.execute("UPDATE jobs SET cancelled = 0, person = ? WHERE id = ?", (person, id))
             elif found.is_tried_again:
                 db.execute(
                     "UPDATE jobs SET state = 'queued', crashes = 0, deaths = 0, cancelled = 0, problem = '',"
@@ -62,7 +84,7 @@ class JobStore:
                 db.execute("DELETE FROM outputs WHERE job = ?", (id,))
                 db.execute("DELETE FROM events WHERE job = ?", (id,))  # who follows it must not meet the earlier end
                 _tell(db, id, "queued", {})
-        return self.get(id)
+            return self.get(id)
 
     def get(self, id: str) -> JobRecord:
         """Return a job.
@@ -102,7 +124,7 @@ class JobStore:
                 (self._owner, now + LEASE_S, now, __version__, id),
             )
             _tell(db, id, "running", {})
-        return self.get(id)
+            return self.get(id)  # before anybody else may take it under a later fence
 
     def outlook(self, id: str, workers: int) -> Outlook | None:
         """Return when a job is to be done where so many run at a time; nothing of one that has ended."""
@@ -128,15 +150,20 @@ class JobStore:
         """Say how far a job is; only where that is news."""
         with self._db.write() as db:
             known = db.execute("SELECT stage, done FROM jobs WHERE id = ?", (job.id,)).fetchone()
-            news, lease = tuple(known) != (stage, done), time.time() + LEASE_S
+            news, lease = known is not None and tuple(known) != (stage, done), time.time() + LEASE_S
             if news and _update(db, job, "stage = ?, done = ?, total = ?, lease_until = ?", stage, done, total, lease):
                 _tell(db, job.id, "progress", {"stage": stage, "done": done, "of": total})
 
     def finish(
         self, job: JobRecord, state: State, outputs: list[JobOutput], exit_code: int | None, problem: JobProblem | None
     ) -> bool:
-        """End a job with all its files in one step; nothing happens where the fence is no longer this one's."""
+        """End a job with all its files in one step; nothing happens where the fence is no longer this one's.
+
+        One that was stopped waits again where somebody has asked for it anew before it stood.
+        """
         with self._db.write() as db:
+            if state == "cancelled" and not self.wants_stop(job):
+                return _wait_again(db, job, 0, "somebody asked for it again")
             ended = (state, time.time(), exit_code, _problem_text(problem))
             if not _update(db, job, "state = ?, finished = ?, exit_code = ?, problem = ?, lease_until = 0", *ended):
                 return False
@@ -152,24 +179,25 @@ class JobStore:
     def requeue(self, job: JobRecord, crashed: bool) -> None:
         """Let a job wait again: its process was killed from outside, or this server stops."""
         with self._db.write() as db:
-            waits = "state = 'queued', stage = '', crashes = crashes + ?, lease_until = 0"
-            if _update(db, job, waits, int(crashed)):
-                _tell(db, job.id, "queued", {"because": "its process was killed" if crashed else "the server stopped"})
+            _wait_again(db, job, int(crashed), "its process was killed" if crashed else "the server stopped")
 
-    def cancel(self, id: str) -> JobRecord:
+    def cancel(self, id: str, check: JobCheck = lambda job: None) -> JobRecord:
         """Ask for a job to be stopped; a job that still waits is cancelled at once.
+
+        ``check`` raises what forbids it, of the job as it is at that moment.
 
         Raises:
             UnknownJobError: there is none.
         """
         with self._db.write() as db:
+            check(self.get(id))
             waiting = db.execute(
                 "UPDATE jobs SET state = 'cancelled', finished = ? WHERE id = ? AND state = 'queued'", (time.time(), id)
             )
             if waiting.rowcount:
                 _tell(db, id, "end", {"state": "cancelled", "detail": ""})
             db.execute("UPDATE jobs SET cancelled = 1 WHERE id = ? AND state = 'running'", (id,))
-        return self.get(id)
+            return self.get(id)
 
     def outputs(self, id: str) -> list[JobOutput]:
         """Return the files of a job that has ended."""
@@ -201,9 +229,11 @@ class JobStore:
         query = f"SELECT id, job, kind, content, at FROM events WHERE id > ? {where} ORDER BY id LIMIT ?"
         return [JobEvent(*r) for r in self._db.read(query, number, *jobs, most)]
 
-    def count(self, state: State) -> int:
-        """Return how many jobs are in a state."""
-        return int(self._db.read("SELECT count(*) FROM jobs WHERE state = ?", state)[0][0])
+    def count_open_states(self) -> tuple[int, int]:
+        """Return how many jobs run, and how many wait, at one moment."""
+        query = "SELECT ifnull(sum(state = 'running'), 0), ifnull(sum(state = 'queued'), 0) FROM jobs"
+        ((running, waiting),) = self._db.read(f"{query} WHERE state IN ('running', 'queued')")
+        return int(running), int(waiting)
 
     def is_accepted(self, id: str) -> bool:
         """Tell whether a job is there that asking for it again does not start anew."""
@@ -284,6 +314,21 @@ def _text(command: JobCommand) -> str:
 
 def _problem_text(problem: JobProblem | None) -> str:
     return PROBLEM.dump_json(problem).decode() if problem else ""
+
+
+def is_named(db: sqlite3.Connection, sha256: str) -> bool:
+    """Tell whether a job or an upload names a file of the store: one that nothing names may go."""
+    tables = ("outputs", "inputs", "uploads")
+    return any(db.execute(f"SELECT 1 FROM {t} WHERE sha256 = ? LIMIT 1", (sha256,)).fetchone() for t in tables)
+
+
+def _wait_again(db: sqlite3.Connection, job: JobRecord, crashes: int, because: str) -> bool:
+    """Let a job of this fence wait again; return whether it was still this fence's."""
+    waits = "state = 'queued', stage = '', crashes = crashes + ?, lease_until = 0"
+    done = _update(db, job, waits, crashes)
+    if done:
+        _tell(db, job.id, "queued", {"because": because})
+    return done
 
 
 def _update(db: sqlite3.Connection, job: JobRecord, change: str, *values: object) -> bool:

@@ -37,27 +37,27 @@ def log_in(
     """Give a browser its cookie."""
     address, guesses = CALLER.get().address, context.guesses
     senders = [("address", sender_of(address)), *([("name", name.strip()[:64])] if name else [])]
-    wait = guesses.wait_s(*senders)
+    wait = guesses.begin_try(*senders)
     if wait:
         answer = _form(context, f"Too many wrong tries. Wait {wait:.0f} s, then try again.", wanted, 429)
         answer.headers["retry-after"] = f"{wait:.0f}"
         return answer
-    found = None
+    who, cookie = name[:64], ""
     if name:
-        person = context.people.by_password(name, password)
-        found = person.name if person else None
+        found = context.people.log_in(name, password)
+        if found is not None:
+            who, cookie = found[0].name, found[1]
     elif token and context.finder.is_service_token(token):
-        found = ""
-    request.scope["edbb.person"] = found if found is not None else name[:64]
-    if found is None:
-        guesses.note_wrong(*senders)
+        cookie = context.people.open_token_session()
+    request.scope["edbb.person"] = who
+    if not cookie:
         text = "Name or password is wrong." if name else "This is not the token of this service."
         return _form(context, text, wanted, 401)
     guesses.note_right(*senders)
     redirect = RedirectResponse(wanted if OWN_PATH.fullmatch(wanted) else "/", 303)
     redirect.set_cookie(
         COOKIE,
-        context.people.open_session(found),
+        cookie,
         max_age=int(SESSION_S),
         httponly=True,
         samesite="lax",

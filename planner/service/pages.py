@@ -2,18 +2,22 @@
 
 import json
 import logging
+from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from functools import cache
+from functools import cache, wraps
 from pathlib import Path
-from typing import Annotated, get_args
+from typing import Annotated, ParamSpec, cast, get_args
 
 from fastapi import APIRouter, FastAPI, Query, Request, Response
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import HTMLResponse
+from pydantic import ValidationError
+from starlette.exceptions import HTTPException
 
 from planner.cell.reading import load_cell, shipped_cells
 from planner.cell.sections import read_cell_file
+from planner.common.errors import InputError
 from planner.common.schema import read_json
 from planner.identification.baseline import NAME as BASELINE
 from planner.instruments.circular.document import CircularDocument
@@ -76,6 +80,23 @@ class PlanChoice:
 
 
 PAGES = APIRouter(include_in_schema=False, default_response_class=HTMLResponse)
+Page = ParamSpec("Page")
+
+
+def at_one_moment(page: Callable[Page, HTMLResponse]) -> Callable[Page, HTMLResponse]:
+    """Let all that a page says be of one moment: jobs may begin, end and be deleted while it is made."""
+
+    @wraps(page)
+    def read(*args: Page.args, **named: Page.kwargs) -> HTMLResponse:
+        """Read the records that have changed, then the page."""
+        context = cast(ServiceContext, named["context"])
+        context.records.index.refresh()
+        with context.jobs.at_one_moment():
+            return page(*args, **named)
+
+    return read
+
+
 ENVIRONMENT.globals |= {"find_action": find_action, "finding_size": finding_size, "percent": percent}
 ENVIRONMENT.globals["typed_options"] = typed_options
 
@@ -99,6 +120,7 @@ def add_problem_handlers(app: FastAPI) -> None:
 
 
 @PAGES.get("/")
+@at_one_moment
 def show_start(
     context: Context, q: Annotated[str, Query(max_length=200)] = "", after: Annotated[str, Query(max_length=120)] = ""
 ) -> HTMLResponse:
@@ -118,6 +140,7 @@ def show_start(
 
 
 @PAGES.get("/robots/{serial}")
+@at_one_moment
 def show_robot(serial: Serial, context: Context) -> HTMLResponse:
     """The record of a robot: how it stands, its drift, its history."""
     record = describe_record(context, context.records.read(serial))
@@ -133,6 +156,7 @@ def show_robot(serial: Serial, context: Context) -> HTMLResponse:
 
 
 @PAGES.get("/jobs")
+@at_one_moment
 def show_jobs(context: Context) -> HTMLResponse:
     """All jobs that a person looks for."""
     kinds = [kind for kind, request in REQUESTS.items() if not request.task]
@@ -150,6 +174,7 @@ def show_cell(robot: str, cell: str) -> HTMLResponse:
 
 
 @PAGES.get("/cells/{cell}")
+@at_one_moment
 def show_own_cell(cell: Sha256, check: JobId, context: Context) -> HTMLResponse:
     """An uploaded cell, with the files that it was checked with."""
     job, file = context.jobs.get(check), context.uploads.find(cell)
@@ -163,16 +188,18 @@ def show_own_cell(cell: Sha256, check: JobId, context: Context) -> HTMLResponse:
 
 
 @PAGES.get("/jobs/{id}")
+@at_one_moment
 def show_job(id: JobId, context: Context) -> HTMLResponse:
     """A job: its progress, and its result once it has one."""
     job = _job(context, id)
     if job.state == "done" and REQUESTS[job.kind].document not in {f.name for f in job.files}:
         return _show_any(context, job)
-    if job.kind in PLANS:
-        return _show_plan(context, job)
-    if job.kind == "identification":
-        return _show_calibration(context, job)
-    return _show_check(context, job) if job.kind == "check" else _show_any(context, job)
+    show = SHOWN.get(job.kind, _show_any)
+    try:
+        return show(context, job)
+    except (ValidationError, InputError) as err:  # a version that wrote other documents
+        LOG.warning("%s %s cannot be shown: %s", job.kind, id, err)
+        return _show_any(context, job)
 
 
 def _show_any(context: ServiceContext, job: Job) -> HTMLResponse:
@@ -218,6 +245,7 @@ def _show_calibration(context: ServiceContext, job: Job) -> HTMLResponse:
 
 
 @PAGES.get("/compare")
+@at_one_moment
 def compare_plans(first: JobId, second: JobId, context: Context) -> HTMLResponse:
     """Two finished plans side by side: their figures, and their charts in pairs."""
     jobs = [_job(context, id) for id in (first, second)]
@@ -234,6 +262,7 @@ def compare_plans(first: JobId, second: JobId, context: Context) -> HTMLResponse
 
 
 @PAGES.get("/jobs/{id}/session")
+@at_one_moment
 def show_session(id: JobId, context: Context) -> HTMLResponse:
     """What to do at the cell, as a checklist."""
     job = _job(context, id)
@@ -245,6 +274,7 @@ def show_session(id: JobId, context: Context) -> HTMLResponse:
 
 
 @PAGES.get("/jobs/{id}/certificate")
+@at_one_moment
 def show_certificate(id: JobId, context: Context) -> HTMLResponse:
     """The certificate of a calibration, to print."""
     job = _job(context, id)
@@ -254,13 +284,14 @@ def show_certificate(id: JobId, context: Context) -> HTMLResponse:
 
 
 @PAGES.get("/calibrate")
+@at_one_moment
 def show_calibrate(context: Context, plan: JobId | None = None) -> HTMLResponse:
     """The form that takes the log of a run."""
     planned = [(p, _plan_header(context, p)) for kind in PLANS for p in _plans(context, kind)]
     rows = [
         PlanChoice(p, h.plan_id, p.kind == "check-plan", find_calibration(context, p.id))
         for p, h in planned
-        if not h.kind
+        if h is not None and not h.kind
     ]
     return render("calibrate", plans=rows, chosen=plan, cells=_own_cells(context), shipped=_columns_of_shipped())
 
@@ -299,8 +330,13 @@ def _plans(context: ServiceContext, kind: str = "plan") -> list[Job]:
     return [j for j in done if any(f.name == REQUESTS[kind].document for f in j.files)]
 
 
-def _plan_header(context: ServiceContext, job: Job) -> PlanHeader:
-    return _read_header(output_path(context, job.id, "plan.json"))
+def _plan_header(context: ServiceContext, job: Job) -> PlanHeader | None:
+    """What a plan says of itself; nothing of one that cannot be read: another version wrote it."""
+    try:
+        return _read_header(output_path(context, job.id, "plan.json"))
+    except (ValidationError, InputError, HTTPException) as err:  # or just deleted
+        LOG.warning("plan %s cannot be read: %s", job.id, err)
+        return None
 
 
 @cache
@@ -327,8 +363,16 @@ def _own_cells(context: ServiceContext) -> list[OwnCell]:
     return list(checked.values())
 
 
+SHOWN = {
+    **dict.fromkeys(PLANS, _show_plan),
+    "identification": _show_calibration,
+    "check": _show_check,
+}
+"""How jobs of a kind are shown that are more than their files."""
+
+
 def _job(context: ServiceContext, id: str) -> Job:
-    return context.describe(context.jobs.get(id))
+    return context.show(id)
 
 
 def _plan(context: ServiceContext, job: Job) -> AnyPlan:

@@ -168,8 +168,11 @@ class PeopleStore:
             if not db.execute("DELETE FROM tokens WHERE person = ? AND label = ?", (name, label)).rowcount:
                 raise InputError(f"{name}: has no token '{label}'; see 'edbb serve users list'")
 
-    def by_password(self, name: str, password: str) -> Person | None:
-        """Return who has this name and password; it takes as long where there is nobody of that name."""
+    def log_in(self, name: str, password: str) -> tuple[Person, str] | None:
+        """Return who has this name and password, and the cookie of a new session; nothing where nobody has.
+
+        It takes as long where there is nobody of that name.
+        """
         rows = self._db.read("SELECT * FROM people WHERE name = ?", unicodedata.normalize("NFC", name.strip()))
         with HASHING:
             self._nobody = self._nobody or self._hasher.hash(secrets.token_hex())
@@ -178,7 +181,12 @@ class PeopleStore:
                 self._hasher.verify(kept, password)
             except (VerificationError, InvalidHashError):
                 return None
-        return self._person(rows[0]) if rows and kept != self._nobody else None
+        if not rows or kept == self._nobody:
+            return None
+        with self._db.write() as db:  # the password may have been changed, and its sessions ended, while it was checked
+            known = db.execute("SELECT * FROM people WHERE name = ? AND password = ?", (rows[0]["name"], kept))
+            person = known.fetchone()
+            return None if person is None else (self._person(person), self._open_session(db, person["name"]))
 
     def by_token(self, token: str) -> Person | None:
         """Return whose token this is."""
@@ -186,12 +194,15 @@ class PeopleStore:
         rows = self._db.read("SELECT people.* FROM tokens JOIN people ON name = person WHERE sha256 = ?", known)
         return self._person(rows[0]) if rows else None
 
-    def open_session(self, name: str) -> str:
-        """Return the cookie of a new session of somebody; of nobody where ``name`` is empty: of the service's token."""
-        cookie, now = secrets.token_urlsafe(32), time.time()  # bytes: cannot be guessed
+    def open_token_session(self) -> str:
+        """Return the cookie of a new session of the service's own token, which is nobody's by name."""
         with self._db.write() as db:
-            db.execute("DELETE FROM sessions WHERE opened < ? OR seen < ?", (now - SESSION_S, now - IDLE_S))
-            db.execute("INSERT INTO sessions VALUES (?, ?, ?, ?)", (self._seal_cookie(cookie), name, now, now))
+            return self._open_session(db, "")
+
+    def _open_session(self, db: sqlite3.Connection, name: str) -> str:
+        cookie, now = secrets.token_urlsafe(32), time.time()  # bytes: cannot be guessed
+        db.execute("DELETE FROM sessions WHERE opened < ? OR seen < ?", (now - SESSION_S, now - IDLE_S))
+        db.execute("INSERT INTO sessions VALUES (?, ?, ?, ?)", (self._seal_cookie(cookie), name, now, now))
         return cookie
 
     def close_session(self, cookie: str) -> None:

@@ -1,10 +1,7 @@
 """Routes of the records of robots: state and next check, history, drift, export."""
 
-import io
 import math
-import zipfile
 from datetime import date
-from pathlib import Path
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Query, Request, Response
@@ -115,9 +112,11 @@ def get_record(serial: Serial, context: Context) -> RecordHistory:
 @RECORDS.post("/records/{serial}/entries", status_code=201, responses=MISSING)
 def add_to_record(serial: Serial, request: EntryRequest, context: Context) -> RecordHistory:
     """Add a calibration, validation or check to a robot's record; the same again changes nothing."""
-    job = context.jobs.get(request.job)
-    known = find_calibration(context, job.id)
-    judged = find_recorded(context, known).circumstances if known else None
+    context.records.index.refresh()
+    with context.jobs.at_one_moment():
+        job = context.jobs.get(request.job)
+        known = find_calibration(context, job.id)
+        judged = find_recorded(context, known).circumstances if known else None
     baseline = None if judged is None else judged.date
     return describe_record(context, context.records.add(serial, job, request.circumstances, baseline))
 
@@ -131,12 +130,8 @@ def get_opcua(serial: Serial, context: Context) -> OpcUaRecord:
 @RECORDS.get("/records/{serial}/export", responses=MISSING, response_class=Response)
 def export_record(serial: Serial, context: Context) -> Response:
     """Get the whole folder of a record as ZIP, as ``edbb record`` reads it."""
-    folder, packed = context.records.path(serial), io.BytesIO()
-    with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
-        for path in sorted(p for p in folder.rglob("*") if p.is_file()):
-            archive.write(path, Path(serial, path.relative_to(folder)))
     headers = {"content-disposition": f'attachment; filename="{serial}.zip"'}
-    return Response(packed.getvalue(), media_type="application/zip", headers=headers)
+    return Response(context.records.pack(serial), media_type="application/zip", headers=headers)
 
 
 def find_recorded(context: ServiceContext, job: str) -> RecordedEntry:

@@ -8,12 +8,15 @@ import re
 import sqlite3
 import threading
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import date
 from pathlib import Path
 from typing import Literal
 
 from planner.common.errors import InputError
+from planner.common.system import hold_lock
 from planner.instruments.record import Circumstances, RobotRecord, latest_day
 from planner.service.database import Database
 
@@ -130,13 +133,21 @@ class RecordIndex:
         """Read a record to which something was added."""
         self._keep(serial, _stamp(self._folder / serial))
 
+    @contextmanager
+    def alone(self) -> Iterator[None]:
+        """Hold off others that add to records, or delete what records may cite: threads, and servers of this folder."""
+        with hold_lock(self._folder / ".lock"):
+            yield
+
     def refresh(self, now: bool = False) -> bool:
         """Read the records that have changed, many of them behind the page that waits; tell whether all are read.
 
-        ``now``: look although somebody has just looked.
+        A page that reads at one moment does so before. ``now``: look although somebody has just looked.
         """
         read_at_once_s = 0.2  # for reading changed records while a page waits; the others are read behind it
-        if (not now and time.monotonic() - self._looked < LOOK_S) or not self._looking.acquire(blocking=False):
+        wait_s = 1.0 if now else 0.0  # for another one's look
+        just_looked = not now and (time.monotonic() - self._looked < LOOK_S or self._db.is_within_transaction)
+        if just_looked or not self._looking.acquire(timeout=wait_s):
             return not self._looking.locked()  # somebody has just looked, looks, or reads what is left
         left: list[tuple[str, str]] = []
         try:

@@ -1,15 +1,14 @@
 """The records of robots that the service keeps: the plain folders of ``edbb record``, one a serial number."""
 
+import io
 import shutil
 import tempfile
-from collections.abc import Iterator
-from contextlib import contextmanager
+import zipfile
 from datetime import date
 from pathlib import Path
 
 from planner.common.errors import InputError
 from planner.common.result_folder import file_hash
-from planner.common.system import hold_lock
 from planner.instruments.record import BESIDE, DOCUMENTS, Circumstances, RobotRecord, add_entry
 from planner.service.database import Database
 from planner.service.file_store import FileStore
@@ -62,10 +61,12 @@ class RecordStore:
         ``baseline``: day of the calibration that it is judged against, where that is known.
 
         Raises:
-            InputError: the job has nothing for a record, or is of another model, or simulated beside real ones; its
+            UnknownJobError: the job is gone.
+            InputError: it has nothing for a record, or is of another model, or simulated beside real ones; its
                 date is not allowed.
         """
-        with self._alone(), tempfile.TemporaryDirectory(dir=self._folder) as draft:
+        with self.index.alone(), tempfile.TemporaryDirectory(dir=self._folder) as draft:
+            self._jobs.get(job.id)  # it may have been deleted meanwhile
             for output in self._jobs.outputs(job.id):
                 if output.name in (*DOCUMENTS, *BESIDE):
                     shutil.copyfile(self._files.path(output.sha256), Path(draft, output.name))
@@ -79,8 +80,14 @@ class RecordStore:
                 self.index.read(serial)
             return self.read(serial)
 
-    @contextmanager
-    def _alone(self) -> Iterator[None]:
-        """Hold off others that add: threads, and servers that share the folder."""
-        with hold_lock(self._folder / ".lock"):
-            yield
+    def pack(self, serial: str) -> bytes:
+        """Return the folder of a record as ZIP.
+
+        Raises:
+            UnknownRecordError: there is none.
+        """
+        folder, packed = self.path(serial), io.BytesIO()
+        with self.index.alone(), zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
+            for path in sorted(p for p in folder.rglob("*") if p.is_file()):
+                archive.write(path, Path(serial, path.relative_to(folder)))
+        return packed.getvalue()

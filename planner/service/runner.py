@@ -192,7 +192,8 @@ class JobRunner:
         state: State = "done" if code in (0, PARTLY_DONE) else "failed"
         problem = None if state == "done" else self._problem(code)
         own_code = None if code == DAMAGED else code  # the command never ran
-        self._jobs.finish(self._job, state, self._take_outputs(), own_code, problem)
+        with self._files.placing():
+            self._jobs.finish(self._job, state, self._take_outputs(), own_code, problem)
 
     def _take_outputs(self) -> list[JobOutput]:
         """Move what the command wrote and printed into the store."""

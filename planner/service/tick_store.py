@@ -8,6 +8,7 @@ from pydantic import AwareDatetime, Field
 
 from planner.common.schema import StrictModel
 from planner.service.database import Database
+from planner.service.job_store import UnknownJobError
 
 
 class Tick(StrictModel):
@@ -37,10 +38,16 @@ class TickStore:
         self._db = database
 
     def merge(self, job: str, ticks: list[Tick], person: str) -> None:
-        """Keep the ticks that are later than what is known of their steps; a clock that is ahead counts as now."""
+        """Keep the ticks that are later than what is known of their steps; a clock that is ahead counts as now.
+
+        Raises:
+            UnknownJobError: there is no such job.
+        """
         now = time.time()
         rows = [(job, t.step, t.done, min(t.at.timestamp(), now), person) for t in ticks]
         with self._db.write() as db:
+            if db.execute("SELECT 1 FROM jobs WHERE id = ?", (job,)).fetchone() is None:
+                raise UnknownJobError(f"there is no job {job}")
             db.executemany(
                 "INSERT INTO ticks VALUES (?, ?, ?, ?, ?) ON CONFLICT (job, step) DO UPDATE SET"
                 " done = excluded.done, at = excluded.at, person = excluded.person WHERE excluded.at > at",

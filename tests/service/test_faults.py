@@ -210,9 +210,9 @@ def test_a_store_of_the_version_before_is_taken_over(tmp_path):
 
 def test_a_large_upload_does_not_hold_up_others(tmp_path, monkeypatch):
     """While the disk takes its time to keep a file, the loop that serves everybody goes on."""
-    served, keep = threading.Event(), FileStore.keep
+    served, finish = threading.Event(), FileStore.finish
     monkeypatch.setattr(
-        FileStore, "keep", lambda *a, **k: keep(*a, **k) if served.wait(20.0) else pytest.fail("held up")
+        FileStore, "finish", lambda *a, **k: finish(*a, **k) if served.wait(20.0) else pytest.fail("held up")
     )
 
     class Sent:
@@ -223,7 +223,7 @@ def test_a_large_upload_does_not_hold_up_others(tmp_path, monkeypatch):
             return self.chunks()
 
     async def receive_while_serving():
-        sending = asyncio.create_task(file_api.receive_body(Sent(), FileStore(tmp_path), "a", None))
+        sending = asyncio.create_task(file_api.receive_body(Sent(), FileStore(tmp_path), "a", None, print))
         for _ in range(20):
             await asyncio.sleep(0.01)
             assert not sending.done()  # it waits for the disk

@@ -74,7 +74,7 @@ def test_a_newer_version_takes_over_what_an_older_one_had_accepted(tmp_path):
 def received(tmp_path, receive):
     """What comes of an upload whose client sends as ``receive`` does."""
     request = Request({"type": "http", "method": "POST", "headers": []}, receive)
-    return asyncio.run(file_api.receive_body(request, FileStore(tmp_path), "run.csv", None))
+    return asyncio.run(file_api.receive_body(request, FileStore(tmp_path), "run.csv", None, print))
 
 
 def test_clients_that_stall_or_vanish_leave_nothing(tmp_path, monkeypatch):
