@@ -120,18 +120,19 @@ class CallerFinder:
         return bool(token) and hmac.compare_digest(given.encode(), token.encode())
 
     def _by_token(self, given: str, address: str) -> Caller | Refusal:
-        sender = ("token", sender_of(address))
-        wait = self._guesses.wait_s(sender)
-        if wait:
-            return Refusal(429, f"too many wrong tokens came from {address}; wait {wait:.0f} s", wait)
-        if self.is_service_token(given):
-            return Caller()
-        if self._worker_token and hmac.compare_digest(given.encode(), self._worker_token.encode()):
-            return Caller("a worker", Role.LOOK)
+        # made here of 32 random bytes: nobody guesses them, so that wrong tokens of others hold off no right one
         person = self._people.by_token(given)
         if person is not None:
             return Caller(person.name, person.role)
-        self._guesses.note_wrong(sender)
+        if self._worker_token and hmac.compare_digest(given.encode(), self._worker_token.encode()):
+            return Caller("a worker", Role.LOOK)
+        sender = ("token", sender_of(address))  # the service's own was chosen by a person
+        wait = self._guesses.begin_try(sender)
+        if wait:
+            return Refusal(429, f"too many wrong tokens came from {address}; wait {wait:.0f} s", wait)
+        if self.is_service_token(given):
+            self._guesses.note_right(sender)
+            return Caller()
         return Refusal(401, "this token is not known here")
 
     def _by_proxy(self, peer: str, headers: Headers) -> Caller | Refusal | None:

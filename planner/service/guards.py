@@ -1,9 +1,11 @@
 """What stands before every request: who may ask, how much may be sent, and what a browser may do with the answer."""
 
+import asyncio
 import ipaddress
 import logging
 import socket
 import sqlite3
+import time
 from urllib.parse import urlsplit
 
 from starlette.concurrency import run_in_threadpool
@@ -23,6 +25,7 @@ UPLOADS = ("/api/files", "/api/runs")
 OPEN = ("/login", "/logout", "/static/")  # what is there for everybody
 LOG = logging.getLogger("edbb.service")
 SAFE = ("GET", "HEAD", "OPTIONS")
+BODY_S = 30.0  # for a body that is no upload
 POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data: blob:; connect-src 'self'; "
     "form-action 'self'; base-uri 'none'; frame-ancestors 'none'"
@@ -74,7 +77,8 @@ class Guard:
         if caller.unnoted:
             await run_in_threadpool(self._context.people.note_use, caller.cookie)
         answered: dict[str, str] = {}
-        await self._app(scope, _count_bytes(receive, self._most_body(scope)), _note_answer(guarded, answered))
+        taken = _count_bytes(receive, self._most_body(scope), scope["path"] not in UPLOADS)
+        await self._app(scope, taken, _note_answer(guarded, answered))
         if scope.get("edbb.deed") and answered:
             await run_in_threadpool(self._note_deed, scope, caller, answered)
 
@@ -153,14 +157,17 @@ def _host_of(origin: str) -> str:
         return ""
 
 
-def _count_bytes(receive: Receive, most: int) -> Receive:
-    taken = 0
+def _count_bytes(receive: Receive, most: int, timed: bool) -> Receive:
+    taken, left, ends = 0, True, time.monotonic() + BODY_S
 
     async def receive_some() -> Message:
-        """Take in a part of the body, as long as it is not too large."""
-        nonlocal taken
-        message = await receive()
-        taken += len(message.get("body", b""))
+        """Take in a part of the body, as long as it is not too large and comes in time."""
+        nonlocal taken, left
+        try:
+            message = await asyncio.wait_for(receive(), ends - time.monotonic() if timed and left else None)
+        except TimeoutError as err:
+            raise HTTPException(408, f"the request did not come within {BODY_S:g} s; send it again") from err
+        taken, left = taken + len(message.get("body", b"")), bool(message.get("more_body"))
         if taken > most:
             raise BodyTooLargeError(most)
         return message

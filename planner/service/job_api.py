@@ -2,6 +2,7 @@
 
 import asyncio
 import time
+from collections import Counter
 from collections.abc import AsyncIterator, Callable
 from pathlib import Path
 from typing import Annotated, Literal
@@ -207,14 +208,8 @@ KNOWN_S = 5.0  # after which a stream looks again who follows it
 MOST_EVENT = 2**62  # the largest number of an event that the database holds
 
 
-class StreamCount:
-    """How many streams are open."""
-
-    def __init__(self) -> None:
-        self.open = 0
-
-
-STREAMS = StreamCount()
+STREAMS: Counter[str] = Counter()
+"""How many streams each person follows."""
 
 
 @EVENTS.get("/events", response_class=StreamingResponse, responses={200: {"content": {"text/event-stream": {}}}})
@@ -227,7 +222,9 @@ async def stream_events(
     wait: Annotated[bool, Query(description="go on with what will happen; else end with what has")] = True,
 ) -> StreamingResponse:
     """Follow jobs: ``queued``, ``running``, ``progress`` and ``end``, each with its number."""
-    if STREAMS.open >= 200:  # streams at a time
+    most, most_of_one = 200, 50  # streams at a time; of a person who is known by name
+    who = CALLER.get().name
+    if STREAMS.total() >= most or (who and STREAMS[who] >= most_of_one):
         raise HTTPException(503, "too many pages are open", {"retry-after": "10"})
     start = await run_in_threadpool(_start, context.jobs, job, last_event_id, after)
     news = _stream(context, request, job, start, wait)
@@ -247,7 +244,8 @@ async def _stream(
     context: ServiceContext, request: Request, named: list[str], last: int, wait: bool
 ) -> AsyncIterator[str]:
     """Yield events until the client goes, or may not look any more: its session has ended, or its token."""
-    STREAMS.open += 1
+    who = CALLER.get().name
+    STREAMS[who] += 1
     try:
         yield "retry: 2000\n\n"
         told = known = time.monotonic()
@@ -268,7 +266,7 @@ async def _stream(
             if not events:
                 await asyncio.sleep(0.25)  # [s] between two looks for news
     finally:
-        STREAMS.open -= 1
+        STREAMS[who] -= 1
 
 
 def event_text(event: JobEvent) -> str:

@@ -147,7 +147,7 @@ class JobFolder:
             return ""
         try:
             named = tomllib.loads(self._files.path(cell).read_text(encoding="utf-8")).get("robot", "")
-        except (OSError, ValueError):
+        except (OSError, ValueError, RecursionError):
             return ""
         return named if isinstance(named, str) else ""
 

@@ -111,7 +111,7 @@ def add_problem_handlers(app: FastAPI) -> None:
             LOG.error("%s %s", request.method, request.url.path, exc_info=err)
         if request.url.path.startswith(("/api/", "/static/")):
             return problem
-        if isinstance(err, RequestValidationError):
+        if isinstance(err, RequestValidationError) and request.method == "GET":
             return render("problem", 404, detail="There is no such page.")
         return render("problem", problem.status_code, detail=f"{problem.detail[:1].upper()}{problem.detail[1:]}.")
 

@@ -8,6 +8,7 @@ from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
 from pydantic import Field
 from starlette.exceptions import HTTPException
+from starlette.requests import ClientDisconnect
 
 from planner.common.errors import MissingProgramError, NoSolutionError, PlannerError, printable
 from planner.common.schema import StrictModel
@@ -46,7 +47,7 @@ class Problem(StrictModel):
     exit_code: int | None = Field(None, description="of the command line", examples=[2])
 
 
-ERRORS = (RequestValidationError, HTTPException, PlannerError, sqlite3.DatabaseError, Exception)
+ERRORS = (RequestValidationError, HTTPException, ClientDisconnect, PlannerError, sqlite3.DatabaseError, Exception)
 
 
 class ProblemResponse(JSONResponse):
@@ -70,6 +71,8 @@ def problem_of(err: Exception) -> ProblemResponse:
             answer = ProblemResponse(err.status_code, str(err.detail))
             answer.headers.update(err.headers or {})
             return answer
+        case ClientDisconnect():
+            return ProblemResponse(400, "the client went before it had sent all")
         case PlannerError():
             return ProblemResponse(next(s for kind, s in STATUS if isinstance(err, kind)), str(err), err.exit_code)
         case sqlite3.OperationalError() if "full" in str(err):

@@ -4,14 +4,26 @@ import re
 import subprocess
 import sys
 import time
+from functools import partial
 
 import pytest
+from argon2 import PasswordHasher
 from fastapi.testclient import TestClient
 
 from planner.service.serving import guarded_app
 from planner.service.settings import JobLimits, ServiceSettings
 
 AT_HOME = "http://127.0.0.1:8017"
+PATIENCE_S = 300.0  # of a test that waits for what should happen soon
+
+
+@pytest.fixture(scope="session", autouse=True)
+def quick_passwords():
+    """Passwords whose check costs little: their number is tested, not the cost, which the library decides."""
+    with pytest.MonkeyPatch.context() as patch:
+        cheap = partial(PasswordHasher, time_cost=1, memory_cost=64, parallelism=1)
+        patch.setattr("planner.service.people.PasswordHasher", cheap)
+        yield
 
 
 def settings(folder, **changes):
@@ -31,12 +43,24 @@ def client(tmp_path_factory):
 def ended(client, answer):
     """The job, once it has ended."""
     assert answer.status_code == 202, answer.text
-    for _ in range(1200):
-        job = client.get(answer.headers["location"]).json()
-        if job["state"] not in ("queued", "running"):
-            return job
-        time.sleep(0.05)
-    raise AssertionError(job)
+    at = answer.headers["location"]
+    wait_until(lambda: client.get(at).json()["state"] not in ("queued", "running"))
+    return client.get(at).json()
+
+
+def wait_until(is_so, seconds=PATIENCE_S, pause_s=0.05):
+    """Wait until something is so; the machine may be busy."""
+    until = time.monotonic() + seconds
+    while not is_so():
+        assert time.monotonic() < until, "it did not come about"
+        time.sleep(pause_s)
+
+
+def address_of(server):
+    """Where a service listens, once it says so."""
+    while not (found := re.search(r"http://\S+?(?=,)", line := server.stderr.readline())):
+        assert line, "it ended"
+    return found[0]
 
 
 def upload(client, route, data, name):
@@ -50,5 +74,5 @@ def service(tmp_path):
     """The address and process of a service of its own."""
     command = [sys.executable, "-m", "planner.cli", "serve", "--port", "0", "--data", str(tmp_path / "data")]
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as server:
-        yield re.search(r"http://\S+?(?=,)", server.stderr.readline())[0], server.pid
+        yield address_of(server), server.pid
         server.terminate()

@@ -6,7 +6,6 @@ import re
 import signal
 import subprocess
 import sys
-import time
 from datetime import date, timedelta
 from pathlib import Path
 from types import MappingProxyType
@@ -23,7 +22,7 @@ from planner.service.job_record import JobCommand, JobOutput
 from planner.service.job_store import JobStore
 from planner.service.people import PeopleStore
 from planner.service.settings import Role
-from tests.service.conftest import client_of
+from tests.service.conftest import client_of, wait_until
 from tests.service.test_browser import CHROMIUM, RULES, SOFTWARE_3D
 from tests.service.test_cluster import free_port
 from tests.workflow.conftest import small_cell
@@ -93,13 +92,6 @@ def open_page(browser, service, name, phone):
         page.get_by_role("button", name="Log in").click()
         expect(page.locator(".who")).to_contain_text(name)
     return page
-
-
-def wait_until(is_so):
-    until = time.monotonic() + 20
-    while not is_so():
-        assert time.monotonic() < until
-        time.sleep(0.1)
 
 
 def check_page(page, name):

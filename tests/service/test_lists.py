@@ -24,7 +24,7 @@ from planner.service.record_index import LOOK_S, RecordIndex, RobotFilter
 from tests.instruments.check.fleet import NAME
 from tests.instruments.check.test_evaluation import judged
 from tests.instruments.check.test_record import calibration
-from tests.service.conftest import client_of
+from tests.service.conftest import client_of, wait_until
 
 KINDS, ROBOTS = ("plan", "identification", "check", "fixture-view"), ("comau-nj130", "ur10", "")
 COUNT, PAGE = 137, 20
@@ -224,10 +224,7 @@ def test_the_first_page_searches_the_robots(tmp_path):
     for k in range(60):
         add(tmp_path, f"KR-{k:03d}", "good", calibration(0.01), TODAY - timedelta(k % 5))
     with client_of(tmp_path) as client:
-        for _ in range(100):
-            if len(client.get("/api/records", params={"most": 1000}).json()) == 60:
-                break
-            time.sleep(0.1)
+        wait_until(lambda: len(client.get("/api/records", params={"most": 1000}).json()) == 60)
         found, pages = walk(client, "/api/records", most=25)
         assert (len({r["serial"] for r in found}), pages) == (60, 3)
         first = client.get("/").text

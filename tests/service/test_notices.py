@@ -7,7 +7,6 @@ import logging
 import re
 import socket
 import threading
-import time
 from http.server import BaseHTTPRequestHandler, HTTPServer
 from urllib.parse import urlsplit
 
@@ -21,7 +20,7 @@ from planner.service.job_record import JobCommand
 from planner.service.job_store import JobStore
 from planner.service.settings import WebhookSettings
 from planner.service.webhook import BlockedAddressError, Notifier, is_public, resolve_host, send_notice
-from tests.service.conftest import client_of
+from tests.service.conftest import client_of, wait_until
 
 
 class Receiver(HTTPServer):
@@ -59,13 +58,6 @@ def end_job(store, number, task=False):
     store.finish(store.take(9), "done", [], 0, None)
 
 
-def wait_for(is_so):
-    until = time.monotonic() + 20
-    while not is_so():
-        assert time.monotonic() < until
-        time.sleep(0.02)
-
-
 def test_each_job_that_ends_is_told_signed_and_also_after_a_crash(tmp_path, receiver):
     database = Database(tmp_path / "jobs.sqlite3")
     store = JobStore(database)
@@ -76,12 +68,12 @@ def test_each_job_that_ends_is_told_signed_and_also_after_a_crash(tmp_path, rece
     notifier.start()
     end_job(store, 2)
     end_job(store, 3, task=True)
-    wait_for(lambda: len(receiver.got) == 3)
+    wait_until(lambda: len(receiver.got) == 3)
     notifier.stop()
     end_job(store, 4)  # while no server runs
     again = Notifier(settings, database, store)
     again.start()
-    wait_for(lambda: len(receiver.got) == 4)
+    wait_until(lambda: len(receiver.got) == 4)
     again.stop()
     told = [json.loads(body) for _, _, body in receiver.got]
     assert [t["title"] for t in told] == ["plan 2", "plan 2", "plan 2", "plan 4"], "until it is taken, then no more"

@@ -2,7 +2,6 @@
 
 import asyncio
 import errno
-import time
 from collections import namedtuple
 
 import pytest
@@ -12,18 +11,16 @@ from starlette.requests import ClientDisconnect, Request
 import planner.service.context as context
 import planner.service.file_api as file_api
 from planner.service.file_store import FileStore
-from tests.service.conftest import client_of
+from tests.service.conftest import client_of, wait_until
 from tests.service.test_crashes import CHEAP, Store
 
 JOB = "0" * 24
 
 
-def done_in(store, seconds=20.0):
+def done_in(store):
     """The job, once it has ended in a store whose supervisor runs."""
     store.supervisor.start()
-    deadline = time.monotonic() + seconds
-    while not store.jobs.get(JOB).ended and time.monotonic() < deadline:
-        time.sleep(0.05)
+    wait_until(lambda: store.jobs.get(JOB).ended)
     store.supervisor.stop()
     return store.jobs.get(JOB)
 
