@@ -287,7 +287,10 @@ def show_certificate(id: JobId, context: Context) -> HTMLResponse:
 @at_one_moment
 def show_calibrate(context: Context, plan: JobId | None = None) -> HTMLResponse:
     """The form that takes the log of a run."""
-    planned = [(p, _plan_header(context, p)) for kind in PLANS for p in _plans(context, kind)]
+    latest = [p for kind in PLANS for p in _plans(context, kind)]
+    if plan is not None and plan not in {p.id for p in latest}:
+        latest.insert(0, _job(context, plan))  # however old it is, its page has led here
+    planned = [(p, _plan_header(context, p)) for p in latest if p.kind in PLANS and p.state == "done"]
     rows = [
         PlanChoice(p, h.plan_id, p.kind == "check-plan", find_calibration(context, p.id))
         for p, h in planned

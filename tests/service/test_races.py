@@ -315,3 +315,16 @@ def test_a_stream_ends_with_the_session_of_who_follows_it(tmp_path, monkeypatch)
             return first, [text async for text in news]
 
         assert asyncio.run(asyncio.wait_for(follow(), 30.0)) == ("retry: 2000\n\n", [])
+
+
+def test_the_plan_that_led_to_the_page_is_offered_however_old_it_is(plant):
+    plant.run("a", outputs=[("plan.json", PLAN)])
+    with plant.db.write() as db:
+        db.executemany(
+            "INSERT INTO jobs (id, kind, title, request, command, state, created)"
+            " VALUES (?, 'plan', 'x', '{}', '{\"words\": []}', 'done', ?)",
+            ((f"{k:024x}", 4e9 + k) for k in range(300)),
+        )
+    with client_of(plant.folder, workers=0, beside=0) as client:
+        assert f'value="{A}"' not in client.get("/calibrate").text
+        assert f'value="{A}"' in client.get(f"/calibrate?plan={A}").text
