@@ -114,21 +114,35 @@ def next_job(db: sqlite3.Connection, now: float) -> tuple[str, bool] | None:
     return (order[0].id, False) if order else None
 
 
-def foresee_end(db: sqlite3.Connection, id: str, workers: int, now: float) -> Outlook | None:
-    """Return when a job is to be done; nothing of one that has ended, or of a task of a page.
+def foresee_ends(db: sqlite3.Connection, workers: int, now: float) -> dict[str, Outlook]:
+    """Return when each job that waits or runs is to be done, by its identifier; tasks of pages are left out.
 
     ``db`` must be within one transaction.
     """
-    row = db.execute("SELECT kind, state, started, task FROM jobs WHERE id = ?", (id,)).fetchone()
-    if row is None or row["task"] or row["state"] not in ("queued", "running"):
-        return None
-    running = db.execute("SELECT kind, started FROM jobs WHERE state = 'running' AND task = 0").fetchall()
-    lengths = expected_lengths(db, {row["kind"], *(r["kind"] for r in running)})
-    own = lengths.get(row["kind"])
-    if row["state"] == "running":
-        return Outlook(0, None if own is None else max(0.0, own - (now - row["started"])))
-    order = read_order(db, now, firsts_only=False)
-    place = next(k for k, job in enumerate(order) if job.id == id)
-    before = sum(max(0.0, length_of(r["kind"], lengths) - (now - r["started"])) for r in running)
-    before += sum(job.length_s for job in order[:place])
-    return Outlook(place + 1, None if own is None else before / max(1, workers) + own)
+    open_jobs = "SELECT id, kind, state, started FROM jobs WHERE state IN ('queued', 'running') AND task = 0"
+    rows = {r["id"]: r for r in db.execute(open_jobs).fetchall()}
+    lengths, found, before = expected_lengths(db, {r["kind"] for r in rows.values()}), dict[str, Outlook](), 0.0
+    for id, row in rows.items():
+        if row["state"] == "running":
+            spent, own = now - row["started"], lengths.get(row["kind"])
+            before += max(0.0, length_of(row["kind"], lengths) - spent)
+            found[id] = Outlook(0, None if own is None else max(0.0, own - spent))
+    for place, job in enumerate(read_order(db, now, firsts_only=False), start=1):
+        own = lengths.get(rows[job.id]["kind"])
+        found[job.id] = Outlook(place, None if own is None else before / max(1, workers) + own)
+        before += job.length_s
+    return found
+
+
+@dataclass(frozen=True)
+class Foresight:
+    """What is foreseen of all jobs: when that was [s of a steady clock], and the outlook of each."""
+
+    at: float
+    outlooks: Mapping[str, Outlook]
+
+    def find(self, id: str, state: str, now: float) -> Outlook | None:
+        """Return the outlook of a job, unless it is too old, or the job has come or begun since."""
+        good_for_s = 1.0  # many pages ask for their jobs at once
+        found = self.outlooks.get(id) if now - self.at < good_for_s else None
+        return found if found is not None and (found.position == 0) == (state == "running") else None

@@ -13,7 +13,7 @@ from planner import __version__
 from planner.common.errors import InputError
 from planner.service.database import Database
 from planner.service.job_filter import JobFilter, JobPlace, State
-from planner.service.job_queue import Outlook, foresee_end, next_job
+from planner.service.job_queue import Foresight, Outlook, foresee_ends, next_job
 from planner.service.job_record import JobCommand, JobEvent, JobOutput, JobProblem, JobRecord
 from planner.service.owner import is_gone, own_name
 
@@ -37,6 +37,7 @@ class JobStore:
     def __init__(self, database: Database) -> None:
         self._db, self._owner = database, own_name()
         self._leases: dict[str, tuple[float, float]] = {}  # of each running job: its lease, and since when it is that
+        self._foreseen = Foresight(0.0, {})
 
     def at_one_moment(self) -> AbstractContextManager[object]:
         """What is read meanwhile agrees, whatever others write; nothing can be written by who reads."""
@@ -129,7 +130,14 @@ class JobStore:
     def outlook(self, id: str, workers: int) -> Outlook | None:
         """Return when a job is to be done where so many run at a time; nothing of one that has ended."""
         with self._db.snapshot() as db:  # else a job may begin between two of its questions
-            return foresee_end(db, id, workers, time.time())
+            row = db.execute("SELECT state, task FROM jobs WHERE id = ?", (id,)).fetchone()
+            if row is None or row["task"] or row["state"] not in ("queued", "running"):
+                return None
+            found = self._foreseen.find(id, row["state"], time.monotonic())
+            if found is None:
+                outlooks = foresee_ends(db, workers, time.time())
+                self._foreseen, found = Foresight(time.monotonic(), outlooks), outlooks[id]
+            return found
 
     def running(self) -> set[str]:
         """Return identifier and fence of every job that a living server runs, as ``id-fence``; others wait again."""
