@@ -62,6 +62,8 @@ RULES = {
     "GET /api/deeds": Rule(Role.ADMINISTER),
     "GET /deeds": Rule(Role.ADMINISTER),
     "GET /login": Rule(None),
+    "GET /password": Rule(Role.LOOK),
+    "POST /password": Rule(Role.LOOK, "changed the password"),
     "POST /login": Rule(None, "logged in"),
     "POST /logout": Rule(None, "logged out"),
 }

@@ -7,8 +7,9 @@ from urllib.parse import quote
 from fastapi import APIRouter, Form, Query, Request, Response
 from fastapi.responses import HTMLResponse, RedirectResponse
 
+from planner.common.errors import InputError
 from planner.service.callers import CALLER, COOKIE
-from planner.service.context import Context
+from planner.service.context import Context, ServiceContext
 from planner.service.guesses import sender_of
 from planner.service.people import SESSION_S
 from planner.service.rendering import render
@@ -55,14 +56,38 @@ def log_in(
         return _form(context, text, wanted, 401)
     guesses.note_right(*senders)
     redirect = RedirectResponse(wanted if OWN_PATH.fullmatch(wanted) else "/", 303)
-    redirect.set_cookie(
-        COOKIE,
-        cookie,
-        max_age=int(SESSION_S),
-        httponly=True,
-        samesite="lax",
-        secure=is_secure(request),
-    )
+    _give_cookie(redirect, request, cookie)
+    return redirect
+
+
+@LOGIN.get("/password")
+def show_password(context: Context, done: bool = False) -> HTMLResponse:
+    """The form by which people change their own password."""
+    return _password_form(context, done=done)
+
+
+@LOGIN.post("/password")
+def change_password(
+    request: Request, context: Context, old: Typed = "", new: Typed = "", again: Typed = ""
+) -> Response:
+    """Give whoever asks another password; other sessions of the person end."""
+    caller, guesses = CALLER.get(), context.guesses
+    if not _has_password(context):
+        return _password_form(context, status=409)
+    if new != again:
+        return _password_form(context, "The new password was typed in two ways.", 422)
+    wait = guesses.begin_try(("name", caller.name))
+    if wait:
+        return _password_form(context, f"Too many wrong tries. Wait {wait:.0f} s, then try again.", 429)
+    try:
+        cookie = context.people.change_password(caller.name, old, new)
+    except InputError as err:
+        return _password_form(context, f"{err}.", 422)
+    if cookie is None:
+        return _password_form(context, "The password until now is wrong.", 401)
+    guesses.note_right(("name", caller.name))
+    redirect = RedirectResponse("/password?done=true", 303)
+    _give_cookie(redirect, request, cookie)
     return redirect
 
 
@@ -80,6 +105,28 @@ def log_out(request: Request, context: Context) -> Response:
 def is_secure(request: Request) -> bool:
     """Tell whether the browser came by TLS, itself or up to a proxy."""
     return request.url.scheme == "https" or request.headers.get("x-forwarded-proto") == "https"
+
+
+def _give_cookie(answer: Response, request: Request, cookie: str) -> None:
+    answer.set_cookie(
+        COOKIE,
+        cookie,
+        max_age=int(SESSION_S),
+        httponly=True,
+        samesite="lax",
+        secure=is_secure(request),
+    )
+
+
+def _has_password(context: ServiceContext) -> bool:
+    """Tell whether whoever asks has logged in with a password."""
+    caller = CALLER.get()
+    person = context.people.find(caller.name) if caller.name and caller.cookie else None
+    return person is not None and person.has_password
+
+
+def _password_form(context: ServiceContext, wrong: str = "", status: int = 200, done: bool = False) -> HTMLResponse:
+    return render("password", status, wrong=wrong, has_password=_has_password(context), done=done)
 
 
 def _form(context: Context, wrong: str, wanted: str, status: int = 200) -> HTMLResponse:

@@ -169,7 +169,31 @@ class PeopleStore:
                 raise InputError(f"{name}: has no token '{label}'; see 'edbb serve users list'")
 
     def log_in(self, name: str, password: str) -> tuple[Person, str] | None:
-        """Return who has this name and password, and the cookie of a new session; nothing where nobody has.
+        """Return who has this name and password, and the cookie of a new session; nothing where nobody has."""
+        known, kept = self._verify(name, password)
+        with self._db.write() as db:  # the password may have been changed, and its sessions ended, while it was checked
+            person = known and _with_password(db, known, kept)
+            return (self._person(person), self._open_session(db, known)) if person else None
+
+    def change_password(self, name: str, old: str, new: str) -> str | None:
+        """Give somebody who knows the old password another one; return the cookie of a new session, the others end.
+
+        Nothing is changed, and nothing returned, where the old one is wrong.
+
+        Raises:
+            InputError: the new password is too short or too long.
+        """
+        made = self._hash(new)
+        known, kept = self._verify(name, old)
+        with self._db.write() as db:
+            if not known or _with_password(db, known, kept) is None:
+                return None
+            db.execute("UPDATE people SET password = ? WHERE name = ?", (made, known))
+            db.execute("DELETE FROM sessions WHERE person = ?", (known,))
+            return self._open_session(db, known)
+
+    def _verify(self, name: str, password: str) -> tuple[str, str]:
+        """Return the name as it is kept, and the hash of the password; empty where it is wrong.
 
         It takes as long where there is nobody of that name.
         """
@@ -180,13 +204,8 @@ class PeopleStore:
             try:
                 self._hasher.verify(kept, password)
             except (VerificationError, InvalidHashError):
-                return None
-        if not rows or kept == self._nobody:
-            return None
-        with self._db.write() as db:  # the password may have been changed, and its sessions ended, while it was checked
-            known = db.execute("SELECT * FROM people WHERE name = ? AND password = ?", (rows[0]["name"], kept))
-            person = known.fetchone()
-            return None if person is None else (self._person(person), self._open_session(db, person["name"]))
+                return "", ""
+        return (rows[0]["name"], kept) if rows and kept != self._nobody else ("", "")
 
     def by_token(self, token: str) -> Person | None:
         """Return whose token this is."""
@@ -236,6 +255,14 @@ class PeopleStore:
     def _person(self, row: sqlite3.Row) -> Person:
         found = self._db.read("SELECT label FROM tokens WHERE person = ? ORDER BY label", row["name"])
         return Person(row["name"], Role(row["role"]), bool(row["password"]), tuple(r["label"] for r in found))
+
+
+def _with_password(db: sqlite3.Connection, name: str, kept: str) -> sqlite3.Row | None:
+    """Return somebody whose password is still kept as this hash."""
+    found: sqlite3.Row | None = db.execute(
+        "SELECT * FROM people WHERE name = ? AND password = ?", (name, kept)
+    ).fetchone()
+    return found
 
 
 def _administrators(db: sqlite3.Connection) -> int:

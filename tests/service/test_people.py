@@ -136,6 +136,34 @@ def test_log_in_leads_nowhere_else(plant, away):
     plant.cookies.clear()
 
 
+def test_a_person_changes_the_own_password_and_other_browsers_log_in_again(tmp_path):
+    add_all(tmp_path)
+    with client_of(tmp_path, workers=0, beside=0) as client:
+        assert log_in(client, "wanda").status_code == 303
+        other = client.cookies["edbb_session"]
+        client.cookies.clear()
+        log_in(client, "wanda")
+        assert 'href="/password"' in client.get("/jobs").text
+
+        def change(old, new, again):
+            typed = {"old": old, "new": new, "again": again}
+            return client.post("/password", data=typed, follow_redirects=False)
+
+        assert change(PASSWORD, "a longer one", "a longer ONE").status_code == 422
+        assert "10 to 200" in change(PASSWORD, "short", "short").text
+        assert change("wrong password", "a longer one", "a longer one").status_code == 401
+        assert change(PASSWORD, "a longer one", "a longer one").headers["location"] == "/password?done=true"
+        assert "It is changed" in client.get("/password?done=true").text
+        client.cookies.clear()
+        cookie = {"cookie": f"edbb_session={other}"}
+        assert client.get("/jobs", headers=cookie, follow_redirects=False).status_code == 303
+        assert log_in(client, "wanda").status_code == 401
+        assert log_in(client, "wanda", "a longer one").status_code == 303
+        for _ in range(PATIENCE.free_tries + 1):
+            held = change("wrong password", "another one", "another one")
+        assert held.status_code == 429
+
+
 @pytest.mark.parametrize(("age", "idle"), [(SESSION_S + 1, 0.0), (IDLE_S + 1, IDLE_S + 1)])
 def test_a_session_ends_by_age_and_by_idleness(tmp_path, monkeypatch, age, idle):
     people, now = add_all(tmp_path), time.time()

@@ -1,10 +1,14 @@
 """Behind a proxy at a path of its host: every link, script and request stays below it; and who a proxy says asks."""
 
+import base64
+import hashlib
 import re
 import shutil
 import subprocess
 import threading
+from contextlib import suppress
 from http.server import BaseHTTPRequestHandler, HTTPServer
+from pathlib import Path
 
 import httpx
 import pytest
@@ -14,7 +18,7 @@ from planner.common.errors import InputError
 from planner.service.database import Database
 from planner.service.people import PeopleStore
 from planner.service.settings import Role
-from tests.service.conftest import client_of, settings
+from tests.service.conftest import client_of, settings, wait_until
 from tests.service.test_cell_side import JOB, PASSWORD, Service, add_plan, browser, needs_browser, open_page  # noqa: F401
 from tests.service.test_cluster import free_port
 
@@ -185,3 +189,64 @@ def test_the_log_in_of_a_plant_by_nginx_and_a_program_that_is_asked(tmp_path):
         nginx.wait()
         asked.shutdown()
         service.cut()
+
+
+OAUTH2_PROXY = shutil.which("oauth2-proxy")
+MANUAL = Path(__file__).parents[2] / "docs" / "how-to" / "serve.md"
+
+
+def documented_proxy(port, asked, service):
+    """The server block of the documentation, without TLS and at free ports."""
+    block = MANUAL.read_text().partition("With nginx and oauth2-proxy on port 4180:")[2]
+    inner = block.partition("server {\n")[2].partition("\n}\n```")[0]
+    lines = [line for line in inner.splitlines() if "ssl" not in line and "server_name" not in line]
+    text = "\n".join(lines).replace("127.0.0.1:4180", f"127.0.0.1:{asked}").replace("$host;", "$http_host;")
+    return text.replace("127.0.0.1:8017", f"127.0.0.1:{service}").replace(
+        "X-Forwarded-Proto https", "X-Forwarded-Proto http"
+    )
+
+
+@needs_nginx
+@pytest.mark.long
+@pytest.mark.skipif(OAUTH2_PROXY is None, reason="there is no oauth2-proxy here")
+def test_the_log_in_of_a_plant_by_nginx_and_oauth2_proxy(tmp_path):
+    """The worked example as it is documented; who logs in there is known here, and a name of the browser counts not."""
+    people = PeopleStore(Database(tmp_path / "jobs.sqlite3"))
+    people.add("ada", Role.ADMINISTER, PASSWORD)
+    people.add("wanda", Role.WORK, None)
+    hashed = base64.b64encode(hashlib.sha1(PASSWORD.encode()).digest()).decode()
+    (tmp_path / "htpasswd").write_text("".join(f"{name}:{{SHA}}{hashed}\n" for name in ("wanda", "guest")))
+    service = Service(
+        tmp_path, "--proxy", "127.0.0.1", "--proxy-user", "X-Forwarded-User", "--proxy-role", "look"
+    ).begin()
+    asked, port = free_port(), free_port()
+    words = (
+        "--set-xauthrequest", "--reverse-proxy", f"--http-address=127.0.0.1:{asked}", "--upstream=static://202",
+        "--provider=github", "--client-id=x", "--client-secret=x", f"--cookie-secret={'0123456789abcdef' * 2}",
+        "--email-domain=*", "--cookie-secure=false", f"--htpasswd-file={tmp_path / 'htpasswd'}",
+    )  # fmt: skip
+    program = subprocess.Popen([OAUTH2_PROXY, *words], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    nginx = begin_nginx(tmp_path / "nginx", port, documented_proxy(port, asked, service.port))
+    try:
+        wait_until(lambda: answers(f"http://127.0.0.1:{asked}/ping"))
+        for name, may_plan in (("wanda", 202), ("guest", 403)):
+            with httpx.Client(base_url=f"http://127.0.0.1:{port}", follow_redirects=True) as client:
+                assert "/oauth2/sign_in" in client.get("/jobs", headers={"x-forwarded-user": "ada"}).text
+                client.post("/oauth2/sign_in", data={"username": name, "password": "wrong"})
+                assert name not in client.get("/jobs").text
+                client.post("/oauth2/sign_in", data={"username": name, "password": PASSWORD})
+                page = client.get("/jobs", headers={"x-forwarded-user": "ada"})
+                assert (page.status_code, name in page.text, "ada" in page.text) == (200, True, False)
+                assert client.post("/api/plans", json={"cell": "ur10/edbb", "seed": 3}).status_code == may_plan
+                assert client.get("/api/deeds").status_code == 403
+    finally:
+        for process in (nginx, program):
+            process.terminate()
+            process.wait()
+        service.cut()
+
+
+def answers(url):
+    with suppress(httpx.TransportError):
+        return httpx.get(url).status_code == 200
+    return False
