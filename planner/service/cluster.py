@@ -42,9 +42,9 @@ class Cluster:
     def _connect(self) -> None:
         from distributed import Client
 
-        # 10: [s] for the scheduler to answer
         made: Any = Client
-        self._client = made(self._settings.scheduler, timeout=10, set_as_default=False, name="edbb-serve")
+        at = self._settings
+        self._client = made(at.scheduler, timeout=at.answer_s, set_as_default=False, name="edbb-serve")
 
     def is_ready(self) -> bool:
         """Tell whether work can be given out; a connection that has ended is made anew."""

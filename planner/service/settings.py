@@ -104,10 +104,12 @@ class ClusterSettings:
     Attributes:
         scheduler: address of a Dask scheduler, such as ``tcp://10.0.0.4:8786``; empty: here.
         url: by which its workers reach this service.
+        answer_s: in which the scheduler answers [s], or is taken for gone.
     """
 
     scheduler: str = ""
     url: str = ""
+    answer_s: float = 10.0
 
     def __post_init__(self) -> None:
         if self.scheduler and not self.url.startswith(("http://", "https://")):

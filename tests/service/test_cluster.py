@@ -221,6 +221,6 @@ def test_what_a_worker_sends_after_it_was_taken_for_dead_is_not_looked_at(tmp_pa
 def test_an_address_where_nobody_answers_is_said(tmp_path):
     with pytest.raises(InputError, match="--cluster-url"):
         ClusterSettings("tcp://127.0.0.1:1")
-    settings = ClusterSettings(f"tcp://127.0.0.1:{free_port()}", "http://127.0.0.1:8017")
+    settings = ClusterSettings(f"tcp://127.0.0.1:{free_port()}", "http://127.0.0.1:8017", answer_s=0.5)
     with pytest.raises(MissingProgramError, match="nobody answers"):
         Cluster(settings, JobLimits())
