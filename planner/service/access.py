@@ -53,6 +53,7 @@ RULES = {
     "POST /api/files": Rule(Role.WORK, "sent a file"),
     "POST /api/runs": Rule(Role.WORK, "sent a run"),
     "POST /api/cells": Rule(Role.WORK, "sent a cell"),
+    "DELETE /api/files/{id}": Rule(Role.WORK, "deleted a file"),
     "PATCH /api/cells/{id}": Rule(Role.WORK, "changed a cell"),
     "PATCH /api/jobs/{id}": Rule(Role.WORK, "changed a job"),
     "DELETE /api/jobs/{id}": Rule(Role.WORK, "deleted a job"),

@@ -181,7 +181,7 @@ class ServiceContext:
         if quota.size_bytes is not None and (size := self.keeper.size_bytes(person)) > quota.size_bytes:
             raise QuotaError(
                 f"the files of {person} take {size / GB:.3g} GB, more than the {quota.size_bytes / GB:.3g} GB that one "
-                "person may have; delete jobs that nobody needs"
+                "person may have; delete jobs and files that nobody needs (DELETE /api/jobs/ID, /api/files/ID)"
             )
 
     def describe(self, job: JobRecord) -> Job:

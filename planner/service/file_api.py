@@ -23,6 +23,7 @@ from planner.service.file_answer import StoredFileResponse
 from planner.service.file_store import ContentDraft, FileStore
 from planner.service.job_folder import FileName, Sha256
 from planner.service.problems import Problem
+from planner.service.settings import Role
 
 FILES = APIRouter(prefix="/api", tags=["files"])
 STALL_S = 60.0  # without a byte, after which a client is taken for gone
@@ -62,6 +63,13 @@ def download_file(id: Sha256, context: Context) -> FileResponse:
     if found is None:
         raise HTTPException(404, f"there is no file {id[:12]}…")
     return file_answer(context, id, found.name)
+
+
+@FILES.delete("/files/{id}", status_code=204, responses={404: {"model": Problem}, 409: {"model": Problem}})
+def delete_file(id: Sha256, context: Context) -> None:
+    """Delete a file, run or cell that was sent, unless a job starts from it; what others have sent too stays theirs."""
+    caller = CALLER.get()
+    context.keeper.delete_sent(id, None if caller.role is Role.ADMINISTER else caller.name)
 
 
 @FILES.get("/contents/{sha256}", responses={404: {"model": Problem}})

@@ -8,7 +8,7 @@ import logging
 import sqlite3
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Annotated
 
 from pydantic import Field
@@ -16,7 +16,7 @@ from pydantic import Field
 from planner.common.errors import InputError
 from planner.common.schema import StrictModel
 from planner.service.database import Database
-from planner.service.file_store import FileStore
+from planner.service.file_store import FileStore, UnknownFileError
 from planner.service.job_record import JobRecord
 from planner.service.job_store import JobCheck, JobStore, is_named
 from planner.service.record_index import RecordIndex
@@ -74,6 +74,27 @@ class JobKeeper:
             with self._db.write() as db:
                 contents = self._delete_rows(db, id, check)
         # only once the jobs are gone for good: a crash may leave files that nobody names, never a job without its own
+        self._remove_unnamed(contents)
+
+    def delete_sent(self, sha256: str, person: str | None) -> None:
+        """Forget that a person (``None``: anybody) has sent a file, and remove it where nothing else names it.
+
+        Raises:
+            UnknownFileError: that person has not sent it.
+            KeptJobError: a job starts from it.
+        """
+        with self._db.write() as db:
+            query = "SELECT job FROM inputs WHERE sha256 = ? LIMIT 1"
+            job = db.execute(query, (sha256,)).fetchone()
+            if job is not None:
+                raise KeptJobError(f"the job {job['job']} starts from the file {sha256[:12]}…; delete that first")
+            of = "DELETE FROM uploads WHERE sha256 = ? AND person = ifnull(?, person)"
+            if not db.execute(of, (sha256, person)).rowcount:
+                raise UnknownFileError(f"there is no file {sha256[:12]}… that you have sent")
+        self._remove_unnamed([sha256])
+
+    def _remove_unnamed(self, contents: Iterable[str]) -> None:
+        """Remove the files of these hashes that nothing names any more."""
         with self._files.placing(), self._db.write() as db:  # nobody brings or names one meanwhile
             for sha256 in contents:
                 if not is_named(db, sha256):
@@ -97,19 +118,35 @@ class JobKeeper:
     def sweep(self, kept: Retention, now: float) -> int:
         """Delete what is older, and the oldest while the store is larger, than is to be kept; return how many jobs.
 
-        Nothing goes that is archived or needed; what only serves pages goes first.
+        Nothing goes that is archived or needed; what only serves pages goes first, then files that were sent and from
+        which no job starts.
         """
-        task_days = 7.0  # after which views and checks of pages go: they are made again where somebody looks
+        task_days = 7.0  # after which views, checks and files that no job needs go: somebody may be about to use them
         task_end = now - task_days * DAY_S
         count = sum(self._try_delete(id, task_end) for id in self._list_ended(task_end, tasks=True))
         if kept.age_s is not None:
             end = now - kept.age_s
             count += sum(self._try_delete(id, end) for id in self._list_ended(end))
+            self._drop_sent(min(end, task_end))
         if kept.size_bytes is not None:
             candidates = iter([*self._list_ended(now, tasks=True), *self._list_ended(now)])
-            while self.size_bytes() > kept.size_bytes and (id := next(candidates, None)) is not None:
+            while self.size_bytes() > kept.size_bytes:
+                if self._drop_sent(task_end):
+                    continue
+                if (id := next(candidates, None)) is None:
+                    break
                 count += self._try_delete(id, now)
         return count
+
+    def _drop_sent(self, before: float) -> int:
+        """Remove the files that were sent before a moment [s since 1970] and from which no job starts."""
+        unneeded = "SELECT DISTINCT sha256 FROM uploads WHERE at < ? AND sha256 NOT IN (SELECT sha256 FROM inputs)"
+        with self._db.write() as db:
+            gone = [row["sha256"] for row in db.execute(unneeded, (before,)).fetchall()]
+            db.executemany("DELETE FROM uploads WHERE sha256 = ?", [(sha256,) for sha256 in gone])
+        if gone:
+            self._remove_unnamed(gone)
+        return len(gone)
 
     def size_bytes(self, person: str | None = None) -> int:
         """Return the size of all files that jobs have written and people have sent [bytes]; of one person or of all."""

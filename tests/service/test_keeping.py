@@ -13,7 +13,7 @@ from planner.instruments.record import Circumstances, add_entry
 from planner.service import job_request
 from planner.service.backup import back_up, restore
 from planner.service.database import Database
-from planner.service.file_store import FileStore
+from planner.service.file_store import FileStore, UnknownFileError
 from planner.service.job_filter import JobFilter
 from planner.service.job_keeping import JobKeeper, KeptJobError
 from planner.service.job_record import JobCommand, JobInput, JobOutput
@@ -127,6 +127,44 @@ def test_the_sweep_by_size_takes_the_oldest_until_it_fits(plant):
             kept.pop(0)
         assert plant.ids() == set(kept)
         assert plant.keeper.size_bytes() == sum(sizes[k] for k in kept)
+
+
+def send(plant, data, days_ago, person=""):
+    sha256 = plant.files.add(data)
+    with plant.db.write() as db:
+        row = (sha256, "run.csv", len(data), "run", time.time() - days_ago * DAY_S, person)
+        db.execute("INSERT INTO uploads VALUES (?, ?, ?, ?, ?, ?)", row)
+    return sha256
+
+
+def test_files_that_were_sent_go_before_jobs_do_and_not_while_a_job_starts_from_them(plant):
+    send(plant, b"unused" * 1000, days_ago=30)
+    send(plant, b"used" * 1000, days_ago=30)
+    send(plant, b"new" * 1000, days_ago=1)
+    plant.run("a", "identification", inputs=[b"used" * 1000], outputs=[("identification.json", b"x")])
+    plant.keeper.sweep(Retention(size_bytes=8000), time.time())
+    assert [plant.holds(word * 1000) for word in (b"unused", b"used", b"new")] == [False, True, True]
+    assert plant.ids() == {"a"}, "a job does not go for what others have sent"
+    plant.keeper.sweep(Retention(size_bytes=4000), time.time())
+    assert plant.ids() == set()
+    assert [plant.holds(word * 1000) for word in (b"used", b"new")] == [False, True], "it may be about to be used"
+    plant.keeper.sweep(Retention(age_s=30 * DAY_S), time.time() + 31 * DAY_S)
+    assert not plant.holds(b"new" * 1000)
+
+
+def test_a_person_deletes_what_the_person_has_sent(plant):
+    run, other = send(plant, b"run", 0, "wanda"), send(plant, b"other", 0, "luis")
+    plant.run("a", "identification", inputs=[b"run"])
+    with pytest.raises(KeptJobError, match=f"the job {'a' * 24} starts from"):
+        plant.keeper.delete_sent(run, "wanda")
+    plant.keeper.delete("a" * 24)
+    for person in ("luis", ""):
+        with pytest.raises(UnknownFileError):
+            plant.keeper.delete_sent(run, person)
+    plant.keeper.delete_sent(run, "wanda")
+    plant.keeper.delete_sent(other, None)
+    assert not plant.holds(b"run")
+    assert not plant.holds(b"other")
 
 
 def test_nothing_goes_where_nobody_said_so(plant):
