@@ -12,7 +12,6 @@ from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol
 
 HEADER_S = 10.0  # for the headers of a request, from the first byte or the opening of the connection
 MOST_WAITING = 100  # connections of one address that have not said all of their request yet; a browser opens 6
-MOST_HEAD = 64 << 10  # bytes of headers
 
 
 class TimedProtocol(HttpToolsProtocol):
@@ -34,11 +33,12 @@ class TimedProtocol(HttpToolsProtocol):
 
     def data_received(self, data: bytes) -> None:
         """Take in what has come, as long as the headers do not go on for ever."""
+        most_head = 64 << 10  # bytes of headers
         self._head_bytes += len(data) if self._deadline else 0
         if self in self.waiting.get(self._address, ()):
             self.waiting[self._address].move_to_end(self)
         super().data_received(data)
-        if self._deadline and self._head_bytes > MOST_HEAD:
+        if self._deadline and self._head_bytes > most_head:
             self.transport.abort()
 
     def on_message_begin(self) -> None:

@@ -25,7 +25,6 @@ UPLOADS = ("/api/files", "/api/runs")
 OPEN = ("/login", "/logout", "/static/")  # what is there for everybody
 LOG = logging.getLogger("edbb.service")
 SAFE = ("GET", "HEAD", "OPTIONS")
-BODY_S = 30.0  # for a body that is no upload
 POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data: blob:; connect-src 'self'; "
     "form-action 'self'; base-uri 'none'; frame-ancestors 'none'"
@@ -52,7 +51,12 @@ class BodyTooLargeError(HTTPException):
 
 
 class Guard:
-    """ASGI middleware: Host, Origin, who asks, size of the body, headers of the answer, and the log of deeds."""
+    """ASGI middleware: Host, Origin, who asks, size of the body, headers of the answer, and the log of deeds.
+
+    ``body_s``: in which a body that is no upload has to come [s].
+    """
+
+    body_s = 30.0
 
     def __init__(self, app: ASGIApp, context: ServiceContext) -> None:
         self._app, self._context, self._settings = app, context, context.settings
@@ -77,7 +81,7 @@ class Guard:
         if caller.unnoted:
             await run_in_threadpool(self._context.people.note_use, caller.cookie)
         answered: dict[str, str] = {}
-        taken = _count_bytes(receive, self._most_body(scope), scope["path"] not in UPLOADS)
+        taken = _count_bytes(receive, self._most_body(scope), None if scope["path"] in UPLOADS else self.body_s)
         await self._app(scope, taken, _note_answer(guarded, answered))
         if scope.get("edbb.deed") and answered:
             await run_in_threadpool(self._note_deed, scope, caller, answered)
@@ -157,16 +161,17 @@ def _host_of(origin: str) -> str:
         return ""
 
 
-def _count_bytes(receive: Receive, most: int, timed: bool) -> Receive:
-    taken, left, ends = 0, True, time.monotonic() + BODY_S
+def _count_bytes(receive: Receive, most: int, within_s: float | None) -> Receive:
+    taken, left, begun = 0, True, time.monotonic()
 
     async def receive_some() -> Message:
         """Take in a part of the body, as long as it is not too large and comes in time."""
         nonlocal taken, left
         try:
-            message = await asyncio.wait_for(receive(), ends - time.monotonic() if timed and left else None)
+            rest_s = within_s and left and begun + within_s - time.monotonic()
+            message = await (asyncio.wait_for(receive(), rest_s) if rest_s else receive())
         except TimeoutError as err:
-            raise HTTPException(408, f"the request did not come within {BODY_S:g} s; send it again") from err
+            raise HTTPException(408, f"the request did not come within {within_s:g} s; send it again") from err
         taken, left = taken + len(message.get("body", b"")), bool(message.get("more_body"))
         if taken > most:
             raise BodyTooLargeError(most)

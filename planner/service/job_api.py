@@ -204,7 +204,6 @@ def _check_ended(job: JobRecord) -> None:
 
 
 EVENTS = APIRouter(prefix="/api", tags=["events"])
-KNOWN_S = 5.0  # after which a stream looks again who follows it
 MOST_EVENT = 2**62  # the largest number of an event that the database holds
 
 
@@ -241,16 +240,19 @@ def _start(jobs: JobStore, named: list[str], last_event_id: str | None, after: i
 
 
 async def _stream(
-    context: ServiceContext, request: Request, named: list[str], last: int, wait: bool
+    context: ServiceContext, request: Request, named: list[str], last: int, wait: bool, known_s: float = 5.0
 ) -> AsyncIterator[str]:
-    """Yield events until the client goes, or may not look any more: its session has ended, or its token."""
+    """Yield events until the client goes, or may not look any more: its session has ended, or its token.
+
+    ``known_s``: after which it is looked again who follows them [s].
+    """
     who = CALLER.get().name
     STREAMS[who] += 1
     try:
         yield "retry: 2000\n\n"
         told = known = time.monotonic()
         while True:
-            if time.monotonic() - known > KNOWN_S:
+            if time.monotonic() - known > known_s:
                 known, found = time.monotonic(), await run_in_threadpool(context.finder.find, request.scope)
                 if not isinstance(found, Caller):
                     return

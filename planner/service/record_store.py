@@ -16,8 +16,6 @@ from planner.service.job_record import JobRecord
 from planner.service.job_store import JobStore
 from planner.service.record_index import RecordIndex
 
-MOST_KNOWN = 50  # records that are held in memory
-
 
 class UnknownRecordError(InputError):
     """A robot that somebody names has no record."""
@@ -54,8 +52,8 @@ class RecordStore:
         number = len(list((folder / "entries").glob("*")))
         known = self._known.get(folder)
         if known is None or known[0] != number:
-            known = (number, RobotRecord.read(folder))
-            self._known = dict([*self._known.items(), (folder, known)][-MOST_KNOWN:])
+            known, most = (number, RobotRecord.read(folder)), 50  # records that are held in memory
+            self._known = dict([*self._known.items(), (folder, known)][-most:])
         return known[1]
 
     def add(self, serial: str, job: JobRecord, circumstances: Circumstances, baseline: date | None) -> RobotRecord:

@@ -240,7 +240,7 @@ PATIENCE_S = 60.0  # of a test: the machine may be busy
 def impatient(tmp_path):
     """A service that waits 1 s for headers, and as long for a body that is no upload."""
     code = (
-        "import planner.service.connections as c, planner.service.guards as g, sys; c.HEADER_S = g.BODY_S = 1.0;"
+        "import planner.service.connections as c, planner.service.guards as g, sys; c.HEADER_S = g.Guard.body_s = 1.0;"
         "from planner.cli.app import main;"
         f"sys.argv = ['edbb', 'serve', '--port', '0', '--data', {str(tmp_path / 'data')!r}]; main()"
     )

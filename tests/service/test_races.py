@@ -298,10 +298,9 @@ def test_a_late_result_of_a_worker_that_was_taken_for_dead_is_not_looked_at(plan
     assert [e.kind for e in plant.jobs.events_after(0, [A])].count("end") == 1
 
 
-def test_a_stream_ends_with_the_session_of_who_follows_it(tmp_path, monkeypatch):
+def test_a_stream_ends_with_the_session_of_who_follows_it(tmp_path):
     people = PeopleStore(Database(tmp_path / "jobs.sqlite3"))
     people.add("ada", Role.ADMINISTER, "a good password")
-    monkeypatch.setattr(job_api, "KNOWN_S", 0.0)
     with client_of(tmp_path, workers=0, beside=0) as client:
         context = client.app._context
         cookie = people.log_in("ada", "a good password")[1]
@@ -309,7 +308,7 @@ def test_a_stream_ends_with_the_session_of_who_follows_it(tmp_path, monkeypatch)
         request = SimpleNamespace(scope={"type": "http", "headers": headers, "client": ("127.0.0.1", 1)})
 
         async def follow():
-            news = job_api._stream(context, request, [], 0, wait=True)
+            news = job_api._stream(context, request, [], 0, wait=True, known_s=0.0)
             first = await anext(news)
             people.close_session(cookie)
             return first, [text async for text in news]
