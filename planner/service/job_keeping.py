@@ -138,6 +138,20 @@ class JobKeeper:
                 count += self._try_delete(id, now)
         return count
 
+    def remove_left(self, before: float) -> int:
+        """Remove files that came before a moment [s since 1970] and that nothing names; return how many.
+
+        A crash, or a job that was tried again, has left them.
+        """
+        tables = ("outputs", "inputs", "uploads")
+        named = {row["sha256"] for t in tables for row in self._db.read(f"SELECT DISTINCT sha256 FROM {t}")}
+        with self._files.placing():  # nobody removes one meanwhile
+            there = [path for path in self._files.folder.glob("??/*") if path.name not in named]
+            left = [path.name for path in there if path.stat().st_mtime < before]
+        if left:
+            self._remove_unnamed(left)
+        return len(left)
+
     def _drop_sent(self, before: float) -> int:
         """Remove the files that were sent before a moment [s since 1970] and from which no job starts."""
         unneeded = "SELECT DISTINCT sha256 FROM uploads WHERE at < ? AND sha256 NOT IN (SELECT sha256 FROM inputs)"
@@ -228,6 +242,7 @@ class Sweeper:
         while not self._stopping.is_set():
             try:
                 count = self._keeper.sweep(self._kept, time.time())
+                self._keeper.remove_left(time.time() - DAY_S)
             except Exception:
                 LOG.exception("old jobs could not be swept")
             else:

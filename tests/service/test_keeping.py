@@ -167,6 +167,15 @@ def test_a_person_deletes_what_the_person_has_sent(plant):
     assert not plant.holds(b"other")
 
 
+def test_what_a_crash_has_left_goes_after_a_day_and_nothing_else(plant):
+    plant.run("a", outputs=[("plan.json", b"plan")])
+    send(plant, b"sent", 30)
+    plant.files.add(b"left")
+    assert plant.keeper.remove_left(time.time() - DAY_S) == 0
+    assert plant.keeper.remove_left(time.time() + DAY_S) == 1
+    assert [plant.holds(data) for data in (b"plan", b"sent", b"left")] == [True, True, False]
+
+
 def test_nothing_goes_where_nobody_said_so(plant):
     plant.run("a")
     plant.run("0", "cell-check", task=True)
