@@ -180,7 +180,7 @@ def _standing_gauge(released: ReleasedRobot, run: Run, mounting: str) -> dict[st
         "fixtures_mm": {name: few_digits(to_mm(p), 8).tolist() for name, p in stands.places.items()},
         "parameters": list(own.values()),
         "values": [float(few_digits(known.values[name], DIGITS)) for name in own],
-        "spread": few_digits(root @ turn[:, kept], DIGITS).tolist(),
+        "spread": few_digits(root @ turn[:, kept], 5).tolist(),  # 5: a hundredth of a micrometre of a reading
     }
     return {"gauge": gauge}
 

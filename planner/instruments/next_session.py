@@ -36,8 +36,8 @@ from planner.runs.run import Samples
 from planner.session.planning import PoseSession, Selection
 
 TOGETHER = (
-    "identify this run together with those before, each by its own file: edbb identify BEFORE.csv run.csv --cell "
-    "CELL -o calibrated"
+    "identify this run together with those before, each in the folder of its plan: edbb identify BEFORE/run.csv "
+    "NEXT/run.csv -o calibrated"
 )
 LEFT_STANDING = (
     "the gauge counts as left standing since the run before: leave its fixtures where they are and its zero as it is; "
