@@ -84,6 +84,11 @@ def _read_fixture(
     return Fixture(f.name, at, axis, f.prior_mm * MM, (mount,) * points, set_up=f.set_up or usual)
 
 
+def joint_keys(robot: Robot, stem: str) -> str:
+    """Return the keys of a cell that say a joint state: ``home_deg``, with ``home_mm`` where a joint slides."""
+    return f"{stem}_deg and {stem}_mm" if robot.slides.any() else f"{stem}_deg"
+
+
 def read_joint_angles(
     path: Path, robot: Robot, key: str, value: tuple[float, ...] | None, slides: tuple[float, ...] = ()
 ) -> Array:

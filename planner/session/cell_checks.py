@@ -61,4 +61,5 @@ def _check_home(cell: Cell) -> None:
     robot = cell.robot
     off = np.flatnonzero((cell.home < robot.q_lower) | (cell.home > robot.q_upper))
     if len(off):
-        raise InputError(f"{cell.path}: home_deg lies beyond the limit of joint {off[0] + 1}")
+        key = "home_mm" if robot.slides[off[0]] else "home_deg"
+        raise InputError(f"{cell.path}: {key} lies beyond the limit of joint {off[0] + 1}")

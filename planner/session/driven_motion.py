@@ -100,9 +100,8 @@ def recover_motion(cell: Cell, program: Program) -> list[Chain]:
         NoSolutionError: the program does not begin at the cell's home, the gauge is attached or taken off without a
             pause, or a start leaves out what moves the robot to where it goes on.
     """
-    off = np.abs(np.subtract(np.rad2deg(cell.home), program.moves[0].q_deg)).max()
-    if off > np.rad2deg(SAME_ANGLE):
-        raise not_released(f"it begins {off:.4g} deg away from the cell's home")
+    if off := _apart(program, tuple(np.rad2deg(cell.home)), program.moves[0].q_deg):
+        raise not_released(f"it begins {off} away from the cell's home")
     check_starts(program, cell.has_bar())
     mountings, balls = _next_mountings(program), _balls(program)
     walk = _Walk(program.moves[0].q_deg, Held(FIRST_MOUNTING, False), _circles(cell, program))
@@ -233,13 +232,24 @@ def check_starts(program: Program, attached: bool) -> None:
     for start in sorted({number for p in pieces for number in (p.at, p.until) if number}):
         driven = [p for p in pieces if (p.at == start if p.at else p.until == 0 or p.until >= start)]
         for one, other in pairwise(driven):
-            gap = max(abs(a - b) for a, b in zip(one.last, other.first, strict=True))
+            gap = _apart(program, one.last, other.first)
             held = not attached or one.after == other.before or one.paused or other.paused_first
             rests = one.rests or (id(one), id(other)) in following
-            if gap > np.rad2deg(SAME_ANGLE) or not held or not rests:
-                raise not_released(
-                    f"started at {start}, it goes on {gap:.4g} deg away from where the robot then stands"
-                )
+            if gap:
+                raise not_released(f"started at {start}, it goes on {gap} away from where the robot then stands")
+            if not held or not rests:
+                how = "does not rest" if held else "holds the gauge otherwise, without a pause"
+                raise not_released(f"started at {start}, it goes on where the robot {how}")
+
+
+def _apart(program: Program, one: tuple[float, ...], other: tuple[float, ...]) -> str:
+    """Return how far two states are apart, ``5.73 deg``, ``12 mm`` of a joint that slides; empty where they are one.
+
+    Of all joints the one that is farthest off in its own unit's number.
+    """
+    off = np.abs(np.subtract(one, other))
+    farthest = int(off.argmax())
+    return f"{off[farthest]:.4g} {program.unit_of(farthest)}" if off[farthest] > np.rad2deg(SAME_ANGLE) else ""
 
 
 def _pieces(program: Program) -> list[_Piece]:

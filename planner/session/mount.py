@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from planner.cell.cell import Cell
+from planner.cell.places import joint_keys
 from planner.cell.workspace import Workspace
 from planner.common.errors import InputError, NoSolutionError
 from planner.common.progress import UNLIMITED, LastStart, TimeLimit
@@ -33,7 +34,7 @@ def check_home(cell: Cell, without_bar: Constraints) -> None:
     if reason is not None:
         keys = without_bar.touching_links(cell.home)
         cure = f"; where only crude shapes touch, {advise_never_meet(keys)}" if keys else ""
-        raise InputError(f"{cell.path}: home_deg cannot be the start pose: {reason}{cure}")
+        raise InputError(f"{cell.path}: {joint_keys(cell.robot, 'home')} cannot be the start pose: {reason}{cure}")
 
 
 def with_mounts(cell: Cell, seed: int, limit: TimeLimit = UNLIMITED) -> Cell:

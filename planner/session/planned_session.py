@@ -205,9 +205,11 @@ def _check_robot(path: Path, beside: Path, cell: Cell, plan: PlanDocument) -> No
 def _check_courses(path: Path, beside: Path, cell: Cell, plan: PlanDocument, courses: Sequence[Course]) -> None:
     """Hold home, bar lengths and duration against what the cell makes of the plan's poses."""
     assert plan.trajectory is not None
-    start = np.abs(np.rad2deg(courses[0].travel.q[0] - cell.home)).max()
-    if start > CHANGED_ANGLE_DEG:
-        raise _mismatch(path, beside, f"home is {start:.4g} deg away from where the plan starts")
+    start = np.abs(np.rad2deg(courses[0].travel.q[0] - cell.home))
+    if start.max() > CHANGED_ANGLE_DEG:
+        j = int(start.argmax())
+        away = f"{start[j]:.4g} {cell.robot.joint_units[j]}"
+        raise _mismatch(path, beside, f"home is {away} away from where the plan starts")
     off = cell.gauge.plan_errors(cell, plan.poses, path)
     worst = int(np.argmax(np.abs(off)))
     if abs(off[worst]) > CHANGED_LENGTH_MM:

@@ -13,6 +13,7 @@ from functools import partial
 import numpy as np
 
 from planner.cell.cell import Cell
+from planner.cell.places import joint_keys
 from planner.common.choices import TourSolver
 from planner.common.errors import NoSolutionError
 from planner.common.second_process import ForkedTask
@@ -126,10 +127,11 @@ def path_to_mount(constraints: Constraints, ends: Array, seed: int) -> ProvenPat
     """The way without the bar from home to the mount pose."""
     travel = connect_poses(constraints, ends, [0, 1], seed=seed)
     if isinstance(travel, PathGaps):
-        place = constraints.cell.place_name(constraints.workspace.mounting)
+        cell = constraints.cell
+        place, home = cell.place_name(constraints.workspace.mounting), joint_keys(cell.robot, "home")
         raise NoSolutionError(
             f"no collision-free way leads from home to the mount pose of fixture {place}: {'; '.join(travel.reasons)}; "
-            "lower motion.clearance_mm, or give another home_deg or gauge.mount_deg"
+            f"lower motion.clearance_mm, or give another {home}, or gauge.mount_deg"
         )
     return travel
 

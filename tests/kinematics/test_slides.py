@@ -7,6 +7,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from planner.cell.places import joint_keys
 from planner.common.errors import InputError
 from planner.compensation.correction import NominalFlange, correct_joints
 from planner.compensation.unmet_targets import target_problems
@@ -32,6 +33,7 @@ def test_frames_of_a_urdf_with_a_lift_are_those_of_pinocchio(tmp_path: Path, axi
     (tmp_path / "lift.urdf").write_text(lift_text(AXES[axis]))
     robot = load_robot(tmp_path / "lift.urdf", tip="l6")
     assert robot.joint_units == ("mm", *["deg"] * 6)
+    assert joint_keys(robot, "home") == "home_deg and home_mm"
     assert np.allclose(np.rad2deg([robot.q_lower[0], robot.q_upper[0], robot.speed[0]]), [-100, 400, 200])  # in mm
     model = pin.buildModelFromXML(lift_text(AXES[axis]))
     data, tip = model.createData(), model.getFrameId("l6")

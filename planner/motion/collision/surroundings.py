@@ -7,6 +7,7 @@ from itertools import pairwise
 import numpy as np
 
 from planner.cell.cell import Cell
+from planner.cell.places import joint_keys
 from planner.common.errors import InputError
 from planner.common.summary import Aside
 from planner.common.units import to_mm
@@ -202,8 +203,8 @@ def _check_floor(cell: Cell) -> None:
     floor, height = to_mm(cell.base.floor), to_mm(np.sign(up) * heights[lowest])
     if lowest > 1:  # the frames of the base and of link 1 stand at one height, whatever home is
         raise InputError(
-            f"{cell.path}: home_deg cannot be the start pose: the frame of link {lowest} is at {height:.1f} mm there, "
-            f"beyond the {FLOOR} (base.floor_mm = {floor:g})"
+            f"{cell.path}: {joint_keys(robot, 'home')} cannot be the start pose: the frame of link {lowest} is at "
+            f"{height:.1f} mm there, beyond the {FLOOR} (base.floor_mm = {floor:g})"
         )
     raise InputError(
         f"{cell.path}: the {FLOOR} (base.floor_mm = {floor:g}) stands above link {lowest}, whose "

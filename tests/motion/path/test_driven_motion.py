@@ -229,3 +229,6 @@ def test_what_moves_otherwise_than_proven_is_not_released(cell):
     away = replace(cell, home=cell.home + 0.1)
     with pytest.raises(NoSolutionError, match=r"it begins 5\.73 deg away from the cell's home"):
         judge_program(away, program)
+    rail = replace(cell, home=cell.home + np.eye(len(cell.home))[0] * 0.1)
+    with pytest.raises(NoSolutionError, match=r"it begins 5\.73 mm away from the cell's home"):
+        judge_program(rail, replace(program, joint_units=("mm", *["deg"] * (len(cell.home) - 1))))
