@@ -99,7 +99,7 @@ def read_urdf(
         links, joints, start = read_tree(path, root, tip, base)
         every = root.findall("joint")
         parking = park_joints(every, joints, parked or {})
-        meshes = MeshFinder(path, packages)
+        meshes = MeshFinder.of(path, root, packages)
         chain, placed = _assemble(meshes, links, joints, start, parking)
         beside = read_branches(meshes, links, every, placed, parking)
         whole = _with_branches(chain, links, beside, find_bodily_links(root))

@@ -24,10 +24,23 @@ MOST_NUMBER = 1e3  # m, rad, or a scale
 
 @dataclass(frozen=True)
 class MeshFinder:
-    """Finds the meshes that the URDF at ``path`` names; ``packages``: where ``package://`` leads."""
+    """Finds the meshes that the URDF at ``path`` names.
+
+    Attributes:
+        path: of the URDF.
+        packages: where ``package://`` leads.
+        folder: where meshes lie besides, relative to the URDF: ``meshdir`` of a file that is made for MuJoCo.
+    """
 
     path: Path
     packages: Packages
+    folder: str = ""
+
+    @classmethod
+    def of(cls, path: Path, root: ET.Element, packages: Packages) -> MeshFinder:
+        """Return what finds the meshes of the URDF at ``path`` whose root element is ``root``."""
+        compiler = root.find("mujoco/compiler")
+        return cls(path, packages, "" if compiler is None else compiler.get("meshdir", ""))
 
     def find(self, filename: str) -> Path | None:
         """Return a mesh in a named package, else beside the URDF or below a folder above it; ``None``: there is none.
@@ -36,7 +49,10 @@ class MeshFinder:
         """
         relative = filename.removeprefix("file://")
         if not relative.startswith("package://"):
-            return _first_file(folder / relative for folder in self.path.resolve().parents)
+            above = [folder / relative for folder in self.path.resolve().parents]
+            # MuJoCo looks for a URDF's meshes by their names alone (strippath)
+            named = [self.path.resolve().parent / self.folder / n for n in (relative, Path(relative).name)]
+            return _first_file([*above, *named] if self.folder else above)
         relative = relative.removeprefix("package://")
         name, _, rest = relative.partition("/")
         if ".." in Path(relative).parts:
@@ -57,12 +73,10 @@ class MeshFinder:
         found = self.find(filename)
         if found is None:
             package = filename.removeprefix("package://").partition("/")[0]
-            known = package in self.packages.folders or not filename.startswith("package://")
-            raise InputError(
-                f"{self.path}: the mesh '{filename}' of link '{name}' does not exist in "
-                + ("any folder above the file" if not known or package == filename else f"the package '{package}'")
-                + ("" if known else f"; {how_to_name(package)}")
-            )
+            asked, known = filename.startswith("package://"), package in self.packages.folders
+            where = f"in the package '{package}'" if asked and known else "in any folder above the file"
+            cure = "" if asked and known else f"; {how_to_name(package) if asked else 'lay it beside the file'}"
+            raise InputError(f"{self.path}: the mesh '{filename}' of link '{name}' does not exist {where}{cure}")
         return found
 
 

@@ -54,7 +54,7 @@ def write_urdf(
         if any(values.get(t.name, t.nominal) != t.nominal for t in part):
             _set_origin(joints[name], part, values, motion)
             changed.update(t.name for t in part)
-    _rename_meshes(MeshFinder(path, packages), root, meshes)
+    _rename_meshes(MeshFinder.of(path, root, packages), root, meshes)
     _declare_prefixes(root)
     safe = remark.replace("--", "- -")
     return f'<?xml version="1.0"?>\n<!-- {safe} -->\n{ET.tostring(root, encoding="unicode")}\n', frozenset(changed)
@@ -81,6 +81,8 @@ def _rename_meshes(finder: MeshFinder, root: ET.Element, meshes: Mapping[Path, s
         found = None if found is None else found.resolve()
         if found is not None and found in meshes:
             mesh.set("filename", meshes[found])
+            for compiler in root.iterfind("mujoco/compiler"):
+                compiler.set("meshdir", Path(meshes[found]).parent.as_posix())
 
 
 def _declare_prefixes(root: ET.Element) -> None:
@@ -93,8 +95,9 @@ def _declare_prefixes(root: ET.Element) -> None:
 
 def find_meshes(path: Path, packages: Packages = NO_PACKAGES) -> tuple[Path, ...]:
     """Return the meshes that the links of the URDF at ``path`` name, to touch and to look at, those that are there."""
-    finder = MeshFinder(path, packages)
-    named = (str(mesh.get("filename")) for mesh in parse_urdf(path, packages).iterfind("link/*/geometry/mesh"))
+    root = parse_urdf(path, packages)
+    finder = MeshFinder.of(path, root, packages)
+    named = (str(mesh.get("filename")) for mesh in root.iterfind("link/*/geometry/mesh"))
     return tuple(dict.fromkeys(found.resolve() for found in map(finder.find, named) if found is not None))
 
 

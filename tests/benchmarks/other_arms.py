@@ -74,7 +74,7 @@ ARMS = (
     OtherArm("Kinova Jaco 6", f"{ERD}/kinova_description/robots/kinova.urdf", "j2s6s200_end_effector"),
     OtherArm("xArm7", f"{ERD}/xarm_description/urdf/xarm7.urdf", "link_eef"),
     OtherArm("TALOS, left arm", f"{ERD}/talos_data/robots/talos_left_arm.urdf", "gripper_left_base_link",
-             cell="[base]\nfloor_mm = -1100\n"),
+             tool_mm=(0, 0, -240), cell="[base]\nfloor_mm = -1100\n"),
     OtherArm("PR2, lift and left arm", f"{ERD}/pr2_description/urdf/pr2.urdf", "l_gripper_tool_frame", "base_link",
              tool_mm=(40, 0, 0)),
     OtherArm("Fetch, lift and arm", f"{RTB}/fetch_description/robots/fetch.urdf", "gripper_link", "base_link",

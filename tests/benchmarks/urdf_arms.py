@@ -145,7 +145,7 @@ def count_meetings(robot: Robot, q: np.ndarray) -> dict[str, int]:
     ``robot.toml`` leave out.
     """
     root = description(robot)
-    finder = MeshFinder(robot.path.parent / str(describe_robot(robot.path).urdf), robot.packages)
+    finder = MeshFinder.of(robot.path.parent / str(describe_robot(robot.path).urdf), root, robot.packages)
     for mesh in root.iter("mesh"):
         found = finder.find(str(mesh.get("filename")))
         mesh.set("filename", str(found or mesh.get("filename")))

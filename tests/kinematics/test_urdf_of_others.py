@@ -114,6 +114,33 @@ def test_meshes_to_look_at_are_written_beside_the_corrected_urdf(tmp_path: Path)
     assert len(again.bodies) == len(robot.bodies)
 
 
+def test_meshes_lie_where_a_file_made_for_mujoco_says(tmp_path: Path) -> None:
+    """By their names alone, below ``meshdir``; MuJoCo and whoever reads the folder find those of the written file."""
+    (tmp_path / "meshes" / "arm").mkdir(parents=True)
+    (tmp_path / "urdf").mkdir()
+    stl(tmp_path / "meshes" / "arm" / "link.STL", 0.2)
+    shape = '<collision><geometry><mesh filename="old/link.STL"/></geometry></collision>'
+    text = re.sub(r'(<link name="l3">).*?</link>', rf"\1{shape}</link>", tree())
+    (tmp_path / "urdf" / "tree.urdf").write_text(text)
+    with pytest.raises(
+        InputError, match=r"'old/link.STL' of link 'l3' does not exist in any folder above the file; lay"
+    ):
+        load_robot(tmp_path / "urdf" / "tree.urdf", tip="l6")
+    where = '<mujoco><compiler meshdir="../meshes/arm" discardvisual="false"/></mujoco><link name="l3">'
+    (tmp_path / "urdf" / "tree.urdf").write_text(text.replace('<link name="l3">', where))
+    robot = load_robot(tmp_path / "urdf" / "tree.urdf", tip="l6")
+    assert [b.kind for _, b in robot.bodies].count("mesh") == 1
+    out = tmp_path / "calibrated"
+    for name, content in (*((n, t.encode()) for n, t in write_robot(robot, FOUND)), *mesh_files(robot)):
+        (out / name).parent.mkdir(parents=True, exist_ok=True)
+        (out / name).write_bytes(content)
+    written = ET.parse(out / "robot.urdf").getroot()
+    (mesh,), (compiler,) = written.iter("mesh"), written.iter("compiler")
+    assert (out / mesh.get("filename", "")).is_file()
+    assert (out / compiler.get("meshdir", "") / Path(mesh.get("filename", "")).name).is_file()
+    assert len(load_robot(out / "robot.toml").bodies) == len(robot.bodies)
+
+
 def test_a_chain_of_ten_joints_is_read(tmp_path: Path) -> None:
     """A torso of three and an arm of seven: forward kinematics by pinocchio from the same file."""
     links = "".join(f'<link name="l{k}"/>' for k in range(11))
