@@ -13,7 +13,8 @@ class LazyModule:
         self._name = name
 
     def __getattr__(self, key: str) -> Any:
-        return getattr(import_module(self._name), key)
+        self.__dict__[key] = found = getattr(import_module(self._name), key)  # the next look is an attribute's
+        return found
 
 
 if TYPE_CHECKING:

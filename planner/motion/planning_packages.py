@@ -38,7 +38,8 @@ class PlanningPackage(LazyModule):
             if is_installed(self._name.partition(".")[0]):
                 raise
             raise _missing(_absent()) from err
-        return getattr(module, key)
+        self.__dict__[key] = found = getattr(module, key)
+        return found
 
 
 def has_judges() -> bool:

@@ -5,7 +5,8 @@ from collections.abc import Callable
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Protocol, TypeVar
+from types import TracebackType
+from typing import Protocol, Self, TypeVar
 
 import numpy as np
 
@@ -54,6 +55,33 @@ class Selection:
     curve: BackgroundCurve | None = None
     discriminating: DiscriminatingChoice | None = None
     expected_error: BackgroundDesign | None = None
+
+
+class _Certifying:
+    """The certificate of the poses as they are driven, found beside their drive; begun anew where one is replaced."""
+
+    def __init__(self, certify: Callable[[PoseChoice], Certificate], choice: PoseChoice) -> None:
+        self._certify = certify
+        self._task = ForkedTask(partial(certify, choice))
+
+    def begin(self, choice: PoseChoice) -> None:
+        """Certify these poses in the place of those before."""
+        self._task.stop()
+        self._task = ForkedTask(partial(self._certify, choice))
+
+    def result(self) -> Certificate:
+        """Wait for the certificate of the last poses."""
+        return self._task.result()
+
+    def __enter__(self) -> Self:
+        """Return what certifies."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """End it where the drive failed."""
+        self._task.__exit__(kind, error, trace)
 
 
 P = TypeVar("P", bound=SessionPlan)
@@ -168,19 +196,21 @@ class PoseSession(ABC):
             return certify_off_grid(self.cell, self.pool, choice, stages.limit) if by_index else choice.certificate
 
         try:
-            with ForkedTask(partial(certify, refined)) as certifying, stages.stage("path"):
-                drives, choice = self._drive_places(refined, stages.limit)
+            certifying = _Certifying(certify, refined)
+            with certifying, stages.stage("path"):
+                drives, choice = self._drive_places(refined, stages.limit, certifying.begin)
         except TimeIsOverError as over:
             certificate = certify(refined)
             notes = (*self.notes, *session_notes(self.cell), *stages.limit.notes)
             raise PathNotProvenError(
                 UnprovenPoses(self.cell, self.options.seed, self.pool, refined, certificate, notes, str(over))
             ) from over
-        certificate = certifying.result()
-        return choice, certificate if choice is refined else certify(choice), drives
+        return choice, certifying.result(), drives
 
-    def _drive_places(self, choice: PoseChoice, limit: TimeLimit) -> tuple[tuple[Drive, ...], PoseChoice]:
-        """Drive the tour of every mounting; a pose that no path joins is replaced by another, and a note says so."""
+    def _drive_places(
+        self, choice: PoseChoice, limit: TimeLimit, replaced: Callable[[PoseChoice], object] = lambda _: None
+    ) -> tuple[tuple[Drive, ...], PoseChoice]:
+        """Drive the tour of every mounting; a pose that no path joins is ``replaced``, and a note says so."""
         most_rounds = 20  # of replacing poses that no path joins, before the cell is taken to be split
         checks, gone = self.draw_validation(choice), np.zeros(0, dtype=int)
         drives: list[Drive] = []
@@ -201,6 +231,8 @@ class PoseSession(ABC):
                     gone = np.union1d(gone, choice.chosen[chosen])
                     for k in chosen.tolist():
                         choice = self.replace(choice, k, gone)
+                    if len(chosen):
+                        replaced(choice)
                     name = place.cell.place_name(place.mounting)
                     where = f" (fixture {name})" if name else ""
                     what = "a pose" if len(at) == 1 else f"{len(at)} poses"

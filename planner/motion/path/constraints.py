@@ -123,6 +123,10 @@ class Constraints:
             self._proofs |= {keys[k]: proof.take(np.array([i])) for i, k in enumerate(new)}
         return Proof.concatenate([self._proofs[key] for key in keys])
 
+    def remember(self, corners: Array, judged: Proof) -> None:
+        """Keep what a copy of this process found by :meth:`judge` for motions or triangles (m, K, N) [rad]."""
+        self._proofs |= {("python-fcl", each.tobytes()): judged.take(np.array([k])) for k, each in enumerate(corners)}
+
     def extremes(self, corners: Array, tolerance: float) -> Extremes:
         """Smallest clearance and extreme lengths over motions or triangles (m, K, N) [rad], to ``tolerance`` [m]."""
         return find_extremes(self._prover, corners, tolerance)

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from planner.common.second_process import ForkedTask
 from planner.common.units import Array
 from planner.motion.path.constraints import Constraints
 from planner.motion.path.proof import Extremes, Proof
@@ -160,9 +161,17 @@ def judge_motions(parts: Sequence[Motions], found: Sequence[Extremes] = ()) -> t
     ``found``: the extremes on them; without, the verdicts tell those that the engines have seen alone, and no lengths.
     """
     parts = [p for p in parts if len(p.numbers)]
-    by_coal = [p.constraints.judge_by_coal(p.corners) for p in parts]
-    by_fcl = [p.constraints.judge(p.corners) for p in parts]
+    with _judging(parts) as judging:
+        by_coal = [p.constraints.judge_by_coal(p.corners) for p in parts]
+    by_fcl = judging.result()
+    for part, proof in zip(parts, by_fcl, strict=True):
+        part.constraints.remember(part.corners, proof)
     return _summarize("coal", parts, by_coal, found), _summarize("python-fcl", parts, by_fcl, found)
+
+
+def _judging(parts: Sequence[Motions]) -> ForkedTask[list[Proof]]:
+    """Return the proofs by python-fcl's distances, which a copy of this process makes meanwhile."""
+    return ForkedTask(lambda: [p.constraints.judge(p.corners) for p in parts])
 
 
 def _summarize(engine: str, parts: Sequence[Motions], proofs: list[Proof], found: Sequence[Extremes]) -> Verdict:

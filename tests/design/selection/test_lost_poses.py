@@ -8,7 +8,7 @@ import pytest
 
 from planner.cell.reading import load_cell
 from planner.common.errors import NoSolutionError
-from planner.common.progress import TimeLimit
+from planner.common.progress import Stages, TimeLimit
 from planner.design.candidates.pool import draw_candidates
 from planner.design.observability.information import find_rule
 from planner.design.off_grid import refine_poses
@@ -69,6 +69,10 @@ def test_all_lost_poses_of_a_tour_are_replaced_at_once(chosen, monkeypatch):
     assert len(calls[1]) == len(calls[0]) - 1
     assert calls[0][-1] not in calls[1]
     assert session.notes == ["3 poses that no path could join were replaced (fixture A)"]
+    calls.clear()
+    monkeypatch.setattr(planning, "certify_off_grid", lambda cell, pool, choice, limit: choice.chosen.tolist())
+    _, certificate, _ = session._drive_refined(choice, True, Stages())
+    assert certificate == new.chosen.tolist()  # it is that of the poses that are driven
 
 
 def test_a_split_cell_is_told_with_what_would_help(chosen, monkeypatch):
