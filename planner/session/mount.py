@@ -111,9 +111,15 @@ def drop_unreachable(
     Where the cable or an obstacle splits the shell in parts, a tour must keep to one of them. All candidates are judged
     by their neighbours in a roadmap (``reach``, of :func:`join_to_mounts`); those whose price in the bound singles
     them out are in it themselves.
+
+    Raises:
+        NoSolutionError: too few are joined to it to choose from.
     """
     likely = pool.take(reach.joined)
-    _, _, rows = identify_candidates(cell, likely)
+    try:
+        _, _, rows = identify_candidates(cell, likely)
+    except NoSolutionError as few:
+        raise NoSolutionError(f"{few}{_describe_apart(len(pool), len(likely))}") from None
     n = min(poses or 35, len(rows))  # poses, where no number is given
     # 5e-3: [1] gap of the bound, whose prices single out likely candidates
     rough = certify_bound(rows, index, n, tolerance=5e-3, seed=seed, limit=limit)
@@ -128,6 +134,16 @@ def drop_unreachable(
     lost = len(pool) - int(reach.joined.sum())
     note = Aside(f"{lost} of {len(pool)} candidates were left out: no path joins them to the mount pose")
     return likely.take(reach.joined), reach, (note,) if lost else (), rough.among(reach.joined)
+
+
+def _describe_apart(count: int, joined: int) -> str:
+    """Say that few of ``count`` candidates are joined to the mount pose, and what helps; empty where all are."""
+    if joined == count:
+        return ""
+    return (
+        f"; {count - joined} of {count} candidates were left out, as no path joins them to the mount pose: give "
+        "another gauge.mount_deg, lower motion.clearance_mm, or name links whose crude shapes touch in never_meet"
+    )
 
 
 def join_to_mounts(

@@ -11,6 +11,7 @@ from planner.design.candidates.pool import draw_candidates
 from planner.gauges.lines import sample_shell, shell_points
 from planner.motion.collision.engines import CollisionWorld
 from planner.runs.run import FIRST_MOUNTING
+from planner.session.mount import MountMaps, drop_unreachable
 
 
 def cell_with(tmp_path, *changes):
@@ -44,6 +45,14 @@ def test_every_candidate_passes_every_filter(name):
         assert np.abs(q[:, axes] - cell.home[list(axes)]).sum(axis=1).max() <= limit
     world = CollisionWorld.from_cell(cell)
     assert world.distances(q).min() > cell.motion.clearance
+
+
+def test_candidates_that_no_path_joins_are_told_where_too_few_are_left():
+    cell = load_cell("comau-nj130/edbb")
+    pool = draw_candidates(cell, 40)
+    reach = MountMaps(np.arange(len(pool)) < 5, {})
+    with pytest.raises(NoSolutionError, match=r"only 5 candidate poses .*; 35 of 40 candidates were left"):
+        drop_unreachable(cell, pool, reach, "O2", None, 0)
 
 
 def test_the_shell_sample_is_as_dense_as_blind_rejection():
