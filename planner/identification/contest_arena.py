@@ -104,7 +104,7 @@ class Arena:
         nameless = [
             _block(cause, places[f], odds.of_pool(UNNAMED), SLAB, SLAB_WEIGHT)
             for f, name in enumerate(record.names)
-            if (cause := cause_of_family(name)) is not None
+            if record.effects.priors[f].factors[0] == 0.0 and (cause := cause_of_family(name)) is not None
         ]
         families = {
             f: _block(record.names[f], places[f], odds.of_pool(p.pool), p.factors[1:], p.probability[1:])

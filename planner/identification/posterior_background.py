@@ -2,7 +2,9 @@
 
 Inner numbers (frequencies, time constants, widths) enter as a band of columns. What a gear, a spring or play does has a
 size at each joint; the other kinds have one for all places, since a run says little of each. Kinds that hardly any arm
-has, and whose errors would grow beyond the angles measured, enter by name only.
+has, and whose errors would grow beyond the angles measured, enter by name only. A gauge of lengths always errs somewhat
+over length and direction: whatever else leads there, smoothly over the poses, goes into the arm's lengths as well, and
+no residual shows it.
 """
 
 from collections.abc import Collection, Iterator, Sequence
@@ -44,6 +46,7 @@ class EffectFamily:
         known: whether the prior sigmas stand as they are.
         common: whether most arms have it, whatever else they have.
         unnamed: whether it is what the catalogue has no name for.
+        certain: whether it always acts, and the run says how much.
     """
 
     name: str
@@ -51,6 +54,7 @@ class EffectFamily:
     known: bool = False
     common: bool = False
     unnamed: bool = False
+    certain: bool = False
 
 
 def acts_on_robot(parameter: Parameter, setup: MeasurementSetup) -> bool:
@@ -86,6 +90,8 @@ def background_families(setup: MeasurementSetup, samples: Samples) -> tuple[Effe
             name in known,
             name in common,
             name in unnamed,
+            # a line of sight is read across as well: what it errs by does not go into the arm unseen
+            certain=name == GAUGE_SHAPE and setup.gauge.width == 1,
         )
         for name, own in (out | unnamed).items()
     )

@@ -165,8 +165,9 @@ class DrawRecord:
     draws: tuple[SizeDraw, ...]
 
     def count_nameless(self) -> np.ndarray:
-        """Return how many families of the background act in each draw, (d,) int."""
-        nameless = np.array([name.endswith(OF_BACKGROUND) for name in self.names])
+        """Return how many families of the background that may be absent act in each draw, (d,) int."""
+        may_miss = [p.factors[0] == 0.0 for p in self.effects.priors]
+        nameless = np.array([name.endswith(OF_BACKGROUND) for name in self.names]) & may_miss
         return np.array([np.count_nonzero(d.factors[nameless]) for d in self.draws])
 
 
@@ -287,8 +288,8 @@ class _Families:
         findings = tuple(dict.fromkeys(p.group for p in before.parameters if label[p.name] == p.group))
         parameters, rest = dict(own), dict[str, str]()
         same = {p.moves: p.name for p in own.values()}
-        # findings that stand for a family of the background; what is common; what has no name
-        usual, common, unnamed = set[str](), set[str](), set[str]()
+        # findings that stand for a family of the background; what is common; what has no name; what always acts
+        usual, common, unnamed, certain = set[str](), set[str](), set[str](), set[str]()
         for family in background:
             for p in family.parameters:
                 if p.name in parameters or p.moves in same:
@@ -299,6 +300,7 @@ class _Families:
                     parameters[p.name], rest[p.name] = p, name
                 common |= {name} if family.common else set()
                 unnamed |= {name} if family.unnamed else set()
+                certain |= {name} if family.certain else set()
         names = tuple(dict.fromkeys(v for v in (*label.values(), *rest.values()) if v))
         behind = set(rest.values())
         number = {name: k for k, name in enumerate(names)} | {"": -1}
@@ -309,6 +311,7 @@ class _Families:
         usual = behind | usual.intersection(findings)
         kinds = dict.fromkeys(findings, found) | dict.fromkeys(usual, slab)
         kinds |= dict.fromkeys(common & usual, often) | dict.fromkeys(unnamed, foreign)
+        kinds |= dict.fromkeys(certain, _spike_and_slab(SLAB, SLAB_WEIGHT, 1.0))
         priors = tuple(kinds.get(n, plain) for n in names)
         start = np.array([0.0 if n in behind else 1.0 for n in names])
         return cls(replace(whole, parameters=finite), names, family_of, priors, findings, start)

@@ -16,7 +16,7 @@ from planner.model.columns import Columns
 from planner.model.model import Linearization, Model, chunks
 from planner.runs.run import Run, Samples
 
-PIECE_SAMPLES = 8192  # of a piece of a long run
+PIECE_SAMPLES = 8192  # readings of a piece of a long run; so long a run is no long one
 T = TypeVar("T")
 
 
@@ -125,7 +125,8 @@ class FitProblem:
 
     def over_pieces(self, task: Callable[[slice], T]) -> Iterator[T]:
         """Run ``task`` on every piece, on two processors, results in order."""
-        parts = list(chunks(len(self), PIECE_SAMPLES))
+        long = len(self) > PIECE_SAMPLES
+        parts = list(chunks(len(self), PIECE_SAMPLES // self.model.width if long else PIECE_SAMPLES))
         if len(parts) < 2:
             yield from map(task, parts)
             return

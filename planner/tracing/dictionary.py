@@ -100,11 +100,6 @@ class EffectDictionary:
         return tuple(out)
 
     @cached_property
-    def single_phis(self) -> tuple[np.ndarray, ...]:
-        """φ of every block in single precision."""
-        return tuple(block.phi.astype(np.float32) for block in self.blocks)
-
-    @cached_property
     def home(self) -> Array:
         """Block of every column and its row there, (2, width) int; −1 for those that move several things."""
         out = np.full((2, self.width), -1)
@@ -148,10 +143,10 @@ class WhitenedDictionary:
         n = len(self.dictionary.context.samples)
         shape = (n, len(basis) // n, basis.shape[1])
         out = np.empty((self.dictionary.width, basis.shape[1]), dtype=np.float32 if single else np.float64)
-        phis = self.dictionary.single_phis if single else [block.phi for block in self.dictionary.blocks]
-        for block, phi, screw in zip(self.dictionary.blocks, phis, self.screws, strict=True):
+        for block, screw in zip(self.dictionary.blocks, self.screws, strict=True):
             seen = (screw[:, None, :] @ basis.reshape(shape))[:, 0]
-            out[block.columns] = phi @ seen.astype(out.dtype, copy=False)
+            # turned to single precision anew each time: a second copy of all φ would be most of what tracing keeps
+            out[block.columns] = block.phi.astype(out.dtype, copy=False) @ seen.astype(out.dtype, copy=False)
         if self.mixed:
             out[list(self.mixed)] = np.stack(list(self.mixed.values())) @ basis
         return out

@@ -11,9 +11,15 @@ from scipy.stats import multivariate_normal
 
 import planner.identification.posterior_draws as draws
 import planner.identification.posterior_fit as mixture_room
+from planner.cell.reading import load_cell
+from planner.cell.setup import setup_of
 from planner.identification.assumptions import EXPECTED_CAUSES, PREVALENCE
+from planner.identification.posterior_background import GAUGE_SHAPE, OF_BACKGROUND, background_families
 from planner.identification.posterior_draws import RandomEffects, SizeDraw, SizePrior, draw_sizes
 from planner.identification.posterior_fit import SizeMixture
+from planner.model.model import Model
+from planner.runs.run import Samples
+from tests.independent_arms.runs import CELLS, bar_poses
 
 LEVELS = SizePrior(np.array([0.0, 0.5, 1.5]), np.array([0.6, 0.3, 0.1]))
 
@@ -154,3 +160,16 @@ def test_truths_drawn_from_the_prior_are_as_far_off_as_is_stated(readings):
         places.append((off < np.linalg.norm(tool @ z - errors.mean(axis=1))).mean())
     assert abs(np.mean(places) - 0.5) < 3.5 / np.sqrt(12 * truths)
     assert np.mean(np.array(places) > 0.95) < 0.05 + 3.5 * np.sqrt(0.05 * 0.95 / truths)
+
+
+@pytest.mark.parametrize(("gauge", "least"), [("bar", 0.1), ("tracker", 0.0)])
+def test_a_gauge_of_lengths_always_errs_somewhat(gauge, least):
+    """How much, the run says; of a line of sight it may be nothing."""
+    setup = setup_of(load_cell(str(CELLS[gauge]), planning=False))
+    q = bar_poses()[:40]
+    background = background_families(setup, Samples(q, np.zeros(len(q), dtype=int)))
+    whole = Model.of(setup, frozenset())
+    families = mixture_room._Families.of(whole.subset([]), whole, background)
+    prior = dict(zip(families.names, families.priors, strict=True))[f"{GAUGE_SHAPE}{OF_BACKGROUND}"]
+    assert prior.factors[0] == least
+    assert prior.probability.sum() == pytest.approx(1.0)

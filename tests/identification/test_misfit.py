@@ -257,7 +257,7 @@ def test_the_parts_make_up_what_is_stated(identified_run):
     parts = found.release.parts
     square = parts.seen**2 + parts.unseen**2 + parts.misfit**2 + parts.drift**2
     assert np.sqrt(square) == pytest.approx(found.workspace_error, rel=1e-6)
-    file = json.loads(expected_error_text(found.released, "robot"))
+    file = json.loads(expected_error_text(found.released, found.run, "robot"))
     assert file["parts_mm"]["misfit"] == pytest.approx(1e3 * parts.misfit, rel=1e-4)
     again = Identification.model_validate_json(json.dumps(found.content()))
     assert again.release.parts.seen == pytest.approx(parts.seen, rel=1e-6)
