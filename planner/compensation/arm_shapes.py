@@ -78,7 +78,7 @@ class StatusTurn:
     def shape(self) -> int | None:
         """Number of the arm's shape: bits 0 and 1 are KUKA's own; the sign of A5 is taken from the turn.
 
-        Manuals differ about the sense of status bit 2, none about the turn's.
+        Manuals disagree on what status bit 2 means, and agree on the bits of the turn.
         """
         return (self.status & 3) | (self.turn >> 4 & 1) << 2
 

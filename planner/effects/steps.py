@@ -175,7 +175,7 @@ def _as_shift(run: Excitation, p: Parameter) -> Parameter:
 
 
 def _payload(run: Excitation) -> Iterator[Steppable]:
-    """Yield the payload: it turns the joints that yield to it, each by its torque, most of all the two most loaded."""
+    """Yield a step of the payload: it turns every compliant joint by its torque, the two most loaded ones the most."""
     parameters = tuple(
         Parameter(f"payload_at{i + 1}", "rad", 1.0, f"turn of joint {i + 1} under another payload", moves)
         for i, moves in weight_turns(run, run.setup.robot.n_joints, 0.0)

@@ -1,7 +1,7 @@
 """What would help where a run does not belong to its robot: an axis counted backwards, or one that drives another.
 
-Of a robot whose file lacks the coupling of a parallelogram or a wrist every pose is hundreds of millimetres off, and
-no fit of small errors finds out why. Each such robot is tried with only the gauge placed on it.
+Where a robot's file lacks the coupling of a parallelogram or a wrist, every pose is hundreds of millimetres off, and
+no fit of small errors can show why. Each robot with one such change is therefore tried, with the gauge placed anew.
 """
 
 from collections.abc import Iterator

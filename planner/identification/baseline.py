@@ -1,9 +1,9 @@
 """``posterior.json``: how things stood when a robot was calibrated, so that a later check tells what has changed.
 
-It holds the posterior mean of everything that moves a reading, and what is not known of it: the covariance as a root
-of few columns, those directions in which the readings of this gauge are least sure (principal components of reading
-times root). What these lack stands as one number. What is set up anew for every session, a bar's zero or a tracker's
-frame, is found from the later run itself: nothing that it could take up counts as a change.
+It holds the posterior mean of everything that moves a reading, and its covariance as a root of few columns: the
+directions in which readings of this gauge are least certain (principal components of the readings' Jacobian times the
+root). The variance outside these directions is one number. What is set up anew for every session, a bar's zero or a
+tracker's frame, is found from the later run itself: nothing that it could take up counts as a change.
 """
 
 import json

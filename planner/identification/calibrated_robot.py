@@ -92,7 +92,7 @@ class CalibratedRobot:
 
     @property
     def sentence(self) -> str | None:
-        """Say what is left out, or ``None``."""
+        """The sentence that names the effects which the calibrated robot cannot hold; ``None`` where it holds all."""
         return uncorrected_text(self.left_out)
 
     def flange(self, q: Array) -> tuple[Array, Array]:

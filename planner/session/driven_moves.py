@@ -247,7 +247,7 @@ def _piece(path: TimedPath, steps: list[JointMove], x: Array, a: int, b: int) ->
 
 
 def _circle_angles(x: Array, R: Array) -> Array | None:
-    """Return the angle (m,) [rad] that points x (m, 3) [m] have come round their circle, or nothing."""
+    """Return the angles (m,) [rad] at which points x (m, 3) [m] lie on one circle; ``None`` where they lie on none."""
     if len(x) < 3 or np.abs(R - R[0]).max() > TURNED_TOOL:
         return None
     centre, axes, radius = fit_circle_in_space(x)

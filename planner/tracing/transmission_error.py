@@ -113,7 +113,7 @@ def _with_curves(context: SearchContext, state: SearchState, joints: Sequence[in
 
 
 def _refine_quickness(context: SearchContext, state: SearchState) -> SearchState:
-    """How quick each curve is, seen again beside the others; kept where the run is likelier so."""
+    """Choose the waves of each curve again with all others in the model; keep them where the run becomes likelier."""
 
     def reselect(f: FittedEffect) -> FittedEffect:
         """Return the curve with the waves that are likeliest beside everything else."""

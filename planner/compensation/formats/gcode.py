@@ -280,7 +280,7 @@ _LIKE_AN_AXIS = re.compile(r"[A-Z]{1,2}\d{0,2}")
 
 
 def _lines_of_subprograms(blocks: Sequence[Block], name: str) -> set[int]:
-    """Return the lines of the blocks that another program runs: up to an end as subprograms have it, or their head."""
+    """Return the numbers of the lines that belong to subprograms: from a subprogram's head to its end."""
     found, begun, is_sub = set[int](), list[int](), name.lower().endswith(".spf")
     for block in blocks:
         if _SUB_BEGINS.fullmatch(block.text):

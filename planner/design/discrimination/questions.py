@@ -25,7 +25,7 @@ class PredictedReadings:
 
     Attributes:
         model: the plan's own parameters.
-        samples: of every visit of a candidate, see :func:`candidate_visits`.
+        samples: one set for each visit of the candidates, see :func:`candidate_visits`.
         sigma: noise of one reading, (n,) [m].
     """
 

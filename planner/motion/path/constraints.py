@@ -81,7 +81,7 @@ class Constraints:
         return self._too_near(k, float(found[k])) if found[k] <= self.clearance else None
 
     def touching_links(self, q: Array) -> list[str]:
-        """Return the robot's own links that are too near at q (N,) [rad], as ``never_meet`` would name each pair."""
+        """Return the pairs of the robot's own links that are too near at q (N,) [rad], written as in ``never_meet``."""
         near = np.flatnonzero(self.world.distances(q[None])[0] <= self.clearance).tolist()
         return sorted({key for key in map(self.scene.never_meet_key, near) if key})
 

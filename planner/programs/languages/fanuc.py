@@ -53,7 +53,7 @@ class TpAmongPositions(st.Statement):
 def parse(text: str, instruction: re.Pattern[str] = _LINE) -> Iterator[st.Statement]:
     """Yield the statements of every section; remarks and messages are left out, quoted text of the head is blank.
 
-    An ``instruction`` is a line, or of programs by another hand what goes on to its semicolon.
+    An ``instruction`` is one line; in programs that others have written it may be several, up to the semicolon.
     """
     lines, positions = st.Lines.of(text), POSITIONS.search(text)
     stop, at = (len(text), len(text)) if positions is None else positions.span()
