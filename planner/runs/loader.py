@@ -91,7 +91,7 @@ def _logged_run(table: RunTable, n_joints: int, pixels: Array | None) -> Run:
     if q is None:
         raise InputError(
             f"{table.source.file}: there are no joint angles; "
-            f"q1_deg … q{n_joints}_deg (as read) or cmd1_deg … (as commanded) are needed"
+            f"q1_deg …{f' q{n_joints}_deg' if n_joints else ''} (as read) or cmd1_deg … (as commanded) are needed"
         )
     readings, balls = readings_of(table, pixels)
     t = table.optional("t")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from pathlib import Path
 
 from planner.common.errors import InputError
@@ -12,12 +13,13 @@ from planner.runs.foreign_table import ForeignTable, foreign_table
 from planner.runs.table import find_column
 from planner.runs.text import read_lines
 
-WINDOWS = "cp1252"  # what a spreadsheet of Windows writes
+USUAL_ENCODING = "utf-8"
+OTHER_ENCODINGS = ("cp1252", "utf-16")  # what a spreadsheet of Windows writes
 UNIT = re.compile(r"[\[(\s_]\s*(deg|°|grad|rad|mm|µm|um|m|ms|s|min|°c|degc|c)\s*[\])]?$", re.IGNORECASE)
 UNITS = {"°": "deg", "grad": "deg", "µm": "um", "°c": "degC", "degc": "degC", "c": "degC"}
 MEANINGS = (  # what a title means, by its words without the unit; {n} is the number that stands in it
-    (r"(?:cmd|soll|target|set ?point)\W*(?:joint|axis|achse|gelenk|[jqa])?\W*(?P<n>[1-9])", "cmd{n}"),
-    (r"(?:joint|axis|achse|gelenk|theta|act|ist|actual|[jqa])\W*(?:joint|axis|[jqa])?\W*(?P<n>[1-9])", "q{n}"),
+    (r"(?:cmd|soll|target|set ?point)[\W_]*(?:joint|axis|achse|gelenk|[jqa])?[\W_]*(?P<n>[0-9])", "cmd{n}"),
+    (r"(?:joint|axis|achse|gelenk|theta|act|ist|actual|[jqa])[\W_]*(?:joint|axis|[jqa])?[\W_]*(?P<n>[0-9])", "q{n}"),
     (r"(?:pose|point|punkt|nr|no|number|nummer|index|#)", "pose"),
     (r"(?:time|zeit|timestamp|t)", "t"),
     (r"(?:temperature|temperatur|temp)", "temperature"),
@@ -25,15 +27,23 @@ MEANINGS = (  # what a title means, by its words without the unit; {n} is the nu
     (r"(?:ball|socket|kugel)", "ball"),
     (r"(?:.*\W)?(?P<n>[xyz])(?:\W*(?:pos|position|ist|act))?", "{n}"),
 )
+OF_JOINT = re.compile(r"(q|cmd)\d")
 USUAL = {"q": "deg", "cmd": "deg", "t": "s", "temperature": "degC", "length": "mm", "x": "mm", "y": "mm", "z": "mm"}
 
 
 def _read_foreign(path: Path) -> tuple[ForeignTable | None, str]:
-    """Return how a table is written, and its encoding."""
+    """Return how a table is written, and its encoding.
+
+    Raises:
+        InputError: it cannot be read, or in none of the usual encodings.
+    """
     try:
-        return foreign_table(read_lines(path)), "utf-8"
-    except InputError:
-        return foreign_table(read_lines(path, WINDOWS)), WINDOWS
+        return foreign_table(read_lines(path)), USUAL_ENCODING
+    except InputError as err:
+        for encoding in OTHER_ENCODINGS:
+            with suppress(InputError):
+                return foreign_table(read_lines(path, encoding)), encoding
+        raise err
 
 
 def proposed_map(traces: Sequence[Path]) -> str:
@@ -63,17 +73,24 @@ def _trace_lines(path: Path, table_name: str) -> Iterator[str]:
     if table is None:
         raise InputError(f"{path}: has no columns with titles; a map with a pattern reads it (docs/how-to/run.md)")
     known = dict(_quantities_of_titles(table))
+    if not known:
+        raise InputError(
+            f"{path}: no title is understood that has numbers below it (found: {', '.join(map(repr, table.titles))}): "
+            "take a second row of titles or units out, or write the map by hand (docs/how-to/run.md)"
+        )
+    counted = "  # counted from 0 there" if _first_joint(table) == 0 else ""
     if table_name:
         yield f"\n[[traces]]  # {path.name}"
     yield f"separator = {_toml_text(table.separator)}"
     if table.decimal != ".":
         yield f'decimal = "{table.decimal}"'
-    if encoding == WINDOWS:
+    if encoding != USUAL_ENCODING:
         yield f'encoding = "{encoding}"'
     if table.skip:
         yield f"skip_rows = {table.skip}"
     yield f"\n[{table_name}columns]  # quantity = title of its column"
-    yield from (f"{name} = {_toml_text(table.titles[k])}{_doubt(table, k)}" for k, name in known.items())
+    for k, name in known.items():
+        yield f"{name} = {_toml_text(table.titles[k])}{_doubt(table, k)}{counted if OF_JOINT.match(name) else ''}"
     yield from (f"# not understood: {_toml_text(t)}" for k, t in enumerate(table.titles) if k not in known)
 
 
@@ -92,10 +109,16 @@ def _quantity_of(table: ForeignTable, column: int) -> str | None:
     words, said = _without_unit(table.titles[column])
     for pattern, name in MEANINGS:
         if match := re.fullmatch(pattern, words.strip().rstrip(".:"), re.IGNORECASE):
-            key = name.format(n=match.groupdict().get("n", "").lower())
+            number = match.groupdict().get("n", "").lower()
+            key = name.format(n=int(number) + 1 - _first_joint(table) if number.isdigit() else number)
             full = f"{key}_{said or _usual_unit(table, column, key)}".rstrip("_")
             return full if find_column(full) else None
     return None
+
+
+def _first_joint(table: ForeignTable) -> int:
+    """Return the number by which the titles call the first joint: 0 where one of them has it, else 1."""
+    return 0 if any(_meaning_of(title) in ("q0", "cmd0") for title in table.titles) else 1
 
 
 def _without_unit(title: str) -> tuple[str, str]:
@@ -109,7 +132,7 @@ def _without_unit(title: str) -> tuple[str, str]:
 
 def _usual_unit(table: ForeignTable, column: int, key: str) -> str:
     """Return the unit of a quantity whose title says none: by the size of all numbers of its like."""
-    stem = key.rstrip("123456789")
+    stem = key.rstrip("0123456789")
     usual = USUAL.get(stem, "")
     like = [k for k, title in enumerate(table.titles) if _stem_of(title) == stem] or [column]
     largest = max((abs(v) for k in like for v in table.numbers(k)), default=0.0)
@@ -119,10 +142,15 @@ def _usual_unit(table: ForeignTable, column: int, key: str) -> str:
 
 
 def _stem_of(title: str) -> str:
+    return _meaning_of(title).rstrip("0123456789")
+
+
+def _meaning_of(title: str) -> str:
+    """Return what a title means, with the number that stands in it; empty where it is not understood."""
     words, _ = _without_unit(title)
     for pattern, name in MEANINGS:
         if match := re.fullmatch(pattern, words.strip().rstrip(".:"), re.IGNORECASE):
-            return name.format(n=match.groupdict().get("n", "")).rstrip("123456789").lower()
+            return name.format(n=match.groupdict().get("n", "")).lower()
     return ""
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from planner.common.console import as_word
 from planner.common.errors import InputError, did_you_mean
 from planner.common.files import check_readable
 from planner.common.lazy_modules import pl
@@ -264,8 +265,7 @@ def read_table(path: Path, n_joints: int) -> RunTable:
 
 def import_advice(path: Path | str) -> str:
     """Say how a table with titles of its own is brought in."""
-    named = f'"{path}"' if " " in str(path) else path
-    return f"edbb import {named} --map map.toml -o run.csv reads other names (map.toml is proposed where there is none)"
+    return f"edbb import {as_word(path)} --map map.toml -o run.csv reads other names (map.toml is proposed where there is none)"
 
 
 def _with_axes(path: Path, notes: Mapping[str, str], lines: Iterable[str]) -> Mapping[str, str]:

@@ -39,7 +39,7 @@ def write(path, titles, rows, scale=1.0, encoding="utf-8"):
 GERMAN = ["Nr.", *(f"Achse {i}" for i in range(1, 7)), *(f"Tracker {a} [mm]" for a in "XYZ"), "Größe"]
 
 
-@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "cp1252"])
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "cp1252", "utf-16", "utf-16-le"])
 def test_the_proposed_map_reads_the_table(tmp_path, rows, encoding):
     table = write(tmp_path / "Messung Halle 3.csv", GERMAN, rows, encoding=encoding)
     (tmp_path / "map.toml").write_text(proposed_map([table]), encoding="utf-8")
@@ -79,3 +79,20 @@ def test_a_runs_own_names_are_read_with_semicolons_and_said(tmp_path, rows):
 def test_other_titles_are_refused_with_the_command_that_reads_them(tmp_path, rows):
     with pytest.raises(InputError, match=r"edbb import .* --map map.toml -o run.csv reads other names"):
         load_run(write(tmp_path / "log.csv", GERMAN, rows), 6)
+
+
+def test_joints_that_are_counted_from_0_become_all_joints_of_the_arm(tmp_path, rows):
+    table = write(tmp_path / "log.csv", ["Nr.", *(f"joint_{i}" for i in range(6)), "x", "y", "z", "note"], rows)
+    text = proposed_map([table])
+    assert 'q1_deg = "joint_0"  # the title says no unit: is this one true?  # counted from 0 there' in text
+    (tmp_path / "map.toml").write_text(text, encoding="utf-8")
+    run = import_run([table], tmp_path / "map.toml")
+    assert np.allclose(np.rad2deg(run.samples.q), np.array(rows)[:, :6], atol=1e-5)
+
+
+def test_a_row_of_units_below_the_titles_is_told(tmp_path, rows):
+    table = write(tmp_path / "log.csv", GERMAN, rows)
+    first, *others = table.read_text().splitlines()
+    table.write_text("\n".join([first, ";".join(["-", *["deg"] * 6, *["mm"] * 3, ""]), *others]))
+    with pytest.raises(InputError, match=r"log.csv: no title is understood .*'Achse 1'.*row of titles or units out"):
+        proposed_map([table])
