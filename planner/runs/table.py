@@ -265,7 +265,8 @@ def read_table(path: Path, n_joints: int) -> RunTable:
 
 def import_advice(path: Path | str) -> str:
     """Say how a table with titles of its own is brought in."""
-    return f"edbb import {as_word(path)} --map map.toml -o run.csv reads other names (map.toml is proposed where there is none)"
+    step = f"edbb import {as_word(path)} --map map.toml -o run.csv"
+    return f"{step} reads other names (map.toml is proposed where there is none)"
 
 
 def _with_axes(path: Path, notes: Mapping[str, str], lines: Iterable[str]) -> Mapping[str, str]:
