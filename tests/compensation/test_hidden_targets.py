@@ -331,6 +331,21 @@ def test_a_table_of_poses_of_a_tool_that_nobody_names_is_left(length, abb, tmp_p
         assert compensate_file(path, *abb).report.poses == 1
 
 
+def test_a_table_whose_named_tool_contradicts_the_joint_angles_beside_its_poses_is_doubted(abb, tmp_path):
+    q = np.radians([[10.0, 20.0, 10.0, 20.0, 40.0, 30.0], [15.0, 20.0, 10.0, 20.0, 40.0, 30.0]])
+    gripper = np.eye(4)
+    gripper[2, 3] = 0.2
+    T = [pin_flange(exact(abb[0]), row) @ gripper for row in q]
+    head = "x_mm,y_mm,z_mm,a_deg,b_deg,c_deg," + ",".join(f"q{i}_deg" for i in range(1, 7))
+    rows = [",".join(f"{v:.6f}" for v in (*abc_of(t), *np.degrees(row))) for t, row in zip(T, q, strict=True)]
+    path = tmp_path / "t.csv"
+    path.write_text("\n".join([head, *rows, ""]))
+    doubt = "by the tool and the base that are named 2 of 2 poses are up to 200 mm from where the arm stands"
+    for named, said in ((gripper, False), (np.eye(4), True)):
+        done = compensate_file(path, *abb, frames=ToolAndBase(named))
+        assert (doubt in " ".join(done.summary.split())) == said
+
+
 @pytest.mark.parametrize("other", [False, True])
 def test_a_rapid_point_that_is_copied_stays_certain_where_the_copy_is_named(other, abb, tmp_path):
     """Moves to the copy are left; a copy that another module has may be driven to with any tool."""

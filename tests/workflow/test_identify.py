@@ -125,7 +125,7 @@ def test_the_screen_is_short_lines_of_one_fact(identified):
     assert len(facts) <= 13
     text = " ".join(facts)
     for said in (
-        "good for    offline programs to",
+        "good for    offline programs within",
         "tool error",
         "held out",
         "validation",

@@ -43,6 +43,22 @@ def read(text: str, reading: TargetReading) -> None:
             _row(number, start, line, separator, groups, reading)
     if groups is not None and not said:
         _check_unit(groups, reading)
+    if groups is not None and groups.distances:
+        _doubt_frames(groups.distances, reading)
+
+
+def _doubt_frames(distances: list[tuple[int, float]], reading: TargetReading) -> None:
+    """Note where the tool and base that are named bring poses away from the joint angles beside them."""
+    far = [(number, off) for number, off in distances if off > START_OFF]
+    if far:
+        reading.notes.append(
+            (
+                far[0][0],
+                f"by the tool and the base that are named {len(far)} of {len(distances)} poses are up to "
+                f"{max(off for _, off in far) / MM:.0f} mm from where the arm stands at the joint angles beside them: "
+                "are they right (mm and degrees), and are the angles those of these poses?",
+            )
+        )
 
 
 def _check_unit(groups: "_TargetColumns", reading: TargetReading) -> None:
@@ -72,6 +88,7 @@ class _TargetColumns:
         if twice:
             raise InputError(f"{where}: the column '{min(twice)}' stands twice")
         self.count = len(header)
+        self.distances: list[tuple[int, float]] = []  # line, and how far its pose is from its joint angles [m]
         n = reading.robot.n_joints
         self.joints = _joint_columns(header, reading.robot)
         position = _group(header, ["x", "y", "z"], "mm|m")
@@ -163,11 +180,12 @@ def _row(number: int, start: int, line: str, separator: str, columns: _TargetCol
     pose = CartesianTarget(
         pose_matrix(numbers[:3], words), columns.spelling, read_only(words), *frames, start=read_only(q)
     )
-    off = _distance(pose, q, reading) if reading.frames.T_FT is None and reading.frames.T_WB is None else 0.0
-    if off > START_OFF:
+    off = _distance(pose, q, reading)
+    if off > START_OFF and reading.frames.T_FT is None and reading.frames.T_WB is None:
         said = "name its tool and its base (--tool, --base; six zeros where it is the flange in the robot's own frame)"
         reading.leave(number, f"the pose is {off / MM:.0f} mm from where the arm stands at its joint angles: {said}")
         return
+    columns.distances.append((number, off))
     reading.add(Target(number, tuple(slots), pose=pose))
 
 
