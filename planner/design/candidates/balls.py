@@ -260,8 +260,14 @@ class _BallFilter:
             where = "there" if funnel.collision == 0 else "on the way there"
             return (
                 f"{head} Every pose collides {where}, most often {pair}: look at motion.clearance_mm, the stem and "
-                "bodies around it, and the bodies of the tool"
+                f"bodies around it, and the bodies of the tool{_of_gripper(self.cell)}"
             )
         if self.contact is None:
             return f"{head} Joints reach their limits where errors of the usual size are led away: move the artifact."
         return f"{head} At ball {name} {first_contact_advice(self.cell, self.met)}"
+
+
+def _of_gripper(cell: Cell) -> str:
+    """Say what else may be in the way of an arm that was read from a URDF."""
+    urdf = cell.robot.convention == "urdf"
+    return "; a gripper that is taken off must be taken out of the URDF too (docs/how-to/robot.md)" if urdf else ""
