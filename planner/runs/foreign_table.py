@@ -8,6 +8,7 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+NUMBER = re.compile(r"[-+]?\d+([.,]\d+)?")
 SEPARATORS = (";", "\t", ",")
 
 
@@ -41,7 +42,7 @@ def foreign_table(lines: Sequence[str]) -> ForeignTable | None:
     """Return how the lines of a table are written, ``None`` where they are no columns under titles."""
     # 60 lines tell how the others are written
     found = (t for s in SEPARATORS if (t := _table_between(lines[:60], s)) is not None)
-    return max(found, key=lambda t: len(t.titles), default=None)
+    return next(found, None)
 
 
 def _table_between(lines: Sequence[str], separator: str) -> ForeignTable | None:
@@ -57,4 +58,6 @@ def _table_between(lines: Sequence[str], separator: str) -> ForeignTable | None:
     commas = sum(bool(re.fullmatch(r"[-+]?\d+,\d+", field)) for field in fields)
     points = sum(bool(re.fullmatch(r"[-+]?\d+\.\d+", field)) for field in fields)
     titles = tuple(title.strip() for title in rows[top])
+    if any(NUMBER.fullmatch(title) for title in titles):  # commas of decimals took the rows apart
+        return None
     return ForeignTable(separator, "," if commas > points else ".", numbered[top][0], titles, below)

@@ -17,6 +17,7 @@ USUAL_ENCODING = "utf-8"
 OTHER_ENCODINGS = ("cp1252", "utf-16")  # what a spreadsheet of Windows writes
 UNIT = re.compile(r"[\[(\s_]\s*(deg|°|grad|rad|mm|µm|um|m|ms|s|min|°c|degc|c)\s*[\])]?$", re.IGNORECASE)
 UNITS = {"°": "deg", "grad": "deg", "µm": "um", "°c": "degC", "degc": "degC", "c": "degC"}
+SECONDS = {"ms": "0.001", "us": "0.000001", "min": "60"}
 MEANINGS = (  # what a title means, by its words without the unit; {n} is the number that stands in it
     (r"(?:cmd|soll|target|set ?point)[\W_]*(?:joint|axis|achse|gelenk|[jqa])?[\W_]*(?P<n>[0-9])", "cmd{n}"),
     (r"(?:joint|axis|achse|gelenk|theta|act|ist|actual|[jqa])[\W_]*(?:joint|axis|[jqa])?[\W_]*(?P<n>[0-9])", "q{n}"),
@@ -90,7 +91,8 @@ def _trace_lines(path: Path, table_name: str) -> Iterator[str]:
         yield f"skip_rows = {table.skip}"
     yield f"\n[{table_name}columns]  # quantity = title of its column"
     for k, name in known.items():
-        yield f"{name} = {_toml_text(table.titles[k])}{_doubt(table, k)}{counted if OF_JOINT.match(name) else ''}"
+        joint = counted if OF_JOINT.match(name) else ""
+        yield f"{name} = {_column_text(table.titles[k], name)}{_doubt(table, k)}{joint}"
     yield from (f"# not understood: {_toml_text(t)}" for k, t in enumerate(table.titles) if k not in known)
 
 
@@ -111,7 +113,8 @@ def _quantity_of(table: ForeignTable, column: int) -> str | None:
         if match := re.fullmatch(pattern, words.strip().rstrip(".:"), re.IGNORECASE):
             number = match.groupdict().get("n", "").lower()
             key = name.format(n=int(number) + 1 - _first_joint(table) if number.isdigit() else number)
-            full = f"{key}_{said or _usual_unit(table, column, key)}".rstrip("_")
+            unit = "s" if key == "t" and said in SECONDS else said or _usual_unit(table, column, key)
+            full = f"{key}_{unit}".rstrip("_")
             return full if find_column(full) else None
     return None
 
@@ -119,6 +122,13 @@ def _quantity_of(table: ForeignTable, column: int) -> str | None:
 def _first_joint(table: ForeignTable) -> int:
     """Return the number by which the titles call the first joint: 0 where one of them has it, else 1."""
     return 0 if any(_meaning_of(title) in ("q0", "cmd0") for title in table.titles) else 1
+
+
+def _column_text(title: str, name: str) -> str:
+    """Return how a map says where a quantity is: by its title, of a clock in other units with the factor to seconds."""
+    factor = SECONDS.get(_without_unit(title)[1]) if name == "t_s" else None
+    quoted = _toml_text(title)
+    return quoted if factor is None else f"{{ column = {quoted}, factor = {factor} }}"
 
 
 def _without_unit(title: str) -> tuple[str, str]:

@@ -96,3 +96,23 @@ def test_a_row_of_units_below_the_titles_is_told(tmp_path, rows):
     table.write_text("\n".join([first, ";".join(["-", *["deg"] * 6, *["mm"] * 3, ""]), *others]))
     with pytest.raises(InputError, match=r"log.csv: no title is understood .*'Achse 1'.*row of titles or units out"):
         proposed_map([table])
+
+
+def test_two_logs_of_their_own_clocks_become_one_run(tmp_path):
+    """The controller's in milliseconds between tabs, the gauge's in seconds with decimal commas, both under a head."""
+    t = np.arange(100)
+    angles = [[10 * np.sin(k / 9 + i) for i in range(6)] for k in t]
+    log = ["Logger v3", "exported 2026", "\t".join(["Time [ms]", *(f"Axis{i}" for i in range(1, 7))])]
+    log += ["\t".join([str(100 * k), *(f"{v:.4f}" for v in row)]) for k, row in zip(t, angles, strict=True)]
+    gauge = [
+        "Zeit (s);Länge (mm)",
+        *(f"{0.05 * k:.2f};{400 + np.sin(k / 20):.4f}".replace(".", ",") for k in range(200)),
+    ]
+    (tmp_path / "axes.log").write_text("\n".join(log))
+    (tmp_path / "gauge.csv").write_text("\n".join(gauge), encoding="utf-8")
+    traces = [tmp_path / "axes.log", tmp_path / "gauge.csv"]
+    (tmp_path / "map.toml").write_text(proposed_map(traces), encoding="utf-8")
+    run = import_run(traces, tmp_path / "map.toml")
+    assert run.samples.t[-1] - run.samples.t[0] > 9
+    assert np.abs(np.rad2deg(run.samples.q)).max() == pytest.approx(10, abs=0.1)
+    assert run.readings.length.min() * 1e3 > 398.9
