@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from planner.cell.cell import Cell
+from planner.common.console import as_word
 from planner.common.errors import InputError
 from planner.common.numbers import number_of
 from planner.common.progress import Stages
@@ -15,6 +16,7 @@ from planner.common.units import to_deg, to_mm
 from planner.instruments.circular.document import CircularDocument, circular_document, load_circular_plan
 from planner.instruments.circular.plan import CircularPlan, circle_samples
 from planner.runs.run import Samples
+from planner.session.evaluations import evaluation_of
 from planner.session.options import PlanOptions
 from planner.workflow.plan_results import SessionResult
 
@@ -43,6 +45,12 @@ class CircularPlanResult(SessionResult):
     def overview(self) -> Summary:
         """Return what is driven."""
         return circular_overview(self.plan)
+
+    def next_step(self, folder: Path) -> str:
+        """Say how the circles are measured and evaluated."""
+        plan = folder / "plan.json"
+        measure = self.plan.cell.gauge.measured_by.replace("PLAN", as_word(plan))
+        return f"{measure}\n{evaluation_of('run.csv', plan, self.kind, calibrates=False)}"
 
 
 def circular_overview(plan: CircularPlan) -> Summary:

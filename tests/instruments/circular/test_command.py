@@ -15,6 +15,8 @@ def folder(tmp_path_factory):
     done = edbb("plan", cell, "-o", place / "one", "--dialect", "krl")
     assert done.returncode == 0, done.stderr
     assert "circular test on 1 circle" in done.stderr
+    assert f"edbb simulate {place}/one/plan.json -o run.csv" in done.stderr
+    assert f"edbb circular run.csv --plan {place}/one/plan.json -o circular" in done.stderr
     return place
 
 
