@@ -7,7 +7,6 @@ catalogue, every other arm with one that no catalogue has. All ways choose among
 - ``ten at a time``: an electronic gauge, an arm that is led on; 30 poses as a plan of nothing known chooses them, then
   ten at a time that lower most, in a second of way and reading, what the readings so far leave;
 - ``batches``: the same, in programs of as many poses as are expected to reach the bound, the gauge left standing;
-- ``batches, by the error alone``: the same, chosen whatever the way to them takes;
 - ``batches anew``: batches with the gauge set up anew for each;
 - ``plan``: a plan of nothing known, chosen by the error that it leaves;
 - ``d-optimal``: the largest determinant of the information on the geometry, taken greedily;
@@ -97,19 +96,8 @@ class Bench:
         self.tool = np.zeros((len(rows), len(self.unknown.prior)))
         self.tool[:, where] = rows[:, [names.index(self.unknown.model.names[k]) for k in where]]
 
-    def greedy(self, white, weight, taken, count, of_gauge):
-        """Positions of ``count`` further poses by the error that they leave; ``white`` per size as known now."""
-        start = np.where(of_gauge, SHARE_OF_PLACE, 1.0) if not len(taken) else 1.0
-        known = posterior_after(white * start, weight, taken)
-        known.shown[taken] = 0.0  # a pose is read once
-        free = np.setdiff1d(np.arange(len(white)), taken)
-        part = BayesianPosterior(
-            known.white[free], weight, known.covariance, known.shown[free], known.spread[free], known.square
-        )
-        return list(free[select_greedily(part, count, 0.0)])
-
     def quick(self, white, weight, taken, count, start):
-        """The same by the error that they take off a second: of reading, and of the way inserted into the others'."""
+        """Positions of ``count`` further poses by what they take off the error in a second of reading and of way."""
         known = posterior_after(white, weight, taken)
         path, order = [] if start is None else [start], []
         for _ in range(count):
@@ -137,7 +125,9 @@ class Bench:
     def order(self, way):
         """Positions in the order in which a way that knows nothing of the robot takes them."""
         if way == "plan":
-            return self.greedy(self.white, self.unknown.weight_per_prior, [], MOST, self.unknown.of_gauge)
+            start = np.where(self.unknown.of_gauge, SHARE_OF_PLACE, 1.0)
+            begun_with = BayesianPosterior.prior(self.white * start, self.unknown.weight_per_prior)
+            return list(select_greedily(begun_with, MOST, 0.0))
         of_geometry = np.array([not p.is_effect for p in self.unknown.model.parameters])
         rows, order = self.white[:, of_geometry], []
         covariance = np.eye(rows.shape[1])
@@ -183,7 +173,7 @@ class Session:
         self.rng, self.taken, self.off, self.minutes = rng, [], np.zeros(0), 0.0
         self.time, self.length = np.zeros(0), np.zeros(0)
         self.white, self.families, self.weight = b.white, b.families, b.unknown.weight_per_prior
-        self.gauge, self.stands = b.unknown.of_gauge, b.anew
+        self.stands = b.anew
         self.fixture, self.zero = None, 0.0
         self.posterior = None
 
@@ -202,7 +192,6 @@ class Session:
         self.stands = np.concatenate([self.stands, np.ones(len(free), dtype=bool)])
         number = np.concatenate([self.families.number, self.families.number[free]])
         self.families = replace(self.families, number=number)
-        self.gauge = np.concatenate([self.gauge, np.ones(len(free), dtype=bool)])
         self.weight = np.pad(self.weight, ((0, len(free)), (0, len(free))))
 
     def read(self, which, minutes):
@@ -228,14 +217,12 @@ class Session:
         )
         return counts[min(enough, len(counts) - 1)]
 
-    def choose(self, count, start=None, quick=True):
-        """The poses that lower most what is still unknown, or lower it most in a second, from where the arm stands."""
+    def choose(self, count, start=None):
+        """The poses that lower most in a second what is still unknown, from where the arm stands."""
         size = self.posterior.learnt.factors[self.families.number]
         weight = self.weight * np.outer(size, size)
-        if quick:
-            white = self.white * size / self.posterior.learnt.noise
-            return self.bench.quick(white, weight, self.taken, count, start)
-        return self.bench.greedy(self.white * size / self.posterior.learnt.noise, weight, self.taken, count, self.gauge)
+        white = self.white * size / self.posterior.learnt.noise
+        return self.bench.quick(white, weight, self.taken, count, start)
 
     def stand(self):
         """Where the session stands: poses, minutes, bound, stated and true error [mm]."""
@@ -324,7 +311,7 @@ def batches_to(bench, seed, way, goal):
             session.set_up(session.taken)
             session.minutes += SET_UP_MIN
         most = min(LARGEST, MOST - len(session.taken))
-        chosen = session.choose(most, quick=way != "batches, by the error alone")
+        chosen = session.choose(most)
         session.read(*bench.toured(chosen[: session.count_until(chosen, goal)]))
     return row | ({"identified": identified(session)} if goal == IDENTIFIED_MM and way == "batches" else {})
 
