@@ -348,6 +348,13 @@ def _read_header(path: Path) -> PlanHeader:
     return PlanHeader.model_validate(read_json(path))
 
 
+def prepare_pages() -> None:
+    """Read what pages of all people show, so that the first who opens one does not wait for it."""
+    robot_entries()
+    dialect_entries()
+    _columns_of_shipped()
+
+
 @cache
 def _columns_of_shipped() -> dict[str, str]:
     """Return every shipped cell with the columns that its gauge gives."""

@@ -1,6 +1,7 @@
 """``edbb serve``: the application, and the server that runs it."""
 
 import sqlite3
+import threading
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from typing import Any
@@ -31,7 +32,7 @@ from planner.service.job_store import JobStore
 from planner.service.login import LOGIN
 from planner.service.methods import PlainMethods
 from planner.service.metrics import METRICS
-from planner.service.pages import PAGES, add_problem_handlers
+from planner.service.pages import PAGES, add_problem_handlers, prepare_pages
 from planner.service.people import PeopleStore
 from planner.service.problems import MEDIA_TYPE, Problem
 from planner.service.record_api import RECORDS
@@ -114,6 +115,7 @@ def build_app(context: ServiceContext) -> FastAPI:
         context.supervisor.start()
         sweeper.start()
         context.notifier.start()
+        threading.Thread(target=prepare_pages, name="pages", daemon=True).start()
         yield
         context.notifier.stop()
         sweeper.stop()
