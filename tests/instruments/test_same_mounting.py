@@ -57,7 +57,8 @@ def test_what_the_first_run_says_of_the_second_is_its_whole_posterior(known):
     theirs = stretch * np.linalg.norm(rows, axis=1)
     moved = unknown.model.rows(samples)[:, 0] @ unknown.root
     both = np.linalg.norm(moved[:, ~unknown.of_gauge], axis=1)
-    assert np.all(np.abs(both - theirs) < 0.5 * unknown.model.noise(samples))
+    # less than a reading's noise: the gauge's own errors stand apart
+    assert np.all(np.abs(both - theirs) < unknown.model.noise(samples))
     own = np.linalg.norm(moved, axis=1)  # with the gauge's scale, of which the file does not know how it hangs together
     assert own.max() < 25e-6  # a gauge set up anew: 3 mm
     live = LiveEstimate(unknown, samples)
