@@ -13,7 +13,7 @@ from planner.cell.workspace import SAFETY_MARGIN, Workspace
 from planner.common.errors import InputError, NoSolutionError
 from planner.common.progress import UNLIMITED, LastStart, StageProgress, TimeLimit
 from planner.common.second_process import available_threads
-from planner.common.units import Array
+from planner.common.units import Array, to_mm
 from planner.motion.collision.engines import CollisionWorld
 from planner.runs.run import Mounting, Samples
 
@@ -229,7 +229,9 @@ def explain_empty(cell: Cell, mounting: Mounting, funnel: Funnel) -> str:
     if funnel.cable == 0:
         return f"{head} The cable's budget rejects all: raise cable limits, or choose a home that is less twisted."
     near = _nearest_pairs(cell, mounting)
-    return f"{head} Every state collides: {near}; look at motion.clearance_mm and at these bodies."
+    wanted = to_mm(cell.motion.clearance + SAFETY_MARGIN)
+    why = f"Every state collides (nearer than {wanted:g} mm)"
+    return f"{head} {why}: {near}; look at motion.clearance_mm and at these bodies."
 
 
 def _nearest_pairs(cell: Cell, mounting: Mounting) -> str:
@@ -238,7 +240,8 @@ def _nearest_pairs(cell: Cell, mounting: Mounting) -> str:
     q, _ = _apply_workspace_filters(cell.gauge.joint_sampler(cell, mounting, 0)(DRAWS[0]).q, workspace)
     if not len(q):
         return "too few of them were drawn to say what with"
-    share = (world.distances(q[:300]) < cell.motion.clearance).mean(axis=0)  # 300 states say what collides
+    wanted = cell.motion.clearance + SAFETY_MARGIN  # as the filter has it: a pair may always stand between the two
+    share = (world.distances(q[:300]) < wanted).mean(axis=0)  # 300 states say what collides
     worst = np.argsort(-share, kind="stable")[:4]  # as many pairs of bodies as a message can hold
     return ", ".join(
         f"{world.scene.blamed_pair(int(k))} in {share[k]:.0%} of the states" for k in worst if share[k] > 0

@@ -1,5 +1,7 @@
 """Candidates: every filter holds, the density is even, the funnel counts true, the empty case speaks."""
 
+import re
+
 import numpy as np
 import pytest
 from scipy import stats
@@ -7,7 +9,7 @@ from scipy import stats
 from planner.cell.reading import load_cell, shipped_cells
 from planner.common.errors import InputError, NoSolutionError
 from planner.common.sequences import sobol_points
-from planner.design.candidates.pool import draw_candidates
+from planner.design.candidates.pool import Funnel, draw_candidates, explain_empty
 from planner.gauges.lines import sample_shell, shell_points
 from planner.motion.collision.engines import CollisionWorld
 from planner.runs.run import FIRST_MOUNTING
@@ -53,6 +55,20 @@ def test_candidates_that_no_path_joins_are_told_where_too_few_are_left():
     reach = MountMaps(np.arange(len(pool)) < 5, {})
     with pytest.raises(NoSolutionError, match=r"only 5 candidate poses .*; 35 of 40 candidates were left"):
         drop_unreachable(cell, pool, reach, "O2", None, 0)
+
+
+def test_a_pair_that_always_stands_between_the_clearance_and_its_margin_is_named(monkeypatch):
+    cell = load_cell("comau-nj130/edbb")
+
+    def distances(world, q):
+        near = np.full((len(q), len(world.scene.pairs)), 1.0)
+        near[:, 3] = cell.motion.clearance + 1e-3
+        return near
+
+    monkeypatch.setattr(CollisionWorld, "distances", distances)
+    said = explain_empty(cell, FIRST_MOUNTING, Funnel(9, 9, 9, 9, 9, 0))
+    named = CollisionWorld.from_cell(cell, FIRST_MOUNTING).scene.blamed_pair(3)
+    assert re.search(rf"Every state collides \(nearer than .* mm\): {named} in 100% of the states; look", said)
 
 
 def test_the_shell_sample_is_as_dense_as_blind_rejection():
