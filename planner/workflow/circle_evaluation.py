@@ -71,7 +71,7 @@ class CircularTestResult(FolderResult):
 
     def next_step(self, folder: Path) -> str:
         """Say what shows the causes."""
-        return f"look at {folder / 'report.html'}; edbb plan CELL -o DIR plans the poses that show where it comes from"
+        return f"look at {folder / 'report.html'}; edbb plan CELL -o DIR, CELL without [[circles]], plans the poses that show the cause"
 
 
 @called_with(CircularCall)

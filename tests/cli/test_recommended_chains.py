@@ -20,6 +20,7 @@ ALL = pytest.mark.skipif(not os.environ.get("EDBB_ALL_TRIALS"), reason="takes ho
 NAMED = re.compile(r"\bedbb (?P<verb>[a-z]+(?:-[a-z]+)*) (?P<rest>[^();]*?-o \S+?)(?=[);,]?(?:\s|$))")
 BY_HAND = {"measure", "centre", "export", "serve", "import"}  # need a gauge, a robot or a person's files
 POSES = 40  # of a first session: enough to fit, few enough to plan in a minute
+WITHOUT_CIRCLES = {"comau-nj130/circular": "comau-nj130/edbb"}  # where poses show the causes of what circles show
 LOADED = "abb-irb6700/ldbb"
 OF_CIRCLES = {"comau-nj130/circular", LOADED}  # have no poses to be chosen
 MOST = 14  # commands of one chain
@@ -45,7 +46,7 @@ class Chain:
 
     def fill(self, words):
         """Return the words of a named command with what a person fills in."""
-        plan = "plan/cell.toml" if (self.folder / "plan/cell.toml").is_file() else self.cell
+        plan = WITHOUT_CIRCLES.get(self.cell, "plan/cell.toml")
         known = {"CELL": plan, "PROGRAM": "targets.csv", "CORRECTED": "corrected.csv", "RECORD": "record"}
         known |= {"CALIBRATED": "calibrated", "DIR": "more"}
         filled = [known.get(word, word) for word in words]
