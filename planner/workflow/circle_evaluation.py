@@ -71,7 +71,8 @@ class CircularTestResult(FolderResult):
 
     def next_step(self, folder: Path) -> str:
         """Say what shows the causes."""
-        return f"look at {folder / 'report.html'}; edbb plan CELL -o DIR, CELL without [[circles]], plans the poses that show the cause"
+        show = "edbb plan CELL -o DIR, CELL without [[circles]], plans the poses that show the cause"
+        return f"look at {folder / 'report.html'}; {show}"
 
 
 @called_with(CircularCall)
