@@ -30,7 +30,7 @@ def test_the_shortest_cell_of_a_gauge_is_whole(kind: str, tmp_path: Path) -> Non
     file.write_text(own if own.startswith("schema") else HEAD + own)
     cell = load_cell(file)
     assert cell.gauge.kind == kind
-    assert cell.motion.measure == ("continuous" if kind == "edbb" else "static")
+    assert cell.motion.measure == "static"
 
 
 def test_a_robot_file_of_rows_is_enough_to_plan(tmp_path: Path) -> None:
