@@ -18,7 +18,7 @@ from planner.design.expected_errors import ExpectedErrors
 from planner.design.free_parameters import UndeclaredErrors, undeclared_errors
 from planner.design.learnt_posterior import LearntPosterior
 from planner.design.learnt_sizes import Families
-from planner.instruments.next_session import CalibratedState, RemainingErrors, tool_names
+from planner.instruments.remaining_errors import CalibratedState, RemainingErrors, tool_names
 from planner.runs.run import Readings, Samples
 
 GAUGE = "gauge"

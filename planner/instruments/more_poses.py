@@ -16,7 +16,7 @@ from planner.design.expected_errors import error_limit
 from planner.identification.calibration import Calibration
 from planner.identification.expected_error import NAME, ExpectedError, ExpectedErrorFile, expected_error_content
 from planner.instruments.assumptions import SESSION
-from planner.instruments.next_session import CalibratedState, RemainingErrors, mounting_of
+from planner.instruments.remaining_errors import CalibratedState, RemainingErrors, mounting_of
 from planner.model.more_poses import MorePoses
 from planner.runs.run import Run
 

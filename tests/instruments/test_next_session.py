@@ -14,7 +14,8 @@ from planner.cell.reading import load_cell
 from planner.common.errors import InputError, NoSolutionError
 from planner.design.bayesian_design import BayesianPosterior, errors_after, select_greedily
 from planner.design.expected_errors import error_limit, square_limit
-from planner.instruments.next_session import CalibratedState, NextSessionChooser, RemainingErrors
+from planner.instruments.next_session import NextSessionChooser
+from planner.instruments.remaining_errors import CalibratedState, RemainingErrors
 from planner.instruments.where_it_counts import places_in_region, places_of_program
 from planner.model.identification_document import Identification
 from planner.runs.loader import load_runs

@@ -13,7 +13,7 @@ from planner.common.errors import InputError
 from planner.design.expected_errors import error_limit
 from planner.instruments.live_estimate import LiveEstimate, mean_errors
 from planner.instruments.more_poses import foresee_more_poses
-from planner.instruments.next_session import CalibratedState, RemainingErrors, leave_standing
+from planner.instruments.remaining_errors import CalibratedState, RemainingErrors, leave_standing
 from planner.model.identification_document import Finding
 from planner.runs.run import FIRST_MOUNTING, Samples
 from planner.session.movable_cell import cell_files
