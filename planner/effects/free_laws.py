@@ -74,7 +74,7 @@ def free_laws(run: Excitation) -> Iterator[tuple[str, tuple[Parameter, ...]]]:
             yield from _polynomials(run, name, bends, [LoadMoment(link + 2, a) for a in axes], moment_degree)
 
 
-class BeamTwist(StationTwist):
+class BeamTwist(StationTwist, key="beam:STATION:AXIS:PART:PHI"):
     """The same about the middle of the link before the station: so turns and sinks the end of a beam under a moment.
 
     Its end turns by M L/(E I) and sinks by M L²/(2 E I): Timoshenko, Strength of Materials (1940), art. 35.
