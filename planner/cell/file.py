@@ -313,7 +313,7 @@ class UseFile(StrictModel):
 
 
 class PriorFile(StrictModel):
-    """``[prior]``: what is known of robots of this kind: the file that ``edbb fleet`` wrote."""
+    """``[prior]``: what is known of robots of this kind: the file of a fleet."""
 
     fleet: OneLine
 
