@@ -145,6 +145,7 @@ def test_its_jacobian_is_the_derivative_of_its_reading(cell, pool):
         np.testing.assert_allclose(rows[:, k], slope, atol=1e-7)
 
 
+@pytest.mark.long
 def test_poses_are_selected_and_a_simulated_run_is_identified(cell, pool):
     choice, curve = select_poses(cell, pool, POSES, "O1", seed=1)
     with curve:

@@ -53,7 +53,7 @@ def test_a_basis_of_many_rows_is_orthonormal_with_the_prior_below(rng):
     basis, triangle = posterior_basis(rows, 1.0)
     inverse = np.linalg.inv(triangle)
     assert basis.T @ basis + inverse.T @ inverse == pytest.approx(np.eye(90), abs=1e-9)
-    assert basis @ triangle == pytest.approx(rows, rel=1e-9, abs=1e-6)
+    np.testing.assert_allclose(basis @ triangle, rows, rtol=1e-9, atol=1e-6)
     expected = np.linalg.qr(np.vstack([rows, np.eye(90)]))[0][:12_000]
     y = rng.standard_normal(12_000)
-    assert basis @ (basis.T @ y) == pytest.approx(expected @ (expected.T @ y), abs=1e-9)
+    np.testing.assert_allclose(basis @ (basis.T @ y), expected @ (expected.T @ y), rtol=0, atol=1e-9)

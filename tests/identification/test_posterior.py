@@ -181,6 +181,7 @@ def test_what_was_written_expects_over_the_workspace_what_the_identification_sta
     assert np.sqrt((rows[:, -3:] ** 2).mean(axis=0)) == pytest.approx([1e3 * e for e in stated], rel=1e-3)
 
 
+@pytest.mark.long
 def test_the_compromise_has_the_least_mean_square_error_over_that_of_geometry_alone():
     """Over the drawn robots: against the posterior mean, and steps towards robots drawn and away from them."""
     released = by_posterior(judged(0, WEAK)[0].released)

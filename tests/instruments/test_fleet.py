@@ -127,6 +127,7 @@ def calibrated(tmp_path_factory):
     return folder
 
 
+@pytest.mark.long
 def test_identifications_are_a_fleet_and_the_next_robot_takes_it(calibrated):
     file = calibrated / "fleet.toml"
     done = edbb("fleet", calibrated / "calibrated1", calibrated / "calibrated2", "-o", file)
@@ -143,6 +144,7 @@ def test_identifications_are_a_fleet_and_the_next_robot_takes_it(calibrated):
     assert f"--fleet {file}" not in done.stderr
 
 
+@pytest.mark.long
 def test_what_is_no_fleet_is_refused_in_one_sentence(calibrated, tmp_path):
     def refused(match, *paths):
         with pytest.raises(InputError, match=match) as told:
@@ -160,6 +162,7 @@ def test_what_is_no_fleet_is_refused_in_one_sentence(calibrated, tmp_path):
     refused("a fleet is of one kind", calibrated / "calibrated1", other)
 
 
+@pytest.mark.long
 def test_a_record_counts_by_its_last_calibration(calibrated, tmp_path):
     record = tmp_path / "record"
     assert edbb("record", record, "--serial", "KR-1", "--add", calibrated / "calibrated1").returncode == 0

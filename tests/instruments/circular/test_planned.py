@@ -156,6 +156,7 @@ def test_a_circle_that_is_not_the_planned_one_is_not_released(planned, dialect, 
         verify(program, dialect, (replace(files[0], text=text), *files[1:]))
 
 
+@pytest.mark.long
 def test_a_tool_that_turns_with_the_bar_is_driven_in_joints(tmp_path):
     circle = '\n[[circles]]\nname = "f"\nradius_mm = 350\nstart_deg = 180\nsweep_deg = 60\nspeed_mm_s = 100\n'
     for how, circles in (("constant", 2), ("follow", 0)):

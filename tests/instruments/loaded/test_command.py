@@ -115,6 +115,7 @@ def test_compliances_of_the_joint_fit_are_true(done):
     assert square < chi2.ppf(0.9999, 6)
 
 
+@pytest.mark.long
 def test_the_averaged_run_goes_into_any_fit(done, folder, tmp_path):
     save_run(averaged_run(done.found), tmp_path / "averaged.csv")
     whole = load_runs([folder / "free.csv", tmp_path / "averaged.csv"], 6)
