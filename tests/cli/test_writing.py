@@ -158,6 +158,11 @@ def _killed(work, seconds: float) -> None:
     os.waitpid(child, 0)
 
 
+def kill_time(rng, whole):
+    """Return when to kill [s]: now before the end, now after it, also where the machine is thirty times as slow."""
+    return whole * (rng.uniform(0.0, 2.0) if rng.random() < 0.7 else rng.uniform(2.0, 30.0))
+
+
 def _state(path: Path) -> dict[str, str]:
     files = sorted(p for p in path.rglob("*") if p.is_file() and not any(q.startswith(".edbb-") for q in p.parts))
     return {str(p.relative_to(path)): hashlib.sha256(p.read_bytes()).hexdigest() for p in files}
@@ -176,7 +181,7 @@ def test_a_kill_leaves_the_old_folder_or_the_new(tmp_path, kills):
     whole = time.perf_counter() - start
     seen = set()
     for k in range(kills):
-        _killed(lambda k=k: _results(tmp_path / "out", **texts[k % 2]), rng.uniform(0.0, 2.0 * whole))
+        _killed(lambda k=k: _results(tmp_path / "out", **texts[k % 2]), kill_time(rng, whole))
         found = _state(tmp_path / "out")
         assert found in states
         seen.add(states.index(found))
@@ -198,7 +203,7 @@ def test_a_kill_leaves_no_mixture_of_a_program(tmp_path, kills):
     write_program_as(plans[0], tmp_path / "p.src")
     whole = time.perf_counter() - start
     for k in range(kills):
-        _killed(lambda k=k: write_program_as(plans[k % 2], tmp_path / "p.src"), rng.uniform(0.0, 2.0 * whole))
+        _killed(lambda k=k: write_program_as(plans[k % 2], tmp_path / "p.src"), kill_time(rng, whole))
         heads = {(tmp_path / n).read_bytes()[:23] for n in ("p.src", "p.dat") if (tmp_path / n).exists()}
         assert len(heads) == 1 or not (tmp_path / "p.src").exists()
 
