@@ -69,6 +69,11 @@ class Plant:
             os.killpg(process.pid, signal.SIGKILL)
         process.wait()
 
+    def revive(self):
+        """Begin anew what has ended, as units of systemd are."""
+        for name in [n for n, process in self.processes.items() if process.poll() is not None]:
+            self.begin(name)
+
     def has_scheduler(self):
         with suppress(OSError), socket.create_connection(("127.0.0.1", int(self.scheduler.rpartition(":")[2]))):
             return True
@@ -79,8 +84,7 @@ class Plant:
         while time.monotonic() < until:
             with suppress(httpx.TransportError):
                 return self.client.get("/api/health")
-            if self.processes["service"].poll() is not None:  # the scheduler was not back yet: a unit begins it anew
-                self.begin("service")
+            self.revive()  # the service ends where the scheduler was not back yet
             time.sleep(0.1)
         raise AssertionError((self.folder / "service.log").read_text()[-2000:])
 
@@ -92,6 +96,7 @@ class Plant:
     def wait(self, id, states=("done", "failed", "cancelled"), seconds=PATIENCE_S):
         until = time.monotonic() + seconds
         while time.monotonic() < until:
+            self.revive()  # workers end some time after their scheduler
             with suppress(httpx.TransportError):
                 job = self.client.get(f"/api/jobs/{id}").json()
                 if job["state"] in states:
@@ -183,17 +188,12 @@ def test_whatever_is_killed_each_job_is_done_once(tmp_path, seed):
                 os.killpg(plant.processes[frozen].pid, signal.SIGSTOP)
                 time.sleep(9.0)  # longer than the scheduler waits
                 os.killpg(plant.processes[frozen].pid, signal.SIGCONT)
-                if plant.processes[frozen].poll() is not None:
-                    plant.kill(frozen)
-                    plant.begin(frozen)
+                plant.revive()
                 continue
             plant.kill(victim)
             plant.begin(victim)
             plant.wait_for_service()
-            for name in ("one", "two"):  # as a unit of systemd begins a worker anew that has ended
-                if plant.processes[name].poll() is not None:
-                    plant.kill(name)
-                    plant.begin(name)
+            plant.revive()
         jobs = [plant.wait(id, seconds=240) for id in accepted]
         assert all(j["state"] == "done" for j in jobs), [j["problem"] for j in jobs if j["state"] != "done"]
         ends = plant.ends()
