@@ -275,7 +275,7 @@ def test_a_copy_goes_on_where_a_job_is_deleted_meanwhile(plant, tmp_path, monkey
 def test_what_is_archived_while_a_sweep_goes_on_stays(plant, monkeypatch):
     plant.run("a")
     archive = Meanwhile(lambda: plant.keeper.change(A, JobChanges(archived=True)))
-    after(monkeypatch, JobKeeper, "_list_ended", archive)
+    before(monkeypatch, JobKeeper, "_try_delete", lambda: archive(30.0))
     now = plant.jobs.get(A).finished + 100 * DAY_S
     assert plant.keeper.sweep(Retention(age_s=DAY_S), now) == 0
     assert plant.ids() == {"a"}
