@@ -13,11 +13,10 @@ from pathlib import Path
 
 from planner.common.errors import InputError
 from planner.common.system import hold_lock, sync_folder
-from planner.service.database import Database, damage_text
+from planner.service.database import NAMED, Database, damage_text
 from planner.service.file_store import FileStore, GoneFileError, copy_checked
 
 DATABASE, RECORDS, FILES = "jobs.sqlite3", "records", "files"
-NAMED = "SELECT sha256 FROM outputs UNION SELECT sha256 FROM inputs UNION SELECT sha256 FROM uploads"
 
 
 @dataclass(frozen=True)

@@ -77,6 +77,8 @@ CELL_NOTES = "CREATE TABLE cell_notes (sha256 TEXT PRIMARY KEY, title TEXT NOT N
 MIGRATIONS = (FIRST, DEATHS, LISTS, KEEPING, PEOPLE, TICKS, NOTICES, CELL_NOTES)
 """Statements that lead from one version of the store to the next; the version is how many of them it has seen."""
 VERSION = len(MIGRATIONS)
+NAMING = ("outputs", "inputs", "uploads")  # tables that name files of the store: what stands in none of them may go
+NAMED = " UNION ".join(f"SELECT sha256 FROM {table}" for table in NAMING)
 
 
 def damage_text(err: sqlite3.Error) -> str:

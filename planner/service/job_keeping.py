@@ -15,7 +15,7 @@ from pydantic import Field
 
 from planner.common.errors import InputError
 from planner.common.schema import StrictModel
-from planner.service.database import Database
+from planner.service.database import NAMED, Database
 from planner.service.file_store import FileStore, UnknownFileError
 from planner.service.job_record import JobRecord
 from planner.service.job_store import JobCheck, JobStore, is_named
@@ -143,8 +143,7 @@ class JobKeeper:
 
         A crash, or a job that was tried again, has left them.
         """
-        tables = ("outputs", "inputs", "uploads")
-        named = {row["sha256"] for t in tables for row in self._db.read(f"SELECT DISTINCT sha256 FROM {t}")}
+        named = {row["sha256"] for row in self._db.read(NAMED)}
         with self._files.placing():  # nobody removes one meanwhile
             there = [path for path in self._files.folder.glob("??/*") if path.name not in named]
             left = [path.name for path in there if path.stat().st_mtime < before]

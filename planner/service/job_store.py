@@ -11,7 +11,7 @@ from pydantic import TypeAdapter
 
 from planner import __version__
 from planner.common.errors import InputError
-from planner.service.database import Database
+from planner.service.database import NAMING, Database
 from planner.service.job_filter import JobFilter, JobPlace, State
 from planner.service.job_queue import Foresight, Outlook, foresee_ends, next_job
 from planner.service.job_record import JobCommand, JobEvent, JobOutput, JobProblem, JobRecord
@@ -326,8 +326,8 @@ def _problem_text(problem: JobProblem | None) -> str:
 
 def is_named(db: sqlite3.Connection, sha256: str) -> bool:
     """Tell whether a job or an upload names a file of the store: one that nothing names may go."""
-    tables = ("outputs", "inputs", "uploads")
-    return any(db.execute(f"SELECT 1 FROM {t} WHERE sha256 = ? LIMIT 1", (sha256,)).fetchone() for t in tables)
+    named = "SELECT 1 FROM {} WHERE sha256 = ? LIMIT 1"
+    return any(db.execute(named.format(table), (sha256,)).fetchone() for table in NAMING)
 
 
 def _wait_again(db: sqlite3.Connection, job: JobRecord, crashes: int, because: str) -> bool:
