@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from planner.common.calls import SENT, Option
+from planner.common.calls import Option, sent_file
 
 if TYPE_CHECKING:
     from planner.cell.cell import Cell
@@ -16,10 +16,5 @@ CellOption = Annotated[
 ]
 FleetOption = Annotated[
     Path | str | None,
-    Option(
-        "what several robots of this kind have shown of how large its errors are",
-        typed=Path | None,
-        metavar="FLEET.toml",
-        from_service=SENT,
-    ),
+    sent_file("what several robots of this kind have shown of how large its errors are", "FLEET.toml"),
 ]

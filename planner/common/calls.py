@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import MISSING, dataclass, fields
 from functools import wraps
 from inspect import Parameter, Signature, cleandoc
+from pathlib import Path
 from types import MappingProxyType
 from typing import Annotated, Any, ClassVar, Literal, ParamSpec, TypeVar, get_args, get_origin
 
@@ -76,6 +77,11 @@ class Option:
     from_service: JobFile | str | None = None
     is_served: bool = True
     python_only: bool = False
+
+
+def sent_file(help: str, metavar: str, request_name: str = "") -> Option:
+    """Return the option of a file that may be left out; clients of a service send it."""
+    return Option(help, metavar=metavar, typed=Path | None, request_name=request_name, from_service=SENT)
 
 
 MORE = "More"

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from planner.cell.declared import FleetOption
-from planner.common.calls import SENT, Dialects, JobFile, Option, Seed
+from planner.common.calls import Dialects, JobFile, Option, Seed, sent_file
 from planner.common.choices import Aim, IndexName, SelectionMethod, TourOrder, TourSolver
 from planner.common.errors import InputError
 
@@ -74,20 +74,16 @@ class PlanOptions:
 
     region: Annotated[
         Path | str | None,
-        Option(
+        sent_file(
             "with --after: the box of the workspace in which the error counts (lower_mm, upper_mm in the base frame)",
-            typed=Path | None,
-            metavar="BOX.toml",
-            from_service=SENT,
+            "BOX.toml",
         ),
     ] = None
     program: Annotated[
         Path | str | None,
-        Option(
+        sent_file(
             "with --after: the program (or table of targets) at whose targets the error counts, with its tools",
-            typed=Path | None,
-            metavar="PROGRAM",
-            from_service=SENT,
+            "PROGRAM",
         ),
     ] = None
     fleet: FleetOption = None

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from planner.cell.declared import CELL, FleetOption
-from planner.common.calls import SENT, Call, Option, ProgressKeyword, Seed
+from planner.common.calls import Call, Option, ProgressKeyword, Seed, sent_file
 from planner.common.progress import no_progress
 from planner.workflow.declared import RUNS
 
@@ -54,13 +54,8 @@ class IdentifyCall(Call):
     ] = None
     validate: Annotated[
         "Run | Path | str | None",
-        Option(
-            "a run kept out of the fit, to judge it",
-            metavar="RUN",
-            typed=Path | None,
-            request_name="validate_with",  # "validate" is a method of requests
-            from_service=SENT,
-        ),
+        # "validate" is a method of requests
+        sent_file("a run kept out of the fit, to judge it", "RUN", request_name="validate_with"),
     ] = None
     fleet: FleetOption = None
     no_trace: Annotated[bool, Option("seek no causes of what geometry leaves")] = False
