@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from planner.common.calls import Option, sent_file
+from planner.common.calls import Option, upload_option
 
 if TYPE_CHECKING:
     from planner.cell.cell import Cell
@@ -16,5 +16,5 @@ CellOption = Annotated[
 ]
 FleetOption = Annotated[
     Path | str | None,
-    sent_file("what several robots of this kind have shown of how large its errors are", "FLEET.toml"),
+    upload_option("what several robots of this kind have shown of how large its errors are", "FLEET.toml"),
 ]

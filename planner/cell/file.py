@@ -162,7 +162,7 @@ class GaugeFile(OptionalKeys):
 
     @field_validator("kind")
     @classmethod
-    def _known_kind(cls, value: str) -> str:
+    def _check_kind(cls, value: str) -> str:
         if value not in gauge_kinds():
             raise ValueError(f"must be {' or '.join(map(repr, gauge_kinds()))}{HINT}")
         return value
@@ -173,7 +173,7 @@ class GaugeFile(OptionalKeys):
 
     @field_validator("length_mm")
     @classmethod
-    def _ordered(cls, value: tuple[float, float] | None) -> tuple[float, float] | None:
+    def _check_order(cls, value: tuple[float, float] | None) -> tuple[float, float] | None:
         if value is not None and value[0] >= value[1]:
             raise ValueError("the shortest length must come first and be smaller than the longest")
         if value is not None and value[1] < 5.0:
@@ -252,7 +252,7 @@ class BaseFile(OptionalKeys):
 
     @model_validator(mode="before")
     @classmethod
-    def _named(cls, data: object) -> object:
+    def _read_link_name(cls, data: object) -> object:
         return {"link": data} if isinstance(data, str) else data
 
 
@@ -264,7 +264,7 @@ class FloorFile(StrictModel):
 
     @field_validator("x_mm", "y_mm")
     @classmethod
-    def _ordered(cls, value: tuple[float, float]) -> tuple[float, float]:
+    def _check_order(cls, value: tuple[float, float]) -> tuple[float, float]:
         if value[0] >= value[1]:
             raise ValueError("the first number must lie below the second one")
         return value

@@ -41,11 +41,11 @@ class GaugeFrames(ABC):
         """Return places (3,) [m] that stand from session to session by their names; ``None``: not known where."""
         return {}
 
-    def left_standing(self, setup: Placement) -> LeftStanding:
+    def kept_mounting(self, setup: Placement) -> LeftStanding:
         """Return what a later run may find as the last run has left it; nothing of a gauge that is set up each time."""
         return LeftStanding()
 
-    def place_as_stated(self, setup: P, cell: Site) -> P:
+    def place_nominally(self, setup: P, cell: Site) -> P:
         """Return the setup with its frame where the cell states it, where readings of a run to come depend on that."""
         return setup
 

@@ -46,7 +46,7 @@ class GaugeNumbers:
         """Return these numbers, (n, m), where ``shown`` (n, r) [m, rad] is what its own errors add to a reading."""
         return shown - self.residual(setup, samples, motion, Targets.at_base(len(samples)))
 
-    def numbers_shown(self, samples: Samples, readings: Readings) -> Array | None:
+    def reading_numbers(self, samples: Samples, readings: Readings) -> Array | None:
         """Return the numbers that a run shows, (n, m), NaN where there is none; ``None`` where readings are lengths."""
         return None
 

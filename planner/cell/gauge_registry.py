@@ -31,7 +31,7 @@ def register_gauge(kind: G) -> G:
         ValueError: another gauge has that name.
     """
     if not kind.__module__.startswith(f"{ROOM}."):
-        _import_shipped()  # so that who takes one of their names is the one who is told
+        _import_shipped_modules()  # so that who takes one of their names is the one who is told
     if kind.kind in _KINDS:
         raise ValueError(f"gauge kind '{kind.kind}': {_KINDS[kind.kind].__module__} has registered it already")
     _KINDS[kind.kind] = kind
@@ -40,12 +40,12 @@ def register_gauge(kind: G) -> G:
 
 def gauge_kinds() -> dict[str, type[GaugeKind]]:
     """Return all kinds by their names: those of ``planner.gauges``, and any registered beside them."""
-    _import_shipped()
+    _import_shipped_modules()
     load_extensions()
     return _KINDS
 
 
-def _import_shipped() -> None:
+def _import_shipped_modules() -> None:
     for module in sorted(m.name for m in iter_modules(import_module(ROOM).__path__) if not m.ispkg):
         import_module(f"{ROOM}.{module}")
 

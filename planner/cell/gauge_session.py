@@ -33,7 +33,7 @@ class GaugeSession:
     removal: ClassVar[str] = ""  # what a person does after the last pose
 
     @property
-    def measured_by(self) -> str:
+    def measuring_command(self) -> str:
         """How the session of a plan is measured; ``PLAN`` stands for its path."""
         return "run the program and log it (to try it: edbb simulate PLAN -o run.csv)"
 

@@ -50,7 +50,7 @@ def check_units(path: Path, file: CellFile) -> None:
     for f in file.fixtures:
         if max(map(abs, f.position_mm)) < NEAR_BASE_MM:
             _raise_metres(path, f"fixtures.{f.name}.position_mm", f.position_mm, "inside the robot's base")
-    _check_placed(path, file)
+    _check_placement(path, file)
     points = [(f"tool.points.{p.name}.map_mm", p.map_mm) for p in file.tool.points] if file.tool else []
     for key, point in [*([("tool.map_mm", file.tool.map_mm)] if file.tool else []), *points]:
         if np.linalg.norm(point) < SHORT_TOOL_MM:
@@ -67,7 +67,7 @@ def check_units(path: Path, file: CellFile) -> None:
             )
 
 
-def _check_placed(path: Path, file: CellFile) -> None:
+def _check_placement(path: Path, file: CellFile) -> None:
     """Refuse an artifact or tracker inside the robot's base, and balls that stand inside one another."""
     for key, placed in (("artifact", file.artifact), ("tracker", file.tracker)):
         if placed is not None and max(map(abs, placed.position_mm)) < NEAR_BASE_MM:

@@ -108,7 +108,7 @@ def with_shared_options(function: Callable[..., None]) -> Callable[..., None]:
         shared.append(Parameter("package", Parameter.KEYWORD_ONLY, default=None, annotation=PackageFolders))
 
     @wraps(function)
-    def wrapped(
+    def wrapper(
         *, verbose: bool = False, force: bool = False, package: list[str] | None = None, **values: object
     ) -> None:
         """Run the command with its own values; packages and manner are settled before."""
@@ -117,9 +117,9 @@ def with_shared_options(function: Callable[..., None]) -> Callable[..., None]:
 
     own = (p for n, p in plain.parameters.items() if n != "manner")
     parameters = [p.replace(kind=Parameter.KEYWORD_ONLY) for p in own]
-    wrapped.__signature__ = plain.replace(parameters=[*parameters, *shared])  # type: ignore[attr-defined]
-    wrapped.__annotations__ = {p.name: p.annotation for p in (*parameters, *shared)}
-    return wrapped
+    wrapper.__signature__ = plain.replace(parameters=[*parameters, *shared])  # type: ignore[attr-defined]
+    wrapper.__annotations__ = {p.name: p.annotation for p in (*parameters, *shared)}
+    return wrapper
 
 
 class Verbs(PlainSwitches, TyperGroup):

@@ -206,7 +206,7 @@ def measure_command(
         adviser.resume(log.rows)
     live = LiveGauge(gauge, baud, protocol, factor * 1e-3, zero * 1e-3)
     try:
-        for line in measure_poses(log, live.read_settled, _ask, time.monotonic, adviser):
+        for line in measure_poses(log, live.read_settled_mean, _ask, time.monotonic, adviser):
             errors.print(line)
     finally:
         live.line.close()

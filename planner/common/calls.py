@@ -79,7 +79,7 @@ class Option:
     python_only: bool = False
 
 
-def sent_file(help: str, metavar: str, request_name: str = "") -> Option:
+def upload_option(help: str, metavar: str, request_name: str = "") -> Option:
     """Return the option of a file that may be left out; clients of a service send it."""
     return Option(help, metavar=metavar, typed=Path | None, request_name=request_name, from_service=SENT)
 
@@ -250,7 +250,7 @@ def called_with(declaration: Callable[P, C]) -> Callable[[Callable[[C], R]], Cal
         signature = Signature(parameters, return_annotation=function.__annotations__["return"])
 
         @wraps(function)
-        def called(*args: P.args, **kwargs: P.kwargs) -> R:
+        def wrapper(*args: P.args, **kwargs: P.kwargs) -> R:
             """Call the function with the declaration's object; a notebook shows its progress."""
             _take_former_keywords(function.__name__, renamed, kwargs)
             try:
@@ -266,10 +266,10 @@ def called_with(declaration: Callable[P, C]) -> Callable[[Callable[[C], R]], Cal
             finally:
                 shown.end()
 
-        del called.__wrapped__  # what is called is the signature, not the object behind it
-        called.__signature__ = signature  # type: ignore[attr-defined]
-        called.__doc__ = _with_arguments(cleandoc(function.__doc__ or ""), known)
-        return called
+        del wrapper.__wrapped__  # what is called is the signature, not the object behind it
+        wrapper.__signature__ = signature  # type: ignore[attr-defined]
+        wrapper.__doc__ = _with_arguments(cleandoc(function.__doc__ or ""), known)
+        return wrapper
 
     return decorate
 

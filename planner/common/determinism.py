@@ -26,12 +26,12 @@ def on_one_thread(function: Callable[_P, _R]) -> Callable[_P, _R]:
     """Run ``function`` with linear algebra on one thread."""
 
     @wraps(function)
-    def wrapped(*args: _P.args, **kwargs: _P.kwargs) -> _R:
+    def wrapper(*args: _P.args, **kwargs: _P.kwargs) -> _R:
         """Call the function with one BLAS thread."""
         with _controller().limit(limits=1, user_api="blas"):
             return function(*args, **kwargs)
 
-    return wrapped
+    return wrapper
 
 
 def even_positions(n: int, most: int) -> Positions:

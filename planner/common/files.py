@@ -58,7 +58,7 @@ MOST_TEXT = 100_000_000  # bytes of a settings, plan or program file
 MOST_TOML = 20_000_000  # bytes of a TOML, URDF or SRDF file
 
 
-def check_allowed(path: Path) -> None:
+def check_read_access(path: Path) -> None:
     """Refuse a file that may not be read, in the same words whether it is there or not.
 
     Raises:
@@ -75,7 +75,7 @@ def check_readable(path: Path, most_bytes: int = MOST_TEXT, advice: str = "") ->
         InputError: naming the file, its size and what is allowed.
     """
     try:
-        check_allowed(path)
+        check_read_access(path)
         found = os.stat(path)
     except (OSError, ValueError) as err:
         reason = err.strerror if isinstance(err, OSError) and err.strerror else str(err)
@@ -106,7 +106,7 @@ def text_hash(data: bytes) -> str:
     return hashlib.sha256(data.replace(b"\r\n", b"\n")).hexdigest()
 
 
-def is_as_hashed(data: bytes, digest: str) -> bool:
+def has_hash(data: bytes, digest: str) -> bool:
     """Tell whether ``data`` has this SHA-256, or had it before git or an editor ended its lines as Windows does."""
     return digest in (hashlib.sha256(data).hexdigest(), text_hash(data))
 

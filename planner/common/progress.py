@@ -55,7 +55,7 @@ class TimeLimit:
         self.left.setdefault(left)
         return True
 
-    def seconds_left(self, share: float) -> float:
+    def remaining_seconds(self, share: float) -> float:
         """Return the seconds until a share of the limit is over, at least one; infinite without a limit."""
         return max(1.0, self.start + share * self.seconds - time.time())
 

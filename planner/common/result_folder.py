@@ -12,7 +12,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from planner.common.errors import InputError
-from planner.common.files import INPUTS, document_text, draft_prefix, is_as_hashed
+from planner.common.files import INPUTS, document_text, draft_prefix, has_hash
 from planner.common.system import process_exists, swap_folders
 
 MANIFEST = "manifest.json"
@@ -140,7 +140,7 @@ def _files_in(folder: Path) -> list[str]:
 def _is_unchanged(folder: Path, name: str, written: str | None) -> bool:
     try:
         path = folder / name
-        return written is not None and (written == file_hash(path) or is_as_hashed(path.read_bytes(), written))
+        return written is not None and (written == file_hash(path) or has_hash(path.read_bytes(), written))
     except OSError:
         return False
 

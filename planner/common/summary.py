@@ -72,11 +72,11 @@ def fact_lines(facts: Iterable[Fact]) -> list[str]:
 def hang_lines(text: str, width: int) -> str:
     """Return a text whose long facts go on below themselves, not below their keys; commands stay whole."""
     return "\n".join(
-        line if len(line) <= width or not line.startswith("  ") or "edbb " in line else _hung_line(line, width)
+        line if len(line) <= width or not line.startswith("  ") or "edbb " in line else _hanging_line(line, width)
         for line in text.split("\n")
     )
 
 
-def _hung_line(line: str, width: int) -> str:
+def _hanging_line(line: str, width: int) -> str:
     below = " " * (KEY + 2)
     return textwrap.fill(line, width, subsequent_indent=below, break_long_words=False, break_on_hyphens=False)

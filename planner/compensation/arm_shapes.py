@@ -90,12 +90,12 @@ class StatusTurn:
     def correct_numbers(self, arm: CorrectedArm) -> tuple[int, ...]:
         """Return status and turn; a bit changes only where the corrected angle contradicts it."""
         wrist_bit = 4  # number of the status bit and of the joint of the wrist
-        turn = renewed_bits(self.turn, arm.q, arm.q_slack)
-        status = renewed_bits(self.status & 3, arm.margins[:2], arm.margins_slack[:2]) | self.status & ~3
+        turn = update_bits(self.turn, arm.q, arm.q_slack)
+        status = update_bits(self.status & 3, arm.margins[:2], arm.margins_slack[:2]) | self.status & ~3
         return status ^ (wrist_bit if (turn ^ self.turn) >> wrist_bit & 1 else 0), turn
 
 
-def renewed_bits(bits: int, values: Array, slack: Array) -> int:
+def update_bits(bits: int, values: Array, slack: Array) -> int:
     """Return ``bits`` with bit i set where value i is negative, kept where it is zero but for ``slack``."""
     for i, value in enumerate(values):
         if abs(value) > slack[i]:
@@ -128,7 +128,7 @@ class ConfData:
             quarter if _in_quarter(arm.q[j], quarter, arm.q_slack[j]) else int(np.floor(arm.q[j] / QUARTER_TURN))
             for j, quarter in zip(CONFIGURED, self.quarters, strict=True)
         ]
-        shape = renewed_bits(self.shape or 0, arm.margins, arm.margins_slack)
+        shape = update_bits(self.shape or 0, arm.margins, arm.margins_slack)
         return (*quarters, (shape & 1) << 2 | (~shape & 2) | shape >> 2)
 
 

@@ -16,7 +16,7 @@ from planner.compensation.correction import (
     NominalFlange,
     correct_joints,
 )
-from planner.compensation.correction_mark import CorrectionMark, check_no_measuring_program, check_not_corrected
+from planner.compensation.correction_mark import CorrectionMark, check_no_measuring_program, refuse_second_correction
 from planner.compensation.few_axes import TurnWeights
 from planner.compensation.file_axes import FlangeInAxes, axes_notes, axes_of_file, axes_statement, next_step
 from planner.compensation.languages import (
@@ -29,7 +29,7 @@ from planner.compensation.languages import (
 )
 from planner.compensation.nominal_angles import SearchSeeds, solve_nominal_angles
 from planner.compensation.points import SENTENCE, is_service_name
-from planner.compensation.report import CompensationReport, read_printed, report_of
+from planner.compensation.report import CompensationReport, read_printed_angles, report_of
 from planner.compensation.rotations import frame, inverse, to_abc, to_quaternion
 from planner.compensation.targets import CorrectedArm, Note, Target, TargetReading, ToolAndBase, list_lines
 from planner.compensation.tolerances import SAME, SHAPE_BORDER
@@ -153,7 +153,7 @@ def compensate_file(
     """
     text, encoding = read_program(path)
     if mark is not None:
-        check_not_corrected(path.name, text, mark, again)
+        refuse_second_correction(path.name, text, mark, again)
         if not measuring:
             check_no_measuring_program(path.name, text)
     language = dialect or detect_dialect(path, text)
@@ -240,7 +240,7 @@ def _write(source: _Source, targets: list[Target], rows: np.ndarray, q: Array, q
         printed = source.read(new_text).take_targets()
         if [t.line for t in printed] != [t.line for t in targets]:
             raise NoSolutionError(f"{source.name}: the corrected file does not read as the same targets")
-        q_printed, bad = read_printed(source.seeds, source.calibrated, printed, rows, q, q_new)
+        q_printed, bad = read_printed_angles(source.seeds, source.calibrated, printed, rows, q, q_new)
         if not bad:
             return _Written(new_text, rows, chosen, [printed[i] for i in rows], q, q_new, q_printed, wrong)
         wrong += [(targets[rows[k]].line, why) for k, why in bad]

@@ -55,7 +55,7 @@ class CorrectionMark:
         return any(known.startswith(found[:HASH_DIGITS]) for known in (self.model_hash, *self.byte_hashes))
 
 
-def check_not_corrected(name: str, text: str, mark: CorrectionMark, again: bool) -> None:
+def refuse_second_correction(name: str, text: str, mark: CorrectionMark, again: bool) -> None:
     """Refuse a file that was corrected before: a second correction would add to the first.
 
     Args:

@@ -70,7 +70,7 @@ class PointTable:
 
     def is_computed(self, name: str, why: str) -> bool:
         """Return whether ``name`` has no certain value for a reason that begins with ``why``."""
-        return self._why_computed(name).startswith(why or "-")
+        return self._reason_for(name).startswith(why or "-")
 
     def compute(self, name: str, why: str) -> None:
         """Note why ``name`` has no certain value; an index that is computed means every one of a row."""
@@ -88,7 +88,7 @@ class PointTable:
             if pose.line and pose.index is None:
                 pose.index = self.reading.reserve()
             pose.uses.append(use)
-        if line and (why := self._why_computed(name)):
+        if line and (why := self._reason_for(name)):
             self.reading.leave(line, f"{_short(name)} {why}")
         elif line and found and not any(pose.line for pose in found):
             self.reading.leave(line, f"{_short(name)} is declared in the other half of the module: compensate that too")
@@ -97,12 +97,12 @@ class PointTable:
     def finish(self) -> Iterator[DeclaredPose]:
         """Yield the positions to be corrected, and note those that stay as they are."""
         for name, line in self._missing.items():
-            if not self._why_computed(name):
+            if not self._reason_for(name):
                 sentence = f"{_short(name)} is declared elsewhere: compensate the {self.container} that declares it too"
                 self.reading.leave(line, sentence)
         for poses in self._poses.values():
             for pose in poses:
-                computed = bool(self._why_computed(pose.name))
+                computed = bool(self._reason_for(pose.name))
                 if not pose.line or not (pose.uses or (pose.typed and not computed)):
                     continue  # of the other half, a frame of its own, or a place where the program keeps something
                 if why := self._why_not(pose, poses):
@@ -113,13 +113,13 @@ class PointTable:
     def _why_not(self, pose: DeclaredPose, others: list[DeclaredPose]) -> str:
         if sum(other.name == pose.name for other in others) > 1:
             return " has more than one value in this file"
-        if why := self._why_computed(pose.name):
+        if why := self._reason_for(pose.name):
             return f" {why}"
         if pose.value is None:
             return ": plain numbers are allowed"
         return f" {SENTENCE}" if is_service_name(_short(pose.name)) else ""
 
-    def _why_computed(self, name: str) -> str:
+    def _reason_for(self, name: str) -> str:
         return self._computed.get(name, self._computed.get(_base(name), ""))
 
     def _find_by_name(self, name: str) -> list[DeclaredPose]:

@@ -104,7 +104,7 @@ class ProgramError:
         return ", ".join(f"line {line} {_mm(error)} mm" for line, error in named.items())
 
 
-def left_errors(expected: ExpectedError, targets: Sequence[Target], q: Array, p_FM: Array | None) -> Array:
+def uncorrected_errors(expected: ExpectedError, targets: Sequence[Target], q: Array, p_FM: Array | None) -> Array:
     """Return what targets that are left as they were keep [m], (n,), arguments as of :func:`program_error`."""
     return program_error(expected, targets, q, p_FM).before if len(targets) else np.zeros(0)
 

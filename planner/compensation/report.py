@@ -135,11 +135,11 @@ def report_of(
         left_m=float(left.max(initial=0.0)),
         left_rad=float(turned.max(initial=0.0)),
         corrected=tuple(sorted({t.line for t in targets})),
-        turns_left=_turns_left(robot, calibrated, targets, q, q_printed, T_FT),
+        turns_left=_remaining_turns(robot, calibrated, targets, q, q_printed, T_FT),
     )
 
 
-def _turns_left(
+def _remaining_turns(
     robot: Robot, calibrated: FlangeModel, targets: list[Target], q: Array, q_printed: Array, T_FT: Array
 ) -> TurnsLeft | None:
     if robot.n_joints >= FULL_AXES:
@@ -149,7 +149,7 @@ def _turns_left(
     return TurnsLeft(robot.n_joints, tuple(t.line for t in targets), before, after)
 
 
-def read_printed(
+def read_printed_angles(
     seeds: SearchSeeds, calibrated: FlangeModel, printed: list[Target], rows: np.ndarray, q: Array, q_new: Array
 ) -> tuple[Array, list[tuple[int, str]]]:
     """Return the angles (n, N) [rad] at which a controller stands at the printed targets, and which are wrong and why.

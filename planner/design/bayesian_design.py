@@ -141,7 +141,7 @@ class BayesianDesign:
         """How much smaller, at most, the error of another set of candidates could be, as a part of the bound."""
         return float(self.after[-1]) / self.bound - 1.0
 
-    def as_driven(self, samples: Samples, minutes: Callable[[int], float]) -> "BayesianDesign":
+    def with_driven_poses(self, samples: Samples, minutes: Callable[[int], float]) -> "BayesianDesign":
         """Return it with the errors after the poses that are driven, and the minutes of every number of poses.
 
         Other numbers, chosen among few candidates, are foreseen better by as much as this one came out better.
@@ -226,7 +226,7 @@ def choose_bayesian_poses(
     # 24_000: candidates considered, evenly spread over the pool
     considered = even_positions(len(pool), max(24_000, poses or 0))
     white, weight = unknown.white(pool.samples.take(considered)), unknown.weight_per_prior
-    target = 0.0 if poses or until is not None else UNTRACED_TARGET_SHARE * unknown.untraced
+    target = 0.0 if poses or until is not None else UNTRACED_TARGET_SHARE * unknown.untraced_error
     start = _start_factors(unknown)
     # 2000 candidates, evenly spread, are enough for a forecast
     others = ForkedTask(lambda: _expected_errors(white[even_positions(len(white), 2000)], unknown, start, limit))
@@ -242,7 +242,7 @@ def choose_bayesian_poses(
     def limits() -> tuple[float, float, float]:
         """Return bound, floor and 95 % limit of the tool error [m]."""
         bound = unknown.state(bound_tool_error(white, weight, chosen, limit) ** 2)
-        return bound, _error_left(white, unknown), error_limit(unknown, white[chosen])
+        return bound, _remaining_error(white, unknown), error_limit(unknown, white[chosen])
 
     return BackgroundDesign(unknown, considered[chosen], after, ForkedTask(limits), others)
 
@@ -301,7 +301,7 @@ def _expected_errors(white: Array, unknown: ExpectedErrors, start: Array, limit:
     weight = unknown.weight_per_prior
     numbers = [n for n in FORESEEN_NUMBERS if n < len(white)]
     taken = select_greedily(BayesianPosterior.prior(white * start, weight), max(numbers, default=0), 0.0)
-    return {n: _error_left(white[_exchange(white, weight, taken[:n], limit)], unknown) for n in numbers}
+    return {n: _remaining_error(white[_exchange(white, weight, taken[:n], limit)], unknown) for n in numbers}
 
 
 def foresee_error(cell: Cell, samples: Samples, poses: int) -> tuple[float, float]:
@@ -309,10 +309,10 @@ def foresee_error(cell: Cell, samples: Samples, poses: int) -> tuple[float, floa
     unknown = undeclared_errors(cell, samples)
     white, weight = unknown.white(samples), unknown.weight_per_prior
     chosen = select_greedily(BayesianPosterior.prior(white * _start_factors(unknown), weight), poses, 0.0)
-    return _error_left(white[:0], unknown), _error_left(white[chosen], unknown)
+    return _remaining_error(white[:0], unknown), _remaining_error(white[chosen], unknown)
 
 
-def _error_left(white: Array, unknown: ExpectedErrors) -> float:
+def _remaining_error(white: Array, unknown: ExpectedErrors) -> float:
     """Return the expected error [m] after all readings of ``white`` (n, P)."""
     covariance = np.linalg.inv(white.T @ white + np.eye(white.shape[1]))
     return unknown.state(float((unknown.weight_per_prior * covariance).sum()))

@@ -27,7 +27,7 @@ class ExpectedErrors(Protocol):
         """Mean square error of the tool per squared errors, (P, P) [m²]."""
 
     @property
-    def untraced(self) -> float:
+    def untraced_error(self) -> float:
         """Error of the tool [m] that the session is to bring down."""
 
     @property
@@ -39,7 +39,7 @@ class ExpectedErrors(Protocol):
         """Of which robots the error before any reading is, in a few words."""
 
     @property
-    def assumed(self) -> str:
+    def assumptions(self) -> str:
         """What all this rests on."""
 
     @property

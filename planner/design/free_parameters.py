@@ -144,7 +144,9 @@ def unloaded_compliances(kinds: tuple[str, ...], model: Model) -> tuple[DroppedP
     return tuple(DroppedParameter(p.name, explain_direction(d := ((p.name, 1.0),)), d) for p in missing)
 
 
-def add_dropped(seen: Identifiability, names: tuple[str, ...], others: tuple[DroppedParameter, ...]) -> Identifiability:
+def add_dropped_parameters(
+    seen: Identifiability, names: tuple[str, ...], others: tuple[DroppedParameter, ...]
+) -> Identifiability:
     """Return what is seen, its positions counted in all of ``names``, and beside it what else was left out."""
     kept = tuple(names.index(name) for name in seen.names)
     return replace(seen, kept=kept, dropped=(*seen.dropped, *others))
@@ -164,16 +166,16 @@ class UndeclaredErrors:
         model: with the geometry that is freed, and the effects that nobody declared.
         prior: one-sigma sizes, (P,), finite.
         weight: mean square error of the tool per squared errors, (P, P).
-        untraced: error of the tool [m] that the gears' errors leave even where all else is fitted as well as can be.
+        untraced_error: error of the tool [m] that the gears' errors leave where all else is fitted as well as can be.
     """
 
     model: Model
     prior: Array
     weight: Array
-    untraced: float
+    untraced_error: float
 
     untraced_label: ClassVar[str] = "geometry alone"
-    assumed: ClassVar[str] = ASSUMED
+    assumptions: ClassVar[str] = ASSUMED
     before_label: ClassVar[str] = "as such a robot comes"
     condition: ClassVar[str] = (
         f"; expected where gears err by {GEAR_CURVE_SIZE.usual * 1e6:.0f} µrad, in up to {HIGHEST_GEAR_WAVE:.0f} "
@@ -195,10 +197,10 @@ class UndeclaredErrors:
 
     def describe(self, left: float, left_mm: str, at_most_mm: str) -> str:
         """Say in half a sentence what the session would leave [m], written and as a limit [mm]."""
-        few = " (too few poses for more than the geometry)" if left > self.untraced else ""
+        few = " (too few poses for more than the geometry)" if left > self.untraced_error else ""
         return (
             f"the tool keeps an error of {left_mm} mm (rms over the workspace; 95 of 100 such robots below "
-            f"{at_most_mm} mm){few}; a fit of the geometry alone leaves {float(to_mm(self.untraced)):.3f} mm"
+            f"{at_most_mm} mm){few}; a fit of the geometry alone leaves {float(to_mm(self.untraced_error)):.3f} mm"
         )
 
     @property

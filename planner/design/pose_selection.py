@@ -20,7 +20,7 @@ from planner.design.assumptions import (
 )
 from planner.design.candidates.pool import PoseSet
 from planner.design.free_parameters import (
-    add_dropped,
+    add_dropped_parameters,
     hold_measured_tool,
     planned_model,
     preference_order,
@@ -116,7 +116,7 @@ class PoseChoice:
 
     @cached_property
     @on_one_thread
-    def scaled(self) -> dict[str, float]:
+    def scaled_indices(self) -> dict[str, float]:
         """O1 … O5, unit-free by the parameters' prior sigmas."""
         return all_indices(self.model.rows(self.samples), self.model.prior)
 
@@ -156,7 +156,7 @@ def _identify(cell: Cell, model: Model, samples: Samples) -> tuple[Model, Identi
         model, rows = model.subset(free), rows[:, :, free]
     seen = find_identifiable(rows, model.names, model.prior, prefer=preference_order(model), noise=noise)
     kept = list(seen.kept)
-    seen = add_dropped(seen, names, (*out, *unloaded_compliances(cell.plan.effects, model)))
+    seen = add_dropped_parameters(seen, names, (*out, *unloaded_compliances(cell.plan.effects, model)))
     return model.subset(kept), seen, np.ascontiguousarray(rows[:, :, kept])
 
 

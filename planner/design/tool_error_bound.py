@@ -10,7 +10,7 @@ from planner.common.progress import UNLIMITED, TimeLimit
 from planner.common.units import Array
 from planner.design.selection.certificate import ActiveSet, Dual, Pricing, generate_columns
 from planner.design.selection.matrix_forms import quadratic_form, sum_largest
-from planner.design.selection.search import best_priced
+from planner.design.selection.search import highest_priced_candidates
 
 
 @dataclass(frozen=True)
@@ -82,7 +82,9 @@ def bound_tool_error(white: Array, weight: Array, chosen: np.ndarray, limit: Tim
     every = ErrorPricing(rows, count, "I", limit, weight)
     _, begun, _ = every.solve(ActiveSet(np.arange(len(white)), w), 0.0)
     # 6000: readings among which the bound is tightened; it is verified over all of them
-    active = np.union1d(chosen, best_priced(-begun.prices(rows, np.arange(len(rows))), min(6000, len(white))))
+    active = np.union1d(
+        chosen, highest_priced_candidates(-begun.prices(rows, np.arange(len(rows))), min(6000, len(white)))
+    )
     few = replace(every, rows=rows[active])
     state = ActiveSet(np.arange(len(active)), _cap_weights(w[active], count))
     # 10: steps bring the bound to a part in thirty of what more would prove

@@ -184,7 +184,7 @@ def register(
     def enter(generator: EffectGenerator) -> EffectGenerator:
         """Put what makes the effects into the catalogue, once for each kind."""
         if not generator.__module__.startswith(f"{__package__}."):
-            _import_shipped()  # so that who takes one of their names is the one who is told
+            _import_shipped_modules()  # so that who takes one of their names is the one who is told
         for other in _REGISTRY:
             if (taken := set(kinds) & set(other.kinds)) and not (by_gauge and other.by_gauge):
                 raise ValueError(f"effect '{taken.pop()}': {other.generator.__module__} has registered it already")
@@ -194,14 +194,14 @@ def register(
     return enter
 
 
-def _import_shipped() -> None:
+def _import_shipped_modules() -> None:
     for name in SHIPPED:
         import_module(f"{__package__}.{name}")
 
 
 def registrations() -> list[Registration]:
     """Return all registered effects in the order of the catalogue, which is that of their files."""
-    _import_shipped()
+    _import_shipped_modules()
     load_extensions()
     return sorted(_REGISTRY, key=lambda r: r.order)
 

@@ -85,7 +85,7 @@ class BallGauge(FrameGauge):
             return found, float(np.sqrt(((plate_point - tool_point) ** 2).sum(axis=1).mean()))
 
         plate, off = place(r.ball)
-        _check_exchanged(run, setup.ball_names, off, lambda ball: place(ball)[1])
+        _check_exchanged_balls(run, setup.ball_names, off, lambda ball: place(ball)[1])
         return replace(setup, R_BG=plate.R_BP, p_BG=plate.p_BP, p_FM=plate.p_FM)
 
     def needs_new_frames(self, setup: Placement, run: Run) -> bool:
@@ -114,7 +114,7 @@ class BallGauge(FrameGauge):
         return replace(samples, q=read_only(samples.q)), Readings(ball=ball)
 
 
-def _check_exchanged(run: Run, names: tuple[str, ...], off: float, off_with: Callable[[IntArray], float]) -> None:
+def _check_exchanged_balls(run: Run, names: tuple[str, ...], off: float, off_with: Callable[[IntArray], float]) -> None:
     """Refuse a run that fits much better with the names of two balls exchanged; ``off`` is how it fits now [m].
 
     Raises:

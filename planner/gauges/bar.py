@@ -270,7 +270,7 @@ class LengthGauge(LineGauge, GaugeUnknowns):
         """Return the fixtures."""
         return dict(zip(setup.place_names, setup.p_BX, strict=True)) if len(setup.p_BX) else None
 
-    def left_standing(self, setup: Placement) -> LeftStanding:
+    def kept_mounting(self, setup: Placement) -> LeftStanding:
         """Return fixtures and zero."""
         names = [p.name for p in (*fixture_parameters(setup), *self.zero_parameters(setup))]
         return LeftStanding(dict(zip(names, names, strict=True)), self.lasting_places(setup) or {})

@@ -32,4 +32,4 @@ class Camera(BoardCamera):
                 f"{path}: 'gauge.lens.free' needs a board of {FreeLensCamera.width} corners or more, and the "
                 f"{made.board} has {len(made.board)}: calibrate the lens beforehand"
             )
-        return cast(Self, FreeLensCamera(**made.stated))
+        return cast(Self, FreeLensCamera(**made.fields_by_name))

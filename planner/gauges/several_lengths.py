@@ -89,7 +89,7 @@ class SeveralLengths(LengthGauge):
         """Return none: fixtures of several sessions are not all there when the robot is checked."""
         return None
 
-    def left_standing(self, setup: Placement) -> LeftStanding:
+    def kept_mounting(self, setup: Placement) -> LeftStanding:
         """Return the fixtures and the zero of the last session, as its own cell calls them."""
         last, zeros = self.sessions[-1], list(self.zero_parameters(setup))
         own = {name: name.removeprefix(f"{last.name}/") for name in last.places}

@@ -197,17 +197,17 @@ def _place_frames(setup: Placement, run: Run, p_FM: Array | None) -> FramePlacem
     p_GM, R_GM = run.readings.position, run.readings.rotation
     assert p_GM is not None
 
-    def place_mirrored() -> FramePlacement:
+    def place_mirror_image() -> FramePlacement:
         """Place the tracker as if its axes were left-handed."""
         return place_frames(stand, p_GM * np.array([1.0, 1.0, -1.0]), p_FM)
 
     try:
         seen = place_frames(stand, p_GM, p_FM, R_GM)
     except NoSolutionError:
-        _check_handedness(run, np.inf, place_mirrored)
+        _check_handedness(run, np.inf, place_mirror_image)
         raise
     if seen.rms > NOMINAL_OFF:
-        _check_handedness(run, seen.rms, place_mirrored)
+        _check_handedness(run, seen.rms, place_mirror_image)
     return seen
 
 

@@ -68,9 +68,9 @@ class TriCalHead(BallGauge):
         )
 
     @property
-    def measured_by(self) -> str:
+    def measuring_command(self) -> str:
         """An extension may drive the robot to each ball."""
-        return advice(Occasion.CENTRED_SESSION, super().measured_by)
+        return advice(Occasion.CENTRED_SESSION, super().measuring_command)
 
     def starts_among(self, q: Array) -> Array | None:
         """The indicators are mastered with the head's opening upwards."""

@@ -27,7 +27,7 @@ from planner.runs.run import Run
 def angle_hint(cell: Cell, run: Run, rms: float) -> str:
     """Return how the angles may have been meant, where the rms error [m] would then be far smaller; else nothing."""
     few = run.take(even_positions(len(run), 300))  # samples of the run
-    tried = [(_placed_error(cell, few, robot), words) for robot, words in _other_countings(cell.robot)]
+    tried = [(_placement_error(cell, few, robot), words) for robot, words in _other_countings(cell.robot)]
     least, words = min(tried, key=lambda pair: pair[0])
     if least > OTHER_WAY_SHARE * rms:
         return ""
@@ -49,7 +49,7 @@ def _other_countings(robot: Robot) -> Iterator[tuple[Robot, str]]:
                 yield replace(robot, coupling_matrix=coupled), words
 
 
-def _placed_error(cell: Cell, run: Run, robot: Robot) -> float:
+def _placement_error(cell: Cell, run: Run, robot: Robot) -> float:
     """Root mean square error [m] with nothing but the gauge placed on a robot; infinite where that is not possible."""
     try:
         setup = locate_gauge(replace(setup_for_run(cell, run), robot=robot), run)

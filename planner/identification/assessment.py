@@ -78,7 +78,7 @@ def find_problems(
     out = [
         f"{e.name} came out {abs(e.value - e.nominal) / (MM if e.unit == 'm' else DEG):.1f} "
         f"{'mm' if e.unit == 'm' else 'deg'} from nominal: no sound robot is that far off; check robot, units and signs"
-        f"{_tried_text(traced)}"
+        f"{_attempts_text(traced)}"
         for e in table
         if e.group == "geometry"
         and abs(e.value - e.nominal) > max(largest_error.get(e.unit, np.inf), LARGEST_SIGMAS * prior.get(e.name, 0.0))
@@ -100,7 +100,7 @@ def find_problems(
     return tuple(out)
 
 
-def _tried_text(traced: TracingResult) -> str:
+def _attempts_text(traced: TracingResult) -> str:
     """Say what was tried before a fit is refused."""
     if traced.tried is None:
         return ""

@@ -23,7 +23,7 @@ from planner.cell.placement import FREEABLE
 from planner.cell.setup import MeasurementSetup, setup_of
 from planner.common.determinism import even_positions
 from planner.common.errors import InputError
-from planner.common.files import is_as_hashed, read_bytes
+from planner.common.files import has_hash, read_bytes
 from planner.common.schema import StrictModel, read_json, validate
 from planner.common.units import Array, few_digits
 from planner.effects.effect import Parameter
@@ -184,7 +184,7 @@ class Baseline:
                 "tool point (and a bar's fixtures), where the posterior came to rest; identify the run again"
             )
         file = validate(read_json(path), BaselineFile, str(path))
-        if not is_as_hashed(read_bytes(folder / "robot.toml"), file.robot_sha256):
+        if not has_hash(read_bytes(folder / "robot.toml"), file.robot_sha256):
             raise InputError(f"{path} belongs to another robot.toml: one of the two was changed; identify again")
         return cls.of(file, cell, str(path))
 
@@ -201,7 +201,7 @@ class Baseline:
         for what, a, b in zip(("robot", "gauge", "fixtures", "tool points"), said, found, strict=True):
             if a != b:
                 raise InputError(f"{where}: the {what} of the baseline: {a}; of {cell.path}: {b}: take its own cell")
-        setup = setup.gauge.place_as_stated(replace(setup, p_FM=np.array(list(file.points.values()))), cell)
+        setup = setup.gauge.place_nominally(replace(setup, p_FM=np.array(list(file.points.values()))), cell)
         if file.fixtures:
             setup = replace(setup, p_BX=np.array(list(file.fixtures.values())))
         if file.turns:

@@ -86,14 +86,14 @@ class CalibratedRobot:
         _ = self._acting
 
     @property
-    def left_out(self) -> tuple[RobotEffect, ...]:
+    def uncorrected_effects(self) -> tuple[RobotEffect, ...]:
         """Effects that need more than joint angles and loads: speed, time, temperature, the place of the gauge."""
         return tuple(e for e in self.robot.effects if not e.static)
 
     @property
     def sentence(self) -> str | None:
         """The sentence that names the effects which the calibrated robot cannot hold; ``None`` where it holds all."""
-        return uncorrected_text(self.left_out)
+        return uncorrected_text(self.uncorrected_effects)
 
     def flange(self, q: Array) -> tuple[Array, Array]:
         """Return p_BF (n, 3) [m] and R_BF (n, 3, 3) at controller angles q (n, N) [rad]."""

@@ -40,7 +40,7 @@ def error_history(released: ReleasedRobot, samples: Samples) -> ErrorHistory | N
         return None
     rows = problem.piece(slice(None), known.fit.errors).rows
     n, width, _ = rows.shape
-    size = np.sqrt((known.mixture.scaled**2).mean(axis=0))
+    size = np.sqrt((known.mixture.scaled_sizes**2).mean(axis=0))
     white = rows.reshape(n * width, -1) * size
     root = _tool_root(released) * size[:, None]
     shared, seen = cholesky(np.eye(len(white)) + white @ white.T, lower=True), white @ root

@@ -51,7 +51,7 @@ def _trace(weight: Array, columns: Array) -> float:
 
 def _root_after_many(known: PosteriorFit) -> Array:
     """Return a root (P, P) of the covariance after MANY times as many readings at the same poses."""
-    size = np.sqrt((known.mixture.scaled**2).mean(axis=0))
+    size = np.sqrt((known.mixture.scaled_sizes**2).mean(axis=0))
     information = UNSEEN_READINGS_RATIO * size[:, None] * known.gram[:-1, :-1] * size + np.eye(len(size))
     root = solve_triangular(cholesky(information, lower=True), np.diag(size * known.fit.problem.prior), lower=True)
     return np.asarray(root.T)

@@ -20,7 +20,7 @@ from pydantic import Field
 from planner.cell.setup import MeasurementSetup
 from planner.common.determinism import even_positions
 from planner.common.errors import InputError
-from planner.common.files import is_as_hashed, read_bytes
+from planner.common.files import has_hash, read_bytes
 from planner.common.schema import StrictModel, read_json, validate
 from planner.common.units import Array, few_digits, from_deg, from_mm, read_only, to_deg, to_mm
 from planner.effects.effect import Parameter
@@ -158,7 +158,7 @@ def _standing_gauge(released: ReleasedRobot, run: Run, mounting: str) -> dict[st
     are known: so the root has all directions that move either the tool or the readings.
     """
     setup, known, tool = released.fit.setup, released.posterior.fit, released.tool
-    stands = setup.gauge.left_standing(setup)
+    stands = setup.gauge.kept_mounting(setup)
     own = {name: own for name, own in stands.names.items() if name in known.values}
     if not own:
         return {}
@@ -245,7 +245,7 @@ class ExpectedError:
         if not path.is_file():
             return f"no {NAME} lies beside {robot_file.name} ('edbb identify' writes both)"
         file = validate(read_json(path), ExpectedErrorFile, str(path))
-        if not is_as_hashed(read_bytes(robot_file), file.robot_sha256):
+        if not has_hash(read_bytes(robot_file), file.robot_sha256):
             return f"{NAME} belongs to another {robot_file.name}: one of them was changed or exchanged"
         found = cls(file, robot)
         found.check(path)

@@ -88,7 +88,7 @@ def choose_parameters(cell: Cell, setup: MeasurementSetup, run: Run, more: tuple
     if run.clocks == 2 and run.samples.speed is not None:
         whole = whole.before([clock_offset_parameter(setup)])
     whole = whole.plus(declared_parameters(cell, setup, run.samples, more))
-    out = _held_parameters(cell, whole, run)
+    out = _well_known_parameters(cell, whole, run)
     names = {d.name for d in out}
     open_ = whole.subset([k for k, name in enumerate(whole.names) if name not in names])
     stated = cell.file.artifact is not None or cell.file.tracker is not None
@@ -126,7 +126,7 @@ def _few_samples(model: Model, run: Run) -> tuple[Samples, float]:
     return few, float(np.median(each))
 
 
-def _held_parameters(cell: Cell, model: Model, run: Run) -> tuple[DroppedParameter, ...]:
+def _well_known_parameters(cell: Cell, model: Model, run: Run) -> tuple[DroppedParameter, ...]:
     """Return tool parameters whose declared uncertainty is smaller than this run could reach."""
     if not cell.tool.measured:
         return ()

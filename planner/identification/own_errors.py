@@ -11,7 +11,7 @@ def own_errors_text(found: Calibration) -> str:
     """
     fit, run = found.fit, found.run
     gauge = fit.setup.gauge
-    shown = gauge.numbers_shown(run.samples, run.readings)
+    shown = gauge.reading_numbers(run.samples, run.readings)
     if shown is None:
         return ""
     fitted = shown - fit.model.full_reading(run.samples, fit.errors)
@@ -21,10 +21,10 @@ def own_errors_text(found: Calibration) -> str:
         return gauge.own_errors(fit.setup, run.samples, fitted, left)
 
     before = found.placed_stage
-    return gauge.own_errors_text(size(before.held_residual), size(_residual_as_written(found)), fit.values)
+    return gauge.own_errors_text(size(before.held_residual), size(_residual_of_written_robot(found)), fit.values)
 
 
-def _residual_as_written(found: Calibration) -> Array:
+def _residual_of_written_robot(found: Calibration) -> Array:
     """Return the held-out residuals of the robot as it is written, of the last stage where it saw a part of the run."""
     robot = found.released
     if robot is None or len(robot.held_residual) < len(found.run):

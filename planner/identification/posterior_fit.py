@@ -47,7 +47,7 @@ class SizeMixture:
     ease: Array
 
     @property
-    def scaled(self) -> Array:
+    def scaled_sizes(self) -> Array:
         """Sizes that go with the problem's noise as it is, (d, P): of them mean and shrinkage are the same."""
         return np.asarray(self.size / np.sqrt(self.ease)[:, None])
 
@@ -87,7 +87,7 @@ class SizeMixture:
         return out.reshape(len(z), -1)
 
     def _each(self, gram: Array, z: Array) -> Iterator["_DrawnFit"]:
-        for size, ease in zip(self.scaled, self.ease, strict=True):
+        for size, ease in zip(self.scaled_sizes, self.ease, strict=True):
             acting, own = np.flatnonzero(size), size[size > 0]
             information = own[:, None] * gram[np.ix_(acting, acting)] * own + np.eye(len(acting))
             factor = cho_factor(information, lower=True)
@@ -190,7 +190,7 @@ class DrawnPosterior:
 
     def predict_held_out(self, split: Split) -> Array:
         """Return residuals (n, r) of samples held out, by the fit with the draws' rms sizes."""
-        size = np.sqrt((self.mixture.scaled**2).mean(axis=0))
+        size = np.sqrt((self.mixture.scaled_sizes**2).mean(axis=0))
         rough = Fit(self.problem, Solution(self.start, np.zeros((0, 0)), 0.0), 0.0, np.zeros(0, dtype=int))
         return predict_held_out(rough, split, size[None]).residual
 

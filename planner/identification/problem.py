@@ -138,7 +138,7 @@ class FitProblem:
         """Residuals and rows of one piece about ``errors``, in metres and radians."""
         if len(self) > PIECE_SAMPLES:
             return self.model.linear(self.samples.take(part), self.targets.take(part), errors)
-        about = (self.model.parameters_and_fixed, errors.tobytes())
+        about = (self.model.parameters_and_constants, errors.tobytes())
         known = self.memory.linear  # read once: several fits may look at one problem at a time
         if known is None or known[0] != about:
             known = self.memory.linear = about, self.model.linear_in(self.context, self.targets, errors)

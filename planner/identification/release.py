@@ -86,7 +86,7 @@ def release_robot(
     fit = _interpolate_fit(plain.fit, aim, share)
     before = own.held_residual if few is None else own.held_residual[few]
     problem = posterior.fit.problem
-    held = predict_held_out(posterior.fit, split, posterior.mixture.scaled).residual
+    held = predict_held_out(posterior.fit, split, posterior.mixture.scaled_sizes).residual
     held = held + problem.residual(aim.errors) - problem.residual(posterior.fit.errors)
     held = share * held + (1 - share) * before
     if (held**2).sum() > (before**2).sum():  # what is expected of it is refuted by the poses that no fit saw

@@ -86,7 +86,7 @@ class LiveGauge:
         numbers = NUMBER.findall(line)
         return float(numbers[-1].replace(b" ", b"").replace(b",", b".")) if numbers else None
 
-    def read_settled(self) -> float:
+    def read_settled_mean(self) -> float:
         """Read until enough readings in a row agree, and return their mean [m].
 
         Raises:

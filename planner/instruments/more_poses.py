@@ -29,7 +29,7 @@ def foresee_more_poses(found: Calibration, cell: Cell) -> MorePoses | None:
     released, run = found.released, found.run
     if released is None or found.problems or run.continuous or run.readings.length is None or not cell.fixtures:
         return None
-    stands = released.fit.setup.gauge.left_standing(released.fit.setup).names
+    stands = released.fit.setup.gauge.kept_mounting(released.fit.setup).names
     if not stands or list(stands) != list(stands.values()):
         return None
     file = validate(expected_error_content(released, run, ""), ExpectedErrorFile, NAME)

@@ -185,7 +185,7 @@ class RepeatedCentrings:
         return {}
 
 
-def repeated_centrings(
+def judge_repeated_centrings(
     cell: Cell,
     run: Run,
     groups: dict[int, int],

@@ -17,7 +17,7 @@ import tomli_w
 from pydantic import Field
 
 from planner.common.errors import InputError
-from planner.common.files import document_text, is_as_hashed, read_bytes, text_hash, write_text
+from planner.common.files import document_text, has_hash, read_bytes, text_hash, write_text
 from planner.common.result_folder import draft_folder, move_all
 from planner.common.schema import PartialModel, StrictModel, read_json, read_toml, validate
 from planner.common.units import to_mm
@@ -220,7 +220,7 @@ class RobotRecord:
         return last.file.circumstances.date, last.document
 
     @property
-    def calibrated(self) -> date | None:
+    def calibration_date(self) -> date | None:
         """Day of the calibration that still holds; ``None`` where none does, or a check since has found a change."""
         return None if self.failure or not self.calibrations else self.calibrations[-1]
 
@@ -261,7 +261,7 @@ class RobotRecord:
 def _read_entry(folder: Path) -> RecordEntry:
     file = validate(read_json(folder / "entry.json"), EntryFile, str(folder / "entry.json"))
     path = folder / next(name for name, kind in DOCUMENTS.items() if kind == file.kind)
-    if not is_as_hashed(read_bytes(path), file.document_sha256):
+    if not has_hash(read_bytes(path), file.document_sha256):
         raise InputError(f"{path} is not what was added to the record: its hash differs; fetch it from a backup")
     return RecordEntry(int(folder.name.partition("-")[0]), file, _read_document(path, file.kind))
 
@@ -337,7 +337,7 @@ def add_entry(
             "their own"
         )
     content = read_bytes(results / name)
-    if any(is_as_hashed(content, e.file.document_sha256) for e in known.entries):
+    if any(has_hash(content, e.file.document_sha256) for e in known.entries):
         raise InputError(f"{results / name} is in the record already")
     _require_day(circumstances.date, kind, known, baseline)
     _require_same_model(results / ROBOT, record)

@@ -135,12 +135,12 @@ class RemainingErrors:
         return cls(before, model, root, gauge, weight, whole, where, stands)
 
     @property
-    def untraced(self) -> float:
+    def untraced_error(self) -> float:
         """Error of the tool [m] before the session, where it counts."""
         return self.state(float(np.trace(self.weight_per_prior)))
 
     @property
-    def assumed(self) -> str:
+    def assumptions(self) -> str:
         """What all this rests on."""
         return f"what {self.before.folder.name}/{IDENTIFICATION} says of the robot holds, sizes of effects included"
 
@@ -159,7 +159,7 @@ class RemainingErrors:
     def describe(self, left: float, left_mm: str, at_most_mm: str) -> str:
         """Say in half a sentence what the session would leave [m], written and as a limit [mm]."""
         return (
-            f"the tool's error {self.where}, {to_mm(self.untraced):.3f} mm as stated now (95 % below "
+            f"the tool's error {self.where}, {to_mm(self.untraced_error):.3f} mm as stated now (95 % below "
             f"{to_mm(self.limit_before):.3f} mm), is expected to be {left_mm} mm (95 % below "
             f"{at_most_mm} mm) once this session is identified together with the runs before"
         )

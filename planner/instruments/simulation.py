@@ -47,7 +47,7 @@ def planned_samples(cell: Cell, plan: PlanDocument, courses: Sequence[Course]) -
         InputError: nothing is measured.
     """
     moving = cell.motion.is_continuous
-    parts = [_samples_driven(c) if moving else _samples_at_rest(cell, plan, c) for c in courses]
+    parts = [_driven_samples(c) if moving else _samples_at_rest(cell, plan, c) for c in courses]
     starts = np.cumsum([0.0] + [c.trajectory.duration_s + SESSION.fixture_change_time for c in courses[:-1]])
     count = [len(p.t) for p in parts]
     if not sum(count):
@@ -129,7 +129,7 @@ def _samples_at_rest(cell: Cell, plan: PlanDocument, course: Course) -> _Fixture
     )
 
 
-def _samples_driven(course: Course) -> _FixtureSamples:
+def _driven_samples(course: Course) -> _FixtureSamples:
     """The whole drive; every sample belongs to the visit that is passed nearest in time."""
     trajectory = course.trajectory
     motion = trajectory.sample(1.0 / SAMPLE_RATE)

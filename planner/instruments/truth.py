@@ -20,7 +20,7 @@ from planner.effects.catalogue import catalogue
 from planner.effects.compliance import compliance_parameters, is_joint_compliance
 from planner.effects.effect import Effect, Parameter
 from planner.instruments.set_up import place_fixtures_by_robot, set_up_sizes
-from planner.instruments.uncalibrated import UncalibratedBound, bound_uncalibrated
+from planner.instruments.uncalibrated import UncalibratedBound, bound_uncalibrated_errors
 from planner.model.model import Model
 from planner.runs.run import SIMULATED, Samples
 
@@ -231,7 +231,7 @@ def draw_truth(cell: Cell, seed: int) -> Truth:
     sizes = np.array(drawn) * set_up_sizes(cell, model)
     gives = np.array([is_joint_compliance(p) for p in model.parameters])
     errors = np.where(gives, np.abs(sizes), sizes)
-    if bound := bound_uncalibrated(cell, model, errors):
+    if bound := bound_uncalibrated_errors(cell, model, errors):
         errors = np.where([p.group == "gauge" for p in model.parameters], errors, bound.factor * errors)
     errors = place_fixtures_by_robot(cell, model, errors)
     short = [_round_value(p, float(v)) for p, v in zip(model.parameters, errors, strict=True)]

@@ -32,7 +32,7 @@ class UncalibratedBound:
         )
 
 
-def bound_uncalibrated(cell: Cell, model: Model, errors: Array) -> UncalibratedBound | None:
+def bound_uncalibrated_errors(cell: Cell, model: Model, errors: Array) -> UncalibratedBound | None:
     """Return how errors (P,) of a robot are made as small as its cell says; ``None`` where it says nothing of that.
 
     A head of indicators reads near the centre of a ball alone, so its cell states how far an uncalibrated robot errs at

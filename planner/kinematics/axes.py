@@ -47,7 +47,7 @@ class ControllerTable(StrictModel):
     source: Annotated[OneLine, Field(min_length=1)]
 
     @model_validator(mode="after")
-    def _stated(self) -> ControllerTable:
+    def _check_statements(self) -> ControllerTable:
         if self.same and (self.sense or self.zero_deg or self.zero_mm or self.coupling):
             raise ValueError("same = true leaves no room for sense, zeros or coupling: give one of the two")
         if not self.same and not (self.sense and self.zero_deg):

@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 from scipy.spatial.transform import Rotation
 
 from planner.common.errors import InputError
-from planner.common.files import check_allowed
+from planner.common.files import check_read_access
 from planner.common.schema import Coordinate, OptionalKeys
 from planner.common.units import MM, Array, from_deg, from_mm, read_only
 from planner.kinematics.geometry import pose
@@ -116,7 +116,7 @@ class BodyFile(OptionalKeys):
         T = pose(R, from_mm(self.at_mm or (0.0, 0.0, 0.0)))
         if self.kind == "mesh":
             path = (where / str(self.file)).resolve()
-            check_allowed(path)
+            check_read_access(path)
             if not path.is_file():
                 raise InputError(f"{where}: the mesh '{self.file}' of body '{name}' does not exist")
             x, y, z = (s * (MM if self.unit == "mm" else 1.0) for s in self.scale)

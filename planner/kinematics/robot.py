@@ -100,14 +100,14 @@ class ParkedJoint:
     follows: bool = False
 
     @property
-    def shown(self) -> float:
+    def displayed_value(self) -> float:
         """Its value in degrees or millimetres."""
         return float(self.value / (MM if self.unit == "mm" else DEG)) + 0.0
 
     @property
     def text(self) -> str:
         """Its value as a person reads it."""
-        return f"{self.shown:.6g} {self.unit}"
+        return f"{self.displayed_value:.6g} {self.unit}"
 
 
 @dataclass(frozen=True)
@@ -270,7 +270,7 @@ class Robot:
     @property
     def parked_table(self) -> dict[str, float]:
         """Where the joints stand that are parked, as the table ``[parked]`` says it."""
-        return {f"{j.name}_{j.unit}": j.shown for j in self.parked if not j.follows}
+        return {f"{j.name}_{j.unit}": j.displayed_value for j in self.parked if not j.follows}
 
     def theta(self, q: Array) -> Array:
         """Convert joint angles (n, N) [rad] to the variable part of the kinematic rows' angles."""

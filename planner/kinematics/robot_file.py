@@ -58,7 +58,7 @@ class JointTable(StrictModel):
 
     @field_validator("limit_deg", "limit_mm")
     @classmethod
-    def _ordered(cls, value: tuple[float, float] | None, info: ValidationInfo) -> tuple[float, float] | None:
+    def _check_order(cls, value: tuple[float, float] | None, info: ValidationInfo) -> tuple[float, float] | None:
         least_stroke = 5.0  # [mm] limits of a slide that are all nearer to 0 are metres
         if value is None:
             return None

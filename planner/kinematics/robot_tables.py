@@ -32,7 +32,7 @@ class RobotEffectTable(StrictModel):
 
     @field_validator("unit")
     @classmethod
-    def _known(cls, value: str) -> str:
+    def _check_unit(cls, value: str) -> str:
         si_unit(value)
         return value
 

@@ -107,7 +107,7 @@ class Model:
         return tuple(p.name for p in self.parameters)
 
     @cached_property
-    def parameters_and_fixed(self) -> tuple[object, ...]:
+    def parameters_and_constants(self) -> tuple[object, ...]:
         """What decides the model's predictions, prior sigmas aside."""
         return (*(p.moves for p in self.parameters), *((p.moves, value) for p, value in self.fixed))
 

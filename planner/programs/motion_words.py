@@ -11,7 +11,7 @@ Leg = tuple[tuple[float, ...], JointMove]
 """Where a leg begins [deg], and the move."""
 
 
-def format_fixed(value: float, decimals: int) -> str:
+def format_fixed_point(value: float, decimals: int) -> str:
     """Return ``value`` rounded to the nearest with ``decimals`` digits behind the point: never an exponent or -0."""
     text = f"{value:.{decimals}f}"
     return text.lstrip("-") if float(text) == 0.0 else text

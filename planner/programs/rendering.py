@@ -16,7 +16,7 @@ from planner.common.errors import InputError
 from planner.kinematics.axes import MODEL
 from planner.programs.dialect import Dialect, comment_text, dialect_root, fill_words
 from planner.programs.instructions import Centre, Program, Sync, WaitInput
-from planner.programs.motion_words import format_fixed
+from planner.programs.motion_words import format_fixed_point
 from planner.programs.steps import ProgramStep, lower_program
 
 NUMBERS = ("tool", "base", "load")
@@ -75,7 +75,7 @@ def explanations(program: Program, dialect: Dialect) -> tuple[str, ...]:
         notes.append(fill_words(fill_words(START_NOTE, {"how": dialect.resume.how}), words))
     elif dialect.resume is None:
         notes.append("this controller has no variable to start at a later pose: it starts at the first")
-    place = "[" + ", ".join(format_fixed(v, 3) for v in program.map_mm) + "]"
+    place = "[" + ", ".join(format_fixed_point(v, 3) for v in program.map_mm) + "]"
     control = program.controller
     return tuple(dialect.fill(n, control.sync_output, control.gauge_input, map=place) for n in notes if n)
 
@@ -219,7 +219,7 @@ def _environment(folder: Path, root: Path) -> Environment:
         lstrip_blocks=True,
         autoescape=False,  # a robot program is no HTML
     )
-    environment.filters |= {"fixed": format_fixed, "comment_text": _comment}
+    environment.filters |= {"fixed": format_fixed_point, "comment_text": _comment}
     return environment
 
 

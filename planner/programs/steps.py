@@ -9,7 +9,7 @@ import planner.programs.instructions as ins
 from planner.common.advice import Occasion, advice
 from planner.common.errors import InputError
 from planner.programs.dialect import Dialect, comment_text
-from planner.programs.motion_words import blend_values, choose_reductions, format_fixed, round_down, speed_value
+from planner.programs.motion_words import blend_values, choose_reductions, format_fixed_point, round_down, speed_value
 from planner.programs.streams import TimedLeg, time_legs
 
 
@@ -252,13 +252,13 @@ class _StepBuilder:
 
     def _print_move(self, item: ins.JointMove, value: float | None, mark: PoseMark) -> MoveWords:
         d = self.dialect
-        blend = "" if value is None else format_fixed(value, d.blend.decimals)
+        blend = "" if value is None else format_fixed_point(value, d.blend.decimals)
         points = [self.here, *([] if item.via_deg is None else [item.via_deg]), item.q_deg]
         if d.blend.kind == "dense" and value is not None:
             blend = d.blend.tolerance
         leg = self.stream[self.moves] if self.stream else TimedLeg(0.0, ())
         seconds = speed_value(item, self.reduction, d.speed, self.here, value is None)
-        speed = format_fixed(leg.seconds if self.stream else seconds, d.speed.decimals)
+        speed = format_fixed_point(leg.seconds if self.stream else seconds, d.speed.decimals)
         if item.via_deg is not None:
             blend, speed = self._circle_words(item)
         with_move = value is not None and d.sync.flying == "with_move"
@@ -283,25 +283,27 @@ class _StepBuilder:
             via=() if item.via_deg is None else self._words(item.via_deg),
             radians=self._si(item.q_deg),
             radians_s=self._si(leg.velocity_deg_s),
-            frames=tuple(",".join(format_fixed(q, d.decimals) for q in frame) for frame in leg.frames_deg),
+            frames=tuple(",".join(format_fixed_point(q, d.decimals) for q in frame) for frame in leg.frames_deg),
             number=self.printed,
         )
 
     def _si(self, values: tuple[float, ...]) -> tuple[str, ...]:
         """Return degrees as radians, and millimetres of axes that slide as metres."""
         si = (v / 1e3 if self.program.slides(k) else math.radians(v) for k, v in enumerate(values))
-        return tuple(format_fixed(v, 7) for v in si)  # decimals: 0.1 µrad or 0.1 µm
+        return tuple(format_fixed_point(v, 7) for v in si)  # decimals: 0.1 µrad or 0.1 µm
 
     def _words(self, q_deg: tuple[float, ...]) -> tuple[tuple[str, str], ...]:
-        return tuple(zip(self.dialect.axes, (format_fixed(q, self.dialect.decimals) for q in q_deg), strict=False))
+        return tuple(
+            zip(self.dialect.axes, (format_fixed_point(q, self.dialect.decimals) for q in q_deg), strict=False)
+        )
 
     def _circle_words(self, item: ins.JointMove) -> tuple[str, str]:
         """Return rounding and speed of a piece of a circle."""
         style = self.dialect.circle
         if style is None or len(item.q_deg) != style.n_joints:
             raise InputError(f"{self.dialect.title} cannot say a circle of the tool for {len(item.q_deg)} joints")
-        speed = format_fixed(round_down(item.tool_speed_mm_s / style.mm_s, style.decimals), style.decimals)
-        return ("" if item.blend_mm == 0.0 else format_fixed(item.blend_mm, style.blend_decimals)), speed
+        speed = format_fixed_point(round_down(item.tool_speed_mm_s / style.mm_s, style.decimals), style.decimals)
+        return ("" if item.blend_mm == 0.0 else format_fixed_point(item.blend_mm, style.blend_decimals)), speed
 
     def _signals(self, mark: PoseMark) -> tuple[bool, bool]:
         """Whether a mark in passing pulses the output, and whether it records the axes."""

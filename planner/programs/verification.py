@@ -265,10 +265,10 @@ def write_program(program: Program, dialect_name: str, stem: str) -> tuple[Progr
         InputError: no such dialect, or it cannot carry the program.
         ProgramMismatchError: the text does not do what was planned.
     """
-    return write_checked(program, dialect_name, stem)[0]
+    return write_and_read_back(program, dialect_name, stem)[0]
 
 
-def write_checked(program: Program, dialect_name: str, stem: str) -> tuple[tuple[ProgramFile, ...], ReadBack]:
+def write_and_read_back(program: Program, dialect_name: str, stem: str) -> tuple[tuple[ProgramFile, ...], ReadBack]:
     """Return what :func:`write_program` returns, and what was read back of it."""
     dialect = load_dialect(dialect_name)
     files = render_program(program, dialect, stem)

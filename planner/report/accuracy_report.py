@@ -8,7 +8,7 @@ from planner.instruments.precision import RepeatedCentrings
 from planner.instruments.validation import ErrorFigures, ModelErrors, Validation
 from planner.report.chart import BLUE, ORANGE, Chart, Panel, ReferenceLine, Series, histogram_outline, list_panel
 from planner.report.formatting import in_um
-from planner.report.page import Report, Row, report_judged
+from planner.report.page import Report, Row, report_judged_run
 
 
 def error_histogram(found: Validation) -> Chart:
@@ -67,11 +67,11 @@ def report_accuracy(title: str, found: Validation | RepeatedCentrings) -> Report
         rows = [_figures("by the data sheet", before)] + ([] if not after else [_figures("calibrated", after.figures)])
         table = ("Position errors, in mm", head, rows)
         said, chart = _validation_sentences(found), error_histogram(found)
-        return report_judged(f"Accuracy of {title}", found.run.name, said, found.notes, table, chart)
+        return report_judged_run(f"Accuracy of {title}", found.run.name, said, found.notes, table, chart)
     head = ("pose", "ball", "centring", "x", "y", "z", "distance")
     table = ("Centrings, in µm", head, _centrings(found))
     said, chart = _precision_sentences(found), centring_chart(found)
-    return report_judged(f"Precision of centring on {title}", found.run.name, said, found.notes, table, chart)
+    return report_judged_run(f"Precision of centring on {title}", found.run.name, said, found.notes, table, chart)
 
 
 def _validation_sentences(found: Validation) -> list[str]:

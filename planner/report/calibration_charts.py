@@ -48,7 +48,7 @@ SCATTER = (
 def residual_chart(facts: CalibrationFacts, kind: str) -> Chart:
     """Residuals of the last stage against every quantity of one kind."""
     name, title = KINDS[kind]
-    error = to_mm(facts.after.held_residual[facts.looked_samples][:, :3])
+    error = to_mm(facts.after.held_residual[facts.chart_samples][:, :3])
     panels = tuple(_scatter(a, error) for a in facts.against if a.kind == kind)
     return Chart(name, title, SCATTER, panels, columns=2)
 
@@ -57,8 +57,8 @@ def approach_chart(facts: CalibrationFacts) -> Chart:
     """Residuals of every joint's two senses of approach, side by side."""
     direction = facts.calibration.run.samples.direction
     assert direction is not None
-    which = facts.looked_samples[even_positions(len(facts.looked_samples), PANEL_POINTS // 3)]
-    sense = direction[facts.looked_samples]
+    which = facts.chart_samples[even_positions(len(facts.chart_samples), PANEL_POINTS // 3)]
+    sense = direction[facts.chart_samples]
     joints = np.arange(1, sense.shape[1] + 1)
     across = 0.14 * golden_steps(len(which))
     panels = []
@@ -68,7 +68,7 @@ def approach_chart(facts: CalibrationFacts) -> Chart:
         cloud = Series("one reading", x.ravel(), np.repeat(few, len(joints)), BLUE, "points", size=3.0, opacity=0.35)
         seen = [(j, s, sense[:, j - 1] == s) for j in joints for s in (-1.0, 1.0) if (sense[:, j - 1] == s).any()]
         at = np.array([j + 0.2 * s for j, s, _ in seen])
-        mean = np.array([error[facts.looked_samples][here].mean() for _, _, here in seen])
+        mean = np.array([error[facts.chart_samples][here].mean() for _, _, here in seen])
         means = Series("mean", at, mean, BLACK, "points", size=8.0)
         span = 1.08 * float(np.abs(few).max()) or 1.0
         label = "joint: left came from above, right from below"

@@ -46,7 +46,7 @@ class CalibrationFacts:
         return c.stages[-1].model_copy(update=update | {"name": "calibrated"})
 
     @cached_property
-    def looked_samples(self) -> np.ndarray:
+    def chart_samples(self) -> np.ndarray:
         """Samples that are looked at, evenly over the run, (m,) int: the same ones every time."""
         return even_positions(len(self.calibration.run), 20_000)  # samples of a long run that means are taken over
 
@@ -63,7 +63,7 @@ class CalibrationFacts:
 
         Errors are those of the robot as it is written; 0 for an effect that it does not hold.
         """
-        fit, samples = self.calibration.fit, self.calibration.run.samples.take(self.looked_samples)
+        fit, samples = self.calibration.fit, self.calibration.run.samples.take(self.chart_samples)
         error = {e.name: e.value - e.nominal for e in self.calibration.estimates}
         rows = fit.model.rows(samples, fit.errors)[:, :3] * np.array([error.get(n, 0.0) for n in fit.model.names])
         return np.asarray(np.sqrt((rows**2).sum(axis=1).mean(axis=0)))
@@ -81,7 +81,7 @@ class CalibrationFacts:
         return tuple(a for a in (*self._angles(), *self._gauge(), *self._circumstances()) if np.ptp(a.values) > 0)
 
     def _angles(self) -> list[PlotVariable]:
-        samples = self.calibration.run.samples.take(self.looked_samples)
+        samples = self.calibration.run.samples.take(self.chart_samples)
         units = self.calibration.setup.robot.joint_units
         out = [PlotVariable("joints", f"joint {j + 1} ({units[j]})", q) for j, q in enumerate(to_deg(samples.q).T)]
         setup = self.calibration.setup
@@ -93,7 +93,7 @@ class CalibrationFacts:
         return out
 
     def _gauge(self) -> list[PlotVariable]:
-        c, which = self.calibration, self.looked_samples
+        c, which = self.calibration, self.chart_samples
         setup, samples = c.setup, c.run.samples.take(which)
         if c.run.readings.length is None:
             p = setup.targets(samples, c.run.readings.take(which)).position
@@ -110,7 +110,7 @@ class CalibrationFacts:
         ]
 
     def _circumstances(self) -> list[PlotVariable]:
-        s = self.calibration.run.samples.take(self.looked_samples)
+        s = self.calibration.run.samples.take(self.chart_samples)
         logged = {"time (s)": s.t, "temperature (°C)": s.temperature, "force (N)": s.force, "payload (kg)": s.payload}
         return [PlotVariable("circumstances", label, v) for label, v in logged.items() if v is not None]
 

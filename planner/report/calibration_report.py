@@ -53,7 +53,7 @@ def calibration_content(facts: CalibrationFacts) -> dict[str, Any]:
         "held_out": text.held_out_text(c),
         "noise": text.noise_text(c),
         "trials": [(t.along, chance_text(t.p_value), in_mm(t.rms, 2)) for t in trials],
-        "moved": _most_moved(facts),
+        "moved": _largest_changes(facts),
         "parameters": [_parameter(facts, e) for e in c.estimates if e.identifiable],
         "unseen": [_unseen(e) for e in c.estimates if not e.identifiable],
         "correlations": text.correlation_text(c.fit.model.names, facts.correlation) if len(c.fit.errors) > 1 else (),
@@ -128,7 +128,7 @@ def _metrics(m: Metrics | None) -> Row:
     return ("", "", "") if m is None else (in_mm(m.rms), in_mm(m.mean), in_mm(m.largest))
 
 
-def _most_moved(facts: CalibrationFacts) -> list[Row]:
+def _largest_changes(facts: CalibrationFacts) -> list[Row]:
     """The errors of the written robot that move the reading most: name, what, change, unit, by how much, absorbed."""
     c = facts.calibration
     by_name = {e.name: e for e in c.estimates}

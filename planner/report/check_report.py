@@ -23,7 +23,7 @@ from planner.report.chart import (
     zero_line,
 )
 from planner.report.formatting import chance_text
-from planner.report.page import Report, Row, report_judged
+from planner.report.page import Report, Row, report_judged_run
 
 
 def check_chart(verdict: CheckVerdict) -> Chart:
@@ -60,7 +60,7 @@ def report_check(robot: str, verdict: CheckVerdict) -> Report:
     what = "Every possible change, the best explanation first (motion of the tool in mm, rms over the workspace)"
     head = ("change", "by chance", "motion", "σ", "would be found from", "what to do")
     title, chart = f"Check of {robot}", check_chart(verdict)
-    return report_judged(title, verdict.run, said, verdict.notes, (what, head, rows), chart, numbers=4)
+    return report_judged_run(title, verdict.run, said, verdict.notes, (what, head, rows), chart, numbers=4)
 
 
 MARKS: tuple[Literal["line", "points"], ...] = ("line", "points")

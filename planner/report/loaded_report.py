@@ -150,7 +150,7 @@ def _lines(theta: Array, values: Array, names: list[str], first: int = 0, dashed
     ]
 
 
-def report_loaded(found: LoadedEvaluation, joint: JointFit | None = None) -> Report:
+def report_loaded_run(found: LoadedEvaluation, joint: JointFit | None = None) -> Report:
     """Return the page of a loaded run and its pictures."""
     c = found.compliances
     rows = []

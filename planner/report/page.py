@@ -142,7 +142,7 @@ def _safe_json(json_text: str) -> str:
     return json_text.replace("<", "\\u003c")
 
 
-def report_judged(
+def report_judged_run(
     title: str,
     run: str,
     sentences: Sequence[str],

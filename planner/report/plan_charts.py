@@ -86,7 +86,7 @@ def expected_error_chart(expected: BayesianDesign) -> Chart:
         Series("other numbers of poses", others, errors, ORANGE, "points", hover=times),
         _this_plan(len(n), float(to_mm(expected.left)), f"{to_mm(expected.left):.3f} mm"),
     )
-    untraced, bound = (float(to_mm(v)) for v in (expected.unknown.untraced, expected.bound))
+    untraced, bound = (float(to_mm(v)) for v in (expected.unknown.untraced_error, expected.bound))
     limits = (
         ReferenceLine(untraced, expected.unknown.untraced_label),
         ReferenceLine(bound, f"no {len(n)} poses leave less", below=True),

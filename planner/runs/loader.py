@@ -212,7 +212,7 @@ def join_runs(runs: Sequence[Run]) -> Run:
         return runs[0]
     of_robot = [r for r in runs if r.robot is not None]
     _check_same([r.readings.columns for r in runs], runs, "reads {}")
-    _check_same(["continuous" if r.continuous else "static" for r in runs], runs, "is {}", _hint_for_loaded(runs))
+    _check_same(["continuous" if r.continuous else "static" for r in runs], runs, "is {}", _hint_for_loaded_runs(runs))
     _check_same([r.robot or "" for r in of_robot], of_robot, "is of the robot {}")
     warnings = [w for r in runs for w in r.warnings]
     if runs[0].readings.position is not None:  # a tracker may have been set up anew between two files
@@ -246,7 +246,7 @@ def join_runs(runs: Sequence[Run]) -> Run:
     )
 
 
-def _hint_for_loaded(runs: Sequence[Run]) -> str:
+def _hint_for_loaded_runs(runs: Sequence[Run]) -> str:
     """What would help where circles under load were logged as they were driven, beside a run at rest."""
     raw = [r.name for r in runs if r.continuous and r.samples.force is not None]
     if not raw:

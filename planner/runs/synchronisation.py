@@ -50,7 +50,7 @@ def align_clocks(t_gauge: Array, reading: Array, t_axes: Array, q: Array) -> Ali
         return None
     shifts = step * np.arange(-int(room / step), int(room / step) + 1)
     linear = reading if reading.shape[1] > 1 else reading**2
-    left = _variance_left(waves, grid, step, len(shifts) // 2, t_gauge + guess, linear)
+    left = _remaining_variance(waves, grid, step, len(shifts) // 2, t_gauge + guess, linear)
     return _judge(left, shifts, guess)
 
 
@@ -65,7 +65,7 @@ def _waves(q: Array) -> Array:
     return np.asarray(U[:, size > 1e-6 * size[0]])
 
 
-def _variance_left(waves: Array, grid: Array, step: float, reach: int, t: Array, reading: Array) -> Array:
+def _remaining_variance(waves: Array, grid: Array, step: float, reach: int, t: Array, reading: Array) -> Array:
     """Share of the readings' variance that the waves leave at each shift of −reach … reach steps, (2·reach + 1,)."""
     from scipy.signal import correlate
 

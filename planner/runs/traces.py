@@ -220,7 +220,7 @@ def read_trace(path: Path, trace: TraceMap, notes: Mapping[str, str]) -> RunTabl
             "the same"
         )
     notes = {**found, **notes}
-    read = _read_matches if trace.pattern else _read_separated
+    read = _read_matches if trace.pattern else _read_separated_columns
     source, frame = read(str(path), lines, trace)
     columns = [trace.column_of(name) for name in trace.names]
     frame = frame.select(
@@ -277,7 +277,7 @@ def _read_matches(file: str, lines: list[str], trace: TraceMap) -> tuple[RowSour
     return source, numbers_in(text, source, _numbers(trace), trace.decimal)
 
 
-def _read_separated(file: str, lines: list[str], trace: TraceMap) -> tuple[RowSource, pl.DataFrame]:
+def _read_separated_columns(file: str, lines: list[str], trace: TraceMap) -> tuple[RowSource, pl.DataFrame]:
     """Read separated columns by their position or by the text above them."""
     if trace.separator == " ":  # any number of blanks sets two fields apart
         lines = [re.sub(r"[ \t]+", " ", line.strip()) for line in lines]
@@ -363,12 +363,12 @@ def import_run(traces: Sequence[Path], map_file: Path) -> Run:
     if mapping.axes_of not in (None, MODEL) and mapping.robot is not None:
         robot = load_robot(mapping.robot, path.parent)
         mapping, axes_of = mapping.model_copy(update={"robot": robot.name}), robot.axes_of
-    run = import_mapped(traces, mapping, str(map_file), axes_of)
+    run = import_by_map(traces, mapping, str(map_file), axes_of)
     unsaid = mapping.axes_of is None and mapping.n_joints > 0
     return replace(run, warnings=(*run.warnings, UNSAID)) if unsaid else run
 
 
-def import_mapped(traces: Sequence[Path], mapping: ColumnMap, name: str, axes_of: AxesOf | None = None) -> Run:
+def import_by_map(traces: Sequence[Path], mapping: ColumnMap, name: str, axes_of: AxesOf | None = None) -> Run:
     """Return the run that ``traces`` hold by a column map, which messages call ``name``.
 
     The map's top level reads the first trace, its ``[[traces]]`` the further ones in their order; a trace that the map

@@ -14,7 +14,7 @@ from pathlib import Path
 from planner.common.errors import InputError
 from planner.common.system import hold_lock, sync_folder
 from planner.service.database import NAMED, Database, damage_text
-from planner.service.file_store import FileStore, GoneFileError, copy_checked
+from planner.service.file_store import FileStore, GoneFileError, copy_verified_file
 
 DATABASE, RECORDS, FILES = "jobs.sqlite3", "records", "files"
 
@@ -96,7 +96,7 @@ def _copy_files(source: Path, target: Path, database: Path) -> None:
         place.parent.mkdir(exist_ok=True)
         draft = place.with_suffix(".draft")
         draft.unlink(missing_ok=True)
-        copy_checked(path, name, draft)
+        copy_verified_file(path, name, draft)
         draft.replace(place)
 
 

@@ -13,7 +13,7 @@ from starlette.types import Scope
 
 from planner.common.errors import InputError
 from planner.service.guesses import GuessLimit, sender_of
-from planner.service.people import PeopleStore, checked_name
+from planner.service.people import PeopleStore, valid_name
 from planner.service.settings import LOOPBACK, ProxySettings, Role, ServiceSettings
 
 COOKIE = "edbb_session"
@@ -142,7 +142,7 @@ class CallerFinder:
         if not given:
             return None
         try:  # bytes of a header come as Latin-1; names are sent as UTF-8
-            name = checked_name(given[0].encode("latin-1").decode())
+            name = valid_name(given[0].encode("latin-1").decode())
         except (InputError, ValueError):
             return Refusal(403, "the proxy names nobody who could be known here")
         if len(given) > 1:

@@ -69,7 +69,7 @@ def download_file(id: Sha256, context: Context) -> FileResponse:
 def delete_file(id: Sha256, context: Context) -> None:
     """Delete a file, run or cell that was sent, unless a job starts from it; what others have sent too stays theirs."""
     caller = CALLER.get()
-    context.keeper.delete_sent(id, None if caller.role is Role.ADMINISTER else caller.name)
+    context.keeper.delete_upload(id, None if caller.role is Role.ADMINISTER else caller.name)
 
 
 @FILES.get("/contents/{sha256}", responses={404: {"model": Problem}})
@@ -155,11 +155,13 @@ async def receive_body(
             raise InputError(f"'{name}': the file is empty")
         found = await run_in_threadpool(files.finish, draft, sha256)  # a large file takes seconds to reach the disk
         file = StoredFile(id=found, name=name, size=draft.size)
-        await run_in_threadpool(_place_noted, files, draft, file, note)
+        await run_in_threadpool(_place_and_note, files, draft, file, note)
         return file
 
 
-def _place_noted(files: FileStore, draft: ContentDraft, file: StoredFile, note: Callable[[StoredFile], None]) -> None:
+def _place_and_note(
+    files: FileStore, draft: ContentDraft, file: StoredFile, note: Callable[[StoredFile], None]
+) -> None:
     with files.placing():
         files.place(draft, file.id)
         note(file)

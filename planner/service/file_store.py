@@ -175,7 +175,7 @@ class FileStore:
         sync_folder(target.parent)
 
 
-def copy_checked(source: Path, sha256: str, target: Path) -> None:
+def copy_verified_file(source: Path, sha256: str, target: Path) -> None:
     """Copy a file of the store, and make sure that it is what its name says.
 
     Raises:

@@ -65,7 +65,7 @@ class JobPage(StrictModel):
     after: str = Field("", pattern=f"^({PLACE})?$", description="where the page before ended, of its Link header")
 
     @property
-    def wanted(self) -> JobFilter:
+    def job_filter(self) -> JobFilter:
         """The jobs that are asked for."""
         since, until = (None if t is None else t.timestamp() for t in (self.since, self.until))
         shown = (self.tasks, self.archived, self.person)
@@ -109,7 +109,7 @@ def list_jobs(context: Context, request: Request, response: Response, page: Anno
     """List jobs, the latest first; where there are more, the header ``Link`` leads to the next page (RFC 8288)."""
     after = JobPlace.parse(page.after) if page.after else None
     with context.jobs.at_one_moment():
-        found = context.jobs.list_jobs(page.wanted, page.most + 1, after)
+        found = context.jobs.list_jobs(page.job_filter, page.most + 1, after)
         if len(found) > page.most:
             last = found[page.most - 1]
             response.headers["link"] = next_link(request, str(JobPlace(last.created, last.id)))
@@ -146,7 +146,7 @@ def get_result(id: JobId, context: Context) -> FileResponse:
     """Get the document of a finished job: plan.json, identification.json, accuracy.json, view.json or summary."""
     with context.jobs.at_one_moment():
         job, outputs = context.jobs.get(id), context.jobs.outputs(id)
-    _check_ended(job)
+    _refuse_unfinished_job(job)
     wanted = (REQUESTS[job.kind].document, "printed")
     found = next((o for name in wanted for o in outputs if o.name == name), None)
     if found is None:
@@ -160,7 +160,7 @@ def get_result(id: JobId, context: Context) -> FileResponse:
 def get_report(id: JobId, context: Context) -> FileResponse:
     """Get the report of a finished job as a page."""
     job = context.jobs.get(id)
-    _check_ended(job)
+    _refuse_unfinished_job(job)
     found = find_output(context, id, "report.html")
     answer = StoredFileResponse(context.files.path(found.sha256), media_type="text/html; charset=utf-8")
     answer.headers["content-security-policy"] = REPORT_POLICY
@@ -198,7 +198,7 @@ def output_path(context: ServiceContext, id: str, name: str) -> Path:
     return path
 
 
-def _check_ended(job: JobRecord) -> None:
+def _refuse_unfinished_job(job: JobRecord) -> None:
     if not job.ended:
         raise HTTPException(409, f"the {job.kind} {job.id} has no result yet: it is {job.state}")
 

@@ -74,9 +74,9 @@ class JobKeeper:
             with self._db.write() as db:
                 contents = self._delete_rows(db, id, check)
         # only once the jobs are gone for good: a crash may leave files that nobody names, never a job without its own
-        self._remove_unnamed(contents)
+        self._remove_unnamed_files(contents)
 
-    def delete_sent(self, sha256: str, person: str | None) -> None:
+    def delete_upload(self, sha256: str, person: str | None) -> None:
         """Forget that a person (``None``: anybody) has sent a file, and remove it where nothing else names it.
 
         Raises:
@@ -91,9 +91,9 @@ class JobKeeper:
             of = "DELETE FROM uploads WHERE sha256 = ? AND person = ifnull(?, person)"
             if not db.execute(of, (sha256, person)).rowcount:
                 raise UnknownFileError(f"there is no file {sha256[:12]}… that you have sent")
-        self._remove_unnamed([sha256])
+        self._remove_unnamed_files([sha256])
 
-    def _remove_unnamed(self, contents: Iterable[str]) -> None:
+    def _remove_unnamed_files(self, contents: Iterable[str]) -> None:
         """Remove the files of these hashes that nothing names any more."""
         with self._files.placing(), self._db.write() as db:  # nobody brings or names one meanwhile
             for sha256 in contents:
@@ -123,22 +123,22 @@ class JobKeeper:
         """
         task_days = 7.0  # after which views, checks and files that no job needs go: somebody may be about to use them
         task_end = now - task_days * DAY_S
-        count = sum(self._try_delete(id, task_end) for id in self._list_ended(task_end, tasks=True))
+        count = sum(self._try_delete(id, task_end) for id in self._list_ended_jobs(task_end, tasks=True))
         if kept.age_s is not None:
             end = now - kept.age_s
-            count += sum(self._try_delete(id, end) for id in self._list_ended(end))
-            self._drop_sent(min(end, task_end))
+            count += sum(self._try_delete(id, end) for id in self._list_ended_jobs(end))
+            self._drop_old_uploads(min(end, task_end))
         if kept.size_bytes is not None:
-            candidates = iter([*self._list_ended(now, tasks=True), *self._list_ended(now)])
+            candidates = iter([*self._list_ended_jobs(now, tasks=True), *self._list_ended_jobs(now)])
             while self.size_bytes() > kept.size_bytes:
-                if self._drop_sent(task_end):
+                if self._drop_old_uploads(task_end):
                     continue
                 if (id := next(candidates, None)) is None:
                     break
                 count += self._try_delete(id, now)
         return count
 
-    def remove_left(self, before: float) -> int:
+    def remove_old_uploads(self, before: float) -> int:
         """Remove files that came before a moment [s since 1970] and that nothing names; return how many.
 
         A crash, or a job that was tried again, has left them.
@@ -148,17 +148,17 @@ class JobKeeper:
             there = [path for path in self._files.folder.glob("??/*") if path.name not in named]
             left = [path.name for path in there if path.stat().st_mtime < before]
         if left:
-            self._remove_unnamed(left)
+            self._remove_unnamed_files(left)
         return len(left)
 
-    def _drop_sent(self, before: float) -> int:
+    def _drop_old_uploads(self, before: float) -> int:
         """Remove the files that were sent before a moment [s since 1970] and from which no job starts."""
         unneeded = "SELECT DISTINCT sha256 FROM uploads WHERE at < ? AND sha256 NOT IN (SELECT sha256 FROM inputs)"
         with self._db.write() as db:
             gone = [row["sha256"] for row in db.execute(unneeded, (before,)).fetchall()]
             db.executemany("DELETE FROM uploads WHERE sha256 = ?", [(sha256,) for sha256 in gone])
         if gone:
-            self._remove_unnamed(gone)
+            self._remove_unnamed_files(gone)
         return len(gone)
 
     def size_bytes(self, person: str | None = None) -> int:
@@ -170,7 +170,7 @@ class JobKeeper:
             sent, values = f"{sent} WHERE person = ?", (person, person)
         return int(self._db.read(f"SELECT sum(size) FROM ({written} UNION {sent})", *values)[0][0] or 0)
 
-    def _list_ended(self, moment: float, tasks: bool = False) -> list[str]:
+    def _list_ended_jobs(self, moment: float, tasks: bool = False) -> list[str]:
         """Return the jobs that ended before a moment [s since 1970] and are not archived, the oldest first."""
         query = "SELECT id FROM jobs WHERE task = ? AND finished < ? AND archived = 0 ORDER BY finished, id"
         return [row["id"] for row in self._db.read(query, int(tasks), moment)]
@@ -241,7 +241,7 @@ class Sweeper:
         while not self._stopping.is_set():
             try:
                 count = self._keeper.sweep(self._kept, time.time())
-                self._keeper.remove_left(time.time() - DAY_S)
+                self._keeper.remove_old_uploads(time.time() - DAY_S)
             except Exception:
                 LOG.exception("old jobs could not be swept")
             else:

@@ -21,7 +21,7 @@ import planner
 from planner.common.errors import PlannerError
 from planner.common.files import INPUTS, data_folder
 from planner.common.system import die_with, give_way, limit_process
-from planner.service.file_store import copy_checked
+from planner.service.file_store import copy_verified_file
 from planner.service.job_record import JobCommand
 from planner.service.settings import GB, JobLimits
 
@@ -162,7 +162,7 @@ def lay_out(job: JobSpecification) -> None:
     for item in job.command.inputs:
         target = Path(INPUT_FOLDER, item.name)
         target.parent.mkdir(parents=True, exist_ok=True)
-        copy_checked(Path(job.files, item.sha256[:2], item.sha256), item.sha256, target)
+        copy_verified_file(Path(job.files, item.sha256[:2], item.sha256), item.sha256, target)
 
 
 if __name__ == "__main__":

@@ -57,7 +57,7 @@ class CommandRequest(JobRequest):
         return next((r.kind for r in REQUESTS.values() if self.words[0] == (r.verb or r.kind)), self.kind)
 
     @model_validator(mode="after")
-    def _known_verb(self) -> Self:
+    def _check_verb(self) -> Self:
         if self.words[0] not in VERBS:
             raise RefusedCommandError(f"'{self.words[0]}' does not run on a server; {', '.join(VERBS)} do")
         for word in self.words:

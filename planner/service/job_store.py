@@ -114,7 +114,7 @@ class JobStore:
         A job whose server is gone, or has not renewed its lease, waits again.
         """
         with self._db.write() as db:
-            now, running = time.time(), len(self._release_lost(db))
+            now, running = time.time(), len(self._release_lost_jobs(db))
             chosen = next_job(db, now) if running < most + beside else None
             if chosen is None or running >= most + beside * chosen[1]:
                 return None
@@ -142,7 +142,7 @@ class JobStore:
     def running(self) -> set[str]:
         """Return identifier and fence of every job that a living server runs, as ``id-fence``; others wait again."""
         with self._db.write() as db:
-            return self._release_lost(db)
+            return self._release_lost_jobs(db)
 
     def renew(self, job: JobRecord) -> bool:
         """Renew the lease; return whether the job is still this fence's and nobody wants it stopped."""
@@ -275,7 +275,7 @@ class JobStore:
         """Return the number of the latest event."""
         return int(self._db.read("SELECT ifnull(max(id), 0) FROM events")[0][0])
 
-    def _release_lost(self, db: sqlite3.Connection) -> set[str]:
+    def _release_lost_jobs(self, db: sqlite3.Connection) -> set[str]:
         """Let the jobs of servers that are gone, or do not renew their lease, wait again; return those that run.
 
         A lease has run out when it has not changed for its length by this process's own steady clock: the time of day

@@ -21,12 +21,12 @@ class PlainMethods:
         method = scope.get("method") if scope["type"] == "http" else None
         if method == "HEAD":
             await self._answer_head(scope, send)
-        elif method == "OPTIONS" and (allowed := self._taken_methods(scope)):
+        elif method == "OPTIONS" and (allowed := self._allowed_methods(scope)):
             await Response(status_code=204, headers={"allow": ", ".join(allowed)})(scope, receive, send)
         else:
             await self._app(scope, receive, send)
 
-    def _taken_methods(self, scope: Scope) -> list[str]:
+    def _allowed_methods(self, scope: Scope) -> list[str]:
         """Return the methods that a path takes; none of a path that is not there."""
         taken = set()
         for route in self._routes.routes:

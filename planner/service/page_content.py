@@ -169,7 +169,7 @@ class CalibrationPage:
         return group_findings(self.document.findings)
 
     @property
-    def modelled(self) -> str:
+    def modelled_effects(self) -> str:
         """Name the effects of the last fit: where nothing was found, those that cell and robot declare."""
         return ", ".join(self.document.stages[-1].effects)
 

@@ -49,7 +49,7 @@ from planner.service.record_api import (
     describe_record,
     describe_robot,
     find_calibration,
-    find_recorded,
+    find_record_entry,
 )
 from planner.service.record_index import RecordedEntry, RobotFilter
 from planner.service.rendering import ENVIRONMENT, render
@@ -296,7 +296,7 @@ def show_calibrate(context: Context, plan: JobId | None = None) -> HTMLResponse:
         for p, h in planned
         if h is not None and not h.kind
     ]
-    return render("calibrate", plans=rows, chosen=plan, cells=_own_cells(context), shipped=_columns_of_shipped())
+    return render("calibrate", plans=rows, chosen=plan, cells=_own_cells(context), shipped=_columns_of_shipped_cells())
 
 
 def _show_check(context: ServiceContext, job: Job) -> HTMLResponse:
@@ -319,7 +319,7 @@ def _change_order(change: CheckedChange) -> tuple[int, str]:
 def _record_form(context: ServiceContext, job: Job, calibration: str | None = None) -> dict[str, object]:
     """What the form shows: where the result is in a record already, and what the record of its calibration knows."""
     before, simulated = calibration or find_calibration(context, job.id) or job.id, is_simulated(context, job)
-    own, recorded = find_recorded(context, job.id), find_recorded(context, before)
+    own, recorded = find_record_entry(context, job.id), find_record_entry(context, before)
     if recorded.simulated != simulated:
         recorded = RecordedEntry()  # a simulated robot is not in the record of a real one
     # 200: serial numbers that are offered
@@ -352,11 +352,11 @@ def prepare_pages() -> None:
     """Read what pages of all people show, so that the first who opens one does not wait for it."""
     robot_entries()
     dialect_entries()
-    _columns_of_shipped()
+    _columns_of_shipped_cells()
 
 
 @cache
-def _columns_of_shipped() -> dict[str, str]:
+def _columns_of_shipped_cells() -> dict[str, str]:
     """Return every shipped cell with the columns that its gauge gives."""
     return {name: load_cell(name, planning=False).gauge.columns for name in shipped_cells()}
 

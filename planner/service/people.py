@@ -41,7 +41,7 @@ class Person:
     tokens: tuple[str, ...]
 
 
-def checked_name(text: str) -> str:
+def valid_name(text: str) -> str:
     """Return a name as it is kept.
 
     Raises:
@@ -53,7 +53,7 @@ def checked_name(text: str) -> str:
     return name
 
 
-def checked_password(text: str) -> str:
+def valid_password(text: str) -> str:
     """Return a password.
 
     Raises:
@@ -97,7 +97,7 @@ class PeopleStore:
         Raises:
             InputError: the name is taken or none, or the password too short; or the first is no administrator.
         """
-        name, kept = checked_name(name), self._hash(password)
+        name, kept = valid_name(name), self._hash(password)
         with self._db.write() as db:
             if db.execute("SELECT 1 FROM people WHERE name = ?", (name,)).fetchone():
                 raise InputError(f"{name}: is known already; another password is set by 'edbb serve users passwd'")
@@ -250,7 +250,7 @@ class PeopleStore:
         if password is None:
             return ""
         with HASHING:
-            return self._hasher.hash(checked_password(password))
+            return self._hasher.hash(valid_password(password))
 
     def _person(self, row: sqlite3.Row) -> Person:
         found = self._db.read("SELECT label FROM tokens WHERE person = ? ORDER BY label", row["name"])

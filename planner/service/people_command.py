@@ -8,7 +8,7 @@ from pathlib import Path
 
 from planner.common.errors import InputError
 from planner.service.database import Database
-from planner.service.people import PeopleStore, checked_password
+from planner.service.people import PeopleStore, valid_password
 from planner.service.settings import Role
 
 HOW = (
@@ -81,8 +81,8 @@ def read_password(name: str) -> str:
         InputError: the two differ, or it is too short.
     """
     if not sys.stdin.isatty():
-        return checked_password(sys.stdin.readline().rstrip("\r\n"))
-    first = checked_password(getpass.getpass(f"password of {name}: "))
+        return valid_password(sys.stdin.readline().rstrip("\r\n"))
+    first = valid_password(getpass.getpass(f"password of {name}: "))
     if getpass.getpass("again: ") != first:
         raise InputError("the two passwords differ; nothing was changed")
     return first

@@ -116,7 +116,7 @@ def add_to_record(serial: Serial, request: EntryRequest, context: Context) -> Re
     with context.jobs.at_one_moment():
         job = context.jobs.get(request.job)
         known = find_calibration(context, job.id)
-        judged = find_recorded(context, known).circumstances if known else None
+        judged = find_record_entry(context, known).circumstances if known else None
     baseline = None if judged is None else judged.date
     return describe_record(context, context.records.add(serial, job, request.circumstances, baseline))
 
@@ -134,7 +134,7 @@ def export_record(serial: Serial, context: Context) -> Response:
     return Response(context.records.pack(serial), media_type="application/zip", headers=headers)
 
 
-def find_recorded(context: ServiceContext, job: str) -> RecordedEntry:
+def find_record_entry(context: ServiceContext, job: str) -> RecordedEntry:
     """Return the entry of a record that the result of a job is."""
     return context.records.index.find_entry({o.sha256 for o in context.jobs.outputs(job) if o.name in DOCUMENTS})
 

@@ -151,16 +151,16 @@ class RecordIndex:
             return not self._looking.locked()  # somebody has just looked, looks, or reads what is left
         left: list[tuple[str, str]] = []
         try:
-            left = self._read_changed(self._find_changed(), read_at_once_s)
+            left = self._read_changed_records(self._find_changed_records(), read_at_once_s)
             self._looked = time.monotonic()
             if left:
-                threading.Thread(target=self._read_left, args=(left,), name="records", daemon=True).start()
+                threading.Thread(target=self._read_remaining_records, args=(left,), name="records", daemon=True).start()
         finally:
             if not left:
                 self._looking.release()
         return not left
 
-    def _find_changed(self) -> list[tuple[str, str]]:
+    def _find_changed_records(self) -> list[tuple[str, str]]:
         """Return serial number and stamp of the records that are not in the index as they are; forget those gone."""
         known = {serial: stamp for serial, stamp in self._db.read("SELECT serial, stamp FROM robots")}
         there = {path.parent.name: _stamp(path.parent) for path in self._folder.glob("*/record.toml")}
@@ -170,7 +170,7 @@ class RecordIndex:
                 db.executemany("DELETE FROM robots WHERE serial = ?", [(serial,) for serial in gone])
         return sorted((serial, stamp) for serial, stamp in there.items() if known.get(serial) != stamp)
 
-    def _read_changed(self, changed: list[tuple[str, str]], seconds: float) -> list[tuple[str, str]]:
+    def _read_changed_records(self, changed: list[tuple[str, str]], seconds: float) -> list[tuple[str, str]]:
         """Read records for some time, one at least; return those that are left."""
         begun = time.monotonic()
         for k, (serial, stamp) in enumerate(changed):
@@ -179,9 +179,9 @@ class RecordIndex:
             self._keep(serial, stamp)
         return []
 
-    def _read_left(self, left: list[tuple[str, str]]) -> None:
+    def _read_remaining_records(self, left: list[tuple[str, str]]) -> None:
         try:
-            self._read_changed(left, float("inf"))
+            self._read_changed_records(left, float("inf"))
         finally:
             self._looking.release()
 
@@ -247,7 +247,7 @@ def _lasting_state(record: RobotRecord) -> RobotState:
     """Return how a robot stands, whatever day it is."""
     if record.failure is not None:
         return "changed"
-    return "not calibrated" if record.calibrated is None else "good"
+    return "not calibrated" if record.calibration_date is None else "good"
 
 
 def robot_state(record: RobotRecord) -> RobotState:

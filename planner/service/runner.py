@@ -175,11 +175,11 @@ class JobRunner:
         elif ending.problem is not None:
             jobs.finish(job, "failed", [], None, ending.problem)
         elif ending.code is not None and ending.code < 0:
-            self._end_killed(-ending.code)
+            self._end_killed_job(-ending.code)
         else:
             self._end_with(ending.code or 0)
 
-    def _end_killed(self, signal_number: int) -> None:
+    def _end_killed_job(self, signal_number: int) -> None:
         if self._job.crashes + 1 < MOST_CRASHES:
             self._jobs.requeue(self._job, crashed=True)
             return

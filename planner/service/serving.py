@@ -159,7 +159,7 @@ def _name_media_type(document: dict[str, Any]) -> dict[str, Any]:
     return document
 
 
-def guarded_app(settings: ServiceSettings) -> ASGIApp:
+def add_guard(settings: ServiceSettings) -> ASGIApp:
     """Return the application behind its guard."""
     context = build_context(settings)
     app = build_app(context)
@@ -191,7 +191,7 @@ def serve(settings: ServiceSettings, announce: Callable[[str], None]) -> None:
 
     from planner.service.connections import TimedProtocol
 
-    app = guarded_app(settings)
+    app = add_guard(settings)
     if settings.access_log:
         open_log(settings.access_log)
     host = f"[{settings.host}]" if ":" in settings.host else settings.host

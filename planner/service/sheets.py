@@ -18,7 +18,7 @@ from planner.service.file_api import robot_title
 from planner.service.job_api import output_path
 from planner.service.job_filter import JobFilter
 from planner.service.page_content import AnyPlan, CalibrationPage, is_simulated
-from planner.service.record_api import find_recorded
+from planner.service.record_api import find_record_entry
 
 RMS_OF_REPEATABILITY = 3**0.5 / (1.5958 + 3 * 0.6734)
 """Rms distance by RP of ISO 9283 (mean distance plus three standard deviations), where the scatter is alike in space:
@@ -46,7 +46,7 @@ def certificate_content(context: ServiceContext, job: Job) -> dict[str, object]:
         "found": found,
         "model": robot_title(found.document.robot),
         "simulated": is_simulated(context, job),
-        "recorded": find_recorded(context, job.id),
+        "recorded": find_record_entry(context, job.id),
         "gauge": _gauge(cell),
         "plan_id": "" if plan is None else str(json.loads(context.files.path(plan).read_bytes()).get("plan_id", "")),
         "fitted": len(found.document.last_fit),

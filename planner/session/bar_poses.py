@@ -106,7 +106,7 @@ class BarPoses(PoseSession):
             choice, count = replace_all(
                 self.pool,
                 chosen.choice,
-                self._find_unjoined,
+                self._find_unjoined_poses,
                 "could not be joined to the mount pose, nor those put in their places: the cable or an obstacle splits "
                 "the shell into many parts; widen cable limits or choose another gauge.mount_deg",
             )
@@ -117,16 +117,16 @@ class BarPoses(PoseSession):
                 self.notes.append(f"{cell.robot.name} has no collision bodies: {checked}")
             if chosen.expected_error and cell.plan.refine:
                 unknown = chosen.expected_error.unknown
-                return self._move_joined(
+                return self._move_joined_poses(
                     choice,
                     lambda c, stay: replace(c, q=refine_bayesian_poses(cell, unknown, c.samples, seed, limit, stay)),
                 )
             settled = chosen.discriminating or chosen.expected_error or choice.pruning
             if settled:
                 return choice
-            return self._move_joined(choice, lambda c, stay: refine_poses(cell, c, seed, limit, stay))
+            return self._move_joined_poses(choice, lambda c, stay: refine_poses(cell, c, seed, limit, stay))
 
-    def _move_joined(self, choice: PoseChoice, move: Callable[[PoseChoice, Positions], PoseChoice]) -> PoseChoice:
+    def _move_joined_poses(self, choice: PoseChoice, move: Callable[[PoseChoice, Positions], PoseChoice]) -> PoseChoice:
         """Move the poses; those moved to where no path joins them go back to their candidates and stay there.
 
         The others are moved anew, since they had been chosen beside poses that are no more.
@@ -135,7 +135,7 @@ class BarPoses(PoseSession):
         stay = np.zeros(0, dtype=int)
         for _ in range(most_rounds):
             choice = move(choice, stay)
-            lost = self._find_unjoined(choice)
+            lost = self._find_unjoined_poses(choice)
             if not len(lost):
                 break
             q = choice.q.copy()
@@ -143,7 +143,7 @@ class BarPoses(PoseSession):
             choice, stay = replace(choice, q=q), np.union1d(stay, lost)
         return choice
 
-    def _find_unjoined(self, choice: PoseChoice) -> np.ndarray:
+    def _find_unjoined_poses(self, choice: PoseChoice) -> np.ndarray:
         """Positions of the chosen poses that are not in the part of their mount pose."""
         return self._find_unjoined_rows(choice.samples)
 
@@ -151,7 +151,7 @@ class BarPoses(PoseSession):
         lost = []
         for m in self.cell.mountings:
             mine = np.flatnonzero(samples.at_mounting(m))
-            lost.append(mine[self.reach.maps[m].find_unjoined(samples.q[mine], LastStart.REFINEMENT)])
+            lost.append(mine[self.reach.maps[m].find_unjoined_poses(samples.q[mine], LastStart.REFINEMENT)])
         return np.concatenate(lost)
 
     def draw_validation(self, choice: PoseChoice) -> np.ndarray:

@@ -101,7 +101,7 @@ def recover_motion(cell: Cell, program: Program) -> list[Chain]:
             pause, or a start leaves out what moves the robot to where it goes on.
     """
     if off := _apart(program, tuple(np.rad2deg(cell.home)), program.moves[0].q_deg):
-        raise not_released(f"it begins {off} away from the cell's home")
+        raise unreleased_error(f"it begins {off} away from the cell's home")
     check_starts(program, cell.has_bar())
     mountings, balls = _next_mountings(program), _balls(program)
     walk = _Walk(program.moves[0].q_deg, Held(FIRST_MOUNTING, False), _circles(cell, program))
@@ -120,7 +120,7 @@ def recover_motion(cell: Cell, program: Program) -> list[Chain]:
             number += 1
             if item.mounting != attached:
                 if cell.has_bar() and not walk.paused:
-                    raise not_released(f"before move {number} the gauge is attached or taken off without a pause")
+                    raise unreleased_error(f"before move {number} the gauge is attached or taken off without a pause")
                 attached, mount = item.mounting, walk.here
             if number == 1:
                 continue
@@ -145,7 +145,7 @@ def _circles(cell: Cell, program: Program) -> dict[PlacedCircle, list[Angles]]:
         try:
             polygons = circle_polygons(cell.at(mounting), [(a, via, b) for _, a, via, b in here])
         except NoSolutionError as err:
-            raise not_released(str(err)) from err
+            raise unreleased_error(str(err)) from err
         out |= dict(zip(here, polygons, strict=True))
     return out
 
@@ -236,10 +236,10 @@ def check_starts(program: Program, attached: bool) -> None:
             held = not attached or one.after == other.before or one.paused or other.paused_first
             rests = one.rests or (id(one), id(other)) in following
             if gap:
-                raise not_released(f"started at {start}, it goes on {gap} away from where the robot then stands")
+                raise unreleased_error(f"started at {start}, it goes on {gap} away from where the robot then stands")
             if not held or not rests:
                 how = "does not rest" if held else "holds the gauge otherwise, without a pause"
-                raise not_released(f"started at {start}, it goes on where the robot {how}")
+                raise unreleased_error(f"started at {start}, it goes on where the robot {how}")
 
 
 def _apart(program: Program, one: tuple[float, ...], other: tuple[float, ...]) -> str:
@@ -272,6 +272,6 @@ def _pieces(program: Program) -> list[_Piece]:
     return out
 
 
-def not_released(because: str) -> NoSolutionError:
+def unreleased_error(because: str) -> NoSolutionError:
     """Return the error of a program that must not be driven."""
     return NoSolutionError(f"the program is not released: {because}")

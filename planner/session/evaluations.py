@@ -45,7 +45,7 @@ def register_drawn_warning(note: str, warning: str) -> None:
     _DRAWN[note] = warning
 
 
-def drawn_warnings(notes: Sequence[str]) -> tuple[str, ...]:
+def simulated_run_warnings(notes: Sequence[str]) -> tuple[str, ...]:
     """Return the warnings for a simulated run of a plan with these notes: its robot is drawn at random."""
     load_extensions()
     return tuple(warning for note, warning in _DRAWN.items() if note in notes)

@@ -15,7 +15,7 @@ from planner.motion.path.constraints import Constraints
 from planner.motion.path.verdict import Motions, Verdict, judge_motions
 from planner.motion.planning_packages import has_judges
 from planner.programs.instructions import Program
-from planner.session.driven_motion import NO_BALL, Held, not_released, recover_motion
+from planner.session.driven_motion import NO_BALL, Held, recover_motion, unreleased_error
 from planner.session.motion_hulls import Hulls, motion_hulls
 
 
@@ -41,7 +41,7 @@ def judge_program(cell: Cell, program: Program) -> tuple[Verdict, Verdict]:
     for v in verdicts:
         if not v.clear:
             # 3: motions that are named
-            raise not_released(
+            raise unreleased_error(
                 f"{v.engine} does not prove {len(v.failures)} of its motions ({'; '.join(v.failures[:3])}); "
                 "plan again, and where nothing was changed with another --seed"
             )

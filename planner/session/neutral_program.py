@@ -29,10 +29,10 @@ from planner.programs.instructions import (
 )
 from planner.programs.languages.execution import ReadBack
 from planner.programs.rendering import ProgramFile
-from planner.programs.verification import write_checked
+from planner.programs.verification import write_and_read_back
 from planner.runs.run import Mounting
 from planner.session.course import Course, TimedPath
-from planner.session.driven_motion import not_released
+from planner.session.driven_motion import unreleased_error
 from planner.session.driven_moves import circle_moves, degrees, dense_moves, joint_moves
 from planner.session.judgement import judge_program
 from planner.session.plan_types import Programs
@@ -111,7 +111,7 @@ def _refuse(rows: np.ndarray, travel: Array, seconds: Array, limit: Array, what:
     over = np.flatnonzero(speed > limit * EMITTED_SPEED_RATIO)
     if len(over):
         k = int(over[np.argmax(speed[over] / limit[over])])
-        raise not_released(
+        raise unreleased_error(
             f"move {rows[k] + 1} drives {what} at {to_mm(speed[k]):.2f} mm/s, allowed are {to_mm(limit[k]):.2f} mm/s"
         )
 
@@ -174,7 +174,7 @@ def write_session(cell: Cell, program: Program, dialect: str, stem: str) -> tupl
     """
     language, robot = load_dialect(dialect), cell.robot
     axes = axes_for(robot, language)
-    files, found = write_checked(in_controller_axes(program, axes, language, robot.speed), dialect, stem)
+    files, found = write_and_read_back(in_controller_axes(program, axes, language, robot.speed), dialect, stem)
     check_model_angles(program, axes, found, language.decimals)
     check_emitted_speeds(cell, program, axes, language, found)
     return files

@@ -16,7 +16,7 @@ from planner.motion.collision.surroundings import (
     describe_parked_joints,
     describe_polytopes,
     describe_unchecked_links,
-    left_out_pairs,
+    unchecked_links_text,
 )
 from planner.runs.joint_motion import last_reversals
 from planner.runs.run import Samples
@@ -31,7 +31,7 @@ def session_notes(cell: Cell) -> tuple[str, ...]:
     collision = (
         *describe_unchecked_links(cell),
         *describe_parked_joints(cell),
-        *left_out_pairs(cell),
+        *unchecked_links_text(cell),
         *describe_polytopes(cell),
     )
     return (*_repeat_notes(cell), *_speed_notes(cell), *collision)
@@ -76,11 +76,11 @@ def _repeat_notes(cell: Cell) -> list[str]:
     return [f"plan.repeat = {cell.plan.repeat} is for poses at rest: in this continuous session {instead}"]
 
 
-def discrimination_as_driven(cell: Cell, parted: DiscriminatingChoice, drives: tuple[Drive, ...]) -> Discrimination:
+def driven_discrimination(cell: Cell, parted: DiscriminatingChoice, drives: tuple[Drive, ...]) -> Discrimination:
     """Return how surely the plan tells findings from rivals, as it is driven."""
     parts = [_samples_in_passing(d) if cell.motion.is_continuous else _samples_at_rest(cell, d) for d in drives]
     ways = min(len(p) for p in parts)
-    return parted.as_driven(tuple(Samples.concatenate([p[k] for p in parts]) for k in range(ways)))
+    return parted.judge_driven_visits(tuple(Samples.concatenate([p[k] for p in parts]) for k in range(ways)))
 
 
 def discrimination_notes(

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from planner.cell.declared import FleetOption
-from planner.common.calls import Dialects, JobFile, Option, Seed, sent_file
+from planner.common.calls import Dialects, JobFile, Option, Seed, upload_option
 from planner.common.choices import Aim, IndexName, SelectionMethod, TourOrder, TourSolver
 from planner.common.errors import InputError
 
@@ -74,14 +74,14 @@ class PlanOptions:
 
     region: Annotated[
         Path | str | None,
-        sent_file(
+        upload_option(
             "with --after: the box of the workspace in which the error counts (lower_mm, upper_mm in the base frame)",
             "BOX.toml",
         ),
     ] = None
     program: Annotated[
         Path | str | None,
-        sent_file(
+        upload_option(
             "with --after: the program (or table of targets) at whose targets the error counts, with its tools",
             "PROGRAM",
         ),

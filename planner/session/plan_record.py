@@ -103,10 +103,10 @@ def plan_record(plan: Plan) -> dict[str, object]:
     choice, drives = plan.choice, plan.drives
     return {
         **origin_record(plan.cell, plan.seed),
-        **_seen_record(choice, plan.pool),
+        **_identifiability_record(choice, plan.pool),
         "poses": [_pose_record(plan, v) for d in drives for v in d.visits],
         "supports": [s for d in drives for s in _support_records(d)],
-        "observability": _as_driven(observability_record(choice, plan.certificate), plan),
+        "observability": _add_driven_index(observability_record(choice, plan.certificate), plan),
         "tour": _tour_record(plan.cell, drives),
         "path": _path_record(plan),
         "trajectory": {
@@ -125,7 +125,7 @@ def origin_record(cell: Cell, seed: int) -> dict[str, object]:
     return {"robot": cell.robot.name, **units, "cell": cell.name, "seed": seed}
 
 
-def _seen_record(choice: PoseChoice, pool: PoseSet) -> dict[str, object]:
+def _identifiability_record(choice: PoseChoice, pool: PoseSet) -> dict[str, object]:
     """Return what the poses make identifiable, and which candidates they were chosen from."""
     dropped = [DroppedRecord(name=d.name, because=d.because) for d in choice.seen.dropped]
     return {"parameters": list(choice.seen.names), "dropped": dropped, "funnel": asdict(pool.funnel)}
@@ -155,7 +155,7 @@ def observability_record(choice: PoseChoice, bound: Certificate) -> Observabilit
         O3=raw["O3"],
         O4=raw["O4"],
         O5=raw["O5"],
-        scaled=choice.scaled,
+        scaled=choice.scaled_indices,
         bound=bound.value,
         gap=max(rule.gap(choice.value, bound.value), 0.0),
         bound_kind=bound.kind,
@@ -169,7 +169,7 @@ def observability_record(choice: PoseChoice, bound: Certificate) -> Observabilit
     return stated if choice.pruning is None else stated.model_copy(update=_exchange_record(choice, choice.pruning))
 
 
-def _as_driven(stated: ObservabilityRecord, plan: Plan) -> ObservabilityRecord:
+def _add_driven_index(stated: ObservabilityRecord, plan: Plan) -> ObservabilityRecord:
     """Return it with the index along the path as it is driven."""
     return stated.model_copy(update={"path": {plan.choice.index: plan.driven}})
 
@@ -198,10 +198,10 @@ def _expected_error_record(expected: BayesianDesign | None) -> dict[str, object]
     if expected is None:
         return {}
     told = ForesightRecord(
-        assumed=expected.unknown.assumed,
+        assumed=expected.unknown.assumptions,
         error_mm=expected.left * 1e3,
         at_most_mm=expected.at_most * 1e3,
-        untraced_mm=expected.unknown.untraced * 1e3,
+        untraced_mm=expected.unknown.untraced_error * 1e3,
         on_grid=GridErrorRecord(error_mm=expected.after[-1] * 1e3, gap=expected.gap),
         bound_mm=expected.bound * 1e3,
         after_mm=(expected.after * 1e3).tolist(),
@@ -327,7 +327,7 @@ class UnprovenPoses:
             "schema": UNPROVEN_SCHEMA,
             **origin_record(self.cell, self.seed),
             "not_proven": self.why,
-            **_seen_record(self.choice, self.pool),
+            **_identifiability_record(self.choice, self.pool),
             "poses": [self._pose(k) for k in range(len(self.choice.q))],
             "observability": observability_record(self.choice, self.certificate),
             "notes": list(self.notes),

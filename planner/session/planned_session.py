@@ -56,7 +56,7 @@ def _content(path: Path) -> dict[str, object]:
     return content
 
 
-def check_joined(path: Path, cell: Cell, courses: Sequence[Course]) -> None:
+def check_continuity(path: Path, cell: Cell, courses: Sequence[Course]) -> None:
     """Refuse a plan one of whose paths does not begin where the one before ends, from home to where it turns back.
 
     Raises:
@@ -129,7 +129,7 @@ def load_session(path: Path, purpose: str, check: bool = False) -> PlannedSessio
     _check_visits(path, cell, document)
     if check:
         _check_courses(path, beside, cell, document, courses)
-        check_joined(path, cell, courses)
+        check_continuity(path, cell, courses)
     return PlannedSession(cell, document, courses, doubts(path, cell))
 
 

@@ -31,7 +31,7 @@ from planner.design.selection.index_curves import BackgroundCurve
 from planner.programs.verification import shared_notes
 from planner.session.cell_checks import settle_dialects
 from planner.session.neutral_program import assemble_programs, session_program, write_programs
-from planner.session.notes import bar_notes, discrimination_as_driven, discrimination_notes, session_notes
+from planner.session.notes import bar_notes, discrimination_notes, driven_discrimination, session_notes
 from planner.session.options import PlanOptions
 from planner.session.plan_record import PathNotProvenError, UnprovenPoses, content_hash, plan_record
 from planner.session.plan_types import Drive, Plan, SessionPlan
@@ -160,18 +160,18 @@ class PoseSession(ABC):
             raise NoSolutionError(f"{err}{elsewhere}") from None
         with chosen.curve or nullcontext(), chosen.expected_error or nullcontext():
             by_index = chosen.expected_error is None
-            choice, certificate, drives = self._drive_refined(self.refine(chosen, stages), by_index, stages)
+            choice, certificate, drives = self._drive_refined_poses(self.refine(chosen, stages), by_index, stages)
         with stages.stage("index curve"):
             curve = chosen.curve.result() if chosen.curve else None
             expected = chosen.expected_error.result() if chosen.expected_error else None
         cell, discriminating = self.cell, chosen.discriminating
-        driven = discrimination_as_driven(cell, discriminating, drives) if discriminating else None
+        driven = driven_discrimination(cell, discriminating, drives) if discriminating else None
         bar = bar_notes(cell, drives) if cell.has_bar() else ()
         notes = [*self.notes, *bar, *discrimination_notes(cell, driven, choice, drives)]
         if expected:
             notes.append(Aside(f"the poses were chosen by the expected error, not by {choice.index}"))
             minutes = session_minutes(cell, drives, len(choice.q))
-            expected = expected.as_driven(choice.samples, minutes)
+            expected = expected.with_driven_poses(choice.samples, minutes)
         return Plan(
             cell=cell,
             seed=self.options.seed,
@@ -186,7 +186,7 @@ class PoseSession(ABC):
             expected_error=expected,
         )
 
-    def _drive_refined(
+    def _drive_refined_poses(
         self, refined: PoseChoice, by_index: bool, stages: Stages
     ) -> tuple[PoseChoice, Certificate, tuple[Drive, ...]]:
         """Drive all places, and certify the poses beside that; those that are driven come with the drives."""

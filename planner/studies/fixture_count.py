@@ -57,7 +57,7 @@ class FixtureCount:
     remedies: tuple[UnseenRemedy, ...]
 
     @property
-    def needed(self) -> int:
+    def fewest_fixtures(self) -> int:
         """The fewest fixtures that see as many of the robot's parameters as any number that was tried."""
         return next(s.fixtures for s in self.steps if s.robot_seen == self.steps[-1].robot_seen)
 
@@ -91,14 +91,14 @@ class CombinedReadings:
     sources: int
 
     @cached_property
-    def seen(self) -> Identifiability:
+    def identifiability(self) -> Identifiability:
         """Which parameters they tell apart."""
         order, count = range(len(self.names)), self.sources * CANDIDATES
         return find_identifiable(self.rows, self.names, self.prior, order, self.noise, count)
 
-    def newly_seen(self, unseen: Sequence[DroppedParameter]) -> tuple[str, ...]:
+    def newly_seen_parameters(self, unseen: Sequence[DroppedParameter]) -> tuple[str, ...]:
         """Those of the parameters that were not seen otherwise which are seen by these."""
-        return tuple(d.name for d in unseen if d.name in self.seen.names)
+        return tuple(d.name for d in unseen if d.name in self.identifiability.names)
 
     def without(self, *prefixes: str) -> "CombinedReadings":
         """Return them with the parameters measured whose names begin with one of ``prefixes``."""
@@ -165,14 +165,14 @@ def _robot_names(names: Sequence[str]) -> list[str]:
 def _make_step(
     map_: FixtureMap, places: list[FixturePlace], readings: CombinedReadings, before: Sequence[DroppedParameter]
 ) -> FixtureStep:
-    seen = readings.seen
+    seen = readings.identifiability
     return FixtureStep(
         fixtures=len(places),
         place=places[-1].p_BX,
         parameters=len(readings.names),
         seen=seen.rank,
         robot_seen=len(_robot_names(seen.names)),
-        becomes=readings.newly_seen(before),
+        becomes=readings.newly_seen_parameters(before),
         dropped=seen.dropped,
         value=_robot_index(map_, readings),
     )
@@ -180,7 +180,7 @@ def _make_step(
 
 def _robot_index(map_: FixtureMap, readings: CombinedReadings) -> float:
     """Index of the robot's parameters that the present fixture alone sees, the gauge's eliminated by QR."""
-    rule, names, kept = find_rule(map_.index), readings.names, readings.seen.kept
+    rule, names, kept = find_rule(map_.index), readings.names, readings.identifiability.kept
     wanted = set(_robot_names([map_.names[k] for k in map_.kept]))
     robot = [k for k in kept if names[k] in wanted]
     if len(robot) < len(wanted):
@@ -217,7 +217,10 @@ def _find_remedies(
     both = np.concatenate([measured.rows, _second_tool_rows(cell, map_, seed)])
     says = "all measured, and a second tool point" if free else "a second tool point, measured"
     out.append((says, replace(measured, rows=both, sources=len(places) + 1)))
-    return tuple(UnseenRemedy(says, readings.newly_seen(unseen), readings.seen.dropped) for says, readings in out)
+    return tuple(
+        UnseenRemedy(says, readings.newly_seen_parameters(unseen), readings.identifiability.dropped)
+        for says, readings in out
+    )
 
 
 def _second_tool_rows(cell: Cell, map_: FixtureMap, seed: int) -> Array:

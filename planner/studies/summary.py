@@ -104,7 +104,7 @@ class StudySummary:
     def _fixtures(self) -> dict[str, Any]:
         f = self.fixtures
         return {
-            "needed": f.needed,
+            "needed": f.fewest_fixtures,
             "steps": [
                 {"fixtures": s.fixtures, "position_mm": _mm(s.place), "parameters": s.parameters}
                 | {"seen": s.seen, "robot_seen": s.robot_seen, "becomes_visible": list(s.becomes)}
@@ -156,7 +156,7 @@ def describe_best_place(m: FixtureMap) -> str:
 def describe_fixtures(f: FixtureCount, index: str) -> tuple[str, ...]:
     """Say how many fixtures are needed, and what would show the rest."""
     out, steps = [], f.steps
-    if f.needed == 1:
+    if f.fewest_fixtures == 1:
         more = ""
         if len(steps) > 1:
             times = max(steps[0].value, steps[1].value) / min(steps[0].value, steps[1].value)
@@ -165,7 +165,7 @@ def describe_fixtures(f: FixtureCount, index: str) -> tuple[str, ...]:
         out.append(f"one is enough: no further one makes a parameter visible{more}")
     else:
         shown = "; ".join(f"{', '.join(s.becomes)} with {s.fixtures}" for s in steps if s.becomes)
-        out.append(f"{f.needed} are needed: becomes visible: {shown}")
+        out.append(f"{f.fewest_fixtures} are needed: becomes visible: {shown}")
     known: set[str] = set()
     for r in f.remedies:
         fresh = [n for n in r.shows if n not in known]

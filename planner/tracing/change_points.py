@@ -99,7 +99,7 @@ def step_series(test: ScoreTest, steppables: Sequence[Steppable]) -> list[tuple[
             if score.merit < 0 or score.log_p > LOG_SIGNIFICANCE:
                 break
             steps.append(score)
-            left = _beside(left, _as_stepped(left, columns, score))
+            left = _beside(left, _stepped_columns(left, columns, score))
         held = tuple(s for s in steps if _is_sudden(_beside_others(test, columns, steps, s), columns, s))
         if len(held) > 1:
             out.append(held)
@@ -137,11 +137,11 @@ def _beyond(test: ScoreTest, A: Array) -> tuple[Array, Array]:
 def _beside_others(test: ScoreTest, columns: Array, steps: Sequence[EffectScore], own: EffectScore) -> ScoreTest:
     """Return the test with all steps of a series but one in the model."""
     for other in steps:
-        test = test if other is own else _beside(test, _as_stepped(test, columns, other))
+        test = test if other is own else _beside(test, _stepped_columns(test, columns, other))
     return test
 
 
-def _as_stepped(test: ScoreTest, columns: Array, score: EffectScore) -> Array:
+def _stepped_columns(test: ScoreTest, columns: Array, score: EffectScore) -> Array:
     """Columns (n, r, k) of the step that was scored."""
     sample = change_sample(FittedEffect(score.effect))
     before = np.asarray(test.problem.samples.number) < sample
@@ -194,7 +194,7 @@ def _is_borne_by_several(test: ScoreTest, columns: Array, score: EffectScore) ->
     lone = int(np.argmax(np.where(shorter, (test.residual.reshape(n, r) ** 2).sum(axis=1), -1.0)))
     left_out = np.zeros((n, r, r))
     left_out[lone] = np.eye(r)
-    beside, A = _beside(test, left_out), _as_stepped(test, columns, score).reshape(n * r, -1)
+    beside, A = _beside(test, left_out), _stepped_columns(test, columns, score).reshape(n * r, -1)
     shared, along = beside.products(A), A.T @ beside.residual
     gain, size = score_gains((A.T @ A - shared.T @ shared)[None], along[None], (A**2).sum(axis=0)[None])
     return beside.log_p(float(gain[0]), int(size[0]), score.effect.scanned) < LOG_SIGNIFICANCE
@@ -209,7 +209,7 @@ def _is_sudden(test: ScoreTest, columns: Array, score: EffectScore) -> bool:
     log_sudden = float(np.log(1e-3))  # chance of a step beside a drift below which it is sudden
     drift, taken = _beyond(test, np.linspace(-1.0, 1.0, len(columns))[:, None, None] * columns)
     count, residual = drift.shape[1], test.residual - drift @ taken
-    A = _as_stepped(test, columns, score).reshape(-1, columns.shape[2])
+    A = _stepped_columns(test, columns, score).reshape(-1, columns.shape[2])
     shared, along = np.vstack([test.products(A), drift.T @ A]), A.T @ residual
     gain, size = score_gains((A.T @ A - shared.T @ shared)[None], along[None], (A**2).sum(axis=0)[None])
     beside = replace(test, residual=residual, dof=max(1.0, test.dof - count), added=count)
@@ -239,7 +239,7 @@ def _sums_before(test: ScoreTest, A: Array, name: str) -> tuple[Array, Array, Ar
 def _worst_row(test: ScoreTest) -> list[EffectScore]:
     """Return the row whose reading fits its pose worst, where that is beyond any outlier."""
     n, r = len(test.problem), test.problem.model.width
-    e, own = test.residual.reshape(n, r), test.space.unshared + row_products(test.space.combine(test.gone), r)
+    e, own = test.residual.reshape(n, r), test.space.own_information + row_products(test.space.combine(test.gone), r)
     gain = np.einsum("nr,nr->n", e, np.linalg.solve(own + 1e-9 * np.eye(r), e[..., None])[..., 0])
     size = np.sqrt(gain / r)
     k = int(np.argmax(gain))

@@ -168,10 +168,10 @@ class ColumnSpace:
         return self._sums[name]
 
     @cached_property
-    def unshared(self) -> Array:
+    def own_information(self) -> Array:
         """What each sample's own reading is worth beyond all others, (n, r, r)."""
         r = self.problem.model.width
-        known = np.eye(r) if self.before is None else self.before.unshared
+        known = np.eye(r) if self.before is None else self.before.own_information
         return known - row_products(self.block, r)
 
     @cached_property

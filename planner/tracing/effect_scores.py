@@ -164,12 +164,12 @@ class ScoreTest:
         """
         if name not in self._steps:
             known = self.space.sums_before(columns, name)
-            known = known + squares_before(self._lost, columns) if self.gone.size else known
+            known = known + squares_before(self._lost_directions, columns) if self.gone.size else known
             self._steps[name] = known - squares_before(self.beside, columns) if self.beside.size else known
         return self._steps[name]
 
     @cached_property
-    def _lost(self) -> Array:
+    def _lost_directions(self) -> Array:
         """Orthonormal vectors (m, k), the prior's rows below them, that are in the space and not here."""
         return self.space.combine(self.gone)
 

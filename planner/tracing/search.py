@@ -54,7 +54,7 @@ def best_step(
 
 def _holds(context: SearchContext, state: SearchState, trial: SearchState) -> bool:
     """Tell whether the last effect of a trial is kept, and take note of why it is not."""
-    reason = rejection_reason(state, trial, context.fit_context, context.tried)
+    reason = rejection_reason(state, trial, context.fit_context, context.tried_number)
     if reason is not None:
         context.rejected.why[trial.effects[-1].name] = reason
     return reason is None
@@ -171,7 +171,7 @@ def _add_pair(context: SearchContext, state: SearchState, trial: SearchState) ->
         return None
     context.report(f"trying {first.name} in two ways")
     both = context.try_refit(trial, _with_candidate(test, second, trial.effects))
-    if both is None or rejection_reason(trial, both, context.fit_context, context.tried):
+    if both is None or rejection_reason(trial, both, context.fit_context, context.tried_number):
         return None
     return both if context.is_significant(both, both.effects[-2]) else None
 
@@ -191,9 +191,9 @@ class SearchResult:
     rejected: tuple[RejectedEffect, ...]
 
     @property
-    def tried(self) -> int:
+    def tried_number(self) -> int:
         """Number of effects and values that each step looked at."""
-        return self.context.tried
+        return self.context.tried_number
 
     @property
     def last(self) -> SearchState:

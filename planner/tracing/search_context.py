@@ -58,7 +58,7 @@ class SearchContext:
     _tests: dict[int, tuple[SearchState, ScoreTest]] = field(default_factory=dict)
 
     @property
-    def tried(self) -> int:
+    def tried_number(self) -> int:
         """Number of effects and values that each step looks at."""
         return len(self.dictionary.items)
 
@@ -99,13 +99,13 @@ class SearchContext:
 
     def is_significant(self, state: SearchState, found: FittedEffect) -> bool:
         """Tell whether an effect is larger than chance would have it among everything that was tried."""
-        return wald_log_p(state, found, self.tried) < LOG_SIGNIFICANCE
+        return wald_log_p(state, found, self.tried_number) < LOG_SIGNIFICANCE
 
     def prune(self, state: SearchState) -> SearchState:
         """Take out effects that the later ones made needless, the faintest first."""
         while len(state.effects) > 1:
             factors = variance_inflations(state, state.effects)
-            chances = [wald_log_p(state, f, self.tried, x) for f, x in zip(state.effects, factors, strict=True)]
+            chances = [wald_log_p(state, f, self.tried_number, x) for f, x in zip(state.effects, factors, strict=True)]
             faint = max(range(len(chances)), key=chances.__getitem__)
             if chances[faint] < LOG_SIGNIFICANCE:
                 break

@@ -72,7 +72,7 @@ def autocorrelation_function(x: Array) -> Array:
 
 def _own_column(state: SearchState, found: FittedEffect, piece: LinearPiece) -> Array:
     """What the effect adds to the whitened readings (n, r) that the other parameters cannot."""
-    errors, (kept, S) = state.fit.errors / state.fit.problem.prior, state.known_root
+    errors, (kept, S) = state.fit.errors / state.fit.problem.prior, state.covariance_root
     own, among = state.positions(found), np.isin(kept, state.positions(found))
     part = np.zeros(len(errors) + 1)
     part[own] = errors[own]
@@ -145,7 +145,7 @@ def wald_statistic(state: SearchState, found: FittedEffect, beside: Array | None
     expected near zero and found there. Masses other than stated count as known: they show through the compliances
     only, and go with them.
     """
-    kept, whole = state.known_root
+    kept, whole = state.covariance_root
     which = np.searchsorted(kept, state.positions(found))
     root = whole[which]
     prior = state.fit.problem.prior[kept][which]

@@ -200,7 +200,7 @@ class SearchState:
         return SearchState(self.base, effects, fitted)
 
     @cached_property
-    def known_root(self) -> tuple[np.ndarray, Array]:
+    def covariance_root(self) -> tuple[np.ndarray, Array]:
         """Positions of all parameters but masses, (q,), and a root S (q, q) of their covariance per prior sigma.
 
         Masses count as known in it: they show through compliances only.

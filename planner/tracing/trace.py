@@ -212,8 +212,10 @@ def trace(
     )
     contests = tuple(_contests(last, [f for f, _ in kept], rivals))
     report("detection limits")
-    silent = tuple(detection_limits(test, [e for e in effects if e.name not in last.names], result.tried))
-    return [s.fitted for s in result.path[1:]], TracingResult(findings, silent, result.rejected, result.tried, contests)
+    silent = tuple(detection_limits(test, [e for e in effects if e.name not in last.names], result.tried_number))
+    return [s.fitted for s in result.path[1:]], TracingResult(
+        findings, silent, result.rejected, result.tried_number, contests
+    )
 
 
 def _finding(
@@ -239,7 +241,7 @@ def _finding(
     inner = None
     if found.value is not None and nonlinear is not None:
         inner = InnerNumber(name=nonlinear.name, value=found.value, std=inner_std, unit=nonlinear.unit)
-    log_p = wald_log_p(last, found, result.tried, inflation, beside)
+    log_p = wald_log_p(last, found, result.tried_number, inflation, beside)
     finding = Finding(
         effect=found.effect.kind,
         on=str(found.effect.place),

@@ -79,7 +79,7 @@ def all_gear_curves(context: SearchContext, end: SearchState, compliant: SearchS
     if not trials:
         return None
     best = _refine_quickness(context, context.likeliest(trials, at=end))
-    if context.evidence_fall(end, best) < 2 * (np.log(context.tried) - LOG_SIGNIFICANCE):
+    if context.evidence_fall(end, best) < 2 * (np.log(context.tried_number) - LOG_SIGNIFICANCE):
         return None  # together they must be as sure as a single effect
     best = _drop_needless_curves(context, best)
     if len(_curves(best)) <= len(_curves(end)):

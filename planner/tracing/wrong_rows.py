@@ -25,7 +25,7 @@ def describe_wrong_row(state: SearchState, found: FittedEffect, sentence: str, r
     ]
     if not parts:
         return f"{where}: {sentence}{_ball_it_would_be(state, run, k, error)}"
-    other = _find_exchanged(state, found, run, k, 2 * SLIP_SIGMAS * float(std[0]))
+    other = _find_exchanged_row(state, found, run, k, 2 * SLIP_SIGMAS * float(std[0]))
     cause = "or its pose is wrong" if other is None else f"as if exchanged with {run.where(other)}"
     return f"{where}: {'; '.join(parts)}; {cause}"
 
@@ -42,7 +42,7 @@ def _ball_it_would_be(state: SearchState, run: Run, k: int, error: Array) -> str
     return f": its ball would be '{setup.ball_names[nearest]}'" if near else ""
 
 
-def _find_exchanged(state: SearchState, found: FittedEffect, run: Run, k: int, tolerance: float) -> int | None:
+def _find_exchanged_row(state: SearchState, found: FittedEffect, run: Run, k: int, tolerance: float) -> int | None:
     """Return the other wrong row whose length this one should have, and the other way round."""
     length, number = run.readings.length, np.asarray(run.samples.number)
     if length is None:

@@ -13,7 +13,7 @@ from planner.common.files import write_bytes, write_text
 from planner.common.progress import Stages
 from planner.common.result import FolderResult, simulated_section
 from planner.common.summary import Summary
-from planner.instruments.precision import RepeatedCentrings, repeat_groups, repeated_centrings
+from planner.instruments.precision import RepeatedCentrings, judge_repeated_centrings, repeat_groups
 from planner.instruments.validation import Validation, validate_robot
 from planner.runs.loader import load_runs
 from planner.runs.run import Run, read_reference_readings
@@ -92,7 +92,7 @@ def check_accuracy(asked: AccuracyCall) -> AccuracyCheck:
         if plan is None:
             raise InputError(f"{run.name}: which centrings belong together stands in the plan: give it with --plan")
         notes = ("a calibrated model changes nothing of repeated centrings: it was not used",) if model else ()
-        return AccuracyCheck(where, repeated_centrings(where, run, repeat_groups(plan), said, notes))
+        return AccuracyCheck(where, judge_repeated_centrings(where, run, repeat_groups(plan), said, notes))
 
 
 def _check_kind(cell: Cell, run: Run) -> None:

@@ -136,14 +136,14 @@ class LoadedTestEvaluation(FolderResult):
         ``averaged.csv`` is a run by itself, which other fits can take beside runs without load; ``joint.csv`` is both
         in one, as the joint fit saw them, where there was one.
         """
-        from planner.report.loaded_report import report_loaded  # plotting: other commands start quicker without
+        from planner.report.loaded_report import report_loaded_run  # plotting: other commands start quicker without
 
         with self.stages.stage("report"):
             write_text(draft / "curves.csv", averaged_curves_csv(self.found))
             write_text(draft / "averaged.csv", run_text(replace(averaged_run(self.found), simulated=self.simulated)))
             if self.joint is not None:
                 write_text(draft / "joint.csv", run_text(self.joint.run))
-            report_loaded(self.found, self.joint).about(self.cell, self.simulated).write(draft)
+            report_loaded_run(self.found, self.joint).about(self.cell, self.simulated).write(draft)
 
     def files(self, folder: Path) -> str:
         """Name what is written."""

@@ -49,7 +49,7 @@ class CircularPlanResult(SessionResult):
     def next_step(self, folder: Path) -> str:
         """Say how the circles are measured and evaluated."""
         plan = folder / "plan.json"
-        measure = self.plan.cell.gauge.measured_by.replace("PLAN", as_word(plan))
+        measure = self.plan.cell.gauge.measuring_command.replace("PLAN", as_word(plan))
         return f"{measure}\n{evaluation_of('run.csv', plan, self.kind, calibrates=False)}"
 
 

@@ -5,7 +5,7 @@ from dataclasses import KW_ONLY, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from planner.common.calls import LANGUAGE, Call, Option, sent_file
+from planner.common.calls import LANGUAGE, Call, Option, upload_option
 from planner.workflow.declared import CALIBRATED
 
 if TYPE_CHECKING:
@@ -50,7 +50,7 @@ class CompensateCall(Call):
     base: Annotated[str | None, Option("base of poses, mm and degrees", metavar=FRAME, pattern=f"^{NUMBERS}$")] = None
     frames: Annotated[
         Path | str | None,
-        sent_file("tools and bases: $config.dat, a module", "FILE"),
+        upload_option("tools and bases: $config.dat, a module", "FILE"),
     ] = None
     strict: Annotated[bool, Option("write nothing unless every target of the file can be corrected")] = False
     cell: Annotated[

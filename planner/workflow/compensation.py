@@ -25,7 +25,7 @@ from planner.common.units import Array, from_deg, from_mm, read_only, to_mm
 from planner.compensation.compensated_file import CompensatedFile, compensate_file, read_program
 from planner.compensation.correction_mark import CorrectionMark
 from planner.compensation.few_axes import TurnWeights
-from planner.compensation.program_error import ProgramError, left_errors, program_error
+from planner.compensation.program_error import ProgramError, program_error, uncorrected_errors
 from planner.compensation.rotations import frame, from_abc
 from planner.compensation.targets import ToolAndBase
 from planner.identification.calibrated_robot import CalibratedRobot
@@ -281,7 +281,7 @@ def _expect(done: CompensatedFile, known: ExpectedError | str, T_FT: Array | Non
     found = program_error(known, done.targets, done.q, p_FM)
     if found.is_worse:
         raise NoSolutionError(f"{done.name}: {found.refusal}")
-    return replace(found, left=left_errors(known, done.left, done.q_left, p_FM))
+    return replace(found, left=uncorrected_errors(known, done.left, done.q_left, p_FM))
 
 
 def _check_controller(reference: str, robot: str) -> bool:

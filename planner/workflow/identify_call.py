@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from planner.cell.declared import CELL, FleetOption
-from planner.common.calls import Call, Option, ProgressKeyword, Seed, sent_file
+from planner.common.calls import Call, Option, ProgressKeyword, Seed, upload_option
 from planner.common.progress import no_progress
 from planner.workflow.declared import RUNS
 
@@ -55,7 +55,7 @@ class IdentifyCall(Call):
     validate: Annotated[
         "Run | Path | str | None",
         # "validate" is a method of requests
-        sent_file("a run kept out of the fit, to judge it", "RUN", request_name="validate_with"),
+        upload_option("a run kept out of the fit, to judge it", "RUN", request_name="validate_with"),
     ] = None
     fleet: FleetOption = None
     no_trace: Annotated[bool, Option("seek no causes of what geometry leaves")] = False

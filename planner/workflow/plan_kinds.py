@@ -82,7 +82,7 @@ def register_plan_kind(kind: PlanKind) -> None:
     _KINDS[kind.name] = kind
 
 
-def kind_named(name: str, path: Path) -> PlanKind:
+def find_plan_kind(name: str, path: Path) -> PlanKind:
     """Return the kind of the plan at ``path``.
 
     Raises:

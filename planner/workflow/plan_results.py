@@ -74,7 +74,7 @@ class PlanResult(SessionResult):
     def next_step(self, folder: Path) -> str:
         """Say how the session is measured and evaluated."""
         plan, calibrates = folder / "plan.json", any(v.role == "calibrate" for d in self.plan.drives for v in d.visits)
-        measure = self.plan.cell.gauge.measured_by.replace("PLAN", as_word(plan))
+        measure = self.plan.cell.gauge.measuring_command.replace("PLAN", as_word(plan))
         return f"{measure}\n{evaluation_of('run.csv', plan, None, calibrates)}"
 
     def overview(self) -> Summary:

@@ -25,14 +25,14 @@ from planner.programs.verification import import_map
 from planner.runs.image_table import run_of_images
 from planner.runs.proposed_map import write_proposed_map
 from planner.runs.run import Run, Samples
-from planner.runs.traces import ColumnMap, import_mapped, import_run, is_trace_of
+from planner.runs.traces import ColumnMap, import_by_map, import_run, is_trace_of
 from planner.session.document import read_dialects, read_plan
-from planner.session.evaluations import drawn_warnings
+from planner.session.evaluations import simulated_run_warnings
 from planner.session.judgement import judge_plan
 from planner.session.neutral_program import driven_form, session_program, write_session
 from planner.session.plan_types import Plan
 from planner.session.planned_session import PlannedSession, load_session
-from planner.workflow.plan_kinds import DrivenPlan, PlanKind, kind_named
+from planner.workflow.plan_kinds import DrivenPlan, PlanKind, find_plan_kind
 from planner.workflow.plan_results import ExportResult, SessionResult, SimulationResult
 from planner.workflow.plan_use_calls import ExportCall, ImportCall, SimulateCall
 
@@ -97,7 +97,7 @@ class _Drive:
     def of_poses(cls, session: PlannedSession, drawn: bool) -> "_Drive":
         """Return that of a plan of poses; ``drawn``: whether the robot is drawn anew."""
         samples = planned_samples(session.cell, session.document, session.courses)
-        notes = (*session.notes, *(drawn_warnings(session.document.notes) if drawn else ()))
+        notes = (*session.notes, *(simulated_run_warnings(session.document.notes) if drawn else ()))
         return cls(session.cell, session.plan_id, samples, notes)
 
     @classmethod
@@ -116,14 +116,14 @@ def _drive_of_file(path: Path, drawn: bool) -> _Drive:
 def _drive_of(result: SessionResult, drawn: bool) -> _Drive:
     if isinstance(result.plan, Plan):
         return _Drive.of_poses(PlannedSession.of(result.plan), drawn)
-    return _Drive.of_kind(kind_named(result.kind, Path(result.main_file)), result.plan, ())
+    return _Drive.of_kind(find_plan_kind(result.kind, Path(result.main_file)), result.plan, ())
 
 
 def _kind_of(path: Path) -> PlanKind | None:
     """Return the kind of the plan at ``path``, nothing for one of poses."""
     content = read_json(path)
     name = content.get("kind") if isinstance(content, dict) else None
-    return kind_named(str(name), path) if name else None
+    return find_plan_kind(str(name), path) if name else None
 
 
 def _read_drives(path: Path) -> PlannedSession:
@@ -225,7 +225,7 @@ def import_log(traces: Sequence[Path], plan: Path | str, dialect: str) -> Run:
     mapping = validate(content, ColumnMap, name)
     if len(traces) == 2 and not is_trace_of(traces[0], mapping) and is_trace_of(traces[1], mapping):
         raise InputError(f"{traces[0]} is not {name}, {traces[1]} is: give the log first, then the gauge's trace")
-    return import_mapped(traces, mapping, name, _robot_of(Path(plan), planned.robot).axes_of)
+    return import_by_map(traces, mapping, name, _robot_of(Path(plan), planned.robot).axes_of)
 
 
 def _robot_of(plan: Path, name: str) -> Robot:

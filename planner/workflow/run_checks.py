@@ -108,7 +108,7 @@ def check_angles(run: Run, path: Path, plan: PlanDocument, cell: Cell) -> None:
     Raises:
         InputError: naming row, pose and axis, and by how much it may be off.
     """
-    from planner.design.candidates.balls import led_turns  # collision engines: a run without a plan does without
+    from planner.design.candidates.balls import corrected_turns  # collision engines: a run without a plan does without
 
     assert run.samples.pose is not None
     planned = {p.id: np.deg2rad(p.q_deg) for p in plan.poses if len(p.q_deg) == cell.robot.n_joints}
@@ -117,7 +117,7 @@ def check_angles(run: Run, path: Path, plan: PlanDocument, cell: Cell) -> None:
         return
     q = np.array([planned[pose] for pose in run.samples.pose[rows].tolist()])
     # 4.0: standard deviations of what the arm's errors turn a joint by where its ball is led to a seat, beside FAR
-    off, limit = np.abs(run.samples.q[rows] - q), FAR + 4.0 * led_turns(cell, q)
+    off, limit = np.abs(run.samples.q[rows] - q), FAR + 4.0 * corrected_turns(cell, q)
     for k, row in enumerate(rows):
         axis = int((off[k] - limit[k]).argmax())
         if off[k, axis] > limit[k, axis]:
@@ -125,11 +125,11 @@ def check_angles(run: Run, path: Path, plan: PlanDocument, cell: Cell) -> None:
             raise InputError(
                 f"{run.where(row)}: pose {run.samples.pose[row]} was measured with axis {axis + 1} "
                 f"{say(axis, off[k, axis], '.1f')} off, by {path} (at most {say(axis, limit[k, axis], '.1f')}"
-                f"{_led_text(cell)}): are the poses numbered right, and is the plan the one that was driven?"
+                f"{_guidance_text(cell)}): are the poses numbered right, and is the plan the one that was driven?"
             )
 
 
-def _led_text(cell: Cell) -> str:
+def _guidance_text(cell: Cell) -> str:
     return " by the errors that robot, tool and artifact may have" if cell.gauge.at_balls else ""
 
 

@@ -22,7 +22,7 @@ def test_a_share_that_is_over_is_noted_once() -> None:
 def test_without_a_limit_nothing_is_over() -> None:
     assert Stages().limit is UNLIMITED
     assert not UNLIMITED.must_stop(0.0, "nothing")
-    assert UNLIMITED.seconds_left(0.5) == np.inf
+    assert UNLIMITED.remaining_seconds(0.5) == np.inf
     UNLIMITED.check("proving")
     assert UNLIMITED.notes == ()
 

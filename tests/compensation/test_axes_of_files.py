@@ -15,7 +15,7 @@ from planner.kinematics.axes import AxisConvention
 from planner.kinematics.robot_reader import load_robot
 from planner.programs.controller_axes import in_controller_axes
 from planner.programs.dialect import dialect_names, load_dialect
-from planner.programs.verification import read_texts, write_checked
+from planner.programs.verification import read_texts, write_and_read_back
 from tests.compensation.robots import bent, exact, pin_flange, regular_angles
 from tests.compensation.test_cartesian import krl, rapid
 from tests.kinematics.test_axes import ARMS, makers_joints
@@ -92,7 +92,7 @@ def test_every_language_is_corrected_in_axes_with_sense_zero_and_coupling(name, 
         ),
     )
     dialect, axes = load_dialect(name), convention(name)
-    files, _ = write_checked(in_controller_axes(program, axes, dialect, UNLIMITED.speed), name, "a")
+    files, _ = write_and_read_back(in_controller_axes(program, axes, dialect, UNLIMITED.speed), name, "a")
     for file in files:
         (tmp_path / file.name).write_text(file.text)
     done = compensate_file(tmp_path / files[0].name, robot, real, dialect=name)

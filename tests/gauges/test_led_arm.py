@@ -10,7 +10,7 @@ import pytest
 from planner.cell.reading import load_cell
 from planner.common.errors import InputError
 from planner.design.assumptions import TURN_MARGIN_SIGMAS
-from planner.design.candidates.balls import led_turns
+from planner.design.candidates.balls import corrected_turns
 from planner.identification.pipeline import FitSettings, identify
 from planner.instruments.simulation import simulate_run
 from planner.instruments.truth import draw_truth
@@ -30,7 +30,7 @@ def planned():
     for ball in range(2):
         start = rng.uniform(robot.q_lower, robot.q_upper, (1000, robot.n_joints))
         q, off = solve_point_ik(CELL.chain, robot, start, CELL.p_BS[ball])
-        room = np.minimum(q - robot.q_lower, robot.q_upper - q) / led_turns(CELL, q)
+        room = np.minimum(q - robot.q_lower, robot.q_upper - q) / corrected_turns(CELL, q)
         q = q[(off < POINT_TOLERANCE) & (room.min(axis=1) > TURN_MARGIN_SIGMAS)]
         out.append(q[CELL.gauge.fits(CELL, q, ball)][:40])
     return np.stack(out, axis=1).reshape(-1, robot.n_joints)
@@ -45,7 +45,7 @@ def runs(planned):
 
 def test_joints_turn_as_far_as_drawn_arms_turn(planned, runs):
     off = np.array([run.samples.q - planned for run in runs])
-    found = np.sqrt((off**2).mean(axis=0)) / led_turns(BARE, planned)
+    found = np.sqrt((off**2).mean(axis=0)) / corrected_turns(BARE, planned)
     assert np.median(found, axis=0) == pytest.approx(np.ones(5), abs=4 / np.sqrt(2 * ARMS))
     assert np.abs(off).max() > FAR
 

@@ -22,7 +22,7 @@ def left_by(found, which):
     """Mean square error of the tool [m²] after the readings ``which``, by the inverse of the information."""
     released = found.released
     fit = released.posterior.fit
-    size = np.sqrt((released.posterior.mixture.scaled**2).mean(axis=0))
+    size = np.sqrt((released.posterior.mixture.scaled_sizes**2).mean(axis=0))
     acting = size > 0
     rows = (fit.problem.piece(slice(None), fit.errors).rows[which] * size)[..., acting].reshape(-1, int(acting.sum()))
     covariance = np.linalg.inv(np.eye(rows.shape[1]) + rows.T @ rows)

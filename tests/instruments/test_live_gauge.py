@@ -72,10 +72,10 @@ def test_poses_are_ticked_off_and_a_run_that_was_begun_goes_on(plan, gauge, tmp_
         return next(answers)
 
     clock = iter(np.arange(0.0, 100.0, 2.5)).__next__
-    said = list(measure_poses(open_log(tmp_path / "run.csv", *plan), live.read_settled, ask, clock))
+    said = list(measure_poses(open_log(tmp_path / "run.csv", *plan), live.read_settled_mean, ask, clock))
     assert said == ["pose 1: 401.500 mm (1 of 3)"]
     answers = iter(["", ""])
-    said = list(measure_poses(open_log(tmp_path / "run.csv", *plan), live.read_settled, ask, clock))
+    said = list(measure_poses(open_log(tmp_path / "run.csv", *plan), live.read_settled_mean, ask, clock))
     assert said[0] == "pose 2: 388.250 mm (2 of 3)"
     assert "pose 3: 495.000 mm, +40.0 mm from the plan: is this the pose" in said[1]
     run = load_run(tmp_path / "run.csv", 6)
@@ -92,7 +92,7 @@ def test_poses_are_ticked_off_and_a_run_that_was_begun_goes_on(plan, gauge, tmp_
 def test_a_gauge_that_shakes_or_is_silent_is_told(gauge):
     gauge.shaking = 1.0
     with pytest.raises(UnsettledError, match="still spread over"):
-        LiveGauge(gauge.port, 9600).read_settled()
+        LiveGauge(gauge.port, 9600).read_settled_mean()
     gauge.on = False
     quiet = Gauge()
     quiet.on = False

@@ -10,7 +10,7 @@ from planner.common.errors import InputError
 from planner.kinematics.robot import Robot
 from planner.kinematics.robot_reader import load_robot
 from planner.motion.collision.scene import build_scene
-from planner.motion.collision.surroundings import left_out_pairs
+from planner.motion.collision.surroundings import unchecked_links_text
 
 JOINT = (
     '<joint name="j{k}" type="{kind}"><parent link="l{p}"/><child link="l{k}"/><origin xyz="0 0 0.2"/>'
@@ -45,7 +45,7 @@ def test_links_that_an_srdf_names_are_not_checked_however_far_apart(tmp_path: Pa
     path = write_arm(tmp_path, [("l0", "l2"), ("l3", "l1"), ("l0", "l5"), ("l4", "l6"), ("l5", "l6")])
     robot = load_robot(path)
     assert every - checked(robot) == {("l0", "l2"), ("l1", "l3"), ("l0", "l5"), ("l4", "l6")}  # not the hand, l7
-    (told,) = left_out_pairs(replace(load_cell("ur10/edbb"), robot=robot))
+    (told,) = unchecked_links_text(replace(load_cell("ur10/edbb"), robot=robot))
     assert "l0 and l2, l0 and l5, l1 and l3, l4 and l6 (arm.srdf: Default)" in told
 
 

@@ -14,7 +14,7 @@ from planner.programs.controller_axes import axes_for, check_model_angles, in_co
 from planner.programs.dialect import dialect_names, load_dialect
 from planner.programs.instructions import Entry, JointMove
 from planner.programs.rendering import axis_names
-from planner.programs.verification import ProgramMismatchError, read_texts, write_checked
+from planner.programs.verification import ProgramMismatchError, read_texts, write_and_read_back
 from planner.session.cell_checks import settle_dialects
 from planner.session.neutral_program import build_program, write_session
 from planner.session.options import PlanOptions
@@ -44,7 +44,7 @@ def convention(name):
 def test_every_language_says_the_angles_that_the_controller_shows(name, session):
     program, dialect, axes = session(), load_dialect(name), convention(name)
     turned = in_controller_axes(program, axes, dialect, UNLIMITED.speed)
-    files, found = write_checked(turned, name, "a")
+    files, found = write_and_read_back(turned, name, "a")
     wanted = np.array([as_the_pendant_shows(m.q_deg) for m in program.moves])
     np.testing.assert_allclose(found.joint_path_deg, wanted, atol=0.51 * 10.0**-dialect.decimals)
     for (_, moves), entry in zip(found.entries, program.entries, strict=False):
@@ -58,7 +58,7 @@ def test_every_language_says_the_angles_that_the_controller_shows(name, session)
 
 def test_a_program_of_other_axes_is_not_released():
     program, dialect, axes = sessions.static(), load_dialect("pdl2"), convention("pdl2")
-    found = write_checked(in_controller_axes(program, axes, dialect, UNLIMITED.speed), "pdl2", "a")[1]
+    found = write_and_read_back(in_controller_axes(program, axes, dialect, UNLIMITED.speed), "pdl2", "a")[1]
     other = replace(axes, zero=axes.zero + np.deg2rad([0, 0, 0, 0, 0, 0.001]))
     with pytest.raises(ProgramMismatchError, match=r"move \d leads joint 6 to"):
         check_model_angles(program, other, found, dialect.decimals)
@@ -134,7 +134,7 @@ def test_an_option_of_a_dialect_has_the_axes_of_its_controller():
 
 def test_files_of_a_read_program_are_those_of_the_turned_one():
     program, axes = sessions.static(), convention("rapid")
-    files, found = write_checked(
+    files, found = write_and_read_back(
         in_controller_axes(program, axes, load_dialect("rapid"), UNLIMITED.speed), "rapid", "a"
     )
     again = read_texts(load_dialect("rapid"), tuple(f.text for f in files))

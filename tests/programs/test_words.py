@@ -8,7 +8,7 @@ import pytest
 from planner.common.errors import InputError
 from planner.programs.instructions import JointMove
 from planner.programs.motion_styles import BlendStyle, SpeedStyle
-from planner.programs.motion_words import blend_values, choose_reductions, format_fixed, round_down, speed_value
+from planner.programs.motion_words import blend_values, choose_reductions, format_fixed_point, round_down, speed_value
 
 PERCENT = SpeedStyle(kind="axis_percent", unit="%", decimals=0, reductions=(100, 50, 20, 10, 5, 2, 1))
 
@@ -92,10 +92,10 @@ def test_a_leg_too_slow_to_say_is_refused() -> None:
 
 
 def test_numbers_are_plain() -> None:
-    assert format_fixed(-0.00004, 4) == "0.0000"
-    assert format_fixed(1e-9, 4) == "0.0000"
-    assert format_fixed(-0.00006, 4) == "-0.0001"
-    assert format_fixed(123456.789, 2) == "123456.79"
+    assert format_fixed_point(-0.00004, 4) == "0.0000"
+    assert format_fixed_point(1e-9, 4) == "0.0000"
+    assert format_fixed_point(-0.00006, 4) == "-0.0001"
+    assert format_fixed_point(123456.789, 2) == "123456.79"
     assert round_down(2.9999999999999996, 0) == 3.0
     assert round_down(0.29999, 4) == 0.2999
     assert round_down(16.6667, 2) == 16.66

@@ -146,7 +146,7 @@ def test_indices_are_those_of_the_plan(plan: Plan, page: ReadPage) -> None:
     assert list(rows) == list(INDEX_RULES)
     for name, row in rows.items():
         assert float(row[3]) == pytest.approx(plan.choice.raw[name], rel=1e-3)
-        assert float(row[4]) == pytest.approx(plan.choice.scaled[name], rel=1e-3)
+        assert float(row[4]) == pytest.approx(plan.choice.scaled_indices[name], rel=1e-3)
 
 
 def test_funnel_and_curve_show_the_plan(plan: Plan, page: ReadPage) -> None:

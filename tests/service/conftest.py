@@ -10,7 +10,7 @@ import pytest
 from argon2 import PasswordHasher
 from fastapi.testclient import TestClient
 
-from planner.service.serving import guarded_app
+from planner.service.serving import add_guard
 from planner.service.settings import JobLimits, ServiceSettings
 
 AT_HOME = "http://127.0.0.1:8017"
@@ -31,7 +31,7 @@ def settings(folder, **changes):
 
 
 def client_of(folder, **changes):
-    return TestClient(guarded_app(settings(folder, **changes)), base_url=AT_HOME, raise_server_exceptions=False)
+    return TestClient(add_guard(settings(folder, **changes)), base_url=AT_HOME, raise_server_exceptions=False)
 
 
 @pytest.fixture(scope="session")

@@ -16,7 +16,7 @@ import httpx
 import uvicorn
 
 from planner.service import runner
-from planner.service.serving import guarded_app
+from planner.service.serving import add_guard
 from tests.service.conftest import settings
 from tests.service.test_remote import TARGETS
 
@@ -48,7 +48,7 @@ class QuickProcess:
 def serving(folder):
     """The address of a service in this process, with jobs that take no time."""
     real, runner.ProcessGroup = runner.ProcessGroup, QuickProcess
-    config = uvicorn.Config(guarded_app(settings(folder)), port=0, log_level="critical", timeout_graceful_shutdown=1)
+    config = uvicorn.Config(add_guard(settings(folder)), port=0, log_level="critical", timeout_graceful_shutdown=1)
     server = uvicorn.Server(config)
     thread = threading.Thread(target=server.run)
     thread.start()

@@ -3,7 +3,7 @@
 import pytest
 
 from planner.common.errors import InputError
-from planner.service.serving import guarded_app
+from planner.service.serving import add_guard
 from planner.service.settings import JobLimits, ServiceSettings
 from tests.service.conftest import AT_HOME, client_of, ended, upload
 
@@ -19,7 +19,7 @@ def locked(tmp_path_factory):
 
 def test_beyond_this_machine_a_token_is_demanded(tmp_path):
     with pytest.raises(InputError, match="EDBB_TOKEN"):
-        guarded_app(ServiceSettings(folder=tmp_path, host="0.0.0.0"))
+        add_guard(ServiceSettings(folder=tmp_path, host="0.0.0.0"))
     with pytest.raises(InputError, match="at least 16"):
         ServiceSettings(folder=tmp_path, token="short")
     assert TOKEN not in repr(ServiceSettings(folder=tmp_path, token=TOKEN))

@@ -156,13 +156,13 @@ def test_a_person_deletes_what_the_person_has_sent(plant):
     run, other = send(plant, b"run", 0, "wanda"), send(plant, b"other", 0, "luis")
     plant.run("a", "identification", inputs=[b"run"])
     with pytest.raises(KeptJobError, match=f"the job {'a' * 24} starts from"):
-        plant.keeper.delete_sent(run, "wanda")
+        plant.keeper.delete_upload(run, "wanda")
     plant.keeper.delete("a" * 24)
     for person in ("luis", ""):
         with pytest.raises(UnknownFileError):
-            plant.keeper.delete_sent(run, person)
-    plant.keeper.delete_sent(run, "wanda")
-    plant.keeper.delete_sent(other, None)
+            plant.keeper.delete_upload(run, person)
+    plant.keeper.delete_upload(run, "wanda")
+    plant.keeper.delete_upload(other, None)
     assert not plant.holds(b"run")
     assert not plant.holds(b"other")
 
@@ -171,8 +171,8 @@ def test_what_a_crash_has_left_goes_after_a_day_and_nothing_else(plant):
     plant.run("a", outputs=[("plan.json", b"plan")])
     send(plant, b"sent", 30)
     plant.files.add(b"left")
-    assert plant.keeper.remove_left(time.time() - DAY_S) == 0
-    assert plant.keeper.remove_left(time.time() + DAY_S) == 1
+    assert plant.keeper.remove_old_uploads(time.time() - DAY_S) == 0
+    assert plant.keeper.remove_old_uploads(time.time() + DAY_S) == 1
     assert [plant.holds(data) for data in (b"plan", b"sent", b"left")] == [True, True, False]
 
 

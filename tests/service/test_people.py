@@ -20,7 +20,7 @@ from planner.service.database import Database
 from planner.service.guesses import PATIENCE, GuessLimit, sender_of
 from planner.service.job_record import JobCommand, JobOutput
 from planner.service.people import IDLE_S, SESSION_S, PeopleStore
-from planner.service.serving import build_app, build_context, guarded_app
+from planner.service.serving import add_guard, build_app, build_context
 from planner.service.settings import ProxySettings, Quota, Role
 from tests.command import edbb
 from tests.service.conftest import AT_HOME, client_of, settings, upload
@@ -300,7 +300,7 @@ PROXY = ProxySettings(("10.1.0.0/24", "::1"), "X-Forwarded-User")
 def test_a_proxy_is_believed_by_its_address_alone(tmp_path, peer, headers, role, status, name):
     add_all(tmp_path)
     proxy = ProxySettings(PROXY.networks, PROXY.user_header, role)
-    app = guarded_app(settings(tmp_path, workers=0, beside=0, proxy=proxy))
+    app = add_guard(settings(tmp_path, workers=0, beside=0, proxy=proxy))
     with TestClient(app, base_url=AT_HOME, client=(peer, 50000)) as client:
         answer = client.get("/api/jobs", headers=headers)
         assert answer.status_code == status, answer.text
@@ -311,7 +311,7 @@ def test_a_proxy_is_believed_by_its_address_alone(tmp_path, peer, headers, role,
 
 def test_two_names_of_a_proxy_are_none(tmp_path):
     add_all(tmp_path)
-    with TestClient(guarded_app(settings(tmp_path, proxy=PROXY)), base_url=AT_HOME, client=("10.1.0.7", 5)) as client:
+    with TestClient(add_guard(settings(tmp_path, proxy=PROXY)), base_url=AT_HOME, client=("10.1.0.7", 5)) as client:
         twice = [("X-Forwarded-User", "luis"), ("X-Forwarded-User", "ada")]
         assert client.get("/api/jobs", headers=twice).status_code == 403
 

@@ -127,7 +127,7 @@ def test_remedies_are_what_plain_ranks_say(done, cell):
         assert len(unseen) - len(shown) == len(null)
         assert free_names & set(unseen) <= shown
     assert [d.name for d in f.never] == ["d3"]
-    assert f.needed == 1
+    assert f.fewest_fixtures == 1
 
 
 def test_a_base_that_may_turn_about_one_known_fixture_is_held_by_three():

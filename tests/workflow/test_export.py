@@ -12,7 +12,7 @@ from planner.common.errors import InputError, NoSolutionError
 from planner.common.units import MM, round_angles
 from planner.kinematics.axes import AxisConvention
 from planner.programs.dialect import dialect_names, load_dialect
-from planner.programs.verification import shared_notes, write_checked
+from planner.programs.verification import shared_notes, write_and_read_back
 from planner.runs.run import FIRST_MOUNTING
 from planner.session.course import Waypoints, time_course
 from planner.session.neutral_program import assemble_programs, check_emitted_speeds, session_program
@@ -218,7 +218,7 @@ def _with(text, measure, repeat):
 def test_speeds_as_written_are_held_against_those_of_tool_and_gauge(folder, name):
     session, dialect = load_session(folder / "plan.json", "exported"), load_dialect(name)
     program = session_program(session.cell, session.courses, session.plan_id, dialect.path_form)
-    found = write_checked(program, name, "a")[1]
+    found = write_and_read_back(program, name, "a")[1]
     robot = session.cell.robot
     axes = AxisConvention.same(name, robot.q_lower, robot.q_upper, robot.speed)
     check_emitted_speeds(session.cell, program, axes, dialect, found)

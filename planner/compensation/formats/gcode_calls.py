@@ -41,7 +41,7 @@ class CallsElsewhere:
     def end_program(self) -> None:
         """Take in that a program of the file ends here; behind a label it may have come from any line of its own."""
         if self._first_label and self._moves:
-            self._come_again(self._first_label, self._moves[-1].line)
+            self._note_repetition(self._first_label, self._moves[-1].line)
         self._begin()
 
     def _begin(self) -> None:
@@ -74,7 +74,7 @@ class CallsElsewhere:
         elif self._open and _CLOSES.match(block.text):
             first, is_loop, self._said = self._open.pop()
             if is_loop:
-                self._come_again(first, block.line)
+                self._note_repetition(first, block.line)
 
     def move(self, block: Block) -> None:
         """Take in a move with plain angles."""
@@ -94,7 +94,7 @@ class CallsElsewhere:
                 "and G53 or G153 in this block make the move certain",
             )
 
-    def _come_again(self, first: int, last: int) -> None:
+    def _note_repetition(self, first: int, last: int) -> None:
         """Take in that the lines may be run again, behind the calls among them."""
         if calls := [line for line in self._calls if line >= first]:
             for move in self._moves:

@@ -74,7 +74,7 @@ class _KrlTargets:
         """Take in one statement of the file itself, or of the other half of its module."""
         self.own = own
         self._hand_points(statement)
-        self._note_hidden(statement, (st.Assignment, KrlMove))
+        self._note_hidden_targets(statement, (st.Assignment, KrlMove))
         match statement:
             case KrlMove():
                 self._move(statement)
@@ -202,12 +202,12 @@ class _KrlTargets:
             self.last = None
             self.frames.forget()
         if not statement.name.startswith("$"):
-            self.frames.assign_named(statement)
+            self.frames.assign_named_frame(statement)
             if self._declare(statement):
                 return
-        self._note_hidden(statement)
+        self._note_hidden_targets(statement)
 
-    def _note_hidden(self, statement: st.Statement, read: tuple[type[st.Statement], ...] = ()) -> None:
+    def _note_hidden_targets(self, statement: st.Statement, read: tuple[type[st.Statement], ...] = ()) -> None:
         """Leave a target that stands where none is read: in any statement but those of these classes."""
         if not isinstance(statement, read) and (hidden := hidden_target(statement)):
             self._leave(statement.line, _HIDDEN.format(hidden))

@@ -67,7 +67,7 @@ class FrameState:
         why = self._values.everywhere
         if self._on_tool and self._now["IPO_MODE"] != _FIXED_BASE:
             why = why or self._on_tool
-        return (why, why) if why else self._or_given(self._now["TOOL"], self._now["BASE"])
+        return (why, why) if why else self._with_given_frames(self._now["TOOL"], self._now["BASE"])
 
     def of_move(self, rest: str) -> FramePair:
         """Return tool and base of a spline move that says them for itself, as inline forms write it."""
@@ -81,9 +81,9 @@ class FrameState:
     def default_frames(self) -> FramePair:
         """Return tool and base of a point that no move of the file uses."""
         why = self._values.everywhere or self._on_tool
-        return (why, why) if why else self._or_given("", "")
+        return (why, why) if why else self._with_given_frames("", "")
 
-    def _or_given(self, tool: Frame, base: Frame) -> FramePair:
+    def _with_given_frames(self, tool: Frame, base: Frame) -> FramePair:
         pair = [
             given if given is not None and isinstance(f, str) and not f else f
             for given, f in zip(self._values.unsaid, (tool, base), strict=True)
@@ -198,7 +198,7 @@ class FrameState:
             T = self._find_frame(name) if known and name not in self._shadowed else None
         return describe_change(statement) if T is None else T
 
-    def assign_named(self, statement: st.Assignment) -> None:
+    def assign_named_frame(self, statement: st.Assignment) -> None:
         """Take in that a frame with a name gets its value here."""
         name = one_spelling(statement.name)
         if name in self._values.set_by_code:

@@ -64,7 +64,7 @@ class FrameValues:
             self._take_taught(s, one_spelling(s.name))
         self._take_kinematics(assigned)
         self._take_doubts(statements)
-        self._take_given(list(self._selections(statements)), given)
+        self._take_given_frames(list(self._selections(statements)), given)
 
     def __contains__(self, name: str) -> bool:
         return name in self._frames
@@ -131,9 +131,9 @@ class FrameValues:
         """Take in data that points are taught with (FDAT), and how straight moves turn (LDAT)."""
         value = "" if statement.part else statement.value
         if name != "FDAT_ACT" and (statement.kind == "FDAT" or name in self._fdats or _FDAT.fullmatch(name)):
-            _keep_unless_changed(self._fdats, name, value.upper() if value.startswith("{") else "")
+            _note_statement(self._fdats, name, value.upper() if value.startswith("{") else "")
         if name != "LDAT_ACT" and (statement.kind == "LDAT" or name in self._orientations):
-            _keep_unless_changed(self._orientations, name, _orientation_in(value))
+            _note_statement(self._orientations, name, _orientation_in(value))
             if not (statement.part or value.startswith("{") or one_spelling(value) in self._orientations):
                 self.turned = self.turned or describe_change(statement)
 
@@ -182,7 +182,7 @@ class FrameValues:
         for fdat in self._fdats.values():
             yield from zip(KINDS, names, strict=True) if isinstance(names := self.names_in(fdat), tuple) else ()
 
-    def _take_given(self, selected: Sequence[tuple[str, str]], given: ToolAndBase) -> None:
+    def _take_given_frames(self, selected: Sequence[tuple[str, str]], given: ToolAndBase) -> None:
         """Take in what the person says: the one frame of a kind that the files select and do not hold."""
         self.unsaid: list[Array | None] = []
         for kind, T in zip(KINDS, (given.T_FT, given.T_WB), strict=True):
@@ -204,7 +204,7 @@ def _rows(table: re.Match[str]) -> list[str]:
     return [f"{table[1]}_DATA[{row}]" for row in rows]
 
 
-def _keep_unless_changed(table: dict[str, str], name: str, said: str) -> None:
+def _note_statement(table: dict[str, str], name: str, said: str) -> None:
     """Note what is said of a name; nothing is certain once something else has been."""
     table[name] = said if table.get(name, said) == said else ""
 

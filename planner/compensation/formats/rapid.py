@@ -16,9 +16,9 @@ from planner.compensation.formats.rapid_frames import (
     Names,
     Placed,
     calls_any,
-    handed_names,
     is_read_only,
     may_change,
+    passed_names,
     place,
 )
 from planner.compensation.formats.rapid_turning import ToolTurning, is_circle, is_linear
@@ -79,7 +79,7 @@ class _RapidTargets:
         """Take in what gives points a value, and which parts of them are handed to routines that may write them."""
         if isinstance(p.statement, st.Assignment):
             self._read_value(p, p.statement)
-        if handed := set(handed_names(p.statement)):
+        if handed := set(passed_names(p.statement)):
             why, may_write = may_change(p), self._may_write(p.statement)
             for name, part in sorted(handed):
                 if part or may_write:
@@ -129,7 +129,7 @@ class _RapidTargets:
         plain = re.fullmatch(r"\w+", statement.text.partition(":=")[0].strip())
         return bool(whole and plain) and not p.beside and self.names.is_variable(key)
 
-    def _note_hidden(self, p: Placed) -> None:
+    def _note_hidden_targets(self, p: Placed) -> None:
         """Leave the targets of a statement that is no move, and no declaration of a target."""
         said = p.statement
         text, value = said.text, said.value if isinstance(said, st.Assignment) else said.text
@@ -151,7 +151,7 @@ class _RapidTargets:
         """Take in one statement, now that all declarations are known."""
         said = p.statement
         self._hand_points(p)
-        self._note_hidden(p)
+        self._note_hidden_targets(p)
         self.turning.follow(said)
         match said:
             case RapidMove() as move:
@@ -167,7 +167,7 @@ class _RapidTargets:
     def _hand_points(self, p: Placed) -> None:
         """A routine or a function may drive to the points that it is given."""
         said = p.statement
-        names = {name for name, part in handed_names(said) if not part}
+        names = {name for name, part in passed_names(said) if not part}
         if isinstance(said, st.Call):
             names |= set(re.findall(r"[A-Za-z]\w*", said.text.partition(said.text.split()[0])[2]))
         self._use_elsewhere(p, names, names)

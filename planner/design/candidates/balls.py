@@ -51,7 +51,7 @@ class FirstContact:
         return length_quantile(self._scale * _prior_covariance(self._robot, q) + _prior_covariance(self._rest, q))
 
 
-def led_turns(cell: Cell, q: Array) -> Array:
+def corrected_turns(cell: Cell, q: Array) -> Array:
     """Return how much the arm's errors turn its joints where the tool point is led to a ball, (n, N) [rad].
 
     A reading moves by J δq + R e with the errors e of robot, tool and artifact, of their prior sigmas; what is led
@@ -212,7 +212,7 @@ class _BallFilter:
         robot = self.cell.robot
         if self.contact is None:
             room = np.minimum(q - robot.q_lower, robot.q_upper - q)
-            return np.asarray((room > TURN_MARGIN_SIGMAS * led_turns(self.cell, q)).all(axis=1))
+            return np.asarray((room > TURN_MARGIN_SIGMAS * corrected_turns(self.cell, q)).all(axis=1))
         self.met = self.contact.at(q)
         nimble = smallest_singular_value(self.cell.chain, self.cell.robot, q) > LEAST_SINGULAR_VALUE
         return np.asarray((self.met < self.cell.gauge.indicators.usable) & nimble)
@@ -256,7 +256,7 @@ class _BallFilter:
         if funnel.cable == 0:
             return f"{head} The cable's budget rejects all: raise cable limits, or choose a home that is less twisted."
         if funnel.approach == 0:
-            pair = self.at.scene.blamed_pair(int(np.argmax(self.hit)))
+            pair = self.at.scene.describe_pair(int(np.argmax(self.hit)))
             where = "there" if funnel.collision == 0 else "on the way there"
             return (
                 f"{head} Every pose collides {where}, most often {pair}: look at motion.clearance_mm, the stem and "

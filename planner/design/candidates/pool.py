@@ -244,7 +244,7 @@ def _nearest_pairs(cell: Cell, mounting: Mounting) -> str:
     share = (world.distances(q[:300]) < wanted).mean(axis=0)  # 300 states say what collides
     worst = np.argsort(-share, kind="stable")[:4]  # as many pairs of bodies as a message can hold
     return ", ".join(
-        f"{world.scene.blamed_pair(int(k))} in {share[k]:.0%} of the states" for k in worst if share[k] > 0
+        f"{world.scene.describe_pair(int(k))} in {share[k]:.0%} of the states" for k in worst if share[k] > 0
     )
 
 

@@ -19,7 +19,7 @@ from planner.design.selection.matrix_forms import (
     sum_largest,
 )
 from planner.design.selection.relaxation import ConcaveProblem
-from planner.design.selection.search import Swap, best_priced, descend, order_by_weight, search_starts
+from planner.design.selection.search import Swap, descend, highest_priced_candidates, order_by_weight, search_starts
 
 LEAST_GAIN = 1e-7  # of the criterion [1]: below, a swap is rounding
 
@@ -54,7 +54,7 @@ class DTPricing(Pricing):
     def first(self, start: Positions) -> ActiveSet:
         """A choice, and what the whole pool prices best."""
         price = quadratic_form(self.rows, self.aim.slope(np.eye(self.rows.shape[2])))
-        active = np.union1d(best_priced(price, self._width), start)
+        active = np.union1d(highest_priced_candidates(price, self._width), start)
         weights = np.full(len(active), 0.1)
         weights[np.searchsorted(active, start)] += 1.0
         return ActiveSet(active, weights)
@@ -82,10 +82,10 @@ class DTPricing(Pricing):
         price = -dual.prices(self.rows, state.active)
         limit = -np.partition(-price[state.active], self.count - 1)[self.count - 1]
         # 150: candidates that come in each round
-        new = np.setdiff1d(best_priced(np.where(price > limit, price, 0.0), 150), state.active)
+        new = np.setdiff1d(highest_priced_candidates(np.where(price > limit, price, 0.0), 150), state.active)
         if len(new) == 0 or len(state.active) >= len(self.rows):
             return None
-        kept = np.union1d(state.active[state.weights > 1e-4], best_priced(price, self._width))
+        kept = np.union1d(state.active[state.weights > 1e-4], highest_priced_candidates(price, self._width))
         known = dict(zip(state.active.tolist(), state.weights.tolist(), strict=True))
         active = np.union1d(kept, new)
         return ActiveSet(active, np.array([known.get(int(k), 1e-3) for k in active]))

@@ -131,7 +131,7 @@ class DiscriminatingChoice:
     frame: PoolCoordinates
     scale: float
 
-    def as_driven(self, samples: tuple[Samples, ...]) -> Discrimination:
+    def judge_driven_visits(self, samples: tuple[Samples, ...]) -> Discrimination:
         """Judge the visits of the finished plan: samples of each, for every way on which it is passed."""
         rows = PredictedReadings.of(self.choice.model, samples, self.scale).rows(self.asked.parameters)
         now = pair_powers(self.asked, self.frame, information_matrix(self.frame.rows(rows)))

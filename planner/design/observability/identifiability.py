@@ -96,12 +96,12 @@ def find_identifiable(
         raise InputError("no reading depends on any parameter: nothing can be identified from these poses")
     # of the largest share, from which a parameter may stand for an unseen direction: less if a preference is
     # named
-    out = _choose_dropped(null, order, 0.5 if prefer is None else 0.1)
+    out = _choose_dropped_parameters(null, order, 0.5 if prefer is None else 0.1)
     out = _ensure_full_rank(factor * size, out)
     kept = tuple(k for k in range(count) if k not in out)
     seen = len(kept)
     faint = seen < count and bool(mu[seen] > STRUCTURAL_ZERO_SHARE * mu[0])
-    dropped = _explain_dropped(null, out, names, size, faint)
+    dropped = _explain_dropped_parameters(null, out, names, size, faint)
     weak = () if noise is None else _find_weak(factor / np.sqrt(stock / total), names, size, kept, noise)
     gap = float(mu[seen - 1] / mu[seen]) if seen < count and mu[seen] > 0 else float("inf")
     return Identifiability(kept, tuple(names[k] for k in kept), dropped, weak, read_only(mu), gap)
@@ -117,7 +117,7 @@ def _check_arguments(count: int, names: Sequence[str], size: Array, order: list[
         raise InputError("the order of preference must name every parameter once")
 
 
-def _choose_dropped(null: Array, order: list[int], share: float) -> list[int]:
+def _choose_dropped_parameters(null: Array, order: list[int], share: float) -> list[int]:
     """Pick one parameter for each unseen direction: the least preferred with a fair share in what is still unseen."""
     rest, out = null, list[int]()
     while rest.shape[1]:
@@ -141,7 +141,7 @@ def _ensure_full_rank(scaled: Array, out: list[int]) -> list[int]:
     return [int(k) for k in pivots[len(kept) :]]
 
 
-def _explain_dropped(
+def _explain_dropped_parameters(
     null: Array, out: list[int], names: Sequence[str], size: Array, faint: bool
 ) -> tuple[DroppedParameter, ...]:
     """Give each dropped parameter the one unseen direction that holds no other dropped one, and its sentence."""
@@ -205,15 +205,15 @@ def explain_direction(direction: Direction, faint: bool = False) -> str:
     terms = [_parse_name(name, share) for name, share in direction]
     if faint:
         return (
-            f"{_list_coupled(terms)}: over all these poses the readings hardly change along"
+            f"{_describe_coupling(terms)}: over all these poses the readings hardly change along"
             f" {format_direction(direction)}"
         )
     if len(terms) == 1:
         return _explain_single(terms[0])
     reason = _reason(terms)
     if reason:
-        return f"{_list_coupled(terms)}: {reason}{_format_mixture(direction)}"
-    return f"{_list_coupled(terms)}: no reading changes along {format_direction(direction)}"
+        return f"{_describe_coupling(terms)}: {reason}{_format_mixture(direction)}"
+    return f"{_describe_coupling(terms)}: no reading changes along {format_direction(direction)}"
 
 
 def join_names(names: Sequence[str]) -> str:
@@ -231,7 +231,7 @@ def format_direction(direction: Direction) -> str:
     return text + (f" + {more} smaller" if more > 0 else "")
 
 
-def _list_coupled(terms: Sequence[_Term]) -> str:
+def _describe_coupling(terms: Sequence[_Term]) -> str:
     others = [t.name for t in terms[1:]]
     if not others:
         return f"{terms[0].name} is too faint"

@@ -55,7 +55,7 @@ def order_by_pruning(rows: Array, n: int, index: str = "O2", exact_from: int = E
     for step in range(len(kept) - n):
         if step % 64 == 0:  # moves after which rounding is taken out
             mass = information_matrix(rows[kept])
-        out = _find_least_missed(rows[kept], mass, index)
+        out = _find_least_valuable_pose(rows[kept], mass, index)
         mass = mass - information_matrix(rows[kept[out : out + 1]])
         gone.append(int(kept[out]))
         kept = np.delete(kept, out)
@@ -101,7 +101,7 @@ class PrunedPoses:
         return np.sort(self.order[:n])
 
 
-def _find_least_missed(rows: Array, mass: Array, index: str) -> int:
+def _find_least_valuable_pose(rows: Array, mass: Array, index: str) -> int:
     """Position of the pose whose removal costs least, exactly."""
     size = 12  # candidates whose cost is computed at a time
     floor = _bound_cost(rows, mass, index)

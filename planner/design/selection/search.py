@@ -125,6 +125,6 @@ def order_by_weight(support: Positions, weights: Array, seed: int, turn: int) ->
     return support[np.lexsort((support, -keys))]
 
 
-def best_priced(prices: Array, count: int) -> Positions:
+def highest_priced_candidates(prices: Array, count: int) -> Positions:
     """Return the ``count`` candidates with the highest prices, ascending."""
     return np.sort(np.lexsort((np.arange(len(prices)), -round_significant(prices)))[:count])

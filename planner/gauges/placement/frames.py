@@ -13,7 +13,7 @@ from planner.gauges.placement.flange_poses import (
     tool_grid,
     unpack_frames,
 )
-from planner.gauges.placement.lengths import solve_reweighted
+from planner.gauges.placement.lengths import solve_by_reweighting
 from planner.gauges.placement.solver import (
     PlacementUnknown,
     Schedule,
@@ -53,7 +53,7 @@ def linear_rotation_start(s: FlangePoses, p_GM: Array) -> Array:
     n = len(s)
     p = s.p_BF - s.p_BF.mean(axis=0)
     columns = np.broadcast_to(np.concatenate([p, s.R_BF.reshape(n, 9)], axis=1), (3, n, 12))
-    R_GB = solve_reweighted(columns, p_GM.T)[:, :3]
+    R_GB = solve_by_reweighting(columns, p_GM.T)[:, :3]
     return nearest_rotation(R_GB.T)
 
 

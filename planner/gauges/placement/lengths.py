@@ -82,11 +82,11 @@ def trilateration(centre: Array, length: Array, zero: Array) -> tuple[Array, Arr
     columns = -2.0 * centre
     if not known:
         columns = np.concatenate([columns, np.broadcast_to(2.0 * length[:, None], (*b.shape, 1))], axis=2)
-    x = solve_reweighted(columns, b)
+    x = solve_by_reweighting(columns, b)
     return x[:, :3], zero if known else x[:, 3]
 
 
-def solve_reweighted(columns: Array, b: Array) -> Array:
+def solve_by_reweighting(columns: Array, b: Array) -> Array:
     """Return x (k, P) of columns (k, n, P) x + constant = b (k, n), by least squares with three Huber reweightings."""
     weight = np.ones_like(b)
     for _ in range(4):
@@ -114,7 +114,7 @@ def linear_bar_start(stand: FlangePoses, length: Array) -> tuple[Array, Array, A
     p, n = stand.p_BF - origin, len(stand)
     turned = np.einsum("nji,nj->ni", stand.R_BF, p)
     columns = np.concatenate([2 * turned, -2 * p, 2 * length[:, None], -2 * stand.R_BF.reshape(n, 9)], axis=1)
-    x = solve_reweighted(columns[None], (length**2 - (p**2).sum(axis=1))[None])[0]
+    x = solve_by_reweighting(columns[None], (length**2 - (p**2).sum(axis=1))[None])[0]
     m, X, product = x[:3], x[3:6], x[7:].reshape(3, 3)
     by_product = product.T @ X / max(float(X @ X), 1e-12)
     return np.stack([m, by_product]), np.stack([X, X]) + origin, np.full(2, x[6])

@@ -125,7 +125,7 @@ def find_placement(problem: P, starts: Callable[[P], Array], few: int, rounds: S
         state = found.state[best_first(found)[:kept]]
     found = refine(many, state, LAST)
     best = found.take(best_first(found)[:1])
-    require_determined(best.jacobian[0], best.error[0], many)
+    require_determined_unknowns(best.jacobian[0], best.error[0], many)
     return best.state
 
 
@@ -186,7 +186,7 @@ def _undetermined_unknowns(jacobian: Array, error: Array, problem: PlacementProb
     return tuple(dict.fromkeys(u for u, hit in zip(problem.unknowns, touched, strict=True) if hit))
 
 
-def require_determined(jacobian: Array, error: Array, problem: PlacementProblem) -> None:
+def require_determined_unknowns(jacobian: Array, error: Array, problem: PlacementProblem) -> None:
     """Raise where the poses leave an unknown open.
 
     Args:

@@ -124,12 +124,12 @@ class BoardCamera(BoardSight):
     def _slopes(self, samples: Samples, R: Array, p: Array) -> Array:
         """Derivative of the pixels by shifts and by tilts of the board, both as a corner moves, (n, 2K, 6) [px/m]."""
         K = len(self.board)
-        seen = np.where(self.corners_seen(samples), np.zeros(2), np.nan)
+        seen = np.where(self.visible_corners(samples), np.zeros(2), np.nan)
         J = pose_slopes(self.lens, self.board.corners, seen, R, p)[1].reshape(len(samples), 2 * K, 6)
         J[:, :, 3:] /= self.board.radius
         return J
 
-    def corners_seen(self, samples: Samples) -> np.ndarray:
+    def visible_corners(self, samples: Samples) -> np.ndarray:
         """Return which corners of the whole board are seen, (n, K, 1) bool; a run may end before the last of them."""
         if samples.seen is None:
             return np.ones((len(samples), len(self.board), 1), dtype=bool)
@@ -183,7 +183,7 @@ class BoardCamera(BoardSight):
         back = np.einsum("nkr,nr->nk", self.basis(setup, samples), shown / self.number_scale)
         return np.asarray(pixels.reshape(len(samples), -1) + back)
 
-    def numbers_shown(self, samples: Samples, readings: Readings) -> Array | None:
+    def reading_numbers(self, samples: Samples, readings: Readings) -> Array | None:
         """Return the pixels of the whole board, (n, 2K) [px]."""
         return self.whole_pixels(readings).reshape(len(samples), -1)
 
@@ -292,7 +292,7 @@ class BoardCamera(BoardSight):
             setup, R_BG=there.R_BG, p_BG=there.p_BG, p_FM=there.p_FM, R_FM=there.R_FM, tool_prior=LOCATED_SIGMA
         )
 
-    def place_as_stated(self, setup: P, cell: Site) -> P:
+    def place_nominally(self, setup: P, cell: Site) -> P:
         """What an image shows depends on where the other part stands."""
         if not cell.fixtures:
             return setup
@@ -339,6 +339,6 @@ class BoardCamera(BoardSight):
         """Return how the numbers of images change with the size of the board, relative, (n, r) [m]."""
         R, p, _ = self.view(setup, samples, motion)
         r = np.einsum("nij,kj->nki", R, self.board.corners)
-        grown = np.einsum("nkij,nkj->nki", self.lens.slopes(r + p[:, None]), r) * self.corners_seen(samples)
+        grown = np.einsum("nkij,nkj->nki", self.lens.slopes(r + p[:, None]), r) * self.visible_corners(samples)
         Q = self.basis(setup, samples)
         return np.asarray(self.number_scale * np.einsum("nkr,nk->nr", Q, grown.reshape(len(samples), -1)))

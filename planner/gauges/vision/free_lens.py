@@ -69,7 +69,7 @@ class FreeLensCamera(BoardCamera):
 
     def _lens_slopes(self, samples: Samples, R: Array, p: Array) -> Array:
         p_C = np.einsum("nij,kj->nki", R, self.board.corners) + p[:, None]
-        L = np.where(self.corners_seen(samples)[..., None], self.lens.lens_slopes(p_C), 0.0)
+        L = np.where(self.visible_corners(samples)[..., None], self.lens.lens_slopes(p_C), 0.0)
         return np.asarray(L.reshape(len(samples), -1, len(LENS_UNKNOWNS)))
 
     def lens_rows(self, setup: Placement, samples: Samples, motion: ForwardPass) -> Array:

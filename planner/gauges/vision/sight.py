@@ -80,7 +80,7 @@ class BoardSight(FrameGauge):
         return replace(made, noise=float(made.sigmas[0]))
 
     @property
-    def stated(self) -> dict[str, Any]:
+    def fields_by_name(self) -> dict[str, Any]:
         """All that it was made of, for another kind of camera."""
         return {f.name: getattr(self, f.name) for f in fields(self)}
 

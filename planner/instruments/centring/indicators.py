@@ -135,7 +135,7 @@ def _channel(k: int, ports: list[str]) -> int:
     return k + 1 if len(ports) == 1 else 1
 
 
-def settled_reading(indicators: Indicators, how: RestSettings, stop: StopRequest) -> Array:
+def read_settled_indicators(indicators: Indicators, how: RestSettings, stop: StopRequest) -> Array:
     """Wait for the arm to settle, read until enough readings in a row agree, and return their mean, (3,) [m].
 
     Raises:

@@ -63,7 +63,7 @@ class Journal:
         return 1 + max((r.session for r in self.rows), default=-1)
 
     @property
-    def measured(self) -> set[int]:
+    def measured_ids(self) -> set[int]:
         """Ids of the poses that are measured."""
         return {r.pose for r in self.rows}
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from planner.common.units import MM, UM, Array, read_only, to_mm
-from planner.instruments.centring.indicators import Indicators, settled_reading
+from planner.instruments.centring.indicators import Indicators, read_settled_indicators
 from planner.instruments.centring.robot_link import RobotLink
 from planner.instruments.centring.settings import CentringSettings, HeadSettings, MoveSettings
 from planner.instruments.centring.stop import ContactError, DivergingError, RangeError, StopRequest, StuckError
@@ -148,7 +148,7 @@ def centre_ball(indicators: Indicators, link: RobotLink, settings: CentringSetti
     watch, moved, near = FollowingCheck(to_tool, limits), np.zeros(3), 0
     found: Array | None = None
     for moves in range(limits.most_moves + 1):
-        reading = settled_reading(indicators, settings.rest, stop)
+        reading = read_settled_indicators(indicators, settings.rest, stop)
         check_contact(reading, settings.head)
         watch.check(reading)
         p_TB = to_tool @ reading

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from planner.common.units import MM, Array, from_deg, to_deg, to_mm
-from planner.instruments.centring.indicators import Indicators, settled_reading
+from planner.instruments.centring.indicators import Indicators, read_settled_indicators
 from planner.instruments.centring.journal import Journal, JournalRow, journal_path, open_journal
 from planner.instruments.centring.path import BallVisit, PlannedPath, read_planned_path
 from planner.instruments.centring.procedure import CentredBall, centre_ball, check_free
@@ -43,7 +43,7 @@ class CentringSession:
     @property
     def pending(self) -> list[BallVisit]:
         """The poses that are left, in the order driven."""
-        return [v for v in self.way.visits if v.id not in self.journal.measured]
+        return [v for v in self.way.visits if v.id not in self.journal.measured_ids]
 
     @property
     def output(self) -> Path:
@@ -121,7 +121,7 @@ def drive_to_balls(session: CentringSession, bench: CentringBench) -> Iterator[B
         off_ball = way.before(visit, at)
         _drive(way.between(at, off_ball), way, bench)
         if settings.head.check_free:
-            check_free(settled_reading(bench.indicators, settings.rest, bench.stop), settings.head)
+            check_free(read_settled_indicators(bench.indicators, settings.rest, bench.stop), settings.head)
         _drive([off_ball, visit.at], way, bench)
         at = visit.at
         yield visit
@@ -148,7 +148,7 @@ def follow_program(session: CentringSession, bench: CentringBench) -> Iterator[B
             raise LinkError(
                 f"the robot's program stands {off:.3f} deg away from pose {pose} of this plan: is it another's?"
             )
-        if visit.id not in session.journal.measured:
+        if visit.id not in session.journal.measured_ids:
             yield visit
         bench.link.release()
 
@@ -223,7 +223,7 @@ def _undo_shift(bench: CentringBench, moved: Array) -> None:
 
 
 def _stop_message(session: CentringSession, where: str, err: CentringError) -> str:
-    count, of = len(session.journal.measured), len(session.way.visits)
+    count, of = len(session.journal.measured_ids), len(session.way.visits)
     return (
         f"{where}: {err}; {count} of {of} poses are kept in {journal_path(session.output).name}, "
         "the same command goes on from there"

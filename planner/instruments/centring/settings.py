@@ -112,7 +112,7 @@ def _controller_name(text: str) -> str:
 ProgramName = Annotated[str, AfterValidator(_controller_name)]
 
 
-def _known_protocol(name: str) -> str:
+def _check_protocol(name: str) -> str:
     try:
         find_protocol(name)
     except InputError as err:
@@ -129,7 +129,7 @@ class HeadSettings(StrictModel):
     indicators stand in it).
     """
 
-    protocol: Annotated[str, AfterValidator(_known_protocol)] = "sylvac"
+    protocol: Annotated[str, AfterValidator(_check_protocol)] = "sylvac"
     tool_frame: Literal["head", "flange"] = "head"
     matrix: Matrix | None = None
     usable_mm: Stroke = 5.0  # the disk tips meet a 1-inch ball up to here; beyond −usable nothing touches

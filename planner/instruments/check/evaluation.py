@@ -220,7 +220,7 @@ def evaluate_check(baseline: Baseline, cell: Cell, run: Run, limit: float | None
     judged = [_judge(detector, c, e, leads[e.which], difference) for c, e in zip(changes, tests, strict=True)]
     left = len(baseline.values) - len(baseline.for_samples(samples).values)
     notes = [f"{left} effects of the baseline need quantities that the run does not hold: left out"] if left else []
-    notes += [hidden_text(hidden)] if hidden else []
+    notes += [hidden_changes_text(hidden)] if hidden else []
     return CheckVerdict(
         run=run.name,
         poses=np.arange(len(samples)) if samples.pose is None else samples.pose,
@@ -252,7 +252,7 @@ def build_detector(
     return replace(detector, columns=kept), shown, hidden
 
 
-def hidden_text(hidden: tuple[Change, ...]) -> str:
+def hidden_changes_text(hidden: tuple[Change, ...]) -> str:
     """Say which changes no reading shows, and why."""
     names = " and ".join(c.name for c in hidden)
     return (

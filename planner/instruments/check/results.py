@@ -15,7 +15,7 @@ from planner.instruments.check.evaluation import (
     CheckVerdict,
     JudgedChange,
     build_detector,
-    hidden_text,
+    hidden_changes_text,
     possible_changes,
     shows_play,
 )
@@ -49,7 +49,7 @@ class CheckForecast:
     @property
     def hidden_because(self) -> str:
         """Say which changes no reading shows, and why; empty where all show."""
-        return hidden_text(self.hidden) if self.hidden else ""
+        return hidden_changes_text(self.hidden) if self.hidden else ""
 
     def content(self) -> dict[str, object]:
         """Return ``shows.json``."""

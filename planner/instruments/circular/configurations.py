@@ -115,7 +115,7 @@ def find_arm_paths(cell: Cell, circle: Circle, seed: int = 0) -> ArmPaths:
     over = np.maximum(cell.robot.q_lower - held_at, held_at - cell.robot.q_upper)
     inside = (over < 0.0).all(axis=1)
     if not inside.any():
-        raise NoSolutionError(_explain_unreached(circle, angle[0], over))
+        raise NoSolutionError(_explain_unreached_start(circle, angle[0], over))
     start, R = held_at[inside], turned[inside]
     x = np.broadcast_to(circle.points(angle), (len(start), len(angle), 3))
     q, reached = follow_poses(cell, start, x, np.array([orientations(circle, angle, r) for r in R]))
@@ -123,7 +123,7 @@ def find_arm_paths(cell: Cell, circle: Circle, seed: int = 0) -> ArmPaths:
     margins[np.arange(len(angle)) >= reached[:, None]] = -np.inf
     whole = (margins > 0.0).all(axis=(1, 2))
     if not whole.any():
-        raise NoSolutionError(_explain_refused(cell, circle, angle, margins, reached))
+        raise NoSolutionError(_explain_refused_path(cell, circle, angle, margins, reached))
     kept = np.flatnonzero(whole)
     turns = [stage != "workspace" for stage, _ in _workspace(cell, circle).columns]
     room = np.minimum(margins[kept][:, :, turns].min(axis=(1, 2)), _condition(cell, q[kept]))
@@ -149,7 +149,7 @@ def _start_poses(cell: Cell, circle: Circle, angle: float, seed: int) -> tuple[A
     """Distinct configurations (m, N) [rad] of all start poses, limits not looked at, with orientations (m, 3, 3)."""
     same = 1e-4  # [rad] start poses nearer than this are one
     robot = cell.robot
-    R = spun_orientations(cell.tool.axis_F, tool_axes(circle), TOOL_SPINS)
+    R = rotated_orientations(cell.tool.axis_F, tool_axes(circle), TOOL_SPINS)
     low, high = robot.one_turn
     # 64 arm positions from which each start pose is looked for
     unit = qmc.Sobol(robot.n_joints, seed=seed).random_base2(6)
@@ -162,7 +162,7 @@ def _start_poses(cell: Cell, circle: Circle, angle: float, seed: int) -> tuple[A
     return q[first], R[which[first]]
 
 
-def spun_orientations(axis_F: Array, axes_B: Iterable[Array], spins: int) -> Array:
+def rotated_orientations(axis_F: Array, axes_B: Iterable[Array], spins: int) -> Array:
     """Orientations (m · spins, 3, 3) that bring a tool's axis along each of m unit vectors, evenly turned about it."""
     turn = np.arange(spins)[:, None] * (2 * np.pi / spins)
     spin = Rotation.from_rotvec(turn * axis_F).as_matrix()
@@ -224,7 +224,7 @@ def _condition(cell: Cell, q: Array) -> Array:
     return np.asarray(smallest_singular_value(cell.chain, cell.robot, q.reshape(-1, n)).reshape(m, k).min(axis=1))
 
 
-def _explain_unreached(circle: Circle, angle: float, over: Array) -> str:
+def _explain_unreached_start(circle: Circle, angle: float, over: Array) -> str:
     """Say why the beginning is not reached: not at all, or by how much a joint's limit (over (m, N) [rad]) misses."""
     tried = TOOL_SPINS * len(list(tool_axes(circle)))
     where = f"circle {circle.name}: the robot does not reach its beginning at {to_deg(angle):.0f}°"
@@ -239,7 +239,7 @@ def _explain_unreached(circle: Circle, angle: float, over: Array) -> str:
     return f"{where}: {why}; move the fixture nearer, change start_deg or radius_mm, or give tool_axis"
 
 
-def _explain_refused(cell: Cell, circle: Circle, angle: Array, margins: Array, reached: np.ndarray) -> str:
+def _explain_refused_path(cell: Cell, circle: Circle, angle: Array, margins: Array, reached: np.ndarray) -> str:
     """Say how far the best way comes and what stops it."""
     good = margins.min(axis=2) > 0.0
     far = np.argmin(good, axis=1)  # none is good all along

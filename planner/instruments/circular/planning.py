@@ -30,7 +30,7 @@ from planner.instruments.circular.plan import (
     measured_passes,
 )
 from planner.kinematics.inverse_kinematics import solve_pose_ik
-from planner.motion.collision.surroundings import describe_parked_joints, describe_unchecked_links, left_out_pairs
+from planner.motion.collision.surroundings import describe_parked_joints, describe_unchecked_links, unchecked_links_text
 from planner.motion.path.connection import connect_poses
 from planner.motion.path.constraints import Constraints
 from planner.motion.path.verdict import PathGaps
@@ -80,7 +80,7 @@ class CircularSession:
         collision = (
             *describe_unchecked_links(self.cell),
             *describe_parked_joints(self.cell),
-            *left_out_pairs(self.cell),
+            *unchecked_links_text(self.cell),
         )
         notes = (*load_notes(self.cell), *_path_notes(self.cell, drives), *collision)
         return CircularPlan(cell=self.cell, seed=self.seed, drives=tuple(drives), notes=notes)

@@ -20,7 +20,7 @@ from planner.common.units import MM, Array, read_only, to_mm
 from planner.design.selection.d_optimal import detmax
 from planner.effects.compliance import compliance_parameters
 from planner.instruments.circular.circle import Circle, CirclePlane, circles_of
-from planner.instruments.circular.configurations import follow_poses, spun_orientations
+from planner.instruments.circular.configurations import follow_poses, rotated_orientations
 from planner.instruments.loaded.assumptions import DEFLECTION, DRIVABLE
 from planner.instruments.loaded.compliance import harmonic_counts, harmonics_of
 from planner.instruments.loaded.types import AveragedCurves, DrivenCircle
@@ -156,7 +156,7 @@ def _find_starts(cell: Cell, x: Array, normals: Array, seed: int) -> tuple[np.nd
     low, high = np.maximum(robot.q_lower, -np.pi / 2), np.minimum(robot.q_upper, np.pi / 2)
     # 8 arm positions from which a start is looked for
     seeds = np.vstack([cell.home, low + qmc.Sobol(robot.n_joints, seed=seed).random_base2(3) * (high - low)])
-    R = np.repeat(spun_orientations(cell.tool.axis_F, -normals, spins), len(seeds), axis=0)
+    R = np.repeat(rotated_orientations(cell.tool.axis_F, -normals, spins), len(seeds), axis=0)
     which = np.repeat(np.arange(len(x)), spins * len(seeds))
     # 40: rounds of Newton for a start
     q, good = solve_pose_ik(cell.chain, robot, np.tile(seeds, (len(x) * spins, 1)), x[which], R, 40)
@@ -285,12 +285,12 @@ def planned_curves(setup: MeasurementSetup, place: CirclePlace) -> AveragedCurve
         q=read_only(np.broadcast_to(place.q, (*shape, place.q.shape[1]))),
         length=read_only(np.zeros(shape)),
         force=read_only(np.broadcast_to(loads[:, None], shape)),
-        noise=read_only(promised_turn_noise(there, place.q)),
+        noise=read_only(predicted_turn_noise(there, place.q)),
         repeats=np.full((D, K), circle.repeats),
     )
 
 
-def promised_turn_noise(setup: MeasurementSetup, q: Array) -> Array:
+def predicted_turn_noise(setup: MeasurementSetup, q: Array) -> Array:
     """Variance of one turn's harmonics, (H,) [m²]: the gauge's in all, the arm's repeatability in the first few."""
     B = len(q)
     noise = Model(setup, ()).reading_noise(Samples.at(q))

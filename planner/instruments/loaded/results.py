@@ -47,7 +47,7 @@ def loaded_sentences(circles: Sequence[EvaluatedCircle], found: JointCompliances
 
 def compliance_sentences(found: JointCompliances, circles: int) -> tuple[str, ...]:
     """Say which combinations of the joints' compliances are known, which are not, and what would help."""
-    total, known, unknown = len(found.names), found.known, found.unknown
+    total, known, unknown = len(found.names), found.known_combinations, found.unknown_combinations
     hardly = [c for c in found.combinations if TOLD.known_share <= c.std <= TOLD.open_share]
     one = circles == 1
     alike = f"the ± {found.prior[0] / URAD:g} µrad/Nm that was expected before"

@@ -77,12 +77,12 @@ class JointCompliances:
         )
 
     @property
-    def known(self) -> tuple[Combination, ...]:
+    def known_combinations(self) -> tuple[Combination, ...]:
         """Combinations known to a third of their prior sigma or better."""
         return tuple(c for c in self.combinations if c.std < TOLD.known_share)
 
     @property
-    def unknown(self) -> tuple[Combination, ...]:
+    def unknown_combinations(self) -> tuple[Combination, ...]:
         """Combinations of which the deflections say less than was known before."""
         return tuple(c for c in self.combinations if c.std > TOLD.open_share)
 

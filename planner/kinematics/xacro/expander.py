@@ -198,7 +198,7 @@ class _Expander:
                 return
         raise XacroError(f"there is no block '{name}'")
 
-    def _made_element(self, element: ET.Element, target: ET.Element, scope: Scope) -> None:
+    def _make_element(self, element: ET.Element, target: ET.Element, scope: Scope) -> None:
         made = ET.Element(self._attribute(element, f"{PREFIX}name", scope))
         if not re.fullmatch(r"[A-Za-z_][\w.:-]*", made.tag):
             raise XacroError(f"'{made.tag[:60]}' is no name of an element")
@@ -207,7 +207,7 @@ class _Expander:
         made.extend(element)
         self._write(made, target, scope)
 
-    def _made_attribute(self, element: ET.Element, target: ET.Element, scope: Scope) -> None:
+    def _make_attribute(self, element: ET.Element, target: ET.Element, scope: Scope) -> None:
         name, value = (self._attribute(element, key, scope) for key in ("name", "value"))
         if not re.fullmatch(r"[A-Za-z_][\w.:-]*", name):
             raise XacroError(f"'{name[:60]}' is no name of an attribute")
@@ -225,8 +225,8 @@ class _Expander:
         "if": _if,
         "unless": _if,
         "insert_block": _insert_block,
-        "element": _made_element,
-        "attribute": _made_attribute,
+        "element": _make_element,
+        "attribute": _make_attribute,
         "call": _dynamic_call,
     }
 

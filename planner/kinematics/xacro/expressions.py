@@ -93,7 +93,7 @@ class _Evaluation:
             return node.value
         found = self._KINDS.get(type(node))
         if found is None:
-            raise _not_evaluated(node)
+            raise _evaluation_error(node)
         return found(self, node)
 
     def _operation(self, node: ast.UnaryOp | ast.BinOp) -> object:
@@ -102,7 +102,7 @@ class _Evaluation:
         else:
             parts, table = [node.left, node.right], BINARY
         if type(node.op) not in table:
-            raise _not_evaluated(node)
+            raise _evaluation_error(node)
         return table[type(node.op)](*(self.value(p) for p in parts))
 
     def _choice(self, node: ast.IfExp) -> object:
@@ -209,5 +209,5 @@ def _size_of(value: object) -> int:
     return len(value) // 4 if isinstance(value, list | tuple) else 0  # entries of a list are worth a step of work
 
 
-def _not_evaluated(node: ast.expr) -> XacroError:
+def _evaluation_error(node: ast.expr) -> XacroError:
     return XacroError(f"'{ast.unparse(node)[:60]}' is not evaluated: only arithmetic, names and known functions are")

@@ -96,7 +96,7 @@ class RoundBounds:
         x = self.scene.cell.map_position(q) if self.scene.has_bar else np.zeros((n, 3))  # else of no interest
         bar = bar_state(x, self.scene.p_BX).direction.T
         ends, frames = np.empty((2, 3, len(self.cores), n)), dict[int, tuple[Array, Array]]()
-        for (carrier, link), carried in self._carried.items():
+        for (carrier, link), carried in self._pieces_by_carrier.items():
             own = self._ends[carried]  # (pieces, 2, 3)
             if carrier in ("housing", "rod"):  # its bodies are round about it
                 start = self.scene.p_BX[:, None] if carrier == "housing" else x.T
@@ -108,7 +108,7 @@ class RoundBounds:
         return ends, frames
 
     @cached_property
-    def _carried(self) -> dict[tuple[str, int], list[int]]:
+    def _pieces_by_carrier(self) -> dict[tuple[str, int], list[int]]:
         """Positions of the pieces that each carrier holds."""
         out: dict[tuple[str, int], list[int]] = {}
         for k, piece in enumerate(self.scene.pieces):

@@ -247,7 +247,7 @@ class Scene:
         low, high = sorted((a.link, b.link))
         return f"[{low}, {high}]" if high - low == NEXT_BUT_ONE and not (a.body.branch or b.body.branch) else ""
 
-    def blamed_pair(self, k: int) -> str:
+    def describe_pair(self, k: int) -> str:
         """Return the two bodies of pair ``k``, and the key of the cell that places one of them."""
         name, floor = self.pair_name(k), self.cell.base.floor
         has_floor = FLOOR in (self.pieces[i].body.name for i in self.pairs[k])

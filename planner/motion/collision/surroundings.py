@@ -40,12 +40,12 @@ def check_surroundings(cell: Cell) -> None:
         for piece in pieces:
             _check_mesh(cell, piece)
         for body in cell.obstacles:
-            _check_reached(cell, body, reach)
+            _check_obstacle_distance(cell, body, reach)
     _check_floor(cell)
     _check_apart(cell)
 
 
-def left_out_pairs(cell: Cell) -> tuple[str, ...]:
+def unchecked_links_text(cell: Cell) -> tuple[str, ...]:
     """Say which links of the robot are not checked against each other: neighbours, and those that its file names."""
     robot = cell.robot
     links = sorted({link for link, b in robot.bodies if not b.branch})
@@ -53,12 +53,12 @@ def left_out_pairs(cell: Cell) -> tuple[str, ...]:
         return ()
     neighbours = [f"{a} and {b}" for a, b in pairwise(links) if b - a == 1]
     named = ", ".join(f"{a} and {b}" for a, b in sorted(robot.never_meet))
-    said = (", ".join(neighbours), named and f"{named} ({robot.never_meet_reason})", *_left_out_parts(cell))
+    said = (", ".join(neighbours), named and f"{named} ({robot.never_meet_reason})", *_unchecked_links_by_name(cell))
     told = "; ".join(filter(None, said))
     return (Aside(f"bodies of these links are not checked against each other: {told}"),) if told else ()
 
 
-def _left_out_parts(cell: Cell) -> list[str]:
+def _unchecked_links_by_name(cell: Cell) -> list[str]:
     """Say which links, by name, would be checked against each other if no file said that they may touch."""
     robot = cell.robot
     there = {b.part: (link, b.rigid) for link, b in robot.bodies}
@@ -136,7 +136,7 @@ def _check_apart(cell: Cell) -> None:
         hint += f", or, where only crude shapes touch, {advise_never_meet(keys)}"
     distance = world.distances(cell.home[None])[0]
     names = "; ".join(
-        f"{scene.blamed_pair(k)}, {to_mm(abs(distance[k])):.1f} mm "
+        f"{scene.describe_pair(k)}, {to_mm(abs(distance[k])):.1f} mm "
         f"{'apart' if distance[k] > 0 else 'into each other'} at home"
         for k in found[:SHOWN_PAIRS]
     )
@@ -171,7 +171,7 @@ def _check_mesh(cell: Cell, piece: SceneBody) -> None:
         )
 
 
-def _check_reached(cell: Cell, body: Body, reach: float) -> None:
+def _check_obstacle_distance(cell: Cell, body: Body, reach: float) -> None:
     """Refuse an obstacle outside of the ball about the base that holds all that moves."""
     away = coal.DistanceResult()
     here = coal.Transform3s(np.array(body.T[:3, :3]), np.array(body.T[:3, 3]))

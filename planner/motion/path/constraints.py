@@ -155,7 +155,7 @@ class Constraints:
         return f"{name} exceeded by {size}"
 
     def _too_near(self, pair: int, distance: float) -> str:
-        name, wanted = self.scene.blamed_pair(pair), to_mm(self.clearance)
+        name, wanted = self.scene.describe_pair(pair), to_mm(self.clearance)
         if distance <= 0.0:
             return f"{name} collide ({wanted:g} mm wanted between them)"
         return f"{name} come within {distance / MM:.1f} mm ({wanted:g} mm wanted)"

@@ -359,7 +359,7 @@ class PartMap:
         _, nearest = cKDTree(self.roadmap.graph.q / speed).query(q / speed, workers=-1)
         return np.asarray(self.part[nearest])
 
-    def find_unjoined(self, q: Array, share: float) -> np.ndarray:
+    def find_unjoined_poses(self, q: Array, share: float) -> np.ndarray:
         """Positions of those poses (n, N) [rad] that no proven path joins to the first pose; they join the roadmap."""
         graph, speed = self.roadmap.graph, self.roadmap.constraints.cell.robot.speed
         count = len(graph.q)

@@ -74,7 +74,7 @@ def solve_concorde(
     """
     # a forbidden leg costs more than a tour that is known
     matrix = np.where(instance.forbidden, upper + 1, instance.cost)
-    timeout = min(TIMEOUT_S, limit.seconds_left(LastStart.TOUR))
+    timeout = min(TIMEOUT_S, limit.remaining_seconds(LastStart.TOUR))
     with tempfile.TemporaryDirectory(prefix="edbb-") as folder:
         Path(folder, "problem.tsp").write_text(_tsplib(matrix), encoding="ascii")
         command = [str(program), "-s", str(seed), "-o", "out.sol", "problem.tsp"]

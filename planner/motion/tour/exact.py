@@ -35,7 +35,7 @@ def initial_search(instance: TourInstance, seed: int, limit: TimeLimit = UNLIMIT
     return search
 
 
-def solve_embedded(instance: TourInstance, search: LocalSearch, nodes: int) -> tuple[list[int], int]:
+def solve_instance(instance: TourInstance, search: LocalSearch, nodes: int) -> tuple[list[int], int]:
     """Return the best tour found from ``search`` on, and the lower bound [units] proven over ``nodes`` of the tree."""
     size, tour = len(instance.cost), list(search.tour)
     near = nearest_neighbours(instance.weigh_legs(), NEIGHBOURS)
@@ -189,7 +189,9 @@ def _search_tree(
     program.make_whole()
     while True:
         program.solver.setOptionValue("mip_max_nodes", most_nodes - nodes)
-        program.solver.setOptionValue("time_limit", program.solver.getRunTime() + limit.seconds_left(LastStart.TOUR))
+        program.solver.setOptionValue(
+            "time_limit", program.solver.getRunTime() + limit.remaining_seconds(LastStart.TOUR)
+        )
         if allowed:
             program.start_from(tour)
         x = program.point()

@@ -12,7 +12,7 @@ from planner.common.errors import InputError, MissingProgramError, NoSolutionErr
 from planner.common.progress import UNLIMITED, LastStart, TimeLimit
 from planner.common.units import Array, IntArray
 from planner.motion.tour.concorde import ConcordeError, find_concorde, solve_concorde
-from planner.motion.tour.exact import initial_search, solve_embedded
+from planner.motion.tour.exact import initial_search, solve_instance
 from planner.motion.tour.instance import TourInstance, build_instance
 
 
@@ -144,7 +144,7 @@ class _TourRequest:
             LastStart.TOUR, "of the proof that the tour is the shortest only the root was computed"
         )
         nodes = 0 if cut else self.nodes
-        tour, bound = solve_embedded(instance, search, nodes)
+        tour, bound = solve_instance(instance, search, nodes)
         length = instance.length(tour)
         if length >= instance.penalty:
             raise self._no_order_error(proven=bound >= instance.penalty)

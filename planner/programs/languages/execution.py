@@ -12,7 +12,15 @@ from planner.common.errors import InputError
 from planner.common.units import Array, read_only
 from planner.programs.dialect import Dialect
 from planner.programs.instructions import Program
-from planner.programs.languages.statements import Call, Pulse, Routine, RoutineEnd, Statement, Waiting, parse_fixed
+from planner.programs.languages.statements import (
+    Call,
+    Pulse,
+    Routine,
+    RoutineEnd,
+    Statement,
+    Waiting,
+    parse_fixed_point,
+)
 
 
 @dataclass(frozen=True)
@@ -159,7 +167,7 @@ class Execution(ABC):
                 continue
             match statement:
                 case Waiting(number=number, unit=unit):
-                    self.dwell(parse_fixed(number, statement.text) * unit)
+                    self.dwell(parse_fixed_point(number, statement.text) * unit)
                     understood.add(id(statement))
                 case Pulse():
                     self.syncs += 1

@@ -127,5 +127,5 @@ class FanucExecution(Execution):
         if match is None or angles is None or (match["unit"] == "%" and self.moves):
             raise InputError(f"line {statement.line}: '{statement.text}' is no joint move of this family")
         blend = None if match["end"] == "FINE" else float(match["end"][3:])
-        self.move(angles, blend, st.parse_fixed(match["speed"], statement.text))
+        self.move(angles, blend, st.parse_fixed_point(match["speed"], statement.text))
         return True

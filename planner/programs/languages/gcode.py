@@ -18,7 +18,7 @@ from planner.programs.languages.statements import (
     RoutineEnd,
     Statement,
     mask_comments,
-    parse_fixed,
+    parse_fixed_point,
 )
 
 _WORD = re.compile(rf"([A-Z]+\d*=|[A-Z])\s*({NUMBER})")
@@ -148,13 +148,13 @@ class GcodeExecution(Execution):
             return False
         if dwell := re.fullmatch(patterns.dwell, said):
             if not self.in_pulse:
-                self.dwell(parse_fixed(dwell["seconds"], f"line {statement.line}"))
+                self.dwell(parse_fixed_point(dwell["seconds"], f"line {statement.line}"))
         elif isinstance(statement, Block) and re.search(rf"(^|\s){patterns.motion}(\s|$)", said):
             self._move(statement)
         elif patterns.exact and re.fullmatch(patterns.exact, said):
             self.blend = None
         elif patterns.blended and (rounding := re.fullmatch(patterns.blended, said)):
-            self.blend = parse_fixed(rounding["value"], f"line {statement.line}")
+            self.blend = parse_fixed_point(rounding["value"], f"line {statement.line}")
         else:
             return re.fullmatch("M0?2|M30", said) is not None
         return True
@@ -168,9 +168,9 @@ class GcodeExecution(Execution):
         found: dict[str, float] = {}
         for name, number in block.words:
             if name == "F":
-                self.feed = parse_fixed(number.text, where)
+                self.feed = parse_fixed_point(number.text, where)
             elif name in self.axes and name not in found:
-                found[name] = parse_fixed(number.text, where)
+                found[name] = parse_fixed_point(number.text, where)
             elif name != "G" or not re.fullmatch(self.beside, f"G{number.text}"):
                 raise InputError(f"{where}: the word '{name}{number.text}' is unknown or stands twice")
         if list(found) != self.axes[: len(found)]:

@@ -185,11 +185,11 @@ class KrlExecution(Execution):
                 blended = statement.rest.upper() == "C_PTP"
                 self.move(_angles(statement), self.values["$APO.CPTP"] if blended else None, speed)
             case Bas(what="VEL_PTP", value=value):
-                self.values["VEL_PTP"] = st.parse_fixed(value, statement.text)
+                self.values["VEL_PTP"] = st.parse_fixed_point(value, statement.text)
             case st.Assignment(name=name, part=part, value=value) if (
                 key := f"{name}.{part}".rstrip(".")
             ) in self.words:
-                self.values[key] = st.parse_fixed(value, statement.text)
+                self.values[key] = st.parse_fixed_point(value, statement.text)
                 self.reduces = self.reduces or self.values["$RED_VEL"] != 100.0
             case st.Call() if centring and (match := re.fullmatch(centring, statement.text, re.IGNORECASE)):
                 self.centrings.append((len(self.moves), int(match["ball"]), int(match["pose"])))
@@ -231,4 +231,4 @@ def _named_angles(target: Aggregate, where: str) -> list[float]:
     found = target.numbers or {}
     if not found or tuple(found) != AXES[: len(found)]:
         raise InputError(f"{target.text} does not name the axes in order, each once and with a number")
-    return [st.parse_fixed(number.text, where) for number in found.values()]
+    return [st.parse_fixed_point(number.text, where) for number in found.values()]

@@ -62,9 +62,9 @@ def _step_of_row(place: tuple[int, int, str], row: str, width: int) -> st.Statem
     numbers = {"pose": pose, "duration_s": seconds, "blend_mm": blend, "seconds_s": dwell}
     for key, cell in numbers.items():
         if cell:
-            found[key] = st.parse_fixed(cell, f"line {place[0]}: {key}")
+            found[key] = st.parse_fixed_point(cell, f"line {place[0]}: {key}")
     if any(angles):
-        found["q_deg"] = [st.parse_fixed(cell, f"line {place[0]}: an angle") for cell in angles]
+        found["q_deg"] = [st.parse_fixed_point(cell, f"line {place[0]}: an angle") for cell in angles]
     if text:
         found["text"] = text
     return _step(place, found)

@@ -115,7 +115,7 @@ class Pdl2Execution(Execution):
             case Pdl2Move():
                 self._move(statement)
             case st.Assignment(name=name, value=value) if found := re.fullmatch(r"place\((.*)\)", value):
-                self.places[name] = [st.parse_fixed(cell.strip(), statement.text) for cell in found[1].split(",")]
+                self.places[name] = [st.parse_fixed_point(cell.strip(), statement.text) for cell in found[1].split(",")]
             case _:
                 return False
         return True
@@ -128,7 +128,9 @@ class Pdl2Execution(Execution):
             raise _refusal(move)
         said = _clauses(move, move.rest, ("$PROG_SPD_OVR",), ("$FLY_PER",), ("$ARM_SPD_OVR",))
         speed = said["$PROG_SPD_OVR"] * said.get("$ARM_SPD_OVR", 100.0) / 100.0
-        self.move([st.parse_fixed(number.text, move.text) for number in move.numbers], said.get("$FLY_PER"), speed)
+        self.move(
+            [st.parse_fixed_point(number.text, move.text) for number in move.numbers], said.get("$FLY_PER"), speed
+        )
         self.syncs += move.rest.count("CONDITION[")
 
     def _circle(self, move: Pdl2Move) -> None:
@@ -155,7 +157,7 @@ def _clauses(
         raise InputError(f"'{move.text}': MOVEFLY and its rounding belong together, and every move has its speed")
     if any(said[word] != value for word, value in _WORDS.items() if word in said):
         raise _refusal(move)
-    return {word: st.parse_fixed(value, move.text) for word, value in said.items() if word not in _WORDS}
+    return {word: st.parse_fixed_point(value, move.text) for word, value in said.items() if word not in _WORDS}
 
 
 def _refusal(move: Pdl2Move) -> InputError:

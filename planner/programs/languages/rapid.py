@@ -157,7 +157,7 @@ def _target_angles(move: RapidMove, target: str) -> list[float]:
         raise _refusal(move)
     numbers = st.placed_numbers(target, 0, st.EXPONENT_NUMBER)
     used = [*numbers[:6], *(n for n in numbers[6:] if n.value < UNUSED_AXIS)]
-    return [st.parse_fixed(n.text, move.text) for n in used]
+    return [st.parse_fixed_point(n.text, move.text) for n in used]
 
 
 def _manner(move: RapidMove, speed: str, zone: str, tool: str) -> tuple[float | None, float]:
@@ -165,4 +165,6 @@ def _manner(move: RapidMove, speed: str, zone: str, tool: str) -> tuple[float | 
     speeds, zones = re.fullmatch(r"\[([^],]*),[^]]*\]", speed), re.fullmatch(r"fine|\[FALSE,([^],]*),[^]]*\]", zone)
     if not (speeds and zones and re.fullmatch(r"\w+( \\WObj:=\w+)?", tool)):
         raise _refusal(move)
-    return None if zones[1] is None else st.parse_fixed(zones[1], move.text), st.parse_fixed(speeds[1], move.text)
+    return None if zones[1] is None else st.parse_fixed_point(zones[1], move.text), st.parse_fixed_point(
+        speeds[1], move.text
+    )

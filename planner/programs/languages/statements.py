@@ -241,7 +241,7 @@ def _inline_calls(bodies: dict[str, list[Statement]], name: str, depth: int = 0)
             yield statement
 
 
-def parse_fixed(text: str, where: str) -> float:
+def parse_fixed_point(text: str, where: str) -> float:
     """Return the number that ``text`` spells in fixed point, as every controller takes it."""
     if not re.fullmatch(r"-?[0-9]+(\.[0-9]*)?", text):
         raise InputError(f"{where}: '{text}' is no number in fixed point")

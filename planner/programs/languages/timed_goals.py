@@ -187,8 +187,8 @@ def parse_frames(text: str) -> Iterator[st.Statement]:
             yield FileHead(*place)
         elif angles and _EVENT.fullmatch(event):
             where = f"line {line}"
-            goals = tuple(st.parse_fixed(a, where) for a in angles)
-            yield TimedGoal(*place, "frame", goals, st.parse_fixed(time, where), event)
+            goals = tuple(st.parse_fixed_point(a, where) for a in angles)
+            yield TimedGoal(*place, "frame", goals, st.parse_fixed_point(time, where), event)
         else:
             yield st.Statement(*place)
 

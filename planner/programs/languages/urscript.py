@@ -89,8 +89,8 @@ class UrScriptExecution(Execution):
         if match is None or statement.depth != 1:
             raise InputError(f"line {statement.line}: '{statement.text}' is no joint move of this family")
         lists = re.findall(r"\[[^\]]*\]", statement.text)
-        *via, goal = ([st.parse_fixed(m[1], statement.text) for m in re.finditer(_ANGLE, text)] for text in lists)
-        radius = None if match["radius"] is None else 1e3 * st.parse_fixed(match["radius"], statement.text)
-        speed = st.parse_fixed(match["speed"], statement.text)
+        *via, goal = ([st.parse_fixed_point(m[1], statement.text) for m in re.finditer(_ANGLE, text)] for text in lists)
+        radius = None if match["radius"] is None else 1e3 * st.parse_fixed_point(match["radius"], statement.text)
+        speed = st.parse_fixed_point(match["speed"], statement.text)
         self.move(goal, radius, 1e3 * speed if via else speed, *via)
         return True

@@ -105,7 +105,7 @@ def test_poses_for_the_unknown_leave_less_than_those_of_the_index_or_of_chance(k
     _, pool = kuka
     assert len(set(expected.chosen)) == 120
     assert error_after(expected, pool.samples.take(expected.chosen)) == pytest.approx(expected.left, rel=1e-6)
-    assert expected.bound < expected.left < expected.unknown.untraced
+    assert expected.bound < expected.left < expected.unknown.untraced_error
     rows = expected.unknown.model.rows(pool.samples)
     geometry = [k for k, p in enumerate(expected.unknown.model.parameters) if p.group in ("gauge", "geometry")]
     scaled = rows[:, :, geometry] * expected.unknown.prior[geometry]
@@ -142,7 +142,7 @@ def test_more_poses_leave_less_and_never_less_than_all_candidates(expected):
 
 
 def test_the_numbers_are_told_with_their_minutes_and_another_fixture_where_it_pays(kuka, expected):
-    driven = expected.as_driven(kuka[1].samples.take(expected.chosen), lambda poses: poses / 2)
+    driven = expected.with_driven_poses(kuka[1].samples.take(expected.chosen), lambda poses: poses / 2)
     assert driven.left == pytest.approx(expected.left)
     assert "80 poses" in describe_numbers_of_poses(driven)
     assert "about 40 min" in describe_numbers_of_poses(driven)
@@ -189,7 +189,7 @@ def test_moved_off_the_grid_the_poses_leave_less_keep_every_filter_and_their_ord
     assert np.abs(q - there.q).max(axis=1).mean() < 0.6  # each stays about where it was
     np.testing.assert_array_equal(q, refine_bayesian_poses(cell, expected.unknown, there, 0))
     shuffled = np.random.default_rng(3).permutation(len(q))
-    driven = expected.as_driven(replace(there, q=q).take(shuffled), lambda poses: poses / 2)
+    driven = expected.with_driven_poses(replace(there, q=q).take(shuffled), lambda poses: poses / 2)
     assert driven.left < 0.95 * expected.left
     errors = [f.error for f in driven.by_number]
     assert all(a >= b for a, b in pairwise(errors)), "other numbers come out better by as much"

@@ -67,7 +67,7 @@ def test_a_pair_that_always_stands_between_the_clearance_and_its_margin_is_named
 
     monkeypatch.setattr(CollisionWorld, "distances", distances)
     said = explain_empty(cell, FIRST_MOUNTING, Funnel(9, 9, 9, 9, 9, 0))
-    named = CollisionWorld.from_cell(cell, FIRST_MOUNTING).scene.blamed_pair(3)
+    named = CollisionWorld.from_cell(cell, FIRST_MOUNTING).scene.describe_pair(3)
     assert re.search(rf"Every state collides \(nearer than .* mm\): {named} in 100% of the states; look", said)
 
 

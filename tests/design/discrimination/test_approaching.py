@@ -78,11 +78,11 @@ def test_wanted_sides_tell_more_than_any(done):
     chosen = done.choice.chosen
     t = np.arange(len(chosen)) * 10.0
     samples = replace(pool().samples.take(chosen), t=t, direction=done.choice.approach.astype(float))
-    told = next(t for t in done.as_driven((samples,)).told if t.named)
+    told = next(t for t in done.judge_driven_visits((samples,)).told if t.named)
     rng = np.random.default_rng(0)
     for _ in range(3):
         turned = samples.direction * rng.choice([-1.0, 1.0], (len(t), 1))
-        other = done.as_driven((replace(samples, direction=turned),)).told
+        other = done.judge_driven_visits((replace(samples, direction=turned),)).told
         assert next(t for t in other if t.named).noncentrality < told.noncentrality
 
 

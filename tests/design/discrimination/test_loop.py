@@ -42,6 +42,6 @@ def _and_blindly_drawn_poses_are_less_sure(chosen, seed):
         drawn = blindly(seed + 50 + k)
         there = pool().samples.take(drawn)
         one = replace(there, t=np.arange(len(drawn)) * 10.0, direction=np.ones_like(there.q))
-        for t in chosen.as_driven((one,)).told:
+        for t in chosen.judge_driven_visits((one,)).told:
             if t.named:
                 assert t.noncentrality < told[t.pair].noncentrality

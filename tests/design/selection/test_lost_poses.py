@@ -71,7 +71,7 @@ def test_all_lost_poses_of_a_tour_are_replaced_at_once(chosen, monkeypatch):
     assert session.notes == ["3 poses that no path could join were replaced (fixture A)"]
     calls.clear()
     monkeypatch.setattr(planning, "certify_off_grid", lambda cell, pool, choice, limit: choice.chosen.tolist())
-    _, certificate, _ = session._drive_refined(choice, True, Stages())
+    _, certificate, _ = session._drive_refined_poses(choice, True, Stages())
     assert certificate == new.chosen.tolist()  # it is that of the poses that are driven
 
 
@@ -95,7 +95,7 @@ def test_poses_moved_to_where_no_path_joins_them_are_put_back_and_the_others_mov
         told.append(stay.tolist())
         return replace(c, q=np.where(np.isin(np.arange(40), stay)[:, None], c.q, c.q + 0.01))
 
-    kept = session._move_joined(choice, move)
+    kept = session._move_joined_poses(choice, move)
     assert told == [[], [2, 5], [2, 5, 7]]
     assert np.flatnonzero((kept.q == choice.q).all(axis=1)).tolist() == [2, 5, 7]
     moved = np.setdiff1d(np.arange(40), [2, 5, 7])

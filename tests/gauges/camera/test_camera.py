@@ -142,7 +142,7 @@ def test_reprojection_is_that_of_the_corners_themselves(cell, pool, tmp_path):
     run = measured(cell, pool, tmp_path, 80)
     found = identify(run, cell, settings=QUICK)
     fit, gauge = found.fit, found.fit.setup.gauge
-    left = gauge.numbers_shown(run.samples, run.readings) - fit.model.full_reading(run.samples, fit.errors)
+    left = gauge.reading_numbers(run.samples, run.readings) - fit.model.full_reading(run.samples, fit.errors)
     direct = np.sqrt(np.nanmean((left.reshape(80, -1, 2) ** 2).sum(axis=2)))
     stage = found.stages[-1]
     np.testing.assert_allclose(gauge.own_errors(fit.setup, run.samples, left, stage.residual), direct, rtol=1e-3)

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from planner.cell.parts import Nest
 from planner.cell.reading import load_cell
 from planner.common.errors import InputError
-from planner.instruments.precision import repeat_groups, repeat_precision, repeated_centrings
+from planner.instruments.precision import judge_repeated_centrings, repeat_groups, repeat_precision
 from planner.instruments.reference_frame import NestFrame, nest_frame, position_errors, register_tracker
 from planner.instruments.validation import error_figures
 from planner.runs.run import Readings, Run, Samples
@@ -125,14 +125,14 @@ def test_precision_of_a_run_is_what_was_put_in(cell, pool, tmp_path):
         Readings(ball=pose // 30, offset=shown),
         balls=tuple("1234"),
     )
-    found = repeated_centrings(cell, run, repeat_groups(plan)).summary
+    found = judge_repeated_centrings(cell, run, repeat_groups(plan)).summary
     assert (found.poses, found.centrings) == (40, 120)
     assert np.all(np.abs(found.axis_std / sigma - 1) < 0.3)
     exact = replace(cell, gauge=replace(cell.gauge, noise=sigma), robot=replace(cell.robot, repeatability=1e-12))
-    quiet = repeated_centrings(exact, run, repeat_groups(plan))
+    quiet = judge_repeated_centrings(exact, run, repeat_groups(plan))
     assert quiet.expected == pytest.approx(sigma * np.sqrt(3 * 2 / 3))  # a mean of three takes a third of the scatter
     assert quiet.summary.rms == pytest.approx(quiet.expected, rel=0.2)
     assert quiet.off.shape == (120, 3)
     assert np.abs(quiet.off.reshape(40, 3, 3).sum(axis=1)).max() < 1e-12
     with pytest.raises(InputError, match="'pose' is missing"):
-        repeated_centrings(cell, Run("made", Samples(q, run.samples.place), run.readings), {})
+        judge_repeated_centrings(cell, Run("made", Samples(q, run.samples.place), run.readings), {})

@@ -179,7 +179,7 @@ def test_effects_that_need_more_than_angles_and_loads_are_named_and_left_out(tmp
     ]
     assert again.effects[0].value == pytest.approx(made.fit.errors[-1], rel=1e-11)
     calibrated = CalibratedRobot(again)
-    assert [e.name for e in calibrated.left_out] == ["step"]
+    assert [e.name for e in calibrated.uncorrected_effects] == ["step"]
     assert "step" in calibrated.sentence
     q = poses(robot)
     np.testing.assert_array_equal(calibrated.flange(q)[0], again.chain.forward(again.theta(q)).x.T)

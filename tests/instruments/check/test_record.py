@@ -80,7 +80,7 @@ def test_after_a_failed_check_the_next_is_due_at_once_and_days_are_in_order(tmp_
         when = Circumstances(date=date(2024, 1, 28 - day))
         known = add_entry(tmp_path / "record", results(tmp_path / str(k), name, content), when, "S1")
     assert [e.number for e in known.entries] == [1, 3, 2]
-    assert (known.due, known.calibrated) == (date(2024, 1, 25), None)
+    assert (known.due, known.calibration_date) == (date(2024, 1, 25), None)
     assert known.due_text == "now: master axis 3 and check again"
     assert map_to_opcua(known).prognosis.predicted_time == datetime(2024, 1, 25, tzinfo=UTC)
     late = results(tmp_path / "late", "identification.json", calibration(0.05))

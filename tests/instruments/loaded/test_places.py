@@ -18,7 +18,7 @@ from planner.instruments.loaded.circle_candidates import (
     find_own_place,
     predict_compliance,
     predict_information,
-    promised_turn_noise,
+    predicted_turn_noise,
     select_circle_places,
     with_circles,
 )
@@ -75,7 +75,7 @@ def test_the_prediction_is_dense_least_squares_in_another_world(cell, own):
     columns = [(deflections(own, soft + step * e) - deflections(own, soft - step * e)) / (2 * step) for e in np.eye(6)]
     up, down = (deflections(own, soft, h) for h in (2e-4, -2e-4))
     columns.append((up - down) / 4e-4)
-    spectrum = promised_turn_noise(replace(setup, p_BX=own.p_BX[None]), own.q)
+    spectrum = predicted_turn_noise(replace(setup, p_BX=own.p_BX[None]), own.q)
     harmonics = np.concatenate([spectrum, spectrum[1:-1][::-1]])
     C = np.real(np.fft.ifft(harmonics[:, None] * np.fft.fft(np.eye(BINS), axis=0), axis=0)) / 5  # five repeats
     K = len(world.LOADS)
@@ -102,7 +102,7 @@ def test_the_prediction_is_what_the_evaluation_finds(cell, own):
     (curves,) = average_curves(shared.setup(run), run, np.pi)
     thin = slice(None, None, len(curves.theta) // BINS)
     fields = {name: getattr(curves, name)[:, :, thin][:, :, :BINS] for name in ("q", "length", "force")}
-    noise = promised_turn_noise(replace(setup_of(cell), p_BX=own.p_BX[None]), own.q)
+    noise = predicted_turn_noise(replace(setup_of(cell), p_BX=own.p_BX[None]), own.q)
     curves = replace(
         curves, **fields, theta=curves.theta[thin][:BINS], noise=noise, repeats=np.full(curves.repeats.shape, 5)
     )

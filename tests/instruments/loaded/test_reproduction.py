@@ -41,7 +41,7 @@ def test_what_no_compliance_explains_widens_the_uncertainties():
     off = found.pulled - found.information @ world.SOFT
     assert float(off @ np.linalg.solve(found.information, off)) < chi2.ppf(0.999, 6)
     assert not reproduction.evaluated().problems
-    assert len(found.known) == 3
+    assert len(found.known_combinations) == 3
 
 
 def test_figures(tmp_path):

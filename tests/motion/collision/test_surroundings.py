@@ -10,7 +10,7 @@ from planner.cell.reading import load_cell, shipped_cells
 from planner.common.errors import InputError
 from planner.kinematics.robot_reader import load_robot
 from planner.motion.collision.scene import build_scene
-from planner.motion.collision.surroundings import check_surroundings, left_out_pairs
+from planner.motion.collision.surroundings import check_surroundings, unchecked_links_text
 from planner.motion.path.constraints import Constraints
 from planner.session.cell_checks import check_cell
 from planner.session.mount import check_home
@@ -83,7 +83,7 @@ def test_nothing_but_neighbours_and_what_the_robot_names_is_left_out(name):
             assert links[1] - links[0] <= 1 or tuple(links) in cell.robot.never_meet, scene.pieces
         elif "world" in (one.carrier, other.carrier) and one.carrier != other.carrier and not one.of_bar:
             assert {a, b} in checked or 0 in (one.link + other.link,)
-    told = " ".join(left_out_pairs(cell))
+    told = " ".join(unchecked_links_text(cell))
     assert all(f"{a} and {b}" in told for a, b in cell.robot.never_meet)
     assert cell.robot.never_meet_reason in told
     assert "0 and 1" in told or not cell.robot.bodies
