@@ -43,8 +43,8 @@ def judge_findings(posterior: PosteriorFit, contests: Sequence[Contest], worth: 
         return []
     arena, draws = Arena.of(posterior, contests, max(worth, 1.0)), posterior.record.draws
     looked = even_positions(len(draws), min(LOOKED_AT, len(draws)))
-    seen = [Bouts.of(arena, draws[k]) for k in looked]
-    return [mean_standing([b.weigh(k) for b in seen]) for k in range(len(contests))]
+    weights = [Bouts.of(arena, draws[k]).weigh_all() for k in looked]  # products of all columns: one draw's at a time
+    return [mean_standing(each) for each in zip(*weights, strict=True)]
 
 
 @dataclass(frozen=True)
@@ -134,16 +134,20 @@ class Bouts:
         acting = [(b, float(draw.factors[f])) for f, b in arena.families.items() if draw.factors[f] > 0]
         return cls(arena, arena.products(draw), tuple(acting))
 
+    def weigh_all(self) -> list[Weights]:
+        """Weigh all that may stand for each finding."""
+        return [self.weigh(k) for k in range(len(self.arena.own))]
+
     def weigh(self, k: int) -> Weights:
         """Weigh all that may stand for finding k."""
         own = self.arena.own[k]
         held = [part for part in self.present if part[0].name != own.name]
-        beside = Beside.of(self.gram, held)
-        size = next((s for b, s in self.present if b.name == own.name), None) or _best_factor(beside, own)
+        size = next((s for b, s in self.present if b.name == own.name), None)
+        size = size or _best_factor(Beside.of(self.gram, held), own)
         # what was drawn by chance alone would count against the finding
         state = Together.of(self.gram, [*held, (own, size)]).prune()
         held, whole = list(state.parts[:-1]), self.log_odds(state.parts)
-        beside = Beside.of(self.gram, held)
+        beside, *without_kin = self._besides(held, own)
         by_poses = set[str]()
         out = {OWN_NAME: 0.0, NOTHING: self.log_odds(held) - whole}
         b = _mean_of(beside, own, size)
@@ -154,9 +158,8 @@ class Bouts:
             has_name = not any(block is u for u in self.arena.unnamed)
             if has_name and left < most:
                 by_poses.add(block.name)
-            log = max(
-                (self._log_odds_with(state, own, part) for part in self._newcomers(held, own, block)), default=-np.inf
-            )
+            sizes = [_best_factor(rest, block) for rest in (beside, *without_kin)]
+            log = max(self._log_odds_with(state, own, (block, s)) for s in dict.fromkeys(sizes))
             if log > -np.inf:  # one name may have several laws
                 out[block.name] = float(np.logaddexp(out.get(block.name, -np.inf), log - whole))
         return Weights(out, frozenset(by_poses))
@@ -168,12 +171,13 @@ class Bouts:
             left = [(beside.distance_square(self.arena.own[k], b, g), g) for g in group if g.name not in there]
             yield from ((g, d) for d, g in sorted(left, key=lambda pair: pair[0])[:NEAREST])
 
-    def _newcomers(self, held: Sequence[Part], own: Block, block: Block) -> Iterator[Part]:
-        """Yield another cause with the sizes at which it explains most without the finding, and without its kin too."""
+    def _besides(self, held: Sequence[Part], own: Block) -> Iterator[Beside]:
+        """Yield what acts beside another cause where the finding is gone, and the same without the finding's kin."""
+        yield Beside.of(self.gram, held)
         place = own.name.partition(", ")[2]
         others = [part for part in held if part[0].name.removesuffix(" (background)").partition(", ")[2] != place]
-        for rest in (held, others) if len(others) < len(held) else (held,):
-            yield block, _best_factor(Beside.of(self.gram, rest), block)
+        if len(others) < len(held):
+            yield Beside.of(self.gram, others)
 
     def _log_odds_with(self, state: "Together", own: Block, newcomer: Part) -> float:
         """Return the log odds with a newcomer in and all needless out, minus infinity where the finding stays."""

@@ -7,7 +7,7 @@ those after the best alignment of the base over the workspace, as in ``known_any
 """
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from hashlib import sha256
@@ -49,6 +49,8 @@ def expected_error_csv(released: ReleasedRobot) -> str:
 
 
 NAME = "expected_error.json"  # beside robot.toml
+ExpectedErrorContent = Mapping[str, object]
+"""What the file says, by its keys."""
 DIGITS = 6  # significant ones
 
 
@@ -112,14 +114,16 @@ class ExpectedErrorFile(StrictModel):
     gauge: StandingGauge | None = None
 
 
-def expected_error_text(released: ReleasedRobot, run: Run, robot_toml: str, mounting: str = "") -> str:
+def expected_error_text(content: ExpectedErrorContent, robot_toml: str, mounting: str = "") -> str:
     """Return the text of the file that goes with ``robot_toml``; ``mounting``: name of the set-up of the last run."""
-    content = expected_error_content(released, run, robot_toml, mounting)
-    return json.dumps(content, ensure_ascii=False, allow_nan=False) + "\n"
+    whole = {**content, "robot_sha256": sha256(robot_toml.encode()).hexdigest()}
+    if isinstance(gauge := whole.get("gauge"), dict):
+        whole["gauge"] = {**gauge, "mounting": mounting}
+    return json.dumps(whole, ensure_ascii=False, allow_nan=False) + "\n"
 
 
-def expected_error_content(released: ReleasedRobot, run: Run, robot_toml: str, mounting: str = "") -> dict[str, object]:
-    """Return what the file says; ``run``: that was identified."""
+def expected_error_content(released: ReleasedRobot, run: Run) -> ExpectedErrorContent:
+    """Return what the file says, the names of robot file and set-up left open; ``run``: that was identified."""
     tool, setup = released.tool, released.fit.setup
     whole, others = released.spread(tool.names), released.other_tools
     root = _few_columns(whole, (tool, *others), tool.names)
@@ -133,7 +137,7 @@ def expected_error_content(released: ReleasedRobot, run: Run, robot_toml: str, m
     return {
         "schema": "edbb-expected-error/1",
         "robot": setup.robot.name,
-        "robot_sha256": sha256(robot_toml.encode()).hexdigest(),
+        "robot_sha256": "",
         "tool_mm": few_digits(to_mm(released.tool_point), DIGITS).tolist(),
         "parameters": list(_describe(tool.names, moving_effects(released.posterior.fit), setup)),
         **offsets,
@@ -147,11 +151,11 @@ def expected_error_content(released: ReleasedRobot, run: Run, robot_toml: str, m
             name: float(few_digits(to_mm(value), DIGITS)) for name, value in dict(error_parts(released)).items()
         },
         "states_deg": np.round(to_deg(few), 3).tolist(),
-        **_standing_gauge(released, run, mounting),
+        **_standing_gauge(released, run),
     }
 
 
-def _standing_gauge(released: ReleasedRobot, run: Run, mounting: str) -> dict[str, object]:
+def _standing_gauge(released: ReleasedRobot, run: Run) -> dict[str, object]:
     """Return what is known of where the gauge of the last run stands; nothing of a gauge without lasting places.
 
     Errors of the robot that a gauge elsewhere would take up are as open as the gauge's place, and only both together
@@ -176,7 +180,7 @@ def _standing_gauge(released: ReleasedRobot, run: Run, mounting: str) -> dict[st
     square, turn = np.linalg.eigh(moved)
     kept = square > 1e-3 * len(few) / len(square)  # all that is left out moves no reading by more than 3 % of its noise
     gauge = {
-        "mounting": mounting,
+        "mounting": "",
         "fixtures_mm": {name: few_digits(to_mm(p), 8).tolist() for name, p in stands.places.items()},
         "parameters": list(own.values()),
         "values": [float(few_digits(known.values[name], DIGITS)) for name in own],

@@ -14,25 +14,26 @@ from planner.common.schema import validate
 from planner.design.bayesian_design import BayesianPosterior, select_greedily
 from planner.design.expected_errors import error_limit
 from planner.identification.calibration import Calibration
-from planner.identification.expected_error import NAME, ExpectedError, ExpectedErrorFile, expected_error_content
+from planner.identification.expected_error import NAME, ExpectedError, ExpectedErrorContent, ExpectedErrorFile
 from planner.instruments.assumptions import SESSION
 from planner.instruments.remaining_errors import CalibratedState, RemainingErrors, mounting_of
 from planner.model.more_poses import MorePoses
 from planner.runs.run import Run
 
 
-def foresee_more_poses(found: Calibration, cell: Cell) -> MorePoses | None:
+def foresee_more_poses(found: Calibration, cell: Cell, content: ExpectedErrorContent | None) -> MorePoses | None:
     """Return what as many poses more as a session has would bring; ``None`` where it cannot be foreseen.
 
     That is where no robot was released, of other gauges than bars and wires, and of several set-ups in one.
+    ``content``: what ``expected_error.json`` says of the robot, where it has one.
     """
     released, run = found.released, found.run
-    if released is None or found.problems or run.continuous or run.readings.length is None or not cell.fixtures:
+    if released is None or content is None or run.continuous or run.readings.length is None or not cell.fixtures:
         return None
     stands = released.fit.setup.gauge.kept_mounting(released.fit.setup).names
     if not stands or list(stands) != list(stands.values()):
         return None
-    file = validate(expected_error_content(released, run, ""), ExpectedErrorFile, NAME)
+    file = validate(content, ExpectedErrorFile, NAME)
     known = ExpectedError(file, cell.robot)
     cell = replace(cell, gauge=replace(cell.gauge, mounting=mounting_of(known)))
     before = CalibratedState(Path(), known, released.anywhere, released.at_most)

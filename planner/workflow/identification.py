@@ -25,7 +25,12 @@ from planner.identification.calibrated_robot import calibrated_files, calibrated
 from planner.identification.calibration import Calibration
 from planner.identification.contenders import HUNDRED_TO_ONE
 from planner.identification.expected_error import NAME as EXPECTED_ERROR
-from planner.identification.expected_error import expected_error_csv, expected_error_text
+from planner.identification.expected_error import (
+    ExpectedErrorContent,
+    expected_error_content,
+    expected_error_csv,
+    expected_error_text,
+)
 from planner.identification.fleet_fit import RobotErrors, misfits_of
 from planner.identification.pipeline import FitSettings
 from planner.identification.pipeline import identify as fit_and_trace
@@ -57,12 +62,20 @@ Runs = Run | Path | str | Sequence[Path | str]
 
 @dataclass(frozen=True)
 class CalibrationResult(FolderResult):
-    """An identified robot; ``timing`` holds the seconds that each step took."""
+    """An identified robot.
+
+    Attributes:
+        calibration: of it.
+        cell: where it was measured.
+        timing: seconds that each step took.
+        errors_content: what ``expected_error.json`` says, where it was made already.
+    """
 
     main_file = "identification.json"
     calibration: Calibration
     cell: Cell
     timing: Stages = field(default_factory=Stages)
+    errors_content: ExpectedErrorContent | None = field(default=None, repr=False, compare=False)
 
     def overview(self) -> Summary:
         """Return how far off the robot is before and after, and why."""
@@ -154,7 +167,8 @@ class CalibrationResult(FolderResult):
         files = dict(calibrated_files(self.calibration))
         if (released := self.calibration.released) is not None:
             mounting = self.cell.gauge.mounting or self.calibration.run.plan_id or ""
-            files[EXPECTED_ERROR] = expected_error_text(released, self.calibration.run, files["robot.toml"], mounting)
+            content = self.errors_content or expected_error_content(released, self.calibration.run)
+            files[EXPECTED_ERROR] = expected_error_text(content, files["robot.toml"], mounting)
             files["expected_error.csv"] = expected_error_csv(released)
             known = self.calibration
             baseline = baseline_text(released, known.degrees_of_freedom, known.run, self.cell, files["robot.toml"])
@@ -236,8 +250,10 @@ def _identify_sessions(
 def _result(found: Calibration, cell: Cell, asked: IdentifyCall, stages: Stages) -> CalibrationResult:
     """Return the calibration with what its robot is good for and what more poses would bring."""
     judged = _with_use(_beside_fleet(found, asked.fleet), cell, asked.tolerance_mm)
-    more = foresee_more_poses(judged, cell)
-    return CalibrationResult(judged.model_copy(update={"more": more}), cell, stages)
+    released = None if judged.problems else judged.released
+    content = None if released is None else expected_error_content(released, judged.run)
+    more = foresee_more_poses(judged, cell, content)
+    return CalibrationResult(judged.model_copy(update={"more": more}), cell, stages, content)
 
 
 def _beside_fleet(found: Calibration, fleet: Path | str | None) -> Calibration:

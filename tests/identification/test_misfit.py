@@ -18,7 +18,7 @@ from planner.effects.misfit_shapes import GravityHarmonic, misfit_shapes
 from planner.effects.sizes import PART_TURN
 from planner.identification.assumptions import USUAL_NOISE_SHARE
 from planner.identification.contenders import Rival, Standing
-from planner.identification.expected_error import expected_error_text
+from planner.identification.expected_error import expected_error_content
 from planner.identification.least_squares import Fit, Solution
 from planner.identification.misfit import (
     HeldOutReadings,
@@ -257,7 +257,7 @@ def test_the_parts_make_up_what_is_stated(identified_run):
     parts = found.release.parts
     square = parts.seen**2 + parts.unseen**2 + parts.misfit**2 + parts.drift**2
     assert np.sqrt(square) == pytest.approx(found.workspace_error, rel=1e-6)
-    file = json.loads(expected_error_text(found.released, found.run, "robot"))
+    file = expected_error_content(found.released, found.run)
     assert file["parts_mm"]["misfit"] == pytest.approx(1e3 * parts.misfit, rel=1e-4)
     again = Identification.model_validate_json(json.dumps(found.content()))
     assert again.release.parts.seen == pytest.approx(parts.seen, rel=1e-6)

@@ -16,7 +16,12 @@ from planner.cell.reading import load_cell
 from planner.gauges.frame_gauge import ToolPosition
 from planner.identification.calibrated_robot import CalibratedRobot, calibrated_files
 from planner.identification.expected_error import NAME as NAME_OF_FILE
-from planner.identification.expected_error import ExpectedError, expected_error_csv, expected_error_text
+from planner.identification.expected_error import (
+    ExpectedError,
+    expected_error_content,
+    expected_error_csv,
+    expected_error_text,
+)
 from planner.identification.misfit import Misfit
 from planner.identification.pipeline import FitSettings, identify
 from planner.kinematics.robot_reader import load_robot
@@ -134,7 +139,7 @@ def known():
     with TemporaryDirectory() as folder:
         path = Path(folder) / "robot.toml"
         path.write_text(files["robot.toml"])
-        text = expected_error_text(by_posterior(found.released), found.run, files["robot.toml"])
+        text = expected_error_text(expected_error_content(by_posterior(found.released), found.run), files["robot.toml"])
         (Path(folder) / NAME_OF_FILE).write_text(text)
         return found, ExpectedError.read(load_robot(str(path)), path)
 

@@ -3,6 +3,7 @@
 import json
 import tomllib
 from dataclasses import replace
+from hashlib import sha256
 from types import SimpleNamespace as Of
 
 import numpy as np
@@ -19,6 +20,7 @@ from planner.runs.run import FIRST_MOUNTING, Samples
 from planner.session.movable_cell import cell_files
 from planner.session.options import PlanOptions
 from planner.tracing.trace import locate_session_step
+from planner.workflow import identification
 from planner.workflow.identification import identify
 from planner.workflow.joint_runs import load_sessions, run_sources
 from tests.identification.few_draws import few_draws
@@ -162,9 +164,21 @@ def test_an_identification_foresees_what_more_poses_would_bring(known):
     assert told["at_most_mm"] == pytest.approx(1e3 * more.at_most, rel=1e-3)
     assert more.sentence in str(known.found.overview())
     timed = replace(found.run.samples, t=21.0 * np.arange(len(found.run)))
-    later = foresee_more_poses(found.model_copy(update={"run": replace(found.run, samples=timed)}), known.cell)
+    slow = found.model_copy(update={"run": replace(found.run, samples=timed)})
+    later = foresee_more_poses(slow, known.cell, known.found.errors_content)
     assert later.minutes == pytest.approx(7.0)
     assert "20 more poses, about 7 min, would bring it to" in later.sentence
+
+
+def test_what_the_file_says_is_made_once(tmp_path, known, monkeypatch):
+    """What foresees more poses and what is written beside the robot are one content."""
+    monkeypatch.setattr(identification, "expected_error_content", None)  # not asked again
+    known.found.write_robot(tmp_path)
+    written = json.loads((tmp_path / "expected_error.json").read_text())
+    assert written["robot_sha256"] == sha256((tmp_path / "robot.toml").read_bytes()).hexdigest()
+    assert written["gauge"]["mounting"] == "monday"
+    left_open = {"robot_sha256": "", "gauge": {**written["gauge"], "mounting": ""}}
+    assert {**written, **left_open} == json.loads(json.dumps(known.found.errors_content))
 
 
 def test_the_next_gauge_may_be_another_one_or_stand_at_a_second_fixture(known, tmp_path):
