@@ -14,7 +14,7 @@ from planner.compensation.nominal_angles import UNREACHED
 from planner.compensation.targets import Note, Target, TargetReading, line_ranges
 from planner.compensation.tolerances import OVER_LIMIT
 from planner.kinematics.robot import Robot
-from planner.programs.dialect import CommentStyle, Dialect, comment_text, dialect_names, load_dialect
+from planner.programs.dialect import CommentStyle, Dialect, dialect_names, load_dialect, plain_text
 from planner.programs.languages.statements import Lines
 
 TABLE = "csv"  # stands for a table of targets among the names of dialects
@@ -147,14 +147,10 @@ def add_head(
     shift, head = -1, [""] * 0
     while shift != len(head):  # the head's own length moves the lines
         shift = len(head)
-        # 100_000: signs: a sentence is cut into lines afterwards
         head = [
             f"{style.start}{row}{style.end}"
             for sentence in (*said, *([*_sentences(robot, corrected, left, before, shift)] * bool(left)))
-            for row in textwrap.wrap(
-                comment_text(sentence.translate(_SPELLED), style.model_copy(update={"max_length": 100_000})),
-                style.max_length,
-            )
+            for row in textwrap.wrap(plain_text(sentence.translate(_SPELLED), style), style.max_length)
         ]
     if not head:
         return text

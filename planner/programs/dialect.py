@@ -25,6 +25,7 @@ To add one: copy the nearest folder, change both files, run ``tests/programs``, 
 """
 
 import re
+import string
 import unicodedata
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -82,12 +83,21 @@ INSTEAD = {"(": ", ", ")": ", ", ";": ",", '"': "'"}  # in a comment, for what m
 
 
 def comment_text(text: str, style: CommentStyle) -> str:
-    """Return ``text`` on one line, in ASCII, with commas for characters that would end a comment."""
+    """Return ``text`` on one line, in ASCII, with commas for characters that would end a comment, cut to its length.
+
+    Commas of the text itself stay where it ends, too: it may be a line of a longer one.
+    """
+    return plain_text(text, style)[: style.max_length].rstrip()
+
+
+def plain_text(text: str, style: CommentStyle) -> str:
+    """Return ``text`` as :func:`comment_text` does, as long as it is."""
     ascii_text = unicodedata.normalize("NFKD", text).encode("ascii", "ignore").decode()
     instead = {c: " " if set(INSTEAD.get(c, " ")) & set(style.forbid) else INSTEAD.get(c, " ") for c in style.forbid}
-    kept = "".join(instead.get(c, c if c.isprintable() else " ") for c in ascii_text)
-    kept = re.sub(r"\s*,(\s*,)*(?=\s|$)", ",", kept).strip(", ")
-    return " ".join(kept.split())[: style.max_length].rstrip()
+    gaps = [c for c, new in instead.items() if not new.strip(", ")]
+    inner = ascii_text.strip("".join(gaps) + string.whitespace)  # no comma stands for what begins or ends the text
+    kept = "".join(instead.get(c, c if c.isprintable() else " ") for c in inner)
+    return " ".join(re.sub(r"\s*,(\s*,)*(?=\s|$)", ",", kept).split())
 
 
 def fill_words(pattern: str, words: Mapping[str, object]) -> str:

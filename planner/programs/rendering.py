@@ -14,7 +14,7 @@ from jinja2.runtime import Context
 
 from planner.common.errors import InputError
 from planner.kinematics.axes import MODEL
-from planner.programs.dialect import Dialect, comment_text, dialect_root, fill_words
+from planner.programs.dialect import Dialect, comment_text, dialect_root, fill_words, plain_text
 from planner.programs.instructions import Centre, Program, Sync, WaitInput
 from planner.programs.motion_words import format_fixed_point
 from planner.programs.steps import ProgramStep, lower_program
@@ -232,7 +232,7 @@ def _remarks(program: Program, dialect: Dialect, steps: tuple[ProgramStep, ...])
     """Return what the head of the program says, in lines that fit into comments."""
     said = (*program.cautions, *operator_cautions(program, dialect, steps), *explanations(program, dialect))
     width = dialect.comment.max_length
-    return [comment_text(line, dialect.comment) for text in said for line in textwrap.wrap(text, width)]
+    return [line for text in said for line in textwrap.wrap(plain_text(text, dialect.comment), width)]
 
 
 def _lines(module: TemplateModule, macro: str, *values: object) -> list[str]:

@@ -1,6 +1,7 @@
 """Dialects are data: found on disk, checked key by key, extended by a folder."""
 
 import dataclasses
+import re
 import shutil
 from pathlib import Path
 
@@ -9,7 +10,7 @@ import pytest
 import planner.programs.dialect as dialect_module
 import tests.programs.sessions as sessions
 from planner.common.errors import InputError
-from planner.programs.dialect import dialects
+from planner.programs.dialect import CommentStyle, comment_text, dialect_names, dialects, load_dialect
 from planner.programs.verification import import_map, write_program
 from tests.programs.reading import read_back, verify
 
@@ -148,3 +149,27 @@ def test_pulses_that_would_run_together_are_refused() -> None:
 def test_read_back_of_nothing() -> None:
     with pytest.raises(InputError):
         read_back("krl", [])
+
+
+@pytest.mark.parametrize("name", dialect_names())
+def test_a_long_remark_keeps_its_commas_where_a_line_ends(name: str) -> None:
+    words = [f"word{k}" for k in range(60)]
+    program = dataclasses.replace(sessions.static(), cautions=(", ".join(words) + " (the last)",))
+    last = "," if "(" in load_dialect(name).comment.forbid else ""
+    wanted = [(word, "," if word != words[-1] else last) for word in words]
+    said = [re.findall(r"(word\d+)(,?)", text) for text in [f.text for f in write_program(program, name, "a")]]
+    assert all(words == wanted for words in said if words)
+    assert any(said)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("a (b); c", "a, b, c"),
+        ("the first; (second)", "the first, second"),
+        ("a line, cut after its comma,", "a line, cut after its comma,"),
+        ("()", ""),
+    ],
+)
+def test_a_comma_stands_for_what_may_not_stand_in_a_comment(text: str, said: str) -> None:
+    assert comment_text(text, CommentStyle(start="(", end=")", forbid="();")) == said
