@@ -88,7 +88,7 @@ class Gauge(GaugeReading, GaugeNumbers, GaugeFrames, GaugeReach, GaugeSession):
     @property
     def travel_name(self) -> str:
         """What the way from home is called."""
-        return f"way without the {self.noun}" if self.is_attached else "way to the start"
+        return f"path without the {self.noun}" if self.is_attached else "path to the start"
 
     @property
     def bare(self) -> str:

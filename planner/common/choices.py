@@ -12,7 +12,7 @@ SelectionMethod = Literal["exchange", "pruning"]
 """How the index selects: poses exchanged until none betters it, or one taken away at a time (EDBB paper)."""
 
 TourOrder = Literal["slowest-limit", "slowest-axis"]
-"""What the order of the poses is the shortest of: the time of each leg's slowest limit, or of its slowest axis."""
+"""What the order of the poses is the shortest of: the time of each segment's slowest limit, or of its slowest axis."""
 
 SetUp = Literal["robot", "measured"]
 """How a fixture comes to its place: adjusted to the tool point where the robot drives it, or measured from the base."""

@@ -1,7 +1,7 @@
 """A ball on the tool that a person leads into one of several sockets of a plate; its pose shows where the arm stands.
 
 The program brings the ball to a short way above the socket and waits there: an arm that is not calibrated would miss
-the seat by millimetres. It drives on from the seat, along the way that was proven.
+the seat by millimetres. It drives on from the seat, along the path that was proven.
 """
 
 from collections.abc import Mapping

@@ -194,7 +194,7 @@ def measure_poses(
     """Tick off the poses that are left, each when a person says that the arm rests there; yields what is said of each.
 
     ``ask`` shows a pose and returns the answer: nothing to read, ``s`` to skip it, ``q`` to end. A pose that the
-    ``adviser`` passes is not asked for: the arm drives on through it, along the way that was proven.
+    ``adviser`` passes is not asked for: the arm drives on through it, along the path that was proven.
     """
     adviser = adviser or NoAdvice()
     left = [p for p in log.poses if p.id not in log.rows]

@@ -194,7 +194,7 @@ class Program:
             raise InputError("the first and the last move of a program are exact stops, blend_mm must be 0")
         for entry in self.entries:
             for number, move in enumerate(entry.moves, start=1):
-                _check_move(move, self.n_joints, f"move {number} of the way to start {entry.at}")
+                _check_move(move, self.n_joints, f"move {number} of the path to start {entry.at}")
         _check_stops(self.instructions)
 
     @cached_property

@@ -83,7 +83,7 @@ def speed_value(
     value = round_down(value, speed.decimals)
     if value <= 0.0:
         raise InputError(
-            f"a leg with {move.axis_percent:g} % of axis speed and {move.duration_s:g} s is slower than this "
+            f"a segment with {move.axis_percent:g} % of axis speed and {move.duration_s:g} s is slower than this "
             "dialect can say; raise the measuring speed"
         )
     return value

@@ -218,9 +218,9 @@ def _wrong_starts(program: Program, dialect: Dialect, found: ReadBack) -> Iterat
     for entry, (_, read) in zip(program.entries, found.entries, strict=True):
         planned, path_deg = np.array([m.q_deg for m in entry.moves]), np.array([m.angles_deg for m in read])
         if path_deg.shape != planned.shape or np.abs(path_deg - planned).max() > 10.0**-dialect.decimals:
-            yield f"the way to start {entry.at} is another than planned"
+            yield f"the path to start {entry.at} is another than planned"
             continue
-        way = f"on the way to start {entry.at} move"
+        way = f"on the path to start {entry.at} move"
         yield from _too_fast(dialect, entry.origin_deg, entry.moves, read, way)
 
 

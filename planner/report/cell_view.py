@@ -79,7 +79,7 @@ def _turn_profile(r: Array, z: Array, around: int = FACETS_AROUND) -> Mesh:
     return Mesh(vertices, np.vstack([np.stack([a, b, b + around], 1), np.stack([a, b + around, a + around], 1)]))
 
 
-VIEW_FRAMES = 480  # states along the way there, shared by the fixtures
+VIEW_FRAMES = 480  # states along the path there, shared by the fixtures
 NO_POINTS: Array = np.empty((0, 3))
 LINKS = ("#D8D5CF", "#C3C0B9")  # neighbouring links are told apart by their shade
 TOOL, HOUSING, ROD, STAND = "#6B6B6B", ORANGE, "#303030", "#A89F91"
@@ -128,7 +128,7 @@ class CellView:
         noun: what the gauge is called.
         shells: inner and outer limit of the bar's reach within the fixture's cone, of every fixture.
         cloud: candidates' tool points, (c, 3).
-        paths, ways: tool point along each measuring path, and along the way to it without the bar.
+        paths, ways: tool point along each measuring path, and along the path to it without the bar.
         spots: measuring poses.
         low, high: corners of the box that holds it all, (3,).
         near_low, near_high: corners of the box around the shells, (3,).

@@ -92,7 +92,7 @@ def _lines(view: CellView) -> list[Properties]:
     if len(view.cloud):
         look = {"size": 1.4, "color": "#9A9A9A", "opacity": 0.45}
         out.append(_scatter(view.cloud, f"candidates ({len(view.cloud)} shown)", "markers", marker=look))
-    way = f"way without the {view.noun}" if view.shells else "way to the start"
+    way = f"path without the {view.noun}" if view.shells else "path to the start"
     for name, lines, look in (
         ("measuring path", view.paths, {"width": 3, "color": "#444444"}),
         (way, view.ways, {"width": 3, "color": "#999999", "dash": "dash"}),

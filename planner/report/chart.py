@@ -144,7 +144,7 @@ def share_panel(
 ) -> Panel:
     """Standard deviations as parts of the prior sigma, one parameter a row; at the line nothing is learnt."""
     points = Series("", share, np.arange(len(names), dtype=float), colour, "points", hover=tuple(hover))
-    prior = (ReferenceLine(1.0, "prior size", upright=True),)
+    prior = (ReferenceLine(1.0, "prior sigma", upright=True),)
     return list_panel(title, label, names, [points], row, 30, limits=prior, log_x=True, x_range=span)
 
 

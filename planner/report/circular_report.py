@@ -158,7 +158,7 @@ def report_circular_plan(plan: CircularPlan) -> Report:
     """Return the page of a planned circular test and its pictures."""
     arcs = plan.arcs
     judged = [(f"circle {a.circle.name}", a.verdicts) for a in arcs]
-    judged += [("the ways there and between", d.verdicts) for d in plan.drives]
+    judged += [("the paths there and between", d.verdicts) for d in plan.drives]
     content = {
         "plan": plan,
         "facts": _plan_facts(plan),

@@ -30,7 +30,7 @@ from planner.report.chart import (
 from planner.report.formatting import digits
 from planner.report.page import Report
 
-SHARE = "standard deviation / prior size"
+SHARE = "standard deviation / prior sigma"
 FINEST_SHARE = 1e-6  # of the prior sigma: what is known better is drawn there
 
 
@@ -122,7 +122,7 @@ def compliance_chart(found: LoadedEvaluation) -> Chart:
         _shares("combinations, by the circles alone", mixed, GREEN, span),
     )
     caption = (
-        "Standard deviation as a part of the prior size: left of the dotted line a compliance is learnt, right of it "
+        "Standard deviation as a part of the prior sigma: left of the dotted line a compliance is learnt, right of it "
         "nothing is. What a circle knows are combinations (by the readings alone); a joint takes the worst of its own."
     )
     return Chart("known", "What the circles know of the compliances", caption, panels)
@@ -130,7 +130,7 @@ def compliance_chart(found: LoadedEvaluation) -> Chart:
 
 def _shares(title: str, parts: list[tuple[str, float]], colour: str, span: Span) -> Panel:
     share = np.array([max(v, FINEST_SHARE) for _, v in parts])
-    hover = [f"{n}: {digits(v)} of the prior size" for n, v in parts]
+    hover = [f"{n}: {digits(v)} of the prior sigma" for n, v in parts]
     return share_panel(title, SHARE, [n for n, _ in parts], share, hover, colour, span, 24)
 
 
@@ -189,7 +189,7 @@ def draw_learning_curve(found: CirclePlaceChoice) -> Chart:
     names = [n.replace("compliance", "c") for n in found.names]
     series = tuple(Series(n, x, rows[:, k], JOINTS[k % len(JOINTS)]) for k, n in enumerate(names))
     label = "number of places, chosen together (0: the cell's own circle alone)"
-    prior = (ReferenceLine(1.0, "prior size", below=True),)
+    prior = (ReferenceLine(1.0, "prior sigma", below=True),)
     panel = Panel("", label, SHARE, series, prior, log_y=True, y_range=(_decade(rows), 1.3), height=330)
     caption = "Predicted, with the loads and repeats of the cell's circle."
     return Chart("learnt", "What more places tell", caption, (panel,))
@@ -234,12 +234,12 @@ def draw_common_fit(known: CommonFit) -> Chart:
     looks = (("without load", GREY, 6.0), ("loaded circles", SKY, 6.0), ("one fit", RED, 8.0))
     series = []
     for (text, colour, size), part in zip(looks, known.parts.values(), strict=True):
-        hover = tuple(f"{n}: {digits(v)} of its prior size" for n, v in zip(known.names, part.tolist(), strict=True))
+        hover = tuple(f"{n}: {digits(v)} of its prior sigma" for n, v in zip(known.names, part.tolist(), strict=True))
         series.append(Series(text, part, place, colour, "points", size=size, hover=hover))
-    prior, reach = (ReferenceLine(1.0, "prior size", upright=True),), (_decade(known.both), 2.0)
+    prior, reach = (ReferenceLine(1.0, "prior sigma", upright=True),), (_decade(known.both), 2.0)
     panel = list_panel("", SHARE, known.names, series, 22, 30, limits=prior, log_x=True, x_range=reach)
     caption = (
         "Predicted: by the poses without load, by the loaded circles, and by one fit of both runs. Parameters that "
-        "stay near their prior size in all three cannot be told apart; others carry their error."
+        "stay near their prior sigma in all three cannot be told apart; others carry their error."
     )
     return Chart("known", "What each run knows, and both together", caption, (panel,))

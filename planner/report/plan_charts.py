@@ -129,9 +129,9 @@ def parameter_chart(rows: tuple[ParameterForecast, ...]) -> Chart:
     """Predicted standard deviation of each parameter as a part of its prior sigma."""
     order = sorted(rows, key=lambda r: r.share)
     share, names = np.array([r.share for r in order]), [r.parameter.name for r in order]
-    hover = [f"{r.parameter.name}, {r.parameter.what}: {r.share:.3g} of the prior size" for r in order]
+    hover = [f"{r.parameter.name}, {r.parameter.what}: {r.share:.3g} of the prior sigma" for r in order]
     span = (10.0 ** np.floor(np.log10(share.min())), 10.0 ** np.ceil(np.log10(max(2.0, share.max() * 1.2))))
-    label = "predicted standard deviation / prior size"
+    label = "predicted standard deviation / prior sigma"
     caption = "Left is well known after the measurement; a parameter at the dotted line stays as uncertain as it was."
     panel = share_panel("", label, names, share, hover, GREEN, span, row=19.5)
     return Chart("parameters", "What the poses teach", caption, (panel,))
@@ -142,11 +142,11 @@ def tour_chart(both: TourOrders) -> Chart:
     axes: dict[str, Any] = {"x_range": (0.0, float(both.unsorted_t[-1])), "y_range": _angle_span(both.unsorted_q)}
     panels = []
     for name, t, q in (("Unsorted", both.unsorted_t, both.unsorted_q), ("Sorted", both.sorted_t, both.sorted_q)):
-        title = f"{name}: legs of {duration_text(float(t[-1]))}"
-        label = "time by the cost of the legs (s)"
+        title = f"{name}: segments of {duration_text(float(t[-1]))}"
+        label = "time by the cost of the segments (s)"
         panels.append(Panel(title, label, both.angle_label, joint_series(t, to_deg(q)), **axes))
     caption = (
-        "The same poses on the same scale; unsorted is the order of selection. A leg lasts as long as its slowest "
+        "The same poses on the same scale; unsorted is the order of selection. A segment lasts as long as its slowest "
         f"limit: {both.cost_name}."
     )
     return Chart("tour", "The tour, before and after sorting", caption, tuple(panels))
@@ -175,7 +175,7 @@ def bar_chart(cell: Cell, way: DrivenPath, drive: Drive) -> Chart:
     title, label, span = f"Length of the {g.noun}", f"{g.noun} length (mm)", (low - pad, high + pad)
     length = _over_time(way, title, label, lines, span, limits=ends)
     panels = (length,) if way.tilt is None else (length, _tilt_panel(cell, way, way.tilt))
-    return Chart("bar", f"The {g.noun} along the way", f"Points are measuring poses. {_there(way)}", panels)
+    return Chart("bar", f"The {g.noun} along the path", f"Points are measuring poses. {_there(way)}", panels)
 
 
 def _tilt_panel(cell: Cell, way: DrivenPath, tilt: Array) -> Panel:
@@ -259,4 +259,4 @@ def _span(values: Array, share: float, least: float) -> Span:
 
 def _there(way: DrivenPath) -> str:
     text = f"From the mount pose through all poses to the mount pose again, {duration_text(way.ends)}"
-    return f"{text}; then the same way is driven back." if way.returns else f"{text}."
+    return f"{text}; then the same path is driven back." if way.returns else f"{text}."

@@ -130,7 +130,7 @@ def _tour_facts(cell: Cell, drive: Drive) -> tuple[Row, ...]:
     proof = "proven: no order is quicker" if tour.optimal else bound
     return (
         ("solver", tour.solver),
-        ("a leg costs the time of", cost_name(cell)),
+        ("a segment costs the time of", cost_name(cell)),
         ("in the order of selection", text.duration_text(tour.unsorted_s)),
         ("in the order of the tour", f"{text.duration_text(tour.cost_s)} ({proof})"),
         ("as driven", f"{text.duration_text(drive.trajectory.duration_s)}{', both ways' if returns else ''}"),
@@ -156,9 +156,9 @@ def _path_facts(cell: Cell, drive: Drive) -> tuple[Row, ...]:
     """What is known of the path: (what, value)."""
     path, g = drive.path, cell.gauge
     direct, supports = sum(leg.direct for leg in path.legs), int((path.node < 0).sum())
-    legs = f"{len(path.legs)}: {direct} straight in joint space, {len(path.legs) - direct} planned around something"
+    segments = f"{len(path.legs)}: {direct} straight in joint space, {len(path.legs) - direct} planned around something"
     return (
-        ("legs", legs),
+        ("segments", segments),
         ("support poses", str(supports)),
         *g.path_facts(path.length_min, path.length_max),
         *text.verdict_rows("measuring path", drive.verdicts[:2], cell),

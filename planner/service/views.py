@@ -142,7 +142,7 @@ def pack_scene(view: CellView) -> SceneView:
         parts.append(_part("obstacles", -1, STANDING, view.standing))
     parts += [_part("reach of the gauge", -1, "#56B4E9", s, 0.12) for s in view.shells]
     lines = [ViewLine(name="measuring path", points=pack_numbers(p)) for p in view.paths]
-    lines += [ViewLine(name="way to the start", points=pack_numbers(p)) for p in view.ways]
+    lines += [ViewLine(name="path to the start", points=pack_numbers(p)) for p in view.ways]
     poses = view.frames.poses
     return SceneView(
         parts=parts,

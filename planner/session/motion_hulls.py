@@ -39,7 +39,7 @@ def motion_hulls(chain: Chain, tool_position: ToolPosition, proven: Proven) -> I
 
     ``proven``: a quick look at whether a large region about small steps will do.
     """
-    way = f"on the way to start {chain.way}, " if chain.way else ""
+    way = f"on the path to start {chain.way}, " if chain.way else ""
     moved = np.abs(np.diff(chain.q, axis=0)).max(axis=1) > 0.0
     kept = np.concatenate([[True], moved])
     q, number = chain.q[kept], chain.number[moved]

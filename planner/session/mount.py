@@ -124,7 +124,7 @@ def drop_unreachable(
     # 5e-3: [1] gap of the bound, whose prices single out likely candidates
     rough = certify_bound(rows, index, n, tolerance=5e-3, seed=seed, limit=limit)
     if limit.must_stop(
-        LastStart.ROADMAP, "ways to the mount pose were looked for from a sample of the candidates alone"
+        LastStart.ROADMAP, "paths to the mount pose were looked for from a sample of the candidates alone"
     ):
         reach = replace(reach, joined=np.ones(len(likely), dtype=bool))
     else:

@@ -43,9 +43,9 @@ class PlanOptions:
         SelectionMethod | None,
         Option("how the index selects: by exchange (default), or one pose at a time taken away (EDBB paper)"),
     ] = None
-    order: Annotated[TourOrder | None, Option("order of the poses: by each leg's slowest limit (default), or axis")] = (
-        None
-    )
+    order: Annotated[
+        TourOrder | None, Option("order of the poses: by each segment's slowest limit (default), or axis")
+    ] = None
 
     after: Annotated[
         Path | str | None,

@@ -63,7 +63,7 @@ def check_continuity(path: Path, cell: Cell, courses: Sequence[Course]) -> None:
         InputError: naming the fixture and the joint.
     """
     for course in courses:
-        ends = [("home", cell.home), ("the way to the first pose", course.travel.q[-1])]
+        ends = [("home", cell.home), ("the path to the first pose", course.travel.q[-1])]
         ends += [(f"'{p.heading}'", p.path.q[-1]) for p in course.passes]
         begins = [course.travel.q[0], *(p.path.q[0] for p in course.passes), course.travel.q[-1]]
         for (name, end), begin in zip(ends, begins, strict=True):

@@ -58,7 +58,7 @@ class PointPoses(PoseSession):
         kept = np.flatnonzero(part[1:] == part[0])
         if not len(kept):
             raise NoSolutionError(
-                "no way leads from where the session starts to any candidate pose: give another gauge.mount_deg, or "
+                "no path leads from where the session starts to any candidate pose: give another gauge.mount_deg, or "
                 "lower motion.clearance_mm"
             )
         if lost := len(pool) - len(kept):
@@ -93,7 +93,7 @@ class PointPoses(PoseSession):
             self.pool,
             choice,
             lambda c: np.flatnonzero(~self._prove_touch(c.chosen)),
-            "and those put in their places have a last way to the ball that could not be proven: lower "
+            "and those put in their places have a last path to the ball that could not be proven: lower "
             "motion.clearance_mm a little, or change the gauge's approach_mm",
         )
         return choice

@@ -152,7 +152,7 @@ def cut_stretches(
     written: Sequence[tuple[int, Instruction]],
     first: int,
 ) -> list[Instruction]:
-    """Return a measuring path as stretches, one for each pose that is passed, with a way to the start of each.
+    """Return a measuring path as stretches, one for each pose that is passed, with a path to the start of each.
 
     Args:
         cell, mounting: where it is driven.

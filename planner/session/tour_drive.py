@@ -124,14 +124,14 @@ def drive_tour(place: MountingSession, stops: Sequence[TourStop], tsp: TourSolve
 
 
 def path_to_mount(constraints: Constraints, ends: Array, seed: int) -> ProvenPath:
-    """The way without the bar from home to the mount pose."""
+    """The path without the bar from home to the mount pose."""
     travel = connect_poses(constraints, ends, [0, 1], seed=seed)
     if isinstance(travel, PathGaps):
         cell = constraints.cell
         place, home = cell.place_name(constraints.workspace.mounting), joint_keys(cell.robot, "home")
         raise NoSolutionError(
-            f"no collision-free way leads from home to the mount pose of fixture {place}: {'; '.join(travel.reasons)}; "
-            f"lower motion.clearance_mm, or give another {home}, or gauge.mount_deg"
+            f"no collision-free path leads from home to the mount pose of fixture {place}: {'; '.join(travel.reasons)}"
+            f"; lower motion.clearance_mm, or give another {home}, or gauge.mount_deg"
         )
     return travel
 
@@ -179,18 +179,18 @@ def join_tour(place: MountingSession, nodes: Array, tsp: TourSolver, seed: int) 
         forbidden |= dict(zip(path.failed, path.reasons, strict=True))
     why = "; ".join(sorted(set(forbidden.values()))[:3])
     raise NoSolutionError(
-        f"path: no collision-free tour joins the {len(nodes)} poses after {most_tours} tries; {len(forbidden)} legs "
-        f"are impossible ({why}): lower motion.clearance_mm, widen the cones, move the fixture away from what is in "
-        "the way, or try another --seed"
+        f"path: no collision-free tour joins the {len(nodes)} poses after {most_tours} tries; {len(forbidden)} "
+        f"segments are impossible ({why}): lower motion.clearance_mm, widen the cones, move the fixture away "
+        "from what is in the way, or try another --seed"
     )
 
 
 def _note_forbidden_legs(tour: Tour, forbidden: dict[tuple[int, int], str]) -> Tour:
-    """Say in the tour's notes that legs had to be forbidden, and why the first of them."""
+    """Say in the tour's notes that segments had to be forbidden, and why the first of them."""
     if not forbidden:
         return tour
     count, why = len(forbidden), next(iter(forbidden.values()))
-    note = f"{count} legs that could not be proven were forbidden and the tour solved again (the first: {why})"
+    note = f"{count} segments that could not be proven were forbidden and the tour solved again (the first: {why})"
     return replace(tour, notes=(*tour.notes, Aside(note)))
 
 

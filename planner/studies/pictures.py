@@ -38,7 +38,7 @@ def _spectrum(basis: StudyBasis) -> Panel:
     noise = basis.noise / np.sqrt(basis.poses) / UM
     limit = ReferenceLine(noise, f"noise of a reading, mean of {basis.poses}: {format_number(noise)} µm", below=True)
     title = f"{rank} of {len(mu)} directions are seen{gap}"
-    labels = "direction, strongest first", "rms change of a reading by one prior size (µm)"
+    labels = "direction, strongest first", "rms change of a reading by one prior sigma (µm)"
     return Panel(title, *labels, series, (limit,), log_y=True, height=300)
 
 
@@ -119,7 +119,7 @@ def _effects(basis: StudyBasis) -> Panel:
         if kept in seen
     ]
     largest = Series("largest of all candidates", most[order], np.arange(float(len(order))), ORANGE, "points")
-    label = f"change of the reading by one prior size (µm); most by {names[0]}, {rms[order[0]]:.0f} µm"
+    label = f"change of the reading by one prior sigma (µm); most by {names[0]}, {rms[order[0]]:.0f} µm"
     reach = (0.0, 1.05 * float(most.max()))
     return Panel("", label, "", (*series, largest), x_range=reach, y_names=names, height=ROW_PX * len(names))
 

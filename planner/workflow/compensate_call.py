@@ -58,7 +58,7 @@ class CompensateCall(Call):
         Option("the cell, to make sure that its controller does not correct too", metavar="CELL", is_served=False),
     ] = None
     again: Annotated[bool, Option("add to the correction by another model, whose mark the file bears")] = False
-    measuring: Annotated[bool, Option("correct a measuring program too, whose way is proven uncorrected only")] = False
+    measuring: Annotated[bool, Option("correct a measuring program too, whose path is proven uncorrected only")] = False
     date: Annotated[
         str | None,
         Option(

@@ -95,7 +95,7 @@ class BothPlan(FolderResult):
         return Summary(title, facts, notes=self.loaded.notes)
 
     def _predictions(self) -> list[Fact]:
-        head = f"{'':<14}{'without load':>14}{'circles':>12}{'one fit':>12}   of the prior size"
+        head = f"{'':<14}{'without load':>14}{'circles':>12}{'one fit':>12}   of the prior sigma"
         shares = [(name, *(share_text(float(v)) for v in parts)) for name, *parts in self.known.of("compliance")]
         rows = (f"{name:<14}{one:>14}{two:>12}{both:>12}" for name, one, two, both in shares)
         return under_key("predicted", [head, *rows])
@@ -216,7 +216,7 @@ class CirclePlacesResult(FolderResult):
         facts = [("", s) for s in describe_places(self.found)]
         for name, unloaded, loaded, together in () if self.both is None else self.both.of("compliance"):
             circles = f"the {self.count} circles {share_text(loaded)}, in one fit {share_text(together)}"
-            facts.append((name, f"without load {share_text(unloaded)}, {circles} of its prior size"))
+            facts.append((name, f"without load {share_text(unloaded)}, {circles} of its prior sigma"))
         return Summary(f"{self.cell.name}: {len(self.found.pool)} places can be driven", facts)
 
     def content(self) -> Mapping[str, Any]:

@@ -68,7 +68,7 @@ def whole(cell) -> Model:
 
 
 def measured(model: Model, samples: Samples, rng) -> Run:
-    """A run of a robot whose parameters are off by a third of their prior sizes."""
+    """A run of a robot whose parameters are off by a third of their prior sigmas."""
     errors = 0.3 * model.prior * rng.standard_normal(len(model.names))
     there = Readings(length=np.zeros(len(samples)))
     clean = -model.residual(samples, model.setup.targets(samples, there), errors)[:, 0]

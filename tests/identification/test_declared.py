@@ -187,7 +187,7 @@ def test_the_report_tells_the_declared_effect_with_its_values():
 
 
 def test_the_last_offset_and_angle_are_known_no_better_than_the_point_that_hangs_from_them():
-    """Against a fit that has the tool point as a parameter, with the CMM's uncertainty for its prior size."""
+    """Against a fit that has the tool point as a parameter, with the CMM's uncertainty for its prior sigma."""
     found = identified()
     problem, names = found.fit.problem, found.fit.model.names
     tool = [p for p in Model.of(problem.model.setup, frozenset({"tool"})).parameters if p.name.startswith("map_")]

@@ -116,7 +116,7 @@ def test_other_seeds_deal_other_folds_and_the_share_is_kept():
 
 
 def refitted(found, parts):
-    """Residuals of each fold by a full non-linear fit without it, noise and prior sizes as they are."""
+    """Residuals of each fold by a full non-linear fit without it, noise and prior sigmas as they are."""
     problem, out = found.problem, []
     residual = np.empty((len(problem), problem.model.width))
     for f in range(parts.folds):

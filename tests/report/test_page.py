@@ -127,7 +127,7 @@ def test_sigmas_are_those_of_the_normal_equations(plan: Plan, page: ReadPage) ->
     choice = plan.choice
     J = choice.model.rows(choice.samples)[:, 0]
     weighted = J / choice.model.noise(choice.samples)[:, None] * choice.model.prior
-    share = np.sqrt(np.diag(np.linalg.inv(weighted.T @ weighted)))  # in prior sizes: the inverse is well conditioned
+    share = np.sqrt(np.diag(np.linalg.inv(weighted.T @ weighted)))  # in prior sigmas: the inverse is well conditioned
     rows = page.table("parameter")
     assert [r[0] for r in rows] == list(choice.model.names)
     assert np.allclose([float(r[5]) for r in rows], share, rtol=6e-3)

@@ -72,7 +72,7 @@ def test_predicted_deviation_is_that_of_simulated_fits(done):
 
 
 def test_sensitivity_is_the_change_of_the_reading(done):
-    """One prior size of each parameter, put into the model itself, changes the reading by what the table says."""
+    """One prior sigma of each parameter, put into the model itself, changes the reading by what the table says."""
     b = done[1].basis
     table = {r["parameter"]: r for r in pl.read_csv(done[0] / "sensitivity.csv").to_dicts()}
     exact = b.whole.reading(b.pool.samples)

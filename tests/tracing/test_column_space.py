@@ -28,7 +28,7 @@ def states(request):
 
 
 def assert_alike(one, other, entries):
-    """Alike but for noise and prior sizes, which the space keeps from the model that it began with."""
+    """Alike but for noise and prior sigmas, which the space keeps from the model that it began with."""
     pairs = [(e, e.grid[len(e.grid) // 2]) for e in entries]
     a, b = (t.score(t.lay_out(pairs)) for t in (one, other))
     assert a.gain / one.noise == pytest.approx(b.gain / other.noise, rel=0.1, abs=0.5)

@@ -76,4 +76,4 @@ def test_held_out_error_reaches_that_of_a_fit_without_the_effect():
     geometry = next(s for s in found.stages if s.name == "geometry")
     assert geometry.held_out.rms > 2 * clean.stages[-1].held_out.rms
     gain = geometry.held_out.rms - found.stages[-1].held_out.rms
-    assert np.isclose(found.findings[0].gain, gain, rtol=0.05)  # noise and prior sizes stay
+    assert np.isclose(found.findings[0].gain, gain, rtol=0.05)  # noise and prior sigmas stay

@@ -69,7 +69,7 @@ def read_planned_path(path: Path) -> PlannedPath:
     """Read the planned path, with its poses and moves, from the plan at ``path``.
 
     Raises:
-        InputError: no plan, no balls, poses of unlike length, or balls that follow each other with no way between.
+        InputError: no plan, no balls, poses of unlike length, or balls that follow each other with no path between.
     """
     plan = read_plan(path, "robot", "poses")
     points = _drive_points(plan) if plan.drives else _pose_points(plan)
@@ -107,12 +107,13 @@ def _check(path: Path, visits: list[BallVisit], balls: dict[int, str]) -> None:
     if not balls:
         raise InputError(f"{path}: no pose names a ball; a centring needs a plan for the gauge trical")
     if missing := sorted(set(balls) - set(found)):
-        raise InputError(f"{path}: the way passes no pose {', '.join(map(str, missing[:5]))}")
+        raise InputError(f"{path}: the path passes no pose {', '.join(map(str, missing[:5]))}")
     if len(set(found)) < len(found):
         twice = next(i for i in found if found.count(i) > 1)
         raise InputError(f"{path}: pose {twice} is driven to twice; each measured pose has its own id")
     for before, after in pairwise(visits):
         if after.at == before.at + 1:
             raise InputError(
-                f"{path}: pose {after.id} follows pose {before.id} with no way between that takes the head off the ball"
+                f"{path}: pose {after.id} follows pose {before.id} with no path between that "
+                "takes the head off the ball"
             )

@@ -163,7 +163,7 @@ def _go_to_path(way: PlannedPath, bench: CentringBench) -> int:
     if float(to_deg(off)) > bench.settings.robot.start_deg:
         first = ", ".join(f"{a:.2f}" for a in to_deg(way.q[0]))
         raise LinkError(
-            f"the robot stands {float(to_deg(off)):.1f} deg away from the planned path, and the way to it was never "
+            f"the robot stands {float(to_deg(off)):.1f} deg away from the planned path, and the path to it was never "
             f"checked; take it by hand to the start of the path ({first} deg)"
         )
     bench.link.move(way.q[at], slow=True)

@@ -140,7 +140,7 @@ def _path_between(constraints: Constraints, here: Array, goal: Array, seed: int)
     path = connect_poses(constraints, np.vstack([here, goal]), [0, 1], seed=seed)
     if isinstance(path, PathGaps):
         raise NoSolutionError(
-            f"no way with the bar on leads from one circle to the next: {'; '.join(path.reasons)}; measure them in "
+            f"no path with the bar on leads from one circle to the next: {'; '.join(path.reasons)}; measure them in "
             "cells of their own, or give tool_axis so that both are driven alike"
         )
     return release_travel(constraints, replace(path, q=round_angles(path.q)))

@@ -71,7 +71,7 @@ def describe_places(found: CirclePlaceChoice) -> tuple[str, ...]:
     """Say what the cell's own circle leaves open, and what more places would tell."""
     short = [n.replace("compliance", "c") for n in found.names]
     own = ", ".join(f"{n} {share_text(float(s))}" for n, s in zip(short, found.own.std, strict=True))
-    out = [f"The cell's own circle would leave, of the prior sizes: {own}."]
+    out = [f"The cell's own circle would leave, of the prior sigmas: {own}."]
     for chosen, known in zip(found.sets, found.known, strict=True):
         worst = short[int(np.argmax(known.std))]
         what = "The best single circle" if len(chosen) == 1 else f"The best {len(chosen)} circles together"
@@ -79,7 +79,7 @@ def describe_places(found: CirclePlaceChoice) -> tuple[str, ...]:
     enough = [len(s) for s, k in zip(found.sets, found.known, strict=True) if k.worst < DRIVABLE.worst_joint_share]
     if enough:
         out.append(
-            f"{enough[0]} places know every joint to {100 * DRIVABLE.worst_joint_share:.0f} % of its prior size or "
+            f"{enough[0]} places know every joint to {100 * DRIVABLE.worst_joint_share:.0f} % of its prior sigma or "
             "better."
         )
     return tuple(out)
@@ -112,7 +112,7 @@ def describe_common_fit(known: CommonFit) -> tuple[str, ...]:
         worst = int(np.argmax(np.where(which, known.both, 0.0)))
         out.append(
             f"{what}, {int(which.sum())} parameters: on average each would be known to {share_text(sizes[0])} of its"
-            f" prior size by the poses without load, to {share_text(sizes[1])} by the circles, to"
+            f" prior sigma by the poses without load, to {share_text(sizes[1])} by the circles, to"
             f" {share_text(sizes[2])} in one fit; the worst there is {known.names[worst]} with"
             f" {share_text(known.both[worst])}."
         )

@@ -195,7 +195,7 @@ def _describe_gaps(roadmap: Roadmap, failed: tuple[tuple[int, int], ...], visits
     a, b = np.array(failed).T
     constraints, q = roadmap.constraints, roadmap.graph.q[roadmap.place]
     proof = constraints.prove(q[a], q[b])
-    reasons = tuple(f"no way found; straight: {constraints.failure(proof, k)}" for k in range(len(failed)))
+    reasons = tuple(f"no path found; straight: {constraints.failure(proof, k)}" for k in range(len(failed)))
     return PathGaps(failed, tuple(lost.tolist()), reasons)
 
 

@@ -64,7 +64,7 @@ def solve_concorde(
     Args:
         program: what ``find_concorde`` returned.
         instance: the problem.
-        upper: cost of a known tour without forbidden legs [units].
+        upper: cost of a known tour without forbidden segments [units].
         seed: passed on.
         limit: of the time that a plan may take.
 

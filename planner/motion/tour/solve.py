@@ -151,8 +151,8 @@ class _TourRequest:
         if bound < length:
             takes, least = length * instance.unit_s, bound * instance.unit_s
             notes += (
-                f"the order of the poses is not proven the quickest: its legs take {takes:.1f} s, in any order they "
-                f"take at least {least:.1f} s",
+                f"the order of the poses is not proven the quickest: its segments take {takes:.1f} s, in any order "
+                f"they take at least {least:.1f} s",
             )
         return self._tour(tour, bound * instance.unit_s, bound >= length, "embedded", notes)
 
@@ -162,7 +162,7 @@ class _TourRequest:
         if program is None:
             return None
         if upper >= instance.penalty:
-            raise ConcordeError("Concorde was not asked, as no tour without forbidden legs was at hand")
+            raise ConcordeError("Concorde was not asked, as no tour without forbidden segments was at hand")
         cycle = solve_concorde(program, instance, upper, self.seed, self.limit)
         bound_s = instance.length(cycle) * instance.unit_s
         return self._tour(cycle, bound_s, True, "concorde", ())
@@ -187,8 +187,8 @@ class _TourRequest:
     def _no_order_error(self, *, proven: bool) -> NoSolutionError:
         verdict = "exists" if proven else "was found"
         return NoSolutionError(
-            f"no order of the {len(self.cost_s)} poses {verdict} that avoids the {len(self.forbidden)} forbidden legs; "
-            "allow more room for detours, or leave out a pose that few others can reach"
+            f"no order of the {len(self.cost_s)} poses {verdict} that avoids the {len(self.forbidden)} forbidden "
+            "segments; allow more room for detours, or leave out a pose that few others can reach"
         )
 
 

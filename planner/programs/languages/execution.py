@@ -208,7 +208,7 @@ class Execution(ABC):
         self.moves, speed, dwells, syncs = self.entered
         if (len(self.dwells), self.syncs) != (dwells, syncs) or not (self._stopped or self.overall_speed == speed):
             raise InputError(
-                f"{where}: the way to a start measures, or leaves another reduction of the speed than the path has"
+                f"{where}: the path to a start measures, or leaves another reduction of the speed than the path has"
             )
         self.entered = None
 

@@ -164,7 +164,7 @@ def _cubic_peak(before: TimedGoal | None, goal: TimedGoal, seconds: float) -> fl
     """Return the largest over the mean speed of the cubic between two points, of the joint that moves furthest."""
     count = 32  # parts of a leg that is passed, at which its speed is looked at
     if before is None:
-        raise InputError(f"line {goal.line}: '{goal.text}' passes the first point, where nobody knows the way to it")
+        raise InputError(f"line {goal.line}: '{goal.text}' passes the first point, where nobody knows the path to it")
     moved = [b - a for a, b in zip(before.angles, goal.angles, strict=True)]
     j = max(range(len(moved)), key=lambda k: abs(moved[k]))
     if moved[j] == 0.0:
@@ -221,7 +221,7 @@ class FramesExecution(TimedExecution):
                 raise InputError(f"line {statement.line}: frame {number} is at {statement.time} s")
             yield statement
         if self.waiting:
-            raise InputError(f"line {self.waiting[0].line}: the last frames end neither a leg nor a stay")
+            raise InputError(f"line {self.waiting[0].line}: the last frames end neither a segment nor a stay")
         driven = [frames for frames in files if frames]
         self.acceleration = _of_frames(driven, self.rate, 10.0**-self.dialect.decimals) if driven else ()
 
@@ -260,7 +260,7 @@ class FramesExecution(TimedExecution):
             off = max(abs(g - s) for g, s in zip(frame.angles, straight, strict=True))
             back = (last - frame.angles[j]) * math.copysign(1.0, moved[j])
             if off > 2.0 * printed + bent or max(back, share - 1.0) > printed + bent:
-                raise InputError(f"line {frame.line}: '{frame.text}' leaves the straight line of its leg")
+                raise InputError(f"line {frame.line}: '{frame.text}' leaves the straight line of its segment")
             last, quickest = frame.angles[j], max(quickest, -back)
         self.here = end.angles
         even = abs(moved[j]) / n

@@ -5,7 +5,7 @@ import { make } from "./common.js";
 
 const ROLES = { calibrate: "#0072B2", repeat: "#009E73", validate: "#CC79A7", mount: "#E69F00" };
 const MANY = 100; // poses: more of them hide the robot, and so does their path
-const LINES = { "measuring path": "#3c3c3c", "way to the start": "#8c8c8c" };
+const LINES = { "measuring path": "#3c3c3c", "path to the start": "#8c8c8c" };
 
 const SCALE = ["#2c3e8f", "#2a78b8", "#35a7a0", "#8cc665", "#f2c53d", "#e8743b", "#b4232c"];
 

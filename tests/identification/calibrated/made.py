@@ -42,7 +42,7 @@ def setup_at_flange(robot):
 
 
 def calibration(robot, seed, effects=()):
-    """A calibration with random errors of all geometry (1 mm, 1 mrad) and of every effect (its prior size)."""
+    """A calibration with random errors of all geometry (1 mm, 1 mrad) and of every effect (its prior sigma)."""
     setup = setup_at_flange(robot)
     every = [*robot_parameters(setup), *effects]
     errors = np.random.default_rng(seed).normal(size=len(every)) * [p.prior for p in every]

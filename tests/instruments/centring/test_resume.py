@@ -157,7 +157,7 @@ def test_a_way_between_balls_is_needed(cell):
     made = cell(count=2)
     content = {k: v for k, v in made.content.items() if k != "drives"}
     made.plan.write_text(json.dumps(content))
-    with pytest.raises(InputError, match="pose 3 follows pose 1 with no way between"):
+    with pytest.raises(InputError, match="pose 3 follows pose 1 with no path between"):
         made.run()
     off = [p["q_deg"] for p in made.content["drives"][0]["waypoints"] if p["visit"] == -1]
     after = zip((0, 1, 1, 3), off, strict=True)

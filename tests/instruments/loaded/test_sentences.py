@@ -18,7 +18,7 @@ def files_of(names):
 
 @pytest.fixture
 def found():
-    """Readings that alone would know the four to 1 %, 50 %, 146 % and nothing of their prior size."""
+    """Readings that alone would know the four to 1 %, 50 %, 146 % and nothing of their prior sigma."""
     prior, alone = np.full(4, 2e-6), np.array([0.01, 0.5, 1.46, 1e7])
     information = np.diag((alone * prior) ** -2.0)
     return compliance_posterior(NAMES, prior, information, information @ np.full(4, 1e-6), 1e-6, 1.0)

@@ -31,7 +31,7 @@ def test_small_tours_are_those_of_brute_force(few, monkeypatch):
     for cost, forbidden in small_cases(16):
         best = brute_force(cost, forbidden)
         if not np.isfinite(best):
-            with pytest.raises(NoSolutionError, match="forbidden legs"):
+            with pytest.raises(NoSolutionError, match="forbidden segments"):
                 solve_tour(cost, forbidden=forbidden, method="exact")
             continue
         tour = solve_tour(cost, forbidden=forbidden, method="exact")
@@ -92,7 +92,7 @@ def test_forbidding_the_best_legs_costs_and_is_obeyed():
 
 def test_a_pose_cut_off_from_all_others_is_no_solution():
     cost = leg_costs(20, seed=2)
-    with pytest.raises(NoSolutionError, match="no order of the 20 poses exists that avoids the 18 forbidden legs"):
+    with pytest.raises(NoSolutionError, match="no order of the 20 poses exists that avoids the 18 forbidden segments"):
         solve_tour(cost, forbidden=[(7, other) for other in range(20) if other not in (7, 3)])
 
 
