@@ -3,10 +3,12 @@
 import csv
 import tomllib
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 import numpy as np
 
+from planner.cell.cell import Cell
 from planner.cell.reading import read_cell
 from planner.motion.collision.fcl_world import FclWorld
 from planner.motion.collision.scene import build_scene
@@ -59,9 +61,30 @@ def map_positions(folder: Path, q: np.ndarray) -> np.ndarray:
     return np.einsum("nij,j->ni", T[:, :3, :3], p) + T[:, :3, 3]
 
 
+@cache
+def _cell(folder: Path, text: str) -> Cell:
+    """The cell of a folder, read once as long as its text stays."""
+    assert (folder / "cell.toml").read_text() == text
+    return read_cell(folder / "cell.toml", "cell")
+
+
+@cache
+def _world(folder: Path, text: str, bar: bool) -> FclWorld:
+    scene = build_scene(_cell(folder, text))
+    return FclWorld(scene if bar else scene.without_bar())
+
+
+@cache
+def _least_distance(folder: Path, text: str, bar: bool, path: bytes) -> float:
+    """Least distance [m] of any two bodies on a path (n, N) [rad]; most moves of programs that differ are the same."""
+    q = np.frombuffer(path).reshape(-1, _cell(folder, text).robot.n_joints)
+    return float(_world(folder, text, bar).distances(q).min())
+
+
 def complaints(folder: Path, text: str) -> list[str]:
     """Return what a program does that the cell does not allow; nothing where it is driven from home to home."""
-    cell = read_cell(folder / "cell.toml", "cell")
+    written = folder, (folder / "cell.toml").read_text()
+    cell = _cell(*written)
     moves, out = read_moves(text), []
     if max(np.abs(moves[k].q - cell.home).max() for k in (0, -1)) > 1e-5:
         out.append("it does not begin and end at home")
@@ -82,8 +105,7 @@ def complaints(folder: Path, text: str) -> list[str]:
         robot = cell.robot
         if (q < robot.q_lower - 1e-5).any() or (q > robot.q_upper + 1e-5).any():
             out.append("a joint leaves its stroke")
-        scene = build_scene(cell)
-        least = FclWorld(scene if bar else scene.without_bar()).distances(q).min()
+        least = min(_least_distance(*written, bar, part.tobytes()) for part in parts)
         if least < cell.motion.clearance - PRINTED:
             out.append(f"bodies come within {1e3 * least:.2f} mm")
         if bar:

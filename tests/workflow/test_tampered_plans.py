@@ -3,6 +3,7 @@
 import copy
 import json
 import math
+import pickle
 import re
 from pathlib import Path
 
@@ -11,7 +12,7 @@ import pytest
 
 from planner.common.errors import InputError, NoSolutionError
 from planner.common.units import PLAN_DECIMALS
-from planner.session import judgement
+from planner.session import judgement, planned_session
 from planner.session.judgement import judge_program
 from planner.workflow.plan_use import export
 from tests.workflow.driven_check import complaints, map_positions
@@ -32,23 +33,33 @@ def _exported(folder: Path) -> str:
     return export(folder / "plan.json", dialect="poses-csv", name="a").programs[0].text
 
 
+def _once(function, key):
+    """The function, called once for all arguments of one key: most changes are of numbers that nothing is driven by."""
+    known: dict[object, object] = {}
+
+    def call(*given):
+        this = key(*given)
+        if this not in known:
+            try:
+                known[this] = function(*given)
+            except (InputError, NoSolutionError) as err:
+                known[this] = err
+        if isinstance(known[this], InputError | NoSolutionError):
+            raise type(known[this])(str(known[this]))
+        return known[this]
+
+    return call
+
+
 @pytest.fixture
 def judged_once(monkeypatch):
-    """Judge every distinct drive once: most changes are of numbers that nothing is driven by."""
-    known: dict[tuple, object] = {}
-
-    def judge(cell, program):
-        key = (program.home_deg, program.instructions)
-        if key not in known:
-            try:
-                known[key] = judge_program(cell, program)
-            except NoSolutionError as err:
-                known[key] = err
-        if isinstance(known[key], NoSolutionError):
-            raise NoSolutionError(str(known[key]))
-        return known[key]
-
+    """Read the cell once as long as its text stays, and time and judge every distinct drive once."""
+    judge = _once(judge_program, lambda cell, program: (program.home_deg, program.instructions))
+    time = _once(planned_session.time_course, lambda cell, *drive: pickle.dumps(drive))
+    read = _once(planned_session.read_cell, lambda path, name: (path, path.read_text()))
     monkeypatch.setattr(judgement, "judge_program", judge)
+    monkeypatch.setattr(planned_session, "time_course", time)
+    monkeypatch.setattr(planned_session, "read_cell", read)
 
 
 def _numbers(value: object, way: tuple = ()) -> list[tuple]:
