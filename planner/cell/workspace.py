@@ -177,11 +177,18 @@ def axis_reach(transforms: Sequence[Transform], n_joints: int, tail: float = 0.0
         n_joints: number of joints N; joints not among the transforms get 0.
         tail: largest distance of the carried points from that frame's origin [m].
     """
-    return _axis_reach(tuple(transforms), n_joints, tail)
+    return _reaches(tuple(transforms), n_joints, tail)[0]
+
+
+def chain_reach(transforms: Sequence[Transform]) -> float:
+    """Bound the distance of the two ends of a chain of elementary transforms, in any state [m]."""
+    joints = [t.joint + 1 for t in transforms if t.joint is not None]
+    return _reaches(tuple(transforms), max(joints, default=0), 0.0)[1]
 
 
 @lru_cache(maxsize=8192)  # asked for every pair of bodies in every set of constraints
-def _axis_reach(transforms: tuple[Transform, ...], n_joints: int, tail: float) -> Array:
+def _reaches(transforms: tuple[Transform, ...], n_joints: int, tail: float) -> tuple[Array, float]:
+    """Return :func:`axis_reach`, and how far what is carried can be from where the chain begins [m]."""
     out, behind, box = np.zeros(n_joints), tail, np.zeros(3)
     for t in reversed(transforms):
         if t.kind == "translation":
@@ -197,7 +204,7 @@ def _axis_reach(transforms: tuple[Transform, ...], n_joints: int, tail: float) -
             box[[b, c]] = box[[c, b]]
         elif not np.isclose(np.sin(t.nominal), 0.0):
             behind, box = behind + float(np.linalg.norm(box)), np.zeros(3)
-    return read_only(out)
+    return read_only(out), behind + float(np.linalg.norm(box))
 
 
 def perpendicular(axis: Array) -> Array:

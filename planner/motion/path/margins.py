@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 
 from planner.cell.gauge_types import PointTravel
-from planner.cell.workspace import Workspace, axis_reach, bar_twist, perpendicular, wrap_angle
+from planner.cell.workspace import Workspace, axis_reach, bar_twist, chain_reach, perpendicular, wrap_angle
 from planner.common.units import Array
 from planner.kinematics.chain import Chain
 from planner.kinematics.geometry import bar_state
@@ -45,9 +45,13 @@ class Travel(PointTravel):
 
     Attributes:
         step: largest |Δθ| of each joint, (n, N) [rad].
+        seen: path length of the MAP as each of the links 1 … N sees it, (n, N) [m]; turned: turn of the link, (n, N)
+            [rad].
     """
 
     step: Array
+    seen: Array
+    turned: Array
 
 
 def bound_travel(pose: ToolState, spokes: Array, reach: Array) -> Travel:
@@ -59,25 +63,36 @@ def bound_travel(pose: ToolState, spokes: Array, reach: Array) -> Travel:
         reach: largest distance of the MAP from each axis, (N,) [m].
     """
     step = np.abs(spokes).max(axis=1)
-    velocity = np.einsum("nij,nmj->nmi", pose.J, spokes)
-    bend = curvature(step, reach)
-    speed = np.linalg.norm(velocity, axis=2).max(axis=1)
-    move = speed + bend / 2
-    along = np.abs(np.einsum("nmi,ni->nm", velocity, pose.direction)).max(axis=1)
+    # what the joints from the tool inward, and from the base outward, do together
+    velocity = np.cumsum((pose.J[:, None] * spokes[:, :, None])[..., ::-1], axis=3)[..., ::-1]
+    turning = np.cumsum(pose.W[:, None] * spokes[:, :, None], axis=3)
+    bend, speed = curvature(step, reach), _largest(velocity)
+    seen = speed + bend / 2
+    bend, speed, move = bend[:, 0], speed[:, 0], seen[:, 0]
+    along = np.abs(np.einsum("nmi,ni->nm", velocity[..., 0], pose.direction)).max(axis=1)
     left = pose.length - move  # shortest length in the neighbourhood
     safe = np.maximum(left, 1e-9)
     stretch = np.minimum(move, along + ((speed + bend) ** 2 / safe + bend) / 2)
     swing = np.where(left > 0, move / safe, FAR)
-    spinning = np.linalg.norm(np.einsum("nij,nmj->nmi", pose.W, spokes), axis=2).max(axis=1)
     earlier = np.cumsum(step, axis=1) - step
-    turn = spinning + np.einsum("nj,nj->n", step, earlier) / 2
-    return Travel(move, stretch, swing, turn, step)
+    turned = _largest(turning) + np.cumsum(step * earlier, axis=1) / 2
+    # link k is carried by the joints up to its own, and sees what those behind it do
+    seen = np.column_stack([seen[:, 1:], np.zeros(len(step))])
+    return Travel(move, stretch, swing, turned[:, -1], step, seen, turned)
+
+
+def _largest(vectors: Array) -> Array:
+    """Return the length of the longest of M vectors (n, M, 3, N), (n, N)."""
+    return np.asarray(np.sqrt(np.einsum("nmij,nmij->nmj", vectors, vectors)).max(axis=1))
 
 
 def curvature(step: Array, reach: Array) -> Array:
-    """Return Σ_ij step_i step_j reach_max(i,j), (n,) [m], for steps (n, N) [rad] and reaches (N,) [m]."""
-    joint = np.arange(len(reach))
-    return np.asarray(np.einsum("ni,ni->n", step @ reach[np.maximum.outer(joint, joint)], step))
+    """Return Σ_ij step_i step_j reach_max(i,j) over the joints i, j from each one on, (n, N) [m].
+
+    Steps are (n, N) [rad], reaches (N,) [m].
+    """
+    later = np.cumsum((reach * step)[:, ::-1], axis=1)[:, ::-1] - reach * step
+    return np.asarray(np.cumsum((step * (reach * step + 2 * later))[:, ::-1], axis=1)[:, ::-1])
 
 
 @dataclass(frozen=True)
@@ -127,7 +142,7 @@ class WorkspaceBounds:
             return self.workspace.margins(q, pose), self.changes(spokes, far), far
         unknown = np.full(len(q), FAR)
         step = np.abs(spokes @ self.workspace.cell.robot.coupling_matrix.T).max(axis=1)
-        far = Travel(unknown, unknown, unknown, unknown, step)
+        far = Travel(unknown, unknown, unknown, unknown, step, *np.full((2, *step.shape), FAR))
         return self.workspace.margins(q), self.changes(spokes, far), far
 
     def changes(self, spokes: Array, far: Travel) -> Array:
@@ -154,14 +169,15 @@ class BarPairs:
         housing: whether the part is the housing, else the rod, (m,) bool.
         end: reach of the part's core, (m,) [m].
         reach: largest distance of the other piece from each axis before it, (m, N) [m]; zero where it stands still.
-        at_tool: whether the tool carries the other piece, (m,) bool; to_map: its distance from the MAP then [m].
+        link: which carries the other piece, (m,), 0 where it stands still; to_map: its largest distance from the MAP
+            then, (m,) [m].
     """
 
     pair: np.ndarray
     housing: np.ndarray
     end: Array
     reach: Array
-    at_tool: np.ndarray
+    link: np.ndarray
     to_map: Array
 
 
@@ -178,14 +194,17 @@ class PairBounds:
             # The housing turns about the fixture. A point of the rod at ρ ≤ 2 L from the MAP is no faster than the MAP.
             own = np.repeat(far.move[:, None], len(bar.pair), axis=1)
             own[:, bar.housing] = bar.end[bar.housing] * far.swing[:, None]
-            at_tool = np.flatnonzero(bar.at_tool)
+            at_tool = np.flatnonzero(bar.link == far.step.shape[1])
             carried = far.step @ bar.reach.T
             by_tool = far.move[:, None] + bar.to_map[at_tool] * far.turn[:, None]
             carried[:, at_tool] = np.minimum(carried[:, at_tool], by_tool)
             apart = own + carried
-            both = np.flatnonzero(bar.at_tool & ~bar.housing)  # both hold the MAP: only the angle between them changes
-            turned = np.minimum(bar.end, bar.to_map)[both] * (far.swing + far.turn)[:, None]
-            apart[:, both] = np.minimum(apart[:, both], turned)
+            # Seen from the link, the rod is carried with the MAP, and turns about it as both do together; seen from
+            # the rod it is the link that turns about the MAP: what is less far from the MAP decides.
+            rod = np.flatnonzero((bar.link > 0) & ~bar.housing)
+            link = bar.link[rod] - 1
+            turned = np.minimum(bar.end, bar.to_map)[rod] * (far.swing[:, None] + far.turned[:, link])
+            apart[:, rod] = np.minimum(apart[:, rod], far.seen[:, link] + turned)
             out[:, bar.pair] = apart
         return out
 
@@ -196,8 +215,8 @@ class PairBounds:
         found = [(k, *pair) for k, pair in enumerate(self.scene.pairs) if any(pieces[i].of_bar for i in pair)]
         found = [(k, a, b) if pieces[a].of_bar else (k, b, a) for k, a, b in found]
         bars, others = [pieces[a] for _, a, _ in found], [pieces[b] for *_, b in found]
-        at_tool = np.array([p.carrier == "link" and p.link == robot.n_joints for p in others], dtype=bool)
-        to_map = np.array([self._distance_from_map(p) if p.link == robot.n_joints else np.inf for p in others])
+        link = np.array([p.link if p.carrier == "link" else 0 for p in others], dtype=int)
+        to_map = np.array([self._distance_from_map(p) for p in others])
         before = [robot.transforms[: robot.link_end[p.link]] for p in others]  # what stands still is before all joints
         reach = [axis_reach(b, robot.n_joints, core_reach(p)) for b, p in zip(before, others, strict=True)]
         return BarPairs(
@@ -205,7 +224,7 @@ class PairBounds:
             housing=np.array([p.carrier == "housing" for p in bars], dtype=bool),
             end=np.array([core_reach(p) for p in bars]),
             reach=np.array(reach),
-            at_tool=at_tool,
+            link=link,
             to_map=to_map,
         )
 
@@ -229,9 +248,12 @@ class PairBounds:
         return np.asarray(np.minimum(outward, inward))
 
     def _distance_from_map(self, piece: SceneBody) -> float:
-        """Largest distance of the core of a piece that the tool carries from the MAP [m]."""
-        T_LF, body = self.scene.cell.robot.flange_frame(), piece.body
-        p = T_LF[:3, :3] @ self.scene.cell.tool.p_FM + T_LF[:3, 3]
+        """Bound the distance of the core of a piece that a link carries from the MAP [m]."""
+        cell, body = self.scene.cell, piece.body
+        if piece.link < cell.robot.n_joints:
+            return chain_reach(cell.chain.transforms[cell.robot.link_end[piece.link] :]) + core_reach(piece)
+        T_LF = cell.robot.flange_frame()
+        p = T_LF[:3, :3] @ cell.tool.p_FM + T_LF[:3, 3]
         if body.kind == "capsule":
             ends = [body.T[:3, 3] + s * body.T[:3, 2] * body.size[1] / 2 for s in (-1, 1)]
             return max(float(np.linalg.norm(e - p)) for e in ends)
