@@ -187,8 +187,8 @@ def peer(q):
 
 
 def _peer_python():
-    """Python of an environment with FIGAROH in it, made once."""
-    folder = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "edbb-benchmarks" / "figaroh-1.0.2"
+    """Python of an environment with FIGAROH in it, made once, beside the repository's own (git ignores both)."""
+    folder = Path(__file__).parents[2] / ".venv" / "figaroh-1.0.2"
     python = folder / "bin" / "python"
     if not (folder / "ready").exists():
         print("\ninstalling FIGAROH 1.0.2 (about two minutes) ...", flush=True)
