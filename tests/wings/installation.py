@@ -40,9 +40,8 @@ def files_of(wing):
 
 def install_without(folder, *wings):
     """Copy the package with its robots and languages into a folder, without some extensions; return the environment."""
-    skip = shutil.ignore_patterns("__pycache__")
     for name in ("planner", "robots", "g-code"):
-        shutil.copytree(ROOT / name, folder / name, ignore=skip)
+        shutil.copytree(ROOT / name, folder / name)  # compiled modules too: they hold, and are no modules by themselves
     for wing in wings:
         for part in parts_of(wing):
             there = folder / "planner" / part

@@ -2,9 +2,11 @@
 
 import ast
 import json
+import os
 import re
 import tomllib
 from importlib import import_module
+from pathlib import Path
 
 import pytest
 
@@ -14,8 +16,10 @@ from planner.common.extensions import GROUP
 from planner.wings import SECTIONS
 from planner.workflow.verbs import CORE, declared_calls
 from tests.golden.cases import shipped
+from tests.wings import registered
 from tests.wings.installation import ROOT, WINGS, edbb_in, files_of, install_without, parts_of, run_in
 
+TABLES, REGISTERED = registered.TABLES, registered.__file__
 READ = "from planner.cell.reading import load_cell, shipped_cells; print(shipped_cells()); load_cell('mine.toml')"
 LISTED = re.compile(r"^│ ([\w-]+) {2,}\w", re.MULTILINE)
 HOME = ROOT / "planner"
@@ -116,9 +120,41 @@ def test_no_verb_of_an_extension_is_one_of_the_core():
     assert not core & set(extension_commands())
 
 
+@pytest.fixture(scope="module")
+def each():
+    """What each extension registers where all are installed."""
+    return json.loads(run_in(ROOT, {**os.environ, "PYTHONPATH": str(ROOT)}, REGISTERED).stdout)
+
+
+def test_extensions_register_in_the_tables_that_are_compared_and_nowhere_else(each):
+    called = set()
+    for path in HOME.glob("wings/*.py"):
+        nodes = list(ast.walk(ast.parse(path.read_text())))
+        of = {a.name: n.module for n in nodes if isinstance(n, ast.ImportFrom) for a in n.names}
+        calls = {ast.unparse(n.func) for n in nodes if isinstance(n, ast.Call)}
+        called |= {of[name] for name in calls if name.startswith("register_")}
+        assert all(name.startswith("register_") or of[name] in TABLES or name[0].isupper() for name in calls & set(of))
+    assert called == set(TABLES)
+    for module, tables in TABLES.items():
+        tree = ast.parse(Path(import_module(module).__file__).read_text())
+        filled = {
+            n.target.id for n in tree.body if isinstance(n, ast.AnnAssign) and ast.unparse(n.value) in ("{}", "[]")
+        }
+        assert filled == set(tables)
+    assert not each[""]
+    assert all(len(each[wing]) == len(set(each[wing])) > 0 for wing in WINGS)
+
+
 @pytest.mark.parametrize("wing", WINGS)
-def test_the_list_of_commands_without_an_extension(tmp_path, wing):
+def test_without_an_extension_all_but_its_own_is_registered_and_listed(tmp_path, wing, each):
+    """Registration adds up: so a test of the core that passes with all extensions and with none passes with some.
+
+    No module of the core imports one of theirs; all that it meets of them are the entries of these tables.
+    """
     environment = install_without(tmp_path, wing)
+    found = run_in(tmp_path, environment, REGISTERED)
+    assert found.returncode == 0, found.stderr
+    assert json.loads(found.stdout) == {name: entries for name, entries in each.items() if name != wing}
     done = edbb_in(tmp_path, environment, "--help")
     assert done.returncode == 0, done.stderr
     left = set(LISTED.findall(done.stdout))
