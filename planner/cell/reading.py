@@ -194,7 +194,7 @@ def cell_of(file: CellFile, path: Path, name: str, planning: bool = True) -> Cel
         fixtures=places,
         balls=read_balls(path, file),
         obstacles=tuple(b.body(f"obstacle {k + 1}", path.parent) for k, b in enumerate(file.obstacles)),
-        motion=_read_motion(file),
+        motion=read_motion(file),
         cable=_read_cable(path, file, robot),
         base=BaseMounting(
             read_only(Rotation.from_euler("xyz", from_deg(file.base.rpy_deg)).as_matrix()),
@@ -237,7 +237,8 @@ def _advise_drive(robot: Robot, i: int, missing: Sequence[str]) -> str:
     return f'; say it in robot.toml{file}:\n[[joints]]\nname = "{robot.joint_names[i]}"\n{lines}'
 
 
-def _read_motion(file: CellFile) -> MotionSettings:
+def read_motion(file: CellFile) -> MotionSettings:
+    """Return what ``[motion]`` of a cell file says, in SI units."""
     m = file.motion
     speed = m.tool_speed_mm_min * MM_PER_MIN
     return MotionSettings(

@@ -13,6 +13,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Annotated, Any, ClassVar, Literal, ParamSpec, TypeVar, get_args, get_origin
 
+from planner.common.errors import InputError
 from planner.common.notebook import NotebookProgress, runs_in_notebook
 from planner.common.progress import Progress
 
@@ -59,6 +60,7 @@ class Option:
             have no such field.
         is_served: whether requests have the field.
         python_only: whether it can be given to the function alone.
+        motion_key: of a plan: whether it stands for the key of its name under ``[motion]`` of the cell file.
     """
 
     help: str
@@ -77,6 +79,7 @@ class Option:
     from_service: JobFile | str | None = None
     is_served: bool = True
     python_only: bool = False
+    motion_key: bool = False
 
 
 def upload_option(help: str, metavar: str, request_name: str = "") -> Option:
@@ -158,10 +161,10 @@ class CallField:
         return get_args(next((p for p in parts if get_origin(p) is Literal), None))
 
 
-def call_fields(call: type[Call]) -> tuple[CallField, ...]:
+def call_fields(call: type[Any]) -> tuple[CallField, ...]:
     """Return the fields of a declaration: those without a name first, those of Python alone last."""
     found = []
-    for field in fields(call):  # type: ignore[arg-type]
+    for field in fields(call):
         kind, option = get_args(field.type)
         found.append(CallField(field.name, kind, field.default, option, bool(field.kw_only)))
     return tuple(sorted(found, key=lambda f: (f.keyword, f.option.python_only)))
@@ -220,6 +223,15 @@ def served_fields(call: type[Call]) -> list[ServedField]:
     return [ServedField(f, f.option) for f in typed_fields(call) if f.option.is_served]
 
 
+def _check_bounds(function: str, known: Sequence[CallField], asked: object) -> None:
+    for field in known:
+        value, least, most = getattr(asked, field.name), field.option.min, field.option.max
+        if isinstance(value, int | float) and not (least is None or least <= value):
+            raise InputError(f"{function}(): {field.name} = {value}, but the least is {least:g}")
+        if isinstance(value, int | float) and not (most is None or value <= most):
+            raise InputError(f"{function}(): {field.name} = {value}, but the largest is {most:g}")
+
+
 P = ParamSpec("P")
 R = TypeVar("R")
 C = TypeVar("C", bound=Call)
@@ -257,6 +269,7 @@ def called_with(declaration: Callable[P, C]) -> Callable[[Callable[[C], R]], Cal
                 _ = signature.bind(*args, **kwargs)
             except TypeError as err:
                 raise TypeError(f"{function.__name__}(): {err}") from None
+            _check_bounds(function.__name__, known, declaration(*args, **kwargs))
             if "progress" not in fields_by_name or "progress" in kwargs or not runs_in_notebook():
                 return function(declaration(*args, **kwargs))
             shown = NotebookProgress()

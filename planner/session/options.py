@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from planner.cell.declared import FleetOption
-from planner.common.calls import Dialects, JobFile, Option, Seed, upload_option
+from planner.common.calls import Dialects, JobFile, Option, Seed, call_fields, upload_option
 from planner.common.choices import Aim, IndexName, SelectionMethod, TourOrder, TourSolver
 from planner.common.errors import InputError
 
@@ -44,7 +44,8 @@ class PlanOptions:
         Option("how the index selects: by exchange (default), or one pose at a time taken away (EDBB paper)"),
     ] = None
     order: Annotated[
-        TourOrder | None, Option("order of the poses: by each segment's slowest limit (default), or axis")
+        TourOrder | None,
+        Option("order of the poses: by each segment's slowest limit (default), or axis", motion_key=True),
     ] = None
 
     after: Annotated[
@@ -88,13 +89,18 @@ class PlanOptions:
     ] = None
     fleet: FleetOption = None
 
-    def in_order(self, cell: "Cell") -> "Cell":
-        """Return the cell with the order of the poses that is asked for, in its file as well."""
-        if self.order is None:
+    def in_motion(self, cell: "Cell") -> "Cell":
+        """Return the cell with what is asked in place of keys of ``[motion]``, in its file as well."""
+        from planner.cell.reading import read_motion
+
+        names = [f.name for f in call_fields(PlanOptions) if f.option.motion_key]
+        asked = {name: getattr(self, name) for name in names if getattr(self, name) is not None}
+        if not asked:
             return cell
-        asked = cell.file.motion.model_copy(update={"order": self.order, "tour_cost": None})
-        file = cell.file.model_copy(update={"motion": asked})
-        return replace(cell, file=file, motion=replace(cell.motion, order=self.order))
+        if "order" in asked:
+            asked["tour_cost"] = None  # its earlier name
+        file = cell.file.model_copy(update={"motion": cell.file.motion.model_copy(update=asked)})
+        return replace(cell, file=file, motion=read_motion(file))
 
     def for_tracing(self, cell: "Cell") -> bool:
         """Tell whether the poses are to show what nobody has declared: where nothing else is asked for, they are.

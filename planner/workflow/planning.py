@@ -66,7 +66,7 @@ def plan_cell(cell: Cell, options: PlanOptions, stages: Stages) -> Plan:
     chooser = _chooser(cell, options)
     if chooser is not None and options.same_mounting:
         cell = leave_standing(cell, chooser.before)
-    session = pose_session(options.in_order(cell), options, chooser)
+    session = pose_session(options.in_motion(cell), options, chooser)
     return plan_session(session, options, stages, _begin_drawing)
 
 
