@@ -15,10 +15,26 @@ from planner.common.errors import InputError
 
 if TYPE_CHECKING:
     from planner.cell.cell import Cell
-    from planner.instruments.centring.session import CentringSession
+    from planner.instruments.centring.session import CentringAdviser, CentringSession
     from planner.instruments.centring.settings import CentringSettings
     from planner.instruments.centring.stop import StopRequest
     from planner.kinematics.robot import Robot
+
+
+Until = Annotated[
+    float | None,
+    typer.Option(
+        "--until-mm",
+        metavar="MM",
+        min=0.001,
+        max=10.0,
+        help="after each pose say the expected error; pass what adds nothing, and all once 95 of 100 such robots are "
+        "below this",
+    ),
+]
+After = Annotated[
+    Path | None, typer.Option("--after", metavar="CALIBRATED", help="identification of the sessions before")
+]
 
 
 def centre_command(
@@ -42,6 +58,8 @@ def centre_command(
     program: Annotated[
         Path | None, typer.Option("--program-to", metavar="DIR", help="write the robot's own program there, and end")
     ] = None,
+    until: Until = None,
+    after: After = None,
     simulate: Annotated[
         bool, typer.Option("--simulate", help="try it: robot, head and indicators are simulated, with errors drawn")
     ] = False,
@@ -70,15 +88,17 @@ def centre_command(
         raise InputError(f"the stop file {stop_file} is there already; remove it to begin")
     cell = _read_cell(plan_file, simulate)
     session, stop = open_session(plan_file, output), StopRequest(stop_file)
+    adviser = _centring_adviser(plan_file, cell, session, until, after)
     if session.pending and simulate and cell:
-        _simulate(session, cell, settings, stop, seed)
+        _simulate(session, cell, settings, stop, seed, adviser)
     elif session.pending and robot and indicators:
         known = load_robot(session.way.robot) if cell is None else cell.robot
-        _run(session, robot, known, indicators.split(","), settings, stop, follow)
+        _run(session, robot, known, indicators.split(","), settings, stop, follow, adviser)
     if as_json:
         print_json(_summary(session, output))
     else:
-        errors.print(f"all {len(session.way.visits)} poses are measured, written to {output}")
+        all_of = "all" if not session.pending else f"{len(session.journal.rows)} of"
+        errors.print(f"{all_of} {len(session.way.visits)} poses are measured, written to {output}")
         print_next(evaluation_step(output, plan_file))
 
 
@@ -99,6 +119,25 @@ def _read_cell(plan_file: Path, needed: bool) -> Cell | None:
     return planned.cell
 
 
+def _centring_adviser(
+    plan_file: Path, cell: Cell | None, session: CentringSession, until: float | None, after: Path | None
+) -> CentringAdviser:
+    """Return who advises: nobody where no goal and no earlier session is given."""
+    from planner.common.units import from_mm
+    from planner.instruments.centring.session import NoCentringAdvice
+    from planner.instruments.live_advice import CentringAdvice
+    from planner.session.document import read_plan
+
+    if until is None and after is None:
+        return NoCentringAdvice()
+    if cell is None:
+        raise InputError(f"{plan_file}: --until-mm and --after need the cell: no cell.toml lies beside the plan")
+    goal = None if until is None else float(from_mm(until))
+    advice = CentringAdvice.of(read_plan(plan_file, "robot", "poses"), cell, session.output, goal, after)
+    advice.resume(session.journal.rows)
+    return advice
+
+
 def _run(
     session: CentringSession,
     address: str,
@@ -107,6 +146,7 @@ def _run(
     settings: CentringSettings,
     stop: StopRequest,
     follow: bool,
+    adviser: CentringAdviser,
 ) -> None:
     from planner.instruments.centring.indicators import open_indicators
     from planner.instruments.centring.robot_link import DIALECT, open_link
@@ -120,10 +160,18 @@ def _run(
         opened.callback(head.close)
         link = open_link(address, robot.axes_of(DIALECT), settings.robot, stop, follow)
         opened.callback(link.close)
-        run_session(session, CentringBench(head, link, settings, stop, lambda line: errors.print(line)), follow)
+        bench = CentringBench(head, link, settings, stop, lambda line: errors.print(line), adviser=adviser)
+        run_session(session, bench, follow)
 
 
-def _simulate(session: CentringSession, cell: Cell, settings: CentringSettings, stop: StopRequest, seed: int) -> None:
+def _simulate(
+    session: CentringSession,
+    cell: Cell,
+    settings: CentringSettings,
+    stop: StopRequest,
+    seed: int,
+    adviser: CentringAdviser,
+) -> None:
     from planner.instruments.centring.session import CentringBench, run_session
     from planner.instruments.centring.simulated import SimulatedArm
     from planner.instruments.centring.stop import stop_on_signals
@@ -135,7 +183,7 @@ def _simulate(session: CentringSession, cell: Cell, settings: CentringSettings, 
     session.journal.remarks = "".join(f"# truth: {line}\n" for line in (SIMULATED, *truth.lines()))
     at_once = settings.model_copy(update={"rest": settings.rest.model_copy(update={"settle_s": 0.0})})
     with stop_on_signals(stop):
-        bench = CentringBench(arm, arm, at_once, stop, lambda line: errors.print(line))
+        bench = CentringBench(arm, arm, at_once, stop, lambda line: errors.print(line), adviser=adviser)
         arm.move(session.way.q[0])
         run_session(session, bench)
 
@@ -167,20 +215,8 @@ def measure_command(
         float, typer.Option("--factor", help="of its numbers to millimetres, −1 if it counts down")
     ] = 1.0,
     zero: Annotated[float, typer.Option("--zero-mm", help="length where it shows 0")] = 0.0,
-    until: Annotated[
-        float | None,
-        typer.Option(
-            "--until-mm",
-            metavar="MM",
-            min=0.001,
-            max=10.0,
-            help="after each pose say the expected error; pass what adds nothing, and all once 95 of 100 such robots "
-            "are below this",
-        ),
-    ] = None,
-    after: Annotated[
-        Path | None, typer.Option("--after", metavar="CALIBRATED", help="identification of the sessions before")
-    ] = None,
+    until: Until = None,
+    after: After = None,
 ) -> None:
     """Read a bar or wire at a serial port at each pose of a plan, and write the run."""
     from planner.common.units import from_mm

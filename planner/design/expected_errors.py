@@ -19,6 +19,10 @@ class ExpectedErrors(Protocol):
         """The measurement model behind them."""
 
     @property
+    def root(self) -> Array:
+        """Root of the covariance of the model's parameters, (parameters, P): what each error does to them."""
+
+    @property
     def of_gauge(self) -> np.ndarray:
         """Which of them only say where the gauge stands, (P,) bool."""
 

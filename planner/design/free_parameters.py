@@ -183,6 +183,11 @@ class UndeclaredErrors:
     )
 
     @property
+    def root(self) -> Array:
+        """Root of the prior covariance, (P, P): each error is one parameter."""
+        return np.diag(self.prior)
+
+    @property
     def of_gauge(self) -> np.ndarray:
         """Which errors only say where the gauge stands, (P,) bool."""
         return np.array([p.group == "gauge" for p in self.model.parameters])

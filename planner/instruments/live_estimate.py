@@ -7,7 +7,7 @@ what holds, from the whole run.
 
 from bisect import bisect_left
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +22,24 @@ from planner.instruments.remaining_errors import CalibratedState, RemainingError
 from planner.runs.run import Readings, Samples
 
 GAUGE = "gauge"
+
+
+@dataclass(frozen=True)
+class PoseReading:
+    """What was read at a pose.
+
+    Attributes:
+        readings: of one sample.
+        q: where the arm stood (N,) [rad]; ``None``: at the pose itself. A head is centred some millimetres beside it.
+    """
+
+    readings: Readings
+    q: Array | None = None
+
+    @classmethod
+    def of_length(cls, length: float) -> "PoseReading":
+        """Return the reading of a bar or wire [m]."""
+        return cls(Readings(length=read_only([length])))
 
 
 @dataclass(frozen=True)
@@ -63,10 +81,9 @@ class LiveEstimate:
     history: list[Progress] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        model, errors = self.unknown.model, mean_errors(self.unknown)
-        self.noise = model.noise(self.samples)
-        self.expected = model.reading(self.samples, errors)[:, 0]
-        white, weight = self.unknown.white(self.samples), self.unknown.weight_per_prior
+        self.mean = mean_errors(self.unknown)
+        self.whitener = _whitener(self.unknown, self.samples)
+        white, weight = _white_rows(self.unknown, self.samples, self.whitener), self.unknown.weight_per_prior
         self.posterior = LearntPosterior.of(white, weight, families(self.unknown))
         self.off: list[float] = []
 
@@ -90,31 +107,44 @@ class LiveEstimate:
             unknown = RemainingErrors.of(CalibratedState.read(after, cell), cell, samples)
         return cls(unknown, samples, until)
 
-    def add(self, pose: int, length: float) -> Progress:
-        """Take a reading [m] at the pose of this number among ``samples``; return where the session stands."""
-        off = self._off(pose, length)
-        expected = self.posterior.white[pose] @ self.posterior.learnt.mean
-        surprise = abs(off - expected) / np.sqrt(self.posterior.spread_of(pose, self.read))
+    @property
+    def width(self) -> int:
+        """Numbers in one reading."""
+        return self.unknown.model.width
+
+    def add(self, pose: int, reading: PoseReading) -> Progress:
+        """Take a reading at the pose of this number among ``samples``; return where the session stands."""
+        off, own = self._off(pose, reading), self._rows([pose])
+        expected = self.posterior.white[own] @ self.posterior.learnt.mean
+        spread = [self.posterior.spread_of(row, self._rows(self.read)) for row in own]
+        surprise = float((np.abs(off - expected) / np.sqrt(spread)).max())
         self.read.append(pose)
-        self.off.append(off)
-        self.posterior.learn(self.read, np.array(self.off))
-        self.history.append(self.stands(float(surprise)))
+        self.off += off.tolist()
+        self.posterior.learn(self._rows(self.read), np.array(self.off))
+        self.history.append(self.stands(surprise))
         return self.history[-1]
 
-    def add_all(self, lengths: Mapping[int, float]) -> Progress:
-        """Take readings [m] by the number of their pose, at once; return where the session stands then."""
-        self.read += list(lengths)
-        self.off += [self._off(pose, length) for pose, length in lengths.items()]
-        self.posterior.learn(self.read, np.array(self.off))
+    def add_all(self, readings: Mapping[int, PoseReading]) -> Progress:
+        """Take readings by the number of their pose, at once; return where the session stands then."""
+        self.read += list(readings)
+        for pose, reading in readings.items():
+            self.off += self._off(pose, reading).tolist()
+        self.posterior.learn(self._rows(self.read), np.array(self.off))
         self.history.append(self.stands())
         return self.history[-1]
 
-    def _off(self, pose: int, length: float) -> float:
-        """Return a reading [m] less what was expected of it, in its standard deviations."""
+    def _off(self, pose: int, reading: PoseReading) -> Array:
+        """Return a reading less what was expected of it where the arm stood, in its standard deviations, (r,)."""
         here = self.samples.take(np.array([pose]))
-        target = self.unknown.model.setup.targets(here, Readings(length=read_only([length])))
-        assert target.length is not None
-        return float((target.length[0] - self.expected[pose]) / self.noise[pose])
+        if reading.q is not None:
+            here = replace(here, q=read_only(reading.q[None]))
+        model = self.unknown.model
+        residual = model.residual(here, model.setup.targets(here, reading.readings), self.mean)[0]
+        return np.asarray(self.whitener[pose] @ residual)
+
+    def _rows(self, poses: Sequence[int]) -> list[int]:
+        """Return the rows of the posterior that belong to poses: one for each number of a reading."""
+        return [self.width * k + number for k in poses for number in range(self.width)]
 
     def unread_poses(self) -> list[int]:
         """Return the poses that are not read yet, in the order of the plan."""
@@ -124,9 +154,8 @@ class LiveEstimate:
     def adds_nothing(self, pose: int, beside: Sequence[int]) -> bool:
         """Tell whether a pose may be passed: once those ``beside`` it are read as well, the error is the same."""
         # 2e-3: of the mean square error, a tenth of a per cent of the error
-        return self.posterior.square([*self.read, *beside]) <= (1.0 + 2e-3) * self.posterior.square(
-            [*self.read, *beside, pose]
-        )
+        without, beside_it = self._rows([*self.read, *beside]), self._rows([*self.read, *beside, pose])
+        return self.posterior.square(without) <= (1.0 + 2e-3) * self.posterior.square(beside_it)
 
     @property
     def reached(self) -> bool:
@@ -147,11 +176,24 @@ class LiveEstimate:
         return Progress(len(self.read), self._error(self.read), at_most, more, self._error(then), surprise)
 
     def _error(self, which: Sequence[int]) -> float:
-        return self.unknown.state(self.posterior.square(which))
+        return self.unknown.state(self.posterior.square(self._rows(which)))
 
     def _limit(self, which: Sequence[int]) -> float:
         """Return what 95 of 100 such robots stay below after some readings [m]."""
-        return self.unknown.state_limit(self.posterior.square_limit(which))
+        return self.unknown.state_limit(self.posterior.square_limit(self._rows(which)))
+
+
+def _whitener(unknown: ExpectedErrors, samples: Samples) -> Array:
+    """Return what brings the numbers of each reading to unit variance, each by itself, (n, r, r) [1/m]."""
+    noise = unknown.model.reading_noise(samples)
+    square = noise.gauge_variance[:, :, None] * np.eye(unknown.model.width) + noise.robot_covariance
+    return np.asarray(np.linalg.inv(np.linalg.cholesky(square)))
+
+
+def _white_rows(unknown: ExpectedErrors, samples: Samples, whitener: Array) -> Array:
+    """Return what each error does to the numbers of readings of unit variance, (n r, P)."""
+    rows = whitener @ unknown.model.rows(samples) @ unknown.root
+    return np.asarray(rows.reshape(-1, rows.shape[2]))
 
 
 def families(unknown: ExpectedErrors) -> Families:

@@ -11,7 +11,7 @@ from planner.cell.reading import load_cell
 from planner.cli import cell_commands
 from planner.design.learnt_sizes import Families, learn_errors
 from planner.instruments.live_advice import FEWEST_READ, LiveAdvice
-from planner.instruments.live_estimate import LiveEstimate
+from planner.instruments.live_estimate import LiveEstimate, PoseReading
 from planner.instruments.live_gauge import measure_poses
 from planner.runs.run import Mounting
 from tests.command import edbb
@@ -35,18 +35,22 @@ def begun(bench, until=None):
     return LiveEstimate.of(bench.cell, bench.made.q, np.zeros(len(bench.made.q), dtype=int), until)
 
 
+def read_at(lengths):
+    return {k: PoseReading.of_length(length) for k, length in enumerate(lengths)}
+
+
 def test_an_update_takes_less_than_a_second_and_does_not_depend_on_the_order(bench):
     one, other = begun(bench, 0.02e-3), begun(bench)
     longest = 0.0
     for k, length in enumerate(bench.made.length):
         start = time.process_time()
-        stands = one.add(k, length)
+        stands = one.add(k, PoseReading.of_length(length))
         longest = max(longest, time.process_time() - start)
     assert longest < 1.0
     for k in np.random.default_rng(0).permutation(len(bench.made.q)):
-        last = other.add(int(k), bench.made.length[k])
+        last = other.add(int(k), PoseReading.of_length(bench.made.length[k]))
     assert last.error == pytest.approx(stands.error, rel=1e-6)
-    at_once = begun(bench).add_all(dict(enumerate(bench.made.length.tolist())))
+    at_once = begun(bench).add_all(read_at(bench.made.length))
     assert at_once.at_most == pytest.approx(stands.at_most, rel=1e-6)
     errors = [p.error for p in one.history]
     assert errors[-1] < 0.3 * errors[4]
@@ -62,8 +66,10 @@ def test_what_is_expected_is_what_comes(bench):
         known, family = live.posterior.families.known, live.posterior.families.number
         size = np.where(known, 1.0, 2.0 ** rng.uniform(-1, 1, len(known)))
         truth = size[family] * rng.standard_normal(len(family))
-        readings = live.expected + live.noise * (live.posterior.white @ truth + rng.standard_normal(len(live.noise)))
-        stands = live.add_all(dict(enumerate(readings[:45].tolist())))
+        model = live.unknown.model
+        seen = live.posterior.white @ truth + rng.standard_normal(len(live.samples))
+        readings = model.reading(live.samples, live.mean)[:, 0] + model.noise(live.samples) * seen
+        stands = live.add_all(read_at(readings[:45]))
         off = truth - live.posterior.learnt.mean
         square = off @ live.unknown.weight_per_prior @ off
         ratio.append(square / stands.error**2)

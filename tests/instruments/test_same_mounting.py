@@ -12,7 +12,7 @@ import pytest
 from planner.cell.reading import load_cell
 from planner.common.errors import InputError
 from planner.design.expected_errors import error_limit
-from planner.instruments.live_estimate import LiveEstimate, mean_errors
+from planner.instruments.live_estimate import LiveEstimate, PoseReading, mean_errors
 from planner.instruments.more_poses import foresee_more_poses
 from planner.instruments.remaining_errors import CalibratedState, RemainingErrors, leave_standing
 from planner.model.identification_document import Finding
@@ -64,7 +64,8 @@ def test_what_the_first_run_says_of_the_second_is_its_whole_posterior(known):
     own = np.linalg.norm(moved, axis=1)  # with the gauge's scale, of which the file does not know how it hangs together
     assert own.max() < 25e-6  # a gauge set up anew: 3 mm
     live = LiveEstimate(unknown, samples)
-    off = (known.second.length - live.expected) / np.hypot(own, live.noise)
+    live.add_all({k: PoseReading.of_length(length) for k, length in enumerate(known.second.length)})
+    off = np.array(live.off) / np.hypot(own / unknown.model.noise(samples), 1.0)
     assert np.sqrt((off**2).mean()) < 2.0  # the second run reads what the first foretells
 
 

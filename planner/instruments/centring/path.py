@@ -5,6 +5,8 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import dijkstra
 
 from planner.common.errors import InputError
 from planner.common.units import Array, from_deg, read_only, to_deg
@@ -28,12 +30,45 @@ class PlannedPath:
         plan_id, robot: of the plan.
         q: points in the order driven, controller angles (m, N) [rad].
         visits: poses to be centred, in that order.
+        joined: pairs of points between which the plan has proven a straight leg beside the way.
     """
 
     plan_id: str
     robot: str
     q: Array
     visits: tuple[BallVisit, ...]
+    joined: tuple[tuple[int, int], ...] = ()
+
+    def way_to(self, start: int, end: int) -> list[int]:
+        """Return the points to drive from ``start`` to ``end``, both among them.
+
+        It is the planned way; past poses that are not centred, the quickest one over proven legs.
+        """
+        low, high = sorted((start, end))
+        passes = any(low < v.at < high for v in self.visits)
+        return self._quickest(start, end) if passes else self.between(start, end)
+
+    def _quickest(self, start: int, end: int) -> list[int]:
+        """Return the points of the quickest way over proven legs: of the planned way, and those beside it.
+
+        A leg counts by how far its furthest axis turns. Points of the way that are one pose count as one; a ball on the
+        way is touched only where no way leads past it.
+        """
+        _, first, again = np.unique(np.round(to_deg(self.q), 6), axis=0, return_index=True, return_inverse=True)
+        same = first[again.ravel()]
+        last = len(self.q) - 1
+        legs = np.array([*((k, k + 1) for k in range(last)), *self.joined], dtype=int)
+        a, b = np.unique(np.sort(same[legs], axis=1), axis=0).T
+        cost = np.abs(self.q[a] - self.q[b]).max(axis=1)
+        touching = same[[v.at for v in self.visits if v.at not in (start, end)]]
+        # 1e3: [rad] more than any way is long; 1e-3: of two as long the one with fewer points
+        cost = cost + 1e-3 + 1e3 * (np.isin(a, touching) | np.isin(b, touching))
+        graph = csr_array((cost, (a, b)), shape=(last + 1, last + 1))
+        _, before = dijkstra(graph, directed=False, indices=int(same[start]), return_predecessors=True)
+        way = [int(same[end])]
+        while way[-1] != same[start]:
+            way.append(int(before[way[-1]]))
+        return [start, *way[::-1][1:-1], end]
 
     def between(self, start: int, end: int) -> list[int]:
         """Return the points to drive from ``start`` to ``end``, both among them; a touch on the way is left out.
@@ -72,26 +107,35 @@ def read_planned_path(path: Path) -> PlannedPath:
         InputError: no plan, no balls, poses of unlike length, or balls that follow each other with no path between.
     """
     plan = read_plan(path, "robot", "poses")
-    points = _drive_points(plan) if plan.drives else _pose_points(plan)
+    points, joined = _drive_points(plan) if plan.drives else (_pose_points(plan), [])
     counts = sorted({len(q) for q, _ in points})
     if len(counts) != 1:
         raise InputError(f"{path}: its poses have {' and '.join(map(str, counts))} joint angles; all need the same")
     balls = {p.id: p.ball for p in plan.poses if p.ball is not None}
     visits = [BallVisit(visit, balls[visit], k) for k, (_, visit) in enumerate(points) if visit in balls]
     _check(path, visits, balls)
-    return PlannedPath(plan.plan_id, plan.robot, read_only(from_deg([q for q, _ in points])), tuple(visits))
+    return PlannedPath(
+        plan.plan_id, plan.robot, read_only(from_deg([q for q, _ in points])), tuple(visits), tuple(joined)
+    )
 
 
-def _drive_points(plan: PlanDocument) -> list[tuple[tuple[float, ...], int]]:
-    """Points of the drives; the last one of the travel is the first one measured."""
+def _drive_points(
+    plan: PlanDocument,
+) -> tuple[list[tuple[tuple[float, ...], int]], list[tuple[int, int]]]:
+    """Points of the drives, and which the plan's shortcuts join; the travel's last point is the first one measured."""
     points: list[tuple[tuple[float, ...], int]] = []
+    joined: list[tuple[int, int]] = []
     for drive in plan.drives:
+        at: list[int] = []
         for point in (*drive.travel, *drive.waypoints):
             if points and points[-1][0] == point.q_deg:
                 points[-1] = (point.q_deg, max(point.visit, points[-1][1]))
             else:
                 points.append((point.q_deg, point.visit))
-    return points
+            at.append(len(points) - 1)
+        measuring = at[len(drive.travel) :]
+        joined += [(measuring[0], measuring[k]) for k in drive.shortcuts if k < len(measuring)]
+    return points, joined
 
 
 def _pose_points(plan: PlanDocument) -> list[tuple[tuple[float, ...], int]]:

@@ -2,9 +2,10 @@
 
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -21,9 +22,31 @@ from planner.instruments.centring.stop import CentringError, LinkError, StopRequ
 Notify = Callable[[str], None]
 
 
+class CentringAdviser(Protocol):
+    """Says of each ball whether it need not be centred, and after each where the session stands."""
+
+    def passes(self, pose: int) -> str:
+        """Return why the pose of this id need not be centred; empty where it is to be."""
+
+    def after(self, row: JournalRow) -> str:
+        """Return where the session stands after a ball; empty where nothing is to be said."""
+
+
+class NoCentringAdvice:
+    """All balls are centred, and nothing is said of them."""
+
+    def passes(self, pose: int) -> str:
+        """Return nothing."""
+        return ""
+
+    def after(self, row: JournalRow) -> str:
+        """Return nothing."""
+        return ""
+
+
 @dataclass
 class CentringBench:
-    """Indicators, robot, limits, the stop that all look at, who is told, and in words where the robot is."""
+    """Indicators, robot, limits, the stop that all look at, who is told and who advises, and where the robot is."""
 
     indicators: Indicators
     link: RobotLink
@@ -31,6 +54,13 @@ class CentringBench:
     stop: StopRequest
     say: Notify
     place: str = "at the start"
+    adviser: CentringAdviser = field(default_factory=NoCentringAdvice)
+
+    def skips(self, visit: BallVisit) -> bool:
+        """Tell whether a ball need not be centred, and say why."""
+        if why := self.adviser.passes(visit.id):
+            self.say(f"pose {visit.id} on ball {visit.ball}: passed by, {why}")
+        return bool(why)
 
 
 @dataclass(frozen=True)
@@ -117,16 +147,18 @@ def drive_to_balls(session: CentringSession, bench: CentringBench) -> Iterator[B
     way, settings = session.way, bench.settings
     at = _go_to_path(way, bench)
     for visit in session.pending:
+        if bench.skips(visit):
+            continue
         bench.place = _visit_text(visit)
         off_ball = way.before(visit, at)
-        _drive(way.between(at, off_ball), way, bench)
+        _drive(way.way_to(at, off_ball), way, bench)
         if settings.head.check_free:
             check_free(read_settled_indicators(bench.indicators, settings.rest, bench.stop), settings.head)
         _drive([off_ball, visit.at], way, bench)
         at = visit.at
         yield visit
     bench.place = "on the way back"
-    _drive(way.between(at, len(way.q) - 1), way, bench)
+    _drive(way.way_to(at, len(way.q) - 1), way, bench)
 
 
 def follow_program(session: CentringSession, bench: CentringBench) -> Iterator[BallVisit]:
@@ -135,8 +167,8 @@ def follow_program(session: CentringSession, bench: CentringBench) -> Iterator[B
     Raises:
         LinkError: the program does not come, or is another plan's.
     """
-    visits = {v.id: v for v in session.way.visits}
-    while session.pending:
+    visits, left = {v.id: v for v in session.way.visits}, {v.id for v in session.pending}
+    while left:
         bench.place = "waiting for the robot's program"
         pose = bench.link.arrive()
         visit = visits.get(pose)
@@ -148,8 +180,9 @@ def follow_program(session: CentringSession, bench: CentringBench) -> Iterator[B
             raise LinkError(
                 f"the robot's program stands {off:.3f} deg away from pose {pose} of this plan: is it another's?"
             )
-        if visit.id not in session.journal.measured_ids:
+        if visit.id in left and not bench.skips(visit):
             yield visit
+        left.discard(visit.id)
         bench.link.release()
 
 
@@ -204,7 +237,8 @@ def run_session(session: CentringSession, bench: CentringBench, follow: bool = F
         for visit in (follow_program if follow else drive_to_balls)(session, bench):
             row, done = measure_ball(session, visit, number, bench)
             session.journal.add(row)
-            bench.say(row_text(row))
+            stands = bench.adviser.after(row)
+            bench.say(f"{row_text(row)}{'; ' if stands else ''}{stands}")
             if not follow:  # the plan's own program wants the arm where the ball is
                 _undo_shift(bench, done.moved)
     except CentringError as err:
