@@ -1,6 +1,6 @@
 """What may be wrong with a robot before a session is planned, and the error of its tool by it: one protocol."""
 
-from typing import Protocol
+from typing import Protocol, Self
 
 import numpy as np
 
@@ -49,6 +49,9 @@ class ExpectedErrors(Protocol):
     @property
     def condition(self) -> str:
         """The same as the end of a sentence; may be empty."""
+
+    def on(self, model: Model) -> Self:
+        """Return it about another model of the same parameters, such as one in which a gauge stands elsewhere."""
 
     def white(self, samples: Samples) -> Array:
         """Return what each error does to readings, in the readings' standard deviations, (n, P)."""

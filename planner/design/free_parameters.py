@@ -1,7 +1,7 @@
 """What a plan and the fit of its run free, what of it is preferred, and the errors that nobody has declared."""
 
 from dataclasses import dataclass, replace
-from typing import ClassVar
+from typing import ClassVar, Self
 
 import numpy as np
 
@@ -212,6 +212,10 @@ class UndeclaredErrors:
     def weight_per_prior(self) -> Array:
         """The weight for errors in prior sigmas, (P, P) [m²]."""
         return np.asarray(self.weight * np.outer(self.prior, self.prior))
+
+    def on(self, model: Model) -> Self:
+        """Return it about another model of the same parameters."""
+        return replace(self, model=model)
 
     def white(self, samples: Samples) -> Array:
         """Return the rows of readings in standard deviations per prior sigma, (n, P)."""

@@ -108,7 +108,7 @@ class LiveAdvice:
             return f"{said}: {goal} is reached"
         left = len(self.estimate.unread_poses()) if stands.more is None else stands.more
         minutes = left * self.pace / 60.0
-        more = f"{left} more poses, about {minutes:.0f} min, would bring {float(to_mm(stands.then)):.3f} mm"
+        more = f"{left} more {'pose' if left == 1 else 'poses'}, about {minutes:.0f} min, would bring {float(to_mm(stands.then)):.3f} mm"
         if stands.more is None:
             return f"{said}; {more}, not {goal}: then plan on with edbb plan --after"
         return f"{said}; {more}"
@@ -136,7 +136,7 @@ class CentringAdvice:
     def resume(self, rows: list[JournalRow]) -> None:
         """Take what was centred already."""
         for row in rows:
-            self.advice.take(row.pose, row.t_s, self._reading(row))
+            self.advice.take(row.pose, row.t_s, self.reading(row))
 
     def passes(self, pose: int) -> str:
         """Return why the pose of this id need not be centred."""
@@ -144,9 +144,10 @@ class CentringAdvice:
 
     def after(self, row: JournalRow) -> str:
         """Return where the session stands after a ball."""
-        return self.advice.say(row.pose, row.t_s, self._reading(row))
+        return self.advice.say(row.pose, row.t_s, self.reading(row))
 
-    def _reading(self, row: JournalRow) -> PoseReading:
+    def reading(self, row: JournalRow) -> PoseReading:
+        """Return what a row says of its pose."""
         ball = np.array([self.balls.index(row.ball)])
         offset = read_only(from_mm(np.array([row.offset_mm])))
         return PoseReading(Readings(ball=ball, offset=offset), read_only(from_deg(row.q_deg)))

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from planner.cell.cell import Cell
+from planner.common.determinism import on_one_thread
 from planner.common.units import Array, read_only
 from planner.design.expected_errors import ExpectedErrors
 from planner.design.free_parameters import UndeclaredErrors, undeclared_errors
@@ -105,13 +106,14 @@ class LiveEstimate:
             unknown = undeclared_errors(cell, samples)
         else:
             unknown = RemainingErrors.of(CalibratedState.read(after, cell), cell, samples)
-        return cls(unknown, samples, until)
+        return cls(_placed_as_stated(unknown, cell), samples, until)
 
     @property
     def width(self) -> int:
         """Numbers in one reading."""
         return self.unknown.model.width
 
+    @on_one_thread
     def add(self, pose: int, reading: PoseReading) -> Progress:
         """Take a reading at the pose of this number among ``samples``; return where the session stands."""
         off, own = self._off(pose, reading), self._rows([pose])
@@ -124,6 +126,7 @@ class LiveEstimate:
         self.history.append(self.stands(surprise))
         return self.history[-1]
 
+    @on_one_thread
     def add_all(self, readings: Mapping[int, PoseReading]) -> Progress:
         """Take readings by the number of their pose, at once; return where the session stands then."""
         self.read += list(readings)
@@ -151,6 +154,7 @@ class LiveEstimate:
         done = set(self.read)
         return [k for k in range(len(self.samples)) if k not in done]
 
+    @on_one_thread
     def adds_nothing(self, pose: int, beside: Sequence[int]) -> bool:
         """Tell whether a pose may be passed: once those ``beside`` it are read as well, the error is the same."""
         # 2e-3: of the mean square error, a tenth of a per cent of the error
@@ -181,6 +185,19 @@ class LiveEstimate:
     def _limit(self, which: Sequence[int]) -> float:
         """Return what 95 of 100 such robots stay below after some readings [m]."""
         return self.unknown.state_limit(self.posterior.square_limit(self._rows(which)))
+
+
+def _placed_as_stated(unknown: ExpectedErrors, cell: Cell) -> ExpectedErrors:
+    """Return it with frames that the gauge reads in, where it has one, as the cell states them.
+
+    A plan asks for no reading, and has them in the base.
+    """
+    model = unknown.model
+    if not (model.setup.gauge.frees_base and cell.fixtures):
+        return unknown
+    R_BG = read_only(np.array([f.R_BX for f in cell.fixtures]))
+    p_BG = read_only(np.array([f.p_BX for f in cell.fixtures]))
+    return unknown.on(replace(model, setup=replace(model.setup, R_BG=R_BG, p_BG=p_BG)))
 
 
 def _whitener(unknown: ExpectedErrors, samples: Samples) -> Array:

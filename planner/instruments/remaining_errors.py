@@ -9,7 +9,7 @@ holds, the discrepancy among it, stays.
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import ClassVar
+from typing import ClassVar, Self
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -143,6 +143,10 @@ class RemainingErrors:
     def assumptions(self) -> str:
         """What all this rests on."""
         return f"what {self.before.folder.name}/{IDENTIFICATION} says of the robot holds, sizes of effects included"
+
+    def on(self, model: Model) -> Self:
+        """Return it about another model of the same parameters."""
+        return replace(self, model=model)
 
     def white(self, samples: Samples) -> Array:
         """Return what each column of the root does to readings, in their standard deviations, (n, r)."""

@@ -7,7 +7,7 @@ import pytest
 
 from planner.instruments.centring.indicators import open_indicators
 from planner.instruments.centring.robot_link import open_link
-from planner.instruments.centring.session import CentringBench, open_session, run_session
+from planner.instruments.centring.session import CentringBench, NoCentringAdvice, open_session, run_session
 from planner.instruments.centring.settings import (
     CentringSettings,
     HeadSettings,
@@ -62,7 +62,7 @@ class Cell:
         self.terminals = [indicator(self.world, k, lose=lose, seed=k) for k in range(3)]
         self.ports = [t.port for t in self.terminals]
         self.controller = Controller(self.world, **(faults or {}))
-        self.stop, self.said = StopRequest(), []
+        self.stop, self.said, self.adviser = StopRequest(), [], NoCentringAdvice()
         for device in (*self.terminals, self.controller):
             stack.callback(device.close)
 
@@ -81,7 +81,8 @@ class Cell:
             opened.callback(head.close)
             link = open_link(self.controller.address, self.axes, how.robot, self.stop, follow)
             opened.callback(link.close)
-            run_session(session, CentringBench(head, link, how, self.stop, self.said.append), follow)
+            bench = CentringBench(head, link, how, self.stop, self.said.append, adviser=self.adviser)
+            run_session(session, bench, follow)
         return session
 
 

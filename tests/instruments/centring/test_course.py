@@ -1,8 +1,11 @@
 """The planned way, and how it is taken from anywhere on it."""
 
+import json
+
 import numpy as np
 
-from planner.instruments.centring.path import BallVisit, PlannedPath
+from planner.instruments.centring.path import BallVisit, PlannedPath, read_planned_path
+from tests.instruments.centring.world import plan
 
 BALLS = (BallVisit(1, "1", 1), BallVisit(2, "3", 4))
 
@@ -25,3 +28,27 @@ def test_a_ball_that_is_left_where_it_was_approached_is_passed_by():
     assert w.between(5, 0) == [5, 3, 2, 0]
     assert w.between(1, 3) == [1, 2, 3]
     assert w.nearest(np.array([3.9])) == (4, np.float64(abs(3.9 - 4)))
+
+
+def test_past_balls_that_are_not_centred_it_takes_the_quickest_proven_legs():
+    balls = tuple(BallVisit(k, "1", at) for k, at in enumerate((2, 5, 8, 11)))
+    q = np.array([0, 10, 11, 10, 20, 21, 20, 30, 31, 30, 12, 13, 12, 0], float)[:, None]
+    along = PlannedPath("0123456789ab", "r", q, balls)
+    assert along.way_to(3, 4) == along.between(3, 4) == [3, 4]  # no ball between: as planned
+    assert along.way_to(2, 10) == [2, 1, 0, 10]  # over the home pose, in which the way begins and ends
+    assert along.way_to(1, 13) == [1, 13]  # back where it came from: the end is the start
+    short = PlannedPath("0123456789ab", "r", q, balls, joined=((0, 7),))
+    assert short.way_to(7, 12) == [7, 12]
+    assert short.way_to(4, 13) == [4, 1, 13]
+    assert short.way_to(7, 13) == [7, 13]
+
+
+def test_shortcuts_of_the_plan_are_legs_of_the_roadmap(tmp_path):
+    content = plan(3)
+    content["drives"][0]["shortcuts"] = [3, 7]  # of the waypoints: before the first ball and after the third
+    (tmp_path / "plan.json").write_text(json.dumps(content))
+    read = read_planned_path(tmp_path / "plan.json")
+    assert len(read.joined) == 2
+    for (start, end), number in zip(read.joined, (3, 7), strict=True):
+        np.testing.assert_allclose(np.degrees(read.q[start]), content["drives"][0]["waypoints"][0]["q_deg"])
+        np.testing.assert_allclose(np.degrees(read.q[end]), content["drives"][0]["waypoints"][number]["q_deg"])

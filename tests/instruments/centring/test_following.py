@@ -78,3 +78,26 @@ def test_a_program_that_never_comes(following):
     with pytest.raises(LinkError, match=r"came to no ball within 0\.3 s"):
         made.run(settings(robot={"arrive_s": 0.3}), follow=True)
     assert rows_of(made.output)["pose"].to_list() == [1]
+
+
+def test_a_ball_that_is_passed_by_is_left_at_once(following):
+    made = following()
+    made.adviser = Passing({3})
+    made.run(follow=True)
+    assert rows_of(made.output)["pose"].to_list() == [1, 5]
+    assert made.said[1] == "pose 3 on ball 2: passed by, the goal is reached"
+    assert made.said[2].endswith("; 2 read")
+
+
+class Passing:
+    """Passes some poses, and counts the others."""
+
+    def __init__(self, poses):
+        self.poses, self.count = poses, 0
+
+    def passes(self, pose):
+        return "the goal is reached" if pose in self.poses else ""
+
+    def after(self, row):
+        self.count += 1
+        return f"{self.count} read"
