@@ -108,7 +108,8 @@ class LiveAdvice:
             return f"{said}: {goal} is reached"
         left = len(self.estimate.unread_poses()) if stands.more is None else stands.more
         minutes = left * self.pace / 60.0
-        more = f"{left} more {'pose' if left == 1 else 'poses'}, about {minutes:.0f} min, would bring {float(to_mm(stands.then)):.3f} mm"
+        poses = "1 more pose" if left == 1 else f"{left} more poses"
+        more = f"{poses}, about {minutes:.0f} min, would bring {float(to_mm(stands.then)):.3f} mm"
         if stands.more is None:
             return f"{said}; {more}, not {goal}: then plan on with edbb plan --after"
         return f"{said}; {more}"

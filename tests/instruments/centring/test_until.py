@@ -63,10 +63,10 @@ def test_it_stops_at_the_goal_and_centres_the_validation_poses(bench, stopped):
     assert any(line.endswith(": 0.2 mm is reached") for line in stopped.said)
     assert stopped.adviser.advice.fewest <= len(live.read) < 0.8 * len(live.samples)
     validation = {p.id for p in bench.plan.poses if p.role == "validate"}
-    assert validation <= stopped.journal.measured
-    assert len(stopped.journal.measured) == len(live.read) + len(validation)
+    assert validation <= stopped.journal.measured_ids
+    assert len(stopped.journal.measured_ids) == len(live.read) + len(validation)
     passed = [line for line in stopped.said if line.endswith("passed by, the goal is reached")]
-    assert len(passed) == POSES - len(stopped.journal.measured)
+    assert len(passed) == POSES - len(stopped.journal.measured_ids)
     table = (stopped.journal.output.parent / "run.progress.csv").read_text().splitlines()
     assert len(table) == 1 + len(live.read)
     np.testing.assert_allclose(stopped.arm.joints()[0], bench.way.q[-1], atol=1e-9)  # the arm ends at the way's end
@@ -106,7 +106,7 @@ def test_a_session_that_goes_on_stands_where_it_stood(bench, stopped, tmp_path):
 def test_without_a_goal_every_ball_is_centred(bench, tmp_path):
     few = replace_plan(bench, 4)
     done = centred(few, tmp_path)
-    assert done.journal.measured == {1, 2, 3, 4}
+    assert done.journal.measured_ids == {1, 2, 3, 4}
     assert all("95 % below" in line for line in done.said)
 
 
