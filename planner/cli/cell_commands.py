@@ -94,12 +94,16 @@ def centre_command(
     elif session.pending and robot and indicators:
         known = load_robot(session.way.robot) if cell is None else cell.robot
         _run(session, robot, known, indicators.split(","), settings, stop, follow, adviser)
+    _print_end(session, output, plan_file, as_json)
+
+
+def _print_end(session: CentringSession, output: Path, plan_file: Path, as_json: bool) -> None:
     if as_json:
         print_json(_summary(session, output))
-    else:
-        all_of = "all" if not session.pending else f"{len(session.journal.rows)} of"
-        errors.print(f"{all_of} {len(session.way.visits)} poses are measured, written to {output}")
-        print_next(evaluation_step(output, plan_file))
+        return
+    all_of = "all" if not session.pending else f"{len(session.journal.rows)} of"
+    errors.print(f"{all_of} {len(session.way.visits)} poses are measured, written to {output}")
+    print_next(evaluation_step(output, plan_file))
 
 
 def _read_cell(plan_file: Path, needed: bool) -> Cell | None:

@@ -106,7 +106,7 @@ class LiveEstimate:
             unknown = undeclared_errors(cell, samples)
         else:
             unknown = RemainingErrors.of(CalibratedState.read(after, cell), cell, samples)
-        return cls(_placed_as_stated(unknown, cell), samples, until)
+        return cls(_with_stated_frames(unknown, cell), samples, until)
 
     @property
     def width(self) -> int:
@@ -187,7 +187,7 @@ class LiveEstimate:
         return self.unknown.state_limit(self.posterior.square_limit(self._rows(which)))
 
 
-def _placed_as_stated(unknown: ExpectedErrors, cell: Cell) -> ExpectedErrors:
+def _with_stated_frames(unknown: ExpectedErrors, cell: Cell) -> ExpectedErrors:
     """Return it with frames that the gauge reads in, where it has one, as the cell states them.
 
     A plan asks for no reading, and has them in the base.
