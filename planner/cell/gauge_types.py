@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal, Protocol
 
+from planner.common.arrays import Rows
 from planner.common.units import Array
 from planner.kinematics.bodies import Body, Vector
 from planner.runs.run import Mounting
@@ -114,7 +115,7 @@ class JointSamples:
 
 
 @dataclass(frozen=True)
-class PointTravel:
+class PointTravel(Rows):
     """Bounds on how far a neighbourhood of joint states moves the measured point, one entry a neighbourhood.
 
     Attributes:

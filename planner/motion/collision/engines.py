@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from functools import cached_property
 from itertools import pairwise
 
@@ -20,7 +21,30 @@ from planner.runs.run import FIRST_MOUNTING, Mounting
 UNKNOWN = np.inf  # distance of a pair that was not asked for [m]
 
 
-class CollisionWorld:
+class PairDistances(ABC):
+    """What measures how far the bodies of a scene's pairs are apart: all of them, or only some at each state."""
+
+    scene: Scene
+
+    @abstractmethod
+    def pair_distances(self, q: Array, rows: np.ndarray, columns: np.ndarray, enough: Array | None = None) -> Array:
+        """Distances (m,) [m] of the pairs ``columns`` (m,) at the states ``rows`` (m,), ascending, of q (n, N) [rad].
+
+        Not above zero where two bodies overlap; where a lower bound of ``enough`` (m,) [m] will do, it may be that.
+        """
+
+    def distances(self, q: Array, mask: np.ndarray | None = None, enough: Array | None = None) -> Array:
+        """Distance of every pair, or of those in ``mask`` (n, pairs), (n, pairs) [m]; of others ``UNKNOWN``.
+
+        ``enough`` (n, pairs): see :meth:`pair_distances`.
+        """
+        out = np.full((len(q), len(self.scene.pairs)), UNKNOWN)
+        rows, columns = np.nonzero(np.ones(out.shape, dtype=bool) if mask is None else mask)
+        out[rows, columns] = self.pair_distances(q, rows, columns, None if enough is None else enough[rows, columns])
+        return out
+
+
+class CollisionWorld(PairDistances):
     """Robot, tool, bar, floor and obstacles of a cell with one fixture.
 
     Args:
@@ -65,20 +89,14 @@ class CollisionWorld:
             out[start : start + batch] = pin.computeCollisionsInParallel(available_threads(), self._pool, columns, True)
         return out
 
-    def distances(self, q: Array, mask: np.ndarray | None = None, enough: Array | None = None) -> Array:
-        """Distance of every pair, or of those in ``mask`` (n, pairs), (n, pairs) [m]: negative where bodies overlap.
-
-        Pairs that are not asked for are ``UNKNOWN``.
-        """
-        mask = np.ones((len(q), len(self.scene.pairs)), dtype=bool) if mask is None else mask
-        out, (rows, columns) = np.full(mask.shape, UNKNOWN), np.nonzero(mask)
+    def pair_distances(self, q: Array, rows: np.ndarray, columns: np.ndarray, enough: Array | None = None) -> Array:
+        """Distances (m,) [m] of some pairs, see :class:`PairDistances`: negative where bodies overlap."""
         ends, pairs, found = np.searchsorted(rows, np.arange(len(q) + 1)).tolist(), columns.tolist(), list[float]()
         geometry, data, measure = self._geometry, self._geometry_data, pin.computeDistance
         for state, own in zip(self.configuration(q), pairwise(ends), strict=True):
             pin.updateGeometryPlacements(self.model, self._data, geometry, data, state)
             found += [measure(geometry, data, k).min_distance for k in pairs[slice(*own)]]
-        out[rows, columns] = found
-        return out
+        return np.array(found)
 
     def near(self, q: Array, margin: float) -> np.ndarray:
         """Tell which states (n, N) [rad] bring any pair closer than ``margin`` [m], (n,) bool; cheap for few states."""

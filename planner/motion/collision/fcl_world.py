@@ -9,14 +9,14 @@ import numpy as np
 from planner.common.units import Array
 from planner.kinematics.bodies import Body
 from planner.kinematics.geometry import bar_state
-from planner.motion.collision.engines import UNKNOWN
+from planner.motion.collision.engines import PairDistances
 from planner.motion.collision.round_bounds import ROUND, RoundBounds
 from planner.motion.collision.scene import Scene, fcl_shape, mesh_faces
 from planner.motion.planning_packages import fcl
 from planner.motion.tolerances import DISTANCE_SLACK
 
 
-class FclWorld:
+class FclWorld(PairDistances):
     """The second judge: python-fcl with our own forward pass, its distances made safe.
 
     fcl's distance of boxes was seen to be far too large now and then (by 0.2 m at worst), while its collision test
@@ -41,52 +41,49 @@ class FclWorld:
         self._round = [b.kind in ROUND for b in bodies]
         self._request = fcl.DistanceRequest(enable_nearest_points=True)
 
-    def distances(self, q: Array, mask: np.ndarray | None = None, enough: Array | None = None) -> Array:
-        """Distance of every pair, or of those in ``mask`` (n, pairs), at q (n, N) [rad]; others are ``UNKNOWN``.
-
-        (n, pairs) [m]; ≤ 0 where they overlap; for ``enough`` a lower bound, but the smallest of each state is exact.
-        """
-        mask = np.ones((len(q), len(self.scene.pairs)), dtype=bool) if mask is None else mask
-        rows, columns = np.nonzero(mask)
+    def pair_distances(self, q: Array, rows: np.ndarray, columns: np.ndarray, enough: Array | None = None) -> Array:
+        """Distances (m,) [m] of some pairs, see :class:`PairDistances`; the smallest of each state is no bound."""
         if not len(rows):
-            return np.full(mask.shape, UNKNOWN)
-        poses, least = self._poses(q), np.full(mask.shape, -np.inf)
+            return np.zeros(0)
+        poses, least = self._poses(q), np.full(len(rows), -np.inf)
         if enough is not None:
-            least[rows, columns] = self._bounds.distances(q, rows, columns)
-        out, along = self._look(mask, poses, least, least if enough is None else enough)
-        for p in np.flatnonzero(mask.any(axis=0)):
+            least = self._bounds.distances(q, rows, columns)
+        out, along = self._look(rows, columns, poses, least, least if enough is None else enough)
+        for p in np.unique(columns):
             a, b = self.scene.pairs[p]
-            asked = np.flatnonzero(np.isfinite(along[:, p, 0]) & (out[:, p] > 0.0))
             if self._round[a] and self._round[b]:
                 continue
-            gap = np.full(len(asked), -np.inf)
+            asked = np.flatnonzero((columns == p) & np.isfinite(along[:, 0]) & (out > 0.0))
+            states, gap = rows[asked], np.full(len(asked), -np.inf)
             if self._convex[a] and self._convex[b]:
-                n = along[asked, p]
-                gap = -self._support(a, n, poses[a][asked]) - self._support(b, -n, poses[b][asked])
-            proven = out[asked, p] - gap < DISTANCE_SLACK
-            out[asked[proven], p] = gap[proven]
-            for i in asked[~proven]:
-                self._place(self._objects, {a, b}, poses, i)
-                out[i, p] = self._safe(a, b)
+                n = along[asked]
+                gap = -self._support(a, n, poses[a][states]) - self._support(b, -n, poses[b][states])
+            proven = out[asked] - gap < DISTANCE_SLACK
+            out[asked[proven]] = gap[proven]
+            for k in asked[~proven]:
+                self._place(self._objects, {a, b}, poses, int(rows[k]))
+                out[k] = self._safe(a, b)
         return out
 
-    def _look(self, mask: np.ndarray, poses: list[Array], least: Array, limit: Array) -> tuple[Array, Array]:
-        """What fcl says of the pairs that ``least`` (n, pairs) leaves in doubt: distances, and unit ways, else NaN."""
-        out, along = np.full(mask.shape, UNKNOWN), np.full((*mask.shape, 3), np.nan)
-        for i, row in enumerate(mask):
-            wanted, nearest, placed = np.flatnonzero(row), np.inf, set[int]()
-            for p in wanted[np.argsort(least[i, wanted], kind="stable")].tolist():
-                if least[i, p] > max(nearest, limit[i, p]):
-                    out[i, p] = least[i, p]
-                    continue
-                a, b = self.scene.pairs[p]
-                self._place(self._solids, {a, b} - placed, poses, i)
-                placed |= {a, b}
-                result = fcl.DistanceResult()
-                out[i, p] = fcl.distance(self._solids[a], self._solids[b], self._request, result)
-                along[i, p] = result.nearest_points[1] - result.nearest_points[0]
-                nearest = min(nearest, out[i, p])
-        return out, along / np.maximum(np.linalg.norm(along, axis=2, keepdims=True), 1e-12)
+    def _look(
+        self, rows: np.ndarray, columns: np.ndarray, poses: list[Array], least: Array, limit: Array
+    ) -> tuple[Array, Array]:
+        """What fcl says of the pairs that ``least`` (m,) leaves in doubt: distances, and unit ways, else NaN (m, 3)."""
+        out, along = least.copy(), np.full((len(rows), 3), np.nan)
+        row, nearest, placed = -1, np.inf, set[int]()
+        for k in np.lexsort((columns, least, rows)).tolist():
+            if rows[k] != row:
+                row, nearest, placed = int(rows[k]), np.inf, set()
+            if least[k] > max(nearest, limit[k]):
+                continue
+            a, b = self.scene.pairs[columns[k]]
+            self._place(self._solids, {a, b} - placed, poses, row)
+            placed |= {a, b}
+            result = fcl.DistanceResult()
+            out[k] = fcl.distance(self._solids[a], self._solids[b], self._request, result)
+            along[k] = result.nearest_points[1] - result.nearest_points[0]
+            nearest = min(nearest, out[k])
+        return out, along / np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-12)
 
     def _place(self, objects: list[fcl.CollisionObject], which: set[int], poses: list[Array], i: int) -> None:
         for k in which:

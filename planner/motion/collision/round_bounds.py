@@ -13,7 +13,7 @@ import numpy as np
 from planner.common.units import Array
 from planner.kinematics.bodies import Body
 from planner.kinematics.geometry import bar_state
-from planner.motion.collision.engines import CollisionWorld
+from planner.motion.collision.engines import CollisionWorld, PairDistances
 from planner.motion.collision.scene import Scene, outline
 
 ROUND = ("capsule", "sphere")
@@ -162,36 +162,25 @@ def _clip(share: Array) -> Array:
     return np.asarray(np.minimum(np.maximum(share, 0.0), 1.0))
 
 
-@dataclass(frozen=True)
-class ScreenedDistances:
-    """An engine that is asked only where :class:`RoundBounds` leaves a doubt.
+class ScreenedDistances(PairDistances):
+    """An ``engine`` that is asked only where :class:`RoundBounds` leaves a doubt: boxes and meshes that come near."""
 
-    Attributes:
-        engine: answers for boxes and meshes that come near.
-    """
-
-    engine: CollisionWorld
+    def __init__(self, engine: CollisionWorld) -> None:
+        self.engine, self.scene = engine, engine.scene
 
     @cached_property
     def bounds(self) -> RoundBounds:
         """The closed forms."""
-        return RoundBounds(self.engine.scene)
+        return RoundBounds(self.scene)
 
-    def distances(self, q: Array, mask: np.ndarray | None = None, enough: Array | None = None) -> Array:
-        """Distances (n, pairs) [m] of the pairs in ``mask``, others inf; for ``enough`` a lower bound will do."""
-        mask = np.ones((len(q), len(self.engine.scene.pairs)), dtype=bool) if mask is None else mask
-        out = np.full(mask.shape, np.inf)
-        rows, columns = np.nonzero(mask)
+    def pair_distances(self, q: Array, rows: np.ndarray, columns: np.ndarray, enough: Array | None = None) -> Array:
+        """Distances (m,) [m] of some pairs, see :class:`PairDistances`."""
         if len(rows) == 0:
-            return out
+            return np.zeros(0)
         found = self.bounds.distances(q, rows, columns)
-        out[rows, columns] = found
-        wanted = np.inf if enough is None else enough[rows, columns]
-        doubt = ~self.bounds.exact[columns] & ~(found >= wanted)
-        if doubt.any():
-            ask = np.zeros(mask.shape, dtype=bool)
-            ask[rows[doubt], columns[doubt]] = True
-            some = np.flatnonzero(ask.any(axis=1))
-            told = self.engine.distances(q[some], ask[some])
-            out[some] = np.where(ask[some], told, out[some])
-        return out
+        wanted = np.inf if enough is None else enough
+        doubt = np.flatnonzero(~self.bounds.exact[columns] & ~(found >= wanted))
+        if len(doubt):
+            states, own = np.unique(rows[doubt], return_inverse=True)
+            found[doubt] = self.engine.pair_distances(q[states], own, columns[doubt])
+        return found

@@ -189,23 +189,44 @@ class PairBounds:
 
     def changes(self, far: Travel) -> Array:
         """Return what the distance of each pair can lose in the neighbourhoods, (n, pairs) [m]."""
-        out, bar = far.step @ self._reach.T, self._bar
-        if len(bar.pair):
-            # The housing turns about the fixture. A point of the rod at ρ ≤ 2 L from the MAP is no faster than the MAP.
-            own = np.repeat(far.move[:, None], len(bar.pair), axis=1)
-            own[:, bar.housing] = bar.end[bar.housing] * far.swing[:, None]
-            at_tool = np.flatnonzero(bar.link == far.step.shape[1])
-            carried = far.step @ bar.reach.T
-            by_tool = far.move[:, None] + bar.to_map[at_tool] * far.turn[:, None]
-            carried[:, at_tool] = np.minimum(carried[:, at_tool], by_tool)
-            apart = own + carried
-            # Seen from the link, the rod is carried with the MAP, and turns about it as both do together; seen from
-            # the rod it is the link that turns about the MAP: what is less far from the MAP decides.
-            rod = np.flatnonzero((bar.link > 0) & ~bar.housing)
-            link = bar.link[rod] - 1
-            turned = np.minimum(bar.end, bar.to_map)[rod] * (far.swing[:, None] + far.turned[:, link])
-            apart[:, rod] = np.minimum(apart[:, rod], far.seen[:, link] + turned)
-            out[:, bar.pair] = apart
+        n, pairs = len(far.step), len(self.scene.pairs)
+        rows, columns = np.divmod(np.arange(n * pairs), max(pairs, 1))
+        return np.asarray(self.pair_changes(far, rows, columns).reshape(n, pairs))
+
+    def pair_changes(self, far: Travel, rows: np.ndarray, columns: np.ndarray) -> Array:
+        """Return what the distance of the pairs ``columns`` (m,) can lose in the neighbourhoods ``rows``, (m,) [m]."""
+        out = np.einsum("mj,mj->m", far.step[rows], self._reach[columns])
+        place = self._bar_place[columns]
+        mine = np.flatnonzero(place >= 0)
+        if len(mine):
+            out[mine] = self._bar_changes(far.take(rows[mine]), place[mine])
+        return np.asarray(out)
+
+    def _bar_changes(self, far: Travel, place: np.ndarray) -> Array:
+        """Return what the distance of pairs with the bar, those at ``place`` (m,), can lose, each in its own travel.
+
+        The housing turns about the fixture. A point of the rod at ρ ≤ 2 L from the MAP is no faster than the MAP. What
+        the tool carries turns with it about the MAP.
+
+        Seen from a link, the rod is carried with the MAP, and turns about it as both do together; seen from the rod it
+        is the link that turns about the MAP: what is less far from the MAP decides.
+        """
+        bar = self._bar
+        link, to_map, end, rows = bar.link[place], bar.to_map[place], bar.end[place], np.arange(len(place))
+        own = np.where(bar.housing[place], end * far.swing, far.move)
+        carried = np.einsum("mj,mj->m", far.step, bar.reach[place])
+        at_tool = link == far.step.shape[1]
+        carried = np.where(at_tool, np.minimum(carried, far.move + to_map * far.turn), carried)
+        apart = own + carried
+        turned = np.minimum(end, to_map) * (far.swing + far.turned[rows, link - 1])
+        rod = (link > 0) & ~bar.housing[place]
+        return np.asarray(np.where(rod, np.minimum(apart, far.seen[rows, link - 1] + turned), apart))
+
+    @cached_property
+    def _bar_place(self) -> np.ndarray:
+        """Which of the pairs with the bar each pair is, (pairs,), −1 for others."""
+        out = np.full(len(self.scene.pairs), -1)
+        out[self._bar.pair] = np.arange(len(self._bar.pair))
         return out
 
     @cached_property

@@ -90,8 +90,30 @@ class Neighbourhoods(Rows):
 class Distances(Protocol):
     """What a collision engine answers."""
 
-    def distances(self, q: Array, mask: np.ndarray | None = None, enough: Array | None = None) -> Array:
-        """Distances (n, pairs) [m] of the pairs in ``mask`` at q (n, N) [rad]; a lower bound of ``enough`` will do."""
+    def pair_distances(self, q: Array, rows: np.ndarray, columns: np.ndarray, enough: Array | None = None) -> Array:
+        """Distances (m,) [m] of the pairs ``columns`` (m,) at the states ``rows`` (m,), ascending, of q (n, N) [rad].
+
+        Where a lower bound of ``enough`` (m,) [m] will do, it may be that.
+        """
+
+
+@dataclass(frozen=True)
+class Doubts(Rows):
+    """Pairs of bodies not known to stay apart: ``columns`` (m,) in the neighbourhoods ``rows`` (m,), ascending."""
+
+    rows: np.ndarray
+    columns: np.ndarray
+
+    @classmethod
+    def of_all(cls, n: int, pairs: int) -> "Doubts":
+        """Return every pair in each of n neighbourhoods."""
+        return cls(*np.divmod(np.arange(n * pairs), max(pairs, 1)))
+
+    def in_halves(self, kept: np.ndarray) -> "Doubts":
+        """Return what is doubted in both halves of the neighbourhoods that are ``kept`` (n,) bool; see ``halves()``."""
+        mine, place = self.take(kept[self.rows]), np.cumsum(kept) - 1
+        rows = place[mine.rows]
+        return Doubts(np.concatenate([rows, np.count_nonzero(kept) + rows]), np.tile(mine.columns, 2))
 
 
 @dataclass(frozen=True)
@@ -118,13 +140,16 @@ class Proof(Rows):
         """Whether each keeps every constraint throughout, (m,) bool."""
         return np.asarray(self.failed < 0)
 
-    def drop(self, cells: Neighbourhoods, margins: Array, failing: np.ndarray) -> np.ndarray:
-        """Record the motions with a failing margin (n, columns), by the worst; return the rows of all others."""
-        for row in np.flatnonzero(failing.any(axis=1)):
-            if self.failed[cells.motion[row]] < 0:
-                self.failed[cells.motion[row]] = np.argmin(margins[row])
-                self.failed_at[cells.motion[row]] = cells.place[row].mean()
-        return np.flatnonzero(self.failed[cells.motion] < 0)
+    def fail(self, cells: Neighbourhoods, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
+        """Record that ``columns`` (k,) fail in the cells ``rows`` (k,), ascending; tell of each cell if it is alive.
+
+        The first cell of a motion tells what failed, and where.
+        """
+        motion, first = np.unique(cells.motion[rows], return_index=True)
+        new = self.failed[motion] < 0
+        motion, first = motion[new], first[new]
+        self.failed[motion], self.failed_at[motion] = columns[first], cells.place[rows[first]].mean(axis=1)
+        return np.asarray(self.failed[cells.motion] < 0)
 
 
 @dataclass(frozen=True)
@@ -167,7 +192,7 @@ class Prover:
 
     def _prove(self, corners: Array) -> Proof:
         proof, cells = Proof.begin(len(corners)), Neighbourhoods.of(corners)
-        asked = np.ones((len(corners), len(self.pairs.scene.pairs)), dtype=bool)
+        asked = Doubts.of_all(len(corners), len(self.pairs.scene.pairs))
         for level in range(MOST_BISECTIONS):
             if len(cells.motion) == 0:
                 break
@@ -175,30 +200,44 @@ class Prover:
             cells, asked = self._level(cells, asked, proof, last=level == MOST_BISECTIONS - 1)
         return proof
 
-    def _level(
-        self, cells: Neighbourhoods, asked: np.ndarray, proof: Proof, last: bool
-    ) -> tuple[Neighbourhoods, np.ndarray]:
+    def _level(self, cells: Neighbourhoods, asked: Doubts, proof: Proof, last: bool) -> tuple[Neighbourhoods, Doubts]:
         """Look at all centres; return the halves of the cells that are neither proven nor of a motion that failed."""
         q, spokes = cells.q, cells.spokes
         margins, change, far = self.bounds.look(q, spokes)
-        room = margins - change
-        loss = np.minimum(self.pairs.changes(far), 1e6)  # [m] a bound that proves nothing
-        alive = proof.drop(cells, margins, margins <= 0.0)
-        found = self.distances.distances(q[alive], asked[alive], loss[alive] + self.clearance)
-        np.minimum.at(proof.clearance, cells.motion[alive], found.min(axis=1, initial=np.inf))
-        spare = np.full(asked.shape, np.inf)
-        spare[alive] = found - self.clearance
-        both, room = np.hstack([margins, spare]), np.hstack([room, np.where(asked, spare - loss, np.inf)])
-        alive = proof.drop(cells, both, both <= 0.0)
-        open_ = alive[~(room[alive] > 0.0).all(axis=1)]
+        beyond = np.flatnonzero((margins <= 0.0).any(axis=1))
+        alive = proof.fail(cells, beyond, np.argmin(margins[beyond], axis=1))
+        asked = asked.take(alive[asked.rows])
+        # 1e6: [m] a bound that proves nothing
+        loss = np.minimum(self.pairs.pair_changes(far, asked.rows, asked.columns), 1e6)
+        place = np.cumsum(alive)[asked.rows] - 1
+        spare = self.distances.pair_distances(q[alive], place, asked.columns, loss + self.clearance)
+        np.minimum.at(proof.clearance, cells.motion[asked.rows], spare)
+        spare -= self.clearance
+        alive = proof.fail(cells, *self._worst(asked.take(spare <= 0.0), spare[spare <= 0.0], margins.shape[1]))
+        left = ~(spare - loss > 0.0)
+        open_ = np.asarray(~(margins - change > 0.0).all(axis=1))
+        open_[asked.rows[left]] = True
+        open_ &= alive
         # 4096: open cells of one motion: it runs along the edge of a constraint, and is not proven
-        crowded = np.bincount(cells.motion[open_], minlength=len(proof.failed)) > 4096
-        unproven = np.zeros(room.shape, dtype=bool)
-        unproven[open_] = ((last | crowded)[cells.motion[open_], None]) & ~(room[open_] > 0.0)
-        proof.drop(cells, room, unproven)
-        open_ = open_[proof.failed[cells.motion[open_]] < 0]
-        asked = asked & ~(room[:, margins.shape[1] :] > 0.0)
-        return cells.take(open_).halves(), np.tile(asked[open_], (2, 1))
+        crowded = np.bincount(cells.motion[open_], minlength=len(proof.failed)) > (0 if last else 4096)
+        crowded = crowded[cells.motion] & open_
+        if crowded.any():
+            stuck = np.flatnonzero(crowded)
+            room = np.full((len(stuck), margins.shape[1] + len(self.pairs.scene.pairs)), np.inf)
+            room[:, : margins.shape[1]] = (margins - change)[stuck]
+            theirs = crowded[asked.rows]
+            where = np.searchsorted(stuck, asked.rows[theirs]), margins.shape[1] + asked.columns[theirs]
+            room[where] = (spare - loss)[theirs]
+            proof.fail(cells, stuck, np.argmin(room, axis=1))
+            open_ &= proof.failed[cells.motion] < 0
+        return cells.take(open_).halves(), asked.take(left).in_halves(open_)
+
+    @staticmethod
+    def _worst(failing: Doubts, spare: Array, first: int) -> tuple[np.ndarray, np.ndarray]:
+        """Return the cells in which pairs fail, ascending, and the pair with the least ``spare`` (m,), ``first`` on."""
+        order = np.lexsort((failing.columns, spare, failing.rows))
+        rows, at = np.unique(failing.rows[order], return_index=True)
+        return rows, first + failing.columns[order][at]
 
 
 # neighbourhoods that may hold the smallest clearance, beyond which the search for it ends: a tool that goes round a
@@ -228,7 +267,7 @@ def find_extremes(prover: Prover, corners: Array, tolerance: float) -> Extremes:
     counts against it.
     """
     cells = Neighbourhoods.of(corners)
-    asked = np.ones((len(corners), len(prover.pairs.scene.pairs)), dtype=bool)
+    asked = Doubts.of_all(len(corners), len(prover.pairs.scene.pairs))
     nearest, shortest, longest = np.inf, np.inf, 0.0
     least = open_ = np.inf
     rounding = _rounding_losses(prover, corners)
@@ -237,23 +276,24 @@ def find_extremes(prover: Prover, corners: Array, tolerance: float) -> Extremes:
             break
         q, spokes = cells.q, cells.spokes
         pose, far = prover.bounds.travel(q, spokes)
-        change = prover.pairs.changes(far)
-        found = prover.distances.distances(q, asked, np.maximum(change, tolerance) + nearest + rounding) - rounding
+        change, lost = prover.pairs.pair_changes(far, asked.rows, asked.columns), rounding[asked.columns]
+        enough = np.maximum(change, tolerance) + nearest + lost
+        found = prover.distances.pair_distances(q, asked.rows, asked.columns, enough) - lost
         nearest = min(nearest, float(found.min(initial=np.inf)))
         shortest, longest = min(shortest, float(pose.length.min())), max(longest, float(pose.length.max()))
         bound = found - change
-        settled = asked & (bound >= nearest - CLEARANCE_TOLERANCE)
-        if np.count_nonzero((asked & ~settled).any(axis=1)) > MOST_NEIGHBOURHOODS:
-            settled = asked.copy()
+        settled = bound >= nearest - CLEARANCE_TOLERANCE
+        if len(np.unique(asked.rows[~settled])) > MOST_NEIGHBOURHOODS:
+            settled[:] = True
         least = min(least, float(bound[settled].min(initial=np.inf)))
-        asked &= ~settled
-        open_ = float(bound[asked].min(initial=np.inf))
+        open_ = float(bound[~settled].min(initial=np.inf))
         shorter = pose.length - far.stretch < shortest - tolerance
         longer = pose.length + far.stretch > longest + tolerance
         if not prover.bounds.workspace.cell.has_bar():  # nothing whose length matters
             shorter, longer = np.zeros_like(shorter), np.zeros_like(longer)
-        rows = np.flatnonzero(asked.any(axis=1) | shorter | longer)
-        cells, asked = cells.take(rows).halves(), np.tile(asked[rows], (2, 1))
+        wanted = shorter | longer
+        wanted[asked.rows[~settled]] = True
+        cells, asked = cells.take(wanted).halves(), asked.take(~settled).in_halves(wanted)
     return Extremes(min(nearest, least, open_), shortest, longest)
 
 

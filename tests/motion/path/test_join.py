@@ -191,10 +191,10 @@ class Strict:
     def __init__(self, judge: FclWorld, state: Array, reach: float) -> None:
         self.judge, self.state, self.reach = judge, state, reach
 
-    def distances(self, q: Array, mask: np.ndarray, enough: Array | None = None) -> Array:
+    def pair_distances(self, q: Array, rows: np.ndarray, columns: np.ndarray, enough: Array | None = None) -> Array:
         """Distances as fcl gives them, shortened near the state."""
-        out = self.judge.distances(q, mask)
-        out[np.abs(q - self.state).max(axis=1) <= self.reach] -= 1.0
+        out = self.judge.pair_distances(q, rows, columns)
+        out[np.abs(q[rows] - self.state).max(axis=1) <= self.reach] -= 1.0
         return out
 
 
