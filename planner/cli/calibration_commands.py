@@ -20,6 +20,7 @@ from planner.common.calls import find_function
 from planner.common.console import as_word
 from planner.common.errors import PARTLY_DONE, InputError
 from planner.common.files import check_writing
+from planner.common.summary import SCREEN_LINES
 from planner.workflow.compensate_call import CompensateCall
 from planner.workflow.plan_use_calls import ImportCall, SimulateCall
 
@@ -56,7 +57,7 @@ def _compensate(values: Values, output: str, manner: Manner) -> None:
         done = find_function(CompensateCall)(**{**values, "zeros_set": _axes(values.get("zeros_set", ""))})
     if output != "-":
         check_writing(Path(output), done.file.text.encode(done.file.encoding), manner.force)
-    errors.print(done.full_summary(manner.verbose))
+    errors.print(done.full_summary(manner.verbose, SCREEN_LINES - 1))
     give_file(done.file.text, lambda path: done.write(path, manner.force), output, done.file.step.format(file=output))
     if done.file.partly:
         raise typer.Exit(PARTLY_DONE)

@@ -7,6 +7,7 @@ import typer
 
 from planner.cli.terminal import PLAINLY, Json, Manner, OutputFile, Screen, errors, give_file, print_json
 from planner.common.lazy_modules import LazyModule
+from planner.common.summary import SCREEN_LINES
 
 if TYPE_CHECKING:
     from planner.workflow import fleet as fleets
@@ -25,7 +26,7 @@ def fleet_command(
     """Learn from several robots of a kind how large their errors are, joint by joint: a prior for the next one."""
     with Screen():
         found = fleets.fleet(records)
-    errors.print(found.full_summary(manner.verbose))
+    errors.print(found.full_summary(manner.verbose, SCREEN_LINES - 1))
     if as_json:
         _ = found.write(output, manner.force)
         print_json(dict(found.content()))

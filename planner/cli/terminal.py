@@ -20,7 +20,16 @@ from planner.common.errors import InputError, NoSolutionError, printable
 from planner.common.progress import Progress, Stages
 from planner.common.result import Result
 from planner.common.result_folder import check_not_inside, check_overwriting
-from planner.common.summary import Aside, Fact, count_alike, fact_lines, hang_lines, under_key
+from planner.common.summary import (
+    SCREEN_LINES,
+    Aside,
+    Fact,
+    count_alike,
+    cut_facts,
+    fact_lines,
+    hang_lines,
+    under_key,
+)
 
 UNKNOWN = 0.15  # of the way to the next stage, for a step that nobody foresaw: how many come is not known
 
@@ -149,13 +158,19 @@ def give(
     if as_json:
         sys.stdout.write(result.to_json())
     else:
-        files = "" if output is None else result.files(output)
-        facts = [("written to", f"{output}: {files}")] if files else []
-        step = "" if output is None or result.problems else result.next_step(output)
-        errors.print("\n".join([result.full_summary(manner.verbose), *fact_lines([*facts, *_next_facts(step)])]))
+        errors.print(screen_text(result, output, manner.verbose))
     if result.problems:
         raise NoSolutionError("; ".join(result.problems))
     return result
+
+
+def screen_text(result: Result, output: Path | None, verbose: bool = False) -> str:
+    """Return what the screen says of a result that was written to a folder: ten lines, or all that there is to say."""
+    files = "" if output is None else result.files(output)
+    facts = [("written to", f"{output}: {files}")] if files else []
+    step = "" if output is None or result.problems else result.next_step(output)
+    below = fact_lines([*facts, *_next_facts(step)])
+    return "\n".join([result.full_summary(verbose, SCREEN_LINES - len(below)), *below])
 
 
 def give_file(text: str, write: Callable[[Path], object], output: str, step: str = "") -> None:
@@ -216,8 +231,9 @@ def print_json(content: object) -> None:
 
 
 def print_notes(notes: tuple[str, ...], verbose: bool = False) -> None:
-    """Print what a person must know of a file; ``verbose``: asides too."""
-    for note in count_alike(n for n in notes if verbose or not isinstance(n, Aside)):
+    """Print what a person must know of a file, at most as much as a screen holds; ``verbose``: all, asides too."""
+    facts = [("note", n) for n in count_alike(n for n in notes if verbose or not isinstance(n, Aside))]
+    for _, note in facts if verbose else cut_facts(facts, SCREEN_LINES - 2):  # 2: lines of the next step
         errors.print(f"note: {note}")
 
 

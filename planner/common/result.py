@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 
 from planner.common.files import document_text, write_bytes, write_text
 from planner.common.result_folder import draft_folder, move_all
-from planner.common.summary import Summary
+from planner.common.summary import SCREEN_LINES, Summary
 
 
 def simulated_section(simulated: bool) -> dict[str, bool]:
@@ -58,8 +58,8 @@ class Result(ABC):
         """Return what was found, fact by fact."""
 
     def summary(self, verbose: bool = False) -> str:
-        """Return what was found, in about ten lines; ``verbose``: all that there is to say."""
-        return self.overview().text(verbose)
+        """Return what was found, in at most ten lines; ``verbose``: all that there is to say."""
+        return self.overview().text(verbose, SCREEN_LINES)
 
     @abstractmethod
     def content(self) -> Mapping[str, Any]:
@@ -95,10 +95,10 @@ class Result(ABC):
         """Return what must be read before anything else; empty where nothing."""
         return ""
 
-    def full_summary(self, verbose: bool = False) -> str:
-        """Return the summary, after what must be read first, and that nobody measured."""
-        first = (self.alarm, NOT_MEASURED if self.simulated else "")
-        return "\n".join((*(line for line in first if line), self.summary(verbose)))
+    def full_summary(self, verbose: bool = False, most: int = SCREEN_LINES) -> str:
+        """Return the summary, after what must be read first, and that nobody measured; ``most``: lines in all."""
+        first = [line for line in (self.alarm, NOT_MEASURED if self.simulated else "") if line]
+        return "\n".join((*first, self.overview().text(verbose, most - len(first))))
 
     def to_json(self) -> str:
         """Return the machine-readable form as text."""

@@ -12,6 +12,10 @@ KEY = 12
 """Signs of the column of keys."""
 
 
+SCREEN_LINES = 10
+"""Lines of a screen, files and next step among them: what an eye takes in at once."""
+
+
 class Aside(str):
     """A note that asks nothing of anybody: it is said with ``--verbose`` alone, and stands in files as any other."""
 
@@ -42,14 +46,31 @@ class Summary:
     details: Sequence[Fact] = ()
     notes: Sequence[str] = ()
 
-    def text(self, verbose: bool = False) -> str:
-        """Return the title and the facts as lines; ``verbose``: the details and the asides too."""
-        asked = count_alike(n for n in self.notes if not isinstance(n, Aside))
-        facts = [*self.facts, *(("note", note) for note in asked)]
+    def text(self, verbose: bool = False, most: int | None = None) -> str:
+        """Return the title and the facts as lines; ``verbose``: the details and the asides too.
+
+        ``most`` is a limit of lines, for a screen: the last facts give way, and notes where there are many; how many
+        did is said. ``verbose`` knows no limit.
+        """
+        asked = [("note", note) for note in count_alike(n for n in self.notes if not isinstance(n, Aside))]
         if verbose:
-            asides = count_alike(n for n in self.notes if isinstance(n, Aside))
-            facts += [*self.details, *(("aside", note) for note in asides)]
-        return "\n".join([self.title, *fact_lines(facts)])
+            asides = [("aside", note) for note in count_alike(n for n in self.notes if isinstance(n, Aside))]
+            return "\n".join([self.title, *fact_lines([*self.facts, *asked, *self.details, *asides])])
+        if most is not None:
+            least = min(len(self.facts), 4)  # facts that stand on the screen beside any number of notes
+            asked = cut_facts(asked, max(most - 1 - least, 1))
+            facts = cut_facts(self.facts, max(most - 1 - len(asked), least))
+        else:
+            facts = list(self.facts)
+        return "\n".join([self.title, *fact_lines([*facts, *asked])])
+
+
+def cut_facts(facts: Sequence[Fact], most: int) -> list[Fact]:
+    """Return the first facts, at most ``most``; the last of them says how many more there are."""
+    if len(facts) <= most:
+        return list(facts)
+    key, said = facts[most - 1]
+    return [*facts[: most - 1], (key, f"{said} (and {len(facts) - most} more: -v)")]
 
 
 def name_first(names: Sequence[str]) -> str:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from planner.common.determinism import even_positions
+from planner.common.summary import Fact, under_key
 from planner.common.units import MM, Array, to_mm
 from planner.compensation.targets import Target, line_ranges
 from planner.compensation.tolerances import WORSE_RATIO
@@ -66,24 +67,29 @@ class ProgramError:
         )
 
     @property
-    def sentences(self) -> tuple[str, ...]:
-        """Say what is to be expected, and of which lines it is worst."""
+    def facts(self) -> list[Fact]:
+        """What is to be expected at the targets, corrected and left as they were, before and after."""
         shown = len(self.before)
         which = "1 target" if self.targets == 1 else f"{self.targets} targets"
         which = which if shown == self.targets else f"{shown} of the {which}"
-        out = [
-            f"tool error expected at the {which}: {_mm(_rms(self.before))} mm rms, {_mm(self.before.max())} mm worst "
-            f"before; {_mm(_rms(self.after))} mm rms, {_mm(self.after.max())} mm worst after (base aligned)",
-            f"least certain: {self._worst()}",
-        ]
-        if count := len(self.left):
-            those = "target that is left as it was keeps" if count == 1 else f"{count} targets that are left keep"
-            out.append(f"the {those} {_mm(_rms(self.left))} mm rms, {_mm(self.left.max())} mm worst")
-        if len(self.parts) > 1 or not self.parts[0].tool.startswith("the measured"):
-            out += [f"of these with {p.tool}: {_mm(_rms(p.before))} → {_mm(_rms(p.after))} mm rms" for p in self.parts]
+        change = f"{_mm(_rms(self.before))} → {_mm(_rms(self.after))} mm  rms at the {which} (base aligned)"
+        facts = [("tool error", f"{change}, worst {_mm(self.before.max())} → {_mm(self.after.max())} mm")]
         if (worse := self.lines[self.after > WORSE_RATIO * self.before]).size:
-            out.append(f"expected to be worse than before on lines {line_ranges(worse.tolist())}")
-        return tuple(out)
+            facts.append(("worse", f"than before, as is expected, on lines {line_ranges(worse.tolist())}"))
+        if count := len(self.left):
+            those = "1 target" if count == 1 else f"{count} targets"
+            kept = f"{_mm(_rms(self.left))} mm  rms at the {those} left as they were, worst {_mm(self.left.max())} mm"
+            facts.append(("", kept))
+        return facts
+
+    @property
+    def details(self) -> list[Fact]:
+        """Where it is worst, and what is to be expected of each tool."""
+        told = [("worst at", self._worst())]
+        if len(self.parts) > 1 or not self.parts[0].tool.startswith("the measured"):
+            parts = (f"{_mm(_rms(p.before))} → {_mm(_rms(p.after))} mm  rms with {p.tool}" for p in self.parts)
+            told += under_key("by tool", parts)
+        return told
 
     def content(self) -> dict[str, object]:
         """Return the same in numbers, line by line."""

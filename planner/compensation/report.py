@@ -89,21 +89,19 @@ class CompensationReport:
         moved = (
             f"{mean:.3f} mm on average, {most:.3f} mm at most; no joint by more than {self.moved_max_rad / DEG:.3f}°"
         )
-        facts = [("moved", moved), *under_key("left", self._sentences_of_turns())]
-        facts += under_key("look at", list_lines(name, self.notes))
-        if self.kept:
-            ranges = (
-                f"corrected lines: {line_ranges(self.corrected)}",
-                f"lines left as they were: {line_ranges(line for line, _ in self.kept)}",
-            )
-            facts += under_key("lines", [*ranges, *(f"left as it was: {line}" for line in list_lines(name, self.kept))])
+        facts = [("lines", f"lines left as they were: {line_ranges(line for line, _ in self.kept)}")] * bool(self.kept)
+        facts += [("moved", moved), *under_key("look at", list_lines(name, self.notes))]
+        facts += under_key("why left", (f"left as it was: {line}" for line in list_lines(name, self.kept)))
+        details = [("lines", f"corrected lines: {line_ranges(self.corrected)}")] * bool(self.kept)
+        if self.turns_left is None:
+            off = f"{self.left_m / UM:.2f} µm and {self.left_rad * 1e6:.2f} µrad"
+            details.append(("written", f"as the numbers are written at most {off} are left"))
+        else:
+            met, most_left = self.turns_left.sentences
+            facts.insert(0, ("left", met))
+            details.append(("", most_left))
         what = f"{number_of(self.joint_targets, 'joint target')} and {number_of(self.poses, 'pose')}"
-        return Summary(f"{name}: {what} corrected", facts)
-
-    def _sentences_of_turns(self) -> tuple[str, ...]:
-        if self.turns_left is not None:
-            return self.turns_left.sentences
-        return (f"at most {self.left_m / UM:.2f} µm and {self.left_rad * 1e6:.2f} µrad, as the numbers are written",)
+        return Summary(f"{name}: {what} corrected", facts, details)
 
 
 def report_of(

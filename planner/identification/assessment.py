@@ -10,6 +10,7 @@ from planner.common.advice import Occasion, advice
 from planner.common.arrays import mean_by_group
 from planner.common.determinism import even_positions
 from planner.common.errors import NoSolutionError
+from planner.common.summary import Aside
 from planner.common.units import DEG, MM, Array, display_unit, format_value
 from planner.design.observability.information import r_factor
 from planner.effects.steps import SLIP
@@ -117,8 +118,10 @@ def approach_warnings(traced: TracingResult) -> list[str]:
     """Return a warning if a finding rests on directions of approach that the run did not log."""
     if by_rows := [f.name for f in traced.findings if f.effect in ROW_EFFECTS]:
         return [
-            f"{', '.join(by_rows)}: no direction of approach was logged (direction1 ...), so the arm was taken to "
-            "have gone straight from row to row"
+            Aside(
+                f"{', '.join(by_rows)}: no direction of approach was logged (direction1 ...), so the arm was taken to "
+                "have gone straight from row to row"
+            )
         ]
     return []
 
@@ -133,9 +136,8 @@ def collect_warnings(run: Run, cell: Cell, found: Fit, validation: Run | None) -
         named = _name_some([run.where(k) for k in found.outliers.tolist()])
         out.append(f"{len(found.outliers)} samples are outliers ({named}); they were kept in the fit")
     if all(m is None for m in setup.robot.masses):
-        out.append(
-            f"{setup.robot.name} has no link masses: what its own weight does is known link by link at best, not in Nm"
-        )
+        weight = "what its own weight does is known link by link at best, not in Nm"
+        out.append(Aside(f"{setup.robot.name} has no link masses: {weight}"))
     if validation is not None and setup.gauge.needs_new_frames(setup, validation):
         out.append("the frames of the validation run were fitted on it: its errors leave out what a frame can take up")
     if validation is not None:
@@ -220,6 +222,12 @@ def assess_fit(
     released = _release(stages, free, context, cell, time, basis)
     expected = workspace_error(cell, run, found, covariance) if released is None else released.anywhere
     table = _estimate_all(free, found, covariance, traced)
+    said = [
+        *(*run.warnings, *collect_warnings(run, cell, found, validation)),
+        *(*notes, *_refit_notes(parts, stages[-1]), *([NO_POSTERIOR] if not released and basis != "fit" else [])),
+        *workspace_warning(expected, last.held_out, found.model.width),
+        *([] if released is None else tool_point_advice(released)),
+    ]
     estimates = table if released is None else released_estimates(table, released)
     diagnosis, kept = diagnose_residual(found, run.continuous, last.train.rms), tuple(s.stage for s in stages)
     release = None if released is None else describe_release(released)
@@ -252,12 +260,8 @@ def assess_fit(
         correlation_time=time,
         frames=_frames(found, released, estimates),
         problems=find_problems(table, stages, found, traced, run, cell),
-        warnings=(
-            *(*run.warnings, *collect_warnings(run, cell, found, validation)),
-            *(*notes, *_refit_notes(parts, stages[-1]), *([NO_POSTERIOR] if not released and basis != "fit" else [])),
-            *workspace_warning(expected, last.held_out, found.model.width),
-            *([] if released is None else tool_point_advice(released)),
-        ),
+        warnings=tuple(said),
+        asides=frozenset(text for text in said if isinstance(text, Aside)),
         simulated=True if run.simulated or (validation is not None and validation.simulated) else None,
         run=run,
         fit=found,

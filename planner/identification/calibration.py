@@ -92,6 +92,7 @@ class Calibration(Identification):
         other_zeros: the joint zeros in the axes of the cell's other controllers, where these count otherwise.
         planned_errors: what its plan has foreseen after each pose [m], where that is known.
         good_for: what the released robot is good for, whether or not a tolerance was asked for.
+        asides: those of the warnings that ask nothing of anybody.
     """
 
     run: Annotated[Run, OnlyInMemory] = Field(exclude=True)
@@ -103,6 +104,7 @@ class Calibration(Identification):
     other_zeros: Annotated[tuple[JointZero, ...], OnlyInMemory] = Field(default=(), exclude=True)
     planned_errors: Annotated[tuple[float, ...], OnlyInMemory] = Field(default=(), exclude=True)
     good_for: Annotated[Use | None, OnlyInMemory] = Field(default=None, exclude=True)
+    asides: Annotated[frozenset[str], OnlyInMemory] = Field(default=frozenset(), exclude=True)
 
     @property
     def setup(self) -> MeasurementSetup:

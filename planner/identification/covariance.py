@@ -6,6 +6,7 @@ import numpy as np
 
 from planner.cell.cell import Cell
 from planner.common.robust import MEDIAN_RMS
+from planner.common.summary import Aside
 from planner.common.units import MM, Array
 from planner.effects.effect import Parameter
 from planner.identification.assumptions import MUCH_WORSE_RATIO, POSITION_AXES
@@ -124,6 +125,8 @@ def workspace_warning(known: float, held_out: Metrics, width: int) -> list[str]:
     if known <= MUCH_WORSE_RATIO * there:
         return []
     return [
-        f"held-out samples are like those measured; over the workspace the tool is known to {known / MM:.3f} mm (rms): "
-        "measure more poses all over it, with a bar those of edbb plan --aim tracing"
+        Aside(
+            "held-out samples are like those measured; over the workspace the tool is known to "
+            f"{known / MM:.3f} mm (rms): measure more poses all over it, with a bar those of edbb plan --aim tracing"
+        )
     ]

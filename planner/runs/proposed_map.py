@@ -15,9 +15,24 @@ from planner.runs.text import read_lines
 
 USUAL_ENCODING = "utf-8"
 OTHER_ENCODINGS = ("cp1252", "utf-16")  # what a spreadsheet of Windows writes
-UNIT = re.compile(r"[\[(\s_]\s*(deg|°|grad|rad|mm|µm|um|m|ms|s|min|°c|degc|c)\s*[\])]?$", re.IGNORECASE)
-UNITS = {"°": "deg", "grad": "deg", "µm": "um", "°c": "degC", "degc": "degC", "c": "degC"}
-SECONDS = {"ms": "0.001", "us": "0.000001", "min": "60"}
+UNITS = {  # as titles say them, and the run's own unit
+    "deg": "deg", "degree": "deg", "degrees": "deg", "°": "deg", "grad": "deg", "rad": "rad", "mm": "mm", "m": "m",
+    "µm": "um", "μm": "um", "um": "um", "s": "s", "sec": "s", "°c": "degC", "degc": "degC", "c": "degC", "n": "N",
+    "nm": "Nm", "kg": "kg", "px": "px",
+}  # fmt: skip
+OTHER_UNITS = {  # a unit that a run does not have: the one that is taken, the factor to it, and what is added
+    "ms": ("s", "0.001", ""), "us": ("s", "1e-6", ""), "µs": ("s", "1e-6", ""), "ns": ("s", "1e-9", ""),
+    "min": ("s", "60", ""), "h": ("s", "3600", ""), "cm": ("mm", "10", ""), "dm": ("mm", "100", ""),
+    "in": ("mm", "25.4", ""), "inch": ("mm", "25.4", ""), "mil": ("um", "25.4", ""), "nm": ("um", "0.001", ""),
+    "gon": ("deg", "0.9", ""), "mrad": ("rad", "0.001", ""), "mdeg": ("deg", "0.001", ""), "rev": ("deg", "360", ""),
+    "°f": ("degC", "0.5555555556", "-17.7777777778"), "degf": ("degC", "0.5555555556", "-17.7777777778"),
+    "k": ("degC", "1", "-273.15"), "kn": ("N", "1000", ""), "g": ("kg", "0.001", ""),
+}  # fmt: skip
+UNIT = re.compile(
+    rf"[\[(\s_]\s*({'|'.join(sorted(map(re.escape, {*UNITS, *OTHER_UNITS}), key=len, reverse=True))})\s*[\])]?$",
+    re.IGNORECASE,
+)
+BRACKETS = re.compile(r"[\[(]\s*([^\[\]()]+?)\s*[\])]$")
 MEANINGS = (  # what a title means, by its words without the unit; {n} is the number that stands in it
     (r"(?:cmd|soll|target|set ?point)[\W_]*(?:joint|axis|achse|gelenk|[jqa])?[\W_]*(?P<n>[0-9])", "cmd{n}"),
     (r"(?:joint|axis|achse|gelenk|theta|act|ist|actual|[jqa])[\W_]*(?:joint|axis|[jqa])?[\W_]*(?P<n>[0-9])", "q{n}"),
@@ -93,7 +108,9 @@ def _trace_lines(path: Path, table_name: str) -> Iterator[str]:
     for k, name in known.items():
         joint = counted if OF_JOINT.match(name) else ""
         yield f"{name} = {_column_text(table.titles[k], name)}{_doubt(table, k)}{joint}"
-    yield from (f"# not understood: {_toml_text(t)}" for k, t in enumerate(table.titles) if k not in known)
+    for k, title in enumerate(table.titles):
+        if k not in known:
+            yield f"# not understood: {_toml_text(title)}{_unknown_unit_text(title)}"
 
 
 def _quantities_of_titles(table: ForeignTable) -> Iterator[tuple[int, str]]:
@@ -113,10 +130,17 @@ def _quantity_of(table: ForeignTable, column: int) -> str | None:
         if match := re.fullmatch(pattern, words.strip().rstrip(".:"), re.IGNORECASE):
             number = match.groupdict().get("n", "").lower()
             key = name.format(n=int(number) + 1 - _first_joint(table) if number.isdigit() else number)
-            unit = "s" if key == "t" and said in SECONDS else said or _usual_unit(table, column, key)
-            full = f"{key}_{unit}".rstrip("_")
+            full = f"{key}_{_own_unit(key, said) or _usual_unit(table, column, key)}".rstrip("_")
             return full if find_column(full) else None
     return None
+
+
+def _own_unit(key: str, said: str) -> str:
+    """Return the run's unit of a quantity whose title says a unit: itself, or the one that it is brought to."""
+    own = UNITS.get(said, "")
+    if said in OTHER_UNITS and (not own or find_column(f"{key}_{own}") is None):
+        return OTHER_UNITS[said][0]
+    return own
 
 
 def _first_joint(table: ForeignTable) -> int:
@@ -125,19 +149,30 @@ def _first_joint(table: ForeignTable) -> int:
 
 
 def _column_text(title: str, name: str) -> str:
-    """Return how a map says where a quantity is: by its title, of a clock in other units with the factor to seconds."""
-    factor = SECONDS.get(_without_unit(title)[1]) if name == "t_s" else None
-    quoted = _toml_text(title)
-    return quoted if factor is None else f"{{ column = {quoted}, factor = {factor} }}"
+    """Return how a map says where a quantity is: by its title, of a unit that no run has with the factor to its own."""
+    said, quoted = _without_unit(title)[1], _toml_text(title)
+    if find_column(title) or said not in OTHER_UNITS or UNITS.get(said) == name.rpartition("_")[2]:
+        return quoted
+    _, factor, offset = OTHER_UNITS[said]
+    added = f", offset = {offset}" if offset else ""
+    return f"{{ column = {quoted}, factor = {factor}{added} }}"
 
 
 def _without_unit(title: str) -> tuple[str, str]:
-    """Return the words of a title, and the unit that it says, empty where it says none."""
+    """Return the words of a title, and the unit that it says in small letters, empty where it says none."""
     found = UNIT.search(title)
-    if found is None:
-        return title, ""
-    unit = found[1].lower()
-    return title[: found.start()], UNITS.get(unit, unit)
+    return (title, "") if found is None else (title[: found.start()], found[1].lower())
+
+
+def _unknown_unit_text(title: str) -> str:
+    """Say of a title that nobody understands that it is its unit, where only that is unknown; else nothing."""
+    unit = BRACKETS.search(title)
+    if unit is None or UNIT.search(title) or not _meaning_of(title[: unit.start()]):
+        return ""
+    return (
+        f"  # the unit [{unit[1]}] is not known: write for instance length_mm = "
+        f"{{ column = {_toml_text(title)}, factor = F }}, F millimetres being one of it"
+    )
 
 
 def _usual_unit(table: ForeignTable, column: int, key: str) -> str:

@@ -11,6 +11,7 @@ from threadpoolctl import threadpool_limits
 from planner.cell.cell import Cell
 from planner.cell.reading import load_cell
 from planner.common.calls import called_with
+from planner.common.console import as_word
 from planner.common.files import write_bytes
 from planner.common.progress import Progress, no_progress
 from planner.common.result import FolderResult, Plot
@@ -51,7 +52,11 @@ class StudyResult(FolderResult):
 
     def next_step(self, folder: Path) -> str:
         """Say what to look at."""
-        return f"look at {folder / PAGE}; edbb plan CELL --fixtures 2 -o plan plans with the place that adds most"
+        look, count = f"look at {as_word(folder / PAGE)}", self.findings.fixtures.fewest_fixtures
+        if count <= len(self.findings.basis.cell.file.fixtures):
+            return f"{look}; edbb plan CELL -o plan plans a session in the cell as it is"
+        more = "edbb plan CELL --fixtures N -o plan".replace("N", str(count))
+        return f"{look}; {more} plans with the places that show the rest"
 
     def content(self) -> Mapping[str, Any]:
         """Return what ``study.json`` says."""
@@ -83,7 +88,9 @@ class StudyResult(FolderResult):
     def _report(self) -> Report:
         cell, charts = self.findings.basis.cell, [draw(self.findings) for draw in CHARTS]
         title = f"What can be seen of {cell.robot.title}"
-        return report_overview(title, cell, self.summary(), charts, FILES, {"Where the fixture may stand": self._map})
+        return report_overview(
+            title, cell, self.overview().text(), charts, FILES, {"Where the fixture may stand": self._map}
+        )
 
 
 @called_with(StudyCall)

@@ -23,7 +23,6 @@ from planner.instruments.simulation import planned_samples
 from planner.motion.planning_packages import require_planning_packages
 from planner.runs.loader import load_runs
 from planner.session.document import check_run_of_plan, read_plan
-from planner.session.evaluations import evaluation_of
 from planner.session.options import PlanOptions
 from planner.session.planned_session import PlannedSession
 from planner.session.planning import plan_session
@@ -39,9 +38,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class CheckPlanResult(PlanResult):
-    """A planned check, with what it will tell."""
+    """A planned check, with what it will tell, and the calibration that it is judged by."""
 
     forecast: CheckForecast = field(kw_only=True)
+    model: Path | str = field(kw_only=True)
 
     def overview(self) -> Summary:
         """Return what is driven, and from which size on it shows each change."""
@@ -59,8 +59,8 @@ class CheckPlanResult(PlanResult):
         return report_plan(self.plan, self.forecast)
 
     def next_step(self, folder: Path) -> str:
-        """Say how the check is measured and judged."""
-        return f"run the program and log it\n{evaluation_of('run.csv', folder / 'plan.json', None, calibrates=False)}"
+        """Say how the check is measured and judged, by the calibration that it was planned for."""
+        return super().next_step(folder).replace("--model CALIBRATED", f"--model {as_word(self.model)}")
 
 
 @dataclass(frozen=True)
@@ -112,7 +112,7 @@ def plan_check(asked: PlanCheckCall) -> CheckPlanResult:
     plan = plan_session(session, session.options, stages)
     driven = PlannedSession.of(plan)  # with the sides from which joints come to the poses, as the run will have them
     samples = planned_samples(driven.cell, driven.document, driven.courses)
-    return CheckPlanResult(plan, stages, forecast=CheckForecast.of(known, where, samples))
+    return CheckPlanResult(plan, stages, forecast=CheckForecast.of(known, where, samples), model=asked.model)
 
 
 @called_with(CheckCall)

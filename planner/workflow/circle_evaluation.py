@@ -107,7 +107,8 @@ class LoadedTestEvaluation(FolderResult):
     def overview(self) -> Summary:
         """Return the compliances, by the circles and by one fit with runs without load."""
         found, joint, c = self.found, self.joint, self.found.compliances
-        facts = [(name, compliance_text(c, k)) for k, name in enumerate(c.names)]
+        each = [(name, compliance_text(c, k)) for k, name in enumerate(c.names)]
+        facts = [("found", s) for s in found.sentences] + (each if joint is None else [])
         if joint is not None:
             left = f"{joint.rms[0] / UM:.1f} µm left without load, {joint.rms[1] / UM:.1f} µm under load"
             facts.append(("one fit", f"with runs without load: {len(joint.names)} parameters, {left}"))
@@ -116,9 +117,9 @@ class LoadedTestEvaluation(FolderResult):
                 for e in joint.estimates
                 if e.name in c.names and e.std is not None
             ]
-        facts += [("found", s) for s in found.sentences]
         title = f"{found.name}: {number_of(len(found.circles), 'circle')} of {found.robot}"
-        return Summary(title, facts, notes=found.warnings)
+        by_circles = [] if joint is None else [("by circles", f"{name} {text}") for name, text in each]
+        return Summary(title, facts, by_circles, found.warnings)
 
     def content(self) -> Mapping[str, Any]:
         """Return what ``loaded.json`` says."""

@@ -20,7 +20,7 @@ from planner.common.files import read_bytes, write_text
 from planner.common.numbers import parse_number
 from planner.common.result import Result
 from planner.common.schema import read_json
-from planner.common.summary import Summary, under_key
+from planner.common.summary import Summary
 from planner.common.units import Array, from_deg, from_mm, read_only, to_mm
 from planner.compensation.compensated_file import CompensatedFile, compensate_file, read_program
 from planner.compensation.correction_mark import CorrectionMark
@@ -60,19 +60,19 @@ class CompensationResult(Result):
 
     def overview(self) -> Summary:
         """Return what was done, what is expected of it, and every line to look at."""
-        unknown = (f"error unknown: {self.expected}",)
-        said = unknown if isinstance(self.expected, str) else self.expected.sentences
+        known = self.expected
+        expected = [("tool error", f"unknown: {known}")] if isinstance(known, str) else known.facts
         done = self.file.report.overview(self.file.name)
-        facts = [*done.facts, *under_key("expected", said)]
         left = () if self.left_out is None else (self.left_out,)
-        return Summary(done.title, facts, notes=(*done.notes, *left, *self.warnings))
+        details = [*done.details, *([] if isinstance(known, str) else known.details)]
+        return Summary(done.title, [*expected, *done.facts], details, (*done.notes, *left, *self.warnings))
 
     def content(self) -> Mapping[str, Any]:
         """Return what was done, and the corrected text."""
         report = self.file.report
         return {
             "file": self.file.name,
-            "summary": self.summary(),
+            "summary": self.overview().text(),
             "corrected_lines": list(report.corrected),
             "left_lines": [{"line": line, "because": why} for line, why in report.kept],
             "few_axes": None if report.turns_left is None else report.turns_left.content(),

@@ -15,7 +15,7 @@ from planner.common.errors import InputError
 from planner.common.files import write_bytes, write_text
 from planner.common.progress import Stages
 from planner.common.result import FolderResult, Plot, Result
-from planner.common.summary import Summary
+from planner.common.summary import SCREEN_LINES, Summary
 from planner.common.tables import NamedTable, Row, RowTable
 from planner.common.units import from_mm
 from planner.effects.catalogue import catalogue
@@ -79,7 +79,8 @@ class CalibrationResult(FolderResult):
 
     def overview(self) -> Summary:
         """Return how far off the robot is before and after, and why."""
-        return fit_overview(self.calibration)
+        two_steps = can_be_told_apart(self.calibration)
+        return fit_overview(self.calibration, SCREEN_LINES - 3 - two_steps)
 
     def content(self) -> Mapping[str, Any]:
         """Return what ``identification.json`` says."""

@@ -1,6 +1,6 @@
 """``plan_both()`` and ``study_places()``: circles under load beside poses without, and where they tell most."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -78,21 +78,26 @@ class BothPlan(FolderResult):
 
     def overview(self) -> Summary:
         """Return what is measured, and what each bar alone and one fit of both would know."""
-        return self._overview(self._predictions())
-
-    def _overview(self, predictions: Sequence[Fact] = ()) -> Summary:
-        known, arcs, robot = self.known, self.loaded.arcs, self.loaded.cell.robot.name
+        arcs, robot = self.loaded.arcs, self.loaded.cell.robot.name
         minutes = sum(c.duration for c in self.loaded.courses) / 60
+        facts = [("drive", f"{minutes:.1f} min with the loaded bar on, proven as every plan is")]
+        facts += [("found", s) for s in describe_common_fit(self.known)]
+        title = f"{robot}: {len(self.free.samples)} poses without load, {number_of(len(arcs), 'loaded circle')}"
+        return Summary(title, facts, [*self._places(), *self._predictions()], self.loaded.notes)
+
+    def _page_text(self) -> str:
+        """Return what the page says: the places and the four steps too, the predictions as a picture."""
+        said = self.overview()
+        steps = [(f"{k + 1}.", text) for k, text in enumerate(both_session_steps(self))]
+        return Summary(said.title, [*self._places(), *said.facts, *steps], notes=said.notes).text()
+
+    def _places(self) -> list[Fact]:
         facts: list[Fact] = []
-        for arc in arcs:
+        for arc in self.loaded.arcs:
             circle = arc.circle
             centre = ", ".join(f"{v:.0f}" for v in to_mm(circle.p_BC))
             facts.append((circle.name, f"{circle.plane} about [{centre}] mm; {arc.told}"))
-        facts.append(("drive", f"{minutes:.1f} min with the loaded bar on, proven as every plan is"))
-        facts += [*predictions, *(("found", s) for s in describe_common_fit(known))]
-        facts += [(f"{k + 1}.", text) for k, text in enumerate(both_session_steps(self))]
-        title = f"{robot}: {len(self.free.samples)} poses without load, {number_of(len(arcs), 'loaded circle')}"
-        return Summary(title, facts, notes=self.loaded.notes)
+        return facts
 
     def _predictions(self) -> list[Fact]:
         head = f"{'':<14}{'without load':>14}{'circles':>12}{'one fit':>12}   of the prior sigma"
@@ -118,7 +123,7 @@ class BothPlan(FolderResult):
             write_cell(fit_cell(self.free.cell, self.loaded.cell), draft)
             cell, charts = self.loaded.cell, (draw_common_fit(self.known),)
             title = f"A session with both bars for {cell.robot.title}"
-            report_overview(title, cell, self._overview().text(), charts, BOTH_FILES).write(draft)
+            report_overview(title, cell, self._page_text(), charts, BOTH_FILES).write(draft)
 
     def files(self, folder: Path) -> str:
         """Name what is written."""
@@ -126,8 +131,10 @@ class BothPlan(FolderResult):
         return f"{new}{LOADED}/, cell.toml, both.json, report.html"
 
     def next_step(self, folder: Path) -> str:
-        """Say where the steps stand."""
-        return f"the four steps above, from {folder}; {folder / 'report.html'} shows what they would know"
+        """Say the four steps, with the files of the folder."""
+        own = f"--cell {as_word(folder / 'cell.toml')}"
+        steps = (text.replace("--cell cell.toml", own) for text in both_session_steps(self))
+        return "\n".join(f"{k}. {text}" for k, text in enumerate(steps, 1))
 
 
 @called_with(PlanBothCall)
@@ -233,7 +240,7 @@ class CirclePlacesResult(FolderResult):
             write_text(draft / "places.csv", places_csv(self.found))
             write_cell(with_circles(self.cell, self.found.best(self.count)), draft)
             title, charts = f"Places of loaded circles for {self.cell.robot.title}", draw_places(self.found, self.count)
-            report_overview(title, self.cell, self.summary(), charts, PLACES_FILES).write(draft)
+            report_overview(title, self.cell, self.overview().text(), charts, PLACES_FILES).write(draft)
 
     def files(self, folder: Path) -> str:
         """Name what is written."""

@@ -24,8 +24,8 @@ def plan_overview(plan: Plan) -> Summary:
         [
             ("drive", f"{minutes:.0f} min; nearest bodies {_clearance_mm(plan):.1f} mm apart, proven by two engines"),
             *(_error_facts(plan.expected_error) if plan.expected_error else _index_facts(plan)),
-            *(("tells apart", text) for text in said[:1]),
             *_unseen(plan.choice.seen.dropped, len(plan.choice.seen.names)),
+            *(("tells apart", text) for text in said[:1]),
         ],
         list(_details(plan, said)),
         plan.notes,
@@ -42,7 +42,9 @@ def _numbers_of_poses(plan: Plan, roles: Sequence[str]) -> str:
         return f"{number_of(len(plan.choice.q), 'pose')} that validate a robot, none that calibrates (--poses N does)"
     more = roles.count("validate")
     validating = f" and {more} to validate" if more else ""
-    return f"{number_of(len(plan.choice.q), 'pose')} to fit {plan.choice.seen.rank} parameters{validating}"
+    seen = plan.choice.seen
+    of = f" of {len(seen.names) + len(seen.dropped)}" if seen.dropped else ""
+    return f"{number_of(len(plan.choice.q), 'pose')} to fit {seen.rank}{of} parameters{validating}"
 
 
 def _error_facts(expected: BayesianDesign) -> Iterator[Fact]:

@@ -2,7 +2,19 @@
 
 import re
 
-from planner.common.summary import KEY, Aside, Summary, count_alike, fact_lines, hang_lines, name_first, under_key
+import pytest
+
+from planner.common.summary import (
+    KEY,
+    Aside,
+    Summary,
+    count_alike,
+    cut_facts,
+    fact_lines,
+    hang_lines,
+    name_first,
+    under_key,
+)
 
 
 def said(verbose=False):
@@ -47,3 +59,27 @@ def test_of_many_names_the_first_are_said_and_how_many_more_there_are():
     names = [f"x{k}" for k in range(20)]
     assert name_first(names[:9]) == ", ".join(names[:9])  # never "and 1 more"
     assert name_first(names) == ", ".join(names[:8]) + " and 12 more"
+
+
+@pytest.mark.parametrize("most", [6, 8, 10])
+@pytest.mark.parametrize("notes", [0, 1, 3, 30])
+@pytest.mark.parametrize("facts", [0, 2, 5, 40])
+def test_a_screen_has_a_limit_of_lines_and_says_how_much_is_left_out(facts, notes, most):
+    words = "abcdefghijklmnopqrstuvwxyzäöüßåæøœαβγδεζηθ"  # notes that differ in more than numbers
+    summary = Summary(
+        "done", [(f"f{k}", "said") for k in range(facts)], (), [f"warned {words[k]}" for k in range(notes)]
+    )
+    lines = summary.text(most=most).splitlines()
+    assert len(lines) <= most
+    told = sum(int(n) for line in lines for n in re.findall(r"\(and (\d+) more: -v\)", line))
+    assert len(lines) - 1 + told == facts + notes
+    assert len([line for line in lines if line.startswith("  f")]) >= min(facts, 4)
+    if notes:
+        assert any("note" in line for line in lines)
+    assert len(summary.text(verbose=True, most=most).splitlines()) == 1 + facts + notes
+
+
+def test_what_is_cut_is_counted_at_the_last_that_is_said():
+    facts = [("a", "1"), ("b", "2"), ("c", "3")]
+    assert cut_facts(facts, 3) == facts
+    assert cut_facts(facts, 2) == [("a", "1"), ("b", "2 (and 1 more: -v)")]

@@ -65,7 +65,7 @@ def compensate(folder, model, scratch):
     for run in truth["run"]:
         options = [here / "before" / o if (folder / o).is_file() else o for o in run["options"]]
         written = here / "after" / run["file"]
-        done = edbb("compensate", here / "before" / run["file"], "--model", model, "-o", written, *options)
+        done = edbb("compensate", here / "before" / run["file"], "--model", model, "-o", written, "-v", *options)
         assert done.returncode in (0, 2, 3, 5), done.stderr
         if done.returncode in (2, 3):  # 3: no target of it has a solution
             outcome.refused.add(run["file"])

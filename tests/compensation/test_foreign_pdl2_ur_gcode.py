@@ -55,7 +55,7 @@ def numbers(ranges):
 
 def compensated(path, robot, out, options=()):
     """Exit code, lines of the result without the mark, lines listed as left, lines said to be corrected (or None)."""
-    done = edbb("compensate", path, "--model", robot / "robot.toml", "-o", out, *options)
+    done = edbb("compensate", path, "--model", robot / "robot.toml", "-o", out, "-v", *options)
     if done.returncode not in (0, 5):
         return done.returncode, None, set(), None
     source, result = (p.read_text(encoding="utf-8").splitlines() for p in (path, out))

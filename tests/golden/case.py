@@ -9,6 +9,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from planner.common.errors import PARTLY_DONE
+from planner.common.summary import SCREEN_LINES
 from tests.golden.condense import condense, short
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -76,6 +78,7 @@ def run(case):
                 for fact in step.facts
                 if fact not in said
             ]
+            problems += _long_screen(where, step, done)
             steps.append({"command": " ".join(step.words), "code": done.returncode, **_printed(step, done.stdout)})
         files = {
             str(p.relative_to(folder)): condense(p)
@@ -83,6 +86,14 @@ def run(case):
             if p.is_file() and str(p.relative_to(folder)) not in laid
         }
     return {"steps": steps, "files": files}, problems
+
+
+def _long_screen(where, step, done):
+    """What is wrong with the length of a screen; lists have as many lines as there are things."""
+    lines = done.stderr.splitlines()
+    if done.returncode not in (0, PARTLY_DONE) or step.words[0] in ("robots", "dialects") or len(lines) <= SCREEN_LINES:
+        return []
+    return [f"{where}: the screen has {len(lines)} lines: {lines}"]
 
 
 def _printed(step, out):

@@ -182,7 +182,7 @@ def test_the_zeros_on_the_screen_are_those_of_the_released_robot(written):
     said = document(folder)["joint_zeros"]
     assert [z["joint"] for z in said] == [int(joint) for joint, _, _ in stated]
     assert [z["zero_deg"] for z in said] == pytest.approx([zeros[z["joint"] - 1] for z in said], abs=1e-7)
-    page, screen = calibration_content(CalibrationFacts(found.calibration))["zeros"], found.summary()
+    page, screen = calibration_content(CalibrationFacts(found.calibration))["zeros"], found.summary(verbose=True)
     for text in (page, " ".join(screen.split())):
         assert "set these zeros in the controller, or correct programs by robot.toml, not both" in text
         assert all(f"joint {joint} {value} ± {std}°" in text for joint, value, std in stated)

@@ -116,3 +116,42 @@ def test_two_logs_of_their_own_clocks_become_one_run(tmp_path):
     assert run.samples.t[-1] - run.samples.t[0] > 9
     assert np.abs(np.rad2deg(run.samples.q)).max() == pytest.approx(10, abs=0.1)
     assert run.readings.length.min() * 1e3 > 398.9
+
+
+OTHER_UNITS = [  # a title, the numbers below it, the quantity and its value in SI
+    ("t [ms]", "2500", lambda run: run.samples.t, 2.5),
+    ("t [min]", "0.5", lambda run: run.samples.t, 30.0),
+    ("t_us", "2500000", lambda run: run.samples.t, 2.5),
+    ("L [cm]", "41.25", lambda run: run.readings.length, 0.4125),
+    ("L (in)", "16.25", lambda run: run.readings.length, 0.41275),
+    ("L [inch]", "16.25", lambda run: run.readings.length, 0.41275),
+    ("J2 [gon]", "100", lambda run: run.samples.q[:, 1], np.pi / 2),
+    ("J2 [mrad]", "1500", lambda run: run.samples.q[:, 1], 1.5),
+    ("Temp [°F]", "68", lambda run: run.samples.temperature, 20.0),
+    ("Temp [K]", "293.15", lambda run: run.samples.temperature, 20.0),
+    ("Temp [°C]", "20", lambda run: run.samples.temperature, 20.0),
+]
+
+
+@pytest.mark.parametrize(("title", "number", "value", "true"), OTHER_UNITS, ids=[u[0] for u in OTHER_UNITS])
+def test_a_unit_that_no_run_has_is_brought_to_one_that_it_has(tmp_path, title, number, value, true):
+    columns = {f"J{k} [deg]": "10" for k in range(1, 7)} | {"L [mm]": "400", "t [s]": "1"}
+    mine = title[0]
+    columns = {name: n for name, n in columns.items() if name[:2] not in (title[:2], f"{mine} ", f"{mine}_")}
+    columns[title] = number
+    table = tmp_path / "log.csv"
+    table.write_text("\n".join([",".join(columns), *[",".join(columns.values())] * 3]) + "\n", encoding="utf-8")
+    (tmp_path / "map.toml").write_text(proposed_map([table]), encoding="utf-8")
+    run = import_run([table], tmp_path / "map.toml")
+    np.testing.assert_allclose(value(run), true, rtol=1e-9)
+
+
+@pytest.mark.parametrize("title", ["L [ft]", "X [furlong]", "J1 [turns/8]"])
+def test_a_unit_that_nobody_knows_is_never_taken_for_another_one(tmp_path, title):
+    table = tmp_path / "log.csv"
+    table.write_text(f"J2 [deg],J3 [deg],{title}\n1,2,3\n1,2,3\n")
+    text = proposed_map([table])
+    (line,) = (row for row in text.splitlines() if title in row)
+    assert line.startswith("# not understood")
+    assert "is not known: write for instance" in line
+    assert "factor = F" in line

@@ -122,7 +122,11 @@ def _mm(value: float) -> float | None:
 def verdict_overview(verdict: CheckVerdict) -> Summary:
     """Return the verdict in words."""
     said = "passed" if verdict.passed else "FAILED"
-    facts: list[Fact] = [("do", verdict.advice)]
+    p = f"smallest probability {verdict.smallest:.2g}, alarm below {verdict.threshold:.2g}"
+    facts: list[Fact] = [
+        ("do", verdict.advice),
+        ("test", f"{p} ({100 * FALSE_ALARM:g} of 100 sound robots)"),
+    ]
     if verdict.outcome != "unchanged":
         best = verdict.best
         facts.append(("cause", ANYTHING if best is None else _cause_text(best)))
@@ -131,8 +135,6 @@ def verdict_overview(verdict: CheckVerdict) -> Summary:
         least = sorted((j for j in verdict.judged if j.change.kind != "collision"), key=lambda j: j.detectable)
         some = least if len(least) <= 2 * MOST_SHOWN else [*least[:MOST_SHOWN], *least[-MOST_SHOWN:]]
         facts += [("would show", f"{to_mm(j.detectable):.3f} mm  {j.change.name}") for j in some]
-    p = f"smallest probability {verdict.smallest:.2g}, alarm below {verdict.threshold:.2g}"
-    facts.append(("test", f"{p} ({100 * FALSE_ALARM:g} of 100 sound robots)"))
     title = f"{verdict.run}: {said}, {verdict.outcome} since the calibration ({len(verdict.poses)} poses)"
     return Summary(title, facts, notes=verdict.notes)
 

@@ -40,7 +40,7 @@ if (state === "done") {
       const done = made.state === "done" ? await get(made.url) : await finished(made.id);
       const file = done.files.find((f) => f.name === program.name);
       const log = done.files.find((f) => f.name === "log");
-      say(message, done.exit_code === 5 ? "Corrected in part; the log lists what was left as it was." : "Corrected.");
+      say(message, done.exit_code === 5 ? "Corrected in part; the head of the file lists what was left as it was." : "Corrected.");
       result.append(make("a", { href: root + file.url, download: `corrected_${program.name}` }, `corrected ${program.name}`));
       if (log) result.append(" ", make("a", { href: root + log.url, download: "log.txt" }, "log"));
     } catch (problem) { say(message, problem.message, true); }

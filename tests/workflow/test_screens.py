@@ -1,0 +1,111 @@
+"""A screen has ten lines whatever there is to say: fits with few causes and many, with notes, failed, validated."""
+
+import dataclasses
+from itertools import product
+from pathlib import Path
+
+import pytest
+
+from planner.cli.terminal import screen_text
+from planner.common.summary import SCREEN_LINES, Aside
+from planner.model.identification_document import ErrorParts, Finding, Metrics, MisfitPlace, WorkToolError
+from planner.workflow import identification
+from tests.golden.cases import CASES
+from tests.identification.few_draws import few_draws
+
+MM, UM = 1e-3, 1e-6
+SURE, DOUBTFUL = 0.99, 0.02
+# values of each trait of a fit; the first is that of the fit itself
+TRAITS = {
+    "causes": (None, [], [SURE], [SURE] * 3, [DOUBTFUL] * 4, [SURE] * 3 + [DOUBTFUL] * 9),
+    "parts": (None, ErrorParts(seen=UM, unseen=UM, misfit=MM), ErrorParts(seen=UM, unseen=UM, misfit=0, drift=MM)),
+    "validated": (False, True),
+    "tools": (1, 2),
+    "notes": ((), ("the tip is loose",), tuple(f"note {k * 'x'} is to be read" for k in range(12))),
+    "state": ("sound", "worse", "failed"),
+    "two steps": (False, True),
+}
+
+
+@pytest.fixture(scope="module")
+def fitted(tmp_path_factory):
+    """A small run of a wire, fitted, not traced."""
+    folder = tmp_path_factory.mktemp("wire")
+    (case,) = (c for c in CASES if c.name == "irb120-draw-wire")
+    for name, content in case.files.items():
+        (folder / name).write_bytes(content if isinstance(content, bytes) else content.encode())
+    with few_draws():
+        return identification.identify(folder / "wire.csv", cell=folder / "cell.toml", no_trace=True)
+
+
+def with_traits(result, causes, parts, validated, tools, notes, state):
+    """The result of another run, as its document would be."""
+    found = result.calibration
+    known = found.release
+    changes = {"warnings": (*found.warnings, *notes)}
+    if causes is not None:
+        names = (f"joint {k % 6 + 1}" for k in range(len(causes)))
+        changes["findings"] = tuple(
+            Finding(
+                effect=f"effect {k}", on=on, value=UM, unit="rad", gain=UM / (k + 1), probability=p,
+                rivals=("a", "b"), note=f"{on}: gives way under load, 5.02 ± 0.40 µrad/Nm",
+            )
+            for k, (p, on) in enumerate(zip(causes, names, strict=True))
+        )  # fmt: skip
+        changes["tried"] = 300
+    release = {}
+    if parts is not None:
+        release |= {"parts": parts, "unexplained": MisfitPlace(anywhere=MM, there=MM, joint=3, range=(-1.0, 1.0))}
+    if validated:
+        judged = Metrics(rms=MM, mean=MM, largest=MM)
+        release["validation"] = judged
+        stage = found.stages[1].model_copy(update={"validation": judged})
+        changes["stages"] = (found.stages[0], stage, *found.stages[2:])
+    if tools == 2:
+        release["work_tool"] = WorkToolError(position=(0.0, 0.0, 0.3), anywhere=MM, nominal_anywhere=MM)
+    changes["release"] = known.model_copy(update=release)
+    changes |= {"worse_than_nominal": "WORSE than the nominal robot"} if state == "worse" else {}
+    changes |= {"problems": ("the fit got worse",)} if state == "failed" else {}
+    return dataclasses.replace(result, calibration=found.model_copy(update=changes))
+
+
+def test_every_screen_of_a_fit_has_ten_lines(fitted, monkeypatch):
+    for *traits, two_steps in product(*TRAITS.values()):
+        monkeypatch.setattr(identification, "can_be_told_apart", lambda _, told=two_steps: told)
+        made = with_traits(fitted, *traits)
+        lines = screen_text(made, Path("calibrated")).splitlines()
+        causes, parts, validated, _, notes, state = traits
+        assert len(lines) <= SCREEN_LINES, (traits, lines)
+        keys = [line[2:14].strip() for line in lines]
+        wanted = ["written to"]
+        if state != "worse" and not notes:
+            wanted.append("validation" if validated and state != "failed" else "held out")
+        wanted += [] if state == "failed" else ["good for", "tool error"]
+        wanted += ["note"] if notes else []
+        wanted += ["misfit"] if parts is not None and parts.misfit and state != "failed" else []
+        assert set(wanted) <= set(keys), (traits, lines)
+        assert keys.count("next") == (state != "failed")
+        sure = (causes or []).count(SURE)
+        room = not notes and state == "sound" and tuple(traits[1:4]) == (None, False, 1)
+        assert not room or keys.count("found") >= min(sure, 2)
+        facts = [line for line in lines if line[2:14].strip() not in ("next", "note")]
+        assert max(map(len, facts)) <= 165, max(facts, key=len)
+
+
+def test_what_does_not_stand_on_the_screen_is_said_where_more_is_asked(fitted):
+    made = with_traits(fitted, [SURE] * 3, None, False, 1, ("the tip is loose",), "sound")
+    more = made.full_summary(verbose=True)
+    for said in ("zeros", "stages", "parameters", "set these zeros", "the tip is loose", "rest"):
+        assert said in more
+    assert more.count("gives way under load") >= 3
+
+
+def test_a_note_that_asks_nothing_is_not_on_the_screen(fitted):
+    aside = "the links have no masses"
+    found = fitted.calibration
+    made = dataclasses.replace(
+        fitted, calibration=found.model_copy(update={"warnings": (aside,), "asides": frozenset({aside})})
+    )
+    assert aside not in made.full_summary()
+    assert aside in made.full_summary(verbose=True)
+    assert [note for note in made.overview().notes if isinstance(note, Aside)] == [aside]
