@@ -126,6 +126,11 @@ class Context:
             known = self._several[id(functions)] = functions, [self.value(f) for f in functions]
         return known[1]
 
+    def forget_values(self) -> None:
+        """Let go of the values of basis functions: of many models they need more memory than anything else."""
+        self._known.clear()
+        self._several.clear()
+
     def column(self, name: str) -> Array:
         """A column of the samples that a basis function is asked for only where it was logged."""
         values: Array | None = getattr(self.samples, name)

@@ -146,7 +146,7 @@ class Bouts:
         size = size or _best_factor(Beside.of(self.gram, held), own)
         # what was drawn by chance alone would count against the finding
         state = Together.of(self.gram, [*held, (own, size)]).prune()
-        held, whole = list(state.parts[:-1]), self.log_odds(state.parts)
+        held, whole = list(state.parts[:-1]), state.log_odds
         beside, *without_kin = self._besides(held, own)
         by_poses = set[str]()
         out = {OWN_NAME: 0.0, NOTHING: self.log_odds(held) - whole}
@@ -181,8 +181,8 @@ class Bouts:
 
     def _log_odds_with(self, state: "Together", own: Block, newcomer: Part) -> float:
         """Return the log odds with a newcomer in and all needless out, minus infinity where the finding stays."""
-        kept = state.beside(self.gram, newcomer).prune().parts
-        return -np.inf if any(b is own for b, _ in kept) else self.log_odds(kept)
+        kept = state.beside(self.gram, newcomer).prune()
+        return -np.inf if any(b is own for b, _ in kept.parts) else kept.log_odds
 
     def log_odds(self, state: Sequence[Part]) -> float:
         """Return the logarithm of a state's probability over that of the one in which nothing acts."""
@@ -201,40 +201,64 @@ class Together:
 
     Attributes:
         parts: in order; the last one stays whatever happens.
+        odds: logarithms of the odds beforehand that each acts, (f,).
+        along: products of their columns with the readings, per size, (k,).
         covariance, mean: of their parameters, each over its size, (k, k) and (k,).
+        log_det: logarithm of the covariance's determinant.
     """
 
     parts: tuple[Part, ...]
+    odds: Array
+    along: Array
     covariance: Array
     mean: Array
+    log_det: float
 
     @classmethod
     def of(cls, gram: Array, parts: Sequence[Part]) -> "Together":
         """Fit causes of known sizes, by products of all columns (p + 1, p + 1)."""
         columns, size = _sizes(parts)
         information = np.eye(len(columns)) + size[:, None] * gram[np.ix_(columns, columns)] * size
-        covariance = np.linalg.inv(information)
-        return cls(tuple(parts), covariance, covariance @ (size * gram[columns, -1]))
+        covariance, along = np.linalg.inv(information), size * gram[columns, -1]
+        log_det = -float(np.linalg.slogdet(information)[1])
+        return cls(tuple(parts), _odds(parts), along, covariance, covariance @ along, log_det)
+
+    @property
+    def log_odds(self) -> float:
+        """Logarithm of the state's probability over that of the one in which nothing acts."""
+        return float(self.odds.sum() + 0.5 * (self.along @ self.mean + self.log_det))
 
     def beside(self, gram: Array, part: Part) -> "Together":
         """Return the fit with one more cause, behind the others (a block's inverse by its Schur complement)."""
         (columns, size), (new, its) = _sizes(self.parts), _sizes([part])
-        shared = size[:, None] * gram[np.ix_(columns, new)] * its
-        along = self.covariance @ shared
-        own = np.linalg.inv(np.eye(len(new)) + its[:, None] * gram[np.ix_(new, new)] * its - shared.T @ along)
-        mean = own @ (its * gram[new, -1] - shared.T @ self.mean)
-        side = -along @ own
-        covariance = np.block([[self.covariance - side @ along.T, side], [side.T, own]])
-        return Together((*self.parts, part), covariance, np.append(self.mean - along @ mean, mean))
+        shared, along = size[:, None] * gram[np.ix_(columns, new)] * its, its * gram[new, -1]
+        turned = self.covariance @ shared
+        own = np.linalg.inv(np.eye(len(new)) + its[:, None] * gram[np.ix_(new, new)] * its - shared.T @ turned)
+        mean = own @ (along - shared.T @ self.mean)
+        side = -turned @ own
+        return Together(
+            (*self.parts, part),
+            np.append(self.odds, _odds([part])),
+            np.append(self.along, along),
+            np.block([[self.covariance - side @ turned.T, side], [side.T, own]]),
+            np.append(self.mean - turned @ mean, mean),
+            self.log_det + float(np.linalg.slogdet(own)[1]),
+        )
 
     def without(self, k: int) -> "Together":
         """Return the fit without one of its causes: its parameters are nought then."""
         gone = self._places[k]
         kept = np.delete(np.arange(len(self.mean)), gone)
-        side = self.covariance[kept, gone]
-        shift = np.linalg.solve(self.covariance[gone, gone], np.column_stack([side.T, self.mean[gone]]))
-        covariance = self.covariance[np.ix_(kept, kept)] - side @ shift[:, :-1]
-        return Together((*self.parts[:k], *self.parts[k + 1 :]), covariance, self.mean[kept] - side @ shift[:, -1])
+        side, own = self.covariance[kept, gone], self.covariance[gone, gone]
+        shift = np.linalg.solve(own, np.column_stack([side.T, self.mean[gone]]))
+        return Together(
+            (*self.parts[:k], *self.parts[k + 1 :]),
+            np.delete(self.odds, k),
+            self.along[kept],
+            self.covariance[np.ix_(kept, kept)] - side @ shift[:, :-1],
+            self.mean[kept] - side @ shift[:, -1],
+            self.log_det - float(np.linalg.slogdet(own)[1]),
+        )
 
     @property
     def _places(self) -> list[slice]:
@@ -245,20 +269,28 @@ class Together:
         """Take out what is needless, the least first; the last one stays."""
         state = self
         while len(state.parts) > 1:
-            worth = [
-                part[0].log_odds(part[1]) + _log_ratio(state.covariance[at, at], state.mean[at])
-                for part, at in zip(state.parts[:-1], state._places, strict=False)
-            ]
+            worth = state.worths()[:-1]
             least = int(np.argmin(worth))
             if worth[least] > 0:
                 break
             state = state.without(least)
         return state
 
+    def worths(self) -> Array:
+        """Return the logarithm of the odds of each cause beside the others, (f,)."""
+        out, first = self.odds.copy(), np.array([place.start for place in self._places])
+        width = np.array([place.stop for place in self._places]) - first
+        for k in np.unique(width):  # causes of as many parameters together
+            alike = np.flatnonzero(width == k)
+            rows = first[alike, None] + np.arange(k)
+            covariance, mean = self.covariance[rows[:, :, None], rows[:, None]], self.mean[rows]
+            fall = (mean * np.linalg.solve(covariance, mean[..., None])[..., 0]).sum(axis=1)
+            out[alike] += 0.5 * (fall + np.linalg.slogdet(covariance)[1])
+        return np.asarray(out)
 
-def _log_ratio(covariance: Array, mean: Array) -> float:
-    """Return the log ratio of a model's likelihood with and without parameters of unit prior, by their posterior."""
-    return float(0.5 * (mean @ np.linalg.solve(covariance, mean) + np.linalg.slogdet(covariance)[1]))
+
+def _odds(parts: Sequence[Part]) -> Array:
+    return np.array([block.log_odds(size) for block, size in parts])
 
 
 def _best_factor(beside: Beside, block: Block) -> float:

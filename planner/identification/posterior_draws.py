@@ -16,7 +16,7 @@ from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
-from scipy.linalg.blas import dsyrk, dtrsm
+from scipy.linalg.blas import dgemm, dsyrk, dtrsm
 
 from planner.common.units import Array
 from planner.identification.assumptions import EXPECTED_CAUSES, LOG_NOISE_RANGE, PREVALENCE
@@ -120,21 +120,9 @@ class RandomEffects:
         return root, np.vstack([wide, np.eye(wide.shape[1])])
 
     def precision(self, draw: SizeDraw) -> "_Precision":
-        """Return what is known of the readings at one draw of the sizes: C⁻¹ = D⁻¹ (1 − B Bᵀ) D⁻¹, and B from a QR.
-
-        A QR decomposition, for the columns of known size may be wider than the noise by many orders of magnitude.
-        """
-        if self._are_many(draw):
-            whitener = ReadingWhitener.of(self, draw)
-            columns = whitener.white(self.sorted_columns)
-            gram = dsyrk(1.0, columns, trans=1, lower=1)
-            return _Precision(gram, columns.T @ whitener.white(self.y[:, None])[:, 0], self.places)
-        root, tall = self._whiten(draw)
-        basis = np.linalg.qr(tall)[0][: len(root)]
-        columns, y = self.sorted_columns / root[:, None], self.y / root
-        inner = basis.T @ columns
-        gram = np.asfortranarray(columns.T @ columns - inner.T @ inner)
-        return _Precision(gram, columns.T @ y - inner.T @ (basis.T @ y), self.places)
+        """Return what is known of the readings at one draw of the sizes."""
+        whitener = ReadingWhitener.of(self, draw)
+        return _Precision(whitener.white(self.sorted_columns), whitener.white(self.y[:, None])[:, 0], self.places)
 
     def deviance(self, draw: SizeDraw) -> float:
         """Minus twice the log density of the readings and of the noise's size, without a constant.
@@ -216,48 +204,52 @@ class _Block:
 
 @dataclass
 class _Precision:
-    """With C the covariance of the readings and X the columns of all families: XᵀC⁻¹X (q, q) and XᵀC⁻¹y (q,).
+    """With C the covariance of the readings, X the columns of all families: C^(−1/2) X (m, q) and C^(−1/2) y (m,).
 
-    Only the lower triangle of ``gram`` is kept up to date.
+    Of what belongs to q columns, several times as many as readings, only products of a family's own are ever formed.
+    The columns stand one behind the other in memory (Fortran's order).
     """
 
-    gram: Array
-    toward: Array
+    white: Array
+    y: Array
     places: tuple[slice, ...]
 
     def block(self, family: int) -> _Block:
         """Return what it takes to change the size of a family."""
         place = self.places[family]
-        values, axes = np.linalg.eigh(self.gram[place, place])  # of the lower triangle
-        return _Block(place, axes, np.maximum(values, 0.0), axes.T @ self.toward[place])
+        own = self.white[:, place]
+        values, axes = np.linalg.eigh(own.T @ own)
+        return _Block(place, axes, np.maximum(values, 0.0), axes.T @ (own.T @ self.y))
 
     def gains(self, families: list[int], more: Array) -> Array:
         """Return the growth (f, v) of the log density with ``more`` variances (v,) of families of k columns each.
 
-        The Cholesky factor of [[1 + vG, √v t], [√v tᵀ, 1 + v tᵀt]] says all: its diagonal the determinant, and its last
-        row √v t per root of 1 + vG.
+        With G = XᵀC⁻¹X and t = XᵀC⁻¹y of a family the Cholesky factor of [[1 + vG, √v t], [√v tᵀ, 1 + v tᵀt]] says
+        all: its diagonal the determinant, and its last row √v t per root of 1 + vG.
         """
         start = np.array([self.places[f].start for f in families])
         k = self.places[families[0]].stop - int(start[0])
-        rows = start[:, None] + np.arange(k)
-        t = np.sqrt(more)[:, None] * self.toward[rows][:, None]
+        own = self.white.T[start[:, None] + np.arange(k)]
+        gram = own @ own.transpose(0, 2, 1)
+        t = np.sqrt(more)[:, None] * (own @ self.y)[:, None]
         wide = np.empty((len(families), len(more), k + 1, k + 1))
-        wide[..., :k, :k] = more[:, None, None] * self.gram[rows[:, :, None], rows[:, None, :]][:, None] + np.eye(k)
+        wide[..., :k, :k] = more[:, None, None] * gram[:, None] + np.eye(k)
         wide[..., k, :k], wide[..., k, k] = t, 1 + (t**2).sum(axis=2)
         root = np.linalg.cholesky(wide)  # looks at the lower triangle only
         log_det = np.log(np.einsum("fvii->fvi", root)[..., :k]).sum(axis=2)
         return np.asarray(0.5 * (root[..., k, :k] ** 2).sum(axis=2) - log_det)
 
     def add(self, block: _Block, variance: float) -> None:
-        """Add ``variance`` times the family's columns to C (Woodbury)."""
-        place = block.place
-        own = self.gram[place, place]
-        side = np.concatenate([self.gram[place, : place.stop].T, self.gram[place.stop :, place]])
-        side[place] = np.tril(own) + np.tril(own, -1).T
-        axes = block.axes * np.sqrt(abs(variance) / np.maximum(1 + variance * block.values, LEAST_LEFT_SHARE))
-        sign, turned = -np.sign(variance), side @ axes
-        self.gram = dsyrk(sign, turned, 1.0, self.gram, lower=1, overwrite_c=1)  # without a copy
-        self.toward = self.toward + sign * turned @ (axes.T @ self.toward[place])
+        """Add ``variance`` v times the family's columns to C.
+
+        With V Λ Vᵀ = GᵀG of the family's white columns G, (1 + v G Gᵀ)^(−1/2) is 1 − G V e Λ⁻¹ Vᵀ Gᵀ, where
+        e = 1 − 1/√(1 + vΛ).
+        """
+        own = self.white[:, block.place] @ block.axes
+        grown = np.sqrt(np.maximum(1 + variance * block.values, LEAST_LEFT_SHARE))
+        taken = own * (variance / (grown * (grown + 1)))
+        self.y = self.y - taken @ (own.T @ self.y)
+        self.white = dgemm(-1.0, taken, own.T @ self.white, 1.0, self.white, overwrite_c=1)  # without a copy
 
 
 def draw_sizes(model: RandomEffects, start: SizeDraw, seed: int = 0, sweeps: int | None = None) -> tuple[SizeDraw, ...]:

@@ -28,6 +28,13 @@ class ProblemCache:
     parts: dict[bytes, Context] = field(default_factory=dict)
     linear: tuple[tuple[object, bytes], Linearization] | None = None
 
+    def forget(self) -> None:
+        """Let go of what is computed anew when it is asked for, but for where the arm stands."""
+        self.linear = None
+        for context in (self.context, *self.parts.values()):
+            if context is not None:
+                context.forget_values()
+
 
 @dataclass(frozen=True)
 class LinearPiece:

@@ -98,6 +98,13 @@ class FitContext:
         )
         return FittedStage(stage, found, held.refitted)
 
+    def forget_values(self) -> None:
+        """Let go of the basis functions of all models so far, most of which were tried and left."""
+        for problem in self._problems.values():
+            problem.memory.forget()
+        for piece in self._whole:
+            piece.context.forget_values()
+
     def _problem(self, model: Model, few: np.ndarray | None) -> FitProblem:
         """Fit of the run, or of a part of it, to a model of the same setup: kept from stage to stage."""
         known = self._problems.get(few is None)

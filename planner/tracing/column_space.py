@@ -100,8 +100,11 @@ class ColumnSpace:
 
     def combine(self, parts: Array) -> Array:
         """Return the sum (m, k) of the basis vectors, each times its row of ``parts`` (P, k)."""
-        own = self.block @ parts[len(parts) - self.block.shape[1] :]
-        return own if self.before is None else own + self.before.combine(parts[: -self.block.shape[1]])
+        first = len(parts) - self.block.shape[1]
+        own = self.block @ parts[first:]
+        if self.before is not None:
+            own += self.before.combine(parts[:first])
+        return own
 
     def project(self, columns: WhitenedDictionary) -> Array:
         """Return the products of a dictionary's columns with the basis vectors, (width, P)."""

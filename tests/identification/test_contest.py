@@ -138,3 +138,7 @@ def test_causes_that_come_and_go_leave_the_fit_that_others_have_by_themselves():
         assert state.parts == alone.parts
         np.testing.assert_allclose(state.covariance, alone.covariance, atol=1e-12)
         np.testing.assert_allclose(state.mean, alone.mean, atol=1e-12)
+        bouts = Bouts(arena(parts[0][0]), gram, ())
+        assert state.log_odds == pytest.approx(bouts.log_odds(state.parts), abs=1e-10)
+        gone = [bouts.log_odds([q for q in state.parts if q is not p]) for p in state.parts]
+        np.testing.assert_allclose(state.worths(), state.log_odds - np.array(gone), atol=1e-10)

@@ -49,16 +49,22 @@ def test_the_deviance_is_that_of_the_dense_covariance(m, p):
     assert one - other == pytest.approx(dense, rel=1e-5)
 
 
-@pytest.mark.parametrize("many", [0.0, 10.0], ids=["by readings", "by columns"])
-def test_what_is_known_of_the_readings_is_that_of_the_dense_covariance(monkeypatch, many):
-    monkeypatch.setattr(draws, "MANY", many)
-    model, draw = model_of(), SizeDraw(np.array([0.5, 0.0]), np.array([0.1, -0.2]))
-    X = model.columns * model.sizes(draw.factors)
-    C = np.diag(model.variance(draw.noise_logs)) + X @ X.T
+@pytest.mark.parametrize("changes", [(), ((1, 1.5),), ((0, 1.5), (1, 0.5), (0, 0.0))])
+def test_what_is_known_of_the_readings_is_that_of_the_dense_covariance(changes):
+    """At a draw, and after the sizes of families changed one after the other."""
+    model, factors, logs = model_of(), np.array([0.5, 0.0]), np.array([0.1, -0.2])
+    known = model.precision(SizeDraw(factors.copy(), logs))
+    for family, factor in changes:
+        known.add(known.block(family), factor**2 - factors[family] ** 2)
+        factors[family] = factor
+    X = model.columns * model.sizes(factors)
+    C = np.diag(model.variance(logs)) + X @ X.T
     own = model.sorted_columns
-    known = model.precision(draw)
-    assert np.tril(known.gram) == pytest.approx(np.tril(own.T @ np.linalg.solve(C, own)), rel=1e-6, abs=1e-7)
-    assert known.toward == pytest.approx(own.T @ np.linalg.solve(C, model.y), rel=1e-6, abs=1e-7)
+    assert known.white.T @ known.white == pytest.approx(own.T @ np.linalg.solve(C, own), rel=1e-6, abs=1e-7)
+    assert known.white.T @ known.y == pytest.approx(own.T @ np.linalg.solve(C, model.y), rel=1e-6, abs=1e-7)
+    more = np.array([0.3, 2.0])
+    gains = [density(model, (factors[0], np.sqrt(factors[1] ** 2 + v)), logs) for v in more]
+    assert known.gains([1], more)[0] == pytest.approx(np.array(gains) - density(model, factors, logs), abs=1e-5)
 
 
 def prior_of(pair, pools):
