@@ -7,6 +7,8 @@ from planner.effects.catalogue import catalogue
 from planner.identification.cross_validation import split_run
 from planner.identification.identifiable_parameters import parameters_of_groups
 from planner.identification.stages import FitContext
+from planner.tracing.dictionary import EffectDictionary
+from planner.tracing.search_context import SearchContext
 from planner.tracing.state import LARGEST_MASS_PRIOR, LINK_MASSES, FittedEffect, SearchState, link_mass_uncertainty
 from tests.tracing.worlds import arm, calibrated, effect
 
@@ -46,3 +48,18 @@ def test_weights_that_would_be_far_off_are_left_out(monkeypatch):
     assert not any(p.group == LINK_MASSES for p in bare.fit.model.parameters)
     for s in (plausible, bare):
         assert [float(s.sizes(h)[0]) for h in soft] == pytest.approx([size, size], rel=0.25)
+
+
+def test_a_search_keeps_nothing_of_what_models_before_were_computed_by():
+    """Basis functions of models that were tried go once another state is looked at, and come out the same again."""
+    found = calibrated((effect("reducer-ripple", 3, share=3.0, frequency=9.37, phase=1.0),), traced=False, seed=4)
+    start, bench, entries = begun(found)
+    context = SearchContext((), EffectDictionary(start.fit.problem.context, (), (), {}, 0), bench, lambda _: None)
+    context.score_test(start)
+    left, after = (start.refit(bench, (FittedEffect(entries[f"gear ripple, joint {k}"], 9.37),)) for k in (2, 3))
+    wave, piece = left.fit.model.parameters[left.positions(left.effects[0])[0]].main.phi, after.piece
+    assert wave in start.fit.problem.context._known
+    context.score_test(after)
+    assert wave not in start.fit.problem.context._known
+    assert start.fit.problem.memory.linear is None
+    assert (after.piece.columns == piece.columns).all()
