@@ -184,6 +184,16 @@ def memory_bytes() -> int:
         return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
 
 
+def give_back_memory() -> None:
+    """Give memory that is free again back to the system: on Linux with glibc, other systems do so by themselves.
+
+    Between what lives on, glibc keeps what was freed: after many large arrays came and went, as much again.
+    """
+    if sys.platform == "linux":
+        with suppress(AttributeError):  # musl has no such function
+            ctypes.CDLL(None).malloc_trim(0)
+
+
 def group_memory(group: int) -> int:
     """Return the resident memory of all processes of a group [bytes]; 0 where the system does not tell (not Linux)."""
     if sys.platform != "linux":

@@ -6,6 +6,7 @@ from planner.cell.cell import Cell
 from planner.common.determinism import on_one_thread
 from planner.common.errors import InputError
 from planner.common.progress import StageReport
+from planner.common.system import give_back_memory
 from planner.design.assumptions import TRACEABLE_READINGS
 from planner.effects.compliance import JOINT_COMPLIANCE
 from planner.identification.artifact_pose import use_declared_pose
@@ -58,6 +59,7 @@ def identify(
         InputError: run and cell do not belong together, or the run is too small.
         NoSolutionError: the fit does not come to rest.
     """
+    give_back_memory()  # the text of a long run, which was read just now
     settings = settings or FitSettings()
     approaches = run.samples.direction is not None
     run = number_samples(run)
@@ -95,6 +97,7 @@ def identify(
             wider = choose_parameters(cell, setup, run, (JOINT_COMPLIANCE,))
             stages, free = add_stage_if_gain(stages, free, wider, JOINT_COMPLIANCE, context)
     say("calibrated robot")
+    give_back_memory()
     return assess_fit(stages, free, context, cell, validation, traced, notes, settings.basis)
 
 

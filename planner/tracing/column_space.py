@@ -95,16 +95,24 @@ class ColumnSpace:
 
     def products(self, columns: Array) -> Array:
         """Return the products (P, k) of the basis vectors with columns (m, k)."""
-        own = self.block.T @ columns
-        return own if self.before is None else np.concatenate([self.before.products(columns), own])
+        return np.concatenate([vectors.T @ columns for vectors in self._vectors])
 
     def combine(self, parts: Array) -> Array:
         """Return the sum (m, k) of the basis vectors, each times its row of ``parts`` (P, k)."""
-        first = len(parts) - self.block.shape[1]
-        own = self.block @ parts[first:]
-        if self.before is not None:
-            own += self.before.combine(parts[:first])
-        return own
+        first, *later = self._vectors
+        out = first @ parts[: first.shape[1]]
+        for vectors in later:
+            out += vectors @ parts[first.shape[1] :]
+        return np.asarray(out)
+
+    @cached_property
+    def _vectors(self) -> list[Array]:
+        """The basis vectors: those of the first space, and behind them, side by side, what was added since."""
+        added, space = list[Array](), self
+        while space.before is not None:
+            added.append(space.block)
+            space = space.before
+        return [space.block, *([np.concatenate(added[::-1], axis=1)] if added else [])]
 
     def project(self, columns: WhitenedDictionary) -> Array:
         """Return the products of a dictionary's columns with the basis vectors, (width, P)."""

@@ -7,6 +7,7 @@ import numpy as np
 
 from planner.common.errors import NoSolutionError
 from planner.common.progress import StageReport
+from planner.common.system import give_back_memory
 from planner.effects.effect import Effect, Parameter, Role
 from planner.effects.steps import Steppable
 from planner.identification.stages import FitContext
@@ -76,6 +77,7 @@ class SearchContext:
         for before, _ in self._tests.values():
             before.fit.problem.memory.forget()
         self.fit_context.forget_values()
+        give_back_memory()
 
     def score_test_without(self, state: SearchState, found: FittedEffect) -> ScoreTest:
         """The same of the model less one effect; it is not kept: what may step makes it large."""

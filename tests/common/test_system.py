@@ -29,6 +29,19 @@ def test_a_process_is_seen_and_nothing_is_sent_to_it():
     assert not system.process_exists(sleeper.pid)
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="other systems do so by themselves, and tell otherwise")
+def test_memory_that_is_free_between_what_lives_on_goes_back():
+    program = (
+        "from planner.common import system; import os; there = lambda: system.group_memory(os.getpgid(0))\n"
+        "few = [bytearray(100_000) for _ in range(2000)]; full = there(); few = few[::50]; before = there()\n"
+        "system.give_back_memory(); print(full - before, before - there())"
+    )
+    end = {"capture_output": True, "text": True, "start_new_session": True, "check": True}
+    by_itself, given = map(int, subprocess.run([sys.executable, "-c", program], **end).stdout.split())
+    assert by_itself + given > 150e6
+    assert given > 100e6
+
+
 def test_a_group_ends_with_all_that_it_has_started(tmp_path):
     child = "import time; time.sleep(60)"
     parent = (
