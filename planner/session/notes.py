@@ -34,7 +34,19 @@ def session_notes(cell: Cell) -> tuple[str, ...]:
         *unchecked_links_text(cell),
         *describe_polytopes(cell),
     )
-    return (*_repeat_notes(cell), *_speed_notes(cell), *collision)
+    return (*_home_notes(cell), *_repeat_notes(cell), *_speed_notes(cell), *collision)
+
+
+def _home_notes(cell: Cell) -> list[str]:
+    """Angles within one turn in radians, none of them whole, may be radians; multiples of 45° are refused before."""
+    said = cell.file.home_deg or ()
+    turned = [v for v in said if v != 0.0]
+    # 0.3: [rad] about which a robot that waits has turned a joint at least; 2 of them: one alone may be a trim
+    may_be = len(turned) >= 2 and 0.3 < max(map(abs, turned)) < 2 * np.pi and not any(v.is_integer() for v in turned)
+    if not may_be:
+        return []
+    meant = ", ".join(f"{v:.1f}" for v in np.rad2deg(said))
+    return [f"home_deg = {list(said)} looks like radians, and is taken for degrees; if radians are meant: [{meant}]"]
 
 
 def bar_notes(cell: Cell, drives: Iterable[Drive]) -> tuple[str, ...]:

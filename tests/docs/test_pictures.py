@@ -1,6 +1,7 @@
 """No picture is older than what it shows; all of them are small, and on a page."""
 
 import json
+import re
 
 import pytest
 
@@ -40,3 +41,30 @@ def test_what_the_ur5_picture_shows_is_what_the_fit_judged():
     by_name = {s["name"]: s["validation_mean_mm"] for s in shown["stages"]}
     for name, errors in shown["errors_mm"].items():
         assert sum(errors) / len(errors) == pytest.approx(by_name[name], abs=2e-4), name
+
+
+def shown(run):
+    """What the pictures of a public run were drawn of."""
+    return json.loads((PICTURES / "shown" / f"{run}.json").read_text())
+
+
+def row_of(robot):
+    """Published and own figures [mm] of a robot in the table of results, before and after."""
+    (row,) = (line for line in PAGES["docs/results.md"].splitlines() if line.startswith(f"| {robot},"))
+    *_, published, own, _ = row.split("|")
+    return [[float(v) for v in re.findall(r"\d+\.\d+", cell.partition("(")[0])] for cell in (published, own)]
+
+
+def test_the_page_of_results_says_what_the_fits_have_shown():
+    ur5, ur10, panda = (shown(run) for run in ("ur5", "ur10", "panda"))
+    validated = [s["validation_mean_mm"] for s in ur5["stages"]]
+    held_out = [s["held_out_mean_mm"] for s in ur10["stages"]]
+    placements = [v["all"] for v in panda["mean_mm"].values()]
+    for robot, (before, *_, after) in {"UR5": validated, "UR10": held_out, "Panda": placements}.items():
+        own = row_of(robot)[1]
+        assert own == [pytest.approx(before, rel=2e-3), pytest.approx(after, abs=6e-4)], robot
+    published, own = row_of("Panda")
+    assert f"{own[1] - published[1]:.3f} mm better" in PAGES["docs/results.md"]
+    assert f"{validated[0]:.2f} mm by the data sheet" in PAGES["README.md"]
+    before, after = row_of("UR5")[0]
+    assert f"Published: {before} mm before (the frame not fitted), {after} mm after" in PAGES["README.md"]

@@ -181,6 +181,25 @@ def test_repeats_that_a_continuous_session_does_not_drive_are_told(tmp_path):
         assert any(n.startswith(f"plan.repeat = {repeat} is for poses at rest") for n in told) == expected
 
 
+@pytest.mark.parametrize(
+    ("home", "meant"),
+    [
+        ("[0, -1.2, 1.4, 0, 0.9, 0]", "[0.0, -68.8, 80.2, 0.0, 51.6, 0.0]"),
+        ("[0, -1.2, 90, 0, 0.9, 0]", None),  # 90 rad are many turns
+        ("[0, -5, 3, 0, 4, 0]", None),  # whole numbers are degrees
+        ("[0, 0, 0, 0, 0.4, 0]", None),  # a trim
+        ("[0, -90, 90, 0, 45, 0]", None),
+    ],
+)
+def test_angles_of_home_that_look_like_radians_are_told(tmp_path, home, meant):
+    text = load_cell("kuka-kr6-r700/edbb").path.read_text()
+    path = tmp_path / "cell.toml"
+    path.write_text(text.replace("home_deg = [0, -90, 90, 0, 45, 0]", f"home_deg = {home}"))
+    told = [n for n in session_notes(read_cell(path, "cell")) if n.startswith("home_deg")]
+    assert bool(told) == (meant is not None)
+    assert all(meant in n for n in told)
+
+
 def test_notes_that_programs_share_are_said_once():
     cell = load_cell("ur10/edbb")
     q = round_angles(np.array([cell.home, cell.home + 0.1, cell.home]))
