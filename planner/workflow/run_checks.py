@@ -17,9 +17,11 @@ from planner.gauges.placement.frames import place_frames
 from planner.runs.run import Run
 from planner.session.document import PlanDocument, check_run_of_plan
 
-UNITS = (  # factor to what was meant, what it looks like, what to call the columns
-    (1e3, "metres in columns of millimetres", "x_m, y_m, z_m"),
-    (1e-3, "millimetres in columns of metres", "x_mm, y_mm, z_mm"),
+UNITS = (  # factor to what was meant, what it looks like, what to do
+    (1e3, "metres in columns of millimetres", "call them x_m, y_m, z_m"),
+    (1e-3, "millimetres in columns of metres", "call them x_mm, y_mm, z_mm"),
+    (10.0, "centimetres in columns of millimetres", "give 10 times the numbers (factor = 10 in a map)"),
+    (25.4, "inches in columns of millimetres", "give 25.4 times the numbers (factor = 25.4 in a map)"),
 )
 
 
@@ -40,28 +42,29 @@ def cell_of_run(cell: Cell | Path | str | None, plan: Path | str | None) -> Cell
 
 
 def check_unit(run: Run, cell: Cell) -> None:
-    """Refuse positions that fit the arm's movement a thousand times larger or smaller, and not as they are.
+    """Refuse positions that fit the arm's movement in another unit, and not as they are.
 
     A point that hardly moves while the arm turns about it is none of these: it fits as it is.
 
     Raises:
         InputError: with both movements and the names that the columns should have.
     """
-    near_factor = 3.0  # within which a ratio is "about a thousand"
+    near_factor = 3.0  # within which a ratio is about the factor of a unit
     if run.readings.position is None:
         return
     few = run.take(even_positions(len(run), 200))  # rows of a run tell its unit
     stand = flange_poses(setup_of(cell), few)
     group = few.samples.place if few.samples.point is None else few.samples.place * len(run.points) + few.samples.point
     read, arm = _spread_rms(np.asarray(few.readings.position), group), _spread_rms(stand.p_BF, group)
-    for factor, words, names in UNITS:
-        near = 1 / near_factor < read * factor / max(arm, 1e-12) < near_factor
-        # 0.1: share of what is left in the unit as written that may be left in the other one
-        if near and _placement_rms(few, stand, factor) < 0.1 * _placement_rms(few, stand, 1.0):
-            raise InputError(
-                f"{run.name}: the points lie {to_mm(read):.3g} mm from their middle, but the arm moved its flange by "
-                f"{to_mm(arm):.3g} mm: these look like {words}; if so, call them {names}"
-            )
+    near = [unit for unit in UNITS if 1 / near_factor < read * unit[0] / max(arm, 1e-12) < near_factor]
+    tried = [(_placement_rms(few, stand, factor), words, cure) for factor, words, cure in near]
+    left, words, cure = min(tried, default=(np.inf, "", ""))
+    # 0.1: share of what is left in the unit as written that may be left in the other one
+    if near and left < 0.1 * _placement_rms(few, stand, 1.0):
+        raise InputError(
+            f"{run.name}: the points lie {to_mm(read):.3g} mm from their middle, but the arm moved its flange by "
+            f"{to_mm(arm):.3g} mm: these look like {words}; if so, {cure}"
+        )
 
 
 def _spread_rms(p: Array, group: np.ndarray) -> float:

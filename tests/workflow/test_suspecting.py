@@ -50,6 +50,8 @@ def poses(n, reach):
     [
         (1e-3, "look like metres in columns of millimetres; if so, call them x_m, y_m, z_m"),
         (1e3, "look like millimetres in columns of metres; if so, call them x_mm, y_mm, z_mm"),
+        (0.1, "look like centimetres in columns of millimetres; if so, give 10 times the numbers"),
+        (1 / 25.4, "look like inches in columns of millimetres; if so, give 25.4 times the numbers"),
     ],
 )
 def test_a_thousandfold_is_refused(cell, n, factor, words):
