@@ -1,32 +1,39 @@
 """Minutes to a stated bound: a gauge read until it is good enough, against sets of poses that are fixed beforehand.
 
 ``python -m tests.benchmarks.stopping LOG.jsonl``.
+``--processes 16 --time-limit-s 500`` on a larger machine.
 Arms are those of ``tests.independent_arms``, which share nothing with the planner's code: 0 to 3 hidden causes of the
 catalogue, every other arm with one that no catalogue has. All ways choose among the same poses in the bar's shell:
 
-- ``ten at a time``: an electronic gauge, an arm that is led on; 30 poses as a plan of nothing known chooses them, then
-  ten at a time that lower most, in a second of way and reading, what the readings so far leave;
-- ``batches``: the same, in programs of as many poses as are expected to reach the bound, the gauge left standing;
+- ``led on``: an electronic gauge, an arm that is led on: poses that lower most, in a second of way and reading, what is
+  not known; 20 of them, then 20 more of which the first five of their tour are driven before the next are chosen;
+- ``measure``: ``edbb measure --until-mm``: a plan of 120 poses in the order of its tour, until the bound is reached;
+- ``batches``: programs of as many poses as are expected to reach the bound, the gauge left standing;
 - ``batches anew``: batches with the gauge set up anew for each;
 - ``plan``: a plan of nothing known, chosen by the error that it leaves;
+- ``by the minute``: a plan of nothing known, chosen by what a pose takes off the error in a second;
 - ``d-optimal``: the largest determinant of the information on the geometry, taken greedily;
-- ``next-view``: a pose at a time by the trace of the geometry's covariance, after arXiv 2303.06766.
+- ``next-view``: a pose at a time by the trace of the geometry's covariance, after arXiv 2303.06766;
+- ``oracle``: ``by the minute`` by one who knows how large the effects of this very arm are (as all poses show them).
 
 Readings are those of the true arm with all its causes, in their order of time; the estimate is the one that ``edbb
 measure`` makes at the cell (linear, its sizes learnt), whose 95 % limit stops. The true error is that of the tool
 against the model's mean, over the workspace. Legs take as long as the planner's tour estimates them; paths are not
-proven. The last three are asked after 30, 40 … poses in one tour each, as if it had been known beforehand which number
-is enough for this very arm; with one number for all arms, the minutes that 90 % of them need are everybody's. One line
-of LOG an arm; what is there is not done again.
+proven. Sets that are fixed are asked after 20, 25 … poses in one tour each: as if it had been known beforehand which
+number is enough for this very arm, and with one number for all arms (``stopping_tables.equal_truth``). One line of LOG
+an arm; what is there is not done again. Needs numpy, scipy, pydantic, polars and highspy, no package of planning.
 """
 
 import argparse
 import json
+import multiprocessing
 import tempfile
+import time
 from bisect import bisect_left
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, replace
 from functools import cache
-from itertools import pairwise
+from itertools import islice, pairwise
 from pathlib import Path
 
 import numpy as np
@@ -40,8 +47,7 @@ from planner.model.tool_error import tool_rows
 from planner.motion.tour.solve import solve_tour
 from planner.runs.run import Mounting, Readings, Samples
 from planner.session.tour_cost import tour_costs
-from planner.workflow.identification import identify
-from tests.benchmarks.stopping_tables import FIXED, GOALS_MM, WAYS, coverage, figures, table
+from tests.benchmarks.stopping_tables import FIXED, GOALS_MM, WAYS, coverage, equal_truth, figures, table
 from tests.independent_arms import runs
 from tests.independent_arms.arm import TOOL, make_arm
 from tests.independent_arms.chain import frames, points
@@ -49,7 +55,9 @@ from tests.independent_arms.judge import evaluation_states, model_error, rms_ali
 from tests.simulation.generator.arm import Arm
 from tests.simulation.generator.poses import at_targets, shell_points
 
-FIRST, FEW, LARGEST, MOST = 30, 10, 80, 180  # poses; of a batch between FEW and LARGEST
+FIRST, FEW, MOST = 20, 5, 180  # poses: first, a step, at most
+AHEAD, OF_A_PLAN = 20, 120  # poses looked ahead where an arm is led on; of a plan that is measured until it is enough
+SMALLEST, LARGEST = 10, 80  # poses of a batch
 IDENTIFIED_MM = None  # goal at which what batches brought is identified as well; set by --identify
 READ_S = 6.0  # [s] a pose: rest, settle, read
 PROGRAM_MIN, SET_UP_MIN = 3.0, 5.0  # [min] to carry a log away and a program back; to set a bar up, and its zero
@@ -89,6 +97,7 @@ class Bench:
             [p.group == "gauge" and not p.name.startswith("map") for p in self.unknown.model.parameters]
         )
         self.legs = tour_costs(self.cell, Mounting(), self.q)
+        self.tours = {}
         self.states = evaluation_states(make_arm(0, "bar", 0, False).arm, 0)
         effects = [p for p in self.unknown.model.parameters if p.is_effect]
         names, _, rows = tool_rows(samples(self.states), self.unknown.model.setup, effects)
@@ -124,8 +133,10 @@ class Bench:
     @cache  # noqa: B019 - there is one
     def order(self, way):
         """Positions in the order in which a way that knows nothing of the robot takes them."""
+        start = np.where(self.unknown.of_gauge, SHARE_OF_PLACE, 1.0)
+        if way == "by the minute":
+            return self.quick(self.white * start, self.unknown.weight_per_prior, [], MOST, None)
         if way == "plan":
-            start = np.where(self.unknown.of_gauge, SHARE_OF_PLACE, 1.0)
             begun_with = BayesianPosterior.prior(self.white * start, self.unknown.weight_per_prior)
             return list(select_greedily(begun_with, MOST, 0.0))
         of_geometry = np.array([not p.is_effect for p in self.unknown.model.parameters])
@@ -150,10 +161,11 @@ class Bench:
         kept = order if start is None else order[1:]
         return kept, (drive + READ_S * len(kept)) / 60
 
-    @cache  # noqa: B019
     def fixed(self, way, count):
         """The first poses of a fixed way as they are toured, and its minutes."""
-        return self.toured(self.order(way)[:count])
+        if (way, count) not in self.tours:
+            self.tours[way, count] = self.toured(self.order(way)[:count])
+        return self.tours[way, count]
 
 
 @dataclass
@@ -211,7 +223,7 @@ class Session:
     def count_until(self, chosen, goal):
         """How many of the poses chosen, in their order, are expected to bring the bound below a goal [mm]."""
         p = LearntPosterior(self.white, root_of(self.weight), self.families, self.posterior.learnt)
-        counts = range(FEW, len(chosen) + 1, FEW)
+        counts = range(SMALLEST, len(chosen) + 1, FEW)
         enough = bisect_left(
             counts, True, key=lambda n: 1e3 * p.square_limit([*self.taken, *chosen[:n]]) ** 0.5 <= goal
         )
@@ -244,6 +256,8 @@ class Session:
 
 def identified(session):
     """The same poses by ``edbb identify``, as it states them, and the true error of the tool that it corrects [mm]."""
+    from planner.workflow.identification import identify  # needs more packages than all else here
+
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         columns = runs.columns_at_rest(session.bench.q[session.taken], session.time)
@@ -257,55 +271,95 @@ def identified(session):
 
 
 def judge_way(bench, seed, way):
-    """By goal [mm] where an arm stands when its bound is below it, as ``Session.stand`` says; the last row if never."""
-    if way in FIXED:
-        rows = fixed_rows(bench, seed, way)
-    elif way == "ten at a time":
-        rows = list(led_rows(bench, seed))
-    else:
+    """By goal [mm] where an arm stands when its bound is below it, as ``Session.stand`` says; the last row if never.
+
+    Of fixed ways the true error after each number of poses as well.
+    """
+    if way.startswith("batches"):
         return {str(goal): batches_to(bench, seed, way, goal) for goal in GOALS_MM}
-    return {str(goal): next((r for r in rows if r["bound"] <= goal), rows[-1]) for goal in GOALS_MM}
+    asked = {"led on": led_rows, "measure": measured_rows, "oracle": oracle_rows}
+    rows = list(asked[way](bench, seed) if way in asked else fixed_rows(bench, seed, way))
+    found = {str(goal): next((r for r in rows if r["bound"] <= goal), rows[-1]) for goal in GOALS_MM}
+    if way in FIXED:
+        found["rows"] = [[r["poses"], r["minutes"], r["bound"], r["true"]] for r in rows]
+    return found
 
 
 def fixed_rows(bench, seed, way):
-    """Rows after 30, 40 … poses, each number in a tour of its own."""
-    rows = []
+    """Rows after 20, 25 … poses, each number in a tour of its own."""
     for count in range(FIRST, MOST + 1, FEW):
         session = Session(bench, seed)
         which, minutes = bench.fixed(way, count)
         session.set_up(which)
         session.read(which, minutes)
-        rows.append(session.stand())
-        if rows[-1]["bound"] <= min(GOALS_MM):
-            break
-    return rows
+        yield session.stand()
 
 
-def begun(bench, seed, anew=False):
+def oracle_rows(bench, seed):
+    """Rows of sets that are chosen by the sizes that all poses show, until the smallest goal is reached."""
+    told = Session(bench, seed)
+    told.set_up(bench.order("plan")[:FIRST])
+    told.read(list(range(0, len(bench.q), 2)), 60.0)
+    size = told.posterior.learnt.factors[told.families.number]
+    start = np.where(bench.unknown.of_gauge, SHARE_OF_PLACE, 1.0)
+    weight = told.weight * np.outer(size, size)
+    order = bench.quick(bench.white * size * start / told.posterior.learnt.noise, weight, [], 100, None)
+    for count in range(FIRST, len(order) + 1, FEW):
+        session = Session(bench, seed)
+        which, minutes = bench.toured(order[:count])
+        session.set_up(which)
+        session.read(which, minutes)
+        yield (row := session.stand())
+        if row["bound"] <= min(GOALS_MM):
+            return
+
+
+def begun(bench, seed, count, anew=False):
     """A session after its first poses."""
     session = Session(bench, seed, anew)
-    which, minutes = bench.fixed("plan", FIRST)
+    which, minutes = bench.fixed("by the minute", count)
     session.set_up(which)
     session.read(which, minutes)
     return session
 
 
+def drive(bench, session, order):
+    """Read poses in this order, from where the arm stands."""
+    way = [*session.taken[-1:], *order]
+    seconds = sum(bench.legs[a, b] for a, b in pairwise(way)) + READ_S * len(order)
+    session.read(order, seconds / 60)
+
+
 def led_rows(bench, seed):
-    """Rows of an arm that is led on, ten poses at a time."""
-    session = begun(bench, seed)
+    """Rows of an arm that is led on, five poses at a time."""
+    session = begun(bench, seed, FIRST)
     yield (row := session.stand())
     while row["bound"] > min(GOALS_MM) and len(session.taken) + FEW <= MOST:
         start = session.taken[-1]
-        which, minutes = bench.toured(session.choose(FEW, start), start)
-        session.read(which, minutes)
+        ahead, _ = bench.toured(session.choose(AHEAD, start), start)
+        drive(bench, session, ahead[:FEW])
         yield (row := session.stand())
+
+
+def measured_rows(bench, seed):
+    """Rows of a plan that is measured pose by pose in the order of its tour."""
+    session = Session(bench, seed)
+    which, _ = bench.fixed("plan", OF_A_PLAN)
+    session.set_up(which)
+    for first in range(0, len(which), FEW):
+        drive(bench, session, list(which[first : first + FEW]))
+        row = session.stand()
+        if first + FEW >= 30:  # so many are read whatever is expected
+            yield row
+        if row["bound"] <= min(GOALS_MM):
+            return
 
 
 def batches_to(bench, seed, way, goal):
     """Where an arm stands that is measured in programs until its bound is below a goal [mm]."""
     anew = way == "batches anew"
-    session = begun(bench, seed, anew)
-    while (row := session.stand())["bound"] > goal and len(session.taken) + FEW <= MOST:
+    session = begun(bench, seed, 30, anew)  # fewer tell nothing of gears
+    while (row := session.stand())["bound"] > goal and len(session.taken) + SMALLEST <= MOST:
         session.minutes += PROGRAM_MIN
         if anew:
             session.set_up(session.taken)
@@ -316,6 +370,43 @@ def batches_to(bench, seed, way, goal):
     return row | ({"identified": identified(session)} if goal == IDENTIFIED_MM and way == "batches" else {})
 
 
+def judge_arm(seed):
+    """A line of the log; ``WORK`` holds what all arms share, in every process."""
+    bench, ways = WORK
+    return {"seed": seed, "ways": {way: judge_way(bench, seed, way) for way in ways}}
+
+
+def tour_of(asked):
+    """The tour of a fixed way and number, for the other processes."""
+    return asked, WORK[0].fixed(*asked)
+
+
+WORK = None
+
+
+def judge_arms(log, seeds, ways, processes, limit_s):
+    """Write a line an arm into the log, until all are done or the time is over."""
+    global WORK
+    began, context = time.monotonic(), multiprocessing.get_context("fork")
+    WORK = bench, _ = Bench(), ways
+    needed = {w for w in ways if w in FIXED} | {"by the minute"}
+    asked = [(way, count) for way in needed for count in range(FIRST, MOST + 1, FEW)] + [("plan", OF_A_PLAN)]
+    for way in {way for way, _ in asked}:
+        bench.order(way)
+    with ProcessPoolExecutor(processes, context) as pool:
+        bench.tours |= dict(pool.map(tour_of, asked))
+    with ProcessPoolExecutor(processes, context) as pool, log.open("a") as file:
+        ahead = iter(seeds)
+        running = {pool.submit(judge_arm, seed) for seed in islice(ahead, processes)}
+        while running:
+            done = next(as_completed(running))
+            running.remove(done)
+            file.write(json.dumps(done.result()) + "\n")
+            file.flush()
+            if time.monotonic() - began < limit_s:
+                running |= {pool.submit(judge_arm, seed) for seed in islice(ahead, 1)}
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("log", type=Path)
@@ -323,22 +414,20 @@ def main():
     parser.add_argument("--first-seed", type=int, default=0)
     parser.add_argument("--identify", type=float, metavar="MM", help="identify as well where batches reach this bound")
     parser.add_argument("--ways", nargs="+", default=WAYS, choices=WAYS)
+    parser.add_argument("--processes", type=int, default=1)
+    parser.add_argument("--time-limit-s", type=float, default=np.inf, help="begin no further arm after this")
     parser.add_argument("--figures", type=Path, help="write the minutes of all arms here")
     parser.add_argument("--table", action="store_true", help="only print the table of what stands in the log")
     given = parser.parse_args()
     globals()["IDENTIFIED_MM"] = given.identify
-    text = given.log.read_text() if given.log.exists() else ""
-    lines = [json.loads(line) for line in text.splitlines()]
-    bench = None if given.table else Bench()
-    for seed in range(given.first_seed, given.first_seed + (0 if given.table else given.arms)):
-        if any(line["seed"] == seed for line in lines):
-            continue
-        lines.append({"seed": seed, "ways": {way: judge_way(bench, seed, way) for way in given.ways}})
-        with given.log.open("a") as log:
-            log.write(json.dumps(lines[-1]) + "\n")
+    known = [json.loads(line)["seed"] for line in given.log.read_text().splitlines()] if given.log.exists() else []
+    seeds = [s for s in range(given.first_seed, given.first_seed + given.arms) if s not in known]
+    if seeds and not given.table:
+        judge_arms(given.log, seeds, given.ways, given.processes, given.time_limit_s)
+    lines = sorted((json.loads(line) for line in given.log.read_text().splitlines()), key=lambda line: line["seed"])
     if given.figures:
         given.figures.write_text(json.dumps(figures(lines), indent=1) + "\n")
-    print(table(lines), coverage(lines), sep="\n\n")
+    print(table(lines), equal_truth(lines), coverage(lines), sep="\n\n")
 
 
 if __name__ == "__main__":
