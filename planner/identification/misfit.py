@@ -47,7 +47,7 @@ from planner.identification.problem import FitProblem
 from planner.model.model import Model
 from planner.runs.run import Run, Samples
 
-SWEEPS = 30  # how often sizes are drawn without each
+SWEEPS = 80  # how often sizes are drawn without each
 MOST_JUDGED = 600  # readings of a region that are looked at
 NOISES: Array = np.exp(np.linspace(-1.2, 1.5, 19))  # over the usual noise, and
 LOGS: Array = np.linspace(-1.5, 4.0, 23)  # of the stretch of one region, and of what regions have in common

@@ -16,15 +16,16 @@ from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
-from scipy.linalg.blas import dgemm, dsyrk, dtrsm
+from scipy.linalg.blas import dsyrk, dtrsm
 
 from planner.common.units import Array
 from planner.identification.assumptions import EXPECTED_CAUSES, LOG_NOISE_RANGE, PREVALENCE
+from planner.identification.reading_precision import ReadingPrecision
 
-SWEEPS, BURN_IN = 60, 15  # through all families, and how many of them are forgotten
+SWEEPS, BURN_IN = 240, 40  # through all families, and how many of them are forgotten
+KEPT_EVERY = 4  # sweeps between draws that are kept: neighbours are alike
 NOISE_EVERY = 3  # sweeps between draws of the noise
 MANY = 0.5  # columns that act for each reading, from which on the readings' covariance is the smaller matrix
-LEAST_LEFT_SHARE = 1e-12  # of a direction's variance that the readings leave
 
 
 @dataclass(frozen=True)
@@ -54,6 +55,17 @@ class SizeDraw:
 
     factors: Array
     noise_logs: Array
+
+
+@dataclass(frozen=True)
+class DrawnSizes(SizeDraw):
+    """A draw, and how likely each family acts, (f,), where all others are as they were when its own factor was drawn.
+
+    The mean of that over the draws scatters less than the share of the draws in which the family acts (Rao and
+    Blackwell; Gelfand and Smith 1990, J. Am. Stat. Assoc. 85(410)).
+    """
+
+    acting: Array
 
 
 @dataclass(frozen=True)
@@ -119,10 +131,11 @@ class RandomEffects:
         wide = self.columns[:, acts] * self.sizes(draw.factors)[acts] / root[:, None]
         return root, np.vstack([wide, np.eye(wide.shape[1])])
 
-    def precision(self, draw: SizeDraw) -> "_Precision":
+    def precision(self, draw: SizeDraw) -> ReadingPrecision:
         """Return what is known of the readings at one draw of the sizes."""
         whitener = ReadingWhitener.of(self, draw)
-        return _Precision(whitener.white(self.sorted_columns), whitener.white(self.y[:, None])[:, 0], self.places)
+        white = whitener.white(np.column_stack([self.sorted_columns, self.y]))
+        return ReadingPrecision.of(white[:, :-1], white[:, -1], self.places)
 
     def deviance(self, draw: SizeDraw) -> float:
         """Minus twice the log density of the readings and of the noise's size, without a constant.
@@ -187,99 +200,41 @@ class ReadingWhitener:
         return np.asarray(dtrsm(1.0, self.factor, out, lower=1))
 
 
-@dataclass(frozen=True)
-class _Block:
-    """A family in the axes (k, k) in which XᵀC⁻¹X is diagonal: where it stands, the diagonal and XᵀC⁻¹y, (k,) each."""
-
-    place: slice
-    axes: Array
-    values: Array
-    toward: Array
-
-    def gains(self, more: Array) -> Array:
-        """Return the growth (v,) of the log density with ``more`` variances (v,) of the columns."""
-        grown = np.maximum(1 + more[:, None] * self.values, LEAST_LEFT_SHARE)
-        return np.asarray(0.5 * (more[:, None] * self.toward**2 / grown - np.log(grown)).sum(axis=1))
-
-
-@dataclass
-class _Precision:
-    """With C the covariance of the readings, X the columns of all families: C^(−1/2) X (m, q) and C^(−1/2) y (m,).
-
-    Of what belongs to q columns, several times as many as readings, only products of a family's own are ever formed.
-    The columns stand one behind the other in memory (Fortran's order).
-    """
-
-    white: Array
-    y: Array
-    places: tuple[slice, ...]
-
-    def block(self, family: int) -> _Block:
-        """Return what it takes to change the size of a family."""
-        place = self.places[family]
-        own = self.white[:, place]
-        values, axes = np.linalg.eigh(own.T @ own)
-        return _Block(place, axes, np.maximum(values, 0.0), axes.T @ (own.T @ self.y))
-
-    def gains(self, families: list[int], more: Array) -> Array:
-        """Return the growth (f, v) of the log density with ``more`` variances (v,) of families of k columns each.
-
-        With G = XᵀC⁻¹X and t = XᵀC⁻¹y of a family the Cholesky factor of [[1 + vG, √v t], [√v tᵀ, 1 + v tᵀt]] says
-        all: its diagonal the determinant, and its last row √v t per root of 1 + vG.
-        """
-        start = np.array([self.places[f].start for f in families])
-        k = self.places[families[0]].stop - int(start[0])
-        own = self.white.T[start[:, None] + np.arange(k)]
-        gram = own @ own.transpose(0, 2, 1)
-        t = np.sqrt(more)[:, None] * (own @ self.y)[:, None]
-        wide = np.empty((len(families), len(more), k + 1, k + 1))
-        wide[..., :k, :k] = more[:, None, None] * gram[:, None] + np.eye(k)
-        wide[..., k, :k], wide[..., k, k] = t, 1 + (t**2).sum(axis=2)
-        root = np.linalg.cholesky(wide)  # looks at the lower triangle only
-        log_det = np.log(np.einsum("fvii->fvi", root)[..., :k]).sum(axis=2)
-        return np.asarray(0.5 * (root[..., k, :k] ** 2).sum(axis=2) - log_det)
-
-    def add(self, block: _Block, variance: float) -> None:
-        """Add ``variance`` v times the family's columns to C.
-
-        With V Λ Vᵀ = GᵀG of the family's white columns G, (1 + v G Gᵀ)^(−1/2) is 1 − G V e Λ⁻¹ Vᵀ Gᵀ, where
-        e = 1 − 1/√(1 + vΛ).
-        """
-        own = self.white[:, block.place] @ block.axes
-        grown = np.sqrt(np.maximum(1 + variance * block.values, LEAST_LEFT_SHARE))
-        taken = own * (variance / (grown * (grown + 1)))
-        self.y = self.y - taken @ (own.T @ self.y)
-        self.white = dgemm(-1.0, taken, own.T @ self.white, 1.0, self.white, overwrite_c=1)  # without a copy
-
-
-def draw_sizes(model: RandomEffects, start: SizeDraw, seed: int = 0, sweeps: int | None = None) -> tuple[SizeDraw, ...]:
-    """Return draws of the sizes from their posterior, (sweeps − BURN_IN,); SWEEPS if not given."""
+def draw_sizes(
+    model: RandomEffects, start: SizeDraw, seed: int = 0, sweeps: int | None = None
+) -> tuple[DrawnSizes, ...]:
+    """Return draws of the sizes from their posterior, one in KEPT_EVERY sweeps, of which SWEEPS if not given."""
     rng = np.random.default_rng(seed)
     chain = _Chain(model, start)
     out = []
-    for sweep in range(SWEEPS if sweeps is None else sweeps):
+    count = SWEEPS if sweeps is None else sweeps
+    burn_in = min(BURN_IN, count // 4)
+    for sweep in range(count):
         if sweep % NOISE_EVERY == 0:
             chain.draw_noise(rng)
         chain.draw_factors(rng)
-        for _ in range(1):  # families a sweep that may give way to another one
-            chain.swap(rng)
-        out.append(SizeDraw(chain.factors.copy(), chain.noise_logs))
-    return tuple(out[BURN_IN:])
+        chain.swap(rng)
+        if sweep < burn_in:
+            chain.acting[:] = 0.0
+        elif (sweep - burn_in + 1) % KEPT_EVERY == 0:
+            out.append(DrawnSizes(chain.factors.copy(), chain.noise_logs, chain.acting / KEPT_EVERY))
+            chain.acting[:] = 0.0
+    return tuple(out)
 
 
 class _Chain:
-    """Where the draws stand."""
+    """Where the draws stand; ``acting`` sums up how likely each family was to act when it was drawn."""
 
     def __init__(self, model: RandomEffects, start: SizeDraw):
         self.model = model
         self.factors = start.factors.copy()
         self.noise_logs = start.noise_logs
         self.known = model.precision(start)
-        self.widths = [p.stop - p.start for p in model.places]
         self.pool = np.array([p.pool for p in model.priors])
         self.pool_sizes = np.bincount(self.pool)
         self.known_logs = dict[tuple[int, int], Array]()
         self.optional = np.array([p.factors[0] == 0.0 for p in model.priors])
+        self.acting = np.zeros(len(model.priors))
 
     def draw_noise(self, rng: np.random.Generator) -> None:
         """Draw the noise with the sizes as they are."""
@@ -308,6 +263,7 @@ class _Chain:
         prior, own = self.model.priors[family], self.factors[family]
         block = self.known.block(family)
         logs = block.gains(prior.factors**2 - own**2) + self._prior_logs([family])[0]
+        self._note(family, logs)
         chosen = float(prior.factors[_choose(logs, rng)])
         if chosen != own:
             self.known.add(block, chosen**2 - own**2)
@@ -317,17 +273,23 @@ class _Chain:
         """Draw the factors of families first … last − 1, all absent, until one appears; return the next to be drawn."""
         families = list(range(first, last))
         for family, gain, logs in zip(families, self._gains(families), self._prior_logs(families), strict=True):
+            self._note(family, gain + logs)
             chosen = _choose(gain + logs, rng)
             if chosen > 0:
                 self._let_act(family, chosen)
                 return family + 1
         return last
 
+    def _note(self, family: int, logs: Array) -> None:
+        """Add how likely the family acts to what is summed up, by logs (k,) of the chances of its factors."""
+        chance = np.exp(logs - logs.max())
+        self.acting[family] += 1 - float(chance[0] / chance.sum()) if self.optional[family] else 1.0
+
     def _gains(self, families: list[int]) -> list[Array]:
         """Return the gain (v,) by each of the factors of absent families."""
         alike: dict[tuple[int, int], list[int]] = {}
         for f in families:
-            alike.setdefault((self.widths[f], id(self.model.priors[f])), []).append(f)
+            alike.setdefault((self.known.widths[f], id(self.model.priors[f])), []).append(f)
         out = dict[int, Array]()
         for own in alike.values():
             gains = self.known.gains(own, self.model.priors[own[0]].factors[1:] ** 2)

@@ -250,9 +250,10 @@ def draw_posterior(
     if len(problem) == len(before.problem):
         problem = replace(problem, weight=before.problem.weight)
     mixture = SizeMixture(size, ease)
+    acts = np.mean([d.acting for d in draws], axis=0)
     sizes = tuple(
-        SizeOfFamily(name=name, factor=float(np.sqrt((f**2).mean())), probability=float((f > 0).mean()))
-        for name, f in zip(families.names, factors.T, strict=True)
+        SizeOfFamily(name=name, factor=float(np.sqrt((f**2).mean())), probability=float(p))
+        for name, f, p in zip(families.names, factors.T, acts, strict=True)
     )
     stand = tuple(s.name for s in sizes if s.name in families.findings and s.probability >= STANDING_PROBABILITY)
     record = DrawRecord(families.model, few, errors, families.names, effects, draws)

@@ -1,4 +1,4 @@
-"""A released robot from a fifth of the draws, where it is written, shown or driven, and not held against the truth."""
+"""A released robot from a sixth of the draws, where it is written, shown or driven, and not held against the truth."""
 
 from contextlib import contextmanager
 
@@ -10,9 +10,9 @@ import planner.identification.posterior_draws as posterior_draws
 
 @contextmanager
 def few_draws():
-    """Draw the sizes in 12 sweeps in place of 60; a decorator as well."""
+    """Draw the sizes in 40 sweeps in place of 240; a decorator as well."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(posterior_draws, "SWEEPS", 12)
-        patch.setattr(posterior_draws, "BURN_IN", 3)
-        patch.setattr(misfit, "SWEEPS", 6)
+        patch.setattr(posterior_draws, "SWEEPS", 40)
+        patch.setattr(posterior_draws, "BURN_IN", 4)
+        patch.setattr(misfit, "SWEEPS", 12)
         yield

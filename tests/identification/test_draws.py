@@ -60,8 +60,10 @@ def test_what_is_known_of_the_readings_is_that_of_the_dense_covariance(changes):
     X = model.columns * model.sizes(factors)
     C = np.diag(model.variance(logs)) + X @ X.T
     own = model.sorted_columns
-    assert known.white.T @ known.white == pytest.approx(own.T @ np.linalg.solve(C, own), rel=1e-6, abs=1e-7)
-    assert known.white.T @ known.y == pytest.approx(own.T @ np.linalg.solve(C, model.y), rel=1e-6, abs=1e-7)
+    dense = own.T @ np.linalg.solve(C, own)
+    for family, place in enumerate(model.places):
+        assert known.gram(family) == pytest.approx(dense[place, place], rel=1e-6, abs=1e-7)
+    assert known.toward == pytest.approx(own.T @ np.linalg.solve(C, model.y), rel=1e-6, abs=1e-7)
     more = np.array([0.3, 2.0])
     gains = [density(model, (factors[0], np.sqrt(factors[1] ** 2 + v)), logs) for v in more]
     assert known.gains([1], more)[0] == pytest.approx(np.array(gains) - density(model, factors, logs), abs=1e-5)
@@ -83,13 +85,17 @@ def prior_of(pair, pools):
 def test_shares_of_the_draws_are_the_probabilities(monkeypatch, pools):
     """All nine pairs of factors, by enumeration; 3000 sweeps."""
     monkeypatch.setattr(draws, "SWEEPS", 3000)
+    monkeypatch.setattr(draws, "KEPT_EVERY", 1)
     monkeypatch.setattr(draws, "NOISE_EVERY", 200)
     model = replace(model_of(y_scale=1.7), priors=tuple(replace(LEVELS, pool=p) for p in pools))
     pairs = list(product(LEVELS.factors, LEVELS.factors))
     prior = [prior_of(pair, pools) for pair in pairs]
     log = np.array([density(model, f, np.zeros(2)) + q for f, q in zip(pairs, prior, strict=True)])
     chance = np.exp(log - log.max()) / np.exp(log - log.max()).sum()
-    drawn = [tuple(d.factors) for d in draw_sizes(model, SizeDraw(np.ones(2) * 0.5, np.zeros(2)))]
+    draws_of_sizes = draw_sizes(model, SizeDraw(np.ones(2) * 0.5, np.zeros(2)))
+    drawn = [tuple(d.factors) for d in draws_of_sizes]
+    acting = [sum(p for pair, p in zip(pairs, chance, strict=True) if pair[k] > 0) for k in (0, 1)]
+    assert np.mean([d.acting for d in draws_of_sizes], axis=0) == pytest.approx(acting, abs=0.03)
     share = np.array([drawn.count(f) for f in pairs]) / len(drawn)
     assert (chance > 0.05).sum() >= 3  # else it would say nothing
     assert np.abs(share - chance).max() < 0.04
