@@ -6,6 +6,7 @@ __all__ = [
     "finding_groups",
     "gauge_frames",
     "identification_document",
+    "misfit_place",
     "model",
     "more_poses",
     "tool_error",

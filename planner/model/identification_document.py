@@ -13,8 +13,9 @@ from planner.common.arrays import mean_by_group
 from planner.common.schema import read_json, validate
 from planner.common.units import Array
 from planner.model.beside_findings import ManyOfOneKind, RejectedEffect
-from planner.model.document_section import DocumentSection, SectionOfJoint, round_digits
+from planner.model.document_section import DocumentSection, round_digits
 from planner.model.gauge_frames import GaugeFrames, JointZero
+from planner.model.misfit_place import MisfitPlace
 from planner.model.more_poses import MorePoses
 from planner.model.use_statement import Use
 
@@ -250,21 +251,6 @@ class ErrorParts(DocumentSection):
     unseen: float
     misfit: float
     drift: float = 0.0
-
-
-class MisfitPlace(SectionOfJoint):
-    """How far what no named cause explains moves the tool over the workspace [m], rms, and where most.
-
-    Attributes:
-        anywhere: over the workspace.
-        there, joint, range: where a joint, from 1, is within a range [rad]; ``None`` where it is alike everywhere.
-    """
-
-    if_any = ("there", "joint", "range", "slides")
-    anywhere: float
-    there: float | None = None
-    joint: int | None = None
-    range: tuple[float, float] | None = None
 
 
 ReleaseBasis = Literal["posterior", "geometry", "fit"]

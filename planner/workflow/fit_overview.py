@@ -6,16 +6,18 @@ import numpy as np
 
 from planner.common.numbers import number_of
 from planner.common.summary import SCREEN_LINES, Aside, Fact, Summary, name_first, under_key
-from planner.common.units import DEG, MM, format_value, to_mm
+from planner.common.units import MM, format_value, to_mm
 from planner.identification.calibration import Calibration, other_zeros_text, zeros_text
 from planner.identification.error_parts import drift_counts
 from planner.identification.own_errors import own_errors_text
 from planner.model.finding_groups import FindingGroup, group_findings, percent
-from planner.model.identification_document import Estimate, Metrics, MisfitPlace, Release
+from planner.model.identification_document import ErrorParts, Estimate, Metrics, Release
+from planner.model.misfit_place import MisfitPlace
 from planner.model.use_text import taught_sentence, tolerance_sentence, use_sentence
 from planner.workflow.calibration_tables import border_unit
 
 NAMED = 3  # rivals, and parameters, that are listed by name
+UNSEEN = "what more readings at these poses cannot show (scale, tool, other postures)"
 BEYOND = 3.0  # times the expected size from which on a parameter is told to be beyond it
 
 
@@ -55,9 +57,17 @@ def _verdict_facts(found: Calibration, release: Release | None) -> Iterator[Fact
     )
     if (own := release.work_tool) is not None:
         yield "own tool", f"{_mm(own.nominal_anywhere)} → {_mm(own.anywhere)} mm  with the tool that it works with"
-    if release.parts is not None and not misfit and drift_counts(release.parts):
+    if release.parts is not None and not misfit:
+        yield from _part_facts(release.parts)
+
+
+def _part_facts(parts: ErrorParts) -> Iterator[Fact]:
+    """Say of what the tool error is made where drift counts, or where most of it is what the poses measured hide."""
+    if drift_counts(parts):
         cure = "measure once it is warm, or log temperature_degC"
-        yield "drift", f"{_mm(release.parts.drift)} mm of it: so far the arm moved in the time of the run; {cure}"
+        yield "drift", f"{_mm(parts.drift)} mm of it: so far the arm moved in the time of the run; {cure}"
+    elif parts.unseen > max(parts.seen, parts.misfit):
+        yield "unseen", f"{_mm(parts.unseen)} mm of it: {UNSEEN}"
 
 
 def _misfit_facts(found: Calibration, r: Release) -> Iterator[Fact]:
@@ -72,10 +82,9 @@ def _misfit_facts(found: Calibration, r: Release) -> Iterator[Fact]:
 
 def _misfit_place(m: MisfitPlace) -> tuple[str, str]:
     """Return where most of the misfit is, and where to measure."""
-    if m.range is None or m.there is None:
+    if not (ranges := m.ranges):
         return "alike everywhere", "all over the workspace"
-    low, high = (f"{v / DEG:.0f}" for v in m.range)
-    return f"most with joint {m.joint} from {low} to {high}{m.unit.replace('°', ' deg')} ({_mm(m.there)} mm)", "there"
+    return f"most with {' and '.join(r.text for r in ranges)} ({_mm(ranges[-1].there)} mm)", "there"
 
 
 def _held_out_fact(found: Calibration, release: Release | None) -> Fact:
@@ -232,7 +241,7 @@ def _release_details(found: Calibration, release: Release) -> Iterator[Fact]:
     yield "geometry", f"{_mm(release.geometry_anywhere)} mm  tool error with the geometry alone{geometry}"
     if (p := release.parts) is not None:
         yield "error from", f"{_mm(p.seen)} mm  noise and number of readings"
-        yield "", f"{_mm(p.unseen)} mm  what more readings at these poses cannot show (scale, tool, other postures)"
+        yield "", f"{_mm(p.unseen)} mm  {UNSEEN}"
         yield "", f"{_mm(p.misfit)} mm  misfit"
         yield "", f"{_mm(p.drift)} mm  drift in the time of the run"
     yield from (("zeros", text) for text in other_zeros_text(found))

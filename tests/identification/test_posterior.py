@@ -36,7 +36,7 @@ from tests.simulation.generator.truth import Noise, Truth, draw_errors
 from tests.test_tool_error import aligned
 
 NAME = "kuka-kr6-r700"
-DRAWN = 24  # robots
+DRAWN = 60  # robots: few directions, some of them rare and large, make up most of the error
 WEAK = (Effect("reducer-ripple", 2, 3e-6, (("frequency", 2.0), ("phase", 0.7))),)
 HIDDEN = (Effect("reducer-ripple", 2, 3e-4, (("frequency", 2.0), ("phase", 0.7))), Effect("joint-compliance", 3, 4e-5))
 
@@ -150,7 +150,7 @@ def test_the_file_expects_at_a_programs_poses_what_drawn_robots_do(offset):
     found, expected = known()
     fit, tool = found.released.posterior.fit, found.released.tool
     p_FM = tool.p_FM if offset is None else np.array(offset)
-    states, poses = tool.q[::12], found.run.samples.q[:12] + np.random.default_rng(1).normal(0, 0.1, (12, 6))
+    states, poses = tool.q[::24], found.run.samples.q[:12] + np.random.default_rng(1).normal(0, 0.1, (12, 6))
     samples = Samples(np.concatenate([states, poses]), np.zeros(len(states) + 12, dtype=int))
     moving = [k for k, n in enumerate(fit.model.names) if n in tool.names]
     alone = replace(fit.model.setup, gauge=ToolPosition(noise=0.0), p_FM=p_FM[None])
@@ -169,7 +169,7 @@ def test_the_file_expects_at_a_programs_poses_what_drawn_robots_do(offset):
     at, (nominal_share, _, share) = expected.at(poses, p_FM), expected.file.likely_share
     assert 0.5 < share <= 1.2  # a median beside a mean square
     assert np.sqrt((at.nominal**2).mean()) == pytest.approx(nominal_share * np.sqrt(square[0].mean()), rel=0.1)
-    assert np.sqrt((at.released**2).mean()) == pytest.approx(share * np.sqrt(square[1].mean()), rel=0.25)
+    assert np.sqrt((at.released**2).mean()) == pytest.approx(share * np.sqrt(square[1].mean()), rel=0.3)
     ratio = at.released / share / np.sqrt(square[1])
     assert 0.5 < ratio.min() < ratio.max() < 2.0
 

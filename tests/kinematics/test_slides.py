@@ -17,7 +17,7 @@ from planner.kinematics.robot import SLIDE
 from planner.kinematics.robot_reader import load_robot
 from planner.kinematics.robot_writer import RobotCorrections, write_robot
 from planner.model.gauge_frames import JointZero
-from planner.model.identification_document import MisfitPlace
+from planner.model.misfit_place import MisfitPlace
 from planner.motion.collision.engines import pin_model
 from tests.kinematics.sliding_arms import AXES, lift_text, write_rail
 
