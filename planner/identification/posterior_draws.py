@@ -22,7 +22,7 @@ from planner.common.units import Array
 from planner.identification.assumptions import EXPECTED_CAUSES, LOG_NOISE_RANGE, PREVALENCE
 from planner.identification.reading_precision import ReadingPrecision
 
-SWEEPS, BURN_IN = 240, 40  # through all families, and how many of them are forgotten
+SWEEPS = 240  # through all families
 KEPT_EVERY = 4  # sweeps between draws that are kept: neighbours are alike
 NOISE_EVERY = 3  # sweeps between draws of the noise
 MANY = 0.5  # columns that act for each reading, from which on the readings' covariance is the smaller matrix
@@ -208,7 +208,7 @@ def draw_sizes(
     chain = _Chain(model, start)
     out = []
     count = SWEEPS if sweeps is None else sweeps
-    burn_in = min(BURN_IN, count // 4)
+    burn_in = count // 6  # sweeps that are forgotten
     for sweep in range(count):
         if sweep % NOISE_EVERY == 0:
             chain.draw_noise(rng)

@@ -13,6 +13,5 @@ def few_draws():
     """Draw the sizes in 40 sweeps in place of 240; a decorator as well."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(posterior_draws, "SWEEPS", 40)
-        patch.setattr(posterior_draws, "BURN_IN", 4)
         patch.setattr(misfit, "SWEEPS", 12)
         yield
