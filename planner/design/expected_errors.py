@@ -1,5 +1,6 @@
 """What may be wrong with a robot before a session is planned, and the error of its tool by it: one protocol."""
 
+from functools import cache
 from typing import Protocol, Self
 
 import numpy as np
@@ -88,12 +89,29 @@ def error_limit(errors: ExpectedErrors, white: Array) -> float:
 def square_limit(weight: Array, white: Array) -> float:
     """Return the square [m²] that 95 of 100 robots stay below, of errors of unit size after readings ``white`` (n, P).
 
-    It is a sum of squared normal numbers, weighted by the eigenvalues of ``weight`` (P, P) times the covariance that
-    the readings leave (Imhof 1961, Biometrika 48(3/4)); here by draws.
+    Its weights are the eigenvalues of ``weight`` (P, P) times the covariance that the readings leave.
     """
+    root = np.linalg.inv(np.linalg.cholesky(white.T @ white + np.eye(len(weight))))
+    return limit_of_sum(np.maximum(np.linalg.eigvalsh(root @ weight @ root.T), 0.0))
+
+
+def limit_of_sum(weights: Array, sure: float = 0.0, doubt: float = 0.0) -> float:
+    """Return what a weighted sum of squared normal numbers stays below in 95 of 100 cases, by draws.
+
+    Args:
+        weights: of the squares, (k,) (Imhof 1961, Biometrika 48(3/4)).
+        sure: what is added to the sum and does not vary.
+        doubt: standard deviation of the logarithm of the root of the whole.
+    """
+    squares, normal = _draw_robots(len(weights))
+    sums = squares @ weights + sure
+    return float(np.quantile(sums * np.exp(2.0 * doubt * normal) if doubt else sums, LIMIT_QUANTILE))
+
+
+@cache
+def _draw_robots(values: int) -> tuple[Array, Array]:
+    """Return squared normal numbers of robots, (robots, values), and normal ones, (robots,)."""
     seed = 11  # fixed: the same errors give the same limit
     robots = 4000  # drawn: the 95 % quantile of the error to about a per cent
-    root = np.linalg.inv(np.linalg.cholesky(white.T @ white + np.eye(len(weight))))
-    values = np.linalg.eigvalsh(root @ weight @ root.T)
-    draws = np.random.default_rng(seed).chisquare(1.0, (robots, len(values)))
-    return float(np.quantile(draws @ np.maximum(values, 0.0), LIMIT_QUANTILE))
+    rng = np.random.default_rng(seed)
+    return rng.chisquare(1.0, (robots, values)), rng.standard_normal(robots)

@@ -6,25 +6,13 @@ foreseen by the sizes as known now.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
 
 import numpy as np
 from scipy.linalg import solve_triangular
 
 from planner.common.units import Array
-from planner.design.assumptions import LIMIT_QUANTILE
+from planner.design.expected_errors import limit_of_sum
 from planner.design.learnt_sizes import Families, LearntErrors, learn_errors
-
-
-@cache
-def _draw_robots() -> tuple[Array, Array]:
-    """Return squared normal numbers of robots, (robots, values), and normal ones, (robots,).
-
-    They are those of the largest values of a sum, beyond which what is left is certain; and of what is not known of the
-    sizes.
-    """
-    rng = np.random.default_rng(11)
-    return rng.chisquare(1.0, (4000, 60)), rng.standard_normal(4000)
 
 
 @dataclass
@@ -80,12 +68,10 @@ class LearntPosterior:
         return float(np.trace(self.remaining(which)) * np.exp(2.0 * self.families.doubt**2))
 
     def square_limit(self, which: Sequence[int]) -> float:
-        """Return the square that 95 of 100 such robots stay below after some readings [m²]; see ``square_limit``."""
+        """Return the square that 95 of 100 such robots stay below after some readings [m²]."""
         values = np.maximum(np.linalg.eigvalsh(self.remaining(which))[::-1], 0.0)
-        own, doubt = _draw_robots()
-        few = values[: own.shape[1]]
-        squares = own[:, : len(few)] @ few + values[len(few) :].sum()
-        return float(np.quantile(squares * np.exp(2.0 * self.families.doubt * doubt), LIMIT_QUANTILE))
+        most = 60  # values that vary; the small ones that are left count as certain
+        return limit_of_sum(values[:most], float(values[most:].sum()), self.families.doubt)
 
 
 def root_of(weight: Array) -> Array:
