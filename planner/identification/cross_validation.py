@@ -244,9 +244,6 @@ def join_groups(a: np.ndarray, b: np.ndarray | None) -> np.ndarray:
     return np.asarray(connected_components(edges, directed=False)[1][a])
 
 
-NO_INFORMATION = 1e-9  # share of a column's information below which training says nothing of its parameter
-
-
 @dataclass(frozen=True)
 class HeldOutPrediction:
     """Residuals on samples that were held out.
@@ -316,8 +313,9 @@ def steps_without_folds(grams: Array, z: Array, steps: Array, sizes: Array) -> t
     total = grams.sum(axis=0)
     shift = np.zeros((len(grams), len(z)))
     own = np.zeros(shift.shape, dtype=bool)
+    none = 1e-9  # share of a column's information below which training says nothing of its parameter
     for f, gram in enumerate(grams):
-        alone = np.diag(gram)[:-1] > (1 - NO_INFORMATION) * np.diag(total)[:-1]
+        alone = np.diag(gram)[:-1] > (1 - none) * np.diag(total)[:-1]
         for step, size in zip(steps, sizes, strict=True):
             mine = np.isnan(step) & alone
             shift[f] += _without(total - gram, gram, z, mine, step, size) / len(steps)

@@ -48,7 +48,6 @@ from planner.model.model import Model
 from planner.runs.run import Run, Samples
 
 SWEEPS = 80  # how often sizes are drawn without each
-MOST_JUDGED = 600  # readings of a region that are looked at
 NOISES: Array = np.exp(np.linspace(-1.2, 1.5, 19))  # over the usual noise, and
 LOGS: Array = np.linspace(-1.5, 4.0, 23)  # of the stretch of one region, and of what regions have in common
 APART: Array = np.array([0.0, 0.25, 0.5, 0.75, 1.0])  # one sigma of the logarithm of a region's stretch
@@ -314,7 +313,8 @@ def _noise_root(problem: FitProblem, width: int) -> Array:
 
 def _worth_one_each(which: np.ndarray, time: float, width: int) -> np.ndarray:
     """Return some of the samples: neighbours in time err alike, and only so many are worth one each."""
-    return _few(which, min(int(len(which) / time) + 1, MOST_JUDGED // min(POSITION_AXES, width)))
+    most = 600  # readings of a region that are looked at
+    return _few(which, min(int(len(which) / time) + 1, most // min(POSITION_AXES, width)))
 
 
 def _scale_noise(noise: Noise, factor: float) -> Noise:

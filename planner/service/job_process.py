@@ -41,7 +41,6 @@ class _Right(IntFlag):
 
 
 _FILE_RIGHTS = _Right.EXECUTE | _Right.WRITE | _Right.READ_FILE | _Right.TRUNCATE
-RIGHTS = {1: (1 << 13) - 1, 2: (1 << 14) - 1, 3: (1 << 15) - 1}  # all rights on files, by version
 SYSTEM = ("/usr", "/bin", "/lib", "/lib32", "/lib64", "/etc", "/proc", "/sys/devices/system", "/nix", "/opt")
 
 
@@ -68,7 +67,7 @@ def confine_process(folder: Path, readable: Sequence[Path]) -> bool:
         return False
     libc = CDLL(None)
     libc.syscall.restype = c_long
-    rights = RIGHTS[min(version, 3)]
+    rights = {1: (1 << 13) - 1, 2: (1 << 14) - 1, 3: (1 << 15) - 1}[min(version, 3)]  # all on files, by version
     all_network = 3  # to bind and to connect by TCP, from version 4
     rules = struct.pack("QQ", rights, all_network) if version >= 4 else struct.pack("Q", rights)
     ruleset = libc.syscall(c_long(_Syscall.CREATE_RULESET), c_char_p(rules), c_size_t(len(rules)), c_uint32(0))

@@ -69,7 +69,6 @@ def link_mass_uncertainty(model: Model) -> float:
 
 
 SETTLING_ROUNDS = 6  # in which nonlinear values settle
-STILL_SIGMAS = 0.1  # that a nonlinear value may still have to go
 
 
 @dataclass(frozen=True)
@@ -256,10 +255,10 @@ def _settling_step(
     value = dict(zip(model.names, found.errors, strict=True))
     sigma = dict(zip(model.names, np.linalg.norm(found.root(here.prior), axis=1), strict=True))
     moved, value = _take_steps(effects, value)
-    # 0.02: relative change of a compliance in a round that ends them
+    # 0.02: relative change of a compliance in a round that ends them; 0.1: sigmas that a nonlinear value may still go
     settled = (
         len(sensitivities) == sum(f.value is not None for f in effects)
-        and all(abs(value[p.name]) <= STILL_SIGMAS * sigma[p.name] for p in sensitivities.values())
+        and all(abs(value[p.name]) <= 0.1 * sigma[p.name] for p in sensitivities.values())
         and all(
             abs(value[name] - errors.get(name, 0.0)) <= 0.02 * abs(value[name])
             for name in (f.parameters[0].name for f in _compliances(effects))

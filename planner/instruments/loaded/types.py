@@ -10,8 +10,6 @@ from planner.design.observability.identifiability import format_direction
 from planner.instruments.circular.circle import CircleAtFixture
 from planner.instruments.loaded.assumptions import TOLD
 
-# [1] as OPEN_SHARE, but with the prior, where the readings say no more than was known before
-OPEN_SHARE_WITH_PRIOR = TOLD.open_share / np.sqrt(2.0)
 KNOWN, HARDLY_KNOWN, NOT_LEARNT = "known", "hardly known", "not learnt"
 SENSES = {1: "counter-clockwise", -1: "clockwise"}  # of travel about the circle's normal
 
@@ -72,9 +70,8 @@ class JointCompliances:
     def verdicts(self) -> tuple[str, ...]:
         """Of each joint's compliance by itself, (N,): known, hardly known, or not learnt (the prior says more)."""
         share = self.std / self.prior
-        return tuple(
-            KNOWN if s < TOLD.known_share else HARDLY_KNOWN if s < OPEN_SHARE_WITH_PRIOR else NOT_LEARNT for s in share
-        )
+        still_open = TOLD.open_share / np.sqrt(2.0)  # with the prior: the readings say no more than was known before
+        return tuple(KNOWN if s < TOLD.known_share else HARDLY_KNOWN if s < still_open else NOT_LEARNT for s in share)
 
     @property
     def known_combinations(self) -> tuple[Combination, ...]:

@@ -40,7 +40,6 @@ def shortest_order(cost_s: Array) -> tuple[list[int], float]:
     return order[::-1], float(total.min())
 
 
-MOST_NODES = 100_000  # of the embedded solver's search tree
 _FEW = 12  # nodes up to which dynamic programming is quicker than everything else
 
 
@@ -75,7 +74,7 @@ def solve_tour(
     forbidden: Collection[tuple[int, int]] = (),
     method: TourSolver = "auto",
     seed: int = 0,
-    nodes: int = MOST_NODES,
+    nodes: int = 100_000,
     limit: TimeLimit = UNLIMITED,
 ) -> Tour:
     """Find the cheapest closed tour of all nodes, and prove it.
