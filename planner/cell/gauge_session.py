@@ -107,8 +107,8 @@ class GaugeSession:
         return ""
 
     def visit_record(self, cell: Site, visit: PlannedVisit) -> dict[str, object]:
-        """Return what ``plan.json`` says of a pose beside its angles."""
-        return {}
+        """Return what ``plan.json`` says of a pose beside its angles: the gauge's place, if it has a name."""
+        return cell.place_record(visit.mounting) if cell.names_of(visit.mounting)[0] else {}
 
     def path_facts(self, shortest: float, longest: float) -> tuple[tuple[str, str], ...]:
         """Say the lengths [m] along a path, where they matter: (what, value)."""

@@ -100,9 +100,9 @@ class Site:
 
     @property
     def joint_range(self) -> tuple[Array, Array]:
-        """Ends of each joint's range, (N,) each [rad]: its limits, or one turn about home where they are wider.
+        """Return the ends of each joint's range, (N,) each [rad]: its limits, or one turn about home if they are wider.
 
-        More turns only repeat the same arm. A joint that slides has its whole stroke.
+        A further turn gives the same posture again. A joint that slides has its whole stroke.
         """
         turn, robot = 2 * np.pi, self.robot
         lower = np.clip(self.home - np.pi, robot.q_lower, np.maximum(robot.q_upper - turn, robot.q_lower))

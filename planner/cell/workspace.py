@@ -133,7 +133,7 @@ class Workspace:
 
 
 def bar_twist(fixed_B: Array, direction: Array, axis: Array, mark: Array) -> Array:
-    """Angle about the bar between a line carried from the fixture's axis and one from the tool's, (n,) [rad].
+    """Return the twist of the bar about itself, between its joint at the fixture and that at the tool, (n,) [rad].
 
     Args:
         fixed_B: axis of the fixture's ball joint (3,).

@@ -159,7 +159,7 @@ class BayesianDesign:
 
 
 class BackgroundDesign:
-    """The chosen poses, while their bound and what other numbers would give are computed by other processes.
+    """Chosen poses. Other processes compute their bound meanwhile, and the error that other numbers of poses leave.
 
     Attributes:
         unknown: what may be wrong.

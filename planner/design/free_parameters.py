@@ -104,8 +104,9 @@ def hold_measured_tool(
 ) -> tuple[DroppedParameter, ...]:
     """Return the tool's parameters that were measured to less than the noise of one reading.
 
-    Freed they would only take up what others do: the reading cannot see them off by that much, and a point that is
-    wrong by as little is no matter. Said beside it: what the readings alone would tell of them.
+    They are kept fixed. If they were free, they would take up errors of other parameters: an error of the tool point
+    that is smaller than the noise does not show in a reading, and does no harm. Beside each parameter stands how
+    well the readings alone would determine it.
 
     Args:
         cell: the cell; without ``tool.map_sigma_um`` nothing is held.
@@ -223,7 +224,7 @@ class UndeclaredErrors:
 
 
 def gear_factor(robot: Robot, joint: int) -> float:
-    """Return how much larger than usual a gear's whole error is, as a fleet has shown; ``joint`` from 0."""
+    """Return the ratio of a gear's whole error to the usual one, as a fleet has shown it; ``joint`` counts from 0."""
     kinds = ("gear once a turn", "gear twice a turn", "gear harmonics", "gear ripple")
     return float(np.sqrt(np.mean([robot.priors.factor(f"{kind}, joint {joint + 1}") ** 2 for kind in kinds])))
 

@@ -20,8 +20,9 @@ class LearntPosterior:
     """A linear model whose errors belong to families of sizes that are learnt.
 
     Attributes:
-        white: rows of all readings that may be taken, in their standard deviations per usual size, (n, P).
-        root: root of the mean square error of the tool per squared errors, (P, r).
+        white: Jacobian of all readings that may be taken, (n, P). A row is divided by the reading's standard deviation,
+            a column multiplied by the usual size of its error.
+        root: R, (P, r), with which R Rᵀ maps squared errors to the mean square error of the tool [m²].
         families: which errors share a size.
         learnt: what the readings taken say.
     """

@@ -110,7 +110,7 @@ def legendre(degree: int, u: Array) -> Array:
 
 
 def key_words(pattern: str) -> list[str]:
-    """Return every first word that keys of a pattern may have."""
+    """Return every word with which a key of this pattern may begin: ``(a|b)_joint:…`` gives two."""
     word = pattern.split(":")[0]
     match = re.search(r"\((.*)\)", word)
     return [word] if match is None else [word.replace(match[0], w) for w in match[1].split("|")]

@@ -23,7 +23,7 @@ KINDS = {"fixture": "fixture place", "map": "tool place", "probe": "tool place",
 
 
 def set_up_parts(setup: MeasurementSetup) -> dict[str, list[Parameter]]:
-    """Return all parameters of the gauge that may be free, those of one thing (a fixture, a zero) under its label."""
+    """Return all parameters of the gauge that may be free, grouped by what they belong to (a fixture, a zero)."""
     parts: dict[str, list[Parameter]] = {}
     for p in unknowns_of(setup.gauge).parameters(setup, FREEABLE):
         parts.setdefault(p.name if p.main.on == "reading" else p.name.rpartition("_")[0], []).append(p)

@@ -45,9 +45,9 @@ class DrawWire(LengthGauge):
     }
 
     def bodies(self, cell: Site) -> list[GaugeBody]:
-        """The eyelet, and the wire from both its ends, as far as it reaches at its shortest.
+        """Return the eyelet, and a piece of the wire at each end; together they are as long as the shortest wire.
 
-        What lies between them at a longer wire is checked as far as both ends reach: see ``unchecked_length``.
+        No body stands for the middle of a longer wire; ``unchecked_length`` is how long it may be.
         """
         reach, z = self.length_min - self.trim, np.array([0.0, 0.0, 1.0])
         thin = self.rod_radius

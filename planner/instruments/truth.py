@@ -28,7 +28,7 @@ from planner.runs.run import SIMULATED, Samples
 class TruthEffectFile(StrictModel):
     """``[[effects]]``: a kind of the catalogue, on what it acts, its value (several where it has several parameters).
 
-    ``inner`` is the number inside, for instance a frequency, in the catalogue's unit of it.
+    ``inner`` is a number inside the basis function, for instance a frequency, in the unit that the catalogue gives it.
     """
 
     kind: str

@@ -169,7 +169,7 @@ def solve_point_ik(chain: Chain, robot: Robot, q: Array, p_B: Array) -> tuple[Ar
     arm = rest.carry(theta, np.zeros(3))  # (n, 3) [m] in the frame that the last of the three carries
 
     def task(three: Array, rows: Positions) -> tuple[Array, Array]:
-        """Return what is left to the wanted point at q (m, N) [m], and its Jacobian."""
+        """Return the vector from the tool point to the wanted point at q (m, N) [m], and its Jacobian."""
         angles = theta[rows]
         angles[:, moved] = three
         motion, moving = front.forward(angles), front.joint_places[moved]

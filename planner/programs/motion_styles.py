@@ -24,13 +24,13 @@ class BlendStyle(StrictModel):
 
 
 class SpeedStyle(StrictModel):
-    """How a leg's speed is said. ``reductions``: coarse percentages of the program's own, that scale
+    """How the speed of a segment is stated. ``reductions``: coarse percentages of the program's own, that scale
     ``axis_percent`` and change at stops only; the operator's override is never one of them.
 
-    A ``duration`` is that of the leg times ``ease``, the peak over the mean of the controller's own profile between
-    two stops, and ``ramp_s`` longer, so that the peak speed stays within what was planned. ``stream``: whoever follows
-    the program keeps no limit of acceleration, so the ramps are in it: goals with velocities that are joined by cubics,
-    or ``frames``, ``word`` of them a second.
+    A ``duration`` is longer than the planned one of the segment, so that the peak speed stays within the plan: times
+    ``ease``, the ratio of peak to mean speed in the controller's profile between two stops, plus ``ramp_s``. With
+    ``stream``, the receiver of the program limits no acceleration, so the program holds the ramps itself: goals with
+    velocities that are joined by cubics, or ``frames``, ``word`` of them a second.
     """
 
     kind: SpeedKind

@@ -131,7 +131,10 @@ class Cubics:
 
     @classmethod
     def through(cls, q: Array, seconds: Array) -> "Cubics":
-        """Return the cubics from rest to rest that pass each point as a parabola through it and its neighbours does."""
+        """Return cubics through the points, from rest to rest.
+
+        The velocity at a point is that of the parabola through it and its two neighbours.
+        """
         mean, velocity = np.diff(q, axis=0) / seconds[:, None], np.zeros_like(q)
         before, after = seconds[:-1, None], seconds[1:, None]
         velocity[1:-1] = (after * mean[:-1] + before * mean[1:]) / (before + after)

@@ -70,7 +70,7 @@ CALLER: ContextVar[Caller] = ContextVar("caller", default=NOBODY_ASKED)
 
 @dataclass(frozen=True)
 class Refusal:
-    """Why nobody was found who may ask.
+    """Why a request is refused: by whom it was sent is unknown, or that person may not ask for it.
 
     Attributes:
         status, words: of the answer.

@@ -13,7 +13,7 @@ from planner.workflow.verbs import declared_calls
 
 
 def typed_options(verb: str, *others: str) -> list[ServedField]:
-    """Return the fields of a verb that a form shows as they are declared; ``others`` have inputs of their own."""
+    """Return the fields of a verb that a form shows as they are declared, all but those named in ``others``."""
     return [s for s in served_fields(declared_calls()[verb]) if s.is_typed and s.name not in others]
 
 

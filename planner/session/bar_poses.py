@@ -172,7 +172,7 @@ class BarPoses(PoseSession):
         return np.sort(drawn)
 
     def places(self, limit: TimeLimit) -> list[MountingSession]:
-        """Return every place of the bar, to be measured with it and travelled to without."""
+        """Return each place of the bar: the poses measured there, and the path to it without the bar."""
         repeats = 0 if self.cell.motion.is_continuous else self.cell.plan.repeat
         out = []
         for m in self.cell.mountings:

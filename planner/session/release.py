@@ -197,10 +197,9 @@ def _insert_supports(path: ProvenPath, at: np.ndarray, past: Array) -> ProvenPat
 
 
 def insert_ball_approaches(path: ProvenPath, stops: Sequence[TourStop]) -> tuple[ProvenPath, np.ndarray]:
-    """Return the path with the ways to the balls in it, and which of its points are approach poses, (m,) bool.
+    """Insert the approach to each ball; return the path, and which of its points are approach poses, (m,) bool.
 
-    The path counts as node what is visited, one of the ``stops``: at a ball its centre, not the pose that it is
-    approached from.
+    Each node of the path is one of the ``stops``. At a ball the node is the ball's centre, not its approach pose.
     """
     q: list[Array] = []
     node: list[int] = []

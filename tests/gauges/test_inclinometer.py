@@ -15,14 +15,17 @@ from planner.common.schema import read_toml
 from planner.common.units import DEG
 from planner.identification.pipeline import identify
 from planner.identification.residual_table import residuals_csv
-from planner.instruments.simulation import simulate_run
+from planner.instruments.simulation import planned_samples, simulate_run
 from planner.instruments.truth import draw_truth
 from planner.model.model import Model
 from planner.runs.loader import load_run
 from planner.runs.run import Samples
 from planner.runs.writer import save_run
+from planner.session.movable_cell import cell_files
 from planner.session.options import PlanOptions
+from planner.session.planned_session import load_session
 from planner.workflow.fit_overview import fit_overview
+from planner.workflow.plan_results import PlanResult
 from planner.workflow.planning import plan_cell
 from tests.gauges.inclinometer import RANGE, InclineReadings, Inclinometer
 
@@ -120,7 +123,7 @@ def test_a_simulated_run_is_identified(cell, run):
     assert np.sqrt(np.mean(table["held_out_mrad"].to_numpy() ** 2)) == pytest.approx(1e3 * after, rel=1e-3)
 
 
-def test_it_is_planned(cell):
+def test_it_is_planned(cell, tmp_path):
     """Chosen poses show more of the robot than as many candidates at random, and no set shows more than the bound."""
     plan = plan_cell(
         replace(cell, plan=replace(cell.plan, candidates=1500)), PlanOptions(poses=40, index="O1"), Stages()
@@ -133,3 +136,9 @@ def test_it_is_planned(cell):
     assert plan.choice.value > 1.2 * np.exp(np.log(singular).mean()) / np.sqrt(40)
     assert sum(v.role == "calibrate" for d in plan.drives for v in d.visits) == 40
     assert plan.programs
+    for name, content in cell_files(plan.cell).items():
+        (tmp_path / name).write_bytes(content)
+    (tmp_path / "plan.json").write_text(PlanResult(plan).to_json())
+    session = load_session(tmp_path / "plan.json", "to test it", check=True)
+    assert {p.fixture for p in session.document.poses} == {d.fixture for d in session.document.drives} == {"level"}
+    assert len(planned_samples(session.cell, session.document, session.courses)) == 40

@@ -166,7 +166,7 @@ _NAMES: dict[UnknownKind, str] = {
 
 @dataclass(frozen=True)
 class PlacementUnknown:
-    """What a column belongs to: a kind, and which one of it (from 0)."""
+    """The unknown of a column: its kind, and its number among those of this kind (from 0)."""
 
     kind: UnknownKind
     index: int

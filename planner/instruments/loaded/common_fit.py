@@ -97,7 +97,7 @@ def loaded_rows(cell: Cell, places: Sequence[CirclePlace], shared_tool: bool) ->
 
 def _name_rows(model: Model, rows: Array, whose: str, shared_tool: bool) -> FitRows:
     def name(plain: str, group: str) -> str:
-        """Return the parameter's name in the common fit: those of a gauge are its own in each run."""
+        """Return a parameter's name in the common fit, in which each run has the parameters of its own gauge."""
         return f"{whose}{plain}" if group == "gauge" and not (shared_tool and plain.startswith("map_")) else plain
 
     names = tuple(name(p.name, p.group) for p in model.parameters)

@@ -188,7 +188,7 @@ def body_reach(body: Body) -> float:
 
 
 def outline(body: Body) -> Array:
-    """Return points (m, 3) [m] in the body's own frame whose hull it is, or, for round ones, the hull of whose core."""
+    """Return points (m, 3) [m] in the body's own frame. Their hull is the body; of a round body it is the core."""
     if body.kind == "mesh":
         return mesh_faces(body)[0]
     if body.kind == "box":
