@@ -202,8 +202,8 @@ class FixtureFile(OptionalKeys):
 class MotionFile(OptionalKeys):
     """``[motion]``: how the measuring poses are joined.
 
-    ``order``: what the order of the poses is the shortest of, the time of each segment's slowest limit (axes, tool and
-    bar), or of its slowest axis alone at full speed (EDBB paper, eq. 7). ``tour_cost`` is its earlier name.
+    ``order``: by which time of a segment the order of the poses is the shortest, that of its slowest limit (axes, tool
+    and bar), or that of its slowest axis alone at full speed (EDBB paper, eq. 7). ``tour_cost`` is its earlier name.
     """
 
     measure: Literal["continuous", "static"] = "continuous"

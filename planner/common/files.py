@@ -165,8 +165,8 @@ def document_text(content: object) -> str:
 def write_bytes(path: Path, data: bytes, own: bool = False, force: bool = False) -> None:
     """Write ``data`` to ``path``; a failure leaves the old file, or none, and no temporary file.
 
-    A link is followed, a device is written to. ``own``: the file is the caller's, whatever it holds; ``force``: a
-    person allows to write over what somebody else has written.
+    A link is followed, a device is written to. With ``own`` the caller may replace the file, whatever it holds. With
+    ``force`` a person has allowed to replace a file that somebody else has written.
 
     Raises:
         InputError: the folder does not exist, or may not be written; this command has read the file, or somebody else

@@ -50,10 +50,10 @@ class RayShape(BasisFunction, key="ray-shape:INDEX:INDEX:INDEX", static=False, g
 
 
 def gauge_shapes(run: Excitation) -> Iterator[Parameter]:
-    """Yield smooth errors of the gauge's reading of a length or a position."""
-    if run.setup.gauge.width == 1:
+    """Yield smooth errors of the gauge's reading of a length from a fixture, or of a position; else none."""
+    if run.setup.gauge.is_attached:
         yield from _bar_shapes(run)
-    else:
+    elif run.setup.gauge.width > 1:
         yield from _ray_shapes(run)
 
 

@@ -48,7 +48,7 @@ SESSION_STEP = "session step"
 
 @register(SESSION_STEP, needs="poses measured in several sessions, the bar taken off in between")
 def session_step(run: Excitation) -> Iterator[Effect]:
-    """In every session the bar's zero is another one, and base and gauge stand otherwise to each other."""
+    """Yield the effect of setting up again: each session has its own zero of the bar and its own place of the base."""
     if not run.sessions:
         return
     if run.setup.gauge.has_zero:

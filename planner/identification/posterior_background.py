@@ -80,8 +80,9 @@ def background_families(setup: MeasurementSetup, samples: Samples) -> tuple[Effe
         out.setdefault(label, []).extend(_band(effect, setup.gauge.scale_sigma if is_known else None))
     for name, parameters in _gears(setup, samples.q):
         out[name] = list(parameters)
-    out[GAUGE_SHAPE] = list(gauge_shapes(Excitation.of(setup, samples)))
     run = Excitation.of(setup, samples)
+    if shapes := list(gauge_shapes(run)):
+        out[GAUGE_SHAPE] = shapes
     unnamed = {f"{UNNAMED}, {name}": list(p) for name, p in (*misfit_shapes(run), *drift_shapes(run))}
     return tuple(
         EffectFamily(

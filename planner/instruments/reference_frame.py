@@ -175,9 +175,10 @@ def nominal_model(cell: Cell) -> RobotModel:
 
 
 def calibrated_model(cell: Cell, model: Path, frame: TrackerRegistration, others: Run | None = None) -> RobotModel:
-    """Return the calibrated robot of ``model``, standing and holding the reflector as its calibration found it.
+    """Return the calibrated robot of ``model``, placed in the frame of the nests, with the reflector on its flange.
 
-    Where that says nothing of the nests, as after a bar's, ``others``, poses that nothing is judged by, place it.
+    Both are as its calibration found them. One with a bar finds neither; they are then fitted to the poses ``others``,
+    by which the robot is not judged.
 
     Raises:
         InputError: no robot there, or another one than the cell's.

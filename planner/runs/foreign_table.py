@@ -39,7 +39,7 @@ class ForeignTable:
 
 
 def foreign_table(lines: Sequence[str]) -> ForeignTable | None:
-    """Return how the lines of a table are written, ``None`` where they are no columns under titles."""
+    """Return separator, titles and decimals of a table; ``None`` if the lines are not columns under titles."""
     # 60 lines tell how the others are written
     found = (t for s in SEPARATORS if (t := _table_between(lines[:60], s)) is not None)
     return next(found, None)

@@ -27,7 +27,7 @@ DECIMALS = 9  # 1e-9 mm, 1e-9 degree, 1 ns: far below what is measured
 def save_run(run: Run, path: Path, force: bool = False) -> None:
     """Write ``run`` to a ``.csv`` or ``.parquet`` file in mm and degrees; the same run gives the same bytes.
 
-    ``force``: over a file that somebody else has written too.
+    With ``force`` a file that somebody else has written is replaced as well.
 
     Raises:
         InputError: another ending, or the file cannot be written.

@@ -142,7 +142,7 @@ class Foresight:
     outlooks: Mapping[str, Outlook]
 
     def find(self, id: str, state: str, now: float) -> Outlook | None:
-        """Return the outlook of a job, unless it is too old, or the job has come or begun since."""
+        """Return the outlook of a job; ``None`` if it is too old, or is from before the job was begun."""
         good_for_s = 1.0  # many pages ask for their jobs at once
         found = self.outlooks.get(id) if now - self.at < good_for_s else None
         return found if found is not None and (found.position == 0) == (state == "running") else None

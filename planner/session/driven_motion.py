@@ -210,7 +210,7 @@ class _Piece:
     moved: bool = False
 
     def add(self, move: JointMove) -> None:
-        """Add a leg to the piece."""
+        """Add a segment to the piece."""
         if not self.moved:
             self.paused_first, self.before = self.paused, move.mounting
         self.last, self.after, self.rests = move.q_deg, move.mounting, move.blend_mm == 0.0

@@ -198,9 +198,9 @@ MARKS: dict[str, dict[str, Any]] = {
 
 
 def draw_map(places: FixtureMap) -> bytes:
-    """Two grids of places, coloured by the index against that of the present place; this and the best place marked.
+    """Draw two grids of places, coloured by the ratio of their index to that of the present place.
 
-    One number says how good the present place is, that of the index curve: here only ratios stand.
+    The present and the best place are marked. The index itself stands on the index curve alone.
     """
     values = [places.ratio(p) for p in places.usable]
     norm = LogNorm(min(values), max(max(values), 1.01 * min(values)))

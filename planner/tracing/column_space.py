@@ -192,7 +192,7 @@ class ColumnSpace:
 
 
 def products_of_items(dictionary: EffectDictionary, projection: Array) -> list[Array]:
-    """Return W Wᵀ of the rows (width, p) of each item, (K, k, k) for each of the dictionary's equal items."""
+    """Return W Wᵀ of each item's rows W of the projection; (K, k, k) for the K items with k parameters, for each k."""
     return [_squares(projection, equal.columns) for equal in dictionary.equal_items]
 
 

@@ -77,7 +77,7 @@ def find_identifiable(
     ``prior`` (P,) is the 1-sigma size of each parameter before measuring [m or rad]; ``prefer`` lists column indices in
     the order in which to keep them (default: as listed). With ``noise`` [m or rad], the standard deviation of a
     reading, and ``readings``, how many will be taken (default: all rows), a direction far fainter than its prior
-    size is left out as well (:data:`FAINT_SHARE`), and parameters whose predicted standard deviation exceeds their
+    sigma is left out as well (:data:`FAINT_SHARE`), and parameters whose predicted standard deviation exceeds their
     prior sigma are listed in ``weak``.
 
     Raises:

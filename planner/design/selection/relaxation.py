@@ -71,7 +71,7 @@ class _CappedWeights:
         hessian[np.arange(count), np.arange(count)] += diagonal
 
     def inner_weights(self, weights: Array) -> Array:
-        """Return weights (K,) near the given ones: some of each, none at its cap."""
+        """Return weights (K,) near the given ones, all of them above 0 and below their cap."""
         w = 0.9 * weights + 0.1 * np.mean(weights)
         if self.capped:
             for _ in range(200):  # rounds at most, of weights that start at their cap

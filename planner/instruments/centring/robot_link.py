@@ -193,7 +193,7 @@ def centring_program(how: RobotSettings) -> dict[str, str]:
 
 
 def write_centring_program(how: RobotSettings, out: Path, force: bool = False) -> list[Path]:
-    """Write the robot's program into a folder, and return its files; ``force``: over files of others too.
+    """Write the robot's program into a folder, and return its files; with ``force`` files of others are replaced.
 
     Raises:
         InputError: the folder cannot be written.

@@ -46,8 +46,8 @@ class Detector:
     Attributes:
         covariance: of readings less their expectation where nothing has changed, (n, n) [m²].
         columns: of every possible change, (n, d) [m per unit].
-        freedom: degrees behind the size of the covariance.
-        anew: what is set up anew for every session does to the readings, (n, a) [m]: no change shows along it.
+        freedom: degrees of freedom of the estimate of the covariance's size.
+        anew: columns of what every session sets up anew, (n, a) [m]; a change along them does not show.
     """
 
     covariance: Array

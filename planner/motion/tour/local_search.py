@@ -32,7 +32,7 @@ class LocalSearch:
     def improve(self, kicks: int, most: float = np.inf) -> None:
         """Descend to a local optimum, then perturb and repair ``kicks`` times, keeping what is not worse.
 
-        It ends once ``most`` is gained: where a bound tells that no tour is shorter.
+        It ends once the tour is shorter by ``most``: a bound then tells that no tour is shorter still.
         """
         self._near: list[list[int]] = self.neighbours.tolist()
         gained = -self._descend(list(self.tour))
