@@ -222,3 +222,37 @@ def test_no_room_prints_or_exits():
         for node in nodes_of(path):
             called = isinstance(node, ast.Call) and ast.unparse(node.func)
             assert called not in ("print", "sys.exit", "exit"), path
+
+
+OF_THE_PROCESS = {  # what a process keeps beside its results; ARCHITECTURE.md says why it is not handed down
+    "common/files.py: INPUTS", "kinematics/packages.py: COMMAND_PACKAGES",  # files that it may read, packages of ROS
+    "report/standby.py: _standing_by", "common/second_process.py: _inside",  # that it has, or is, a second process
+    "service/callers.py: CALLER", "service/rendering.py: ROOT", "service/job_api.py: STREAMS",  # requests under way
+}  # fmt: skip
+REGISTERED = {  # what modules register when they are imported
+    "effects/basis.py: FUNCTIONS", "effects/catalogue.py: _REGISTRY", "cell/gauge_registry.py: _KINDS",
+    "cell/section_registry.py: _READERS", "runs/scalars.py: _SCALARS", "session/evaluations.py: _EVALUATIONS",
+    "session/evaluations.py: _DRAWN", "workflow/plan_kinds.py: _KINDS", "common/advice.py: _ADVICE",
+    "common/commands.py: _COMMANDS", "common/commands.py: _NAMES", "common/commands.py: _REMOTE",
+}  # fmt: skip
+KEEPS = re.compile(r"\{\}|\[\]|(set|dict|list|Counter|local|Inputs|CommandPackages)(\[.*\])?\(\)|ContextVar\(.*\)")
+
+
+def kept_by(nodes):
+    """Yield the names that functions bind anew, variables of a context, and what is empty until it is filled."""
+    for node in nodes:
+        if isinstance(node, ast.Global):
+            yield from node.names
+    for node in nodes[0].body:
+        if isinstance(node, ast.Assign | ast.AnnAssign) and node.value and KEEPS.fullmatch(ast.unparse(node.value)):
+            name = ast.unparse(node.targets[0] if isinstance(node, ast.Assign) else node.target)
+            kind = ast.unparse(node.annotation) if isinstance(node, ast.AnnAssign) else ""
+            if name != "__all__" and "Mapping[" not in kind:
+                yield name
+
+
+def test_nothing_is_kept_by_a_process_but_what_is_named_here():
+    files = {path.relative_to(ROOT): nodes_of(path) for path in ROOT.rglob("*.py")}
+    found = {f"{path}: {name}" for path, nodes in files.items() for name in kept_by(nodes)}
+    assert found == OF_THE_PROCESS | REGISTERED
+    assert list(kept_by(tuple(ast.walk(ast.parse("A = {}\nB: Mapping[str, int] = {}\nC = [1]"))))) == ["A"]

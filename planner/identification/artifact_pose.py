@@ -72,7 +72,7 @@ def gauge_frames(fit: Fit, estimates: Iterable[Estimate], beside_robot: Mapping[
                 position=_triple(setup.p_BX[s] + _shift(error, "fixture", n)),
                 position_std=_std(std, "fixture", n),
             )
-            for s, n in enumerate(setup.place_names)
+            for s, n in enumerate(setup.place_names[: len(setup.p_BX)])  # a gauge of its own may have no fixture
             if not framed
         ),
         places=tuple(_place(setup, s, error) for s in places) if framed else (),
