@@ -87,10 +87,10 @@ class Gauge(GaugeReading, GaugeNumbers, GaugeFrames, GaugeReach, GaugeSession):
 
     @property
     def travel_name(self) -> str:
-        """What the way from home is called."""
+        """What the path from home is called."""
         return f"path without the {self.noun}" if self.is_attached else "path to the start"
 
     @property
     def bare(self) -> str:
-        """What a program says of that way."""
+        """What a program says behind the name of that path."""
         return f", without the {self.noun}" if self.is_attached else ""

@@ -39,7 +39,7 @@ class GaugeSession:
 
     @property
     def indicators(self) -> IndicatorHead:
-        """The head of indicators, where only that will do.
+        """Return the head of indicators, for what only such a head can do.
 
         Raises:
             InputError: there is none.

@@ -45,11 +45,11 @@ class ExpectedErrors(Protocol):
 
     @property
     def assumptions(self) -> str:
-        """What all this rests on."""
+        """A sentence on what the expected errors assume."""
 
     @property
     def condition(self) -> str:
-        """The same as the end of a sentence; may be empty."""
+        """The end of a sentence that says the same; empty where a sentence needs none."""
 
     def on(self, model: Model) -> Self:
         """Return it about another model of the same parameters, such as one in which a gauge stands elsewhere."""

@@ -41,7 +41,7 @@ def declared_parameters(
 ) -> list[Parameter]:
     """Return the parameters of the effects in the cell's ``[plan]``, each kind a group, as far as the samples show any.
 
-    Kinds in ``more`` come behind them; of those nothing need show.
+    Those of the kinds in ``more`` follow; the samples need not show any of these.
 
     Raises:
         InputError: ``[plan]`` has a kind that the catalogue does not have, or that these samples do not show.

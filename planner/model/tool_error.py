@@ -111,7 +111,7 @@ def uniform_states(cell: Cell, count: int, seed: int) -> Array:
 
 
 def samples_like(run: Run, q: Array) -> Samples:
-    """Return samples at joint states q (n, N) [rad], with time, loads, … of samples of a run, drawn at random."""
+    """Return samples at joint states q (n, N) [rad]; time, loads and the like are those of random samples of a run."""
     like = run.samples.take(np.random.default_rng(0).integers(len(run), size=len(q)))
     return replace(like, q=q, place=np.zeros(len(q), dtype=int), point=None)
 

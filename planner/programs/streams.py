@@ -142,7 +142,7 @@ class Cubics:
 
     @property
     def mean(self) -> Array:
-        """Return the mean velocity of each leg (n, N)."""
+        """Return the mean velocity of each segment, (n, N)."""
         return np.asarray(np.diff(self.q, axis=0) / self.seconds[:, None])
 
     def largest_acceleration(self) -> Array:

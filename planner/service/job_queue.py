@@ -64,7 +64,7 @@ def order_jobs(waiting: Sequence[WaitingJob], turns: Turns, now: float) -> list[
 
 
 def expected_lengths(db: sqlite3.Connection, kinds: Iterable[str]) -> dict[str, float]:
-    """Return the mean length of the latest jobs of some kinds that were done [s]; without those that never were."""
+    """Return the mean length [s] of the latest jobs of each kind; a kind of which none was done is left out."""
     like = 20  # jobs, the latest, whose mean length is expected of the next
     query = (
         "SELECT avg(length), count(*) FROM (SELECT finished - started AS length FROM jobs"

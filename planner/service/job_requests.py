@@ -258,7 +258,7 @@ class CheckPlanRequest(OfIdentificationRequest):
 
 @take_fields(CheckCall, "model", "plan", "cell")
 class CheckRequest(JobRequest):
-    """What a check has beside what it declares: its plan, with the calibration, and its run."""
+    """A request for a check: the fields of its declaration, the plan (with the calibration) and the run."""
 
     kind = "check"
     document = "check.json"

@@ -289,7 +289,7 @@ def _cell_of(cell: Cell | Path | str | None, plan: "PlanResult | Path | str | No
 
 
 def load_any(runs: Runs, robot: Robot) -> Run:
-    """Return one run from what was measured, loaded already or not."""
+    """Return one run: the one that is given, or that of the files that are given."""
     if isinstance(runs, Run):
         return runs
     paths = [Path(runs)] if isinstance(runs, Path | str) else [Path(r) for r in runs]

@@ -25,10 +25,10 @@ class Dual(Protocol):
         """Whether the criterion is maximised, the bound an upper one."""
 
     def verify(self, rows: Array) -> float:
-        """Return the bound that is proven over all candidates ``rows`` (N, r, P); the trivial one if none."""
+        """Return the bound that is proven over all candidates ``rows`` (N, r, P); the trivial bound where none is."""
 
     def prices(self, rows: Array, active: Positions) -> Array:
-        """Return the reduced cost of every candidate, (N,): the lower, the more it is wanted."""
+        """Return the reduced cost of every candidate, (N,); a candidate with a lower one improves the set more."""
 
 
 @dataclass(frozen=True)

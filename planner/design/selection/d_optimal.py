@@ -88,7 +88,7 @@ class _DOptimalSet:
             self._refresh()
 
     def at(self, chosen: Positions) -> "_DOptimalSet":
-        """The design back at an earlier set."""
+        """Return the design of an earlier set."""
         if np.array_equal(np.flatnonzero(self.within), chosen):
             return self
         now = self.within.copy()

@@ -36,7 +36,7 @@ class IndexCurve:
 
     @property
     def bounds(self) -> Array:
-        """What no set of that size beats, (k,)."""
+        """Bounds of the index over all sets of each size, (k,)."""
         return np.array([each.certificate.value for each in self.selections if each.certificate])
 
     @property

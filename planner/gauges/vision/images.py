@@ -34,7 +34,7 @@ class BoardInImages:
 
     Attributes:
         board: which one.
-        size: width and height that images must have [px]; ``None``: any, but all the same.
+        size: width and height that images must have [px]; with ``None`` all have those of the first.
     """
 
     board: Board
