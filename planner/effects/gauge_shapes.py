@@ -1,6 +1,8 @@
 """Errors of a gauge of any smooth shape: powers of a bar's length and direction, or of the way from a tracker.
 
 They have no name and are never sought; beside them an error that nobody wrote down does not go into the arm's lengths.
+A gauge of lengths is less linear than it repeats, and one of 1 µm does not err like a wire: the size goes with the
+declared noise. Both are estimates, of which the run says how far they are off.
 What such an error is on average over directions and lengths, as of a wire that always hangs through, looks like a scale
 and a zero: both are among the powers, so that the lengths of an arm are known no better than the gauge errs.
 """
@@ -63,10 +65,12 @@ def _bar_shapes(run: Excitation) -> Iterator[Parameter]:
     # e is a unit vector: higher powers of its last component say nothing more
     degree = 3  # of the polynomial in place and direction
     powers = [p for p in product(range(degree + 1), repeat=4) if 0 < sum(p) <= degree and p[3] < 2]
+    # 5e-6: [m] ball bars err by some micrometres, however well they repeat (Kakino et al. 1987, CIRP Annals 36(1))
+    size = max(BAR_SHAPE * float(run.setup.gauge.sigmas[0]), 5e-6) / np.sqrt(len(powers))
     for p in powers:
         move = ParameterMove("reading", 0, BarShape(about, span, *p))
         name = f"gauge_shape_{''.join(map(str, p))}"
-        yield Parameter(name, "m", BAR_SHAPE / np.sqrt(len(powers)), "smooth error of the gauge", (move,))
+        yield Parameter(name, "m", float(size), "smooth error of the gauge", (move,))
 
 
 def _ray_shapes(run: Excitation) -> Iterator[Parameter]:

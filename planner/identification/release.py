@@ -175,6 +175,7 @@ def describe_release(released: ReleasedRobot) -> Release:
         nominal_anywhere=released.anywhere_with(None),
         geometry_anywhere=released.anywhere_with(released.geometry),
         other_tool=released.other_tool_anywhere,
+        where_measured=released.anywhere_with(released.fit, released.measured),
         work_tool=None if work is None else _describe_work_tool(released, work),
         families=posterior.families,
         parts=error_parts(released),

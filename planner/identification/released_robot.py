@@ -19,6 +19,7 @@ import numpy as np
 from planner.cell.cell import Cell
 from planner.cell.placement import N_BASE_TRANSFORMS
 from planner.cell.setup import MeasurementSetup
+from planner.common.determinism import even_positions
 from planner.common.units import Array, read_only
 from planner.effects.compliance import StationTwist
 from planner.effects.effect import Parameter
@@ -73,7 +74,7 @@ class ReleasedRobot:
         misfit: how much farther off the drawn robots are than it says, by regions that it did not see.
         drift: how far each of them moves the tool in the time of the run, rms over it and the workspace, (n,) [m].
         tool: motion of the measured tool point; other_tools: of points about the flange; work_tool: of the tool that
-            the robot works with, where the cell names it.
+            the robot works with, where the cell names it; measured: of the measured point at poses of the run.
         held_out, validation: errors of the released robot.
         held_residual: of every sample, (n, r) [m, rad]; of a part of a long run.
         share: how much of that way, 0 to 1.
@@ -87,6 +88,7 @@ class ReleasedRobot:
     tool: ToolMap
     other_tools: tuple[ToolMap, ...]
     work_tool: ToolMap | None
+    measured: ToolMap
     held_out: Metrics
     validation: Metrics | None
     held_residual: Array
@@ -211,8 +213,11 @@ class ReleasedRobot:
         )
 
 
-def tool_maps(cell: Cell, run: Run, fit: Fit) -> tuple[ToolMap, tuple[ToolMap, ...], ToolMap | None]:
-    """Return the motion over the workspace of the measured tool point, of points about the flange, and of own tools."""
+def tool_maps(cell: Cell, run: Run, fit: Fit) -> tuple[ToolMap, tuple[ToolMap, ...], ToolMap | None, ToolMap]:
+    """Return the motion over the workspace of the measured tool point, of points about the flange, and of own tools.
+
+    The last is that of the measured point at poses of the run.
+    """
     setup = fit.setup
     effects = moving_effects(fit)
     q = uniform_states(cell, 1000, 0)  # joint states at which the tool is looked at
@@ -223,6 +228,8 @@ def tool_maps(cell: Cell, run: Run, fit: Fit) -> tuple[ToolMap, tuple[ToolMap, .
         tool_map(q, run, setup, effects, with_point=True),
         tuple(tool_map(few, run, _at_point(setup, p), effects, with_point=False) for p in around),
         None if work is None else tool_map(q, run, _at_point(setup, work), effects, with_point=False),
+        # 200: poses of the run, for a mean over it that is known to some per cent
+        tool_map(run.samples.q[even_positions(len(run), 200)], run, setup, effects, with_point=True),
     )
 
 

@@ -23,6 +23,7 @@ KEYS = {
     "at_most": "at_most_mm",
     "geometry_anywhere": "geometry_anywhere_mm",
     "other_tool": "other_tool_mm",
+    "where_measured": "where_measured_mm",
     "position": "position_mm",
     "rpy": "rpy_deg",
     "p_FM": "map_mm",

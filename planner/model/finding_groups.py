@@ -6,6 +6,7 @@ within 1 / √(2 n) of itself.
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 
@@ -42,6 +43,14 @@ class FindingGroup:
         """Whether another cause, or none, is likelier than the most certain of them."""
         even_chance = 0.5  # probability below which another cause, or none, is likelier
         return all(f.probability is not None and f.probability < even_chance for f in self.findings)
+
+    @property
+    def grade(self) -> Literal["found", "likely", "doubtful"]:
+        """What they are called: found where that is asserted of all of them, likely below, and doubtful."""
+        if self.is_doubtful:
+            return "doubtful"
+        asserted = 0.9  # probability from which on a cause is asserted: of those above, one in fifty is another
+        return "found" if self.probability is None or self.probability >= asserted else "likely"
 
     @property
     def rival_texts(self) -> tuple[str, ...]:

@@ -271,13 +271,14 @@ class Release(DocumentSection):
         at_most: what the released robot's error stays below with a probability of 95 %.
         nominal_anywhere, geometry_anywhere: of the robot before, and of geometry alone.
         other_tool: of a tool 200 mm about the flange that was not measured.
+        where_measured: of the measured tool at poses of the run, the base aligned to these.
         work_tool: of the tool that the cell names.
         families: sizes of the effects as learnt.
         parts: of the released robot's error.
         unexplained: what no named cause explains, where the run shows it.
     """
 
-    if_any = ("validation", "work_tool", "parts", "unexplained")
+    if_any = ("validation", "work_tool", "parts", "unexplained", "where_measured_mm")
     basis: Literal["posterior", "geometry"]
     share: float = 1.0
     findings: tuple[str, ...] = ()
@@ -287,6 +288,7 @@ class Release(DocumentSection):
     nominal_anywhere: float
     geometry_anywhere: float
     other_tool: float
+    where_measured: float | None = None
     work_tool: WorkToolError | None = None
     families: tuple[SizeOfFamily, ...] = ()
     parts: ErrorParts | None = None

@@ -16,7 +16,7 @@ class MisfitRange(SectionOfJoint):
     def text(self) -> str:
         """The joint and its range, in words."""
         low, high = (f"{to_deg(v):.0f}" for v in self.range)
-        return f"joint {self.joint} from {low} to {high}{self.unit.replace('°', ' deg')}"
+        return f"joint {self.joint} at {low}…{high}{self.unit}"
 
 
 class MisfitPlace(SectionOfJoint):

@@ -110,6 +110,8 @@ def _part_sentences(r: Release) -> list[str]:
             f"Of this {in_mm(p.seen)} mm come of noise and the number of readings, {in_mm(p.unseen)} mm are what more "
             f"readings at these poses cannot show (scale, tool, other postures), {in_mm(p.misfit)} mm are misfit."
         )
+        if r.where_measured is not None:
+            out.append(f"At poses like those measured {in_mm(r.where_measured)} mm are expected.")
         if drift_counts(p):
             out.append(
                 f"{in_mm(p.drift)} mm of it is how far the arm moved in the time of the run: it is written as it was "
@@ -270,16 +272,18 @@ def _rivals(f: Finding) -> str:
     names = group.rival_texts
     own = "" if f.probability is None else f"That it is this cause: {percent(f.probability)}. "
     if not names:
-        none = (
-            "at all is likelier" if group.is_doubtful else "else that was tried explains the same, at a hundred to one"
-        )
-        return f"{own}Rivals: none. Nothing {none}."
+        none = {
+            "found": "Nothing else that was tried explains the same, at a hundred to one.",
+            "likely": "Perhaps nothing is there at all.",
+            "doubtful": "Nothing at all is likelier.",
+        }
+        return f"{own}Rivals: none. {none[group.grade]}"
     more = f" and {len(names) - named} more" if len(names) > named else ""
     return f"{own}Rivals that this run cannot tell from it: {', '.join(names[:named])}{more}."
 
 
 def _doubt(group: FindingGroup) -> str:
-    return "Doubtful: " if group.is_doubtful else ""
+    return "" if group.grade == "found" else f"{group.grade.capitalize()}: "
 
 
 def _surely(group: FindingGroup) -> str:

@@ -51,9 +51,10 @@ def _verdict_facts(found: Calibration, release: Release | None) -> Iterator[Fact
     misfit = list(_misfit_facts(found, release))
     yield from misfit
     anywhere, at_most = _mm(found.workspace_error), _mm(release.at_most)
+    near = "" if (m := release.where_measured) is None else f"; {_mm(m)} mm at poses like those measured"
     yield (
         "tool error",
-        f"{_mm(release.nominal_anywhere)} → {anywhere} mm  rms over the workspace; 95 % below {at_most} mm",
+        f"{_mm(release.nominal_anywhere)} → {anywhere} mm  rms over the workspace; 95 % below {at_most} mm{near}",
     )
     if (own := release.work_tool) is not None:
         yield "own tool", f"{_mm(own.nominal_anywhere)} → {_mm(own.anywhere)} mm  with the tool that it works with"
@@ -77,14 +78,14 @@ def _misfit_facts(found: Calibration, r: Release) -> Iterator[Fact]:
         return
     where, there = _misfit_place(r.unexplained)
     how = " (edbb plan --aim tracing)" if found.fit.model.width == 1 else ""
-    yield "misfit", f"{_mm(parts.misfit)} mm of the tool error has no named cause, {where}; measure more {there}{how}"
+    yield "misfit", f"{_mm(parts.misfit)} mm of the error has no named cause, {where}: measure {there}{how}"
 
 
 def _misfit_place(m: MisfitPlace) -> tuple[str, str]:
     """Return where most of the misfit is, and where to measure."""
     if not (ranges := m.ranges):
-        return "alike everywhere", "all over the workspace"
-    return f"most with {' and '.join(r.text for r in ranges)} ({_mm(ranges[-1].there)} mm)", "there"
+        return "alike everywhere", "more all over the workspace"
+    return f"most with {', '.join(r.text for r in ranges)} ({_mm(ranges[-1].there)} mm)", "there"
 
 
 def _held_out_fact(found: Calibration, release: Release | None) -> Fact:
@@ -125,7 +126,7 @@ def _cause_facts(found: Calibration, most: int) -> Iterator[Fact]:
     shown = groups[: min(max(sure, 1), most)]
     for group in shown:
         more = _more_causes_text(groups[len(shown) :]) if group is shown[-1] else ""
-        yield "doubtful" if group.is_doubtful else "found", f"{_cause_text(group)}{more}"
+        yield group.grade, f"{_cause_text(group)}{more}"
     if not groups:
         yield "found", "no cause beyond the geometry"
 
@@ -145,7 +146,7 @@ def _sorted_causes(found: Calibration) -> list[FindingGroup]:
 def _rival_facts(found: Calibration) -> Iterator[Fact]:
     """Say of every cause what it is, and what else explains the same."""
     for group in _sorted_causes(found):
-        yield "doubtful" if group.is_doubtful else "found", group.note
+        yield group.grade, group.note
         if rivals := _rival_text(group):
             yield "", rivals
 
@@ -156,7 +157,7 @@ def _cause_text(group: FindingGroup) -> str:
     surely = [] if group.probability is None else [percent(group.probability)]
     if (others := len(group.rival_texts)) > 0:
         surely.append(f"or {number_of(others, 'other cause')}")
-    elif group.is_doubtful:
+    elif group.grade != "found":
         surely.append("or nothing")
     return f"{said} ({', '.join(surely)})" if surely else said
 

@@ -13,6 +13,8 @@ import planner.identification.posterior_draws as draws
 import planner.identification.posterior_fit as mixture_room
 from planner.cell.reading import load_cell
 from planner.cell.setup import setup_of
+from planner.effects.catalogue import Excitation
+from planner.effects.gauge_shapes import gauge_shapes
 from planner.identification.assumptions import EXPECTED_CAUSES, PREVALENCE
 from planner.identification.posterior_background import GAUGE_SHAPE, OF_BACKGROUND, background_families
 from planner.identification.posterior_draws import RandomEffects, SizeDraw, SizePrior, draw_sizes
@@ -185,3 +187,15 @@ def test_a_gauge_of_lengths_always_errs_somewhat(gauge, least):
     prior = dict(zip(families.names, families.priors, strict=True))[f"{GAUGE_SHAPE}{OF_BACKGROUND}"]
     assert prior.factors[0] == least
     assert prior.probability.sum() == pytest.approx(1.0)
+
+
+def test_a_gauge_errs_by_what_is_declared_of_it():
+    """In proportion to its noise, by some micrometres at least."""
+    setup = setup_of(load_cell(str(CELLS["bar"]), planning=False))
+    q = bar_poses()[:10]
+    sizes = []
+    for noise in (1e-6, 1e-5, 2e-5):
+        declared = replace(setup, gauge=replace(setup.gauge, noise=noise))
+        run = Excitation.of(declared, Samples(q, np.zeros(len(q), dtype=int)))
+        sizes.append(float(np.sqrt(sum(p.prior**2 for p in gauge_shapes(run)))))
+    assert sizes == pytest.approx([5e-6, 3e-5, 6e-5])

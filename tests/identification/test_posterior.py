@@ -112,6 +112,23 @@ def test_the_expected_error_is_that_of_drawn_robots():
     assert released.anywhere < released.at_most
 
 
+def test_the_error_at_poses_like_those_measured_is_that_of_drawn_robots():
+    """Eight of them, by the whole forward model at the run's own poses, their bases aligned there (Kabsch)."""
+    found = judged(0)[0]
+    released = by_posterior(found.released)
+    fit, q = released.fit, released.measured.q
+    assert np.array_equal(q, found.run.samples.q)
+    model = replace(fit.model, setup=replace(fit.model.setup, gauge=ToolPosition(noise=0.0)))
+    moving = [k for k, n in enumerate(fit.model.names) if n in released.tool.names]
+    model, samples = model.subset(moving), Samples(q, np.zeros(len(q), dtype=int))
+    written, drawn = model.reading(samples, fit.errors[moving]), released.posterior.drawn[moving]
+    stated = released.drawn_errors(fit, released.measured)
+    for k in range(0, drawn.shape[1], drawn.shape[1] // 8):
+        off = aligned(model.reading(samples, drawn[:, k]), written)
+        assert np.sqrt((off**2).sum(axis=1).mean()) == pytest.approx(stated[k], rel=0.05)
+    assert found.release.where_measured < found.workspace_error
+
+
 @pytest.mark.long
 def test_a_robot_part_way_is_as_likely_worse_than_geometry_as_is_accepted(monkeypatch):
     """Counted over the drawn robots, at every probability that ends part of the way."""

@@ -63,11 +63,12 @@ class Names:
     """Findings of a report against what is hidden."""
 
     true: int  # hidden causes that a report can name
-    right: int
+    right: int  # found or likely
     rival: int  # hidden causes named only as the rival of a finding
-    wrong: int  # findings that are no hidden cause, nor is one of their rivals, and that are not called doubtful
+    wrong: int  # findings that are asserted, and that are no hidden cause, nor is one of their rivals
     found: int
     doubtful: int = 0  # findings than which the report calls another cause, or none, likelier
+    asserted: int = 0  # findings that the report calls found, not likely or doubtful
     listed_wrong: int = 0  # findings, doubtful or not, that are no hidden cause, nor is one of their named rivals
 
 
@@ -87,24 +88,24 @@ def _rivals(finding):
             yield effect, on
 
 
-def _is_doubtful(finding):
-    return finding.get("probability") is not None and finding["probability"] < 0.5
+def _is_below(finding, probability):
+    return finding.get("probability") is not None and finding["probability"] < probability
 
 
 def judge_names(findings, causes):
     """Hold findings against what is hidden, in two ways, since it is a matter of what a person takes from a report.
 
-    ``wrong`` counts what the report asserts: not what it calls doubtful itself (another cause, or none, is likelier),
-    and neither what it says may as well be a cause without a name, where a hidden cause is one. ``listed_wrong``
+    ``wrong`` counts what the report calls found: not what it calls likely or doubtful (docs/how-to/rivals.md), and
+    neither what it says may as well be a cause without a name, where a hidden cause is one. ``listed_wrong``
     counts all that stands in the list: a person may act on a doubtful line, and "or something without a name" fits
     whatever is hidden, wherever it acts. The first is the figure of the product's own promise (2 % at most); the
     second is the one to compare with lists that have no probabilities.
     """
     known, foreign = [c for c in causes if c.names], any(not c.names for c in causes)
     findings = [f for f in findings if f["effect"] != "unnamed"]  # described by what moves with what, called nothing
-    sure = [f for f in findings if not _is_doubtful(f)]
+    sure, asserted = ([f for f in findings if not _is_below(f, p)] for p in (0.5, 0.9))
     right = {id(c) for c in known for f in sure if _is(f["effect"], str(f["on"]), c)}
-    named = [(f["effect"], str(f["on"])) for f in findings if _is_doubtful(f)]
+    named = [(f["effect"], str(f["on"])) for f in findings if _is_below(f, 0.5)]
     named += [r for f in findings for r in _rivals(f)]
     rival = {id(c) for c in known for name in named if _is(*name, c)} - right
 
@@ -114,10 +115,10 @@ def judge_names(findings, causes):
     def is_left_open(f):
         return foreign and any(effect == "unnamed" for effect, _ in _rivals(f))
 
-    wrong = [f for f in sure if not stands(f) and not is_left_open(f)]
+    wrong = [f for f in asserted if not stands(f) and not is_left_open(f)]
     listed = [f for f in findings if not stands(f)]
     doubtful = len(findings) - len(sure)
-    return Names(len(known), len(right), len(rival), len(wrong), len(findings), doubtful, len(listed))
+    return Names(len(known), len(right), len(rival), len(wrong), len(findings), doubtful, len(asserted), len(listed))
 
 
 def identify(columns, session, folder, *options, name="calibrated"):
@@ -153,12 +154,16 @@ def judge(seed, session, count, with_foreign, folder, product_geometry=False):
         alone = identify(columns, session, folder, "--geometry", "--no-trace", name="alone")
         row["product_geometry_mm"] = model_error(true, q, alone / "robot.toml", folder, condition)[0]
     report = json.loads((calibrated / "identification.json").read_text(encoding="utf-8"))
+    there = np.radians(np.stack([columns[name] for name in runs.JOINTS], axis=1))
+    near, _ = model_error(true, there[:: max(1, len(there) // STATES)], calibrated / "robot.toml", folder, condition)
     names = judge_names(report["findings"], true.causes)
     return row | {
         "refused": 0, "released_mm": released, "stated_mm": report["known_anywhere_mm"],
-        "bound_mm": report["release"]["at_most_mm"], "stated_geometry_mm": report["release"]["geometry_anywhere_mm"],
+        "bound_mm": report["release"]["at_most_mm"], "near_mm": near,
+        "stated_near_mm": report["release"]["where_measured_mm"],
+        "stated_geometry_mm": report["release"]["geometry_anywhere_mm"],
         "stated_nominal_mm": report["release"]["nominal_anywhere_mm"], "corrected": corrected, "true": names.true,
         "right": names.right, "rival": names.rival, "wrong": names.wrong, "found": names.found,
-        "doubtful": names.doubtful, "listed_wrong": names.listed_wrong,
+        "doubtful": names.doubtful, "asserted": names.asserted, "listed_wrong": names.listed_wrong,
         "findings": "; ".join(f"{f['effect']}, {f['on']}" for f in report["findings"]),
     }  # fmt: skip

@@ -65,14 +65,14 @@ HEAD = (
 
 def names_line(title, rows):
     done = [row for row in rows if not int(row["refused"])]
-    counted = ("true", "right", "rival", "wrong", "found", "doubtful", "listed_wrong")
+    counted = ("true", "right", "rival", "wrong", "found", "doubtful", "asserted", "listed_wrong")
     true, right, rival, *rest = (sum(int(row.get(k) or 0) for row in done) for k in counted)
     return "| " + " | ".join(map(str, (title, len(done), true, right, rival, true - right - rival, *rest))) + " |"
 
 
 NAMES_HEAD = (
     "| arms | n | hidden | named | named as a rival | not named | wrong without rival | findings | doubtful | "
-    "wrong as listed |\n" + "|---" * 10 + "|"
+    "called found | wrong as listed |\n" + "|---" * 11 + "|"
 )
 
 

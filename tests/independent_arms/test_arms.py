@@ -148,7 +148,7 @@ def test_names_are_held_against_what_is_hidden():
         {"effect": "link bending", "on": "link 4", "rivals": []},
         {"effect": "unnamed", "on": "joint 1", "rivals": []},
     ]
-    assert judge_names(findings, [gear, base, bend]) == Names(3, right=1, rival=1, wrong=1, found=3, listed_wrong=1)
+    assert judge_names(findings, [gear, base, bend]) == Names(3, 1, 1, wrong=1, found=3, asserted=3, listed_wrong=1)
     assert judge_names(findings, []).wrong == 3
 
 
@@ -158,8 +158,9 @@ def test_a_rival_without_a_name_is_right_where_the_cause_has_none():
     wobble = {"effect": "axis wobble once a turn", "on": "joint 4", "probability": 0.7, "rivals": ["unnamed, joint 4"]}
     sure = {"effect": "link bending", "on": "link 4", "probability": 0.99, "rivals": []}
     doubtful = {"effect": "soft base", "on": "base", "probability": 0.2, "rivals": []}
-    assert judge_names([wobble, sure], [dent]) == Names(0, right=0, rival=0, wrong=1, found=2, listed_wrong=2)
-    assert judge_names([wobble], [base]).wrong == 1
+    assert judge_names([wobble, sure], [dent]) == Names(0, 0, 0, wrong=1, found=2, asserted=1, listed_wrong=2)
+    assert judge_names([wobble | {"probability": 0.95}], [base]).wrong == 1
+    assert judge_names([wobble], [base]) == Names(1, 0, 0, wrong=0, found=1, listed_wrong=1)
     assert judge_names([doubtful], [base]) == Names(true=1, right=0, rival=1, wrong=0, found=1, doubtful=1)
     assert judge_names([doubtful], [dent]) == Names(0, right=0, rival=0, wrong=0, found=1, doubtful=1, listed_wrong=1)
 

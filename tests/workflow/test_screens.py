@@ -8,16 +8,18 @@ import pytest
 
 from planner.cli.terminal import screen_text
 from planner.common.summary import SCREEN_LINES, Aside
-from planner.model.identification_document import ErrorParts, Finding, Metrics, MisfitPlace, WorkToolError
+from planner.model.identification_document import ErrorParts, Finding, Metrics, WorkToolError
+from planner.model.misfit_place import MisfitPlace, MisfitRange
 from planner.workflow import identification
 from tests.golden.cases import CASES
 from tests.identification.few_draws import few_draws
 
 MM, UM = 1e-3, 1e-6
-SURE, DOUBTFUL = 0.99, 0.02
+SURE, LIKELY, DOUBTFUL = 0.99, 0.7, 0.02
+WITHIN = MisfitRange(there=MM, joint=6, range=(-2.1, -1.8))
 # values of each trait of a fit; the first is that of the fit itself
 TRAITS = {
-    "causes": (None, [], [SURE], [SURE] * 3, [DOUBTFUL] * 4, [SURE] * 3 + [DOUBTFUL] * 9),
+    "causes": (None, [], [SURE], [SURE] * 3, [DOUBTFUL] * 4, [SURE] * 3 + [DOUBTFUL] * 9, [LIKELY] * 2),
     "parts": (None, ErrorParts(seen=UM, unseen=UM, misfit=MM), ErrorParts(seen=UM, unseen=UM, misfit=0, drift=MM)),
     "validated": (False, True),
     "tools": (1, 2),
@@ -55,7 +57,10 @@ def with_traits(result, causes, parts, validated, tools, notes, state):
         changes["tried"] = 300
     release = {}
     if parts is not None:
-        release |= {"parts": parts, "unexplained": MisfitPlace(anywhere=MM, there=MM, joint=3, range=(-1.0, 1.0))}
+        release |= {
+            "parts": parts,
+            "unexplained": MisfitPlace(anywhere=MM, there=MM, joint=3, range=(-1.0, 1.0), within=WITHIN),
+        }
     if validated:
         judged = Metrics(rms=MM, mean=MM, largest=MM)
         release["validation"] = judged
@@ -88,6 +93,7 @@ def test_every_screen_of_a_fit_has_ten_lines(fitted, monkeypatch):
         sure = (causes or []).count(SURE)
         room = not notes and state == "sound" and tuple(traits[1:4]) == (None, False, 1)
         assert not room or keys.count("found") >= min(sure, 2)
+        assert not room or keys.count("likely") == (causes or []).count(LIKELY)
         facts = [line for line in lines if line[2:14].strip() not in ("next", "note")]
         assert max(map(len, facts)) <= 165, max(facts, key=len)
 
