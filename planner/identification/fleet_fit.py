@@ -40,7 +40,7 @@ class RobotErrors:
     @classmethod
     def of(cls, name: str, document: Identification, robot: Robot) -> "RobotErrors":
         """Take them from an identification and the robot that it released."""
-        found = [*_geometry(document, robot), *_effects(document)]
+        found = [*_geometry(document, robot), *_effects(document), *_declared_compliances(document, robot)]
         groups, value, std = zip(*found, strict=True) if found else ((), (), ())
         return cls(name, tuple(groups), np.array(value, dtype=float), np.array(std, dtype=float))
 
@@ -68,12 +68,21 @@ def _effects(document: Identification) -> Iterator[tuple[str, float, float]]:
         name = BACKGROUND_WORD.sub("", family.name)
         kind, _, joint = name.partition(", ")
         group = f"compliance, {joint}" if kind == JOINT_COMPLIANCE else name
-        if kind != JOINT_COMPLIANCE and not LEARNT_KINDS.fullmatch(name):
+        if not joint or (kind != JOINT_COMPLIANCE and not LEARNT_KINDS.fullmatch(name)):
             continue
         if family.probability >= present:
             yield group, family.factor / family.probability, 0.2  # as well as a size is learnt from one gear
         elif family.probability <= absent:
             yield group, 0.0, 0.2
+
+
+def _declared_compliances(document: Identification, robot: Robot) -> Iterator[tuple[str, float, float]]:
+    """Yield group, value and standard deviation of compliances that a cell declares: they are fitted joint by joint."""
+    joints = {f"compliance{j}": j for j in range(1, robot.n_joints + 1)}
+    for e in document.estimates:
+        if e.group == JOINT_COMPLIANCE and e.identifiable and e.std and e.name in joints:
+            usual = robot.priors.compliance
+            yield f"compliance, joint {joints[e.name]}", (e.value - e.nominal) / usual, e.std / usual
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,9 @@
 """The next session of a robot that was calibrated: poses that lower the error that is still to be expected of it."""
 
 from dataclasses import dataclass
+from pathlib import Path
 
+from planner.common.console import as_word
 from planner.common.errors import NoSolutionError
 from planner.common.progress import Stages
 from planner.common.units import to_mm
@@ -20,6 +22,11 @@ LEFT_STANDING = (
     "the gauge counts as left standing since the run before: leave its fixtures where they are and its zero as it is; "
     "edbb identify says if it was moved after all"
 )
+
+
+def evaluation_with_runs_before(run: Path) -> str:
+    """Return the command that evaluates a run of such a session: with those before it, each beside its plan."""
+    return f"edbb identify BEFORE/run.csv {as_word(run)} -o calibrated (all runs so far, each in its plan's folder)"
 
 
 @dataclass(frozen=True)

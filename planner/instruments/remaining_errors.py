@@ -157,8 +157,15 @@ class RemainingErrors:
         return self._factor(self.before.stated, float(np.trace(self.whole_weight))) * self._root_with_rest(square)
 
     def state_limit(self, square: float) -> float:
-        """Return what 95 of 100 such robots stay below, for that quantile of the square [m²]."""
-        return self._factor(self.before.at_most, self._limit_square) * self._root_with_rest(square)
+        """Return what 95 of 100 such robots stay below, for that quantile of the square [m²].
+
+        What is stated now is as wide as the rivals of the runs so far make it. The less is left of it, the more the
+        limit counts as the error itself does: it never falls below what is as likely exceeded as not.
+        """
+        now = self._factor(self.before.at_most, self._limit_square)
+        later = self._factor(self.before.stated, float(np.trace(self.whole_weight)))
+        left = min(np.sqrt(max(square, 0.0) / self._limit_square), 1.0)
+        return float(now + max(later - now, 0.0) * (1.0 - left)) * self._root_with_rest(square)
 
     def describe(self, left: float, left_mm: str, at_most_mm: str) -> str:
         """Say in half a sentence what the session would leave [m], written and as a limit [mm]."""

@@ -15,6 +15,8 @@ from planner.common.numbers import number_of
 from planner.common.progress import Stages
 from planner.common.result import FolderResult, Plot, Result
 from planner.common.summary import Summary
+from planner.instruments.next_session import evaluation_with_runs_before
+from planner.instruments.remaining_errors import RemainingErrors
 from planner.instruments.simulation import SimulatedRun
 from planner.programs.rendering import ProgramFile
 from planner.runs.writer import run_text, save_run
@@ -75,6 +77,9 @@ class PlanResult(SessionResult):
         """Say how the session is measured and evaluated."""
         plan, calibrates = folder / "plan.json", any(v.role == "calibrate" for d in self.plan.drives for v in d.visits)
         measure = self.plan.cell.gauge.measuring_command.replace("PLAN", as_word(plan))
+        expected = self.plan.expected_error
+        if expected is not None and isinstance(expected.unknown, RemainingErrors):
+            return f"{measure}\n{evaluation_with_runs_before(folder / 'run.csv')}"
         return f"{measure}\n{evaluation_of('run.csv', plan, None, calibrates)}"
 
     def overview(self) -> Summary:

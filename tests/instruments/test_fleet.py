@@ -1,5 +1,7 @@
 """Fleets drawn with known sizes: what is learnt of these, what two robots change and twenty, and who does not fit."""
 
+from types import SimpleNamespace as Of
+
 import numpy as np
 import pytest
 
@@ -31,6 +33,18 @@ def drawn_robot(rng, sizes, std, name="robot"):
     return RobotErrors(
         name, groups, own * rng.standard_normal(len(groups)) + spread * rng.standard_normal(len(own)), spread
     )
+
+
+def test_compliances_that_a_cell_declares_count_joint_by_joint():
+    """Such a fit has one family for all joints, and an estimate of each."""
+    known = Of(name="compliance2", group="joint compliance", identifiable=True, value=5e-6, nominal=0.0, std=1e-7)
+    unseen = Of(name="compliance1", group="joint compliance", identifiable=False, value=0.0, nominal=0.0, std=1e-5)
+    release = Of(families=[Of(name="joint compliance", probability=1.0, factor=6.4)])
+    robot = Of(n_joints=6, transforms=(), priors=Of(compliance=2e-6))
+    found = RobotErrors.of("robot", Of(estimates=[known, unseen], release=release), robot)
+    assert found.groups == ("compliance, joint 2",)
+    assert found.value == pytest.approx([2.5])
+    assert found.std == pytest.approx([0.05])
 
 
 def drawn_fleet(seed, robots, std=0.2):

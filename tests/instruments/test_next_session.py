@@ -136,6 +136,26 @@ def test_a_program_counts_by_its_targets_and_their_tool(measured, tmp_path):
     assert np.trace(turned.weight_per_prior) != pytest.approx(np.trace(unknown.weight_per_prior), rel=1e-3)
 
 
+def test_the_limit_is_what_is_stated_now_and_never_falls_below_the_error():
+    """One direction is open before, as after few poses of a bar; many that are alike are left after."""
+    weight = np.diag([1e-6, *[1e-9] * 40])
+    few = square_limit(weight, np.zeros((0, 41)))
+    for narrow in (0.8, 1.0, 1.3):
+        stated, at_most = 1.02 * np.sqrt(np.trace(weight)), narrow * np.sqrt(few)
+        before = Of(stated=stated, at_most=at_most, known=Of(file=Of(rest_mm=0.0)))
+        errors = RemainingErrors(before, None, np.eye(41), np.zeros(41, dtype=bool), weight, weight)
+        assert errors.state_limit(few) == pytest.approx(at_most)
+        assert errors.state(np.trace(weight)) == pytest.approx(stated)
+        limits = [errors.state_limit(few)]
+        for readings in (1, 3, 10, 100):
+            white = np.zeros((readings, 41))
+            white[:, 0] = 3.0  # all see the one
+            left = weight @ np.linalg.inv(np.eye(41) + white.T @ white)
+            limits.append(errors.state_limit(square_limit(weight, white)))
+            assert limits[-1] > errors.state(np.trace(left))
+        assert np.all(np.diff(limits) < 0.0)
+
+
 def test_ninety_five_of_a_hundred_sums_of_squares_stay_below():
     white = np.random.default_rng(0).standard_normal((7, 4))
     root = np.random.default_rng(1).standard_normal((3, 4))
