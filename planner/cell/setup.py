@@ -21,6 +21,10 @@ class MeasurementSetup(Placement):
 
     gauge: Gauge = field(kw_only=True)
 
+    def __repr__(self) -> str:
+        """Name robot and gauge."""
+        return f"MeasurementSetup('{self.robot.name}', gauge='{self.gauge.kind}')"
+
     @cached_property
     def chain(self) -> Chain:
         """Corrections of the base, the robot, the tool point, and for a probe with orientation its turn.

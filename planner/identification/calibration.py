@@ -106,6 +106,10 @@ class Calibration(Identification):
     good_for: Annotated[Use | None, OnlyInMemory] = Field(default=None, exclude=True)
     asides: Annotated[frozenset[str], OnlyInMemory] = Field(default=frozenset(), exclude=True)
 
+    def __repr__(self) -> str:
+        """Name run and robot: what was fitted is long."""
+        return f"Calibration('{self.run.name}', robot='{self.robot}', samples={self.n_samples})"
+
     @property
     def setup(self) -> MeasurementSetup:
         """The set-up that was fitted."""

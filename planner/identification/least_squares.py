@@ -180,6 +180,10 @@ class Fit:
     effective: float
     outliers: np.ndarray
 
+    def __repr__(self) -> str:
+        """Say how much was fitted to how much."""
+        return f"Fit({self.model!r}, samples={len(self.problem)})"
+
     @property
     def model(self) -> Model:
         """The model that was fitted."""

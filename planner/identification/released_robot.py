@@ -114,6 +114,10 @@ class ReleasedRobot:
             del kept[faint[k]]
         return kept
 
+    def __repr__(self) -> str:
+        """Name the robot that is written."""
+        return f"ReleasedRobot('{self.fit.setup.robot.name}', parameters={len(self.fit.model.parameters)})"
+
     @property
     def tool_point(self) -> Array:
         """The first tool point in the flange of this robot, (3,) [m]."""

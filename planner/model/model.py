@@ -88,6 +88,11 @@ class Model:
     parameters: tuple[Parameter, ...]
     fixed: tuple[tuple[Parameter, float], ...] = ()
 
+    def __repr__(self) -> str:
+        """Name robot and gauge, and say how many parameters there are."""
+        gauge = self.setup.gauge.kind
+        return f"Model('{self.setup.robot.name}', gauge='{gauge}', parameters={len(self.parameters)})"
+
     @classmethod
     def from_cell(cls, cell: Cell, free: frozenset[str] | None = None) -> "Model":
         """Build the model of a cell with the parameters that its ``[plan] free`` allows."""

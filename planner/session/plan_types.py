@@ -138,6 +138,10 @@ class Plan(SessionPlan):
     separation: Discrimination | None = None
     expected_error: BayesianDesign | None = None
 
+    def __repr__(self) -> str:
+        """Name cell and plan, and say how many poses there are."""
+        return f"Plan('{self.cell.name}', plan_id='{self.plan_id}', poses={len(self.choice.q)})"
+
     @property
     def by_index(self) -> bool:
         """Whether the index chose the poses: neither chance, for a validation, nor the error that is foreseen."""

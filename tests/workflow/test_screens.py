@@ -98,6 +98,12 @@ def test_every_screen_of_a_fit_has_ten_lines(fitted, monkeypatch):
         assert max(map(len, facts)) <= 165, max(facts, key=len)
 
 
+def test_what_a_fit_is_made_of_shows_itself_in_one_line(fitted):
+    found = fitted.calibration
+    parts = (found, found.fit, found.fit.model, found.setup, found.released, found.run, fitted.cell, fitted.parameters)
+    assert all(len(repr(part)) < 200 and "\n" not in repr(part) for part in parts)
+
+
 def test_what_does_not_stand_on_the_screen_is_said_where_more_is_asked(fitted):
     made = with_traits(fitted, [SURE] * 3, None, False, 1, ("the tip is loose",), "sound")
     more = made.full_summary(verbose=True)
