@@ -26,7 +26,7 @@ from planner.cli.app import verbs
 from planner.common.errors import PARTLY_DONE
 from tests.golden.cases import shipped
 
-NAMED = re.compile(r"\bedbb (?P<verb>[a-z]+(?:-[a-z]+)*) (?P<rest>[^();]*?-o \S+?)(?=[);,]?(?:\s|$))")
+NAMED = re.compile(r"\bedbb (?P<verb>[a-z]+(?:-[a-z]+)*) (?P<rest>[^();\n]*?-o \S+?)(?=[);,]?(?:\s|$))")
 BY_HAND = {"measure", "centre", "export", "serve", "import"}  # need a gauge, a robot or a person's files
 FEW = "candidates = 800\nvalidate = 4\nrefine = false"
 POSES = 40  # of a first session: enough to fit, few enough to plan in a minute
@@ -93,7 +93,14 @@ class Chain:
             other = words[0] == ("circular" if under_load else "loaded")
             if other or words[0] in BY_HAND or len(self.done) >= MOST:
                 continue
+            self.measure(words)
             self.do(self.fill(words))
+
+    def measure(self, words):
+        """Simulate the run that a command is to evaluate, where a gauge at the robot would have measured it."""
+        plan = words[words.index("--plan") + 1] if "--plan" in words else ""
+        if words[0] != "simulate" and plan and not (self.folder / words[1]).exists():
+            self.do(["simulate", plan, "-o", words[1], "--seed", str(self.seed)])
 
 
 def commands_in(text):
