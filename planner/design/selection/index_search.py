@@ -21,6 +21,9 @@ from planner.design.selection.index_criterion import (
 )
 from planner.design.selection.search import descend, order_by_weight, search_starts
 
+# chosen poses that one draw of the annealing may swap: on 200 poses of the UR10 as good a set as with all of them
+DRAWN_MEMBERS = 100
+
 
 def anneal(
     rows: Array,
@@ -42,7 +45,7 @@ def anneal(
     wide, tight = min(0.9, 0.5 * ratio), min(0.9, 0.25 * ratio**2)  # barrier strengths: few poses make coarse swaps
     # temperature at first and at last: a relative change of the squared index
     hot, cold = 0.015 * ratio**2, 0.0008 * ratio**2
-    look = max(100, 2 * len(chosen))  # candidates looked at in a draw
+    look = max(100, 2 * min(len(chosen), DRAWN_MEMBERS))  # candidates looked at in a draw
     best, best_value = members.copy(), np.nan
     for step in range(steps):
         share = step / steps
@@ -82,12 +85,24 @@ class _HeatBath:
         self.weights = potential.weights(inner.shape[1])[: len(shifts)]
 
     def draw(self, outer: Array, temperature: float, rng: np.random.Generator) -> tuple[int, int]:
-        """Draw a swap with probability proportional to exp(score / temperature): its row of inner, and of ``outer``."""
-        half = self.inner @ self.resolvents
+        """Draw a swap with probability proportional to exp(score / temperature): its row of inner, and of ``outer``.
+
+        Where many are chosen, it is one of some of them, drawn anew each time: the chain keeps its distribution, and a
+        draw costs the same for any number of poses.
+        """
+        if len(self.inner) <= DRAWN_MEMBERS:
+            return self._draw_of(self.inner, outer, temperature, rng)
+        some = rng.choice(len(self.inner), DRAWN_MEMBERS, replace=False)
+        out, into = self._draw_of(self.inner[some], outer, temperature, rng)
+        return int(some[out]), into
+
+    def _draw_of(self, inner: Array, outer: Array, temperature: float, rng: np.random.Generator) -> tuple[int, int]:
+        """Draw a swap as :meth:`draw` does, of one of ``inner`` (n, P)."""
+        half = inner @ self.resolvents
         ratio = half.reshape(-1, half.shape[2]) @ outer.T
         ratio *= ratio
-        ratio = ratio.reshape(len(half), len(self.inner), len(outer))
-        stay = 1.0 - np.einsum("bnp,np->bn", half, self.inner)
+        ratio = ratio.reshape(len(half), len(inner), len(outer))
+        stay = 1.0 - np.einsum("bnp,np->bn", half, inner)
         come = 1.0 + np.einsum("bmp,mp->bm", outer @ self.resolvents, outer)
         ratio += stay[:, :, None] * come[:, None, :]
         parts = np.log(np.maximum(ratio, 1e-30, out=ratio).astype(np.float32))
