@@ -6,7 +6,6 @@ or the reflector is put in.
 """
 
 from collections.abc import Sequence
-from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -20,7 +19,7 @@ from planner.common.second_process import ForkedTask
 from planner.common.summary import Aside
 from planner.common.units import Array
 from planner.design.candidates.balls import FirstContact
-from planner.motion.path.connection import connect_poses, prove_detours
+from planner.motion.path.connection import connect_poses
 from planner.motion.path.constraints import Constraints
 from planner.motion.path.verdict import PathGaps, ProvenPath
 from planner.motion.timing.trajectory import check_limits
@@ -156,20 +155,13 @@ def join_tour(place: MountingSession, nodes: Array, tsp: TourSolver, seed: int) 
     cost = tour_costs(place.cell, place.mounting, nodes)
     proof = proof_nodes(len(nodes))
     forbidden: dict[tuple[int, int], str] = {}
-    known: ForkedTask[np.ndarray] | None = ForkedTask(
-        partial(prove_detours, place.measuring, nodes, seed, place.detours)
-    )
     for _ in range(most_tours):
-        with known or nullcontext():
-            tour = solve_tour(
-                cost, forbidden=set(forbidden), method=tsp, seed=seed, nodes=proof, limit=place.measuring.limit
-            )
-            order = [*(int(k) for k in tour.order), 0]
-            order += _repeat_tour(cost, order, place, set(forbidden), tsp, seed)
-            path = connect_poses(place.measuring, nodes, order, seed=seed, pool=place.detours, known=known)
-        if known:
-            known.stop()
-            known = None
+        tour = solve_tour(
+            cost, forbidden=set(forbidden), method=tsp, seed=seed, nodes=proof, limit=place.measuring.limit
+        )
+        order = [*(int(k) for k in tour.order), 0]
+        order += _repeat_tour(cost, order, place, set(forbidden), tsp, seed)
+        path = connect_poses(place.measuring, nodes, order, seed=seed, pool=place.detours)
         if isinstance(path, ProvenPath):
             return _note_forbidden_legs(tour, forbidden), path
         if 0 in path.unreachable:

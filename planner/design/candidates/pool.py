@@ -129,7 +129,9 @@ def _draw_at(
         out_of_reach = funnel.workspace == 0 and funnel.sampled > none_is_read and not whole
         closed = funnel.cable == 0 and funnel.workspace > none_is_read and not whole
         none_is_free = 50_000  # states that all collide, after which no more are drawn
-        hopeless = total == 0 and (funnel.cable > none_is_free or out_of_reach or closed)
+        nowhere = funnel.cable > none_is_free or out_of_reach or closed
+        many = 5_000  # states that all collide, after which it is asked whether one pair of bodies is why
+        hopeless = total == 0 and (nowhere or (funnel.cable > many and _is_one_pair_near(world, workspace, sample)))
         if (total >= count and not whole) or hopeless:
             break
         if limit.must_stop(
@@ -141,6 +143,17 @@ def _draw_at(
     if whole and len(q) > count:  # a grid is thinned evenly, not cut off
         q = q[np.linspace(0, len(q) - 1, count).astype(int)]
     return q[:count], funnel
+
+
+def _is_one_pair_near(world: CollisionWorld, workspace: Workspace, sample: JointSamples) -> bool:
+    """Tell whether the same two bodies are too near in every state of a sample that passes all other filters."""
+    few = 100  # states by which pairs are singled out; that many say nothing of all
+    q, _ = _apply_workspace_filters(sample.q, workspace)
+    wanted = world.cell.motion.clearance + SAFETY_MARGIN
+    likely = np.flatnonzero((world.distances(q[:few]) < wanted).all(axis=0))
+    rows, columns = np.divmod(np.arange(len(q) * len(likely)), max(len(likely), 1))
+    near = world.pair_distances(q, rows, likely[columns]).reshape(len(q), len(likely)) < wanted
+    return len(q) > few and bool(near.all(axis=0).any())
 
 
 def _sample_rounds(cell: Cell, mounting: Mounting, seed: int) -> Iterator[JointSamples]:

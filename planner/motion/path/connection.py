@@ -4,7 +4,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from planner.common.second_process import ForkedTask
 from planner.common.units import Array, round_angles
 from planner.motion.path.constraints import Constraints
 from planner.motion.path.roadmap import LazyGraph, Roadmap, leg_time
@@ -83,16 +82,6 @@ def _pull_candidates(before: Array, here: Array, after: Array, rng: np.random.Ge
     return np.stack([*straight, *beside], axis=1)
 
 
-def prove_detours(constraints: Constraints, q: Array, seed: int, pool: Array) -> np.ndarray:
-    """Prove the parts of the roadmap over which :func:`connect_poses` leads detours; return what is known of its edges.
-
-    It takes as long as the search for the order of the poses, and does not depend on it.
-    """
-    graph = Roadmap.grow(_roomy(constraints, q, DETOUR_MARGINS[0]), q, pool, seed).graph
-    graph.parts()
-    return graph.known
-
-
 def connect_poses(
     constraints: Constraints,
     q: Array,
@@ -100,7 +89,6 @@ def connect_poses(
     *,
     seed: int = 0,
     pool: Array | None = None,
-    known: ForkedTask[np.ndarray] | None = None,
 ) -> ProvenPath | PathGaps:
     """Join poses in the given order by a path that keeps every constraint throughout.
 
@@ -114,7 +102,6 @@ def connect_poses(
         order: rows of ``q`` in visiting order; a row may come twice.
         seed: of everything random.
         pool: valid states (P, N) [rad] to lead detours over, for instance the candidates; drawn at random if ``None``.
-        known: :func:`prove_detours` of all of ``q`` and the pool, which has been begun.
 
     Returns:
         The path, or the legs that could not be joined and the poses that cannot be reached.
@@ -131,8 +118,6 @@ def connect_poses(
         if len(bent):
             wide = _roomy(constraints, q[visits], room)
             roadmap = Roadmap.grow(wide, q, _draw_states(wide, q, seed) if pool is None else pool, seed)
-            if known and room == DETOUR_MARGINS[0]:
-                roadmap.graph.known = known.result()
             found = _find_detours(roadmap, bent)
             paths |= {_pair(leg): path for leg, path in zip(bent, found, strict=True) if path is not None}
             failed = tuple(_pair(leg) for leg, path in zip(bent, found, strict=True) if path is None)

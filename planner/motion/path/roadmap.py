@@ -177,8 +177,12 @@ class LazyGraph:
             if self.constraints.limit.must_stop(
                 share, "which poses can be joined was not proven for all before they were chosen"
             ):
-                return self._parts(self.known != Known.BROKEN)
+                return self.likely_parts()
             self._prove(_cheapest(rows, part[self.edges[rows]], self.cost[rows], np.bincount(part)))
+
+    def likely_parts(self) -> np.ndarray:
+        """Number of the connected part of each state, (V,), where all counts as proven that is not known to fail."""
+        return self._parts(self.known != Known.BROKEN)
 
     def _parts(self, good: np.ndarray) -> np.ndarray:
         a, b = self.edges[good].T
@@ -270,22 +274,23 @@ class Roadmap:
         return np.asarray(self.graph.parts()[self.place])
 
     def paths(self, legs: np.ndarray) -> list[Array | None]:
-        """Return a proven path (k, N) [rad] for each leg (m, 2) but its straight motion, ``None`` if there is none."""
+        """Return a proven path (k, N) [rad] for each leg (m, 2) but its straight motion, ``None`` if there is none.
+
+        Edges are proven along the paths that are sought alone: which states the others join is of no interest.
+        """
+        rounds = 200  # of proving a path's motions and seeking another
         legs = self.place[legs]
         self.graph.strike(legs)
-        self._bridge(legs)
-        part = self.graph.parts()
-        rows = np.flatnonzero(part[legs[:, 0]] == part[legs[:, 1]])
-        out: list[Array | None] = [None] * len(legs)
-        # 200: rounds of proving a path's motions and seeking another
-        for k, path in zip(rows, self.graph.paths(legs[rows], 200), strict=True):
-            out[k] = None if path is None else self.graph.q[path]
-        return out
+        found = self.graph.paths(legs, rounds)
+        while self._bridge(legs[lost := np.flatnonzero([w is None for w in found])]):
+            for k, path in zip(lost, self.graph.paths(legs[lost], rounds), strict=True):
+                found[k] = path
+        return [None if path is None else self.graph.q[path] for path in found]
 
-    def _bridge(self, legs: np.ndarray) -> None:
-        """Try RRT-Connect on legs between different parts of the roadmap; what it finds joins the roadmap."""
+    def _bridge(self, legs: np.ndarray) -> bool:
+        """Try RRT-Connect on legs that nothing joins; what it finds joins the roadmap. Tell whether it found any."""
         tried: dict[tuple[int, int], int] = {}
-        part = self.graph.parts()
+        part, any_found = self.graph.likely_parts(), False
         for leg in legs:
             low, high = sorted(part[leg].tolist())
             if low == high or tried.get((low, high), 0) >= 3:  # legs between the same two parts that RRT-Connect tries
@@ -294,8 +299,9 @@ class Roadmap:
             path = self._rrt(*self.graph.q[leg])
             if path is not None:
                 self.graph.add_path(leg, path)
-                part = self.graph.parts()
+                part, any_found = self.graph.likely_parts(), True
                 tried = {}
+        return any_found
 
     def _rrt(self, q_from: Array, q_to: Array) -> Array | None:
         robot = self.constraints.cell.robot

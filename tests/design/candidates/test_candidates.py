@@ -1,6 +1,7 @@
 """Candidates: every filter holds, the density is even, the funnel counts true, the empty case speaks."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -69,6 +70,23 @@ def test_a_pair_that_always_stands_between_the_clearance_and_its_margin_is_named
     said = explain_empty(cell, FIRST_MOUNTING, Funnel(9, 9, 9, 9, 9, 0))
     named = CollisionWorld.from_cell(cell, FIRST_MOUNTING).scene.describe_pair(3)
     assert re.search(rf"Every state collides \(nearer than .* mm\): {named} in 100% of the states; look", said)
+
+
+def test_two_bodies_that_are_always_too_near_end_the_search_early(monkeypatch):
+    """The clearance is wider than what a pair of bodies leaves in any state: five thousand say so, not fifty."""
+    cell = load_cell("kuka-kr6-r700/edbb")
+    world, asked = CollisionWorld.from_cell(cell, FIRST_MOUNTING), list[int]()
+    widest, collides = world.distances(draw_candidates(cell, 300).q).max(axis=0), CollisionWorld.collides
+    wide = replace(cell, motion=replace(cell.motion, clearance=float(widest.min()) + 0.1))
+
+    def counted(world, q, clearance=None):
+        asked.append(len(q))
+        return collides(world, q, clearance)
+
+    monkeypatch.setattr(CollisionWorld, "collides", counted)
+    with pytest.raises(NoSolutionError, match="in 100% of the states"):
+        draw_candidates(wide, 1000)
+    assert 5_000 < sum(asked) < 40_000
 
 
 def test_the_shell_sample_is_as_dense_as_blind_rejection():
