@@ -6,10 +6,10 @@ import sys
 
 import pytest
 
-from planner.cli.app import command_function, load_command, verbs
-from tests.command import edbb
+from planner.cli.app import command_function, load_command
+from tests.command import commands_that_run, edbb
 
-COMMANDS = [name for name in verbs() if "as_json" in command_function(name).__annotations__]
+COMMANDS = [name for name in commands_that_run() if "as_json" in command_function(name).__annotations__]
 CHATTY = """
 import ctypes, functools, os, subprocess, sys
 from planner.cli import app, terminal

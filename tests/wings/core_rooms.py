@@ -4,7 +4,7 @@ import ast
 import shutil
 from functools import cache
 
-from tests.wings.installation import ROOT, WINGS, cell_part, cells_of, files_of, install_without, run_in
+from tests.wings.installation import ROOT, WINGS, cell_part, cells_of, files_of, install_without, needed_by, run_in
 
 ROOMS = (
     "cell", "cli", "common", "compensation", "design", "effects", "gauges", "identification", "kinematics", "motion",
@@ -66,8 +66,9 @@ def _reached(path):
 
 
 def core_tests(*wings):
-    """The tests of the core's rooms that name no module of these extensions, as paths from the root."""
-    taken = {f for wing in wings for f in files_of(wing)}
+    """The tests of the core's rooms that name no module of these extensions or of one that needs them, as paths."""
+    without = {w for w in WINGS if w in wings or needed_by(w) & set(wings)}
+    taken = {f for wing in without for f in files_of(wing)}
     tests = [path for room in ROOMS for path in sorted((ROOT / "tests" / room).rglob("test_*.py"))]
     return [str(path.relative_to(ROOT)) for path in tests if not taken & _reached(path)]
 

@@ -1,5 +1,6 @@
 """An installation of the planner from which extensions are left out: a copy of the tree without their files."""
 
+import ast
 import os
 import shutil
 import subprocess
@@ -36,6 +37,13 @@ def files_of(wing):
     home = ROOT / "planner"
     for part in parts_of(wing):
         yield from (home / part).rglob("*.py") if (home / part).is_dir() else [(home / part).resolve()]
+
+
+def needed_by(wing):
+    """The extensions that one needs, as its commands say."""
+    tree = ast.parse((ROOT / "planner" / "wings" / f"{wing}.py").read_text())
+    return {name for node in ast.walk(tree) if isinstance(node, ast.keyword) and node.arg == "needs"
+            for name in ast.literal_eval(node.value)}  # fmt: skip
 
 
 def install_without(folder, *wings):

@@ -6,6 +6,7 @@ import re
 import pytest
 
 from tests.wings.core_rooms import ROOMS, WINGS, core_tests, install_with_tests, run_tests
+from tests.wings.installation import needed_by
 
 QUICK = ("tests/cell/test_model.py", "tests/common/", "tests/kinematics/test_axes.py", "tests/runs/")
 TAKES_LONG = pytest.mark.skipif(
@@ -33,6 +34,16 @@ def test_the_cores_tests_are_collected_and_the_quick_ones_pass_without_any_exten
     assert done.returncode == 0, done.stdout[-2000:]
     quick = [t for t in tests if t.startswith(QUICK)]
     done = run_tests(*without_any, quick)
+    assert done.returncode == 0, done.stdout[-3000:]
+    assert int(re.search(r"(\d+) passed", done.stdout)[1]) > 100
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("wing", sorted(set().union(*map(needed_by, WINGS))))
+def test_the_command_line_passes_its_tests_without_an_extension_that_others_need(tmp_path, wing):
+    """Here alone does more than one extension count: commands of others are listed, and say what they lack."""
+    environment = install_with_tests(tmp_path, wing)
+    done = run_tests(tmp_path, environment, [t for t in core_tests(wing) if t.startswith("tests/cli/")])
     assert done.returncode == 0, done.stdout[-3000:]
     assert int(re.search(r"(\d+) passed", done.stdout)[1]) > 100
 
