@@ -1,6 +1,7 @@
 """Which tests are of the core: those that need no module of an extension, themselves or by what they import."""
 
 import ast
+import re
 import shutil
 from functools import cache
 
@@ -45,9 +46,9 @@ def _needs(path):
                 found |= _module_files(module, [n.name for n in names])
             case ast.Import(names=names):
                 found |= {f for n in names if _is_ours(n.name) for f in _module_files(n.name)}
-            case ast.Constant(value=str(text)) if text.startswith("planner."):
-                module = text.partition(":")[0]
-                found |= _module_files(module) | _module_files(module.rpartition(".")[0])
+            case ast.Constant(value=str(text)) if "planner." in text:  # a module's name, or code that imports some
+                for module in re.findall(r"\bplanner(?:\.\w+)+", text):
+                    found |= _module_files(module) | _module_files(module.rpartition(".")[0])
             case ast.Constant(value=str(text)) if text in CELLS:
                 found.add((ROOT / "planner" / cell_part(text)).resolve())
     settings = (folder / "conftest.py" for folder in path.parents if folder.is_relative_to(ROOT / "tests"))
