@@ -1,6 +1,6 @@
 """What basis functions may look at: the samples, and what follows from them on the nominal robot."""
 
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Hashable, Sequence, Set
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
@@ -126,10 +126,11 @@ class Context:
             known = self._several[id(functions)] = functions, [self.value(f) for f in functions]
         return known[1]
 
-    def forget_values(self) -> None:
-        """Let go of the values of basis functions: of many models they need more memory than anything else."""
-        self._known.clear()
+    def forget_values(self, kept: "Set[Hashable]" = frozenset()) -> None:
+        """Let go of the values of basis functions but some: of many models they take more memory than all else."""
         self._several.clear()
+        for phi in [f for f in self._known if f not in kept]:
+            del self._known[phi]
 
     def column(self, name: str) -> Array:
         """A column of the samples that a basis function is asked for only where it was logged."""

@@ -208,13 +208,17 @@ class ShapeParameter:
     values: Array
     log: bool = False
 
+    @cached_property
+    def _sorted(self) -> Array:
+        return np.sort(self.values)
+
     def spacing(self, at: float) -> float:
         """Distance of the neighbours of a value on the grid."""
         return float(self.spacings(np.array([at]))[0])
 
     def spacings(self, at: Array) -> Array:
         """Return the same for several values (k,)."""
-        grid = np.sort(self.values)
+        grid = self._sorted
         if len(grid) < 2:
             return np.abs(at) * 0.1
         k = np.clip(np.searchsorted(grid, at), 1, len(grid) - 1)

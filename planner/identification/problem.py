@@ -1,6 +1,6 @@
 """The least-squares problem: model, samples, readings and noise, evaluated in pieces to limit memory."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Hashable, Iterator, Set
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -16,7 +16,7 @@ from planner.model.columns import Columns
 from planner.model.model import Linearization, Model, chunks
 from planner.runs.run import Run, Samples
 
-PIECE_SAMPLES = 8192  # readings of a piece of a long run; so long a run is no long one
+PIECE_SAMPLES = 8192  # so long a run is no long one, and is one piece
 T = TypeVar("T")
 
 
@@ -28,12 +28,12 @@ class ProblemCache:
     parts: dict[bytes, Context] = field(default_factory=dict)
     linear: tuple[tuple[object, bytes], Linearization] | None = None
 
-    def forget(self) -> None:
-        """Let go of what is computed anew when it is asked for, but for where the arm stands."""
+    def forget(self, kept: Set[Hashable] = frozenset()) -> None:
+        """Let go of the linearisation and of basis functions but some: they are computed anew when asked for."""
         self.linear = None
         for context in (self.context, *self.parts.values()):
             if context is not None:
-                context.forget_values()
+                context.forget_values(kept)
 
 
 @dataclass(frozen=True)
@@ -132,8 +132,9 @@ class FitProblem:
 
     def over_pieces(self, task: Callable[[slice], T]) -> Iterator[T]:
         """Run ``task`` on every piece, on two processors, results in order."""
+        # 4096: readings of a piece of a long run: what basis functions look at is most of what two of them take
         long = len(self) > PIECE_SAMPLES
-        parts = list(chunks(len(self), PIECE_SAMPLES // self.model.width if long else PIECE_SAMPLES))
+        parts = list(chunks(len(self), 4096 // self.model.width if long else PIECE_SAMPLES))
         if len(parts) < 2:
             yield from map(task, parts)
             return

@@ -98,12 +98,13 @@ class FitContext:
         )
         return FittedStage(stage, found, held.refitted)
 
-    def forget_values(self) -> None:
-        """Let go of the basis functions of all models so far, most of which were tried and left."""
+    def forget_values(self, model: Model) -> None:
+        """Let go of the basis functions of all models so far but one: most of them were tried and left."""
+        kept = {m.phi for p in model.parameters for m in p.moves}
         for problem in self._problems.values():
-            problem.memory.forget()
+            problem.memory.forget(kept)
         for piece in self._whole:
-            piece.context.forget_values()
+            piece.context.forget_values(kept)
 
     def _problem(self, model: Model, few: np.ndarray | None) -> FitProblem:
         """Fit of the run, or of a part of it, to a model of the same setup: kept from stage to stage."""

@@ -16,8 +16,10 @@ from planner.effects.context import Context
 from planner.effects.effect import Effect, Parameter, ParameterMove, transform_move
 from planner.identification.problem import FitProblem
 from planner.kinematics.chain import ForwardPass
+from planner.model.model import chunks
 
 EffectAtValue = tuple[Effect, float | None]
+LARGE = 20_000_000  # numbers of a dictionary, from which on its functions are held in single precision
 
 
 @dataclass(frozen=True)
@@ -31,11 +33,24 @@ class DictionaryItem:
 
 @dataclass(frozen=True)
 class ColumnBlock:
-    """All columns on one transform or number of the reading: φ per prior sigma (m, n), and which columns they are."""
+    """All columns on one transform or number of the reading: φ per prior sigma (m, n), and which columns they are.
+
+    Of a large dictionary φ is in single precision: nothing hangs on a millionth of what a column explains.
+    """
 
     move: ParameterMove
-    phi: Array
+    phi: np.ndarray
     columns: np.ndarray
+
+    def products(self, seen: np.ndarray) -> np.ndarray:
+        """Return the products (m, …) of all φ with what each sample shows (n, …), as precise as that is."""
+        if self.phi.dtype == seen.dtype:
+            return np.asarray(self.phi @ seen)
+        out = np.empty((len(self.phi), *seen.shape[1:]), dtype=seen.dtype)
+        # 256: rows at a time: a second copy of all φ would be most of what tracing keeps
+        for part in chunks(len(out), 256):
+            out[part] = self.phi[part].astype(seen.dtype) @ seen
+        return out
 
 
 @dataclass(frozen=True)
@@ -78,7 +93,8 @@ class EffectDictionary:
                 else:
                     mixed[k] = p
             width += len(parameters)
-        blocks = tuple(_column_block(context, members) for members in by_move.values())
+        single = width * len(context.samples) > LARGE
+        blocks = tuple(_column_block(context, members, single) for members in by_move.values())
         return cls(context, tuple(items), blocks, mixed, width)
 
     @cached_property
@@ -108,8 +124,8 @@ class EffectDictionary:
         return out
 
 
-def _column_block(context: Context, members: list[tuple[int, Parameter]]) -> ColumnBlock:
-    phi = np.empty((len(members), len(context.samples)))
+def _column_block(context: Context, members: list[tuple[int, Parameter]], single: bool) -> ColumnBlock:
+    phi = np.empty((len(members), len(context.samples)), dtype=np.float32 if single else np.float64)
     for row, (_, p) in zip(phi, members, strict=True):
         np.multiply(p.main.phi(context), p.prior, out=row)
     return ColumnBlock(members[0][1].main, phi, np.array([k for k, _ in members]))
@@ -145,8 +161,7 @@ class WhitenedDictionary:
         out = np.empty((self.dictionary.width, basis.shape[1]), dtype=np.float32 if single else np.float64)
         for block, screw in zip(self.dictionary.blocks, self.screws, strict=True):
             seen = (screw[:, None, :] @ basis.reshape(shape))[:, 0]
-            # turned to single precision anew each time: a second copy of all φ would be most of what tracing keeps
-            out[block.columns] = block.phi.astype(out.dtype, copy=False) @ seen.astype(out.dtype, copy=False)
+            out[block.columns] = block.products(seen.astype(out.dtype, copy=False))
         if self.mixed:
             out[list(self.mixed)] = np.stack(list(self.mixed.values())) @ basis
         return out
@@ -156,7 +171,7 @@ class WhitenedDictionary:
         out = np.empty(self.dictionary.width)
         each = residual.reshape(len(self.dictionary.context.samples), -1)
         for block, screw in zip(self.dictionary.blocks, self.screws, strict=True):
-            out[block.columns] = block.phi @ (screw * each).sum(axis=1)
+            out[block.columns] = block.products((screw * each).sum(axis=1))
         for k, column in self.mixed.items():
             out[k] = column @ residual
         return out
@@ -202,7 +217,7 @@ def _squares(dictionary: EffectDictionary, screws: Sequence[Array], mixed: dict[
             power, mine = (screw**2).sum(axis=1), np.flatnonzero(whole == b)
             for k in range(0, len(mine), several):
                 few = mine[k : k + several]
-                phi = dictionary.blocks[b].phi[row[equal.columns[few]]]
+                phi = dictionary.blocks[b].phi[row[equal.columns[few]]].astype(float, copy=False)
                 out[few] = (phi * power) @ phi.transpose(0, 2, 1)
         for j in np.flatnonzero(whole < 0).tolist():
             C = np.stack(

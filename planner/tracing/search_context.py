@@ -66,17 +66,17 @@ class SearchContext:
     def score_test(self, state: SearchState) -> ScoreTest:
         """The space that a state's model spans; kept as long as the search looks at the same state."""
         if id(state) not in self._tests:
-            self.forget()
+            self._forget_before(state)
             near = next((test.space for _, test in self._tests.values()), None) if self._is_long(state) else None
             self._tests.clear()
             self._tests[id(state)] = state, ScoreTest.of(state.fit, self._correlation_time(state), near)
         return self._tests[id(state)][1]
 
-    def forget(self) -> None:
+    def _forget_before(self, state: SearchState) -> None:
         """Let go of what states before were linearised about, and of the basis functions of what was tried."""
         for before, _ in self._tests.values():
-            before.fit.problem.memory.forget()
-        self.fit_context.forget_values()
+            before.fit.problem.memory.linear = None
+        self.fit_context.forget_values(state.fit.model)
         give_back_memory()
 
     def score_test_without(self, state: SearchState, found: FittedEffect) -> ScoreTest:
