@@ -209,7 +209,7 @@ class ShapeParameter:
     log: bool = False
 
     @cached_property
-    def _sorted(self) -> Array:
+    def _ascending_grid(self) -> Array:
         return np.sort(self.values)
 
     def spacing(self, at: float) -> float:
@@ -218,7 +218,7 @@ class ShapeParameter:
 
     def spacings(self, at: Array) -> Array:
         """Return the same for several values (k,)."""
-        grid = self._sorted
+        grid = self._ascending_grid
         if len(grid) < 2:
             return np.abs(at) * 0.1
         k = np.clip(np.searchsorted(grid, at), 1, len(grid) - 1)
