@@ -11,8 +11,8 @@ from planner.report.matplotlib_backend import figure_png, print_style
 
 SHOWN = Path(__file__).resolve().parents[1] / "pictures" / "shown" / "stopping.json"
 LINES = {
-    "ten at a time": (BLUE, "-"), "batches": (ORANGE, "-"), "batches anew": (RED, "-"),
-    "plan": (GREY, "-"), "d-optimal": (GREY, "--"), "next-view": (GREY, ":"),
+    "led on": (BLUE, "-"), "measure": (BLUE, "--"), "batches": (ORANGE, "-"), "batches anew": (RED, "-"),
+    "plan": (GREY, "-"), "by the minute": (GREY, "-."), "d-optimal": (GREY, "--"), "next-view": (GREY, ":"),
 }  # fmt: skip
 
 
@@ -22,8 +22,11 @@ def stopping_curves(goal: str) -> bytes:
     with print_style():
         figure = Figure(figsize=(8.0, 3.6), layout="constrained")
         ax = figure.subplots()
+        of_way = data["minutes"][goal]
         for way, (colour, style) in LINES.items():
-            minutes = np.sort([np.inf if m is None else m for m in data["minutes"][goal][way]])
+            if way not in of_way:
+                continue
+            minutes = np.sort([np.inf if m is None else m for m in of_way[way]])
             reached = minutes[np.isfinite(minutes)]
             share = 100.0 * np.arange(1, len(reached) + 1) / len(minutes)
             ax.step(np.append(0.0, reached), np.append(0.0, share), color=colour, ls=style, where="post", label=way)

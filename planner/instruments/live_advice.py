@@ -111,7 +111,8 @@ class LiveAdvice:
         poses = "1 more pose" if left == 1 else f"{left} more poses"
         more = f"{poses}, about {minutes:.0f} min, would bring {float(to_mm(stands.then)):.3f} mm"
         if stands.more is None:
-            return f"{said}; {more}, not {goal}: then plan on with edbb plan --after"
+            further = "plan on with edbb plan --after" if self.estimate.width == 1 else "it takes a plan of more poses"
+            return f"{said}; {more}, not {goal}: then {further}"
         return f"{said}; {more}"
 
 

@@ -109,7 +109,7 @@ def test_ball_by_ball(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     text = load_cell("kuka-kr6-r700/trical").path.read_text()
     text = text.partition("\n[plan]\n")[0]
-    text += '\n[plan]\nfree = ["tool"]\ncandidates = 600\nposes = 24\nvalidate = 4\nrepeat = 2\n'
+    text += '\n[plan]\nfree = ["tool"]\nindex = "O1"\ncandidates = 600\nposes = 24\nvalidate = 4\nrepeat = 2\n'
     (tmp_path / "cell.toml").write_text(text)
     plan, centre, found = commands(HEAD, {"kuka-kr6-r700/trical": "cell.toml", "0.1": 0.3})
     at = centre.index("--robot")
