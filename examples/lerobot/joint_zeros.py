@@ -24,13 +24,25 @@ MOST_OFFSET = 2047  # that a Feetech servo's register holds
 FULL_TURN = (0, STEPS)  # range of a joint without stops: its middle needs no room
 
 
+def read(path, parse):
+    """Return what stands in a file.
+
+    Raises:
+        SystemExit: it is not there, or is of another kind.
+    """
+    try:
+        return parse(Path(path).read_text())
+    except (OSError, ValueError) as error:
+        sys.exit(f"{path}: cannot be read ({getattr(error, 'strerror', None) or error})")
+
+
 def read_zeros(identification, names):
     """Return what to add to the shown angle of each joint [deg], by name; joints that the run does not show have none.
 
     Raises:
         SystemExit: the zeros are of another controller's axes.
     """
-    content = json.loads(Path(identification).read_text())
+    content = read(identification, json.loads)
     if content.get("problems"):
         sys.exit(f"{identification}: the fit failed its own checks: {content['problems'][0]}")
     of = {z.get("axes_of") for z in content["joint_zeros"]}
@@ -41,7 +53,7 @@ def read_zeros(identification, names):
 
 def read_axes(robot):
     """Return the joints' names, and sense and zero [deg] of each in LeRobot's count, by the robot's file."""
-    content = tomllib.loads(Path(robot).read_text())
+    content = read(robot, tomllib.loads)
     names = [j["name"] for j in content["joints"]]
     own = content.get("controllers", {}).get("lerobot", {"same": True})
     if own.get("coupling"):
@@ -103,7 +115,7 @@ def main():
     asked = given.parse_args()
     names, senses, starts = read_axes(asked.robot)
     zeros = read_zeros(asked.identification, names)
-    found, left = shift_zeros(json.loads(asked.calibration.read_text()), zeros)
+    found, left = shift_zeros(read(asked.calibration, json.loads), zeros)
     write(asked.output, found)
     for name in names:
         if name not in zeros:

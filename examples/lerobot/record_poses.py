@@ -10,6 +10,7 @@ import argparse
 import csv
 import os
 import re
+import sys
 import time
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -140,8 +141,10 @@ def main():
     given.add_argument("--reading", help="column of the gauge's reading that is typed at each pose, such as length_mm")
     given.add_argument("-o", "--output", type=Path, required=True)
     asked = given.parse_args()
-    from lerobot.robots.so_follower import SO101Follower, SO101FollowerConfig
-
+    try:
+        from lerobot.robots.so_follower import SO101Follower, SO101FollowerConfig
+    except ImportError:
+        sys.exit("LeRobot is not installed here: run this in its environment (pip install 'lerobot[feetech]')")
     arm = SO101Follower(SO101FollowerConfig(port=asked.port, id=asked.id, use_degrees=True))
     arm.connect()
     try:

@@ -213,6 +213,21 @@ def test_a_zero_that_does_not_fit_is_refused(zeros, change, said):
         ZEROS.shift_zeros(content, zeros)
 
 
+def test_a_file_that_is_not_there_and_one_of_another_kind_are_named(tmp_path, monkeypatch):
+    found = identification(tmp_path / "identification.json", FOUND)
+    robot = EXAMPLES.parent / "robots" / "so101" / "robot.toml"
+    for old, said in ((tmp_path / "none.json", "none.json: cannot be read"), (robot, "robot.toml: cannot be read")):
+        with pytest.raises(SystemExit, match=said):
+            run_zeros(monkeypatch, found, old, "--robot", robot, "-o", tmp_path / "new.json")
+
+
+def test_where_lerobot_is_not_installed_that_is_said(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "lerobot", None)
+    monkeypatch.setattr(sys, "argv", ["record_poses.py", "/dev/none", "a.csv", "-o", str(tmp_path / "run.csv")])
+    with pytest.raises(SystemExit, match="LeRobot is not installed here"):
+        RECORD.main()
+
+
 def test_zeros_of_another_controller_are_refused(tmp_path):
     path = identification(tmp_path / "identification.json", FOUND, "urscript")
     with pytest.raises(SystemExit, match="axes of urscript, not of LeRobot's"):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -225,7 +226,8 @@ class CornerSeeker:
         if seen:
             return f"shows {len(seen)} markers of the board and no corner between two of them"
         aruco = self.cv2.aruco
-        for name in sorted(n for n in dir(aruco) if n.startswith("DICT_") and n != self.board.file.dictionary):
+        names = (n for n in dir(aruco) if n.startswith("DICT_") and n != self.board.file.dictionary)
+        for name in sorted(names, key=_marker_count):  # a smaller dictionary is a part of the larger one
             other = aruco.ArucoDetector(aruco.getPredefinedDictionary(getattr(aruco, name)), aruco.DetectorParameters())
             if len(other.detectMarkers(image)[0]) >= min(4, len(own)):
                 return f"shows markers of {name}, not of {self.board.file.dictionary}: another board"
@@ -280,6 +282,12 @@ def blur_text(image: np.ndarray, corners: Array) -> str:
         if width > blurred
         else ""
     )
+
+
+def _marker_count(dictionary: str) -> tuple[int, str]:
+    """Return how many markers a dictionary of OpenCV has by its name, those that do not say it last, and the name."""
+    count = dictionary.rsplit("_", 1)[-1]
+    return int(count) if count.isdigit() else sys.maxsize, dictionary
 
 
 def _some(numbers: Sequence[int]) -> str:

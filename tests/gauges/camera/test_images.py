@@ -144,7 +144,7 @@ def imported(folder):
     [
         ("pose_004.png", "no board is seen: is it in the picture, in focus and lit?"),
         ("pose_005.png", "is blurred: edges at the corners are"),
-        ("pose_006.png", "shows markers of DICT_6X6"),
+        ("pose_006.png", "shows markers of DICT_6X6_50, not of DICT_4X4_50: another board"),
         ("pose_007.png", "has 640 × 400 px, but the lens was calibrated at 960 × 600 px"),
         ("pose_008.png", "is no image that can be read"),
         ("pose_009.png", "another board"),
