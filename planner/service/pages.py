@@ -307,7 +307,8 @@ def _show_check(context: ServiceContext, job: Job) -> HTMLResponse:
         check = check.model_copy(update={"changes": sorted(check.changes, key=_change_order)})
     baseline = find_calibration(context, job.id)
     form = _record_form(context, job, baseline)
-    return render("check", job=job, files=visible_files(job), check=check, baseline=baseline, **form)
+    robot = job.robot if check is None else check.robot
+    return render("check", job=job, robot=robot, files=visible_files(job), check=check, baseline=baseline, **form)
 
 
 def _change_order(change: CheckedChange) -> tuple[int, str]:

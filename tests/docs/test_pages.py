@@ -3,11 +3,13 @@
 import importlib.util
 import re
 import shlex
+import tomllib
 from functools import cache
 from pathlib import Path
 
 import pytest
 
+import planner
 from planner.cell.reading import load_cell, shipped_cells
 from planner.cli.app import load_command, verbs
 from tests.command import edbb
@@ -97,6 +99,12 @@ def test_the_readme_is_read_in_a_minute():
     assert len(lines) <= 60
     assert PAGES["README.md"].count("```sh\n") == 2  # install and test, which .ci/run runs
     assert len(LINK.findall(PAGES["README.md"].split("## Three doors")[1].split("## A real robot")[0])) >= 3
+
+
+def test_the_version_is_the_same_wherever_it_stands():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    (heading,) = re.findall(r"^## (\d+\.\d+\.\d+)", (ROOT / "CHANGELOG.md").read_text(), re.MULTILINE)[:1]
+    assert project["version"] == planner.__version__ == heading
 
 
 def test_the_glossary_has_one_sentence_a_word():
