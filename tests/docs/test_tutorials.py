@@ -17,8 +17,9 @@ from tests.docs.test_pages import PAGES, ROOT, commands
 from tests.golden.cases import shipped
 
 FEW = "candidates = 500\nposes = {poses}\nvalidate = 4\nrefine = false"
-POSES = {"panda/tracker": 24, "so101/sockets": 40}  # of the small cells, else 36
-KRL = "DEF part ( )\n  PTP {A1 10,A2 -80,A3 95,A4 5,A5 40,A6 0} C_PTP\nEND\n"
+POSES = {"panda/tracker": 24, "so101/sockets": 42}  # of the small cells, else 36
+KR6_POSE, NJ130_POSE = "A1 10,A2 -80,A3 95,A4 5,A5 40,A6 0", "A1 10,A2 10,A3 5,A4 5,A5 -80,A6 0"
+KRL = f"DEF part ( )\n  PTP {{{KR6_POSE}}} C_PTP\nEND\n"
 UR = "def part():\n  movej([0.1, -1.4, 1.5, -1.6, -1.5, 0.2], a=1.0, v=0.5)\nend\n"
 BY_HAND = {"measure"}  # needs a gauge
 SLOW = "tests/data/ur5-tracker/run.csv"  # is traced by tests/identification/test_real.py
@@ -36,7 +37,7 @@ def prepare(folder):
     for name in ("tests", "examples"):
         (folder / name).symlink_to(ROOT / name)
     (folder / "work.src").write_text(KRL)
-    (folder / "program.src").write_text(KRL)
+    (folder / "program.src").write_text(KRL.replace(KR6_POSE, NJ130_POSE))
     (folder / "program.script").write_text(UR)
     home = np.rad2deg(load_cell("so101/sockets", planning=False).home)
     titles = ",".join(f"q{k}_deg" for k in range(1, len(home) + 1))
