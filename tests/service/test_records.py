@@ -97,10 +97,8 @@ def test_a_robots_record_grows_with_what_jobs_find(client):
     assert "master axis 3" in page
     assert "<b>W" not in page
     assert "KR6-0815" in client.get("/").text
-    changed = client.get(f"/jobs/{CHANGED}").text
-    assert "Failed: changed" in changed
-    assert "<h1>Check of kuka-kr6-r700</h1>" in changed
-    assert "Passed: unchanged" in client.get(f"/jobs/{SOUND}").text
+    for job, verdict in ((CHANGED, "Failed: changed"), (SOUND, "Passed: unchanged")):
+        assert all(said in client.get(f"/jobs/{job}").text for said in (verdict, "<h1>Check of kuka-kr6-r700</h1>"))
     assert 'It is in the record of <a href="/robots/KR6-0815">' in client.get(f"/jobs/{SOUND}").text
     sheet = client.get(f"/jobs/{CALIBRATED}/certificate").text
     held = hashlib.sha256(document_text(calibration(0.01)).encode()).hexdigest()
