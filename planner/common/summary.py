@@ -57,7 +57,7 @@ class Summary:
             asides = [("aside", note) for note in count_alike(n for n in self.notes if isinstance(n, Aside))]
             return "\n".join([self.title, *fact_lines([*self.facts, *asked, *self.details, *asides])])
         if most is not None:
-            least = min(len(self.facts), 4)  # facts that stand on the screen beside any number of notes
+            least = min(len(self.facts), 4, max(most - 2, 1))  # facts that stand beside any number of notes
             asked = cut_facts(asked, max(most - 1 - least, 1))
             facts = cut_facts(self.facts, max(most - 1 - len(asked), least))
         else:
