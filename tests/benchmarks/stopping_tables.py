@@ -51,8 +51,10 @@ def equal_truth(lines):
             true = np.array([r["true"] for r in own])
             want = [quantile(true, 0.5), quantile(true, 0.9)]
             minutes = quantile([r["minutes"] if r["bound"] <= goal else np.inf for r in own], 0.5)
-            for fixed in FIXED:
+            for fixed in FIXED if np.isfinite(minutes) else ():
                 rows = [line["ways"][fixed]["rows"] for line in lines if fixed in line["ways"]]
+                if not rows:
+                    continue
                 by_number = [np.array(at) for at in zip(*rows, strict=False)]  # (arms, 4) of each number of poses
                 same = [
                     at
@@ -73,7 +75,7 @@ def less(minutes, others):
     """Two cells of a table: the minutes of others, and how much less these are."""
     if others is None:
         return "not within 180 poses | –"
-    return f"{others:.0f} | {100 * (1 - minutes / others):.0f} %" if np.isfinite(minutes) else f"{others:.0f} | –"
+    return f"{others:.0f} | {100 * (1 - minutes / others):.0f} %"
 
 
 def figures(lines):
