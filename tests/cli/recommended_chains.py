@@ -29,7 +29,7 @@ from tests.golden.cases import shipped
 NAMED = re.compile(r"\bedbb (?P<verb>[a-z]+(?:-[a-z]+)*) (?P<rest>[^();\n]*?-o \S+?)(?=[);,]?(?:\s|$))")
 BY_HAND = {"measure", "centre", "export", "serve", "import"}  # need a gauge, a robot or a person's files
 FEW = "candidates = 800\nvalidate = 4\nrefine = false"
-POSES = 40  # of a first session: enough to fit, few enough to plan in a minute
+POSES = 48  # of a first session: enough to fit, few enough to plan in a minute, shared evenly by 2, 3 or 4 balls
 WITHOUT_CIRCLES = {"comau-nj130/circular": "comau-nj130/edbb"}  # where poses show the causes of what circles show
 LOADED = "abb-irb6700/ldbb"
 OF_CIRCLES = {"comau-nj130/circular", LOADED}  # have no poses to be chosen
