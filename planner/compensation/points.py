@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -155,6 +155,11 @@ def common_frames(uses: Sequence[Use], unused: FramePair) -> FramePair:
                 why = "its moves have different tools or bases"
                 return why, why
     return frames[0]
+
+
+def common_tool(uses: Sequence[Use], unused: FramePair) -> Frame:
+    """Return the tool if all moves to a point agree about it, whatever their bases, else why it is not known."""
+    return common_frames([replace(use, frames=(use.frames[0], use.frames[0])) for use in uses], unused)[0]
 
 
 def trace_sources(made: Sequence[tuple[str, set[str], int]], begun: set[str]) -> dict[str, int]:

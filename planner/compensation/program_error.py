@@ -15,9 +15,13 @@ from planner.identification.expected_error import ExpectedError
 
 @dataclass(frozen=True)
 class ToolErrors:
-    """Expected errors [m], (n,), of the targets with one tool, on their ``lines``; ``tool`` says which tool it is."""
+    """Expected errors [m], (n,), of the targets with one tool, on their ``lines``; ``tool`` says which tool it is.
+
+    ``measured``: it is the tool point that was measured.
+    """
 
     tool: str
+    measured: bool
     lines: tuple[int, ...]
     before: Array
     after: Array
@@ -68,12 +72,15 @@ class ProgramError:
 
     @property
     def facts(self) -> list[Fact]:
-        """What is to be expected at the targets, corrected and left as they were, before and after."""
+        """What is to be expected at the targets, corrected and left as they were, before and after, tool by tool."""
         shown = len(self.before)
         which = "1 target" if self.targets == 1 else f"{self.targets} targets"
         which = which if shown == self.targets else f"{shown} of the {which}"
         change = f"{_mm(_rms(self.before))} → {_mm(_rms(self.after))} mm  rms at the {which} (base aligned)"
         facts = [("tool error", f"{change}, worst {_mm(self.before.max())} → {_mm(self.after.max())} mm")]
+        if len(self.parts) > 1 or not self.parts[0].measured:
+            parts = (f"{_mm(_rms(p.before))} → {_mm(_rms(p.after))} mm  rms with {p.tool}" for p in self.parts)
+            facts += under_key("by tool", parts)
         if (worse := self.lines[self.after > WORSE_RATIO * self.before]).size:
             facts.append(("worse", f"than before, as is expected, on lines {line_ranges(worse.tolist())}"))
         if count := len(self.left):
@@ -84,12 +91,8 @@ class ProgramError:
 
     @property
     def details(self) -> list[Fact]:
-        """Where it is worst, and what is to be expected of each tool."""
-        told = [("worst at", self._worst())]
-        if len(self.parts) > 1 or not self.parts[0].tool.startswith("the measured"):
-            parts = (f"{_mm(_rms(p.before))} → {_mm(_rms(p.after))} mm  rms with {p.tool}" for p in self.parts)
-            told += under_key("by tool", parts)
-        return told
+        """Where it is worst."""
+        return [("worst at", self._worst())]
 
     def content(self) -> dict[str, object]:
         """Return the same in numbers, line by line."""
@@ -122,10 +125,11 @@ def program_error(expected: ExpectedError, targets: Sequence[Target], q: Array, 
         expected: what is known of the robot.
         targets: in the order of the file.
         q: controller angles of the nominal robot at each, (n, N) [rad].
-        p_FM: tool point (3,) [m] of targets that are joint angles; ``None`` is the measured one.
+        p_FM: tool point (3,) [m] of joint angles whose program says none; ``None`` is the measured one.
     """
     looked = even_positions(len(targets), 4000)  # targets of a long program that are looked at, evenly
-    points = [_point(targets[k], expected.tool if p_FM is None else p_FM) for k in looked]
+    own = expected.tool if p_FM is None else p_FM
+    points = [own if (said := targets[k].tool_point) is None else said for k in looked]
     tools, which = np.unique(np.round(points, 7), axis=0, return_inverse=True)
     return ProgramError(
         tuple(_of_tool(expected, tool, looked[which.ravel() == k], targets, q) for k, tool in enumerate(tools)),
@@ -133,17 +137,14 @@ def program_error(expected: ExpectedError, targets: Sequence[Target], q: Array, 
     )
 
 
-def _point(target: Target, own: Array) -> Array:
-    return own if target.pose is None else target.pose.T_FT[:3, 3]
-
-
 def _of_tool(
     expected: ExpectedError, p_FM: Array, which: np.ndarray, targets: Sequence[Target], q: Array
 ) -> ToolErrors:
     found = expected.at(q[which], p_FM)
     place = ", ".join(f"{v:.1f}" for v in to_mm(p_FM))
-    tool = f"the measured tool point ({place}) mm" if expected.is_measured(p_FM) else f"another tool ({place}) mm"
-    return ToolErrors(tool, tuple(targets[k].line for k in which), found.nominal, found.released)
+    measured = expected.is_measured(p_FM)
+    tool = f"the measured tool point ({place}) mm" if measured else f"another tool ({place}) mm"
+    return ToolErrors(tool, measured, tuple(targets[k].line for k in which), found.nominal, found.released)
 
 
 def _rms(x: Array) -> float:

@@ -86,6 +86,7 @@ class Target:
         pose: the pose, or None for joint angles.
         follows: indices of the targets that the arm comes from, for a pose without configuration; all must agree.
         straight: indices of those that it comes from in a line or a circle, where its configuration is written too.
+        p_FM: tool point in the flange (3,) [m] with which joint angles are driven, where the program says one.
     """
 
     line: int
@@ -94,6 +95,12 @@ class Target:
     pose: CartesianTarget | None = None
     follows: tuple[int, ...] = ()
     straight: tuple[int, ...] = ()
+    p_FM: Array | None = None
+
+    @property
+    def tool_point(self) -> Array | None:
+        """The tool point in the flange (3,) [m] that the program says, or None."""
+        return self.p_FM if self.pose is None else self.pose.T_FT[:3, 3]
 
     @property
     def is_sensible(self) -> bool:
@@ -183,17 +190,29 @@ class TargetReading:
             self.leave(target.line, "a number of the target, its tool or its base is larger than any robot's")
         return index
 
-    def add_joints(self, line: int, found: Sequence[PlacedNumber], index: int | None = None) -> int:
-        """Note a joint target with its angles in degrees."""
-        return self.add_angles(line, found, DEG, DEG_DECIMALS, index)
+    def add_joints(
+        self, line: int, found: Sequence[PlacedNumber], index: int | None = None, tool: Array | str = ""
+    ) -> int:
+        """Note a joint target with its angles in degrees, and the tool of its moves where the file says one."""
+        return self.add_angles(line, found, DEG, DEG_DECIMALS, index, tool)
 
     def add_angles(
-        self, line: int, found: Sequence[PlacedNumber], unit: float, decimals: int, index: int | None = None
+        self,
+        line: int,
+        found: Sequence[PlacedNumber],
+        unit: float,
+        decimals: int,
+        index: int | None = None,
+        tool: Array | str = "",
     ) -> int:
-        """Note a joint target with its angles in ``unit`` [rad]."""
+        """Note a joint target with its angles in ``unit`` [rad]; ``tool``: of its moves (4, 4) [m], or why not known.
+
+        A tool without a length is none: programs of joint angles drive with the bare flange where nobody named a tool.
+        """
         slots = tuple(number.slot(unit, decimals) for number in found)
         q = read_only(np.array([number.value for number in found]) * unit)
-        return self.add(Target(line, slots, q=q), index)
+        p_FM = None if isinstance(tool, str) or not tool[:3, 3].any() else read_only(tool[:3, 3])
+        return self.add(Target(line, slots, q=q, p_FM=p_FM), index)
 
     def take_targets(self) -> list[Target]:
         """Return the targets in order, without the places that stayed empty; what follows one of those is left."""

@@ -1,7 +1,7 @@
 """``edbb compensate``: corrected targets from the calibrated robot and the nominal one that it was calibrated from."""
 
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from datetime import date as Day
@@ -21,13 +21,14 @@ from planner.common.numbers import parse_number
 from planner.common.result import Result
 from planner.common.schema import read_json
 from planner.common.summary import Summary
-from planner.common.units import Array, from_deg, from_mm, read_only, to_mm
+from planner.common.units import Array, from_deg, from_mm, read_only
 from planner.compensation.compensated_file import CompensatedFile, compensate_file, read_program
 from planner.compensation.correction_mark import CorrectionMark
 from planner.compensation.few_axes import TurnWeights
 from planner.compensation.program_error import ProgramError, program_error, uncorrected_errors
 from planner.compensation.rotations import frame, from_abc
 from planner.compensation.targets import ToolAndBase
+from planner.compensation.tool_notes import tool_warnings
 from planner.identification.calibrated_robot import CalibratedRobot
 from planner.identification.expected_error import ExpectedError
 from planner.identification.zeros_set import set_zeros
@@ -48,7 +49,7 @@ class CompensationResult(Result):
         file: the text and what was done.
         expected: how good the robot is expected to be at its targets, or why that is not known.
         left_out: which effects of the robot targets cannot be corrected for.
-        warnings: what a person should know of the tool that was named.
+        warnings: what a person should know of the tools that were named, or that the program says.
         simulated: whether nobody measured the robot that it is corrected for.
     """
 
@@ -129,7 +130,10 @@ def compensate(asked: CompensateCall) -> CompensationResult:
         axes_of=asked.axes_of,
         turn_weights=_turn_weights(asked.turn_weights),
     )
-    expected, warnings = _expect(done, known, given.T_FT), tuple(_tool_warnings(robot, given.T_FT))
+    expected, warnings = (
+        _expect(done, known, given.T_FT),
+        tuple(tool_warnings(robot, None if given.T_FT is None else given.T_FT[:3, 3], [*done.targets, *done.left])),
+    )
     return CompensationResult(done, expected, calibrated.sentence, bool(mark.simulated), warnings)
 
 
@@ -149,34 +153,6 @@ def _tool_of_model(robot: Robot) -> Array:
     T = np.eye(4)
     T[:3, 3] = points[0].p_FM
     return read_only(T)
-
-
-def _tool_warnings(robot: Robot, T_FT: Array | None) -> Iterator[str]:
-    """Yield a warning where a tool that was named is off the measured one by more than its deviations allow.
-
-    They are those beside the robot: with this robot goes the tool that belongs to it, and no other that is as likely.
-    """
-    if T_FT is None or not robot.tool_points:
-        return
-    point = min(robot.tool_points, key=lambda p: float(np.linalg.norm(T_FT[:3, 3] - p.p_FM)))
-    off, std = T_FT[:3, 3] - point.p_FM, point.std_beside_robot
-    # 3.0: standard deviations by which a tool that is named may be off the measured one
-    # 0.5e-6: [m] by which rounding to a thousandth of a millimetre moves it
-    if (np.abs(off) <= 0.5e-6 + 3.0 * (0.0 if std is None else std)).all():
-        return
-    place = ", ".join(f"{v:.3f}" for v in to_mm(point.p_FM))
-    sure = "" if std is None else f" ± {', '.join(f'{v:.3f}' for v in to_mm(std))}"
-    size = float(to_mm(np.linalg.norm(off)))
-    if np.linalg.norm(off) < 0.02:  # [m] farther away a tool is meant to be another one
-        yield (
-            f"warning: --tool is {size:.3f} mm off the tool point that belongs to this robot ({place}{sure} mm), more "
-            f"than its standard deviations allow: if that point is meant, say --tool {MODEL_TOOL}"
-        )
-    else:
-        yield (
-            f"warning: --tool is another tool ({size:.0f} mm away) than the one that was measured ({place}{sure} mm): "
-            "where it sits in the true flange is taken as it is named"
-        )
 
 
 @dataclass(frozen=True)

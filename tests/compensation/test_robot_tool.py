@@ -1,6 +1,8 @@
 """The tool that belongs to a calibrated robot stands in its file; compensation takes it, and warns of another one."""
 
+import json
 import re
+from hashlib import sha256
 
 import numpy as np
 import pytest
@@ -106,3 +108,47 @@ def test_a_robot_that_left_its_folder_still_says_that_it_was_simulated(model, tm
         done = edbb("compensate", table, "--model", model, "-o", "-")
         assert word in done.stdout.splitlines()[0]
         assert ("SIMULATED" in done.stderr) == (word == "SIMULATED")
+
+
+FAR = TOOL + np.array([0.0, 0.0, 158.0])
+ANGLES = "10, -80, 100, 20, 40, 30"
+RADIANS = ", ".join(f"{v:.6f}" for v in Q[0])
+PROGRAMS = {  # one joint target each, driven with the tool that is filled in [mm, m for URScript]
+    "t.src": (
+        "DEF t()\n$TOOL = {{X {0},Y {1},Z {2},A 0,B 0,C 0}}\n$BASE = $NULLFRAME\n"
+        "PTP {{A1 10,A2 -80,A3 100,A4 20,A5 40,A6 30}}\nEND\n"
+    ),
+    "t.mod": (
+        "MODULE t\nPERS tooldata tGrip := [TRUE,[[{0},{1},{2}],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];\nPROC main()\n"
+        f"MoveAbsJ [[{ANGLES}],[9E9,9E9,9E9,9E9,9E9,9E9]],v100,fine,tGrip;\nENDPROC\nENDMODULE\n"
+    ),
+    "t.pdl": (
+        f"PROGRAM t\nBEGIN\n  $TOOL := POS({{0}}, {{1}}, {{2}}, 0, 0, 0, '')\n  MOVE TO {{{{{ANGLES}}}}}\nEND t\n"
+    ),
+    "t.script": f"def t():\n  set_tcp(p[{{3}}, {{4}}, {{5}}, 0, 0, 0])\n  movej([{RADIANS}], a=1, v=1)\nend\n",
+}
+
+
+def with_known_errors(model):
+    """The file of expected errors beside a model: 0.3 mm with the measured tool, 1.8 mm with any other."""
+    content = {
+        "schema": "edbb-expected-error/1", "robot": NAME, "tool_mm": TOOL.tolist(), "parameters": [{"name": "a2"}],
+        "robot_sha256": sha256(model.read_bytes()).hexdigest(), "nominal": [0.02], "geometry": [0.0],
+        "released": [0.0], "spread": [[1e-9]], "rest_mm": 0.3, "rest_other_mm": 1.8,
+        "states_deg": np.degrees(Q).tolist(),
+    }  # fmt: skip
+    model.with_name("expected_error.json").write_text(json.dumps(content))
+
+
+@pytest.mark.parametrize("name", PROGRAMS)
+def test_the_error_of_joint_targets_is_that_of_the_tool_that_their_program_says(name, model, tmp_path):
+    with_known_errors(model)
+    for tool, after in ((TOOL, 0.3), (FAR, 1.8)):
+        (tmp_path / name).write_text(PROGRAMS[name].format(*tool, *(tool * 1e-3)))
+        done = edbb("compensate", tmp_path / name, "--model", model, "-o", "-")
+        told = " ".join(done.stderr.split())
+        assert done.returncode == 0, told
+        assert float(re.search(r"tool error \S+ → (\S+) mm", told)[1]) == after
+        off = "the program's tool (12.0, -7.5, 309.4) mm on 1 line ({}) is another tool (158 mm away)"
+        line = PROGRAMS[name][: re.search(r"PTP|Move|MOVE|movej", PROGRAMS[name]).start()].count("\n") + 1
+        assert (off.format(line) in told) == (tool is FAR)

@@ -108,7 +108,8 @@ class _KrlTargets:
         for pose in self.points.finish():
             assert isinstance(pose.value, dict)
             if "A1" in pose.value:
-                self._joints(pose.line, pose.value, pose.index)
+                tool = pt.common_tool(pose.uses, self.frames.default_frames())
+                self._joints(pose.line, pose.value, tool, pose.index)
             else:
                 self._note_pose(pose, pose.value)
 
@@ -192,7 +193,7 @@ class _KrlTargets:
         elif target.numbers is None:
             self._leave(move.line, f"'{target.text}' found; {_PLAIN}")
         elif target.numbers.keys().isdisjoint(POSE_KEYS):
-            self.last = self._joints(move.line, target.numbers)
+            self.last = self._joints(move.line, target.numbers, frames[0])
         else:
             self.last = self._pose(move.line, target.numbers, frames, [use], inherits=linear)
 
@@ -245,11 +246,11 @@ class _KrlTargets:
         self._leave(line, sentence)
         return False
 
-    def _joints(self, line: int, found: Numbers, index: int | None = None) -> int | None:
+    def _joints(self, line: int, found: Numbers, tool: pt.Frame, index: int | None = None) -> int | None:
         axes = self.reading.axes
         if not self._complete(line, found, axes, ()):
             return None
-        return self.reading.add_joints(line, [found[axis] for axis in axes], index)
+        return self.reading.add_joints(line, [found[axis] for axis in axes], index, tool)
 
     def _pose(
         self,

@@ -3,16 +3,24 @@
 import re
 from collections.abc import Iterator
 
+import numpy as np
+
+from planner.common.units import Array, from_mm
 from planner.compensation.points import SENTENCE, is_service_name
 from planner.compensation.targets import TargetReading
 from planner.programs.dialect import Dialect
 from planner.programs.languages.pdl2 import Pdl2Move, parse
-from planner.programs.languages.statements import Lines, Routine, Statement
+from planner.programs.languages.statements import NUMBER, Lines, Routine, Statement
 
 _MANNER = re.compile(r"(?:ARM\s*\[\s*(?P<arm>\d+)\s*\]\s*)?(?:JOINT|LINEAR)?", re.IGNORECASE)
 _CLAUSES = re.compile(r"(?:ADVANCE\b)?\s*,?\s*(?:$|(?:WITH|TIL|UNTIL)\b)", re.IGNORECASE)
 _OWN_ARM = re.compile(r"^[ \t]*+PROGRAM\b[^\r\n]*\bPROG_ARM\s*=\s*(\w+)", re.IGNORECASE | re.MULTILINE)
 _ARM_CHANGED = re.compile(r"\$PROG_ARM\s*:?=", re.IGNORECASE)
+_SETS_TOOL = re.compile(r"\$TOOL\b[^=<>]*:=", re.IGNORECASE)
+_TOOL = re.compile(
+    rf"\$TOOL\s*:=\s*POS\(\s*(?P<x>{NUMBER})\s*,\s*(?P<y>{NUMBER})\s*,\s*(?P<z>{NUMBER})\s*(?:,[^()]*)?\)",
+    re.IGNORECASE,
+)
 _SHIFTED = re.compile(r"\b(?:CONV_TRACK|SENSOR_TRK|SENSOR_SET_OFST)\b|\$SENSOR_ENBL\s*:=", re.IGNORECASE)
 _TARGETED = re.compile(
     r"\b(?:MOVE(?:FLY)?|EXECUTE)\b|[{}]|(?<![\w$])\w+\s*:=\s*(?:POS|XTNDPOS|JNTP)\s*\(", re.IGNORECASE
@@ -31,7 +39,9 @@ def read(text: str, _dialect: Dialect, reading: TargetReading) -> None:
     arm = own[1] if own else "1"
     if changed := next((s.line for s in statements if _ARM_CHANGED.search(s.text)), 0):
         arm = f"set in line {changed}"
+    tool: Array | str = ""
     for statement in statements:
+        tool = _tool_after(statement, tool)
         if shifted := _SHIFTED.search(statement.text):
             said = f"{shifted[0]} found: what a belt or a sensor adds to the targets is not known here"
             reading.refuse(statement.line, said)
@@ -45,7 +55,19 @@ def read(text: str, _dialect: Dialect, reading: TargetReading) -> None:
         for line, said in inside:
             reading.leave(line, f"'{said}' found; {_ALLOWED}")
         if isinstance(statement, Pdl2Move):
-            _move(statement, rows[0][2], routine, arm, bool(inside), reading)
+            _move(statement, rows[0][2], routine, arm, bool(inside), reading, tool)
+
+
+def _tool_after(statement: Statement, tool: Array | str) -> Array | str:
+    """Return the tool in the flange (4, 4) [m] once a statement is run, or why it is not known; ``tool``: before."""
+    if not _SETS_TOOL.search(statement.text):
+        return tool
+    found = _TOOL.fullmatch(statement.text.strip())
+    if found is None:
+        return "$TOOL is no POS of plain numbers"
+    T_FT = np.eye(4)
+    T_FT[:3, 3] = from_mm([float(found[axis]) for axis in "xyz"])
+    return T_FT
 
 
 def _written_lines(text: str) -> list[str]:
@@ -60,7 +82,15 @@ def _rows(statement: Statement, written: list[str]) -> Iterator[tuple[int, str, 
         yield line, code, written[line - 1]
 
 
-def _move(move: Pdl2Move, said: str, routine: str, own_arm: str, unclear: bool, reading: TargetReading) -> None:
+def _move(
+    move: Pdl2Move,
+    said: str,
+    routine: str,
+    own_arm: str,
+    unclear: bool,
+    reading: TargetReading,
+    tool: Array | str,
+) -> None:
     line = move.line
     manner, n = _MANNER.fullmatch(move.how), reading.robot.n_joints
     if is_service_name(routine) or is_service_name(move.target):
@@ -74,4 +104,4 @@ def _move(move: Pdl2Move, said: str, routine: str, own_arm: str, unclear: bool, 
     elif move.numbers is None or len(move.numbers) != n:
         reading.leave(line, f"'{move.target}' found; {n} plain angles in degrees are corrected")
     else:
-        reading.add_joints(line, move.numbers)
+        reading.add_joints(line, move.numbers, tool=tool)

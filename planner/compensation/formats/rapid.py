@@ -217,7 +217,7 @@ class _RapidTargets:
         for pose in self.points.finish():
             assert isinstance(pose.value, list)
             if len(pose.value) == 12:
-                self._joints(pose.line, pose.value, pose.index)
+                self._joints(pose.line, pose.value, pose.uses, pose.index)
             else:
                 self._pose(pose.line, pose.value, pose.uses, pose.index)
 
@@ -242,7 +242,7 @@ class _RapidTargets:
         value = re.sub(rf"{_OPTIONS}\s*$", "", argument.text)
         name = re.fullmatch(r"[A-Za-z]\w*(?:\s*\{[^}]*\})?", value)
         if JOINT_TARGET.fullmatch(value):
-            return self._joints(line, _numbers(value, argument.start))
+            return self._joints(line, _numbers(value, argument.start), [use])
         if ROB_TARGET.fullmatch(value):
             return self._pose(line, _numbers(value, argument.start), [use])
         if name:
@@ -258,13 +258,16 @@ class _RapidTargets:
             self.reading.leave(line, f"'{value[:60]}' found as a target; a name or plain numbers are allowed")
         return None
 
-    def _joints(self, line: int, found: list[st.PlacedNumber], index: int | None = None) -> int | None:
+    def _joints(
+        self, line: int, found: list[st.PlacedNumber], uses: Sequence[pt.Use], index: int | None = None
+    ) -> int | None:
         found = found[: self.reading.robot.n_joints]
         if beyond := next((n for n in found if n.value > UNUSED_AXIS), None):
             said = f"an axis without an angle ({beyond.text[:20]})"
             self.reading.leave(line, f"{said} found; the robot has {len(found)} joints")
             return None
-        return self.reading.add_joints(line, found, index)
+        tool = pt.common_tool(uses, self.frames.default_frames("no move of this file uses it"))
+        return self.reading.add_joints(line, found, index, tool)
 
     def _pose(
         self, line: int, found: list[st.PlacedNumber], uses: Sequence[pt.Use], index: int | None = None
