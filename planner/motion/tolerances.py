@@ -8,6 +8,8 @@ FARTHEST_VERTEX = 1e3  # [m] from a mesh's own zero: nothing in a cell is a kilo
 FLAT_THICKNESS = 1e-6  # [m] below, a mesh encloses no space
 HULL_TOLERANCE = 1e-3  # [m] that a polytope may stand beyond the hull's faces before it gets more of them
 MOST_TRIANGLES = 50_000  # of a mesh as it is: with 200 000 the second engine takes a second a state
+BODY_GAP = 0.025  # [m] between bodies at a joint: shipped arms have up to 10 mm
+OTHER_ARM_GAP = 0.05  # [m] from which bodies that somebody wrote are another arm's
 OVERLAP_STATES = 256  # drawn states in all of which two bodies touch if they always do
 
 # ---- distances and proofs

@@ -12,6 +12,7 @@ from planner.design.discrimination.power import Discrimination
 from planner.design.discrimination.selection import DiscriminatingChoice
 from planner.design.observability.information import INDEX_RULES
 from planner.design.pose_selection import PoseChoice, warn_too_few_readings
+from planner.motion.collision.body_gaps import describe_body_gaps
 from planner.motion.collision.surroundings import (
     describe_parked_joints,
     describe_polytopes,
@@ -29,6 +30,7 @@ MEASURED = ("calibrate", "repeat")
 def session_notes(cell: Cell) -> tuple[str, ...]:
     """Return what of a session is not as a person might have asked for it."""
     collision = (
+        *describe_body_gaps(cell),
         *describe_unchecked_links(cell),
         *describe_parked_joints(cell),
         *unchecked_links_text(cell),

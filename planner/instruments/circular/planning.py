@@ -30,6 +30,7 @@ from planner.instruments.circular.plan import (
     measured_passes,
 )
 from planner.kinematics.inverse_kinematics import solve_pose_ik
+from planner.motion.collision.body_gaps import describe_body_gaps
 from planner.motion.collision.surroundings import describe_parked_joints, describe_unchecked_links, unchecked_links_text
 from planner.motion.path.connection import connect_poses
 from planner.motion.path.constraints import Constraints
@@ -78,6 +79,7 @@ class CircularSession:
                 first = 2 * sum(len(d.passes) for d in drives)
                 drives.append(self._join_circles(mounting, arcs, first, stages.limit))
         collision = (
+            *describe_body_gaps(self.cell),
             *describe_unchecked_links(self.cell),
             *describe_parked_joints(self.cell),
             *unchecked_links_text(self.cell),

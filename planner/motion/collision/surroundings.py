@@ -12,6 +12,7 @@ from planner.common.errors import InputError
 from planner.common.summary import Aside
 from planner.common.units import to_mm
 from planner.kinematics.bodies import Body
+from planner.motion.collision.body_gaps import refuse_foreign_bodies
 from planner.motion.collision.engines import CollisionWorld
 from planner.motion.collision.scene import (
     FLOOR,
@@ -29,7 +30,8 @@ SHOWN_PAIRS = 12  # of bodies that a message names
 
 
 def check_surroundings(cell: Cell) -> None:
-    """Refuse meshes of a size that no such body has, obstacles that nothing can reach, and a floor above the arm.
+    """Refuse meshes of a size that no such body has, bodies of another arm, obstacles that nothing can reach, and a
+    floor above the arm.
 
     Raises:
         InputError: naming the body, what was found, and which unit would make sense of it.
@@ -41,6 +43,7 @@ def check_surroundings(cell: Cell) -> None:
             _check_mesh(cell, piece)
         for body in cell.obstacles:
             _check_obstacle_distance(cell, body, reach)
+    refuse_foreign_bodies(cell)
     _check_floor(cell)
     _check_apart(cell)
 

@@ -1,0 +1,166 @@
+"""Whether the bodies of an arm hang together at its joints: those of another arm leave gaps that no check would see."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from planner.cell.cell import Cell
+from planner.common.errors import InputError
+from planner.common.units import Array, to_mm
+from planner.kinematics.bodies import rotation_from_z
+from planner.kinematics.geometry import pose
+from planner.kinematics.robot import Robot
+from planner.motion.collision.placed_shapes import PlacedShape
+from planner.motion.collision.scene import coal_shape
+from planner.motion.planning_packages import coal
+from planner.motion.tolerances import BODY_GAP, OTHER_ARM_GAP
+
+Placed = list[tuple[coal.CollisionGeometry, Array]]
+
+
+@dataclass(frozen=True)
+class BodyGap:
+    """Where the bodies of two links do not meet at the joints between them.
+
+    Attributes:
+        link: the one nearer to the base; ``after`` the next link that has bodies.
+        after: see above.
+        joint: number of the joint that ends ``link``.
+        apart: distance between the bodies of both links where these joints stand farthest apart [m].
+        short: how far the bodies of ``link`` end before the axis of the joint [m]; 0 where it slides. Alone it is no
+            gap: the housing of a joint may be the next link's.
+        by_hand: whether bodies of ``robot.toml`` are among them; those of a URDF are its maker's.
+    """
+
+    link: int
+    after: int
+    joint: int
+    apart: float
+    short: float
+    by_hand: bool
+
+    def text(self) -> str:
+        """Say it for a person."""
+        if self.short >= self.apart:
+            return (
+                f"the bodies of link {self.link} end {to_mm(self.short):.0f} mm before the axis of joint {self.joint}, "
+                f"up to {to_mm(self.apart):.0f} mm before those of link {self.after}"
+            )
+        return (
+            f"the bodies of links {self.link} and {self.after} are up to {to_mm(self.apart):.0f} mm apart at joint "
+            f"{self.joint}"
+        )
+
+
+def find_body_gaps(robot: Robot) -> tuple[BodyGap, ...]:
+    """Return where bodies of links that follow each other are farther than ``BODY_GAP`` from meeting at their joints.
+
+    Links without bodies are passed over, and so is what hangs beside the chain of a URDF.
+    """
+    shapes: dict[int, Placed] = {}
+    for link, body in robot.bodies:
+        if not body.branch:
+            shapes.setdefault(link, []).append((coal_shape(body), body.T))
+    by_hand = {link for link, body in robot.bodies if not body.part}
+    gaps = []
+    for link, after in pairwise(sorted(shapes)):
+        states = _states_between(robot, link, after)
+        apart = _widest_gap(robot, shapes, (link, after), states)
+        short = _shortfall(robot, shapes[link], link)
+        gaps.append(BodyGap(link, after, link + 1, apart, short, bool({link, after} & by_hand)))
+    return tuple(gap for gap in gaps if gap.apart > BODY_GAP)
+
+
+def refuse_foreign_bodies(cell: Cell) -> None:
+    """Refuse bodies of ``robot.toml`` that end far before the next joint: the proofs would be of another arm.
+
+    Raises:
+        InputError: naming the links, how far their bodies are from meeting, and what helps.
+    """
+    robot = cell.robot
+    gaps = [g for g in find_body_gaps(robot) if g.by_hand and g.after == g.joint and g.apart > OTHER_ARM_GAP]
+    if not gaps:
+        return
+    raise InputError(
+        f"{robot.path}: {'; '.join(g.text() for g in gaps)}: these [[bodies]] are another arm's, or the rows "
+        f"(convention '{robot.convention}', a_mm, d_mm, alpha_deg) are wrong, and a path free of collisions would be "
+        f"proven for an arm with holes; {_cure(robot)}"
+    )
+
+
+def describe_body_gaps(cell: Cell) -> tuple[str, ...]:
+    """Say where the arm has gaps that no check of collisions sees; none where it has none."""
+    gaps = find_body_gaps(cell.robot)
+    if not gaps:
+        return ()
+    return (
+        f"the arm's shape has gaps, where collisions are not seen: {'; '.join(g.text() for g in gaps)}; look at it in "
+        f"report.html, and add what is missing ([[bodies]] of {cell.robot.path.name})",
+    )
+
+
+def _cure(robot: Robot) -> str:
+    """Say how the bodies become those of this arm."""
+    return (
+        "give each link bodies that reach from its joint to the next (from_mm and to_mm in the frame of link), as the "
+        f"data sheet's drawing has it; or take all [[bodies]] out of {robot.path.name}: then bar and tool alone are "
+        "checked, and it is said"
+    )
+
+
+def _states_between(robot: Robot, link: int, after: int) -> Array:
+    """Return states (n, N) [rad] that try the joints between two links; the others stand in the middle of theirs."""
+    tried = 16  # states: at a joint the bodies are round enough that a sixteenth of its range shows where they part
+    lower, upper = (np.nan_to_num(end, posinf=np.pi, neginf=-np.pi) for end in robot.one_turn)
+    q = np.tile((lower + upper) / 2, (tried, 1))
+    shares = (np.arange(tried) + 0.5) / tried
+    between = range(link, min(after, robot.n_joints))
+    for k, joint in enumerate(between):
+        # one joint evenly; several as a lattice, each with another order of the same shares
+        share = shares if k == 0 else shares[(np.arange(tried) * (2 * k + 3)) % tried]
+        q[:, joint] = lower[joint] + (upper[joint] - lower[joint]) * share
+    return q
+
+
+def _widest_gap(robot: Robot, shapes: dict[int, Placed], links: tuple[int, int], q: Array) -> float:
+    """Return the largest distance between the bodies of two links over states (n, N) [m]; 0 where they always touch."""
+    frames = [_link_frames(robot, link, q) for link in links]
+    widest = 0.0
+    for one, other in zip(*frames, strict=True):
+        near, far = _place(shapes[links[0]], one), _place(shapes[links[1]], other)
+        widest = max(widest, min(_distance(a, b) for a in near for b in far))
+    return widest
+
+
+def _shortfall(robot: Robot, shapes: Placed, link: int) -> float:
+    """Return how far the bodies of a link are from the axis of the next joint [m]; 0 of a joint that slides."""
+    if link >= robot.n_joints or robot.slides[link]:
+        return 0.0
+    q = np.zeros((1, robot.n_joints))
+    stand, k = robot.chain.forward(robot.theta(q)), robot.chain.joint_places[link]
+    along = rotation_from_z(stand.u[k][:, 0])
+    axis = coal.Capsule(1e-9, 2 * sum(t.extent for t in robot.transforms if t.kind == "translation") + 1.0)
+    line = PlacedShape(axis, coal.Transform3s(along, np.array(stand.p[k][:, 0])))
+    return max(0.0, min(_distance(a, line) for a in _place(shapes, _link_frames(robot, link, q)[0])))
+
+
+def _link_frames(robot: Robot, link: int, q: Array) -> list[Array]:
+    """Return the frame of a link at each state (n, N), n poses (4, 4) [m]."""
+    ((R, p),) = robot.chain.frames(robot.theta(q), [robot.link_end[link]])
+    R, p = np.broadcast_to(R, (3, 3, len(q))), np.broadcast_to(p, (3, len(q)))
+    return [pose(R[:, :, i], p[:, i]) for i in range(len(q))]
+
+
+def _place(shapes: Placed, frame: Array) -> list[PlacedShape]:
+    at = [frame @ T for _, T in shapes]
+    return [
+        PlacedShape(shape, coal.Transform3s(np.array(T[:3, :3]), np.array(T[:3, 3])))
+        for (shape, _), T in zip(shapes, at, strict=True)
+    ]
+
+
+def _distance(a: PlacedShape, b: PlacedShape) -> float:
+    return float(coal.distance(a.shape, a.at, b.shape, b.at, coal.DistanceRequest(), coal.DistanceResult()))

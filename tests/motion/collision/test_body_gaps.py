@@ -1,0 +1,83 @@
+"""Bodies that another arm's rows tear apart: refused where somebody wrote them, said of a URDF, silent on real arms."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from planner.cell.reading import load_cell
+from planner.common.errors import InputError
+from planner.common.files import data_folder
+from planner.kinematics.robot_reader import list_robots, load_robot
+from planner.motion.collision.body_gaps import describe_body_gaps, find_body_gaps
+from planner.motion.collision.surroundings import check_surroundings
+
+KR6 = data_folder("robots") / "kuka-kr6-r700"
+
+
+def lengthened(tmp_path, **lengths):
+    """Return a cell of the shipped KR 6 with other lengths in its rows, and its bodies as they were."""
+    text = (KR6 / "robot.toml").read_text()
+    for key, (old, new) in lengths.items():
+        text, n = re.subn(rf"^{key} = {old}$", f"{key} = {new}", text, flags=re.MULTILINE)
+        assert n == 1
+    (tmp_path / "robot.toml").write_text(text)
+    cell = (KR6 / "cells/edbb.toml").read_text().replace('robot = "kuka-kr6-r700"', 'robot = "robot.toml"')
+    (tmp_path / "cell.toml").write_text(cell)
+    return load_cell(str(tmp_path / "cell.toml"))
+
+
+@pytest.mark.parametrize("name", list_robots())
+def test_no_shipped_arm_has_a_gap(name):
+    assert find_body_gaps(load_robot(name)) == ()
+
+
+def test_an_upper_arm_that_ends_before_the_elbow_is_refused(tmp_path):
+    """The axis of joint 3 is parallel to z of frame 2, 680 mm along x; the old elbow ends at 315 + 82."""
+    cell = lengthened(tmp_path, a_mm=("315.0", "680.0"))
+    with pytest.raises(InputError, match=r"robot\.toml: the bodies of link 2 end 283 mm before the axis of joint 3"):
+        check_surroundings(cell)
+
+
+def test_a_forearm_that_hangs_at_the_wrist_alone_is_refused(tmp_path):
+    """The axis of joint 4 runs through the old forearm wherever it ends: the bodies of links 3 and 4 tell it."""
+    cell = lengthened(tmp_path, d_mm=("-365.0", "-670.0"))
+    with pytest.raises(InputError, match=r"links 3 and 4 are up to \d\d\d mm apart at joint 4.*another arm's"):
+        check_surroundings(cell)
+
+
+def test_a_small_gap_is_said_and_not_refused(tmp_path):
+    """The elbow's own capsule of 97 mm begins 5 mm off the axis: of 525 mm, 397 and at the worst 92 are covered."""
+    cell = lengthened(tmp_path, a_mm=("315.0", "525.0"))
+    check_surroundings(cell)
+    (said,) = describe_body_gaps(cell)
+    assert re.search(r"link 2 end 128 mm before the axis of joint 3, up to 3[56] mm before those of link 3", said)
+
+
+def test_a_joint_whose_housing_is_the_next_link_s_is_no_gap(tmp_path):
+    cell = lengthened(tmp_path, a_mm=("315.0", "475.0"))  # 78 mm before the axis, which the elbow's capsule fills
+    assert describe_body_gaps(cell) == ()
+
+
+def test_bodies_of_a_urdf_are_spoken_of_and_not_refused(tmp_path):
+    cell = lengthened(tmp_path, a_mm=("315.0", "680.0"))
+    own = tuple((link, replace(body, part=f"link_{link}")) for link, body in cell.robot.bodies)
+    cell = replace(cell, robot=replace(cell.robot, bodies=own))
+    check_surroundings(cell)
+    assert "283 mm before the axis of joint 3" in describe_body_gaps(cell)[0]
+
+
+def test_a_link_without_bodies_is_passed_over():
+    robot = load_robot("kuka-kr6-r700")
+    some = tuple((link, body) for link, body in robot.bodies if link != 5)
+    assert find_body_gaps(replace(robot, bodies=some)) == ()
+    assert find_body_gaps(replace(robot, bodies=())) == ()
+    assert len(some) < len(robot.bodies)
+
+
+def test_where_the_arm_stands_says_nothing():
+    """A gap is one of the arm, not of a state: the turned base and other limits leave it as it is."""
+    robot = load_robot("kuka-kr6-r700")
+    moved = replace(robot, q_lower=robot.q_lower + 0.3, q_upper=np.minimum(robot.q_upper, 2.0))
+    assert find_body_gaps(moved) == ()
