@@ -33,14 +33,15 @@ class CorrectionMark:
         simulated: whether the model comes of a simulated run; ``None`` where nothing beside it tells.
         day: of the model, or the one that the person has named; ``None`` where there is none.
         zeros: joints, from 1, whose zeros were set in the controller, so that they are not corrected for.
-        byte_hashes: SHA-256 of the bytes of ``robot.toml``, which earlier versions wrote into the mark.
+        former_hashes: those that earlier versions wrote into the mark: of the bytes of ``robot.toml``, and of all that
+            it says, the axes of controllers too.
     """
 
     model_hash: str
     simulated: bool | None = None
     day: date | None = None
     zeros: tuple[int, ...] = ()
-    byte_hashes: tuple[str, ...] = ()
+    former_hashes: tuple[str, ...] = ()
 
     def sentence(self, robot: str) -> str:
         """Return what the head of the corrected file says; its first two words are the mark."""
@@ -52,7 +53,7 @@ class CorrectionMark:
 
     def is_of(self, found: str) -> bool:
         """Tell whether a hash that was found, all of its digits or the first ones, is that of this model."""
-        return any(known.startswith(found[:HASH_DIGITS]) for known in (self.model_hash, *self.byte_hashes))
+        return any(known.startswith(found[:HASH_DIGITS]) for known in (self.model_hash, *self.former_hashes))
 
 
 def refuse_second_correction(name: str, text: str, mark: CorrectionMark, again: bool) -> None:

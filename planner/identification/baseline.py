@@ -9,7 +9,6 @@ tracker's frame, is found from the later run itself: nothing that it could take 
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from hashlib import sha256
 from pathlib import Path
 from typing import Literal
 
@@ -23,7 +22,6 @@ from planner.cell.placement import FREEABLE
 from planner.cell.setup import MeasurementSetup, setup_of
 from planner.common.determinism import even_positions
 from planner.common.errors import InputError
-from planner.common.files import has_hash, read_bytes
 from planner.common.schema import StrictModel, read_json, validate
 from planner.common.units import Array, few_digits
 from planner.effects.effect import Parameter
@@ -32,6 +30,7 @@ from planner.identification.calibrated_robot import MovedBy, describe_moves, eff
 from planner.identification.noise import Noise, Whitener
 from planner.identification.released_robot import ReleasedRobot
 from planner.kinematics.bodies import Vector
+from planner.kinematics.robot_hash import is_model_of, model_text_hash
 from planner.model.model import Model
 from planner.runs.run import Run, Samples
 
@@ -51,7 +50,7 @@ class BaselineFile(StrictModel):
     """The file.
 
     Attributes:
-        robot_sha256: of the ``robot.toml`` that it belongs to.
+        robot_sha256: of the ``robot.toml`` that it belongs to, as in ``expected_error.json``.
         fixtures: names of the places, and where the values of their parameters count from [m].
         points: the same of the tool's points, in the flange frame.
         turns: how probes are turned on the flange (rotation vector) [rad], where the gauge reads orientations.
@@ -113,7 +112,7 @@ def baseline_text(released: ReleasedRobot, freedom: float, run: Run, cell: Cell,
     content = {
         "schema": "edbb-posterior/1",
         "robot": robot,
-        "robot_sha256": sha256(robot_toml.encode()).hexdigest(),
+        "robot_sha256": model_text_hash(robot_toml),
         "gauge": gauge,
         "fixtures": {n: (setup.gauge.lasting_places(setup) or {})[n].tolist() for n in places},
         "points": {n: p.tolist() for n, p in zip(points, setup.p_FM, strict=True)},
@@ -184,7 +183,7 @@ class Baseline:
                 "tool point (and a bar's fixtures), where the posterior came to rest; identify the run again"
             )
         file = validate(read_json(path), BaselineFile, str(path))
-        if not has_hash(read_bytes(folder / "robot.toml"), file.robot_sha256):
+        if not is_model_of(folder / "robot.toml", file.robot_sha256):
             raise InputError(f"{path} belongs to another robot.toml: one of the two was changed; identify again")
         return cls.of(file, cell, str(path))
 

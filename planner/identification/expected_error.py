@@ -10,7 +10,6 @@ import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from hashlib import sha256
 from pathlib import Path
 from typing import Literal
 
@@ -20,7 +19,6 @@ from pydantic import Field
 from planner.cell.setup import MeasurementSetup
 from planner.common.determinism import even_positions
 from planner.common.errors import InputError
-from planner.common.files import has_hash, read_bytes
 from planner.common.schema import StrictModel, read_json, validate
 from planner.common.units import Array, few_digits, from_deg, from_mm, read_only, to_deg, to_mm
 from planner.effects.effect import Parameter
@@ -29,6 +27,7 @@ from planner.identification.error_parts import error_parts
 from planner.identification.released_robot import ReleasedRobot, ToolMap, moving_effects
 from planner.kinematics.bodies import Vector
 from planner.kinematics.robot import Robot
+from planner.kinematics.robot_hash import is_model_of, model_text_hash
 from planner.model.model import chunks
 from planner.model.tool_error import tool_rows, tool_setup
 from planner.runs.run import Run, Samples
@@ -82,7 +81,8 @@ class ExpectedErrorFile(StrictModel):
     """The file.
 
     Attributes:
-        robot_sha256: of the ``robot.toml`` that it belongs to.
+        robot_sha256: of what the ``robot.toml`` that it belongs to says, however controllers count its axes (of older
+            files: of its bytes).
         tool_mm: measured tool point in the flange frame of the released robot.
         parameters: P that move the tool.
         nominal, geometry, released: values of the three robots less what the run expects, (P,) [m, rad, …].
@@ -116,7 +116,7 @@ class ExpectedErrorFile(StrictModel):
 
 def expected_error_text(content: ExpectedErrorContent, robot_toml: str, mounting: str = "") -> str:
     """Return the text of the file that goes with ``robot_toml``; ``mounting``: name of the set-up of the last run."""
-    whole = {**content, "robot_sha256": sha256(robot_toml.encode()).hexdigest()}
+    whole = {**content, "robot_sha256": model_text_hash(robot_toml)}
     if isinstance(gauge := whole.get("gauge"), dict):
         whole["gauge"] = {**gauge, "mounting": mounting}
     return json.dumps(whole, ensure_ascii=False, allow_nan=False) + "\n"
@@ -249,8 +249,12 @@ class ExpectedError:
         if not path.is_file():
             return f"no {NAME} lies beside {robot_file.name} ('edbb identify' writes both)"
         file = validate(read_json(path), ExpectedErrorFile, str(path))
-        if not has_hash(read_bytes(robot_file), file.robot_sha256):
-            return f"{NAME} belongs to another {robot_file.name}: one of them was changed or exchanged"
+        if not is_model_of(robot_file, file.robot_sha256):
+            return (
+                f"{NAME} belongs to another {robot_file.name}: one of them was exchanged, or changed in more than how "
+                f"controllers count ([controllers]); one of an earlier version holds for {robot_file.name} as it was "
+                "written, to the byte: identify again"
+            )
         found = cls(file, robot)
         found.check(path)
         return found

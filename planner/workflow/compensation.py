@@ -33,7 +33,7 @@ from planner.identification.calibrated_robot import CalibratedRobot
 from planner.identification.expected_error import ExpectedError
 from planner.identification.zeros_set import set_zeros
 from planner.kinematics.robot import Robot
-from planner.kinematics.robot_hash import robot_hash
+from planner.kinematics.robot_hash import former_robot_hash, robot_hash
 from planner.kinematics.robot_reader import list_robots, load_robot
 from planner.workflow.compensate_call import CompensateCall
 
@@ -208,7 +208,8 @@ def _read_model(path: Path) -> _Model:
         )
     known = ExpectedError.read(robot, path)
     day = _build_day() or datetime.fromtimestamp(robot.path.stat().st_mtime, UTC).date()
-    mark = CorrectionMark(robot_hash(robot), _is_simulated(robot), day, byte_hashes=_byte_hashes(robot.path))
+    former = (former_robot_hash(robot), *_byte_hashes(robot.path))
+    mark = CorrectionMark(robot_hash(robot), _is_simulated(robot), day, former_hashes=former)
     return _Model(robot, known, mark)
 
 

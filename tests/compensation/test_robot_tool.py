@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from planner.common.files import data_folder
+from planner.kinematics.robot_hash import model_text_hash
 from planner.kinematics.robot_reader import load_robot
 from tests.command import edbb
 from tests.compensation.robots import exact, pin_flange
@@ -129,11 +130,11 @@ PROGRAMS = {  # one joint target each, driven with the tool that is filled in [m
 }
 
 
-def with_known_errors(model):
+def with_known_errors(model, digest=model_text_hash):
     """The file of expected errors beside a model: 0.3 mm with the measured tool, 1.8 mm with any other."""
     content = {
         "schema": "edbb-expected-error/1", "robot": NAME, "tool_mm": TOOL.tolist(), "parameters": [{"name": "a2"}],
-        "robot_sha256": sha256(model.read_bytes()).hexdigest(), "nominal": [0.02], "geometry": [0.0],
+        "robot_sha256": digest(model.read_text()), "nominal": [0.02], "geometry": [0.0],
         "released": [0.0], "spread": [[1e-9]], "rest_mm": 0.3, "rest_other_mm": 1.8,
         "states_deg": np.degrees(Q).tolist(),
     }  # fmt: skip
@@ -152,3 +153,32 @@ def test_the_error_of_joint_targets_is_that_of_the_tool_that_their_program_says(
         off = "the program's tool (12.0, -7.5, 309.4) mm on 1 line ({}) is another tool (158 mm away)"
         line = PROGRAMS[name][: re.search(r"PTP|Move|MOVE|movej", PROGRAMS[name]).start()].count("\n") + 1
         assert (off.format(line) in told) == (tool is FAR)
+
+
+ADDED = '[controllers.urscript]\nsame = true\nsource = "jogged at the robot on 2026-03-02"\n'
+
+
+def test_how_a_controller_counts_makes_no_other_robot_and_a_length_does(model, tmp_path):
+    """What the refusal of a program advises to add leaves the statement of the error, and the mark, as they are."""
+    with_known_errors(model)
+    (tmp_path / "t.script").write_text(PROGRAMS["t.script"].format(*TOOL, *(TOOL * 1e-3)))
+    words = ("compensate", tmp_path / "t.script", "--model", model, "-o", "-")
+    first, text = edbb(*words), model.read_text()
+    assert "urscript" not in text
+    model.write_text(text + ADDED)
+    again = edbb(*words)
+    for done in (first, again):
+        assert (done.returncode, bool(re.search(r"tool error  \S+ → 0.300 mm", done.stderr))) == (0, True), done.stderr
+    assert again.stdout == first.stdout
+    model.write_text(text.replace("a_mm = 315.4", "a_mm = 315.5"))
+    assert "expected_error.json belongs to another robot.toml" in " ".join(edbb(*words).stderr.split())
+
+
+@pytest.mark.parametrize("added", ["", ADDED])
+def test_a_statement_of_an_earlier_version_holds_for_the_bytes_that_it_was_written_with(added, model, tmp_path):
+    with_known_errors(model, lambda text: sha256(text.encode()).hexdigest())
+    (tmp_path / "t.src").write_text(PROGRAMS["t.src"].format(*TOOL))
+    model.write_text(model.read_text() + added)
+    told = " ".join(edbb("compensate", tmp_path / "t.src", "--model", model, "-o", "-").stderr.split())
+    assert ("→ 0.300 mm" in told) == (not added)
+    assert ("to the byte: identify again" in told) == bool(added)

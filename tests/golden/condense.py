@@ -15,6 +15,7 @@ ROWS = 6  # of a table or of a list of objects that are kept whole
 LINES = 12  # of a program
 NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
 VOLATILE = {"timings.json"}
+MADE_OF_OTHERS = {"robot_sha256": "of what robot.toml says"}  # whose last digit is another on another processor
 
 
 def condense(path):
@@ -46,7 +47,7 @@ def text(data):
 def short(value):
     """The value with long lists summed up, and numbers with fifteen digits."""
     if isinstance(value, dict):
-        return {k: short(v) for k, v in value.items()}
+        return {k: MADE_OF_OTHERS[k] if k in MADE_OF_OTHERS and v else short(v) for k, v in value.items()}
     if isinstance(value, list):
         return _list(value)
     return float(f"{value:.14g}") if isinstance(value, float) and math.isfinite(value) else value

@@ -3,7 +3,6 @@
 import json
 import tomllib
 from dataclasses import replace
-from hashlib import sha256
 from types import SimpleNamespace as Of
 
 import numpy as np
@@ -15,6 +14,7 @@ from planner.design.expected_errors import error_limit
 from planner.instruments.live_estimate import LiveEstimate, PoseReading, mean_errors
 from planner.instruments.more_poses import foresee_more_poses
 from planner.instruments.remaining_errors import CalibratedState, RemainingErrors, leave_standing
+from planner.kinematics.robot_hash import model_text_hash
 from planner.model.identification_document import Finding
 from planner.runs.run import FIRST_MOUNTING, Samples
 from planner.session.movable_cell import cell_files
@@ -176,7 +176,7 @@ def test_what_the_file_says_is_made_once(tmp_path, known, monkeypatch):
     monkeypatch.setattr(identification, "expected_error_content", None)  # not asked again
     known.found.write_robot(tmp_path)
     written = json.loads((tmp_path / "expected_error.json").read_text())
-    assert written["robot_sha256"] == sha256((tmp_path / "robot.toml").read_bytes()).hexdigest()
+    assert written["robot_sha256"] == model_text_hash((tmp_path / "robot.toml").read_text())
     assert written["gauge"]["mounting"] == "monday"
     left_open = {"robot_sha256": "", "gauge": {**written["gauge"], "mounting": ""}}
     assert {**written, **left_open} == json.loads(json.dumps(known.found.errors_content))
