@@ -7,6 +7,7 @@ import typer
 from rich.table import Table
 
 from planner.cli.terminal import PLAINLY, Json, Manner, SafeConsole, errors, print_json, print_next
+from planner.common.console import as_word
 from planner.common.errors import InputError, printable
 from planner.common.summary import fact_lines
 
@@ -28,12 +29,7 @@ def robots_command(
     if (robot is None) != (output is None):
         raise InputError("a robot is copied by its name and a folder together: edbb robots kuka-kr6-r700 -o mine")
     if robot is not None and output is not None:
-        from planner.workflow.robot_copy import copy_robot
-
-        files = copy_robot(robot, output, manner.force)
-        cell = next((str(f) for f in files if f.name != "robot.toml"), "CELL")
-        errors.print("\n".join(fact_lines([("written to", f"{output}: {', '.join(f.name for f in files)}")])))
-        print_next(f"change robot.toml and the cell into yours, then: edbb plan {cell} -o plan")
+        _copy(robot, output, manner.force)
         return
     from planner.cell.reading import shipped_cells
     from planner.kinematics.robot_reader import list_robots, load_robot
@@ -53,6 +49,25 @@ def robots_command(
         payload = "" if r.payload is None else f"{r.payload:g} kg"
         table.add_row(name, printable(r.title), str(r.n_joints), payload, ", ".join(cells[name]))
     SafeConsole(width=WIDE_SIGNS).print(table)
+
+
+def _copy(robot: str, output: Path, force: bool) -> None:
+    """Write the files of a robot, and say what they lack and what comes next."""
+    from planner.kinematics.robot_reader import describe_robot
+    from planner.workflow.robot_copy import ROBOT_FILE, copy_robot
+
+    files = copy_robot(robot, output, force)
+    facts = [("written to", f"{output}: {', '.join(f.name for f in files)}")]
+    cells = [f for f in files if f.name != ROBOT_FILE]
+    if not describe_robot(files[0]).bodies:
+        bare = f"no collision check would see this arm: add [[bodies]] to {files[0]}, a capsule a link"
+        facts.append(("no bodies", f"{bare} (how to guess them: docs/tutorials/kuka-bar.md)"))
+    if not cells:
+        facts.append(("no cell", f'write one beside it (docs/how-to/cell.md), with robot = "{ROBOT_FILE}"'))
+    errors.print("\n".join(fact_lines(facts)))
+    what = f"{ROBOT_FILE} and the cell" if cells else ROBOT_FILE
+    cell = cells[0] if cells else output / "cell.toml"
+    print_next(f"change {what} into yours, then: edbb plan {as_word(cell)} -o plan")
 
 
 def dialects_command(as_json: Json = False) -> None:

@@ -198,7 +198,7 @@ def _plan_facts(plan: CircularPlan) -> tuple[Row, ...]:
         ("circles", str(len(arcs)), ", ".join(a.circle.name for a in arcs)),
         ("passes", str(measured), "measured, with run-up and overshoot"),
         ("driving", duration_text(sum(c.duration for c in plan.courses)), "with the bar on"),
-        clearance_fact(plan.verdicts),
+        clearance_fact(plan.verdicts, plan.cell),
     )
 
 

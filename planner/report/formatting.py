@@ -145,7 +145,8 @@ def verdict_rows(what: str, verdicts: Sequence[Verdict], cell: Cell) -> list[tup
     ]
 
 
-def clearance_fact(verdicts: Sequence[Verdict]) -> tuple[str, str, str]:
+def clearance_fact(verdicts: Sequence[Verdict], cell: Cell) -> tuple[str, str, str]:
     """Say how near any pair of bodies comes: (what, value, remark)."""
     engines = ", ".join(dict.fromkeys(v.engine for v in verdicts))
-    return ("clearance", f"{float(to_mm(min(v.clearance for v in verdicts))):.1f} mm", f"found by {engines}")
+    bare = "" if cell.robot.bodies else f" without the arm: {cell.robot.name} has no bodies"
+    return ("clearance", f"{float(to_mm(min(v.clearance for v in verdicts))):.1f} mm", f"found by {engines}{bare}")

@@ -96,7 +96,7 @@ def _drive_facts(plan: Plan) -> tuple[Row, Row]:
     both = "both ways, " if motion.both_ways and motion.is_continuous else ""
     return (
         ("driving", text.duration_text(driving), f"{both}{motion.measure}"),
-        text.clearance_fact([v for d in plan.drives for v in d.verdicts]),
+        text.clearance_fact([v for d in plan.drives for v in d.verdicts], plan.cell),
     )
 
 

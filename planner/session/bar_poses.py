@@ -112,9 +112,6 @@ class BarPoses(PoseSession):
             )
             if count:
                 self.notes.append(Aside(f"{count} chosen poses that no path joins to the mount pose were replaced"))
-            if not cell.robot.bodies:
-                checked = f"only the {cell.gauge.noun} and the tool were checked against the surroundings"
-                self.notes.append(f"{cell.robot.name} has no collision bodies: {checked}")
             if chosen.expected_error and cell.plan.refine:
                 unknown = chosen.expected_error.unknown
                 return self._move_joined_poses(

@@ -15,6 +15,7 @@ from planner.common.summary import Fact, Summary
 from planner.common.units import to_deg, to_mm
 from planner.instruments.circular.document import CircularDocument, circular_document, load_circular_plan
 from planner.instruments.circular.plan import CircularPlan, circle_samples
+from planner.motion.collision.body_gaps import clearance_text
 from planner.runs.run import Samples
 from planner.session.evaluations import evaluation_of
 from planner.session.options import PlanOptions
@@ -65,8 +66,8 @@ def circular_overview(plan: CircularPlan) -> Summary:
         sweep = f"{to_deg(c.sweep):g}° from {to_deg(c.start):g}°, {' and '.join(c.directions)}{loads}"
         facts.append((c.name, f"{c.plane}, radius {to_mm(c.radius):g} mm, {sweep}, {to_mm(c.speed):.4g} mm/s; {bar}"))
         facts.append(("", a.told))
-    clearance = to_mm(min(v.clearance for v in plan.verdicts))
-    facts.append(("drive", f"{minutes:.0f} min; nearest bodies {clearance:.1f} mm apart, proven by two engines"))
+    clearance = min(v.clearance for v in plan.verdicts)
+    facts.append(("drive", f"{minutes:.0f} min; {clearance_text(plan.cell, clearance)}"))
     count = number_of(len(arcs), "circle")
     return Summary(f"{plan.cell.name}: circular test on {count}, plan {plan.plan_id}", facts, notes=plan.notes)
 

@@ -9,6 +9,7 @@ from planner.design.bayesian_design import BayesianDesign, ErrorByNumber, anothe
 from planner.design.observability.identifiability import DroppedParameter
 from planner.design.observability.information import INDEX_RULES
 from planner.design.pose_selection import describe_pruning
+from planner.motion.collision.body_gaps import clearance_text
 from planner.session.plan_record import UnprovenPoses
 from planner.session.plan_types import Plan
 from planner.session.tour_cost import cost_name
@@ -22,7 +23,7 @@ def plan_overview(plan: Plan) -> Summary:
     return Summary(
         f"{plan.cell.name}: {_numbers_of_poses(plan, roles)}, plan {plan.plan_id}",
         [
-            ("drive", f"{minutes:.0f} min; nearest bodies {_clearance_mm(plan):.1f} mm apart, proven by two engines"),
+            ("drive", f"{minutes:.0f} min; {clearance_text(plan.cell, min(d.clearance for d in plan.drives))}"),
             *(_error_facts(plan.expected_error) if plan.expected_error else _index_facts(plan)),
             *_unseen(plan.choice.seen.dropped, len(plan.choice.seen.names)),
             *(("tells apart", text) for text in said[:1]),
@@ -30,10 +31,6 @@ def plan_overview(plan: Plan) -> Summary:
         list(_details(plan, said)),
         plan.notes,
     )
-
-
-def _clearance_mm(plan: Plan) -> float:
-    return float(to_mm(min(d.clearance for d in plan.drives)))
 
 
 def _numbers_of_poses(plan: Plan, roles: Sequence[str]) -> str:

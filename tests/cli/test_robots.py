@@ -27,7 +27,9 @@ def same_robot(one, other):
 
 @pytest.mark.parametrize("name", list_robots())
 def test_a_copied_robot_is_the_robot_with_its_cells(tmp_path, name):
-    assert edbb("robots", name, "-o", tmp_path / "mine").returncode == 0
+    done = edbb("robots", name, "-o", tmp_path / "mine")
+    assert done.returncode == 0
+    assert "no bodies" not in done.stderr
     same_robot(load_robot(tmp_path / "mine/robot.toml"), load_robot(name))
     cells = sorted(p.stem for p in (tmp_path / "mine").glob("*.toml") if p.name != "robot.toml")
     assert [f"{name}/{cell}" for cell in cells] == [c for c in shipped_cells() if c.startswith(f"{name}/")]
@@ -41,6 +43,10 @@ def test_a_table_of_rows_becomes_a_file_with_room_for_the_controller(tmp_path):
     (tmp_path / "kr10.csv").write_text(ROWS)
     done = edbb("robots", tmp_path / "kr10.csv", "-o", tmp_path / "kr10")
     assert done.returncode == 0
+    screen = " ".join(done.stderr.split())
+    assert "no collision check would see this arm: add [[bodies]] to" in screen
+    assert "and the cell into yours" not in screen
+    assert "change robot.toml into yours" in screen
     file = tmp_path / "kr10/robot.toml"
     same_robot(load_robot(file), load_robot(tmp_path / "kr10.csv"))
     text = file.read_text()

@@ -84,7 +84,7 @@ class CircularSession:
             *describe_parked_joints(self.cell),
             *unchecked_links_text(self.cell),
         )
-        notes = (*load_notes(self.cell), *_path_notes(self.cell, drives), *collision)
+        notes = (*load_notes(self.cell), *_path_notes(drives), *collision)
         return CircularPlan(cell=self.cell, seed=self.seed, drives=tuple(drives), notes=notes)
 
     def record(self, plan: CircularPlan) -> dict[str, object]:
@@ -160,10 +160,9 @@ def load_notes(cell: Cell) -> list[str]:
     return notes
 
 
-def _path_notes(cell: Cell, drives: Sequence[CircularDrive]) -> list[str]:
-    """Say of a robot that was not checked itself, and of circles that are not driven at their speed all along."""
-    bare = f"{cell.robot.name} has no collision bodies: only bar and tool were checked against the surroundings"
-    notes = [] if cell.robot.bodies else [bare]
+def _path_notes(drives: Sequence[CircularDrive]) -> list[str]:
+    """Say of circles that are not driven at their speed all along."""
+    notes = []
     for arc in (a for d in drives for a in d.arcs):
         slowest = arc.slowest_on_sweep / arc.circle.speed
         if slowest < 0.99:

@@ -91,15 +91,33 @@ def refuse_foreign_bodies(cell: Cell) -> None:
     )
 
 
+def clearance_text(cell: Cell, clearance: float) -> str:
+    """Say how near bodies come [m], and of what that is proven: of bar and tool alone where the arm has no bodies."""
+    mm = f"{to_mm(clearance):.1f} mm"
+    if not cell.robot.bodies:
+        return f"only {_carried_text(cell)} checked, {mm} from the rest: {cell.robot.name} has no bodies"
+    holes = ", of an arm with gaps (see the note)" if find_body_gaps(cell.robot) else ""
+    return f"nearest bodies {mm} apart, proven by two engines{holes}"
+
+
 def describe_body_gaps(cell: Cell) -> tuple[str, ...]:
-    """Say where the arm has gaps that no check of collisions sees; none where it has none."""
-    gaps = find_body_gaps(cell.robot)
+    """Say where the arm has gaps, or no body at all, so that no check of collisions sees it; else nothing."""
+    robot = cell.robot
+    if not robot.bodies:
+        where = f"[[bodies]] of {robot.path.name} add" if robot.path.suffix == ".toml" else "a robot.toml can add"
+        checked = f"only {_carried_text(cell)} checked against the surroundings, and the arm itself may meet anything"
+        return (f"{robot.name} has no collision bodies: {checked}; {where} them (docs/tutorials/kuka-bar.md)",)
+    gaps = find_body_gaps(robot)
     if not gaps:
         return ()
     return (
         f"the arm's shape has gaps, where collisions are not seen: {'; '.join(g.text() for g in gaps)}; look at it in "
-        f"report.html, and add what is missing ([[bodies]] of {cell.robot.path.name})",
+        f"report.html, and add what is missing ([[bodies]] of {robot.path.name})",
     )
+
+
+def _carried_text(cell: Cell) -> str:
+    return f"the {cell.gauge.noun} and the tool were" if cell.has_bar() else "the tool was"
 
 
 def _cure(robot: Robot) -> str:

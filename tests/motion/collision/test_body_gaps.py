@@ -10,7 +10,7 @@ from planner.cell.reading import load_cell
 from planner.common.errors import InputError
 from planner.common.files import data_folder
 from planner.kinematics.robot_reader import list_robots, load_robot
-from planner.motion.collision.body_gaps import describe_body_gaps, find_body_gaps
+from planner.motion.collision.body_gaps import clearance_text, describe_body_gaps, find_body_gaps
 from planner.motion.collision.surroundings import check_surroundings
 
 KR6 = data_folder("robots") / "kuka-kr6-r700"
@@ -81,3 +81,14 @@ def test_where_the_arm_stands_says_nothing():
     robot = load_robot("kuka-kr6-r700")
     moved = replace(robot, q_lower=robot.q_lower + 0.3, q_upper=np.minimum(robot.q_upper, 2.0))
     assert find_body_gaps(moved) == ()
+
+
+def test_the_clearance_of_an_arm_without_bodies_claims_nothing_of_the_arm(tmp_path):
+    cell = lengthened(tmp_path)
+    assert clearance_text(cell, 0.0101) == "nearest bodies 10.1 mm apart, proven by two engines"
+    bare = replace(cell, robot=replace(cell.robot, bodies=()))
+    said = clearance_text(bare, 0.3038)
+    assert said == ("only the bar and the tool were checked, 303.8 mm from the rest: kuka-kr6-r700 has no bodies")
+    assert "[[bodies]] of robot.toml add them" in describe_body_gaps(bare)[0]
+    torn = lengthened(tmp_path, a_mm=("315.0", "525.0"))
+    assert clearance_text(torn, 0.01).endswith("proven by two engines, of an arm with gaps (see the note)")
