@@ -13,7 +13,8 @@ from planner.kinematics.robot_reader import describe_robot, list_robots
 ROBOT_FILE = "robot.toml"
 CHANGED_HEAD = """\
 # Copied from the shipped robot {name}, to be changed into yours: name, title, and from the data sheet a_mm, d_mm,
-# limit_deg, speed_deg_s. [sources] say where the old numbers came from: say where yours do.
+# limit_deg, speed_deg_s. All sources say that they are of a copy: write there where your numbers come from.
+# How the controller counts its axes ([controllers.*]) is copied too: check it at the robot (docs/how-to/robot.md).
 # Where a length changes, the bodies of that link change with it: the collision check knows the arm by them alone.
 
 """
@@ -54,9 +55,22 @@ def _shipped_files(name: str) -> dict[str, str]:
     cells = {p.name: read_utf8(p) for p in sorted((shipped / "cells").glob("*.toml"))}
     named = re.compile(rf'^robot = "{re.escape(name)}"', re.MULTILINE)
     return {
-        ROBOT_FILE: CHANGED_HEAD.format(name=name) + read_utf8(shipped / ROBOT_FILE),
+        ROBOT_FILE: CHANGED_HEAD.format(name=name) + _with_sources_of_copy(read_utf8(shipped / ROBOT_FILE), name),
         **{cell: named.sub(f'robot = "{ROBOT_FILE}"', text) for cell, text in cells.items()},
     }
+
+
+def _with_sources_of_copy(text: str, name: str) -> str:
+    """Return a ``robot.toml`` whose sources all say that they are a copy's: programs and documents cite them.
+
+    A person who changes rows and forgets the sources would else have another arm's data sheet vouch for them.
+    """
+    copied = f"copied from {name}, renew: "
+    head, mark, rest = text.partition("\n[sources]\n")
+    topics, bracket, tables = rest.partition("\n[")
+    topics = re.sub(r'^(\w+ = ")', rf"\g<1>{copied}", topics, flags=re.MULTILINE)
+    tables = re.sub(r'^(source = ")', rf"\g<1>{copied}", tables, flags=re.MULTILINE)
+    return head + mark + topics + bracket + tables
 
 
 def _table_files(path: Path) -> dict[str, str]:

@@ -4,6 +4,9 @@ import pytest
 
 from planner.cell.reading import load_cell, shipped_cells
 from planner.kinematics.robot_reader import list_robots, load_robot
+from planner.programs.dialect import load_dialect
+from planner.session.cell_checks import check_cell
+from planner.workflow.robot_copy import copy_robot
 from tests.command import edbb
 
 ROWS = """# convention: mdh
@@ -37,6 +40,25 @@ def test_a_copied_robot_is_the_robot_with_its_cells(tmp_path, name):
         mine, shipped = load_cell(tmp_path / f"mine/{cell}.toml"), load_cell(f"{name}/{cell}")
         assert mine.robot.path == tmp_path / "mine/robot.toml"
         assert (mine.home == shipped.home).all()
+
+
+@pytest.mark.parametrize("name", list_robots())
+def test_a_copy_cites_no_source_as_its_own(tmp_path, name):
+    """A program's head and a calibrated robot cite the sources: of a copy that was changed they would be untrue."""
+    copy_robot(name, tmp_path)
+    shipped, mine = load_robot(name), load_robot(tmp_path / "robot.toml")
+    said = f"copied from {name}, renew: "
+    estimated = {topic for topic, text in shipped.sources if text.startswith("estimated: 0.25 s to full speed")}
+    assert dict(mine.sources).keys() == dict(shipped.sources).keys()
+    for topic, text in shipped.sources:
+        assert dict(mine.sources)[topic] in ((said + text, text) if topic in estimated else (said + text,))
+    of_urdf = {c.controller for c in shipped.conventions if c.source.startswith("the joints of") and shipped.tip}
+    for own, other in zip(mine.conventions, shipped.conventions, strict=True):
+        assert own.source == said + other.source or own.controller in of_urdf
+    for cell in sorted(p for p in tmp_path.glob("*.toml") if p.name != "robot.toml")[:1]:
+        languages = [load_dialect(c.controller) for c in mine.conventions]
+        able = [language.name for language in languages if language.max_joints >= mine.n_joints]
+        check_cell(load_cell(str(cell)), able)  # such lines fit into programs
 
 
 def test_a_table_of_rows_becomes_a_file_with_room_for_the_controller(tmp_path):
