@@ -31,7 +31,7 @@ def angle_hint(cell: Cell, run: Run, rms: float) -> str:
     least, words = min(tried, key=lambda pair: pair[0])
     if least > OTHER_WAY_SHARE * rms:
         return ""
-    return f"; {words}, and {least / MM:.1f} mm would be left before any fit of the robot"
+    return f"{words}, and {least / MM:.1f} mm would be left before any fit of the robot"
 
 
 def _other_countings(robot: Robot) -> Iterator[tuple[Robot, str]]:

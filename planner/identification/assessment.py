@@ -76,10 +76,22 @@ def find_problems(
     """Return the reasons not to use the result, after tracing, and what was tried; none when it passed."""
     largest_error = {"m": 50 * MM, "rad": 5 * DEG}  # no sound robot is further off than this
     prior = dict(zip(found.model.names, found.model.prior.tolist(), strict=True))
-    out = [
-        f"{e.name} came out {abs(e.value - e.nominal) / (MM if e.unit == 'm' else DEG):.1f} "
-        f"{'mm' if e.unit == 'm' else 'deg'} from nominal: no sound robot is that far off; check robot, units and signs"
-        f"{_attempts_text(traced)}"
+    out = []
+    before, last = (min((s.stage.held_out for s in part), key=lambda m: m.rms) for part in (stages[:2], stages[-1:]))
+    if last.rms > LARGEST_HELD_OUT:
+        off = f"held-out poses are still {last.rms / MM:.1f} mm off"
+        usual = "look for rows that were exchanged, another ball, fixture or tool point, and units"
+        hint = angle_hint(cell, run, last.rms)
+        out.append(f"{hint}; {off}" if hint else f"the readings do not belong to these poses: {off}; {usual}")
+    elif last.rms > before.rms:
+        out.append(
+            "there are too few readings for so many parameters, or the error is nothing but noise: held-out poses got "
+            f"worse, {before.rms / MM:.3g} mm to {last.rms / MM:.3g} mm"
+        )
+    out += [
+        f"robot, units or signs are not those of the run: {e.name} came out "
+        f"{abs(e.value - e.nominal) / (MM if e.unit == 'm' else DEG):.1f} {'mm' if e.unit == 'm' else 'deg'} from "
+        f"nominal, and no sound robot is that far off{_attempts_text(traced)}"
         for e in table
         if e.group == "geometry"
         and abs(e.value - e.nominal) > max(largest_error.get(e.unit, np.inf), LARGEST_SIGMAS * prior.get(e.name, 0.0))
@@ -87,17 +99,6 @@ def find_problems(
     factor = found.solution.factor
     if len(factor) and not np.all(np.isfinite(factor)):
         out.append("the information of the fit is not finite")
-    before, last = (min((s.stage.held_out for s in part), key=lambda m: m.rms) for part in (stages[:2], stages[-1:]))
-    if last.rms > LARGEST_HELD_OUT:
-        out.append(
-            f"held-out poses are still {last.rms / MM:.1f} mm off: readings do not belong to these poses; look for "
-            f"rows that were exchanged, another ball, fixture or tool point, and units{angle_hint(cell, run, last.rms)}"
-        )
-    elif last.rms > before.rms:
-        out.append(
-            f"held-out poses got worse, {before.rms / MM:.3g} mm to {last.rms / MM:.3g} mm: too few readings for so "
-            "many parameters, or an error that is nothing but noise"
-        )
     return tuple(out)
 
 

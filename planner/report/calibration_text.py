@@ -108,7 +108,8 @@ def _part_sentences(r: Release) -> list[str]:
     if (p := r.parts) is not None:
         out.append(
             f"Of this {in_mm(p.seen)} mm come of noise and the number of readings, {in_mm(p.unseen)} mm are what more "
-            f"readings at these poses cannot show (scale, tool, other postures), {in_mm(p.misfit)} mm are misfit."
+            f"readings at these poses cannot show (scale, tool, other postures), {in_mm(p.misfit)} mm are misfit: what "
+            "causes without a name leave open, and poses that no fit saw are off beyond what was expected."
         )
         if r.where_measured is not None:
             out.append(f"At poses like those measured {in_mm(r.where_measured)} mm are expected.")
@@ -119,7 +120,10 @@ def _part_sentences(r: Release) -> list[str]:
             )
     if (m := r.unexplained) is not None:
         kept = "; the robot as written follows it where it was measured" if r.basis == "posterior" else ""
-        out.append(f"What moves the tool by {in_mm(m.anywhere)} mm rms over the workspace has no named cause{kept}.")
+        out.append(
+            f"The run itself shows motion of the tool that has no named cause, {in_mm(m.anywhere)} mm rms over the "
+            f"workspace{kept}: it is what is seen of such causes, misfit is what stays open."
+        )
     return out
 
 
@@ -251,7 +255,7 @@ def _evidence(facts: CalibrationFacts, step: FindingStep) -> tuple[str, ...]:
 
 def _size(f: Finding) -> str:
     unit, factor = display_unit(f.unit, f.value)
-    out = f"{_pair(f.value * factor, f.std * factor)} {unit}"
+    out = f"{_pair(abs(f.value) * factor, f.std * factor)} {unit}"  # its sense is said in words, as in the note
     if f.inner is None:
         return out
     value, std = f.inner.value, f.inner.std

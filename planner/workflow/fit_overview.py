@@ -28,9 +28,10 @@ def fit_overview(found: Calibration, lines: int = SCREEN_LINES - 3) -> Summary:
     """
     release = None if found.problems else found.release
     said = "calibrated" if not found.problems else "NOT calibrated, the fit failed its own checks"
+    failed = [("probably", found.problems[0].partition(": ")[0])] if found.problems else []
     fitted, samples = len(found.last_fit), number_of(len(found.run), "sample")
-    first = [*_verdict_facts(found, release), _held_out_fact(found, release), *_cure_facts(found, release)]
-    last = [*_parameter_facts(found), *_structure_facts(found)]
+    first = [*failed, *_verdict_facts(found, release), _held_out_fact(found, release), *_cure_facts(found, release)]
+    last = [*([] if failed else _parameter_facts(found)), *_structure_facts(found)]
     causes = _cause_facts(found, max(lines - len(first) - len(last), 2))
     asides = {*found.asides, *(w for w in found.run.warnings if isinstance(w, Aside))}
     notes = [Aside(w) if w in asides else w for w in found.warnings]
@@ -76,16 +77,20 @@ def _misfit_facts(found: Calibration, r: Release) -> Iterator[Fact]:
     parts = r.parts
     if r.unexplained is None or parts is None or parts.misfit <= max(parts.seen, parts.unseen, parts.drift):
         return
-    where, there = _misfit_place(r.unexplained)
+    places = ", ".join(m.text for m in r.unexplained.ranges)
+    where, there = (f"most with {places}", "there") if places else ("alike everywhere", "more all over the workspace")
     how = " (edbb plan --aim tracing)" if found.fit.model.width == 1 else ""
-    yield "misfit", f"{_mm(parts.misfit)} mm of the error has no named cause, {where}: measure {there}{how}"
+    yield (
+        "misfit",
+        f"{_mm(parts.misfit)} mm of the error is what unnamed causes leave open, {where}: measure {there}{how}",
+    )
 
 
-def _misfit_place(m: MisfitPlace) -> tuple[str, str]:
-    """Return where most of the misfit is, and where to measure."""
+def _motion_place(m: MisfitPlace) -> str:
+    """Return where the motion is largest that the run shows and no named cause explains."""
     if not (ranges := m.ranges):
-        return "alike everywhere", "more all over the workspace"
-    return f"most with {', '.join(r.text for r in ranges)} ({_mm(ranges[-1].there)} mm)", "there"
+        return "alike everywhere"
+    return f"most with {', '.join(r.text for r in ranges)} ({_mm(ranges[-1].there)} mm)"
 
 
 def _held_out_fact(found: Calibration, release: Release | None) -> Fact:
@@ -235,7 +240,8 @@ def _release_details(found: Calibration, release: Release) -> Iterator[Fact]:
         yield "other tool", f"{_mm(release.other_tool)} mm  at a tool point that was not measured"
     if (m := release.unexplained) is not None:
         kept = "; the robot as written follows it where it was measured" if release.basis == "posterior" else ""
-        yield "misfit", f"{_mm(m.anywhere)} mm rms over the workspace has no named cause, {_misfit_place(m)[0]}{kept}"
+        seen = f"{_mm(m.anywhere)} mm rms over the workspace: motion that the run shows"
+        yield "no name", f"{seen} and no named cause explains, {_motion_place(m)}{kept}"
     what = "geometry and all effects, by their probability" if release.basis == "posterior" else "geometry alone"
     yield "written", f"{what}, held out {release.held_out.rms / MM:.4f} {_unit(found)} rms"
     geometry = "; worse than the nominal robot" if release.geometry_anywhere > release.nominal_anywhere else ""
@@ -243,7 +249,7 @@ def _release_details(found: Calibration, release: Release) -> Iterator[Fact]:
     if (p := release.parts) is not None:
         yield "error from", f"{_mm(p.seen)} mm  noise and number of readings"
         yield "", f"{_mm(p.unseen)} mm  {UNSEEN}"
-        yield "", f"{_mm(p.misfit)} mm  misfit"
+        yield "", f"{_mm(p.misfit)} mm  misfit: what unnamed causes leave open"
         yield "", f"{_mm(p.drift)} mm  drift in the time of the run"
     yield from (("zeros", text) for text in other_zeros_text(found))
 

@@ -121,3 +121,11 @@ def test_a_note_that_asks_nothing_is_not_on_the_screen(fitted):
     assert aside not in made.full_summary()
     assert aside in made.full_summary(verbose=True)
     assert [note for note in made.overview().notes if isinstance(note, Aside)] == [aside]
+
+
+def test_a_fit_that_failed_says_first_what_is_probably_wrong_and_no_parameter(fitted):
+    changes = {"problems": ("perhaps joint 2 counts the other way: give it sense = -1; held-out poses are 90 mm off",)}
+    made = dataclasses.replace(fitted, calibration=fitted.calibration.model_copy(update=changes))
+    lines = screen_text(made, None).splitlines()
+    assert lines[1].split() == ["probably", "perhaps", "joint", "2", "counts", "the", "other", "way"]
+    assert "moved most" not in "".join(lines)
