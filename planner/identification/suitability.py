@@ -20,19 +20,23 @@ ENOUGH = 0.95  # share of targets within a tolerance that a use asks for, and of
 ALL_OF: Final = "inverted_cdf"  # of quantiles: the least value that so many stay within
 
 
-def judge_use(released: ReleasedRobot, repeatability: float, tolerance: float | None = None) -> Use:
+def judge_use(
+    released: ReleasedRobot, repeatability: float, tolerance: float | None = None, assumed: bool = False
+) -> Use:
     """Return what the released robot is good for, and whether that is good enough for a tolerance [m].
 
     Args:
         released: the robot, with its posterior and the tools that are judged.
         repeatability: of the arm [m]: poses that are led to by hand come back so well, calibrated or not.
         tolerance: distance from where a program wants the tool that is allowed [m].
+        assumed: whether the robot's file does not say its repeatability.
     """
     own = () if released.work_tool is None else (("own", (released.work_tool,)),)
     tools = (("measured", (released.tool,)), *own, ("another", released.other_tools))
     return Use(
         tolerance=tolerance,
         repeatability=repeatability,
+        repeatability_assumed=assumed or None,
         tools=tuple(_judge_tool(released, name, maps, repeatability, tolerance) for name, maps in tools),
     )
 

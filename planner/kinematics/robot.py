@@ -145,7 +145,7 @@ class Robot:
         theta_zero: (N,) [rad].
         q_lower, q_upper: limits of the joints, (N,) [rad].
         speed, acceleration, jerk: of the joints, (N,) [rad/s, rad/s², rad/s³].
-        repeatability: of the tool point [m].
+        repeatability: of the tool point [m]; ``repeatability_assumed`` where its file does not say it.
         payload: rated payload [kg], or ``None``.
         masses: of links 1 … N, ``None`` where unknown.
         bodies: (link, shape) pairs; link 0 is the base.
@@ -210,6 +210,7 @@ class Robot:
     parked: tuple[ParkedJoint, ...] = ()
     neighbours: frozenset[frozenset[str]] = frozenset()
     never_meet_parts: tuple[tuple[str, str, str], ...] = ()
+    repeatability_assumed: bool = False
 
     def __repr__(self) -> str:
         """Name the robot and its file."""

@@ -240,6 +240,7 @@ def _build_robot(
         acceleration=_limit_or_infinity(joints, "acceleration"),
         jerk=_limit_or_infinity(joints, "jerk"),
         repeatability=file.repeatability_mm * MM,
+        repeatability_assumed="repeatability_mm" not in file.model_fields_set,
         priors=file.priors.priors(),
         payload=file.payload_kg,
         masses=masses,

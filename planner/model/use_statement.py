@@ -33,10 +33,12 @@ class Use(DocumentSection):
     Attributes:
         tolerance: that was asked for [m]; the file holds the section only where one was.
         repeatability: of the arm, by its file [m]: so well do poses come back that are led to by hand.
+        repeatability_assumed: true where its file does not say it; else left out.
         tools: the measured one first.
     """
 
-    if_any = ("tolerance_mm",)
+    if_any = ("tolerance_mm", "repeatability_assumed")
     tolerance: float | None = None
     repeatability: float
+    repeatability_assumed: bool | None = None
     tools: tuple[ToolUse, ...]

@@ -17,7 +17,8 @@ def use_sentence(use: Use) -> str:
 
 def taught_sentence(use: Use) -> str:
     """Say what calibration does to poses that are led to by hand: nothing."""
-    return f"poses that are taught by hand come back within {bound_text(use.repeatability)}, calibrated or not"
+    assumed = " (assumed: the robot's file has no repeatability_mm)" if use.repeatability_assumed else ""
+    return f"poses that are taught by hand come back within {bound_text(use.repeatability)}{assumed}, calibrated or not"
 
 
 def tolerance_sentence(use: Use) -> str:
@@ -36,7 +37,8 @@ def use_rows(use: Use) -> list[Row]:
     repeats = bound_text(use.repeatability)
     asked = use.tolerance is not None
     taught = "yes" if use.tolerance is not None and use.tolerance >= use.repeatability else "no"
-    rows = [("poses taught by hand", repeats, repeats, *([taught] if asked else []))]
+    what = f"poses taught by hand{', assumed' if use.repeatability_assumed else ''}"
+    rows = [(what, repeats, repeats, *([taught] if asked else []))]
     for t in use.tools:
         verdict = (
             [f"{t.answer}: {share_text(t.share)} of targets, {share_text(t.share_before)} before"] if asked else []

@@ -99,7 +99,8 @@ def _use(c: Calibration) -> dict[str, Any] | None:
     """What the robot is good for: a sentence for a person, head and rows of a table."""
     if (use := c.good_for) is None:
         return None
-    return {"said": verdict_text(use), "head": use_head(use), "rows": use_rows(use)}
+    repeats = "repeatability that is assumed" if use.repeatability_assumed else "repeatability in the robot's file"
+    return {"said": verdict_text(use), "head": use_head(use), "rows": use_rows(use), "repeats": repeats}
 
 
 def _other_tool(c: Calibration) -> list[Row]:

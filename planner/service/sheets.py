@@ -41,7 +41,7 @@ def certificate_content(context: ServiceContext, job: Job) -> dict[str, object]:
     hashes = [*measured.items(), *((f.name, f.sha256) for f in job.files if f.name in HASHED)]
     cell = _cell_file(context, str(record.command.option("--cell")), inputs)
     width = 1 if gauge_class(cell).columns == "length_mm" else SPACE_AXES
-    scatter, rp = _repeatability(context, job, found, width)
+    scatter, rp, published = _repeatability(context, job, found, width)
     return {
         "found": found,
         "model": robot_title(found.document.robot),
@@ -54,6 +54,7 @@ def certificate_content(context: ServiceContext, job: Job) -> dict[str, object]:
         "validation": find_validation(context, outputs["robot.toml"]),
         "repeatability_mm": scatter,
         "measured_rp_mm": rp,
+        "published_repeatability": published,
         "hashes": [(name, sha256) for name, sha256 in hashes if not name.endswith("trajectory.csv")],
         "software": record.version,
     }
@@ -91,18 +92,21 @@ def _gauge(file: CellFile) -> str:
     return f"{gauge.kind}{span}"
 
 
-def _repeatability(context: ServiceContext, job: Job, found: CalibrationPage, width: int) -> tuple[float, float | None]:
+def _repeatability(
+    context: ServiceContext, job: Job, found: CalibrationPage, width: int
+) -> tuple[float, float | None, str]:
     """Return the scatter of the tool's position, rms in space, and RP [mm]: of the run's own repeats, if it has any.
 
-    Without repeats the scatter is that of the repeatability which the robot's file publishes. A bar sees one axis of
-    three; the scatter is taken for alike in space.
+    Without repeats the scatter is that of the repeatability which the robot's file publishes, or of an assumed one; a
+    text says which. A bar sees one axis of three; the scatter is taken for alike in space.
     """
     floor = found.document.noise_floor
     if floor is not None:
         in_space = float(to_mm(floor)) * (SPACE_AXES / min(width, SPACE_AXES)) ** 0.5
-        return in_space, in_space / RMS_OF_REPEATABILITY
+        return in_space, in_space / RMS_OF_REPEATABILITY, ""
     file = read_toml(output_path(context, job.id, "robot.toml"), RobotDescription)
-    return RMS_OF_REPEATABILITY * file.repeatability_mm, None
+    known = "as in" if "repeatability_mm" in file.model_fields_set else "assumed, for it is not in"
+    return RMS_OF_REPEATABILITY * file.repeatability_mm, None, f"data sheet (RP of ISO 9283), {known} the robot's file"
 
 
 def session_content(plan: AnyPlan, cell: CellFile, files: list[OutputFile]) -> dict[str, object]:

@@ -276,7 +276,8 @@ def _with_use(found: Calibration, cell: Cell, asked_mm: float | None) -> Calibra
         return found
     stated_mm = None if cell.file.use is None else cell.file.use.tolerance_mm
     tolerance = asked_mm or stated_mm
-    use = judge_use(found.released, cell.robot.repeatability, None if tolerance is None else float(from_mm(tolerance)))
+    asked = None if tolerance is None else float(from_mm(tolerance))
+    use = judge_use(found.released, cell.robot.repeatability, asked, cell.robot.repeatability_assumed)
     return found.model_copy(update={"good_for": use, "use": None if tolerance is None else use})
 
 

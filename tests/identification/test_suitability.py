@@ -1,12 +1,16 @@
 """What a calibrated robot is good for, held against simulated arms whose targets are judged one by one."""
 
+import re
+
 import numpy as np
 import pytest
 
+from planner.common.files import data_folder
 from planner.common.units import MM
 from planner.identification.suitability import answer_of, judge_use, target_errors
+from planner.kinematics.robot_reader import load_robot
 from planner.model.use_statement import Use
-from planner.model.use_text import bound_text, share_text, tolerance_sentence, use_rows, use_sentence
+from planner.model.use_text import bound_text, share_text, taught_sentence, tolerance_sentence, use_rows, use_sentence
 from tests.identification.test_posterior import judged_targets
 
 ARMS = range(4)
@@ -68,6 +72,21 @@ def test_the_document_keeps_it_and_the_words_say_it():
     assert tolerance_sentence(use).startswith("0.3 mm: ")
     assert [len(row) for row in use_rows(use)] == [4, 4, 4]
     assert "tolerance_mm" not in judge_use(judged_targets(0)[0].released, REPEATS).model_dump(by_alias=True)
+
+
+def test_a_repeatability_that_no_file_says_is_called_assumed(tmp_path):
+    assert not load_robot("ur10").repeatability_assumed
+    text = (data_folder("robots") / "ur10/robot.toml").read_text()
+    (tmp_path / "robot.toml").write_text(re.sub(r"^repeatability_mm.*\n", "", text, flags=re.MULTILINE))
+    robot = load_robot(tmp_path / "robot.toml")
+    assert robot.repeatability_assumed
+    released = judged_targets(0)[0].released
+    assumed = judge_use(released, robot.repeatability, assumed=robot.repeatability_assumed)
+    assert "(assumed: the robot's file has no repeatability_mm)" in taught_sentence(assumed)
+    assert use_rows(assumed)[0][0] == "poses taught by hand, assumed"
+    said = judge_use(released, robot.repeatability)
+    assert "assumed" not in taught_sentence(said) + use_rows(said)[0][0]
+    assert "repeatability_assumed" not in said.model_dump(by_alias=True)
 
 
 def test_a_bound_is_never_rounded_down_nor_a_share_up():
