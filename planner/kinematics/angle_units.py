@@ -1,5 +1,6 @@
 """Joint angles that are called degrees, but move as radians do."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -48,3 +49,21 @@ def find_small(degrees: Array) -> SmallAngles | None:
     if degrees.size == 0 or np.abs(degrees).max() > TURN + 0.01:
         return None
     return SmallAngles(float(np.abs(degrees).max()), float(np.ptp(degrees, axis=0).max()), len(degrees))
+
+
+def radians_text(key: str, degrees: Sequence[float | None]) -> str:
+    """Return why the angles of a robot's rows are not taken for degrees; empty where they may be.
+
+    They are radians where none lies beyond half a turn of radians, and one is a quarter or half turn of these: in
+    degrees an arm of such rows would have all its axes parallel, or a posture that nobody draws.
+    """
+    rounded = 2e-3  # [rad] of a right angle that is written as 1.57
+    said = [v for v in degrees if v]
+    right = [v for v in said if min(abs(abs(v) - np.pi / 2), abs(abs(v) - np.pi)) < rounded]
+    if not right or max(map(abs, said)) > np.pi + rounded:
+        return ""
+    meant = ", ".join(f"{np.rad2deg(v):.6g}" for v in (v or 0.0 for v in degrees))
+    return (
+        f"{key} of the rows looks like radians ({right[0]:g} is a right angle or a half turn); it is in degrees: "
+        f"if radians are meant, [{meant}]"
+    )

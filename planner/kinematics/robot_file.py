@@ -7,6 +7,7 @@ from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from planner.common.schema import Coordinate, OneLine, PositiveFloat, StrictModel
 from planner.common.units import DEG, MM, from_deg, from_mm, read_only, to_mm
+from planner.kinematics.angle_units import radians_text
 from planner.kinematics.axes import ControllerTable
 from planner.kinematics.bodies import LinkBodyFile, Vector
 from planner.kinematics.robot import LinkMass, Priors
@@ -190,6 +191,9 @@ class RobotDescription(StrictModel):
             if self.urdf is None:
                 raise ValueError('convention "urdf" needs urdf = "file.urdf"')
             return self
+        for key in ("alpha_deg", "theta_deg"):
+            if radians := radians_text(key, [getattr(joint, key) for joint in self.joints]):
+                raise ValueError(radians)
         self._check_rows()
         return self
 

@@ -29,6 +29,8 @@ from planner.kinematics.robot_tables import (
 from planner.kinematics.srdf import numbered_pairs, read_allowed_pairs
 from planner.kinematics.urdf import SHAPELESS, UrdfChain, is_urdf, plain_name, read_urdf
 
+OTHER_CONVENTION = {"dh": "mdh", "mdh": "dh"}
+
 
 def list_robots() -> tuple[str, ...]:
     """Names of the robots that come with the planner."""
@@ -116,6 +118,24 @@ def _from_file(
         file = file.model_copy(update={"parked": {**file.parked, **(parked or {})}})
         named = named_packages(str(path), file.packages, path.parent)
         return _from_urdf(file, path, named | packages | COMMAND_PACKAGES.packages)
+    return _from_rows(file, path, beta)
+
+
+def load_in_other_convention(robot: Robot) -> Robot | None:
+    """Return the robot that a file of rows would be if they were DH where it says MDH, or the other way round.
+
+    ``None`` of a URDF, and of a file that a calibration wrote: its convention has been tried.
+
+    Raises:
+        InputError: the file can no longer be read.
+    """
+    if robot.convention not in OTHER_CONVENTION or robot.nominal is not robot:
+        return None
+    file = describe_robot(robot.path)
+    return _from_rows(file.model_copy(update={"convention": OTHER_CONVENTION[robot.convention]}), robot.path, "none")
+
+
+def _from_rows(file: RobotDescription, path: Path, beta: str) -> Robot:
     n = len(file.joints)
     _check_count(path, n)
     transforms: list[Transform] = []

@@ -13,6 +13,7 @@ from planner.common.units import Array, to_mm
 from planner.kinematics.bodies import rotation_from_z
 from planner.kinematics.geometry import pose
 from planner.kinematics.robot import Robot
+from planner.kinematics.robot_reader import load_in_other_convention
 from planner.motion.collision.placed_shapes import PlacedShape
 from planner.motion.collision.scene import coal_shape
 from planner.motion.planning_packages import coal
@@ -121,7 +122,10 @@ def _carried_text(cell: Cell) -> str:
 
 
 def _cure(robot: Robot) -> str:
-    """Say how the bodies become those of this arm."""
+    """Say how the bodies become those of this arm; where they meet in the other convention, that it may be meant."""
+    other = load_in_other_convention(robot)
+    if other is not None and not find_body_gaps(other):
+        return f'with convention = "{other.convention}" all bodies meet at their joints: are the rows of that one?'
     return (
         "give each link bodies that reach from its joint to the next (from_mm and to_mm in the frame of link), as the "
         f"data sheet's drawing has it; or take all [[bodies]] out of {robot.path.name}: then bar and tool alone are "

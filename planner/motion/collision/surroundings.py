@@ -10,8 +10,10 @@ from planner.cell.cell import Cell
 from planner.cell.places import joint_keys
 from planner.common.errors import InputError
 from planner.common.summary import Aside
-from planner.common.units import to_mm
+from planner.common.units import Array, to_mm
 from planner.kinematics.bodies import Body
+from planner.kinematics.robot import Robot
+from planner.kinematics.robot_reader import load_in_other_convention
 from planner.motion.collision.body_gaps import refuse_foreign_bodies
 from planner.motion.collision.engines import CollisionWorld
 from planner.motion.collision.scene import (
@@ -198,8 +200,7 @@ def _check_floor(cell: Cell) -> None:
     if cell.base.floor is None or abs(up) < 0.5:
         return
     robot = cell.robot
-    frames = robot.chain.frames(robot.theta(cell.home[None]), robot.link_end[1:])
-    heights = np.array([0.0, *(origin[2, 0] for _, origin in frames)]) * np.sign(up)
+    heights = _heights_of_frames(robot, cell.home) * np.sign(up)
     lowest = int(np.argmin(heights))
     if heights[lowest] >= np.sign(up) * cell.base.floor:
         return
@@ -207,9 +208,28 @@ def _check_floor(cell: Cell) -> None:
     if lowest > 1:  # the frames of the base and of link 1 stand at one height, whatever home is
         raise InputError(
             f"{cell.path}: {joint_keys(robot, 'home')} cannot be the start pose: the frame of link {lowest} is at "
-            f"{height:.1f} mm there, beyond the {FLOOR} (base.floor_mm = {floor:g})"
+            f"{height:.1f} mm there, beyond the {FLOOR} (base.floor_mm = {floor:g}){_row_doubt(cell, up)}"
         )
     raise InputError(
         f"{cell.path}: the {FLOOR} (base.floor_mm = {floor:g}) stands above link {lowest}, whose "
         f"frame at home is at {height:.1f} mm"
     )
+
+
+def _heights_of_frames(robot: Robot, q: Array) -> Array:
+    """Return how high the frames of links 0 to N stand at q (N,) [rad] along z of the base, (N + 1,) [m]."""
+    frames = robot.chain.frames(robot.theta(q[None]), robot.link_end[1:])
+    return np.array([0.0, *(origin[2, 0] for _, origin in frames)])
+
+
+def _row_doubt(cell: Cell, up: float) -> str:
+    """Say what of the rows may be wrong where home lies beyond the floor; nothing of a URDF."""
+    robot, floor = cell.robot, cell.base.floor
+    if robot.convention == "urdf" or floor is None:
+        return ""
+    keys = joint_keys(robot, "home")
+    asked = f"; is {keys} that of this robot, are its rows in degrees, and of convention '{robot.convention}'?"
+    other = load_in_other_convention(robot)
+    if other is not None and (_heights_of_frames(other, cell.home) * np.sign(up)).min() >= np.sign(up) * floor:
+        return f'{asked} With convention = "{other.convention}" all of it would stand on the right side of the {FLOOR}'
+    return asked

@@ -9,23 +9,36 @@ import pytest
 from planner.cell.reading import load_cell
 from planner.common.errors import InputError
 from planner.common.files import data_folder
+from planner.kinematics.angle_units import radians_text
 from planner.kinematics.robot_reader import list_robots, load_robot
 from planner.motion.collision.body_gaps import clearance_text, describe_body_gaps, find_body_gaps
 from planner.motion.collision.surroundings import check_surroundings
 
+BODIES = "[[bodies]]"
 KR6 = data_folder("robots") / "kuka-kr6-r700"
+
+
+def rewritten(tmp_path, change, bodies=True):
+    """Return the path of a cell of the shipped KR 6 with its file changed, and the bodies taken out where asked."""
+    text = (KR6 / "robot.toml").read_text()
+    if not bodies:
+        text = re.sub(r"^never_meet.*\n", "", text[: text.index(BODIES)], flags=re.MULTILINE)
+    (tmp_path / "robot.toml").write_text(change(text))
+    cell = (KR6 / "cells/edbb.toml").read_text().replace('robot = "kuka-kr6-r700"', 'robot = "robot.toml"')
+    (tmp_path / "cell.toml").write_text(cell)
+    return str(tmp_path / "cell.toml")
 
 
 def lengthened(tmp_path, **lengths):
     """Return a cell of the shipped KR 6 with other lengths in its rows, and its bodies as they were."""
-    text = (KR6 / "robot.toml").read_text()
-    for key, (old, new) in lengths.items():
-        text, n = re.subn(rf"^{key} = {old}$", f"{key} = {new}", text, flags=re.MULTILINE)
-        assert n == 1
-    (tmp_path / "robot.toml").write_text(text)
-    cell = (KR6 / "cells/edbb.toml").read_text().replace('robot = "kuka-kr6-r700"', 'robot = "robot.toml"')
-    (tmp_path / "cell.toml").write_text(cell)
-    return load_cell(str(tmp_path / "cell.toml"))
+
+    def change(text):
+        for key, (old, new) in lengths.items():
+            text, n = re.subn(rf"^{key} = {old}$", f"{key} = {new}", text, flags=re.MULTILINE)
+            assert n == 1
+        return text
+
+    return load_cell(rewritten(tmp_path, change))
 
 
 @pytest.mark.parametrize("name", list_robots())
@@ -92,3 +105,29 @@ def test_the_clearance_of_an_arm_without_bodies_claims_nothing_of_the_arm(tmp_pa
     assert "[[bodies]] of robot.toml add them" in describe_body_gaps(bare)[0]
     torn = lengthened(tmp_path, a_mm=("315.0", "525.0"))
     assert clearance_text(torn, 0.01).endswith("proven by two engines, of an arm with gaps (see the note)")
+
+
+def test_rows_of_the_other_convention_are_named_where_its_bodies_meet(tmp_path):
+    cell = load_cell(rewritten(tmp_path, lambda text: text.replace('convention = "mdh"', 'convention = "dh"')))
+    with pytest.raises(InputError, match='with convention = "mdh" all bodies meet at their joints'):
+        check_surroundings(cell)
+
+
+def test_a_home_below_the_floor_asks_for_rows_and_names_the_convention_that_would_stand(tmp_path):
+    cell = load_cell(rewritten(tmp_path, lambda text: text.replace('convention = "mdh"', 'convention = "dh"'), False))
+    with pytest.raises(InputError, match=r"rows in degrees.*With convention = \"mdh\" all of it would stand"):
+        check_surroundings(cell)
+
+
+@pytest.mark.parametrize("key", ["alpha_deg", "theta_deg"])
+def test_rows_in_radians_are_named(tmp_path, key):
+    def in_radians(text):
+        return re.sub(rf"^{key} = (\S+)", lambda m: f"{key} = {np.deg2rad(float(m[1])):.4f}", text, flags=re.MULTILINE)
+
+    with pytest.raises(InputError, match=rf"{key} of the rows looks like radians.*if radians are meant, \["):
+        load_cell(rewritten(tmp_path, in_radians))
+
+
+@pytest.mark.parametrize("angles", [[0, 0, 0], [0.03, -0.02, 90.01], [1.2, -0.5], [None, 180, 1.5708]])
+def test_angles_of_real_rows_are_no_radians(angles):
+    assert radians_text("alpha_deg", angles) == ""
