@@ -131,3 +131,29 @@ def test_rows_in_radians_are_named(tmp_path, key):
 @pytest.mark.parametrize("angles", [[0, 0, 0], [0.03, -0.02, 90.01], [1.2, -0.5], [None, 180, 1.5708]])
 def test_angles_of_real_rows_are_no_radians(angles):
     assert radians_text("alpha_deg", angles) == ""
+
+
+def test_the_recipes_of_the_tutorial_leave_no_gap(tmp_path):
+    """The KR 10 of docs/tutorials/kuka-bar.md: the bodies that its table changes, and those that its list guesses."""
+
+    def lengths(text):
+        return text.replace("a_mm = 315.0", "a_mm = 560.0").replace("d_mm = -365.0", "d_mm = -515.0")
+
+    def of_the_table(text):
+        text = lengths(text).replace("to_mm = [265,", "to_mm = [510,").replace("_mm = [315,", "_mm = [560,")
+        return text.replace("from_mm = [3, 0, 198]", "from_mm = [3, 0, 348]")
+
+    def guessed(text):
+        head, *bodies = lengths(text).split(BODIES)
+        kept = [b for b in bodies if "link = 2" not in b and "link = 4" not in b]
+        ends = {2: "[560, 0, 0]", 4: "[0, 0, 515]"}
+        kept += [
+            f'\nlink = {k}\nkind = "capsule"\nfrom_mm = [0, 0, 0]\nto_mm = {end}\nradius_mm = 90\n'
+            for k, end in ends.items()
+        ]
+        return BODIES.join([head, *kept])
+
+    assert find_body_gaps(load_cell(rewritten(tmp_path, of_the_table)).robot) == ()
+    assert find_body_gaps(load_cell(rewritten(tmp_path, guessed)).robot) == ()
+    with pytest.raises(InputError, match="another arm's"):
+        check_surroundings(load_cell(rewritten(tmp_path, lengths)))
