@@ -21,7 +21,7 @@ from planner.cli.terminal import Manner, errors
 from planner.common.calls import GROUPS, MORE
 from planner.common.commands import extension_commands, remote_function
 from planner.common.console import speak_plainly
-from planner.common.errors import InputError, MissingProgramError, PlannerError
+from planner.common.errors import InputError, LookFirst, MissingProgramError, PlannerError
 from planner.common.files import INPUTS, short_path
 from planner.common.quiet import results_alone
 from planner.kinematics.packages import COMMAND_PACKAGES
@@ -212,7 +212,7 @@ def main() -> None:
         with results_alone():
             _run_and_flush()
     except PlannerError as err:
-        errors.print(f"edbb: {err}")
+        errors.print(str(err) if isinstance(err, LookFirst) else f"edbb: {err}")
         sys.exit(err.exit_code)
     except OSError as err:
         if not err.filename and err.errno not in OUTPUT_FAILURES:

@@ -49,6 +49,13 @@ class InputError(PlannerError):
     exit_code = 2
 
 
+class LookFirst(InputError):
+    """A first call has written what a person looks at before the same call does its work; the message says both.
+
+    It has the exit code of an error, so that nothing goes on that waits for the result.
+    """
+
+
 class NoSolutionError(PlannerError):
     """The task has no solution: the message says which stage emptied, with counts, and what would help."""
 

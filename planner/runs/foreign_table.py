@@ -8,7 +8,9 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-NUMBER = re.compile(r"[-+]?\d+([.,]\d+)?")
+from planner.runs.title_units import UNIT, bare_unit, is_row_of_units
+
+NUMBER = re.compile(r"[-+]?\d+([.,]\d+)?([eE][-+]?\d+)?")
 SEPARATORS = (";", "\t", ",")
 
 
@@ -22,6 +24,7 @@ class ForeignTable:
         skip: lines above the titles.
         titles: what stands above the columns.
         rows: the fields of the first rows.
+        units: the row of units below the titles, or nothing.
     """
 
     separator: str
@@ -29,6 +32,17 @@ class ForeignTable:
     skip: int
     titles: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
+    units: tuple[str, ...] = ()
+
+    @property
+    def has_units(self) -> bool:
+        """Whether a row of units stands below the titles."""
+        return bool(self.units)
+
+    def title_with_unit(self, column: int) -> str:
+        """Return the title of a column with the unit that stands below it, where it says none itself."""
+        title, unit = self.titles[column], bare_unit(self.units[column]) if self.units else ""
+        return f"{title} [{unit}]" if unit.strip("-–/") and not UNIT.search(title) else title
 
     def numbers(self, column: int) -> list[float]:
         """Return the numbers of a column; empty where one field is none."""
@@ -50,8 +64,8 @@ def _table_between(lines: Sequence[str], separator: str) -> ForeignTable | None:
     numbered = [(k, line) for k, line in enumerate(lines) if line.strip() and not line.startswith("#")]
     rows = [next(csv.reader([line], delimiter=separator), []) for _, line in numbered]
     width = Counter(map(len, rows)).most_common(1)[0][0] if rows else 0
-    top = next((k for k, row in enumerate(rows) if len(row) == width), 0)
-    below = tuple(tuple(row) for row in rows[top + 1 :] if len(row) == width)
+    top, units = _head(rows, width)
+    below = tuple(tuple(row) for row in rows[top + 1 + bool(units) :] if len(row) == width)
     if width < 2 or not below:
         return None
     fields = [field.strip() for row in below for field in row]
@@ -60,4 +74,26 @@ def _table_between(lines: Sequence[str], separator: str) -> ForeignTable | None:
     titles = tuple(title.strip() for title in rows[top])
     if any(NUMBER.fullmatch(title) for title in titles):  # commas of decimals took the rows apart
         return None
-    return ForeignTable(separator, "," if commas > points else ".", numbered[top][0], titles, below)
+    return ForeignTable(separator, "," if commas > points else ".", numbered[top][0], titles, below, units)
+
+
+def _head(rows: Sequence[Sequence[str]], width: int) -> tuple[int, tuple[str, ...]]:
+    """Return which row holds the titles, and the row of units below it, or nothing.
+
+    Above the first row of numbers the titles are the fullest row: what a spreadsheet has above them (a protocol's
+    name, a date) fills a cell or two.
+    """
+    of_width = [k for k, row in enumerate(rows) if len(row) == width]
+    first = of_width[0] if of_width else 0
+    above = [k for k in of_width if k < next((n for n in of_width if _is_of_numbers(rows[n])), 0)]
+    units = above.pop() if len(above) > 1 and is_row_of_units(rows[above[-1]]) else None
+    if not above:
+        return first, ()
+    top = max(above, key=lambda k: (sum(bool(cell.strip()) for cell in rows[k]), -k))
+    return top, tuple(rows[units]) if units == top + 1 else ()
+
+
+def _is_of_numbers(row: Sequence[str]) -> bool:
+    """Tell whether at least half of the cells of a row that say something are numbers."""
+    said = [cell.strip() for cell in row if cell.strip()]
+    return 2 * sum(NUMBER.fullmatch(cell) is not None for cell in said) >= max(len(said), 1)

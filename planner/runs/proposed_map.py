@@ -7,32 +7,17 @@ from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
 
-from planner.common.errors import InputError
+from planner.common.errors import InputError, LookFirst
 from planner.common.files import write_text
+from planner.common.numbers import number_of
+from planner.common.summary import fact_lines
 from planner.runs.foreign_table import ForeignTable, foreign_table
 from planner.runs.table import find_column
 from planner.runs.text import read_lines
+from planner.runs.title_units import BRACKETS, OTHER_UNITS, UNIT, UNITS
 
 USUAL_ENCODING = "utf-8"
 OTHER_ENCODINGS = ("cp1252", "utf-16")  # what a spreadsheet of Windows writes
-UNITS = {  # as titles say them, and the run's own unit
-    "deg": "deg", "degree": "deg", "degrees": "deg", "°": "deg", "grad": "deg", "rad": "rad", "mm": "mm", "m": "m",
-    "µm": "um", "μm": "um", "um": "um", "s": "s", "sec": "s", "°c": "degC", "degc": "degC", "c": "degC", "n": "N",
-    "nm": "Nm", "kg": "kg", "px": "px",
-}  # fmt: skip
-OTHER_UNITS = {  # a unit that a run does not have: the one that is taken, the factor to it, and what is added
-    "ms": ("s", "0.001", ""), "us": ("s", "1e-6", ""), "µs": ("s", "1e-6", ""), "ns": ("s", "1e-9", ""),
-    "min": ("s", "60", ""), "h": ("s", "3600", ""), "cm": ("mm", "10", ""), "dm": ("mm", "100", ""),
-    "in": ("mm", "25.4", ""), "inch": ("mm", "25.4", ""), "mil": ("um", "25.4", ""), "nm": ("um", "0.001", ""),
-    "gon": ("deg", "0.9", ""), "mrad": ("rad", "0.001", ""), "mdeg": ("deg", "0.001", ""), "rev": ("deg", "360", ""),
-    "°f": ("degC", "0.5555555556", "-17.7777777778"), "degf": ("degC", "0.5555555556", "-17.7777777778"),
-    "k": ("degC", "1", "-273.15"), "kn": ("N", "1000", ""), "g": ("kg", "0.001", ""),
-}  # fmt: skip
-UNIT = re.compile(
-    rf"[\[(\s_]\s*({'|'.join(sorted(map(re.escape, {*UNITS, *OTHER_UNITS}), key=len, reverse=True))})\s*[\])]?$",
-    re.IGNORECASE,
-)
-BRACKETS = re.compile(r"[\[(]\s*([^\[\]()]+?)\s*[\])]$")
 MEANINGS = (  # what a title means, by its words without the unit; {n} is the number that stands in it
     (r"(?:cmd|soll|target|set ?point)[\W_]*(?:joint|axis|achse|gelenk|[jqa])?[\W_]*(?P<n>[0-9])", "cmd{n}"),
     (r"(?:joint|axis|achse|gelenk|theta|act|ist|actual|[jqa])[\W_]*(?:joint|axis|[jqa])?[\W_]*(?P<n>[0-9])", "q{n}"),
@@ -44,6 +29,7 @@ MEANINGS = (  # what a title means, by its words without the unit; {n} is the nu
     (r"(?:.*\W)?(?P<n>[xyz])(?:\W*(?:pos|position|ist|act))?", "{n}"),
 )
 OF_JOINT = re.compile(r"(q|cmd)\d")
+VECTOR = ("x", "y", "z")  # coordinates of one place have one unit
 USUAL = {"q": "deg", "cmd": "deg", "t": "s", "temperature": "degC", "length": "mm", "x": "mm", "y": "mm", "z": "mm"}
 
 
@@ -91,26 +77,35 @@ def _trace_lines(path: Path, table_name: str) -> Iterator[str]:
     known = dict(_quantities_of_titles(table))
     if not known:
         raise InputError(
-            f"{path}: no title is understood that has numbers below it (found: {', '.join(map(repr, table.titles))}): "
-            "take a second row of titles or units out, or write the map by hand (docs/how-to/run.md)"
+            f"{path}: no title is understood that has numbers below it (found in line {table.skip + 1}: "
+            f"{', '.join(repr(t) for t in table.titles if t)}): take a second row of titles out, or write the map by "
+            "hand (docs/how-to/run.md)"
         )
     counted = "  # counted from 0 there" if _first_joint(table) == 0 else ""
     if table_name:
         yield f"\n[[traces]]  # {path.name}"
+    yield from _form_lines(table, encoding)
+    yield f"\n[{table_name}columns]  # quantity = title of its column"
+    for k, name in known.items():
+        joint = counted if OF_JOINT.match(name) else ""
+        yield f"{name} = {_column_text(table, k, name)}{_doubt(table, k)}{joint}"
+    for k, title in enumerate(table.titles):
+        if k not in known:
+            yield f"# not understood: {_toml_text(title)}{_unknown_unit_text(table.title_with_unit(k), title)}"
+
+
+def _form_lines(table: ForeignTable, encoding: str) -> Iterator[str]:
+    """Yield the lines of the map that say how a table is written."""
     yield f"separator = {_toml_text(table.separator)}"
     if table.decimal != ".":
         yield f'decimal = "{table.decimal}"'
     if encoding != USUAL_ENCODING:
         yield f'encoding = "{encoding}"'
     if table.skip:
-        yield f"skip_rows = {table.skip}"
-    yield f"\n[{table_name}columns]  # quantity = title of its column"
-    for k, name in known.items():
-        joint = counted if OF_JOINT.match(name) else ""
-        yield f"{name} = {_column_text(table.titles[k], name)}{_doubt(table, k)}{joint}"
-    for k, title in enumerate(table.titles):
-        if k not in known:
-            yield f"# not understood: {_toml_text(title)}{_unknown_unit_text(title)}"
+        lines = "line 1 stands" if table.skip == 1 else f"lines 1 to {table.skip} stand"
+        yield f"skip_rows = {table.skip}  # {lines} above the titles"
+    if table.has_units:
+        yield "unit_rows = 1  # the row below the titles holds their units"
 
 
 def _quantities_of_titles(table: ForeignTable) -> Iterator[tuple[int, str]]:
@@ -125,7 +120,7 @@ def _quantities_of_titles(table: ForeignTable) -> Iterator[tuple[int, str]]:
 
 def _quantity_of(table: ForeignTable, column: int) -> str | None:
     """Return the quantity that a title means, with its unit: ``q1_deg`` of ``J1``."""
-    words, said = _without_unit(table.titles[column])
+    words, said = _without_unit(table.title_with_unit(column))
     for pattern, name in MEANINGS:
         if match := re.fullmatch(pattern, words.strip().rstrip(".:"), re.IGNORECASE):
             number = match.groupdict().get("n", "").lower()
@@ -148,9 +143,10 @@ def _first_joint(table: ForeignTable) -> int:
     return 0 if any(_meaning_of(title) in ("q0", "cmd0") for title in table.titles) else 1
 
 
-def _column_text(title: str, name: str) -> str:
+def _column_text(table: ForeignTable, column: int, name: str) -> str:
     """Return how a map says where a quantity is: by its title, of a unit that no run has with the factor to its own."""
-    said, quoted = _without_unit(title)[1], _toml_text(title)
+    title = table.titles[column]
+    said, quoted = _without_unit(table.title_with_unit(column))[1], _toml_text(title)
     if find_column(title) or said not in OTHER_UNITS or UNITS.get(said) == name.rpartition("_")[2]:
         return quoted
     _, factor, offset = OTHER_UNITS[said]
@@ -164,10 +160,10 @@ def _without_unit(title: str) -> tuple[str, str]:
     return (title, "") if found is None else (title[: found.start()], found[1].lower())
 
 
-def _unknown_unit_text(title: str) -> str:
+def _unknown_unit_text(called: str, title: str) -> str:
     """Say of a title that nobody understands that it is its unit, where only that is unknown; else nothing."""
-    unit = BRACKETS.search(title)
-    if unit is None or UNIT.search(title) or not _meaning_of(title[: unit.start()]):
+    unit = BRACKETS.search(called)
+    if unit is None or UNIT.search(called) or not _meaning_of(called[: unit.start()]):
         return ""
     return (
         f"  # the unit [{unit[1]}] is not known: write for instance length_mm = "
@@ -176,10 +172,17 @@ def _unknown_unit_text(title: str) -> str:
 
 
 def _usual_unit(table: ForeignTable, column: int, key: str) -> str:
-    """Return the unit of a quantity whose title says none: by the size of all numbers of its like."""
+    """Return the unit of a quantity whose title says none: that of its like, else by the size of all their numbers.
+
+    The like of a joint's angle are those of all joints, of a coordinate the others of its vector.
+    """
     stem = key.rstrip("0123456789")
     usual = USUAL.get(stem, "")
-    like = [k for k, title in enumerate(table.titles) if _stem_of(title) == stem] or [column]
+    stems = VECTOR if stem in VECTOR else (stem,)
+    like = [k for k, title in enumerate(table.titles) if _stem_of(title) in stems] or [column]
+    said = {_without_unit(table.title_with_unit(k))[1] for k in like} - {""}
+    if len(said) == 1 and (own := UNITS.get(said.pop(), "")) and find_column(f"{key}_{own}"):
+        return own
     largest = max((abs(v) for k in like for v in table.numbers(k)), default=0.0)
     if usual == "deg" and largest < 7.0:  # [rad] joints that all stay below one turn are taken for radians
         return "rad"
@@ -202,7 +205,7 @@ def _meaning_of(title: str) -> str:
 def _doubt(table: ForeignTable, column: int) -> str:
     """Return a remark where the title says no unit, and the numbers had to."""
     title = table.titles[column]
-    if find_column(title) or _without_unit(title)[1] or _stem_of(title) not in USUAL:
+    if find_column(title) or _without_unit(table.title_with_unit(column))[1] or _stem_of(title) not in USUAL:
         return ""
     return "  # the title says no unit: is this one true?"
 
@@ -217,10 +220,16 @@ def write_proposed_map(traces: Sequence[Path], target: Path) -> None:
     """Write a map of the traces where there is none yet, and say so.
 
     Raises:
-        InputError: always: the map is to be looked at before anything is read through it.
+        LookFirst: always: the map is to be looked at before anything is read through it.
     """
-    write_text(target, proposed_map(traces))
-    raise InputError(
-        f"{target}: was not there, and is written now as the titles of the columns are understood. Look at its lines, "
-        "then give the same command again"
-    )
+    text = proposed_map(traces)
+    write_text(target, text)
+    lines = text.splitlines()
+    left = sum(line.startswith("# not understood") for line in lines)
+    doubts = sum("is this one true?" in line for line in lines)
+    read = sum(find_column(line.partition(" = ")[0]) is not None for line in lines)
+    found = [f"{number_of(read, 'column')} understood", *([f"{doubts} without a unit"] if doubts else [])]
+    said = ", ".join([*found, *([f"{left} left out"] if left else [])])
+    name = traces[0].name if len(traces) == 1 else f"{len(traces)} traces"
+    next_ = "look at its lines, then give the same command again: nothing was read yet"
+    raise LookFirst("\n".join([f"{name}: {said}", *fact_lines([("written to", str(target)), ("next", next_)])]))

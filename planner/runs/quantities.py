@@ -74,7 +74,10 @@ def readings_of(table: RunTable, pixels: Array | None = None) -> tuple[Readings,
     found = [columns for key, columns in kinds.items() if table.has(key) or (key == "u" and pixels is not None)]
     if not found:
         known = "; ".join(kinds.values())
-        raise InputError(f"{file}: there is no reading; one of {known} is needed beside the joint angles")
+        raise InputError(
+            f"{file}: there is no reading; one of {known} is needed beside the joint angles; "
+            "titles of your own ('Länge [cm]') are read with --map"
+        )
     if len(found) > 1:
         raise InputError(
             f"{file}: there are several readings ({'; '.join(found)}), but a run has one; give each its own file"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -137,22 +137,40 @@ def recognise_columns(headers: Sequence[str], n_joints: int, file: str) -> tuple
     """
     columns: dict[str, RunColumn] = {}
     found: dict[str, str] = {}
-    for c in filter(None, map(find_column, headers)):
+    known = known_headers(n_joints)
+    plainly = {name.lower(): name for name in known}
+    exact = {h for h in headers if find_column(h)}
+    for c in filter(None, (find_in_any_case(h, plainly, exact) for h in headers)):
         if c.key in found:
             raise InputError(f"{file}: the columns '{found[c.key]}' and '{c.header}' say the same; keep one")
         if split_key(c.key)[1] > n_joints:
             raise InputError(f"{file}: there is a column '{c.header}', but the robot has {n_joints} joints")
         columns[c.header], found[c.key] = c, c.header
-    meant, known = {key.lower(): key for key in known_keys(n_joints)}, known_headers(n_joints)
+    meant = {key.lower(): key for key in known_keys(n_joints)}
     warnings = []
     for header in (h for h in headers if h not in columns):
         key, _, rest = header.partition("_")
         key = meant.get(key.lower(), key)
-        if units_of(key) is not None and key not in found and "_" not in rest:
+        if units_of(key) and key not in found and "_" not in rest:
             raise InputError(f"{file}: the column '{header}' does not say its unit; it is called {spellings(key)}")
         hint = did_you_mean(header, known)
         warnings.append(f"{Path(file).name}: the column '{header}' is not part of a run and was left out{hint}")
     return columns, warnings
+
+
+def find_in_any_case(header: str, known: Mapping[str, str], exact: Collection[str]) -> RunColumn | None:
+    """Return the column that a header names, whatever the case of its letters: ``Pose`` is ``pose``.
+
+    Args:
+        header: as written.
+        known: names of columns by their small letters.
+        exact: headers that name a column to the letter; none is taken for the same one in other letters.
+    """
+    if (found := find_column(header)) is not None:
+        return found
+    name = known.get(header.lower())
+    column = None if name is None or name in exact else find_column(name)
+    return None if column is None else replace(column, header=header)
 
 
 ALLOWED = {"direction": (-1, 0, 1), "sync": (0, 1)}  # values of columns that have few
@@ -251,8 +269,9 @@ def read_table(path: Path, n_joints: int) -> RunTable:
     columns, warnings = recognise_columns(headers, n_joints, str(path))
     if not columns:
         raise InputError(f"{path}: no column has a name of a run's; {import_advice(path)}")
+    above = len(head) + 1 if foreign is None else foreign.skip + 1 + foreign.has_units
     source = RowSource.of_text(
-        str(path), lines, len(head) + 1, len(headers), {c.key: c.header for c in columns.values()}, separator=separator
+        str(path), lines, above, len(headers), {c.key: c.header for c in columns.values()}, separator=separator
     )
     numbers = frozenset(c.header for c in columns.values() if c.stem not in NAMES)
     unique = [h if headers.index(h) == i and h else f"{h}#{i + 1}" for i, h in enumerate(headers)]

@@ -94,6 +94,7 @@ class TraceMap(StrictModel):
     separator: Annotated[str, AfterValidator(_one_character)] = ","
     header: bool = True
     skip_rows: int = Field(default=0, ge=0)
+    unit_rows: int = Field(default=0, ge=0, le=5)  # rows of units between the titles and the numbers
     comment: str = "#"
     pattern: Annotated[str, AfterValidator(_pattern)] | None = None
     columns: dict[str, int | str | MappedColumn] = {}
@@ -291,7 +292,9 @@ def _read_separated_columns(file: str, lines: list[str], trace: TraceMap) -> tup
         where[position] = name
     above = fields if trace.header else [str(i + 1) for i in range(len(fields))]
     headers = {called: above[p] for p, n in where.items() for called in (n, trace.column_of(n).key)}
-    source = RowSource.of_text(file, lines, top + trace.header, len(fields), headers, trace.comment, trace.separator)
+    source = RowSource.of_text(
+        file, lines, top + trace.header + trace.unit_rows, len(fields), headers, trace.comment, trace.separator
+    )
     names = [where.get(i, f"#{i + 1}") for i in range(len(fields))]
     return parse_rows(source, names, _numbers(trace), trace.decimal)
 

@@ -182,3 +182,17 @@ def test_a_statement_of_an_earlier_version_holds_for_the_bytes_that_it_was_writt
     told = " ".join(edbb("compensate", tmp_path / "t.src", "--model", model, "-o", "-").stderr.split())
     assert ("→ 0.300 mm" in told) == (not added)
     assert ("to the byte: identify again" in told) == bool(added)
+
+
+def test_a_table_of_a_german_spreadsheet_is_read_and_written_with_its_commas(model, tmp_path):
+    plain = wanted(model)
+    text = model.with_name("q.csv").read_text().replace(",", ";").replace(".", ",")
+    (tmp_path / "german.csv").write_text(text)
+    done = edbb("compensate", tmp_path / "german.csv", "--model", model, "-o", "-")
+    assert done.returncode == 0, done.stderr
+    body = "\n".join(line for line in done.stdout.splitlines() if not line.startswith("#"))
+    assert "." not in body
+    np.testing.assert_allclose(table_of(body.replace(",", ".").replace(";", ",")), plain, atol=1e-9)
+    (tmp_path / "mixed.csv").write_text(text.replace(",", ".", 1))
+    mixed = edbb("compensate", tmp_path / "mixed.csv", "--model", model, "-o", "-")
+    assert (mixed.returncode, "a number with a point is allowed" in " ".join(mixed.stderr.split())) == (2, True)

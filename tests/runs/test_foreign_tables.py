@@ -63,7 +63,8 @@ def test_a_map_that_is_not_there_is_proposed_and_nothing_is_read_yet(tmp_path, r
     words = ("import", str(table), "--map", str(target), "-o", str(tmp_path / "run.csv"))
     first = edbb(*words)
     assert first.returncode == 2
-    assert "Look at its lines" in first.stderr
+    assert first.stderr.startswith("log.csv: 10 columns understood, 6 without a unit, 1 left out\n  written to")
+    assert "look at its lines, then give the same command again" in first.stderr
     assert not (tmp_path / "run.csv").exists()
     assert edbb(*words).returncode == 0
     assert len(load_run(tmp_path / "run.csv", 6)) == len(rows)
@@ -90,12 +91,56 @@ def test_joints_that_are_counted_from_0_become_all_joints_of_the_arm(tmp_path, r
     assert np.allclose(np.rad2deg(run.samples.q), np.array(rows)[:, :6], atol=1e-5)
 
 
-def test_a_row_of_units_below_the_titles_is_told(tmp_path, rows):
-    table = write(tmp_path / "log.csv", GERMAN, rows)
+def with_rows(table, above=(), below=()):
+    """Write lines above the titles of a table, and below them."""
     first, *others = table.read_text().splitlines()
-    table.write_text("\n".join([first, ";".join(["-", *["deg"] * 6, *["mm"] * 3, ""]), *others]))
-    with pytest.raises(InputError, match=r"log.csv: no title is understood .*'Achse 1'.*row of titles or units out"):
+    table.write_text("\n".join([*above, first, *below, *others]))
+    return table
+
+
+@pytest.mark.parametrize("fill", ["", ";" * 10])
+@pytest.mark.parametrize("lines", [1, 2])
+def test_what_a_spreadsheet_has_above_the_titles_is_passed_over_and_said(tmp_path, rows, lines, fill):
+    above = [f"Messprotokoll Halle 3{fill}", f"Datum;12.03.2026{fill[1:]}" if fill else "12.03.2026"][:lines]
+    table = with_rows(write(tmp_path / "log.csv", GERMAN, rows), above)
+    text = proposed_map([table])
+    assert f"skip_rows = {lines}  # {('line 1 stands', 'lines 1 to 2 stand')[lines - 1]} above the titles" in text
+    (tmp_path / "map.toml").write_text(text, encoding="utf-8")
+    run = import_run([table], tmp_path / "map.toml")
+    assert np.allclose(np.rad2deg(run.samples.q), np.array(rows)[:, :6], atol=1e-5)
+
+
+@pytest.mark.parametrize("above", [(), ("Messprotokoll Halle 3;;;;;;;;;;", ";;;;;;;;;;")])
+@pytest.mark.parametrize(("angle", "length", "to_deg", "to_mm"), [("gon", "cm", 0.9, 10.0), ("[deg]", "m", 1.0, 1e3)])
+def test_a_row_of_units_below_the_titles_gives_the_columns_their_units(
+    tmp_path, rows, above, angle, length, to_deg, to_mm
+):
+    titles = [title.removesuffix(" [mm]") for title in GERMAN]
+    units = ";".join(["-", *[angle] * 6, *[length] * 3, ""])
+    table = with_rows(write(tmp_path / "log.csv", titles, rows), above, [units])
+    text = proposed_map([table])
+    assert "unit_rows = 1" in text
+    assert "no unit" not in text
+    (tmp_path / "map.toml").write_text(text, encoding="utf-8")
+    run = import_run([table], tmp_path / "map.toml")
+    assert np.allclose(np.rad2deg(run.samples.q), to_deg * np.array(rows)[:, :6], atol=1e-5)
+    assert np.allclose(run.readings.position * 1e3, to_mm * np.array(rows)[:, 6:], atol=1e-3 * to_mm)
+
+
+def test_a_second_row_of_titles_is_told(tmp_path, rows):
+    table = with_rows(write(tmp_path / "log.csv", GERMAN, rows), (), [";".join(["Punkt", *["Soll"] * 9, "in Halle"])])
+    with pytest.raises(InputError, match=r"log.csv: no title is understood .*line 1: .*'Achse 1'.*row of titles out"):
         proposed_map([table])
+
+
+@pytest.mark.parametrize(("titles", "unit"), [(("x", "y", "z"), "mm"), (("x", "y [m]", "z"), "m")])
+def test_coordinates_of_one_place_have_one_unit(tmp_path, titles, unit):
+    """One of them is small by chance, or alone says its unit."""
+    table = tmp_path / "log.csv"
+    lines = [",".join([*(f"J{k} [deg]" for k in range(1, 7)), *titles]), *["10,20,30,40,50,60,812.1,3.2,4.1"] * 3]
+    table.write_text("\n".join(lines))
+    text = proposed_map([table])
+    assert [f'{axis}_{unit} = "{title}"' in text for axis, title in zip("xyz", titles, strict=True)] == [True] * 3
 
 
 def test_two_logs_of_their_own_clocks_become_one_run(tmp_path):

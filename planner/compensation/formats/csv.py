@@ -39,6 +39,7 @@ def read(text: str, reading: TargetReading) -> None:
             separator = max(",;\t", key=line.count)
             header = [name.strip("\ufeff \t\"'") for name in line.split(separator)]
             groups = _TargetColumns(header, reading)
+            groups.decimal = _decimal_sign(text[start + len(line) :], separator)
         else:
             _row(number, start, line, separator, groups, reading)
     if groups is not None and not said:
@@ -88,6 +89,7 @@ class _TargetColumns:
         if twice:
             raise InputError(f"{where}: the column '{min(twice)}' stands twice")
         self.count = len(header)
+        self.decimal = "."
         self.distances: list[tuple[int, float]] = []  # line, and how far its pose is from its joint angles [m]
         n = reading.robot.n_joints
         self.joints = _joint_columns(header, reading.robot)
@@ -151,6 +153,19 @@ def _split_cells(line: str, separator: str) -> list[str]:
     return [separator.join(pieces) for pieces in cells]
 
 
+def _decimal_sign(below: str, separator: str) -> str:
+    """Return the decimal sign of the numbers below the header: a comma where they have commas and no points."""
+    if separator == ",":
+        return "."
+    commas, points = (re.search(rf"(?<![\w.,])[-+]?\d+{sign}\d+(?![\w.,])", below) for sign in (",", r"\."))
+    return "," if commas and not points else "."
+
+
+def _with_point(cell: str, decimal: str) -> str:
+    """Return a cell with a point as decimal sign; of a table with commas one with a point is no number."""
+    return cell if decimal == "." else cell.replace(".", "?").replace(decimal, ".")
+
+
 def _row(number: int, start: int, line: str, separator: str, columns: _TargetColumns, reading: TargetReading) -> None:
     cells = _split_cells(line, separator)
     if len(cells) != columns.count:
@@ -161,12 +176,13 @@ def _row(number: int, start: int, line: str, separator: str, columns: _TargetCol
     places = np.cumsum([start, *(len(c) + 1 for c in cells)])
     slots, values = [], []
     for k, unit in columns.pose + columns.joints:
-        match = re.fullmatch(rf"(\s*\"?)({EXPONENT_NUMBER})(\"?\s*)", cells[k])
+        match = re.fullmatch(rf"(\s*\"?)({EXPONENT_NUMBER})(\"?\s*)", _with_point(cells[k], columns.decimal))
         if match is None:
-            reading.refuse(number, f"'{cells[k].strip()}' found in column {k + 1}; a number with a point is allowed")
+            sign = "a point" if columns.decimal == "." else "a comma, as this table's others have it,"
+            reading.refuse(number, f"'{cells[k].strip()}' found in column {k + 1}; a number with {sign} is allowed")
             return
         place = int(places[k]) + len(match[1])
-        slots.append(Slot(place, place + len(match[2]), _UNITS[unit], _decimals(unit)))
+        slots.append(Slot(place, place + len(match[2]), _UNITS[unit], _decimals(unit), decimal=columns.decimal))
         values.append(float(match[2]) * _UNITS[unit])
     numbers = np.array(values)
     if not columns.pose:

@@ -21,6 +21,7 @@ class Slot:
         decimals: fewest digits behind the point when the number changes; 0 for whole numbers.
         prefix: what stands before an inserted number.
         aligned: whether spaces before the number may give way, to keep columns straight.
+        decimal: sign between a number's whole part and its decimals.
     """
 
     start: int
@@ -29,6 +30,7 @@ class Slot:
     decimals: int
     prefix: str = ""
     aligned: bool = True
+    decimal: str = "."
 
 
 @dataclass(frozen=True)
@@ -81,7 +83,7 @@ def write_values(text: str, values: Iterable[tuple[Slot, float]]) -> str:
     pieces, last = [], 0
     for slot, value in sorted(values, key=lambda pair: pair[0].start):
         old = text[slot.start : slot.end]
-        new = number_text(old, value / slot.unit, slot.decimals)
+        new = number_text(old.replace(slot.decimal, "."), value / slot.unit, slot.decimals).replace(".", slot.decimal)
         gap = text[last : slot.start]
         if old and slot.aligned:
             gap = _keep_alignment(gap, len(new) - len(old))
