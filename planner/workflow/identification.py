@@ -90,8 +90,8 @@ class CalibrationResult(FolderResult):
         """Say how findings are told apart and programs are corrected."""
         robot = self.cell.robot
         first = "" if robot.conventions else ", once robot.toml says how its controller counts ([controllers])"
-        model = as_word(folder / "robot.toml")
-        correct = f"edbb compensate PROGRAM --model {model} -o CORRECTED corrects a program{first}"
+        model = folder / "robot.toml"
+        correct = f"edbb compensate PROGRAM --model {as_word(model)} -o CORRECTED corrects a program{first}"
         apart = f"edbb plan CELL --separate {as_word(folder)} -o apart tells the causes apart"
         return f"{correct}\n{apart}" if can_be_told_apart(self.calibration) else correct
 
