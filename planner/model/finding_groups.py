@@ -49,7 +49,7 @@ class FindingGroup:
         """What they are called: found where that is asserted of all of them, likely below, and doubtful."""
         if self.is_doubtful:
             return "doubtful"
-        asserted = 0.9  # probability from which on a cause is asserted: of those above, one in fifty is another
+        asserted = 0.9  # probability from which on a cause is asserted; the others are likely
         return "found" if self.probability is None or self.probability >= asserted else "likely"
 
     @property

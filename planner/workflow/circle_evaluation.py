@@ -103,6 +103,7 @@ class LoadedTestEvaluation(FolderResult):
     joint: JointFit | None = None
     stages: Stages = field(default_factory=Stages)
     simulated: bool = False
+    runs: tuple[Path, ...] = ()
 
     def overview(self) -> Summary:
         """Return the compliances, by the circles and by one fit with runs without load."""
@@ -155,7 +156,8 @@ class LoadedTestEvaluation(FolderResult):
         """Say how the robot is corrected."""
         cell = f"--cell {as_word(self.cell.path)}"
         if self.joint is None:
-            return f"edbb loaded LOADED.csv --unloaded FREE.csv {cell} -o DIR adds runs without load"
+            runs = " ".join(as_word(run) for run in self.runs)
+            return f"edbb loaded {runs} --unloaded FREE.csv {cell} -o DIR adds runs without load"
         return f"edbb identify {as_word(folder / 'joint.csv')} {cell} -o calibrated"
 
 
@@ -171,7 +173,7 @@ def evaluate_loaded(asked: LoadedCall) -> LoadedTestEvaluation:
         NoSolutionError: the tracker cannot be placed.
     """
     stages, plan, tracker, unloaded = Stages(asked.progress), asked.plan, asked.tracker, asked.unloaded
-    where = cell_of_run(asked.cell, plan)
+    where, runs = cell_of_run(asked.cell, plan), tuple(Path(run) for run in asked.runs)
     overshoot = None if asked.overshoot_deg is None else asked.overshoot_deg * DEG
     with stages.stage("reading"):
         run = drop_unreadable(where, load_runs(asked.runs, where.robot.n_joints, where.robot.axes_of))
@@ -182,7 +184,7 @@ def evaluate_loaded(asked: LoadedCall) -> LoadedTestEvaluation:
     with stages.stage("evaluation"):
         found = evaluate_loaded_circles(run, where, other, overshoot)
         if free is None:
-            return LoadedTestEvaluation(found, where, None, stages, run.simulated)
+            return LoadedTestEvaluation(found, where, None, stages, run.simulated, runs)
         averaged = replace(averaged_run(found), simulated=run.simulated)
         joint = fit_jointly(where, free, averaged, averages_noise(found))
-        return LoadedTestEvaluation(found, where, joint, stages, run.simulated or free.simulated)
+        return LoadedTestEvaluation(found, where, joint, stages, run.simulated or free.simulated, runs)

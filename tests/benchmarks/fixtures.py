@@ -33,7 +33,7 @@ HEAD = (
 def plan(cell, count, folder):
     """Plan with so many fixtures; returns the document, or the sentence that says why there is none, and the notes."""
     words = ["--fixtures", count] if count > 1 else []
-    done = edbb("plan", cell, "-o", folder, "--force", "--dialect", "poses-csv", *words, threads=1)
+    done = edbb("plan", cell, "-o", folder, "--force", "--dialect", "poses-csv", *words, threads="1")
     told = " ".join((done.stdout + done.stderr).split())
     share = re.search(r"100 poses ([^;]*);", told)
     said = ", ".join(re.findall(r"[\d.]+(?= by)", share[1])) if share else ""
@@ -50,7 +50,7 @@ def judge(folder, seed):
     run, found = folder / f"run{seed}.csv", folder / f"found{seed}"
     arm.write_run(folder / "plan.json", run)
     words = ("--cell", folder / "cell.toml", "--plan", folder / "plan.json", "-o", found, "--force")
-    done = edbb("identify", run, *words, threads=1)
+    done = edbb("identify", run, *words, threads="1")
     assert done.returncode == 0, done.stderr
     stated = json.loads((found / "identification.json").read_text())["known_anywhere_mm"]
     q = np.random.default_rng(3).uniform(*cell.joint_range, (STATES, cell.robot.n_joints))

@@ -32,6 +32,7 @@ FEW = "candidates = 800\nvalidate = 4\nrefine = false"
 POSES = 48  # of a first session: enough to fit, few enough to plan in a minute, shared evenly by 2, 3 or 4 balls
 WITHOUT_CIRCLES = {"comau-nj130/circular": "comau-nj130/edbb"}  # where poses show the causes of what circles show
 LOADED = "abb-irb6700/ldbb"
+FREE = {LOADED: "abb-irb6700/edbb"}  # whose plan gives the run without load, FREE.csv
 OF_CIRCLES = {"comau-nj130/circular", LOADED}  # have no poses to be chosen
 MOST = 14  # commands of one chain
 ENDS = {0, PARTLY_DONE}  # the second: lines of a program that were left are named
@@ -98,6 +99,9 @@ class Chain:
 
     def measure(self, words):
         """Simulate the run that a command is to evaluate, where a gauge at the robot would have measured it."""
+        if "FREE.csv" in words:
+            self.do(["plan", FREE[self.cell], "-o", "free", "--seed", str(self.seed), "--poses", str(POSES)])
+            self.do(["simulate", "free/plan.json", "-o", "FREE.csv", "--seed", str(self.seed)])
         plan = words[words.index("--plan") + 1] if "--plan" in words else ""
         if words[0] != "simulate" and plan and not (self.folder / words[1]).exists():
             self.do(["simulate", plan, "-o", words[1], "--seed", str(self.seed)])
