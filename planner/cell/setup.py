@@ -36,6 +36,11 @@ class MeasurementSetup(Placement):
         probe = xyz_transforms("probe_r", "rotation") if self.gauge.angles else []
         return Chain((*BASE_TRANSFORMS, *self.robot.transforms, *tool, *probe))
 
+    @property
+    def has_own_frames(self) -> bool:
+        """Whether the gauge reads in frames of its own, as a tracker does, whose place is found with the robot."""
+        return self.gauge.frees_base
+
     def offsets(self, samples: Samples) -> list[float | Array]:
         """Return what is added to the nominal value of each of the K transforms for the measured tool point [m]."""
         out = super().offsets(samples)

@@ -81,7 +81,7 @@ def preference_order(model: Model, frame_stated: bool = True) -> list[int]:
     planned, and all stay as they stand.
     """
     order = range(len(model.parameters))
-    from_urdf, framed = model.setup.robot.convention == "urdf", model.setup.gauge.frees_base
+    from_urdf, framed = model.setup.robot.convention == "urdf", model.setup.has_own_frames
     if not (frame_stated if framed else from_urdf):
         return list(order)
     kinds, zeros = [p.group for p in model.parameters], model.setup.robot.zero_names

@@ -64,7 +64,7 @@ def gauge_frames(fit: Fit, estimates: Iterable[Estimate], beside_robot: Mapping[
     Standard deviations are those of ``estimates``, and by name those ``beside_robot``, which counts as known.
     """
     setup, error, std = fit.setup, fit.values, {e.name: e.std for e in estimates}
-    framed, places = setup.gauge.frees_base, range(len(setup.place_names))
+    framed, places = setup.has_own_frames, range(len(setup.place_names))
     return GaugeFrames(
         fixtures=tuple(
             FixturePosition(

@@ -117,8 +117,8 @@ class ExpectedErrorFile(StrictModel):
 def expected_error_text(content: ExpectedErrorContent, robot_toml: str, mounting: str = "") -> str:
     """Return the text of the file that goes with ``robot_toml``; ``mounting``: name of the set-up of the last run."""
     whole = {**content, "robot_sha256": model_text_hash(robot_toml)}
-    if isinstance(gauge := whole.get("gauge"), dict):
-        whole["gauge"] = {**gauge, "mounting": mounting}
+    if isinstance(standing := whole.get("gauge"), dict):
+        whole["gauge"] = {**standing, "mounting": mounting}
     return json.dumps(whole, ensure_ascii=False, allow_nan=False) + "\n"
 
 

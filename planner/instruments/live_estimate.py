@@ -193,7 +193,7 @@ def _with_stated_frames(unknown: ExpectedErrors, cell: Cell) -> ExpectedErrors:
     A plan asks for no reading, and has them in the base.
     """
     model = unknown.model
-    if not (model.setup.gauge.frees_base and cell.fixtures):
+    if not (model.setup.has_own_frames and cell.fixtures):
         return unknown
     R_BG = read_only(np.array([f.R_BX for f in cell.fixtures]))
     p_BG = read_only(np.array([f.p_BX for f in cell.fixtures]))

@@ -90,8 +90,8 @@ class Model:
 
     def __repr__(self) -> str:
         """Name robot and gauge, and say how many parameters there are."""
-        gauge = self.setup.gauge.kind
-        return f"Model('{self.setup.robot.name}', gauge='{gauge}', parameters={len(self.parameters)})"
+        named = f"'{self.setup.robot.name}', gauge='{self.setup.gauge.kind}'"
+        return f"Model({named}, parameters={len(self.parameters)})"
 
     @classmethod
     def from_cell(cls, cell: Cell, free: frozenset[str] | None = None) -> "Model":
