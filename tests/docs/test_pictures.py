@@ -68,3 +68,25 @@ def test_the_page_of_results_says_what_the_fits_have_shown():
     assert f"{validated[0]:.2f} mm by the data sheet" in PAGES["README.md"]
     before, after = row_of("UR5")[0]
     assert f"Published: {before} mm before (the frame not fitted), {after} mm after" in PAGES["README.md"]
+
+
+def test_the_pages_say_the_error_over_the_workspace_beside_that_at_poses_like_those_measured():
+    """Whoever reads one figure alone takes it for the other."""
+    results, readme = (" ".join(PAGES[page].split()) for page in ("docs/results.md", "README.md"))
+    for robot, stated in shown("released").items():
+        keys = ("nominal_anywhere_mm", "known_anywhere_mm", "at_most_mm", "where_measured_mm")
+        before, after, most, near = (f"{stated[key]:.3f}" for key in keys)
+        said = f"{before}, {after} mm | {most} mm | {near} mm |"
+        assert any(
+            said in row and row.lower().startswith(f"| {robot}") for row in PAGES["docs/results.md"].splitlines()
+        )
+    ur5, panda = shown("released")["ur5"], shown("released")["panda"]
+    assert f"which programs are corrected by: {ur5['validation_mean_mm']})" in results
+    assert f"{ur5['nominal_anywhere_mm']:.2f} mm before and {ur5['known_anywhere_mm']:.2f} mm after (rms" in readme
+    assert f"below {ur5['at_most_mm']:.2f} mm" in readme
+    assert (
+        f"{panda['known_anywhere_mm']} mm rms is stated ({panda['nominal_anywhere_mm']} before)"
+        in PAGES["docs/tutorials/panda.md"]
+    )
+    told = f"{ur5['nominal_anywhere_mm']} → {ur5['known_anywhere_mm']} mm rms"
+    assert told in PAGES["docs/tutorials/ur5-real-run.md"]

@@ -3,6 +3,7 @@
 ``pytest -s`` prints the numbers.
 """
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,6 +18,7 @@ from planner.identification.cross_validation import split_run
 from planner.identification.pipeline import FitSettings, identify
 from planner.runs.loader import load_run, load_runs
 from planner.runs.run import Run
+from planner.workflow.identification import identify as identify_run
 
 DATA = Path(__file__).resolve().parents[1] / "data"
 CELLS = Path(__file__).parent / "cells"
@@ -176,3 +178,26 @@ def test_panda_says_how_well_50_mm_hold_the_scale(panda):
     reading = np.sqrt(np.mean(c.stages[-1].residual ** 2))
     two_means = reading * np.sqrt(4 / len(c.run)) / (50 * MM)  # the distance of two means, as well as it is measured
     assert 0.3 * two_means < found[True, 1e3] < 5 * two_means
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", ["ur5", "panda"])
+def test_what_the_pages_say_of_the_robot_that_is_written_is_what_the_fit_states(name):
+    """The figures of the pages are kept in ``docs/pictures/shown/released.json``."""
+    kept = json.loads((DATA.parents[1] / "docs" / "pictures" / "shown" / "released.json").read_text())[name]
+    if name == "ur5":
+        folder = DATA / "ur5-tracker"
+        cell = CELLS / "ur5-tracker.toml"
+        c = identify_run(folder / "run.csv", cell=cell, validate=folder / "validation.csv").calibration
+    else:
+        cell = DATA.parents[1] / "examples" / "panda_ball.toml"
+        c = identify_run(DATA / "panda-ball" / "front_center.csv", cell=cell).calibration
+    release = c.release
+    found = {
+        "nominal_anywhere_mm": release.nominal_anywhere,
+        "known_anywhere_mm": c.workspace_error,
+        "at_most_mm": release.at_most,
+        "where_measured_mm": release.where_measured,
+        "validation_mean_mm": None if release.validation is None else release.validation.mean,
+    }
+    assert {k: v / MM for k, v in found.items() if v is not None} == pytest.approx(kept, abs=6e-4)
