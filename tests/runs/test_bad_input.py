@@ -47,6 +47,10 @@ CASES = {
         rows().replace("length_mm", "other"),
         r"there is no reading; one of length_mm; x_mm, y_mm, z_mm; ball",
     ),
+    "reading under a title of its own": (
+        rows().replace("length_mm", "Länge [cm]").replace("pose", "Pose"),
+        r"there is no reading; .* titles of your own \('Länge \[cm\]'\) are read with --map",
+    ),
     "two readings": ("q1_deg,q2_deg,length_mm,ball\n1,20,3,4\n", r"several readings \(length_mm; ball\)"),
     "half a position": ("q1_deg,q2_deg,x_mm,y_mm\n1,20,3,4\n", r"there is no column z_mm or z_m or z_um beside"),
     "half a rotation": ("q1_deg,q2_deg,x_mm,y_mm,z_mm,rx_deg\n1,20,3,4,5,6\n", r"no column ry_deg or ry_rad, rz_deg"),

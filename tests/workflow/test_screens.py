@@ -129,3 +129,11 @@ def test_a_fit_that_failed_says_first_what_is_probably_wrong_and_no_parameter(fi
     lines = screen_text(made, None).splitlines()
     assert lines[1].split() == ["probably", "perhaps", "joint", "2", "counts", "the", "other", "way"]
     assert "moved most" not in "".join(lines)
+
+
+def test_the_next_step_says_what_a_robot_lacks_whose_file_names_no_controller(fitted):
+    """Its programs would be refused: it is said before one is."""
+    lacks = "once robot.toml says how its controller counts ([controllers])"
+    assert lacks not in fitted.next_step(Path("calibrated"))
+    silent = dataclasses.replace(fitted.cell, robot=dataclasses.replace(fitted.cell.robot, conventions=()))
+    assert lacks in dataclasses.replace(fitted, cell=silent).next_step(Path("calibrated"))
