@@ -15,6 +15,7 @@ from planner.cell.reading import load_cell
 from planner.cell.setup import setup_of
 from planner.effects.catalogue import Excitation
 from planner.effects.gauge_shapes import gauge_shapes
+from planner.identification import reading_precision
 from planner.identification.assumptions import EXPECTED_CAUSES, PREVALENCE
 from planner.identification.posterior_background import GAUGE_SHAPE, OF_BACKGROUND, background_families
 from planner.identification.posterior_draws import RandomEffects, SizeDraw, SizePrior, draw_sizes
@@ -51,9 +52,11 @@ def test_the_deviance_is_that_of_the_dense_covariance(m, p):
     assert one - other == pytest.approx(dense, rel=1e-5)
 
 
+@pytest.mark.parametrize("waiting", [0, 1, 64])
 @pytest.mark.parametrize("changes", [(), ((1, 1.5),), ((0, 1.5), (1, 0.5), (0, 0.0))])
-def test_what_is_known_of_the_readings_is_that_of_the_dense_covariance(changes):
-    """At a draw, and after the sizes of families changed one after the other."""
+def test_what_is_known_of_the_readings_is_that_of_the_dense_covariance(monkeypatch, changes, waiting):
+    """At a draw, and after the sizes of families changed one after the other, however many changes may wait."""
+    monkeypatch.setattr(reading_precision, "MOST_WAITING", waiting)
     model, factors, logs = model_of(), np.array([0.5, 0.0]), np.array([0.1, -0.2])
     known = model.precision(SizeDraw(factors.copy(), logs))
     for family, factor in changes:
@@ -64,8 +67,8 @@ def test_what_is_known_of_the_readings_is_that_of_the_dense_covariance(changes):
     own = model.sorted_columns
     dense = own.T @ np.linalg.solve(C, own)
     for family, place in enumerate(model.places):
-        assert known.gram(family) == pytest.approx(dense[place, place], rel=1e-6, abs=1e-7)
-    assert known.toward == pytest.approx(own.T @ np.linalg.solve(C, model.y), rel=1e-6, abs=1e-7)
+        assert known.grams([family])[0] == pytest.approx(dense[place, place], rel=1e-6, abs=1e-7)
+    assert known.rows @ known.toward == pytest.approx(own.T @ np.linalg.solve(C, model.y), rel=1e-6, abs=1e-7)
     more = np.array([0.3, 2.0])
     gains = [density(model, (factors[0], np.sqrt(factors[1] ** 2 + v)), logs) for v in more]
     assert known.gains([1], more)[0] == pytest.approx(np.array(gains) - density(model, factors, logs), abs=1e-5)
