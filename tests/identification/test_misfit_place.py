@@ -7,7 +7,7 @@ from planner.common.units import DEG
 from planner.identification.error_parts import largest_misfit
 from planner.model.identification_document import ErrorParts
 from planner.model.misfit_place import MisfitPlace
-from planner.workflow.fit_overview import _misfit_place, _part_facts
+from planner.workflow.fit_overview import _motion_place, _part_facts
 
 Q = np.random.default_rng(0).uniform(-2.0, 2.0, (2000, 6))
 LOW = 1e-8  # [m²]
@@ -41,7 +41,7 @@ def test_the_document_keeps_both_ranges_and_the_screen_says_them():
     written = place.model_dump(mode="json", by_alias=True)
     assert written["within"]["range_deg"] == pytest.approx([v / DEG for v in place.within.range])
     assert MisfitPlace.model_validate(written).within.joint == place.within.joint
-    where, _ = _misfit_place(place)
+    where = _motion_place(place)
     assert all(r.text in where for r in place.ranges)
     assert f"({1e3 * place.within.there:.3f} mm)" in where
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import TypeAlias
 
 import numpy as np
 
@@ -19,7 +20,7 @@ from planner.motion.collision.scene import coal_shape
 from planner.motion.planning_packages import coal
 from planner.motion.tolerances import BODY_GAP, OTHER_ARM_GAP
 
-Placed = list[tuple[coal.CollisionGeometry, Array]]
+Placed: TypeAlias = "list[tuple[coal.CollisionGeometry, Array]]"
 
 
 @dataclass(frozen=True)
