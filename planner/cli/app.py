@@ -22,10 +22,11 @@ from planner.common.calls import GROUPS, MORE
 from planner.common.commands import extension_commands, remote_function
 from planner.common.console import speak_plainly
 from planner.common.errors import InputError, LookFirst, MissingProgramError, PlannerError
+from planner.common.extensions import broken_extensions
 from planner.common.files import INPUTS, short_path
 from planner.common.quiet import results_alone
 from planner.kinematics.packages import COMMAND_PACKAGES
-from planner.workflow.verbs import declared_calls
+from planner.workflow.verbs import CORE, declared_calls
 
 LISTS = "planner.cli.list_commands"
 WRITTEN = {  # of the core, not declared: the function of the command line, and the line in the list of commands
@@ -47,21 +48,34 @@ def verbs() -> dict[str, str]:
     """Return every command, and its line in the list: heading by heading, those of the core first.
 
     Raises:
-        InputError: an extension cannot be loaded, or takes a command of the core.
+        DeclarationError: a command of the core is declared wrongly.
     """
     declared = {name: call.line for name, call in declared_calls().items()}
     more = {name: c.line for name, c in extension_commands().items()}
     own = {name: line for name, (_, line) in WRITTEN.items()}
-    if taken := sorted(own.keys() & more.keys()):
-        raise InputError(f"command '{taken[0]}': an extension brings it, and the planner has it already")
-    every, groups = declared | more | own, command_groups()
+    every, groups = more | declared | own, command_groups()
     return dict(sorted(every.items(), key=lambda item: GROUPS.index(groups[item[0]])))
 
 
 def command_groups() -> dict[str, str]:
     """Return under which heading the list of commands shows each."""
     declared = {name: call.group for name, call in declared_calls().items()}
-    return declared | {name: c.group for name, c in extension_commands().items()} | dict.fromkeys(WRITTEN, MORE)
+    return {name: c.group for name, c in extension_commands().items()} | declared | dict.fromkeys(WRITTEN, MORE)
+
+
+def of_core(name: str) -> bool:
+    """Tell whether a command is of the core; then no extension can take it."""
+    return name in WRITTEN or name in {call.verb for call in CORE}
+
+
+def describe_left_out() -> list[str]:
+    """Say what of the extensions could not be used, a sentence each."""
+    taken = [
+        f"command '{name}': an extension ({c.module}) brings it, and the planner has it already"
+        for name, c in extension_commands().items()
+        if of_core(name)
+    ]
+    return [*(broken.said for broken in broken_extensions()), *taken]
 
 
 class PlainSwitches:
@@ -138,7 +152,7 @@ class Verbs(PlainSwitches, TyperGroup):
 
 def command_function(name: str) -> Callable[..., None]:
     """Return the function of the command ``name``."""
-    brought = extension_commands().get(name)
+    brought = None if of_core(name) else extension_commands().get(name)
     if brought:
         brought.check()
     typed = brought.typed if brought else WITH_MORE.get(name) or WRITTEN.get(name, ("",))[0]
@@ -208,11 +222,13 @@ def _run_on_server(url: str, words: list[str]) -> int:
 def main() -> None:
     """Run the command line; the exit code is the error's own (0 done, 1 bug, 2 input, 3 no solution, 4 missing)."""
     speak_plainly()
+    ended = ""
     try:
         with results_alone():
             _run_and_flush()
     except PlannerError as err:
-        errors.print(str(err) if isinstance(err, LookFirst) else f"edbb: {err}")
+        ended = str(err)
+        errors.print(ended if isinstance(err, LookFirst) else f"edbb: {err}")
         sys.exit(err.exit_code)
     except OSError as err:
         if not err.filename and err.errno not in OUTPUT_FAILURES:
@@ -226,6 +242,10 @@ def main() -> None:
             )
             errors.print(f"edbb: {what} ({err.strerror or err})")
         sys.exit(InputError.exit_code)
+    finally:
+        for said in describe_left_out():
+            if said != ended:
+                errors.print(f"edbb: left out: {said}")
 
 
 def _run_and_flush() -> None:

@@ -6,14 +6,14 @@ the documentation are made of that one declaration. To load one costs no library
 
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import MISSING, dataclass, fields
+from dataclasses import MISSING, Field, dataclass, fields
 from functools import wraps
-from inspect import Parameter, Signature, cleandoc
+from inspect import Parameter, Signature, cleandoc, get_annotations
 from pathlib import Path
 from types import MappingProxyType
 from typing import Annotated, Any, ClassVar, Literal, ParamSpec, TypeVar, get_args, get_origin
 
-from planner.common.errors import InputError
+from planner.common.errors import DeclarationError, InputError, did_you_mean
 from planner.common.notebook import NotebookProgress, runs_in_notebook
 from planner.common.progress import Progress
 
@@ -162,12 +162,51 @@ class CallField:
 
 
 def call_fields(call: type[Any]) -> tuple[CallField, ...]:
-    """Return the fields of a declaration: those without a name first, those of Python alone last."""
-    found = []
-    for field in fields(call):
-        kind, option = get_args(field.type)
-        found.append(CallField(field.name, kind, field.default, option, bool(field.kw_only)))
+    """Return the fields of a declaration: those without a name first, those of Python alone last.
+
+    Raises:
+        DeclarationError: a field has no :class:`Option`, or its default lies outside its own bounds.
+    """
+    found = [_call_field(call, field) for field in fields(call)]
     return tuple(sorted(found, key=lambda f: (f.keyword, f.option.python_only)))
+
+
+def _call_field(call: type[Any], field: Field[Any]) -> CallField:
+    owner = next((c for c in call.__mro__ if field.name in get_annotations(c)), call)
+    place = f"{owner.__module__}: {owner.__name__}.{field.name}"
+    kind, *more = get_args(field.type) if get_origin(field.type) is Annotated else (field.type,)
+    option = next((part for part in more if isinstance(part, Option)), None)
+    if option is None:
+        late = ", and the module without 'from __future__ import annotations'" if isinstance(field.type, str) else ""
+        raise DeclarationError(f"{place}: its type has no Option: Annotated[TYPE, Option(HELP, …)] is needed{late}")
+    if fault := _beyond_bounds(option, field.default):
+        raise DeclarationError(f"{place}: its default is {field.default}, but {fault}; None leaves it to the cell")
+    return CallField(field.name, kind, field.default, option, bool(field.kw_only))
+
+
+def check_call(call: type[Call]) -> None:
+    """Check what the list of commands and the command line need of a declaration.
+
+    Raises:
+        DeclarationError: the word, the line or the function is missing, the heading is unknown, or a field is wrong.
+    """
+    place = f"{call.__module__}: {call.__name__}"
+    for name in ("verb", "line", "function"):
+        if not isinstance(getattr(call, name, None), str):
+            raise DeclarationError(f'{place}: {name} = "…" is missing')
+    check_group(call.group, place)
+    call_fields(call)
+
+
+def check_group(group: str, place: str) -> None:
+    """Check that the list of commands has a heading; ``place``: of what names it.
+
+    Raises:
+        DeclarationError: it has not.
+    """
+    if group not in GROUPS:
+        hint = did_you_mean(group, list(GROUPS))
+        raise DeclarationError(f"{place}: group = '{group}' is no heading{hint} (allowed: {', '.join(GROUPS)})")
 
 
 def typed_fields(call: type[Call]) -> list[CallField]:
@@ -225,11 +264,17 @@ def served_fields(call: type[Call]) -> list[ServedField]:
 
 def _check_bounds(function: str, known: Sequence[CallField], asked: object) -> None:
     for field in known:
-        value, least, most = getattr(asked, field.name), field.option.min, field.option.max
-        if isinstance(value, int | float) and not (least is None or least <= value):
-            raise InputError(f"{function}(): {field.name} = {value}, but the least is {least:g}")
-        if isinstance(value, int | float) and not (most is None or value <= most):
-            raise InputError(f"{function}(): {field.name} = {value}, but the largest is {most:g}")
+        value = getattr(asked, field.name)
+        if fault := _beyond_bounds(field.option, value):
+            raise InputError(f"{function}(): {field.name} = {value}, but {fault}")
+
+
+def _beyond_bounds(option: Option, value: object) -> str:
+    if not isinstance(value, int | float):
+        return ""
+    if not (option.min is None or option.min <= value):
+        return f"the least is {option.min:g}"
+    return "" if option.max is None or value <= option.max else f"the largest is {option.max:g}"
 
 
 P = ParamSpec("P")

@@ -7,8 +7,8 @@ the work is named as ``module:name``, and imported when it is called.
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from planner.common.calls import MORE, Call
-from planner.common.errors import MissingProgramError
+from planner.common.calls import MORE, Call, call_fields, check_call, check_group
+from planner.common.errors import DeclarationError, MissingProgramError
 from planner.common.extensions import shipped_extensions
 
 
@@ -31,6 +31,11 @@ class Command:
     typed: str = ""
     group: str = MORE
     needs: tuple[str, ...] = ()
+
+    @property
+    def module(self) -> str:
+        """The module that brings it."""
+        return self.call.__module__ if self.call else self.typed.partition(":")[0]
 
     def check(self) -> None:
         """Refuse to run where an extension that it needs is left out.
@@ -62,8 +67,9 @@ def register_command(name: str, line: str, typed: str, group: str = MORE, needs:
         needs: shipped extensions without which it does nothing, by their names.
 
     Raises:
-        ValueError: another extension has that command.
+        DeclarationError: the heading is unknown, or another extension has that command.
     """
+    check_group(group, f"command '{name}'")
     _enter(Command(name, line, None, typed, group, needs))
 
 
@@ -75,14 +81,20 @@ def register_call(call: type[Call], typed: str = "") -> None:
         typed: the function of the command line as ``module:name``, where more is typed than is declared.
 
     Raises:
-        ValueError: another extension has that command.
+        DeclarationError: the declaration is wrong, or another extension has that command.
     """
+    check_call(call)
+    if not typed and "progress" not in {f.name for f in call_fields(call)}:
+        raise DeclarationError(
+            f"{call.__module__}: {call.__name__} has no field progress, which the command line calls: "
+            "'progress: ProgressKeyword = no_progress' is needed, behind the others"
+        )
     _enter(Command(call.verb, call.line, call, typed, call.group))
 
 
 def _enter(command: Command) -> None:
     if command.name in _COMMANDS:
-        raise ValueError(f"command '{command.name}': another extension has registered it already")
+        raise DeclarationError(f"command '{command.name}': another extension has registered it already")
     _COMMANDS[command.name] = command
 
 

@@ -49,6 +49,10 @@ class InputError(PlannerError):
     exit_code = 2
 
 
+class DeclarationError(PlannerError):
+    """A command or an option is declared wrongly: the message names class and field, and what is to be written."""
+
+
 class LookFirst(InputError):
     """A first call has written what a person looks at before the same call does its work; the message says both.
 

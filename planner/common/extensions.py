@@ -4,13 +4,14 @@ Those that come with the planner are the modules of ``planner.wings``; other pac
 ``edbb.extensions``.
 """
 
+from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
 from importlib.metadata import entry_points
 from importlib.util import find_spec
 from pkgutil import iter_modules
 
-from planner.common.errors import InputError
+from planner.common.errors import DeclarationError, InputError
 
 GROUP = "edbb.extensions"
 SHIPPED = "planner.wings"
@@ -30,15 +31,36 @@ def section_owner(key: str) -> str:
     return owners.get(key, "")
 
 
-@cache
+@dataclass(frozen=True)
+class BrokenExtension:
+    """An extension of another package that could not be used: the sentence that says why.
+
+    ``is_command_alone``: whether only the declaration of a command is wrong. Of any other it is not known whether it
+    would have brought an effect or a gauge, without which a result would be another one.
+    """
+
+    said: str
+    is_command_alone: bool
+
+
 def load_extensions() -> None:
     """Import the shipped extensions, then those that installed packages name, by their names.
 
-    The folder says which are shipped, not the metadata of an installation: a checkout has none, or that of another day.
-
     Raises:
-        InputError: one cannot be imported, or registers a name that is taken.
+        InputError: one that may bring effects or gauges cannot be imported, or registers a name that is taken.
     """
+    for broken in broken_extensions():
+        if not broken.is_command_alone:
+            raise InputError(broken.said)
+
+
+@cache
+def broken_extensions() -> tuple[BrokenExtension, ...]:
+    """Import all extensions, and return those that cannot be used.
+
+    The folder says which are shipped, not the metadata of an installation: a checkout has none, or that of another day.
+    """
+    broken = []
     for module in shipped_extensions():
         import_module(module)
     for point in sorted(entry_points(group=GROUP)):
@@ -47,4 +69,7 @@ def load_extensions() -> None:
         try:
             point.load()
         except Exception as err:
-            raise InputError(f"extension '{point.name}' ({point.value}): {type(err).__name__}: {err}") from err
+            declared = isinstance(err, DeclarationError)
+            why = str(err) if declared else f"{type(err).__name__}: {err}"
+            broken.append(BrokenExtension(f"extension '{point.name}' ({point.value}): {why}", declared))
+    return tuple(broken)

@@ -7,9 +7,11 @@ from typing import TYPE_CHECKING, Annotated
 from planner.cell.declared import FleetOption
 from planner.common.calls import Dialects, JobFile, Option, Seed, call_fields, upload_option
 from planner.common.choices import Aim, IndexName, SelectionMethod, TourOrder, TourSolver
-from planner.common.errors import InputError
+from planner.common.errors import DeclarationError, InputError, did_you_mean
 
 if TYPE_CHECKING:
+    from pydantic import BaseModel
+
     from planner.cell.cell import Cell
 
 
@@ -90,10 +92,14 @@ class PlanOptions:
     fleet: FleetOption = None
 
     def in_motion(self, cell: "Cell") -> "Cell":
-        """Return the cell with what is asked in place of keys of ``[motion]``, in its file as well."""
+        """Return the cell with what is asked in place of keys of ``[motion]``, in its file as well.
+
+        Raises:
+            DeclarationError: a field with ``motion_key`` has the name of no key there.
+        """
         from planner.cell.reading import read_motion
 
-        names = [f.name for f in call_fields(PlanOptions) if f.option.motion_key]
+        names = motion_keys(type(self), type(cell.file.motion))
         asked = {name: getattr(self, name) for name in names if getattr(self, name) is not None}
         if not asked:
             return cell
@@ -151,6 +157,22 @@ class PlanOptions:
             why = "it says how many poses" if given[0] == "--poses" else "the error that is left chooses the poses"
             raise InputError(f"{cell.path}: {name} does not go together with {given[0]} ({why}): leave one out")
         return True
+
+
+def motion_keys(options: type[PlanOptions], section: type["BaseModel"]) -> list[str]:
+    """Return the fields that stand for keys of ``section``, that of ``[motion]``.
+
+    Raises:
+        DeclarationError: it has no key of such a name.
+    """
+    known = list(section.model_fields)
+    names = [f.name for f in call_fields(options) if f.option.motion_key]
+    if unknown := [name for name in names if name not in known]:
+        raise DeclarationError(
+            f"{options.__module__}: {options.__name__}.{unknown[0]}: motion_key=True, but [motion] has no such "
+            f"key{did_you_mean(unknown[0], known)} (there: {', '.join(known)})"
+        )
+    return names
 
 
 def check_point_options(cell: "Cell", options: PlanOptions) -> None:

@@ -2,10 +2,9 @@
 
 from functools import cache
 
-from planner.common.calls import Call
+from planner.common.calls import Call, check_call
 from planner.common.commands import extension_commands
-from planner.common.errors import InputError
-from planner.common.extensions import load_extensions
+from planner.common.extensions import broken_extensions
 from planner.workflow.compensate_call import CompensateCall
 from planner.workflow.identify_call import IdentifyCall
 from planner.workflow.plan_call import PlanCall
@@ -17,14 +16,14 @@ CORE: tuple[type[Call], ...] = (PlanCall, ExportCall, SimulateCall, IdentifyCall
 
 @cache
 def declared_calls() -> dict[str, type[Call]]:
-    """Return every declaration by its command: those of the core, then those of the extensions.
+    """Return every declaration by its command: those of the core, then those of the extensions that can be used.
 
     Raises:
-        InputError: an extension cannot be loaded, or takes a command of the core.
+        DeclarationError: one of the core is wrong.
     """
-    load_extensions()
+    broken_extensions()  # all are imported, and those that cannot be used are left out
+    for call in CORE:
+        check_call(call)
     core = {call.verb: call for call in CORE}
     brought = {name: c.call for name, c in extension_commands().items() if c.call is not None}
-    if taken := sorted(core.keys() & extension_commands().keys()):
-        raise InputError(f"command '{taken[0]}': an extension brings it, and the planner has it already")
-    return core | brought
+    return core | {name: call for name, call in brought.items() if name not in core}

@@ -5,7 +5,7 @@ import inspect
 import re
 import subprocess
 import sys
-from dataclasses import KW_ONLY, dataclass
+from dataclasses import KW_ONLY, dataclass, make_dataclass
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -15,9 +15,12 @@ from typer.testing import CliRunner
 
 import planner
 from planner.cell.declared import CellWord
+from planner.cell.file import MotionFile
+from planner.cell.reading import load_cell
 from planner.cli.app import with_shared_options
 from planner.cli.declared import folder_command
 from planner.common.calls import Call, Option, ProgressKeyword, call_fields, called_with, options_table
+from planner.common.errors import DeclarationError
 from planner.common.progress import no_progress
 from planner.common.result import Result
 from planner.common.summary import Summary
@@ -26,6 +29,7 @@ from planner.service.declared_request import take_fields
 from planner.service.job_folder import JobFolder
 from planner.service.job_request import CellRequest
 from planner.service.pages import ENVIRONMENT
+from planner.session.options import PlanOptions, motion_keys
 from planner.workflow.verbs import declared_calls
 
 ROOT = Path(planner.__file__).parents[1]
@@ -158,6 +162,19 @@ def test_it_is_in_the_table_of_the_documentation():
     assert "| joint compliance |  |" in causes
     assert '| servo lag | a run measured while moving (motion.measure = "continuous") |' in causes
     assert causes.count("\n| ") == len(effect_kinds()) + 1
+
+
+def test_every_motion_key_is_a_key_of_the_cells_motion():
+    assert "order" in motion_keys(PlanOptions, MotionFile)
+
+
+def test_a_motion_key_that_no_cell_has_is_refused():
+    option = Option("how near", motion_key=True)
+    wrong = make_dataclass("Mine", [("clearence_mm", Annotated[float | None, option], None)], bases=(PlanOptions,),
+                           frozen=True, kw_only=True)  # fmt: skip
+    said = r'Mine\.clearence_mm: motion_key=True, but \[motion\] .* did you mean "clearance_mm"\? \(there: measure, '
+    with pytest.raises(DeclarationError, match=said):
+        wrong().in_motion(load_cell("ur10/edbb"))
 
 
 @pytest.mark.parametrize("call", declared_calls().values(), ids=lambda call: call.verb)

@@ -77,22 +77,44 @@ def test_the_service_runs_it_and_the_documentation_has_its_table(installed):
 
 
 @pytest.mark.parametrize(
-    ("verb", "said"),
+    ("line", "instead", "said"),
     [
-        ("plan", "command 'plan': an extension brings it, and the planner has it already"),
-        ("robots", "command 'robots': an extension brings it, and the planner has it already"),
-        ("study", "command 'study': another extension has registered it already"),
+        (
+            'verb = "reach"',
+            'verb = "robots"',
+            "command 'robots': an extension (reach_of_mine) brings it, and the planner has it already",
+        ),
+        (
+            'verb = "reach"',
+            'verb = "study"',
+            "extension 'reach' (reach_of_mine): command 'study': another extension has registered it already",
+        ),
+        (
+            'verb = "reach"',
+            'verb = "reach"\n    group = "Uze"',
+            "extension 'reach' (reach_of_mine): reach_of_mine: ReachCall: group = 'Uze' is no heading; did you mean "
+            '"Use"? (allowed: Plan, Measure, Calibrate, Use, Keep, More)',
+        ),
+        ("import KW_ONLY, dataclass", "import KW_ONLY, datclass", None),
     ],
 )
-def test_a_command_that_is_taken_is_told(installed, tmp_path, verb, said):
+def test_what_cannot_be_used_is_told_and_stops_no_other_command(installed, tmp_path, line, instead, said):
+    """The commands of the planner are listed and run; one that may lack an effect is refused."""
     folder, environment = installed
     shutil.copytree(folder, tmp_path / "site", ignore=shutil.ignore_patterns("out"))
     there = tmp_path / "site" / "reach_of_mine.py"
-    there.write_text(there.read_text().replace('verb = "reach"', f'verb = "{verb}"'))
+    there.write_text(there.read_text().replace(line, instead))
     environment = {**environment, "PYTHONPATH": os.pathsep.join((str(tmp_path / "site"), str(ROOT)))}
-    done = edbb_in(tmp_path, environment, "--help")
-    assert done.returncode == 2
-    assert said in done.stderr
+    done = edbb_in(tmp_path, environment, *(["robots", "--json"] if "robots" in instead else ["--help"]))
+    assert done.returncode == 0
+    assert "comau-nj130" in done.stdout or "List the robots and cells that come with" in done.stdout
+    assert len(done.stderr.splitlines()) == 1
+    if said is None:
+        assert done.stderr.startswith("edbb: left out: extension 'reach' (reach_of_mine): ImportError: cannot import")
+        refused = edbb_in(tmp_path, environment, "export", "plan.json", "--dialect", "krl", "-o", "out")
+        assert (refused.returncode, len(refused.stderr.splitlines())) == (2, 2)
+    else:
+        assert done.stderr == f"edbb: left out: {said}\n"
 
 
 def test_the_page_that_shows_it_includes_it():
