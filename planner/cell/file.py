@@ -15,7 +15,7 @@ from pydantic import (
     model_validator,
 )
 
-from planner.cell.gauge_registry import gauge_kinds
+from planner.cell.gauge_registry import gauge_kinds, own_keys
 from planner.common.choices import Aim, SelectionMethod, SetUp, TourOrder
 from planner.common.extensions import HINT
 from planner.common.schema import Coordinate, NonNegativeFloat, OneLine, OptionalKeys, PositiveFloat, StrictModel
@@ -149,14 +149,19 @@ class GaugeFile(OptionalKeys):
     own: dict[str, object] = {}  # keys that only this kind of gauge has, written beside the others
     LATER: ClassVar[tuple[str, ...]] = ("head", "own", "mount_mm")
 
+    @classmethod
+    def allowed_keys(cls, data: object) -> list[str]:
+        """Return the keys of every gauge, and those of the kind that is named."""
+        kind = data.get("kind") if isinstance(data, dict) else None
+        return [*(key for key in cls.model_fields if key != "own"), *own_keys(kind)]
+
     @model_validator(mode="before")
     @classmethod
     def _own_keys(cls, data: object) -> object:
         """Set the kind's own keys apart, which the gauge reads itself; its usual keys stand where none are given."""
         if not isinstance(data, dict) or "own" in data:
             return data
-        kind = gauge_kinds().get(str(data.get("kind")))
-        keys = () if kind is None or kind.OwnKeys is None else tuple(kind.OwnKeys.model_fields)
+        keys = own_keys(data.get("kind"))
         data = _with_usual_keys(data, data.get("kind"), ("body", "cone_deg"))
         return {k: v for k, v in data.items() if k not in keys} | {"own": {k: data[k] for k in keys if k in data}}
 

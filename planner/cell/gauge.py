@@ -54,6 +54,11 @@ class Gauge(GaugeReading, GaugeNumbers, GaugeFrames, GaugeReach, GaugeSession):
         g = file.gauge
         if g.length_mm is None and planning and cls.needs_range:
             raise InputError(f"{path}: the key 'gauge.length_mm' is missing (shortest and longest length)")
+        if g.noise_um is not None and cls.angles == cls.width:
+            raise InputError(
+                f"{path}: 'gauge.noise_um' = {g.noise_um:g}: the gauge '{cls.kind}' reads no length; the noise of its "
+                "angles is 'gauge.noise_mdeg'"
+            )
         shortest, longest = g.length_mm or (0.0, np.inf)
         return cls(
             noise=(g.noise_um or cls.default_noise_um) * UM,

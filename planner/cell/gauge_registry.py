@@ -15,6 +15,9 @@ class GaugeKind(Protocol):
 
     kind: ClassVar[str]
     is_attached: ClassVar[bool]
+    unit: ClassVar[str]
+    width: ClassVar[int]
+    angles: ClassVar[int]
     usual_keys: ClassVar[Mapping[str, Mapping[str, object]]]
     OwnKeys: ClassVar[type[BaseModel] | None]
 
@@ -28,8 +31,13 @@ def register_gauge(kind: G) -> G:
     """Make a kind known by its name in cell files; a class decorator.
 
     Raises:
-        ValueError: another gauge has that name.
+        ValueError: another gauge has that name, or it shows lengths in mrad.
     """
+    if kind.unit == "mrad" and kind.angles < kind.width:  # the first number is shown in that unit, angles come last
+        raise ValueError(
+            f"gauge kind '{kind.kind}' ({kind.__module__}): unit = \"mrad\", but angles = {kind.angles} of width = "
+            f"{kind.width}: its readings would be taken for lengths; angles = {kind.width} is needed"
+        )
     if not kind.__module__.startswith(f"{ROOM}."):
         _import_shipped_modules()  # so that who takes one of their names is the one who is told
     if kind.kind in _KINDS:
@@ -43,6 +51,12 @@ def gauge_kinds() -> dict[str, type[GaugeKind]]:
     _import_shipped_modules()
     load_extensions()
     return _KINDS
+
+
+def own_keys(kind: object) -> tuple[str, ...]:
+    """Return the keys of ``[gauge]`` that only a kind has; none of an unknown one."""
+    gauge = gauge_kinds().get(str(kind))
+    return () if gauge is None or gauge.OwnKeys is None else tuple(gauge.OwnKeys.model_fields)
 
 
 def _import_shipped_modules() -> None:

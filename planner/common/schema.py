@@ -63,7 +63,7 @@ def describe_faults(err: ValidationError, data: object, model: type[BaseModel], 
     above = {path[:k] for path in faults for k in range(len(path))}
     deepest = [path for path in faults if path not in above]
     # 3: faults that one message tells
-    return "; ".join(_sentence(path, faults[path], model, toml) for path in deepest[:3])
+    return "; ".join(_sentence(path, faults[path], model, toml, data) for path in deepest[:3])
 
 
 def _key_path(data: object, loc: Sequence[str | int], missing: bool) -> KeyPath:
@@ -79,12 +79,14 @@ def _key_path(data: object, loc: Sequence[str | int], missing: bool) -> KeyPath:
     return tuple(out)
 
 
-def _sentence(path: KeyPath, faults: list[ErrorDetails], model: type[BaseModel], toml: bool) -> str:
+def _sentence(
+    path: KeyPath, faults: list[ErrorDetails], model: type[BaseModel], toml: bool, data: object = None
+) -> str:
     """Say one fault; ``faults``: of all alternatives, where the same key may be written in several ways."""
     kinds, found = [e["type"] for e in faults], faults[0]["input"]
     place, key = _name_place(path, toml, isinstance(found, dict) and kinds[0] != "missing")
     if kinds[0] == "extra_forbidden":
-        known = _keys_beside(model, path)
+        known = _keys_beside(model, path, data)
         return (
             f"{place}unknown key {key}{did_you_mean(str(path[-1]), known)} (allowed here: {', '.join(sorted(known))})"
         )
@@ -142,15 +144,18 @@ def _expected_schema(faults: list[ErrorDetails], model: type[BaseModel]) -> str:
     return f" ({', '.join(allowed)} is expected)" if allowed else ""
 
 
-def _keys_beside(model: type[BaseModel], path: KeyPath) -> list[str]:
-    """Return the keys allowed in the section that ``path`` points into."""
+def _keys_beside(model: type[BaseModel], path: KeyPath, data: object) -> list[str]:
+    """Return the keys allowed in the section of ``data`` that ``path`` points into."""
     here: type[BaseModel] | None = model
     for part in path[:-1]:
+        data = data[part]  # type: ignore[index]
         if isinstance(part, int) or here is None:
             continue
         field = here.model_fields.get(part)
         inner = [] if field is None else _models_in(field.annotation)
         here = inner[0] if inner else here
+    if here is not None and issubclass(here, StrictModel):
+        return here.allowed_keys(data)
     return [] if here is None else [f.alias or name for name, f in here.model_fields.items()]
 
 
@@ -183,6 +188,11 @@ class StrictModel(BaseModel):
     """Base of every file section: unknown keys are errors, numbers are finite, values do not change."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    @classmethod
+    def allowed_keys(cls, data: object) -> list[str]:
+        """Return the keys that the section may have, for messages; in some they depend on what ``data`` has."""
+        return [f.alias or name for name, f in cls.model_fields.items()]
 
 
 class OptionalKeys(StrictModel):

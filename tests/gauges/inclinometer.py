@@ -2,21 +2,23 @@
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
+from pydantic import BaseModel, Field
 
 from planner.cell.gauge import Gauge
 from planner.cell.gauge_registry import register_gauge
+from planner.cell.gauge_types import FilterStage
 from planner.cell.parts import Fixture
 from planner.cell.placement import Targets
-from planner.common.units import DEG
+from planner.common.errors import InputError
+from planner.common.schema import PositiveFloat, StrictModel
+from planner.common.units import DEG, from_deg
 from planner.effects.basis import ONE
 from planner.effects.effect import Parameter, ParameterMove, reading_move, transform_move
 from planner.effects.gauge_unknowns import GaugeUnknowns
 from planner.runs.scalars import ScalarReadings, column_of, register_scalar
-
-RANGE = 30 * DEG  # that it reads to either side of level
 
 
 @register_scalar
@@ -29,10 +31,18 @@ class InclineReadings(ScalarReadings):
     plausible: ClassVar[tuple[float, float]] = (-np.pi, np.pi)
 
 
+class InclinometerKeys(StrictModel):
+    """The keys of ``[gauge]`` that only this gauge has."""
+
+    range_deg: Annotated[PositiveFloat, Field(lt=90.0)] = 30.0  # to either side of level
+
+
 @register_gauge
 @dataclass(frozen=True)
 class Inclinometer(Gauge, GaugeUnknowns):
-    """Reads by which angle the flange's x axis stands above the horizontal."""
+    """Reads by which angle the flange's x axis stands above the horizontal, ``range`` [rad] to either side."""
+
+    range: float
 
     kind: ClassVar[str] = "inclinometer"
     default_noise_um: ClassVar[float] = 1.0  # of no length: it has none
@@ -41,7 +51,14 @@ class Inclinometer(Gauge, GaugeUnknowns):
     angles: ClassVar[int] = 1
     unit: ClassVar[str] = "mrad"
     has_zero: ClassVar[bool] = True
-    needs_range: ClassVar[bool] = False
+    needs_range: ClassVar[bool] = False  # of a length
+    OwnKeys: ClassVar[type[BaseModel] | None] = InclinometerKeys
+
+    @classmethod
+    def read_own(cls, path, robot, file, planning):
+        if file.tool is not None and file.tool.map_axis != (1.0, 0.0, 0.0):
+            raise InputError(f"{path}: 'tool.map_axis' = {list(file.tool.map_axis)}: it reads along [1, 0, 0]")
+        return {"range": float(from_deg(super().read_own(path, robot, file, planning)["range_deg"]))}
 
     @classmethod
     def read_places(cls, path, robot, file):
@@ -63,6 +80,20 @@ class Inclinometer(Gauge, GaugeUnknowns):
 
     def readings(self, values):
         return InclineReadings(scalar=values[:, 0])
+
+    # ---- where it can read: candidates, moved poses and the path stay there
+
+    @property
+    def margin_columns(self) -> tuple[tuple[FilterStage, str], ...]:
+        return (("cones", "range of the inclinometer"),)
+
+    def margins(self, stage, place, p_BM, axis_B):
+        if stage != "cones":
+            return np.empty((len(p_BM), 0))
+        return (self.range - np.abs(np.arcsin(np.clip(axis_B[:, 2], -1.0, 1.0))))[:, None]
+
+    def margin_changes(self, travel):
+        return [travel.turn]  # no angle to the vertical changes by more than the tool turns
 
     # ---- what is unknown of it
 

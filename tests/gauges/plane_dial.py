@@ -39,7 +39,7 @@ class PlaneDial(Gauge, GaugeUnknowns):
     columns: ClassVar[str] = "length_mm"
     plural: ClassVar[str] = "distances from a plane"
     has_zero: ClassVar[bool] = True
-    OwnKeys = PlaneKeys
+    OwnKeys: ClassVar[type[BaseModel] | None] = PlaneKeys
 
     @classmethod
     def read_own(cls, path, robot, file, planning):

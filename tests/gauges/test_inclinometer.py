@@ -1,5 +1,6 @@
 """A gauge whose reading is neither a length nor a position, in one file: an inclinometer."""
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -8,6 +9,7 @@ import polars as pl
 import pytest
 
 from planner.cell.file import CellFile
+from planner.cell.gauge_registry import gauge_kinds, register_gauge
 from planner.cell.reading import cell_of, load_cell
 from planner.common.errors import InputError
 from planner.common.progress import Stages
@@ -27,7 +29,7 @@ from planner.session.planned_session import load_session
 from planner.workflow.fit_overview import fit_overview
 from planner.workflow.plan_results import PlanResult
 from planner.workflow.planning import plan_cell
-from tests.gauges.inclinometer import RANGE, InclineReadings, Inclinometer
+from tests.gauges.inclinometer import InclineReadings, Inclinometer
 
 SHIPPED = load_cell("comau-nj130/edbb").path.read_text()
 GAUGE = '[gauge]\nkind = "inclinometer"\nnoise_mdeg = 1\n\n'
@@ -40,7 +42,9 @@ def cell(tmp_path_factory):
     start, end = SHIPPED.index("[gauge]"), SHIPPED.index("[[obstacles]]")
     text = SHIPPED[:start] + GAUGE + SHIPPED[end:]
     lines = [line for line in text.splitlines() if not line.startswith("tool_about_bar_deg")]
-    path.write_text("\n".join(lines).replace('measure = "continuous"', 'measure = "static"'))
+    text = re.sub(r"^map_axis = .*\n", "", "\n".join(lines) + "\n", flags=re.MULTILINE)
+    text = text.replace("[tool]\n", "[tool]\nmap_axis = [1, 0, 0]\n")
+    path.write_text(text.replace('measure = "continuous"', 'measure = "static"'))
     return cell_of(read_toml(path, CellFile), path, "level")
 
 
@@ -50,7 +54,7 @@ def poses(cell):
     robot, rng = cell.robot, np.random.default_rng(4)
     q = rng.uniform(0.8 * robot.q_lower, 0.8 * robot.q_upper, (20_000, robot.n_joints))
     level = cell.chain.forward(robot.theta(q)).R[2, 0]
-    q = q[np.abs(np.arcsin(level)) < RANGE][:POSES]
+    q = q[np.abs(np.arcsin(level)) < cell.gauge.range][:POSES]
     return Samples(q, np.zeros(POSES, dtype=int), t=np.arange(POSES) * 5.0, pose=np.arange(POSES))
 
 
@@ -137,6 +141,8 @@ def test_it_is_planned(cell, tmp_path):
     singular = np.linalg.svd(rows, compute_uv=False)
     assert plan.choice.value > 1.2 * np.exp(np.log(singular).mean()) / np.sqrt(40)
     assert sum(v.role == "calibrate" for d in plan.drives for v in d.visits) == 40
+    inclined = np.arcsin(cell.chain.forward(cell.robot.theta(plan.choice.samples.q)).R[2, 0])
+    assert np.abs(inclined).max() < cell.gauge.range
     assert plan.programs
     for name, content in cell_files(plan.cell).items():
         (tmp_path / name).write_bytes(content)
@@ -145,3 +151,36 @@ def test_it_is_planned(cell, tmp_path):
     assert {p.fixture for p in session.document.poses} == {d.fixture for d in session.document.drives} == {"level"}
     planned = planned_samples(session.cell, session.document, session.courses)
     assert set(planned.pose) == {p.id for p in session.document.poses if p.role != "mount"}
+
+
+CELL = (Path(__file__).parent / "inclinometer.toml").read_text()
+
+
+def read(tmp_path, text):
+    path = tmp_path / "cell.toml"
+    path.write_text(text)
+    return load_cell(str(path))
+
+
+def test_an_unknown_key_is_told_with_the_keys_of_its_own(tmp_path):
+    with pytest.raises(InputError) as told:
+        read(tmp_path, CELL.replace("noise_mdeg = 5", "noise_mdeg = 5\nrange_rad = 0.5"))
+    assert "unknown key 'gauge.range_rad'; did you mean \"range_deg\"? (allowed here: " in str(told.value)
+    named = str(told.value).partition("allowed here: ")[2].rstrip(")").split(", ")
+    assert {"kind", "noise_mdeg", "range_deg"} <= set(named)
+    assert "own" not in named
+
+
+def test_the_noise_of_a_length_is_refused(tmp_path):
+    assert read(tmp_path, CELL).gauge.noise_angle == pytest.approx(5e-3 * DEG)
+    with pytest.raises(
+        InputError, match=r"'gauge.noise_um' = 5: the gauge 'inclinometer' reads no length; .*noise_mdeg'"
+    ):
+        read(tmp_path, CELL.replace("noise_mdeg = 5", "noise_um = 5"))
+
+
+def test_a_unit_of_an_angle_without_angles_is_refused():
+    wrong = type("Wrong", (Inclinometer,), {"kind": "wrong", "angles": 0})
+    with pytest.raises(ValueError, match=r'unit = "mrad", but angles = 0 of width = 1: .*; angles = 1 is needed'):
+        register_gauge(wrong)
+    assert "wrong" not in gauge_kinds()
