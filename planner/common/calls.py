@@ -194,6 +194,8 @@ def check_call(call: type[Call]) -> None:
     for name in ("verb", "line", "function"):
         if not isinstance(getattr(call, name, None), str):
             raise DeclarationError(f'{place}: {name} = "…" is missing')
+    if call.function.count(":") != 1:
+        raise DeclarationError(f"{place}: function = '{call.function}': 'module:name' is needed")
     check_group(call.group, place)
     call_fields(call)
 
@@ -205,7 +207,7 @@ def check_group(group: str, place: str) -> None:
         DeclarationError: it has not.
     """
     if group not in GROUPS:
-        hint = did_you_mean(group, list(GROUPS))
+        hint = did_you_mean(str(group), list(GROUPS))
         raise DeclarationError(f"{place}: group = '{group}' is no heading{hint} (allowed: {', '.join(GROUPS)})")
 
 

@@ -73,5 +73,7 @@ def test_headings_and_names():
         register_command("dig", "Dig.", "dig:dig", group="x")
     with pytest.raises(DeclarationError, match='DigCall: line = "…" is missing'):
         register_call(declared(line=None))
+    with pytest.raises(DeclarationError, match="DigCall: function = 'dig': 'module:name' is needed"):
+        register_call(declared(function="dig"))
     assert "dig" not in extension_commands()
     check_call(declared())
