@@ -157,7 +157,8 @@ class LoadedTestEvaluation(FolderResult):
         cell = f"--cell {as_word(self.cell.path)}"
         if self.joint is None:
             runs = " ".join(as_word(run) for run in self.runs)
-            return f"edbb loaded {runs} --unloaded FREE.csv {cell} -o DIR adds runs without load"
+            both = "adds runs without load (both planned by edbb plan-both)"
+            return f"edbb loaded {runs} --unloaded FREE.csv {cell} -o DIR {both}"
         return f"edbb identify {as_word(folder / 'joint.csv')} {cell} -o calibrated"
 
 
