@@ -316,9 +316,10 @@ def called_with(declaration: Callable[P, C]) -> Callable[[Callable[[C], R]], Cal
                 _ = signature.bind(*args, **kwargs)
             except TypeError as err:
                 raise TypeError(f"{function.__name__}(): {err}") from None
-            _check_bounds(function.__name__, known, declaration(*args, **kwargs))
+            asked = declaration(*args, **kwargs)
+            _check_bounds(function.__name__, known, asked)
             if "progress" not in fields_by_name or "progress" in kwargs or not runs_in_notebook():
-                return function(declaration(*args, **kwargs))
+                return function(asked)
             shown = NotebookProgress()
             try:
                 kwargs["progress"] = shown

@@ -59,7 +59,7 @@ def describe_faults(err: ValidationError, data: object, model: type[BaseModel], 
     for e in err.errors():
         faults.setdefault(_key_path(data, e["loc"], e["type"] == "missing"), []).append(e)
     if ("schema",) in faults:  # a file of another kind: nothing else that it lacks matters
-        return _sentence(("schema",), faults["schema",], model, toml) + _expected_schema(faults["schema",], model)
+        return _sentence(("schema",), faults["schema",], model, toml, data) + _expected_schema(faults["schema",], model)
     above = {path[:k] for path in faults for k in range(len(path))}
     deepest = [path for path in faults if path not in above]
     # 3: faults that one message tells
@@ -79,9 +79,7 @@ def _key_path(data: object, loc: Sequence[str | int], missing: bool) -> KeyPath:
     return tuple(out)
 
 
-def _sentence(
-    path: KeyPath, faults: list[ErrorDetails], model: type[BaseModel], toml: bool, data: object = None
-) -> str:
+def _sentence(path: KeyPath, faults: list[ErrorDetails], model: type[BaseModel], toml: bool, data: object) -> str:
     """Say one fault; ``faults``: of all alternatives, where the same key may be written in several ways."""
     kinds, found = [e["type"] for e in faults], faults[0]["input"]
     place, key = _name_place(path, toml, isinstance(found, dict) and kinds[0] != "missing")

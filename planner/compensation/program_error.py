@@ -8,7 +8,7 @@ import numpy as np
 from planner.common.determinism import even_positions
 from planner.common.summary import Fact, under_key
 from planner.common.units import MM, Array, to_mm
-from planner.compensation.targets import Target, line_ranges
+from planner.compensation.targets import Target, group_tool_points, line_ranges
 from planner.compensation.tolerances import WORSE_RATIO
 from planner.identification.expected_error import ExpectedError
 
@@ -130,9 +130,9 @@ def program_error(expected: ExpectedError, targets: Sequence[Target], q: Array, 
     looked = even_positions(len(targets), 4000)  # targets of a long program that are looked at, evenly
     own = expected.tool if p_FM is None else p_FM
     points = [own if (said := targets[k].tool_point) is None else said for k in looked]
-    tools, which = np.unique(np.round(points, 7), axis=0, return_inverse=True)
+    tools, which = group_tool_points(points)
     return ProgramError(
-        tuple(_of_tool(expected, tool, looked[which.ravel() == k], targets, q) for k, tool in enumerate(tools)),
+        tuple(_of_tool(expected, tool, looked[which == k], targets, q) for k, tool in enumerate(tools)),
         len(targets),
     )
 

@@ -128,6 +128,12 @@ class ToolAndBase:
     p_FM: Array | None = None
 
 
+def group_tool_points(points: Sequence[Array]) -> tuple[Array, np.ndarray]:
+    """Return the tool points (k, 3) [m] that differ, and which of them each of ``points`` (n, 3) is, (n,) int."""
+    tools, which = np.unique(np.round(points, 7), axis=0, return_inverse=True)  # 7: decimals, a ten thousandth of a mm
+    return tools, which.ravel()
+
+
 @dataclass
 class TargetReading:
     """What a reader of a language works with, and what it notes.

@@ -6,7 +6,7 @@ import numpy as np
 
 from planner.common.numbers import number_of
 from planner.common.units import Array, to_mm
-from planner.compensation.targets import Target, line_ranges
+from planner.compensation.targets import Target, group_tool_points, line_ranges
 from planner.kinematics.robot import Robot
 
 NO_TOOL = 0.5e-6  # [m] by which rounding to a thousandth of a millimetre moves a point: nearer points are one
@@ -29,11 +29,11 @@ def tool_warnings(robot: Robot, named: Array | None, targets: Sequence[Target]) 
     said = [(t.line, p) for t in targets if (p := t.tool_point) is not None]
     if not said:
         return
-    tools, which = np.unique(np.round([p for _, p in said], 7), axis=0, return_inverse=True)
+    tools, which = group_tool_points([p for _, p in said])
     for k, p_FM in enumerate(tools):
         if named is not None and float(np.abs(p_FM - named).max()) < NO_TOOL:
             continue
-        lines = [line for (line, _), at in zip(said, which.ravel(), strict=True) if at == k]
+        lines = [line for (line, _), at in zip(said, which, strict=True) if at == k]
         place = ", ".join(f"{v:.1f}" for v in to_mm(p_FM))
         where = f"the program's tool ({place}) mm on {number_of(len(set(lines)), 'line')} ({line_ranges(lines)})"
         yield from _warning(robot, p_FM, where, "write it into the program or its tool table")

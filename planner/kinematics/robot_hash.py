@@ -14,6 +14,7 @@ from planner.kinematics.urdf import parse_urdf
 
 UNMOVING = ("title", "sources", "never_meet_reason", "simulated")  # said of a robot; none moves it
 BESIDE = ("controllers", "dialect")  # how controllers count: their angles are brought to the model's and back
+NOT_COUNTED = (*UNMOVING, *BESIDE)
 
 
 def robot_hash(robot: Robot) -> str:
@@ -26,7 +27,7 @@ def robot_hash(robot: Robot) -> str:
     Raises:
         InputError: the files can no longer be read.
     """
-    return _hash_without(robot, (*UNMOVING, *BESIDE))
+    return _hash_without(robot, NOT_COUNTED)
 
 
 def former_robot_hash(robot: Robot) -> str:
@@ -39,7 +40,7 @@ def model_text_hash(robot_toml: str) -> str:
 
     What counts is as in :func:`robot_hash`.
     """
-    return _hash_of(_without(tomllib.loads(robot_toml), (*UNMOVING, *BESIDE)))
+    return _hash_of(_without(tomllib.loads(robot_toml), NOT_COUNTED))
 
 
 def is_model_of(robot_file: Path, digest: str) -> bool:
@@ -48,7 +49,7 @@ def is_model_of(robot_file: Path, digest: str) -> bool:
     Raises:
         InputError: it cannot be read.
     """
-    said = _without(read_toml_content(robot_file), (*UNMOVING, *BESIDE))
+    said = _without(read_toml_content(robot_file), NOT_COUNTED)
     return digest == _hash_of(said) or has_hash(read_bytes(robot_file), digest)
 
 

@@ -13,7 +13,7 @@ class Evaluation:
     """A command that evaluates the runs of some plans.
 
     Attributes:
-        command: what is typed, with ``{run}``, ``{plan}`` and ``{cell}`` to fill in.
+        command: what is typed, with ``{run}``, ``{plan}``, ``{cell}`` and ``{model}`` to fill in.
         kind: of the plan; nothing for poses.
         beside: the plans that it is for have this file beside them; empty for any.
         calibrates: whether poses of the plan calibrate; nothing for both.
@@ -51,12 +51,16 @@ def simulated_run_warnings(notes: Sequence[str]) -> tuple[str, ...]:
     return tuple(warning for note, warning in _DRAWN.items() if note in notes)
 
 
-def evaluation_of(run: Path | str, plan: Path, kind: str | None, calibrates: bool) -> str:
+def evaluation_of(
+    run: Path | str, plan: Path, kind: str | None, calibrates: bool, model: Path | str = "CALIBRATED"
+) -> str:
     """Return the command that evaluates the run of a plan, empty where none here does.
 
-    Identification does those of poses for which no extension knows better.
+    Identification does those of poses for which no extension knows better. ``model``: the calibration that a run is
+    judged by, where one is.
     """
     load_extensions()
     fitting = (e.command for e in _EVALUATIONS if e.fits(plan, kind, calibrates))
     known = "edbb identify {run} --cell {cell} --plan {plan} -o calibrated" if kind is None else ""
-    return next(fitting, known).format(run=as_word(run), plan=as_word(plan), cell=as_word(plan.parent / "cell.toml"))
+    words = {"run": run, "plan": plan, "cell": plan.parent / "cell.toml", "model": model}
+    return next(fitting, known).format(**{key: as_word(word) for key, word in words.items()})

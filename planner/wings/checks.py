@@ -16,7 +16,7 @@ register_call(CheckCall)
 register_command(
     "record", "Keep the history of one robot, and show its drift.", "planner.cli.record_commands:record_command", "Keep"
 )
-register_evaluation(Evaluation("edbb check {run} --plan {plan} --model CALIBRATED -o checked", beside=FORECAST))
+register_evaluation(Evaluation("edbb check {run} --plan {plan} --model {model} -o checked", beside=FORECAST))
 register_drawn_warning(CHECK_NOTE, DRAWN_FOR_CHECK)
 register_names("planner.workflow.checking", "CheckPlanResult", "CheckResult", "check", "plan_check")
 register_names("planner.workflow.recording", "record")

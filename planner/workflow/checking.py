@@ -23,6 +23,7 @@ from planner.instruments.simulation import planned_samples
 from planner.motion.planning_packages import require_planning_packages
 from planner.runs.loader import load_runs
 from planner.session.document import check_run_of_plan, read_plan
+from planner.session.evaluations import evaluation_of
 from planner.session.options import PlanOptions
 from planner.session.planned_session import PlannedSession
 from planner.session.planning import plan_session
@@ -58,9 +59,9 @@ class CheckPlanResult(PlanResult):
 
         return report_plan(self.plan, self.forecast)
 
-    def next_step(self, folder: Path) -> str:
-        """Say how the check is measured and judged, by the calibration that it was planned for."""
-        return super().next_step(folder).replace("--model CALIBRATED", f"--model {as_word(self.model)}")
+    def evaluation(self, plan: Path) -> str:
+        """Return the command that judges the run of ``plan``, by the calibration that it was planned for."""
+        return evaluation_of("run.csv", plan, None, calibrates=False, model=self.model)
 
 
 @dataclass(frozen=True)

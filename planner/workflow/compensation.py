@@ -130,10 +130,9 @@ def compensate(asked: CompensateCall) -> CompensationResult:
         axes_of=asked.axes_of,
         turn_weights=_turn_weights(asked.turn_weights),
     )
-    expected, warnings = (
-        _expect(done, known, given.T_FT),
-        tuple(tool_warnings(robot, None if given.T_FT is None else given.T_FT[:3, 3], [*done.targets, *done.left])),
-    )
+    named = None if given.T_FT is None else given.T_FT[:3, 3]
+    warnings = tuple(tool_warnings(robot, named, [*done.targets, *done.left]))
+    expected = _expect(done, known, given.T_FT)
     return CompensationResult(done, expected, calibrated.sentence, bool(mark.simulated), warnings)
 
 

@@ -179,8 +179,9 @@ def _rival_text(group: FindingGroup) -> str:
 def _parameter_facts(found: Calibration) -> Iterator[Fact]:
     """Say what moved most, first what is beyond its expected size, and what has no deviation of its own, and why."""
     far = _far_estimates(found)
-    seen = [e for e in found.estimates if e.identifiable and e.group == "geometry" and e.std]
-    moved = sorted(seen, key=lambda e: (e not in far, -abs(e.value - e.nominal) / (e.std or 1.0)))[:NAMED]
+    moved = sorted(_seen_geometry(found), key=lambda e: (e not in far, -abs(e.value - e.nominal) / (e.std or 1.0)))[
+        :NAMED
+    ]
     if moved:
         beyond = f" (over {BEYOND:g} times what is expected)"
         yield "moved most", ", ".join(f"{_shift_text(e)}{beyond if e in far else ''}" for e in moved)
@@ -189,11 +190,15 @@ def _parameter_facts(found: Calibration) -> Iterator[Fact]:
         yield "no sigma", f"{_names(unseen)}{one}"
 
 
+def _seen_geometry(found: Calibration) -> list[Estimate]:
+    """Return the lengths and angles that the run shows, with a standard deviation of their own."""
+    return [e for e in found.estimates if e.identifiable and e.group == "geometry" and e.std]
+
+
 def _far_estimates(found: Calibration) -> list[Estimate]:
     """Return the lengths and angles that moved beyond what is expected of any robot."""
     prior = {p.name: p.prior for p in found.fit.model.parameters}
-    seen = (e for e in found.estimates if e.identifiable and e.group == "geometry" and e.std)
-    return [e for e in seen if abs(e.value - e.nominal) > BEYOND * prior.get(e.name, np.inf)]
+    return [e for e in _seen_geometry(found) if abs(e.value - e.nominal) > BEYOND * prior.get(e.name, np.inf)]
 
 
 def _structure_facts(found: Calibration) -> Iterator[Fact]:

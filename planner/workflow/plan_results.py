@@ -75,12 +75,17 @@ class PlanResult(SessionResult):
 
     def next_step(self, folder: Path) -> str:
         """Say how the session is measured and evaluated."""
-        plan, calibrates = folder / "plan.json", any(v.role == "calibrate" for d in self.plan.drives for v in d.visits)
+        plan = folder / "plan.json"
         measure = self.plan.cell.gauge.measuring_command.replace("PLAN", as_word(plan))
         expected = self.plan.expected_error
         if expected is not None and isinstance(expected.unknown, RemainingErrors):
             return f"{measure}\n{evaluation_with_runs_before(folder / 'run.csv')}"
-        return f"{measure}\n{evaluation_of('run.csv', plan, None, calibrates)}"
+        return f"{measure}\n{self.evaluation(plan)}"
+
+    def evaluation(self, plan: Path) -> str:
+        """Return the command that evaluates the run of ``plan``."""
+        calibrates = any(v.role == "calibrate" for d in self.plan.drives for v in d.visits)
+        return evaluation_of("run.csv", plan, None, calibrates)
 
     def overview(self) -> Summary:
         """Return what is driven, the error before and after, what would help and what stays unseen."""

@@ -8,6 +8,7 @@ import numpy as np
 from planner.common.units import Array, from_mm
 from planner.compensation.points import SENTENCE, is_service_name
 from planner.compensation.targets import TargetReading
+from planner.kinematics.geometry import pose
 from planner.programs.dialect import Dialect
 from planner.programs.languages.pdl2 import Pdl2Move, parse
 from planner.programs.languages.statements import NUMBER, Lines, Routine, Statement
@@ -65,9 +66,7 @@ def _tool_after(statement: Statement, tool: Array | str) -> Array | str:
     found = _TOOL.fullmatch(statement.text.strip())
     if found is None:
         return "$TOOL is no POS of plain numbers"
-    T_FT = np.eye(4)
-    T_FT[:3, 3] = from_mm([float(found[axis]) for axis in "xyz"])
-    return T_FT
+    return pose(np.eye(3), from_mm([float(found[axis]) for axis in "xyz"]))
 
 
 def _written_lines(text: str) -> list[str]:

@@ -9,6 +9,7 @@ import numpy as np
 
 from planner.common.units import Array
 from planner.compensation.targets import TargetReading
+from planner.kinematics.geometry import pose
 from planner.programs.dialect import Dialect
 from planner.programs.languages.statements import NUMBER, PlacedNumber, Statement
 from planner.programs.languages.urscript import UrMove, parse
@@ -80,9 +81,7 @@ def _tool_after(said: str, tool: Array | str) -> Array | str:
     cells = [_PLAIN_NUMBER.fullmatch(cell.strip()) for cell in found[1].split(",")] if found else []
     if len(cells) != 6 or None in cells:
         return "set_tcp without plain numbers"
-    T_FT = np.eye(4)
-    T_FT[:3, 3] = [float(cell[0]) for cell in cells[:3] if cell]
-    return T_FT
+    return pose(np.eye(3), np.array([float(cell[0]) for cell in cells[:3] if cell]))
 
 
 def _joints(

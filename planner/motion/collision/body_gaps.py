@@ -15,7 +15,7 @@ from planner.kinematics.bodies import rotation_from_z
 from planner.kinematics.geometry import pose
 from planner.kinematics.robot import Robot
 from planner.kinematics.robot_reader import load_in_other_convention
-from planner.motion.collision.placed_shapes import PlacedShape
+from planner.motion.collision.placed_shapes import PlacedShape, shape_at, shape_distance
 from planner.motion.collision.scene import coal_shape
 from planner.motion.planning_packages import coal
 from planner.motion.tolerances import BODY_GAP, OTHER_ARM_GAP
@@ -154,7 +154,7 @@ def _widest_gap(robot: Robot, shapes: dict[int, Placed], links: tuple[int, int],
     widest = 0.0
     for one, other in zip(*frames, strict=True):
         near, far = _place(shapes[links[0]], one), _place(shapes[links[1]], other)
-        widest = max(widest, min(_distance(a, b) for a in near for b in far))
+        widest = max(widest, min(shape_distance(a, b) for a in near for b in far))
     return widest
 
 
@@ -166,8 +166,8 @@ def _shortfall(robot: Robot, shapes: Placed, link: int) -> float:
     stand, k = robot.chain.forward(robot.theta(q)), robot.chain.joint_places[link]
     along = rotation_from_z(stand.u[k][:, 0])
     axis = coal.Capsule(1e-9, 2 * sum(t.extent for t in robot.transforms if t.kind == "translation") + 1.0)
-    line = PlacedShape(axis, coal.Transform3s(along, np.array(stand.p[k][:, 0])))
-    return max(0.0, min(_distance(a, line) for a in _place(shapes, _link_frames(robot, link, q)[0])))
+    line = shape_at(axis, pose(along, stand.p[k][:, 0]))
+    return max(0.0, min(shape_distance(a, line) for a in _place(shapes, _link_frames(robot, link, q)[0])))
 
 
 def _link_frames(robot: Robot, link: int, q: Array) -> list[Array]:
@@ -178,12 +178,4 @@ def _link_frames(robot: Robot, link: int, q: Array) -> list[Array]:
 
 
 def _place(shapes: Placed, frame: Array) -> list[PlacedShape]:
-    at = [frame @ T for _, T in shapes]
-    return [
-        PlacedShape(shape, coal.Transform3s(np.array(T[:3, :3]), np.array(T[:3, 3])))
-        for (shape, _), T in zip(shapes, at, strict=True)
-    ]
-
-
-def _distance(a: PlacedShape, b: PlacedShape) -> float:
-    return float(coal.distance(a.shape, a.at, b.shape, b.at, coal.DistanceRequest(), coal.DistanceResult()))
+    return [shape_at(shape, frame @ T) for shape, T in shapes]

@@ -22,12 +22,22 @@ class PlacedShape:
 
 def place_shape(body: Body) -> PlacedShape:
     """Return the shape of a body whose pose is that in the base frame."""
-    return PlacedShape(coal_shape(body), coal.Transform3s(np.array(body.T[:3, :3]), np.array(body.T[:3, 3])))
+    return shape_at(coal_shape(body), body.T)
+
+
+def shape_at(shape: coal.CollisionGeometry, T: Array) -> PlacedShape:
+    """Return a shape at a pose (4, 4) [m] in the base frame."""
+    return PlacedShape(shape, coal.Transform3s(np.array(T[:3, :3]), np.array(T[:3, 3])))
 
 
 def is_touching(a: PlacedShape, b: PlacedShape) -> bool:
     """Tell whether two bodies touch."""
     return bool(coal.collide(a.shape, a.at, b.shape, b.at, coal.CollisionRequest(), coal.CollisionResult()))
+
+
+def shape_distance(a: PlacedShape, b: PlacedShape) -> float:
+    """Return how far two bodies are apart [m]; not above zero where they overlap."""
+    return float(coal.distance(a.shape, a.at, b.shape, b.at, coal.DistanceRequest(), coal.DistanceResult()))
 
 
 def box_about(body: Body) -> tuple[Array, Array]:

@@ -16,12 +16,12 @@ from planner.kinematics.robot import Robot
 from planner.kinematics.robot_reader import load_in_other_convention
 from planner.motion.collision.body_gaps import refuse_foreign_bodies
 from planner.motion.collision.engines import CollisionWorld
+from planner.motion.collision.placed_shapes import place_shape, shape_at, shape_distance
 from planner.motion.collision.scene import (
     FLOOR,
     SceneBody,
     advise_never_meet,
     build_scene,
-    coal_shape,
     excess_of_polytope,
     mesh_faces,
 )
@@ -178,10 +178,7 @@ def _check_mesh(cell: Cell, piece: SceneBody) -> None:
 
 def _check_obstacle_distance(cell: Cell, body: Body, reach: float) -> None:
     """Refuse an obstacle outside of the ball about the base that holds all that moves."""
-    away = coal.DistanceResult()
-    here = coal.Transform3s(np.array(body.T[:3, :3]), np.array(body.T[:3, 3]))
-    request = coal.DistanceRequest()
-    distance = coal.distance(coal.Sphere(1e-6), coal.Transform3s(), coal_shape(body), here, request, away)
+    distance = shape_distance(shape_at(coal.Sphere(1e-6), np.eye(4)), place_shape(body))
     if distance > reach + cell.motion.clearance:
         hint = f"; {_unit_hint(body)}" if body.kind == "mesh" else ""
         raise InputError(
