@@ -112,7 +112,7 @@ def test_both_names_of_the_order_are_refused(tmp_path):
 @pytest.mark.long
 def test_an_order_on_the_command_line_is_in_the_plan_and_in_its_cell(pruned, tmp_path):
     cell = load_cell("comau-nj130/edbb")
-    asked = PlanOptions(order="slowest-axis").in_order(cell)
+    asked = PlanOptions(order="slowest-axis").in_motion(cell)
     assert asked.motion.order == asked.file.motion.order == "slowest-axis"
     path, folder, _ = pruned
     again = edbb("plan", path, "--order", "slowest-limit", "--poses", 24, "-o", tmp_path / "out")

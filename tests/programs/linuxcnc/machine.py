@@ -115,8 +115,20 @@ class Log:
 
 
 def installed() -> bool:
-    """Return whether LinuxCNC with its motion controller is there."""
-    return all(shutil.which(name) for name in ("linuxcnc", "milltask", "halsampler"))
+    """Return whether LinuxCNC with its motion controller is there, and may write its lock and its log into /tmp."""
+    there = all(shutil.which(name) for name in ("linuxcnc", "milltask", "halsampler"))
+    return there and subprocess.run([*_user(), "test", "-w", "/tmp"], check=False).returncode == 0
+
+
+def _user() -> list[str]:
+    """Return the words that start a command as the user ``nobody``, if root asks: LinuxCNC refuses root.
+
+    It writes into /tmp, which is not everybody's on each machine: the user may write where root may.
+    """
+    if os.geteuid() != 0:
+        return []
+    nobody = ["setpriv", "--reuid=nobody", "--regid=nogroup", "--clear-groups"]
+    return [*nobody, "--inh-caps=+dac_override", "--ambient-caps=+dac_override"]
 
 
 def write_machine(folder: Path, limits: list[JointLimits], program: str) -> None:
@@ -147,6 +159,7 @@ def drive(program: str, limits: list[JointLimits], kept: Path, seconds: float) -
     try:
         write_machine(folder, limits, program)
         _run(folder, seconds)
+        assert (folder / "log.txt").exists(), (folder / "words.txt").read_text()[-4000:]
         rows = np.loadtxt(folder / "log.txt")
         assert np.all(np.diff(rows[:, 0]) == 1.0), "the sampler lost cycles"
         cycles_deg, rows = rows[:, 1 : 1 + JOINTS], rows[::KEPT]
@@ -159,9 +172,8 @@ def drive(program: str, limits: list[JointLimits], kept: Path, seconds: float) -
 
 def _run(folder: Path, seconds: float) -> None:
     """Start LinuxCNC and wait until its operator leaves; one that does not end is killed with all that it started."""
-    user: list[str] = []
-    if os.geteuid() == 0:
-        user = ["setpriv", "--reuid=nobody", "--regid=nogroup", "--clear-groups"]
+    user = _user()
+    if user:
         for one in (folder, *folder.iterdir()):
             shutil.chown(one, "nobody")
     environment = {k: v for k, v in os.environ.items() if k not in ("PYTHONPATH", "VIRTUAL_ENV", "DISPLAY")}
