@@ -179,10 +179,8 @@ def _rival_text(group: FindingGroup) -> str:
 def _parameter_facts(found: Calibration) -> Iterator[Fact]:
     """Say what moved most, first what is beyond its expected size, and what has no deviation of its own, and why."""
     far = _far_estimates(found)
-    moved = sorted(_seen_geometry(found), key=lambda e: (e not in far, -abs(e.value - e.nominal) / (e.std or 1.0)))[
-        :NAMED
-    ]
-    if moved:
+    ranked = sorted(_seen_geometry(found), key=lambda e: (e not in far, -abs(e.value - e.nominal) / (e.std or 1.0)))
+    if moved := ranked[:NAMED]:
         beyond = f" (over {BEYOND:g} times what is expected)"
         yield "moved most", ", ".join(f"{_shift_text(e)}{beyond if e in far else ''}" for e in moved)
     if unseen := [e for e in found.estimates if not e.identifiable]:
