@@ -117,7 +117,8 @@ class Log:
 def installed() -> bool:
     """Return whether LinuxCNC with its motion controller is there, and may write its lock and its log into /tmp."""
     there = all(shutil.which(name) for name in ("linuxcnc", "milltask", "halsampler"))
-    return there and subprocess.run([*_user(), "test", "-w", "/tmp"], check=False).returncode == 0
+    write = 'file=$(mktemp /tmp/linuxcnc.XXXXXX) && rm "$file"'
+    return there and subprocess.run([*_user(), "sh", "-c", write], check=False, capture_output=True).returncode == 0
 
 
 def _user() -> list[str]:
