@@ -38,7 +38,7 @@ class JobChanges(StrictModel):
 
     title: Annotated[str, Field(min_length=1, max_length=120, pattern=r"^[^\x00-\x1f]*$")] | None = None
     note: Annotated[str, Field(max_length=2000)] | None = None
-    archived: bool | None = Field(None, description="kept for good, and not in the list")
+    archived: bool | None = Field(default=None, description="kept for good, and not in the list")
 
 
 class JobKeeper:

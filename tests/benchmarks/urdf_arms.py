@@ -187,7 +187,12 @@ def _add_pairs(geometry: pin.GeometryModel, owner: list[str], robot: Robot, root
     def rigid(name: str) -> str:
         return name if part[name] == name else rigid(part[name])
 
-    ends = [(j, *(str(j.find(e).get("link")) for e in ("parent", "child"))) for j in root.findall("joint")]  # type: ignore[union-attr]
+    def link(joint: ET.Element, end: str) -> str:
+        found = joint.find(end)
+        assert found is not None
+        return str(found.get("link"))
+
+    ends = [(j, link(j, "parent"), link(j, "child")) for j in root.findall("joint")]
     for joint, parent, child in ends:
         if joint.get("name") not in driven:
             part[rigid(child)] = rigid(parent)

@@ -90,9 +90,9 @@ def test_the_documentation_sees_the_signature_and_not_what_is_behind_it():
 
 def test_what_is_not_declared_is_refused_by_the_name_of_the_function():
     with pytest.raises(TypeError, match=r"warm\(\): got an unexpected keyword argument 'rounds'"):
-        warm("ur10/edbb", rounds=1)
+        warm("ur10/edbb", rounds=1)  # type: ignore[call-arg]  # what is tested
     with pytest.raises(TypeError, match=r"warm\(\): missing a required argument: 'cell'"):
-        warm()
+        warm()  # type: ignore[call-arg]  # what is tested
 
 
 @pytest.mark.long

@@ -59,7 +59,7 @@ def look(asked: LookCall) -> str:
 
 def test_a_former_keyword_of_python_is_taken_with_a_warning():
     with pytest.warns(DeprecationWarning, match=r"look\(\): base_line= is called model= now"):
-        assert look(base_line="a") == "a"
+        assert look(base_line="a") == "a"  # type: ignore[call-arg]  # what is tested
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         assert look(model="b") == "b"

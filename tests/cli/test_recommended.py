@@ -72,6 +72,9 @@ def test_what_is_filled_into_a_command_is_a_word_of_its_own():
     for path in sorted(SOURCE.rglob("*.py")):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if isinstance(node, ast.JoinedStr):
-                parts = (v.value if isinstance(v, ast.Constant) else f"{{{ast.unparse(v.value)}}}" for v in node.values)
+                parts = (
+                    f"{{{ast.unparse(v.value)}}}" if isinstance(v, ast.FormattedValue) else ast.literal_eval(v)
+                    for v in node.values
+                )
                 found = bare.search("".join(parts))
                 assert found is None, f"{path}: {found[0]}"

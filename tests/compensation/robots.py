@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 
 from planner.kinematics.chain import Chain
-from planner.kinematics.robot import elementary_placement
+from planner.kinematics.robot import Robot, elementary_placement
 from planner.kinematics.robot_reader import load_robot
 from planner.motion.collision.engines import pin_model
 
@@ -15,7 +15,7 @@ from planner.motion.collision.engines import pin_model
 class BentRobot:
     """Geometric errors, and joints 2 and 3 that give way under a weight whose lever depends on the pose."""
 
-    robot: object
+    robot: Robot
     delta: np.ndarray
     give: float = 0.0
 

@@ -16,7 +16,7 @@ from planner.kinematics.robot_reader import load_robot
 from planner.programs.controller_axes import in_controller_axes
 from planner.programs.dialect import dialect_names, load_dialect
 from planner.programs.verification import read_texts, write_and_read_back
-from tests.compensation.robots import bent, exact, pin_flange, regular_angles
+from tests.compensation.robots import BentRobot, bent, exact, pin_flange, regular_angles
 from tests.compensation.test_cartesian import krl, rapid
 from tests.kinematics.test_axes import ARMS, makers_joints
 from tests.programs import sessions
@@ -122,7 +122,7 @@ def other_joints(robot, axes):
 
 @dataclass(frozen=True)
 class Recounted:
-    real: object
+    real: BentRobot
     axes: AxisConvention
 
     def flange(self, q):

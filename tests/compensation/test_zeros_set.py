@@ -134,6 +134,8 @@ def test_the_error_before_is_that_of_the_robot_with_its_zeros_set(tmp_path):
     (tmp_path / "expected_error.json").write_text(json.dumps(content | {"robot_sha256": _hash(model)}))
     known = ExpectedError.read(robot, model)
     _, after = set_zeros(robot, known, (2, 3, 5))
+    assert isinstance(known, ExpectedError)
+    assert isinstance(after, ExpectedError)
     before, now = known.at(Q, known.tool), after.at(Q, after.tool)
     assert before.nominal.max() > 2e-4
     np.testing.assert_allclose(now.nominal, now.released, rtol=1e-6)

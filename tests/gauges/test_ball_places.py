@@ -70,9 +70,9 @@ def test_a_ball_that_sits_elsewhere_is_found_and_the_robot_does_not_take_it(meas
 
 def test_exchanged_names_are_refused_and_named(measured, tmp_path):
     run, cell = measured
-    names = [name for name, _ in _balls(cell)][:2]
-    other = _with_names_exchanged(run, *names, tmp_path / "run.csv")
-    with pytest.raises(InputError, match=f"balls {names[0]} and {names[1]} look exchanged"):
+    first, second = [name for name, _ in _balls(cell)][:2]
+    other = _with_names_exchanged(run, first, second, tmp_path / "run.csv")
+    with pytest.raises(InputError, match=f"balls {first} and {second} look exchanged"):
         _found(other, cell)
 
 

@@ -31,7 +31,8 @@ def main():
     with ThreadPoolExecutor(given.jobs) as pool:
         waiting = {pool.submit(_timed, c): c for c in sorted(chosen, key=lambda c: -c.weight)}
         for done in as_completed(waiting):
-            bad += _judge(waiting[done], *done.result(), given)
+            found, problems, seconds = done.result()
+            bad += _judge(waiting[done], found, problems, seconds, given)
     usage = resource.getrusage(resource.RUSAGE_CHILDREN)
     print(f"{usage.ru_utime + usage.ru_stime:.0f} s of one core")
     print(f"{len(chosen)} cases, {bad} with differences" if bad else f"{len(chosen)} cases, no difference")

@@ -159,7 +159,7 @@ def scale_sigma(c: Calibration, known_distance: bool, prior_factor: float) -> fl
         frame = problem.whitener.white(slice(None), frame)
     held = np.concatenate([np.zeros((len(robot), 6)), np.eye(len(robot))], axis=1)
     tall = np.concatenate([frame, rows[:, :, robot] * size], axis=2).reshape(-1, 6 + len(robot))
-    R = np.linalg.qr(np.concatenate([tall, held]), mode="r")
+    R = np.asarray(np.linalg.qr(np.concatenate([tall, held]), mode="r"))
     nominal = {e.name: e.nominal for e in c.estimates}
     length = np.array([nominal[model.names[j]] for j in robot]) * lengths
     along = np.concatenate([np.zeros(6), size * length / (length**2).sum()])

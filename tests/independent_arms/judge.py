@@ -72,7 +72,8 @@ class Names:
     listed_wrong: int = 0  # findings, doubtful or not, that are no hidden cause, nor is one of their named rivals
 
 
-def _is(effect, on, cause):
+def _is(named, cause):
+    effect, on = named
     kind = any(effect.startswith(name) for name in cause.names)
     digits = {int(c) for c in on if c.isdigit()}
     return kind and (not cause.numbers or not digits or bool(digits & set(cause.numbers)))
@@ -104,13 +105,13 @@ def judge_names(findings, causes):
     known, foreign = [c for c in causes if c.names], any(not c.names for c in causes)
     findings = [f for f in findings if f["effect"] != "unnamed"]  # described by what moves with what, called nothing
     sure, asserted = ([f for f in findings if not _is_below(f, p)] for p in (0.5, 0.9))
-    right = {id(c) for c in known for f in sure if _is(f["effect"], str(f["on"]), c)}
+    right = {id(c) for c in known for f in sure if _is((f["effect"], str(f["on"])), c)}
     named = [(f["effect"], str(f["on"])) for f in findings if _is_below(f, 0.5)]
     named += [r for f in findings for r in _rivals(f)]
-    rival = {id(c) for c in known for name in named if _is(*name, c)} - right
+    rival = {id(c) for c in known for name in named if _is(name, c)} - right
 
     def stands(f):
-        return any(_is(*name, c) for name in [(f["effect"], str(f["on"])), *_rivals(f)] for c in known)
+        return any(_is(name, c) for name in [(f["effect"], str(f["on"])), *_rivals(f)] for c in known)
 
     def is_left_open(f):
         return foreign and any(effect == "unnamed" for effect, _ in _rivals(f))

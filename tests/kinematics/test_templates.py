@@ -31,7 +31,7 @@ def packages(tmp_path, monkeypatch):
     (folder / "config").mkdir(parents=True)
     (folder / "urdf").mkdir()
     found = types.ModuleType("ament_index_python.packages")
-    found.get_package_share_directory = {"arm_description": str(folder)}.__getitem__
+    vars(found)["get_package_share_directory"] = {"arm_description": str(folder)}.__getitem__
     monkeypatch.setitem(sys.modules, "ament_index_python", types.ModuleType("ament_index_python"))
     monkeypatch.setitem(sys.modules, "ament_index_python.packages", found)
     return Packages({"arm_description": folder})

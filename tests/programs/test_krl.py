@@ -6,7 +6,7 @@ import tomllib
 from pathlib import Path
 
 import pytest
-from lark import Lark
+from lark import Lark, Token
 
 import tests.programs.sessions as sessions
 from planner.programs.dialect import dialect_root
@@ -39,7 +39,7 @@ def test_every_file_is_of_the_grammar(program) -> None:  # type: ignore[no-untyp
         name = file.name.partition(".")[0]
         tree = GRAMMAR.parse(file.text)
         assert file.text.splitlines()[2] in (f"DEF {name} ( )", f"DEFDAT {name} PUBLIC")
-        named = {str(t) for t in tree.scan_values(lambda t: t.type == "SYSTEM")}
+        named = {str(t) for t in tree.scan_values(lambda t: isinstance(t, Token) and t.type == "SYSTEM")}
         assert named <= SYSTEM
 
 

@@ -8,7 +8,7 @@ import pytest
 import tests.programs.sessions as sessions
 from planner.common.errors import InputError
 from planner.programs.dialect import dialects, load_dialect
-from planner.programs.instructions import Pause, Program
+from planner.programs.instructions import JointMove, Pause, Program
 from planner.programs.rendering import ProgramFile
 from planner.programs.verification import ProgramMismatchError, read_texts, write_program
 from tests.programs.reading import read_back, verify
@@ -128,7 +128,7 @@ def test_a_leg_faster_than_planned(name: str) -> None:
             axis_percent=i.axis_percent / 2,
             tool_travel_mm=i.travel_mm,
         )
-        if hasattr(i, "duration_s")
+        if isinstance(i, JointMove)
         else i
         for i in program.instructions
     )

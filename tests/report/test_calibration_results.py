@@ -5,6 +5,7 @@ import io
 import json
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -27,7 +28,7 @@ def c(request: pytest.FixtureRequest) -> Calibration:
 
 
 def test_keys_are_the_contracts(c: Calibration) -> None:
-    content = c.content()
+    content: dict[str, Any] = c.content()
     assert content.keys() >= KEYS
     assert content["schema"] == "edbb-identification/1"
     assert content["robot"] == "comau-nj130"
@@ -44,7 +45,7 @@ def test_keys_are_the_contracts(c: Calibration) -> None:
 
 
 def test_numbers_are_in_the_units_that_they_name(c: Calibration) -> None:
-    content = c.content()
+    content: dict[str, Any] = c.content()
     factor = {"mm": 1e3, "deg": 180 / math.pi, "urad/Nm": 1e6}
     for p, e in zip(content["parameters"], c.estimates, strict=True):
         assert p["unit"] == {"m": "mm", "rad": "deg", "rad/Nm": "urad/Nm"}[e.unit]

@@ -3,6 +3,7 @@
 import math
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import numpy as np
 import pytest
@@ -51,7 +52,7 @@ def told(c: Calibration) -> CalibrationFacts:
 
 
 def test_findings_stand_in_the_file_with_their_units(c: Calibration) -> None:
-    content = c.content()
+    content: dict[str, Any] = c.content()
     Identification.model_validate(content)
     by_place = {(f["effect"], f["on"]): f for f in content["findings"]}
     ripple, play = by_place["gear ripple", "joint 3"], by_place["backlash", "joint 2"]
@@ -84,7 +85,7 @@ def test_chance_too_small_for_a_number_is_null(c: Calibration) -> None:
 
 
 def test_limits_and_what_was_tried_stand_in_the_file(c: Calibration) -> None:
-    content = c.content()
+    content: dict[str, Any] = c.content()
     assert content["tried"] > 100
     limits = {(x["effect"], x["on"]): x for x in content["limits"]}
     assert ("backlash", "joint 2") not in limits

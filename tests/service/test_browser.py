@@ -4,6 +4,7 @@ import re
 import shutil
 import subprocess
 import sys
+from typing import Any
 
 import pytest
 from axe_playwright_python.sync_playwright import Axe
@@ -32,7 +33,7 @@ def address(tmp_path):
 def page(address):
     with sync_playwright() as library:
         browser = library.chromium.launch(executable_path=CHROMIUM, args=SOFTWARE_3D)
-        page = browser.new_context(base_url=address, viewport={"width": 1280, "height": 900}).new_page()
+        page: Any = browser.new_context(base_url=address, viewport={"width": 1280, "height": 900}).new_page()
         page.set_default_timeout(MINUTES)
         page.faults = []
         page.on("pageerror", lambda fault: page.faults.append(str(fault)))

@@ -28,7 +28,8 @@ class Receiver(HTTPServer):
 
     def __init__(self):
         super().__init__(("127.0.0.1", 0), Handler)
-        self.got, self.codes = [], []
+        self.got: list[tuple[str, dict[str, str], bytes]] = []
+        self.codes: list[int] = []
         self.url = f"http://127.0.0.1:{self.server_port}/hook?a=b"
         threading.Thread(target=self.serve_forever, daemon=True).start()
 
@@ -36,8 +37,10 @@ class Receiver(HTTPServer):
 class Handler(BaseHTTPRequestHandler):
     def do_POST(self):
         body = self.rfile.read(int(self.headers["content-length"]))
-        self.server.got.append((self.path, dict(self.headers), body))
-        self.send_response(self.server.codes.pop(0) if self.server.codes else 204)
+        server = self.server
+        assert isinstance(server, Receiver)
+        server.got.append((self.path, dict(self.headers), body))
+        self.send_response(server.codes.pop(0) if server.codes else 204)
         self.send_header("location", "http://127.0.0.1:9/elsewhere")
         self.end_headers()
 

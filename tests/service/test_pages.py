@@ -3,6 +3,7 @@
 import json
 import re
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -91,7 +92,7 @@ def test_the_steps_at_the_cell_speak_of_its_gauge_and_no_other(name):
     page = render("session", job=SimpleNamespace(id="a", title="", kind="plan"), **session_content(plan, cell.file, []))
     text = bytes(page.body).decode().partition("<ol")[2].partition("</ol>")[0]
     assert "0123456789ab" in text
-    placed = (*cell.file.fixtures[:1], cell.file.tracker, cell.file.artifact)
+    placed: tuple[Any, ...] = (*cell.file.fixtures[:1], cell.file.tracker, cell.file.artifact)
     assert any(", ".join(f"{v:g}" for v in p.position_mm) in text for p in placed if p)
     others = {w for n, words in OWN_WORDS.items() if n != name for w in words} - set(OWN_WORDS[name])
     assert all(re.search(rf"\b{w}\b", text) for w in OWN_WORDS[name])

@@ -114,7 +114,7 @@ def test_a_robots_record_grows_with_what_jobs_find(client):
 
     with zipfile.ZipFile(io.BytesIO(client.get("/api/records/KR6-0815/export").content)) as packed:
         packed.extractall(client.folder / "taken")
-    known = RobotRecord.read(client.folder / "taken" / "KR6-0815")
-    assert [e.file.kind for e in known.entries] == ["calibration", "check", "check"]
+    record = RobotRecord.read(client.folder / "taken" / "KR6-0815")
+    assert [e.file.kind for e in record.entries] == ["calibration", "check", "check"]
     done = edbb("record", client.folder / "records" / "KR6-0815")
     assert "3 entries" in done.stdout + done.stderr

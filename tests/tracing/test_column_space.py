@@ -59,8 +59,8 @@ def test_without_what_came(states):
     """Out of a grown space an effect goes as out of one laid out anew."""
     first, second, _, entries = states
     grown = ScoreTest.of(second.fit, near=ScoreTest.of(first.fit).space)
-    bare = [without_effects(t, second.effects[:1]) for t in (grown, ScoreTest.of(second.fit))]
-    assert_alike(*bare, entries)
+    one, other = (without_effects(t, second.effects[:1]) for t in (grown, ScoreTest.of(second.fit)))
+    assert_alike(one, other, entries)
 
 
 def test_another_noise_begins_anew(states):

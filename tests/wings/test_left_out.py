@@ -137,9 +137,8 @@ def test_extensions_register_in_the_tables_that_are_compared_and_nowhere_else(ea
     assert called == set(TABLES)
     for module, tables in TABLES.items():
         tree = ast.parse(Path(import_module(module).__file__).read_text())
-        filled = {
-            n.target.id for n in tree.body if isinstance(n, ast.AnnAssign) and ast.unparse(n.value) in ("{}", "[]")
-        }
+        empty = [n for n in tree.body if isinstance(n, ast.AnnAssign) and ast.unparse(n.value) in ("{}", "[]")]
+        filled = {ast.unparse(n.target) for n in empty}
         assert filled == set(tables)
     assert not each[""]
     assert all(len(each[wing]) == len(set(each[wing])) > 0 for wing in WINGS)
@@ -215,7 +214,8 @@ def test_a_section_that_only_an_extension_reads_is_refused_by_the_name_of_it(cor
 def test_the_sections_that_are_told_of_are_those_that_an_extension_declares(wing):
     """What names them where they are left out says the same as what declares them."""
     calls = [n for n in ast.walk(ast.parse((HOME / "wings" / f"{wing}.py").read_text())) if isinstance(n, ast.Call)]
-    declared = {c.args[0].value for c in calls if getattr(c.func, "id", "") == "register_section"}
+    named = [c.args[0] for c in calls if getattr(c.func, "id", "") == "register_section"]
+    declared = {ast.literal_eval(name) for name in named}
     assert declared == {key for key, owner in SECTIONS.items() if owner == wing}
     assert declared <= set(section_readers())
 

@@ -12,6 +12,7 @@ from planner.common.errors import InputError
 from planner.common.progress import Stages
 from planner.session.bar_poses import BarPoses
 from planner.session.options import PlanOptions
+from planner.workflow.plan_results import PlanResult
 from planner.workflow.planning import plan
 from tests.command import edbb
 from tests.workflow.conftest import small_cell
@@ -70,10 +71,11 @@ def test_the_method_of_the_cell_is_that_of_the_command_line(pruned, tmp_path):
     path, folder, _ = pruned
     asked = tmp_path / "cell.toml"
     asked.write_text(path.read_text().replace("[plan]", '[plan]\nmethod = "pruning"'))
-    made = plan(asked, poses=30).plan
+    made = plan(asked, poses=30)
+    assert isinstance(made, PlanResult)
     told = json.loads((folder / "plan.json").read_text())
-    assert made.choice.pruning is not None
-    assert made.choice.raw["O2"] == pytest.approx(told["observability"]["O2"])
+    assert made.plan.choice.pruning is not None
+    assert made.plan.choice.raw["O2"] == pytest.approx(told["observability"]["O2"])
 
 
 def test_without_a_number_pruned_poses_are_as_many_as_its_curve_bends_at(pruned):

@@ -1,8 +1,10 @@
 """A screen has ten lines whatever there is to say: fits with few causes and many, with notes, failed, validated."""
 
 import dataclasses
+from collections.abc import Iterable
 from itertools import product
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -35,6 +37,7 @@ def fitted(tmp_path_factory):
     folder = tmp_path_factory.mktemp("wire")
     (case,) = (c for c in CASES if c.name == "irb120-draw-wire")
     for name, content in case.files.items():
+        assert isinstance(content, str | bytes)
         (folder / name).write_bytes(content if isinstance(content, bytes) else content.encode())
     with few_draws():
         return identification.identify(folder / "wire.csv", cell=folder / "cell.toml", no_trace=True)
@@ -75,7 +78,8 @@ def with_traits(result, causes, parts, validated, tools, notes, state):
 
 
 def test_every_screen_of_a_fit_has_ten_lines(fitted, monkeypatch):
-    for *traits, two_steps in product(*TRAITS.values()):
+    each: Iterable[tuple[Any, ...]] = product(*TRAITS.values())
+    for *traits, two_steps in each:
         monkeypatch.setattr(identification, "can_be_told_apart", lambda _, told=two_steps: told)
         made = with_traits(fitted, *traits)
         lines = screen_text(made, Path("calibrated")).splitlines()

@@ -6,6 +6,7 @@ import math
 import pickle
 import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -35,7 +36,7 @@ def _exported(folder: Path) -> str:
 
 def _once(function, key):
     """The function, called once for all arguments of one key: most changes are of numbers that nothing is driven by."""
-    known: dict[object, object] = {}
+    known: dict[object, Any] = {}
 
     def call(*given):
         this = key(*given)

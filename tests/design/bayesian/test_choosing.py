@@ -98,7 +98,8 @@ def error_after(expected, samples):
 
 @pytest.fixture(scope="module")
 def expected(kuka):
-    return choose_bayesian_poses(*kuka, 120).result()
+    cell, pool = kuka
+    return choose_bayesian_poses(cell, pool, 120).result()
 
 
 def test_poses_for_the_unknown_leave_less_than_those_of_the_index_or_of_chance(kuka, expected):

@@ -12,6 +12,7 @@ from planner.common.errors import InputError
 from planner.common.schema import read_toml, validate
 from planner.design.candidates.pool import draw_candidates
 from planner.effects.context import Context
+from planner.gauges.vision.board_camera import BoardCamera
 from planner.identification.baseline import Baseline, BaselineFile, baseline_text
 from planner.identification.own_errors import own_errors_text
 from planner.identification.pipeline import FitSettings, identify
@@ -319,7 +320,9 @@ def test_a_later_check_is_planned_where_the_board_stands(flange, flange_pool, tm
     text = baseline_text(found.released, found.degrees_of_freedom, run, flange, "")
     known = Baseline.of(validate(json.loads(text), BaselineFile, "posterior.json"), flange, "posterior.json")
     at = flange_pool.samples.take(slice(100, 140))
-    p_CB = known.model.setup.gauge.view(known.model.setup, at, Context(known.model.setup, at).motion)[1]
+    camera = known.model.setup.gauge
+    assert isinstance(camera, BoardCamera)
+    p_CB = camera.view(known.model.setup, at, Context(known.model.setup, at).motion)[1]
     distance = np.linalg.norm(p_CB, axis=1)
     assert (distance > 0.25).all()
     assert (distance < 0.75).all()

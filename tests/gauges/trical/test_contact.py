@@ -7,7 +7,7 @@ import pytest
 
 from planner.cell.placement import Targets
 from planner.common.errors import NoSolutionError
-from planner.design.candidates.balls import FirstContact, draw_ball_candidates, length_quantile
+from planner.design.candidates.balls import BallFunnel, FirstContact, draw_ball_candidates, length_quantile
 from planner.model.model import Model
 from planner.runs.run import Samples
 
@@ -52,6 +52,7 @@ def test_a_smaller_head_loses_poses_and_a_hopeless_robot_all(cell, pool, impatie
     middle = float(np.median(FirstContact(cell).at(pool.q[pool.ball == 3])))
     worse = replace(cell, gauge=replace(cell.gauge, head=replace(cell.gauge.head, usable=middle)))
     fewer = draw_ball_candidates(worse, 60)
+    assert isinstance(fewer.funnel, BallFunnel)
     assert 0.1 < fewer.funnel.contact / fewer.funnel.approach < 0.99
     assert FirstContact(cell).at(fewer.q).max() < middle
     hopeless = replace(cell, gauge=replace(cell.gauge, head=replace(cell.gauge.head, uncalibrated=8e-3)))

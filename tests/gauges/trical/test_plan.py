@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -87,7 +88,7 @@ def test_the_head_is_mastered_upright(planned):
 
 
 def test_plan_json(planned):
-    content = plan_document(planned).content()
+    content: dict[str, Any] = plan_document(planned).content()
     json.dumps(content)
     assert len(content["parameters"]) == 31
     centred = [p for p in content["poses"] if p["role"] != "mount"]

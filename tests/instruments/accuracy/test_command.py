@@ -1,6 +1,7 @@
 """``edbb accuracy`` as a user calls it: figures, files, messages and exit codes."""
 
 import json
+from typing import Any
 
 import numpy as np
 import polars as pl
@@ -117,7 +118,8 @@ def test_precision_and_mastering(folder):
 
 
 def test_indicators_that_were_set_wrongly_are_told_where_their_run_is_identified(folder):
-    text, said = (folder / "balls.csv").read_text(), {}
+    text = (folder / "balls.csv").read_text()
+    said: dict[str, Any] = {}
     for name, shown in (("well", "6.350, 6.351, 6.350"), ("wrongly", "6.350, 6.500, 6.350")):
         (folder / f"{name}.csv").write_text(f"# master_mm: {shown}\n{text}")
         cell = load_cell(f"{NAME}/trical")

@@ -22,7 +22,8 @@ FLEETS = {"bar": fleet, "tracker": partial(tracker_fleet, False), "tracker with 
 @pytest.fixture
 def one_threshold(monkeypatch):
     """One threshold for all robots: they differ in it by less than draws can tell, and each would cost 0.1 s."""
-    whole, known = Detector.threshold.func, []
+    whole = vars(Detector)["threshold"].func
+    known: list[float] = []
 
     def threshold(detector):
         if not known:

@@ -82,7 +82,8 @@ def fits(cell):
 
 
 def fit_of(cell, seed):
-    return fit_jointly(cell, *runs(np.random.default_rng([seed, 7])), noise())
+    unloaded, loaded = runs(np.random.default_rng([seed, 7]))
+    return fit_jointly(cell, unloaded, loaded, noise())
 
 
 @pytest.mark.long

@@ -189,4 +189,4 @@ def test_more_places_than_there_are(monkeypatch, places, cell):
     monkeypatch.setattr("planner.workflow.loaded_planning.study_circle_places", lambda *_: places)
     with pytest.raises(InputError, match="only 4 circles"):
         study_places(shared.CELL, places=5)
-    assert len(with_circles(cell, places.best(2)).file.circles) == 2
+    assert len(circles_of(with_circles(cell, places.best(2)))) == 2

@@ -8,6 +8,7 @@ import pytest
 from planner.cell.cell import Cell
 from planner.cell.workspace import Workspace
 from planner.common.units import Array, read_only
+from planner.gauges.bar import LengthGauge
 from planner.kinematics.bodies import Body
 from planner.motion.collision.engines import CollisionWorld
 from planner.motion.collision.fcl_world import FclWorld
@@ -90,6 +91,7 @@ def test_refused_motions_fail_where_the_proof_says() -> None:
 
 def grazed_pin(cell: Cell, q: Array, dq: Array) -> Cell:
     """The cell with a pinhead that the rod of the bar just grazes when it passes q in the direction dq."""
+    assert isinstance(cell.gauge, LengthGauge)
     x_X = cell.fixtures[0].p_BX
     x, ahead = cell.map_position(np.stack([q, q + 1e-6 * dq]))
     along = (x - x_X) / np.linalg.norm(x - x_X)

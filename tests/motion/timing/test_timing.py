@@ -128,7 +128,7 @@ def test_random_stretches_and_limits_are_timed_within_every_limit(seed):
     rest[[0, -1]] = True
     edge = np.concatenate([[0.0], np.cumsum(length)])
     limits = Limits(*(10 ** rng.uniform(low, up, joints) for low, up in ((-2, 1), (-2, 2), (-2, 4))))
-    steps = choose_speeds(Stretches(read_only(edge), *map(read_only, (d1, d2, d3, tool)), rest), limits)
+    steps = choose_speeds(Stretches(*map(read_only, (edge, d1, d2, d3, tool)), rest=rest), limits)
     phases, arrival = time_steps(steps, read_only(edge), np.zeros(count + 1))
     t = np.unique(np.concatenate([phases.t, np.linspace(0.0, phases.duration, 4000)]))
     s, v, a, j, _ = phases.at(t)

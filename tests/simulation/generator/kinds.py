@@ -5,6 +5,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from tests.simulation.generator.arm import Arm
+
 
 @dataclass(frozen=True)
 class Effect:
@@ -46,7 +48,7 @@ class Kind:
     moves: Callable | None = None
     reads: Callable | None = None
     joints: str = "none"  # none | all | loaded
-    inner: Callable[[np.random.Generator, object, int], dict] = lambda rng, arm, joint: {}
+    inner: Callable[[np.random.Generator, Arm, int], dict] = lambda rng, arm, joint: {}
     in_catalogue: bool = True
     right: tuple[str, ...] = ()
     right_anywhere: tuple[str, ...] = ()

@@ -96,12 +96,12 @@ def _in_balls(arm, bench, q, which, centres, seed, truth, logs, rng):
     pose = np.arange(1, len(q) + 1)
     return Made(
         *_files(scene, bench, truth, reading, pose, which, _shown(truth, logs, rng)),
-        truth,
-        scene,
-        station,
-        reading,
-        clean,
-        pose,
+        truth=truth,
+        scene=scene,
+        station=station,
+        reading=reading,
+        clean=clean,
+        pose=pose,
     )
 
 
@@ -117,12 +117,12 @@ def _counted(arm, bench, gauge, q, pose, seed, truth, logs, rng, motion=None):
     reading = clean + _joint_part(scene, station, truth, noise[0]) + truth.noise.gauge * noise[1][:, :k]
     return Made(
         *_files(scene, bench, truth, reading, pose, None, _shown(truth, logs, rng)),
-        truth,
-        scene,
-        station,
-        reading,
-        clean,
-        pose,
+        truth=truth,
+        scene=scene,
+        station=station,
+        reading=reading,
+        clean=clean,
+        pose=pose,
     )
 
 

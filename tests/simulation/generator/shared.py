@@ -1,15 +1,22 @@
 """Arms and runs that several tests look at, made once."""
 
+from collections.abc import Callable
 from functools import cache
 
 import numpy as np
 
 from tests.simulation.generator.arm import Arm
 from tests.simulation.generator.benches import BENCHES
+from tests.simulation.generator.made import Made
 from tests.simulation.generator.runs import balls, edbb_continuous, edbb_static, tracker
 
 NAMES = tuple(BENCHES)
-RUNS = {"edbb": edbb_static, "tracker": tracker, "balls": balls, "moving": edbb_continuous}
+RUNS: dict[str, Callable[..., Made]] = {
+    "edbb": edbb_static,
+    "tracker": tracker,
+    "balls": balls,
+    "moving": edbb_continuous,
+}
 ACTIVE = ("payload", "force", "session")
 
 
