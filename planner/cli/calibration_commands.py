@@ -40,16 +40,16 @@ def _import(values: Values, output: str, manner: Manner) -> None:
         run = find_function(ImportCall)(**values)
         from planner.runs.writer import run_text, save_run
     print_notes(run.warnings, manner.verbose)
-    plan = values.get("plan")
-    its = f"--plan {as_word(plan)} " if plan else ""
-    step = f"edbb identify {as_word(output)} --cell {as_word(_cell_of(plan))} {its}-o calibrated"
+    step = _evaluation_step(output, values.get("plan"))
     give_file(run_text(run), lambda path: save_run(run, path, manner.force), output, step)
 
 
-def _cell_of(plan: Path | None) -> Path | str:
-    """Return the cell that lies beside a plan, or the word for the person's own."""
-    beside = None if plan is None else Path(plan).parent / "cell.toml"
-    return "CELL" if beside is None or not beside.is_file() else beside
+def _evaluation_step(run: str, plan: Path | None) -> str:
+    """Return the command that evaluates a run, of a plan if there is one; a cell that is not beside it has a word."""
+    if plan is not None and (Path(plan).parent / "cell.toml").is_file():
+        return evaluation_step(run, Path(plan))
+    its = f"--plan {as_word(plan)} " if plan else ""
+    return f"edbb identify {as_word(run)} --cell CELL {its}-o calibrated"
 
 
 def _compensate(values: Values, output: str, manner: Manner) -> None:

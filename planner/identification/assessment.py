@@ -76,17 +76,17 @@ def find_problems(
     """Return the reasons not to use the result, after tracing, and what was tried; none when it passed."""
     largest_error = {"m": 50 * MM, "rad": 5 * DEG}  # no sound robot is further off than this
     prior = dict(zip(found.model.names, found.model.prior.tolist(), strict=True))
-    out = []
+    out, unit = [], cell.gauge.unit
     before, last = (min((s.stage.held_out for s in part), key=lambda m: m.rms) for part in (stages[:2], stages[-1:]))
     if last.rms > LARGEST_HELD_OUT:
-        off = f"held-out poses are still {last.rms / MM:.1f} mm off"
+        off = f"held-out poses are still {last.rms / MM:.1f} {unit} off"
         usual = "look for rows that were exchanged, another ball, fixture or tool point, and units"
         hint = angle_hint(cell, run, last.rms)
         out.append(f"{hint}; {off}" if hint else f"the readings do not belong to these poses: {off}; {usual}")
     elif last.rms > before.rms:
         out.append(
             "there are too few readings for so many parameters, or the error is nothing but noise: held-out poses got "
-            f"worse, {before.rms / MM:.3g} mm to {last.rms / MM:.3g} mm"
+            f"worse, {before.rms / MM:.3g} {unit} to {last.rms / MM:.3g} {unit}"
         )
     out += [
         f"robot, units or signs are not those of the run: {e.name} came out "
@@ -143,22 +143,22 @@ def collect_warnings(run: Run, cell: Cell, found: Fit, validation: Run | None) -
         out.append("the frames of the validation run were fitted on it: its errors leave out what a frame can take up")
     if validation is not None:
         out += _wrong_validation_rows(
-            validation, validation_residual(found, validation, setup_for_run(cell, validation))
+            validation, validation_residual(found, validation, setup_for_run(cell, validation)), cell.gauge.unit
         )
     return out
 
 
-def _wrong_validation_rows(run: Run, residual: Array) -> list[str]:
+def _wrong_validation_rows(run: Run, residual: Array, unit: str) -> list[str]:
     """Name rows of a validation that are off far more than its others: exchanged, or mistyped."""
     size = error_size(residual)
     usual = float(np.median(size))
     wrong = np.flatnonzero(size > FAR_OFF_RATIO * usual)
     if not len(wrong) or len(wrong) > len(size) // 4:
         return []
-    named = _name_some([f"{run.where(k)} by {size[k] / MM:.3g} mm" for k in wrong.tolist()])
+    named = _name_some([f"{run.where(k)} by {size[k] / MM:.3g} {unit}" for k in wrong.tolist()])
     return [
-        f"of the validation's rows, half of which are off by less than {usual / MM:.3g} mm, some are far off ({named}"
-        "): exchanged or mistyped? Its errors count them"
+        f"of the validation's rows, half of which are off by less than {usual / MM:.3g} {unit}, some are far off "
+        f"({named}): exchanged or mistyped? Its errors count them"
     ]
 
 
@@ -236,7 +236,7 @@ def assess_fit(
     findings = tuple(_with_estimates(causes, table))
     return Calibration(
         schema_="edbb-identification/1",
-        worse_than_nominal=worse_than_nominal(kept, release, expected),
+        worse_than_nominal=worse_than_nominal(kept, release, expected, cell.gauge.unit),
         robot=found.setup.robot.name,
         n_samples=len(run),
         n_groups=parts.groups,
@@ -263,6 +263,7 @@ def assess_fit(
         problems=find_problems(table, stages, found, traced, run, cell),
         warnings=tuple(said),
         asides=frozenset(text for text in said if isinstance(text, Aside)),
+        angle_unit="mrad" if cell.gauge.unit == "mrad" else None,
         simulated=True if run.simulated or (validation is not None and validation.simulated) else None,
         run=run,
         fit=found,

@@ -131,26 +131,27 @@ class RandomEffects:
         wide = self.columns[:, acts] * self.sizes(draw.factors)[acts] / root[:, None]
         return root, np.vstack([wide, np.eye(wide.shape[1])])
 
-    def precision(self, draw: SizeDraw) -> ReadingPrecision:
-        """Return what is known of the readings at one draw of the sizes."""
-        whitener = ReadingWhitener.of(self, draw)
+    def precision(self, draw: SizeDraw, whitener: "ReadingWhitener | None" = None) -> ReadingPrecision:
+        """Return what is known of the readings at one draw of the sizes; ``whitener``: its own, where there is one."""
+        whitener = ReadingWhitener.of(self, draw) if whitener is None else whitener
         white = whitener.white(np.column_stack([self.sorted_columns, self.y]))
         return ReadingPrecision.of(white[:, :-1], white[:, -1], self.places)
 
-    def deviance(self, draw: SizeDraw) -> float:
-        """Minus twice the log density of the readings and of the noise's size, without a constant.
+    def evaluate(self, draw: SizeDraw) -> "EvaluatedDraw":
+        """Return the draw with its deviance.
 
         With the readings as the last column the triangle of the QR decomposition says all of it.
         """
         prior = draw.noise_logs @ self.noise_precision @ draw.noise_logs
         if self._are_many(draw):
             whitener = ReadingWhitener.of(self, draw)
-            return float(whitener.log_det + (whitener.white(self.y[:, None]) ** 2).sum() + prior)
+            square = (whitener.white(self.y[:, None]) ** 2).sum()
+            return EvaluatedDraw(draw, float(whitener.log_det + square + prior), whitener)
         root, tall = self._whiten(draw)
         y = np.append(self.y / root, np.zeros(tall.shape[1]))
         diagonal = np.diag(np.linalg.qr(np.column_stack([tall, y]), mode="r"))
         log_det = 2 * (np.log(root).sum() + np.log(np.abs(diagonal[:-1])).sum())
-        return float(log_det + diagonal[-1] ** 2 + prior)
+        return EvaluatedDraw(draw, float(log_det + diagonal[-1] ** 2 + prior))
 
     def _are_many(self, draw: SizeDraw) -> bool:
         """Tell whether so many columns act that it is quicker to work with the covariance of the readings."""
@@ -200,6 +201,21 @@ class ReadingWhitener:
         return np.asarray(dtrsm(1.0, self.factor, out, lower=1))
 
 
+@dataclass(frozen=True)
+class EvaluatedDraw:
+    """A draw of the sizes, and how well it fits.
+
+    Attributes:
+        draw: factors and noise.
+        deviance: minus twice the log density of the readings and of the noise's size, without a constant.
+        whitener: of the readings, where the deviance needed it.
+    """
+
+    draw: SizeDraw
+    deviance: float
+    whitener: ReadingWhitener | None = None
+
+
 def draw_sizes(
     model: RandomEffects, start: SizeDraw, seed: int = 0, sweeps: int | None = None
 ) -> tuple[DrawnSizes, ...]:
@@ -238,15 +254,16 @@ class _Chain:
 
     def draw_noise(self, rng: np.random.Generator) -> None:
         """Draw the noise with the sizes as they are."""
-        model, factors = self.model, self.factors
-        here = model.deviance(SizeDraw(factors, self.noise_logs))
-        step = max(1.5 / np.sqrt(len(model.y)), 0.05)  # of a proposal's logarithm, times 1/√readings
+        del self.known  # of the noise before: as large as the covariance, and made anew below
+        here = self.model.evaluate(SizeDraw(self.factors, self.noise_logs))
+        step = max(1.5 / np.sqrt(len(self.model.y)), 0.05)  # of a proposal's logarithm, times 1/√readings
         for move in rng.standard_normal((4, len(self.noise_logs))) * step:  # proposals of one draw of the noise
-            trial = SizeDraw(factors, np.clip(self.noise_logs + move, *LOG_NOISE_RANGE))
-            there = model.deviance(trial)
-            if np.log(rng.uniform()) < 0.5 * (here - there):
-                self.noise_logs, here = trial.noise_logs, there
-        self.known = model.precision(SizeDraw(factors, self.noise_logs))
+            logs = np.clip(here.draw.noise_logs + move, *LOG_NOISE_RANGE)
+            there = self.model.evaluate(SizeDraw(self.factors, logs))
+            if np.log(rng.uniform()) < 0.5 * (here.deviance - there.deviance):
+                here = there
+        self.noise_logs = here.draw.noise_logs
+        self.known = self.model.precision(here.draw, here.whitener)
 
     def draw_factors(self, rng: np.random.Generator) -> None:
         """Draw the factor of one family after the other."""

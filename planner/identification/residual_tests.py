@@ -167,11 +167,12 @@ def diagnose_residual(fit: Fit, moving: bool, rms: float) -> ResidualDiagnosis:
     problem = fit.problem.take(even_positions(len(fit.problem), subset_size(fit.model, 8_000)))
     rest = ProjectedResidual.of(problem, fit.errors, moving)
     tests = build_battery(without_noise(problem, fit.errors), rest, moving)
-    found = NO_DIAGNOSIS if tests is None else run_battery(rest, tests, moving, rms)
+    unit = fit.setup.gauge.unit
+    found = NO_DIAGNOSIS if tests is None else run_battery(rest, tests, moving, rms, unit)
     noise = fit.problem.whitener.declared_rms
     if rms <= LARGE_NOISE_RATIO * noise:
         return found
-    return replace(found, sentence=_excess_text(found, rms, noise))
+    return replace(found, sentence=_excess_text(found, rms, noise, unit))
 
 
 def without_noise(problem: FitProblem, errors: Array) -> FitProblem:
@@ -188,11 +189,11 @@ def without_noise(problem: FitProblem, errors: Array) -> FitProblem:
     return problem
 
 
-def _excess_text(found: ResidualDiagnosis, rms: float, noise: float) -> str:
+def _excess_text(found: ResidualDiagnosis, rms: float, noise: float, unit: str) -> str:
     """Say that more is left than the noise that gauge and repeatability are declared to have."""
     more = (
-        f"What is left, {rms * 1e3:.3g} mm rms, is {rms / noise:.1f} times the noise that gauge and robot are said to "
-        f"have ({noise * 1e3:.3g} mm)"
+        f"What is left, {rms * 1e3:.3g} {unit} rms, is {rms / noise:.1f} times the noise that gauge and robot are said "
+        f"to have ({noise * 1e3:.3g} {unit})"
     )
     if found.structured:
         return f"{found.sentence} {more}."
@@ -218,8 +219,10 @@ def build_battery(problem: FitProblem, rest: ProjectedResidual, moving: bool) ->
     return None
 
 
-def run_battery(rest: ProjectedResidual, tests: ResidualBattery, moving: bool, rms: float) -> ResidualDiagnosis:
-    """Judge a residual; ``rms`` [m] is its size, of which each alternative takes its share."""
+def run_battery(
+    rest: ProjectedResidual, tests: ResidualBattery, moving: bool, rms: float, unit: str = "mm"
+) -> ResidualDiagnosis:
+    """Judge a residual; ``rms`` [m] is its size, of which each alternative takes its share, a thousandth a ``unit``."""
     rest = rest.clip_outliers()
     trials, many, correlation = list[ResidualTest](), tests.count + (not moving), tests.correlation
     if not moving:
@@ -233,7 +236,7 @@ def run_battery(rest: ProjectedResidual, tests: ResidualBattery, moving: bool, r
     if bases:
         sizes.append(_explained_size(rest, orthonormal_basis(np.concatenate(bases, axis=1)), correlation, rms))
     share = max(sizes, default=0.0)
-    return ResidualDiagnosis(tuple(trials), found, share, _verdict(trials, found, share))
+    return ResidualDiagnosis(tuple(trials), found, share, _verdict(trials, found, share, unit))
 
 
 def _f_test(
@@ -289,10 +292,10 @@ def _correlation_at_rest(rest: ProjectedResidual, tests: ResidualBattery) -> Noi
     return known if known.dof >= FEWEST_DOF else NoiseCorrelation(1.0, FEWEST_DOF)
 
 
-def _verdict(trials: Sequence[ResidualTest], found: Sequence[ResidualTest], rms: float) -> str:
+def _verdict(trials: Sequence[ResidualTest], found: Sequence[ResidualTest], rms: float, unit: str) -> str:
     if not trials:
         return TOO_FEW
     if not found:
         return f"What is left looks random in all {len(trials)} tests."
     names = ", ".join(t.along for t in found)
-    return f"What is left is not random: {rms * 1e3:.3g} mm (rms) of it follows {names}."
+    return f"What is left is not random: {rms * 1e3:.3g} {unit} (rms) of it follows {names}."

@@ -199,9 +199,10 @@ def add_declared_stages(
         stages.append(context.fit_stage(kind, model, stages[-1].fit))
         before, after = (s.stage.held_out.rms for s in stages[-2:])
         if after > before:
+            unit = model.setup.gauge.unit
             notes.append(
                 f"{kind} is declared in plan.effects and was fitted, but held-out samples came out worse with it, "
-                f"{after / MM:.4f} mm against {before / MM:.4f} mm without: this run says too little of it"
+                f"{after / MM:.4f} {unit} against {before / MM:.4f} {unit} without: this run says too little of it"
             )
     return stages, notes
 

@@ -322,9 +322,13 @@ class Identification(DocumentSection):
         problems: reasons not to use the result; empty when the fit passed its own checks.
         warnings: what a person should know.
         simulated: true where a run was simulated, else ``None``: nobody measured this robot.
+        angle_unit: of errors of readings where the gauge reads an angle, whatever their keys say; ``None`` where
+            they are in mm, as those of the tool always are.
     """
 
-    if_any = ("release", "n_validation", "simulated", "worse_than_nominal", "many_of_one_kind", "use", "more")
+    if_any = (
+        "release", "n_validation", "simulated", "worse_than_nominal", "many_of_one_kind", "use", "more", "angle_unit",
+    )  # fmt: skip
     schema_: Literal["edbb-identification/1"]
     worse_than_nominal: str | None = None
     robot: str
@@ -354,6 +358,12 @@ class Identification(DocumentSection):
     problems: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
     simulated: Literal[True] | None = None
+    angle_unit: Literal["mrad"] | None = None
+
+    @property
+    def reading_unit(self) -> str:
+        """What a thousandth of a reading is called: mm, or mrad where it is an angle."""
+        return self.angle_unit or "mm"
 
     @property
     def placed_stage(self) -> Stage:

@@ -49,13 +49,13 @@ def residual_chart(facts: CalibrationFacts, kind: str) -> Chart:
     """Residuals of the last stage against every quantity of one kind."""
     name, title = KINDS[kind]
     error = to_mm(facts.after.held_residual[facts.chart_samples][:, :3])
-    panels = tuple(_scatter(a, error) for a in facts.against if a.kind == kind)
+    panels = tuple(_scatter(a, error, facts.calibration.reading_unit) for a in facts.against if a.kind == kind)
     return Chart(name, title, SCATTER, panels, columns=2)
 
 
 def approach_chart(facts: CalibrationFacts) -> Chart:
     """Residuals of every joint's two senses of approach, side by side."""
-    direction = facts.calibration.run.samples.direction
+    direction, unit = facts.calibration.run.samples.direction, facts.calibration.reading_unit
     assert direction is not None
     which = facts.chart_samples[even_positions(len(facts.chart_samples), PANEL_POINTS // 3)]
     sense = direction[facts.chart_samples]
@@ -73,7 +73,7 @@ def approach_chart(facts: CalibrationFacts) -> Chart:
         span = 1.08 * float(np.abs(few).max()) or 1.0
         label = "joint: left came from above, right from below"
         panels.append(
-            Panel(side, label, "error (mm)", (cloud, means), (ReferenceLine(0.0, ""),), y_range=(-span, span))
+            Panel(side, label, f"error ({unit})", (cloud, means), (ReferenceLine(0.0, ""),), y_range=(-span, span))
         )
     caption = (
         "Two means of a joint that differ tell of backlash or friction. Where positions are read, the error is the "
@@ -82,7 +82,7 @@ def approach_chart(facts: CalibrationFacts) -> Chart:
     return Chart("residual_approach", "Error against the sense of the last approach", caption, tuple(panels), 2)
 
 
-def _scatter(a: PlotVariable, error: Array) -> Panel:
+def _scatter(a: PlotVariable, error: Array, unit: str) -> Panel:
     """One panel: points, and for each component the line of means."""
     wide = error.shape[1] > 1
     names, colours = (("along x", "along y", "along z"), (BLUE, GREEN, RED)) if wide else (("a reading",), (BLUE,))
@@ -93,7 +93,7 @@ def _scatter(a: PlotVariable, error: Array) -> Panel:
         means.append(Series("mean", *line, colour if wide else BLACK, width=2.0))
     span = 1.08 * float(np.abs(error[shown]).max()) or 1.0
     series = (*points, *means, zero_line(a.values))
-    return Panel("", a.label, "error (mm)", series, y_range=(-span, span), height=150)
+    return Panel("", a.label, f"error ({unit})", series, y_range=(-span, span), height=150)
 
 
 BEFORE, AFTER = ORANGE, BLUE
@@ -118,13 +118,14 @@ def histogram_chart(facts: CalibrationFacts) -> Chart:
     before, after = (to_mm(error_size(s.held_residual)) for s in (facts.before, facts.after))
     low = max(float(np.quantile(after, 0.005)), float(before.max()) * 1e-6, 1e-7)
     high = 1.1 * max(float(before.max()), float(after.max()))
+    unit = facts.calibration.reading_unit
     edges = np.geomspace(min(low, high / 10), high, 60 + 1)  # bins of the histogram
     series = []
     for name, error, colour in (("frames", before, BEFORE), ("calibrated", after, AFTER)):
         share = 100 * np.histogram(np.clip(error, edges[0], edges[-1]), edges)[0] / len(error)
-        label = f"{name}, mean {digits(float(error.mean()))} mm"
+        label = f"{name}, mean {digits(float(error.mean()))} {unit}"
         series.append(Series(label, *histogram_outline(edges, share), colour, filled=True))
-    labels = ("", "error of a reading that the fit had not seen (mm, logarithmic)", "part of the readings (%)")
+    labels = ("", f"error of a reading that the fit had not seen ({unit}, logarithmic)", "part of the readings (%)")
     span, top = (float(edges[0]), float(edges[-1])), 1.1 * max(float(s.y.max()) for s in series)
     panel = Panel(*labels, tuple(series), log_x=True, x_range=span, y_range=(0.0, top), height=230)
     caption = "Every reading was predicted by a fit that had not seen it. One step of the scale is ten times less."
@@ -134,17 +135,18 @@ def histogram_chart(facts: CalibrationFacts) -> Chart:
 def pose_chart(facts: CalibrationFacts) -> Chart:
     """Error of every pose, before and after, in the order in which they were measured."""
     names, before, after = error_by_pose(facts)
+    unit = facts.calibration.reading_unit
     floor = max(float(np.quantile(after, 0.02)) / 2, 1e-10)
     x = np.arange(1, len(names) + 1, dtype=float)
     series = []
     for label, values, colour in (("frames", before, BEFORE), ("calibrated", after, AFTER)):
-        hover = tuple(f"{n}: {digits(float(v))} mm" for n, v in zip(names, to_mm(values), strict=True))
+        hover = tuple(f"{n}: {digits(float(v))} {unit}" for n, v in zip(names, to_mm(values), strict=True))
         y = to_mm(np.maximum(values, floor))
         series.append(Series(label, x, y, colour, "points", hover=hover, size=5.0, opacity=0.8))
     moving = facts.calibration.run.continuous or facts.calibration.run.samples.pose is None
     what = "sample drawn" if moving else "pose"
     span = (float(to_mm(floor)) / 1.3, 1.5 * float(to_mm(max(before.max(), after.max()))))
-    labels = ("", f"{what}, in the order of measuring", "error (mm, logarithmic)")
+    labels = ("", f"{what}, in the order of measuring", f"error ({unit}, logarithmic)")
     panel = Panel(*labels, tuple(series), log_y=True, y_range=span, height=270)
     caption = f"Each {what} as predicted by a fit that had not seen it. Point at one for its number."
     return Chart("by_pose", f"Error of each {what}", caption, (panel,))

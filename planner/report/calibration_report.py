@@ -76,14 +76,15 @@ def _about(c: Calibration) -> str:
 def _facts(facts: CalibrationFacts) -> tuple[Row, ...]:
     """The handful of numbers that a person asks for first: (what, value, remark)."""
     c, before, after = facts.calibration, facts.before.held_out, facts.after.held_out
+    unit = c.reading_unit
     several, read = text.GROUP_NAMES[c.split.by][0], c.setup.gauge.plural
-    floor = "no repeats" if c.noise_floor is None else f"repeats scatter {in_mm(c.noise_floor)} mm"
+    floor = "no repeats" if c.noise_floor is None else f"repeats scatter {in_mm(c.noise_floor)} {unit}"
     was = f"was {in_mm(c.release.nominal_anywhere)} mm" if c.release is not None else "by the covariance alone"
     return (
         ("measured tool, rms", f"{in_mm(c.workspace_error)} mm", was),
         *_other_tool(c),
-        (f"{read}, mean", f"{in_mm(after.mean)} mm", f"held out; was {in_mm(before.mean)} mm"),
-        ("largest", f"{in_mm(after.largest)} mm", f"held out; was {in_mm(before.largest)} mm"),
+        (f"{read}, mean", f"{in_mm(after.mean)} {unit}", f"held out; was {in_mm(before.mean)} {unit}"),
+        ("largest", f"{in_mm(after.largest)} {unit}", f"held out; was {in_mm(before.largest)} {unit}"),
         ("readings", count_text(len(c.run)), f"in {count_text(c.n_groups)} {several}"),
         (
             "parameters",
@@ -182,7 +183,7 @@ def _outlier(c: Calibration, k: int) -> Row:
 
 def _gauge(facts: CalibrationFacts) -> tuple[Row, ...]:
     """Where the gauge stands: (what, position or angles)."""
-    f = facts.calibration.frames
+    f, unit = facts.calibration.frames, facts.calibration.reading_unit
     rows = [
         (f"fixture {x.name}".strip(), f"{_position(x.position, x.position_std)} mm in the base frame")
         for x in f.fixtures
@@ -196,7 +197,7 @@ def _gauge(facts: CalibrationFacts) -> tuple[Row, ...]:
         rows.append((what, f"{_position(point.p_FM, point.position_std)} mm in the flange frame"))
     if f.zero is not None:
         std = "" if f.zero_std is None else f" ± {float(to_mm(f.zero_std)):.4f}"
-        rows.append(("zero of the gauge", f"{float(to_mm(f.zero)):.4f}{std} mm"))
+        rows.append(("zero of the gauge", f"{float(to_mm(f.zero)):.4f}{std} {unit}"))
     return tuple(rows)
 
 

@@ -57,30 +57,33 @@ GROUP_NAMES = {
 def headline_text(facts: CalibrationFacts) -> tuple[str, ...]:
     """Say what the calibration brought: the sentence that a customer reads; nothing where the fit may not be used."""
     c, groups = facts.calibration, GROUP_NAMES[facts.calibration.split.by][0]
+    unit = c.reading_unit
     first, before, after = c.stages[0].held_out, facts.before.held_out, facts.after.held_out
     worse = [] if c.worse_than_nominal is None else [f"{c.worse_than_nominal}."]
     if c.problems:
         left = (
-            f"It leaves a mean error of {in_mm(after.mean)} mm on {groups} that it never saw; that says nothing of the "
-            "robot, only of the fit."
+            f"It leaves a mean error of {in_mm(after.mean)} {unit} on {groups} that it never saw; that says nothing of "
+            "the robot, only of the fit."
         )
         return ("No robot was calibrated: the fit failed its own checks.", left)
     out = [*worse, *_workspace_sentences(c)]
     read = c.setup.gauge.plural
-    out.append(f"Mean error of {read} {in_mm(before.mean)} mm → {in_mm(after.mean)} mm on {groups} that no fit saw.")
-    factor, a, b = before.mean / max(after.mean, 1e-300), in_mm(before.largest), in_mm(after.largest)
+    was, now = (f"{in_mm(m.mean)} {unit}" for m in (before, after))
+    out.append(f"Mean error of {read} {was} → {now} on {groups} that no fit saw.")
+    factor = before.mean / max(after.mean, 1e-300)
+    a, b = (f"{in_mm(m.largest)} {unit}" for m in (before, after))
     if factor >= 1.2:
-        fell = f"from {a} mm to {b} mm" if after.largest < before.largest else f"not: {a} mm before, {b} mm now"
+        fell = f"from {a} to {b}" if after.largest < before.largest else f"not: {a} before, {b} now"
         out.append(f"That is {digits(factor, 2)} times less; the largest error fell {fell}.")
     elif factor <= 1.0:
         out.append("The calibration brought nothing.")
     if first.mean > 1.05 * before.mean:
-        out.append(f"Before the gauge's own place was fitted it was {in_mm(first.mean)} mm.")
+        out.append(f"Before the gauge's own place was fitted it was {in_mm(first.mean)} {unit}.")
     own = own_errors_text(c)
     out += [f"{own[0].upper()}{own[1:]}."] if own else []
     checks = [s.validation for s in (facts.before, facts.after) if s.validation is not None]
     if len(checks) == 2:
-        out.append(f"On the separate validation run: {in_mm(checks[0].mean)} mm → {in_mm(checks[1].mean)} mm.")
+        out.append(f"On the separate validation run: {in_mm(checks[0].mean)} {unit} → {in_mm(checks[1].mean)} {unit}.")
     return (*out, *([] if c.release is None else _part_sentences(c.release)))
 
 
@@ -151,7 +154,7 @@ def held_out_text(c: Calibration) -> str:
     if c.split.within is not None:
         out += (
             f" With single poses held out instead, what each of the {several} has of its own being known, the mean "
-            f"error is {in_mm(c.split.within.held_out.mean)} mm."
+            f"error is {in_mm(c.split.within.held_out.mean)} {c.reading_unit}."
         )
     return out
 
@@ -162,9 +165,9 @@ def noise_text(c: Calibration) -> str:
     width = min(3, C.shape[1])
     sigma = float(np.sqrt(np.einsum("nii->n", C[:, :width, :width]).mean()))
     axis = " of each axis" if width > 1 else ""
-    out = f"One reading scatters by {in_mm(sigma)} mm (standard deviation{axis}, estimated)"
+    out = f"One reading scatters by {in_mm(sigma)} {c.reading_unit} (standard deviation{axis}, estimated)"
     if c.noise_floor is not None:
-        out += f"; readings repeated at the same pose scatter by {in_mm(c.noise_floor)} mm"
+        out += f"; readings repeated at the same pose scatter by {in_mm(c.noise_floor)} {c.reading_unit}"
     if c.correlation_time > 1.05:
         out += f"; along the drive {digits(c.correlation_time, 2)} samples are worth one"
     return out + "."
@@ -241,8 +244,9 @@ def _evidence(facts: CalibrationFacts, step: FindingStep) -> tuple[str, ...]:
     f, before, after = step.finding, step.before, step.after
     others = [e for e in after.effects if e not in before.effects and e != step.what]
     along = f" (with {', '.join(others)})" if others else ""
+    unit = facts.calibration.reading_unit
     held, fitted = (
-        f"{in_mm(a.rms)} mm → {in_mm(b.rms)} mm"
+        f"{in_mm(a.rms)} {unit} → {in_mm(b.rms)} {unit}"
         for a, b in ((before.held_out, after.held_out), (before.train, after.train))
     )
     return (

@@ -29,6 +29,7 @@ from planner.report.chart import (
     zero_line,
 )
 
+SIZES = {"rad": "µrad", "m": "µm"}
 MEAN_POINTS = 24  # of the line through the residuals; more for an effect of many waves
 
 
@@ -67,6 +68,7 @@ class Evidence:
         fitted: what the effect adds as fitted, (m,).
         means: points of the line through the residuals.
         marks: where something stepped.
+        of_axis: whether it is drawn as the error of the axis that the effect turns, else along what the effect moves.
     """
 
     against: EffectVariable
@@ -77,6 +79,7 @@ class Evidence:
     fitted: Array
     means: int = MEAN_POINTS
     marks: tuple[float, ...] = ()
+    of_axis: bool = False
 
 
 def finding_steps(facts: CalibrationFacts) -> tuple[FindingStep, ...]:
@@ -113,7 +116,7 @@ def collect_evidence(facts: CalibrationFacts, step: FindingStep) -> Evidence:
     changed = isinstance(first.main.phi, BeforeSample)
     looked = first.main.phi.plot_variable(context) if changed or _single(own) else None
     if looked is None:
-        return _residual_along(added, residuals)
+        return _residual_along(added, residuals, "rad" if facts.calibration.angle_unit else "m")
     bare = tuple(map(acting_throughout, own)) if changed else (replace(first, moves=(replace(first.main, phi=ONE),)),)
     size = np.array([fit.errors[fit.model.names.index(p.name)] for p in own]) if changed else np.ones(1)
     screws = Model(fit.setup, bare).linear_in(context, None).rows[:, : rows.shape[1]]
@@ -125,7 +128,7 @@ def collect_evidence(facts: CalibrationFacts, step: FindingStep) -> Evidence:
     turns = first.main.on == "transform" and fit.setup.chain.transforms[first.main.index].kind == "rotation"
     means = int(np.clip(3 * len(own), MEAN_POINTS, len(power) // 10 + MEAN_POINTS))
     marks = tuple(sorted({m.phi.sample + 0.5 for p in own for m in p.moves if isinstance(m.phi, BeforeSample)}))
-    return Evidence(looked, "rad" if turns else "m", before, after, power, fitted, means, marks)
+    return Evidence(looked, "rad" if turns else "m", before, after, power, fitted, means, marks, turns)
 
 
 def _effect_readings(facts: CalibrationFacts, step: FindingStep) -> Array:
@@ -148,19 +151,15 @@ def _single(parameters: list[Parameter]) -> bool:
     return len(places) == 1 and all(len(p.moves) == 1 for p in parameters)
 
 
-def _residual_along(added: Array, residuals: list[Array]) -> Evidence:
-    """Residuals (m, r) along what an effect adds (m, r), against that."""
+def _residual_along(added: Array, residuals: list[Array], unit: str) -> Evidence:
+    """Residuals (m, r) along what an effect adds (m, r), against that, both in ``unit``: ``m`` or ``rad``."""
     size = np.linalg.norm(added, axis=1)
     along = added / np.maximum(size, 1e-300)[:, None]
     if added.shape[1] == 1:
         size, along = added[:, 0], np.ones_like(along)
     before, after = (np.einsum("nr,nr->n", r, along) for r in residuals)
-    return Evidence(
-        EffectVariable("what the effect adds to the reading (µm)", 1e6 * size), "m", before, after, size**0, size
-    )
-
-
-SIZES = {"rad": "µrad", "m": "µm"}
+    against = EffectVariable(f"what the effect adds to the reading ({SIZES[unit]})", 1e6 * size)
+    return Evidence(against, unit, before, after, size**0, size)
 
 
 def stage_chart(facts: CalibrationFacts) -> Chart:
@@ -182,8 +181,8 @@ def stage_chart(facts: CalibrationFacts) -> Chart:
     if checked:
         at, rms = np.array(checked).T
         series.append(Series("validation run", to_mm(rms), at, BLUE, "points", size=7.0))
-    rest = max(40, 150 - 26 * len(names))
-    panel = list_panel("", "rms error (mm, logarithmic)", names, series, rest=rest, log_x=True)
+    rest, unit = max(40, 150 - 26 * len(names)), facts.calibration.reading_unit
+    panel = list_panel("", f"rms error ({unit}, logarithmic)", names, series, rest=rest, log_x=True)
     caption = "From top to bottom the model grows by one effect at a time; what counts is the held-out error."
     return Chart("by_stage", "The error stage by stage", caption, (panel,))
 
@@ -195,8 +194,8 @@ def finding_chart(facts: CalibrationFacts, step: FindingStep) -> Chart:
     most, fitted = (float(np.quantile(np.abs(v), 0.98)) for v in (e.before, e.fitted))
     span = 1e6 * max(most, 1.15 * fitted, 1e-12)
     panels = (_panel(e, e.before, "before", True, span), _panel(e, e.after, "after", False, span))
-    what = "each as the error of the effect's own axis" if e.unit == "rad" else "along what the effect moves"
-    comma = "," if e.unit == "rad" else ""
+    what = "each as the error of the effect's own axis" if e.of_axis else "along what the effect moves"
+    comma = "," if e.of_axis else ""
     caption = (
         f"Held-out residuals{comma} {what}. Points: readings; black: their mean; red: the effect as fitted in the end, "
         "less what the model before it could take up."

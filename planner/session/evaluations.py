@@ -5,7 +5,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from planner.common.console import as_word
+from planner.common.errors import InputError
 from planner.common.extensions import load_extensions
+from planner.common.schema import read_json
 
 
 @dataclass(frozen=True)
@@ -15,7 +17,8 @@ class Evaluation:
     Attributes:
         command: what is typed, with ``{run}``, ``{plan}``, ``{cell}`` and ``{model}`` to fill in.
         kind: of the plan; nothing for poses.
-        beside: the plans that it is for have this file beside them; empty for any.
+        beside: the plans that it is for have this file (JSON) beside them; empty for any. Its key ``model`` names the
+            calibration that the run is judged by, as it was typed where the plan was made.
         calibrates: whether poses of the plan calibrate; nothing for both.
     """
 
@@ -28,6 +31,15 @@ class Evaluation:
         """Tell whether it is for a plan at a path."""
         there = not self.beside or (plan.parent / self.beside).is_file()
         return self.kind == kind and there and self.calibrates in (None, calibrates)
+
+    def model(self, plan: Path) -> str:
+        """Return the calibration that the runs of a plan are judged by; where it is not found here, the word for it."""
+        try:
+            content = read_json(plan.parent / self.beside) if self.beside else None
+        except InputError:  # a plan is made use of without what is beside it
+            content = None
+        named = content.get("model") if isinstance(content, dict) else None
+        return named if isinstance(named, str) and Path(named).exists() else "CALIBRATED"
 
 
 _EVALUATIONS: list[Evaluation] = []
@@ -52,15 +64,19 @@ def simulated_run_warnings(notes: Sequence[str]) -> tuple[str, ...]:
 
 
 def evaluation_of(
-    run: Path | str, plan: Path, kind: str | None, calibrates: bool, model: Path | str = "CALIBRATED"
+    run: Path | str, plan: Path, kind: str | None, calibrates: bool, model: Path | str | None = None
 ) -> str:
     """Return the command that evaluates the run of a plan, empty where none here does.
 
     Identification does those of poses for which no extension knows better. ``model``: the calibration that a run is
-    judged by, where one is.
+    judged by, where one is; by default the one that is named beside the plan.
     """
     load_extensions()
-    fitting = (e.command for e in _EVALUATIONS if e.fits(plan, kind, calibrates))
-    known = "edbb identify {run} --cell {cell} --plan {plan} -o calibrated" if kind is None else ""
-    words = {"run": run, "plan": plan, "cell": plan.parent / "cell.toml", "model": model}
-    return next(fitting, known).format(**{key: as_word(word) for key, word in words.items()})
+    own = next((e for e in _EVALUATIONS if e.fits(plan, kind, calibrates)), None)
+    if own is None and kind is not None:
+        return ""
+    command = "edbb identify {run} --cell {cell} --plan {plan} -o calibrated" if own is None else own.command
+    words = {"run": run, "plan": plan, "cell": plan.parent / "cell.toml"}
+    if "{model}" in command:
+        words["model"] = model or (own.model(plan) if own else "")
+    return command.format(**{key: as_word(word) for key, word in words.items()})

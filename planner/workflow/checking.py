@@ -51,7 +51,8 @@ class CheckPlanResult(PlanResult):
     def fill(self, draft: Path) -> None:
         """Write what every plan has, and ``shows.json``."""
         super().fill(draft)
-        write_text(draft / FORECAST, document_text(self.forecast.content()))
+        content = self.forecast.content() | {"model": Path(self.model).as_posix()}
+        write_text(draft / FORECAST, document_text(content))
 
     def report(self) -> "Report":
         """Return the page of the plan, with what it shows."""

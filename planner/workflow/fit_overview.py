@@ -97,13 +97,14 @@ def _held_out_fact(found: Calibration, release: Release | None) -> Fact:
     """Say what is left of readings that no fit saw: of validation poses where there are such, else of the held-out."""
     first, last = found.placed_stage, found.stages[-1] if release is None else release
     if first.validation is not None and last.validation is not None:
-        return "validation", f"{_change_text(first.validation, last.validation, _unit(found))} on poses kept apart"
+        change = _change_text(first.validation, last.validation, found.reading_unit)
+        return "validation", f"{change} on poses kept apart"
     return "held out", _held_out_text(found, last.held_out)
 
 
 def _held_out_text(found: Calibration, last: Metrics) -> str:
     where = f"on {found.n_groups} {found.split.groups} that no fit saw"
-    return f"{_change_text(found.placed_stage.held_out, last, _unit(found))} {where}"
+    return f"{_change_text(found.placed_stage.held_out, last, found.reading_unit)} {where}"
 
 
 def _cure_facts(found: Calibration, release: Release | None) -> Iterator[Fact]:
@@ -115,11 +116,6 @@ def _cure_facts(found: Calibration, release: Release | None) -> Iterator[Fact]:
 def _change_text(before: Metrics, after: Metrics, unit: str) -> str:
     largest = f"largest {_mm(before.largest)} → {_mm(after.largest)} {unit}"
     return f"{_mm(before.mean)} → {_mm(after.mean)} {unit}  mean, {largest},"
-
-
-def _unit(found: Calibration) -> str:
-    """Return what a thousandth of a reading is called: mm, or mrad where it is an angle."""
-    return found.fit.model.setup.gauge.unit
 
 
 def _cause_facts(found: Calibration, most: int) -> Iterator[Fact]:
@@ -246,7 +242,7 @@ def _release_details(found: Calibration, release: Release) -> Iterator[Fact]:
         seen = f"{_mm(m.anywhere)} mm rms over the workspace: motion that the run shows"
         yield "no name", f"{seen} and no named cause explains, {_motion_place(m)}{kept}"
     what = "geometry and all effects, by their probability" if release.basis == "posterior" else "geometry alone"
-    yield "written", f"{what}, held out {release.held_out.rms / MM:.4f} {_unit(found)} rms"
+    yield "written", f"{what}, held out {release.held_out.rms / MM:.4f} {found.reading_unit} rms"
     geometry = "; worse than the nominal robot" if release.geometry_anywhere > release.nominal_anywhere else ""
     yield "geometry", f"{_mm(release.geometry_anywhere)} mm  tool error with the geometry alone{geometry}"
     if (p := release.parts) is not None:
@@ -261,10 +257,8 @@ def _stage_rows(found: Calibration) -> Iterator[Fact]:
     """Return the errors stage by stage in columns."""
     wide = max(26, *(len(s.name) for s in found.stages))
     checked = found.stages[-1].validation is not None
-    yield (
-        "stages",
-        f"{'held out, ' + _unit(found):<{wide}}{'rms':>10}{'mean':>10}{'largest':>10}{'validation' * checked:>12}",
-    )
+    title = f"held out, {found.reading_unit}"
+    yield "stages", f"{title:<{wide}}{'rms':>10}{'mean':>10}{'largest':>10}{'validation' * checked:>12}"
     for s in found.stages:
         m = s.held_out
         row = "".join(f"{v / MM:10.4f}" for v in (m.rms, m.mean, m.largest))

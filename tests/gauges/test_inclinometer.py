@@ -1,5 +1,6 @@
 """A gauge whose reading is neither a length nor a position, in one file: an inclinometer."""
 
+import json
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -20,6 +21,7 @@ from planner.identification.residual_table import residuals_csv
 from planner.instruments.simulation import planned_samples, simulate_run
 from planner.instruments.truth import draw_truth
 from planner.model.model import Model
+from planner.report.calibration_report import report_calibration
 from planner.runs.loader import load_run
 from planner.runs.run import Samples
 from planner.runs.writer import save_run
@@ -124,6 +126,12 @@ def test_a_simulated_run_is_identified(cell, run):
     said = fit_overview(found)
     assert " mrad  mean, largest " in dict(said.facts)["held out"]
     assert dict(said.details)["stages"].startswith("held out, mrad ")
+    page = report_calibration(found).html()
+    assert re.search(r"inclinations, mean</dt>\s*<dd>[0-9.]+ mrad<", page)
+    assert "fitted (mrad)" in page
+    assert "error of a reading that the fit had not seen (mrad" in page
+    assert not re.search(r"(?<!expected )error \(mm|fitted \(mm|held out \(mm|reading[^.<]{0,40}[0-9] mm", page)
+    assert json.loads(found.to_json())["angle_unit"] == "mrad"
     table = pl.read_csv(residuals_csv(found).encode())
     assert {"incline_deg", "residual_mrad", "held_out_mrad"} <= set(table.columns)
     assert np.sqrt(np.mean(table["held_out_mrad"].to_numpy() ** 2)) == pytest.approx(1e3 * after, rel=1e-3)

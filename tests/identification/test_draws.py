@@ -47,7 +47,7 @@ def density(model, factors, logs):
 @pytest.mark.parametrize(("m", "p"), [(20, 9), (6, 13)])
 def test_the_deviance_is_that_of_the_dense_covariance(m, p):
     model, logs = model_of(m=m, p=p, fixed_noise=False), np.array([0.2, -0.3])
-    one, other = (model.deviance(SizeDraw(np.array(f), logs)) for f in ((0.0, 1.5), (0.5, 0.0)))
+    one, other = (model.evaluate(SizeDraw(np.array(f), logs)).deviance for f in ((0.0, 1.5), (0.5, 0.0)))
     dense = -2 * (density(model, (0.0, 1.5), logs) - density(model, (0.5, 0.0), logs))
     assert one - other == pytest.approx(dense, rel=1e-5)
 

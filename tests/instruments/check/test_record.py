@@ -1,6 +1,7 @@
 """A robot's record: what is added stays as it was, belongs to one robot, and shows what changed."""
 
 import json
+import shlex
 from datetime import UTC, date, datetime
 
 import pytest
@@ -107,6 +108,17 @@ def test_the_run_of_a_checks_plan_is_judged_not_identified(tmp_path):
     assert evaluation_of("run.csv", plan, None, True).startswith("edbb identify run.csv")
     (tmp_path / FORECAST).touch()
     assert evaluation_of("run.csv", plan, None, True).startswith("edbb check run.csv --plan")
+
+
+def test_the_calibration_that_a_check_was_planned_for_is_named_where_it_is_found(tmp_path):
+    """From wherever the run is simulated or imported; else a word stands in its place."""
+    plan, model = tmp_path / "check" / "plan.json", tmp_path / "the robot"
+    plan.parent.mkdir()
+    (plan.parent / FORECAST).write_text(json.dumps({"model": str(model)}))
+    assert "--model CALIBRATED " in evaluation_of("run.csv", plan, None, False)
+    model.mkdir()
+    assert shlex.split(evaluation_of("run.csv", plan, None, False))[5:7] == ["--model", str(model)]
+    assert "--model other " in evaluation_of("run.csv", plan, None, False, "other")
 
 
 def test_a_record_refuses_what_is_not_its_own(record, tmp_path):
