@@ -81,12 +81,12 @@ def hold_corrected_targets(planned, nominal, true, released, targets):
     corrected = np.deg2rad([[float(v) for v in x.split(",")] for x in lines[1:]])
     assert np.abs(np.rad2deg(corrected - targets)[:, 0]).max() < 10  # the lift moves by millimetres
     shown = done.stdout + done.stderr
-    said = re.search(r"expected at the (\d+) targets: ([\d.]+) mm rms.* before; ([\d.]+) mm rms", shown)
+    said = re.search(r"tool error +([\d.]+) → ([\d.]+) mm  rms at the (\d+) targets", shown)
     assert said, shown
-    stated_before, stated_after = float(said[2]), float(said[3])
+    stated_before, stated_after = float(said[1]), float(said[2])
     kept = np.abs(np.rad2deg(corrected - targets)).max(axis=1) < 1e-5  # near a singular position: left as they were
-    assert (~kept).sum() == int(said[1]) >= 15
-    left = re.search(r"targets? that (?:are|is) left .*keeps? ([\d.]+) mm rms", shown)
+    assert (~kept).sum() == int(said[3]) >= 15
+    left = re.search(r"([\d.]+) mm  rms at the (?:\d+ )?targets? left as", shown)
     assert left or not kept.any(), shown
     if left:  # the whole table is off by what both sentences say
         wanted = replace(nominal, p_FM=released.tool_points[0].p_FM).tool(targets)
