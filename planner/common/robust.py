@@ -17,7 +17,8 @@ MEDIAN_RMS = {1: 0.6745, 3: 0.8880, 6: 0.9441, 14: 0.9761}
 
 def huber_weights(size: Array, limit: float | Array) -> Array:
     """Return Huber's weights of residuals by their sizes (...): 1 up to the limit, falling with the size beyond."""
-    return np.asarray(np.minimum(1.0, limit / np.maximum(size, 1e-300)))  # a size of nought has the weight 1
+    far = ~(np.asarray(size) <= limit)  # what is not a number keeps that as its weight
+    return np.divide(limit, size, out=np.ones(far.shape), where=far)
 
 
 def huber_costs(size: Array, limit: float) -> Array:

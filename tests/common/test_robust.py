@@ -47,3 +47,10 @@ def test_medians_are_those_of_chi_square():
         assert median == pytest.approx(np.sqrt(chi2.ppf(0.5, numbers)), abs=6e-5)
     for numbers, median in MEDIAN_RMS.items():
         assert median == pytest.approx(np.sqrt(chi2.ppf(0.5, numbers) / numbers), abs=1e-4)
+
+
+def test_the_smallest_sizes_weigh_one_and_what_is_no_number_stays_none():
+    with np.errstate(all="raise"):
+        np.testing.assert_array_equal(huber_weights(np.array([0.0, 5e-324, 1.7]), 1.7), 1.0)
+        np.testing.assert_array_equal(huber_weights(np.array([0.0, 2.0]), 0.0), [1.0, 0.0])
+    assert np.isnan(huber_weights(np.array([np.nan]), 1.7)).all()

@@ -64,7 +64,10 @@ def round_corners(request: TimingRequest, tool_position: ToolPosition, speed: Ar
     if len(corner):
         away = np.concatenate([-leg[corner - 1], leg[corner]])
         share = _crossing(np.tile(q[corner], (2, 1)), 0.5 * away, np.tile(blend[corner], 2), tool_position)
-        part_in, part_out = 0.5 * share.reshape(2, -1)
+        part = 0.5 * share.reshape(2, -1)
+        cut = part.min(axis=0) > 0.0  # a radius finer than the search for its crossing is none
+        stop[corner[~cut]] = True
+        corner, (part_in, part_out) = corner[cut], part[:, cut]
         time_in, time_out = part_in * length[corner - 1] / pace[corner - 1], part_out * length[corner] / pace[corner]
         share_in[corner] = part_in * np.minimum(1.0, PACE_RATIO * time_out / time_in)
         share_out[corner] = part_out * np.minimum(1.0, PACE_RATIO * time_in / time_out)

@@ -142,3 +142,19 @@ def test_runs_of_equal_points_become_one_and_stop_if_any_of_them_does():
     corners = round_corners(request, arm.position, arm.speed)
     assert corners.node.tolist() == [0, 1, 1, 2, 2, 3]
     assert corners.stop.tolist() == [True, False, True, True]
+
+
+@pytest.mark.parametrize("radius", [1e-12, 1e-15, 1e-300])
+def test_a_radius_of_no_size_is_a_stop_and_the_rest_is_driven_as_planned(radius):
+    """Such a blend would have no length, and a curve through it no numbers."""
+    rng = np.random.default_rng(3)
+    arm = random_arm(rng)
+    q = np.cumsum(0.3 * rng.normal(size=(4, len(arm.a))), axis=0)
+    request = check_request(q, [True, False, False, True], [0.0, radius, 0.01, 0.0], 1.0, 0.0, len(arm.a))
+    with np.errstate(all="raise"):
+        corners = round_corners(request, arm.position, arm.speed)
+        curve = build_curve(corners)
+    assert corners.stop.tolist() == [True, True, False, True]
+    s = np.linspace(0.0, curve.start[-1] + curve.span[-1], 400)
+    assert all(np.isfinite(d).all() for d in curve.derivatives(s))
+    assert np.array_equal(corners.entry[1], q[1])
