@@ -12,7 +12,7 @@ from typing import Any, ClassVar, Literal, Self
 import numpy as np
 from pydantic import BaseModel
 
-from planner.cell.file import CellFile
+from planner.cell.file import CellFile, GaugeFile
 from planner.cell.gauge_frames import GaugeFrames
 from planner.cell.gauge_numbers import GaugeNumbers
 from planner.cell.gauge_reach import GaugeReach
@@ -54,11 +54,7 @@ class Gauge(GaugeReading, GaugeNumbers, GaugeFrames, GaugeReach, GaugeSession):
         g = file.gauge
         if g.length_mm is None and planning and cls.needs_range:
             raise InputError(f"{path}: the key 'gauge.length_mm' is missing (shortest and longest length)")
-        if g.noise_um is not None and cls.angles == cls.width:
-            raise InputError(
-                f"{path}: 'gauge.noise_um' = {g.noise_um:g}: the gauge '{cls.kind}' reads no length; the noise of its "
-                "angles is 'gauge.noise_mdeg'"
-            )
+        cls._check_noise(path, g)
         shortest, longest = g.length_mm or (0.0, np.inf)
         return cls(
             noise=(g.noise_um or cls.default_noise_um) * UM,
@@ -70,6 +66,26 @@ class Gauge(GaugeReading, GaugeNumbers, GaugeFrames, GaugeReach, GaugeSession):
             trim=g.body.trim_mm * MM,
             **cls.read_own(path, robot, file, planning),
         )
+
+    @staticmethod
+    def noise_of_angles(g: GaugeFile) -> float | None:
+        """Return the noise of its angles [mdeg], if it is another than the one that plans hold for every gauge."""
+        return None if g.noise_mdeg == GaugeFile.model_fields["noise_mdeg"].default else g.noise_mdeg
+
+    @classmethod
+    def _check_noise(cls, path: Path, g: GaugeFile) -> None:
+        """Refuse the noise of what it does not read."""
+        if g.noise_um is not None and cls.angles == cls.width:
+            raise InputError(
+                f"{path}: 'gauge.noise_um' = {g.noise_um:g}: the gauge '{cls.kind}' reads no length; the noise of its "
+                "angles is 'gauge.noise_mdeg'"
+            )
+        reads_angles = cls.angles > 0 or cls.with_turns is not Gauge.with_turns
+        if (given := cls.noise_of_angles(g)) is not None and not reads_angles:
+            raise InputError(
+                f"{path}: 'gauge.noise_mdeg' = {given:g}: the gauge '{cls.kind}' reads no angle; the noise of "
+                "its lengths is 'gauge.noise_um'"
+            )
 
     @classmethod
     def read_own(cls, path: Path, robot: Robot, file: CellFile, planning: bool) -> dict[str, Any]:

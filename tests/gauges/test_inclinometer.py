@@ -187,6 +187,22 @@ def test_the_noise_of_a_length_is_refused(tmp_path):
         read(tmp_path, CELL.replace("noise_mdeg = 5", "noise_um = 5"))
 
 
+@pytest.mark.parametrize(
+    ("cell", "kind"), [("ur10/edbb", "edbb"), ("so101/wire", "draw-wire"), ("so101/sockets", "ball-socket")]
+)
+def test_the_noise_of_an_angle_is_refused_where_lengths_are_read(cell, kind, tmp_path):
+    shipped = load_cell(cell).path.read_text()
+    with pytest.raises(InputError, match=rf"'gauge.noise_mdeg' = 2: the gauge '{kind}' reads no angle; .*noise_um'"):
+        read(tmp_path, shipped.replace("[gauge]\n", "[gauge]\nnoise_mdeg = 2\n", 1))
+    read(tmp_path, shipped.replace("[gauge]\n", "[gauge]\nnoise_mdeg = 5.0\n", 1))  # as plans hold it for every gauge
+
+
+def test_a_tracker_may_read_angles(tmp_path):
+    shipped = load_cell("iiwa14/tracker").path.read_text()
+    gauge = read(tmp_path, shipped.replace("[gauge]\n", "[gauge]\nnoise_mdeg = 2\n", 1)).gauge
+    assert gauge.with_turns(True).noise_angle == pytest.approx(2e-3 * DEG)
+
+
 def test_a_unit_of_an_angle_without_angles_is_refused():
     wrong = type("Wrong", (Inclinometer,), {"kind": "wrong", "angles": 0})
     with pytest.raises(ValueError, match=r'unit = "mrad", but angles = 0 of width = 1: .*; angles = 1 is needed'):

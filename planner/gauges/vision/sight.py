@@ -69,8 +69,10 @@ class BoardSight(FrameGauge):
     @classmethod
     def read(cls, path: Path, robot: Robot, file: CellFile, planning: bool) -> Self:
         """Return the gauge of a cell file, its noise in lengths at the board."""
-        if file.gauge.noise_um is not None:
-            raise InputError(f"{path}: 'gauge.noise_um': the noise of a camera is that of a corner, 'gauge.noise_px'")
+        g = file.gauge
+        if g.noise_um is not None or cls.noise_of_angles(g) is not None:
+            key = "noise_mdeg" if g.noise_um is None else "noise_um"
+            raise InputError(f"{path}: 'gauge.{key}': the noise of a camera is that of a corner, 'gauge.noise_px'")
         made = super().read(path, robot, file, planning)
         if made.length_min <= made.board.radius and planning:
             raise InputError(

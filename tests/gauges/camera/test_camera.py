@@ -259,7 +259,8 @@ def test_half_a_corner_is_refused(text, said, tmp_path):
     [
         ("map_axis = [0, 0, 1]", "map_axis = [1, 0, 0]", "gauge.tool_rpy_deg.*make them agree"),
         ("length_mm = [300, 700]", "length_mm = [60, 700]", "nearer than the board is large"),
-        ("noise_px = 0.15", "noise_px = 0.15\nnoise_um = 3", "gauge.noise_px"),
+        ("noise_px = 0.15", "noise_px = 0.15\nnoise_um = 3", "'gauge.noise_um'.*gauge.noise_px"),
+        ("noise_px = 0.15", "noise_px = 0.15\nnoise_mdeg = 3", "'gauge.noise_mdeg'.*gauge.noise_px"),
         ("square_mm = 30", "square_mm = 20", "square_mm, larger than marker_mm"),
         (
             "[gauge.place]\nposition_mm = [450, 0, 10]\nprior_mm = 20\nprior_deg = 2\n",
