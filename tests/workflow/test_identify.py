@@ -332,6 +332,7 @@ def test_simulating_a_broken_plan_leaves_nothing(tmp_path):
     assert not (tmp_path / "run.csv").exists()
 
 
+@few_draws()
 def test_what_was_simulated_is_identified_in_the_cell_of_its_plan(tmp_path):
     plan = wide_plan(tmp_path, "kuka-kr6-r700", 30, 4, 0)
     simulated = simulate(plan, seed=1)
