@@ -379,7 +379,7 @@ class CellFile(OptionalKeys):
         return self
 
     @model_validator(mode="after")
-    def _apart(self) -> "CellFile":
+    def _check_apart(self) -> "CellFile":
         """Two fixtures, tool points, balls or nests at one place would be counted as two and show what one shows."""
         points = [(FIRST_POINT, self.tool.map_mm), *((p.name, p.map_mm) for p in self.tool.points)] if self.tool else []
         kinds = (

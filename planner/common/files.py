@@ -200,7 +200,7 @@ def write_together(files: Sequence[tuple[Path, bytes]], own: bool = False, force
         for name in (*(name for _, name in drafts), *(placed if len(files) > 1 else ())):
             Path(name).unlink(missing_ok=True)
         if isinstance(err, OSError | RuntimeError | ValueError):
-            raise _unwritable(path, err) from err
+            raise _writing_error(path, err) from err
         raise
 
 
@@ -234,10 +234,10 @@ def check_writing(path: Path, data: bytes = b"", force: bool = False) -> None:
         if path.is_file():
             _check_overwriting(path.resolve(), data, force)
     except (OSError, ValueError) as err:
-        raise _unwritable(path, err) from err
+        raise _writing_error(path, err) from err
 
 
-def _unwritable(path: Path, err: Exception) -> InputError:
+def _writing_error(path: Path, err: Exception) -> InputError:
     return InputError(f"{short_path(path)}: cannot be written ({getattr(err, 'strerror', None) or err})")
 
 

@@ -217,17 +217,17 @@ def foreign_robot_notes(name: str, text: str, robot: Robot) -> Iterator[Note]:
     own = "plan_id:" in text
     for line, _, said in list(Lines.of(text))[:HEAD_LINES]:
         match = _OWN.search(said)
-        if own and match and not _same(match["name"], robot):
+        if own and match and not _is_name_of(match["name"], robot):
             raise InputError(
                 f"{name}:{line}: the program is for the robot '{match['name'].strip()}', the model is of "
                 f"'{robot.title}' ({robot.name})"
             )
         for model in _MODEL.findall(said):
-            if not _same(model, robot):
+            if not _is_name_of(model, robot):
                 yield line, f"{model} is named here, the model is of {robot.title}: is it a program of another robot?"
 
 
-def _same(said: str, robot: Robot) -> bool:
+def _is_name_of(said: str, robot: Robot) -> bool:
     """Return whether ``said`` is the robot's name, or a part of it that ends where a number ends."""
     short = re.sub(r"[^A-Z0-9]", "", said.upper())
     names = (re.sub(r"[^A-Z0-9]", "", name.upper()) for name in (robot.name, robot.title))

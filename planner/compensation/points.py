@@ -89,16 +89,20 @@ class PointTable:
                 pose.index = self.reading.reserve()
             pose.uses.append(use)
         if line and (why := self._reason_for(name)):
-            self.reading.leave(line, f"{_short(name)} {why}")
+            self.reading.leave(line, f"{_own_name(name)} {why}")
         elif line and found and not any(pose.line for pose in found):
-            self.reading.leave(line, f"{_short(name)} is declared in the other half of the module: compensate that too")
+            self.reading.leave(
+                line, f"{_own_name(name)} is declared in the other half of the module: compensate that too"
+            )
         return found[0].index if len(found) == 1 else None
 
     def finish(self) -> Iterator[DeclaredPose]:
         """Yield the positions to be corrected, and note those that stay as they are."""
         for name, line in self._missing.items():
             if not self._reason_for(name):
-                sentence = f"{_short(name)} is declared elsewhere: compensate the {self.container} that declares it too"
+                sentence = (
+                    f"{_own_name(name)} is declared elsewhere: compensate the {self.container} that declares it too"
+                )
                 self.reading.leave(line, sentence)
         for poses in self._poses.values():
             for pose in poses:
@@ -106,7 +110,7 @@ class PointTable:
                 if not pose.line or not (pose.uses or (pose.typed and not computed)):
                     continue  # of the other half, a frame of its own, or a place where the program keeps something
                 if why := self._why_not(pose, poses):
-                    self.reading.leave(pose.line, f"{_short(pose.name)}{why}")
+                    self.reading.leave(pose.line, f"{_own_name(pose.name)}{why}")
                 else:
                     yield pose
 
@@ -117,7 +121,7 @@ class PointTable:
             return f" {why}"
         if pose.value is None:
             return ": plain numbers are allowed"
-        return f" {SENTENCE}" if is_service_name(_short(pose.name)) else ""
+        return f" {SENTENCE}" if is_service_name(_own_name(pose.name)) else ""
 
     def _reason_for(self, name: str) -> str:
         return self._computed.get(name, self._computed.get(_base(name), ""))
@@ -129,7 +133,7 @@ class PointTable:
         return [pose for pose in found if pose.name == name] if _fixed_index(name) else found
 
 
-def _short(name: str) -> str:
+def _own_name(name: str) -> str:
     """Return a name without the module and the routine that it belongs to."""
     return name.rpartition(".")[2]
 

@@ -92,7 +92,7 @@ class ProgramError:
     @property
     def details(self) -> list[Fact]:
         """Where it is worst."""
-        return [("worst at", self._worst())]
+        return [("worst at", self._worst_text())]
 
     def content(self) -> dict[str, object]:
         """Return the same in numbers, line by line."""
@@ -104,7 +104,7 @@ class ProgramError:
             "targets": [{"line": k, "before_mm": round(a, 5), "after_mm": round(b, 5)} for k, a, b in errors],
         }
 
-    def _worst(self) -> str:
+    def _worst_text(self) -> str:
         named = dict[int, float]()
         for k in np.argsort(-self.after, kind="stable"):
             named.setdefault(int(self.lines[k]), float(self.after[k]))

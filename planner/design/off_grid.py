@@ -44,18 +44,18 @@ class CandidateFilters:
     def __call__(self, q: Array, which: np.ndarray) -> np.ndarray:
         """Tell which states keep all filters, (m,) bool."""
         ok = self.keep_limits(q, which)
-        ok[ok] = self._each(q[ok], which[ok], lambda _, world, mine: ~world.collides(mine, self._clearance))
+        ok[ok] = self._filter_each(q[ok], which[ok], lambda _, world, mine: ~world.collides(mine, self._clearance))
         return ok
 
     def keep_limits(self, q: Array, which: np.ndarray) -> np.ndarray:
         """Tell which states keep the limits of joints, gauge and cable, (m,) bool."""
-        return self._each(q, which, lambda workspace, _, mine: workspace.inside(mine, SAFETY_MARGIN))
+        return self._filter_each(q, which, lambda workspace, _, mine: workspace.inside(mine, SAFETY_MARGIN))
 
     def are_free(self, q: Array, which: np.ndarray) -> np.ndarray:
         """Tell which collide with nothing, one by one: a copy of the process must not start OpenMP's threads."""
-        return self._each(q, which, lambda _, world, mine: ~world.near(mine, self._clearance))
+        return self._filter_each(q, which, lambda _, world, mine: ~world.near(mine, self._clearance))
 
-    def _each(
+    def _filter_each(
         self, q: Array, which: np.ndarray, keeps: Callable[[Workspace, CollisionWorld, Array], np.ndarray]
     ) -> np.ndarray:
         ok = np.zeros(len(q), dtype=bool)

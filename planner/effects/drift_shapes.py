@@ -47,17 +47,20 @@ def drift_shapes(run: Excitation) -> Iterator[tuple[str, tuple[Parameter, ...]]]
         return
     for joint in run.joints:
         turns = [(f"{joint + 1}_{'xyz'[axis]}", "rad", partial(twist_moves, joint + 1, axis)) for axis in range(3)]
-        yield f"part {joint + 1} {IN_TIME}", tuple(_slow(run, turns))
+        yield f"part {joint + 1} {IN_TIME}", tuple(_slow_waves(run, turns))
     own = enumerate(run.setup.robot.transforms, N_BASE_TRANSFORMS)
     lengths = [(f"_{t.name}", "m", partial(transform_move, k)) for k, t in own if t.kind == "translation"]
-    yield f"lengths {IN_TIME}", tuple(_slow(run, lengths))
+    yield f"lengths {IN_TIME}", tuple(_slow_waves(run, lengths))
     base = [(f"_base_{m.name}", "m", m.times) for m in BASE_SHIFTS]
-    yield f"base {IN_TIME}", tuple(_slow(run, [*base, *((f"_base_{m.name}", "rad", m.times) for m in BASE_TURNS)]))
+    yield (
+        f"base {IN_TIME}",
+        tuple(_slow_waves(run, [*base, *((f"_base_{m.name}", "rad", m.times) for m in BASE_TURNS)])),
+    )
     if run.setup.gauge.has_zero:
-        yield f"gauge {IN_TIME}", tuple(_slow(run, [("_zero", "m", reading_move)]))
+        yield f"gauge {IN_TIME}", tuple(_slow_waves(run, [("_zero", "m", reading_move)]))
 
 
-def _slow(run: Excitation, moves: Sequence[tuple[str, str, Mover]]) -> Iterator[Parameter]:
+def _slow_waves(run: Excitation, moves: Sequence[tuple[str, str, Mover]]) -> Iterator[Parameter]:
     """Yield waves of time, the k-th by k² smaller, of each motion: end of its name, unit, and what moves by φ."""
     waves = np.arange(1, 3 + 1)  # of half a period over the run, and so on: from a drift to a quick warm-up and back
     share = waves**-2.0 / np.sqrt((waves**-4.0).sum())

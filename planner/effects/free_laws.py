@@ -69,7 +69,7 @@ def free_laws(run: Excitation) -> Iterator[tuple[str, tuple[Parameter, ...]]]:
         for link in run.joints:
             last = link + 1 == run.setup.robot.n_joints
             name = "tool by its load" if last else f"link {link + 1} by its load"
-            axes = _across(run, None if last else link + 1)
+            axes = _axes_across(run, None if last else link + 1)
             bends = _tilts(run, link + 2, None if last else link + 1)
             yield from _polynomials(run, name, bends, [LoadMoment(link + 2, a) for a in axes], moment_degree)
 
@@ -113,14 +113,14 @@ def beam_laws(run: Excitation) -> Iterator[tuple[str, tuple[Parameter, ...]]]:
             yield f"{LINK_BENDING}, link {link + 1}", tuple(parameters)
 
 
-def _across(run: Excitation, joint: int | None) -> list[int]:
+def _axes_across(run: Excitation, joint: int | None) -> list[int]:
     """Axes of a station across that of a joint; of the flange, ``None``, across its own."""
     turn = 2 if joint is None else run.setup.chain.transforms[run.rotation(joint)].axis
     return [axis for axis in range(3) if axis != turn]
 
 
 def _tilts(run: Excitation, station: int, joint: int | None) -> list[Mover]:
-    return [partial(twist_moves, station, axis) for axis in _across(run, joint)]
+    return [partial(twist_moves, station, axis) for axis in _axes_across(run, joint)]
 
 
 def _polynomials(

@@ -113,7 +113,7 @@ def reduction_ratio(run: Excitation) -> Iterator[Effect]:
     """A reduction ratio that is not what the controller thinks."""
     for i in run.moving_joints:
         sentence = f"joint {i + 1}: reduction ratio is off, {{size}} of the joint's travel"
-        yield _proportional(run, "reduction ratio", i, i, sentence, "estimated")
+        yield _proportional_error(run, "reduction ratio", i, i, sentence, "estimated")
 
 
 @register("coupling", background=GROWING)
@@ -122,7 +122,7 @@ def coupling(run: Excitation) -> Iterator[Effect]:
     pairs = [(i, k) for i in run.turning for k in run.moving_joints if i != k]
     for i, k in sorted(pairs, key=lambda p: (abs(p[0] - p[1]), p)):
         sentence = f"joint {i + 1}: joint {k + 1} drives it along, {{size}} of that joint's travel"
-        yield _proportional(run, "coupling", i, k, sentence, NUBIOLA)
+        yield _proportional_error(run, "coupling", i, k, sentence, NUBIOLA)
 
 
 @register(*(f"axis wobble {word} a turn" for _, word in TIMES), background=Background.BY_PLACE)
@@ -166,7 +166,7 @@ def _wave_parameters(run: Excitation, kind: str, joint: int, frequency: float) -
     )  # fmt: skip
 
 
-def _proportional(run: Excitation, kind: str, joint: int, driver: int, sentence: str, literature: str) -> Effect:
+def _proportional_error(run: Excitation, kind: str, joint: int, driver: int, sentence: str, literature: str) -> Effect:
     """An error of a joint's angle in proportion to its own or another joint's travel."""
     place = joint_place(joint, driver)
     mean = round(float(run.samples.q[:, driver].mean()), 4)

@@ -171,12 +171,12 @@ def _warm_up(
     longest = min(2 * run.duration, (4 * 3600.0))
     constants = np.geomspace(min(run.duration / 50, longest / 10), longest, 12)  # time constants that are scanned
     return Effect(
-        "warm-up", place, lambda constant: make(_warming(run, constant)), sentence, largest, HEISEL,
+        "warm-up", place, lambda constant: make(_warming_function(run, constant)), sentence, largest, HEISEL,
         ShapeParameter("time constant", "s", constants, True), role=Role.REPEATABLE,
     )  # fmt: skip
 
 
-def _warming(run: Excitation, constant: float) -> BasisFunction:
+def _warming_function(run: Excitation, constant: float) -> BasisFunction:
     phi = WarmUp(run.start, constant)
     return Less(phi.mean(run.duration), phi)
 

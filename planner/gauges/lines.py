@@ -117,7 +117,7 @@ def _sample_arcs(q: Array, joint: int, start: Array, length: Array, full: float,
     return JointSamples(out, max(len(out), round(count * full / spacing)))
 
 
-def _along(x: Array, e: Array) -> Array:
+def _parts_along(x: Array, e: Array) -> Array:
     """Return the parts of x (n, 3) along e, one direction (1, 3) for all or (n, 3), (n,)."""
     return np.asarray(x @ e[0] if len(e) == 1 else np.einsum("ni,ni->n", x, e))
 
@@ -143,7 +143,7 @@ def _arcs_in_shell(
     f_radial = np.linalg.norm(e1, axis=1)
     away = f_radial > 1e-9
     e1 = np.where(away[:, None], e1, np.linalg.svd(u[None])[2][1]) / np.where(away, f_radial, 1.0)[:, None]
-    along, across = _along(x, e1), _along(x, np.cross(u, e1))
+    along, across = _parts_along(x, e1), _parts_along(x, np.cross(u, e1))
     r = np.hypot(along, across)
     square = (x @ u - f @ u) ** 2 + r**2 + f_radial**2
     scale = np.maximum(2 * r * f_radial, 1e-12)

@@ -101,13 +101,13 @@ class SeveralLengths(LengthGauge):
         """Return the noise of the gauge that took each reading, (n, 1) [m]."""
         noise = np.zeros(max(len(self.numbered), 1))
         for session in self.sessions:
-            noise[self._at(session)] = session.gauge.noise
+            noise[self._places_of(session)] = session.gauge.noise
         return np.asarray(noise[samples.place][:, None])
 
     def zero_parameters(self, setup: Placement) -> Iterator[Parameter]:
         """Yield a zero of each session, since it is set anew there; the first has the name of a single one."""
         for k, session in enumerate(self.sessions, start=1):
-            moves = tuple(m for place in self._at(session) for m in reading_move(AtPlace(place)))
+            moves = tuple(m for place in self._places_of(session) for m in reading_move(AtPlace(place)))
             if session.gauge.zero_free and moves:
                 name = "zero" if k == 1 else f"zero_{k}"
                 what = f"zero of the {session.gauge.noun} in {session.name}"
@@ -118,7 +118,7 @@ class SeveralLengths(LengthGauge):
         gauges = list(dict.fromkeys(s.gauge for s in self.sessions))
         for gauge in gauges:
             own = [s for s in self.sessions if s.gauge == gauge]
-            places = [place for s in own for place in self._at(s)]
+            places = [place for s in own for place in self._places_of(s)]
             there = np.isin(run.samples.place, places)
             if not there.any():
                 continue
@@ -127,6 +127,6 @@ class SeveralLengths(LengthGauge):
             label = gauge.noun if [g.noun for g in gauges].count(gauge.noun) == 1 else own[0].name
             yield from (e if alone else effect_at(e, places, label) for e in gauge.errors(seen))
 
-    def _at(self, session: SessionGauge) -> list[int]:
+    def _places_of(self, session: SessionGauge) -> list[int]:
         """Numbers of the places of a session."""
         return [k for k, name in enumerate(self.numbered) if name in session.places]

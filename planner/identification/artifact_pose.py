@@ -21,7 +21,7 @@ from planner.model.identification_document import Estimate
 def use_declared_pose(cell: Cell, setup: MeasurementSetup) -> MeasurementSetup:
     """Return the set-up with the artifact's or tracker's frame as the cell declares it, if it was found near there."""
     declared = _declared_frame(cell, setup)
-    if declared is None or not _near(cell, *_apart(*declared, setup)):
+    if declared is None or not _is_near(cell, *_distance(*declared, setup)):
         return setup
     R, p = declared
     return replace(setup, R_BG=R[None], p_BG=p[None], turn_prior=min(setup.turn_prior, LOCATED_TURN_SIGMA))
@@ -32,8 +32,8 @@ def declared_pose_warnings(cell: Cell, setup: MeasurementSetup) -> list[str]:
     declared = _declared_frame(cell, setup)
     if declared is None or not cell.gauge.at_balls:
         return []
-    off, turn = _apart(*declared, setup)
-    if _near(cell, off, turn):
+    off, turn = _distance(*declared, setup)
+    if _is_near(cell, off, turn):
         return []
     return [
         f"the run puts the balls {off / MM:.1f} mm and {turn / DEG:.2f} deg from where [artifact] of {cell.path.name} "
@@ -47,13 +47,13 @@ def _declared_frame(cell: Cell, setup: MeasurementSetup) -> tuple[Array, Array] 
     return None if placed is None or len(setup.p_BG) > 1 else placed_frame(placed)
 
 
-def _near(cell: Cell, off: float, turn: float) -> bool:
+def _is_near(cell: Cell, off: float, turn: float) -> bool:
     robot = cell.robot
     usual = FRAME_SIGMAS * robot.usual_error(cell.home, cell.tool.p_FM)
     return off <= max(NEAR_DECLARED, usual) and turn <= max(NEAR_DECLARED_TURN, FRAME_SIGMAS * robot.usual_turn)
 
 
-def _apart(R: Array, p: Array, setup: MeasurementSetup) -> tuple[float, float]:
+def _distance(R: Array, p: Array, setup: MeasurementSetup) -> tuple[float, float]:
     turn = Rotation.from_matrix(R.T @ setup.R_BG[0]).magnitude()
     return float(np.linalg.norm(setup.p_BG[0] - p)), float(turn)
 
@@ -69,7 +69,7 @@ def gauge_frames(fit: Fit, estimates: Iterable[Estimate], beside_robot: Mapping[
         fixtures=tuple(
             FixturePosition(
                 name=n,
-                position=_triple(setup.p_BX[s] + _shift(error, "fixture", n)),
+                position=_as_vector(setup.p_BX[s] + _shift(error, "fixture", n)),
                 position_std=_std(std, "fixture", n),
             )
             for s, n in enumerate(setup.place_names[: len(setup.p_BX)])  # a gauge of its own may have no fixture
@@ -79,7 +79,7 @@ def gauge_frames(fit: Fit, estimates: Iterable[Estimate], beside_robot: Mapping[
         tool=tuple(
             ToolPointPosition(
                 name=n,
-                p_FM=_triple(setup.p_FM[t] + _shift(error, "map", n)),
+                p_FM=_as_vector(setup.p_FM[t] + _shift(error, "map", n)),
                 position_std=_std(std, "map", n),
                 std_beside_robot=_std(beside_robot, "map", n),
             )
@@ -98,7 +98,7 @@ def _place(setup: MeasurementSetup, s: int, error: dict[str, float]) -> PlacePos
         angle = error.get(f"{_label('base', name)}_r{'xyz'[t.axis]}", 0.0)
         R_C = R_C @ Rotation.from_rotvec(angle * np.eye(3)[t.axis]).as_matrix()
     rpy = Rotation.from_matrix(R_C.T @ setup.R_BG[s]).as_euler("xyz")
-    return PlacePose(name=name, position=_triple(R_C.T @ (setup.p_BG[s] - p_C)), rpy=_triple(rpy))
+    return PlacePose(name=name, position=_as_vector(R_C.T @ (setup.p_BG[s] - p_C)), rpy=_as_vector(rpy))
 
 
 def _label(what: str, name: str) -> str:
@@ -112,9 +112,9 @@ def _shift(error: dict[str, float], what: str, name: str) -> Array:
 def _std(std: Mapping[str, float | None], what: str, name: str) -> Vector | None:
     """Standard deviations of a position's coordinates [m]; ``None`` where one of them is not known."""
     known = [v for axis in "xyz" if (v := std.get(f"{_label(what, name)}_{axis}")) is not None]
-    return _triple(np.array(known)) if len(known) == len("xyz") else None
+    return _as_vector(np.array(known)) if len(known) == len("xyz") else None
 
 
-def _triple(values: Array) -> Vector:
+def _as_vector(values: Array) -> Vector:
     x, y, z = (float(v) for v in values)
     return x, y, z

@@ -241,7 +241,7 @@ def assess_fit(
         n_samples=len(run),
         n_groups=parts.groups,
         n_validation=None if validation is None else len(validation),
-        split=HoldOut(by=parts.by, hold_out=1.0 / parts.folds, within=_within(run, parts, found)),
+        split=HoldOut(by=parts.by, hold_out=1.0 / parts.folds, within=_errors_within_groups(run, parts, found)),
         stages=kept,
         estimates=estimates,
         joint_zeros=find_joint_zeros(found.setup.robot, estimates),
@@ -344,7 +344,7 @@ def _describe_rest(diagnosis: ResidualDiagnosis, last: Stage) -> Unexplained:
     )
 
 
-def _within(run: Run, parts: Split, found: Fit) -> WithinGroups | None:
+def _errors_within_groups(run: Run, parts: Split, found: Fit) -> WithinGroups | None:
     """Return the errors with single poses held out, for a run whose folds are whole sessions, placements or blocks."""
     finer = finer_split(run, parts)
     if finer is None:

@@ -134,13 +134,13 @@ def _few_columns(model: Model, root: Array, run: Run, cell: Cell, errors: Array)
     """Return a root of fewer columns (P, r), and what a reading's uncertainty loses by that [m], rms."""
     probed = 300  # states, and samples of the run, at which readings are looked at
     seen = run.samples.take(even_positions(len(run), probed))
-    tall = [_flat(model.rows(seen, errors) / _units(model.setup)[:, None])]
+    tall = [_flatten(model.rows(seen, errors) / _units(model.setup)[:, None])]
     plain = [k for k, p in enumerate(model.parameters) if not any(columns_of(m.phi.key) for m in p.moves)]
     for mounting in cell.mountings:
         q = cell.gauge.joint_sampler(cell, mounting, 0)(probed).q
         there = np.zeros((min(probed, len(q)), model.width, len(model.names)))
         there[:, :, plain] = model.subset(plain).rows(Samples.at(q[:probed], mounting), errors[plain])
-        tall.append(_flat(there / _units(model.setup)[:, None]))
+        tall.append(_flatten(there / _units(model.setup)[:, None]))
     readings = np.concatenate(tall) @ root
     _, size, turn = np.linalg.svd(readings, full_matrices=False)
     lacking = np.sqrt(np.append(np.cumsum(size[::-1] ** 2)[::-1], 0.0) / len(readings))  # without the first k
@@ -149,7 +149,7 @@ def _few_columns(model: Model, root: Array, run: Run, cell: Cell, errors: Array)
     return np.asarray(root @ turn[:count].T), float(lacking[count])
 
 
-def _flat(rows: Array) -> Array:
+def _flatten(rows: Array) -> Array:
     """Put the numbers of each reading one under the other, (n, r, P) to (n r, P)."""
     return np.asarray(rows.reshape(-1, rows.shape[2]))
 
@@ -230,7 +230,7 @@ class Baseline:
         """
         there = self.build(self.file, self.model.setup.gauge.set_up_again(self.model.setup, cell, run))
         there = there.for_samples(run.samples)
-        which = there._anew
+        which = there._session_positions
         white = block_diag(*np.linalg.inv(np.linalg.cholesky(there.noise_covariance(run.samples))))
         # 4: Gauss-Newton steps in which what was set up anew is found, from where it was placed by the run
         for _ in range(4):
@@ -241,7 +241,7 @@ class Baseline:
         return there
 
     @property
-    def _anew(self) -> np.ndarray:
+    def _session_positions(self) -> np.ndarray:
         """Positions of the parameters of what is set up anew for every session."""
         return np.array([_is_anew(p, self.model.setup) for p in self.model.parameters]).nonzero()[0]
 
@@ -262,11 +262,11 @@ class Baseline:
     def rows(self, samples: Samples, extra: Sequence[Parameter] = ()) -> Array:
         """Return the derivative of all numbers by every parameter and by ``extra``, (n r, P + E)."""
         wider = self.model.plus(list(extra))
-        return _flat(wider.rows(samples, np.append(self.values, np.zeros(len(extra)))))
+        return _flatten(wider.rows(samples, np.append(self.values, np.zeros(len(extra)))))
 
     def anew_rows(self, samples: Samples) -> Array:
         """Return what ``ANEW_SIZE`` of all that is set up anew does to the numbers, (n r, a) [m, rad]."""
-        return np.asarray(self.rows(samples)[:, self._anew] * ANEW_SIZE)
+        return np.asarray(self.rows(samples)[:, self._session_positions] * ANEW_SIZE)
 
     def covariance(self, samples: Samples) -> Array:
         """Covariance of readings less their expectation where nothing has changed, (n r, n r) [m², m rad, rad²].

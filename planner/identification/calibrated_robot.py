@@ -44,7 +44,7 @@ def uncorrected_text(effects: Iterable[RobotEffect]) -> str | None:
             numbers.append(number)
     if not where:
         return None
-    causes = (f"{cause} ({'; '.join(_several(p, n) for p, n in parts.items())})" for cause, parts in where.items())
+    causes = (f"{cause} ({'; '.join(_part_text(p, n) for p, n in parts.items())})" for cause, parts in where.items())
     return f"not corrected: {', '.join(causes)}: it depends on more than joint angles and loads"
 
 
@@ -58,7 +58,7 @@ def _part(transform: str) -> tuple[str, int | None]:
     return "joint" if transform.startswith("theta") else "link", int(number[0])
 
 
-def _several(part: str, numbers: list[int]) -> str:
+def _part_text(part: str, numbers: list[int]) -> str:
     if not numbers:
         return part
     return f"{part}{'s' * (len(numbers) > 1)} {', '.join(str(n) for n in sorted(numbers))}"
@@ -83,7 +83,7 @@ class CalibratedRobot:
 
     def __post_init__(self) -> None:
         """Check every effect, used or not."""
-        _ = self._acting
+        _ = self._used_effects
 
     @property
     def uncorrected_effects(self) -> tuple[RobotEffect, ...]:
@@ -110,7 +110,7 @@ class CalibratedRobot:
         context = Context(setup, Samples(q, np.zeros(len(q), dtype=int), payload=np.zeros(len(q))))
         known: dict[BasisFunction, Array] = {}
         out: list[float | Array] = [0.0] * len(self._setup.chain)
-        for k, phi, value in self._acting:
+        for k, phi, value in self._used_effects:
             if phi not in known:
                 known[phi] = phi(context)
             out[k] = out[k] + value * known[phi]
@@ -125,7 +125,7 @@ class CalibratedRobot:
         return replace(self._setup, robot=self.robot.nominal)
 
     @cached_property
-    def _acting(self) -> tuple[tuple[int, BasisFunction, float], ...]:
+    def _used_effects(self) -> tuple[tuple[int, BasisFunction, float], ...]:
         """Transform, basis function and value of every effect that is used."""
         return tuple(self._check_effects())
 

@@ -147,7 +147,7 @@ class Bouts:
         # what was drawn by chance alone would count against the finding
         state = Together.of(self.gram, [*held, (own, size)]).prune()
         held, whole = list(state.parts[:-1]), state.log_odds
-        beside, *without_kin = self._besides(held, own)
+        beside, *without_kin = self._rival_surroundings(held, own)
         by_poses = set[str]()
         out = {OWN_NAME: 0.0, NOTHING: self.log_odds(held) - whole}
         b = _mean_of(beside, own, size)
@@ -171,7 +171,7 @@ class Bouts:
             left = [(beside.distance_square(self.arena.own[k], b, g), g) for g in group if g.name not in there]
             yield from ((g, d) for d, g in sorted(left, key=lambda pair: pair[0])[:NEAREST])
 
-    def _besides(self, held: Sequence[Part], own: Block) -> Iterator[Beside]:
+    def _rival_surroundings(self, held: Sequence[Part], own: Block) -> Iterator[Beside]:
         """Yield what acts beside another cause where the finding is gone, and the same without the finding's kin."""
         yield Beside.of(self.gram, held)
         place = own.name.partition(", ")[2]

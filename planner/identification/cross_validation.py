@@ -32,7 +32,7 @@ def validation_residual(found: Fit, run: Run, bare: MeasurementSetup) -> Array:
     ``bare`` is the setup of that run with nothing placed yet.
     """
     setup = found.setup
-    model = _timeless(found, run)
+    model = _fix_without_time(found, run)
     if not setup.gauge.needs_new_frames(setup, run):
         problem = FitProblem.of(model, renumber_places(run, setup))
         return problem.residual(np.zeros(0))
@@ -42,7 +42,7 @@ def validation_residual(found: Fit, run: Run, bare: MeasurementSetup) -> Array:
     return here.problem.residual(here.errors)
 
 
-def _timeless(found: Fit, run: Run) -> Model:
+def _fix_without_time(found: Fit, run: Run) -> Model:
     """Fix the fitted model; what hangs on the fitted run's own clock or sessions stands at its mean over that run.
 
     So does what hangs on a column that ``run``, which is to be judged, does not have.
@@ -74,7 +74,7 @@ def usable_elsewhere(found: Fit, run: Run) -> tuple[Model, np.ndarray] | None:
         return not depends_on_run(key) and all(getattr(columns, c) is not None for c in columns_of(key))
 
     which = [k for k, p in enumerate(found.model.parameters) if all(is_there(m.phi.key) for m in p.moves)]
-    model, free = _timeless(found, run), [found.model.parameters[k] for k in which]
+    model, free = _fix_without_time(found, run), [found.model.parameters[k] for k in which]
     names = {p.name for p in free}
     fixed = tuple((p, value) for p, value in model.fixed if p.name not in names)
     return replace(model, parameters=tuple(free), fixed=fixed), np.array(which, dtype=int)
@@ -318,7 +318,7 @@ def steps_without_folds(grams: Array, z: Array, steps: Array, sizes: Array) -> t
         alone = np.diag(gram)[:-1] > (1 - none) * np.diag(total)[:-1]
         for step, size in zip(steps, sizes, strict=True):
             mine = np.isnan(step) & alone
-            shift[f] += _without(total - gram, gram, z, mine, step, size) / len(steps)
+            shift[f] += _step_without(total - gram, gram, z, mine, step, size) / len(steps)
             own[f] |= mine
     return shift, own
 
@@ -338,7 +338,7 @@ def _grams(problem: FitProblem, errors: Array, split: Split) -> Array:
     return np.asarray(sum(problem.over_pieces(one)))
 
 
-def _without(train: Array, fold: Array, z: Array, own: np.ndarray, step: Array, size: Array) -> Array:
+def _step_without(train: Array, fold: Array, z: Array, own: np.ndarray, step: Array, size: Array) -> Array:
     """Step in prior sigmas from the whole fit to the fit by the ``train`` information.
 
     Parameters that only the fold knows (where its plate lies) are then fitted on the fold itself.

@@ -152,7 +152,7 @@ def estimate_parameters(
     size = dict(zip(whole.names, whole.prior, strict=True))
     out = []
     for p in whole.parameters:
-        start = _nominal(whole.setup, p) + (inner or {}).get(p.name, 0.0)
+        start = _nominal_value(whole.setup, p) + (inner or {}).get(p.name, 0.0)
         out.append(
             Estimate(
                 name=p.name,
@@ -176,7 +176,7 @@ def _takes_part(dropped: DroppedParameter, name: str, size: dict[str, float]) ->
     return name != dropped.name and share.get(name, 0.0) > ABSORBED_SHARE * max(share.values())
 
 
-def _nominal(setup: MeasurementSetup, p: Parameter) -> float:
+def _nominal_value(setup: MeasurementSetup, p: Parameter) -> float:
     """Value before the fit: of the elementary transform, the fixture, the tool point, the zero."""
     if p.main.on == "reading":
         return setup.zero if p.name == "zero" else 0.0

@@ -162,13 +162,13 @@ def _tool_points(sessions: Sequence[MeasuredSession]) -> tuple[ToolPoint, ...]:
     out: list[ToolPoint] = []
     for s in sessions:
         for point in s.cell.tool.points:
-            if not any(_same(point, other) for other in out):
+            if not any(_are_same(point, other) for other in out):
                 taken = any(point.name == other.name for other in out)
                 out.append(replace(point, name=f"{s.name}/{point.name}") if taken else point)
     return tuple(out)
 
 
-def _same(one: ToolPoint, other: ToolPoint) -> bool:
+def _are_same(one: ToolPoint, other: ToolPoint) -> bool:
     return _are_zero(one.p_FM - other.p_FM)
 
 
@@ -187,7 +187,7 @@ def _with_common_names(session: MeasuredSession, names: Sequence[str], points: S
         return replace(run, points=("",), samples=replace(run.samples, point=None))
     named = tuple(p.name for p in cell.tool.points)
     which = [0 if len(named) == 1 else index_in_cell(run, name, named, "point", cell) for name in run.points]
-    called = tuple(next(p.name for p in points if _same(p, cell.tool.points[k])) for k in which)
+    called = tuple(next(p.name for p in points if _are_same(p, cell.tool.points[k])) for k in which)
     return replace(run, points=called, samples=replace(run.samples, point=run.samples.point_numbers))
 
 

@@ -274,7 +274,7 @@ def _predict_region(
     before: Fit, run: Run, test: np.ndarray, whole: Model, background: Sequence[EffectFamily], time: float
 ) -> HeldOutRegion:
     """Predict the positions of the samples ``test`` (n,) bool by a posterior of the others."""
-    seen = _few(np.flatnonzero(~test), 2_400 // whole.width)  # readings of a long run that fit and judge
+    seen = _thin(np.flatnonzero(~test), 2_400 // whole.width)  # readings of a long run that fit and judge
     unseen = _worth_one_each(np.flatnonzero(test), time, whole.width)
     worth = max(1.0, time * len(seen) / (~test).sum())
     known = draw_posterior(before, run.take(seen), whole, background, worth, sweeps=SWEEPS).fit().fit
@@ -314,7 +314,7 @@ def _noise_root(problem: FitProblem, width: int) -> Array:
 def _worth_one_each(which: np.ndarray, time: float, width: int) -> np.ndarray:
     """Return some of the samples: neighbours in time err alike, and only so many are worth one each."""
     most = 600  # readings of a region that are looked at
-    return _few(which, min(int(len(which) / time) + 1, most // min(POSITION_AXES, width)))
+    return _thin(which, min(int(len(which) / time) + 1, most // min(POSITION_AXES, width)))
 
 
 def _scale_noise(noise: Noise, factor: float) -> Noise:
@@ -322,5 +322,5 @@ def _scale_noise(noise: Noise, factor: float) -> Noise:
     return Noise(noise.gauge * factor, noise.joints * factor, noise.angle * factor)
 
 
-def _few(which: np.ndarray, most: int) -> np.ndarray:
+def _thin(which: np.ndarray, most: int) -> np.ndarray:
     return which[even_positions(len(which), min(len(which), most))]

@@ -117,14 +117,14 @@ def estimate_noise(white: Whitener, residual: Array, leverage: Array) -> Noise:
     one = float(np.sqrt((spread.square / (1 + spread.variance_ratio)).mean()))
     if dof < ENOUGH_FREEDOM:
         return Noise(one, one, one)
-    joints = _two(spread, one)
+    joints = _fit_two_sizes(spread, one)
     if residual.shape[1] <= 3:
         return joints
     turns = _Spread.of(white, residual, slice(3, 6))
     return Noise(joints.gauge, joints.joints, turns.gauge_beside(joints.joints))
 
 
-def _two(spread: "_Spread", one: float) -> Noise:
+def _fit_two_sizes(spread: "_Spread", one: float) -> Noise:
     """Gauge and joints with sizes of their own, at their likeliest; their ratio is known within a factor beforehand."""
 
     logs = np.log([one, one])

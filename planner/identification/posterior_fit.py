@@ -58,12 +58,12 @@ class SizeMixture:
             gram: products of rows per prior sigma and residuals, (P + 1, P + 1), linearised about ``z``.
             z: values in prior sigmas, (P,).
         """
-        return np.asarray(np.mean([draw.mean for draw in self._each(gram, z)], axis=0))
+        return np.asarray(np.mean([draw.mean for draw in self._fit_each_draw(gram, z)], axis=0))
 
     def information_root(self, gram: Array, z: Array) -> Array:
         """Return R (P, P), upper triangular, with (RᵀR)⁻¹ the covariance within and between the draws."""
         within, means = np.zeros((len(z), len(z))), []
-        for draw in self._each(gram, z):
+        for draw in self._fit_each_draw(gram, z):
             half = np.tril(dpotri(draw.factor[0], lower=1)[0])
             spread = draw.ease * draw.own[:, None] * (half + np.tril(half, -1).T) * draw.own
             within[np.ix_(draw.acting, draw.acting)] += spread / len(self.size)
@@ -80,13 +80,13 @@ class SizeMixture:
         """Return parameters drawn from the mixture, in prior sigmas, (P, d · EACH)."""
         rng = np.random.default_rng(seed)
         out = np.zeros((len(z), len(self.size), EACH))
-        for k, draw in enumerate(self._each(gram, z)):
+        for k, draw in enumerate(self._fit_each_draw(gram, z)):
             unit = solve_triangular(draw.factor[0], rng.standard_normal((len(draw.own), EACH)), trans=1, lower=True)
             out[:, k] = draw.mean[:, None]
             out[draw.acting, k] += np.sqrt(draw.ease) * draw.own[:, None] * unit
         return out.reshape(len(z), -1)
 
-    def _each(self, gram: Array, z: Array) -> Iterator["_DrawnFit"]:
+    def _fit_each_draw(self, gram: Array, z: Array) -> Iterator["_DrawnFit"]:
         for size, ease in zip(self.scaled_sizes, self.ease, strict=True):
             acting, own = np.flatnonzero(size), size[size > 0]
             information = own[:, None] * gram[np.ix_(acting, acting)] * own + np.eye(len(acting))

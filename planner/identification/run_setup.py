@@ -135,7 +135,7 @@ def add_motion(run: Run) -> Run:
         return run
     moving = run.continuous and samples.t is not None and len(run) > 2
     speed = joint_speeds(samples) if moving else None
-    followed = moving or (not run.continuous and (samples.direction is None or _direct(samples)))
+    followed = moving or (not run.continuous and (samples.direction is None or _went_straight(samples)))
     # 600_000: samples of a run that is not too long to keep every joint's last reversals of
     turned = last_reversals(samples.q) if followed and len(run) <= 600_000 else None
     direction = samples.direction
@@ -159,7 +159,7 @@ def directions_by_row(samples: Samples) -> Array:
     return np.asarray(np.where(last >= first[:, None], np.sign(np.take_along_axis(way, last, axis=0)), 0.0))
 
 
-def _direct(samples: Samples) -> bool:
+def _went_straight(samples: Samples) -> bool:
     """Tell whether the arm went from pose to pose as the rows stand: logged approaches are the ways between them."""
     if samples.direction is None or len(samples) < 3:
         return False

@@ -47,7 +47,7 @@ def _judge_tool(
     before, after = (
         np.concatenate([target_errors(released, fit, tool) for tool in tools]) for fit in (None, released.fit)
     )
-    of = {"tool": name, "targets_within_before": _within(before), "targets_within": _within(after)}
+    of = {"tool": name, "targets_within_before": _sure_limit(before), "targets_within": _sure_limit(after)}
     if tolerance is not None:
         shares = (after <= tolerance).mean(axis=0)
         of |= {
@@ -75,7 +75,7 @@ def target_errors(released: ReleasedRobot, fit: Fit | None, tool: ToolMap) -> Ar
     return np.asarray(np.sqrt((moved**2).sum(axis=1) + beside))
 
 
-def _within(errors: Array) -> float:
+def _sure_limit(errors: Array) -> float:
     """Return what enough of the targets (n, d) stay within [m], of enough of the robots."""
     return float(np.quantile(np.quantile(errors, ENOUGH, axis=0, method=ALL_OF), ENOUGH, method=ALL_OF))
 

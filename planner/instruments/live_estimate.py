@@ -116,7 +116,7 @@ class LiveEstimate:
     @on_one_thread
     def add(self, pose: int, reading: PoseReading) -> Progress:
         """Take a reading at the pose of this number among ``samples``; return where the session stands."""
-        off, own = self._off(pose, reading), self._rows([pose])
+        off, own = self._deviation(pose, reading), self._rows([pose])
         expected = self.posterior.white[own] @ self.posterior.learnt.mean
         spread = [self.posterior.spread_of(row, self._rows(self.read)) for row in own]
         surprise = float((np.abs(off - expected) / np.sqrt(spread)).max())
@@ -131,12 +131,12 @@ class LiveEstimate:
         """Take readings by the number of their pose, at once; return where the session stands then."""
         self.read += list(readings)
         for pose, reading in readings.items():
-            self.off += self._off(pose, reading).tolist()
+            self.off += self._deviation(pose, reading).tolist()
         self.posterior.learn(self._rows(self.read), np.array(self.off))
         self.history.append(self.stands())
         return self.history[-1]
 
-    def _off(self, pose: int, reading: PoseReading) -> Array:
+    def _deviation(self, pose: int, reading: PoseReading) -> Array:
         """Return a reading less what was expected of it where the arm stood, in its standard deviations, (r,)."""
         here = self.samples.take(np.array([pose]))
         if reading.q is not None:

@@ -143,8 +143,8 @@ class AxisConvention:
 
     def largest(self, rate: Array) -> Array:
         """Return how much each axis can change (N,) where each joint changes by ``rate`` (N,) at most, in its unit."""
-        size = np.where(self.matrix == 0.0, 0.0, np.abs(self.matrix) * _finite(rate)).sum(axis=1)
-        return read_only(_infinite(size))
+        size = np.where(self.matrix == 0.0, 0.0, np.abs(self.matrix) * _clip_infinite(rate)).sum(axis=1)
+        return read_only(_restore_infinite(size))
 
     def is_within(self, c: Array) -> np.ndarray:
         """Return whether each of the controller's angles (…, N) [rad] lies inside its stroke, (…, N) bool."""
@@ -184,20 +184,23 @@ class JointRange:
 
     def for_controller(self, matrix: Array, zero: Array) -> JointRange:
         """Return the limits of ``M q + z``, each axis alone: of axes that are coupled the widest that can occur."""
-        ends = [np.where(matrix == 0.0, 0.0, matrix * end) for end in (_finite(self.lower), _finite(self.upper))]
+        ends = [
+            np.where(matrix == 0.0, 0.0, matrix * end)
+            for end in (_clip_infinite(self.lower), _clip_infinite(self.upper))
+        ]
         low, high = np.minimum(*ends).sum(axis=1) + zero, np.maximum(*ends).sum(axis=1) + zero
-        speed = np.where(matrix == 0.0, 0.0, np.abs(matrix) * _finite(self.speed)).max(axis=1)
-        return JointRange(*(read_only(_infinite(v)) for v in (low, high, speed)))
+        speed = np.where(matrix == 0.0, 0.0, np.abs(matrix) * _clip_infinite(self.speed)).max(axis=1)
+        return JointRange(*(read_only(_restore_infinite(v)) for v in (low, high, speed)))
 
 
 HUGE = 1e15  # stands for infinity where it is multiplied
 
 
-def _finite(v: Array) -> Array:
+def _clip_infinite(v: Array) -> Array:
     return np.clip(v, -HUGE, HUGE)
 
 
-def _infinite(v: Array) -> Array:
+def _restore_infinite(v: Array) -> Array:
     return np.where(np.abs(v) > HUGE / 2, np.copysign(np.inf, v), v)
 
 
@@ -290,7 +293,7 @@ def _check_speeds(at: str, found: AxisConvention, seen: JointRange) -> None:
 
 def _check_strokes(at: str, found: AxisConvention, seen: JointRange) -> None:
     """Refuse strokes of the controller that the model's joints leave: a sense or a zero is likely to be wrong."""
-    over = np.maximum(found.lower - _finite(seen.lower), _finite(seen.upper) - found.upper)
+    over = np.maximum(found.lower - _clip_infinite(seen.lower), _clip_infinite(seen.upper) - found.upper)
     over = np.where(over < HUGE / 2, over, 0.0)  # a joint without limits leaves no stroke
     j = int(np.argmax(over))
     if over[j] > STROKE_ROUNDING:

@@ -88,7 +88,7 @@ class BodyFile(OptionalKeys):
     LATER: ClassVar[tuple[str, ...]] = ("unit", "hull")
 
     @model_validator(mode="after")
-    def _complete(self) -> "BodyFile":
+    def _check_complete(self) -> "BodyFile":
         needed = {
             "capsule": ("from_mm", "to_mm", "radius_mm"),
             "sphere": ("at_mm", "radius_mm"),

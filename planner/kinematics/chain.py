@@ -104,7 +104,7 @@ class Chain:
         )
 
     @cached_property
-    def _nominal(self) -> list[Array]:
+    def _nominal_transforms(self) -> list[Array]:
         return [read_only([t.nominal]) for t in self.transforms]
 
     def index(self, name: str) -> int:
@@ -120,7 +120,7 @@ class Chain:
         """
         out = []
         for k, t in enumerate(self.transforms):
-            value = self._nominal[k] if t.joint is None else t.nominal + theta[:, t.joint]
+            value = self._nominal_transforms[k] if t.joint is None else t.nominal + theta[:, t.joint]
             out.append(value if delta is None else np.atleast_1d(value + delta[k]))
         return out
 

@@ -178,7 +178,7 @@ class RobotDescription(StrictModel):
     controllers: dict[Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9-]*$")], ControllerTable] = {}
 
     @model_validator(mode="after")
-    def _complete(self) -> "RobotDescription":
+    def _check_complete(self) -> "RobotDescription":
         apart = [pair for pair in self.numbered_pairs if abs(pair[0] - pair[1]) != NEXT_BUT_ONE]
         if apart:
             raise ValueError(

@@ -40,7 +40,7 @@ def model_text_hash(robot_toml: str) -> str:
 
     What counts is as in :func:`robot_hash`.
     """
-    return _hash_of(_without(tomllib.loads(robot_toml), NOT_COUNTED))
+    return _hash_of(_drop_keys(tomllib.loads(robot_toml), NOT_COUNTED))
 
 
 def is_model_of(robot_file: Path, digest: str) -> bool:
@@ -49,33 +49,33 @@ def is_model_of(robot_file: Path, digest: str) -> bool:
     Raises:
         InputError: it cannot be read.
     """
-    said = _without(read_toml_content(robot_file), NOT_COUNTED)
+    said = _drop_keys(read_toml_content(robot_file), NOT_COUNTED)
     return digest == _hash_of(said) or has_hash(read_bytes(robot_file), digest)
 
 
-def _without(content: Mapping[str, object], keys: tuple[str, ...]) -> dict[str, object]:
+def _drop_keys(content: Mapping[str, object], keys: tuple[str, ...]) -> dict[str, object]:
     return {key: value for key, value in content.items() if key not in keys}
 
 
 def _hash_of(said: Mapping[str, object]) -> str:
-    return sha256(json.dumps(_plain(said), sort_keys=True).encode()).hexdigest()
+    return sha256(json.dumps(_with_floats(said), sort_keys=True).encode()).hexdigest()
 
 
 def _hash_without(robot: Robot, keys: tuple[str, ...]) -> str:
     content = read_toml_content(robot.path)
-    said = _without(content, keys)
+    said = _drop_keys(content, keys)
     if robot.convention == "urdf":
         said["urdf"] = _element(parse_urdf(robot.path.parent / str(content["urdf"]), robot.packages))
     return _hash_of(said)
 
 
-def _plain(value: object) -> object:
+def _with_floats(value: object) -> object:
     """Return a value of TOML with all numbers as floats, which have one spelling."""
     match value:
         case Mapping():
-            return {str(key): _plain(v) for key, v in value.items()}
+            return {str(key): _with_floats(v) for key, v in value.items()}
         case list() | tuple():
-            return [_plain(v) for v in value]
+            return [_with_floats(v) for v in value]
         case bool() | str():
             return value
         case int() | float():

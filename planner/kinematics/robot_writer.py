@@ -73,17 +73,21 @@ def _urdf(robot: Robot, values: Mapping[str, float], sense: np.ndarray) -> str:
     for i, (name, T) in enumerate(zip(robot.joint_names, origins, strict=True)):
         lines += [
             f'  <joint name={quoteattr(name)} type="revolute">',
-            *_between(links[i], links[i + 1], T),
+            *_link_lines(links[i], links[i + 1], T),
             f'    <axis xyz="0 0 {sense[i]:g}"/>',
             f'    <limit lower="{robot.q_lower[i]:.9g}" upper="{robot.q_upper[i]:.9g}" '
             f'velocity="{robot.speed[i]:.9g}" effort="0"/>',
             "  </joint>",
         ]
-    lines += ['  <joint name="flange_joint" type="fixed">', *_between(links[n], "flange", flange), "  </joint>"]
+    lines += [
+        '  <joint name="flange_joint" type="fixed">',
+        *_link_lines(links[n], "flange", flange),
+        "  </joint>",
+    ]
     return "\n".join([*lines, "</robot>", ""])
 
 
-def _between(parent: str, child: str, T: Array) -> list[str]:
+def _link_lines(parent: str, child: str, T: Array) -> list[str]:
     xyz, rpy = (" ".join(f"{v + 0.0:.12g}" for v in np.round(part, 13)) for part in _pose(T))
     return [f'    <parent link="{parent}"/>', f'    <child link="{child}"/>', f'    <origin xyz="{xyz}" rpy="{rpy}"/>']
 

@@ -104,7 +104,14 @@ def read_bodies(meshes: MeshFinder, link: ET.Element, T_link: Array) -> list[Bod
             out.append(Body(name, "sphere", (_size(shape, "radius"),), read_only(T)))
         elif shape.tag == "box":
             x, y, z = read_numbers(shape, "size", (0, 0, 0))
-            out.append(Body(name, "box", (_positive(shape, x), _positive(shape, y), _positive(shape, z)), read_only(T)))
+            out.append(
+                Body(
+                    name,
+                    "box",
+                    (_positive_of(shape, x), _positive_of(shape, y), _positive_of(shape, z)),
+                    read_only(T),
+                )
+            )
         elif shape.tag in ("cylinder", "capsule"):  # a capsule holds the cylinder of its radius and length
             half = T[:3, 2] * _size(shape, "length") / 2
             out.append(capsule_between(name, T[:3, 3] - half, T[:3, 3] + half, _size(shape, "radius")))
@@ -174,10 +181,10 @@ def _parse_number(element: ET.Element, key: str, text: str, most: float = MOST_N
 
 
 def _size(element: ET.Element, key: str) -> float:
-    return _positive(element, number(element, key))
+    return _positive_of(element, number(element, key))
 
 
-def _positive(element: ET.Element, value: float) -> float:
+def _positive_of(element: ET.Element, value: float) -> float:
     if value <= 0:
         raise UrdfError(f"<{element.tag}>: a size of {value:g} m leaves nothing of the body")
     return value

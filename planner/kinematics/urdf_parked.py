@@ -180,7 +180,7 @@ def read_branches(
     beside = list[tuple[str, int]]()
     while open_:
         name = open_.pop(0)
-        for joint, child, T_child in _hanging(joints, name, parking):
+        for joint, child, T_child in _joints_at(joints, name, parking):
             if child in placed or child in following:
                 continue
             if child not in links:
@@ -200,7 +200,7 @@ def read_branches(
     return Branches(tuple(bodies), tuple(beside), tuple(unchecked))
 
 
-def _hanging(joints: Sequence[ET.Element], link: str, parking: Parking) -> Iterator[tuple[ET.Element, str, Array]]:
+def _joints_at(joints: Sequence[ET.Element], link: str, parking: Parking) -> Iterator[tuple[ET.Element, str, Array]]:
     """Yield the joints at a link, the link at the other end of each, and that one's pose (4, 4) [m] in this."""
     for joint in joints:
         parent, child = link_of(joint, "parent"), link_of(joint, "child")

@@ -61,7 +61,7 @@ class Columns:
         return out
 
     @property
-    def _flat(self) -> Array:
+    def _flat_columns(self) -> Array:
         """Plain columns, (D, r n)."""
         count, r, n = self.plain.shape
         return self.plain.reshape(count, r * n)
@@ -106,24 +106,24 @@ class Columns:
     @property
     def gram(self) -> Array:
         """Products of all columns with each other, (P, P)."""
-        own = self._flat @ self._flat.T
+        own = self._flat_columns @ self._flat_columns.T
         if not self.phi:
             return np.asarray(own)
         out = np.empty((len(self), len(self)))
         out[np.ix_(self.plain_at, self.plain_at)] = own
         for b, (at, screw, phi) in enumerate(zip(self.phi_at, self.screws, self.phi, strict=True)):
-            _put(out, self.plain_at, at, _along(self.plain, screw) @ phi.T)
+            _put(out, self.plain_at, at, _products_with_screw(self.plain, screw) @ phi.T)
             for c in range(b):
-                both = _along(screw[None], self.screws[c])[0]
+                both = _products_with_screw(screw[None], self.screws[c])[0]
                 _put(out, at, self.phi_at[c], (phi * both) @ self.phi[c].T)
-            own = phi * np.sqrt(_along(screw[None], screw)[0])
+            own = phi * np.sqrt(_products_with_screw(screw[None], screw)[0])
             out[np.ix_(at, at)] = own @ own.T
         return out
 
     def along(self, residual: Array) -> Array:
         """Return the products of all columns with a residual (n, r), (P,)."""
         out, each = np.empty(len(self)), residual.T
-        out[self.plain_at] = self._flat @ each.ravel()
+        out[self.plain_at] = self._flat_columns @ each.ravel()
         for at, screw, phi in zip(self.phi_at, self.screws, self.phi, strict=True):
             out[at] = phi @ (screw * each).sum(axis=0)
         return out
@@ -153,7 +153,7 @@ class Columns:
         return out
 
 
-def _along(columns: Array, screw: Array) -> Array:
+def _products_with_screw(columns: Array, screw: Array) -> Array:
     """Products of columns (m, r, n) with a screw (r, n) in each sample, (m, n)."""
     out = columns[:, 0] * screw[0]
     for i in range(1, len(screw)):

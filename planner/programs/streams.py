@@ -62,7 +62,7 @@ def time_legs(
     return legs
 
 
-def _still(n_joints: int) -> tuple[float, ...]:
+def _zero_speeds(n_joints: int) -> tuple[float, ...]:
     return (0.0,) * n_joints
 
 
@@ -75,7 +75,7 @@ def _cubic_leg(begin: Array, end: Array, seconds: float, limit: Array) -> TimedL
     """A straight leg between two points at rest, joined by a cubic."""
     # 6.0: acceleration of the cubic between two points at rest, times its time squared, over the distance
     seconds = max(seconds, float(np.sqrt(6.0 * _reach(begin, end, limit))))
-    return TimedLeg(float(np.ceil(seconds * TICKS - 1e-3) / TICKS), _still(len(end)))
+    return TimedLeg(float(np.ceil(seconds * TICKS - 1e-3) / TICKS), _zero_speeds(len(end)))
 
 
 def _ramped_leg(begin: Array, end: Array, seconds: float, rate: float, limit: Array) -> TimedLeg:
@@ -86,7 +86,7 @@ def _ramped_leg(begin: Array, end: Array, seconds: float, rate: float, limit: Ar
     count = max(1, int(np.ceil(whole * rate - 1e-6)))
     share = _ramped_share(np.arange(1, count) / count, ramp / whole)
     frames = begin + share[:, None] * (end - begin)
-    return TimedLeg(count / rate, _still(len(end)), tuple(map(tuple, frames.tolist())))
+    return TimedLeg(count / rate, _zero_speeds(len(end)), tuple(map(tuple, frames.tolist())))
 
 
 def _ramped_share(u: Array, ramp: float) -> Array:

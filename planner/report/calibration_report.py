@@ -34,7 +34,7 @@ def calibration_content(facts: CalibrationFacts) -> dict[str, Any]:
     return {
         "c": c,
         "title": f"Calibration of {c.setup.robot.title}",
-        "about": _about(c),
+        "about": _about_text(c),
         "problems": text.refusal_text(c),
         "headline": text.headline_text(facts),
         "facts": _facts(facts),
@@ -55,7 +55,7 @@ def calibration_content(facts: CalibrationFacts) -> dict[str, Any]:
         "trials": [(t.along, chance_text(t.p_value), in_mm(t.rms, 2)) for t in trials],
         "moved": _largest_changes(facts),
         "parameters": [_parameter(facts, e) for e in c.estimates if e.identifiable],
-        "unseen": [_unseen(e) for e in c.estimates if not e.identifiable],
+        "unseen": [_unseen_row(e) for e in c.estimates if not e.identifiable],
         "correlations": text.correlation_text(c.fit.model.names, facts.correlation) if len(c.fit.errors) > 1 else (),
         "outliers": [_outlier(c, int(k)) for k in c.fit.outliers[:outliers]],
         "outliers_more": max(0, len(c.fit.outliers) - outliers),
@@ -64,7 +64,7 @@ def calibration_content(facts: CalibrationFacts) -> dict[str, Any]:
     }
 
 
-def _about(c: Calibration) -> str:
+def _about_text(c: Calibration) -> str:
     kind = "continuous" if c.run.continuous else "static"
     read = c.setup.gauge.plural
     if c.run.readings.ball is not None:
@@ -149,17 +149,17 @@ def _parameter(facts: CalibrationFacts, e: Estimate) -> Row:
     change, unit = e.value - e.nominal, text.estimate_unit(e)[0]
     moves = float(facts.moves[facts.calibration.fit.model.names.index(e.name)])
     times = f"{abs(change) / e.std:.1f}" if e.std > 0 else "–"
-    numbers = (_nominal(e), _format(e, e.value), _format(e, change, "+"), _format(e, e.std))
+    numbers = (_nominal_text(e), _format(e, e.value), _format(e, change, "+"), _format(e, e.std))
     return (e.name, e.what, unit, *numbers, times, in_mm(moves, 2), ", ".join(e.absorbs))
 
 
-def _unseen(e: Estimate) -> Row:
+def _unseen_row(e: Estimate) -> Row:
     """Name, what, unit, nominal, value of the robot as it is written, ±, and why the run does not show it."""
-    numbers = (_nominal(e), _nominal(e) if e.value == e.nominal else _format(e, e.value), _format(e, e.std))
+    numbers = (_nominal_text(e), _nominal_text(e) if e.value == e.nominal else _format(e, e.value), _format(e, e.std))
     return (e.name, e.what, text.estimate_unit(e)[0], *numbers, e.because or "")
 
 
-def _nominal(e: Estimate) -> str:
+def _nominal_text(e: Estimate) -> str:
     value = e.nominal * text.estimate_unit(e)[1]
     return f"{round(value, 6) + 0.0:.9g}"  # decimals of mm and degrees: finer than any data sheet
 
@@ -190,8 +190,8 @@ def _gauge(facts: CalibrationFacts) -> tuple[Row, ...]:
     ]
     for place in f.places:
         what = f"frame of the gauge {place.name}".strip()
-        rows.append((what, f"{_triple(to_mm(place.position))} mm in the base frame"))
-        rows.append(("its roll, pitch, yaw", f"{_triple(to_deg(place.rpy), 4)} deg"))
+        rows.append((what, f"{_vector_text(to_mm(place.position))} mm in the base frame"))
+        rows.append(("its roll, pitch, yaw", f"{_vector_text(to_deg(place.rpy), 4)} deg"))
     for point in f.tool:
         what = f"tool point {point.name}" if len(f.tool) > 1 else "tool point"
         rows.append((what, f"{_position(point.p_FM, point.position_std)} mm in the flange frame"))
@@ -204,9 +204,9 @@ def _gauge(facts: CalibrationFacts) -> tuple[Row, ...]:
 def _position(p: Sequence[float], std: Sequence[float] | None) -> str:
     """Return a position [m] in mm, each coordinate with its standard deviation where that is known."""
     if std is None:
-        return _triple(to_mm(p))
+        return _vector_text(to_mm(p))
     return ", ".join(f"{v:.3f} ± {s:.3f}" for v, s in zip(to_mm(p), to_mm(std), strict=True))
 
 
-def _triple(values: np.ndarray, decimals: int = 3) -> str:
+def _vector_text(values: np.ndarray, decimals: int = 3) -> str:
     return ", ".join(f"{v:.{decimals}f}" for v in values)

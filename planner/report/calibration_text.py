@@ -219,7 +219,11 @@ def findings_summary(c: Calibration) -> Row:
         return named
     groups = group_findings(c.findings)
     first = sorted(groups, key=lambda g: -g.gain)[:6]  # findings on the first sheet
-    found = [_doubt(g) + _capital(g.note) + _surely(g) + _or(g.rival_texts) + "." for g in groups if g in first]
+    found = [
+        _doubt(g) + _capital(g.note) + _probability_text(g) + _rivals_text(g.rival_texts) + "."
+        for g in groups
+        if g in first
+    ]
     found = found or [NOTHING_FOUND]
     if len(first) < len(groups):
         found.append(f"And {len(groups) - len(first)} more that bring less.")
@@ -294,11 +298,11 @@ def _doubt(group: FindingGroup) -> str:
     return "" if group.grade == "found" else f"{group.grade.capitalize()}: "
 
 
-def _surely(group: FindingGroup) -> str:
+def _probability_text(group: FindingGroup) -> str:
     return "" if group.probability is None else f" ({percent(group.probability)})"
 
 
-def _or(rivals: Row) -> str:
+def _rivals_text(rivals: Row) -> str:
     return "" if not rivals else f" — or {rivals[0]}" + (f" or {len(rivals) - 1} more" if len(rivals) > 1 else "")
 
 

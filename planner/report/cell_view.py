@@ -226,7 +226,7 @@ def compose_cell_view(
 ) -> CellView:
     """Put what moves among what stands, in boxes that hold it all; points in mm."""
     pieces = build_scene(cell).pieces
-    moving = _moving(cell, pieces)
+    moving = _group_moving(cell, pieces)
     shells = tuple(_mm(sphere_cap(*surface)) for surface in cell.gauge.reach_surfaces(cell))
     standing = [body_mesh(p.body) for p in pieces if p.carrier == "world" and p.body.name != "floor"]
     seen = [m.at(poses) for m in moving for poses in frames.poses[:: max(1, len(frames.poses) // 12)]]
@@ -250,7 +250,7 @@ def compose_cell_view(
     )
 
 
-def _moving(cell: Cell, pieces: tuple[SceneBody, ...]) -> tuple[MovingBodies, ...]:
+def _group_moving(cell: Cell, pieces: tuple[SceneBody, ...]) -> tuple[MovingBodies, ...]:
     """Group the moving pieces by look; carriers are links 0 … N, then the housing, then the rod."""
     noun, robot = cell.gauge.noun, [p for p in pieces if p.of_robot]
     tool = [p for p in pieces if p.carrier == "link" and not p.of_robot]

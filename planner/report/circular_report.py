@@ -32,7 +32,7 @@ def report_circular_test(test: CircularTest) -> Report:
                 "polar": polar[k],
                 "chart": radial[k],
                 "figures": [_figures(p) for p in c.paths],
-                "together": _together(c),
+                "together": _common_rows(c),
                 "reversals": [row for p in c.paths for row in _reversals(p)],
             }
             for k, c in enumerate(test.circles)
@@ -100,7 +100,7 @@ def _figures(p: PathFigures) -> Row:
     return (p.direction, *(in_um(v) for v in values), str(p.sweeps))
 
 
-def _together(c: CircleFigures) -> tuple[Row, ...]:
+def _common_rows(c: CircleFigures) -> tuple[Row, ...]:
     each = zip(c.ring.circle.plane, c.centre.centre, c.centre.std, strict=True)
     centre = ", ".join(f"{axis} {in_um(value)} ± {in_um(std)} µm" for axis, value, std in each)
     both = f"{in_um(c.G_b)} µm; about the least-squares centre {in_um(c.G_b_ls)} µm"

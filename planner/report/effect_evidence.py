@@ -114,7 +114,7 @@ def collect_evidence(facts: CalibrationFacts, step: FindingStep) -> Evidence:
     own = [p for p in fit.model.parameters if p.group == step.what and p.name != step.inner]
     first = own[0]
     changed = isinstance(first.main.phi, BeforeSample)
-    looked = first.main.phi.plot_variable(context) if changed or _single(own) else None
+    looked = first.main.phi.plot_variable(context) if changed or _move_one(own) else None
     if looked is None:
         return _residual_along(added, residuals, "rad" if facts.calibration.angle_unit else "m")
     bare = tuple(map(acting_throughout, own)) if changed else (replace(first, moves=(replace(first.main, phi=ONE),)),)
@@ -145,7 +145,7 @@ def _effect_readings(facts: CalibrationFacts, step: FindingStep) -> Array:
     return np.asarray(added - (known @ taken).reshape(added.shape))
 
 
-def _single(parameters: list[Parameter]) -> bool:
+def _move_one(parameters: list[Parameter]) -> bool:
     """Tell whether all parameters move one and the same transform or number."""
     places = {(m.on, m.index) for p in parameters for m in p.moves}
     return len(places) == 1 and all(len(p.moves) == 1 for p in parameters)
@@ -208,7 +208,7 @@ def _panel(e: Evidence, values: Array, title: str, fitted: bool, span: float) ->
     heavy = np.flatnonzero(e.weight >= 0.09 * np.median(e.weight))
     shown = heavy[even_positions(len(heavy), PANEL_POINTS)]
     inside = shown[np.abs(y[shown]) <= span]
-    series = [zero_line(x), Series("", _apart(x)[inside], y[inside], BLUE, "points", size=3.5, opacity=0.35)]
+    series = [zero_line(x), Series("", _move_apart(x)[inside], y[inside], BLUE, "points", size=3.5, opacity=0.35)]
     if fitted:
         series.append(Series("as fitted", *weighted_means(x, 1e6 * e.fitted, e.weight, e.means), RED, width=3.0))
     at, mean = weighted_means(x, y, e.weight, e.means)
@@ -218,7 +218,7 @@ def _panel(e: Evidence, values: Array, title: str, fitted: bool, span: float) ->
     return Panel(f"{title} ({SIZES[e.unit]})", e.against.label, "", tuple(series), y_range=(-span, span), height=210)
 
 
-def _apart(x: Array) -> Array:
+def _move_apart(x: Array) -> Array:
     """Move points of a quantity with few values side by side, by golden steps: they do not lie on each other then."""
     values = np.unique(x)
     if len(values) > 8 or len(values) < 2:

@@ -162,12 +162,12 @@ def report_loaded_run(found: LoadedEvaluation, joint: JointFit | None = None) ->
         "joint": joint,
         "compliances": rows,
         "combinations": [(k.text, share_text(k.std), k.verdict) for k in c.combinations],
-        "together": [] if joint is None else _together(joint),
+        "together": [] if joint is None else _joint_fit_rows(joint),
     }
     return Report("loaded.html.j2", content, loaded_charts(found))
 
 
-def _together(joint: JointFit) -> list[tuple[str, ...]]:
+def _joint_fit_rows(joint: JointFit) -> list[tuple[str, ...]]:
     """Rows of the joint fit: name, unit, change, standard deviation; in the units of a calibration."""
     rows: list[tuple[str, ...]] = []
     for e in joint.estimates:

@@ -156,7 +156,7 @@ def joint_chart(cell: Cell, way: DrivenPath) -> Chart:
     """Joint angles as driven."""
     series, span = joint_series(way.motion.t, to_deg(way.motion.q)), _angle_span(way.motion.q)
     panel = _over_time(way, "", angle_label(cell.robot), series, span, height=330)
-    return Chart("joints", "Joint angles as driven", _there(way), (panel,))
+    return Chart("joints", "Joint angles as driven", _way_text(way), (panel,))
 
 
 def _over_time(way: DrivenPath, title: str, label: str, series: Sequence[Series], y_range: Span, **more: Any) -> Panel:
@@ -175,7 +175,7 @@ def bar_chart(cell: Cell, way: DrivenPath, drive: Drive) -> Chart:
     title, label, span = f"Length of the {g.noun}", f"{g.noun} length (mm)", (low - pad, high + pad)
     length = _over_time(way, title, label, lines, span, limits=ends)
     panels = (length,) if way.tilt is None else (length, _tilt_panel(cell, way, way.tilt))
-    return Chart("bar", f"The {g.noun} along the path", f"Points are measuring poses. {_there(way)}", panels)
+    return Chart("bar", f"The {g.noun} along the path", f"Points are measuring poses. {_way_text(way)}", panels)
 
 
 def _tilt_panel(cell: Cell, way: DrivenPath, tilt: Array) -> Panel:
@@ -217,7 +217,7 @@ def speed_chart(cell: Cell, way: DrivenPath, drive: Drive) -> Chart:
     tool = _over_time(way, "Speed of the tool point", "speed (mm/s)", line, span, limits=limits)
     lines, span = joint_series(t, 100 * way.share, width=1.1), (0.0, max(1.0, 115 * float(way.share.max())))
     joints = _over_time(way, "Speed of the joints", "part of its limit (%)", lines, span)
-    return Chart("speeds", "Speeds against their limits", _there(way), (tool, joints, _limit_use(drive)))
+    return Chart("speeds", "Speeds against their limits", _way_text(way), (tool, joints, _limit_use(drive)))
 
 
 def _limit_use(drive: Drive) -> Panel:
@@ -257,6 +257,6 @@ def _span(values: Array, share: float, least: float) -> Span:
     return float(values.min()) - pad, float(values.max()) + pad
 
 
-def _there(way: DrivenPath) -> str:
+def _way_text(way: DrivenPath) -> str:
     text = f"From the mount pose through all poses to the mount pose again, {duration_text(way.ends)}"
     return f"{text}; then the same path is driven back." if way.returns else f"{text}."

@@ -140,11 +140,11 @@ def _draw(data: list[Properties], layout: Properties, panel: Panel, place: _Plac
     layout[f"legend{number}"] = {"orientation": "h", **corner, "itemsizing": "constant"}
     for line in panel.limits:
         _reference_line(layout, panel, line, number)
-    layout[f"xaxis{number}"] = _across(panel) | {"anchor": f"y{number}", "domain": place.across}
-    layout[f"yaxis{number}"] = _down(panel) | {"anchor": f"x{number}", "domain": place.upwards}
+    layout[f"xaxis{number}"] = _axis_across(panel) | {"anchor": f"y{number}", "domain": place.across}
+    layout[f"yaxis{number}"] = _axis_down(panel) | {"anchor": f"x{number}", "domain": place.upwards}
 
 
-def _across(panel: Panel) -> Properties:
+def _axis_across(panel: Panel) -> Properties:
     along = _range(panel.x_range, panel.log_x)
     if panel.cells is not None:
         along |= _names(panel.cells.x_names) | {"tickangle": -90}
@@ -154,7 +154,7 @@ def _across(panel: Panel) -> Properties:
     return AXIS | along | {"title": title, "showgrid": bool(panel.y_names), "gridcolor": GRID_COLOUR}
 
 
-def _down(panel: Panel) -> Properties:
+def _axis_down(panel: Panel) -> Properties:
     down = _range(panel.y_range, panel.log_y)
     if panel.y_names:
         down = {"range": [len(panel.y_names) - 0.4, -0.6], **_names(panel.y_names)}

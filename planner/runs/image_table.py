@@ -39,7 +39,7 @@ def run_of_images(path: Path, poses: Sequence[int], pixels: Array) -> tuple[Run,
     there = [k for k, pose in enumerate(poses) if pose in rows]
     missing = tuple(pose for pose in poses if pose not in rows)
     if not there:
-        raise InputError(f"{path}: has none of the images' poses ({_few(poses)}); it has {_few(sorted(rows))}")
+        raise InputError(f"{path}: has none of the images' poses ({_listing(poses)}); it has {_listing(sorted(rows))}")
     which = np.array([rows[poses[k]] for k in there])
     q, n = {}, table.n_joints
     for stem in ("q", "cmd"):
@@ -64,5 +64,5 @@ def run_of_images(path: Path, poses: Sequence[int], pixels: Array) -> tuple[Run,
     return run, missing
 
 
-def _few(numbers: Sequence[int]) -> str:
+def _listing(numbers: Sequence[int]) -> str:
     return ", ".join(map(str, numbers[:5])) + (" …" if len(numbers) > 5 else "")

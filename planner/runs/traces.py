@@ -102,7 +102,7 @@ class TraceMap(StrictModel):
     constants: dict[str, int | float | str] = {}
 
     @model_validator(mode="after")
-    def _consistent(self) -> TraceMap:
+    def _check_consistent(self) -> TraceMap:
         if (self.pattern is None) == (not self.columns):
             raise ValueError("either [columns] or a pattern is needed, and not both")
         if self.pattern is None and self.separator == self.decimal:
@@ -228,7 +228,7 @@ def read_trace(path: Path, trace: TraceMap, notes: Mapping[str, str]) -> RunTabl
         _scaled_column(name, c, trace).alias(c.header) for name, c in zip(trace.names, columns, strict=True)
     )
     constants = [trace.column_of(name) for name in trace.constants]
-    frame = frame.with_columns(_constant(c, v) for c, v in zip(constants, trace.constants.values(), strict=True))
+    frame = frame.with_columns(_constant_column(c, v) for c, v in zip(constants, trace.constants.values(), strict=True))
     table = table_in_si(source, frame, [*columns, *constants], notes)
     return _without_unwritten(table) if trace.pattern else table
 
@@ -249,7 +249,7 @@ def _scaled_column(name: str, target: RunColumn, trace: TraceMap) -> pl.Expr:
     return value if picked.offset == 0.0 else value + picked.offset
 
 
-def _constant(target: RunColumn, value: float | str) -> pl.Expr:
+def _constant_column(target: RunColumn, value: float | str) -> pl.Expr:
     if target.stem in NAMES:
         return pl.lit(str(value)).alias(target.header)
     if isinstance(value, str):

@@ -181,7 +181,7 @@ class MeasuredRequest(JobRequest):
     model_config = ConfigDict(json_schema_extra={"allOf": [RUNS_OR_SIMULATION, PLAN_OR_CELL]})
 
     @model_validator(mode="after")
-    def _complete(self) -> Self:
+    def _check_complete(self) -> Self:
         if not self.runs and self.simulation is None:
             raise ValueError("name runs, or a simulation")
         if self.cell is None and self.plan is None:

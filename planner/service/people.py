@@ -114,7 +114,7 @@ class PeopleStore:
         kept = self._hash(password)
         with self._db.write() as db:
             if not db.execute("UPDATE people SET password = ? WHERE name = ?", (kept, name)).rowcount:
-                raise _unknown(name)
+                raise _unknown_error(name)
             db.execute("DELETE FROM sessions WHERE person = ?", (name,))
 
     def set_role(self, name: str, role: Role) -> None:
@@ -125,7 +125,7 @@ class PeopleStore:
         """
         with self._db.write() as db:
             if not db.execute("UPDATE people SET role = ? WHERE name = ?", (role.value, name)).rowcount:
-                raise _unknown(name)
+                raise _unknown_error(name)
             if _administrators(db) == 0:
                 raise InputError(f"{name}: is the last administrator; make somebody else one first")
 
@@ -137,7 +137,7 @@ class PeopleStore:
         """
         with self._db.write() as db:
             if not db.execute("DELETE FROM people WHERE name = ?", (name,)).rowcount:
-                raise _unknown(name)
+                raise _unknown_error(name)
             if _administrators(db) == 0:
                 raise InputError(f"{name}: is the last administrator; make somebody else one first")
             db.execute("DELETE FROM sessions WHERE person = ?", (name,))
@@ -152,7 +152,7 @@ class PeopleStore:
         token = f"edbb_{secrets.token_urlsafe(32)}"  # bytes: cannot be guessed
         with self._db.write() as db:
             if not db.execute("SELECT 1 FROM people WHERE name = ?", (name,)).fetchone():
-                raise _unknown(name)
+                raise _unknown_error(name)
             db.execute("DELETE FROM tokens WHERE person = ? AND label = ?", (name, label))
             row = (hashlib.sha256(token.encode()).hexdigest(), name, label, time.time())
             db.execute("INSERT INTO tokens VALUES (?, ?, ?, ?)", row)
@@ -269,5 +269,5 @@ def _administrators(db: sqlite3.Connection) -> int:
     return int(db.execute("SELECT count(*) FROM people WHERE role = 'administer'").fetchone()[0])
 
 
-def _unknown(name: str) -> InputError:
+def _unknown_error(name: str) -> InputError:
     return InputError(f"{name}: there is nobody of that name; see 'edbb serve users list'")

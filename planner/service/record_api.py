@@ -199,9 +199,9 @@ def describe_record(context: ServiceContext, record: RobotRecord) -> RecordHisto
 
 
 def _drift_line(drift: AxisDrift) -> DriftLine:
-    values, std = ([_finite(v) for v in column] for column in zip(*drift.motions, strict=True))
+    values, std = ([_finite_or_none(v) for v in column] for column in zip(*drift.motions, strict=True))
     return DriftLine(name=drift.name, values=values, std=std)
 
 
-def _finite(value: float) -> float | None:
+def _finite_or_none(value: float) -> float | None:
     return value if math.isfinite(value) else None

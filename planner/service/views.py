@@ -125,7 +125,7 @@ def check_view(cell: Cell) -> CellCheck:
         title=cell.name,
         facts=[CellFact(what=w, value=v) for w, v in facts],
         view=pack_scene(view),
-        fixtures=[FixtureSpot(name=f.name or "A", position_mm=_triple(to_mm(f.p_BX))) for f in movable],
+        fixtures=[FixtureSpot(name=f.name or "A", position_mm=_rounded_point(to_mm(f.p_BX))) for f in movable],
     )
 
 
@@ -147,13 +147,13 @@ def pack_scene(view: CellView) -> SceneView:
     return SceneView(
         parts=parts,
         lines=lines,
-        spots=[ViewSpot(position_mm=_triple(s.position), role=s.role, label=s.label) for s in view.spots],
+        spots=[ViewSpot(position_mm=_rounded_point(s.position), role=s.role, label=s.label) for s in view.spots],
         carriers=poses.shape[1],
         frames=len(poses),
         poses=pack_numbers(poses),
         labels=list(view.frames.labels),
-        low_mm=_triple(view.low),
-        high_mm=_triple(view.high),
+        low_mm=_rounded_point(view.low),
+        high_mm=_rounded_point(view.high),
         floor_mm=view.floor,
     )
 
@@ -176,7 +176,7 @@ def pack_numbers(values: Array) -> str:
     return b64encode(np.ascontiguousarray(values, dtype="<f4").tobytes()).decode("ascii")
 
 
-def _triple(values: Array) -> tuple[float, float, float]:
+def _rounded_point(values: Array) -> tuple[float, float, float]:
     x, y, z = (round(float(v), 3) for v in values)
     return (x, y, z)
 

@@ -100,7 +100,7 @@ def recover_motion(cell: Cell, program: Program) -> list[Chain]:
         NoSolutionError: the program does not begin at the cell's home, the gauge is attached or taken off without a
             pause, or a start leaves out what moves the robot to where it goes on.
     """
-    if off := _apart(program, tuple(np.rad2deg(cell.home)), program.moves[0].q_deg):
+    if off := _distance_text(program, tuple(np.rad2deg(cell.home)), program.moves[0].q_deg):
         raise unreleased_error(f"it begins {off} away from the cell's home")
     check_starts(program, cell.has_bar())
     mountings, balls = _next_mountings(program), _balls(program)
@@ -232,7 +232,7 @@ def check_starts(program: Program, attached: bool) -> None:
     for start in sorted({number for p in pieces for number in (p.at, p.until) if number}):
         driven = [p for p in pieces if (p.at == start if p.at else p.until == 0 or p.until >= start)]
         for one, other in pairwise(driven):
-            gap = _apart(program, one.last, other.first)
+            gap = _distance_text(program, one.last, other.first)
             held = not attached or one.after == other.before or one.paused or other.paused_first
             rests = one.rests or (id(one), id(other)) in following
             if gap:
@@ -242,7 +242,7 @@ def check_starts(program: Program, attached: bool) -> None:
                 raise unreleased_error(f"started at {start}, it goes on where the robot {how}")
 
 
-def _apart(program: Program, one: tuple[float, ...], other: tuple[float, ...]) -> str:
+def _distance_text(program: Program, one: tuple[float, ...], other: tuple[float, ...]) -> str:
     """Return how far two states are apart, ``5.73 deg``, ``12 mm`` of a joint that slides; empty where they are one.
 
     Of all joints the one that is farthest off in its own unit's number.

@@ -174,7 +174,7 @@ def _dense_times(cell: Cell, trajectory: Trajectory, shortest: float) -> Array:
     points = points[np.concatenate([[True], np.diff(points) > 5e-3])]  # [s] apart: nearer waypoints are written as one
     after = np.clip(np.searchsorted(points, even), 1, len(points) - 1)
     gap = np.minimum(np.abs(even - points[after - 1]), np.abs(points[after] - even))
-    kept = _apart(even, shortest)
+    kept = _keep_apart(even, shortest)
     if not kept.all() and _cut_corner(cell, trajectory, even[kept]) > CUT_CORNER_SHARE:
         raise InputError(
             f"blocks of {1e3 * shortest:g} ms are so long that straight ones would leave the curved path by over "
@@ -193,7 +193,7 @@ def _cut_corner(cell: Cell, trajectory: Trajectory, t: Array) -> float:
     return float(np.maximum(off, turned).max(initial=0.0))
 
 
-def _apart(times: Array, shortest: float) -> np.ndarray:
+def _keep_apart(times: Array, shortest: float) -> np.ndarray:
     """Tell which of ascending times (n,) [s] to keep so that none follows the one before sooner, (n,) bool."""
     kept, last = np.zeros(len(times), dtype=bool), -np.inf
     for k, time in enumerate(times):

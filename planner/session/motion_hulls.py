@@ -61,7 +61,7 @@ def motion_hulls(chain: Chain, tool_position: ToolPosition, proven: Proven) -> I
     yield Hulls(np.stack([entry, q[corner], leave], axis=1), number[corner - 1], f"{way}corner after move")
     for a, b in zip(begin - 1, end, strict=True):  # the points of the run and one beside it on either side
         (segments, first), (triangles, begun) = enclose_steps(q[a : b + 1], number[a:b], proven)
-        narrow = _narrow(triangles)
+        narrow = _are_narrow(triangles)
         yield Hulls(segments, first, f"{way}move")
         yield Hulls(triangles[~narrow], begun[~narrow], f"{way}move")
         yield Hulls(_quadrilaterals(triangles[narrow]), np.tile(begun[narrow], 2), f"{way}move")
@@ -103,7 +103,7 @@ def enclose_steps(q: Array, number: np.ndarray, proven: Proven) -> list[tuple[Ar
     return [(np.concatenate(f), np.concatenate(n)) for f, n in zip(found, numbers, strict=True)]
 
 
-def _narrow(triangles: Array) -> np.ndarray:
+def _are_narrow(triangles: Array) -> np.ndarray:
     """Tell which triangles (m, 3, N) [rad] are less high than 0.05 of their length, (m,) bool."""
     height = np.linalg.norm(triangles[:, 1] - _foot(triangles), axis=1)
     # 0.05: of its length: such a triangle is proven as quadrilaterals, in fewer cells

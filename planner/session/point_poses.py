@@ -49,9 +49,9 @@ class PointPoses(PoseSession):
             self.cell = with_point_mount(self.cell, self.away, seed, starts)
             self.away = Constraints(self.cell, bar=False, scene=self.away.scene, limit=limit)
         with stages.stage("roadmap"):
-            self.pool = self._reachable(pool)
+            self.pool = self._keep_reachable(pool)
 
-    def _reachable(self, pool: PoseSet) -> PoseSet:
+    def _keep_reachable(self, pool: PoseSet) -> PoseSet:
         """Keep the candidates that a path joins to the mount pose; a note says how many others there were."""
         mount = np.asarray(self.cell.mount(FIRST_MOUNTING))
         part = connected_parts(self.away, np.vstack([mount, _passed_states(pool)]), self.options.seed)
@@ -83,12 +83,12 @@ class PointPoses(PoseSession):
     def refine(self, chosen: Selection, stages: Stages) -> PoseChoice:
         """Replace poses whose last way to the ball is not proven; settle which are centred several times."""
         with stages.stage("path"):
-            choice = self._touchable(chosen.choice)
+            choice = self._keep_touchable(chosen.choice)
         if self.at_balls:
             self.repeated = _choose_repeats(choice, self.cell.plan.repeat)
         return choice
 
-    def _touchable(self, choice: PoseChoice) -> PoseChoice:
+    def _keep_touchable(self, choice: PoseChoice) -> PoseChoice:
         choice, _ = replace_all(
             self.pool,
             choice,
@@ -138,7 +138,7 @@ class PointPoses(PoseSession):
 
     def replace(self, choice: PoseChoice, lost: int, gone: np.ndarray) -> PoseChoice:
         """Replace a chosen pose that no path joins, by none of the candidates that are ``gone``."""
-        return self._touchable(super().replace(choice, lost, gone))
+        return self._keep_touchable(super().replace(choice, lost, gone))
 
     def driven_rows(self, choice: PoseChoice, drives: tuple[Drive, ...]) -> Array:
         """Rows of the chosen poses: the robot rests at each."""

@@ -327,7 +327,7 @@ def identify_runs(
             document = read_plan(path, "drives") if isinstance(plan, Path | str) else plan.document()
             run, kept_out = split_by_plan(number_samples(run), path, document, cell)
             run = replace(run, plan_id=document.plan_id)
-            other, foreseen = other or kept_out, _foreseen(document)
+            other, foreseen = other or kept_out, _foreseen_errors(document)
         for each in (run, other):
             if each is not None:
                 check_unit(each, cell)
@@ -337,7 +337,7 @@ def identify_runs(
     return found.model_copy(update={"planned_errors": foreseen}) if foreseen else found
 
 
-def _foreseen(document: PlanDocument) -> tuple[float, ...]:
+def _foreseen_errors(document: PlanDocument) -> tuple[float, ...]:
     """Return the error that a plan has foreseen after each pose [m]; empty where it has foreseen none."""
     after = () if document.foresight is None else document.foresight.after_mm
     return () if any(v is None for v in after) else tuple(float(from_mm(v)) for v in after if v is not None)

@@ -25,7 +25,7 @@ def plan_overview(plan: Plan) -> Summary:
         [
             ("drive", f"{minutes:.0f} min; {clearance_text(plan.cell, min(d.clearance for d in plan.drives))}"),
             *(_error_facts(plan.expected_error) if plan.expected_error else _index_facts(plan)),
-            *_unseen(plan.choice.seen.dropped, len(plan.choice.seen.names)),
+            *_unseen_facts(plan.choice.seen.dropped, len(plan.choice.seen.names)),
             *(("tells apart", text) for text in said[:1]),
         ],
         list(_details(plan, said)),
@@ -80,7 +80,7 @@ def _index_facts(plan: Plan) -> Iterator[Fact]:
     yield choice.index, f"{choice.value:#.4g}; at most {gap:.1f} % from the best possible"
 
 
-def _unseen(dropped: Sequence[DroppedParameter], seen: int) -> Iterator[Fact]:
+def _unseen_facts(dropped: Sequence[DroppedParameter], seen: int) -> Iterator[Fact]:
     """One parameter with its reason, of several the names: the page has the reasons."""
     if len(dropped) == 1:
         yield "unseen", f"{dropped[0].name}: {dropped[0].because}"

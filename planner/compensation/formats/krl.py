@@ -238,7 +238,7 @@ class _KrlTargets:
         """Tell whether programs of other files may drive to a position that is declared here."""
         return statement.kind != "" and (self.public[self.own] or _IS_GLOBAL.match(statement.text) is not None)
 
-    def _complete(self, line: int, found: Numbers, needed: Sequence[str], beside: Sequence[str]) -> bool:
+    def _has_needed(self, line: int, found: Numbers, needed: Sequence[str], beside: Sequence[str]) -> bool:
         if set(needed) <= found.keys() <= {*needed, *beside, *EXTERNAL}:
             return True
         extra = ", ".join([*beside, "E1 … E6"])
@@ -248,7 +248,7 @@ class _KrlTargets:
 
     def _joints(self, line: int, found: Numbers, tool: pt.Frame, index: int | None = None) -> int | None:
         axes = self.reading.axes
-        if not self._complete(line, found, axes, ()):
+        if not self._has_needed(line, found, axes, ()):
             return None
         return self.reading.add_joints(line, [found[axis] for axis in axes], index, tool)
 
@@ -262,7 +262,7 @@ class _KrlTargets:
         index: int | None = None,
     ) -> int | None:
         """Note a pose, and return its index; a line or a circle that ``inherits`` keeps the shape of the arm."""
-        if not self._complete(line, found, POSE_KEYS, ("S", "T")):
+        if not self._has_needed(line, found, POSE_KEYS, ("S", "T")):
             return None
         if len({"S", "T"} & found.keys()) == 1 and not inherits:
             self._leave(line, "S without T, or T without S: which way the arm takes there is not certain")

@@ -109,7 +109,7 @@ class FrameValues:
         name = one_spelling(statement.name)
         T = None if statement.part else plain_frame(statement.value)
         if name in _EVERYWHERE and (T is None or not np.allclose(T, np.eye(4))):
-            self.everywhere = f"{_variable(statement)} is set in line {statement.line}"
+            self.everywhere = f"{_variable_name(statement)} is set in line {statement.line}"
         elif _CORRECTIONS.fullmatch(name) and self._changes.is_in_routine(statement):
             self.everywhere = f"{name}, which is added to tool or base, is set in line {statement.line}"
         elif name.startswith("$") or (T is None and name not in self._plain and not TABLE.fullmatch(name)):
@@ -214,10 +214,10 @@ def _orientation_in(ldat: str) -> str:
     return found[1] if found else ""
 
 
-def _variable(statement: st.Assignment) -> str:
+def _variable_name(statement: st.Assignment) -> str:
     return f"{statement.name}.{statement.part}" if statement.part else statement.name
 
 
 def describe_change(statement: st.Assignment) -> str:
     """Return what is to be said of a frame that a statement changes."""
-    return f"{_variable(statement)} is changed in line {statement.line} while the program runs"
+    return f"{_variable_name(statement)} is changed in line {statement.line} while the program runs"

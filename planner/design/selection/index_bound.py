@@ -55,7 +55,7 @@ class IndexDual:
 
     def verify(self, rows: Array) -> float:
         """Return the bound over all candidates; O2: at least 1, others: at most infinity."""
-        X, Y, count = self._semidefinite[0], self._semidefinite[1], self.poses or 1
+        X, Y, count = self._semidefinite_pair[0], self._semidefinite_pair[1], self.poses or 1
         x, y = (np.maximum(form, 0.0) for form in self._forms(rows))
         if self.index == "O2":
             return _condition_bound(x, y, float(np.trace(X)), float(np.trace(Y)), count)
@@ -77,20 +77,20 @@ class IndexDual:
         return np.asarray(y - _smallest_ratio(x[active], y[active], self.poses or 1) * x)
 
     @cached_property
-    def _last(self) -> "dict[str, tuple[ref[Array], Array, Array]]":
+    def _last_forms(self) -> "dict[str, tuple[ref[Array], Array, Array]]":
         return {}
 
     @cached_property
-    def _semidefinite(self) -> tuple[Array, Array]:
+    def _semidefinite_pair(self) -> tuple[Array, Array]:
         return project_semidefinite(self.X), project_semidefinite(self.Y)
 
     def _forms(self, rows: Array) -> tuple[Array, Array]:
         """The forms of all rows with X and Y, (n,) each; kept: the proof and the prices need the same."""
-        known = self._last.get("forms")
+        known = self._last_forms.get("forms")
         if known is None or known[0]() is not rows:
-            X, Y = self._semidefinite
+            X, Y = self._semidefinite_pair
             x = quadratic_form(rows, X)
-            known = self._last["forms"] = ref(rows), x, quadratic_form(rows, Y) if self.index == "O2" else x
+            known = self._last_forms["forms"] = ref(rows), x, quadratic_form(rows, Y) if self.index == "O2" else x
         return known[1], known[2]
 
     def __getstate__(self) -> dict[str, object]:

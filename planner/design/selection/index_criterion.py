@@ -197,7 +197,7 @@ class PotentialCriterion:
             return [], np.zeros(0)
         score = SwapTable(self.rows[chosen], self.potential)
         if not score.exact and self.group is None:
-            outside = self._likeliest(score, outside, keep)
+            outside = self._likely_newcomers(score, outside, keep)
         width = max(1, 2_000_000 // len(chosen))  # pairs scored at a time: 16 MB
         scores, places = [], []
         for k in range(0, len(outside), width):
@@ -214,7 +214,7 @@ class PotentialCriterion:
         order = order[found[order] > -np.inf]
         return [Swap(int(i), int(outside[j])) for i, j in place[order]], found[order]
 
-    def _likeliest(self, score: SwapTable, outside: Positions, keep: int) -> Positions:
+    def _likely_newcomers(self, score: SwapTable, outside: Positions, keep: int) -> Positions:
         """Those that the ``keep`` best swaps are among, where a score is the difference of two candidates' gains."""
         if len(outside) <= keep:
             return outside

@@ -36,7 +36,7 @@ class BoardFile(StrictModel):
     )
 
     @model_validator(mode="after")
-    def _whole(self) -> "BoardFile":
+    def _check_whole(self) -> "BoardFile":
         if self.kind == "charuco" and (self.square_mm is None or self.square_mm <= self.marker_mm):
             raise ValueError("a charuco board needs square_mm, larger than marker_mm")
         if self.kind == "charuco" and min(self.columns, self.rows) < 3:

@@ -217,9 +217,9 @@ class CornerSeeker:
         if count:
             return f"only {count} of {len(self.board)} corners of the board are seen"
         if seen and not own & set(seen):
-            return f"shows markers {_some(seen)}, and none of the board's ({min(own)} to {max(own)}): another board"
+            return f"shows markers {_listing(seen)}, and none of the board's ({min(own)} to {max(own)}): another board"
         if foreign := sorted(set(seen) - own):
-            return f"shows markers {_some(foreign)} that the board ({min(own)} to {max(own)}) has not: another board"
+            return f"shows markers {_listing(foreign)} that the board ({min(own)} to {max(own)}) has not: another board"
         if seen and self._is_other_pattern(image):
             key = str(not self.board.file.legacy).lower()
             return f"shows the pattern of another version of OpenCV: write legacy = {key} for the board"
@@ -290,5 +290,5 @@ def _marker_count(dictionary: str) -> tuple[int, str]:
     return int(count) if count.isdigit() else sys.maxsize, dictionary
 
 
-def _some(numbers: Sequence[int]) -> str:
+def _listing(numbers: Sequence[int]) -> str:
     return ", ".join(map(str, numbers[:4])) + (" …" if len(numbers) > 4 else "")

@@ -56,14 +56,14 @@ class SerialIndicators:
             SilentError: one does not answer, or not in its language, or says that it cannot measure.
             StoppedError: a stop was asked for.
         """
-        return read_only([self._one(*place) for place in self._places])
+        return read_only([self._read_one(*place) for place in self._places])
 
     def close(self) -> None:
         """Let the lines go."""
         for line in self._lines:
             line.close()
 
-    def _one(self, line: serial.Serial, port: str, channel: int) -> float:
+    def _read_one(self, line: serial.Serial, port: str, channel: int) -> float:
         last = "nothing"
         for _ in range(self._head.tries):
             self._stop.check()

@@ -46,9 +46,9 @@ class PlannedPath:
         """
         low, high = sorted((start, end))
         passes = any(low < v.at < high for v in self.visits)
-        return self._quickest(start, end) if passes else self.between(start, end)
+        return self._quickest_way(start, end) if passes else self.between(start, end)
 
-    def _quickest(self, start: int, end: int) -> list[int]:
+    def _quickest_way(self, start: int, end: int) -> list[int]:
         """Return the points of the quickest way over proven legs: of the planned way, and those beside it.
 
         A leg counts by how far its furthest axis turns. Points of the way that are one pose count as one; a ball on the
@@ -81,7 +81,7 @@ class PlannedPath:
         points: list[int] = []
         for k in range(start, end + step, step):
             inner = k not in (start, end) and k in touching
-            if not inner or not self._same(k - 1, k + 1):
+            if not inner or not self._are_same_point(k - 1, k + 1):
                 points.append(k)
         return points
 
@@ -96,7 +96,7 @@ class PlannedPath:
         off = np.abs(self.q - q).max(axis=1)
         return int(off.argmin()), float(off.min())
 
-    def _same(self, a: int, b: int) -> bool:
+    def _are_same_point(self, a: int, b: int) -> bool:
         return bool(np.abs(to_deg(self.q[a] - self.q[b])).max() < 1e-6)  # [deg] apart: one point of the way
 
 

@@ -139,7 +139,7 @@ class HeadSettings(StrictModel):
 
     @field_validator("matrix")
     @classmethod
-    def _invertible(cls, value: Matrix | None) -> Matrix | None:
+    def _check_invertible(cls, value: Matrix | None) -> Matrix | None:
         if value is not None and np.linalg.cond(np.array(value)) > 10.0:
             raise ValueError("the directions of the three indicators do not span space; rows are x, y, z of the tool")
         return value

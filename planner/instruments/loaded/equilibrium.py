@@ -80,10 +80,10 @@ def find_circle(setup: MeasurementSetup, run: Run, place: int, x: Array) -> Driv
     """
     centre, axes, radius = fit_circle_in_space(x)
     for _ in range(8):  # rounds of taking the samples near the circle
-        size = _off(x, centre, axes[2], radius)
+        size = _distance_off(x, centre, axes[2], radius)
         on = size <= max(float(np.quantile(size, SAMPLES.on_circle_share)), 1e-4 * radius) * 3.0
         centre, axes, radius = fit_circle_in_space(x[on])
-    off = _off(x, centre, axes[2], radius)
+    off = _distance_off(x, centre, axes[2], radius)
     if radius > 10.0 or float(np.mean(off < NEAR_CIRCLE * radius)) < SAMPLES.on_circle_share:
         raise InputError(
             f"{run.name}: the arm does not run on a circle at fixture '{setup.place_names[place]}': half of the "
@@ -94,7 +94,7 @@ def find_circle(setup: MeasurementSetup, run: Run, place: int, x: Array) -> Driv
     return DrivenCircle(read_only(centre), read_only(_axes(axes[2])), float(radius), p_BX, name, place)
 
 
-def _off(x: Array, centre: Array, normal: Array, radius: float) -> Array:
+def _distance_off(x: Array, centre: Array, normal: Array, radius: float) -> Array:
     """Distance of points from the circle, (n,) [m]."""
     r = x - centre
     height = r @ normal

@@ -160,7 +160,7 @@ def compare_with_tracker(cell: Cell, setup: MeasurementSetup, circle: EvaluatedC
             f"{run.name}: only {len(on)} of its samples lie on the circle about "
             f"{np.round(curves.circle.centre / MM, 1).tolist()} mm: it is a run of another path"
         )
-    error = _radial(setup, curves.circle.p_BX, run.take(on), x[on])
+    error = _radial_error(setup, curves.circle.p_BX, run.take(on), x[on])
     seen = _on_grid(run, theta[on], error, curves.theta)
     bar = circle.kinematic[_senses(curves, theta[on])].mean(axis=0)
     bar, seen = _without_offset(curves.theta, bar), _without_offset(curves.theta, seen)
@@ -177,7 +177,7 @@ def _senses(curves: AveragedCurves, theta: Array) -> list[int]:
     )
 
 
-def _radial(setup: MeasurementSetup, p_BX: Array, run: Run, x: Array) -> Array:
+def _radial_error(setup: MeasurementSetup, p_BX: Array, run: Run, x: Array) -> Array:
     """Error of the measured point along the bar, (n,) [m]."""
     few = run.take(even_positions(len(run), 400))  # samples tell where the tracker stands
     stand = FlangePoses.of_one(*nominal_flange_poses(setup, few.samples.q))

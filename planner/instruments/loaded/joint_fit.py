@@ -29,7 +29,7 @@ def averaged_run(found: LoadedEvaluation) -> Run:
     """Return averaged curves as a run of poses at rest, a sample for each of 24 angles, loads and senses."""
     rows = []
     for k, c in enumerate(x.curves for x in found.circles):
-        which = _few(c)
+        which = _thin_angles(c)
         q, length, force = (v[:, :, which] for v in (c.q, c.length, c.force))
         n = length.size
         rows.append((q.reshape(n, -1), length.ravel(), force.ravel(), np.full(n, k)))
@@ -46,7 +46,7 @@ def averages_noise(found: LoadedEvaluation) -> tuple[Array, ...]:
     """
     out = []
     for c in (x.curves for x in found.circles):
-        B, which = len(c.theta), _few(c)
+        B, which = len(c.theta), _thin_angles(c)
         flat = np.full(B // 2 + 1, found.compliances.noise**2 * float(np.mean(c.repeats)))
         spectrum = c.noise if np.all(np.isfinite(c.noise)) else flat
         apart = np.fft.irfft(spectrum, B) * max(1.0, found.compliances.misfit) ** 2
@@ -55,7 +55,7 @@ def averages_noise(found: LoadedEvaluation) -> tuple[Array, ...]:
     return tuple(out)
 
 
-def _few(c: AveragedCurves) -> np.ndarray:
+def _thin_angles(c: AveragedCurves) -> np.ndarray:
     """Angles of averaged curves that enter, (A,) int."""
     groups = np.array_split(np.arange(len(c.theta)), min(JOINT_FIT.angles_a_turn, len(c.theta)))
     return np.array([g[len(g) // 2] for g in groups])

@@ -112,12 +112,12 @@ def _read_yaml(path: Path, data: bytes, number: Callable[[str], object]) -> obje
     for tag in UNITS:
         Loader.add_constructor(tag, with_unit)
     try:
-        return _plain(yaml.load(data, Loader), {}, ())
+        return _copy_plain(yaml.load(data, Loader), {}, ())
     except (yaml.YAMLError, XacroError, ValueError, ArithmeticError, TypeError, RecursionError) as err:
         raise InputError(f"{path}: cannot be read as YAML ({err})") from err
 
 
-def _plain(value: object, done: dict[int, object], above: tuple[int, ...]) -> object:
+def _copy_plain(value: object, done: dict[int, object], above: tuple[int, ...]) -> object:
     """Return a value of plain ones; what stands at several places is one object there too."""
     if not isinstance(value, dict | list):
         return check_value(value)
@@ -127,7 +127,7 @@ def _plain(value: object, done: dict[int, object], above: tuple[int, ...]) -> ob
     if key not in done:
         inside = (*above, key)
         if isinstance(value, list):
-            done[key] = [_plain(v, done, inside) for v in value]
+            done[key] = [_copy_plain(v, done, inside) for v in value]
         else:
-            done[key] = {check_value(k): _plain(v, done, inside) for k, v in value.items()}
+            done[key] = {check_value(k): _copy_plain(v, done, inside) for k, v in value.items()}
     return done[key]

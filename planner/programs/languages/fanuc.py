@@ -68,11 +68,11 @@ def parse(text: str, instruction: re.Pattern[str] = _LINE) -> Iterator[st.Statem
         if said and not _is_remark(said):
             yield _statement(lines.number(start), start, said)
     for match in _POSITION.finditer(text, at):
-        yield from _other(text, at, match.start(), lines)
+        yield from _other_statement(text, at, match.start(), lines)
         place = lines.number(match.start("number")), match.start(), match[0].strip()
         yield TpPosition(*place, int(match["number"]), match["body"], match.start("body"))
         at = match.end()
-    yield from _other(text, at, len(text), lines)
+    yield from _other_statement(text, at, len(text), lines)
 
 
 def _is_remark(said: str) -> bool:
@@ -87,7 +87,7 @@ def _statement(line: int, start: int, said: str) -> st.Statement:
     return (st.Pulse if re.fullmatch(r"DO\[\d+\]=PULSE,.*", said) else st.Statement)(line, start, said)
 
 
-def _other(text: str, start: int, end: int, lines: st.Lines) -> Iterator[st.Statement]:
+def _other_statement(text: str, start: int, end: int, lines: st.Lines) -> Iterator[st.Statement]:
     for row in re.compile(r"[^\s][^\r\n]*").finditer(text, start, end):
         yield TpAmongPositions(lines.number(row.start()), row.start(), row[0].strip())
 

@@ -87,7 +87,7 @@ def _step(place: tuple[int, int, str], found: dict[str, object]) -> st.Statement
 
 def _parse_json(text: str) -> Iterator[st.Statement]:
     try:
-        read = json.loads(text, parse_int=float, parse_float=_plain_number, object_pairs_hook=_unique)
+        read = json.loads(text, parse_int=float, parse_float=_plain_number, object_pairs_hook=_check_unique)
     except (json.JSONDecodeError, RecursionError) as err:
         raise InputError(f"it is no JSON: {err}") from err
     if not isinstance(read, dict):
@@ -109,7 +109,7 @@ def _plain_number(text: str) -> float:
     return value
 
 
-def _unique(pairs: list[tuple[str, object]]) -> dict[str, object]:
+def _check_unique(pairs: list[tuple[str, object]]) -> dict[str, object]:
     if len({key for key, _ in pairs}) != len(pairs):
         raise InputError(f"a key stands twice among {', '.join(key for key, _ in pairs)}")
     return dict(pairs)
