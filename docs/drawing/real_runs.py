@@ -89,7 +89,7 @@ def _fit_judged(run: Run, cell: Cell, apart: Run, tracer: Any = None) -> tuple[C
 def _by_placement(found: Fit, run: Run) -> dict[str, Any]:
     """Mean distance [mm] of the ball to the mean of its socket, of each placement and over all."""
     samples = replace(run.samples, place=np.zeros(len(run), dtype=int))
-    model = found.model.fixing(found.errors)
+    model = found.model.fix_at(found.errors)
     x = -model.residual(samples, Targets(position=np.zeros((len(run), 3))), np.zeros(0))
     socket = run.samples.place * len(run.balls) + run.readings.ball
     centre = np.stack([x[socket == k].mean(axis=0) for k in range(socket.max() + 1)])

@@ -112,6 +112,6 @@ class Gauge(GaugeReading, GaugeNumbers, GaugeFrames, GaugeReach, GaugeSession):
         return f"path without the {self.noun}" if self.is_attached else "path to the start"
 
     @property
-    def bare(self) -> str:
+    def without_gauge_text(self) -> str:
         """What a program says behind the name of that path."""
         return f", without the {self.noun}" if self.is_attached else ""

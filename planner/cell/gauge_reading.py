@@ -82,7 +82,7 @@ class GaugeReading(ABC):
         """Return what is read before the poses."""
         return NO_REFERENCE_READINGS
 
-    def readable(self, run: Run) -> np.ndarray:
+    def tell_readable(self, run: Run) -> np.ndarray:
         """Tell which readings of a run the gauge can have made, (n,) bool: none of those beyond its stops."""
         return np.ones(len(run), dtype=bool)
 

@@ -73,7 +73,7 @@ class GaugeSession:
         """Return what a session calls the pose where it starts and what it measures from there."""
         return "where the session starts", "measuring"
 
-    def seating(self, cell: Site, q: Array, pose: int) -> str:
+    def seating_step(self, cell: Site, q: Array, pose: int) -> str:
         """Return what a person does at a pose before it is read, q (N,) [rad]; empty where nothing."""
         return ""
 

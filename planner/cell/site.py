@@ -120,7 +120,7 @@ class Site:
         return lower, upper
 
     @property
-    def unwound(self) -> Self:
+    def without_twist(self) -> Self:
         """The cell without the cable's twist along the bar, which counts from a mount pose that is not yet chosen."""
         return replace(self, cable=replace(self.cable, tool_about_bar=None))
 
@@ -133,7 +133,7 @@ class Site:
         """Return the cell with the tool point that the gauge is held at."""
         return replace(self, tool=replace(self.tool, point=mounting.point))
 
-    def only(self, mounting: Mounting) -> Self:
+    def restrict_to(self, mounting: Mounting) -> Self:
         """Return the cell with that fixture and that tool point, and no other."""
         fixture, point = self.fixtures[mounting.fixture], self.tool.points[mounting.point]
         tool = replace(self.tool, points=(point,), point=0)

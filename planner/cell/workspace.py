@@ -73,7 +73,7 @@ class Workspace:
         """
         return np.column_stack([self.stage(stage, q, pose) for stage in STAGES])
 
-    def inside(self, q: Array, margin: float) -> np.ndarray:
+    def keeps_margin(self, q: Array, margin: float) -> np.ndarray:
         """Tell which controller angles (n, N) [rad] keep every margin above ``margin`` [m or rad], (n,) bool."""
         out = np.zeros(len(q), dtype=bool)
         out[self.survivors(q, margin)[-1]] = True
@@ -128,7 +128,7 @@ class Workspace:
         fixture = self.fixture
         chain, theta = self.cell.chain, self.cell.robot.theta(q)
         direction = bar_state(self.cell.map_position(q), fixture.p_BX).direction
-        mark = chain.carry(theta, perpendicular(self.cell.tool.axis_F), point=False)
+        mark = chain.carry(theta, unit_across(self.cell.tool.axis_F), point=False)
         return bar_twist(fixture.axis_B, direction, self.cell.map_axis(q), mark)
 
 
@@ -140,7 +140,7 @@ def bar_twist(fixed_B: Array, direction: Array, axis: Array, mark: Array) -> Arr
         direction: of the bar from fixture to MAP, (n, 3).
         axis: of the MAP's ball joint, (n, 3); mark (n, 3): a unit vector across it that the tool carries.
     """
-    at_fixture = parallel_transport(perpendicular(fixed_B)[None], fixed_B[None], direction)
+    at_fixture = parallel_transport(unit_across(fixed_B)[None], fixed_B[None], direction)
     at_map = parallel_transport(mark, axis, -direction)
     sine = triple_product(at_fixture, at_map, direction)
     return np.asarray(np.arctan2(sine, np.einsum("ni,ni->n", at_fixture, at_map)))
@@ -207,7 +207,7 @@ def _reaches(transforms: tuple[Transform, ...], n_joints: int, tail: float) -> t
     return read_only(out), behind + float(np.linalg.norm(box))
 
 
-def perpendicular(axis: Array) -> Array:
+def unit_across(axis: Array) -> Array:
     """Return a unit vector across the unit vector ``axis`` (3,)."""
     out = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
     return np.asarray(out / np.linalg.norm(out))

@@ -89,9 +89,9 @@ def centre_command(
     cell = _read_cell(plan_file, simulate)
     session, stop = open_session(plan_file, output), StopRequest(stop_file)
     adviser = _centring_adviser(plan_file, cell, session, until, after)
-    if session.pending and simulate and cell:
+    if session.pending_visits and simulate and cell:
         _simulate(session, cell, settings, stop, seed, adviser)
-    elif session.pending and robot and indicators:
+    elif session.pending_visits and robot and indicators:
         known = load_robot(session.way.robot) if cell is None else cell.robot
         _run(session, robot, known, indicators.split(","), settings, stop, follow, adviser)
     _print_end(session, output, plan_file, as_json)
@@ -101,7 +101,7 @@ def _print_end(session: CentringSession, output: Path, plan_file: Path, as_json:
     if as_json:
         print_json(_summary(session, output))
         return
-    all_of = "all" if not session.pending else f"{len(session.journal.rows)} of"
+    all_of = "all" if not session.pending_visits else f"{len(session.journal.rows)} of"
     errors.print(f"{all_of} {len(session.way.visits)} poses are measured, written to {output}")
     print_next(evaluation_step(output, plan_file))
 

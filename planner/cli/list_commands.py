@@ -8,7 +8,7 @@ from rich.table import Table
 
 from planner.cli.terminal import PLAINLY, Json, Manner, SafeConsole, errors, print_json, print_next
 from planner.common.console import as_word
-from planner.common.errors import InputError, printable
+from planner.common.errors import InputError, make_printable
 from planner.common.summary import fact_lines
 
 WIDE_SIGNS = 120  # of a line
@@ -47,7 +47,7 @@ def robots_command(
     table = Table("robot", "title", "joints", "payload", "cells", box=None)
     for name, r in robots.items():
         payload = "" if r.payload is None else f"{r.payload:g} kg"
-        table.add_row(name, printable(r.title), str(r.n_joints), payload, ", ".join(cells[name]))
+        table.add_row(name, make_printable(r.title), str(r.n_joints), payload, ", ".join(cells[name]))
     SafeConsole(width=WIDE_SIGNS).print(table)
 
 
@@ -94,5 +94,5 @@ def dialects_command(as_json: Json = False) -> None:
     table = Table("dialect", "title", "axes", "resolution", "blending", "logs its axes", box=None)
     for i in dialects():
         axes = f"{i.min_joints}–{i.max_joints}"
-        table.add_row(i.name, printable(i.title), axes, f"{10.0**-i.decimals:g}°", i.blend.kind, i.logging)
+        table.add_row(i.name, make_printable(i.title), axes, f"{10.0**-i.decimals:g}°", i.blend.kind, i.logging)
     SafeConsole(width=WIDE_SIGNS).print(table)

@@ -16,7 +16,7 @@ from rich.console import Console
 from rich.progress import BarColumn, SpinnerColumn, TaskProgressColumn, TextColumn, TimeElapsedColumn
 from rich.progress import Progress as Bar
 
-from planner.common.errors import InputError, NoSolutionError, printable
+from planner.common.errors import InputError, NoSolutionError, make_printable
 from planner.common.progress import Progress, Stages
 from planner.common.result import Result
 from planner.common.result_folder import check_not_inside, check_overwriting
@@ -77,7 +77,7 @@ class SafeConsole(Console):
     def print(self, *objects: Any, **how: Any) -> None:
         """Print, with control signs in texts spelt out; where a person reads, long facts go on below themselves."""
         # 50_000: signs of a summary
-        texts = (printable(o, 50_000) if isinstance(o, str) else o for o in objects)
+        texts = (make_printable(o, 50_000) if isinstance(o, str) else o for o in objects)
         if self.is_terminal and self.soft_wrap:
             width = min(self.width, 100)  # signs of a line that an eye follows
             texts = (hang_lines(o, width) if isinstance(o, str) else o for o in texts)

@@ -229,7 +229,7 @@ class ServedField:
         return self.option.request_name or self.field.name
 
     @property
-    def most(self) -> float | None:
+    def maximum(self) -> float | None:
         """The largest number that a request may give."""
         return self.option.max if self.option.max_served is None else self.option.max_served
 

@@ -15,7 +15,7 @@ _HIDDEN = {"Cc", "Cf", "Cs", "Co", "Zl", "Zp"}  # signs that steer a terminal, t
 _RUN = re.compile(rf"\S{{{MOST_RUN + 1},}}")
 
 
-def printable(text: str, most: int = MOST_SIGNS) -> str:
+def make_printable(text: str, most: int = MOST_SIGNS) -> str:
     """Return text of a file as it may go to a terminal: control signs spelt out, long runs cut in their middle."""
     kept = "".join(c if c in "\n\t" or unicodedata.category(c) not in _HIDDEN else repr(c)[1:-1] for c in text)
     kept = _RUN.sub(lambda m: f"{m[0][: MOST_RUN // 2]}…{m[0][-MOST_RUN // 3 :]}", kept)
@@ -40,7 +40,7 @@ class PlannerError(Exception):
     exit_code = 1
 
     def __init__(self, message: str = "") -> None:
-        super().__init__(printable(message))
+        super().__init__(make_printable(message))
 
 
 class InputError(PlannerError):

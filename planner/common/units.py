@@ -53,7 +53,7 @@ def read_only(value: ArrayLike, dtype: DTypeLike = float) -> NDArray[Any]:
     return array
 
 
-def significant(value: float, digits: int = 4) -> float | None:
+def round_finite(value: float, digits: int = 4) -> float | None:
     """Round to so many significant digits; ``None`` for what is not finite."""
     return float(f"{value:.{digits}g}") if np.isfinite(value) else None
 

@@ -191,7 +191,7 @@ def _correct_source(
         correction = correct_joints(nominal, NominalFlange(nominal), calibrated, q[done], tools, source.turn_weights)
         problems += target_problems([t.line for t in chosen], nominal, correction)
         notes = (*notes, *turn_notes(nominal, chosen, q[done]))
-        good, q_new = correction.good, correction.q
+        good, q_new = correction.usable, correction.q
     if not good.any() or (problems and strict):
         said = [*problems, *reading.left]
         raise NoSolutionError("\n".join([problems_summary(path, problems, targets), *list_lines(path.name, said)]))

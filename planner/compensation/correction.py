@@ -76,7 +76,7 @@ class Correction:
         return np.hypot(self.after.tilt, self.after.spin)
 
     @property
-    def good(self) -> np.ndarray:
+    def usable(self) -> np.ndarray:
         """Whether the target can be used: met, within the limits, and near the nominal one, (n,) bool."""
         return np.asarray(self.solved & self.within & self.near)
 

@@ -76,7 +76,7 @@ class ToolGoal:
         """Return those of the targets ``at``."""
         return ToolGoal(self.T_FT[at], self.x[at], self.R[at])
 
-    def missing(self, poser: FlangeSource, q: Array) -> tuple[Array, Array]:
+    def missing_motion(self, poser: FlangeSource, q: Array) -> tuple[Array, Array]:
         """Return what is missing at q (n, N) [rad]: travel (n, 3) [m, base frame] and turn (n, 3) [rad, tool frame]."""
         now = ToolGoal.of(poser, q, self.T_FT)
         return self.x - now.x, np.einsum("nji,nj->ni", self.R, rotation_between(now.R, self.R))
@@ -99,7 +99,7 @@ class ToolDeviation:
     @classmethod
     def at(cls, goal: ToolGoal, poser: FlangeSource, q: Array) -> "ToolDeviation":
         """Return how far the tools of ``poser`` at angles q (n, N) [rad] are from the goal."""
-        travel, turn = goal.missing(poser, q)
+        travel, turn = goal.missing_motion(poser, q)
         tilt, spin = np.linalg.norm(turn[:, :2], axis=1), np.abs(turn[:, 2])
         return cls(read_only(np.linalg.norm(travel, axis=1)), read_only(tilt), read_only(spin))
 
@@ -120,7 +120,7 @@ class TurnsLeft:
     after: ToolDeviation
 
     @property
-    def nearer(self) -> float:
+    def nearer_share(self) -> float:
         """Share of the targets whose tool point came nearer."""
         return float((self.after.distance < self.before.distance).mean())
 
@@ -137,7 +137,7 @@ class TurnsLeft:
             f"the tool point was off by {_rms(b.distance) / MM:.2f} mm rms ({b.distance.max() / MM:.2f} worst), is by "
             f"{_rms(a.distance) / MM:.3f} ({a.distance.max() / MM:.3f}), its axis by {_rms(b.tilt) / DEG:.2f}° and is "
             f"by {_rms(a.tilt) / DEG:.2f}°, its turn about the axis by {_rms(b.spin) / DEG:.2f}° and is by "
-            f"{_rms(a.spin) / DEG:.2f}°; {self.nearer:.0%} of the targets came nearer",
+            f"{_rms(a.spin) / DEG:.2f}°; {self.nearer_share:.0%} of the targets came nearer",
             f"most of a turn (of the axis, about it) is left at: {told}",
         )
 
@@ -187,14 +187,14 @@ def solve_few_axes(
         row = np.append(turns * weights.row, hold)
         low, high = (np.broadcast_to(end, start.shape)[rows] for end in box)
         tried = _solve_within(low, high, _Search(poser, goal.rows(rows), row, start[rows]))
-        off = np.linalg.norm(goal.rows(rows).missing(poser, tried)[0], axis=1)
+        off = np.linalg.norm(goal.rows(rows).missing_motion(poser, tried)[0], axis=1)
         moved = np.abs(tried - start[rows]).max(axis=1, initial=0.0)
         better = np.where(moved <= farthest, off, np.inf) < error[rows]
         q[rows[better]], error[rows[better]] = tried[better], off[better]
         rows = rows[error[rows] > POINT_REACHED]
         if not rows.size:
             break
-    farther = error > np.linalg.norm(goal.missing(poser, start)[0], axis=1)
+    farther = error > np.linalg.norm(goal.missing_motion(poser, start)[0], axis=1)
     q[farther] = start[farther]
     return q
 
@@ -228,7 +228,7 @@ class _Search:
     def step(self, q: Array, free: np.ndarray) -> Array:
         """Return the next change of the joints (n, N) [rad]: what the place needs, and in its null space the rest."""
         n, N = q.shape
-        travel, turn = self.goal.missing(self.poser, q)
+        travel, turn = self.goal.missing_motion(self.poser, q)
         J_x, J_turn = _jacobians(self.poser, q, self.goal)
         J_x, J_turn = J_x * free[:, None, :], J_turn * free[:, None, :] * self.row[:3, None]
         back = np.linalg.pinv(J_x, rcond=LOST_TRAVEL_SHARE)
@@ -268,7 +268,7 @@ def _jacobians(poser: FlangeSource, q: Array, goal: ToolGoal) -> tuple[Array, Ar
     shift = JACOBIAN_STEP * np.eye(N)
     both = (q[:, None, None, :] + np.stack([shift, -shift])[None]).reshape(-1, N)
     many = np.repeat(np.arange(n), 2 * N)
-    travel, turn = (v.reshape(n, 2, N, 3) for v in goal.rows(many).missing(poser, both))
+    travel, turn = (v.reshape(n, 2, N, 3) for v in goal.rows(many).missing_motion(poser, both))
     slopes = (np.swapaxes(v[:, 1] - v[:, 0], 1, 2) / (2 * JACOBIAN_STEP) for v in (travel, turn))
     J_x, J_turn = slopes
     return J_x, J_turn

@@ -178,7 +178,7 @@ def _reach(robot: Robot, start: Array, T: Array) -> tuple[Array, np.ndarray]:
     if robot.n_joints < FULL_AXES:
         goal = ToolGoal(np.broadcast_to(np.eye(4), T.shape), p_BF, R_BF)
         q = solve_few_axes(robot, nominal, start, goal, ALL_TURNS, np.inf)
-        return q, np.asarray(np.linalg.norm(goal.missing(nominal, q)[0], axis=1) < REACHED)
+        return q, np.asarray(np.linalg.norm(goal.missing_motion(nominal, q)[0], axis=1) < REACHED)
     # 30, 0: iterations, all with the nominal Jacobian, which is exact here
     q = solve_flange_ik(robot, nominal, start, p_BF, R_BF, (30, 0))
     p, R = nominal.flange(q)

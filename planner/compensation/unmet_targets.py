@@ -44,7 +44,7 @@ def _tool_of(T_BF: Array, poses: Sequence[CartesianTarget]) -> tuple[Array, Arra
 def target_problems(lines: list[int], nominal: Robot, c: Correction) -> list[Note]:
     """Say of every target that cannot be used why."""
     problems = []
-    for k in np.flatnonzero(~c.good):
+    for k in np.flatnonzero(~c.usable):
         where = ": the target is near a singular position" if c.singular[k] else ""
         if not c.within[k] and c.solved[k]:
             j = int(np.argmax(np.maximum(nominal.q_lower - c.q[k], c.q[k] - nominal.q_upper)))

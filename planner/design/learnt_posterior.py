@@ -55,7 +55,7 @@ class LearntPosterior:
         told = np.linalg.solve(noise * np.eye(len(white)) + white @ white.T, white @ own)
         return noise + float(max(own @ own - (white @ own) @ told, 0.0))
 
-    def remaining(self, which: Sequence[int]) -> Array:
+    def remaining_error(self, which: Sequence[int]) -> Array:
         """Return the matrix whose trace is the mean square error of the tool after some readings, (r, r) [m²].
 
         It is Rᵀ C R, with R the root of the weight and C the covariance that the readings leave.
@@ -66,11 +66,11 @@ class LearntPosterior:
 
     def square(self, which: Sequence[int]) -> float:
         """Return the mean square error of the tool after some readings [m²]."""
-        return float(np.trace(self.remaining(which)) * np.exp(2.0 * self.families.doubt**2))
+        return float(np.trace(self.remaining_error(which)) * np.exp(2.0 * self.families.doubt**2))
 
     def square_limit(self, which: Sequence[int]) -> float:
         """Return the square that 95 of 100 such robots stay below after some readings [m²]."""
-        values = np.maximum(np.linalg.eigvalsh(self.remaining(which))[::-1], 0.0)
+        values = np.maximum(np.linalg.eigvalsh(self.remaining_error(which))[::-1], 0.0)
         most = 60  # values that vary; the small ones that are left count as certain
         return limit_of_sum(values[:most], float(values[most:].sum()), self.families.doubt)
 

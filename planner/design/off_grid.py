@@ -49,7 +49,7 @@ class CandidateFilters:
 
     def keep_limits(self, q: Array, which: np.ndarray) -> np.ndarray:
         """Tell which states keep the limits of joints, gauge and cable, (m,) bool."""
-        return self._filter_each(q, which, lambda workspace, _, mine: workspace.inside(mine, SAFETY_MARGIN))
+        return self._filter_each(q, which, lambda workspace, _, mine: workspace.keeps_margin(mine, SAFETY_MARGIN))
 
     def are_free(self, q: Array, which: np.ndarray) -> np.ndarray:
         """Tell which collide with nothing, one by one: a copy of the process must not start OpenMP's threads."""

@@ -95,7 +95,7 @@ class Excitation:
         return 0.0 if self.samples.t is None else float(np.ptp(self.samples.t))
 
     @property
-    def middle(self) -> float:
+    def middle_time(self) -> float:
         """Time halfway from first to last sample [s]."""
         return self.start + self.duration / 2
 

@@ -116,7 +116,7 @@ def thermal_drift(run: Excitation) -> Iterator[Effect]:
 def drift(run: Excitation) -> Iterator[Effect]:
     """Joints, base and gauge that move steadily in time."""
     if run.duration > 0:
-        yield from _drifts(run, ThermalCause("drift", ElapsedTime(run.middle), "s", run.duration, "steadily"))
+        yield from _drifts(run, ThermalCause("drift", ElapsedTime(run.middle_time), "s", run.duration, "steadily"))
 
 
 @register("warm-up", needs="a longer run that starts with a cold arm")

@@ -96,7 +96,7 @@ class BallSocket(BallGauge):
         size = 2e3 * cell.balls[0].radius
         return "", f"fit the {size:g} mm ball to the tool, wipe ball and sockets clean"
 
-    def seating(self, cell: Site, q: Array, pose: int) -> str:
+    def seating_step(self, cell: Site, q: Array, pose: int) -> str:
         """The ball is led into the socket by hand, or by jogging."""
         socket = cell.balls[nearest_ball(cell, q)].name
         return f"pose {pose}: lead the ball into socket {socket} by hand or jogging, until it rests; note the joints"

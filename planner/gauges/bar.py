@@ -285,7 +285,7 @@ class LengthGauge(LineGauge, GaugeUnknowns):
         prior = setup.place_prior if known is not None else np.full(len(bar.p_BX), LOCATED_SIGMA)
         return replace(setup, p_BX=bar.p_BX, p_FM=bar.p_FM, zero=float(np.mean(bar.zero)), place_prior=prior)
 
-    def readable(self, run: Run) -> np.ndarray:
+    def tell_readable(self, run: Run) -> np.ndarray:
         """Tell which lengths lie within the range, give or take its zero where that is free."""
         length = run.readings.length
         assert length is not None

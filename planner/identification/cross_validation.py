@@ -47,7 +47,7 @@ def _fix_without_time(found: Fit, run: Run) -> Model:
 
     So does what hangs on a column that ``run``, which is to be judged, does not have.
     """
-    model = found.model.fixing(found.errors)
+    model = found.model.fix_at(found.errors)
 
     def standing(move: ParameterMove) -> ParameterMove:
         """Return the move, with the mean of its φ in the place of one that means nothing outside the run."""

@@ -66,12 +66,12 @@ class FittedParameters:
     held: tuple[Parameter, ...] = ()
 
     @property
-    def unseen(self) -> tuple[Parameter, ...]:
+    def unseen_parameters(self) -> tuple[Parameter, ...]:
         """What may be off and the run cannot tell from what is fitted."""
         names = {d.name for d in self.dropped} - {p.name for p in self.held}
         return tuple(p for p in self.whole.parameters if p.name in names)
 
-    def upto(self, effects: Sequence[str]) -> Model:
+    def model_up_to(self, effects: Sequence[str]) -> Model:
         """Return the model with the identifiable parameters of gauge, geometry and these kinds of effect."""
         return parameters_of_groups(self.model, ("gauge", "geometry", *effects))
 

@@ -85,7 +85,7 @@ class _Triangle:
     piece: LinearPiece | None = None
 
     @classmethod
-    def about(cls, problem: FitProblem, errors: Array) -> "_Triangle":
+    def linearize(cls, problem: FitProblem, errors: Array) -> "_Triangle":
         """Linearise about errors (P,) [m, rad]; the cost is infinite where the model cannot follow them."""
         piece = None
         if len(problem) <= PIECE_SAMPLES and _is_large(problem):
@@ -122,7 +122,7 @@ class _Triangle:
 
 def _descend(problem: FitProblem, errors: Array, converged: float) -> Solution:
     most_steps = 50  # of Gauss and Newton
-    here, damping = _Triangle.about(problem, errors), 0.0
+    here, damping = _Triangle.linearize(problem, errors), 0.0
     readings = len(problem) * problem.model.width
     for _ in range(most_steps):
         z = here.step(damping)
@@ -161,7 +161,7 @@ def _next_triangle(problem: FitProblem, here: _Triangle, trial: Array, length: f
     # 50.0: times longer than the next is a step at least where a Jacobian stands for later ones
     if frozen is not None and 50.0 * float(np.linalg.norm(frozen.right)) < length:
         return frozen
-    return _Triangle.about(problem, trial)
+    return _Triangle.linearize(problem, trial)
 
 
 @dataclass(frozen=True)

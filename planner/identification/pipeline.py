@@ -75,9 +75,9 @@ def identify(
         return None if validation is None or bare is None else validate_fit(found, validation, bare)
 
     free = choose_parameters(cell, setup, run)
-    context = FitContext(run, parts, judge, settings.robust, free.unseen, validation)
+    context = FitContext(run, parts, judge, settings.robust, free.unseen_parameters, validation)
     _check_size(context, free.model)
-    model = free.upto(())
+    model = free.model_up_to(())
     say("nominal robot")
     stages = [context.fit_stage("nominal", model.subset([]), robust=False)]
     say("frames")

@@ -92,7 +92,7 @@ class FitProblem:
             white = replace(white, shaken=np.zeros_like(white.shaken))
         return cls(model, run.samples, model.setup.targets(run.samples, run.readings), white, np.ones(len(run)))
 
-    def again(self, model: Model, noise: Noise | None = None, even: bool = False) -> "FitProblem":
+    def restart_with(self, model: Model, noise: Noise | None = None, even: bool = False) -> "FitProblem":
         """Return the fit of another model of the same setup to the same run, unweighted; see :meth:`of`.
 
         What basis functions look at is computed once for both.

@@ -69,7 +69,7 @@ class ProjectedResidual:
         white = np.clip(self.white, -far, far)
         return replace(self, white=white - self.basis @ (self.basis.T @ white))
 
-    def beyond(self, problem: FitProblem, alternatives: Iterable[tuple[str, Array]]) -> dict[str, Array]:
+    def bases_beyond(self, problem: FitProblem, alternatives: Iterable[tuple[str, Array]]) -> dict[str, Array]:
         """Orthonormal bases (m, rank) of what each of some columns (n, r, k) of the reading reach beyond the model.
 
         By the names that these have.
@@ -203,7 +203,7 @@ def _excess_text(found: ResidualDiagnosis, rms: float, noise: float, unit: str) 
 def build_battery(problem: FitProblem, rest: ProjectedResidual, moving: bool) -> ResidualBattery | None:
     """Return the tests that the samples allow, with as much detail as they bear; ``None`` if they bear none."""
     for detail in range(3, 0, -1):  # harmonics of an angle, powers of a length or a time
-        joints = rest.beyond(problem, joint_columns(problem, detail))
+        joints = rest.bases_beyond(problem, joint_columns(problem, detail))
         if not joints:  # no joint moves
             return None
         correlation = NoiseCorrelation()
@@ -213,7 +213,7 @@ def build_battery(problem: FitProblem, rest: ProjectedResidual, moving: bool) ->
         most = rest.dof / correlation.time / (3.0 + 1)
         if correlation.dof < FEWEST_DOF or max(U.shape[1] for U in joints.values()) > most:
             continue
-        others = rest.beyond(problem, other_columns(problem, detail))
+        others = rest.bases_beyond(problem, other_columns(problem, detail))
         every = joints | {name: U for name, U in others.items() if U.shape[1] <= most}
         return ResidualBattery({name: U for name, U in every.items() if U.shape[1]}, correlation)
     return None

@@ -74,7 +74,7 @@ def drop_unreadable(cell: Cell, run: Run) -> Run:
     least = 0.25  # share of the readings at a place that lie within the range of the gauge that stands there
     cell.gauge.check_run(cell, run)
     run = cell.gauge.sift(cell, run)
-    good = cell.gauge.readable(run)
+    good = cell.gauge.tell_readable(run)
     if good.all():
         return run
     low, high = cell.gauge.length_min / MM, cell.gauge.length_max / MM

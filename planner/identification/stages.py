@@ -80,7 +80,7 @@ class FitContext:
             noise = before.problem.whitener.noise
         rough = not any(p.group != "gauge" for p in model.parameters)  # the robot's errors are no noise of its joints
         few = None if whole else self.part(model)
-        problem = self._problem(model, few).again(model, noise, even=rough)
+        problem = self._problem(model, few).restart_with(model, noise, even=rough)
         found = fit(problem, self.robust if robust is None else robust, start, factors=factors)
         held = predict_held_out(found, split if few is None else split.take(few))
         residual, held_residual = found.problem.residual(found.errors), held.residual
@@ -191,7 +191,7 @@ def add_declared_stages(
     stages, notes = list(stages), list[str]()
     kinds = list(dict.fromkeys(effects))
     for k, kind in enumerate(kinds):
-        model = free.upto(kinds[: k + 1])
+        model = free.model_up_to(kinds[: k + 1])
         if len(model.parameters) == len(stages[-1].fit.errors):
             notes.append(f"{kind} is declared in plan.effects, but this run shows nothing of it: it was left out")
             continue

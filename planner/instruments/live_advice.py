@@ -49,7 +49,7 @@ class LiveAdvice:
         return cls(estimate, {p.id: k for k, p in enumerate(poses)}, run.with_suffix(".progress.csv"))
 
     @property
-    def fewest(self) -> int:
+    def fewest_poses(self) -> int:
         """Poses that are read whatever is expected; one that is read in three directions tells as much as two."""
         return FEWEST_READ if self.estimate.width == 1 else FEWEST_READ // 2
 
@@ -61,7 +61,7 @@ class LiveAdvice:
     def passes(self, pose: int) -> str:
         """Return why the pose of this id need not be read: the goal is reached, or it adds nothing."""
         number = self.numbers.get(pose)
-        if number is None or len(self.estimate.read) < self.fewest:
+        if number is None or len(self.estimate.read) < self.fewest_poses:
             return ""
         if self.estimate.reached:
             return "the goal is reached"
@@ -99,7 +99,7 @@ class LiveAdvice:
         """Say it in one sentence; minutes are those that the poses took so far."""
         said = f"error {float(to_mm(stands.error)):.3f} mm expected, 95 % below {float(to_mm(stands.at_most)):.3f} mm"
         # 5.0: standard deviations from what was expected of a reading: the pose or the zero is wrong
-        if stands.surprise > 5.0 and len(self.estimate.read) > self.fewest:
+        if stands.surprise > 5.0 and len(self.estimate.read) > self.fewest_poses:
             said += f"; this reading is {stands.surprise:.0f} sigma from what was expected: read it again"
         if self.estimate.until is None:
             return said

@@ -54,7 +54,7 @@ def map_to_opcua(record: RobotRecord) -> OpcUaRecord:
     """
     found = [(e.file.circumstances, e.document) for e in record.entries if isinstance(e.document, Identification)]
     prognosis = OpcUaPrognosis(
-        predicted_time=_begin(record.due),
+        predicted_time=_begin(record.next_check),
         calibrated=record.calibration_date is not None,
         date_of_calibration=_begin(found[-1][0].date) if found else None,
         calibration_interval=record.file.check_days * 86_400_000.0,  # OPC UA counts a Duration in ms

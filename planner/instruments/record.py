@@ -196,7 +196,7 @@ class RobotRecord:
         return any(e.simulated for e in self.entries)
 
     @property
-    def due(self) -> date | None:
+    def next_check(self) -> date | None:
         """Day of the next check: after a failed one its own day, as it is due at once."""
         if self.failure is not None:
             return self.failure[0]
@@ -207,7 +207,7 @@ class RobotRecord:
     def due_text(self) -> str:
         """The same in words, after a failed check with what to do before; empty where nothing is due."""
         if self.failure is None:
-            return "" if self.due is None else self.due.isoformat()
+            return "" if self.next_check is None else self.next_check.isoformat()
         advice = self.failure[1].advice
         return f"now: {advice}" if "again" in advice else f"now: {advice}, then check or calibrate again"
 

@@ -72,7 +72,7 @@ def simulate_run(cell: Cell, plan_id: str, samples: Samples, truth: Truth, seed:
     The encoders read where the arm is told to stand; repeatability is what the joints are off by.
     """
     moving = cell.motion.is_continuous
-    model, errors = truth.complete()
+    model, errors = truth.complete_model()
     rng = np.random.default_rng([seed, 1])
     off = model.joint_sigma * _repeatability_noise(rng, samples, moving)
     setup = model.setup

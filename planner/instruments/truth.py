@@ -143,7 +143,7 @@ class Truth:
     effects: tuple[TrueEffect, ...] = ()
     bound: UncalibratedBound | None = None
 
-    def complete(self) -> tuple[Model, Array]:
+    def complete_model(self) -> tuple[Model, Array]:
         """Return the model with the effects among its parameters, and all values."""
         more = [(p, v) for e in self.effects for p, v in zip(e.parameters, e.values, strict=True)]
         return self.model.plus([p for p, _ in more]), np.append(self.errors, [v for _, v in more])

@@ -84,7 +84,7 @@ class AxisConvention:
     source: str = ""
 
     @classmethod
-    def same(cls, controller: str, lower: Array, upper: Array, speed: Array, source: str = "") -> AxisConvention:
+    def like_model(cls, controller: str, lower: Array, upper: Array, speed: Array, source: str = "") -> AxisConvention:
         """Return the convention of a controller that counts as the model does, with its strokes and speeds."""
         n = len(speed)
         return cls(controller, read_only(np.eye(n)), read_only(np.zeros(n)), lower, upper, speed, source)

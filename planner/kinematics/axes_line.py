@@ -8,7 +8,7 @@ import difflib
 import re
 from collections.abc import Iterable
 
-from planner.common.errors import InputError, printable
+from planner.common.errors import InputError, make_printable
 from planner.common.remarks import CELL_ENDS, remark_of
 
 KEY = "axes_of"
@@ -59,7 +59,7 @@ def _name_in(where: str, remark: str) -> str | None:
         return None
     # 80: characters of a line in a message
     raise InputError(
-        f"{where}: '# {printable(remark[:80])}' reads as if it said whose axes the angles are, and is not "
+        f"{where}: '# {make_printable(remark[:80])}' reads as if it said whose axes the angles are, and is not "
         f"understood: '# {KEY}: pdl2' is allowed, with a language of 'edbb dialects' or model; begin another remark "
         "with another word"
     )

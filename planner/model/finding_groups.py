@@ -71,7 +71,7 @@ class FindingGroup:
         return f"{first.effect}, {len(self.findings)} joints"
 
     @property
-    def each(self) -> tuple[float, float]:
+    def common_size(self) -> tuple[float, float]:
         """Root mean square of their sizes, in SI units, and its standard deviation."""
         value, std = np.array([f.value for f in self.findings]), np.array([f.std for f in self.findings])
         size = float(np.sqrt(max(float((value**2 - std**2).mean()), float((std**2).mean()))))
@@ -89,7 +89,7 @@ def many_of_one_kind(findings: Sequence[Finding]) -> tuple[ManyOfOneKind, ...] |
     out = []
     for group in group_findings(findings):
         if len(group.findings) > 1:
-            first, (value, std) = group.findings[0], group.each
+            first, (value, std) = group.findings[0], group.common_size
             on = first.on if first.after_sample is not None else "joints"
             at = tuple(place[id(f)] for f in group.findings)
             out.append(
@@ -154,7 +154,7 @@ def unit_of_change(unit: str, size: float) -> tuple[str, float]:
 
 def _steps_note(group: FindingGroup) -> str:
     """Say how often something changed, by how much each time, and when."""
-    own, (each, std) = group.findings, group.each
+    own, (each, std) = group.findings, group.common_size
     size = format_value(each, std, *unit_of_change(own[0].unit, each))
     when = ", ".join(str(k) for k in sorted(f.after_sample or 0 for f in own))
     return f"{own[0].on}: changed {len(own)} times, by {size} each (root mean square), after samples {when}"
@@ -162,7 +162,7 @@ def _steps_note(group: FindingGroup) -> str:
 
 def _joints_note(group: FindingGroup) -> str:
     """Say the size that the joints have in the mean, and that of each."""
-    own, (each, std) = group.findings, group.each
+    own, (each, std) = group.findings, group.common_size
     unit = display_unit(own[0].unit, max(abs(f.value) for f in own))
     ordered = sorted(own, key=lambda f: int(f.on.removeprefix(JOINT)))
     sizes = ", ".join(f"{f.on.removeprefix(JOINT)}: {format_value(f.value, f.std, *unit)}" for f in ordered)

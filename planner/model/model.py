@@ -143,7 +143,7 @@ class Model:
         """Return the model with more parameters, preferred to those it has."""
         return replace(self, parameters=(*first, *self.parameters))
 
-    def fixing(self, errors: Array) -> "Model":
+    def fix_at(self, errors: Array) -> "Model":
         """Return the model with every parameter fixed at ``errors`` (P,)."""
         return replace(self, parameters=(), fixed=(*self.fixed, *zip(self.parameters, errors, strict=True)))
 

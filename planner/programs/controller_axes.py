@@ -23,7 +23,7 @@ def axes_for(robot: Robot, dialect: Dialect) -> AxisConvention:
         InputError: the robot's file does not say how that controller counts; with the lines to be added.
     """
     if dialect.angles == MODEL:
-        return AxisConvention.same(MODEL, robot.q_lower, robot.q_upper, robot.speed)
+        return AxisConvention.like_model(MODEL, robot.q_lower, robot.q_upper, robot.speed)
     return robot.axes_of(dialect.name.partition("+")[0])
 
 
@@ -34,7 +34,7 @@ def log_axes(robot: Robot, controller: str) -> AxisConvention:
         InputError: no such dialect, or the robot's file does not say how its controller counts.
     """
     if controller == MODEL:
-        return AxisConvention.same(MODEL, robot.q_lower, robot.q_upper, robot.speed)
+        return AxisConvention.like_model(MODEL, robot.q_lower, robot.q_upper, robot.speed)
     return axes_for(robot, load_dialect(controller))
 
 

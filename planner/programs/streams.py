@@ -106,7 +106,7 @@ def _pass_through(q: Array, moves: Sequence[JointMove], style: SpeedStyle, limit
     slower = 1.0
     for _ in range(400):  # tries at a longer time each, for a stretch in frames
         count = np.maximum(1.0, np.ceil(slower * planned * ticks - 1e-6))
-        cubics = Cubics.through(q, count / ticks)
+        cubics = Cubics.through_points(q, count / ticks)
         ramps = np.sqrt((cubics.largest_acceleration() / limit).max())
         excess = max(float(ramps), float((cubics.peak_over_mean() * shortest / cubics.seconds).max()))
         if excess <= 1.0:
@@ -114,7 +114,7 @@ def _pass_through(q: Array, moves: Sequence[JointMove], style: SpeedStyle, limit
         slower *= max(excess, 1.01)  # times slower at least
     else:
         raise InputError(f"frames at {ticks:g} a second cannot carry a path of {len(planned)} steps within the limits")
-    frames = cubics.inside(count.astype(int)) if style.stream == "frames" else [()] * len(planned)
+    frames = cubics.points_inside(count.astype(int)) if style.stream == "frames" else [()] * len(planned)
     return [
         TimedLeg(float(t), tuple(v), inner)
         for t, v, inner in zip(cubics.seconds, cubics.velocity[1:].tolist(), frames, strict=True)
@@ -130,7 +130,7 @@ class Cubics:
     seconds: Array
 
     @classmethod
-    def through(cls, q: Array, seconds: Array) -> "Cubics":
+    def through_points(cls, q: Array, seconds: Array) -> "Cubics":
         """Return cubics through the points, from rest to rest.
 
         The velocity at a point is that of the parabola through it and its two neighbours.
@@ -161,7 +161,7 @@ class Cubics:
         even = np.abs(mean)[leg, leading]
         return np.asarray(np.where(even > 0.0, speed.max(axis=0)[leg, leading] / np.where(even > 0.0, even, 1.0), 1.0))
 
-    def inside(self, count: np.ndarray) -> list[tuple[tuple[float, ...], ...]]:
+    def points_inside(self, count: np.ndarray) -> list[tuple[tuple[float, ...], ...]]:
         """Return the points that cut each leg into ``count`` (n,) equal times, without its ends."""
         out = []
         for k, n in enumerate(count.tolist()):

@@ -49,7 +49,7 @@ def residual_chart(facts: CalibrationFacts, kind: str) -> Chart:
     """Residuals of the last stage against every quantity of one kind."""
     name, title = KINDS[kind]
     error = to_mm(facts.after.held_residual[facts.chart_samples][:, :3])
-    panels = tuple(_scatter(a, error, facts.calibration.reading_unit) for a in facts.against if a.kind == kind)
+    panels = tuple(_scatter(a, error, facts.calibration.reading_unit) for a in facts.plot_variables if a.kind == kind)
     return Chart(name, title, SCATTER, panels, columns=2)
 
 
@@ -101,7 +101,7 @@ BEFORE, AFTER = ORANGE, BLUE
 
 def draw_calibration_charts(facts: CalibrationFacts) -> tuple[Chart, ...]:
     """Return every picture of the report."""
-    drawn = [residual_chart(facts, kind) for kind in KINDS if any(a.kind == kind for a in facts.against)]
+    drawn = [residual_chart(facts, kind) for kind in KINDS if any(a.kind == kind for a in facts.plot_variables)]
     if facts.calibration.run.samples.direction is not None:
         drawn.append(approach_chart(facts))
     matrix = (correlation_chart(facts),) if len(facts.calibration.fit.errors) > 1 else ()

@@ -76,7 +76,7 @@ class CalibrationFacts:
         return np.asarray(np.clip(C / np.outer(size, size), -1.0, 1.0))
 
     @cached_property
-    def against(self) -> tuple[PlotVariable, ...]:
+    def plot_variables(self) -> tuple[PlotVariable, ...]:
         """Everything that the run has to draw residuals against."""
         return tuple(a for a in (*self._angles(), *self._gauge(), *self._circumstances()) if np.ptp(a.values) > 0)
 

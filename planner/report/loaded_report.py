@@ -60,7 +60,7 @@ def readings_chart(c: EvaluatedCircle) -> Chart:
 def deflection_chart(c: EvaluatedCircle) -> Chart:
     """Distance of the readings from those at the base load (paper, figure 13 b), and by the compliances."""
     curves, panels = c.curves, []
-    texts = [f"{load:.0f} N more" for load in curves.apparent]
+    texts = [f"{load:.0f} N more" for load in curves.loads_beyond_base]
     for d, sense in enumerate(curves.directions):
         lines = _lines(curves.theta, curves.deflection[d], texts, 1)
         lines += _lines(curves.theta, c.predicted[d], [""] * len(texts), 1, dashed=True)

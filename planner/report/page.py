@@ -68,7 +68,7 @@ class Report:
     identity: tuple[str, ...] = ()
     simulated: bool = False
 
-    def about(self, cell: Cell, simulated: bool = False) -> "Report":
+    def with_identity(self, cell: Cell, simulated: bool = False) -> "Report":
         """Return the page with the identity of a cell's robot and gauge."""
         return replace(self, identity=(f"robot {cell.robot.name}", cell.gauge.describe(cell)), simulated=simulated)
 
@@ -184,7 +184,7 @@ def report_overview(
     shown = {name: b64encode(png).decode("ascii") for name, png in (pictures or {}).items()}
     rows = [_columns(line) for line in lines]
     content = {"title": title, "first": first, "rows": rows, "files": tuple(files), "pictures": shown}
-    return Report("overview.html.j2", content, tuple(charts)).about(cell)
+    return Report("overview.html.j2", content, tuple(charts)).with_identity(cell)
 
 
 def _columns(line: str) -> tuple[str, str]:

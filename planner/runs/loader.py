@@ -94,7 +94,7 @@ def _logged_run(table: RunTable, n_joints: int, pixels: Array | None) -> Run:
             f"q1_deg …{f' q{n_joints}_deg' if n_joints else ''} (as read) or cmd1_deg … (as commanded) are needed"
         )
     readings, balls = readings_of(table, pixels)
-    t = table.optional("t")
+    t = table.optional_column("t")
     continuous = _is_continuous(table, t, q)
     session, said = _sessions(table, t)
     place, places = table.names("fixture", table.stem if readings.ball is not None else "")
@@ -108,10 +108,10 @@ def _logged_run(table: RunTable, n_joints: int, pixels: Array | None) -> Run:
         session=session,
         pose=read_only(table.frame["pose"].fill_null(-1.0), np.int64) if table.has("pose") else None,
         point=point if table.has("point") else None,
-        temperature=table.optional("temperature"),
-        force=table.optional("force"),
+        temperature=table.optional_column("temperature"),
+        force=table.optional_column("force"),
         torque=table.joints("torque", n_joints),
-        payload=table.optional("payload"),
+        payload=table.optional_column("payload"),
         direction=table.joints("direction", n_joints),
         file=read_only(np.zeros(len(q)), np.int64),
         line=read_only(table.source.lines, np.int64),
@@ -149,7 +149,7 @@ def _is_continuous(table: RunTable, t: Array | None, q: Array) -> bool:
 
 def _sessions(table: RunTable, t: Array | None) -> tuple[IntArray, list[str]]:
     """Return the session of each sample, and a warning where the clock decided it."""
-    given = table.optional("session")
+    given = table.optional_column("session")
     session, back = number_sessions(t, given, table.frame.height)
     if len(back) == 0:
         return read_only(session, np.int64), []

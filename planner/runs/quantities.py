@@ -96,5 +96,5 @@ def readings_of(table: RunTable, pixels: Array | None = None) -> tuple[Readings,
         return Readings(position=position, rotation=rotation), ()
     for key, kind in scalar_kinds().items():
         if table.has(key):
-            return kind(scalar=table.optional(key)), ()
-    return Readings(length=table.optional("length")), ()
+            return kind(scalar=table.optional_column(key)), ()
+    return Readings(length=table.optional_column("length")), ()

@@ -220,7 +220,7 @@ class RunTable:
         """Return a column of numbers (n,)."""
         return self.frame[key].to_numpy().astype(float)
 
-    def optional(self, key: str) -> Array | None:
+    def optional_column(self, key: str) -> Array | None:
         """Return a column of numbers (n,), read-only, or None where it is not there."""
         return read_only(self.array(key)) if self.has(key) else None
 

@@ -109,7 +109,7 @@ class ClusterRunner:
             LOG.error("job %s: %s", self._job.id, err)
             end = WorkEnd(None, crashed=future.status not in LOST)
         if end.state is not None:
-            with self._files.placing():
+            with self._files.hold_files():
                 written = [JobOutput(name, self._files.add(data), len(data)) for name, data in end.files.items()]
                 self._jobs.finish(self._job, end.state, written, end.exit_code, end.problem)
         elif end.crashed and self._job.crashes + 1 >= MOST_CRASHES:

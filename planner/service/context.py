@@ -59,7 +59,7 @@ class Supervisor:
         self._folder.mkdir(parents=True, exist_ok=True)
         self._files.clear_drafts()
         there = list(self._folder.iterdir())
-        alive = self._jobs.running()  # after the look: another server may begin one meanwhile
+        alive = self._jobs.running_jobs()  # after the look: another server may begin one meanwhile
         for left in there:
             if left.name not in alive:
                 shutil.rmtree(left, ignore_errors=True)

@@ -49,7 +49,7 @@ def _annotate(served: ServedField) -> tuple[Any, Any]:
         # 10: of a list in a request
         kind = Annotated[list[Annotated[str, Field(pattern=option.pattern)]], Field(max_length=10)]
     else:
-        kind = Annotated[kind, Field(ge=option.min, le=served.most, pattern=option.pattern)]
+        kind = Annotated[kind, Field(ge=option.min, le=served.maximum, pattern=option.pattern)]
     default: Any = ... if required else [] if empty else field.default
     if default in (None, ""):  # not given: as a request says it
         kind, default = kind | None, None

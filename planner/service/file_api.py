@@ -162,7 +162,7 @@ async def receive_body(
 def _place_and_note(
     files: FileStore, draft: ContentDraft, file: StoredFile, note: Callable[[StoredFile], None]
 ) -> None:
-    with files.placing():
+    with files.hold_files():
         files.place(draft, file.id)
         note(file)
 

@@ -93,12 +93,12 @@ class FileStore:
             path.unlink(missing_ok=True)
 
     @contextmanager
-    def placing(self) -> Iterator[None]:
+    def hold_files(self) -> Iterator[None]:
         """Hold off others that bring or remove files: what is brought is named before it may be removed.
 
         It must not be nested.
         """
-        with hold_lock(self._drafts.parent / ".placing"):
+        with hold_lock(self._drafts.parent / ".hold_files"):
             yield
 
     def finish(self, draft: ContentDraft, expected: str | None) -> str:

@@ -68,7 +68,7 @@ class JobKeeper:
             UnknownJobError: there is no such job.
             KeptJobError: something needs it.
         """
-        with self._records.alone():  # what is deleted is not added to a record meanwhile
+        with self._records.hold_alone():  # what is deleted is not added to a record meanwhile
             if not self._records.refresh(now=True):
                 raise KeptJobError("the records of robots are being read, and may cite it; try again in a moment")
             with self._db.write() as db:
@@ -95,7 +95,7 @@ class JobKeeper:
 
     def _remove_unnamed_files(self, contents: Iterable[str]) -> None:
         """Remove the files of these hashes that nothing names any more."""
-        with self._files.placing(), self._db.write() as db:  # nobody brings or names one meanwhile
+        with self._files.hold_files(), self._db.write() as db:  # nobody brings or names one meanwhile
             for sha256 in contents:
                 if not is_named(db, sha256):
                     self._files.path(sha256).unlink(missing_ok=True)
@@ -144,7 +144,7 @@ class JobKeeper:
         A crash, or a job that was tried again, has left them.
         """
         named = {row["sha256"] for row in self._db.read(NAMED)}
-        with self._files.placing():  # nobody removes one meanwhile
+        with self._files.hold_files():  # nobody removes one meanwhile
             there = [path for path in self._files.folder.glob("??/*") if path.name not in named]
             left = [path.name for path in there if path.stat().st_mtime < before]
         if left:

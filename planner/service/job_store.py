@@ -139,7 +139,7 @@ class JobStore:
                 self._foreseen, found = Foresight(time.monotonic(), outlooks), outlooks[id]
             return found
 
-    def running(self) -> set[str]:
+    def running_jobs(self) -> set[str]:
         """Return identifier and fence of every job that a living server runs, as ``id-fence``; others wait again."""
         with self._db.write() as db:
             return self._release_lost_jobs(db)

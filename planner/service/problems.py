@@ -10,7 +10,7 @@ from pydantic import Field
 from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect
 
-from planner.common.errors import MissingProgramError, NoSolutionError, PlannerError, printable
+from planner.common.errors import MissingProgramError, NoSolutionError, PlannerError, make_printable
 from planner.common.schema import StrictModel
 from planner.service.command_words import RefusedCommandError
 from planner.service.database import damage_text, is_damage
@@ -56,7 +56,7 @@ class ProblemResponse(JSONResponse):
     media_type = MEDIA_TYPE
 
     def __init__(self, status: int, detail: str, exit_code: int | None = None) -> None:
-        self.detail = printable(detail)
+        self.detail = make_printable(detail)
         problem = Problem(title=HTTPStatus(status).phrase, status=status, detail=self.detail, exit_code=exit_code)
         super().__init__(problem.model_dump(exclude_none=True), status_code=status)
 

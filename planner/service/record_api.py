@@ -167,7 +167,7 @@ def _summary(record: RobotRecord) -> dict[str, Any]:
     return known | {
         "state": robot_state(record),
         "advice": robot_advice(record),
-        "next_check": record.due,
+        "next_check": record.next_check,
         "due": record.due_text,
         "simulated": record.simulated,
     }

@@ -134,7 +134,7 @@ class RecordIndex:
         self._keep(serial, _stamp(self._folder / serial))
 
     @contextmanager
-    def alone(self) -> Iterator[None]:
+    def hold_alone(self) -> Iterator[None]:
         """Hold off others that add to records, or delete what records may cite: threads, and servers of this folder."""
         with hold_lock(self._folder / ".lock"):
             yield
@@ -197,7 +197,7 @@ class RecordIndex:
                 (serial, k, e.file.document_sha256, e.file.circumstances.model_dump_json())
                 for k, e in enumerate(record.entries)
             ]
-            due = None if record.due is None else record.due.isoformat()
+            due = None if record.next_check is None else record.next_check.isoformat()
             row = (
                 serial, record.file.robot, _lasting_state(record), robot_advice(record), due, record.due_text,
                 len(record.entries), int(record.simulated), stamp,
@@ -252,8 +252,8 @@ def _lasting_state(record: RobotRecord) -> RobotState:
 
 def robot_state(record: RobotRecord) -> RobotState:
     """Return how a robot stands today."""
-    state = _lasting_state(record)
-    return "check due" if state == "good" and record.due is not None and record.due < latest_day() else state
+    state, day = _lasting_state(record), record.next_check
+    return "check due" if state == "good" and day is not None and day < latest_day() else state
 
 
 def robot_advice(record: RobotRecord) -> str:

@@ -66,7 +66,7 @@ class RecordStore:
             InputError: it has nothing for a record, or is of another model, or simulated beside real ones; its
                 date is not allowed.
         """
-        with self.index.alone(), tempfile.TemporaryDirectory(dir=self._folder) as draft:
+        with self.index.hold_alone(), tempfile.TemporaryDirectory(dir=self._folder) as draft:
             self._jobs.get(job.id)  # it may have been deleted meanwhile
             for output in self._jobs.outputs(job.id):
                 if output.name in (*DOCUMENTS, *BESIDE):
@@ -88,7 +88,7 @@ class RecordStore:
             UnknownRecordError: there is none.
         """
         folder, packed = self.path(serial), io.BytesIO()
-        with self.index.alone(), zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
+        with self.index.hold_alone(), zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
             for path in sorted(p for p in folder.rglob("*") if p.is_file()):
                 archive.write(path, Path(serial, path.relative_to(folder)))
         return packed.getvalue()

@@ -192,7 +192,7 @@ class JobRunner:
         state: State = "done" if code in (0, PARTLY_DONE) else "failed"
         problem = None if state == "done" else self._problem(code)
         own_code = None if code == DAMAGED else code  # the command never ran
-        with self._files.placing():
+        with self._files.hold_files():
             self._jobs.finish(self._job, state, self._take_outputs(), own_code, problem)
 
     def _take_outputs(self) -> list[JobOutput]:

@@ -77,7 +77,7 @@ def build_context(settings: ServiceSettings) -> ServiceContext:
     database = Database(settings.folder / "jobs.sqlite3")
     jobs = JobStore(database)
     try:
-        jobs.running()
+        jobs.running_jobs()
     except sqlite3.DatabaseError as err:
         raise InputError(damage_text(err)) from err
     cluster = Cluster(settings.cluster, settings.limits) if settings.cluster.scheduler else None

@@ -27,7 +27,7 @@ class Waypoints:
     visit: np.ndarray
     blend: Array
 
-    def backwards(self) -> "Waypoints":
+    def reverse(self) -> "Waypoints":
         """Return the path driven from its end to its beginning."""
         return Waypoints(self.q[::-1], self.visit[::-1], self.blend[::-1])
 

@@ -133,7 +133,7 @@ def drop_unreachable(
         reach = join_to_mounts(cell, likely, seed, np.sort(order[:2000]), limit)
     lost = len(pool) - int(reach.joined.sum())
     note = Aside(f"{lost} of {len(pool)} candidates were left out: no path joins them to the mount pose")
-    return likely.take(reach.joined), reach, (note,) if lost else (), rough.among(reach.joined)
+    return likely.take(reach.joined), reach, (note,) if lost else (), rough.for_candidates(reach.joined)
 
 
 def _describe_apart(count: int, joined: int) -> str:
@@ -167,7 +167,7 @@ def join_to_mounts(
 
 def _find_mount(cell: Cell, mounting: Mounting, seed: int, limit: TimeLimit) -> Array:
     """Return a pose in the largest part of the shell."""
-    one = replace(cell.unwound.only(mounting), plan=replace(cell.plan, grid_step=None))
+    one = replace(cell.without_twist.restrict_to(mounting), plan=replace(cell.plan, grid_step=None))
     q = draw_candidates(one, 2000, seed, limit=limit).q  # poses among which a mount pose is looked for
     return _quickest_roomy(one, q[connected_parts(Constraints(one, limit=limit), q, seed) == 0])
 

@@ -202,7 +202,7 @@ def build_program(cell: Cell, plan_id: str, body: list[Instruction]) -> Program:
 def _course_instructions(cell: Cell, one: Course, form: PathForm, first: int) -> list[Instruction]:
     """The session of one mounting, from home and back home; ``first`` is the number of its first start."""
     cell = cell.at(one.mounting)
-    bare, removal = cell.gauge.bare, cell.gauge.removal
+    bare, removal = cell.gauge.without_gauge_text, cell.gauge.removal
     travel = joint_moves(cell, one.travel, None)
     there: list[Instruction] = [
         Section(f"to {one.start}{bare}"),
@@ -284,7 +284,7 @@ def measured_moves(cell: Cell, path: TimedPath, mounting: Mounting, form: PathFo
         begins = {k: k for k, move in enumerate(moves) if move.pose is not None}
     rests, short = not (cell.motion.is_continuous or form.dense), _stop_short(cell, path)
     for k, move in enumerate(moves):
-        asked = "" if move.pose is None else cell.gauge.seating(cell, np.deg2rad(move.q_deg), move.pose)
+        asked = "" if move.pose is None else cell.gauge.seating_step(cell, np.deg2rad(move.q_deg), move.pose)
         out.append((begins.get(k, -1), replace(move, q_deg=degrees(short.q[k + 1])) if asked else move))
         if move.pose is None:
             continue

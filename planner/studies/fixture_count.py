@@ -62,7 +62,7 @@ class FixtureCount:
         return next(s.fixtures for s in self.steps if s.robot_seen == self.steps[-1].robot_seen)
 
     @property
-    def never(self) -> tuple[DroppedParameter, ...]:
+    def lost_parameters(self) -> tuple[DroppedParameter, ...]:
         """What no number of fixtures and no remedy shows."""
         left = [{d.name for d in r.dropped} for r in self.remedies] + [{d.name for d in self.steps[-1].dropped}]
         last = self.remedies[-1].dropped if self.remedies else self.steps[-1].dropped
@@ -100,7 +100,7 @@ class CombinedReadings:
         """Those of the parameters that were not seen otherwise which are seen by these."""
         return tuple(d.name for d in unseen if d.name in self.identifiability.names)
 
-    def without(self, *prefixes: str) -> "CombinedReadings":
+    def drop_parameters(self, *prefixes: str) -> "CombinedReadings":
         """Return them with the parameters measured whose names begin with one of ``prefixes``."""
         left = [k for k, n in enumerate(self.names) if not n.startswith(prefixes)]
         names = tuple(self.names[k] for k in left)
@@ -130,7 +130,7 @@ def count_fixtures(cell: Cell, map_: FixtureMap, noise: float, seed: int) -> Fix
     places = [map_.present]
     steps = [step(places)]
     while len(places) < 3:  # fixtures that are tried
-        tried = [[*places, p] for p in map_.usable if all(p is not q for q in places)]
+        tried = [[*places, p] for p in map_.usable_places if all(p is not q for q in places)]
         if not tried:
             break
         places = max(tried, key=merit)
@@ -212,8 +212,8 @@ def _find_remedies(
         ("the tool point measured", one, ("map_",)),
         ("fixtures and tool point measured", all_, ("fixture_", "map_")),
     ]
-    out = [(says, readings.without(*known)) for says, readings, known in tried if free.issuperset(known)]
-    measured = all_.without("fixture_", "map_")
+    out = [(says, readings.drop_parameters(*known)) for says, readings, known in tried if free.issuperset(known)]
+    measured = all_.drop_parameters("fixture_", "map_")
     both = np.concatenate([measured.rows, _second_tool_rows(cell, map_, seed)])
     says = "all measured, and a second tool point" if free else "a second tool point, measured"
     out.append((says, replace(measured, rows=both, sources=len(places) + 1)))

@@ -69,15 +69,15 @@ class FixtureMap:
         return self.places[0]
 
     @property
-    def usable(self) -> tuple[FixturePlace, ...]:
+    def usable_places(self) -> tuple[FixturePlace, ...]:
         """Places with a value."""
         return tuple(p for p in self.places if p.status == "usable")
 
     @property
-    def best(self) -> FixturePlace:
+    def best_place(self) -> FixturePlace:
         """The usable place with the best index."""
         rule = find_rule(self.index)
-        return max(self.usable, key=lambda p: rule.merit(p.value))
+        return max(self.usable_places, key=lambda p: rule.merit(p.value))
 
 
 def map_fixture_places(

@@ -147,7 +147,7 @@ def draw_fixtures(study: StudySummary) -> Chart:
         columns.append((f"{step.fixtures} fixtures", shown))
     columns += [(r.name, set(r.shows)) for r in fixtures.remedies]
     values = np.array([[1.0 if n in shown else 0.0 for _, shown in columns] for n in unseen]).reshape(-1, len(columns))
-    never = {d.name for d in fixtures.never}
+    never = {d.name for d in fixtures.lost_parameters}
     values[[n in never for n in unseen]] = -0.3
     hope = len(unseen) - len(never)
     title = f"{hope} of the {len(unseen)} unseen parameters can be shown in some way (blue); red: in none"
@@ -202,7 +202,7 @@ def draw_map(places: FixtureMap) -> bytes:
 
     The present and the best place are marked. The index itself stands on the index curve alone.
     """
-    values = [places.ratio(p) for p in places.usable]
+    values = [places.ratio(p) for p in places.usable_places]
     norm = LogNorm(min(values), max(max(values), 1.01 * min(values)))
     colours = ScalarMappable(norm, "viridis" if INDEX_RULES[places.index].maximise else "viridis_r")
     with print_style():
@@ -254,7 +254,7 @@ def _draw_upright(ax: Axes, places: FixtureMap, colours: ScalarMappable) -> None
 
 
 def _draw_marks(ax: Axes, places: FixtureMap, plane: str, present: tuple[float, float]) -> None:
-    best, half = places.best, places.half[0] if plane == "level" else places.half[1]
+    best, half = places.best_place, places.half[0] if plane == "level" else places.half[1]
     at = {"present place": present}
     if best.plane == plane:
         at["best place"] = (best.along, best.up + 0.6 * half)

@@ -91,9 +91,9 @@ class StudySummary:
         m = self.places
         best, present = (
             {"position_mm": _mm(p.p_BX), "status": p.status, "parameters_seen": p.rank, "value": _round(p.value)}
-            for p in (m.best, m.present)
+            for p in (m.best_place, m.present)
         )
-        counts = {"places": len(m.places), "usable": len(m.usable)}
+        counts = {"places": len(m.places), "usable": len(m.usable_places)}
         return counts | {
             "present": present,
             "best": best,
@@ -112,7 +112,7 @@ class StudySummary:
                 for s in f.steps
             ],
             "remedies": [{"name": r.name, "shows": list(r.shows)} for r in f.remedies],
-            "never": [{"name": d.name, "because": d.because} for d in f.never],
+            "never": [{"name": d.name, "because": d.because} for d in f.lost_parameters],
             "in_words": list(describe_fixtures(f, self.basis.index)),
         }
 
@@ -138,8 +138,8 @@ def format_place(p: Array) -> str:
 
 def describe_best_place(m: FixtureMap) -> str:
     """Say where the fixture stands best, and how much that would gain."""
-    best, present = m.best, m.present
-    of = f"of {len(m.usable)} usable places on the grid ({len(m.places)} tried)"
+    best, present = m.best_place, m.present
+    of = f"of {len(m.usable_places)} usable places on the grid ({len(m.places)} tried)"
     if best is present:
         return f"the present place is the best {of}"
     maximise = INDEX_RULES[m.index].maximise
@@ -172,7 +172,10 @@ def describe_fixtures(f: FixtureCount, index: str) -> tuple[str, ...]:
         known |= set(fresh)
         if fresh:
             out.append(f"{join_names(fresh)} would be seen with {r.name}")
-    out += [f"{d.name} can never be seen by a length gauge, it {d.because.removeprefix(d.name + ' ')}" for d in f.never]
+    out += [
+        f"{d.name} can never be seen by a length gauge, it {d.because.removeprefix(d.name + ' ')}"
+        for d in f.lost_parameters
+    ]
     return tuple(out)
 
 
@@ -248,7 +251,7 @@ def map_csv(study: StudySummary) -> str:
             | {f"{axis}_mm": float(x / MM) for axis, x in zip("xyz", p.p_BX, strict=True)}
             | {"status": p.status, "candidates": p.candidates}
             | {"parameters_seen": p.rank if p.information is not None else None, "index": places.index}
-            | {"poses": places.poses, "value": p.value, "best": p is places.best}
+            | {"poses": places.poses, "value": p.value, "best": p is places.best_place}
             for p in places.places
         ]
     )
@@ -271,7 +274,7 @@ def fixtures_csv(study: StudySummary) -> str:
 def unseen_csv(study: StudySummary) -> str:
     """Each unseen parameter: the least effort that shows it, or why nothing does."""
     fixtures = study.fixtures
-    last = {d.name: d.because for d in fixtures.never}
+    last = {d.name: d.because for d in fixtures.lost_parameters}
     more = {n: f"{s.fixtures} fixtures" for s in fixtures.steps for n in s.becomes}
     columns = {"parameter": list[str](), "shown_by": list[str](), "because": list[str]()}
     for d in fixtures.steps[0].dropped:

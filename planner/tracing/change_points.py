@@ -316,6 +316,6 @@ def _acting_throughout(state: SearchState, found: FittedEffect) -> Array:
     """Whitened change (n, r) that a step, as fitted, would make in every sample."""
     problem, own = state.fit.problem, state.positions(found)
     parameters = tuple(acting_throughout(state.fit.model.parameters[k]) for k in own)
-    model = replace(state.fit.model.fixing(state.fit.errors), parameters=parameters)
+    model = replace(state.fit.model.fix_at(state.fit.errors), parameters=parameters)
     rows = whiten(problem, model.linear_in(problem.context, None).rows)
     return np.asarray(rows @ state.fit.errors[own])

@@ -53,7 +53,7 @@ class AccuracyCheck(FolderResult):
         with self.stages.stage("report"):
             for name, text in self.found.tables().items():
                 write_text(draft / name, text)
-            report = report_accuracy(self.cell.robot.title, self.found).about(self.cell, self.simulated)
+            report = report_accuracy(self.cell.robot.title, self.found).with_identity(self.cell, self.simulated)
             write_text(draft / "report.html", report.html())
             write_bytes(draft / "accuracy.png", report.pngs["accuracy"])
 

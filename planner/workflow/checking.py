@@ -86,7 +86,7 @@ class CheckResult(FolderResult):
         """Write ``report.html`` and its picture."""
         from planner.report.check_report import report_check  # plotting takes long to load
 
-        report_check(self.cell.robot.title, self.verdict).about(self.cell, self.simulated).write(draft)
+        report_check(self.cell.robot.title, self.verdict).with_identity(self.cell, self.simulated).write(draft)
 
     def files(self, folder: Path) -> str:
         """Name what is written."""

@@ -63,7 +63,7 @@ class CircularTestResult(FolderResult):
         from planner.report.circular_report import report_circular_test  # matplotlib: others start quicker without
 
         with self.stages.stage("report"):
-            report_circular_test(self.test).about(self.cell, self.simulated).write(draft)
+            report_circular_test(self.test).with_identity(self.cell, self.simulated).write(draft)
 
     def files(self, folder: Path) -> str:
         """Name what is written."""
@@ -145,7 +145,7 @@ class LoadedTestEvaluation(FolderResult):
             write_text(draft / "averaged.csv", run_text(replace(averaged_run(self.found), simulated=self.simulated)))
             if self.joint is not None:
                 write_text(draft / "joint.csv", run_text(self.joint.run))
-            report_loaded_run(self.found, self.joint).about(self.cell, self.simulated).write(draft)
+            report_loaded_run(self.found, self.joint).with_identity(self.cell, self.simulated).write(draft)
 
     def files(self, folder: Path) -> str:
         """Name what is written."""

@@ -162,7 +162,7 @@ class CalibrationResult(FolderResult):
         found = self.calibration
         with self.timing.stage("report"):
             write_text(draft / "residuals.csv", residuals_csv(found))
-            report_calibration(found).about(self.cell, self.simulated).write(draft)
+            report_calibration(found).with_identity(self.cell, self.simulated).write(draft)
             if not found.problems:
                 self.write_robot(draft)
 

@@ -238,7 +238,7 @@ class CirclePlacesResult(FolderResult):
 
         with self.stages.stage("report"):
             write_text(draft / "places.csv", places_csv(self.found))
-            write_cell(with_circles(self.cell, self.found.best(self.count)), draft)
+            write_cell(with_circles(self.cell, self.found.best_places(self.count)), draft)
             title, charts = f"Places of loaded circles for {self.cell.robot.title}", draw_places(self.found, self.count)
             report_overview(title, self.cell, self.overview().text(), charts, PLACES_FILES).write(draft)
 
@@ -268,5 +268,6 @@ def study_places(asked: LoadedPlacesCall) -> CirclePlacesResult:
         found = study_circle_places(where, max(count, 6), asked.seed)
     if count > len(found.sets):
         raise InputError(f"{count} places were asked for, but only {len(found.sets)} circles can be followed")
-    both = None if unloaded is None else predict_common_fit(UnloadedPoses.read(unloaded), where, found.best(count))
+    places = found.best_places(count)
+    both = None if unloaded is None else predict_common_fit(UnloadedPoses.read(unloaded), where, places)
     return CirclePlacesResult(where, found, count, both, stages)

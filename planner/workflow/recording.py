@@ -39,7 +39,7 @@ class RecordResult(FolderResult):
             "schema": "edbb-history/1",
             "serial": known.file.serial,
             "robot": known.file.robot,
-            "next_check": None if known.due is None else known.due.isoformat(),
+            "next_check": None if known.next_check is None else known.next_check.isoformat(),
             "due": known.due_text,
             "entries": [
                 {"number": e.number, "kind": e.file.kind, "result": e.sentence}

@@ -44,7 +44,7 @@ def fill_plan(
         one_clock: whether the time of ``trajectory.csv`` goes on from course to course, else it begins anew.
     """
     with stages.stage("report"):
-        page = report().about(plan.cell)
+        page = report().with_identity(plan.cell)
         page.draw_beside()
         for file in (file for _, files in plan.programs for file in files):
             write_text(folder / file.name, file.text, file.encoding)

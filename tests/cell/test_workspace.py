@@ -46,7 +46,7 @@ def test_stages_are_filters_in_order():
     q = draw_candidates(cell, 300).q
     assert all((workspace.stage(s, q) > 0).all() for s in STAGES)
     around = q + np.random.default_rng(0).normal(scale=0.2, size=q.shape)
-    assert np.array_equal(workspace.inside(around, 0.01), (workspace.margins(around) > 0.01).all(axis=1))
+    assert np.array_equal(workspace.keeps_margin(around, 0.01), (workspace.margins(around) > 0.01).all(axis=1))
     far = q.copy()
     far[:, 0] += np.pi
     assert not (workspace.stage("workspace", far) > 0).all(axis=1).any()

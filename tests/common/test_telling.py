@@ -6,7 +6,7 @@ import pytest
 from pydantic import Field
 
 from planner.cell.file import CellFile
-from planner.common.errors import MOST_SIGNS, InputError, printable
+from planner.common.errors import MOST_SIGNS, InputError, make_printable
 from planner.common.schema import StrictModel, read_json, read_toml_content, validate
 from planner.runs.traces import ColumnMap
 
@@ -149,14 +149,14 @@ def test_what_is_right_is_read():
 
 def test_a_long_message_loses_whole_lines_and_says_how_many():
     lines = [f"a.src:{k}: " + "word " * 40 for k in range(30)]
-    said = printable("\n".join([*lines, "add --strict"])).split("\n")
+    said = make_printable("\n".join([*lines, "add --strict"])).split("\n")
     assert sum(map(len, said)) <= MOST_SIGNS
     assert said[-1] == "add --strict"
     shown = len(said) - 2
     assert said[:shown] == lines[:shown]
     assert said[-2] == f"… {30 - shown} lines left out …"
     assert shown > 8
-    assert len(printable("x y " * 5000)) <= MOST_SIGNS
+    assert len(make_printable("x y " * 5000)) <= MOST_SIGNS
 
 
 @pytest.mark.parametrize("text", ["\x1b[2Jcleared", "\u202ereversed", "a" * 100_000, "\x07\x9b31m", "x\ry"])

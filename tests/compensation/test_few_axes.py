@@ -47,7 +47,7 @@ def test_nearly_all_reachable_targets_come_nearer(name, seed):
         for angles in (q, done.q)
     )
     np.testing.assert_allclose(done.after.distance, after, atol=1e-9)
-    assert (done.good & (after < before)).mean() >= 0.95
+    assert (done.usable & (after < before)).mean() >= 0.95
     assert (after <= before + 1e-12).all()  # those that are left are left as they were
     assert np.median(after) < 1e-8 < np.median(before) / 1e4
 
@@ -63,7 +63,7 @@ def test_beside_its_first_axis_the_arm_comes_as_near_as_its_joints_may_move():
     )
     assert (np.abs(done.moved).max(axis=1) <= move_limit(robot)).all()
     assert (after < 0.5 * before).all()
-    assert done.good.all()
+    assert done.usable.all()
 
 
 def test_what_is_left_of_the_turn_is_the_least_that_the_place_allows():
@@ -126,7 +126,7 @@ def test_a_table_is_corrected_and_says_what_is_left(tmp_path):
     write_text(table, "\n".join(["q1_deg,q2_deg,q3_deg,q4_deg,q5_deg", *rows]) + "\n")
     done = compensate_file(table, robot, real)
     left = done.report.turns_left
-    assert left.nearer >= 0.9
+    assert left.nearer_share >= 0.9
     assert "an arm of 5 axes brings its tool to a place" in done.summary
     told = [line for line, why in (*done.report.notes, *done.report.kept) if "singular" in why]
     assert near_singular(robot, np.deg2rad([q[line - 2] for line in told]).reshape(-1, 5)).all()

@@ -68,8 +68,8 @@ def test_targets_that_cannot_be_corrected_are_marked():
     turned = BentRobot(robot, np.array([sign * 0.01 if t.joint == 5 else 0.0 for t in robot.transforms]))
     assert correct_joints(robot, NominalFlange(robot), turned, q).within.tolist() == [True, False, True]
     done = correct_joints(robot, NominalFlange(robot), real, q)
-    assert done.good.tolist()[0] is False  # a straight wrist: the lost direction cannot be corrected
-    assert done.good.tolist()[2] is True
+    assert done.usable.tolist()[0] is False  # a straight wrist: the lost direction cannot be corrected
+    assert done.usable.tolist()[2] is True
 
 
 def test_seven_joints_move_as_little_as_possible():

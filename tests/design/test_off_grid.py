@@ -57,6 +57,6 @@ def test_what_the_descents_find_are_poses(monkeypatch):
     certify_off_grid(cell, pool, choice)
     q = np.concatenate([s.q for s in found])
     assert len(q) >= 400
-    assert Workspace(cell, FIRST_MOUNTING).inside(q, 0.99 * SAFETY_MARGIN).all()
+    assert Workspace(cell, FIRST_MOUNTING).keeps_margin(q, 0.99 * SAFETY_MARGIN).all()
     assert not CollisionWorld.from_cell(cell, FIRST_MOUNTING).collides(q, cell.motion.clearance).any()
     assert np.abs(q[:, None] - pool.q[None]).max(axis=2).min(axis=1).max() > 0.05  # they went somewhere

@@ -139,7 +139,7 @@ def test_what_is_left_out_is_predicted_as_by_fits_that_never_had_it():
     assert out
     assert still
     kept = [k for k in range(len(found.errors)) if k not in out + still]
-    fixed = found.model.subset(still).fixing(found.errors[still]).fixed
+    fixed = found.model.subset(still).fix_at(found.errors[still]).fixed
     bare = replace(found.model.subset(kept), fixed=(*found.model.fixed, *fixed))
     slow, _ = refitted(replace(found, problem=found.problem.with_model(bare), solution=Kept(found.errors[kept])), parts)
     (fast,) = predict_held_out_without(found, parts, [out], still)

@@ -115,7 +115,7 @@ def panda(tmp_path_factory):
 def points(c: Calibration, run: Run):
     """Where the calibrated robot has its ball, (n, 3) [m], in its own base frame."""
     samples = replace(run.samples, place=np.zeros(len(run), dtype=int))
-    model = c.fit.model.fixing(c.fit.errors)
+    model = c.fit.model.fix_at(c.fit.errors)
     return -model.residual(samples, Targets(position=np.zeros((len(run), 3))), np.zeros(0))
 
 

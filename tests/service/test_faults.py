@@ -79,9 +79,9 @@ def test_a_clock_that_is_set_does_not_start_running_jobs_anew(tmp_path, monkeypa
     job = store.jobs.take(2)
     for step in (86_400, -86_400):
         monkeypatch.setattr(time, "time", lambda step=step: real() + step)
-        assert store.jobs.running() == {f"{JOB}-{job.fence}"}
+        assert store.jobs.running_jobs() == {f"{JOB}-{job.fence}"}
     monkeypatch.setattr(time, "monotonic", lambda: steady() + job_store.LEASE_S + 1)
-    assert store.jobs.running() == set()
+    assert store.jobs.running_jobs() == set()
     assert store.jobs.get(JOB).state == "queued"
 
 

@@ -81,7 +81,7 @@ def test_present_value_is_that_of_the_selection_on_the_same_candidates(done, cel
     mu = np.linalg.svd(rows[chosen, 0], compute_uv=False)
     assert m.present.value == pytest.approx(np.exp(np.log(mu).mean()) / np.sqrt(m.poses), rel=1e-9)
     assert m.kept == done[1].basis.seen.kept
-    assert m.best.value == max(p.value for p in m.usable)
+    assert m.best_place.value == max(p.value for p in m.usable_places)
 
 
 def test_fixture_sets_have_the_rank_of_plain_stacked_rows(done, cell):
@@ -126,7 +126,7 @@ def test_remedies_are_what_plain_ranks_say(done, cell):
         shown = set(next(r for r in f.remedies if r.name == says).shows)
         assert len(unseen) - len(shown) == len(null)
         assert free_names & set(unseen) <= shown
-    assert [d.name for d in f.never] == ["d3"]
+    assert [d.name for d in f.lost_parameters] == ["d3"]
     assert f.fewest_fixtures == 1
 
 
@@ -147,4 +147,4 @@ def test_a_base_that_may_turn_about_one_known_fixture_is_held_by_three():
     remedies = {r.name: r for r in f.remedies}
     assert len(model.names) - len(remedies["the fixture's place measured"].dropped) == ranks[0]
     assert len(model.names) - len(remedies["the places of 3 fixtures measured"].dropped) == ranks[1]
-    assert "d1" not in {d.name for d in f.never}
+    assert "d1" not in {d.name for d in f.lost_parameters}

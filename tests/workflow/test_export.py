@@ -239,7 +239,7 @@ def test_speeds_as_written_are_held_against_those_of_tool_and_gauge(folder, name
     program = session_program(session.cell, session.courses, session.plan_id, dialect.path_form)
     found = write_and_read_back(program, name, "a")[1]
     robot = session.cell.robot
-    axes = AxisConvention.same(name, robot.q_lower, robot.q_upper, robot.speed)
+    axes = AxisConvention.like_model(name, robot.q_lower, robot.q_upper, robot.speed)
     check_emitted_speeds(session.cell, program, axes, dialect, found)
     slow = replace(session.cell, gauge=replace(session.cell.gauge, rate=1.0 * MM))
     with pytest.raises(NoSolutionError, match=r"drives the gauge at \d"):

@@ -162,7 +162,7 @@ class _KrlTargets:
             self._leave(move.line, f"'{move.text}' found; a position in braces or the name of one is allowed")
         else:
             linear = "LIN" in move.word or "CIRC" in move.word or move.word == "SPL"
-            why, frames = self._doubt(move, linear), self.frames.now()
+            why, frames = self._doubt(move, linear), self.frames.current_frames()
             if OWN_FRAMES.search(move.rest):
                 frames = self.frames.of_move(move.rest)
             for target in move.targets:

@@ -62,7 +62,7 @@ class FrameState:
         """Tell whether a name is a parameter or a variable of the routine, which hides that of the module."""
         return name in self._shadowed
 
-    def now(self) -> FramePair:
+    def current_frames(self) -> FramePair:
         """Return tool and base at this statement."""
         why = self._values.everywhere
         if self._on_tool and self._now["IPO_MODE"] != _FIXED_BASE:

@@ -106,7 +106,7 @@ class _RapidTargets:
         elif kind in _TARGETS and not p.beside:
             pattern = _TARGETS[kind]
             rows = list(pattern.finditer(value)) if statement.part else [pattern.fullmatch(value)]
-            name = self.names.own(p, statement.name)
+            name = self.names.key_of(p, statement.name)
             if statement.part and (others := re.findall(r"[A-Za-z]\w*", pattern.sub(" ", value))):
                 for other in (name, *(self.names.resolve(p, o) for o in others)):
                     self.points.compute(other, f"stands in a row of names and numbers (line {statement.line})")

@@ -67,7 +67,7 @@ class Names:
             )
             self._local |= keys if re.search(r"\bLOCAL\b", p.statement.text, re.IGNORECASE) else set()
 
-    def own(self, p: Placed, name: str) -> str:
+    def key_of(self, p: Placed, name: str) -> str:
         """Return the key of ``name`` as it is declared in this statement."""
         return _key(p.module, p.routine, name)
 
@@ -180,7 +180,7 @@ class FrameTable:
         self._handed: dict[str, str] = {}
         for p in placed:
             if isinstance(p.statement, st.Assignment) and p.statement.kind in _KINDS:
-                self._declare(p, p.statement, names.own(p, p.statement.name))
+                self._declare(p, p.statement, names.key_of(p, p.statement.name))
         for p in placed:
             if isinstance(p.statement, st.Assignment) and not p.statement.kind:
                 self._change(p, p.statement, names.resolve(p, p.statement.name))
@@ -223,7 +223,7 @@ class FrameTable:
         made = list[tuple[str, set[str], int]]()
         for p in placed:
             if isinstance(s := p.statement, st.Assignment):
-                left = self._names.own(p, s.name) if s.kind else self._names.resolve(p, s.name)
+                left = self._names.key_of(p, s.name) if s.kind else self._names.resolve(p, s.name)
                 right = {self._names.resolve(p, name) for name in re.findall(r"[A-Za-z]\w*", s.value)}
                 made.append((left, right, s.line))
         return trace_sources(made, {left for left, _, _ in made if self.knows(left)})

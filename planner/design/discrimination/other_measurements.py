@@ -92,7 +92,7 @@ def propose_measurements(
 def _second_fixture(
     cell: Cell, few: PredictedReadings, scale: float, poses: int, seed: int, limit: TimeLimit
 ) -> Iterator[OtherMeasurement]:
-    cell = cell.only(FIRST_MOUNTING).with_mount(FIRST_MOUNTING, None)
+    cell = cell.restrict_to(FIRST_MOUNTING).with_mount(FIRST_MOUNTING, None)
     first = cell.fixtures[0]
     for turn in (0.9, -0.9, 1.8, -1.8):  # [rad] about the base's axis
         R = np.array([[np.cos(turn), -np.sin(turn), 0.0], [np.sin(turn), np.cos(turn), 0.0], [0.0, 0.0, 1.0]])
@@ -131,6 +131,8 @@ def _draw_visits(cell: Cell, poses: int, seed: int, limit: TimeLimit) -> tuple[S
     """Visits of candidates of another cell; none where it has none."""
     try:
         # 800: candidates: enough to say whether it would help
-        return candidate_visits(cell.unwound, draw_candidates(cell.unwound, 800, seed, limit=limit), poses, seed)
+        return candidate_visits(
+            cell.without_twist, draw_candidates(cell.without_twist, 800, seed, limit=limit), poses, seed
+        )
     except NoSolutionError:
         return ()

@@ -41,7 +41,7 @@ class IndexRule:
     what: str
     of: Callable[[Array, int], Array]
 
-    def better(self, value: float, than: float) -> bool:
+    def is_better(self, value: float, than: float) -> bool:
         """Tell whether ``value`` is strictly better than ``than``."""
         return value > than if self.maximise else value < than
 

@@ -56,7 +56,7 @@ def anneal(
         if step % 4 == 0:  # draws with the barriers where they are
             bath = _HeatBath(outer[members], BarrierPotential(index, wide * (tight / wide) ** share))
             value = float(better.of(np.sqrt(bath.mu[::-1]), len(members)))
-            if np.isnan(best_value) or better.better(value, best_value):
+            if np.isnan(best_value) or better.is_better(value, best_value):
                 best, best_value = members.copy(), value
         looked = candidates[step % block]
         looked = looked[~within[looked]]
@@ -178,7 +178,7 @@ def exchange_poses(
     certificate = certificate or certify_bound(rows, index, n, seed=seed, limit=limit)
     search = _IndexSearch(rows, n, index, certificate, seed, steps, width, limit)
     starts = starts or (1 if search.anneals else 4)
-    chosen, value = search_starts(search.run, range(starts), find_rule(index).better)
+    chosen, value = search_starts(search.run, range(starts), find_rule(index).is_better)
     return PoseSelection(chosen, index, value, certificate)
 
 
@@ -233,7 +233,7 @@ class _IndexSearch:
             trial[rng.permutation(len(best))[: len(fresh)]] = fresh
             trial = self._tighten(trial, short)
             new = index_of_rows(self.index, self.rows[trial])
-            if find_rule(self.index).better(new, value):
+            if find_rule(self.index).is_better(new, value):
                 best, value = trial, new
         return best
 

@@ -68,7 +68,7 @@ def refine_off_grid(
             potential = BarrierPotential(index, strength)
             q, rows, reach, lead = _run_round(q, rows, reach, lead, rows_of, valid, potential, rng)
             value = index_of_rows(index, rows)
-            if find_rule(index).better(value, best[2]):
+            if find_rule(index).is_better(value, best[2]):
                 best = q, rows, value
             if np.mean(reach > LEAST_REACH) < 0.05:  # of the poses still move: they are left there
                 break

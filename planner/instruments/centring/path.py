@@ -46,7 +46,7 @@ class PlannedPath:
         """
         low, high = sorted((start, end))
         passes = any(low < v.at < high for v in self.visits)
-        return self._quickest_way(start, end) if passes else self.between(start, end)
+        return self._quickest_way(start, end) if passes else self.points_between(start, end)
 
     def _quickest_way(self, start: int, end: int) -> list[int]:
         """Return the points of the quickest way over proven legs: of the planned way, and those beside it.
@@ -70,7 +70,7 @@ class PlannedPath:
             way.append(int(before[way[-1]]))
         return [start, *way[::-1][1:-1], end]
 
-    def between(self, start: int, end: int) -> list[int]:
+    def points_between(self, start: int, end: int) -> list[int]:
         """Return the points to drive from ``start`` to ``end``, both among them; a touch on the way is left out.
 
         The way is as free backward as forward. Where a ball is approached and left through the same point, it is not
@@ -91,7 +91,7 @@ class PlannedPath:
         ahead = visit.at - 1 if visit.at > 0 else behind
         return behind if start > visit.at and behind < len(self.q) else ahead
 
-    def nearest(self, q: Array) -> tuple[int, float]:
+    def nearest_point(self, q: Array) -> tuple[int, float]:
         """Return the point that is nearest to q (N,) [rad] and how far its furthest axis is [rad]."""
         off = np.abs(self.q - q).max(axis=1)
         return int(off.argmin()), float(off.min())

@@ -71,7 +71,7 @@ class CentringSession:
     journal: Journal
 
     @property
-    def pending(self) -> list[BallVisit]:
+    def pending_visits(self) -> list[BallVisit]:
         """The poses that are left, in the order driven."""
         return [v for v in self.way.visits if v.id not in self.journal.measured_ids]
 
@@ -146,7 +146,7 @@ def drive_to_balls(session: CentringSession, bench: CentringBench) -> Iterator[B
     """
     way, settings = session.way, bench.settings
     at = _go_to_path(way, bench)
-    for visit in session.pending:
+    for visit in session.pending_visits:
         if bench.skips(visit):
             continue
         bench.place = _visit_text(visit)
@@ -167,7 +167,7 @@ def follow_program(session: CentringSession, bench: CentringBench) -> Iterator[B
     Raises:
         LinkError: the program does not come, or is another plan's.
     """
-    visits, left = {v.id: v for v in session.way.visits}, {v.id for v in session.pending}
+    visits, left = {v.id: v for v in session.way.visits}, {v.id for v in session.pending_visits}
     while left:
         bench.place = "waiting for the robot's program"
         pose = bench.link.arrive()
@@ -192,7 +192,7 @@ def _go_to_path(way: PlannedPath, bench: CentringBench) -> int:
     Raises:
         LinkError: it stands elsewhere; the way from there is not known to be free.
     """
-    at, off = way.nearest(bench.link.joints()[1])
+    at, off = way.nearest_point(bench.link.joints()[1])
     if float(to_deg(off)) > bench.settings.robot.start_deg:
         first = ", ".join(f"{a:.2f}" for a in to_deg(way.q[0]))
         raise LinkError(

@@ -24,7 +24,7 @@ class SimulatedArm:
 
     def __init__(self, cell: Cell, truth: Truth, settings: CentringSettings, seed: int) -> None:
         self._cell, self._settings = cell, settings
-        self._model, self._errors = truth.complete()
+        self._model, self._errors = truth.complete_model()
         self._rng = np.random.default_rng([seed, 4])
         self._q = self._off = read_only(np.zeros(cell.robot.n_joints))
         axes = cell.gauge.indicators.axes_F

@@ -122,7 +122,7 @@ class Detector:
         back = np.linalg.pinv(white, rcond=UNSEEN_SHARE) * size[:, None]
         return np.asarray(back @ self._whitening @ difference), np.asarray(back @ back.T)
 
-    def detectable(self, which: int, square: Array) -> float:
+    def detectable_motion(self, which: int, square: Array) -> float:
         """Return the least motion of the tool [m] that is found with ``POWER`` whatever way the change goes.
 
         ``square`` (d, d): mean square motion of the tool per squared size of the change.

@@ -160,26 +160,28 @@ class CheckVerdict:
     notes: tuple[str, ...]
 
     @property
-    def smallest(self) -> float:
+    def smallest_p(self) -> float:
         """The smallest probability of all tests."""
         return min(self.anything.p_value, *(j.test.p_value for j in self.judged))
 
     @property
-    def best(self) -> JudgedChange | None:
+    def likeliest_change(self) -> JudgedChange | None:
         """The most likely change; ``None`` where none explains the readings as well as some change without a name."""
         return self.judged[0] if self.judged[0].lead >= self.anything_lead else None
 
     @property
     def rivals(self) -> tuple[JudgedChange, ...]:
         """Changes that explain the readings nearly as well as the best."""
-        return tuple(j for j in self.judged[1:] if self.judged[0].lead - j.lead < STRONG_LEAD) if self.best else ()
+        if self.likeliest_change is None:
+            return ()
+        return tuple(j for j in self.judged[1:] if self.judged[0].lead - j.lead < STRONG_LEAD)
 
     @property
     def outcome(self) -> Outcome:
         """What holds."""
-        if self.smallest >= self.threshold:
+        if self.smallest_p >= self.threshold:
             return "unchanged"
-        each = (self.best, *self.rivals) if self.best else ()
+        each = (self.likeliest_change, *self.rivals) if self.likeliest_change else ()
         small = self.limit is not None and all(j.motion + CHANGE_SIGMAS * j.motion_std <= self.limit for j in each)
         return "changed within the limit" if small and each else "changed"
 
@@ -195,7 +197,7 @@ class CheckVerdict:
             return "go on: no change that these poses can tell"
         if self.outcome == "changed within the limit":
             return "go on, and check again soon: the change is within the limit"
-        return "calibrate again" if self.best is None else self.best.change.advice
+        return "calibrate again" if self.likeliest_change is None else self.likeliest_change.change.advice
 
 
 def evaluate_check(baseline: Baseline, cell: Cell, run: Run, limit: float | None = None) -> CheckVerdict:
@@ -265,7 +267,7 @@ def _judge(detector: Detector, change: Change, test: Explanation, lead: float, d
     motion = float(np.sqrt(values @ change.square @ values))
     slope = change.square @ values / max(motion, 1e-12)
     std = float(np.sqrt(slope @ covariance @ slope))
-    return JudgedChange(change, test, lead, motion, std, values, detector.detectable(test.which, change.square))
+    return JudgedChange(change, test, lead, motion, std, values, detector.detectable_motion(test.which, change.square))
 
 
 def _prepare(run: Run, cell: Cell, baseline: Baseline) -> Run:

@@ -6,7 +6,7 @@ import numpy as np
 
 from planner.cell.cell import Cell
 from planner.common.summary import Fact, Summary
-from planner.common.units import Array, in_units, significant, to_deg, to_mm
+from planner.common.units import Array, in_units, round_finite, to_deg, to_mm
 from planner.identification.baseline import Baseline
 from planner.instruments.check.assumptions import FALSE_ALARM, POWER
 from planner.instruments.check.evaluation import (
@@ -44,7 +44,7 @@ class CheckForecast:
         known = baseline.for_samples(samples)
         every = possible_changes(cell, known.model.setup, shows_play(samples))
         detector, changes, hidden = build_detector(known, every, samples)
-        return cls(changes, tuple(detector.detectable(k, c.square) for k, c in enumerate(changes)), hidden)
+        return cls(changes, tuple(detector.detectable_motion(k, c.square) for k, c in enumerate(changes)), hidden)
 
     @property
     def hidden_because(self) -> str:
@@ -71,7 +71,7 @@ class CheckForecast:
 
 def verdict_content(verdict: CheckVerdict, robot: str) -> dict[str, object]:
     """Return ``check.json``."""
-    best = verdict.best
+    best = verdict.likeliest_change
     return {
         "schema": "edbb-check/1",
         "robot": robot,
@@ -81,8 +81,8 @@ def verdict_content(verdict: CheckVerdict, robot: str) -> dict[str, object]:
         "advice": verdict.advice,
         "cause": None if verdict.outcome == "unchanged" else ANYTHING if best is None else best.change.name,
         "rivals": [] if verdict.outcome == "unchanged" else [j.change.name for j in verdict.rivals],
-        "p_value": significant(verdict.smallest),
-        "threshold": significant(verdict.threshold),
+        "p_value": round_finite(verdict.smallest_p),
+        "threshold": round_finite(verdict.threshold),
         **RATES,
         **in_units(MM_DECIMALS, limit_mm=verdict.limit),
         "changes": [_change_section(j) for j in verdict.judged],
@@ -108,7 +108,7 @@ def _change_section(j: JudgedChange) -> dict[str, object]:
     sized |= {f"{n}_deg": to_deg(v) for n, v in values.items() if f"{n}_mm" not in sized}
     return {
         "change": j.change.name,
-        "p_value": significant(j.test.p_value),
+        "p_value": round_finite(j.test.p_value),
         "lead": round(j.lead, 2),
         **{f"{k}_mm": _mm(v) for k, v in (("motion", j.motion), ("std", j.motion_std), ("detectable", j.detectable))},
         "values": {k: round(float(v), 5) for k, v in sized.items()},
@@ -122,13 +122,13 @@ def _mm(value: float) -> float | None:
 def verdict_overview(verdict: CheckVerdict) -> Summary:
     """Return the verdict in words."""
     said = "passed" if verdict.passed else "FAILED"
-    p = f"smallest probability {verdict.smallest:.2g}, alarm below {verdict.threshold:.2g}"
+    p = f"smallest probability {verdict.smallest_p:.2g}, alarm below {verdict.threshold:.2g}"
     facts: list[Fact] = [
         ("do", verdict.advice),
         ("test", f"{p} ({100 * FALSE_ALARM:g} of 100 sound robots)"),
     ]
     if verdict.outcome != "unchanged":
-        best = verdict.best
+        best = verdict.likeliest_change
         facts.append(("cause", ANYTHING if best is None else _cause_text(best)))
         facts += [("or", _cause_text(j)) for j in verdict.rivals]
     else:

@@ -116,7 +116,7 @@ class CircleAtFixture:
         """Of the circle above the fixture, along its normal [m]."""
         return float((self.centre - self.p_BX) @ self.axes[2])
 
-    def polar(self, x: Array) -> tuple[Array, Array]:
+    def to_polar(self, x: Array) -> tuple[Array, Array]:
         """Angle (n,) [rad] of points x (n, 3) [m], and how far they lie off the circle, (n,) [m]."""
         u, v, height = self.axes @ (x - self.centre).T
         return np.arctan2(v, u), np.asarray(np.hypot(np.hypot(u, v) - self.radius, height))

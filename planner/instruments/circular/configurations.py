@@ -210,7 +210,7 @@ def follow_poses(cell: Cell, start: Array, x: Array, R: Array, lead: float = 1.0
 
 
 def _workspace(cell: Cell, circle: Circle) -> Workspace:
-    return Workspace(cell.unwound, circle.mounting)
+    return Workspace(cell.without_twist, circle.mounting)
 
 
 def _margins(cell: Cell, circle: Circle, q: Array) -> Array:

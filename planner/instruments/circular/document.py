@@ -229,7 +229,7 @@ def _read_drive(
     measured = measured_passes(arcs, number)
     travel = time_path(cell, read_waypoints(file.travel), mounting, bar=False)
     passes = [
-        CircularPass.between(time_path(cell, read_waypoints(p.way), mounting, bar=True), last=p is file.passes[-1])
+        CircularPass.from_path(time_path(cell, read_waypoints(p.way), mounting, bar=True), last=p is file.passes[-1])
         if p.way
         else next(measured)
         for p in file.passes

@@ -72,7 +72,7 @@ def drive_arc(cell: Cell, circle: Circle, angle: Array, q: Array, blend: float) 
     radius[[0, -1]] = 0.0
     marks[np.flatnonzero(points_on_sweep(circle, angle))[[0, -1]]] = (0, 1)
     there = Waypoints(q, marks, radius)
-    back = replace(there.backwards(), visit=np.where(marks >= 0, 1 - marks, -1)[::-1])
+    back = replace(there.reverse(), visit=np.where(marks >= 0, 1 - marks, -1)[::-1])
     at_speed = replace(cell, motion=replace(cell.motion, tool_speed=circle.speed))
     ccw, cw = (time_path(at_speed, points, circle.mounting, bar=True) for points in (there, back))
     length = bar_state(cell.map_position(q), cell.fixtures[circle.fixture].p_BX).length
@@ -104,7 +104,7 @@ class CircularPass(Pass):
     repeat: int = 0
 
     @classmethod
-    def between(cls, path: TimedPath, last: bool) -> "CircularPass":
+    def from_path(cls, path: TimedPath, last: bool) -> "CircularPass":
         """Return the way from one circle to the next, or the last one."""
         return cls(path, "back to where the bar is taken off" if last else "to the next circle")
 

@@ -117,7 +117,7 @@ class CircularSession:
                 key = here.tobytes() + goal.tobytes()
                 if key not in ways:
                     ways[key] = _path_between(with_bar, here, goal, seed)
-                passes.append(CircularPass.between(ways[key].path, last=one is None))
+                passes.append(CircularPass.from_path(ways[key].path, last=one is None))
             if one is not None:
                 passes.append(one)
                 here = one.path.q[-1]

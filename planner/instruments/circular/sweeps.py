@@ -73,7 +73,7 @@ def find_sweeps(cell: Cell, rings: Sequence[MeasuredCircle], run: Run) -> tuple[
     x = cell.map_position(run.samples.q)
     found: list[Sweep] = []
     for k, ring in enumerate(rings):
-        angle, off = ring.polar(x)
+        angle, off = ring.to_polar(x)
         near = off < NEAR_CIRCLE * ring.radius
         if run.places != ("",):
             near &= np.array([n == cell.fixtures[ring.circle.fixture].name for n in run.places])[run.samples.place]

@@ -208,7 +208,7 @@ class PredictedCompliance:
     alone: Array
 
     @property
-    def worst(self) -> float:
+    def worst_share(self) -> float:
         """Of the joint known least, with the prior."""
         return float(self.std.max())
 
@@ -231,7 +231,7 @@ class CirclePlaceChoice:
     sets: tuple[np.ndarray, ...]
     known: tuple[PredictedCompliance, ...]
 
-    def best(self, count: int) -> list[CirclePlace]:
+    def best_places(self, count: int) -> list[CirclePlace]:
         """Return the best set of ``count`` places."""
         return [self.pool[int(i)] for i in self.sets[count - 1]]
 

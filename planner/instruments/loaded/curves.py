@@ -120,7 +120,7 @@ def average_curves(setup: MeasurementSetup, run: Run, overshoot: float) -> tuple
     for place in np.unique(run.samples.place):
         mine = np.flatnonzero(run.samples.place == place)
         circle = find_circle(setup, run, int(place), x[mine])
-        theta, off = circle.polar(x[mine])
+        theta, off = circle.to_polar(x[mine])
         part = run.take(mine)
         loads, level = load_levels(part, off < NEAR_CIRCLE * circle.radius)
         turns = list(_turns(part, theta, level, overshoot))

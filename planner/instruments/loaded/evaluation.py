@@ -153,7 +153,7 @@ def compare_with_tracker(cell: Cell, setup: MeasurementSetup, circle: EvaluatedC
         raise InputError(f"{run.name}: the comparison needs a tracker's x_mm, y_mm, z_mm")
     curves = circle.curves
     x = measured_points(setup, run.samples.q)
-    theta, off = curves.circle.polar(x)
+    theta, off = curves.circle.to_polar(x)
     on = np.flatnonzero(off < NEAR_CIRCLE * curves.circle.radius)
     if len(on) < len(curves.theta) // 4:
         raise InputError(

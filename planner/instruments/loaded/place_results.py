@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 import polars as pl
 
-from planner.common.units import significant, to_deg, to_mm
+from planner.common.units import round_finite, to_deg, to_mm
 from planner.instruments.loaded.assumptions import DRIVABLE
 from planner.instruments.loaded.circle_candidates import (
     CirclePlace,
@@ -22,7 +22,7 @@ def places_content(found: CirclePlaceChoice, robot: str, both: CommonFit | None 
 
     def shares(known: PredictedCompliance) -> dict[str, object]:
         """Return what is left of each prior, and by the readings alone."""
-        std, alone = (dict(zip(found.names, map(significant, s), strict=True)) for s in (known.std, known.alone))
+        std, alone = (dict(zip(found.names, map(round_finite, s), strict=True)) for s in (known.std, known.alone))
         return {"share_of_prior": std, "share_of_prior_by_readings_alone": alone}
 
     names = {"unloaded": "unloaded_alone", "loaded": "loaded_alone", "together": "together"}
@@ -38,7 +38,7 @@ def places_content(found: CirclePlaceChoice, robot: str, both: CommonFit | None 
         "with_unloaded_plan": None
         if both is None
         else [
-            {"name": n, **{names[k]: significant(v[j]) for k, v in both.parts.items()}}
+            {"name": n, **{names[k]: round_finite(v[j]) for k, v in both.parts.items()}}
             for j, n in enumerate(both.names)
         ],
         "sentences": list(describe_places(found)),
@@ -75,8 +75,9 @@ def describe_places(found: CirclePlaceChoice) -> tuple[str, ...]:
     for chosen, known in zip(found.sets, found.known, strict=True):
         worst = short[int(np.argmax(known.std))]
         what = "The best single circle" if len(chosen) == 1 else f"The best {len(chosen)} circles together"
-        out.append(f"{what} would leave {worst} with {share_text(known.worst)}, all others with less.")
-    enough = [len(s) for s, k in zip(found.sets, found.known, strict=True) if k.worst < DRIVABLE.worst_joint_share]
+        out.append(f"{what} would leave {worst} with {share_text(known.worst_share)}, all others with less.")
+    most = DRIVABLE.worst_joint_share
+    enough = [len(s) for s, k in zip(found.sets, found.known, strict=True) if k.worst_share < most]
     if enough:
         out.append(
             f"{enough[0]} places know every joint to {100 * DRIVABLE.worst_joint_share:.0f} % of its prior sigma or "
@@ -122,6 +123,6 @@ def describe_common_fit(known: CommonFit) -> tuple[str, ...]:
 def _parameter_row(known: CommonFit, k: int) -> dict[str, object]:
     unit, factor = UNITS[known.units[k]]
     prior = float(known.prior[k]) * factor
-    row: dict[str, object] = {"name": known.names[k], f"prior_{unit}": significant(prior)}
-    row |= {f"std_{name}_{unit}": significant(part[k] * prior) for name, part in known.parts.items()}
-    return row | {f"share_{name}": significant(part[k]) for name, part in known.parts.items()}
+    row: dict[str, object] = {"name": known.names[k], f"prior_{unit}": round_finite(prior)}
+    row |= {f"std_{name}_{unit}": round_finite(part[k] * prior) for name, part in known.parts.items()}
+    return row | {f"share_{name}": round_finite(part[k]) for name, part in known.parts.items()}

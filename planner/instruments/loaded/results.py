@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 import polars as pl
 
-from planner.common.units import MM, UM, URAD, Array, in_units, significant, to_deg, to_mm
+from planner.common.units import MM, UM, URAD, Array, in_units, round_finite, to_deg, to_mm
 from planner.design.observability.identifiability import join_names
 from planner.instruments.loaded.assumptions import TOLD
 from planner.instruments.loaded.joint_fit import JointFit
@@ -108,15 +108,15 @@ def loaded_content(found: LoadedEvaluation, joint: JointFit | None = None) -> di
         "compliances": _compliances(found.compliances),
         "combinations": [
             {
-                "share_of_prior": significant(c.std),
+                "share_of_prior": round_finite(c.std),
                 "known": c.std < TOLD.known_share,
                 "told": c.verdict,
                 "shares": {n: round(float(s), 4) for n, s in zip(c.names, c.shares, strict=True)},
             }
             for c in found.compliances.combinations
         ],
-        "noise_um": significant(found.compliances.noise / UM),
-        "misfit": significant(found.compliances.misfit),
+        "noise_um": round_finite(found.compliances.noise / UM),
+        "misfit": round_finite(found.compliances.misfit),
         "circles": [_circle(c) for c in found.circles],
         "joint": None if joint is None else _joint(joint),
         "sentences": list(found.sentences),
@@ -129,10 +129,10 @@ def _compliances(found: JointCompliances) -> list[dict[str, object]]:
     return [
         {
             "name": name,
-            "value_urad_Nm": significant(value / URAD),
-            "std_urad_Nm": significant(std / URAD),
-            "prior_urad_Nm": significant(prior / URAD),
-            "share_of_prior": significant(std / prior),
+            "value_urad_Nm": round_finite(value / URAD),
+            "std_urad_Nm": round_finite(std / URAD),
+            "prior_urad_Nm": round_finite(prior / URAD),
+            "share_of_prior": round_finite(std / prior),
             "told": told,
         }
         for name, value, std, prior, told in zip(
@@ -163,7 +163,7 @@ def _circle(c: EvaluatedCircle) -> dict[str, object]:
         "angles": len(curves.theta),
         "deflection_um": {
             f"{load:.0f} N": [round(float(v), 2) for v in (d.min() / UM, d.max() / UM)]
-            for load, d in zip(curves.apparent, np.moveaxis(curves.deflection, 1, 0), strict=True)
+            for load, d in zip(curves.loads_beyond_base, np.moveaxis(curves.deflection, 1, 0), strict=True)
         },
         **in_units(2, spread_um=c.spread, spread_rms_um=c.spread_rms, spread_of_straight_lines_um=c.bent),
         **in_units(4, centre_offset_mm=c.centre_offset),

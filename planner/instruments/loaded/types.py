@@ -124,7 +124,7 @@ class AveragedCurves:
         return np.asarray(self.length[:, 1:] - self.length[:, :1])
 
     @property
-    def apparent(self) -> Array:
+    def loads_beyond_base(self) -> Array:
         """Load beyond the base load that each deflection belongs to, (K − 1,) [N]."""
         return np.asarray(self.loads[1:] - self.loads[0])
 

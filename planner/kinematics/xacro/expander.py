@@ -142,7 +142,7 @@ class _Expander:
         path = self._files.find(self._attribute(element, "filename", scope), self._open[-1].parent)
         inside = scope
         if (space := element.get("ns")) is not None:
-            inside = scope.inner(is_namespace=True)
+            inside = scope.nest(is_namespace=True)
             scope.values[check_name(to_text(self._evaluate(space, scope)))] = inside
         if element.get("optional") == "true" and not (INPUTS.allows(path) and path.is_file()):
             return
@@ -162,7 +162,7 @@ class _Expander:
         text = element.get("value", element.get("default"))
         if element.get("default") is not None and name in scope:
             return
-        place = scope.around(str(element.get("scope"))) if element.get("scope") in ("parent", "global") else scope
+        place = scope.enclosing(str(element.get("scope"))) if element.get("scope") in ("parent", "global") else scope
         if place is None:
             return
         if text is None:
@@ -237,7 +237,7 @@ class _Expander:
         if found is None:
             raise XacroError(f"there is no macro '{name[:60]}'")
         macro, seen = found
-        inside, known = seen.inner(), {p.name: p for p in macro.parameters}
+        inside, known = seen.nest(), {p.name: p for p in macro.parameters}
         for key, text in given.items():
             if key.startswith("xmlns:"):
                 continue

@@ -53,7 +53,7 @@ class Scope(Names):
     values: dict[str, object] = field(default_factory=dict)
     macros: dict[str, Macro] = field(default_factory=dict)
 
-    def inner(self, is_namespace: bool = False) -> "Scope":
+    def nest(self, is_namespace: bool = False) -> "Scope":
         """Return a place within."""
         return Scope(self.evaluate, self, is_namespace)
 
@@ -104,7 +104,7 @@ class Scope(Names):
         while (place := self._holder(name)) is not None:
             del place.values[name]
 
-    def around(self, which: str) -> "Scope | None":
+    def enclosing(self, which: str) -> "Scope | None":
         """Return the place that ``scope = "parent"`` or ``"global"`` means."""
         place: Scope | None = self
         if which == "global":

@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 
 from planner.cell.gauge_types import PointTravel
-from planner.cell.workspace import Workspace, axis_reach, bar_twist, chain_reach, perpendicular, wrap_angle
+from planner.cell.workspace import Workspace, axis_reach, bar_twist, chain_reach, unit_across, wrap_angle
 from planner.common.units import Array
 from planner.kinematics.chain import Chain
 from planner.kinematics.geometry import bar_state
@@ -110,7 +110,7 @@ class WorkspaceBounds:
         bar = bar_state(motion.x.T, fixture.p_BX)
         axis, spin = np.einsum("ijn,j->ni", motion.R, cell.tool.axis_F), np.zeros(len(q))
         if cell.cable.tool_about_bar is not None:
-            mark = np.einsum("ijn,j->ni", motion.R, perpendicular(cell.tool.axis_F))
+            mark = np.einsum("ijn,j->ni", motion.R, unit_across(cell.tool.axis_F))
             spin = wrap_angle(bar_twist(fixture.axis_B, bar.direction, axis, mark) - self.workspace.zero_spin)
         return ToolState(motion.x.T, J, W, bar.length, bar.direction, axis, spin)
 

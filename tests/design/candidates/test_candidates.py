@@ -30,7 +30,7 @@ def cell_with(tmp_path, *changes):
 @pytest.mark.parametrize("name", [n for n in shipped_cells() if not load_cell(n).gauge.at_balls])
 def test_every_candidate_passes_every_filter(name):
     """Checked by plain formulas and by python-fcl's kinematics-free cousin, not by the margins that drew them."""
-    cell = load_cell(name).only(FIRST_MOUNTING)
+    cell = load_cell(name).restrict_to(FIRST_MOUNTING)
     pool = draw_candidates(cell, 400)
     q = pool.q
     assert len(q) == 400

@@ -40,7 +40,7 @@ def test_no_subset_beats_the_bound(kind, seed, readings, n):
     rows = pool(seed, readings=readings)
     certificate, best = certify_bound(rows, kind, n), best_of_all(rows, n, kind)
     assert certificate.verified
-    assert not INDEX_RULES[kind].better(best, certificate.value)
+    assert not INDEX_RULES[kind].is_better(best, certificate.value)
     # a bound that says something
     assert INDEX_RULES[kind].gap(best, certificate.value) < (0.9 if kind == "O4" else 0.5)
 
@@ -50,7 +50,7 @@ def test_no_subset_of_any_size_beats_the_bound_for_any_number(kind):
     rows = pool(5, count=11)
     certificate = certify_bound(rows, kind)
     assert certificate.kind == "any number of poses"
-    assert all(not INDEX_RULES[kind].better(best_of_all(rows, n, kind), certificate.value) for n in range(3, 12))
+    assert all(not INDEX_RULES[kind].is_better(best_of_all(rows, n, kind), certificate.value) for n in range(3, 12))
 
 
 @pytest.mark.parametrize("kind", ["O1", "O2", "O3", "O5"])
@@ -104,7 +104,7 @@ def test_any_matrices_at_all_prove_nothing_wrong(kind):
     best = best_of_all(rows, 5, kind)
     for _ in range(200):
         X, Y = (a @ a.T if rng.random() < 0.7 else a for a in rng.standard_normal((2, 3, 3)))
-        assert not INDEX_RULES[kind].better(best, IndexDual(kind, 5, X, Y).verify(rows))
+        assert not INDEX_RULES[kind].is_better(best, IndexDual(kind, 5, X, Y).verify(rows))
 
 
 @pytest.mark.parametrize("kind", INDICES)
@@ -144,7 +144,7 @@ def test_a_bound_begun_near_another_is_as_good(paper_pool):
 def test_a_certificate_bounds_the_candidates_that_are_left(kind, paper_pool):
     whole = certify_bound(paper_pool, kind, 35)
     kept = np.random.default_rng(3).random(len(paper_pool)) < 0.7
-    rest = whole.among(kept)
+    rest = whole.for_candidates(kept)
     assert rest.holds(paper_pool[kept])
     assert np.array_equal(paper_pool[kept][rest.support], paper_pool[whole.support[kept[whole.support]]])
     near = certify_bound(paper_pool[kept], kind, 40, near=rest)

@@ -107,7 +107,7 @@ def test_poses_that_stay_are_where_they_were_and_the_others_better_the_index(cho
     stay = np.array([2, 5, 30])
     moved = refine_poses(cell, choice, 0, stay=stay)
     np.testing.assert_array_equal(moved.q[stay], choice.q[stay])
-    assert find_rule(choice.index).better(moved.value, choice.value)
+    assert find_rule(choice.index).is_better(moved.value, choice.value)
 
 
 def test_poses_that_validate_are_joined_and_none_is_lost_for_it(chosen, monkeypatch):

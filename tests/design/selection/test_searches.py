@@ -158,7 +158,7 @@ def test_no_swap_betters_the_result_and_it_beats_pruning(arm_pool, kind):
     rows = arm_pool[1][:400]
     found = exchange_poses(rows, 30, kind, starts=2, steps=600)
     pruned = index_value(kind, rows[prune_poses(rows, 30, kind)])
-    assert INDEX_RULES[kind].better(found.value, pruned)
+    assert INDEX_RULES[kind].is_better(found.value, pruned)
     assert found.gap >= 0
     mass, chosen = information_matrix(rows[found.chosen]), found.chosen
     for out in chosen[::6] if kind == "O1" else ():

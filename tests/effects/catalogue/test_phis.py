@@ -257,7 +257,7 @@ def test_what_moves_in_time_is_nought_on_average_over_the_run():
     c = context(n=len(time))
     c = Context(c.setup, replace(c.samples, t=time))
     run = Excitation.of(c.setup, c.samples)
-    slow = [Less(WarmUp(40.0, 300.0).mean(2_400.0), WarmUp(40.0, 300.0)), ElapsedTime(run.middle)]
+    slow = [Less(WarmUp(40.0, 300.0).mean(2_400.0), WarmUp(40.0, 300.0)), ElapsedTime(run.middle_time)]
     slow += [TimeWave(run.start, run.duration, k) for k in (1, 2, 3)]
     for phi in slow:
         values = phi(c)

@@ -19,22 +19,22 @@ def test_a_ball_is_approached_from_the_side_that_one_comes_from():
     assert w.before(BALLS[1], 0) == 3
     assert w.before(BALLS[0], 5) == 2
     assert w.before(BALLS[0], 1) == 0  # from the ball itself: off it first
-    assert w.between(5, 2) == [5, 4, 3, 2]  # the way leads through the ball
+    assert w.points_between(5, 2) == [5, 4, 3, 2]  # the way leads through the ball
 
 
 def test_a_ball_that_is_left_where_it_was_approached_is_passed_by():
     w = way(0, 1, 0, 3, 4, 3)
-    assert w.between(0, 5) == [0, 2, 3, 5]
-    assert w.between(5, 0) == [5, 3, 2, 0]
-    assert w.between(1, 3) == [1, 2, 3]
-    assert w.nearest(np.array([3.9])) == (4, np.float64(abs(3.9 - 4)))
+    assert w.points_between(0, 5) == [0, 2, 3, 5]
+    assert w.points_between(5, 0) == [5, 3, 2, 0]
+    assert w.points_between(1, 3) == [1, 2, 3]
+    assert w.nearest_point(np.array([3.9])) == (4, np.float64(abs(3.9 - 4)))
 
 
 def test_past_balls_that_are_not_centred_it_takes_the_quickest_proven_legs():
     balls = tuple(BallVisit(k, "1", at) for k, at in enumerate((2, 5, 8, 11)))
     q = np.array([0, 10, 11, 10, 20, 21, 20, 30, 31, 30, 12, 13, 12, 0], float)[:, None]
     along = PlannedPath("0123456789ab", "r", q, balls)
-    assert along.way_to(3, 4) == along.between(3, 4) == [3, 4]  # no ball between: as planned
+    assert along.way_to(3, 4) == along.points_between(3, 4) == [3, 4]  # no ball between: as planned
     assert along.way_to(2, 10) == [2, 1, 0, 10]  # over the home pose, in which the way begins and ends
     assert along.way_to(1, 13) == [1, 13]  # back where it came from: the end is the start
     short = PlannedPath("0123456789ab", "r", q, balls, joined=((0, 7),))

@@ -110,12 +110,12 @@ def test_a_half_written_line_is_dropped_and_measured_again(cell):
     whole = journal.read_bytes()
     journal.write_bytes(whole[:-20])  # the power failed while the second row was written
     made.output.unlink()
-    assert [v.id for v in open_session(made.plan, made.output).pending] == [3, 5, 7]
+    assert [v.id for v in open_session(made.plan, made.output).pending_visits] == [3, 5, 7]
     assert rows_of(made.output)["pose"].to_list() == [1]
     made.revive()
     made.run()
     assert sorted(rows_of(made.output)["pose"].to_list()) == [1, 3, 5, 7]
-    assert open_session(made.plan, made.output).pending == []
+    assert open_session(made.plan, made.output).pending_visits == []
 
 
 def test_another_plans_session_is_refused(cell):

@@ -21,7 +21,7 @@ def test_balls_are_met_millimetres_off_and_centred_to_micrometres():
     pool = draw_ball_candidates(cell, 8)
     truth, settings = draw_truth(cell, 1), CentringSettings(rest=RestSettings(settle_s=0.0))
     arm = SimulatedArm(cell, truth, settings, 1)
-    model, errors = truth.complete()
+    model, errors = truth.complete_model()
     far = []
     for q, back, ball in zip(pool.q, pool.back, pool.ball, strict=True):
         arm.move(back)

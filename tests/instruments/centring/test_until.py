@@ -61,7 +61,7 @@ def test_it_stops_at_the_goal_and_centres_the_validation_poses(bench, stopped):
     live = stopped.adviser.advice.estimate
     assert live.reached
     assert any(line.endswith(": 0.2 mm is reached") for line in stopped.said)
-    assert stopped.adviser.advice.fewest <= len(live.read) < 0.8 * len(live.samples)
+    assert stopped.adviser.advice.fewest_poses <= len(live.read) < 0.8 * len(live.samples)
     validation = {p.id for p in bench.plan.poses if p.role == "validate"}
     assert validation <= stopped.journal.measured_ids
     assert len(stopped.journal.measured_ids) == len(live.read) + len(validation)

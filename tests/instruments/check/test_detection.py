@@ -43,7 +43,7 @@ def test_a_change_of_the_stated_size_is_found_as_often_as_stated(detector, which
     columns = detector.columns[which]
     d = columns.shape[1]
     information = columns.T @ np.linalg.solve(detector.covariance, columns)
-    way = np.linalg.eigh(information)[1][:, 0] * detector.detectable(which, np.eye(d))
+    way = np.linalg.eigh(information)[1][:, 0] * detector.detectable_motion(which, np.eye(d))
     changed = sound(detector, 400, np.random.default_rng([9, which])) + columns @ way
     found = alarms(detector, changed).sum()
     assert stats.binom.cdf(found, 400, POWER) > 1e-3
@@ -66,7 +66,7 @@ def test_estimates_are_those_of_generalised_least_squares(detector):
 def test_the_change_that_was_made_explains_best(detector):
     for k in range(8):
         columns = detector.columns[k]
-        way = np.ones(columns.shape[1]) * 20 * detector.detectable(k, np.eye(columns.shape[1]))
+        way = np.ones(columns.shape[1]) * 20 * detector.detectable_motion(k, np.eye(columns.shape[1]))
         found = rank_explanations(detector.explain(columns @ way), N)
         assert found[0][1].which == k
         assert found[0][0] > found[1][0] + 6.0

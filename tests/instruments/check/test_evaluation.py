@@ -41,9 +41,9 @@ def test_a_sound_robot_passes():
 
 def test_an_axis_that_lost_its_zero_is_named_with_its_size():
     verdict = judged(theta3=0.03 * DEG)
-    assert verdict.best.change.name == "zero of joint 3"
+    assert verdict.likeliest_change.change.name == "zero of joint 3"
     assert verdict.advice == "master axis 3 and check again"
-    assert verdict.best.values[0] == pytest.approx(0.03 * DEG, rel=0.3)
+    assert verdict.likeliest_change.values[0] == pytest.approx(0.03 * DEG, rel=0.3)
     said = verdict_content(verdict, NAME)
     assert (said["outcome"], said["passed"], said["cause"]) == ("changed", False, "zero of joint 3")
     page = report_check(NAME, verdict)
@@ -53,10 +53,10 @@ def test_an_axis_that_lost_its_zero_is_named_with_its_size():
 
 def test_a_worn_gear_and_a_tool_that_was_hit_are_told_apart():
     gear = judged(gear=0.06 * DEG)
-    assert "gear of joint 2" in [j.change.name for j in (gear.best, *gear.rivals) if j]
+    assert "gear of joint 2" in [j.change.name for j in (gear.likeliest_change, *gear.rivals) if j]
     tool = judged(map_x=0.5 * MM, map_y=-0.4 * MM)
-    assert tool.best.change.name == "tool"
-    assert tool.best.motion == pytest.approx(np.hypot(0.5, 0.4) * MM, rel=0.3)
+    assert tool.likeliest_change.change.name == "tool"
+    assert tool.likeliest_change.motion == pytest.approx(np.hypot(0.5, 0.4) * MM, rel=0.3)
 
 
 @pytest.mark.parametrize("turns", [False, pytest.param(True, marks=pytest.mark.long)])
@@ -73,7 +73,7 @@ def test_a_tracker_that_stands_elsewhere_tells_what_changed(turns):
         assert said["notes"][-1].startswith("no reading shows the zero of joint 1")
         assert len(said["readings"][0]["difference_um"]) == 3
         assert ("difference_turn_deg" in said["readings"][0]) == turns
-    assert verdict.best.motion == pytest.approx(0.5 * MM, rel=0.03)
+    assert verdict.likeliest_change.motion == pytest.approx(0.5 * MM, rel=0.03)
     assert len(report_check(NAME, verdict).charts[0].panels[0].series) == 6
     if turns:
         with pytest.raises(InputError, match="orientations"):

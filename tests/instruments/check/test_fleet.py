@@ -68,7 +68,7 @@ def test_a_fleet_gives_alarms_and_findings_as_often_as_stated(one_threshold, gau
         verdict = evaluate_check(baseline, f.cell, f.read(changed(errors, name, mine.detectable / lever, rng), rng))
         found += verdict.outcome != "unchanged"
         right += verdict.outcome != "unchanged" and name in [
-            j.change.name for j in (verdict.best, *verdict.rivals) if j
+            j.change.name for j in (verdict.likeliest_change, *verdict.rivals) if j
         ]
         if k < COLLISIONS:
             bent = {**errors, **{f"theta{i}": errors[f"theta{i}"] + rng.normal(0, 0.03) * DEG for i in (1, 2, 3, 4, 5)}}

@@ -60,7 +60,7 @@ def test_the_history_says_what_changed_and_when_the_next_check_is_due(record):
     (moved,) = known.differences()  # a2 moved by less than chance
     assert moved[0] == 4
     assert moved[1].startswith("theta3 +5.24e-04 ± 4.9e-05 rad")
-    assert known.due == date(2024, 5, 1)
+    assert known.next_check == date(2024, 5, 1)
     assert "theta3" in record_rows(known)[3][3]
     zeros, evidence = drift_chart(known).panels
     joint3 = next(s for s in zeros.series if s.name == "joint 3")
@@ -81,13 +81,14 @@ def test_after_a_failed_check_the_next_is_due_at_once_and_days_are_in_order(tmp_
         when = Circumstances(date=date(2024, 1, 28 - day))
         known = add_entry(tmp_path / "record", results(tmp_path / str(k), name, content), when, "S1")
     assert [e.number for e in known.entries] == [1, 3, 2]
-    assert (known.due, known.calibration_date) == (date(2024, 1, 25), None)
+    assert (known.next_check, known.calibration_date) == (date(2024, 1, 25), None)
     assert known.due_text == "now: master axis 3 and check again"
     assert map_to_opcua(known).prognosis.predicted_time == datetime(2024, 1, 25, tzinfo=UTC)
     late = results(tmp_path / "late", "identification.json", calibration(0.05))
     with pytest.raises(InputError, match="dated 2200-01-01; allowed are 2000-01-01 to "):
         add_entry(tmp_path / "record", late, Circumstances(date=date(2200, 1, 1)), None)
-    assert add_entry(tmp_path / "record", late, Circumstances(date=date(2024, 2, 1)), None).due == date(2024, 3, 2)
+    known = add_entry(tmp_path / "record", late, Circumstances(date=date(2024, 2, 1)), None)
+    assert known.next_check == date(2024, 3, 2)
 
 
 def test_a_simulated_robot_has_a_record_of_its_own_that_says_so(record, tmp_path):

@@ -134,8 +134,8 @@ def test_the_choice_is_as_good_as_brute_force(places):
 
 
 def test_more_places_know_more_and_four_know_every_joint(places):
-    worst = [k.worst for k in places.known]
-    assert places.own.worst > 0.5  # one circle barely separates six
+    worst = [k.worst_share for k in places.known]
+    assert places.own.worst_share > 0.5  # one circle barely separates six
     assert worst == sorted(worst, reverse=True)
     assert worst[-1] < 0.25
 
@@ -162,7 +162,7 @@ def test_one_fit_of_both_knows_more_than_either(cell, places):
     targets = fixture + way / np.linalg.norm(way, axis=1, keepdims=True) * rng.uniform(0.3, 0.6, (60, 1))
     q = world.reach(shared.arm(), targets, rng)
     free = replace(cell, fixtures=(replace(cell.fixtures[0], name="E", p_BX=fixture),))
-    both = predict_common_fit(UnloadedPoses(free, Samples.at(q)), cell, places.best(1))
+    both = predict_common_fit(UnloadedPoses(free, Samples.at(q)), cell, places.best_places(1))
     rows = both.of("compliance")
     assert len(rows) == 6
     assert all(together <= min(unloaded, loaded) * 1.001 for _, unloaded, loaded, together in rows)
@@ -189,4 +189,4 @@ def test_more_places_than_there_are(monkeypatch, places, cell):
     monkeypatch.setattr("planner.workflow.loaded_planning.study_circle_places", lambda *_: places)
     with pytest.raises(InputError, match="only 4 circles"):
         study_places(shared.CELL, places=5)
-    assert len(circles_of(with_circles(cell, places.best(2)))) == 2
+    assert len(circles_of(with_circles(cell, places.best_places(2)))) == 2
