@@ -18,7 +18,7 @@ from planner.design.assumptions import (
     SPARE_READINGS,
     TRACEABLE_READINGS,
 )
-from planner.design.candidates.pool import PoseSet
+from planner.design.candidates.pool import PoseSet, explain_few
 from planner.design.free_parameters import (
     add_dropped_parameters,
     hold_measured_tool,
@@ -142,7 +142,7 @@ def identify_candidates(cell: Cell, pool: PoseSet) -> tuple[Model, Identifiabili
     if len(pool) < CANDIDATES_PER_PARAMETER * len(model.names):
         raise NoSolutionError(
             f"only {len(pool)} candidate poses are left, too few to choose from for {len(model.names)} parameters: "
-            "widen the cones, the cable's budget or the clearance, or raise plan.candidates"
+            + explain_few(cell, pool.funnel)
         )
     return _identify(cell, model, pool.samples)
 
@@ -329,7 +329,11 @@ def warn_too_few_readings(readings: int, parameters: int) -> str | None:
 
 
 def replace_all(
-    pool: PoseSet, choice: PoseChoice, find_lost: Callable[[PoseChoice], np.ndarray], advice: str
+    pool: PoseSet,
+    choice: PoseChoice,
+    find_lost: Callable[[PoseChoice], np.ndarray],
+    advice: str,
+    find_doubtful: Callable[[], np.ndarray] | None = None,
 ) -> tuple[PoseChoice, int]:
     """Replace lost poses until none is lost; returned beside the choice: how many were.
 
@@ -338,6 +342,7 @@ def replace_all(
         choice: the chosen poses.
         find_lost: gives the positions of the chosen poses that are to be replaced.
         advice: what was tried in vain, and what would help.
+        find_doubtful: gives the candidates that may be lost as well, and take no lost one's place; none without it.
 
     Raises:
         NoSolutionError: replacements are lost again and again.
@@ -348,6 +353,8 @@ def replace_all(
         if not len(lost):
             return choice, count
         gone = np.union1d(gone, choice.chosen[lost])
+        if find_doubtful is not None:
+            gone = np.union1d(gone, find_doubtful())
         for k in lost:
             choice = replace_pose(pool, choice, int(k), gone)
         count += len(lost)
@@ -358,6 +365,9 @@ def replace_pose(pool: PoseSet, choice: PoseChoice, lost: int, gone: np.ndarray)
     """Put the candidate that keeps the index best, of those on the same fixture, in the place of a lost pose.
 
     Candidates that are ``gone`` were lost themselves, and do not come back.
+
+    Raises:
+        NoSolutionError: no candidate is left for its place.
     """
     rng = np.random.default_rng(lost)
     there = choice.samples
@@ -365,6 +375,11 @@ def replace_pose(pool: PoseSet, choice: PoseChoice, lost: int, gone: np.ndarray)
     if pool.ball is not None:
         alike &= pool.ball == pool.ball[choice.chosen[lost]]
     others = np.setdiff1d(np.flatnonzero(alike), np.union1d(choice.chosen, gone))
+    if not len(others):
+        raise NoSolutionError(
+            "a chosen pose that no path joins has no candidate left for its place: ask for fewer poses, or give "
+            "another gauge.mount_deg"
+        )
     tried = np.sort(rng.choice(others, min(3000, len(others)), replace=False))  # candidates that compete for one place
     kept = choice.model.rows(there.take(np.arange(len(there)) != lost))
     rows = choice.model.rows(pool.samples.take(tried))

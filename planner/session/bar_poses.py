@@ -109,6 +109,7 @@ class BarPoses(PoseSession):
                 self._find_unjoined_poses,
                 "could not be joined to the mount pose, nor those put in their places: the cable or an obstacle splits "
                 "the shell into many parts; widen cable limits or choose another gauge.mount_deg",
+                self._find_doubtful_candidates,
             )
             if count:
                 self.notes.append(Aside(f"{count} chosen poses that no path joins to the mount pose were replaced"))
@@ -143,6 +144,17 @@ class BarPoses(PoseSession):
     def _find_unjoined_poses(self, choice: PoseChoice) -> np.ndarray:
         """Positions of the chosen poses that are not in the part of their mount pose."""
         return self._find_unjoined_rows(choice.samples)
+
+    def _find_doubtful_candidates(self) -> np.ndarray:
+        """Positions of the candidates of which no path to their mount pose is proven: all but states of the maps.
+
+        All are joined by their nearest states; where the shell falls into small parts, those that show most are not.
+        """
+        proven = np.zeros(len(self.pool), dtype=bool)
+        for m, parts in self.reach.maps.items():
+            mine = self.pool.samples.at_mounting(m)
+            proven[mine] = parts.are_proven(self.pool.q[mine])
+        return np.flatnonzero(~proven)
 
     def _find_unjoined_rows(self, samples: Samples) -> np.ndarray:
         lost = []

@@ -5,7 +5,8 @@ the planner), identified, and a table of targets is corrected. The driven path i
 pinocchio and coal at every 0.1° (and 0.1 mm). One line of LOG an arm; what stands there is not done again; ``--only
 WORD …`` takes those whose name holds a word, ``--table`` only prints.
 
-The packages: ``pip download --no-deps example-robot-data rtb-data==1.0.1 pybullet``, unpacked below DIR.
+The packages: ``pip download --no-deps example-robot-data rtb-data==1.0.1 pybullet hello-robot-stretch-urdf
+dexmate-urdf synriard orca-arm airo-models armar fourier-robot-descriptions jvrc-description``, unpacked below DIR.
 """
 
 import argparse
@@ -42,6 +43,7 @@ class OtherArm:
         change: text of the description that is put in, as another program writes it: old and new.
         tool_mm: where the wire is held, beyond a gripper that the description has; else a share of the reach.
         cell: lines of the cell that the arm needs: where the floor is beneath one that hangs at a trunk.
+        gauge: lines of its ``[gauge]``; ``clearance_mm``: how near bodies may come.
     """
 
     name: str
@@ -52,6 +54,8 @@ class OtherArm:
     change: tuple[str, str] = ("", "")
     tool_mm: tuple[float, float, float] | None = None
     cell: str = ""
+    gauge: str = ""
+    clearance_mm: float = 5.0
 
 
 ARMS = (
@@ -87,6 +91,23 @@ ARMS = (
              tool_mm=(60, 0, 0)),
     OtherArm("iiwa 7", "pybullet_data/kuka_iiwa/model.urdf", "lbr_iiwa_link_7"),
     OtherArm("xArm6", "pybullet_data/xarm/xarm6_robot.urdf", "link6"),
+    OtherArm("Stretch 3, lift, telescope and wrist", "SE3/stretch_description_SE3_eoa_wrist_dw3_tool_sg3.urdf",
+             "link_grasp_center", "base_link", gauge="cone_deg = { fixture = 150, map = 150 }\n",
+             lines="[parked]\njoint_arm_l1_mm = 60\njoint_arm_l2_mm = 60\njoint_arm_l3_mm = 60\n"),
+    OtherArm("Vega 1, torso and right arm", "vega_1/vega_1_gripper.urdf", "R_ee", "base",
+             'srdf = "{folder}/vega_1_gripper.srdf"\n'),
+    OtherArm("Alicia M", "Alicia_M_v1_2/Alicia_M_v1_2_follower.urdf", "tool0", clearance_mm=3,
+             gauge="cone_deg = { fixture = 150, map = 150 }\n"),
+    OtherArm("OpenArm with ORCA hand, right", "orca_arm/orcabot.urdf", "orcahand_right_R-Carpals_8d1f1041",
+             "openarm_right_link0"),
+    OtherArm("UR5e of airo", "arms/ur5e/ur5e.urdf", "tool0"),
+    OtherArm("ARMAR-6, lift and right arm", "description/urdf/armar6.urdf", "arm_t8_r0", "platform",
+             lines='[packages]\narmar = "{folder}/../.."\n',
+             change=("1.5707963, 1.3089969", "1.5707963 1.3089969")),  # a comma that pinocchio takes for the end
+    OtherArm("GR-3, left arm", "assets/urdf/gr3.urdf", "left_hand_roll_link", "torso_link",
+             cell="[base]\nfloor_mm = -1200\n"),
+    OtherArm("JVRC-1, right arm", "jvrc_description/urdf/jvrc1.urdf", "R_WRIST_Y_S", "WAIST_R_S",
+             cell="[base]\nfloor_mm = -1000\n"),
 )  # fmt: skip
 ROBOT = """schema = "edbb-robot/1"
 name = "{name}"
@@ -102,11 +123,11 @@ home_deg = {home}
 map_mm = {tool}
 [motion]
 measure = "static"
-clearance_mm = 5
+clearance_mm = {clearance:g}
 [gauge]
 kind = "draw-wire"
 length_mm = [{low:.0f}, {high:.0f}]
-[[fixtures]]
+{gauge}[[fixtures]]
 position_mm = {at}
 [plan]
 candidates = {candidates}
@@ -202,6 +223,8 @@ def write_cell(robot: Robot, folder: Path, arm: OtherArm) -> Path:
             tool=tool,
             candidates=CANDIDATES,
             more=arm.cell,
+            gauge=arm.gauge,
+            clearance=arm.clearance_mm,
             **words,
         )
         (folder / "cell.toml").write_text(text)

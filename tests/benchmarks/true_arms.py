@@ -24,6 +24,12 @@ from tests.simulation.generator.arm import Arm
 
 TURN, SHIFT = 5e-4, 3e-4  # [rad, m] standard deviation of each error
 ROUNDS = 20  # of leading the arm into a socket
+LOGGED_ROWS = 10  # of a drive told at 100 Hz, of which one is logged: a controller's log of 10 Hz
+GEAR = 2e-4  # [rad] standard deviation of each of a gear's two amplitudes
+ORDERS = (2, 9)  # from and below which the order of the second is drawn; the first errs once a turn
+SAG = 1.5e-4  # [rad/m] standard deviation of how far a joint gives way, of the lever of a load at the tool
+STEP = 1e-4  # [rad] by which that lever is found
+WANDER_S = 0.2  # over which what a driven joint is off stays alike
 
 Flange = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 """From joint angles (n, N) [rad] to R (n, 3, 3) and p (n, 3) [m] of the flange."""
@@ -73,6 +79,28 @@ def _displaced_urdf(
     return flange
 
 
+def with_hidden_errors(flange: Flange, joints: int, p_FM: np.ndarray, rng: np.random.Generator) -> Flange:
+    """Return the flange of an arm whose gears err, and whose joints give way under a load at ``p_FM`` (3,) [m].
+
+    A joint's lever is how fast it lifts the load (virtual work), so nothing need be known of the arm.
+    """
+    size, phase = GEAR * rng.standard_normal((2, joints)), rng.uniform(0.0, 2.0 * np.pi, (2, joints))
+    order = np.stack([np.ones(joints), rng.integers(*ORDERS, joints)])
+    soft = SAG * np.abs(rng.standard_normal(joints))
+
+    def height(q: np.ndarray) -> np.ndarray:
+        R, p = flange(q)
+        return (p + R @ p_FM)[:, 2]
+
+    def hidden(q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        gears = sum(size[k] * np.sin(order[k] * q + phase[k]) for k in range(2))
+        steps = STEP * np.eye(joints)
+        lever = np.column_stack([(height(q + step) - height(q - step)) / (2 * STEP) for step in steps])
+        return flange(q + gears - soft * lever)
+
+    return hidden
+
+
 @dataclass(frozen=True)
 class TrueArm:
     """An arm with its tool ``p_FM`` (3,) [m] and its gauge as they truly are in a cell."""
@@ -109,6 +137,24 @@ class TrueArm:
             table = csv.DictWriter(file, list(rows[0]))
             table.writeheader()
             table.writerows(rows)
+
+    def write_driven_run(self, told: Path, path: Path) -> None:
+        """Measure along a drive: times and angles are of the run ``told`` (at 100 Hz), the readings this arm's."""
+        lines = told.read_text().splitlines()
+        head = [line for line in lines if line.startswith("#") and "truth" not in line and "simulated" not in line]
+        rows = list(csv.DictReader(line for line in lines if not line.startswith("#")))[::LOGGED_ROWS]
+        joints = [name for name in rows[0] if name.startswith("q") and name.endswith("_deg")]
+        q = np.radians([[float(row[name]) for name in joints] for row in rows])
+        off = self.rng.standard_normal(q.shape)
+        stay = np.exp(-0.01 * LOGGED_ROWS / WANDER_S)
+        for k in range(1, len(off)):
+            off[k] = stay * off[k - 1] + np.sqrt(1 - stay**2) * off[k]
+        _, columns = self._read(q, setup_of(self.cell).joint_sigma * off, rows)
+        with path.open("w", newline="") as file:
+            file.writelines(f"{line}\n" for line in head)
+            table = csv.DictWriter(file, list(rows[0]))
+            table.writeheader()
+            table.writerows({**row, **column} for row, column in zip(rows, columns, strict=True))
 
     def _read(self, q: np.ndarray, off: np.ndarray, poses: list[dict]) -> tuple[np.ndarray, list[dict]]:
         """Return the joint angles as read and the columns of the gauge."""

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import astuple, dataclass
+from dataclasses import astuple, dataclass, fields
 from typing import ClassVar, Self
 
 import numpy as np
@@ -245,6 +245,22 @@ def explain_empty(cell: Cell, mounting: Mounting, funnel: Funnel) -> str:
     wanted = to_mm(cell.motion.clearance + SAFETY_MARGIN)
     why = f"Every state collides (nearer than {wanted:g} mm)"
     return f"{head} {why}: {near}; look at motion.clearance_mm and at these bodies."
+
+
+def explain_few(cell: Cell, funnel: Funnel) -> str:
+    """Say what would give more candidates: a larger number, or what widens the filter that left the smallest share."""
+    if funnel.collision >= cell.plan.candidates or not funnel.workspace:
+        return "raise plan.candidates"
+    advice = {
+        "cones": f"turn fixtures.axis or tool.map_axis towards the {cell.gauge.noun}, or widen gauge.cone_deg",
+        "cable": "raise the limits of [cable], or choose a home that is less twisted",
+        "collision": "look at motion.clearance_mm, and at what stands about the fixture",
+    }
+    keys, counts = [f.name for f in fields(Funnel)], astuple(funnel)
+    tried = [k for k, key in enumerate(keys) if key in advice and counts[k - 1]]
+    worst = min(tried, key=lambda k: counts[k] / counts[k - 1])
+    left = f"{counts[worst]} of {counts[worst - 1]} states {funnel.names[worst - 1]} are {funnel.names[worst]}"
+    return f"{left}: {advice[keys[worst]]}"
 
 
 def _nearest_pairs(cell: Cell, mounting: Mounting) -> str:

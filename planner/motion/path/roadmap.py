@@ -332,14 +332,14 @@ def connected_parts(constraints: Constraints, q: Array, seed: int = 0) -> np.nda
     return PartMap.of(constraints, q, seed).parts(q)
 
 
-@dataclass(frozen=True)
+@dataclass
 class PartMap:
     """The connected parts of the valid states, as a roadmap shows them.
 
     Between different parts no path was found, so a tour must keep to one of them.
 
     Attributes:
-        roadmap: over the first poses and a sample of the others.
+        roadmap: over the first poses and a sample of the others; grows by those that are looked at one by one.
         part: of each of its states, largest part 0.
     """
 
@@ -372,5 +372,15 @@ class PartMap:
         _, near = cKDTree(graph.q / speed).query(q / speed, k=np.arange(min(NEIGHBOURS, count)) + 1)
         own = np.repeat(count + np.arange(len(q)), near.shape[1])
         graph.add_states(q, np.column_stack([near.ravel(), own]))
-        part = graph.parts(share)
-        return np.flatnonzero(part[count:] != part[self.roadmap.place[0]])
+        self.part = graph.parts(share)
+        return np.flatnonzero(self.part[count:] != self._part_of_first)
+
+    def are_proven(self, q: Array) -> np.ndarray:
+        """Tell which poses (n, N) [rad] are states of the roadmap that a proven path joins to the first pose, (n,)."""
+        speed = self.roadmap.constraints.cell.robot.speed
+        away, nearest = cKDTree(self.roadmap.graph.q / speed).query(q / speed, workers=-1)
+        return np.asarray((away == 0) & (self.part[nearest] == self._part_of_first))
+
+    @property
+    def _part_of_first(self) -> int:
+        return int(self.part[self.roadmap.place[0]])

@@ -10,7 +10,7 @@ from scipy import stats
 from planner.cell.reading import load_cell, shipped_cells
 from planner.common.errors import InputError, NoSolutionError
 from planner.common.sequences import sobol_points
-from planner.design.candidates.pool import Funnel, draw_candidates, explain_empty
+from planner.design.candidates.pool import Funnel, draw_candidates, explain_empty, explain_few
 from planner.gauges.lines import sample_shell, shell_points
 from planner.motion.collision.engines import CollisionWorld
 from planner.runs.run import FIRST_MOUNTING
@@ -163,3 +163,15 @@ def test_successive_draws_are_one_sobol_sequence_and_no_warning_is_given(recwarn
     drawn = np.vstack([draw(count) for count in (1, 40, 23)])
     assert np.array_equal(drawn, stats.qmc.Sobol(3, scramble=True, rng=np.random.default_rng(7)).random(64))
     assert not recwarn.list
+
+
+def test_the_filter_that_leaves_few_candidates_is_named_with_what_helps():
+    cell = load_cell("ur10/edbb")
+    by_cones = explain_few(cell, Funnel(9000, 9000, 2000, 12, 11, 10))
+    assert by_cones.startswith("12 of 2000 states in the gauge's range are within its cones")
+    assert "gauge.cone_deg" in by_cones
+    assert "motion.clearance_mm" in explain_few(cell, Funnel(9000, 9000, 2000, 1200, 1100, 10))
+    assert "[cable]" in explain_few(cell, Funnel(9000, 9000, 2000, 1200, 20, 10))
+    enough = cell.plan.candidates
+    assert explain_few(cell, Funnel(*6 * [enough])) == "raise plan.candidates"  # as many as were asked for
+    assert explain_few(cell, Funnel()) == "raise plan.candidates"

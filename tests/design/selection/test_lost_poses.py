@@ -15,6 +15,7 @@ from planner.design.off_grid import refine_poses
 from planner.design.pose_selection import judge_poses, replace_all
 from planner.session import planning
 from planner.session.bar_poses import BarPoses
+from planner.session.mount import join_to_mounts, with_mounts
 from planner.session.options import PlanOptions
 from planner.session.tour_drive import Unreachable
 
@@ -124,3 +125,34 @@ def test_poses_that_validate_are_joined_and_none_is_lost_for_it(chosen, monkeypa
     assert set(usual[3:].tolist()) <= set(joined.tolist())
     assert not set(usual[:3].tolist()) & set(joined.tolist())
     assert not set(choice.chosen.tolist()) & set(joined.tolist())
+
+
+def test_no_doubtful_candidate_takes_the_place_of_a_lost_one(chosen):
+    _, pool, choice = chosen
+    doubtful = np.setdiff1d(np.arange(400), np.arange(1, 400, 20))
+    rounds = iter((np.array([0, 4, 9]), np.zeros(0, dtype=int)))
+    done, count = replace_all(pool, choice, lambda c: next(rounds), "are lost", lambda: doubtful)
+    changed = np.flatnonzero(done.chosen != choice.chosen)
+    assert count == 3
+    assert changed.tolist() == [0, 4, 9]
+    assert not set(done.chosen[changed].tolist()) & set(doubtful.tolist())
+    with pytest.raises(NoSolutionError, match="no candidate left for its place"):
+        replace_all(pool, choice, lambda c: np.array([0]), "are lost", lambda: np.arange(400))
+
+
+def test_candidates_are_proven_that_a_path_joins_whatever_their_neighbours_are(chosen):
+    cell, pool, choice = chosen
+    cell = with_mounts(cell, 0)
+    session = BarPoses(cell, PlanOptions())
+    session.pool, session.cell = pool, cell
+    few = pool.take(np.arange(0, 400, 8))  # the states of the map: all others are judged by them alone
+    session.reach = join_to_mounts(cell, few, 0)
+    joined = np.zeros(400, dtype=bool)
+    joined[::8] = session.reach.joined
+    assert joined.sum() > 10
+    doubtful = session._find_doubtful_candidates()
+    np.testing.assert_array_equal(doubtful, np.flatnonzero(~joined))
+    lost = session._find_unjoined_rows(choice.samples)  # these are looked at now: proven, or not
+    doubtful = session._find_doubtful_candidates()
+    seen = np.isin(choice.chosen, doubtful)
+    np.testing.assert_array_equal(np.flatnonzero(seen), lost)
