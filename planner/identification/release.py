@@ -33,7 +33,8 @@ from planner.identification.stages import FitContext, FittedStage
 from planner.model.identification_document import Metrics, Release, WorkToolError
 from planner.model.model import Model
 
-DOUBT = 0.02  # probability that geometry alone is the better robot, at most
+DOUBT = 0.02  # probability that geometry alone is the noticeably better robot, at most
+WORSE = 1.05  # of its error: nobody at a cell sees a twentieth of an error
 
 
 def release_robot(
@@ -42,8 +43,8 @@ def release_robot(
     """Fit the posterior and return the robot to be written.
 
     It lies on the way from geometry alone to the compromise between it and the posterior, as far along as it is hardly
-    ever worse over the workspace than geometry alone: what an arm may have besides is no reason to move it. Where it
-    predicts poses held out worse than geometry alone does, geometry alone is released.
+    ever noticeably worse over the workspace than geometry alone: what an arm may have besides is no reason to move it.
+    Where it predicts poses held out worse than geometry alone does, geometry alone is released.
 
     Args:
         stages: of the fit; the last one's findings enter the posterior where they pay.
@@ -120,16 +121,20 @@ def compromise(geometry: ReleasedRobot) -> Fit:
 
 
 def safe_share(geometry: ReleasedRobot, aim: Fit) -> float:
-    """Return how far from geometry alone (0) to ``aim`` (1) a robot is worse with a probability of DOUBT.
+    """Return how far from geometry alone (0) to ``aim`` (1) a robot is noticeably worse with a probability of DOUBT.
 
-    On the way errors are quadratic: with the true robot's projection t on the way, 0 at geometry and 1 at the aim, a
-    robot a share s along is better than geometry alone where s < 2 t.
+    On the way errors are quadratic: with the true robot's projection t on the way, 0 at geometry and 1 at the aim, L
+    the square of the way's length and e² that of geometry's error, the square of a robot's a share s along is
+    e² + L s (s − 2 t). Where most of e is beside the way, as of a robot of which a run shows little, no share matters:
+    it is worse than geometry alone by no more than WORSE as far as s ≤ t + √(t² + (WORSE² − 1) e²/L).
     """
     length = geometry.distance(geometry.geometry, aim) ** 2
     if length == 0.0:
         return 0.0
-    twice = 1 + (geometry.drawn_errors(geometry.geometry) ** 2 - geometry.drawn_errors(aim) ** 2) / length
-    return float(np.clip(np.quantile(twice, DOUBT), 0.0, 1.0))
+    plain = geometry.drawn_errors(geometry.geometry) ** 2 / length
+    along = 0.5 * (1 + plain - geometry.drawn_errors(aim) ** 2 / length)
+    farthest = along + np.sqrt(along**2 + (WORSE**2 - 1) * plain)
+    return float(np.clip(np.quantile(farthest, DOUBT), 0.0, 1.0))
 
 
 def share_by_regions(share: float, plain: Fit, regions: Sequence[HeldOutRegion]) -> float:

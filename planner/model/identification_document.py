@@ -265,7 +265,7 @@ class Release(DocumentSection):
     Attributes:
         basis: whether the robot holds effects by the posterior or geometry alone.
         share: how much of the way it goes from geometry alone to the robot with the least expected square of its error
-            over that of geometry alone, 0 to 1: as far as it is hardly ever worse over the workspace.
+            over that of geometry alone, 0 to 1: as far as it is hardly ever noticeably worse there.
         findings: those that entered the posterior; what they would do is left to the background of the others.
         held_out, validation: errors of this robot.
         at_most: what the released robot's error stays below with a probability of 95 %.

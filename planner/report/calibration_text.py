@@ -140,7 +140,7 @@ def released_text(c: Calibration) -> str:
     mean = "the posterior of geometry and all effects"
     if r.share == 1.0:
         return mean
-    return f"{r.share:.0%} of the way from geometry alone to {mean}, as far as that is hardly ever worse"
+    return f"{r.share:.0%} of the way from geometry alone to {mean}, as far as that is hardly ever noticeably worse"
 
 
 def held_out_text(c: Calibration) -> str:
