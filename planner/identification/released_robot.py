@@ -99,19 +99,19 @@ class ReleasedRobot:
         """Values of the parameters, by name, that the robot's file holds beyond geometry.
 
         What the background says of next to nothing is left out: the smallest parameters, as long as all of them
-        together stay negligible.
+        together stay negligible, over the workspace and at poses like those measured, where the robot is known better.
         """
         values = self.fit.values
         kept = {p.name: values[p.name] for p in self.fit.model.parameters if p.is_effect}
-        faint = [p.name for p in self.fit.model.parameters if p.group == BACKGROUND and p.name in self.tool.names]
-        for p in self.fit.model.parameters:
-            if p.group == BACKGROUND and p.name not in self.tool.names:
-                del kept[p.name]
-        columns = self._rows_of(faint) * np.array([values[n] for n in faint])
-        order = np.argsort((columns**2).sum(axis=0), kind="stable")
-        size = np.sqrt((np.cumsum(columns[:, order], axis=1) ** 2).sum(axis=0) / len(self.tool.q))
-        for k in order[: int(np.searchsorted(np.maximum.accumulate(size), NEGLIGIBLE_SHARE * self.anywhere))]:
-            del kept[faint[k]]
+        background = [p.name for p in self.fit.model.parameters if p.group == BACKGROUND]
+        faint = [n for n in background if n in self.tool.names]
+        size = np.array([values[n] for n in faint])
+        columns = [self._rows_per_error(where, faint) * size for where in (self.tool, self.measured)]
+        order = np.argsort(np.max([(c**2).sum(axis=0) for c in columns], axis=0), kind="stable")
+        together = np.max([(np.cumsum(c[:, order], axis=1) ** 2).sum(axis=0) for c in columns], axis=0) ** 0.5
+        left_out = int(np.searchsorted(np.maximum.accumulate(together), NEGLIGIBLE_SHARE))
+        for name in (*(n for n in background if n not in self.tool.names), *(faint[k] for k in order[:left_out])):
+            del kept[name]
         return kept
 
     def __repr__(self) -> str:
@@ -125,9 +125,10 @@ class ReleasedRobot:
         axes = [f"map_{first}_{axis}" if first else f"map_{axis}" for axis in "xyz"]
         return np.asarray(self.tool.p_FM + self.fit.at(axes))
 
-    def _rows_of(self, names: Sequence[str]) -> Array:
-        rows = self.tool.rows.reshape(-1, len(self.tool.names))
-        return np.asarray(rows[:, [self.tool.names.index(n) for n in names]])
+    def _rows_per_error(self, where: ToolMap, names: Sequence[str]) -> Array:
+        """Return the motion (3 n, K) by each parameter over the root of n states times the error to be expected."""
+        rows = where.rows.reshape(-1, len(where.names))[:, [where.names.index(n) for n in names]]
+        return np.asarray(rows / max(np.sqrt(len(where.q)) * self.anywhere_with(self.fit, where), 1e-300))
 
     def expected_errors(self, fit: Fit | None) -> Array:
         """Return the tool's expected error at every state [m], (n,), with the values of ``fit``; ``None``: nominal."""
