@@ -44,7 +44,7 @@ LOCAL_RATIO = 1.2  # of the misfit at a place to that over the workspace, from w
 
 # ---- the released robot
 CURVE_STANDARD_ERRORS, CURVE_GAIN = 3.0, 0.1  # that whole curves of gears pay: beyond chance, and of the mean square
-LEAST_EFFECT_SHARE = 0.05  # of the way to the compromise, which is worth a robot with effects
+NOTICED = 1.05  # ratio of two errors: a twentieth more or less nobody notices at a cell
 DENSE_READINGS = 20  # for each parameter, from which poses held out stand for those anywhere
 ANOTHER_TOOL_SHARE = 0.5  # of the mean square error of another tool that is worth a second tool point
 OTHER_TOOL = 0.2  # [m] from the flange's centre to the tools that were not measured, in six directions

@@ -13,7 +13,7 @@ from planner.identification.assumptions import (
     CURVE_GAIN,
     CURVE_STANDARD_ERRORS,
     DENSE_READINGS,
-    LEAST_EFFECT_SHARE,
+    NOTICED,
     POSITION_AXES,
 )
 from planner.identification.cross_validation import Split, predict_held_out
@@ -34,7 +34,6 @@ from planner.model.identification_document import Metrics, Release, WorkToolErro
 from planner.model.model import Model
 
 DOUBT = 0.02  # probability that geometry alone is the noticeably better robot, at most
-WORSE = 1.05  # of its error: nobody at a cell sees a twentieth of an error
 
 
 def release_robot(
@@ -44,7 +43,7 @@ def release_robot(
 
     It lies on the way from geometry alone to the compromise between it and the posterior, as far along as it is hardly
     ever noticeably worse over the workspace than geometry alone: what an arm may have besides is no reason to move it.
-    Where it predicts poses held out worse than geometry alone does, geometry alone is released.
+    Where it predicts poses held out worse than geometry alone does, or is hardly better, geometry alone is released.
 
     Args:
         stages: of the fit; the last one's findings enter the posterior where they pay.
@@ -82,7 +81,7 @@ def release_robot(
     share = 0.0 if geometry_alone else safe_share(geometry, aim)
     if len(plain.fit.problem) == len(run):  # else geometry was fitted to another part of a long run
         share = share_by_regions(share, plain.fit, regions)
-    if share < LEAST_EFFECT_SHARE:
+    if share == 0.0:
         return geometry
     fit = _interpolate_fit(plain.fit, aim, share)
     before = own.held_residual if few is None else own.held_residual[few]
@@ -93,7 +92,8 @@ def release_robot(
     if (held**2).sum() > (before**2).sum():  # what is expected of it is refuted by the poses that no fit saw
         return geometry
     errors = (Metrics.of(held, split.fold), context.judge(fit), held)
-    return ReleasedRobot(fit, plain.fit, *known, *errors, share)
+    released = ReleasedRobot(fit, plain.fit, *known, *errors, share)
+    return released if is_noticeably_better(released) else geometry
 
 
 def predicts_better(other: Array, plain: Array, split: Split) -> bool:
@@ -126,15 +126,26 @@ def safe_share(geometry: ReleasedRobot, aim: Fit) -> float:
     On the way errors are quadratic: with the true robot's projection t on the way, 0 at geometry and 1 at the aim, L
     the square of the way's length and e² that of geometry's error, the square of a robot's a share s along is
     e² + L s (s − 2 t). Where most of e is beside the way, as of a robot of which a run shows little, no share matters:
-    it is worse than geometry alone by no more than WORSE as far as s ≤ t + √(t² + (WORSE² − 1) e²/L).
+    it is worse than geometry alone by no more than NOTICED as far as s ≤ t + √(t² + (NOTICED² − 1) e²/L).
     """
     length = geometry.distance(geometry.geometry, aim) ** 2
     if length == 0.0:
         return 0.0
     plain = geometry.drawn_errors(geometry.geometry) ** 2 / length
     along = 0.5 * (1 + plain - geometry.drawn_errors(aim) ** 2 / length)
-    farthest = along + np.sqrt(along**2 + (WORSE**2 - 1) * plain)
+    farthest = along + np.sqrt(along**2 + (NOTICED**2 - 1) * plain)
     return float(np.clip(np.quantile(farthest, DOUBT), 0.0, 1.0))
+
+
+def is_noticeably_better(released: ReleasedRobot) -> bool:
+    """Tell whether a robot is expected to be better than geometry alone so much that anybody notices.
+
+    Over the workspace, or at poses like those measured: of two robots that are as good the simpler one is written.
+    """
+    return any(
+        released.anywhere_with(released.geometry, where) > NOTICED * released.anywhere_with(released.fit, where)
+        for where in (released.tool, released.measured)
+    )
 
 
 def share_by_regions(share: float, plain: Fit, regions: Sequence[HeldOutRegion]) -> float:

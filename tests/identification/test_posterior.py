@@ -131,14 +131,14 @@ def test_the_error_at_poses_like_those_measured_is_that_of_drawn_robots():
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("factor", [1.0, release.WORSE])
+@pytest.mark.parametrize("factor", [1.0, release.NOTICED])
 def test_a_robot_part_way_is_as_likely_worse_than_geometry_as_is_accepted(factor, monkeypatch):
     """Counted over the drawn robots, at every probability that ends part of the way."""
     released = by_posterior(judged(0, WEAK)[0].released)
     before = replace(released, fit=released.geometry, share=0.0)
     aim = release.compromise(before)
     partial = 0
-    monkeypatch.setattr(release, "WORSE", factor)
+    monkeypatch.setattr(release, "NOTICED", factor)
     for doubt in np.linspace(0.02, 0.7, 36):
         monkeypatch.setattr(release, "DOUBT", doubt)
         share = release.safe_share(before, aim)
