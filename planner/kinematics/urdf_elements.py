@@ -176,7 +176,8 @@ def _parse_number(element: ET.Element, key: str, text: str, most: float = MOST_N
     except ValueError:
         value = np.nan
     if not abs(value) <= most:
-        raise UrdfError(f"<{element.tag}>: {key} = '{text}' is no number up to {most:g}")
+        cure = ": blanks part numbers, no commas" if "," in text else ""
+        raise UrdfError(f"<{element.tag}>: {key} = '{text}' is no number up to {most:g}{cure}")
     return value
 
 

@@ -3,7 +3,7 @@
 Each is planned by the command (``--fixtures N``; one: as the cell is). Printed are what the number of fixtures was said
 to be worth at 100 poses, the error that the plan expects and its minutes; then the true error of simulated arms
 (``true_arms``, nothing of the planner: lengths, angles, gears, joints that give way) at targets before and after they
-are corrected, with what was stated. An arm that is measured while it moves is logged at 10 Hz. Where there is no plan,
+are corrected, with what was stated. An arm that is measured while it moves is logged at 2 Hz. Where there is no plan,
 the sentence that says why.
 """
 

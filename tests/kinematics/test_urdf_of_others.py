@@ -41,6 +41,13 @@ def load_robot_plain(folder: Path, tip: str):
     return load_robot(folder / "plain.urdf", tip=tip)
 
 
+def test_a_comma_between_numbers_is_named_with_what_stands_there_instead(tmp_path: Path) -> None:
+    """pinocchio takes such a file for no model at all."""
+    (tmp_path / "tree.urdf").write_text(re.sub(r'xyz="([-\d.]+) ', r'xyz="\1, ', tree(), count=1))
+    with pytest.raises(InputError, match=r"<origin>: xyz = '[-\d.]+,' is no number up to .*: blanks part numbers"):
+        load_robot(tmp_path / "tree.urdf", tip="l6")
+
+
 LIMIT = '<limit lower="-2" upper="2" velocity="1" effort="1"/>'
 UNSAID = {
     "velocity 0": (LIMIT.replace('velocity="1"', 'velocity="0"'), "speed_deg_s", "speed_deg_s = 90"),
