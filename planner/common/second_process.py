@@ -108,7 +108,7 @@ class ForkedWorker(Generic[A, T]):
 
     @property
     def runs(self) -> bool:
-        """Whether there is such a copy, and it is this process's own."""
+        """Whether the copy exists and was made by this process, not by its parent."""
         return self._copy.pid > 0 and os.getpid() == self._parent
 
     def begin(self, argument: A) -> None:

@@ -148,7 +148,7 @@ def _fixed_index(name: str) -> bool:
 
 
 def common_frames(uses: Sequence[Use], unused: FramePair) -> FramePair:
-    """Return tool and base if all moves to a point agree about both, else why not; ``unused`` where there is none."""
+    """Return tool and base of all moves to a point, or why they differ; ``unused`` if no move drives to it."""
     frames = [use.frames for use in uses] or [unused]
     for pair in frames:
         for one, other in zip(frames[0], pair, strict=True):

@@ -60,7 +60,7 @@ class BayesianPosterior:
 
     @classmethod
     def prior(cls, white: Array, weight: Array) -> "BayesianPosterior":
-        """Return what the priors say."""
+        """Return the posterior before any reading: the priors."""
         shown = np.einsum("ij,ij->i", white @ weight, white)
         spread = np.einsum("ij,ij->i", white, white)
         by_column = np.asfortranarray(white)  # products with vectors read it twice as quickly
@@ -142,7 +142,7 @@ class BayesianDesign:
         return float(self.after[-1]) / self.bound - 1.0
 
     def with_driven_poses(self, samples: Samples, minutes: Callable[[int], float]) -> "BayesianDesign":
-        """Return it with the errors after the poses that are driven, and the minutes of every number of poses.
+        """Return the design with the errors after the driven poses, and the minutes that each number of poses takes.
 
         Other numbers, chosen among few candidates, are foreseen better by as much as this one came out better.
         """

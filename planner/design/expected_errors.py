@@ -52,7 +52,7 @@ class ExpectedErrors(Protocol):
         """The end of a sentence that says the same; empty where a sentence needs none."""
 
     def on(self, model: Model) -> Self:
-        """Return it about another model of the same parameters, such as one in which a gauge stands elsewhere."""
+        """Return the same errors in another model of the same parameters, one in which the gauge stands elsewhere."""
 
     def white(self, samples: Samples) -> Array:
         """Return what each error does to readings, in the readings' standard deviations, (n, P)."""

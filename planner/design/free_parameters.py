@@ -215,7 +215,7 @@ class UndeclaredErrors:
         return np.asarray(self.weight * np.outer(self.prior, self.prior))
 
     def on(self, model: Model) -> Self:
-        """Return it about another model of the same parameters."""
+        """Return the same errors in another model of the same parameters."""
         return replace(self, model=model)
 
     def white(self, samples: Samples) -> Array:

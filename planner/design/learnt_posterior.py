@@ -34,7 +34,7 @@ class LearntPosterior:
 
     @classmethod
     def of(cls, white: Array, weight: Array, families: Families) -> "LearntPosterior":
-        """Begin with the usual sizes; ``weight``: mean square error of the tool per squared errors, (P, P)."""
+        """Return the posterior before any reading; errors e (P,) make the tool's square error eᵀ ``weight`` e [m²]."""
         size = white.shape[1]
         start = LearntErrors(np.zeros(size), np.ones(size), np.ones(len(families)))
         return cls(white, root_of(weight), families, start)

@@ -263,7 +263,7 @@ class Effect:
 
     @cached_property
     def family(self) -> str:
-        """``gear ripple, joint 3``: the group of its parameters, and its name unless it comes again."""
+        """Kind and place, such as ``gear ripple, joint 3``: the name, unless several effects share kind and place."""
         return f"{self.kind}, {self.place}"
 
     @cached_property

@@ -27,15 +27,15 @@ ENDS: tuple[tuple[BallEnd, str], ...] = (("fixture", "ball at the fixture"), ("t
 LOBES = (("ball ovality", 2), ("ball lobing", 4))  # odd ones and the first are much like a ball off its centre
 
 
-def against_length(phi: BasisFunction, c: Context) -> EffectVariable:
-    """Draw an effect against the length."""
+def length_variable(phi: BasisFunction, c: Context) -> EffectVariable:
+    """Return the length as the quantity that the effect is drawn against."""
     return EffectVariable("length (mm)", to_mm(c.length))
 
 
 class BarLength(BasisFunction, key="length", static=False, gauge=True):
     """φ = L [m]: a scale error."""
 
-    plot_variable = against_length
+    plot_variable = length_variable
 
     def __call__(self, c: Context) -> Array:
         """Return the length."""
@@ -48,7 +48,7 @@ class LengthPower(BasisFunction, key="length-power:NUMBER:NUMBER:INDEX", static=
     about: float
     span: float
     power: int
-    plot_variable = against_length
+    plot_variable = length_variable
 
     def __call__(self, c: Context) -> Array:
         """Return the power."""
@@ -122,7 +122,7 @@ class BarSag(BasisFunction, key="sag:NUMBER", static=False, gauge=True):
     """
 
     span: float
-    plot_variable = against_length
+    plot_variable = length_variable
 
     def __call__(self, c: Context) -> Array:
         """Return the shape of the correction."""

@@ -25,7 +25,7 @@ class AxisZeros:
 
     @classmethod
     def of(cls, robot: Robot, controller: str | None = None) -> "AxisZeros":
-        """Return them for the controller of a robot's maker, or for another one."""
+        """Return the zeros for a controller, by default that of the robot's maker."""
         inverse = np.asarray(np.linalg.inv(robot.coupling_matrix), dtype=float)
         for c in robot.conventions:
             if c.controller == (controller or robot.dialect):

@@ -223,7 +223,7 @@ class Baseline:
         return cls(file, Model(setup, parameters), values, np.vstack([root, np.zeros((len(anew), root.shape[1]))]))
 
     def for_session(self, cell: Cell, run: Run) -> "Baseline":
-        """Return it for the run of a later session, with what was set up anew as the run has it.
+        """Return the baseline for the run of a later session, with the gauge where that run finds it.
 
         Raises:
             InputError, NoSolutionError: the run cannot tell where the gauge stands.
@@ -246,7 +246,7 @@ class Baseline:
         return np.array([_is_anew(p, self.model.setup) for p in self.model.parameters]).nonzero()[0]
 
     def for_samples(self, samples: Samples) -> "Baseline":
-        """Return it without effects of quantities that were not logged; the model is the same."""
+        """Return the baseline without effects of quantities that the samples lack; the model stays the same."""
         have = [
             all(getattr(samples, c) is not None for m in p.moves for c in columns_of(m.phi.key))
             for p in self.model.parameters

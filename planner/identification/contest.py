@@ -38,7 +38,7 @@ Part = tuple[Block, float]
 
 
 def judge_findings(posterior: PosteriorFit, contests: Sequence[Contest], worth: float) -> list[Standing]:
-    """Return what came of the contests; ``worth``: readings of the run that each of the posterior's record is."""
+    """Return how each finding stands against its rivals; ``worth``: readings of the run per reading of the record."""
     if not contests:
         return []
     arena, draws = Arena.of(posterior, contests, max(worth, 1.0)), posterior.record.draws
@@ -86,7 +86,7 @@ class Beside:
 
     @classmethod
     def of(cls, gram: Array, parts: Sequence[Part]) -> "Beside":
-        """Look beside causes of known sizes, by products of all columns (p + 1, p + 1)."""
+        """Take the causes ``parts``, of known sizes, out of the products ``gram`` (p + 1, p + 1) of all columns."""
         if not parts:
             return cls(np.zeros((0, len(gram))), gram)
         columns, size = _sizes(parts)

@@ -272,7 +272,7 @@ def predict_held_out(fit: Fit, split: Split, sizes: Array | None = None) -> Held
 def predict_held_out_without(
     fit: Fit, split: Split, effects: Sequence[Sequence[int]], known: Sequence[int] = ()
 ) -> Iterator[HeldOutPrediction]:
-    """Yield the same prediction without each of some effects, all other parameters refitted.
+    """Yield for each effect the prediction of every held-out sample without it, all other parameters fitted again.
 
     Args:
         fit: with all of them; its noise and prior sigmas stay.
@@ -362,7 +362,7 @@ def _shift_residual(problem: FitProblem, errors: Array, shift: Array, split: Spl
 
     def one(part: slice) -> Array:
         """Return the residuals of one piece, each after the step of its fold."""
-        linear, fold = problem.linear(part, errors), split.fold[part]
+        linear, fold = problem.linearize(part, errors), split.fold[part]
         out = np.array(linear.residual)
         for f in np.unique(fold):
             mine = np.flatnonzero(fold == f)

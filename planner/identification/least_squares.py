@@ -101,7 +101,7 @@ class _Triangle:
         return cls(factor, right, float(whole[-1, -1] + z @ z), piece)
 
     def beside_residual(self, problem: FitProblem, errors: Array) -> "_Triangle | None":
-        """Return it with the residual about errors (P,) beside the columns as they are; ``None`` without these."""
+        """Return the triangle of the kept columns and the residual at errors (P,); ``None`` if no columns were kept."""
         if self.piece is None:
             return None
         raw = problem.model.residual_in(problem.context, problem.targets, errors)
@@ -280,9 +280,10 @@ def prior_groups(model: Model) -> Iterator[list[int]]:
 
 
 def prior_factors(model: Model, prior: Array, errors: Array, shrinkage: Array) -> Array:
-    """Factor of each prior sigma at which the run is likeliest: Σ z² over the number of well-decided parameters.
+    """Return the factor on each prior sigma that makes the run likeliest: Σ z² over the number of decided parameters.
 
-    One decided parameter's worth of the prior itself (factor 1) is added, so that few or faint ones keep it.
+    To both one more parameter is added that fits the prior (z = 1), so that the factor stays near 1 where the run
+    decides little.
     """
     out = np.ones(len(prior))
     for which in prior_groups(model):

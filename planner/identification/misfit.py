@@ -298,7 +298,7 @@ def predict_validation(known: Fit, run: Run, time: float) -> HeldOutReadings | N
 
 def _hold_out(there: FitProblem, errors: Array, root: Array) -> HeldOutReadings:
     """Return what is left of positions with errors (P,), known by a root (P, k) of their covariance."""
-    linear, width = there.linear(slice(0, len(there)), errors), min(POSITION_AXES, there.model.width)
+    linear, width = there.linearize(slice(0, len(there)), errors), min(POSITION_AXES, there.model.width)
     noise_root = _noise_root(there, width)
     return HeldOutReadings.of(linear.residual[:, :width], linear.rows[:, :width] @ root, noise_root)
 

@@ -70,15 +70,15 @@ class Whitener:
         return float(np.sqrt(self.declared[:, :3].sum(axis=1).mean() + robot))
 
     def take(self, which: np.ndarray) -> "Whitener":
-        """Return it for the readings at ``which`` (indices or a mask)."""
+        """Return the whitener of the readings at ``which`` (indices or a mask)."""
         return Whitener(self.declared[which], self.shaken[which], self.noise)
 
     def with_noise(self, noise: Noise) -> "Whitener":
-        """Return it for another size of the noise."""
+        """Return the whitener for another size of the noise."""
         return Whitener(self.declared, self.shaken, noise)
 
     def times(self, factor: float) -> "Whitener":
-        """Return it for a noise that is larger by a factor."""
+        """Return the whitener for a noise that is larger by ``factor``."""
         noise = self.noise
         return self.with_noise(Noise(noise.gauge * factor, noise.joints * factor, noise.angle * factor))
 

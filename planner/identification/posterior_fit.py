@@ -358,7 +358,7 @@ class IndependentReadings:
     @classmethod
     def of(cls, problem: FitProblem, errors: Array) -> "IndependentReadings":
         """Linearise about errors (P,)."""
-        linear = problem.linear(slice(0, len(problem)), errors)
+        linear = problem.linearize(slice(0, len(problem)), errors)
         rows, y = linear.rows * problem.prior, linear.residual + linear.rows @ errors
         columns, targets, noise = [], [], []
         width = rows.shape[1]

@@ -142,14 +142,14 @@ class FitProblem:
         with ThreadPoolExecutor(2) as pool:
             yield from pool.map(task, parts)
 
-    def linear(self, part: slice, errors: Array) -> Linearization:
-        """Residuals and rows of one piece about ``errors``, in metres and radians."""
+    def linearize(self, part: slice, errors: Array) -> Linearization:
+        """Return residuals and Jacobian rows of the samples ``part`` at ``errors`` (P,), in metres and radians."""
         if len(self) > PIECE_SAMPLES:
-            return self.model.linear(self.samples.take(part), self.targets.take(part), errors)
+            return self.model.linearize(self.samples.take(part), self.targets.take(part), errors)
         about = (self.model.parameters_and_constants, errors.tobytes())
         known = self.memory.linear  # read once: several fits may look at one problem at a time
         if known is None or known[0] != about:
-            known = self.memory.linear = about, self.model.linear_in(self.context, self.targets, errors)
+            known = self.memory.linear = about, self.model.linearize_in(self.context, self.targets, errors)
         return known[1]
 
     @property
@@ -161,7 +161,7 @@ class FitProblem:
 
     def piece(self, part: slice, errors: Array) -> LinearPiece:
         """Linearise one piece about ``errors``, whitened."""
-        linear = self.linear(part, errors)
+        linear = self.linearize(part, errors)
         root = np.ascontiguousarray((self.whitener.root[part] * np.sqrt(self.weight[part])[:, None, None]).T)
         return LinearPiece(linear.columns.whiten(root, self.prior, linear.residual))
 
@@ -172,7 +172,7 @@ class FitProblem:
             """Return the residuals of one piece."""
             if len(self) > PIECE_SAMPLES:
                 return self.model.residual(self.samples.take(part), self.targets.take(part), errors)
-            return self.linear(part, errors).residual
+            return self.linearize(part, errors).residual
 
         return np.concatenate(list(self.over_pieces(one)))
 

@@ -106,10 +106,10 @@ def predicts_better(other: Array, plain: Array, split: Split) -> bool:
 
 
 def compromise(geometry: ReleasedRobot) -> Fit:
-    """Return the posterior's fit with the values whose mean square error over that of geometry alone is least.
+    """Return the posterior's fit with the values whose mean square error, over that of geometry alone, is least.
 
-    They are the mean of the robots drawn, each with the weight of its inverse mean square distance from geometry alone:
-    where geometry is nearly right a robot must keep near to it, where it is far off a little more or less is no matter.
+    They are the mean of the robots drawn from the posterior. Each has the weight 1 / d², with d² its mean square
+    distance from geometry alone: robots for which geometry is nearly right count most.
     """
     posterior = geometry.posterior
     square = geometry.drawn_errors(geometry.geometry) ** 2

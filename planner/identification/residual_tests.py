@@ -60,7 +60,7 @@ class ProjectedResidual:
 
     @cached_property
     def square(self) -> float:
-        """Sum of squares."""
+        """Sum of squares of the whitened residual."""
         return float(self.white @ self.white)
 
     def clip_outliers(self) -> "ProjectedResidual":

@@ -188,9 +188,9 @@ class LiveEstimate:
 
 
 def _with_stated_frames(unknown: ExpectedErrors, cell: Cell) -> ExpectedErrors:
-    """Return it with frames that the gauge reads in, where it has one, as the cell states them.
+    """Return the errors in a model whose gauge frames stand where the cell states them; lengths have no such frame.
 
-    A plan asks for no reading, and has them in the base.
+    The model of a plan has these frames in the base, since a plan needs no reading.
     """
     model = unknown.model
     if not (model.setup.has_own_frames and cell.fixtures):

@@ -145,7 +145,7 @@ class RemainingErrors:
         return f"what {self.before.folder.name}/{IDENTIFICATION} says of the robot holds, sizes of effects included"
 
     def on(self, model: Model) -> Self:
-        """Return it about another model of the same parameters."""
+        """Return the same errors in another model of the same parameters."""
         return replace(self, model=model)
 
     def white(self, samples: Samples) -> Array:

@@ -41,7 +41,7 @@ class PosePerformance:
     repeatability: Array
 
     def text(self) -> str:
-        """Return them as a person reads them, in mm."""
+        """Return the figures as a sentence, in mm."""
         ap, rp = (f"{to_mm(v.mean()):.3f} (largest {to_mm(v.max()):.3f})" for v in (self.accuracy, self.repeatability))
         few = self.visits.min() < VALIDATION.standard_visits or len(self.visits) < VALIDATION.standard_poses
         rest = (
@@ -53,7 +53,7 @@ class PosePerformance:
         return f"AP {ap}, RP {rp} mm, in the manner of ISO 9283, {seen}{rest}"
 
     def section(self) -> dict[str, object]:
-        """Return them as a section of ``accuracy.json``."""
+        """Return the figures as a section of ``accuracy.json``."""
         ap, rp = self.accuracy, self.repeatability
         figures = in_units(6, AP_mm=ap.mean(), AP_max_mm=ap.max(), RP_mm=rp.mean(), RP_max_mm=rp.max())
         return {"poses": len(ap), "visits": [int(self.visits.min()), int(self.visits.max())], **figures}
@@ -98,7 +98,7 @@ class ErrorFigures:
     percentiles: tuple[tuple[int, float], ...]
 
     def text(self) -> str:
-        """Return them as a person reads them, in mm."""
+        """Return the figures as a sentence, in mm."""
         parts = ", ".join(f"{share} % within {float(to_mm(v)):.3f}" for share, v in self.percentiles)
         mean, largest, std = (float(to_mm(v)) for v in (self.mean, self.largest, self.std))
         return f"{self.count} poses: mean {mean:.3f}, max {largest:.3f}, std {std:.3f} mm; {parts}"

@@ -7,9 +7,9 @@ from planner.kinematics.robot_reader import describe_robot
 
 
 def nominal_numbers(path: Path) -> dict[str, float | str]:
-    """Return convention, row and flange of the controller's own model in ``robot.toml`` by their keys [mm, deg].
+    """Return the numbers of the controller's own model in ``robot.toml``, rows and flange, by their keys [mm, deg].
 
-    Of a robot that a URDF describes these are the corrected numbers alone, which its file keeps as they were.
+    The file of a robot from a URDF holds only the nominal values of those numbers that a calibration changed.
 
     Raises:
         InputError: the file is wrong.

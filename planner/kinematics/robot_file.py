@@ -142,7 +142,7 @@ class PriorsTable(StrictModel):
     compliance_urad_Nm: PositiveFloat = 2.0
 
     def priors(self) -> Priors:
-        """Return them in SI units."""
+        """Return the prior sigmas in SI units."""
         return Priors(self.length_mm * MM, float(from_deg(self.angle_deg)), self.compliance_urad_Nm * 1e-6)
 
 

@@ -54,7 +54,7 @@ class ToolPointTable(StrictModel):
     std_beside_robot_mm: Vector | None = None
 
     def point(self) -> ToolPoint:
-        """Return it in SI units."""
+        """Return the tool point in SI units."""
         own, beside = (None if v is None else read_only(from_mm(v)) for v in (self.std_mm, self.std_beside_robot_mm))
         return ToolPoint(self.name, read_only(from_mm(self.position_mm)), own, beside)
 

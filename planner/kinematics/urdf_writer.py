@@ -94,7 +94,7 @@ def _declare_prefixes(root: ET.Element) -> None:
 
 
 def find_meshes(path: Path, packages: Packages = NO_PACKAGES) -> tuple[Path, ...]:
-    """Return the meshes that the links of the URDF at ``path`` name, to touch and to look at, those that are there."""
+    """Return the mesh files (collision and visual) that the URDF at ``path`` names for its links, if they exist."""
     root = parse_urdf(path, packages)
     finder = MeshFinder.of(path, root, packages)
     named = (str(mesh.get("filename")) for mesh in root.iterfind("link/*/geometry/mesh"))

@@ -86,7 +86,7 @@ class Columns:
         return Columns(plain, plain_at, self.screws, tuple(phi for phi, _ in blocks), tuple(at for _, at in blocks))
 
     def whiten(self, root: Array, scale: Array, residual: Array) -> "Columns":
-        """Return them times ``scale`` (P,), and behind them a residual (n, r), all in standard deviations.
+        """Return the columns times ``scale`` (P,) and, as the last, the residual (n, r), all in standard deviations.
 
         ``root``: L⁻¹ of every sample, (r, r, n) by column and row, with L Lᵀ the covariance of its reading.
         """

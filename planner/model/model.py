@@ -155,7 +155,7 @@ class Model:
         """Identification Jacobian, (n, r, P) [m/m, m/rad, …] (EDBB paper, eq. 4); readings do not matter to it."""
         out = np.empty((len(samples), self.width, len(self.parameters)))
         for part in chunks(len(samples)):
-            out[part] = self.linear_in(Context(self.setup, samples.take(part)), None, errors).rows
+            out[part] = self.linearize_in(Context(self.setup, samples.take(part)), None, errors).rows
         return out
 
     def full_reading(self, samples: Samples, errors: Array | None = None) -> Array:
@@ -176,10 +176,10 @@ class Model:
         motion, shown = self._pass(context, errors)
         return np.asarray(self._residual(context, motion, targets) - shown)
 
-    def linear(self, samples: Samples, targets: Targets, errors: Array | None = None) -> Linearization:
+    def linearize(self, samples: Samples, targets: Targets, errors: Array | None = None) -> Linearization:
         """Residuals and Jacobian of some samples in one forward pass."""
         parts = [
-            self.linear_in(Context(self.setup, samples.take(part)), targets.take(part), errors)
+            self.linearize_in(Context(self.setup, samples.take(part)), targets.take(part), errors)
             for part in chunks(len(samples))
         ]
         return Linearization(np.concatenate([p.residual for p in parts]), Columns.join([p.columns for p in parts]))
@@ -228,7 +228,7 @@ class Model:
                     shown[:, index] += sizes[k] * phi[f]
         return self.setup.chain.forward(context.theta, delta), shown
 
-    def linear_in(self, context: Context, targets: Targets | None, errors: Array | None = None) -> Linearization:
+    def linearize_in(self, context: Context, targets: Targets | None, errors: Array | None = None) -> Linearization:
         """Residuals and Jacobian for the samples of a context; without targets the residuals mean nothing."""
         motion, shown = self._pass(context, errors)
         residual = shown if targets is None else self._residual(context, motion, targets) - shown

@@ -17,7 +17,7 @@ from planner.report.page import Row
 
 
 def estimate_unit(e: Estimate) -> tuple[str, float]:
-    """Return how a parameter is written: mm and degrees for the geometry, small units for effects."""
+    """Return the unit a parameter is shown in, and the factor from SI: mm or deg for geometry, else a small one."""
     if e.group in ("gauge", "geometry"):
         unit = file_unit(e.unit)
         return display_unit(e.unit, e.std or 0.0) if e.unit == "s" else (unit, 1 / si_unit(unit)[1])

@@ -119,7 +119,7 @@ def collect_evidence(facts: CalibrationFacts, step: FindingStep) -> Evidence:
         return _residual_along(added, residuals, "rad" if facts.calibration.angle_unit else "m")
     bare = tuple(map(acting_throughout, own)) if changed else (replace(first, moves=(replace(first.main, phi=ONE),)),)
     size = np.array([fit.errors[fit.model.names.index(p.name)] for p in own]) if changed else np.ones(1)
-    screws = Model(fit.setup, bare).linear_in(context, None).rows[:, : rows.shape[1]]
+    screws = Model(fit.setup, bare).linearize_in(context, None).rows[:, : rows.shape[1]]
     screw = screws @ (size / np.linalg.norm(size))
     power = (screw**2).sum(axis=1)
     # 0.3: part of its usual leverage below which a reading says nothing of an effect

@@ -32,7 +32,7 @@ class TimedProtocol(HttpToolsProtocol):
         self._expect_headers()
 
     def data_received(self, data: bytes) -> None:
-        """Take in what has come, as long as the headers do not go on for ever."""
+        """Receive what has come, as long as the headers do not go on for ever."""
         most_head = 64 << 10  # bytes of headers
         self._head_bytes += len(data) if self._deadline else 0
         if self in self.waiting.get(self._address, ()):

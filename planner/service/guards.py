@@ -165,7 +165,7 @@ def _count_bytes(receive: Receive, most: int, within_s: float | None) -> Receive
     taken, left, begun = 0, True, time.monotonic()
 
     async def receive_some() -> Message:
-        """Take in a part of the body, as long as it is not too large and comes in time."""
+        """Receive a part of the body, as long as it is not too large and comes in time."""
         nonlocal taken, left
         try:
             rest_s = within_s and left and begun + within_s - time.monotonic()

@@ -65,7 +65,7 @@ class JobFolder:
         return tuple(self._inputs)
 
     def file(self, file: FileReference | FileInFolder) -> str:
-        """Lay in an uploaded file.
+        """Copy an uploaded file into the folder; return its name there.
 
         Raises:
             UnknownFileError: it was never sent.
@@ -75,7 +75,7 @@ class JobFolder:
         return self._lay(file.name, file.id)
 
     def cell(self, cell: str, files: Sequence[FileReference]) -> str:
-        """Lay in an uploaded cell with the files that it names; a shipped one is there."""
+        """Copy an uploaded cell and the files that it names; return its name. A shipped cell has its own name."""
         if "/" in cell:
             return cell
         word = self.file(FileReference(id=cell, name="cell.toml"))
@@ -84,11 +84,13 @@ class JobFolder:
         return word
 
     def plan(self, job: str) -> str:
-        """Lay in a finished plan, or that of a check."""
+        """Copy the results of a finished plan, or of the plan of a check; return the path of ``plan.json``."""
         return f"{self.results(job, 'plan', 'plan', also='check-plan')}/plan.json"
 
     def results(self, job: str, kind: str, folder: str, also: str = "", only: tuple[str, ...] = ()) -> str:
-        """Lay what others need of a finished job of a kind, or of one that does as well, into a folder.
+        """Copy the results of a finished job that other jobs need into ``folder``, and return ``folder``.
+
+        The job is of the given kind, or of the kind ``also``; with ``only``, no other files are copied.
 
         Raises:
             InputError: there is no such job, it is of another kind, or it has no result.
@@ -104,19 +106,21 @@ class JobFolder:
         return folder
 
     def cell_of(self, identification: str) -> str:
-        """Lay in the cell that was identified in, with all files that lay there."""
+        """Copy all inputs of an identification; return the name of its cell."""
         done = self.jobs.get(identification).command
         self._inputs += done.inputs
         return str(done.option("--cell"))
 
     def baseline_of(self, check_plan: str) -> str:
-        """Lay in the calibration that a check was planned against."""
+        """Copy the calibration that a check was planned for; return the name of its folder."""
         for name, sha256 in self.jobs.get(check_plan).command.calibrated_inputs().items():
             self._lay(f"calibrated/{name}", sha256)
         return "calibrated"
 
     def simulated_robot_of(self, check_plan: str) -> str:
-        """Lay in the simulated run by which the robot of a check was calibrated: it says what is true of that robot.
+        """Copy the simulated run that the robot of a check was calibrated with; return its name.
+
+        The comments of that run hold the true errors of the robot.
 
         Raises:
             InputError: the calibration was not simulated, or made elsewhere.

@@ -142,7 +142,7 @@ def main() -> None:
 
 
 def limit_resources(job: JobSpecification) -> None:
-    """Set the limits that the system itself keeps; where its memory ends, this process goes and not the server."""
+    """Set the limits that the operating system enforces; when memory runs out, it ends this process, not the server."""
     address_space_ratio = 4  # to the memory: libraries reserve more than they use; the server watches what is used
     most_written = 2 * GB  # bytes of a file that a command writes
     with suppress(OSError):

@@ -85,7 +85,7 @@ class JobRequest(StrictModel, ABC):
 
     @abstractmethod
     def subject(self, folder: JobFolder) -> str:
-        """Return of what the job is, for a person."""
+        """Return what the job works on, in words for a person."""
 
     def robot(self, folder: JobFolder) -> str:
         """Return the model of the robot that it is of, where that is known."""
@@ -152,7 +152,7 @@ class OfPlanRequest(JobRequest):
         return [folder.plan(self.plan)]
 
     def subject(self, folder: JobFolder) -> str:
-        """Return what the plan is of."""
+        """Return the title of the plan's job."""
         return folder.jobs.get(self.plan).title
 
     def robot(self, folder: JobFolder) -> str:
@@ -189,7 +189,7 @@ class MeasuredRequest(JobRequest):
         return self
 
     def lay_runs(self, folder: JobFolder, also: str = "") -> tuple[list[str], str, str | None]:
-        """Lay in runs, cell and plan; return the words of each. A plan of the kind ``also`` does as well."""
+        """Copy runs, cell and plan into the folder; return their names. The plan may be of the kind ``also``."""
         runs = [folder.file(f) for f in self.runs]
         if self.cell is None:
             for file in self.files:

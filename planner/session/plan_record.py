@@ -170,7 +170,7 @@ def observability_record(choice: PoseChoice, bound: Certificate) -> Observabilit
 
 
 def _add_driven_index(stated: ObservabilityRecord, plan: Plan) -> ObservabilityRecord:
-    """Return it with the index along the path as it is driven."""
+    """Return the record with the index of the poses as they are driven."""
     return stated.model_copy(update={"path": {plan.choice.index: plan.driven}})
 
 

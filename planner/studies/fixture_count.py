@@ -63,7 +63,7 @@ class FixtureCount:
 
     @property
     def lost_parameters(self) -> tuple[DroppedParameter, ...]:
-        """What no number of fixtures and no remedy shows."""
+        """The parameters that stay unseen with any number of fixtures and with any remedy."""
         left = [{d.name for d in r.dropped} for r in self.remedies] + [{d.name for d in self.steps[-1].dropped}]
         last = self.remedies[-1].dropped if self.remedies else self.steps[-1].dropped
         return tuple(d for d in last if all(d.name in names for names in left))
@@ -101,7 +101,7 @@ class CombinedReadings:
         return tuple(d.name for d in unseen if d.name in self.identifiability.names)
 
     def drop_parameters(self, *prefixes: str) -> "CombinedReadings":
-        """Return them with the parameters measured whose names begin with one of ``prefixes``."""
+        """Return the readings without the parameters named by one of ``prefixes``, which were measured."""
         left = [k for k, n in enumerate(self.names) if not n.startswith(prefixes)]
         names = tuple(self.names[k] for k in left)
         return replace(self, rows=self.rows[:, :, left], names=names, prior=self.prior[left])

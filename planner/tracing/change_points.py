@@ -107,7 +107,7 @@ def step_series(test: ScoreTest, steppables: Sequence[Steppable]) -> list[tuple[
 
 
 def series_merit(test: ScoreTest, steps: Sequence[EffectScore]) -> float:
-    """Fall of minus twice the log likelihood by several steps together, of unknown noise, less what chance explains."""
+    """Return how much several steps together lower −2 log likelihood (noise unknown), less what chance explains."""
     left = max(test.scatter - sum(s.gain for s in steps), 1e-9 * test.scatter)
     costs = sum(s.gain / test.noise - merit_of(test, s) for s in steps)
     return float(test.dof * np.log(test.scatter / left)) - costs
@@ -317,5 +317,5 @@ def _acting_throughout(state: SearchState, found: FittedEffect) -> Array:
     problem, own = state.fit.problem, state.positions(found)
     parameters = tuple(acting_throughout(state.fit.model.parameters[k]) for k in own)
     model = replace(state.fit.model.fix_at(state.fit.errors), parameters=parameters)
-    rows = whiten(problem, model.linear_in(problem.context, None).rows)
+    rows = whiten(problem, model.linearize_in(problem.context, None).rows)
     return np.asarray(rows @ state.fit.errors[own])

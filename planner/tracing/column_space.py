@@ -215,6 +215,6 @@ def squares_before(basis: Array, columns: Array) -> Array:
 
 
 def row_products(vectors: Array, width: int) -> Array:
-    """Return the products (n, r, r) with each other of the rows of each sample's reading in vectors (n r, p)."""
+    """Return V Vᵀ (n, r, r) of the r rows V (r, p) that each of n readings has in ``vectors`` (n r, p)."""
     each = vectors.reshape(len(vectors) // width, width, vectors.shape[1])
     return np.asarray(each @ each.transpose(0, 2, 1))

@@ -137,13 +137,12 @@ def own_gains(state: SearchState, fit_context: FitContext, effects: Sequence[Fit
 
 
 def wald_statistic(state: SearchState, found: FittedEffect, beside: Array | None = None) -> tuple[float, int]:
-    """Wald statistic of an effect over the number of its parameters, and that number: how far its size is from zero.
+    """Return the Wald statistic of an effect per parameter (how far it is from zero), and the number of parameters.
 
-    ``beside`` is a covariance (k, k) of its sizes by what is not in the model.
+    ``beside`` is the covariance (k, k) of its sizes that comes from what the model leaves out.
 
-    Of a gear's curve only what the readings decide is counted: waves that are too quick for the poses to show are
-    expected near zero and found there. Masses other than stated count as known: they show through the compliances
-    only, and go with them.
+    Of a gear's curve only the parameters count that the readings decide: others stay near zero by their prior alone.
+    Masses count as known, since they show only through compliances.
     """
     kept, whole = state.covariance_root
     which = np.searchsorted(kept, state.positions(found))

@@ -7,7 +7,7 @@ from planner.model.identification_document import Estimate, Finding, Stage
 
 
 def border_unit(e: Estimate) -> tuple[str, float]:
-    """Return how a parameter is written: mm and degrees for the geometry, small units for effects; factor to it."""
+    """Return the unit a parameter is shown in, and the factor from SI: mm or deg for geometry, else a small one."""
     if e.group in ("gauge", "geometry"):
         unit = file_unit(e.unit)
         return unit, 1 / si_unit(unit)[1]

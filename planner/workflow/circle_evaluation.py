@@ -70,7 +70,7 @@ class CircularTestResult(FolderResult):
         return "circular.json, report.html"
 
     def next_step(self, folder: Path) -> str:
-        """Say what shows the causes."""
+        """Say which command plans the poses that show the causes."""
         show = "edbb plan CELL -o DIR, CELL without [[circles]], plans the poses that show the cause"
         return f"look at {folder / 'report.html'}; {show}"
 
@@ -153,7 +153,7 @@ class LoadedTestEvaluation(FolderResult):
         return f"loaded.json, curves.csv, averaged.csv, {joint}report.html, pictures"
 
     def next_step(self, folder: Path) -> str:
-        """Say how the robot is corrected."""
+        """Say which command leads on to a corrected robot."""
         cell = f"--cell {as_word(self.cell.path)}"
         if self.joint is None:
             runs = " ".join(as_word(run) for run in self.runs)

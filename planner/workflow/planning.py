@@ -32,9 +32,9 @@ from planner.workflow.plan_results import PlanResult, PosesResult, SessionResult
 def plan(asked: PlanCall) -> PlanResult | PosesResult | SessionResult:
     """Plan a measuring session: poses, certificate, collision-free path, robot programs.
 
-    What an extension's section of the cell asks for in place of poses, the extension plans. With a limit of time
-    searches stop early, and the notes say what they left; the same seed then no longer gives the same bytes. Over
-    before a path is proven: the poses alone, without a program.
+    A cell with a section of an extension (circles, for instance) is planned by that extension. With a time limit the
+    searches stop early, and the notes say what they left undone; the same seed then need not give the same bytes. If
+    the time ends before a path is proven, only the poses are returned, without programs.
 
     Raises:
         InputError: the cell or an argument is wrong.

@@ -37,7 +37,7 @@ class _Uses:
     doubts: dict[int, str] = field(default_factory=dict)
 
     def add(self, said: str, line: int, doubt: str) -> None:
-        """Take in the positions that an instruction names."""
+        """Read the positions that an instruction names."""
         for index in re.findall(_POINT, said, re.IGNORECASE):
             number = int(index) if index.isdecimal() else _EVERY
             self.lines.setdefault(number, line)

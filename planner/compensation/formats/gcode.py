@@ -102,11 +102,11 @@ class _GcodeTargets:
         self.last: list[float | None] = [None] * len(self.joints)
 
     def take(self, block: Block, in_subprogram: bool) -> None:
-        """Take in one block."""
+        """Process one block."""
         if in_subprogram and _SUB_BEGINS.fullmatch(block.text):
             self.begin_program()
         self.is_sub = in_subprogram
-        self.calls.say(block)
+        self.calls.note_modal_words(block)
         self.calls.branch(block)
         if not block.optional:  # or the operator may have it left out
             self.said |= SAID_AGAIN.intersection([*block.codes, block.text])
@@ -139,7 +139,7 @@ class _GcodeTargets:
         self._take_functions(block, {name for name, _ in found})
 
     def _take_functions(self, block: Block, names: set[str]) -> None:
-        """Take in what else the words of a block may do: calls, functions of the PLC, other kinematics."""
+        """Note what else the words of a block may do: calls, functions of the PLC, other kinematics."""
         functions, stays = _functions(block), self._stays(block)
         if switched := sorted(functions & _SWITCHED.get(self.name, set())):
             self.reading.refuse(block.line, f"{switched[0]} found: it changes what the words of the axes mean")
@@ -183,7 +183,7 @@ class _GcodeTargets:
         return functions <= _SWITCHES and (not parameters or bool(block.codes or functions))
 
     def _statement(self, block: Block) -> None:
-        """Take in a line that is no row of words and none of the dialect's own: what it does is not known."""
+        """Process a line that is no row of words and none of the dialect's own: what it does is not known."""
         if sentence := self._doubt(block):
             self.reading.refuse(block.line, sentence)
         self.forget()
@@ -249,7 +249,7 @@ class _GcodeTargets:
             self.reading.refuse(block.line, said)
 
     def _take_offset(self, block: Block) -> bool:
-        """Take in whether a block is driven without the work offset, which always is the first one or another."""
+        """Note whether a block is driven without the work offset, which always is the first one or another."""
         if self.work_offset in block.codes:
             return True
         after = f" after {self.offset}" if self.offset else ""

@@ -39,7 +39,7 @@ class CallsElsewhere:
         self._begin()
 
     def end_program(self) -> None:
-        """Take in that a program of the file ends here; behind a label it may have come from any line of its own."""
+        """Note the end of a program of the file. What follows a label may have been reached from any line before."""
         if self._first_label and self._moves:
             self._note_repetition(self._first_label, self._moves[-1].line)
         self._begin()
@@ -51,19 +51,19 @@ class CallsElsewhere:
         self._moves: list[_Move] = []
         self._first_label = 1 if self._jumps else 0
 
-    def say(self, block: Block) -> None:
-        """Take in what a block says again, unless the operator may have it left out."""
+    def note_modal_words(self, block: Block) -> None:
+        """Note words such as G90 that undo what a call may have changed; not in a block that the operator may skip."""
         if not block.optional:
             self._said |= dict.fromkeys(SAID_AGAIN.intersection([*block.codes, block.text]), block.line)
 
     def call(self, block: Block) -> None:
-        """Take in that a block calls a program."""
+        """Note that a block calls a program."""
         match = _CALL_BY_NAME.fullmatch(block.text)
         self._elsewhere = self._elsewhere or match is None or match["name"] not in self._own
         self._calls.append(block.line)
 
     def branch(self, block: Block) -> None:
-        """Take in a branch, a loop or a label: what is said in one is not certain behind it."""
+        """Process a branch, a loop or a label: what is said in one is not certain behind it."""
         if match := _OPENS.match(block.text):
             self._open.append((block.line, match["loop"] is not None, dict(self._said)))
         elif _LABEL.match(block.text):
@@ -77,7 +77,7 @@ class CallsElsewhere:
                 self._note_repetition(first, block.line)
 
     def move(self, block: Block) -> None:
-        """Take in a move with plain angles."""
+        """Process a move with plain angles."""
         off = min(self._said.get("G500", 0), self._said.get("TRANS", 0))
         unshifted = block.line if NO_OFFSET.intersection(block.codes) else off
         move = _Move(block.line, self._said.get("G90", 0), unshifted)
@@ -95,7 +95,7 @@ class CallsElsewhere:
             )
 
     def _note_repetition(self, first: int, last: int) -> None:
-        """Take in that the lines may be run again, behind the calls among them."""
+        """Note that the lines may be run again, behind the calls among them."""
         if calls := [line for line in self._calls if line >= first]:
             for move in self._moves:
                 if first <= move.line <= last:

@@ -71,7 +71,7 @@ class _KrlTargets:
         self.own = True
 
     def take(self, statement: st.Statement, own: bool) -> None:
-        """Take in one statement of the file itself, or of the other half of its module."""
+        """Process one statement of the file itself, or of the other half of its module."""
         self.own = own
         self._hand_points(statement)
         self._note_hidden_targets(statement, (st.Assignment, KrlMove))
@@ -174,7 +174,7 @@ class _KrlTargets:
             return f"'{move.rest[:60]}' in line {move.line} is no part of a move that is known here"
         if CIRCLE_ANGLE.match(move.rest):
             return f"the angle CA in line {move.line} ends the circle elsewhere than at the point that is written"
-        return self.frames.keeps_orientation(move.rest) if linear else ""
+        return self.frames.doubt_orientation(move.rest) if linear else ""
 
     def _target(self, move: KrlMove, target: Aggregate | str, frames: pt.FramePair, linear: bool) -> None:
         use = pt.Use(frames, self.last, linear)
@@ -214,7 +214,7 @@ class _KrlTargets:
             self._leave(statement.line, _HIDDEN.format(hidden))
 
     def _declare(self, statement: st.Assignment) -> bool:
-        """Take in what a name gets, and return whether that is a position with plain numbers, or declared as one."""
+        """Read what a name gets, and return whether that is a position with plain numbers, or declared as one."""
         name, kind, line = statement.name, statement.kind, statement.line if self.own else 0
         where = f"line {statement.line}" + ("" if self.own else " of the other half of the module")
         value = aggregate(statement.value, statement.value_start) if statement.value.startswith("{") else None

@@ -19,8 +19,8 @@ from planner.compensation.formats.krl_values import (
     TABLE,
     FrameValues,
     describe_change,
-    one_spelling,
     plain_frame,
+    spell_name,
 )
 from planner.compensation.points import Frame, FramePair, trace_sources
 from planner.compensation.targets import ToolAndBase
@@ -99,8 +99,8 @@ class FrameState:
         names = self._values.everywhere or self._values.names_in(fdat)
         return (names, names) if isinstance(names, str) else (self._find_frame(names[0]), self._find_frame(names[1]))
 
-    def keeps_orientation(self, rest: str) -> str:
-        """Say why a straight move here may keep the orientation that it begins with; nothing where it does not."""
+    def doubt_orientation(self, rest: str) -> str:
+        """Say why a straight move may keep its first orientation and not turn to its target's; empty if it turns."""
         named = re.search(r"\bSORI_TYP\s*\(\s*(\w+)", rest, re.IGNORECASE)
         mode = self._values.orientation_of(named[1]) if named else self._now["ORI_TYPE"]
         return "" if mode == _VARIABLE else self._turns or self._values.turned
@@ -114,7 +114,7 @@ class FrameState:
         return f"{name} has its value only after line {line}, where that is run"
 
     def branch(self, flow: st.Flow) -> None:
-        """Take in a branch, a loop or a label: what was set in one of them is not certain after it, nor in the next."""
+        """Process a branch, a loop or a label: what was set in one of them is not certain after it, nor in the next."""
         if id(flow) in self._changes.loops or flow.text.endswith(":"):
             self.forget()
         if flow.depth <= 0:
@@ -124,7 +124,7 @@ class FrameState:
             self._inside.clear()
 
     def take_aside(self, statement: st.Statement) -> str:
-        """Take in a statement that neither moves nor assigns: it may set frames, call a function, declare an interrupt.
+        """Process a statement that neither moves nor assigns: it may set frames, call a function, declare an interrupt.
 
         Returns:
             The routine of an interrupt that is not in the file and not of KUKA's own, or nothing.
@@ -151,12 +151,12 @@ class FrameState:
         return self._changes.may_write(statement)
 
     def take_trigger(self, call: st.Call) -> None:
-        """Take in that a routine is run while the next move is driven."""
+        """Note that a routine is run while the next move is driven."""
         if not self._changes.is_harmless(call.name):
             self.forget(f"the routine {call.name} of line {call.line} may set another")
 
     def select(self, statement: Bas) -> None:
-        """Take in a call of BAS that selects frames by number or as a point was taught, or forgets them."""
+        """Process a call of BAS that selects frames by number or as a point was taught, or forgets them."""
         if statement.what in KINDS:
             index = statement.value
             known = self._find_frame(f"{statement.what}_DATA[{int(index)}]") if index.isdigit() else ""
@@ -176,7 +176,7 @@ class FrameState:
                 self._set(which, "")
 
     def assign(self, statement: st.Assignment) -> None:
-        """Take in what is given to one of the variables that are ``FOLLOWED``."""
+        """Read what is given to one of the variables that are ``FOLLOWED``."""
         if calls_function(statement):
             self.forget()
         which = statement.name.lstrip("$")
@@ -192,15 +192,15 @@ class FrameState:
     def _assigned_frame(self, statement: st.Assignment) -> Frame:
         """Return the frame that is given to $TOOL or $BASE, or why it is not certain."""
         T: Frame | None = None if statement.part else plain_frame(statement.value)
-        name = one_spelling(statement.value)
+        name = spell_name(statement.value)
         if T is None and not statement.part and re.fullmatch(r"[A-Z_]\w*(\[\d+\])?", name):
             known = name in self._values or TABLE.fullmatch(name)
             T = self._find_frame(name) if known and name not in self._shadowed else None
         return describe_change(statement) if T is None else T
 
     def assign_named_frame(self, statement: st.Assignment) -> None:
-        """Take in that a frame with a name gets its value here."""
-        name = one_spelling(statement.name)
+        """Note that a frame with a name gets its value here."""
+        name = spell_name(statement.name)
         if name in self._values.set_by_code:
             self._set(name, self._values.find(name))
 
@@ -231,9 +231,9 @@ def _orientation(statements: Sequence[st.Statement]) -> str:
 
 
 def frame_sources(statements: Sequence[st.Statement]) -> dict[str, int]:
-    """Return the names of all that a tool or a base is made from, however many steps away, and a line each."""
+    """Return the names of all variables that tools and bases are computed from, directly or not, each with a line."""
     made = [
-        (one_spelling(s.name), set(re.findall(r"(?<![\w.$#'])[A-Z_]\w*(?:\[[^\]]*\])?", s.value.upper())), s.line)
+        (spell_name(s.name), set(re.findall(r"(?<![\w.$#'])[A-Z_]\w*(?:\[[^\]]*\])?", s.value.upper())), s.line)
         for s in statements
         if isinstance(s, st.Assignment)
     ]

@@ -36,8 +36,8 @@ def plain_frame(value: str) -> Array | None:
     return transform(aggregate(value, 0)) if value.startswith("{") and value.endswith("}") else None
 
 
-def one_spelling(name: str) -> str:
-    """Return a name in one spelling."""
+def spell_name(name: str) -> str:
+    """Return a name without blanks and in capitals: KRL does not tell such spellings apart."""
     return re.sub(r"\s", "", name).upper()
 
 
@@ -58,10 +58,10 @@ class FrameValues:
         self.everywhere, self.turned, self.set_by_code, self._changes = "", "", dict[str, int](), changes
         said = [*parse(given.data), *statements]
         assigned = sorted((s for s in said if isinstance(s, st.Assignment)), key=changes.is_in_routine)  # data first
-        self._plain = {one_spelling(s.name) for s in assigned if not s.part and plain_frame(s.value) is not None}
+        self._plain = {spell_name(s.name) for s in assigned if not s.part and plain_frame(s.value) is not None}
         for s in assigned:
             self._take_frame(s)
-            self._take_taught(s, one_spelling(s.name))
+            self._take_taught(s, spell_name(s.name))
         self._take_kinematics(assigned)
         self._take_doubts(statements)
         self._take_given_frames(list(self._selections(statements)), given)
@@ -80,13 +80,13 @@ class FrameValues:
 
     def resolve_fdat(self, value: str) -> str:
         """Return what an FDAT says, given by name or in braces; nothing where it is not certain."""
-        return value.upper() if value.startswith("{") else self._fdats.get(one_spelling(value), "")
+        return value.upper() if value.startswith("{") else self._fdats.get(spell_name(value), "")
 
     def orientation_of(self, ldat: str) -> str:
         """Return how straight moves with an LDAT, given by name or in braces, turn; nothing where it is not certain."""
         if ldat.startswith("{"):
             return _orientation_in(ldat)
-        return self._orientations.get(one_spelling(ldat), "")
+        return self._orientations.get(spell_name(ldat), "")
 
     def taught_with(self, point: str) -> str | None:
         """Return the FDAT of a point that inline forms have taught (XP1: FP1); None where it has none."""
@@ -105,8 +105,8 @@ class FrameValues:
         return tool, base
 
     def _take_frame(self, statement: st.Assignment) -> None:
-        """Take in a frame that has a name; one that changes has no certain value anywhere."""
-        name = one_spelling(statement.name)
+        """Read a frame that has a name; one that changes has no certain value anywhere."""
+        name = spell_name(statement.name)
         T = None if statement.part else plain_frame(statement.value)
         if name in _EVERYWHERE and (T is None or not np.allclose(T, np.eye(4))):
             self.everywhere = f"{_variable_name(statement)} is set in line {statement.line}"
@@ -128,18 +128,18 @@ class FrameValues:
             self._frames[name] = T
 
     def _take_taught(self, statement: st.Assignment, name: str) -> None:
-        """Take in data that points are taught with (FDAT), and how straight moves turn (LDAT)."""
+        """Read data that points are taught with (FDAT), and how straight moves turn (LDAT)."""
         value = "" if statement.part else statement.value
         if name != "FDAT_ACT" and (statement.kind == "FDAT" or name in self._fdats or _FDAT.fullmatch(name)):
             _note_statement(self._fdats, name, value.upper() if value.startswith("{") else "")
         if name != "LDAT_ACT" and (statement.kind == "LDAT" or name in self._orientations):
             _note_statement(self._orientations, name, _orientation_in(value))
-            if not (statement.part or value.startswith("{") or one_spelling(value) in self._orientations):
+            if not (statement.part or value.startswith("{") or spell_name(value) in self._orientations):
                 self.turned = self.turned or describe_change(statement)
 
     def _take_kinematics(self, statements: Sequence[st.Assignment]) -> None:
-        """Take in which bases do not stand on the floor (MACHINE_FRAME_DAT, MACHINE_DEF of ``$config.dat``)."""
-        own = [(one_spelling(s.name), s.value.upper()) for s in statements]
+        """Read which bases do not stand on the floor (MACHINE_FRAME_DAT, MACHINE_DEF of ``$config.dat``)."""
+        own = [(spell_name(s.name), s.value.upper()) for s in statements]
         robots = {name for name, value in own if name.startswith("MACHINE_DEF[") and "#ROBOT" in value}
         for name, value in own:
             frame_of = re.fullmatch(r"MACHINE_FRAME_DAT(\[\d+\])", name)
@@ -149,10 +149,10 @@ class FrameValues:
                 self._on_kinematic[base] = f"{base} stands on an external kinematic (MACHINE_DEF[{on[1]}])"
 
     def _take_doubts(self, statements: Sequence[st.Statement]) -> None:
-        """Take in frames of a row that is written at a computed place, and those that a routine is given."""
+        """Read frames of a row that is written at a computed place, and those that a routine is given."""
         for s in statements:
             written = names_given_away(s) | names_set_beside(s)
-            if isinstance(s, st.Assignment) and not _is_one(name := one_spelling(s.name)):
+            if isinstance(s, st.Assignment) and not _is_one(name := spell_name(s.name)):
                 written.add(name)
             for name in written:
                 table = TABLE.fullmatch(name)
@@ -176,14 +176,14 @@ class FrameValues:
                 case Bas(what=what) if what in SELECTS_TAUGHT:
                     yield from (("TOOL", ""), ("BASE", ""))
                 case st.Assignment(name="$TOOL" | "$BASE" as name, value=value):
-                    yield name[1:], one_spelling(value) if re.fullmatch(r"[A-Za-z_]\w*(\[\d+\])?", value) else ""
+                    yield name[1:], spell_name(value) if re.fullmatch(r"[A-Za-z_]\w*(\[\d+\])?", value) else ""
                 case _ if re.search(r"\$(TOOL|BASE)\b[^=<>]*=(?!=)", s.text, re.IGNORECASE):
                     yield from (("TOOL", ""), ("BASE", ""))
         for fdat in self._fdats.values():
             yield from zip(KINDS, names, strict=True) if isinstance(names := self.names_in(fdat), tuple) else ()
 
     def _take_given_frames(self, selected: Sequence[tuple[str, str]], given: ToolAndBase) -> None:
-        """Take in what the person says: the one frame of a kind that the files select and do not hold."""
+        """Read what the person says: the one frame of a kind that the files select and do not hold."""
         self.unsaid: list[Array | None] = []
         for kind, T in zip(KINDS, (given.T_FT, given.T_WB), strict=True):
             names = {name for which, name in selected if which == kind}

@@ -76,7 +76,7 @@ class _RapidTargets:
         self.last: int | None = None  # index of the target that the arm comes from, where that is certain
 
     def read_changes(self, p: Placed) -> None:
-        """Take in what gives points a value, and which parts of them are handed to routines that may write them."""
+        """Read what gives points a value, and which parts of them are handed to routines that may write them."""
         if isinstance(p.statement, st.Assignment):
             self._read_value(p, p.statement)
         if handed := set(passed_names(p.statement)):
@@ -148,7 +148,7 @@ class _RapidTargets:
         return (why, why) if why else self.frames.of(p, move)
 
     def take(self, p: Placed) -> None:
-        """Take in one statement, now that all declarations are known."""
+        """Process one statement, now that all declarations are known."""
         said = p.statement
         self._hand_points(p)
         self._note_hidden_targets(p)
@@ -173,7 +173,7 @@ class _RapidTargets:
         self._use_elsewhere(p, names, names)
 
     def take_beside(self, p: Placed) -> None:
-        """Take in where a statement of another module drives to points of the file."""
+        """Note where a statement of another module drives to points of the file."""
         self._hand_points(p)
         if isinstance(move := p.statement, RapidMove):
             for argument in move.arguments:

@@ -66,7 +66,7 @@ class ToolTurning:
         self._kept = [False for _ in _MODES]
 
     def follow(self, said: st.Statement) -> None:
-        """Take in a statement of the file itself."""
+        """Process the next statement of the file: it may set a mode, or make one uncertain."""
         for k, mode in enumerate(_MODES):
             if mode.word.match(said.text):
                 self._kept[k] = mode.kept.match(said.text) is not None

@@ -42,7 +42,7 @@ class FirstContact:
 
     @classmethod
     def of(cls, cell: Cell) -> "FirstContact | None":
-        """Return it for a head of indicators; a person leads the ball into a socket."""
+        """Return the first contact of a head of indicators; ``None`` for a socket: a person leads the ball into it."""
         head = cell.gauge.head
         return None if head is None else cls(cell)
 

@@ -227,7 +227,7 @@ class QuestionSet:
         return replace(self, pairs=(*self.pairs, pair))
 
     def with_rival(self, question: DiscriminationQuestion, entry: Effect, inner: float | None) -> "QuestionSet":
-        """Return with the question whether readings of a question's truth would be taken for another entry."""
+        """Return the questions with one more: are readings taken for ``entry`` where ``question.truth`` is true?"""
         more, where = self.with_effect(entry, inner)
         return more.with_pair(RivalPair(question.truth, entry.name, (replace(question, rival=where),), False))
 

@@ -48,7 +48,7 @@ class BoardScale(BasisFunction, key="board-scale:NUMBER", static=False, gauge=Tr
     number: float
 
     def __call__(self, c: Context) -> Array:
-        """Return it for every image, (n,)."""
+        """Return φ for every image, (n,)."""
         setup = c.measurement_setup
         assert isinstance(setup.gauge, BoardCamera)
         return setup.gauge.scale_rows(setup, c.samples, c.motion)[:, int(self.number)]
@@ -311,7 +311,7 @@ class BoardCamera(BoardSight):
     # ---- what is unknown of it
 
     def parameters(self, setup: Placement, free: frozenset[str]) -> Iterator[Parameter]:
-        """How the base stands to what stands, and how the other part sits on the flange: that is always found."""
+        """Yield pose of the part that stands, and place and turn of the part on the flange, which are always free."""
         yield from super().parameters(setup, free | {"tool"})
         part = "camera" if self.on_flange else "board"
         for axis in "xyz":

@@ -31,7 +31,7 @@ class LensRows:
     """How the numbers of images change with the lens, (n, r, 8) [m], computed once for all functions that ask."""
 
     def __call__(self, c: Context) -> Array:
-        """Return them on the setup as it stands."""
+        """Return the rows for the images of a context."""
         setup = c.measurement_setup
         assert isinstance(setup.gauge, FreeLensCamera)
         return setup.gauge.lens_rows(setup, c.samples, c.motion)
@@ -47,7 +47,7 @@ class LensMove(BasisFunction, key="lens:NUMBER:NUMBER", static=False, gauge=True
     number: float
 
     def __call__(self, c: Context) -> Array:
-        """Return it for every image, (n,)."""
+        """Return φ for every image, (n,)."""
         return c.value(LENS_ROWS)[:, int(self.number), int(self.unknown)]
 
 

@@ -77,7 +77,7 @@ def _by_change(rows: Array, changes: Sequence[Change]) -> tuple[Array, ...]:
 
 
 def _bare_changes(setup: MeasurementSetup, with_play: bool) -> Iterator[Change]:
-    """Yield them with squares of ones, as is right for fixtures."""
+    """Yield the changes, the square of each still the identity: right for fixtures, replaced for the others."""
     rotation = {t.joint: k for k, t in enumerate(setup.chain.transforms) if t.joint is not None}
     slides = setup.robot.slides
     zeros = tuple(_parameter(rotation[j], f"zero{j + 1}", unit="m" if slides[j] else "rad") for j in sorted(rotation))

@@ -84,7 +84,7 @@ class _Merit:
         return cls(baseline.model.width, covariance, np.hstack(parts), tuple(blocks), np.array(zeros))
 
     def of_sets(self, sets: np.ndarray) -> Array:
-        """Return it of sets (m, n) of positions."""
+        """Return the merit (m,) of sets (m, n) of positions of poses."""
         sets = (sets[:, :, None] * self.width + np.arange(self.width)).reshape(len(sets), -1)
         covariance = self.covariance[sets[:, :, None], sets[:, None, :]]
         columns = self.columns[sets]

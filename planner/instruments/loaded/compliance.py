@@ -220,7 +220,7 @@ def harmonics_of(model: Model, curves: AveragedCurves, value: Array) -> Harmonic
     """Rows and residuals of a circle about some compliances, the fixture's height last."""
     setup = lower_fixture(model.setup, curves, value)
     samples = deflect_joints(setup, samples_of(curves), value)
-    about = replace(model, setup=setup).linear(samples, Targets(length=curves.length.ravel()))
+    about = replace(model, setup=setup).linearize(samples, Targets(length=curves.length.ravel()))
     up, down = (
         _length(raise_fixture(model.setup, curves, h), curves, value)
         for h in (DEFLECTION.height_step, -DEFLECTION.height_step)

@@ -104,7 +104,7 @@ def refine_fit(problem: FitProblem, run: Run, errors: Array, turns: Sequence[Arr
     size = 1.0
     turned = torque_rows(model, run.samples, errors, prior)  # once: they change by parts of themselves
     for _ in range(12):  # Gauss-Newton steps at most
-        about = model.linear(with_held_torque(run.samples, model, errors), problem.targets, errors)
+        about = model.linearize(with_held_torque(run.samples, model, errors), problem.targets, errors)
         rows, residual = about.rows[:, 0] + turned, about.residual[:, 0]
         columns = np.column_stack([rows, residual])
         white = np.concatenate(list(_whiten_rows(columns, size * declared, first, turns)))

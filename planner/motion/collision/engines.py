@@ -67,7 +67,7 @@ class CollisionWorld(PairDistances):
     def configuration(self, q: Array) -> Array:
         """Return the pinocchio configurations (n, N + 3) of controller angles q (n, N) [rad].
 
-        The bar is anywhere where no checked pair holds a part of it.
+        The last three numbers place the bar; they are 0 where no checked pair holds a part of it.
         """
         if not self.scene.has_bar:
             return np.column_stack([self.cell.robot.theta(q), np.zeros((len(q), 3))])

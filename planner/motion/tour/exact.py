@@ -28,7 +28,7 @@ DUAL_STEPS = 2**14  # steps of a dual value per unit of cost
 
 
 def initial_search(instance: TourInstance, seed: int, limit: TimeLimit = UNLIMITED) -> LocalSearch:
-    """Return a local search that has come to a good tour, a few per cent at most above the best."""
+    """Return a local search that has found a good tour, usually less than a few per cent longer than the best."""
     weight = instance.weigh_legs()
     search = LocalSearch(weight, nearest_neighbours(weight, 8), greedy_tour(weight), seed, limit)  # neighbours
     search.improve(len(weight) // 2)

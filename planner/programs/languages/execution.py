@@ -151,7 +151,7 @@ class Execution(ABC):
 
     @abstractmethod
     def execute(self, statement: Statement) -> bool:
-        """Take in one statement, and return whether it decides how the robot moves.
+        """Process one statement, and return whether it decides how the robot moves.
 
         Raises:
             InputError: a motion that is not a joint move as this family writes it.
@@ -182,7 +182,7 @@ class Execution(ABC):
                 self.unknown.append(statement)
 
     def _branch(self, statement: Statement) -> bool:
-        """Take in a branch on where the operator starts, and return whether the statement was one."""
+        """Process a branch on where the operator starts, and return whether the statement was one."""
         open_before = self.branches.inside is not None
         kind, number = self.branches.find(statement.text)
         if kind == "":

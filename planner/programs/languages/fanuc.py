@@ -117,7 +117,7 @@ class FanucExecution(Execution):
         yield from statements
 
     def execute(self, statement: st.Statement) -> bool:
-        """Take in a move; motions other than joint moves to a taught position raise InputError."""
+        """Process a move; motions other than joint moves to a taught position raise InputError."""
         if isinstance(statement, TpPosition):
             return statement.number in self.positions and _OWN_POSITION.fullmatch(statement.text) is not None
         if not isinstance(statement, TpMove):

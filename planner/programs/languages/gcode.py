@@ -133,7 +133,7 @@ class GcodeExecution(Execution):
             raise InputError("the program has no end (M2 or M30)")
 
     def execute(self, statement: Statement) -> bool:
-        """Take in one block and return whether it decides how the robot moves.
+        """Process one block and return whether it decides how the robot moves.
 
         Raises:
             InputError: a motion that is not understood.

@@ -173,7 +173,7 @@ class KrlExecution(Execution):
         return st.run_order(statements)
 
     def execute(self, statement: st.Statement) -> bool:
-        """Take in a move or what decides how it is driven; motions other than joint moves raise InputError."""
+        """Process a move or what decides how it is driven; motions other than joint moves raise InputError."""
         centring = self.dialect.reading.centre
         match statement:
             case KrlMove(word="CIRC"):
@@ -198,7 +198,7 @@ class KrlExecution(Execution):
         return True
 
     def _assign_axes(self, given: st.Assignment) -> bool:
-        """Take in a variable with angles, or with the place of another's, and return whether it was one."""
+        """Process a variable with angles, or with the place of another's, and return whether it was one."""
         if place := re.fullmatch(r"FORWARD\((\w+),\w+\)", given.value, re.IGNORECASE):
             if place[1].upper() not in self.axes:
                 raise InputError(f"'{given.text}': nothing was given to {place[1]}")

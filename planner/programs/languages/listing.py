@@ -121,7 +121,7 @@ class ListExecution(Execution):
     parse_file = staticmethod(parse)
 
     def execute(self, statement: st.Statement) -> bool:
-        """Take in a move."""
+        """Process a move."""
         if isinstance(statement, ListedMove):
             self.move(statement.angles, statement.blend, statement.seconds)
         return isinstance(statement, ListedMove | st.Passive | st.Pulse)

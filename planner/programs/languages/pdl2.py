@@ -110,7 +110,7 @@ class Pdl2Execution(Execution):
         return st.run_order(statements, MAIN)
 
     def execute(self, statement: st.Statement) -> bool:
-        """Take in a move or a place of one; motions other than joint moves and circles raise InputError."""
+        """Process a move or a place of one; motions other than joint moves and circles raise InputError."""
         match statement:
             case Pdl2Move():
                 self._move(statement)

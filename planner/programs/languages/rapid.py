@@ -123,7 +123,7 @@ class RapidExecution(Execution):
         return st.run_order(statements, "main")
 
     def execute(self, statement: st.Statement) -> bool:
-        """Take in a move; motions other than joint moves raise InputError."""
+        """Process a move; motions other than joint moves raise InputError."""
         if not isinstance(statement, RapidMove):
             return False
         self.move(*(_circle(statement) if statement.word == "movec" else _joint_move(statement)))

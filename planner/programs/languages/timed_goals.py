@@ -120,7 +120,7 @@ class TrajectoryExecution(TimedExecution):
         return replace(goal, angles=places, velocities=speeds)
 
     def execute(self, statement: st.Statement) -> bool:
-        """Take in a point."""
+        """Process a point."""
         if not isinstance(statement, TimedGoal):
             return isinstance(statement, FileHead)
         seconds, goal = self.seconds[id(statement)], self._in_millimetres(statement)
@@ -226,7 +226,7 @@ class FramesExecution(TimedExecution):
         self.acceleration = _of_frames(driven, self.rate, 10.0**-self.dialect.decimals) if driven else ()
 
     def execute(self, statement: st.Statement) -> bool:
-        """Take in a frame."""
+        """Process a frame."""
         if not isinstance(statement, TimedGoal):
             return isinstance(statement, FileHead)
         self.waiting.append(statement)

@@ -82,7 +82,7 @@ class UrScriptExecution(Execution):
                 raise InputError(f"line {statement.line}: '{statement.text}' stands before the program")
 
     def execute(self, statement: st.Statement) -> bool:
-        """Take in a movej or a movec; motions other than these raise InputError."""
+        """Process a movej or a movec; motions other than these raise InputError."""
         if not isinstance(statement, UrMove):
             return False
         match = _MOVE.fullmatch(statement.text) or _CIRCLE.fullmatch(statement.text)
