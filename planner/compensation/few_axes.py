@@ -226,7 +226,7 @@ class _Search:
         return solve_ik(task, q, step=lambda _, step: step, iterations=30, tolerance=SOLVED).best
 
     def step(self, q: Array, free: np.ndarray) -> Array:
-        """Return the next change of the joints (n, N) [rad]: towards the position, in its null space the orientation."""
+        """Return the next change of the joints (n, N) [rad]: towards position, in its null space orientation."""
         n, N = q.shape
         travel, turn = self.goal.missing_motion(self.poser, q)
         J_x, J_turn = _jacobians(self.poser, q, self.goal)
