@@ -42,7 +42,7 @@ class GaugeFrames(ABC):
         return {}
 
     def kept_mounting(self, setup: Placement) -> LeftStanding:
-        """Return what a later run may find as the last run has left it; nothing of a gauge that is set up each time."""
+        """Return the parts that a later run finds as the last run left them; none if the gauge is set up each time."""
         return LeftStanding()
 
     def place_nominally(self, setup: P, cell: Site) -> P:

@@ -53,7 +53,7 @@ class GaugeReach:
         return 0.0
 
     def joint_sampler(self, cell: Site, mounting: Mounting, seed: int) -> Callable[[int], JointSamples]:
-        """Return what draws joint states, as many as it is told; successive draws fill the gaps of those before."""
+        """Return a function that draws a number of joint states; later draws fill the gaps of earlier ones."""
         lower, upper = cell.sampling_range
         draw = sobol_points(len(lower), seed)
         return lambda count: JointSamples(lower + draw(count) * (upper - lower), count)
@@ -92,5 +92,5 @@ class GaugeReach:
         return cell.motion.tool_speed if cell.motion.is_continuous else np.inf
 
     def leg_speeds(self, cell: Site, visit: np.ndarray) -> float | Array:
-        """Return the same on the legs of a path with visits (m,), one for all or (m − 1,) [m/s]."""
+        """Return the speed limits on the legs of a path with visits (m,): one for all, or (m − 1,) [m/s]."""
         return self.tool_speed(cell)

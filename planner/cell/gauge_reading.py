@@ -79,7 +79,7 @@ class GaugeReading(ABC):
         return samples, self.readings(predict(samples) + noise)
 
     def reference_readings(self, cell: Site, rng: np.random.Generator) -> ReferenceReadings:
-        """Return what is read before the poses."""
+        """Return the readings that are taken before the poses."""
         return NO_REFERENCE_READINGS
 
     def tell_readable(self, run: Run) -> np.ndarray:

@@ -49,7 +49,7 @@ class GaugeSession:
         return self.head
 
     def mastered_reading(self, cell: Site) -> float | None:
-        """Return what indicators show at the master ball [m]; ``None`` where nothing is mastered."""
+        """Return the indicators' readings at the master ball [m]; ``None`` where nothing is mastered."""
         return None
 
     def ball_to_centre(self, cell: Site, q: Array) -> int | None:
@@ -66,15 +66,15 @@ class GaugeSession:
         return 0.0
 
     def preparation(self, cell: Site, mounting: Mounting) -> tuple[str, str]:
-        """Return what is explained to a person before the first pose, and what the person does then."""
+        """Return the instructions to a person before the first pose, in two parts: an explanation (may be empty) and an action."""
         return "", "set the gauge to zero"
 
     def session_names(self, cell: Site, mounting: Mounting) -> tuple[str, str]:
-        """Return what a session calls the pose where it starts and what it measures from there."""
+        """Return the words for the place where a session starts, and for what it measures from there."""
         return "where the session starts", "measuring"
 
     def seating_step(self, cell: Site, q: Array, pose: int) -> str:
-        """Return what a person does at a pose before it is read, q (N,) [rad]; empty where nothing."""
+        """Return the instruction to a person at a pose q (N,) [rad] before it is read; empty where there is none."""
         return ""
 
     def starts_among(self, q: Array) -> Array | None:
@@ -91,7 +91,7 @@ class GaugeSession:
 
     @classmethod
     def session_guide(cls, file: CellFile) -> SessionGuide:
-        """Return what a person at the cell does with it."""
+        """Return the steps that a person at the cell takes with the gauge."""
         return SessionGuide(f"the gauge's reading ({cls.columns})")
 
     def describe(self, cell: Site) -> str:
@@ -107,7 +107,7 @@ class GaugeSession:
         return ""
 
     def visit_record(self, cell: Site, visit: PlannedVisit) -> dict[str, object]:
-        """Return what ``plan.json`` says of a pose beside its angles: the gauge's place, if it has a name."""
+        """Return the keys of a pose in ``plan.json`` beside its angles: the gauge's place, if it has a name."""
         return cell.place_record(visit.mounting) if cell.names_of(visit.mounting)[0] else {}
 
     def path_facts(self, shortest: float, longest: float) -> tuple[tuple[str, str], ...]:

@@ -41,7 +41,7 @@ class RobotSetup:
         return Chain((*BASE_TRANSFORMS, *self.robot.transforms))
 
     def offsets(self, samples: Samples) -> list[float | Array]:
-        """Return what every transform gets beside its nominal value, K values [m, rad]."""
+        """Return the additions to the nominal values of the K transforms, (K,) [m, rad]."""
         return [0.0] * len(self.chain)
 
     @property

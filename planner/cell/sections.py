@@ -62,7 +62,7 @@ class _ExtendedFile(CellFile):
     """A cell file with sections of extensions; pickled by their names, since its class is made where it is used."""
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Return what makes it again."""
+        """Return the call that rebuilds the object (pickle)."""
         return _restore, (self.ADDED, self.__getstate__())
 
 
@@ -85,7 +85,7 @@ def _model_with(keys: tuple[str, ...]) -> type[CellFile]:
 
 
 def read_sections(path: Path, file: CellFile) -> Mapping[str, SectionContent]:
-    """Return what the sections of extensions say, by their keys; those that are not there are left out.
+    """Return the contents of the extensions' sections by their keys; missing sections are left out.
 
     Raises:
         InputError: a key is wrong, missing, or contradicts another.

@@ -42,7 +42,7 @@ class MeasurementSetup(Placement):
         return self.gauge.frees_base
 
     def offsets(self, samples: Samples) -> list[float | Array]:
-        """Return what is added to the nominal value of each of the K transforms for the measured tool point [m]."""
+        """Return the additions to the nominal values of the K transforms for the measured tool point [m]."""
         out = super().offsets(samples)
         first = N_BASE_TRANSFORMS + len(self.robot.transforms)
         for k in range(3):

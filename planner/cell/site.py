@@ -171,7 +171,7 @@ class Site:
         return [there[r.fixture, r.point] for r in records]
 
     def place_name(self, mounting: Mounting) -> str:
-        """Return what a person calls that place of the gauge: the fixture, and the tool point where there are more."""
+        """Return the name of a place of the gauge: the fixture, and the tool point if there are several."""
         fixture, point = self.names_of(mounting)
         return fixture + (f", tool point {point}" if point else "")
 

@@ -165,7 +165,7 @@ def give(
 
 
 def screen_text(result: Result, output: Path | None, verbose: bool = False) -> str:
-    """Return what the screen says of a result that was written to a folder: ten lines, or all that there is to say."""
+    """Return the lines on the screen about a result in a folder: at most ten, or all with ``verbose``."""
     files = "" if output is None else result.files(output)
     facts = [("written to", f"{output}: {files}")] if files else []
     step = "" if output is None or result.problems else result.next_step(output)
@@ -183,7 +183,7 @@ def give_file(text: str, write: Callable[[Path], object], output: str, step: str
 
 
 def _next_facts(step: str) -> list[Fact]:
-    """Return what a person does next, one step a line."""
+    """Return the next steps of a person as facts, one a line."""
     return under_key("next", step.splitlines())
 
 

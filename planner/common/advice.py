@@ -33,7 +33,7 @@ def register_advice(occasion: Occasion, sentence: str) -> None:
 
 
 def advice(occasion: Occasion, otherwise: str = "", **told: object) -> str:
-    """Return what an extension says there; ``otherwise`` where none does."""
+    """Return the advice that an extension has registered for a place; ``otherwise`` if there is none."""
     load_extensions()
     sentence = _ADVICE.get(occasion)
     return otherwise if sentence is None else sentence.format(**told)

@@ -119,5 +119,5 @@ def extension_names() -> Mapping[str, str]:
 
 
 def remote_function() -> str:
-    """Return what runs a command on a server, as ``module:name``; empty where no extension does."""
+    """Return the function that runs a command on a server, as ``module:name``; empty if no extension has one."""
     return _REMOTE[0] if _REMOTE else ""

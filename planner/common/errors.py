@@ -79,7 +79,7 @@ def did_you_mean(word: str, known: list[str]) -> str:
 
 
 def read_together(*readers: Callable[[], Any]) -> list[Any]:
-    """Return what every reader returns; all are called, so that one message names all that is wrong.
+    """Return the results of all readers; every one is called, so that a single message names all errors.
 
     Raises:
         InputError: the messages of those that raised one, a line each.

@@ -4,7 +4,7 @@ CELL_ENDS = ",;\t "  # what a spreadsheet puts behind the only cell of a line: t
 
 
 def remark_of(line: str) -> str | None:
-    """Return what a comment line says, without its ``#`` and the quotation marks of a spreadsheet.
+    """Return the text of a comment line, without its ``#`` and the quotation marks of a spreadsheet.
 
     ``None``: the line is no comment.
     """

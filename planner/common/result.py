@@ -14,7 +14,7 @@ from planner.common.summary import SCREEN_LINES, Summary
 
 
 def simulated_section(simulated: bool) -> dict[str, bool]:
-    """Return what a document of simulated readings says beside all else; a measured one says nothing."""
+    """Return the entry ``simulated`` of a document; empty if the readings were measured."""
     return {"simulated": True} if simulated else {}
 
 
@@ -55,10 +55,10 @@ class Result(ABC):
 
     @abstractmethod
     def overview(self) -> Summary:
-        """Return what was found, fact by fact."""
+        """Return the findings, one fact a line."""
 
     def summary(self, verbose: bool = False) -> str:
-        """Return what was found, in at most ten lines; ``verbose``: all that there is to say."""
+        """Return the findings in at most ten lines; all of them with ``verbose``."""
         return self.overview().text(verbose, SCREEN_LINES)
 
     @abstractmethod
@@ -92,7 +92,7 @@ class Result(ABC):
 
     @property
     def alarm(self) -> str:
-        """Return what must be read before anything else; empty where nothing."""
+        """Return the warning that must be read first; empty if there is none."""
         return ""
 
     def full_summary(self, verbose: bool = False, most: int = SCREEN_LINES) -> str:

@@ -22,7 +22,7 @@ def huber_weights(size: Array, limit: float | Array) -> Array:
 
 
 def huber_costs(size: Array, limit: float) -> Array:
-    """Return what residuals of sizes (...) cost under Huber's weights: the square, a straight line beyond the limit."""
+    """Return Huber's cost of residuals of sizes (...): their square, and a straight line beyond the limit."""
     return np.where(size > limit, 2 * limit * size - limit * limit, size * size)
 
 
@@ -32,5 +32,5 @@ def tukey_weights(size: Array, limit: float) -> Array:
 
 
 def tukey_costs(size: Array, limit: float) -> Array:
-    """Return what residuals of sizes (...) cost under Tukey's weights: the same for all beyond the limit."""
+    """Return Tukey's cost of residuals of sizes (...): constant beyond the limit."""
     return np.asarray(limit * limit / 3.0 * (1.0 - np.clip(1.0 - (size / limit) ** 2, 0.0, None) ** 3))

@@ -32,7 +32,7 @@ DIRECTIONS = (
 
 
 def sobol_points(dimensions: int, seed: int | Sequence[int] | None) -> Callable[[int], Array]:
-    """Return what draws so many Sobol points in the unit cube, (count, dimensions), scrambled unless ``seed`` is None.
+    """Return a function that draws Sobol points in the unit cube, (count, dimensions), scrambled with a ``seed``.
 
     Scrambled by a random triangular matrix and a shift (Matousek 1998, J. Complexity 14).
 

@@ -32,7 +32,7 @@ class TableView(Generic[T]):
         return len(self._items)
 
     def __repr__(self) -> str:
-        """Return what it is, without its numbers."""
+        """Return a short description without the numbers."""
         columns = ", ".join(self._row_of(self._items[0])) if self._items else "empty"
         return f"<{type(self).__name__}: {len(self)} rows of {columns}>"
 

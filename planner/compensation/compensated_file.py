@@ -101,7 +101,7 @@ class _Source:
         return np.array([own if t.pose is None else t.pose.T_FT for t in targets]).reshape(-1, 4, 4)
 
     def read(self, text: str) -> TargetReading:
-        """Return what ``text`` asks the robot to do.
+        """Return the targets and moves that ``text`` asks of the robot.
 
         Raises:
             InputError: the meaning of the whole file is uncertain.
@@ -316,7 +316,7 @@ def read_program(path: Path) -> tuple[str, str]:
 
 
 def _values(robot: Robot, targets: list[Target], q: Array, q_new: Array) -> list[tuple[Slot, float]]:
-    """Return what is to be written where."""
+    """Return the new values and their places in the text."""
     out: list[tuple[Slot, float]] = []
     at = [i for i, t in enumerate(targets) if t.pose is not None]
     for i, t in enumerate(targets):

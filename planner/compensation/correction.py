@@ -163,7 +163,7 @@ def solve_flange_ik(
     """
 
     def task(q: Array, rows: Positions) -> tuple[Array, Array]:
-        """Return what is left to the wanted flange at q (m, N), and its Jacobian."""
+        """Return the error to the wanted flange pose at q (m, N), and its Jacobian."""
         return _error(poser, q, p[rows], R[rows]), tool_pose(robot.chain, robot, q)[2]
 
     found = solve_ik(task, start, step=_step, iterations=rounds[0], tolerance=SOLVED)
@@ -172,7 +172,7 @@ def solve_flange_ik(
         return found.best
 
     def own_task(q: Array, rows: Positions) -> tuple[Array, Array]:
-        """Return the same in the flange's own axes."""
+        """Return the error and its Jacobian in the flange's own axes."""
         return _error(poser, q, p[far[rows]], R[far[rows]]), _own_jacobian(poser, q)
 
     again = solve_ik(own_task, found.best[far], step=_step, iterations=rounds[1], tolerance=SOLVED)
@@ -182,7 +182,7 @@ def solve_flange_ik(
 
 
 def _error(poser: FlangeModel, q: Array, p: Array, R: Array) -> Array:
-    """Return what is missing, (n, 6) [m, rad] in the base frame."""
+    """Return the remaining error, (n, 6) [m, rad] in the base frame."""
     x, R_now = poser.flange(q)
     return np.concatenate([p - x, rotation_between(R_now, R)], axis=1)
 

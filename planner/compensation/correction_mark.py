@@ -44,7 +44,7 @@ class CorrectionMark:
     former_hashes: tuple[str, ...] = ()
 
     def sentence(self, robot: str) -> str:
-        """Return what the head of the corrected file says; its first two words are the mark."""
+        """Return the sentence in the head of the corrected file; its first two words are the mark."""
         origin = {True: "SIMULATED", False: "measured", None: "origin of the model unknown"}[self.simulated]
         day = "" if self.day is None else f", {self.day.isoformat()}"
         zeros = f" whose zeros {', '.join(map(str, self.zeros))} are set in the controller" if self.zeros else ""

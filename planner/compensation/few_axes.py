@@ -77,7 +77,7 @@ class ToolGoal:
         return ToolGoal(self.T_FT[at], self.x[at], self.R[at])
 
     def missing_motion(self, poser: FlangeSource, q: Array) -> tuple[Array, Array]:
-        """Return what is missing at q (n, N) [rad]: travel (n, 3) [m, base frame] and turn (n, 3) [rad, tool frame]."""
+        """Return the motion still needed at q (n, N) [rad]: travel (n, 3) [m, base] and turn (n, 3) [rad, tool]."""
         now = ToolGoal.of(poser, q, self.T_FT)
         return self.x - now.x, np.einsum("nji,nj->ni", self.R, rotation_between(now.R, self.R))
 
@@ -142,7 +142,7 @@ class TurnsLeft:
         )
 
     def content(self) -> list[dict[str, float]]:
-        """Return the same in numbers, line by line."""
+        """Return the summary in numbers, line by line."""
         return [
             {"line": line, **_numbers("before", self.before, k), **_numbers("after", self.after, k)}
             for k, line in enumerate(self.lines)

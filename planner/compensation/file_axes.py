@@ -43,7 +43,7 @@ def axes_of_file(name: str, language: str, text: str, robot: Robot, option: str 
 
 
 def axes_notes(language: str, robot: Robot, axes: AxisConvention) -> list[Note]:
-    """Return what the person should know of the angles of a file."""
+    """Return notes about the angles of a file for the person who uses it."""
     if not axes.is_same:
         names = axis_names(load_dialect(axes.controller))
         return [(1, f"joint angles are those of {axes.controller}: {', '.join(axes.sentences(names))}")]

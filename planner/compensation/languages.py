@@ -235,7 +235,7 @@ def _is_name_of(said: str, robot: Robot) -> bool:
 
 
 def check_reach(name: str, robot: Robot, targets: Sequence[Target], q: Array, problems: Sequence[Note]) -> str:
-    """Return what is to be said of a file most of whose targets the nominal robot does not reach, or nothing."""
+    """Return a warning if the nominal robot does not reach most targets of a file; else nothing."""
     lines = {line for line, why in problems if UNREACHED in why or "are allowed" in why}
     for target, angles in zip(targets, q, strict=True):
         if target.q is not None and (np.maximum(robot.q_lower - angles, angles - robot.q_upper) > OVER_LIMIT).any():

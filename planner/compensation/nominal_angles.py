@@ -43,7 +43,7 @@ class SearchSeeds:
         return {}
 
     def features(self, p: Array, R: Array) -> Array:
-        """Return what poses are compared by, (n, 12): place in reaches of the arm, and axes."""
+        """Return the features by which poses are compared, (n, 12): position over the reach of the arm, and axes."""
         reach = sum(t.extent for t in self.robot.transforms if t.kind == "translation")
         return np.concatenate([2.0 * p / reach, 0.5 * R.reshape(len(p), 9)], axis=1)
 

@@ -95,7 +95,7 @@ class ProgramError:
         return [("worst at", self._worst_text())]
 
     def content(self) -> dict[str, object]:
-        """Return the same in numbers, line by line."""
+        """Return the summary in numbers, line by line."""
         errors = zip(self.lines.tolist(), to_mm(self.before).tolist(), to_mm(self.after).tolist(), strict=True)
         return {
             "before_rms_mm": _rms(self.before) / MM,
@@ -114,12 +114,12 @@ class ProgramError:
 
 
 def uncorrected_errors(expected: ExpectedError, targets: Sequence[Target], q: Array, p_FM: Array | None) -> Array:
-    """Return what targets that are left as they were keep [m], (n,), arguments as of :func:`program_error`."""
+    """Return the errors (n,) [m] of targets that were left uncorrected; arguments as of :func:`program_error`."""
     return program_error(expected, targets, q, p_FM).before if len(targets) else np.zeros(0)
 
 
 def program_error(expected: ExpectedError, targets: Sequence[Target], q: Array, p_FM: Array | None) -> ProgramError:
-    """Return what is expected at corrected targets.
+    """Return the errors that are expected at corrected targets.
 
     Args:
         expected: what is known of the robot.

@@ -84,7 +84,7 @@ class CompensationReport:
     turns_left: TurnsLeft | None = None
 
     def overview(self, name: str) -> Summary:
-        """Return what was done, with every line that the person should look at."""
+        """Return the corrections, with every line that the person should look at."""
         mean, most = self.shift_mean_m / MM, self.shift_max_m / MM
         moved = (
             f"{mean:.3f} mm on average, {most:.3f} mm at most; no joint by more than {self.moved_max_rad / DEG:.3f}°"

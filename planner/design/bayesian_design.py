@@ -75,7 +75,7 @@ class BayesianPosterior:
         return np.argsort(self.shown[chosen] / (1.0 - self.spread[chosen]), kind="stable")
 
     def with_readings(self, which: np.ndarray) -> "BayesianPosterior":
-        """Return what is known once the candidates ``which`` (k,) are measured as well."""
+        """Return the posterior after measuring the candidates ``which`` (k,) too."""
         out = replace(self)
         for k in which:
             out.change(int(k))
@@ -257,7 +257,7 @@ def _count_until(unknown: ExpectedErrors, white: Array, order: np.ndarray, until
     """
 
     def limit(count: int) -> float:
-        """Return what 95 of 100 such robots stay below after the first ``count`` readings [m]."""
+        """Return the error that 95 of 100 such robots stay below after the first ``count`` readings [m]."""
         return error_limit(unknown, white[order[:count]])
 
     if (best := limit(len(order))) > until:

@@ -55,13 +55,13 @@ class ExpectedErrors(Protocol):
         """Return the same errors in another model of the same parameters, one in which the gauge stands elsewhere."""
 
     def white(self, samples: Samples) -> Array:
-        """Return what each error does to readings, in the readings' standard deviations, (n, P)."""
+        """Return the change of the readings by each error, in the readings' standard deviations, (n, P)."""
 
     def state(self, square: float) -> float:
         """Return the error of the tool that is stated [m], where the errors have the mean square ``square`` [m²]."""
 
     def state_limit(self, square: float) -> float:
-        """Return the same of the square that 95 of 100 robots stay below."""
+        """Return the error [m] that 95 of 100 robots stay below, from that quantile of its square."""
 
     def describe(self, left: float, left_mm: str, at_most_mm: str) -> str:
         """Say in half a sentence what the session would leave [m], written and as a limit [mm]."""
@@ -96,7 +96,7 @@ def square_limit(weight: Array, white: Array) -> float:
 
 
 def limit_of_sum(weights: Array, sure: float = 0.0, doubt: float = 0.0) -> float:
-    """Return what a weighted sum of squared normal numbers stays below in 95 of 100 cases, by draws.
+    """Return the value that a weighted sum of squared normal numbers stays below in 95 of 100 draws.
 
     Args:
         weights: of the squares, (k,) (Imhof 1961, Biometrika 48(3/4)).

@@ -198,7 +198,7 @@ class UndeclaredErrors:
         return float(np.sqrt(max(square, 0.0)))
 
     def state_limit(self, square: float) -> float:
-        """Return the same of the square that 95 of 100 robots stay below [m²]."""
+        """Return the error [m] that 95 of 100 robots stay below, from that quantile of its square [m²]."""
         return self.state(square)
 
     def describe(self, left: float, left_mm: str, at_most_mm: str) -> str:
@@ -230,7 +230,7 @@ def gear_factor(robot: Robot, joint: int) -> float:
 
 
 def undeclared_errors(cell: Cell, samples: Samples) -> UndeclaredErrors:
-    """Return what may have to be found in a cell, seen from the poses ``samples``.
+    """Return the errors that a cell may have and has not declared, as the poses ``samples`` show them.
 
     Raises:
         InputError: the cell declares an effect that these poses do not show.

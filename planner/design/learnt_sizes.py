@@ -71,7 +71,7 @@ class LearntErrors:
 
 
 def learn_errors(white: Array, seen: Array, families: Families) -> LearntErrors:
-    """Return what n readings say of P errors, and of how large those of each of F families are.
+    """Estimate P errors from n readings, and the size of the errors of each of F families.
 
     The readings y are normal with the covariance S = ν² 1 + Σ_f v_f W_f W_fᵀ. In turn each v_f is the mean of its
     square under the readings' marginal likelihood, all others as they stand (mean field; Bishop, Pattern Recognition

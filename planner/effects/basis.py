@@ -97,7 +97,7 @@ class BasisFunction(ABC):
         return ":".join([word, *(_text(kind, value) for kind, value in zip(kinds, values, strict=False))])
 
     def plot_variable(self, c: Context) -> EffectVariable | None:
-        """Return what the effect is drawn against, ``None`` where it depends on several things at once."""
+        """Return the quantity that the effect is drawn against; ``None`` if it depends on several quantities."""
         if not self.plot_label:
             return None
         label = self.plot_label.replace("JOINT", str(getattr(self, "joint", 0) + 1))

@@ -217,7 +217,7 @@ def registration_of(kind: str) -> Registration:
 
 
 def needs_of(kind: str) -> str:
-    """Return what a run needs to show effects of a kind."""
+    """Return the conditions that a run must meet to show effects of a kind."""
     return next((r.needs for r in registrations() if kind in r.kinds), "another kind of run")
 
 

@@ -217,7 +217,7 @@ class ShapeParameter:
         return float(self.spacings(np.array([at]))[0])
 
     def spacings(self, at: Array) -> Array:
-        """Return the same for several values (k,)."""
+        """Return the spacing at several values (k,)."""
         grid = self._ascending_grid
         if len(grid) < 2:
             return np.abs(at) * 0.1

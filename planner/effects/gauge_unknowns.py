@@ -26,7 +26,7 @@ class GaugeUnknowns(ABC):
 
 
 def unknowns_of(gauge: Gauge) -> GaugeUnknowns:
-    """Return what is unknown of a gauge.
+    """Return the parameters of a gauge that are unknown.
 
     Raises:
         TypeError: its class does not say so.

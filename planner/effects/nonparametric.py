@@ -24,7 +24,7 @@ GEAR_CURVE, NONPARAMETRIC = "gear error curve", "unnamed"
 @register(GEAR_CURVE, needs="nothing that can be planned: a whole curve takes the shape of whatever the readings hold")
 @register(NONPARAMETRIC, needs="nothing that can be planned: the correction has no cause that could be compared")
 def no_laws_beforehand(run: Excitation) -> Iterator[Effect]:
-    """None of these is offered beforehand: the search makes them."""
+    """Yield nothing: the search itself makes these effects."""
     yield from ()
 
 

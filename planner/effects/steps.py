@@ -71,7 +71,7 @@ def _against_sample(c: Context) -> EffectVariable | None:
 
 @register(STEP, SLIP, needs="nothing that can be planned: nobody knows when something moves")
 def no_steps_beforehand(run: Excitation) -> Iterator[Effect]:
-    """None of these is offered beforehand: the search finds the sample."""
+    """Yield nothing: the search itself finds the sample of a step."""
     yield from ()
 
 

@@ -56,7 +56,7 @@ UNITS = {  # what a column of lengths may hold instead of what it says, and how 
 
 
 def choose_stop_margin(robot: Robot, file: CellFile, keys: BarKeys) -> float:
-    """Return what a plan keeps from the bar's ends [m].
+    """Return the distance that a plan keeps from the ends of the bar's range [m].
 
     By default it is STOP_SIGMAS of how far fixture, tool point and an arm that is not calibrated yet may be off.
     """

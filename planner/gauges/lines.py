@@ -58,7 +58,7 @@ class LineGauge(Gauge):
 
 
 def shell_points(cell: Site, seed: int) -> Callable[[int], Array]:
-    """Return what draws low-discrepancy points over all joints but the first that turns, chosen by the arcs.
+    """Return a function that draws low-discrepancy points over all joints but the first that turns, chosen by the arcs.
 
     Raises:
         InputError: another joint's axis is coupled to that one's, so that its circle is none.

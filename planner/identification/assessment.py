@@ -334,7 +334,7 @@ def _with_estimates(findings: Sequence[Finding], table: Sequence[Estimate]) -> I
 
 
 def _describe_rest(diagnosis: ResidualDiagnosis, last: Stage) -> Unexplained:
-    """Return what the last stage leaves, with the structure that the tests found in it."""
+    """Return the residual of the last stage in numbers, with the structure that the tests found in it."""
     return Unexplained(
         structured=diagnosis.structured,
         along=tuple(t.along for t in diagnosis.found),

@@ -85,7 +85,7 @@ def _scores(fit: Fit, block: np.ndarray, count: int) -> Array:
 
 
 def consider_covariance(fit: Fit, held: Sequence[Parameter]) -> Array:
-    """Return what the held parameters, each off by its prior sigma, add to the covariance (P, P) of the others."""
+    """Return the addition to the covariance (P, P) of the others if each held parameter is off by its prior sigma."""
     count = len(fit.errors)
     if not held or not count:
         return np.zeros((count, count))

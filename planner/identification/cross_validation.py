@@ -27,7 +27,7 @@ def validate_fit(found: Fit, run: Run, bare: MeasurementSetup) -> Metrics:
 
 
 def validation_residual(found: Fit, run: Run, bare: MeasurementSetup) -> Array:
-    """Return what the fitted model leaves of another run, (n, r) [m]; frames that only this run has are fitted on it.
+    """Return the residuals (n, r) [m] of the fitted model on another run; frames of that run alone are fitted on it.
 
     ``bare`` is the setup of that run with nothing placed yet.
     """

@@ -156,7 +156,7 @@ def expected_error_content(released: ReleasedRobot, run: Run) -> ExpectedErrorCo
 
 
 def _standing_gauge(released: ReleasedRobot, run: Run) -> dict[str, object]:
-    """Return what is known of where the gauge of the last run stands; nothing of a gauge without lasting places.
+    """Return the place of the last run's gauge and its covariance; ``None`` for a gauge without lasting places.
 
     Errors of the robot that a gauge elsewhere would take up are as open as the gauge's place, and only both together
     are known: so the root has all directions that move either the tool or the readings.
@@ -289,7 +289,7 @@ class ExpectedError:
         return bool(np.linalg.norm(p_FM - self.tool) < 1e-3)
 
     def at(self, q: Array, p_FM: Array) -> ErrorAtPoses:
-        """Return what is expected at q (n, N) [rad] of a tool point (3,) [m] in the flange frame.
+        """Return the expected errors at q (n, N) [rad] of a tool point (3,) [m] in the flange frame.
 
         Of a point that was not measured it counts as known where it sits in the true flange.
         """

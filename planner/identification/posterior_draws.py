@@ -132,7 +132,7 @@ class RandomEffects:
         return root, np.vstack([wide, np.eye(wide.shape[1])])
 
     def precision(self, draw: SizeDraw, whitener: "ReadingWhitener | None" = None) -> ReadingPrecision:
-        """Return what is known of the readings at one draw of the sizes; ``whitener``: its own, where there is one."""
+        """Return the inverse covariance of the readings at a draw of the sizes; ``whitener``: its own, if known."""
         whitener = ReadingWhitener.of(self, draw) if whitener is None else whitener
         white = whitener.white(np.column_stack([self.sorted_columns, self.y]))
         return ReadingPrecision.of(white[:, :-1], white[:, -1], self.places)

@@ -91,7 +91,7 @@ class ReadingPrecision:
         return np.asarray(own.grams[at] - moved * self.signs @ moved.transpose(0, 2, 1))
 
     def block(self, family: int) -> FamilyBlock:
-        """Return what it takes to change the size of a family."""
+        """Return the products that are needed to change the size of a family."""
         values, axes = np.linalg.eigh(self.grams([family])[0])
         toward = axes.T @ (self._rows_of([family])[0] @ self.toward)
         return FamilyBlock(family, axes, np.maximum(values, 0.0), toward)

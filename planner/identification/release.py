@@ -179,7 +179,7 @@ def _with_values(fit: Fit, errors: Array) -> Fit:
 
 
 def describe_release(released: ReleasedRobot) -> Release:
-    """Return what the document says of the released robot."""
+    """Return the section of the document about the released robot."""
     posterior, work = released.posterior, released.work_tool
     return Release(
         basis="posterior" if released.share else "geometry",

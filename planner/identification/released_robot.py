@@ -155,7 +155,7 @@ class ReleasedRobot:
         return np.asarray(self._share_of(expected, fit) * expected)
 
     def likely_share(self, fit: Fit | None) -> float:
-        """Return what is as likely exceeded as not over the root of the expected mean square, over the workspace."""
+        """Return the median rms error over the workspace, divided by the root of the expected mean square."""
         return self._share_of(self.expected_errors(fit), fit)
 
     def _share_of(self, expected: Array, fit: Fit | None) -> float:

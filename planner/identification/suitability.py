@@ -23,7 +23,7 @@ ALL_OF: Final = "inverted_cdf"  # of quantiles: the least value that so many sta
 def judge_use(
     released: ReleasedRobot, repeatability: float, tolerance: float | None = None, assumed: bool = False
 ) -> Use:
-    """Return what the released robot is good for, and whether that is good enough for a tolerance [m].
+    """Judge for which uses the released robot is good enough, and whether it holds a tolerance [m].
 
     Args:
         released: the robot, with its posterior and the tools that are judged.
@@ -76,7 +76,7 @@ def target_errors(released: ReleasedRobot, fit: Fit | None, tool: ToolMap) -> Ar
 
 
 def _sure_limit(errors: Array) -> float:
-    """Return what enough of the targets (n, d) stay within [m], of enough of the robots."""
+    """Return the error [m] that the stated share of targets (n, d) stays below, for the stated share of robots."""
     return float(np.quantile(np.quantile(errors, ENOUGH, axis=0, method=ALL_OF), ENOUGH, method=ALL_OF))
 
 

@@ -149,7 +149,7 @@ class CentringAdvice:
         return self.advice.say(row.pose, row.t_s, self.reading(row))
 
     def reading(self, row: JournalRow) -> PoseReading:
-        """Return what a row says of its pose."""
+        """Return the reading of a pose from its row of the journal."""
         ball = np.array([self.balls.index(row.ball)])
         offset = read_only(from_mm(np.array([row.offset_mm])))
         return PoseReading(Readings(ball=ball, offset=offset), read_only(from_deg(row.q_deg)))

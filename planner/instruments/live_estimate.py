@@ -183,7 +183,7 @@ class LiveEstimate:
         return self.unknown.state(self.posterior.square(self._rows(which)))
 
     def _limit(self, which: Sequence[int]) -> float:
-        """Return what 95 of 100 such robots stay below after some readings [m]."""
+        """Return the error that 95 of 100 such robots stay below after some readings [m]."""
         return self.unknown.state_limit(self.posterior.square_limit(self._rows(which)))
 
 
@@ -201,14 +201,14 @@ def _with_stated_frames(unknown: ExpectedErrors, cell: Cell) -> ExpectedErrors:
 
 
 def _whitener(unknown: ExpectedErrors, samples: Samples) -> Array:
-    """Return what brings the numbers of each reading to unit variance, each by itself, (n, r, r) [1/m]."""
+    """Return the matrices (n, r, r) [1/m] that bring the numbers of each reading to unit variance."""
     noise = unknown.model.reading_noise(samples)
     square = noise.gauge_variance[:, :, None] * np.eye(unknown.model.width) + noise.robot_covariance
     return np.asarray(np.linalg.inv(np.linalg.cholesky(square)))
 
 
 def _white_rows(unknown: ExpectedErrors, samples: Samples, whitener: Array) -> Array:
-    """Return what each error does to the numbers of readings of unit variance, (n r, P)."""
+    """Return the change by each error of the readings' numbers, scaled to unit variance, (n r, P)."""
     rows = whitener @ unknown.model.rows(samples) @ unknown.root
     return np.asarray(rows.reshape(-1, rows.shape[2]))
 
@@ -230,7 +230,7 @@ def families(unknown: ExpectedErrors) -> Families:
 
 
 def mean_errors(unknown: ExpectedErrors) -> Array:
-    """Return what is expected of each parameter of the model before the session, (P,) [m, rad, …]."""
+    """Return the expected value of each parameter of the model before the session, (P,) [m, rad, …]."""
     names = unknown.model.names
     mean = np.zeros(len(names))
     if isinstance(unknown, RemainingErrors):

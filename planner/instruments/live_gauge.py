@@ -124,7 +124,7 @@ class PoseLog:
         write_text(self.output, run_text(self.run()), own=True)  # it was read, to go on with it
 
     def run(self) -> Run:
-        """Return what is measured so far."""
+        """Return the run measured so far."""
         done = [p for p in self.poses if p.id in self.rows]
         places = tuple(f.name for f in self.cell.fixtures)
         mountings = self.cell.mountings_of(done, self.output)

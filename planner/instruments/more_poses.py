@@ -22,7 +22,7 @@ from planner.runs.run import Run
 
 
 def foresee_more_poses(found: Calibration, cell: Cell, content: ExpectedErrorContent | None) -> MorePoses | None:
-    """Return what as many poses more as a session has would bring; ``None`` where it cannot be foreseen.
+    """Return what ``SESSION.next_session_poses`` more poses would bring; ``None`` where it cannot be foreseen.
 
     That is where no robot was released, of other gauges than bars and wires, and of several set-ups in one.
     ``content``: what ``expected_error.json`` says of the robot, where it has one.

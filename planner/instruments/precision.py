@@ -181,7 +181,7 @@ class RepeatedCentrings:
         }
 
     def tables(self) -> dict[str, str]:
-        """Return what is written beside that: nothing."""
+        """Return the tables that are written beside the document: none."""
         return {}
 
 

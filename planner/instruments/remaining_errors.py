@@ -104,7 +104,7 @@ class RemainingErrors:
     def of(
         cls, before: CalibratedState, cell: Cell, samples: Samples, counts: ErrorPlaces | None = None
     ) -> "RemainingErrors":
-        """Return what poses like ``samples`` of the cell's gauge may tell of; ``counts``: where errors count.
+        """Return the errors that poses like ``samples`` of the cell's gauge can reduce; ``counts``: where errors count.
 
         Raises:
             InputError: an effect moves a part that the cell's robot does not have.
@@ -149,7 +149,7 @@ class RemainingErrors:
         return replace(self, model=model)
 
     def white(self, samples: Samples) -> Array:
-        """Return what each column of the root does to readings, in their standard deviations, (n, r)."""
+        """Return the change of the readings by each column of the root, in their standard deviations, (n, r)."""
         return np.asarray(self.model.rows(samples)[:, 0] @ self.root / self.model.noise(samples)[:, None])
 
     def state(self, square: float) -> float:
@@ -157,7 +157,7 @@ class RemainingErrors:
         return self._factor(self.before.stated, float(np.trace(self.whole_weight))) * self._root_with_rest(square)
 
     def state_limit(self, square: float) -> float:
-        """Return what 95 of 100 such robots stay below, for that quantile of the square [m²].
+        """Return the error that 95 of 100 such robots stay below, from that quantile of its square [m²].
 
         What is stated now is as wide as the rivals of the runs so far make it. The less is left of it, the more the
         limit counts as the error itself does: it never falls below what is as likely exceeded as not.

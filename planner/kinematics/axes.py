@@ -205,7 +205,7 @@ def _restore_infinite(v: Array) -> Array:
 
 
 def convention_from_table(where: str, controller: str, table: ControllerTable, joints: JointRange) -> AxisConvention:
-    """Return what a ``[controllers.NAME]`` table says, in SI units.
+    """Return the axis convention in a ``[controllers.NAME]`` table, in SI units.
 
     Args:
         where: the robot's file, for messages.

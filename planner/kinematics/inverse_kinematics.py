@@ -113,7 +113,7 @@ def solve_pose_ik(
     tolerance = 1e-9  # [m / LENGTH_SCALE and rad] of a tool pose that is held
 
     def task(q: Array, rows: Positions) -> tuple[Array, Array]:
-        """Return what is left to the wanted pose at q (m, N) [m, rad], and its Jacobian."""
+        """Return the error to the wanted pose at q (m, N) [m, rad], and its Jacobian."""
         point, turn, J = tool_pose(chain, robot, q)
         J[:, :3] /= LENGTH_SCALE
         return np.hstack([(x[rows] - point) / LENGTH_SCALE, rotation_between(turn, R[rows])]), J
@@ -197,7 +197,7 @@ def retract_tool(chain: Chain, robot: Robot, q: Array, way: Array) -> tuple[Arra
     lever = float(np.linalg.norm(way))
 
     def task(q: Array, rows: Positions) -> tuple[Array, Array]:
-        """Return what is left to the point [m] and to the direction, and the Jacobian, at q (m, N)."""
+        """Return the errors to the point [m] and to the direction, and their Jacobian, at q (m, N)."""
         point, turn, J = tool_pose(chain, robot, q)
         sine = np.cross(turn, R[rows], axis=1).sum(axis=2) / 2
         return np.hstack([goal[rows] - point, sine]), J
@@ -218,7 +218,7 @@ def shift_point(chain: Chain, robot: Robot, q: Array, way: Array) -> tuple[Array
     goal = tool_pose(chain, robot, q)[0] + way
 
     def task(q: Array, rows: Positions) -> tuple[Array, Array]:
-        """Return what is left to the shifted point at q (m, N), and its Jacobian."""
+        """Return the error to the shifted point at q (m, N), and its Jacobian."""
         point, _, J = tool_pose(chain, robot, q)
         return goal[rows] - point, J[:, :3]
 

@@ -36,7 +36,7 @@ NO_PACKAGES = Packages()
 
 
 def how_to_name(name: str) -> str:
-    """Return what a person adds so that a package is found."""
+    """Return the option or line that a person adds so that a package is found."""
     return f'add --package {name}=DIR, or to robot.toml or cell.toml the lines [packages] and {name} = "DIR"'
 
 

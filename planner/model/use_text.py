@@ -49,7 +49,7 @@ def use_rows(use: Use) -> list[Row]:
 
 
 def use_head(use: Use) -> Row:
-    """Return what stands above the columns of :func:`use_rows`."""
+    """Return the titles of the columns of :func:`use_rows`."""
     asked = [] if use.tolerance is None else [f"within {to_mm(use.tolerance):g} mm?"]
     return ("use", "before", "calibrated", *asked)
 

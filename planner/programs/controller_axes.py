@@ -39,7 +39,7 @@ def log_axes(robot: Robot, controller: str) -> AxisConvention:
 
 
 def controller_words(controller: str) -> str:
-    """Return what people call the controller of a language: ``Comau PDL2`` for ``pdl2``."""
+    """Return the common name of a language's controller: ``Comau PDL2`` for ``pdl2``."""
     return load_dialect(controller).title.partition(" (")[0] if controller in dialect_names() else controller
 
 

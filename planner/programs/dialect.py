@@ -273,7 +273,7 @@ class Dialect(StrictModel):
 
     @property
     def name(self) -> str:
-        """Return what the dialect is asked for by: its folder, and ``+option`` where one was chosen."""
+        """Return the name by which the dialect is chosen: its folder, and ``+option`` where one was chosen."""
         return self._name
 
     @property

@@ -57,7 +57,7 @@ class OverrideStyle(StrictModel):
 
     @property
     def sentence(self) -> str:
-        """Return what the head of a program says about it."""
+        """Return the sentence in the head of a program about the motion style."""
         said = (
             f"{self.knob} is the operator's: this program neither sets it nor switches it off, turned down at any "
             "moment it slows the robot, and stays; the speeds are those at 100 %"

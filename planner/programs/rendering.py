@@ -29,7 +29,7 @@ START_NOTE = (
 
 
 def operator_cautions(program: Program, dialect: Dialect, steps: tuple[ProgramStep, ...]) -> tuple[str, ...]:
-    """Return what the program does not do by itself, or not where one would think; one sentence each."""
+    """Return warnings of what the program does not do by itself, or does elsewhere than expected; one sentence each."""
     control = program.controller
     found = [program.changed] if program.changed else []
     if control.sync_output is None and any(isinstance(i, Sync) for i in program.instructions):
@@ -57,7 +57,7 @@ def operator_cautions(program: Program, dialect: Dialect, steps: tuple[ProgramSt
 
 
 def explanations(program: Program, dialect: Dialect) -> tuple[str, ...]:
-    """Return what the program's signals and selections mean, and what must exist on the controller for them."""
+    """Return the meanings of the program's signals and selections, and what they need on the controller."""
     notes = [
         axes_note(program, dialect),
         dialect.sync.note if program.controller.sync_output is not None else "",
@@ -81,7 +81,7 @@ def explanations(program: Program, dialect: Dialect) -> tuple[str, ...]:
 
 
 def axis_names(dialect: Dialect) -> tuple[str, ...]:
-    """Return what a person calls the axes: ``A1`` for the word ``A1=``, ``J1`` where the language counts them."""
+    """Return the common names of the axes: ``A1`` for the word ``A1=``, ``J1`` where the language counts them."""
     names = (word.rstrip("=") for word in dialect.axes)
     return tuple(f"J{name}" if name.isdigit() else name for name in names)
 

@@ -47,7 +47,7 @@ def reader_of(dialect: Dialect) -> type[Execution]:
 def read_texts(
     dialect: Dialect, texts: tuple[str, ...], program: Program | None = None, only_known: bool = True
 ) -> ReadBack:
-    """Return what the files ``texts`` make the robot do; the first is the one that is started.
+    """Return the motion that the files ``texts`` make the robot do; the first file is the one that is started.
 
     Args:
         dialect: the dialect that they are written in.

@@ -24,7 +24,7 @@ def report_calibration(calibration: Calibration) -> Report:
 
 
 def calibration_content(facts: CalibrationFacts) -> dict[str, Any]:
-    """Return what the page says; tables are rows of texts."""
+    """Return the content of the page; tables are rows of texts."""
     outliers = 50  # that are listed
     c = facts.calibration
     stages = [_stage(s) for s in c.stages]

@@ -45,7 +45,7 @@ def view_json(view: CellView) -> str:
 
 
 def player_json(view: CellView) -> str:
-    """Return what moves the view: vertices in their carriers' frames, the carriers' poses, a line of text a frame."""
+    """Return the data that moves the view: vertices in their carriers' frames, their poses, one text a frame."""
     spans = {"all": (view.low, view.high), "near": (view.near_low, view.near_high)}
     data = {
         "carriers": view.frames.poses.shape[1],

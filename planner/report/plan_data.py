@@ -76,7 +76,7 @@ class TourOrders:
 
 
 def angle_label(robot: Robot) -> str:
-    """Return what an axis of a chart says that holds all joints, those that slide too."""
+    """Return the label of a chart's axis for all joints, with the unit of travel if some joints slide."""
     return "joint angle (deg)" if not robot.slides.any() else "joints: angle (deg), travel (mm)"
 
 

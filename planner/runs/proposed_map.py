@@ -194,7 +194,7 @@ def _stem_of(title: str) -> str:
 
 
 def _meaning_of(title: str) -> str:
-    """Return what a title means, with the number that stands in it; empty where it is not understood."""
+    """Return the meaning of a title and the number in it; empty where it is not understood."""
     words, _ = _without_unit(title)
     for pattern, name in MEANINGS:
         if match := re.fullmatch(pattern, words.strip().rstrip(".:"), re.IGNORECASE):

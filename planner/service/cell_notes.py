@@ -29,7 +29,7 @@ class CellNotes:
         self._db = database
 
     def find(self, cell: str) -> CellNote:
-        """Return what is known of a cell."""
+        """Return the notes about a cell."""
         rows = self._db.read("SELECT title, note FROM cell_notes WHERE sha256 = ?", cell)
         return CellNote(title=rows[0]["title"], note=rows[0]["note"]) if rows else CellNote()
 

@@ -60,7 +60,7 @@ class Cluster:
         self._client.close()
 
     def runner(self, job: JobRecord, jobs: JobStore, files: FileStore) -> "ClusterRunner":
-        """Return what runs a job there."""
+        """Return the runner of a job on the cluster."""
         work = Work(job, self._limits, self._settings.url.rstrip("/"), self.token)
         return ClusterRunner(self._client, work, jobs, files)
 

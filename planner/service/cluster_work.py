@@ -82,7 +82,7 @@ class WorkerJobs:
         self._worker.log_event(self._work.name, [stage, done, total])
 
     def renew(self, _: JobRecord) -> bool:
-        """Nothing: the service holds the lease as long as the cluster has the task."""
+        """Do nothing: the service holds the lease as long as the cluster has the task."""
         return True
 
     def wants_stop(self, _: JobRecord) -> bool:

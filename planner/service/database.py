@@ -82,7 +82,7 @@ NAMED = " UNION ".join(f"SELECT sha256 FROM {table}" for table in NAMING)
 
 
 def damage_text(err: sqlite3.Error) -> str:
-    """Return what to say of a store whose pages are not what was written."""
+    """Return the message for a database whose pages are damaged."""
     return f"the store of jobs is damaged ({err}); end the service and bring back a backup of its folder"
 
 

@@ -195,7 +195,7 @@ def copy_verified_file(source: Path, sha256: str, target: Path) -> None:
 
 
 def disk_error(err: OSError) -> InputError:
-    """Return what to say of an error of the disk."""
+    """Return the message for an error of the disk."""
     if err.errno in FULL:
         return DiskFullError()
     return InputError(f"the store of the service cannot be written ({err.strerror or err})")

@@ -85,7 +85,7 @@ class GuessLimit:
 
 
 def sender_of(address: str) -> str:
-    """Return what an address is counted by: of IPv6 the network of one subscriber, which has many addresses."""
+    """Return the key under which an address is counted: for IPv6 the subscriber's network, which has many addresses."""
     try:
         parsed = ipaddress.ip_address(address)
     except ValueError:

@@ -138,7 +138,7 @@ class JobFolder:
         )
 
     def cell_title(self, cell: str) -> str:
-        """Return what a cell is called."""
+        """Return the title of a cell."""
         sent = None if "/" in cell else self._uploads.find(cell)
         named = self._cells.find(cell).title if sent and self._cells else ""
         return named or (sent.name if sent else cell)
@@ -156,7 +156,7 @@ class JobFolder:
         return named if isinstance(named, str) else ""
 
     def place(self, job: str) -> str:
-        """Return what a job was for, without the names of runs."""
+        """Return the cell or plan that a job was for, without the names of its runs."""
         return self.jobs.get(job).title.rpartition(" of ")[2]
 
     def _lay(self, name: str, sha256: str) -> str:

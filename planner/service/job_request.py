@@ -134,7 +134,7 @@ class CellRequest(JobRequest):
         return [folder.cell(self.cell, self.files)]
 
     def subject(self, folder: JobFolder) -> str:
-        """Return what the cell is called."""
+        """Return the title of the cell."""
         return folder.cell_title(self.cell)
 
     def robot(self, folder: JobFolder) -> str:

@@ -48,7 +48,7 @@ ACTIONS = (  # words of an effect's name, and what to do
 
 
 def find_action(effect: str) -> str:
-    """Return what to do about an effect of this name."""
+    """Return the action that a person takes about an effect of this name."""
     name = effect.lower()
     return next((text for words, text in ACTIONS if any(w in name for w in words)), GENERAL)
 
@@ -211,7 +211,7 @@ AnyPlan = PlanDocument | CircularDocument
 
 
 def plan_facts(plan: AnyPlan, is_check: bool = False) -> list[tuple[str, str]]:
-    """Return what a person asks of a plan first."""
+    """Return the facts that a person asks of a plan first."""
     if isinstance(plan, CircularDocument):
         rows = [("circles", str(len(plan.circles)))]
     else:

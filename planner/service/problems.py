@@ -62,7 +62,7 @@ class ProblemResponse(JSONResponse):
 
 
 def problem_of(err: Exception) -> ProblemResponse:
-    """Return what an error is to a program that asked."""
+    """Return the problem document (RFC 9457) of an error."""
     match err:
         case RequestValidationError():
             sentences = [_fault_sentence(e["loc"], e["msg"], e["input"]) for e in err.errors()[:3]]

@@ -209,7 +209,7 @@ class RecordIndex:
 
 
 def _stamp(folder: Path) -> str:
-    """Return what changes where something is added to a record or its file is edited."""
+    """Return a stamp that changes when something is added to a record or its file is edited."""
     try:
         return json.dumps([(folder / name).stat().st_mtime_ns for name in ("record.toml", "entries")])
     except OSError:

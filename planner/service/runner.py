@@ -211,7 +211,7 @@ class JobRunner:
         return JobProblem(TITLES.get(code, f"Exit code {code}"), self._sentence(text, code), own_code)
 
     def _sentence(self, log: str, code: int) -> str:
-        """Return what the command said last, without the folder of the job."""
+        """Return the last message of the command, without the folder of the job."""
         if OUT_OF_MEMORY.search(log[-500:]):
             return "the job needed more memory than a job may use"
         if code == InputError.exit_code and (framed := USAGE.search(log)):

@@ -39,7 +39,7 @@ class Retention:
 
     @classmethod
     def of(cls, days: float | None, gigabytes: float | None) -> "Retention":
-        """Return what is kept by age [days] and size [GB]."""
+        """Return the rule that keeps jobs by age [days] and total size [GB]."""
         age = None if days is None else days * DAY_S
         return cls(age, None if gigabytes is None else int(gigabytes * GB))
 
@@ -245,7 +245,7 @@ class JobShares:
     memory_bytes: int
 
     def limits(self, time_s: float) -> JobLimits:
-        """Return what one job may use, with its time [s]."""
+        """Return the limits of one job, its time [s] included."""
         return JobLimits(self.memory_bytes, time_s)
 
 

@@ -165,7 +165,7 @@ RESULT, CALIBRATED = Path("out/view.json"), Path("calibrated")
 
 
 def run_task(words: list[str]) -> BaseModel:
-    """Return what the task of these words finds.
+    """Run the task that these words name, and return its result.
 
     Raises:
         InputError: the cell, the plan or the run is wrong.

@@ -105,7 +105,7 @@ class CellCheck(StrictModel):
 
 
 def check_view(cell: Cell) -> CellCheck:
-    """Return what a page shows of a cell before it is planned: the robot at home."""
+    """Return the view of a cell before it is planned: the robot at home."""
     frames = ViewFrames(carrier_poses(cell, cell.mountings[0], cell.home[None]), ("home",))
     view = compose_cell_view(cell, frames)
     held = cell.gauge.noun if cell.has_bar() else None  # at home it is not attached

@@ -127,7 +127,7 @@ class Notifier:
         return True
 
     def _notice(self, event: JobEvent) -> bytes | None:
-        """Return what is said of a job; nothing of one that is gone or only served a page."""
+        """Return the notice about a job; ``None`` for one that is gone or only served a page."""
         try:
             job = self._jobs.get(event.job)
         except UnknownJobError:

@@ -86,7 +86,7 @@ NOT_JUDGED = (
 
 
 def _trust_plan(path: Path, notes: Sequence[str], proven: bool) -> tuple[str, ...]:
-    """Return what is said of a program that nobody judges here; refuse what differs from what was proven.
+    """Return the note for a program that cannot be judged here; refuse one that differs from the proven path.
 
     Raises:
         MissingProgramError: it differs.
@@ -115,7 +115,7 @@ def _motions(constraints: Constraints, found: Sequence[Hulls]) -> Iterator[Motio
 
 
 def _constraints(cell: Cell, held: Held, made: dict[Held, Constraints]) -> Constraints:
-    """Return what is kept while the gauge is held so; a cable's twist counts from where it was attached."""
+    """Return the constraints while the gauge is held so; a cable's twist counts from where it was attached."""
     if held not in made:
         away = replace(held, ball=NO_BALL)
         if away not in made:

@@ -68,7 +68,7 @@ def motion_hulls(chain: Chain, tool_position: ToolPosition, proven: Proven) -> I
 
 
 def enclose_steps(q: Array, number: np.ndarray, proven: Proven) -> list[tuple[Array, np.ndarray]]:
-    """Return what holds the steps between points q (n, N) and the corners between these steps.
+    """Return hulls that enclose the steps between points q (n, N) and the corners between these steps.
 
     Steps on a straight line share a segment: that is what was proven of the leg that they are cut from. (A triangle
     without a width takes far more cells to prove: beside a limit more than ``CROWD``.) Steps on a plane curve share a

@@ -251,7 +251,7 @@ def _shift_mark(item: Instruction, shift: int) -> Instruction:
 
 
 def preparation(cell: Cell, mounting: Mounting) -> list[Instruction]:
-    """Return what a person does with the gauge before the first pose is measured."""
+    """Return the steps that a person takes with the gauge before the first pose is measured."""
     said, asked = cell.gauge.preparation(cell, mounting)
     return [*([Comment(said)] if said else []), Pause(asked)]
 

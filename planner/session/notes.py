@@ -28,7 +28,7 @@ MEASURED = ("calibrate", "repeat")
 
 
 def session_notes(cell: Cell) -> tuple[str, ...]:
-    """Return what of a session is not as a person might have asked for it."""
+    """Return notes about everything in a session that differs from what was asked for."""
     collision = (
         *describe_body_gaps(cell),
         *describe_unchecked_links(cell),

@@ -120,7 +120,7 @@ def plan_record(plan: Plan) -> dict[str, object]:
 
 
 def origin_record(cell: Cell, seed: int) -> dict[str, object]:
-    """Return what a plan is for, and the seed of everything random in it."""
+    """Return the record of a plan's purpose, and of the seed of everything random in it."""
     units = {"joint_units": list(cell.robot.joint_units)} if cell.robot.slides.any() else {}
     return {"robot": cell.robot.name, **units, "cell": cell.name, "seed": seed}
 
@@ -274,7 +274,7 @@ def waypoint_records(path: Waypoints, count: int | None = None) -> list[dict[str
 
 
 def verdict_records(verdicts: Iterable[Verdict]) -> tuple[VerdictRecord, ...]:
-    """Return what each collision engine says of each path."""
+    """Return the verdicts of each collision engine on each path."""
     return tuple(VerdictRecord(engine=v.engine, proven=v.clear, clearance_mm=v.clearance * 1e3) for v in verdicts)
 
 

@@ -96,7 +96,7 @@ class Session(Protocol[P]):
         """Plan everything that is driven, up to the finished paths: a plan without id and programs."""
 
     def record(self, plan: P) -> dict[str, object]:
-        """Return what decides what is driven and measured, as ``plan.json`` says it."""
+        """Return the keys of ``plan.json`` that fix what is driven and measured."""
 
 
 @on_one_thread
@@ -247,7 +247,7 @@ class PoseSession(ABC):
         return tuple(drives), choice
 
     def record(self, plan: Plan) -> dict[str, object]:
-        """Return what decides what is driven and measured."""
+        """Return the part of the plan that fixes what is driven and measured, of which its id is the hash."""
         return plan_record(plan)
 
     @abstractmethod
@@ -268,7 +268,7 @@ class PoseSession(ABC):
 
     @abstractmethod
     def places(self, limit: TimeLimit) -> list[MountingSession]:
-        """Return what is measured with each mounting of the gauge."""
+        """Return the poses that are measured with each mounting of the gauge."""
 
     @abstractmethod
     def stop(self, choice: PoseChoice, k: int) -> TourStop:

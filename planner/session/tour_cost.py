@@ -87,7 +87,7 @@ def travel_and_change(cell: Cell, mounting: Mounting | None, x: Array) -> tuple[
 
 
 def session_minutes(cell: Cell, drives: Sequence[Drive], poses: int) -> Callable[[int], float]:
-    """Return what tells the minutes of driving of another number of poses, about, from the session that was planned.
+    """Return a function that estimates the driving minutes of another number of poses from the planned session.
 
     Each visit stands still for its dwell; the way between them grows as the shortest tour of random points does
     (Beardwood, Halton and Hammersley 1959, Math. Proc. Cambridge Phil. Soc. 55(4)).

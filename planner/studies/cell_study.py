@@ -47,7 +47,7 @@ class StudyResult(FolderResult):
     progress: Progress = no_progress
 
     def overview(self) -> Summary:
-        """Return what is seen, with how many poses, and from where."""
+        """Return which parameters are seen, with how many poses and from which places."""
         return self.findings.overview()
 
     def next_step(self, folder: Path) -> str:

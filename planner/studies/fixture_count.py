@@ -123,7 +123,7 @@ def count_fixtures(cell: Cell, map_: FixtureMap, noise: float, seed: int) -> Fix
         return _make_step(map_, places, combine_places(map_, places, noise), before)
 
     def merit(places: list[FixturePlace]) -> tuple[int, float]:
-        """Return what fixtures at these places show: how many parameters, then the index."""
+        """Return the merit of fixtures at these places: first the number of parameters seen, then the index."""
         tried = step(places)
         return tried.robot_seen, rule.merit(tried.value)
 

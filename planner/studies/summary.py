@@ -29,7 +29,7 @@ class StudySummary:
     files: tuple[str, ...]
 
     def overview(self) -> Summary:
-        """Return what is seen, with how many poses, and from where."""
+        """Return which parameters are seen, with how many poses and from which places."""
         b = self.basis
         own = b.curve
         share = b.predicted.std / b.model.prior

@@ -253,7 +253,7 @@ class ScoreTest:
         return float(self.log_ps(np.array([gain]), np.array([size]), tried)[0])
 
     def log_ps(self, gain: Array, size: np.ndarray, tried: float) -> Array:
-        """Return the same of several gains (k,)."""
+        """Return log p of several gains (k,)."""
         number = np.maximum(size, 1)
         dof = np.maximum(1.0, self.dof - size)
         rest = np.maximum(self.scatter - gain, 1e-200)

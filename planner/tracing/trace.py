@@ -223,7 +223,7 @@ def trace(
 def _finding(
     result: SearchResult, found: FittedEffect, gain: float, others: tuple[str, ...], run: Run, beside: Array | None
 ) -> Finding:
-    """Return what is said of an effect; ``beside`` is a covariance of its sizes by what is not in the model."""
+    """Return the finding for an effect; ``beside`` is the covariance of its sizes from what the model leaves out."""
     last, nonlinear = result.last, found.effect.nonlinear
     which = last.positions(found)
     root = last.fit.solution.root(last.fit.problem.prior)

@@ -7,7 +7,7 @@ from planner.workflow.plan_overview import plan_overview
 
 
 def check_overview(plan: Plan, forecast: CheckForecast) -> Summary:
-    """Return what is said of a planned check: what is driven, and from which size on it shows each change."""
+    """Return the overview of a planned check: the drive, and the size from which on it shows each change."""
     whole = plan_overview(plan)
     facts = [f for f in whole.facts if f[0] != plan.choice.index]
     *changes, rates = forecast.facts()

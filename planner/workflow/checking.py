@@ -45,7 +45,7 @@ class CheckPlanResult(PlanResult):
     model: Path | str = field(kw_only=True)
 
     def overview(self) -> Summary:
-        """Return what is driven, and from which size on it shows each change."""
+        """Return the overview: the drive, and the size from which on the check shows each change."""
         return check_overview(self.plan, self.forecast)
 
     def fill(self, draft: Path) -> None:

@@ -44,7 +44,7 @@ class CircularPlanResult(SessionResult):
         return report_circular_plan(self.plan)
 
     def overview(self) -> Summary:
-        """Return what is driven."""
+        """Return the overview of the drive."""
         return circular_overview(self.plan)
 
     def next_step(self, folder: Path) -> str:
@@ -55,7 +55,7 @@ class CircularPlanResult(SessionResult):
 
 
 def circular_overview(plan: CircularPlan) -> Summary:
-    """Return what is said of a circular test."""
+    """Return the overview of a circular test."""
     arcs = plan.arcs
     minutes = sum(c.duration for c in plan.courses) / 60
     facts: list[Fact] = []

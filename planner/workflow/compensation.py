@@ -60,7 +60,7 @@ class CompensationResult(Result):
     warnings: tuple[str, ...] = ()
 
     def overview(self) -> Summary:
-        """Return what was done, what is expected of it, and every line to look at."""
+        """Return the overview: corrections, expected errors, and every line to look at."""
         known = self.expected
         expected = [("tool error", f"unknown: {known}")] if isinstance(known, str) else known.facts
         done = self.file.report.overview(self.file.name)
@@ -69,7 +69,7 @@ class CompensationResult(Result):
         return Summary(done.title, [*expected, *done.facts], details, (*done.notes, *left, *self.warnings))
 
     def content(self) -> Mapping[str, Any]:
-        """Return what was done, and the corrected text."""
+        """Return the corrections and the corrected text."""
         report = self.file.report
         return {
             "file": self.file.name,
@@ -246,7 +246,7 @@ def _build_day() -> Day | None:
 
 
 def _expect(done: CompensatedFile, known: ExpectedError | str, T_FT: Array | None) -> ProgramError | str:
-    """Return what is expected at the corrected targets.
+    """Return the expected errors at the corrected targets.
 
     Raises:
         NoSolutionError: the corrected robot is expected to be worse than it is.
@@ -274,7 +274,7 @@ def _check_controller(reference: str, robot: str) -> bool:
 
 
 def _turn_weights(text: str | None) -> TurnWeights:
-    """Return what tilt and spin of a tool count, of ``AXIS,TURN``."""
+    """Return the weights of tilt and spin of a tool from the text ``AXIS,TURN``."""
     if text is None:
         return TurnWeights()
     try:

@@ -67,7 +67,7 @@ class DemoResult(FolderResult):
         return True
 
     def overview(self) -> Summary:
-        """Return what was hidden, what was found and how good the robot became."""
+        """Return the overview: the hidden fault, the findings, and the error before and after."""
         kind, on, size = self.hidden
         found, release = self.robot.calibration, self.robot.calibration.release
         facts: list[Fact] = [("hidden", f"{kind}, {on}: {size:.0f} µrad, beside errors of every length and angle")]
@@ -79,7 +79,7 @@ class DemoResult(FolderResult):
         return Summary(f"{found.robot}: planned, measured by simulation, calibrated", facts)
 
     def content(self) -> dict[str, Any]:
-        """Return what was hidden and whether it was found."""
+        """Return the hidden fault, and whether it was found."""
         kind, on, size = self.hidden
         hidden = {"effect": kind, "on": on, "size_urad": size}
         return {"schema": "edbb-demo/1", "simulated": True, "hidden": hidden, "found": self.is_found}

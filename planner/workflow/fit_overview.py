@@ -22,7 +22,7 @@ BEYOND = 3.0  # times the expected size from which on a parameter is told to be 
 
 
 def fit_overview(found: Calibration, lines: int = SCREEN_LINES - 3) -> Summary:
-    """Return what is said of an identification.
+    """Return the overview of an identification.
 
     ``lines`` is how many facts the screen holds beside title, files and next step; causes take what the others leave.
     """

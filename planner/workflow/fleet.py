@@ -22,7 +22,7 @@ class FleetResult(Result):
     fleet: Fleet
 
     def overview(self) -> Summary:
-        """Return what is larger or smaller than usual, and which robot does not fit."""
+        """Return the overview: errors larger or smaller than usual, and robots that do not fit."""
         sizes = sorted(self.fleet.file().sizes, key=lambda s: -_times_off(s))
         # 1.5: times larger or smaller than usual, from where the screen says a size
         notable = [s for s in sizes if _times_off(s) >= 1.5]

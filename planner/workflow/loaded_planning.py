@@ -77,7 +77,7 @@ class BothPlan(FolderResult):
     stages: Stages = field(default_factory=Stages)
 
     def overview(self) -> Summary:
-        """Return what is measured, and what each bar alone and one fit of both would know."""
+        """Return the overview: what is measured, and how well each bar alone, and one fit of both, know the compliances."""
         arcs, robot = self.loaded.arcs, self.loaded.cell.robot.name
         minutes = sum(c.duration for c in self.loaded.courses) / 60
         facts = [("drive", f"{minutes:.1f} min with the loaded bar on, proven as every plan is")]
@@ -86,7 +86,7 @@ class BothPlan(FolderResult):
         return Summary(title, facts, [*self._places(), *self._predictions()], self.loaded.notes)
 
     def _page_text(self) -> str:
-        """Return what the page says: the places and the four steps too, the predictions as a picture."""
+        """Return the content of the page: places, the four steps, and the predictions as a picture."""
         said = self.overview()
         steps = [(f"{k + 1}.", text) for k, text in enumerate(both_session_steps(self))]
         return Summary(said.title, [*self._places(), *said.facts, *steps], notes=said.notes).text()
@@ -219,7 +219,7 @@ class CirclePlacesResult(FolderResult):
     stages: Stages = field(default_factory=Stages)
 
     def overview(self) -> Summary:
-        """Return which places there are and what they tell."""
+        """Return the overview: the places, and how well they determine the compliances."""
         facts = [("", s) for s in describe_places(self.found)]
         for name, unloaded, loaded, together in () if self.both is None else self.both.of("compliance"):
             circles = f"the {self.count} circles {share_text(loaded)}, in one fit {share_text(together)}"

@@ -16,7 +16,7 @@ from planner.session.tour_cost import cost_name
 
 
 def plan_overview(plan: Plan) -> Summary:
-    """Return what is said of a session of poses."""
+    """Return the overview of a session of poses."""
     roles = [v.role for d in plan.drives for v in d.visits]
     minutes = sum(d.trajectory.duration_s for d in plan.drives) / 60
     said = plan.separation.texts() if plan.separation else ()
@@ -119,7 +119,7 @@ def _proof_text(plan: Plan) -> str:
 
 
 def unproven_overview(found: UnprovenPoses) -> Summary:
-    """Return what is said of poses that a limit of time left without a path."""
+    """Return the overview of poses that a time limit left without a path."""
     choice, bound = found.choice, found.certificate
     rule = INDEX_RULES[choice.index]
     gap, passes = 100 * max(rule.gap(choice.value, bound.value), 0.0), "exceeds" if rule.maximise else "falls below"

@@ -88,7 +88,7 @@ class PlanResult(SessionResult):
         return evaluation_of("run.csv", plan, None, calibrates)
 
     def overview(self) -> Summary:
-        """Return what is driven, the error before and after, what would help and what stays unseen."""
+        """Return the overview: the drive, the error before and after, what would help and what stays unseen."""
         return plan_overview(self.plan)
 
     def document(self) -> PlanDocument:
@@ -102,7 +102,7 @@ class PlanResult(SessionResult):
         return report_plan(self.plan)
 
     def preview(self) -> Plot:
-        """Return what chose the poses against their number; the parameters where neither index nor foresight did."""
+        """Return the chart of the criterion over the number of poses; that of the parameters if there is none."""
         if self.plan.expected_error:
             from planner.report.plan_charts import expected_error_chart
 
@@ -145,7 +145,7 @@ class PosesResult(FolderResult):
     cut_short: tuple[str, ...]
 
     def overview(self) -> Summary:
-        """Return what there is, how good it provably is, and what is not proven."""
+        """Return the overview: poses, their certificate, and what is not proven."""
         return unproven_overview(self.poses)
 
     def content(self) -> Mapping[str, Any]:
@@ -172,7 +172,7 @@ class SimulationResult(Result):
         return Summary(f"{self.run.name}: {number_of(len(self.run), 'sample')}", notes=self.run.warnings)
 
     def content(self) -> Mapping[str, Any]:
-        """Return what is true of the run, and what to know."""
+        """Return the true errors behind the run, and its warnings."""
         run = self.run
         return {
             "run": run.name,

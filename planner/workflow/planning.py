@@ -71,7 +71,7 @@ def plan_cell(cell: Cell, options: PlanOptions, stages: Stages) -> Plan:
 
 
 def _chooser(cell: Cell, options: PlanOptions) -> NextSessionChooser | None:
-    """Return what chooses the poses after other sessions; ``None`` for a robot of which nothing is known."""
+    """Return the chooser of poses after other sessions; ``None`` for a robot of which nothing is known."""
     if options.after is None or not cell.has_bar():
         return None
     until = None if options.until_mm is None else float(from_mm(options.until_mm))

@@ -97,7 +97,7 @@ def write_program_as(files: tuple[ProgramFile, ...], path: Path, force: bool = F
 
 
 def _follow_link(path: Path) -> Path:
-    """Return what a link leads to, the path itself where it is none or leads nowhere; that is told as it is written."""
+    """Return the target of a symbolic link; the path itself if it is no link or leads nowhere."""
     try:
         return path.resolve() if path.is_symlink() else path
     except (OSError, RuntimeError):

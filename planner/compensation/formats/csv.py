@@ -123,7 +123,7 @@ def _joint_columns(header: list[str], robot: Robot) -> list[Column]:
 
 
 def _describe_columns(robot: Robot) -> str:
-    """Return what the columns of a robot's joints are called."""
+    """Return the names of the columns of a robot's joints."""
     if robot.slides.any():
         return ", ".join(robot.joint_columns("q"))
     return f"q1_deg … q{robot.n_joints}_deg (or _rad)"

@@ -79,7 +79,7 @@ class FrameValues:
         return f"{name} is not in the files: give the controller's $config.dat (--frames){hint}"
 
     def resolve_fdat(self, value: str) -> str:
-        """Return what an FDAT says, given by name or in braces; nothing where it is not certain."""
+        """Return the content of an FDAT given by name or in braces; empty where it is not certain."""
         return value.upper() if value.startswith("{") else self._fdats.get(spell_name(value), "")
 
     def orientation_of(self, ldat: str) -> str:
@@ -219,5 +219,5 @@ def _variable_name(statement: st.Assignment) -> str:
 
 
 def describe_change(statement: st.Assignment) -> str:
-    """Return what is to be said of a frame that a statement changes."""
+    """Return the note about a frame that a statement changes."""
     return f"{_variable_name(statement)} is changed in line {statement.line} while the program runs"

@@ -152,7 +152,7 @@ def calls_any(statement: st.Statement, routines: Collection[str]) -> bool:
 
 
 def may_change(p: Placed) -> str:
-    """Return what is to be said of a name that a statement hands to a routine."""
+    """Return the note about a name that a statement hands to a routine."""
     said = " ".join(p.statement.text.split())
     return f"may be changed by '{said[:60]}' in {p.where}"
 
@@ -263,7 +263,7 @@ class FrameTable:
         )
 
     def default_frames(self, because: str) -> FramePair:
-        """Return what the person has named, for a target whose moves are not in the file."""
+        """Return the frames that the person named, for a target whose moves are not in the file."""
         T_FT, T_WB = self._given.T_FT, self._given.T_WB
         why = f"{because}, so that its tool and work object are not known (--tool, --base)"
         return why if T_FT is None else T_FT, why if T_WB is None else T_WB

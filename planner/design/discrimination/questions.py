@@ -63,7 +63,7 @@ class PredictedReadings:
 
 
 def project_out(columns: Array, basis: Array) -> Array:
-    """Return what is left of columns (m, k) once their part within an orthonormal basis (m, p) is taken away."""
+    """Return columns (m, k) less their projection on an orthonormal basis (m, p)."""
     return np.asarray(columns - basis @ (basis.T @ columns))
 
 

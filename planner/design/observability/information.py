@@ -178,7 +178,7 @@ def predict_covariance(rows: Array, noise: float | Array, prior: Array | None = 
 
 
 def marginal_information(information: Array, nuisance: np.ndarray) -> Array:
-    """Return what an information in prior sigmas (P, P) says of the other parameters where some are not of interest.
+    """Return the information (per prior sigma) about the parameters of interest, from that of all (P, P).
 
     Those in ``nuisance`` (P,) bool are known to their prior sigmas, and fitted with the rest (a Schur complement).
     """

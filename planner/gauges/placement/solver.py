@@ -207,7 +207,7 @@ def require_determined_unknowns(jacobian: Array, error: Array, problem: Placemen
 
 
 def advice(missing: tuple[PlacementUnknown, ...], stand: FlangePoses) -> str:
-    """Return what would determine the missing unknowns."""
+    """Return the advice: which readings would determine the missing unknowns."""
     kinds = {u.kind for u in missing}
     turns = orientation_spread(stand)
     if ("point" in kinds or "turn" in kinds) and turns[1] < 0.1:

@@ -211,7 +211,7 @@ class BoardSight(FrameGauge):
     # ---- words
 
     def preparation(self, cell: Site, mounting: Mounting) -> tuple[str, str]:
-        """Nothing may change at the camera from here on."""
+        """Return the instruction that nothing may change at the camera from here on."""
         return (
             "",
             "switch the light on, fix focus, exposure and gain, and look at one image: is the board sharp?",

@@ -27,7 +27,7 @@ class Indicators(Protocol):
     """Three readings at a time."""
 
     def read(self) -> Array:
-        """Return what the three indicators show now, (3,) [m]."""
+        """Return the present readings of the three indicators, (3,) [m]."""
 
     def close(self) -> None:
         """Let the lines go."""
@@ -50,7 +50,7 @@ class SerialIndicators:
         ]
 
     def read(self) -> Array:
-        """Return what the three indicators show now, (3,) [m].
+        """Return the present readings of the three indicators, (3,) [m].
 
         Raises:
             SilentError: one does not answer, or not in its language, or says that it cannot measure.

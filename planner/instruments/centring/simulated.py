@@ -62,7 +62,7 @@ class SimulatedArm:
         return np.asarray(tool_pose(self._cell.chain, self._cell.robot, self._q[None])[1][0] @ self._R_FT)
 
     def read(self) -> Array:
-        """Return what the three indicators show, (3,) [m]: their free ends where the disks do not meet a ball."""
+        """Return the readings of the three indicators, (3,) [m]; free ends where the disks touch no ball."""
         cell, head = self._cell, self._cell.gauge.indicators
         samples = replace(Samples.at(self._q[None]), q=read_only((self._q + self._off)[None]))
         x = -self._model.residual(samples, Targets.at_base(1), self._errors)[0]
@@ -86,4 +86,4 @@ class SimulatedArm:
         """It stands still anyway."""
 
     def close(self) -> None:
-        """Nothing is held."""
+        """Do nothing: no connection is held."""

@@ -87,7 +87,7 @@ class Detector:
         return tuple(b.shape[1] > 0 for b in self._bases[:-1])
 
     def explain(self, difference: Array) -> tuple[Explanation, ...]:
-        """Return what each change explains of readings less their expectation (n,) [m], last anything at all."""
+        """Return how much each change explains of the readings' deviation (n,) [m]; the last entry: any change."""
         explained = np.array([((self._whitening @ difference @ b) ** 2).sum() for b in self._bases])
         d = np.array([b.shape[1] for b in self._bases])
         p = stats.f.sf(explained / d, d, self.freedom)

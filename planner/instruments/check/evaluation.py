@@ -61,7 +61,7 @@ def possible_changes(cell: Cell, setup: MeasurementSetup, with_play: bool) -> tu
 
 
 def change_columns(baseline: Baseline, samples: Samples, changes: Sequence[Change]) -> tuple[Array, ...]:
-    """Return what every change does to readings, (n, d) [m per unit] each."""
+    """Return the effect of every change on the readings, (n, d) [m per unit] each."""
     return _by_change(baseline.rows(samples, _numbered_parameters(changes)), changes)
 
 

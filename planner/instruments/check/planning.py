@@ -70,7 +70,7 @@ class _Merit:
 
     @classmethod
     def of(cls, baseline: Baseline, changes: tuple[Change, ...], samples: Samples) -> "_Merit":
-        """Return what samples tell of each change, for choosing among them."""
+        """Return the merit of samples for telling each change, from which poses are chosen."""
         parts, blocks, zeros, start = [], [], [], 0
         alone = [c for c in changes if c.kind != "collision"]  # which is nothing but the others together
         for c, rows in zip(alone, change_columns(baseline, samples, alone), strict=True):

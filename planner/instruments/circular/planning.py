@@ -88,7 +88,7 @@ class CircularSession:
         return CircularPlan(cell=self.cell, seed=self.seed, drives=tuple(drives), notes=notes)
 
     def record(self, plan: CircularPlan) -> dict[str, object]:
-        """Return what decides what is driven and measured."""
+        """Return the part of the plan that fixes what is driven and measured, of which its id is the hash."""
         return circular_record(plan)
 
     def _plan_arcs(self, circles: Sequence[Circle], limit: TimeLimit) -> tuple[Arc, ...]:

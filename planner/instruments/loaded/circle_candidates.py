@@ -303,7 +303,7 @@ def predicted_turn_noise(setup: MeasurementSetup, q: Array) -> Array:
 
 
 def predict_compliance(information: Array) -> PredictedCompliance:
-    """Return what an information in prior sigmas (N, N) says of each compliance."""
+    """Return how well an information (per prior sigma, (N, N)) determines each compliance."""
     size = np.diag(np.linalg.inv(information + np.eye(len(information))))
     alone = np.diag(np.linalg.inv(information + 1e-12 * np.trace(information) * np.eye(len(information))))
     return PredictedCompliance(read_only(np.sqrt(size)), read_only(np.sqrt(alone)))

@@ -82,7 +82,7 @@ class Harmonics:
         )
 
     def after(self, step: Array, height: float) -> "Harmonics":
-        """Return what is left after a change of the compliances (N,) and of the height [m]."""
+        """Return the harmonics that remain after a change of the compliances (N,) and of the height [m]."""
         return Harmonics(self.rows, self.residual - self.rows @ np.append(step, height), self.weight, self.count)
 
     def information(self, noise: Array, prior: float, height: float = 0.0) -> CircleInformation:

@@ -111,7 +111,7 @@ def problems_of(found: JointCompliances) -> tuple[str, ...]:
 
 
 def warnings_of(circles: Sequence[EvaluatedCircle], found: JointCompliances) -> tuple[str, ...]:
-    """Return what a person should know."""
+    """Return the warnings for a person."""
     out = []
     for c in circles:
         name, curves = c.curves.circle.name, c.curves

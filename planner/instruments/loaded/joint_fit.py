@@ -145,14 +145,14 @@ def whiten_turns(columns: Array, noise: Array, pose: Array) -> Array:
 
 
 def torque_rows(model: Model, samples: Samples, errors: Array, prior: Array) -> Array:
-    """Return what each parameter changes of the readings by way of the torques, (n, P), about ``errors``.
+    """Return the derivative of the readings by each parameter through the torques, (n, P), at ``errors``.
 
     The model's compliances are by held torques; ``prior`` (P,) are the sizes by which the torques are tried.
     """
     nothing = Targets(length=np.zeros(len(samples)))
 
     def read(torques_by: Array) -> Array:
-        """Return what is read under such torques, (n,)."""
+        """Return the readings under these torques, (n,)."""
         return np.asarray(-model.residual(with_held_torque(samples, model, torques_by), nothing, errors)[:, 0])
 
     out, here = np.empty((len(samples), len(prior))), read(errors)

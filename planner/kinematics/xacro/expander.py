@@ -306,7 +306,7 @@ class _Expander:
         return parts[0] if len(parts) == 1 else "".join(map(to_text, parts))
 
     def _substitute(self, text: str) -> str:
-        """Return what ``$(text)`` stands for."""
+        """Return the value of ``$(text)``."""
         word, _, rest = text.strip().partition(" ")
         rest = rest.strip()
         if word == "arg":

@@ -188,7 +188,7 @@ class PairBounds:
     scene: Scene
 
     def changes(self, far: Travel) -> Array:
-        """Return what the distance of each pair can lose in the neighbourhoods, (n, pairs) [m]."""
+        """Return the largest decrease of each pair's distance within the neighbourhoods, (n, pairs) [m]."""
         n, pairs = len(far.step), len(self.scene.pairs)
         rows, columns = np.divmod(np.arange(n * pairs), max(pairs, 1))
         return np.asarray(self.pair_changes(far, rows, columns).reshape(n, pairs))

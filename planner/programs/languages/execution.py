@@ -134,7 +134,7 @@ class Execution(ABC):
 
     @property
     def joint_names(self) -> tuple[str, ...]:
-        """Return what the program calls its joints; none where it is not known."""
+        """Return the program's names of its joints; none where they are not known."""
         return () if self.program is None else self.program.joint_names or self.dialect.axes[: self.program.n_joints]
 
     @property
@@ -235,7 +235,7 @@ class Execution(ABC):
             self.dwells.append(seconds)
 
     def result(self, plan_id: str) -> ReadBack:
-        """Return what was noted."""
+        """Return the program as read."""
         if not self.moves:
             raise InputError("the program holds no joint move")
         entries = tuple((at, tuple(moves)) for at, moves in self.entries)
@@ -252,7 +252,7 @@ NUMBERS = ("tool", "base", "load")
 def known_statements(
     dialect: Dialect, parse: Callable[[Sequence[str]], Iterable[Statement]], program: Program | None
 ) -> Callable[[Statement], bool]:
-    """Return what tells whether a statement is known: one of the dialect's own lines, or of its ``passive`` patterns.
+    """Return a test for known statements: the dialect's own lines and its ``passive`` patterns.
 
     Args:
         dialect: whose file lists the lines and patterns.
