@@ -66,7 +66,7 @@ class GaugeSession:
         return 0.0
 
     def preparation(self, cell: Site, mounting: Mounting) -> tuple[str, str]:
-        """Return the instructions to a person before the first pose, in two parts: an explanation (may be empty) and an action."""
+        """Return the instructions to a person before the first pose, an explanation (may be empty) and an action."""
         return "", "set the gauge to zero"
 
     def session_names(self, cell: Site, mounting: Mounting) -> tuple[str, str]:

@@ -77,7 +77,7 @@ class BothPlan(FolderResult):
     stages: Stages = field(default_factory=Stages)
 
     def overview(self) -> Summary:
-        """Return the overview: what is measured, and how well each bar alone, and one fit of both, know the compliances."""
+        """Return the overview: what is measured, and how well each bar and both together know the compliances."""
         arcs, robot = self.loaded.arcs, self.loaded.cell.robot.name
         minutes = sum(c.duration for c in self.loaded.courses) / 60
         facts = [("drive", f"{minutes:.1f} min with the loaded bar on, proven as every plan is")]
