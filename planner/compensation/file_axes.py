@@ -70,7 +70,7 @@ def next_step(language: str, robot: Robot, axes: AxisConvention) -> str:
     if not own:
         return f"{{file}} has the angles of the model's joints: load it into the controller and {SLOWLY}"
     others = ", ".join(
-        f"{controller_words(c.controller)} counts {len(c.different)} of {c.n_axes} axes otherwise" for c in own
+        f"{controller_words(c.controller)} counts {len(c.different_axes)} of {c.n_axes} axes otherwise" for c in own
     )
     return (
         f"{{file}} has the angles of the model's joints; {others}: a table of the angles of that controller is "

@@ -174,7 +174,7 @@ class TargetReading:
             list_.append(note)
 
     def check(self) -> None:
-        """Raise what was refused.
+        """Refuse the file if any of its targets was refused.
 
         Raises:
             InputError: one sentence a line.

@@ -109,7 +109,7 @@ def acting_throughout(p: Parameter) -> Parameter:
 
 
 def wrong_row(width: int, sample: int, scanned: int) -> Effect:
-    """Return the effect of one reading, of so many numbers, that has nothing to do with its pose."""
+    """Return the effect of a wrong reading at ``sample``: each of its ``width`` numbers is off by its own error."""
     parameters = tuple(
         Parameter(
             f"row{sample + 1}_{k + 1}", "m" if k < 3 else "rad", WRONG_ROW.usual,

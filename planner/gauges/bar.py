@@ -58,7 +58,7 @@ UNITS = {  # what a column of lengths may hold instead of what it says, and how 
 def choose_stop_margin(robot: Robot, file: CellFile, keys: BarKeys) -> float:
     """Return the distance that a plan keeps from the ends of the bar's range [m].
 
-    By default it is STOP_SIGMAS of how far fixture, tool point and an arm that is not calibrated yet may be off.
+    By default it is STOP_SIGMAS standard deviations of the length: by fixture, tool point and an uncalibrated arm.
     """
     if file.gauge.length_mm is None:
         return 0.0

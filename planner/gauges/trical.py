@@ -69,7 +69,7 @@ class TriCalHead(BallGauge):
 
     @property
     def measuring_command(self) -> str:
-        """An extension may drive the robot to each ball."""
+        """How the session is measured: by the extension that centres the head on each ball, if there is one."""
         return advice(Occasion.CENTRED_SESSION, super().measuring_command)
 
     def starts_among(self, q: Array) -> Array | None:

@@ -122,7 +122,7 @@ class CalibratedRobot:
 
     @cached_property
     def _nominal_setup(self) -> RobotSetup:
-        return replace(self._setup, robot=self.robot.nominal)
+        return replace(self._setup, robot=self.robot.nominal_robot)
 
     @cached_property
     def _used_effects(self) -> tuple[tuple[int, BasisFunction, float], ...]:

@@ -340,7 +340,7 @@ class ExpectedError:
         return frame, rows[:, at] @ vectors
 
     def _rows(self, q: Array, p_FM: Array) -> tuple[tuple[str, ...], Array, Array]:
-        setup = tool_setup(replace(loaded_robot(self.robot), robot=self.robot.nominal), p_FM)
+        setup = tool_setup(replace(loaded_robot(self.robot), robot=self.robot.nominal_robot), p_FM)
         samples = Samples(q, np.zeros(len(q), dtype=int), payload=np.zeros(len(q)))
         effects = [effect_parameter(p.name, p.moves, setup) for p in self.file.parameters if p.moves]
         return tool_rows(samples, setup, effects)

@@ -36,8 +36,8 @@ def posterior_basis(rows: Array, prior_weight: float) -> tuple[Array, Array]:
 def space_basis(rows: Array) -> Array:
     """Return an orthonormal basis (m, rank) of the columns of rows (m, P).
 
-    Of many rows by the eigenvectors of their products, then by Cholesky's factor of what these leave; of few ones as
-    :func:`posterior_basis`, P vectors.
+    Few rows are reflected as in :func:`posterior_basis`, which gives P vectors. Of many rows the eigenvectors of
+    RᵀR give a first basis, which is then made orthogonal once more.
     """
     if rows.size <= REFLECTED_NUMBERS:
         return posterior_basis(rows, 0.0)[0]

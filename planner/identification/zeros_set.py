@@ -30,7 +30,7 @@ def set_zeros(robot: Robot, known: ExpectedError | str, joints: Sequence[int]) -
     rows = tuple(
         t if t.joint is None else replace(t, nominal=t.nominal - float(shift[t.joint])) for t in robot.transforms
     )
-    left = replace(robot, transforms=rows, nominal_transforms=robot.nominal.transforms)
+    left = replace(robot, transforms=rows, nominal_transforms=robot.nominal_robot.transforms)
     if isinstance(known, str):
         return left, known
     names = {t.name: t.joint for t in robot.transforms if t.joint is not None}
@@ -45,7 +45,7 @@ def set_zeros(robot: Robot, known: ExpectedError | str, joints: Sequence[int]) -
 def _zero_shift(robot: Robot, joints: Sequence[int]) -> Array:
     """Return by how much the rows' angles shift as the zeros of joints are set, (N,) [rad]."""
     off = np.zeros(robot.n_joints)
-    for now, nominal in zip(robot.transforms, robot.nominal.transforms, strict=True):
+    for now, nominal in zip(robot.transforms, robot.nominal_robot.transforms, strict=True):
         if now.joint is not None:
             off[now.joint] = now.nominal - nominal.nominal
     turn = AxisZeros.of(robot).turn

@@ -52,7 +52,7 @@ def places_of_program(path: Path, robot_file: Path) -> ErrorPlaces:
     """
     robot = load_robot(robot_file)
     own = robot.tool_points[0].p_FM if len(robot.tool_points) == 1 else np.zeros(3)
-    done = compensate_file(path, robot.nominal, CalibratedRobot(robot), frames=ToolAndBase(p_FM=own))
+    done = compensate_file(path, robot.nominal_robot, CalibratedRobot(robot), frames=ToolAndBase(p_FM=own))
     few = even_positions(len(done.q), WORKSPACE_STATES)
     tools = [done.targets[k].pose for k in few]
     p_FM = np.array([own if pose is None else pose.T_FT[:3, 3] for pose in tools])

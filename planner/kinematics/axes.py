@@ -105,8 +105,8 @@ class AxisConvention:
         return bool((np.count_nonzero(self.matrix, axis=1) > 1).any())
 
     @property
-    def different(self) -> tuple[int, ...]:
-        """Numbers, from 1, of the axes that count otherwise than the model's joints do."""
+    def different_axes(self) -> tuple[int, ...]:
+        """Numbers, from 1, of the axes whose angles differ from those of the model's joints."""
         apart = (self.matrix != np.eye(self.n_axes)).any(axis=1) | (self.zero != 0.0)
         return tuple((np.flatnonzero(apart) + 1).tolist())
 

@@ -217,7 +217,7 @@ class Robot:
         return f"Robot('{self.name}', joints={self.n_joints}, path='{self.path}')"
 
     @cached_property
-    def nominal(self) -> Robot:
+    def nominal_robot(self) -> Robot:
         """The robot that the controller believes in: without what a calibration changed; most robots are their own."""
         if not self.nominal_transforms and not self.effects:
             return self
@@ -297,10 +297,10 @@ class Robot:
     def in_axes(self, convention: AxisConvention) -> Robot:
         """Return this robot, rigid, with the axes of a controller as its joints: its q are the controller's angles."""
         if convention.is_same:
-            return self.nominal
+            return self.nominal_robot
         back = self.coupling_matrix @ convention.inverse
         return replace(
-            self.nominal,
+            self.nominal_robot,
             coupling_matrix=read_only(back),
             theta_zero=read_only(self.theta_zero - back @ convention.zero),
             q_lower=convention.lower,

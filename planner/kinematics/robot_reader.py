@@ -129,7 +129,7 @@ def load_in_other_convention(robot: Robot) -> Robot | None:
     Raises:
         InputError: the file can no longer be read.
     """
-    if robot.convention not in OTHER_CONVENTION or robot.nominal is not robot:
+    if robot.convention not in OTHER_CONVENTION or robot.nominal_robot is not robot:
         return None
     file = describe_robot(robot.path)
     return _from_rows(file.model_copy(update={"convention": OTHER_CONVENTION[robot.convention]}), robot.path, "none")

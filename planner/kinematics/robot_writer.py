@@ -247,7 +247,7 @@ def _calibration_tables(robot: Robot, changed: frozenset[str], found: RobotCorre
     """Return the tables ``nominal``, ``loads``, ``effects`` and ``tool_points``, and whether it was simulated."""
     nominal = {
         nominal_key(t): _file_value(t.kind == "translation", t.nominal)
-        for t, now in zip(robot.nominal.transforms, robot.transforms, strict=True)
+        for t, now in zip(robot.nominal_robot.transforms, robot.transforms, strict=True)
         if t.name in changed or t.nominal != now.nominal
     }
     out: dict[str, object] = {"nominal": nominal} if nominal else {}

@@ -74,7 +74,7 @@ def aligned_rows(
 def tool_rows(
     samples: Samples, setup: MeasurementSetup, unknown: Sequence[Parameter]
 ) -> tuple[tuple[str, ...], Array, Array]:
-    """Return the same names, the tool's motion per how the base stands, (3 n, 6), and per each of them, (3 n, P)."""
+    """Return the names of parameters, and the tool's motion [m] per base pose (3 n, 6) and per parameter (3 n, P)."""
     frame_columns = 6  # the first ones only say where the base stands
     model = _tool_model(setup).plus(list(unknown))
     rows = model.rows(samples).reshape(-1, len(model.names))

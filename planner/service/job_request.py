@@ -112,7 +112,7 @@ def _option_words(served: ServedField, value: object, folder: JobFolder) -> list
 
 
 def options(**values: object) -> list[str]:
-    """Return options of the command line: what is given, once for each entry of a list; of switches those set."""
+    """Return words of the command line for options: one a value, one for each entry of a list, switches if set."""
     words = []
     for name, value in values.items():
         option = f"--{name.replace('_', '-')}"
@@ -207,7 +207,7 @@ class MeasuredRequest(JobRequest):
         return [*runs, *options(plan=plan, cell=cell)]
 
     def subject(self, folder: JobFolder) -> str:
-        """Return the names of the runs, and of what they are."""
+        """Return the names of the runs, and of their plan or cell."""
         if not self.runs:
             return f"simulated run of {folder.jobs.get(str(self.simulation)).title}"
         place = folder.place(self.plan) if self.plan else folder.cell_title(str(self.cell))

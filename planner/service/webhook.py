@@ -98,7 +98,7 @@ class Notifier:
             thread.start()
 
     def stop(self) -> None:
-        """End; what is not sent is sent by the next server."""
+        """Stop sending; the next server sends the notices that are left."""
         self._stopping.set()
         for thread in self._threads:
             if thread.is_alive():

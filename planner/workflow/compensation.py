@@ -119,7 +119,7 @@ def compensate(asked: CompensateCall) -> CompensationResult:
     given = ToolAndBase(T_FT, _frame("--base", asked.base), data, uncorrected, own)
     done = compensate_file(
         Path(asked.targets),
-        robot.nominal,
+        robot.nominal_robot,
         calibrated,
         dialect=asked.dialect,
         frames=given,
@@ -200,7 +200,7 @@ def _byte_hashes(path: Path) -> tuple[str, ...]:
 
 def _read_model(path: Path) -> _Model:
     robot = load_robot(str(path))
-    if robot.nominal is robot:
+    if robot.nominal_robot is robot:
         raise InputError(
             f"{path}: is no calibrated robot, it has neither [nominal] values nor [[effects]]; "
             "give the robot.toml that 'edbb identify' wrote"

@@ -264,7 +264,7 @@ def _beside_fleet(found: Calibration, fleet: Path | str | None) -> Calibration:
     """Return the calibration, warned where the robot's errors are not the fleet's."""
     if fleet is None:
         return found
-    robot = found.setup.robot.nominal
+    robot = found.setup.robot.nominal_robot
     errors = RobotErrors.of("this robot", found, robot)
     odd = tuple(m.sentence for m in misfits_of(errors, read_fleet(Path(fleet), robot.name)))
     return found.model_copy(update={"warnings": (*found.warnings, *odd)})

@@ -95,14 +95,14 @@ class _Drive:
 
     @classmethod
     def of_poses(cls, session: PlannedSession, drawn: bool) -> "_Drive":
-        """Return that of a plan of poses; ``drawn``: whether the robot is drawn anew."""
+        """Return the drive of a plan of poses; ``drawn``: whether the robot is drawn anew."""
         samples = planned_samples(session.cell, session.document, session.courses)
         notes = (*session.notes, *(simulated_run_warnings(session.document.notes) if drawn else ()))
         return cls(session.cell, session.plan_id, samples, notes)
 
     @classmethod
     def of_kind(cls, kind: PlanKind, plan: DrivenPlan, notes: tuple[str, ...]) -> "_Drive":
-        """Return that of a plan of another kind."""
+        """Return the drive of a plan of another kind than poses."""
         return cls(plan.cell, plan.plan_id, kind.load_maker().samples(plan, SAMPLE_RATE), notes)
 
 

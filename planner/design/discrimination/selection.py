@@ -93,7 +93,7 @@ def add_induced_rivals(
     open_: Container[int],
     chosen: Positions,
 ) -> QuestionSet:
-    """Return with a question for each effect of the catalogue that the chosen candidates would not tell from a truth.
+    """Add a question for each effect of the catalogue that readings at ``chosen`` would not tell from a truth.
 
     ``open_``: pairs that poses can tell apart.
     """

@@ -138,7 +138,7 @@ class EigenvalueProblem(_CappedWeights):
         return out
 
     def proof(self, z: Array, duals: list[Array]) -> tuple[Array, Array]:
-        """The duals of the matrices."""
+        """Return the two dual matrices that prove the bound: those of the constraints."""
         return duals[0], duals[1] if self.bounded else np.zeros_like(duals[0])
 
 
@@ -157,7 +157,7 @@ class ConcaveFunction(Protocol):
         """f at the information ``mass`` (P, P); −inf where it is not positive definite."""
 
     def slope(self, mass: Array) -> Array:
-        """Its derivative, (P, P)."""
+        """Return the derivative of f at ``mass`` (P, P), (P, P)."""
 
     def curvature(self, rows: Array, mass: Array) -> Array:
         """Minus its second derivative by the weights of ``rows`` (K, r, P), (K, K)."""
@@ -200,15 +200,15 @@ class ConcaveProblem(_CappedWeights):
     changes = matrices
 
     def pull(self, duals: list[Array]) -> Array:
-        """Nothing."""
+        """Return zeros: there is no constraint on matrices."""
         return np.zeros(self.count)
 
     def coupling(self, inverses: list[Array], duals: list[Array]) -> Array:
-        """Nothing."""
+        """Return zeros: there is no constraint on matrices."""
         return np.zeros((self.count, self.count))
 
     def proof(self, z: Array, duals: list[Array]) -> tuple[Array, Array]:
-        """The slope of f."""
+        """Return the two matrices that prove the bound: the derivative of f, and zero."""
         slope = self.f.slope(self.mass(z))
         return slope, np.zeros_like(slope)
 

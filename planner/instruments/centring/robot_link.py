@@ -159,7 +159,7 @@ class RobotLink(Protocol):
         """Wait until the plan's own program stands at a ball, and return the pose's id."""
 
     def release(self) -> None:
-        """Let that program go on."""
+        """Let the program that drives the planned way go on."""
 
     def stop(self) -> None:
         """Stop the arm now; never raises."""
@@ -268,7 +268,7 @@ class KukaLink:
         return pose
 
     def release(self) -> None:
-        """Let that program go on."""
+        """Let the program that drives the planned way go on."""
         self._do(Order.GO_ON)
 
     def stop(self) -> None:

@@ -77,7 +77,7 @@ class CentringSession:
 
     @property
     def output(self) -> Path:
-        """The run."""
+        """Path of the run's file."""
         return self.journal.output
 
 

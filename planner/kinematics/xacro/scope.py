@@ -100,7 +100,7 @@ class Scope(Names):
         return space.find_macro(rest) if isinstance(space, Scope) else None
 
     def remove(self, name: str) -> None:
-        """Forget a name, here and around."""
+        """Remove a name from this scope and from all that enclose it."""
         while (place := self._holder(name)) is not None:
             del place.values[name]
 

@@ -65,7 +65,7 @@ def test_the_file_gives_the_flange_of_the_fitted_model(name, tmp_path):
     np.testing.assert_array_equal(p, rigid)
     nominal = robot.chain.forward(robot.theta(q)).x.T
     assert np.linalg.norm(p - nominal, axis=1).max() > 1e-3
-    kept = again.nominal.chain.forward(again.nominal.theta(q)).x.T
+    kept = again.nominal_robot.chain.forward(again.nominal_robot.theta(q)).x.T
     np.testing.assert_allclose(kept, nominal, rtol=0, atol=1e-10)
 
 
@@ -149,7 +149,7 @@ def test_compliance_turns_the_joints_as_pinocchio_says(name, tmp_path):
     np.testing.assert_allclose(p, predicted(made, q), rtol=0, atol=1e-9)
     rigid = again.chain.forward(again.theta(q)).x.T
     assert np.linalg.norm(p - rigid, axis=1).max() > 1e-6
-    assert again.nominal.effects == ()
+    assert again.nominal_robot.effects == ()
     up = turned(again.loads.base_rpy).T @ [0, 0, 1]  # the turn about the vertical is free
     np.testing.assert_allclose(up, turned(making.TILT).T @ [0, 0, 1], atol=1e-12)
 
