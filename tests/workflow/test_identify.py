@@ -143,7 +143,7 @@ def test_the_calibrated_robot_is_the_true_one(identified):
     motion = found.chain.forward(found.theta(q))
     apart = motion.x.T + np.einsum("ijn,j->ni", motion.R, tool) - p - R @ tool
     assert np.linalg.norm(apart - apart.mean(axis=0), axis=1).max() < 0.12e-3  # a shift of all is the fixture's
-    nominal = found.nominal.chain.forward(found.theta(q)).x.T - arm.flange(q)[1]
+    nominal = found.nominal_robot.chain.forward(found.theta(q)).x.T - arm.flange(q)[1]
     assert np.abs(nominal).max() < 1e-9  # the file still knows what the controller believes
 
 

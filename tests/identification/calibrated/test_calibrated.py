@@ -166,7 +166,7 @@ def test_a_second_calibration_keeps_the_controllers_model(tmp_path):
     heads = [(tmp_path / f / "robot.toml").read_text().partition("schema")[0] for f in ("out", "b/out")]
     assert heads[0] == heads[1].replace("samples: geometry.", "samples: geometry; joint compliance.")
     assert "Marwitz" in heads[0]
-    nominal = [t.nominal for t in second.nominal.transforms]
+    nominal = [t.nominal for t in second.nominal_robot.transforms]
     np.testing.assert_allclose(nominal, [t.nominal for t in robot.transforms], rtol=0, atol=1e-11)
 
 
