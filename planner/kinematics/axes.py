@@ -304,6 +304,12 @@ def _check_strokes(at: str, found: AxisConvention, seen: JointRange) -> None:
         )
 
 
+COUPLING_ADVICE = (
+    "    # coupling = [[3, 2, 1]]  # where the forearm keeps its direction as axis 2 alone is jogged: 1 where axis 2\n"
+    "    #                         # and axis 3, each alone, turn it the same way, -1 where opposite ways (FANUC)\n"
+)
+
+
 def advice(controller: str, n: int, slides: int = 0) -> str:
     """Return the lines of TOML that state a convention, to be completed; ``slides`` of the n joints slide."""
     ones, zeros, travels = (", ".join([v] * k) for v, k in (("1", n), ("0", n - slides), ("0", slides)))
@@ -313,6 +319,7 @@ def advice(controller: str, n: int, slides: int = 0) -> str:
         f"    sense = [{ones}]  # -1 where the controller's axis counts the other way\n"
         f"    zero_deg = [{zeros}]  # what the controller shows where the model's joints stand at 0\n{more}"
         '    source = "jogged at the robot on <date>"\n'
+        f"{COUPLING_ADVICE if n - slides > 2 else ''}"
         "or, where every axis counts as the model's does:\n"
         f"    [controllers.{controller}]\n"
         "    same = true\n"

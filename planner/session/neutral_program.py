@@ -11,6 +11,7 @@ from planner.kinematics.axes import AxisConvention
 from planner.kinematics.geometry import points_on_arc
 from planner.motion.collision.surroundings import describe_parked_joints, describe_unchecked_links
 from planner.programs.controller_axes import axes_for, check_model_angles, in_controller_axes
+from planner.programs.coupled_axes import coupling_checks
 from planner.programs.dialect import Dialect, PathForm, load_dialect
 from planner.programs.instructions import (
     Centre,
@@ -28,7 +29,7 @@ from planner.programs.instructions import (
     WaitInput,
 )
 from planner.programs.languages.execution import ReadBack
-from planner.programs.rendering import ProgramFile
+from planner.programs.rendering import ProgramFile, axis_names
 from planner.programs.verification import write_and_read_back
 from planner.runs.run import Mounting
 from planner.session.course import Course, TimedPath
@@ -174,10 +175,21 @@ def write_session(cell: Cell, program: Program, dialect: str, stem: str) -> tupl
     """
     language, robot = load_dialect(dialect), cell.robot
     axes = axes_for(robot, language)
+    program = replace(program, cautions=(*program.cautions, *jog_checks(cell, dialect)))
     files, found = write_and_read_back(in_controller_axes(program, axes, language, robot.speed), dialect, stem)
     check_model_angles(program, axes, found, language.decimals)
     check_emitted_speeds(cell, program, axes, language, found)
     return files
+
+
+def jog_checks(cell: Cell, dialect: str) -> tuple[str, ...]:
+    """Return what is to be seen at the robot as coupled axes of a dialect's controller are jogged; one sentence each.
+
+    Raises:
+        InputError: no such dialect, or the robot's file does not say how its axes count.
+    """
+    language = load_dialect(dialect)
+    return tuple(coupling_checks(cell.robot, axes_for(cell.robot, language), axis_names(language), cell.home))
 
 
 def build_program(cell: Cell, plan_id: str, body: list[Instruction]) -> Program:

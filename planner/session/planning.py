@@ -30,7 +30,7 @@ from planner.design.selection.certificate import Certificate
 from planner.design.selection.index_curves import BackgroundCurve
 from planner.programs.verification import shared_notes
 from planner.session.cell_checks import settle_dialects
-from planner.session.neutral_program import assemble_programs, session_program, write_programs
+from planner.session.neutral_program import assemble_programs, jog_checks, session_program, write_programs
 from planner.session.notes import bar_notes, discrimination_notes, driven_discrimination, session_notes
 from planner.session.options import PlanOptions
 from planner.session.plan_record import PathNotProvenError, UnprovenPoses, content_hash, plan_record
@@ -124,7 +124,8 @@ def with_programs(plan: P, dialects: tuple[str, ...]) -> P:
     """Return the plan with its program in each dialect, each read back and compared, and with what is to be known."""
     cell = plan.cell
     programs = assemble_programs(dialects, lambda form: session_program(cell, plan.courses, plan.plan_id, form))
-    return replace(plan, programs=write_programs(cell, programs), notes=(*plan.notes, *shared_notes(programs)))
+    checks = (f"{name}: {text}" for name in programs for text in jog_checks(cell, name))
+    return replace(plan, programs=write_programs(cell, programs), notes=(*plan.notes, *checks, *shared_notes(programs)))
 
 
 class PoseChooser(Protocol):
