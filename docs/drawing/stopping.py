@@ -11,8 +11,9 @@ from planner.report.matplotlib_backend import figure_png, print_style
 
 SHOWN = Path(__file__).resolve().parents[1] / "pictures" / "shown" / "stopping.json"
 LINES = {
-    "led on": (BLUE, "-"), "measure": (BLUE, "--"), "batches": (ORANGE, "-"), "batches anew": (RED, "-"),
-    "plan": (GREY, "-"), "by the minute": (GREY, "-."), "d-optimal": (GREY, "--"), "next-view": (GREY, ":"),
+    "led on": (BLUE, "-"), "measure": (BLUE, "--"), "batches": (ORANGE, "-"), "batches anew": (ORANGE, "--"),
+    "next-view": (RED, "-"), "plan": (GREY, "-"), "by the minute": (GREY, "-."), "d-optimal": (GREY, "--"),
+    "next-view set": (GREY, ":"),
 }  # fmt: skip
 
 

@@ -14,4 +14,5 @@ __all__ = [
     "off_grid",
     "pose_selection",
     "selection",
+    "unnamed_errors",
 ]

@@ -29,6 +29,7 @@ class Families:
         number: family of each error, (P,) int from 0.
         known: families whose size is stated and not learnt, (F,) bool.
         rare: families of which most robots may show nothing, as gears and joints that yield, (F,) bool.
+        unnamed: rare families of what the catalogue has no name for, of which hardly any act, (F,) bool.
         doubt: one sigma of the logarithm of what is left of the errors, once their sizes are learnt each as the others
             stand: by that they are known too well (of arms drawn with sizes between half and twice the usual).
     """
@@ -36,6 +37,7 @@ class Families:
     number: np.ndarray
     known: np.ndarray
     rare: np.ndarray
+    unnamed: np.ndarray
     doubt: float = 0.0
 
     def __len__(self) -> int:
@@ -91,11 +93,14 @@ def learn_errors(white: Array, seen: Array, families: Families) -> LearntErrors:
     square = np.append(np.ones(len(families)), 0.0)
     spread = np.eye(len(white)) + sum(v * (w @ w.T) for v, w in zip(square, columns, strict=True))
     inverse = np.linalg.inv(spread)
-    rare = np.append(families.rare, False)
-    share, acts = np.full(len(square), 0.75), np.full(len(square), 0.75)
+    unnamed = np.append(families.unnamed, False)
+    share, acts = np.full(len(square), 0.75), np.where(unnamed, 0.1, 0.75)
+    rare = np.append(families.rare, False) & ~unnamed
     for turn in range(12):  # rounds: sizes move by less than a few per cent after that
         before = square.copy()
-        share[rare] = (3.0 + acts[rare].sum()) / (4.0 + rare.sum())  # how many act says how likely each does
+        # how many act says how likely each does: three of four, of those without a name one of ten
+        share[rare] = (3.0 + acts[rare].sum()) / (4.0 + rare.sum())
+        share[unnamed] = (1.0 + acts[unnamed].sum()) / (10.0 + unnamed.sum())
         for f in np.flatnonzero(~fixed)[: None if turn % 3 == 0 else -1]:  # the noise, which costs most, in every third
             through = inverse @ columns[f]
             values, axes = np.linalg.eigh(columns[f].T @ through)

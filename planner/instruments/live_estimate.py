@@ -19,6 +19,7 @@ from planner.design.expected_errors import ExpectedErrors
 from planner.design.free_parameters import UndeclaredErrors, undeclared_errors
 from planner.design.learnt_posterior import LearntPosterior
 from planner.design.learnt_sizes import Families
+from planner.design.unnamed_errors import UnnamedErrors, add_unnamed_errors
 from planner.instruments.remaining_errors import CalibratedState, RemainingErrors, tool_names
 from planner.runs.run import Readings, Samples
 
@@ -103,7 +104,7 @@ class LiveEstimate:
         samples = Samples(read_only(q), place)
         unknown: ExpectedErrors
         if after is None:
-            unknown = undeclared_errors(cell, samples)
+            unknown = add_unnamed_errors(undeclared_errors(cell, samples), cell, samples)
         else:
             unknown = RemainingErrors.of(CalibratedState.read(after, cell), cell, samples)
         return cls(_with_stated_frames(unknown, cell), samples, until)
@@ -219,14 +220,21 @@ def families(unknown: ExpectedErrors) -> Families:
     Errors of a robot that was calibrated have the sizes that its runs say, all together one factor on them.
     """
     if not isinstance(unknown, UndeclaredErrors):
-        return Families(np.where(unknown.of_gauge, 0, 1), np.array([True, False]), np.array([False, False]))
-    parameters = unknown.model.parameters
+        neither = np.array([False, False])
+        return Families(np.where(unknown.of_gauge, 0, 1), np.array([True, False]), neither, neither)
+    family = unknown.family if isinstance(unknown, UnnamedErrors) else np.full(len(unknown.prior), -1)
+    parameters = unknown.model.parameters[: int((family < 0).sum())]
     names = [f"geometry, {p.unit}" if p.group == "geometry" else p.group for p in parameters]
     distinct = [GAUGE, *(n for n in dict.fromkeys(names) if n != GAUGE)]
     rare = {n for n, p in zip(names, parameters, strict=True) if p.is_effect}
     number = np.array([distinct.index(n) for n in names])
+    number = np.append(number, len(distinct) + family[len(names) :])
+    unnamed = np.arange(number.max() + 1) >= len(distinct)
+    known, often_absent = (
+        np.append([n in of for n in distinct], unnamed[unnamed] & last) for of, last in (({GAUGE}, False), (rare, True))
+    )
     # 0.3: of 60 arms drawn 19 of 20 are below the limit that this gives
-    return Families(number, np.array([n == GAUGE for n in distinct]), np.array([n in rare for n in distinct]), 0.3)
+    return Families(number, known, often_absent, unnamed, 0.3)
 
 
 def mean_errors(unknown: ExpectedErrors) -> Array:

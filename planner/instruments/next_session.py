@@ -6,6 +6,7 @@ from pathlib import Path
 from planner.common.console import as_word
 from planner.common.errors import NoSolutionError
 from planner.common.progress import Stages
+from planner.common.summary import Aside
 from planner.common.units import to_mm
 from planner.design.bayesian_design import choose_bayesian_poses
 from planner.design.pose_selection import judge_few_poses
@@ -55,7 +56,7 @@ class NextSessionChooser:
             unknown = RemainingErrors.of(self.before, cell, pool.samples, self.counts)
             self._check_goal(unknown.limit_before)
             expected = choose_bayesian_poses(cell, pool, poses, progress, unknown, self.until, stages.limit)
-        session.notes.append(TOGETHER)
+        session.notes.append(Aside(TOGETHER))
         if unknown.stands is not None:
             session.notes.append(LEFT_STANDING)
         with stages.stage("selection"):

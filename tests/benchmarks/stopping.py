@@ -6,22 +6,27 @@ Arms are those of ``tests.independent_arms``, which share nothing with the plann
 catalogue, every other arm with one that no catalogue has. All ways choose among the same poses in the bar's shell:
 
 - ``led on``: an electronic gauge, an arm that is led on: poses that lower most, in a second of way and reading, what is
-  not known; 20 of them, then 20 more of which the first five of their tour are driven before the next are chosen;
+  not known; 20 of them, then 20 more of which the first of their tour (``step``) are driven before the next are chosen;
 - ``measure``: ``edbb measure --until-mm``: a plan of 120 poses in the order of its tour, until the bound is reached;
 - ``batches``: programs of as many poses as are expected to reach the bound, the gauge left standing;
 - ``batches anew``: batches with the gauge set up anew for each;
 - ``plan``: a plan of nothing known, chosen by the error that it leaves;
+- ``plan's own number``: the same, of as many poses as ``edbb plan`` chooses by itself;
 - ``by the minute``: a plan of nothing known, chosen by what a pose takes off the error in a second;
 - ``d-optimal``: the largest determinant of the information on the geometry, taken greedily;
-- ``next-view``: a pose at a time by the trace of the geometry's covariance, after arXiv 2303.06766;
+- ``next-view``: a pose at a time by the trace of the geometry's covariance, after arXiv 2303.06766; the arm is led to
+  each as it is chosen, and stops by the same bound;
+- ``next-view set``: the first of these as a set that is fixed beforehand, in a tour;
 - ``oracle``: ``by the minute`` by one who knows how large the effects of this very arm are (as all poses show them).
 
 Readings are those of the true arm with all its causes, in their order of time; the estimate is the one that ``edbb
-measure`` makes at the cell (linear, its sizes learnt), whose 95 % limit stops. The true error is that of the tool
-against the model's mean, over the workspace. Legs take as long as the planner's tour estimates them; paths are not
-proven. Sets that are fixed are asked after 20, 25 … poses in one tour each: as if it had been known beforehand which
-number is enough for this very arm, and with one number for all arms (``stopping_tables.equal_truth``). One line of LOG
-an arm; what is there is not done again. Needs numpy, scipy, pydantic, polars and highspy, no package of planning.
+measure`` makes at the cell (linear, its sizes learnt, causes without a name among them), whose 95 % limit stops. The
+true error is that of the tool against the model's mean, over the workspace. Legs take as long as the planner's tour
+estimates them; paths are not proven. Sets that are fixed are asked after 20 to 180 poses (``SETS``), in one tour each.
+Which number is enough for the arm at hand nobody knows beforehand: they are shown with one number for all arms
+(``stopping_tables.equal_truth``), with the number that ``edbb plan`` chooses by itself, and as if an oracle had known
+the number of each arm. One line of LOG an arm; what is there is not done again. Needs numpy, scipy, pydantic, polars
+and highspy, no package of planning.
 """
 
 import argparse
@@ -32,22 +37,25 @@ import time
 from bisect import bisect_left
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, cached_property
 from itertools import islice, pairwise
 from pathlib import Path
 
 import numpy as np
 
 from planner.cell.reading import load_cell
+from planner.design.assumptions import MOST_POSES, UNTRACED_TARGET_SHARE
 from planner.design.bayesian_design import BayesianPosterior, select_greedily
 from planner.design.free_parameters import undeclared_errors
 from planner.design.learnt_posterior import LearntPosterior, root_of
+from planner.design.learnt_sizes import LearntErrors
+from planner.design.unnamed_errors import add_unnamed_errors
 from planner.instruments.live_estimate import families
 from planner.model.tool_error import tool_rows
 from planner.motion.tour.solve import solve_tour
 from planner.runs.run import Mounting, Readings, Samples
 from planner.session.tour_cost import tour_costs
-from tests.benchmarks.stopping_tables import FIXED, GOALS_MM, WAYS, coverage, equal_truth, figures, table
+from tests.benchmarks.stopping_tables import FIXED, GOALS_MM, OWN, WAYS, best, coverage, equal_truth, figures, table
 from tests.independent_arms import runs
 from tests.independent_arms.arm import TOOL, make_arm
 from tests.independent_arms.chain import frames, points
@@ -55,7 +63,8 @@ from tests.independent_arms.judge import evaluation_states, model_error, rms_ali
 from tests.simulation.generator.arm import Arm
 from tests.simulation.generator.poses import at_targets, shell_points
 
-FIRST, FEW, MOST = 20, 5, 180  # poses: first, a step, at most
+FIRST, FEW, MOST = 20, 5, 180  # poses: first, a step at least, at most
+SETS = (20, 30, 40, 50, 60, 80, 100, 120, 140, 160, 180)  # poses of a fixed set
 AHEAD, OF_A_PLAN = 20, 120  # poses looked ahead where an arm is led on; of a plan that is measured until it is enough
 SMALLEST, LARGEST = 10, 80  # poses of a batch
 IDENTIFIED_MM = None  # goal at which what batches brought is identified as well; set by --identify
@@ -91,19 +100,21 @@ class Bench:
         self.unknown = undeclared_errors(self.cell, samples(self.q))
         self.white = self.unknown.white(samples(self.q))
         self.noise = self.unknown.model.noise(samples(self.q))
+        self.live = add_unnamed_errors(self.unknown, self.cell, samples(self.q))
+        self.live_white = self.live.white(samples(self.q))
         self.nominal = self.unknown.model.reading(samples(self.q), np.zeros(len(self.unknown.prior)))[:, 0]
-        self.families = families(self.unknown)
-        self.anew = np.array(
-            [p.group == "gauge" and not p.name.startswith("map") for p in self.unknown.model.parameters]
-        )
+        self.families = families(self.live)
+        of_map = np.array([p.name.startswith("map") for p in self.unknown.model.parameters])
+        self.anew = self.live.of_gauge & ~np.append(of_map, np.zeros(len(self.live.family) - len(of_map), dtype=bool))
         self.legs = tour_costs(self.cell, Mounting(), self.q)
         self.tours = {}
+        self.root = root_of(self.live.weight_per_prior)
         self.states = evaluation_states(make_arm(0, "bar", 0, False).arm, 0)
-        effects = [p for p in self.unknown.model.parameters if p.is_effect]
-        names, _, rows = tool_rows(samples(self.states), self.unknown.model.setup, effects)
-        where = [self.unknown.model.names.index(n) for n in names if n in self.unknown.model.names]
-        self.tool = np.zeros((len(rows), len(self.unknown.prior)))
-        self.tool[:, where] = rows[:, [names.index(self.unknown.model.names[k]) for k in where]]
+        effects = [p for p in self.live.model.parameters if p.is_effect]
+        names, _, rows = tool_rows(samples(self.states), self.live.model.setup, effects)
+        at = {n: k for k, n in enumerate(names)}
+        moving = [k for k, n in enumerate(self.live.model.names) if n in at]
+        self.tool = rows[:, [at[self.live.model.names[k]] for k in moving]] @ self.live.root[moving]
 
     def quick(self, white, weight, taken, count, start):
         """Positions of ``count`` further poses by what they take off the error in a second of reading and of way."""
@@ -152,6 +163,13 @@ class Bench:
             order.append(k)
         return order
 
+    @cached_property
+    def own_number(self):
+        """Poses of a plan that nobody has given a number."""
+        start = np.where(self.unknown.of_gauge, SHARE_OF_PLACE, 1.0)
+        begun_with = BayesianPosterior.prior(self.white * start, self.unknown.weight_per_prior)
+        return len(select_greedily(begun_with, MOST_POSES, UNTRACED_TARGET_SHARE * self.unknown.untraced_error))
+
     def toured(self, which, start=None):
         """The poses in the order of a short tour, and its minutes; from pose ``start`` where the arm stands at one."""
         nodes = ([] if start is None else [start]) + list(which)
@@ -184,8 +202,8 @@ class Session:
         self.noise = rng.normal(0, self.true.noise, len(b.q))
         self.rng, self.taken, self.off, self.minutes = rng, [], np.zeros(0), 0.0
         self.time, self.length = np.zeros(0), np.zeros(0)
-        self.white, self.families, self.weight = b.white, b.families, b.unknown.weight_per_prior
-        self.stands = b.anew
+        self.white, self.families, self.weight = b.live_white, b.families, b.live.weight_per_prior
+        self.root, self.stands = b.root, b.anew
         self.fixture, self.zero = None, 0.0
         self.posterior = None
 
@@ -199,12 +217,13 @@ class Session:
         later = np.setdiff1d(np.arange(len(b.q)), self.taken)
         here, more = self.white.copy(), np.zeros((len(b.q), len(free)))
         here[np.ix_(later, np.flatnonzero(self.stands))] = 0.0
-        more[later] = b.white[later][:, free]
+        more[later] = b.live_white[later][:, free]
         self.white = np.concatenate([here, more], axis=1)
         self.stands = np.concatenate([self.stands, np.ones(len(free), dtype=bool)])
         number = np.concatenate([self.families.number, self.families.number[free]])
         self.families = replace(self.families, number=number)
         self.weight = np.pad(self.weight, ((0, len(free)), (0, len(free))))
+        self.root = np.pad(self.root, ((0, len(free)), (0, 0)))
 
     def read(self, which, minutes):
         """Read poses, in that order, which takes so many minutes."""
@@ -217,12 +236,13 @@ class Session:
         self.time, self.length = np.append(self.time, time), np.append(self.length, length)
         self.taken += list(which)
         self.minutes += minutes
-        self.posterior = LearntPosterior.of(self.white, self.weight, self.families)
+        start = LearntErrors(np.zeros(len(self.root)), np.ones(len(self.root)), np.ones(len(self.families)))
+        self.posterior = LearntPosterior(self.white, self.root, self.families, start)
         self.posterior.learn(self.taken, self.off)
 
     def count_until(self, chosen, goal):
         """How many of the poses chosen, in their order, are expected to bring the bound below a goal [mm]."""
-        p = LearntPosterior(self.white, root_of(self.weight), self.families, self.posterior.learnt)
+        p = self.posterior
         counts = range(SMALLEST, len(chosen) + 1, FEW)
         enough = bisect_left(
             counts, True, key=lambda n: 1e3 * p.square_limit([*self.taken, *chosen[:n]]) ** 0.5 <= goal
@@ -239,7 +259,7 @@ class Session:
     def stand(self):
         """Where the session stands: poses, minutes, bound, stated and true error [mm]."""
         b, p = self.bench, self.posterior
-        errors = p.learnt.mean[: len(b.unknown.prior)] * b.unknown.prior
+        errors = p.learnt.mean[: b.tool.shape[1]]
         moment = {"time": 30 * self.minutes, "warm": runs.warming(30 * self.minutes)}
         meant = points(frames(self.true.arm, b.states)[6], TOOL) + (b.tool @ errors).reshape(-1, 3)
         off = rms_aligned(self.true.points(b.states, **moment), meant)
@@ -277,7 +297,12 @@ def judge_way(bench, seed, way):
     """
     if way.startswith("batches"):
         return {str(goal): batches_to(bench, seed, way, goal) for goal in GOALS_MM}
-    asked = {"led on": led_rows, "measure": measured_rows, "oracle": oracle_rows}
+    asked = {"led on": led_rows, "measure": measured_rows, "next-view": viewed_rows, "oracle": oracle_rows}
+    if way == OWN:
+        session = Session(bench, seed)
+        session.set_up(bench.fixed("plan", bench.own_number)[0])
+        session.read(*bench.fixed("plan", bench.own_number))
+        return {str(goal): session.stand() for goal in GOALS_MM}
     rows = list(asked[way](bench, seed) if way in asked else fixed_rows(bench, seed, way))
     found = {str(goal): next((r for r in rows if r["bound"] <= goal), rows[-1]) for goal in GOALS_MM}
     if way in FIXED:
@@ -287,7 +312,7 @@ def judge_way(bench, seed, way):
 
 def fixed_rows(bench, seed, way):
     """Rows after 20, 25 … poses, each number in a tour of its own."""
-    for count in range(FIRST, MOST + 1, FEW):
+    for count in SETS:
         session = Session(bench, seed)
         which, minutes = bench.fixed(way, count)
         session.set_up(which)
@@ -301,10 +326,10 @@ def oracle_rows(bench, seed):
     told.set_up(bench.order("plan")[:FIRST])
     told.read(list(range(0, len(bench.q), 2)), 60.0)
     size = told.posterior.learnt.factors[told.families.number]
-    start = np.where(bench.unknown.of_gauge, SHARE_OF_PLACE, 1.0)
+    start = np.where(bench.live.of_gauge, SHARE_OF_PLACE, 1.0)
     weight = told.weight * np.outer(size, size)
-    order = bench.quick(bench.white * size * start / told.posterior.learnt.noise, weight, [], 100, None)
-    for count in range(FIRST, len(order) + 1, FEW):
+    order = bench.quick(bench.live_white * size * start / told.posterior.learnt.noise, weight, [], 100, None)
+    for count in (c for c in SETS if c <= len(order)):
         session = Session(bench, seed)
         which, minutes = bench.toured(order[:count])
         session.set_up(which)
@@ -330,14 +355,31 @@ def drive(bench, session, order):
     session.read(order, seconds / 60)
 
 
+def step(session):
+    """Poses that are read before it is asked anew where the session stands: five, later a tenth of what was read."""
+    return min(max(FEW, len(session.taken) // 10), MOST - len(session.taken))
+
+
 def led_rows(bench, seed):
-    """Rows of an arm that is led on, five poses at a time."""
+    """Rows of an arm that is led on."""
     session = begun(bench, seed, FIRST)
     yield (row := session.stand())
-    while row["bound"] > min(GOALS_MM) and len(session.taken) + FEW <= MOST:
+    while row["bound"] > min(GOALS_MM) and len(session.taken) < MOST:
         start = session.taken[-1]
         ahead, _ = bench.toured(session.choose(AHEAD, start), start)
-        drive(bench, session, ahead[:FEW])
+        drive(bench, session, ahead[: step(session)])
+        yield (row := session.stand())
+
+
+def viewed_rows(bench, seed):
+    """Rows of an arm that is led from pose to pose as the geometry's covariance chooses them, in no tour."""
+    session = Session(bench, seed)
+    order = bench.order("next-view set")
+    session.set_up(order[:FIRST])
+    drive(bench, session, order[:FIRST])
+    yield (row := session.stand())
+    while row["bound"] > min(GOALS_MM) and (read := len(session.taken)) < MOST:
+        drive(bench, session, order[read : read + step(session)])
         yield (row := session.stand())
 
 
@@ -346,13 +388,11 @@ def measured_rows(bench, seed):
     session = Session(bench, seed)
     which, _ = bench.fixed("plan", OF_A_PLAN)
     session.set_up(which)
-    for first in range(0, len(which), FEW):
-        drive(bench, session, list(which[first : first + FEW]))
-        row = session.stand()
-        if first + FEW >= 30:  # so many are read whatever is expected
-            yield row
-        if row["bound"] <= min(GOALS_MM):
-            return
+    drive(bench, session, list(which[:30]))  # so many are read whatever is expected
+    yield (row := session.stand())
+    while row["bound"] > min(GOALS_MM) and (read := len(session.taken)) < len(which):
+        drive(bench, session, list(which[read : read + step(session)]))
+        yield (row := session.stand())
 
 
 def batches_to(bench, seed, way, goal):
@@ -373,7 +413,15 @@ def batches_to(bench, seed, way, goal):
 def judge_arm(seed):
     """A line of the log; ``WORK`` holds what all arms share, in every process."""
     bench, ways = WORK
-    return {"seed": seed, "ways": {way: judge_way(bench, seed, way) for way in ways}}
+    return {"seed": seed, "best": best_bound(bench, seed), "ways": {way: judge_way(bench, seed, way) for way in ways}}
+
+
+def best_bound(bench, seed):
+    """What every second of all poses states [mm]: hardly any choice among them could state less."""
+    session = Session(bench, seed)
+    session.set_up(bench.order("plan")[:FIRST])
+    session.read(list(range(0, len(bench.q), 2)), 60.0)
+    return session.stand()["bound"]
 
 
 def tour_of(asked):
@@ -390,7 +438,10 @@ def judge_arms(log, seeds, ways, processes, limit_s):
     began, context = time.monotonic(), multiprocessing.get_context("fork")
     WORK = bench, _ = Bench(), ways
     needed = {w for w in ways if w in FIXED} | {"by the minute"}
-    asked = [(way, count) for way in needed for count in range(FIRST, MOST + 1, FEW)] + [("plan", OF_A_PLAN)]
+    asked = [(way, count) for way in needed for count in SETS] + [
+        ("plan", OF_A_PLAN),
+        ("plan", bench.own_number),
+    ]
     for way in {way for way, _ in asked}:
         bench.order(way)
     with ProcessPoolExecutor(processes, context) as pool:
@@ -427,7 +478,7 @@ def main():
     lines = sorted((json.loads(line) for line in given.log.read_text().splitlines()), key=lambda line: line["seed"])
     if given.figures:
         given.figures.write_text(json.dumps(figures(lines), indent=1) + "\n")
-    print(table(lines), equal_truth(lines), coverage(lines), sep="\n\n")
+    print(table(lines), best(lines), equal_truth(lines), coverage(lines), sep="\n\n")
 
 
 if __name__ == "__main__":

@@ -3,9 +3,10 @@
 import numpy as np
 
 GOALS_MM = (0.4, 0.3, 0.2)
-FIXED = ("plan", "by the minute", "d-optimal", "next-view")
-SEQUENTIAL = ("led on", "measure", "batches", "batches anew")
-WAYS = (*SEQUENTIAL, *FIXED, "oracle")
+OWN = "plan's own number"
+FIXED = ("plan", "by the minute", "d-optimal", "next-view set")
+SEQUENTIAL = ("led on", "measure", "batches", "batches anew", "next-view")
+WAYS = (*SEQUENTIAL, *FIXED, OWN, "oracle")
 
 
 def quantile(values, share):
@@ -30,6 +31,12 @@ def table(lines):
             below = f"{sum(r['true'] <= r['bound'] for r in hit)} of {len(hit)}"
             out.append(f"| {goal} mm | {way} | {len(hit)} of {len(own)} | {said[0]} | {said[1]} | {ratio} | {below} |")
     return "\n".join(out)
+
+
+def best(lines):
+    """What 250 poses state: the least, the median and the most over arms."""
+    bounds = [line["best"] for line in lines]
+    return f"250 poses: {min(bounds):.3f} to {max(bounds):.3f} mm, median {np.median(bounds):.3f} mm"
 
 
 def equal_truth(lines):

@@ -65,6 +65,8 @@ def test_what_is_expected_is_what_comes(bench):
         live = begun(bench)
         known, family = live.posterior.families.known, live.posterior.families.number
         size = np.where(known, 1.0, 2.0 ** rng.uniform(-1, 1, len(known)))
+        unnamed = np.flatnonzero(live.posterior.families.unnamed)
+        size[np.setdiff1d(unnamed, rng.choice(unnamed, seed % 2))] = 0.0  # every other arm has one cause without a name
         truth = size[family] * rng.standard_normal(len(family))
         model = live.unknown.model
         seen = live.posterior.white @ truth + rng.standard_normal(len(live.samples))
@@ -84,10 +86,10 @@ def test_sizes_are_those_that_were_drawn_and_what_is_not_seen_pulls_nowhere():
     truth = np.where(family == 0, 3.0, 0.5) * rng.standard_normal(120)
     shown = np.tile(10.0 * np.eye(120)[:60], (3, 1))  # three readings each; nothing is seen of the second family
     nothing = np.array([False, False])
-    found = learn_errors(shown, shown @ truth + rng.standard_normal(180), Families(family, nothing, nothing))
+    found = learn_errors(shown, shown @ truth + rng.standard_normal(180), Families(family, nothing, nothing, nothing))
     assert found.factors[0] == pytest.approx(3.0, rel=0.25)
     assert found.noise == pytest.approx(1.0, abs=0.1)
-    usual, weight = Families(family, nothing, nothing).factors(1)
+    usual, weight = Families(family, nothing, nothing, nothing).factors(1)
     assert found.factors[1] == pytest.approx(np.sqrt(weight @ usual**2), rel=1e-3)
 
 
@@ -98,7 +100,7 @@ def test_what_most_robots_do_not_show_is_found_where_it_is_and_not_elsewhere():
     size = np.where(np.arange(12) < 2, 1.5, 0.0)
     shown = 8.0 * rng.standard_normal((90, 120)) / np.sqrt(12)
     truth = size[family] * rng.standard_normal(120)
-    families = Families(family, np.zeros(12, dtype=bool), np.ones(12, dtype=bool))
+    families = Families(family, np.zeros(12, dtype=bool), np.ones(12, dtype=bool), np.zeros(12, dtype=bool))
     found = learn_errors(shown, shown @ truth + rng.standard_normal(90), families)
     assert found.factors[:2] == pytest.approx(1.5, rel=0.5)
     assert found.factors[2:].max() < 0.35
