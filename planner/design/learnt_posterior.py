@@ -32,6 +32,14 @@ class LearntPosterior:
     families: Families
     learnt: LearntErrors
 
+    def __post_init__(self) -> None:
+        self._weigh()
+
+    def _weigh(self) -> None:
+        """Take the sizes as they are learnt into what is known before any reading."""
+        root = self.root * self.size[:, None]
+        self._before: Array = root.T @ root  # before any reading, with the sizes as learnt; asked for many sets
+
     @classmethod
     def of(cls, white: Array, weight: Array, families: Families) -> "LearntPosterior":
         """Return the posterior before any reading; errors e (P,) make the tool's square error eᵀ ``weight`` e [m²]."""
@@ -47,6 +55,7 @@ class LearntPosterior:
     def learn(self, taken: Sequence[int], off: Array) -> None:
         """Learn from readings ``taken``, less what was expected of them, in standard deviations, (k,)."""
         self.learnt = learn_errors(self.white[list(taken)], off, self.families)
+        self._weigh()
 
     def spread_of(self, reading: int, taken: Sequence[int]) -> float:
         """Return the variance of a reading that is expected after those ``taken``, its noise included, in its own."""
@@ -55,18 +64,24 @@ class LearntPosterior:
         told = np.linalg.solve(noise * np.eye(len(white)) + white @ white.T, white @ own)
         return noise + float(max(own @ own - (white @ own) @ told, 0.0))
 
+    def _shown(self, which: Sequence[int]) -> Array:
+        """Return S, (n, r) [m], of which SᵀS is what some readings take off the squares of the tool's error."""
+        root, white = self.root * self.size[:, None], self.white[list(which)] * self.size / self.learnt.noise
+        spread = np.eye(len(white)) + white @ white.T
+        return np.asarray(solve_triangular(np.linalg.cholesky(spread), white @ root, lower=True))
+
     def remaining_error(self, which: Sequence[int]) -> Array:
         """Return the matrix whose trace is the mean square error of the tool after some readings, (r, r) [m²].
 
         It is Rᵀ C R, with R the root of the weight and C the covariance that the readings leave.
         """
-        root, white = self.root * self.size[:, None], self.white[list(which)] * self.size / self.learnt.noise
-        seen = solve_triangular(np.linalg.cholesky(np.eye(len(white)) + white @ white.T), white @ root, lower=True)
-        return np.asarray(root.T @ root - seen.T @ seen)
+        shown = self._shown(which)
+        return np.asarray(self._before - shown.T @ shown)
 
     def square(self, which: Sequence[int]) -> float:
         """Return the mean square error of the tool after some readings [m²]."""
-        return float(np.trace(self.remaining_error(which)) * np.exp(2.0 * self.families.doubt**2))
+        left = float(np.trace(self._before)) - float((self._shown(which) ** 2).sum())
+        return left * float(np.exp(2.0 * self.families.doubt**2))
 
     def square_limit(self, which: Sequence[int]) -> float:
         """Return the square that 95 of 100 such robots stay below after some readings [m²]."""

@@ -83,7 +83,8 @@ def angle_label(robot: Robot) -> str:
 def tour_orders(cell: Cell, drive: Drive) -> TourOrders:
     """Return the tour before and after sorting, both closed at the mount pose."""
     order = [int(k) for k in drive.tour.order]
-    q = np.array([v.q for v in drive.visits if v.repeats is None][: len(order)])
+    once = [v.q for k, v in enumerate(drive.visits) if v.repeats is None and (k == 0 or v.role != "mount")]
+    q = np.array(once[: len(order)])
     sorted_q = np.vstack([q, q[:1]])
     unsorted_q = np.vstack([q[np.argsort(order)], q[:1]])
     unsorted_t, sorted_t = (_clock(cell, drive.mounting, way) for way in (unsorted_q, sorted_q))

@@ -49,6 +49,15 @@ class PlanOptions:
         TourOrder | None,
         Option("order of the poses: by each segment's slowest limit (default), or axis", motion_key=True),
     ] = None
+    laps: Annotated[
+        int | None,
+        Option(
+            "laps of the tour (default 1), each through the whole workspace, the poses that tell most in the first: for"
+            " sessions that may end before the last pose",
+            min=1,
+            max=4,
+        ),
+    ] = None
 
     after: Annotated[
         Path | str | None,

@@ -219,7 +219,8 @@ class PoseSession(ABC):
             for _ in range(most_rounds):
                 mine = np.flatnonzero(choice.samples.at_mounting(place.mounting))
                 others = checks[self.pool.samples.take(checks).at_mounting(place.mounting)]
-                stops = [self.stop(choice, int(k)) for k in mine]
+                laps = self.options.laps or 1
+                stops = [replace(self.stop(choice, int(k)), lap=n * laps // len(mine)) for n, k in enumerate(mine)]
                 stops += [candidate_stop(self.pool, int(k), "validate") for k in others]
                 first = sum(len(d.visits) for d in drives)
                 try:

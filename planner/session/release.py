@@ -133,6 +133,7 @@ class TourStop:
         ball: which ball is centred there, or −1.
         back: where the ball is approached from, (N,) [rad].
         times: how often it is centred in a row.
+        lap: in which lap of the tour it is visited, from 0 on.
     """
 
     q: Array
@@ -141,6 +142,7 @@ class TourStop:
     ball: int = -1
     back: Array | None = None
     times: int = 1
+    lap: int = 0
 
     @property
     def node(self) -> Array:

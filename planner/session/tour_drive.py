@@ -17,7 +17,7 @@ from planner.common.choices import TourSolver
 from planner.common.errors import NoSolutionError
 from planner.common.second_process import ForkedTask
 from planner.common.summary import Aside
-from planner.common.units import Array
+from planner.common.units import Array, read_only
 from planner.design.candidates.balls import FirstContact
 from planner.motion.path.connection import connect_poses
 from planner.motion.path.constraints import Constraints
@@ -93,7 +93,7 @@ def drive_tour(place: MountingSession, stops: Sequence[TourStop], tsp: TourSolve
     cell, constraints = place.cell, place.measuring
     stops = [TourStop(place.mount, "mount"), *stops]  # as the tour counts its nodes
     nodes = np.array([s.node for s in stops])
-    tour, path = join_tour(place, nodes, tsp, seed)
+    tour, path = join_tour(place, nodes, np.array([s.lap for s in stops]), tsp, seed)
     if any(s.approach is not None for s in stops):
         sides = [np.zeros(nodes.shape[1]) if s.approach is None else s.approach for s in stops]
         path = approach_from_sides(constraints, path, np.array(sides))
@@ -144,8 +144,12 @@ def proof_nodes(poses: int) -> int:
     return 0 if poses > 250 else min(100_000, int(2_000 * (200 / poses) ** 5))
 
 
-def join_tour(place: MountingSession, nodes: Array, tsp: TourSolver, seed: int) -> tuple[Tour, ProvenPath]:
+def join_tour(
+    place: MountingSession, nodes: Array, lap: np.ndarray, tsp: TourSolver, seed: int
+) -> tuple[Tour, ProvenPath]:
     """Return the shortest tour of the nodes (n, N) [rad] that a path joins, and that path.
+
+    Each ``lap`` (n,) of the nodes is a tour of its own, from node 0 back to it; all are returned as one.
 
     Raises:
         Unreachable: stops cannot be reached.
@@ -153,14 +157,14 @@ def join_tour(place: MountingSession, nodes: Array, tsp: TourSolver, seed: int) 
     """
     most_tours = 12  # re-solved with a leg forbidden
     cost = tour_costs(place.cell, place.mounting, nodes)
-    proof = proof_nodes(len(nodes))
     forbidden: dict[tuple[int, int], str] = {}
+    poses = np.arange(1, len(nodes))
     for _ in range(most_tours):
-        tour = solve_tour(
-            cost, forbidden=set(forbidden), method=tsp, seed=seed, nodes=proof, limit=place.measuring.limit
-        )
-        order = [*(int(k) for k in tour.order), 0]
-        order += _repeat_tour(cost, order, place, set(forbidden), tsp, seed)
+        no = set(forbidden)
+        laps = [_lap(cost, poses[lap[1:] == k].tolist(), place, no, tsp, seed) for k in np.unique(lap)]
+        order = [*(int(k) for own in laps for k in own.order), 0]
+        order += _repeat_tour(cost, order, place, no, tsp, seed)
+        tour = _one_after_the_other(laps)
         path = connect_poses(place.measuring, nodes, order, seed=seed, pool=place.detours)
         if isinstance(path, ProvenPath):
             return _note_forbidden_legs(tour, forbidden), path
@@ -186,19 +190,42 @@ def _note_forbidden_legs(tour: Tour, forbidden: dict[tuple[int, int], str]) -> T
     return replace(tour, notes=(*tour.notes, Aside(note)))
 
 
+def _lap(
+    cost: Array, poses: list[int], place: MountingSession, forbidden: set[tuple[int, int]], tsp: TourSolver, seed: int
+) -> Tour:
+    """Return the shortest tour from node 0 through some poses and back."""
+    nodes = [0, *poses]
+    inside = {(nodes.index(a), nodes.index(b)) for a, b in forbidden if a in nodes and b in nodes}
+    own, limit = cost[np.ix_(nodes, nodes)], place.measuring.limit
+    tour = solve_tour(own, forbidden=inside, method=tsp, seed=seed, nodes=proof_nodes(len(nodes)), limit=limit)
+    return replace(tour, order=read_only(np.array(nodes)[tour.order]))
+
+
+def _one_after_the_other(laps: Sequence[Tour]) -> Tour:
+    """Return the order of all nodes over some laps, node 0 at its beginning alone, with what all cost together."""
+    if len(laps) == 1:
+        return laps[0]
+    return Tour(
+        order=read_only(np.concatenate([laps[0].order, *(own.order[1:] for own in laps[1:])])),
+        unsorted_s=sum(own.unsorted_s for own in laps),
+        cost_s=sum(own.cost_s for own in laps),
+        lower_bound_s=sum(own.lower_bound_s for own in laps),
+        optimal=all(own.optimal for own in laps),
+        solver=", ".join(dict.fromkeys(own.solver for own in laps)),
+        notes=tuple(dict.fromkeys(note for own in laps for note in own.notes)),
+    )
+
+
 def _repeat_tour(
     cost: Array, order: list[int], place: MountingSession, forbidden: set[tuple[int, int]], tsp: TourSolver, seed: int
 ) -> list[int]:
     """Poses visited a second time at the end, spread evenly along the tour: their scatter is the noise floor."""
-    inner = order[1:-1]
-    repeats, limit = place.repeats, place.measuring.limit
-    if repeats == 0 or not inner:
+    inner = [k for k in order if k != 0]
+    if place.repeats == 0 or not inner:
         return []
-    again = [inner[k] for k in np.unique(np.linspace(0, len(inner) - 1, min(repeats, len(inner))).astype(int))]
-    nodes = [0, *again]
-    inside = {(nodes.index(a), nodes.index(b)) for a, b in forbidden if a in nodes and b in nodes}
-    tour = solve_tour(cost[np.ix_(nodes, nodes)], forbidden=inside, method=tsp, seed=seed, limit=limit)
-    return [*(nodes[k] for k in tour.order[1:]), 0]
+    again = [inner[k] for k in np.unique(np.linspace(0, len(inner) - 1, min(place.repeats, len(inner))).astype(int))]
+    tour = _lap(cost, again, place, forbidden, tsp, seed)
+    return [*tour.order[1:].tolist(), 0]
 
 
 def _number_visits(

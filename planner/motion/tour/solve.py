@@ -48,7 +48,8 @@ class Tour:
     """An order of visit and its certificate.
 
     Attributes:
-        order: (n,) int, read-only: every node once from node 0 on; the last leg leads back to it.
+        order: (n,) int, read-only: every node once from node 0 on; the last leg leads back to it. Of several laps the
+            last leg of each does.
         unsorted_s: [s] cost of visiting in the order given.
         cost_s: [s] cost of this order.
         lower_bound_s: [s] proven: no order costs less.
