@@ -64,7 +64,7 @@ class LearntPosterior:
         told = np.linalg.solve(noise * np.eye(len(white)) + white @ white.T, white @ own)
         return noise + float(max(own @ own - (white @ own) @ told, 0.0))
 
-    def _shown(self, which: Sequence[int]) -> Array:
+    def _root_of_reduction(self, which: Sequence[int]) -> Array:
         """Return S, (n, r) [m], of which SᵀS is what some readings take off the squares of the tool's error."""
         root, white = self.root * self.size[:, None], self.white[list(which)] * self.size / self.learnt.noise
         spread = np.eye(len(white)) + white @ white.T
@@ -75,12 +75,12 @@ class LearntPosterior:
 
         It is Rᵀ C R, with R the root of the weight and C the covariance that the readings leave.
         """
-        shown = self._shown(which)
+        shown = self._root_of_reduction(which)
         return np.asarray(self._before - shown.T @ shown)
 
     def square(self, which: Sequence[int]) -> float:
         """Return the mean square error of the tool after some readings [m²]."""
-        left = float(np.trace(self._before)) - float((self._shown(which) ** 2).sum())
+        left = float(np.trace(self._before)) - float((self._root_of_reduction(which) ** 2).sum())
         return left * float(np.exp(2.0 * self.families.doubt**2))
 
     def square_limit(self, which: Sequence[int]) -> float:
