@@ -90,7 +90,8 @@ def _units_of(program: Program, axes: AxisConvention, dialect: Dialect) -> tuple
     units = tuple(program.joint_units[int(k)] for k in np.abs(axes.matrix).argmax(axis=1))
     first = units.index("mm") + 1
     if dialect.slides_from is None or first < dialect.slides_from:
-        able = [name for name in dialect_names() if load_dialect(name).slides_from is not None]
+        starts = {name: load_dialect(name).slides_from for name in dialect_names()}
+        able = [name for name, start in starts.items() if start is not None and start <= first]
         raise InputError(
             f"{dialect.title}: axis {first} of {program.robot} slides; programs of this language have axes that turn"
             f"{'' if dialect.slides_from is None else f' up to number {dialect.slides_from - 1}'}: park the joint "

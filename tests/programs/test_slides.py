@@ -3,6 +3,7 @@
 import re
 import tomllib
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,6 +12,8 @@ import yaml
 from planner.cell.reading import load_cell
 from planner.common.errors import InputError
 from planner.common.units import DEG
+from planner.programs.controller_axes import _units_of
+from planner.programs.dialect import load_dialect
 from planner.programs.instructions import JointMove
 from planner.programs.verification import import_map
 from planner.session.neutral_program import build_program, write_session
@@ -81,6 +84,18 @@ def test_lists_of_poses_say_the_unit(cell) -> None:
 def test_a_language_without_external_axes_here_is_refused_with_those_that_have_them(cell, dialect: str) -> None:
     with pytest.raises(InputError, match=r"axis 7 of lift slides.*\[parked\].*krl.*rapid"):
         text_of(cell, dialect)
+
+
+@pytest.mark.parametrize("dialect", ["krl", "rapid", "urscript"])
+def test_an_arm_of_few_axes_is_not_sent_to_a_language_that_refuses_it_too(dialect: str) -> None:
+    """External axes of both languages stand behind six that turn, and a short arm has four."""
+    program = SimpleNamespace(joint_units=("mm", *4 * ("deg",)), robot="short")
+    axes = SimpleNamespace(matrix=np.roll(np.eye(5), -1, axis=0))
+    with pytest.raises(InputError, match="axis 5 of short slides") as told:
+        _units_of(program, axes, load_dialect(dialect))
+    others = str(told.value).rpartition("export to one of ")[2].split(", ")
+    assert set(others) >= {"poses-csv", "ros2-trajectory"}
+    assert not {"krl", "rapid", "urscript"} & set(others)
 
 
 def test_the_log_of_an_external_axis_is_read_in_millimetres(cell, tmp_path: Path) -> None:
