@@ -322,6 +322,7 @@ def _values(robot: Robot, targets: list[Target], q: Array, q_new: Array) -> list
     for i, t in enumerate(targets):
         if t.pose is None:
             out += zip(t.slots, q_new[i].tolist(), strict=True)
+            out += ((slot, float(q_new[i, joint])) for joint, slot in t.ahead)
     if not at:
         return out
     poses = [p for t in targets if (p := t.pose) is not None]

@@ -87,6 +87,7 @@ class Target:
         follows: indices of the targets that the arm comes from, for a pose without configuration; all must agree.
         straight: indices of those that it comes from in a line or a circle, where its configuration is written too.
         p_FM: tool point in the flange (3,) [m] with which joint angles are driven, where the program says one.
+        ahead: (joint, place) of its joint angles that stand once more in the block before, where some axes go first.
     """
 
     line: int
@@ -96,6 +97,7 @@ class Target:
     follows: tuple[int, ...] = ()
     straight: tuple[int, ...] = ()
     p_FM: Array | None = None
+    ahead: tuple[tuple[int, Slot], ...] = ()
 
     @property
     def tool_point(self) -> Array | None:

@@ -31,6 +31,9 @@ class SpeedStyle(StrictModel):
     ``ease``, the ratio of peak to mean speed in the controller's profile between two stops, plus ``ramp_s``. With
     ``stream``, the receiver of the program limits no acceleration, so the program holds the ramps itself: goals with
     velocities that are joined by cubics, or ``frames``, ``word`` of them a second.
+
+    ``approach`` is the word of the first move, which begins wherever the arm stands. ``approach_first``: axes that go
+    there alone before the others, where F is the speed of the others alone while one of those moves.
     """
 
     kind: SpeedKind
@@ -42,6 +45,7 @@ class SpeedStyle(StrictModel):
     ramp_s: float = Field(default=0.0, ge=0.0)
     stream: Literal["", "cubic", "frames"] = ""
     approach: str = ""
+    approach_first: tuple[str, ...] = ()
     note: str = ""
 
 

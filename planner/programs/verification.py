@@ -243,7 +243,7 @@ def _too_fast(
                 per_second = value / (60.0 if dialect.speed.unit == "mm/min" else 1.0)
                 ratio = per_second / max(move.tool_speed_mm_s, 0.1)
             case "inverse_time":
-                ratio = 0.0 if first else value / 60.0 * move.duration_s
+                ratio = value / float(dialect.speed.approach or "inf") if first else value / 60.0 * move.duration_s
             case "leading_axis":
                 planned = leading_speed(move, start)
                 ratio = value / planned if planned and not first else 0.0

@@ -11,7 +11,9 @@ import pytest
 
 import tests.programs.sessions as sessions
 from planner.programs.instructions import Dwell, Pause, Program, Sync
-from planner.programs.verification import import_map, write_program
+from planner.programs.rendering import ProgramFile
+from planner.programs.verification import ProgramMismatchError, import_map, write_program
+from tests.programs.reading import verify
 
 RS274 = shutil.which("rs274")
 pytestmark = pytest.mark.skipif(RS274 is None, reason="rs274 is not installed (Debian package linuxcnc-uspace)")
@@ -42,7 +44,7 @@ def test_every_axis_of_every_move(session, joints: int, tmp_path: Path) -> None:
     program = session(joints)
     code, commands = _canonical(_written(program), tmp_path)
     assert code == 0
-    path = np.array([_numbers(c) for c in commands if c.startswith("STRAIGHT_FEED")])[:, :joints]
+    path = np.array([_numbers(c) for c in commands if c.startswith("STRAIGHT_FEED")])[1:, :joints]
     planned = np.array([m.q_deg for m in program.moves])
     assert path.shape == planned.shape
     assert np.abs(path - planned).max() <= 0.5001e-4
@@ -61,6 +63,7 @@ def test_each_move_takes_its_time(tmp_path: Path) -> None:
             there = np.array(_numbers(command))
             times.append(float(np.linalg.norm((there - here)[:3])) / feed * 60.0)
             here = there
+    times = times[1:]  # the axes that go first have a block of their own
     planned = [m.duration_s for m in program.moves]
     # the feed is printed to 1e-4, and the interpreter's path length from ends printed to 1e-4
     moving = [i for i, m in enumerate(program.moves) if i > 0 and times[i] > 0.05]
@@ -94,7 +97,7 @@ def test_path_mode_and_pulses_in_passing(tmp_path: Path) -> None:
             mode = command.split("(")[1]
         elif command.startswith("STRAIGHT_FEED"):
             modes.append(mode.startswith("CANON_CONTINUOUS"))
-    assert modes == [m.blend_mm > 0.0 for m in program.moves]
+    assert modes[1:] == [m.blend_mm > 0.0 for m in program.moves]
     on = [i for i, c in enumerate(commands) if c.startswith("SET_MOTION_OUTPUT_BIT")]
     off = [i for i, c in enumerate(commands) if c.startswith("CLEAR_MOTION_OUTPUT_BIT")]
     assert len(on) == len(off) == sum(isinstance(i, Sync) for i in program.instructions)
@@ -133,3 +136,58 @@ def test_the_interpreter_would_notice(tmp_path: Path) -> None:
         assert old in text
         code, _ = _canonical(text.replace(old, new), tmp_path)
         assert code != 0, f"{old!r} -> {new!r}"
+
+
+SLOW = 10.0  # [deg/s] of each axis on the first move
+STARTS = [
+    (0.01, 0, 0, 0, 0, 170),
+    (1, 0, 0, 0, 0, 170),
+    (2, -1, 0, 150, -85, 170),
+    (0, 0, 0, 0, 0, 170),
+    (90, -40, 70, 0, 0, 0),
+]
+
+
+def approach_speeds(text: str, offset: tuple[float, ...], home: tuple[float, ...], folder: Path) -> list[float]:
+    """Return the largest axis speed [deg/s] of each block until home, where the arm has stood off home before.
+
+    By RS274NGC 2.1.2.5: F is the speed along X Y Z alone if one of them moves, else that of A B C.
+    """
+    start = " ".join(f"{axis}{h + o:.4f}" for axis, h, o in zip("XYZABC", home, offset, strict=True))
+    at = text.index("G94 G53 G1")
+    code, commands = _canonical(f"{text[:at]}G53 G0 {start}\n{text[at:]}", folder)
+    assert code == 0
+    feed, here, out = 0.0, np.add(home, offset), []
+    begun = next(k for k, c in enumerate(commands) if c.startswith("STRAIGHT_TRAVERSE"))
+    np.testing.assert_allclose(_numbers(commands[begun]), here, atol=1e-4)
+    for command in commands[begun + 1 :]:
+        if command.startswith("SET_FEED_RATE"):
+            (feed,) = _numbers(command)
+        elif command.startswith("STRAIGHT_FEED"):
+            there = np.array(_numbers(command))
+            way = there - here
+            length = np.linalg.norm(way[:3]) if way[:3].any() else np.linalg.norm(way[3:])
+            if length > 0.0:
+                out.append(float(np.abs(way).max() / (length / feed * 60.0)))
+            here = there
+            if np.abs(here - home).max() < 1e-4:
+                return out
+    raise AssertionError("it never stands at home")
+
+
+@pytest.mark.parametrize("offset", STARTS)
+def test_the_first_move_is_slow_from_anywhere(offset: tuple[float, ...], tmp_path: Path) -> None:
+    program = sessions.static()
+    text, home = _written(program), program.moves[0].q_deg
+    assert max(approach_speeds(text, offset, home, tmp_path)) <= 1.001 * SLOW
+
+
+def test_a_first_move_of_all_axes_at_once_is_fast_and_is_not_released(tmp_path: Path) -> None:
+    program = sessions.static()
+    text = _written(program)
+    first = next(line for line in text.splitlines() if line.startswith("G94 G53 G1 A"))
+    at_once = text.replace(first + "\n", "")
+    assert max(approach_speeds(at_once, STARTS[1], program.moves[0].q_deg, tmp_path)) > 100.0 * SLOW
+    for wrong in (at_once, text.replace(first, first.replace(" A", " A9")), text.replace("F600", "F6000")):
+        with pytest.raises(ProgramMismatchError):
+            verify(program, "linuxcnc", (ProgramFile("edbb.ngc", wrong),))

@@ -90,7 +90,7 @@ def test_linuxcnc_drives_what_a_start_asks_for(start: int, tmp_path: Path) -> No
     (file,) = write_program(program, "linuxcnc", "s")
     code, commands = _canonical(file.text.replace("#<start> = 1", f"#<start> = {start}"), tmp_path)
     assert code == 0
-    path = np.array([_numbers(c) for c in commands if c.startswith("STRAIGHT_FEED")])[:, :6]
+    path = np.array([_numbers(c) for c in commands if c.startswith("STRAIGHT_FEED")])[1:, :6]
     np.testing.assert_allclose(path, _driven(program, start), atol=1e-4)
     assert commands.count("SET_AUX_OUTPUT_BIT(5)") == POSES + 1 - start
 
@@ -112,3 +112,14 @@ def test_sinumerik_drives_what_a_start_asks_for(start: int) -> None:
 def _without_signals(program: Program) -> Program:
     kept = tuple(i for i in program.instructions if not isinstance(i, LogAxes))
     return sessions.with_controller(replace(program, instructions=kept), sync_output=None, gauge_input=None)
+
+
+def test_din_takes_its_time_for_the_first_move() -> None:
+    """Inverse time (DIN 66025, G93): the block takes 1/F minutes, so that an axis two turns off goes at 10 deg/s."""
+    (file,) = write_program(sessions.static(), "din66025", "s")
+    first = next(line for line in file.text.splitlines() if "G1 " in line)
+    words = re.fullmatch(r"N\d+ G93 (?:G9 )?G1(?: A\d=-?[\d.]+){6} F([\d.]+)", first)
+    assert words is not None, first
+    assert 720.0 / (60.0 / float(words[1])) <= 10.0
+    with pytest.raises(ProgramMismatchError, match="move 1"):
+        verify(sessions.static(), "din66025", (ProgramFile("s.nc", file.text.replace(f"F{words[1]}", "F600", 1)),))

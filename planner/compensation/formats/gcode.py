@@ -66,6 +66,8 @@ class _GcodeTargets:
         self.joints = self.axes[: len(reading.axes)]
         reads = dialect.reading
         self.motion = reads.motion
+        self.ahead_first = tuple(name for name in self.joints if name in dialect.speed.approach_first)
+        self.ahead: Block | None = None  # that drives but the axes that go first
         self.work_offset = "G53" if "X" in self.axes else ""
         self._own = known_statements(dialect, lambda texts: (b for text in texts for b in parse(text, dialect)), None)
         self._said = [p for p in (reads.dwell, reads.exact, reads.blended, reads.sync, reads.pulse_end) if p]
@@ -94,12 +96,37 @@ class _GcodeTargets:
     def refuse_behind_calls(self) -> None:
         """Refuse moves behind what another program may have changed, unless every move has to say G53 anyhow."""
         self.calls.end_program()
+        self._refuse_ahead()
         for line, why in () if self.work_offset else self.calls.uncertain_moves():
             self.reading.refuse(line, why)
 
     def forget(self) -> None:
         """Forget where the axes stand: what comes next may be driven from anywhere."""
         self.last: list[float | None] = [None] * len(self.joints)
+        self._refuse_ahead()
+
+    def _refuse_ahead(self) -> None:
+        """Refuse the block of axes that go first, where no block with all of them has come."""
+        if self.ahead is not None:
+            block, self.ahead = self.ahead, None
+            unknown = [name for name in self.joints if name not in self.ahead_first]
+            self.reading.refuse(block.line, _unknown_sentence(unknown))
+
+    def _goes_ahead(self, block: Block, given: dict[str, PlacedNumber]) -> bool:
+        """Take in a block, and return whether it drives but the axes that go first, from wherever the arm stands.
+
+        The next one has to lead all axes to the same place.
+        """
+        if self.ahead is None:
+            if any(angle is not None for angle in self.last) or set(given) != set(self.ahead_first) or not given:
+                return False
+            self.ahead = block
+            return True
+        before = {name: number.value for name, number in self.ahead.words or () if name in self.ahead_first}
+        same = all(name in given and given[name].value == angle for name, angle in before.items())
+        if not same or set(given) != set(self.joints):
+            self._refuse_ahead()
+        return False
 
     def take(self, block: Block, in_subprogram: bool) -> None:
         """Process one block."""
@@ -218,6 +245,8 @@ class _GcodeTargets:
         if self.work_offset and not self._take_offset(block):
             return
         given = dict(words)
+        if self._goes_ahead(block, given):
+            return
         after = words[-1][1].start + len(words[-1][1].text)
         slots: list[Slot] = []
         for k, name in enumerate(self.joints):
@@ -227,13 +256,13 @@ class _GcodeTargets:
             else:
                 slots.append(Slot(after, after, DEG, DEG_DECIMALS, prefix=f" {name}{'=' if self.equals else ''}"))
         if unknown := [name for name, angle in zip(self.joints, self.last, strict=True) if angle is None]:
-            sentence = (
-                f"the angle of {', '.join(unknown)} is not known here; the first move, and the first after a jump, "
-                "must name all axes"
-            )
-            self.reading.refuse(block.line, sentence)
+            self.reading.refuse(block.line, _unknown_sentence(unknown))
             return
-        self.reading.add(Target(block.line, tuple(slots), q=read_only(np.array(self.last, dtype=float))))
+        before = dict(self.ahead.words or ()) if self.ahead is not None else {}
+        places = [(k, before[name].slot(DEG, DEG_DECIMALS)) for k, name in enumerate(self.joints) if name in before]
+        self.ahead = None
+        q = read_only(np.array(self.last, dtype=float))
+        self.reading.add(Target(block.line, tuple(slots), q=q, ahead=tuple(places)))
 
     def _check_subprogram(self, block: Block) -> None:
         """Refuse a move of a subprogram that does not say for itself what its caller may have said otherwise."""
@@ -292,6 +321,13 @@ def _lines_of_subprograms(blocks: Sequence[Block], name: str) -> set[int]:
             found |= set(begun) if is_sub or ends else set()
             begun, is_sub = [], False
     return found | (set(begun) if is_sub else set())
+
+
+def _unknown_sentence(axes: list[str]) -> str:
+    return (
+        f"the angle of {', '.join(axes)} is not known here; the first move, and the first after a jump, must name all "
+        "axes"
+    )
 
 
 def _unit_sentence(code: str) -> str:

@@ -78,6 +78,7 @@ class GcodeExecution(Execution):
         self.blend: float | None = 0.0  # rounding as the machine likes, until a block says otherwise
         self.feed: float | None = None
         self.in_pulse = False
+        self.ahead: dict[str, float] = {}  # angles of the axes that go first where the arm comes from anywhere
 
     def forget(self, stopped: bool) -> None:
         """Forget feed and rounding."""
@@ -173,8 +174,29 @@ class GcodeExecution(Execution):
                 found[name] = parse_fixed_point(number.text, where)
             elif name != "G" or not re.fullmatch(self.beside, f"G{number.text}"):
                 raise InputError(f"{where}: the word '{name}{number.text}' is unknown or stands twice")
+        if self._goes_ahead(found, where):
+            return
         if list(found) != self.axes[: len(found)]:
             raise InputError(f"{where}: axes {list(found)} are not the first of {self.axes}")
         if self.feed is None:
             raise InputError(f"{where}: the first move has no feed")
         self.move(list(found.values()), None if here else self.blend, self.feed)
+
+    def _goes_ahead(self, found: dict[str, float], where: str) -> bool:
+        """Take in a block of the first move, and return whether it drives but the axes that go first.
+
+        Raises:
+            InputError: they do not go first, without the others, or the next block leads them elsewhere.
+        """
+        first = [a for a in self.axes if a in self.dialect.speed.approach_first]
+        if not first or self.moves or self.entries:
+            return False
+        if found and set(found) <= set(first) and not self.ahead:
+            self.ahead = found
+            return True
+        if self.ahead != {a: angle for a, angle in found.items() if a in first}:
+            raise InputError(
+                f"{where}: the first move, from wherever the arm stands, must drive {' '.join(first)} alone before: "
+                "while another axis moves F is not their speed, and they may be as fast as they can; export it anew"
+            )
+        return False
