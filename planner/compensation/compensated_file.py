@@ -161,7 +161,7 @@ def compensate_file(
         companion_of(path, language, read_program),
         axes_of_file(path.name, language, text, nominal, axes_of),
     )
-    notes = [*axes_notes(language, nominal, axes), *foreign_robot_notes(path.name, text, nominal)]
+    notes = [*axes_notes(language, nominal, axes), *foreign_robot_notes(path.name, language, text, nominal)]
     step = next_step(language, nominal, axes)
     nominal, calibrated = nominal.in_axes(axes), FlangeInAxes(calibrated, axes)
     seeds = SearchSeeds(nominal)

@@ -68,13 +68,24 @@ def next_step(language: str, robot: Robot, axes: AxisConvention) -> str:
         return f"{{file}} has the angles of the axes of {words}: load it into that controller and {SLOWLY}"
     own = sorted((c for c in robot.conventions if not c.is_same), key=lambda c: c.controller != robot.dialect)
     if not own:
-        return f"{{file}} has the angles of the model's joints: load it into the controller and {SLOWLY}"
+        return f"{{file}} has the angles of the model's joints{_who_counts_so(robot)} and {SLOWLY}"
     others = ", ".join(
         f"{controller_words(c.controller)} counts {len(c.different_axes)} of {c.n_axes} axes otherwise" for c in own
     )
     return (
         f"{{file}} has the angles of the model's joints; {others}: a table of the angles of that controller is "
         f"corrected with --axes-of {own[0].controller}"
+    )
+
+
+def _who_counts_so(robot: Robot) -> str:
+    """Say for which controller the model's angles are, as far as the robot's file says it of any, and what to do."""
+    known = sorted((c.controller for c in robot.conventions), key=lambda c: c != robot.dialect)
+    if known:
+        return f", as {controller_words(known[0])} counts them: load it into that controller"
+    return (
+        "; robot.toml says of no controller how it counts its axes ([controllers], docs/how-to/robot.md): compare each "
+        "axis with the pendant before you load it,"
     )
 
 

@@ -8,12 +8,14 @@ from pathlib import Path
 import numpy as np
 
 from planner.common.errors import InputError, did_you_mean
+from planner.common.remarks import CELL_ENDS, remark_of
 from planner.common.units import Array
 from planner.compensation.formats import csv, fanuc, gcode, krl, pdl2, rapid, urscript
 from planner.compensation.nominal_angles import UNREACHED
 from planner.compensation.targets import Note, Target, TargetReading, line_ranges
 from planner.compensation.tolerances import OVER_LIMIT
 from planner.kinematics.robot import Robot
+from planner.kinematics.robot_reader import list_robots
 from planner.programs.dialect import CommentStyle, Dialect, dialect_names, load_dialect, plain_text
 from planner.programs.languages.statements import Lines
 
@@ -208,20 +210,23 @@ _OWN = re.compile(r"\brobot:\s*(?P<name>[^\r\n)]*)")
 _MODEL = re.compile(r"\b(?:KR[ _-]?\d{1,4}(?:[ _-]?R\d{3,4})?|IRB[ _-]?\d{3,5}|NJ[ _-]?\d{2,3}|UR\d{1,2}e?)(?!\w)")
 
 
-def foreign_robot_notes(name: str, text: str, robot: Robot) -> Iterator[Note]:
+def foreign_robot_notes(name: str, language: str, text: str, robot: Robot) -> Iterator[Note]:
     """Yield the lines of the head that name another robot.
 
     Raises:
-        InputError: a program of this planner names another robot.
+        InputError: a table, or a program of this planner, says that it is for another robot; or a program names
+            another one of the shipped robots.
     """
-    own = "plan_id:" in text
+    own = language == TABLE or "plan_id:" in text
     for line, _, said in list(Lines.of(text))[:HEAD_LINES]:
-        match = _OWN.search(said)
-        if own and match and not _is_name_of(match["name"], robot):
-            raise InputError(
-                f"{name}:{line}: the program is for the robot '{match['name'].strip()}', the model is of "
-                f"'{robot.title}' ({robot.name})"
-            )
+        match = _OWN.search(said if language != TABLE else (remark_of(said) or ""))
+        if match and not _is_name_of(match["name"], robot):
+            if own or match["name"].strip() in list_robots():
+                raise InputError(
+                    f"{name}:{line}: the {'table' if language == TABLE else 'program'} is for the robot "
+                    f"'{match['name'].strip(CELL_ENDS)}', the model is of '{robot.title}' ({robot.name})"
+                )
+            yield line, f"'{match[0].strip()}' is said here, the model is of {robot.title}: is it another robot's?"
         for model in _MODEL.findall(said):
             if not _is_name_of(model, robot):
                 yield line, f"{model} is named here, the model is of {robot.title}: is it a program of another robot?"

@@ -1,5 +1,6 @@
 """What a file asks the robot to do, whatever its language: joint targets and poses, and where their numbers stand."""
 
+import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Protocol
@@ -18,6 +19,8 @@ Note = tuple[int, str]
 MM_DECIMALS = 4  # fewest of a number in mm that is written anew: a tenth of a micrometre
 DEG_DECIMALS = 5  # fewest of a number in degrees: the same at 600 mm
 EXTERNAL = "external axes are not at zero: the file does not say whether they carry the robot or the part"
+NOT_HELD = "is not in the files"  # what is said of a tool or a base that a program names, and its files do not hold
+_NOT_HELD = re.compile(rf"(\S+(?: \d+)?) (?:{NOT_HELD}|is not declared)")
 FOLLOWS_NONE = "the target that it follows is not known here, and with it the shape of the arm"
 
 
@@ -87,6 +90,8 @@ class Target:
         follows: indices of the targets that the arm comes from, for a pose without configuration; all must agree.
         straight: indices of those that it comes from in a line or a circle, where its configuration is written too.
         p_FM: tool point in the flange (3,) [m] with which joint angles are driven, where the program says one.
+        unknown_tool: name of the tool with which joint angles are driven, where the program selects one that no file of
+            it holds.
         ahead: (joint, place) of its joint angles that stand once more in the block before, where some axes go first.
     """
 
@@ -97,6 +102,7 @@ class Target:
     follows: tuple[int, ...] = ()
     straight: tuple[int, ...] = ()
     p_FM: Array | None = None
+    unknown_tool: str = ""
     ahead: tuple[tuple[int, Slot], ...] = ()
 
     @property
@@ -220,7 +226,8 @@ class TargetReading:
         slots = tuple(number.slot(unit, decimals) for number in found)
         q = read_only(np.array([number.value for number in found]) * unit)
         p_FM = None if isinstance(tool, str) or not tool[:3, 3].any() else read_only(tool[:3, 3])
-        return self.add(Target(line, slots, q=q, p_FM=p_FM), index)
+        unknown = _NOT_HELD.match(tool) if isinstance(tool, str) else None
+        return self.add(Target(line, slots, q=q, p_FM=p_FM, unknown_tool=unknown[1] if unknown else ""), index)
 
     def take_targets(self) -> list[Target]:
         """Return the targets in order, without the places that stayed empty; what follows one of those is left."""

@@ -26,6 +26,8 @@ def tool_warnings(robot: Robot, named: Array | None, targets: Sequence[Target]) 
         return
     if named is not None:
         yield from _warning(robot, named, "--tool", "say --tool model")
+    else:
+        yield from _unknown_tools(targets)
     said = [(t.line, p) for t in targets if (p := t.tool_point) is not None]
     if not said:
         return
@@ -37,6 +39,19 @@ def tool_warnings(robot: Robot, named: Array | None, targets: Sequence[Target]) 
         place = ", ".join(f"{v:.1f}" for v in to_mm(p_FM))
         where = f"the program's tool ({place}) mm on {number_of(len(set(lines)), 'line')} ({line_ranges(lines)})"
         yield from _warning(robot, p_FM, where, "write it into the program or its tool table")
+
+
+def _unknown_tools(targets: Sequence[Target]) -> Iterator[str]:
+    """Yield a warning for the joint targets whose tools the files say by a number or a name alone."""
+    unknown = [t for t in targets if t.unknown_tool]
+    if unknown:
+        names = ", ".join(sorted({t.unknown_tool for t in unknown}))
+        lines = {t.line for t in unknown}
+        yield (
+            f"warning: joint targets on {number_of(len(lines), 'line')} ({line_ranges(lines)}) are of a tool that the "
+            f"files do not hold ({names}): the error stated is that of the measured tool alone, of another one it is "
+            "not known; --tool X,Y,Z,A,B,C names it, --tool model says that it is the measured one"
+        )
 
 
 def _warning(robot: Robot, p_FM: Array, who: str, remedy: str) -> Iterator[str]:

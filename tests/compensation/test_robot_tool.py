@@ -155,6 +155,51 @@ def test_the_error_of_joint_targets_is_that_of_the_tool_that_their_program_says(
         assert (off.format(line) in told) == (tool is FAR)
 
 
+SELECTED = {  # two joint targets with tool 2 of the controller, or one that another module declares
+    "t.src": "DEF t()\nBAS(#TOOL,2)\nBAS(#BASE,0)\nPTP {A1 10,A2 -80,A3 100,A4 20,A5 40,A6 30}\n"
+    "PTP {A1 -20,A2 -60,A3 80,A4 10,A5 50,A6 0}\nEND\n",
+    "t.ls": "/PROG  T\n/MN\n   1:  UTOOL_NUM=2 ;\n   2:J P[1] 50% FINE ;\n   3:J P[2] 50% FINE ;\n/POS\n"
+    + "".join(
+        f"P[{k}]{{\n   GP1:\n\tUF : 0, UT : 2,\n\t"
+        + ",\t".join(f"J{j}= {v:.3f} deg" for j, v in enumerate(np.degrees(q), 1))
+        + "\n};\n"
+        for k, q in enumerate(Q, 1)
+    )
+    + "/END\n",
+    "t.mod": "MODULE t\nPROC main()\n"
+    + "".join(
+        f"MoveAbsJ [[{','.join(f'{v:.4f}' for v in np.degrees(q))}],[9E9,9E9,9E9,9E9,9E9,9E9]],v100,fine,tGrip;\n"
+        for q in Q
+    )
+    + "ENDPROC\nENDMODULE\n",
+}
+CONFIG = "DEFDAT $CONFIG\nTOOL_DATA[2]={{X {},Y {},Z {},A 0.0,B 0.0,C 0.0}}\nENDDAT\n"
+
+
+@pytest.mark.parametrize(("name", "tool"), [("t.src", "TOOL_DATA[2]"), ("t.ls", "UTOOL 2"), ("t.mod", "tGrip")])
+def test_the_stated_error_of_a_tool_that_the_files_do_not_hold_is_the_measured_ones_alone(name, tool, model, tmp_path):
+    with_known_errors(model)
+    path = tmp_path / name
+    path.write_text(SELECTED[name])
+
+    def told(*words):
+        done = edbb("compensate", path, "--model", model, *words, "-o", "-")
+        assert done.returncode == 0, done.stderr
+        return " ".join(done.stderr.split()).replace("└", "").replace("│", "")
+
+    said = told()
+    assert re.search(r"joint targets on 2 lines \(.*?\) are of a tool that the files do not hold", said), said
+    assert f"({tool}): the error stated is that of the measured tool alone" in said
+    assert float(re.search(r"tool error \S+ → (\S+) mm", said)[1]) == 0.3
+    assert "do not hold" not in told("--tool", "model")
+    if name == "t.src":  # what that tool is decides how good the program becomes: 1.8 mm with any but the measured one
+        for place, after in ((TOOL, 0.3), (FAR, 1.8)):
+            (tmp_path / "config.dat").write_text(CONFIG.format(*place))
+            said = told("--frames", tmp_path / "config.dat")
+            assert "do not hold" not in said
+            assert float(re.search(r"tool error \S+ → (\S+) mm", said)[1]) == after
+
+
 ADDED = '[controllers.urscript]\nsame = true\nsource = "jogged at the robot on 2026-03-02"\n'
 
 

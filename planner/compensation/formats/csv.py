@@ -21,6 +21,13 @@ POSES_OF_TOOL = (
     "no tool is named: by the joint angles beside them these are poses of the measured tool point, which robot.toml has"
 )
 Column = tuple[int, str]  # index, unit
+_BESIDE = re.compile(  # columns that change nothing of what a target means
+    r"q\d+_(deg|rad|mm|m)|(x|y|z|r[xyz]|[abc])_?(mm|m|deg|rad)|q[wxyz]_?|kind|pose|role|name|id|no|nr|number|index|label"
+    r"|point|target|text|comment|remark|note|description|(speed|velocity|acceleration|blend|zone|duration|seconds|time|t)"
+    r"(_\w+)?",
+    re.IGNORECASE,
+)
+_RELATIVE = re.compile(r"rel(ative)?|inc(r|remental)?|delta", re.IGNORECASE)  # what a cell says of a row
 
 
 def read(text: str, reading: TargetReading) -> None:
@@ -63,21 +70,18 @@ def _doubt_frames(distances: list[tuple[int, float]], reading: TargetReading) ->
 
 
 def _check_unit(groups: "_TargetColumns", reading: TargetReading) -> None:
-    """Refuse joint angles in degrees that move like radians do; note where they do not move enough to tell.
+    """Refuse joint angles in degrees that look like radians, one row of them too: a corrected one is driven.
 
     Raises:
-        InputError: they do.
+        InputError: none lies beyond a turn in radians, and they are not all zero.
     """
     joints = [k for k, (_, unit) in enumerate(groups.joints) if unit == "deg"]
     beside = (target.q if target.pose is None else target.pose.start for target in reading.take_targets())
     q = np.array([angles[joints] for angles in beside if angles is not None])
     small = find_small(to_deg(q))
-    if small is None:
-        return
-    columns, cure = f"q{joints[0] + 1}_deg …", f"q{joints[0] + 1}_rad"
-    if small.are_radians:
+    if small is not None and small.largest > 0.0:
+        columns, cure = f"q{joints[0] + 1}_deg …", f"q{joints[0] + 1}_rad"
         raise InputError(f"{reading.name}: {small.refusal(columns, cure)}")
-    reading.notes.append((1, small.doubt(columns, cure)))
 
 
 class _TargetColumns:
@@ -102,6 +106,14 @@ class _TargetColumns:
             reading.notes.append((1, said))
         self.pose = position + (angles or quaternion) if position and (angles or quaternion) else []
         self.spelling = "abc" if angles else "quaternion"
+        self.others = [k for k, name in enumerate(header) if name and not _BESIDE.fullmatch(name)]
+        if self.others:
+            names = ", ".join(header[k] for k in self.others)
+            said = (
+                f"of the column{'s' * (len(self.others) > 1)} {names} nothing is taken in: where one says another tool "
+                "or base, that a row is relative, or an axis that carries robot or part, correct those rows apart"
+            )
+            reading.notes.append((1, said))
         extra = [name for name in header if re.fullmatch(r"q\d+_(deg|rad|mm|m)", name)]
         if not self.joints or len(extra) != n:
             raise InputError(
@@ -173,6 +185,9 @@ def _row(number: int, start: int, line: str, separator: str, columns: _TargetCol
         return
     if not any(cells[k].strip() for k, _ in columns.pose + columns.joints):
         return  # a row of another kind: a wait, a mark
+    if relative := [cells[k].strip() for k in columns.others if _RELATIVE.fullmatch(cells[k].strip('" '))]:
+        reading.refuse(number, f"'{relative[0]}' found: relative rows are not known here, angles of the axes are")
+        return
     places = np.cumsum([start, *(len(c) + 1 for c in cells)])
     slots, values = [], []
     for k, unit in columns.pose + columns.joints:

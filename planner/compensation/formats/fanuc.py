@@ -4,7 +4,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from planner.compensation.targets import TargetReading
+from planner.compensation.targets import NOT_HELD, TargetReading
 from planner.programs.dialect import Dialect
 from planner.programs.languages.fanuc import MAIN, POSITIONS, TO_SEMICOLON, TpAmongPositions, TpHead, TpPosition, parse
 from planner.programs.languages.statements import NUMBER, Lines, PlacedNumber, Statement
@@ -23,7 +23,7 @@ _HARMLESS = re.compile(
     rf"|(?:Arc|Weld) (?:Start|End) ?\[[^\]]+\]|(?:TA|TB|DB) ?{_AMOUNT}(?:sec|mm)? ?, ?(?:CALL \w+|DO\[\d+\]=\w+)))*"
 )
 _SHIFT = re.compile(r"(?!.*\bCONDITION\b).*(?:offset|track|shift)", re.IGNORECASE)
-_GROUP = re.compile(r"\s*GP1\s*:\s*UF\s*:\s*\w+\s*,\s*UT\s*:\s*\w+\s*,(?P<cells>.*)", re.DOTALL)
+_GROUP = re.compile(r"\s*GP1\s*:\s*UF\s*:\s*\w+\s*,\s*UT\s*:\s*(?P<tool>\w+)\s*,(?P<cells>.*)", re.DOTALL)
 _AXIS = re.compile(rf"\s*(?P<axis>[JE]\d)\s*=\s*(?P<value>{NUMBER})\s*(?P<unit>deg|mm)\s*")
 _ALLOWED = "P[n] with the angles of group 1 is corrected"
 _EVERY = -1  # stands for all numbers, where the program computes which
@@ -77,7 +77,9 @@ def _position(position: TpPosition, count: int, uses: _Uses, reading: TargetRead
     if isinstance(angles, str):
         reading.leave(position.line, f"P[{position.number}] {angles}")
     else:
-        reading.add_joints(position.line, angles)
+        group = _GROUP.fullmatch(position.body)
+        number = group["tool"] if group else ""
+        reading.add_joints(position.line, angles, tool=f"UTOOL {number} {NOT_HELD}" if number.isdecimal() else "")
 
 
 def _read_instructions(statements: Sequence[Statement], reading: TargetReading) -> _Uses:

@@ -10,7 +10,7 @@ from planner.common.units import DEG, MM, Array, read_only
 from planner.compensation.formats.krl_calls import SELECTS_TAUGHT, FrameChanges, names_given_away, names_set_beside
 from planner.compensation.points import Frame
 from planner.compensation.rotations import frame, from_abc
-from planner.compensation.targets import ToolAndBase
+from planner.compensation.targets import NOT_HELD, ToolAndBase
 from planner.programs.languages.krl import POSE_KEYS, Aggregate, Bas, aggregate, parse
 
 TABLE = re.compile(r"(TOOL|BASE)_DATA\[\s*(\w+)\s*\]")
@@ -76,7 +76,7 @@ class FrameValues:
             return found
         which = KINDS.get(name[:4], "")
         hint = f", or name it yourself where it is the only one ({which})" if which else ""
-        return f"{name} is not in the files: give the controller's $config.dat (--frames){hint}"
+        return f"{name} {NOT_HELD}: give the controller's $config.dat (--frames){hint}"
 
     def resolve_fdat(self, value: str) -> str:
         """Return the content of an FDAT given by name or in braces; empty where it is not certain."""
