@@ -33,7 +33,8 @@ class SpeedStyle(StrictModel):
     velocities that are joined by cubics, or ``frames``, ``word`` of them a second.
 
     ``approach`` is the word of the first move, which begins wherever the arm stands. ``approach_first``: axes that go
-    there alone before the others, where F is the speed of the others alone while one of those moves.
+    there alone before the others, where F is the speed of the others alone while one of those moves; ``least``: the
+    slowest that the controller then drives the others in inverse time [deg/min].
     """
 
     kind: SpeedKind
@@ -46,6 +47,7 @@ class SpeedStyle(StrictModel):
     stream: Literal["", "cubic", "frames"] = ""
     approach: str = ""
     approach_first: tuple[str, ...] = ()
+    least: float = Field(default=0.0, ge=0.0)
     note: str = ""
 
 

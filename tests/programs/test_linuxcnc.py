@@ -4,14 +4,16 @@ import re
 import shutil
 import subprocess
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import tests.programs.sessions as sessions
-from planner.programs.instructions import Dwell, Pause, Program, Sync
-from planner.programs.rendering import ProgramFile
+from planner.programs.dialect import load_dialect
+from planner.programs.instructions import Dwell, JointMove, Pause, Program, Sync
+from planner.programs.rendering import ProgramFile, render_program
 from planner.programs.verification import ProgramMismatchError, import_map, write_program
 from tests.programs.reading import verify
 
@@ -191,3 +193,26 @@ def test_a_first_move_of_all_axes_at_once_is_fast_and_is_not_released(tmp_path: 
     for wrong in (at_once, text.replace(first, first.replace(" A", " A9")), text.replace("F600", "F6000")):
         with pytest.raises(ProgramMismatchError):
             verify(program, "linuxcnc", (ProgramFile("edbb.ngc", wrong),))
+
+
+def test_axes_that_nearly_stand_make_no_move_quicker_than_planned(tmp_path: Path) -> None:
+    """Where X goes 0.0005 deg in 10 s the interpreter drives it at 0.1 a minute all the same, and A with it."""
+    program = sessions.static()
+    k = max(i for i, item in enumerate(program.instructions[:-1]) if isinstance(item, JointMove))
+    here = [m.q_deg for m in program.moves][-2]
+    for x, released in ((0.0005, False), (0.05, True), (0.0, True)):
+        there = (here[0] + x, here[1], here[2], here[3] + 20.0, *here[4:])
+        move = replace(program.instructions[k], q_deg=there, duration_s=10.0)
+        changed = replace(program, instructions=(*program.instructions[:k], move))
+        dialect = load_dialect("linuxcnc")
+        (file,) = render_program(changed, dialect, "edbb")
+        _, commands = _canonical(file.text, tmp_path)
+        last = max(i for i, c in enumerate(commands) if c.startswith("STRAIGHT_FEED"))
+        (feed,) = _numbers(next(c for c in reversed(commands[:last]) if c.startswith("SET_FEED_RATE")))
+        seconds = (x or 20.0) / feed * 60.0
+        assert seconds == pytest.approx(10.0, rel=1e-3) if released else seconds < 0.4
+        if released:
+            verify(changed, "linuxcnc", (file,))
+        else:
+            with pytest.raises(ProgramMismatchError, match="is driven at"):
+                verify(changed, "linuxcnc", (file,))

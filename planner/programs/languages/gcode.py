@@ -5,6 +5,8 @@ import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from planner.common.errors import InputError
 from planner.programs.dialect import Dialect
 from planner.programs.instructions import Program
@@ -180,7 +182,20 @@ class GcodeExecution(Execution):
             raise InputError(f"{where}: axes {list(found)} are not the first of {self.axes}")
         if self.feed is None:
             raise InputError(f"{where}: the first move has no feed")
-        self.move(list(found.values()), None if here else self.blend, self.feed)
+        angles = list(found.values())
+        self.move(angles, None if here else self.blend, max(self.feed, self._least_feed(angles)))
+
+    def _least_feed(self, angles: list[float]) -> float:
+        """Return the inverse time [1/min] by which the controller drives a move to ``angles`` [deg] at least.
+
+        LinuxCNC's interpreter takes no feed along X Y Z below 0.1 (``inverse_time_rate_straight``), and A B C go along.
+        """
+        if not self.dialect.speed.least or not self.moves:
+            return 0.0
+        way = np.subtract(angles, self.moves[-1].angles_deg)
+        first = np.isin(self.axes[: len(angles)], self.dialect.speed.approach_first)
+        others = float(np.linalg.norm(way[~first]))
+        return self.dialect.speed.least / others if others > 0.0 and way[first].any() else 0.0
 
     def _goes_ahead(self, found: dict[str, float], where: str) -> bool:
         """Take in a block of the first move, and return whether it drives but the axes that go first.

@@ -13,6 +13,8 @@ import numpy as np
 import pytest
 
 import tests.programs.linuxcnc.machine as machine
+import tests.programs.sessions as sessions
+from planner.programs.verification import write_program
 from tests.command import edbb
 
 pytestmark = [
@@ -170,3 +172,21 @@ def test_its_log_calibrates_the_robot(log, measured, plan, planned, tmp_path):
     }  # fmt: skip
     off = {name: (rows[name]["value"] - value) / rows[name]["std"] for name, value in truth.items()}
     assert max(map(abs, off.values())) < 5.0, off
+
+
+def test_the_first_move_is_slow_from_anywhere(tmp_path):
+    """The arm stands one degree off in its first axis and 170 in its last: none goes faster than 10 deg/s to home."""
+    program = sessions.static()
+    (file,) = write_program(program, "linuxcnc", "edbb")
+    home = np.array(program.moves[0].q_deg)
+    start = home + np.array([1.0, 0.0, 0.0, 0.0, 0.0, 170.0])
+    first = [line for line in file.text.splitlines() if line.startswith("G94 G53 G1")]
+    there = " ".join(f"{axis}{angle:.4f}" for axis, angle in zip(machine.AXES, start, strict=True))
+    text = "\n".join(["G17 G21 G40 G80 G90", "G61.1", f"G53 G0 {there}", "G4 P0.5", *first, "M2", ""])
+    limits = [machine.JointLimits(-350.0, 350.0, 360.0, 2000.0)] * 6
+    log = machine.drive(text, limits, tmp_path / "axes.log", seconds=120)
+    assert "ended" in log.words, log.words[-2000:]
+    begun = int(np.flatnonzero(np.abs(log.cycles_deg - start).max(axis=1) < 1e-4)[-1])
+    way = log.cycles_deg[begun:]
+    assert np.abs(np.diff(way, axis=0)).max() / machine.CYCLE_S <= 10.05
+    np.testing.assert_allclose(way[-1], home, atol=1e-4)
