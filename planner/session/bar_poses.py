@@ -28,7 +28,7 @@ from planner.design.pose_selection import (
 from planner.design.selection.certificate import Certificate
 from planner.motion.path.constraints import Constraints
 from planner.runs.run import Samples
-from planner.session.mount import MountMaps, drop_unreachable, join_to_mounts, move_mounts, with_mounts
+from planner.session.mount import MountMaps, drop_unreachable, join_to_mounts, move_mounts, settle_mounts
 from planner.session.options import PlanOptions
 from planner.session.plan_types import Drive
 from planner.session.planning import PoseChooser, PoseSession, Selection
@@ -67,14 +67,15 @@ class BarPoses(PoseSession):
         if self.poses is not None:
             check_pose_number(self.cell, self.poses, seed)
         with stages.stage("candidates") as progress:
-            given, self.cell = self.cell, with_mounts(self.cell, seed, limit)
+            given = self.cell
+            self.cell, found = settle_mounts(given, seed, limit)
             pool = draw_candidates(self.cell, self.cell.plan.candidates, seed, progress, limit)
         with stages.stage("roadmap"):
-            reach = join_to_mounts(self.cell, pool, seed, limit=limit)
-            moved = move_mounts(self.cell, given, pool, reach.joined, seed, limit)
+            reach = join_to_mounts(self.cell, pool, seed, found, limit)
+            moved = move_mounts(self.cell, given, pool, reach)
             if moved is not self.cell and not limit.must_stop(LastStart.ROADMAP, "another mount pose was not tried"):
                 other = draw_candidates(moved, moved.plan.candidates, seed, limit=limit)
-                there = join_to_mounts(moved, other, seed, limit=limit)
+                there = join_to_mounts(moved, other, seed, {}, limit)
                 if there.joined.sum() > reach.joined.sum():
                     self.cell, pool, reach = moved, other, there
             kept = drop_unreachable(self.cell, pool, reach, self.index, self.poses, seed, limit)

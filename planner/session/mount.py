@@ -17,11 +17,9 @@ from planner.design.selection.certificate import Certificate
 from planner.design.selection.index_bound import certify_bound, price_core
 from planner.motion.collision.scene import advise_never_meet
 from planner.motion.path.constraints import Constraints
-from planner.motion.path.roadmap import PartMap, connected_parts
+from planner.motion.path.parts import PartMap
 from planner.runs.run import FIRST_MOUNTING, Mounting
 from planner.session.tolerances import FEW_JOINED_SHARE, ROOMY_SHARE
-
-NONE = np.arange(0)
 
 
 def check_home(cell: Cell, without_bar: Constraints) -> None:
@@ -38,30 +36,38 @@ def check_home(cell: Cell, without_bar: Constraints) -> None:
 
 
 def with_mounts(cell: Cell, seed: int, limit: TimeLimit = UNLIMITED) -> Cell:
+    """Return the cell with a mount pose for every fixture and tool point: see :func:`settle_mounts`."""
+    return settle_mounts(cell, seed, limit)[0]
+
+
+def settle_mounts(cell: Cell, seed: int, limit: TimeLimit = UNLIMITED) -> tuple[Cell, dict[Mounting, PartMap]]:
     """Return the cell with a mount pose for every fixture and tool point: its own, checked, or one that is found.
 
     The twist of a cable along the bar is counted from there, so it is settled before the candidates are drawn.
+    Beside it: the parts of the valid states, which a search for a pose has found, where it counts no twist.
 
     Raises:
         InputError: home or a mount pose of the cell breaks a constraint.
         NoSolutionError: no pose at all holds the bar.
     """
     check_home(cell, Constraints(cell, bar=False))
+    found: dict[Mounting, PartMap] = {}
     for m in cell.mountings:
         if cell.mount(m) is None:
-            cell = cell.with_mount(m, round_angles(_find_mount(cell, m, seed, limit)))
+            pose, found[m] = _find_mount(cell, m, seed, limit)
+            cell = cell.with_mount(m, round_angles(pose))
     for m in cell.mountings:
         reason = Constraints(cell, m).reason(np.asarray(cell.mount(m)))
         if reason is not None:
             raise InputError(
                 f"{cell.path}: mount_deg of fixture {cell.place_name(m)} cannot hold the {cell.gauge.noun}: {reason}"
             )
-    return cell
+    if cell.cable.tool_about_bar is not None or len(cell.mountings) > 1:
+        return cell, {}  # they were found without the twist, or without the other fixtures
+    return cell, {m: p.begin_at(Constraints(cell, m, limit=limit), np.asarray(cell.mount(m))) for m, p in found.items()}
 
 
-def move_mounts(
-    cell: Cell, given: Cell, pool: PoseSet, joined: np.ndarray, seed: int, limit: TimeLimit = UNLIMITED
-) -> Cell:
+def move_mounts(cell: Cell, given: Cell, pool: PoseSet, reach: "MountMaps") -> Cell:
     """Return the cell with other mount poses, in the largest part of the candidates, where nearly none are joined.
 
     The cable's twist is counted from the mount pose, so which candidates there are, and their parts, depend on it.
@@ -70,15 +76,14 @@ def move_mounts(
         cell: with mount poses; those of ``given`` stay.
         given: the cell as the user wrote it.
         pool: candidates.
-        joined: which of them a path joins to their mount pose, (n,) bool.
-        seed: of the roadmap.
-        limit: of the time that a plan may take.
+        reach: which of them a path joins to their mount pose.
     """
     for m in cell.mountings:
         mine = np.flatnonzero(pool.samples.at_mounting(m))
-        if given.mount(m) is None and len(mine) and joined[mine].mean() < FEW_JOINED_SHARE:
-            part = connected_parts(Constraints(cell, m, limit=limit), pool.q[mine], seed)
-            cell = cell.with_mount(m, round_angles(_quickest_roomy(cell.at(m), pool.q[mine[part == 0]])))
+        if given.mount(m) is None and len(mine) and reach.joined[mine].mean() < FEW_JOINED_SHARE:
+            largest = mine[reach.maps[m].parts(pool.q[mine]) == 0]
+            if len(largest):
+                cell = cell.with_mount(m, round_angles(_quickest_roomy(cell.at(m), pool.q[largest])))
     return cell
 
 
@@ -88,11 +93,26 @@ class MountMaps:
 
     Attributes:
         joined: which candidates lie in their mount pose's part, (n,) bool.
-        maps: the parts of the valid states at each mounting, the mount pose first.
+        maps: the parts of the valid states at each mounting, the mount pose their start.
     """
 
     joined: np.ndarray
     maps: dict[Mounting, PartMap]
+
+    @classmethod
+    def judge(cls, pool: PoseSet, maps: dict[Mounting, PartMap]) -> "MountMaps":
+        """Judge the poses of a pool by their neighbours in the maps."""
+        joined = np.zeros(len(pool), dtype=bool)
+        for m, known in maps.items():
+            mine = np.flatnonzero(pool.samples.at_mounting(m))
+            joined[mine] = known.joined(pool.q[mine])
+        return cls(joined, maps)
+
+    def with_poses(self, pool: PoseSet, certain: np.ndarray) -> "MountMaps":
+        """Judge the poses of a pool anew, those in ``certain`` (positions, ascending) as states of the roadmaps."""
+        samples = pool.samples.take(certain)
+        maps = {m: known.with_poses(samples.q[samples.at_mounting(m)]) for m, known in self.maps.items()}
+        return MountMaps.judge(pool, maps)
 
 
 def drop_unreachable(
@@ -130,7 +150,7 @@ def drop_unreachable(
     else:
         order, _ = price_core(rows, rough, n)
         # 2000: likely candidates that are joined to the roadmap themselves
-        reach = join_to_mounts(cell, likely, seed, np.sort(order[:2000]), limit)
+        reach = reach.with_poses(likely, np.sort(order[:2000]))
     lost = len(pool) - int(reach.joined.sum())
     note = Aside(f"{lost} of {len(pool)} candidates were left out: no path joins them to the mount pose")
     return likely.take(reach.joined), reach, (note,) if lost else (), rough.for_candidates(reach.joined)
@@ -147,29 +167,26 @@ def _describe_apart(count: int, joined: int) -> str:
 
 
 def join_to_mounts(
-    cell: Cell, pool: PoseSet, seed: int, certain: np.ndarray = NONE, limit: TimeLimit = UNLIMITED
+    cell: Cell, pool: PoseSet, seed: int, found: dict[Mounting, PartMap], limit: TimeLimit = UNLIMITED
 ) -> MountMaps:
     """Tell which candidates lie in their mount pose's part.
 
-    The roadmap has those in ``certain`` (positions in the pool) as nodes, and a sample of the others.
+    The parts are those ``found`` with the mount pose, else those of a roadmap over a sample of the candidates.
     """
-    kept, maps = np.zeros(len(pool), dtype=bool), {}
+    maps = dict(found)
     for m in cell.mountings:
-        held = pool.samples.at_mounting(m)
-        mine, first = np.flatnonzero(held), certain[held[certain]]
-        rows = np.concatenate([first, np.setdiff1d(mine, first)])
-        q = np.vstack([np.array(cell.mount(m)), pool.q[rows]])
-        maps[m] = PartMap.of(Constraints(cell, m, limit=limit), q, seed, 1 + len(first))
-        part = maps[m].parts(q)
-        kept[rows] = part[1:] == part[0]
-    return MountMaps(kept, maps)
+        if m not in maps:
+            q = pool.q[pool.samples.at_mounting(m)]
+            maps[m] = PartMap.of(Constraints(cell, m, limit=limit), np.vstack([np.array(cell.mount(m)), q]), seed)
+    return MountMaps.judge(pool, maps)
 
 
-def _find_mount(cell: Cell, mounting: Mounting, seed: int, limit: TimeLimit) -> Array:
-    """Return a pose in the largest part of the shell."""
+def _find_mount(cell: Cell, mounting: Mounting, seed: int, limit: TimeLimit) -> tuple[Array, PartMap]:
+    """Return a pose in the largest part of the shell, and its parts."""
     one = replace(cell.without_twist.restrict_to(mounting), plan=replace(cell.plan, grid_step=None))
     q = draw_candidates(one, 2000, seed, limit=limit).q  # poses among which a mount pose is looked for
-    return _quickest_roomy(one, q[connected_parts(Constraints(one, limit=limit), q, seed) == 0])
+    parts = PartMap.of(Constraints(one, limit=limit), q, seed)
+    return _quickest_roomy(one, q[parts.parts(q) == 0]), parts
 
 
 def _quickest_roomy(cell: Cell, q: Array) -> Array:

@@ -11,7 +11,7 @@ from planner.design.candidates.balls import BallFunnel, draw_ball_candidates
 from planner.design.candidates.pool import PoseSet, draw_candidates
 from planner.design.pose_selection import PoseChoice, judge_poses, replace_all, select_poses
 from planner.motion.path.constraints import Constraints
-from planner.motion.path.roadmap import connected_parts
+from planner.motion.path.parts import connected_parts
 from planner.runs.run import FIRST_MOUNTING
 from planner.session.course import Role
 from planner.session.mount import with_point_mount

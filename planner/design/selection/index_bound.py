@@ -148,11 +148,13 @@ class IndexPricing(Pricing):
     """The relaxation of an index (not O4) over the candidates ``rows`` (N, r, P)."""
 
     negligible: ClassVar[float] = 1e-4
+    spare: ClassVar[int] = 150  # candidates that come in a round, and that stay beside as many as are chosen
 
     def first(self, seed: int, near: Certificate | None) -> ActiveSet:
         """Where to begin: around another certificate's support, or with a seeded sample that sees every parameter."""
         rows = self.rows
-        count = min(len(rows), max(300, 10 * rows.shape[2], 2 * (self.poses or 0)))
+        poses = self.poses or 0
+        count = min(len(rows), max(300, 10 * rows.shape[2], min(2 * poses, poses + self.spare)))
         duals = near.duals if near else ()
         dual = next((d for d in duals if isinstance(d, IndexDual) and d.index == self.name), None)
         if near is None or dual is None or len(dual.X) != rows.shape[2] or len(near.support) == 0:
@@ -194,9 +196,10 @@ class IndexPricing(Pricing):
         count = self.count
         limit = np.partition(price[state.active], count - 1)[count - 1]
         violating = np.flatnonzero(outside & (price < limit))
-        order = np.lexsort((violating, round_significant(price[violating])))[:150]  # poses that come in a round
-        # 150: cheapest active ones that stay, at least
-        stay = np.lexsort((state.active, round_significant(price[state.active])))[: max(150, 3 * count)]
+        order = np.lexsort((violating, round_significant(price[violating])))[: self.spare]
+        # the cheapest active ones stay: a step takes the cube of their number
+        few = max(self.spare, min(3 * count, count + self.spare))
+        stay = np.lexsort((state.active, round_significant(price[state.active])))[:few]
         # 1e-3: of the largest weight: in use
         stay = np.union1d(stay, np.flatnonzero(state.weights > 1e-3 * np.max(state.weights)))
         active = np.concatenate([state.active[stay], violating[order]])

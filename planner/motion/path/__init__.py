@@ -1,3 +1,3 @@
 """Paths between poses that are proven free along their whole length."""
 
-__all__ = ["connection", "constraints", "roadmap", "verdict"]
+__all__ = ["connection", "constraints", "parts", "roadmap", "verdict"]

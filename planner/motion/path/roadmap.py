@@ -8,10 +8,8 @@ from typing import Any
 import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components, dijkstra
-from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 
-from planner.common.progress import LastStart
 from planner.common.units import Array
 from planner.motion.path.constraints import Constraints
 from planner.motion.planning_packages import ob, og, ou
@@ -322,65 +320,3 @@ def join_to_earlier(points: Array, count: int) -> np.ndarray:
         joined = np.stack([np.broadcast_to(own[:, None], near.shape), near.astype(int)], axis=2).reshape(-1, 2)
         edges.append(joined[joined[:, 1] < joined[:, 0]])
     return np.concatenate(edges)
-
-
-def connected_parts(constraints: Constraints, q: Array, seed: int = 0) -> np.ndarray:
-    """Tell which connected part of the valid states each of many poses belongs to, (n,), largest part 0.
-
-    See :class:`PartMap`.
-    """
-    return PartMap.of(constraints, q, seed).parts(q)
-
-
-@dataclass
-class PartMap:
-    """The connected parts of the valid states, as a roadmap shows them.
-
-    Between different parts no path was found, so a tour must keep to one of them.
-
-    Attributes:
-        roadmap: over the first poses and a sample of the others; grows by those that are looked at one by one.
-        part: of each of its states, largest part 0.
-    """
-
-    roadmap: Roadmap
-    part: np.ndarray
-
-    @classmethod
-    def of(cls, constraints: Constraints, q: Array, seed: int, certain: int = 1) -> "PartMap":
-        """Return the parts of valid poses.
-
-        Args:
-            constraints: what states and motions must keep.
-            q: valid poses (n, N) [rad], those that matter most (the start) first.
-            seed: of the sample.
-            certain: how many of the first poses must be in the roadmap itself.
-        """
-        roadmap = Roadmap.grow(constraints, q[:certain], q[certain:], seed)
-        return cls(roadmap, roadmap.graph.parts(LastStart.ROADMAP))
-
-    def parts(self, q: Array) -> np.ndarray:
-        """Part of each pose (n, N) [rad], (n,): that of the nearest state of the roadmap."""
-        speed = self.roadmap.constraints.cell.robot.speed
-        _, nearest = cKDTree(self.roadmap.graph.q / speed).query(q / speed, workers=-1)
-        return np.asarray(self.part[nearest])
-
-    def find_unjoined_poses(self, q: Array, share: float) -> np.ndarray:
-        """Positions of those poses (n, N) [rad] that no proven path joins to the first pose; they join the roadmap."""
-        graph, speed = self.roadmap.graph, self.roadmap.constraints.cell.robot.speed
-        count = len(graph.q)
-        _, near = cKDTree(graph.q / speed).query(q / speed, k=np.arange(min(NEIGHBOURS, count)) + 1)
-        own = np.repeat(count + np.arange(len(q)), near.shape[1])
-        graph.add_states(q, np.column_stack([near.ravel(), own]))
-        self.part = graph.parts(share)
-        return np.flatnonzero(self.part[count:] != self._part_of_first)
-
-    def are_proven(self, q: Array) -> np.ndarray:
-        """Tell which poses (n, N) [rad] are states of the roadmap that a proven path joins to the first pose, (n,)."""
-        speed = self.roadmap.constraints.cell.robot.speed
-        away, nearest = cKDTree(self.roadmap.graph.q / speed).query(q / speed, workers=-1)
-        return np.asarray((away == 0) & (self.part[nearest] == self._part_of_first))
-
-    @property
-    def _part_of_first(self) -> int:
-        return int(self.part[self.roadmap.place[0]])

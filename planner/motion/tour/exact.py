@@ -1,9 +1,9 @@
 """The solver that is always there: a local search for the tour, linear and integer programs for the proof.
 
-The linear relaxation (degree equations, and a subtour inequality for every node set that a point violates) bounds
-every tour from below; legs whose reduced cost exceeds what is left to the best tour are then struck out, and HiGHS
-solves the integer program over the few that remain, with subtour inequalities added as its answers violate them
-(Dantzig, Fulkerson and Johnson, Operations Research 2, 1954). Limits are counts of nodes, never seconds.
+The linear relaxation (degree equations, and the inequalities of :mod:`.cuts` that its points violate) bounds every
+tour from below; legs whose reduced cost exceeds what is left to the best tour are then struck out, and HiGHS solves the
+integer program over the few that remain, with subtour inequalities added as its answers violate them (Dantzig,
+Fulkerson and Johnson, Operations Research 2, 1954). Limits are counts of nodes, never seconds.
 """
 
 from collections.abc import Iterable
@@ -11,17 +11,14 @@ from typing import Any
 
 import highspy
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_array
-from scipy.sparse.csgraph import connected_components
 
 from planner.common.progress import UNLIMITED, LastStart, TimeLimit
 from planner.common.quiet import quiet_output
 from planner.common.units import Array, IntArray
+from planner.motion.tour.cuts import Cut, connected_sets, violated_blossoms, violated_sets
 from planner.motion.tour.instance import TourInstance
 from planner.motion.tour.local_search import LocalSearch, greedy_tour, nearest_neighbours, walk_tour
-
-BoolArray = NDArray[np.bool_]
 
 NEIGHBOURS = 6  # of the shortest legs from each node that the relaxation begins with
 DUAL_STEPS = 2**14  # steps of a dual value per unit of cost
@@ -51,18 +48,18 @@ def solve_instance(instance: TourInstance, search: LocalSearch, nodes: int) -> t
     if bound >= length or nodes == 0:
         return tour, min(bound, length)
     useful = np.triu(reduced <= (length - 1) * DUAL_STEPS - root, 1) & ~instance.forbidden
-    legs, sets = np.argwhere(useful), relaxation.tight_sets()
-    return _search_tree(instance, tour, legs, sets, bound, nodes, search.limit)
+    legs, cuts = np.argwhere(useful), relaxation.tight_cuts()
+    return _search_tree(instance, tour, legs, cuts, bound, nodes, search.limit)
 
 
 class _Program:
-    """Degree equations and subtour inequalities of HiGHS over legs (k, 2), the smaller node first."""
+    """Degree equations and cuts of HiGHS over legs (k, 2), the smaller node first."""
 
     def __init__(self, instance: TourInstance, scale: float, **options: object) -> None:
         self.size = len(instance.cost)
         self.cost = (instance.cost + instance.penalty * instance.forbidden) / scale
         self.legs: IntArray = np.zeros((0, 2), dtype=np.int64)
-        self.sets: BoolArray = np.zeros((0, self.size), dtype=np.bool_)
+        self.cuts: list[Cut] = []
         solver: Any = highspy.Highs  # its Python side carries no types
         with quiet_output():  # since HiGHS 1.16 this prints a banner, before any option can be set
             self.solver = solver()
@@ -82,22 +79,22 @@ class _Program:
         tail, head = legs.T
         ends = np.zeros((len(legs), self.size))
         ends[np.arange(len(legs)), tail] = ends[np.arange(len(legs)), head] = 1.0
-        rows = csr_array(np.hstack([ends, (self.sets[:, tail] != self.sets[:, head]).T]))
+        rows = csr_array(np.hstack([ends, *(cut.factors(legs)[:, None] for cut in self.cuts)]))
         parts = rows.indptr[:-1].astype(np.int32), rows.indices.astype(np.int32), rows.data.astype(float)
         bounds = np.zeros(len(legs)), np.ones(len(legs))
         self.solver.addCols(len(legs), self.cost[tail, head], *bounds, rows.nnz, *parts)
         self.legs = np.concatenate([self.legs, legs])
         return True
 
-    def add_sets(self, sets: Iterable[BoolArray]) -> bool:
-        """Demand that a tour leaves these node sets (m,); return whether one of them was new."""
-        sides = [~s if s[0] else s for s in sets]
-        known = {s.tobytes() for s in self.sets}
-        fresh = [s for s in {s.tobytes(): s for s in sides}.values() if s.tobytes() not in known]
-        for s in fresh:
-            crossing = np.flatnonzero(s[self.legs[:, 0]] != s[self.legs[:, 1]]).astype(np.int32)
-            self.solver.addRow(2.0, highspy.kHighsInf, len(crossing), crossing, np.ones(len(crossing)))
-        self.sets = np.concatenate([self.sets, np.array(fresh, dtype=np.bool_).reshape(-1, self.size)])
+    def add_cuts(self, cuts: Iterable[Cut]) -> bool:
+        """Demand that a tour keeps these inequalities; return whether one of them was new."""
+        known = {c.key for c in self.cuts}
+        fresh = [c for c in {c.key: c for c in cuts}.values() if c.key not in known]
+        for cut in fresh:
+            factors = cut.factors(self.legs)
+            used = np.flatnonzero(factors).astype(np.int32)
+            self.solver.addRow(cut.least, highspy.kHighsInf, len(used), used, factors[used])
+        self.cuts += fresh
         return len(fresh) > 0
 
     def make_whole(self) -> None:
@@ -138,13 +135,13 @@ class Relaxation(_Program):
         self.add_legs(legs)
 
     def optimize(self) -> IntArray:
-        """Add violated subtour inequalities and legs of negative reduced cost until there are none.
+        """Add violated inequalities and legs of negative reduced cost until there are none.
 
         Returns:
             The exact reduced cost of every leg, let in or not, (m, m) [1/DUAL_STEPS unit].
         """
         while True:
-            while self.add_sets(violated_sets(self.point())):
+            while self.add_cuts(self._violated(self.point())):
                 pass
             dual = np.rint(np.array(self.solver.getSolution().row_dual) * self._scale * DUAL_STEPS).astype(np.int64)
             dual[self.size :] = np.maximum(dual[self.size :], 0)
@@ -155,25 +152,36 @@ class Relaxation(_Program):
 
     def bound(self, reduced: IntArray) -> int:
         """Return the lower bound over all tours [1/DUAL_STEPS unit]."""
-        return 2 * int(self._dual.sum()) + int(np.minimum(np.triu(reduced, 1), 0).sum())
+        least = np.array([2] * self.size + [cut.least for cut in self.cuts])
+        return int(self._dual @ least) + int(np.minimum(np.triu(reduced, 1), 0).sum())
 
-    def tight_sets(self) -> BoolArray:
-        """Return the node sets (k, m) whose inequalities hold the bound up."""
-        return np.asarray(self.sets[self._dual[self.size :] > 0])
+    def tight_cuts(self) -> list[Cut]:
+        """Return the inequalities that hold the bound up."""
+        return [cut for cut, price in zip(self.cuts, self._dual[self.size :], strict=True) if price > 0]
+
+    def _violated(self, x: Array) -> list[Cut]:
+        """Return cuts that a point misses: those of subtours, and where it misses none, blossoms."""
+        return [Cut.of(s) for s in violated_sets(x)] or violated_blossoms(x)
 
     def _reduce_costs(self) -> IntArray:
-        dual, sets = self._dual.astype(float), self.sets.astype(float)
+        dual = self._dual.astype(float)
+        sets = np.array([cut.side for cut in self.cuts], dtype=float).reshape(-1, self.size)
         node, price = dual[: self.size], dual[self.size :]
         once = price @ sets + node
         whole = np.rint(self.cost * self._scale) * DUAL_STEPS  # whole numbers below 2^53: exact
-        return np.asarray(whole - once[:, None] - once[None, :] + 2.0 * (sets.T * price) @ sets, dtype=np.int64)
+        reduced = whole - once[:, None] - once[None, :] + 2.0 * (sets.T * price) @ sets
+        for cut, paid in zip(self.cuts, price, strict=True):
+            a, b = cut.teeth.T
+            reduced[a, b] += 2.0 * paid
+            reduced[b, a] = reduced[a, b]
+        return np.asarray(reduced, dtype=np.int64)
 
 
 def _search_tree(
     instance: TourInstance,
     tour: list[int],
     useful: IntArray,
-    sets: BoolArray,
+    cuts: list[Cut],
     bound: int,
     most_nodes: int,
     limit: TimeLimit,
@@ -185,7 +193,7 @@ def _search_tree(
     allowed = length < instance.penalty
     if allowed:
         program.add_legs(_legs(tour))
-    program.add_sets(sets)
+    program.add_cuts(cuts)
     program.make_whole()
     while True:
         program.solver.setOptionValue("mip_max_nodes", most_nodes - nodes)
@@ -200,60 +208,13 @@ def _search_tree(
         optimal = status == highspy.HighsModelStatus.kOptimal
         if status == highspy.HighsModelStatus.kInfeasible or (optimal and info.objective_function_value > length - 0.5):
             return tour, length
-        parts = _parts(x > 0.5)
+        parts = connected_sets(x > 0.5)
         if optimal and len(parts) == 1:
             shorter = _cycle(x)
             return shorter, instance.length(shorter)
         if not optimal or nodes >= most_nodes:
             return tour, min(length, max(bound, int(np.ceil(info.mip_dual_bound - 0.5))))
-        program.add_sets(parts)
-
-
-def violated_sets(x: Array) -> list[BoolArray]:
-    """Return node sets that ``x`` (m, m, degrees 2) leaves less than twice: unconnected parts, or minimum cuts.
-
-    Stoer and Wagner, J. ACM 44 (1997), after contracting legs at 1: no cut below 2 separates their ends.
-    """
-    parts = _parts(x > 1e-9)
-    if len(parts) > 1:
-        return parts
-    member = np.array(_parts(x > 1.0 - 1e-9))
-    label = member.argmax(axis=0)
-    tail, head = np.nonzero(x)
-    weight = np.zeros((len(member), len(member)))
-    np.add.at(weight, (label[tail], label[head]), x[tail, head])  # not a matrix product: the same on every machine
-    np.fill_diagonal(weight, 0.0)
-    found = []
-    while len(weight) > 1:
-        last, before, value = _cut_of_phase(weight)
-        if value < 2.0 - 1e-3:  # an inequality must be missed by this much to be worth a row
-            found.append(member[last])
-        weight[before] += weight[last]
-        weight[:, before] += weight[:, last]
-        weight[before, before] = 0.0
-        member[before] |= member[last]
-        keep = np.arange(len(weight)) != last
-        weight, member = weight[np.ix_(keep, keep)], member[keep]
-    return found
-
-
-def _cut_of_phase(weight: Array) -> tuple[int, int, float]:
-    """Maximum adjacency order from node 0: its last node, the one before, and the cut around the last."""
-    attached = weight[0].copy()
-    attached[0] = -np.inf
-    last, before, value = 0, 0, 0.0
-    for _ in range(len(weight) - 1):
-        before, last = last, int(attached.argmax())
-        value = float(attached[last])
-        attached += weight[last]
-        attached[last] = -np.inf
-    return last, before, value
-
-
-def _parts(linked: BoolArray) -> list[BoolArray]:
-    """Return the connected parts of the graph as node sets (m,)."""
-    count, label = connected_components(csr_array(linked), directed=False)
-    return [label == k for k in range(count)]
+        program.add_cuts([Cut.of(s) for s in parts])
 
 
 def _legs(tour: list[int]) -> IntArray:

@@ -12,8 +12,8 @@ from planner.motion.collision.engines import CollisionWorld
 from planner.motion.collision.fcl_world import FclWorld
 from planner.motion.path.connection import connect_poses
 from planner.motion.path.constraints import Constraints
+from planner.motion.path.parts import connected_parts
 from planner.motion.path.proof import Prover
-from planner.motion.path.roadmap import connected_parts
 from planner.motion.path.verdict import PathGaps, ProvenPath, judge_path
 from tests.motion.path.poses import cell_and_world, dense, valid_poses
 

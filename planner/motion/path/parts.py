@@ -1,0 +1,86 @@
+"""Which valid states hang together: the connected parts of a roadmap whose edges are proven as far as that takes."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from planner.common.progress import LastStart
+from planner.common.units import Array
+from planner.motion.path.constraints import Constraints
+from planner.motion.path.roadmap import NEIGHBOURS, LazyGraph, Roadmap
+
+
+def connected_parts(constraints: Constraints, q: Array, seed: int = 0) -> np.ndarray:
+    """Tell which connected part of the valid states each of many poses belongs to, (n,), largest part 0.
+
+    See :class:`PartMap`.
+    """
+    return PartMap.of(constraints, q, seed).parts(q)
+
+
+@dataclass(frozen=True)
+class PartMap:
+    """The connected parts of the valid states, as a roadmap shows them; those of a start are joined to it.
+
+    Between different parts no path was found, so a tour must keep to one of them.
+
+    Attributes:
+        roadmap: over the start, the first of its poses, and a sample of the others; it grows with the states that are
+            asked for, and keeps what is proven of its edges.
+        part: of each of the states that it had when these parts were found, largest part 0.
+    """
+
+    roadmap: Roadmap
+    part: np.ndarray
+
+    @classmethod
+    def of(cls, constraints: Constraints, q: Array, seed: int) -> "PartMap":
+        """Return the parts of valid poses (n, N) [rad], of which the first is the start and in the roadmap itself."""
+        roadmap = Roadmap.grow(constraints, q[:1], q[1:], seed)
+        return cls(roadmap, roadmap.graph.parts(LastStart.ROADMAP))
+
+    def begin_at(self, constraints: Constraints, start: Array) -> "PartMap":
+        """Return the map with another start (N,) [rad], under constraints that allow whatever was proven under its own.
+
+        What was proven stays so, and what failed fails.
+        """
+        old = self.roadmap.graph
+        graph = LazyGraph(constraints, old.q, old.edges)
+        graph.known[:] = old.known
+        roadmap = replace(self.roadmap, constraints=constraints, graph=graph, place=np.array([len(old.q)]))
+        return replace(self, roadmap=roadmap)._with_states(start[None])
+
+    def with_poses(self, q: Array) -> "PartMap":
+        """Return the map with poses (n, N) [rad] as further states of its roadmap."""
+        speed = self.roadmap.constraints.cell.robot.speed
+        away, _ = cKDTree(self.roadmap.graph.q / speed).query(q / speed)
+        return self._with_states(q[away > 0.0])
+
+    def _with_states(self, q: Array) -> "PartMap":
+        graph, speed = self.roadmap.graph, self.roadmap.constraints.cell.robot.speed
+        count, every = len(graph.q), np.concatenate([graph.q, q])
+        _, near = cKDTree(every / speed).query(q / speed, k=np.arange(min(NEIGHBOURS + 1, len(every))) + 1)
+        edges = np.column_stack([near.ravel(), np.repeat(count + np.arange(len(q)), near.shape[1])])
+        graph.add_states(q, edges[edges[:, 0] != edges[:, 1]])
+        return replace(self, part=graph.parts(LastStart.ROADMAP))
+
+    def parts(self, q: Array) -> np.ndarray:
+        """Part of each pose (n, N) [rad], (n,): that of the nearest state of the roadmap."""
+        speed = self.roadmap.constraints.cell.robot.speed
+        _, nearest = cKDTree(self.roadmap.graph.q[: len(self.part)] / speed).query(q / speed, workers=-1)
+        return np.asarray(self.part[nearest])
+
+    def joined(self, q: Array) -> np.ndarray:
+        """Tell which poses (n, N) [rad] lie in the part of the start, (n,) bool."""
+        return np.asarray(self.parts(q) == self.part[self.roadmap.place[0]])
+
+    def find_unjoined_poses(self, q: Array, share: float) -> np.ndarray:
+        """Positions of those poses (n, N) [rad] that no proven path joins to the start; they join the roadmap."""
+        graph, speed = self.roadmap.graph, self.roadmap.constraints.cell.robot.speed
+        count = len(graph.q)
+        _, near = cKDTree(graph.q / speed).query(q / speed, k=np.arange(min(NEIGHBOURS, count)) + 1)
+        own = np.repeat(count + np.arange(len(q)), near.shape[1])
+        graph.add_states(q, np.column_stack([near.ravel(), own]))
+        part = graph.parts(share)
+        return np.flatnonzero(part[count:] != part[self.roadmap.place[0]])
