@@ -186,9 +186,8 @@ class BarPoses(PoseSession):
         repeats = 0 if self.cell.motion.is_continuous else self.cell.plan.repeat
         out = []
         for m in self.cell.mountings:
-            near = self.pool.q[self.pool.samples.at_mounting(m)]
             measuring, travelling = (Constraints(self.cell, m, bar, limit=limit) for bar in (True, False))
-            out.append(MountingSession(measuring, travelling, near, repeats))
+            out.append(MountingSession(measuring, travelling, self.reach.maps[m].roadmap, repeats))
         return out
 
     def stop(self, choice: PoseChoice, k: int) -> TourStop:

@@ -16,6 +16,7 @@ from planner.design.pose_selection import identify_candidates
 from planner.design.selection.certificate import Certificate
 from planner.design.selection.index_bound import certify_bound, price_core
 from planner.motion.collision.scene import advise_never_meet
+from planner.motion.path.connection import roomy
 from planner.motion.path.constraints import Constraints
 from planner.motion.path.parts import PartMap
 from planner.runs.run import FIRST_MOUNTING, Mounting
@@ -64,7 +65,7 @@ def settle_mounts(cell: Cell, seed: int, limit: TimeLimit = UNLIMITED) -> tuple[
             )
     if cell.cable.tool_about_bar is not None or len(cell.mountings) > 1:
         return cell, {}  # they were found without the twist, or without the other fixtures
-    return cell, {m: p.begin_at(Constraints(cell, m, limit=limit), np.asarray(cell.mount(m))) for m, p in found.items()}
+    return cell, {m: p.begin_at(_with_room(cell, m, limit), np.asarray(cell.mount(m))) for m, p in found.items()}
 
 
 def move_mounts(cell: Cell, given: Cell, pool: PoseSet, reach: "MountMaps") -> Cell:
@@ -177,7 +178,7 @@ def join_to_mounts(
     for m in cell.mountings:
         if m not in maps:
             q = pool.q[pool.samples.at_mounting(m)]
-            maps[m] = PartMap.of(Constraints(cell, m, limit=limit), np.vstack([np.array(cell.mount(m)), q]), seed)
+            maps[m] = PartMap.of(_with_room(cell, m, limit), np.vstack([np.array(cell.mount(m)), q]), seed)
     return MountMaps.judge(pool, maps)
 
 
@@ -185,8 +186,14 @@ def _find_mount(cell: Cell, mounting: Mounting, seed: int, limit: TimeLimit) -> 
     """Return a pose in the largest part of the shell, and its parts."""
     one = replace(cell.without_twist.restrict_to(mounting), plan=replace(cell.plan, grid_step=None))
     q = draw_candidates(one, 2000, seed, limit=limit).q  # poses among which a mount pose is looked for
-    parts = PartMap.of(Constraints(one, limit=limit), q, seed)
+    parts = PartMap.of(_with_room(one, FIRST_MOUNTING, limit), q, seed)
     return _quickest_roomy(one, q[parts.parts(q) == 0]), parts
+
+
+def _with_room(cell: Cell, mounting: Mounting, limit: TimeLimit) -> Constraints:
+    """Return the constraints of roadmaps: with the room of the ways that are sought on them later."""
+    constraints, mount = Constraints(cell, mounting, limit=limit), cell.mount(mounting)
+    return roomy(constraints, np.empty((0, cell.robot.n_joints)) if mount is None else np.array([mount]))
 
 
 def _quickest_roomy(cell: Cell, q: Array) -> Array:

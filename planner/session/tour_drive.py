@@ -21,6 +21,7 @@ from planner.common.units import Array, read_only
 from planner.design.candidates.balls import FirstContact
 from planner.motion.path.connection import connect_poses
 from planner.motion.path.constraints import Constraints
+from planner.motion.path.roadmap import Roadmap
 from planner.motion.path.verdict import PathGaps, ProvenPath
 from planner.motion.timing.trajectory import check_limits
 from planner.motion.tour.solve import Tour, solve_tour
@@ -45,13 +46,13 @@ class MountingSession:
 
     Attributes:
         measuring: what the robot keeps while it measures; travelling: on the way there and back.
-        detours: states over which detours lead (P, N) [rad].
+        detours: states over which detours lead (P, N) [rad], or a roadmap of them.
         repeats: how many poses are visited again at the end.
     """
 
     measuring: Constraints
     travelling: Constraints
-    detours: Array
+    detours: Array | Roadmap
     repeats: int = 0
 
     @property

@@ -12,12 +12,14 @@ from planner.motion.tolerances import DETOUR_MARGINS
 
 
 def cut_corners(constraints: Constraints, paths: Sequence[Array]) -> list[Array]:
-    """Leave out supports of paths (k, N) [rad] that proven motions between the others make needless."""
+    """Leave out supports of proven paths (k, N) [rad] that proven motions between the others make needless."""
     if not paths:
         return []
     start = np.concatenate([[0], np.cumsum([len(w) for w in paths])])
     edges = [s + np.column_stack(np.triu_indices(len(w), 1)) for s, w in zip(start, paths, strict=False)]
     graph = LazyGraph(constraints, np.concatenate(paths), np.concatenate(edges))
+    inner = np.setdiff1d(np.arange(start[-1] - 1), start[1:-1] - 1)  # states that are followed by another of their path
+    graph.accept(np.column_stack([inner, inner + 1]))
     graph.strike(np.column_stack([start[:-1], start[1:] - 1]))  # the straight leg has failed before
     found = graph.paths(np.column_stack([start[:-1], start[1:] - 1]), 60)  # rounds
     return [graph.q[f] if f else w for f, w in zip(found, paths, strict=True)]
@@ -88,7 +90,7 @@ def connect_poses(
     order: Sequence[int],
     *,
     seed: int = 0,
-    pool: Array | None = None,
+    pool: Array | Roadmap | None = None,
 ) -> ProvenPath | PathGaps:
     """Join poses in the given order by a path that keeps every constraint throughout.
 
@@ -102,6 +104,7 @@ def connect_poses(
         order: rows of ``q`` in visiting order; a row may come twice.
         seed: of everything random.
         pool: valid states (P, N) [rad] to lead detours over, for instance the candidates; drawn at random if ``None``.
+            A roadmap of the same bodies keeps and learns what is proven of its edges.
 
     Returns:
         The path, or the legs that could not be joined and the poses that cannot be reached.
@@ -116,8 +119,8 @@ def connect_poses(
     reasons: tuple[str, ...] = ()
     for room in DETOUR_MARGINS:
         if len(bent):
-            wide = _roomy(constraints, q[visits], room)
-            roadmap = Roadmap.grow(wide, q, _draw_states(wide, q, seed) if pool is None else pool, seed)
+            wide = roomy(constraints, q[visits], room)
+            roadmap = _roadmap_about(wide, q, pool, seed)
             found = _find_detours(roadmap, bent)
             paths |= {_pair(leg): path for leg, path in zip(bent, found, strict=True) if path is not None}
             failed = tuple(_pair(leg) for leg, path in zip(bent, found, strict=True) if path is None)
@@ -130,9 +133,18 @@ def connect_poses(
     return PathGaps(tuple(_pair(leg) for leg in bent), (), reasons)
 
 
-def _roomy(constraints: Constraints, q: Array, room: float) -> Constraints:
+def roomy(constraints: Constraints, q: Array, room: float = DETOUR_MARGINS[0]) -> Constraints:
     """Return the constraints with ``room`` [m] more, if every pose to be visited (n, N) has that much itself."""
     return constraints.with_room(0.0 if constraints.world.near(q, constraints.clearance + room).any() else room)
+
+
+def _roadmap_about(constraints: Constraints, q: Array, pool: Array | Roadmap | None, seed: int) -> Roadmap:
+    """Return a roadmap over poses (n, N) [rad] and a pool: the pool itself, where it keeps as much room."""
+    if isinstance(pool, Roadmap):
+        if pool.constraints.room == constraints.room:
+            return pool.with_poses(q)
+        pool = pool.graph.q
+    return Roadmap.grow(constraints, q, _draw_states(constraints, q, seed) if pool is None else pool, seed)
 
 
 def _unproven_legs(path: ProvenPath) -> tuple[np.ndarray, tuple[str, ...]]:

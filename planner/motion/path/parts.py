@@ -8,7 +8,7 @@ from scipy.spatial import cKDTree
 from planner.common.progress import LastStart
 from planner.common.units import Array
 from planner.motion.path.constraints import Constraints
-from planner.motion.path.roadmap import NEIGHBOURS, LazyGraph, Roadmap
+from planner.motion.path.roadmap import LazyGraph, Roadmap
 
 
 def connected_parts(constraints: Constraints, q: Array, seed: int = 0) -> np.ndarray:
@@ -37,8 +37,7 @@ class PartMap:
     @classmethod
     def of(cls, constraints: Constraints, q: Array, seed: int) -> "PartMap":
         """Return the parts of valid poses (n, N) [rad], of which the first is the start and in the roadmap itself."""
-        roadmap = Roadmap.grow(constraints, q[:1], q[1:], seed)
-        return cls(roadmap, roadmap.graph.parts(LastStart.ROADMAP))
+        return cls._about(Roadmap.grow(constraints, q[:1], q[1:], seed))
 
     def begin_at(self, constraints: Constraints, start: Array) -> "PartMap":
         """Return the map with another start (N,) [rad], under constraints that allow whatever was proven under its own.
@@ -48,22 +47,16 @@ class PartMap:
         old = self.roadmap.graph
         graph = LazyGraph(constraints, old.q, old.edges)
         graph.known[:] = old.known
-        roadmap = replace(self.roadmap, constraints=constraints, graph=graph, place=np.array([len(old.q)]))
-        return replace(self, roadmap=roadmap)._with_states(start[None])
+        return self._about(replace(self.roadmap, constraints=constraints, graph=graph).with_poses(start[None]))
 
     def with_poses(self, q: Array) -> "PartMap":
         """Return the map with poses (n, N) [rad] as further states of its roadmap."""
-        speed = self.roadmap.constraints.cell.robot.speed
-        away, _ = cKDTree(self.roadmap.graph.q / speed).query(q / speed)
-        return self._with_states(q[away > 0.0])
+        self.roadmap.with_poses(q)
+        return self._about(self.roadmap)
 
-    def _with_states(self, q: Array) -> "PartMap":
-        graph, speed = self.roadmap.graph, self.roadmap.constraints.cell.robot.speed
-        count, every = len(graph.q), np.concatenate([graph.q, q])
-        _, near = cKDTree(every / speed).query(q / speed, k=np.arange(min(NEIGHBOURS + 1, len(every))) + 1)
-        edges = np.column_stack([near.ravel(), np.repeat(count + np.arange(len(q)), near.shape[1])])
-        graph.add_states(q, edges[edges[:, 0] != edges[:, 1]])
-        return replace(self, part=graph.parts(LastStart.ROADMAP))
+    @staticmethod
+    def _about(roadmap: Roadmap) -> "PartMap":
+        return PartMap(roadmap, roadmap.graph.parts(LastStart.ROADMAP))
 
     def parts(self, q: Array) -> np.ndarray:
         """Part of each pose (n, N) [rad], (n,): that of the nearest state of the roadmap."""
@@ -77,10 +70,5 @@ class PartMap:
 
     def find_unjoined_poses(self, q: Array, share: float) -> np.ndarray:
         """Positions of those poses (n, N) [rad] that no proven path joins to the start; they join the roadmap."""
-        graph, speed = self.roadmap.graph, self.roadmap.constraints.cell.robot.speed
-        count = len(graph.q)
-        _, near = cKDTree(graph.q / speed).query(q / speed, k=np.arange(min(NEIGHBOURS, count)) + 1)
-        own = np.repeat(count + np.arange(len(q)), near.shape[1])
-        graph.add_states(q, np.column_stack([near.ravel(), own]))
-        part = graph.parts(share)
-        return np.flatnonzero(part[count:] != part[self.roadmap.place[0]])
+        place, part = self.roadmap.with_poses(q).place, self.roadmap.graph.parts(share)
+        return np.flatnonzero(part[place] != part[self.roadmap.place[0]])

@@ -1,13 +1,14 @@
 """A roadmap over poses and a pool of valid states whose edges are proven only when a path uses them."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntEnum
 from typing import Any
 
 import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components, dijkstra
+from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 
 from planner.common.units import Array
@@ -125,13 +126,17 @@ class LazyGraph:
         chain = np.concatenate([ends[:1], inner, ends[1:]])
         new = np.column_stack([chain[:-1], chain[1:]])
         self.add_states(path[1:-1], new)
-        self.known[self._rows(new)] = Known.PROVEN
+        self.accept(new)
 
     def add_states(self, q: Array, edges: np.ndarray) -> None:
         """Add states (n, N) [rad], which come last, and edges (m, 2) that may join them."""
         grown = LazyGraph(self.constraints, np.concatenate([self.q, q]), np.concatenate([self.edges, edges]))
         grown.known[grown._rows(self.edges)] = self.known
         self.__dict__.update(grown.__dict__)
+
+    def accept(self, edges: np.ndarray) -> None:
+        """Mark edges (n, 2) that are known to be proven; those not in the graph are passed over."""
+        self.known[self._rows(edges)] = Known.PROVEN
 
     def strike(self, edges: np.ndarray) -> None:
         """Mark edges (n, 2) that are known to fail; those not in the graph are passed over."""
@@ -266,6 +271,31 @@ class Roadmap:
         states, place = states[order], np.argsort(order)[place]
         edges = join_to_earlier(states / constraints.cell.robot.speed, NEIGHBOURS)
         return cls(constraints, LazyGraph(constraints, states, edges), place[: len(q)], seed)
+
+    def with_poses(self, q: Array) -> "Roadmap":
+        """Return the roadmap with the poses (n, N) [rad] for its places; those that it lacks become states of it.
+
+        Both share their states, edges and what is known of them.
+        """
+        place = np.full(len(q), -1)
+        if len(self.graph.q):
+            away, nearest = cKDTree(self._scaled(self.graph.q)).query(self._scaled(q))
+            place = np.where(away > 0.0, -1, nearest)
+        new, which = np.unique(q[place < 0], axis=0, return_inverse=True)
+        place[place < 0] = len(self.graph.q) + which.ravel()
+        self.join_states(new)
+        return replace(self, place=place)
+
+    def join_states(self, q: Array) -> None:
+        """Add states (n, N) [rad], which come last, each with edges to its nearest neighbours."""
+        count, every = len(self.graph.q), np.concatenate([self.graph.q, q])
+        _, near = cKDTree(self._scaled(every)).query(self._scaled(q), k=np.arange(min(NEIGHBOURS + 1, len(every))) + 1)
+        edges = np.column_stack([near.ravel(), np.repeat(count + np.arange(len(q)), near.shape[1])])
+        self.graph.add_states(q, edges[edges[:, 0] != edges[:, 1]])
+
+    def _scaled(self, q: Array) -> Array:
+        """Angles (n, N) as times [s] of the axes at full speed."""
+        return np.asarray(q / self.constraints.cell.robot.speed)
 
     def parts(self) -> np.ndarray:
         """Connected part of each pose, (n,)."""

@@ -4,9 +4,11 @@ import numpy as np
 import pytest
 
 from planner.cell.workspace import Workspace
+from planner.motion.path.connection import connect_poses, roomy
 from planner.motion.path.constraints import Constraints
 from planner.motion.path.parts import PartMap
 from planner.motion.path.roadmap import Known
+from planner.motion.path.verdict import ProvenPath
 from tests.motion.path.poses import cell_and_world, dense, valid_poses
 
 
@@ -67,3 +69,18 @@ def test_another_start_proves_its_own_motions_alone(asked):
     start = other.roadmap.graph.q[other.roadmap.place[0]]
     np.testing.assert_array_equal(start, q[80])
     assert other.joined(q[80:])[0]
+
+
+def test_ways_lead_over_a_map_and_what_it_has_proven_is_not_proven_again(asked):
+    constraints, motions = asked
+    q = valid_poses(700)[:200]
+    known = PartMap.of(roomy(constraints, q[:1]), q, 0)
+    stops = q[known.joined(q)][:8]
+    before = set(keys(motions))
+    motions.clear()
+    found = connect_poses(constraints, stops, [*range(8), 0], pool=known.roadmap)
+    assert isinstance(found, ProvenPath)
+    assert found.clear
+    assert any(not leg.direct for leg in found.legs)
+    straight = set(keys((stops[a], stops[b]) for a in range(8) for b in range(8)))
+    assert not (set(keys(motions)) - straight) & before
