@@ -189,7 +189,8 @@ def join(place, nodes, order, kind, seed):
         mock.patch.object(connection, "Roadmap", kind),
         mock.patch.object(roadmap_module, "rrt_connect", wraps=rrt_connect) as bridging,
     ):
-        path = connection.connect_poses(place.measuring, nodes, order, seed=seed, pool=place.detours)
+        pool = place.detours.graph.q if isinstance(place.detours, Roadmap) else place.detours
+        path = connection.connect_poses(place.measuring, nodes, order, seed=seed, pool=pool)
     seconds, bridges = time.process_time() - begun, bridging.call_count
     if not isinstance(path, ProvenPath):
         return Joined(seconds, bridges, lost=len(path.failed))

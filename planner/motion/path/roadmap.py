@@ -272,26 +272,31 @@ class Roadmap:
         edges = join_to_earlier(states / constraints.cell.robot.speed, NEIGHBOURS)
         return cls(constraints, LazyGraph(constraints, states, edges), place[: len(q)], seed)
 
-    def with_poses(self, q: Array) -> "Roadmap":
+    def with_poses(self, q: Array, levels: tuple[int, ...] = (1,)) -> "Roadmap":
         """Return the roadmap with the poses (n, N) [rad] for its places; those that it lacks become states of it.
 
-        Both share their states, edges and what is known of them.
+        Both share their states, edges and what is known of them. Each pose is joined to the nearest states, and to the
+        nearest of the first half, quarter, … of them, as the ``levels`` say: the fewer, the longer the edges.
         """
         place = np.full(len(q), -1)
         if len(self.graph.q):
             away, nearest = cKDTree(self._scaled(self.graph.q)).query(self._scaled(q))
             place = np.where(away > 0.0, -1, nearest)
         new, which = np.unique(q[place < 0], axis=0, return_inverse=True)
-        place[place < 0] = len(self.graph.q) + which.ravel()
-        self.join_states(new)
+        count = len(self.graph.q)
+        place[place < 0] = count + which.ravel()
+        own = np.unique(place) if len(levels) > 1 else count + np.arange(len(new))
+        every = np.concatenate([self.graph.q, new])
+        edges = [self._nearest(every, own, len(every) // level) for level in levels]
+        self.graph.add_states(new, np.concatenate(edges))
         return replace(self, place=place)
 
-    def join_states(self, q: Array) -> None:
-        """Add states (n, N) [rad], which come last, each with edges to its nearest neighbours."""
-        count, every = len(self.graph.q), np.concatenate([self.graph.q, q])
-        _, near = cKDTree(self._scaled(every)).query(self._scaled(q), k=np.arange(min(NEIGHBOURS + 1, len(every))) + 1)
-        edges = np.column_stack([near.ravel(), np.repeat(count + np.arange(len(q)), near.shape[1])])
-        self.graph.add_states(q, edges[edges[:, 0] != edges[:, 1]])
+    def _nearest(self, q: Array, own: np.ndarray, count: int) -> np.ndarray:
+        """Return edges (m, 2) from the states ``own`` (k,) of q (n, N) [rad] to the nearest of the first ``count``."""
+        tree = cKDTree(self._scaled(q[:count]))
+        _, near = tree.query(self._scaled(q[own]), k=np.arange(min(NEIGHBOURS + 1, count)) + 1)
+        edges = np.column_stack([near.ravel(), np.repeat(own, near.shape[1])])
+        return np.asarray(edges[edges[:, 0] != edges[:, 1]])
 
     def _scaled(self, q: Array) -> Array:
         """Angles (n, N) as times [s] of the axes at full speed."""
