@@ -106,7 +106,7 @@ class MountMaps:
         joined = np.zeros(len(pool), dtype=bool)
         for m, known in maps.items():
             mine = np.flatnonzero(pool.samples.at_mounting(m))
-            joined[mine] = known.joined(pool.q[mine])
+            joined[mine] = known.joins_start(pool.q[mine])
         return cls(joined, maps)
 
     def with_poses(self, pool: PoseSet, certain: np.ndarray) -> "MountMaps":

@@ -142,7 +142,7 @@ def _roadmap_about(constraints: Constraints, q: Array, pool: Array | Roadmap | N
     """Return a roadmap over poses (n, N) [rad] and a pool: the pool itself, where it keeps as much room."""
     if isinstance(pool, Roadmap):
         if pool.constraints.room == constraints.room:
-            return pool.with_poses(q)
+            return pool.with_poses(q, (1, 4, 16))  # near ones, and of a quarter and a sixteenth: they give long edges
         pool = pool.graph.q
     return Roadmap.grow(constraints, q, _draw_states(constraints, q, seed) if pool is None else pool, seed)
 

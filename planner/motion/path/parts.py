@@ -64,7 +64,7 @@ class PartMap:
         _, nearest = cKDTree(self.roadmap.graph.q[: len(self.part)] / speed).query(q / speed, workers=-1)
         return np.asarray(self.part[nearest])
 
-    def joined(self, q: Array) -> np.ndarray:
+    def joins_start(self, q: Array) -> np.ndarray:
         """Tell which poses (n, N) [rad] lie in the part of the start, (n,) bool."""
         return np.asarray(self.parts(q) == self.part[self.roadmap.place[0]])
 

@@ -280,7 +280,7 @@ class Roadmap:
         """
         place = np.full(len(q), -1)
         if len(self.graph.q):
-            away, nearest = cKDTree(self._scaled(self.graph.q)).query(self._scaled(q))
+            away, nearest = cKDTree(self._axis_times(self.graph.q)).query(self._axis_times(q))
             place = np.where(away > 0.0, -1, nearest)
         new, which = np.unique(q[place < 0], axis=0, return_inverse=True)
         count = len(self.graph.q)
@@ -293,12 +293,12 @@ class Roadmap:
 
     def _nearest(self, q: Array, own: np.ndarray, count: int) -> np.ndarray:
         """Return edges (m, 2) from the states ``own`` (k,) of q (n, N) [rad] to the nearest of the first ``count``."""
-        tree = cKDTree(self._scaled(q[:count]))
-        _, near = tree.query(self._scaled(q[own]), k=np.arange(min(NEIGHBOURS + 1, count)) + 1)
+        tree = cKDTree(self._axis_times(q[:count]))
+        _, near = tree.query(self._axis_times(q[own]), k=np.arange(min(NEIGHBOURS + 1, count)) + 1)
         edges = np.column_stack([near.ravel(), np.repeat(own, near.shape[1])])
         return np.asarray(edges[edges[:, 0] != edges[:, 1]])
 
-    def _scaled(self, q: Array) -> Array:
+    def _axis_times(self, q: Array) -> Array:
         """Angles (n, N) as times [s] of the axes at full speed."""
         return np.asarray(q / self.constraints.cell.robot.speed)
 

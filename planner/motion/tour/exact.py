@@ -141,7 +141,7 @@ class Relaxation(_Program):
             The exact reduced cost of every leg, let in or not, (m, m) [1/DUAL_STEPS unit].
         """
         while True:
-            while self.add_cuts(self._violated(self.point())):
+            while self.add_cuts(self._find_cuts(self.point())):
                 pass
             dual = np.rint(np.array(self.solver.getSolution().row_dual) * self._scale * DUAL_STEPS).astype(np.int64)
             dual[self.size :] = np.maximum(dual[self.size :], 0)
@@ -159,7 +159,7 @@ class Relaxation(_Program):
         """Return the inequalities that hold the bound up."""
         return [cut for cut, price in zip(self.cuts, self._dual[self.size :], strict=True) if price > 0]
 
-    def _violated(self, x: Array) -> list[Cut]:
+    def _find_cuts(self, x: Array) -> list[Cut]:
         """Return cuts that a point misses: those of subtours, and where it misses none, blossoms."""
         return [Cut.of(s) for s in violated_sets(x)] or violated_blossoms(x)
 

@@ -36,7 +36,7 @@ def test_a_map_grows_by_poses_and_proves_no_motion_twice(asked):
     assert len(grown.roadmap.graph.q) == 160
     assert len(set(keys(motions))) == len(motions)
     assert np.count_nonzero(grown.roadmap.graph.known == Known.PROVEN) >= np.count_nonzero(known == Known.PROVEN)
-    joined = grown.joined(q)
+    joined = grown.joins_start(q)
     assert joined[0]
     assert joined[80:].any()
 
@@ -68,14 +68,14 @@ def test_another_start_proves_its_own_motions_alone(asked):
     assert motions
     start = other.roadmap.graph.q[other.roadmap.place[0]]
     np.testing.assert_array_equal(start, q[80])
-    assert other.joined(q[80:])[0]
+    assert other.joins_start(q[80:])[0]
 
 
 def test_ways_lead_over_a_map_and_what_it_has_proven_is_not_proven_again(asked):
     constraints, motions = asked
     q = valid_poses(700)[:200]
     known = PartMap.of(roomy(constraints, q[:1]), q, 0)
-    stops = q[known.joined(q)][:8]
+    stops = q[known.joins_start(q)][:8]
     before = set(keys(motions))
     motions.clear()
     found = connect_poses(constraints, stops, [*range(8), 0], pool=known.roadmap)
