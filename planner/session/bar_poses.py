@@ -75,7 +75,7 @@ class BarPoses(PoseSession):
             moved = move_mounts(self.cell, given, pool, reach)
             if moved is not self.cell and not limit.must_stop(LastStart.ROADMAP, "another mount pose was not tried"):
                 other = draw_candidates(moved, moved.plan.candidates, seed, limit=limit)
-                there = join_to_mounts(moved, other, seed, {}, limit)
+                there = join_to_mounts(moved, other, seed, limit=limit)
                 if there.joined.sum() > reach.joined.sum():
                     self.cell, pool, reach = moved, other, there
             kept = drop_unreachable(self.cell, pool, reach, self.index, self.poses, seed, limit)

@@ -168,13 +168,13 @@ def _describe_apart(count: int, joined: int) -> str:
 
 
 def join_to_mounts(
-    cell: Cell, pool: PoseSet, seed: int, found: dict[Mounting, PartMap], limit: TimeLimit = UNLIMITED
+    cell: Cell, pool: PoseSet, seed: int, found: dict[Mounting, PartMap] | None = None, limit: TimeLimit = UNLIMITED
 ) -> MountMaps:
     """Tell which candidates lie in their mount pose's part.
 
     The parts are those ``found`` with the mount pose, else those of a roadmap over a sample of the candidates.
     """
-    maps = dict(found)
+    maps = dict(found or {})
     for m in cell.mountings:
         if m not in maps:
             q = pool.q[pool.samples.at_mounting(m)]

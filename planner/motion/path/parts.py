@@ -19,7 +19,7 @@ def connected_parts(constraints: Constraints, q: Array, seed: int = 0) -> np.nda
     return PartMap.of(constraints, q, seed).parts(q)
 
 
-@dataclass(frozen=True)
+@dataclass
 class PartMap:
     """The connected parts of the valid states, as a roadmap shows them; those of a start are joined to it.
 
@@ -60,15 +60,29 @@ class PartMap:
 
     def parts(self, q: Array) -> np.ndarray:
         """Part of each pose (n, N) [rad], (n,): that of the nearest state of the roadmap."""
-        speed = self.roadmap.constraints.cell.robot.speed
-        _, nearest = cKDTree(self.roadmap.graph.q[: len(self.part)] / speed).query(q / speed, workers=-1)
-        return np.asarray(self.part[nearest])
+        return np.asarray(self.part[self._find_nearest(q)[1]])
 
     def joins_start(self, q: Array) -> np.ndarray:
         """Tell which poses (n, N) [rad] lie in the part of the start, (n,) bool."""
-        return np.asarray(self.parts(q) == self.part[self.roadmap.place[0]])
+        return np.asarray(self.parts(q) == self._part_of_start)
 
     def find_unjoined_poses(self, q: Array, share: float) -> np.ndarray:
         """Positions of those poses (n, N) [rad] that no proven path joins to the start; they join the roadmap."""
-        place, part = self.roadmap.with_poses(q).place, self.roadmap.graph.parts(share)
-        return np.flatnonzero(part[place] != part[self.roadmap.place[0]])
+        place = self.roadmap.with_poses(q).place
+        self.part = self.roadmap.graph.parts(share)
+        return np.flatnonzero(self.part[place] != self._part_of_start)
+
+    def are_proven(self, q: Array) -> np.ndarray:
+        """Tell which poses (n, N) [rad] are states of the roadmap that a proven path joins to the start, (n,)."""
+        away, nearest = self._find_nearest(q)
+        return np.asarray((away == 0) & (self.part[nearest] == self._part_of_start))
+
+    def _find_nearest(self, q: Array) -> tuple[Array, np.ndarray]:
+        """Return how far the nearest state is from each pose (n, N) [rad], and which that is, of those with a part."""
+        speed = self.roadmap.constraints.cell.robot.speed
+        away, nearest = cKDTree(self.roadmap.graph.q[: len(self.part)] / speed).query(q / speed, workers=-1)
+        return np.asarray(away), np.asarray(nearest)
+
+    @property
+    def _part_of_start(self) -> int:
+        return int(self.part[self.roadmap.place[0]])

@@ -84,3 +84,15 @@ def test_ways_lead_over_a_map_and_what_it_has_proven_is_not_proven_again(asked):
     assert any(not leg.direct for leg in found.legs)
     straight = set(keys((stops[a], stops[b]) for a in range(8) for b in range(8)))
     assert not (set(keys(motions)) - straight) & before
+
+
+def test_states_of_the_map_that_a_path_joins_are_told_from_poses_beside_it(asked):
+    constraints, _ = asked
+    q = valid_poses(700)[:90]
+    known = PartMap.of(constraints, q[:60], 0)
+    assert not known.are_proven(q[60:]).any()
+    np.testing.assert_array_equal(known.are_proven(q[:60]), known.joins_start(q[:60]))
+    lost = known.find_unjoined_poses(q[60:], 1.0)
+    np.testing.assert_array_equal(np.flatnonzero(~known.are_proven(q[60:])), lost)
+    known.roadmap.with_poses(valid_poses(700)[90:95])  # a drive adds states that have no part yet
+    np.testing.assert_array_equal(np.flatnonzero(~known.are_proven(q[60:])), lost)
