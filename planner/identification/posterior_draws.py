@@ -11,12 +11,12 @@ not.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
-from scipy.linalg.blas import dsyrk, dtrsm
+from scipy.linalg.blas import dtrsm
 
 from planner.common.units import Array
 from planner.identification.assumptions import EXPECTED_CAUSES, LOG_NOISE_RANGE, PREVALENCE
@@ -25,7 +25,6 @@ from planner.identification.reading_precision import ReadingPrecision
 SWEEPS = 240  # through all families
 KEPT_EVERY = 4  # sweeps between draws that are kept: neighbours are alike
 NOISE_EVERY = 3  # sweeps between draws of the noise
-MANY = 0.5  # columns that act for each reading, from which on the readings' covariance is the smaller matrix
 
 
 @dataclass(frozen=True)
@@ -87,7 +86,6 @@ class RandomEffects:
     noise: Array
     priors: tuple[SizePrior, ...]
     noise_precision: Array
-    _covariances: dict[bytes, Array] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     @cached_property
     def places(self) -> tuple[slice, ...]:
@@ -97,14 +95,29 @@ class RandomEffects:
 
     @cached_property
     def sorted_columns(self) -> Array:
-        """Columns of all families, one family after the other, (m, q)."""
+        """Columns of all families, one family after the other, and the readings behind them, (m, q + 1)."""
         order = np.argsort(self.family, kind="stable")
-        return np.ascontiguousarray(self.columns[:, order[(self.family < 0).sum() :]])
+        return np.column_stack([self.columns[:, order[(self.family < 0).sum() :]], self.y])
 
     @cached_property
     def family_positions(self) -> tuple[np.ndarray, ...]:
         """Positions of the columns of each family, (f,)."""
         return tuple(np.flatnonzero(self.family == f) for f in range(len(self.priors)))
+
+    def compact(self) -> "RandomEffects":
+        """Return the model with as few columns as tell the same: of each family those that the noise does not hide.
+
+        They are its left singular vectors, by their singular values.
+        """
+        noise = np.sqrt(self.noise.sum(axis=1))[:, None]
+        columns, family = [self.columns[:, self.family < 0]], [np.full((self.family < 0).sum(), -1)]
+        for f, own in enumerate(self.family_positions):
+            axes, size, _ = np.linalg.svd(self.columns[:, own] / noise, full_matrices=False)
+            # 1e-3: of the declared noise, below which a direction tells nothing however large the family is
+            count = max(1, int((size * self.priors[f].factors.max() > 1e-3).sum()))
+            columns.append(noise * axes[:, :count] * size[:count])
+            family.append(np.full(count, f))
+        return replace(self, columns=np.hstack(columns), family=np.concatenate(family))
 
     def sizes(self, factors: Array) -> Array:
         """Return the factor of each column, (p,), at factors of the families (f,)."""
@@ -115,47 +128,23 @@ class RandomEffects:
         return np.asarray(self.noise @ np.exp(2 * noise_logs))
 
     def covariance(self, factors: Array) -> Array:
-        """Return the covariance (m, m) of the readings by the families, its lower triangle; the last one is cached."""
-        key = factors.tobytes()
-        if key not in self._covariances:
-            size = self.sizes(factors)
-            acts = (size > 0) & (self.family >= 0)
-            self._covariances.clear()
-            self._covariances[key] = dsyrk(1.0, self.columns[:, acts] * size[acts], lower=1)
-        return self._covariances[key]
-
-    def _whiten(self, draw: SizeDraw) -> tuple[Array, Array]:
-        """Return deviations of the noise (m,), and [X S D⁻¹; 1] (m + w, w) of the columns X that act."""
-        root = np.sqrt(self.variance(draw.noise_logs))
-        acts = self.sizes(draw.factors) > 0
-        wide = self.columns[:, acts] * self.sizes(draw.factors)[acts] / root[:, None]
-        return root, np.vstack([wide, np.eye(wide.shape[1])])
+        """Return the covariance (m, m) of the readings by the families."""
+        size = self.sizes(factors)
+        acts = (size > 0) & (self.family >= 0)
+        wide = self.columns[:, acts] * size[acts]
+        return np.asarray(wide @ wide.T)
 
     def precision(self, draw: SizeDraw, whitener: "ReadingWhitener | None" = None) -> ReadingPrecision:
-        """Return the inverse covariance of the readings at a draw of the sizes; ``whitener``: its own, if known."""
-        whitener = ReadingWhitener.of(self, draw) if whitener is None else whitener
-        white = whitener.white(np.column_stack([self.sorted_columns, self.y]))
-        return ReadingPrecision.of(white[:, :-1], white[:, -1], self.places)
+        """Return what is told of all columns at a draw of the sizes; ``whitener``: its own, if known."""
+        white = (whitener or ReadingWhitener.of(self, draw)).white(self.sorted_columns)
+        return ReadingPrecision.of(white.T @ white, self.places)
 
-    def evaluate(self, draw: SizeDraw) -> "EvaluatedDraw":
-        """Return the draw with its deviance.
-
-        With the readings as the last column the triangle of the QR decomposition says all of it.
-        """
+    def evaluate(self, draw: SizeDraw, covariance: Array | None = None) -> "EvaluatedDraw":
+        """Return the draw with its deviance; ``covariance`` (m, m) of the readings by the families, where it is known."""
+        whitener = ReadingWhitener.of(self, draw, covariance)
         prior = draw.noise_logs @ self.noise_precision @ draw.noise_logs
-        if self._are_many(draw):
-            whitener = ReadingWhitener.of(self, draw)
-            square = (whitener.white(self.y[:, None]) ** 2).sum()
-            return EvaluatedDraw(draw, float(whitener.log_det + square + prior), whitener)
-        root, tall = self._whiten(draw)
-        y = np.append(self.y / root, np.zeros(tall.shape[1]))
-        diagonal = np.diag(np.linalg.qr(np.column_stack([tall, y]), mode="r"))
-        log_det = 2 * (np.log(root).sum() + np.log(np.abs(diagonal[:-1])).sum())
-        return EvaluatedDraw(draw, float(log_det + diagonal[-1] ** 2 + prior))
-
-    def _are_many(self, draw: SizeDraw) -> bool:
-        """Tell whether so many columns act that it is quicker to work with the covariance of the readings."""
-        return bool((self.sizes(draw.factors) > 0).sum() > MANY * len(self.y))
+        square = (whitener.white(self.y[:, None]) ** 2).sum()
+        return EvaluatedDraw(draw, float(whitener.log_det + square + prior), whitener)
 
 
 @dataclass(frozen=True)
@@ -180,24 +169,24 @@ class ReadingWhitener:
     log_det: float
 
     @classmethod
-    def of(cls, model: RandomEffects, draw: SizeDraw) -> "ReadingWhitener":
-        """Factor the covariance."""
+    def of(cls, model: RandomEffects, draw: SizeDraw, covariance: Array | None = None) -> "ReadingWhitener":
+        """Factor the covariance; that by the families is computed where it is not given."""
         root = np.sqrt(model.variance(draw.noise_logs))
         axes, wide, _ = np.linalg.svd(model.columns[:, model.family < 0] / root[:, None], full_matrices=False)
         shrink = 1 / np.sqrt(1 + wide**2) - 1
-        own = np.tril(model.covariance(draw.factors))
-        own = (own + np.tril(own, -1).T) / root / root[:, None]
+        own = (model.covariance(draw.factors) if covariance is None else covariance) / root / root[:, None]
         shrunk = axes * shrink
         own += shrunk @ (axes.T @ own)
         own += (own @ axes) @ shrunk.T
-        factor = np.asarray(np.linalg.cholesky(own + np.eye(len(root))), dtype=float)
+        own.flat[:: len(own) + 1] += 1.0
+        factor = np.asarray(np.linalg.cholesky(own), dtype=float)
         log_det = 2 * (np.log(root).sum() + np.log(np.diag(factor)).sum()) + np.log1p(wide**2).sum()
         return cls(root, axes, shrink, factor, float(log_det))
 
     def white(self, values: Array) -> Array:
         """Return C^(−1/2) times columns (m, q)."""
         out = values / self.root[:, None]
-        out = out + self.axes * self.shrink @ (self.axes.T @ out)
+        out += self.axes * self.shrink @ (self.axes.T @ out)
         return np.asarray(dtrsm(1.0, self.factor, out, lower=1))
 
 
@@ -208,12 +197,12 @@ class EvaluatedDraw:
     Attributes:
         draw: factors and noise.
         deviance: minus twice the log density of the readings and of the noise's size, without a constant.
-        whitener: of the readings, where the deviance needed it.
+        whitener: of the readings.
     """
 
     draw: SizeDraw
     deviance: float
-    whitener: ReadingWhitener | None = None
+    whitener: ReadingWhitener
 
 
 def draw_sizes(
@@ -242,7 +231,7 @@ class _Chain:
     """Where the draws stand; ``acting`` sums up how likely each family was to act when it was drawn."""
 
     def __init__(self, model: RandomEffects, start: SizeDraw):
-        self.model = model
+        self.model = model = model.compact()
         self.factors = start.factors.copy()
         self.noise_logs = start.noise_logs
         self.known = model.precision(start)
@@ -254,12 +243,13 @@ class _Chain:
 
     def draw_noise(self, rng: np.random.Generator) -> None:
         """Draw the noise with the sizes as they are."""
-        del self.known  # of the noise before: as large as the covariance, and made anew below
-        here = self.model.evaluate(SizeDraw(self.factors, self.noise_logs))
+        del self.known  # of the noise before: as large as all products of columns, and made anew below
+        covariance = self.model.covariance(self.factors)
+        here = self.model.evaluate(SizeDraw(self.factors, self.noise_logs), covariance)
         step = max(1.5 / np.sqrt(len(self.model.y)), 0.05)  # of a proposal's logarithm, times 1/√readings
         for move in rng.standard_normal((4, len(self.noise_logs))) * step:  # proposals of one draw of the noise
             logs = np.clip(here.draw.noise_logs + move, *LOG_NOISE_RANGE)
-            there = self.model.evaluate(SizeDraw(self.factors, logs))
+            there = self.model.evaluate(SizeDraw(self.factors, logs), covariance)
             if np.log(rng.uniform()) < 0.5 * (here.deviance - there.deviance):
                 here = there
         self.noise_logs = here.draw.noise_logs
@@ -306,7 +296,7 @@ class _Chain:
         """Return the gain (v,) by each of the factors of absent families."""
         alike: dict[tuple[int, int], list[int]] = {}
         for f in families:
-            alike.setdefault((self.known.widths[f], id(self.model.priors[f])), []).append(f)
+            alike.setdefault((self.known.width(f), id(self.model.priors[f])), []).append(f)
         out = dict[int, Array]()
         for own in alike.values():
             gains = self.known.gains(own, self.model.priors[own[0]].factors[1:] ** 2)

@@ -1,9 +1,8 @@
 """What the readings tell of each family of columns, kept up to date while sizes of families change.
 
-The covariance C of the readings is far smaller than what it says of all columns X, XᵀC⁻¹X: of that only the blocks of
-the families are kept, and C⁻¹ itself, so that a change costs the readings times the columns and not their square.
-Changes wait until there are many of them: whoever asks for a family is told of those that wait, and all of them in one
-product of matrices takes a quarter of the time of one after the other.
+With C the covariance of the readings a change needs XᵀC⁻¹X of all columns X and XᵀC⁻¹y, and no reading. Changes wait as
+the directions by which they lower the former, until there are many: one product of matrices then takes a fraction of
+the time of one after the other. Whoever asks for a family has those that wait taken out of its block.
 """
 
 from collections.abc import Sequence
@@ -11,6 +10,7 @@ from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
+from scipy.linalg.blas import dsyrk
 
 from planner.common.units import Array
 
@@ -33,68 +33,78 @@ class FamilyBlock:
         return np.asarray(0.5 * (more[:, None] * self.toward**2 / grown - np.log(grown)).sum(axis=1))
 
 
-@dataclass(frozen=True)
+@dataclass
 class _SameWidth:
-    """Families of k columns each: where these stand, (f, k) int, and of every family XᵀC⁻¹X, (f, k, k).
+    """Families of k columns each.
 
-    Changes that wait are not in it yet.
+    ``at`` (f, k) int: where these stand; ``grams`` (f, k, k): of every family XᵀC⁻¹X, without the changes that wait but
+    the first ``taken``.
     """
 
-    rows: np.ndarray
+    at: np.ndarray
     grams: Array
+    taken: int = 0
+
+    def take(self, waiting: Array, signs: Array) -> None:
+        """Take out the changes that wait (r, q), of signs (r,)."""
+        if self.taken < len(signs):
+            each = waiting[self.taken :].T[self.at]
+            self.grams -= each * signs[self.taken :] @ each.transpose(0, 2, 1)
+            self.taken = len(signs)
 
 
 @dataclass
 class ReadingPrecision:
-    """What is known of the readings at one draw of the sizes, with C their covariance and C₀ that at the start.
+    """What is known at one draw of the sizes, with C the covariance of the readings.
 
-    C₀^(1/2) C⁻¹ C₀^(1/2) is ``inner`` less F diag(signs) Fᵀ of the changes that wait.
+    XᵀC⁻¹X is ``whole`` less Fᵀ diag(signs) F of the changes that wait.
 
     Attributes:
-        rows: C₀^(−1/2) X of all families, its transpose, (q, m).
-        inner: C₀^(1/2) C⁻¹ C₀^(1/2) before the changes that wait, (m, m).
-        white: C₀^(−1/2) y, (m,), and ``toward`` C₀^(1/2) C⁻¹ y, (m,).
-        widths: of every family, (f,), and ``positions`` among those as wide, (f,).
+        whole: XᵀC⁻¹X of all families before the changes that wait, its lower triangle, (q, q).
+        toward: XᵀC⁻¹y, (q,).
+        places: of the columns of each family, (f,).
+        positions: of each family among those as wide, (f,).
         blocks: families by their width.
-        waiting: F, (m, r), and ``signs``, (r,).
+        waiting: F in its first rows, (r, q), and ``signs``, (r,).
     """
 
-    rows: Array
-    inner: Array
-    white: Array
+    whole: Array
     toward: Array
-    widths: tuple[int, ...]
+    places: tuple[slice, ...]
     positions: tuple[int, ...]
     blocks: dict[int, _SameWidth]
     waiting: Array
     signs: Array
 
     @classmethod
-    def of(cls, columns: Array, y: Array, places: Sequence[slice]) -> Self:
-        """Begin with white columns (m, q) and readings (m,), the columns of each family in its place, (f,)."""
-        widths = tuple(p.stop - p.start for p in places)
+    def of(cls, products: Array, places: Sequence[slice]) -> Self:
+        """Begin with XᵀC⁻¹X of the columns, the readings behind them, (q + 1, q + 1), and places of families (f,)."""
+        widths = [p.stop - p.start for p in places]
         positions, blocks = np.zeros(len(widths), dtype=int), dict[int, _SameWidth]()
-        rows = np.ascontiguousarray(columns.T)
         for k in dict.fromkeys(widths):
             mine = [f for f, width in enumerate(widths) if width == k]
             positions[mine] = np.arange(len(mine))
             at = np.array([places[f].start for f in mine])[:, None] + np.arange(k)
-            own = rows[at]
-            blocks[k] = _SameWidth(at, own @ own.transpose(0, 2, 1))
-        m, where = len(y), tuple(positions.tolist())
-        return cls(rows, np.eye(m), y, y.copy(), widths, where, blocks, np.zeros((m, 0)), np.zeros(0))
+            blocks[k] = _SameWidth(at, products[at[:, :, None], at[:, None]])
+        # as BLAS has it, column by column: the transpose of what is symmetric
+        whole, where = products[:-1, :-1].copy().T, tuple(positions.tolist())
+        room = np.empty((MOST_WAITING + max(widths), len(whole)))
+        return cls(whole, products[:-1, -1].copy(), tuple(places), where, blocks, room, np.zeros(0))
+
+    def width(self, family: int) -> int:
+        """Return the number of columns of a family."""
+        return self.places[family].stop - self.places[family].start
 
     def grams(self, families: Sequence[int]) -> Array:
         """Return XᵀC⁻¹X of families of k columns each, (f, k, k)."""
-        own, at = self.blocks[self.widths[families[0]]], [self.positions[f] for f in families]
-        moved = self._rows_of(families) @ self.waiting
-        return np.asarray(own.grams[at] - moved * self.signs @ moved.transpose(0, 2, 1))
+        own = self.blocks[self.width(families[0])]
+        own.take(self._waiting, self.signs)
+        return np.asarray(own.grams[[self.positions[f] for f in families]])
 
     def block(self, family: int) -> FamilyBlock:
         """Return the products that are needed to change the size of a family."""
         values, axes = np.linalg.eigh(self.grams([family])[0])
-        toward = axes.T @ (self._rows_of([family])[0] @ self.toward)
-        return FamilyBlock(family, axes, np.maximum(values, 0.0), toward)
+        return FamilyBlock(family, axes, np.maximum(values, 0.0), axes.T @ self.toward[self.places[family]])
 
     def gains(self, families: Sequence[int], more: Array) -> Array:
         """Return the growth (f, v) of the log density with ``more`` variances (v,) of families of k columns each.
@@ -102,8 +112,8 @@ class ReadingPrecision:
         The Cholesky factor of [[1 + vG, √v t], [√v tᵀ, 1 + v tᵀt]] says all: its diagonal the determinant, and its last
         row √v t per root of 1 + vG.
         """
-        k = self.widths[families[0]]
-        t = np.sqrt(more)[:, None] * (self._rows_of(families) @ self.toward)[:, None]
+        own = self.blocks[k := self.width(families[0])]
+        t = np.sqrt(more)[:, None] * self.toward[own.at[[self.positions[f] for f in families]]][:, None]
         wide = np.empty((len(families), len(more), k + 1, k + 1))
         wide[..., :k, :k] = more[:, None, None] * self.grams(families)[:, None] + np.eye(k)
         wide[..., k, :k], wide[..., k, k] = t, 1 + (t**2).sum(axis=2)
@@ -113,26 +123,37 @@ class ReadingPrecision:
 
     def add(self, block: FamilyBlock, variance: float) -> None:
         """Add ``variance`` times the family's columns to C (Woodbury)."""
-        sign = float(np.sign(variance))
-        axes = block.axes * np.sqrt(abs(variance) / np.maximum(1 + variance * block.values, LEAST_LEFT_SHARE))
-        added = self._rows_of([block.family])[0].T @ axes
-        side = self.inner @ added - self.waiting * self.signs @ (self.waiting.T @ added)
-        self.toward = self.toward - sign * side @ (side.T @ self.white)
-        self.waiting = np.hstack([self.waiting, side])
-        self.signs = np.append(self.signs, np.full(side.shape[1], sign))
+        sign, own, first = float(np.sign(variance)), self.places[block.family], len(self.signs)
+        told = abs(variance) * block.values > 1e-5  # of what is known of a direction, below which its change is none
+        grown = np.maximum(1 + variance * block.values[told], LEAST_LEFT_SHARE)
+        axes = block.axes[:, told] * np.sqrt(abs(variance) / grown)
+        sides = self.waiting[first : first + axes.shape[1]]
+        turned = (self._waiting[:, own] @ axes).T * self.signs
+        np.subtract(axes.T @ self._rows(own), turned @ self._waiting, out=sides)
+        self.toward = self.toward - sign * (axes.T @ self.toward[own]) @ sides
+        self.signs = np.append(self.signs, np.full(len(sides), sign))
         if len(self.signs) > MOST_WAITING:
             self._settle()
 
+    @property
+    def _waiting(self) -> Array:
+        return self.waiting[: len(self.signs)]
+
+    def _rows(self, own: slice) -> Array:
+        """Rows (k, q) of ``whole``."""
+        out = np.empty((own.stop - own.start, len(self.whole)))
+        out[:, : own.stop], out[:, own.start :] = self.whole[own, : own.stop], self.whole[own.start :, own].T
+        lower = np.tril(self.whole[own, own])
+        out[:, own] = lower + np.tril(lower, -1).T
+        return out
+
     def _settle(self) -> None:
         """Put the changes that wait where they belong."""
-        moved = self.rows @ self.waiting
-        for own in self.blocks.values():
-            each = moved[own.rows]
-            own.grams[:] -= each * self.signs @ each.transpose(0, 2, 1)
-        self.inner = self.inner - self.waiting * self.signs @ self.waiting.T
-        self.waiting, self.signs = self.waiting[:, :0], self.signs[:0]
-
-    def _rows_of(self, families: Sequence[int]) -> Array:
-        """Return the white columns of families of k columns each, transposed, (f, k, m)."""
-        own = self.blocks[self.widths[families[0]]]
-        return np.asarray(self.rows[own.rows[[self.positions[f] for f in families]]])
+        for same in self.blocks.values():
+            same.take(self._waiting, self.signs)
+            same.taken = 0
+        for sign in (1.0, -1.0):
+            own = self._waiting[self.signs == sign]
+            if len(own):
+                dsyrk(-sign, own.T, 1.0, self.whole, lower=1, overwrite_c=1)
+        self.signs = self.signs[:0]
