@@ -371,7 +371,8 @@ def _condition(found: Fit) -> float | None:
     if not own:
         return 1.0
     few = problem.take(even_positions(len(problem), 8_000))  # samples of a long run that the condition number is of
-    mu = np.linalg.svd(r_factor(few.piece(slice(None), found.errors).rows[:, :, own]), compute_uv=False)
+    rows = few.piece(slice(None), found.errors).factored.select(np.array(own)).dense.transpose(2, 1, 0)
+    mu = np.linalg.svd(r_factor(rows), compute_uv=False)
     condition = float(mu[0] / max(mu[-1], np.finfo(float).eps * mu[0]))
     return condition if np.isfinite(condition) else None
 

@@ -28,7 +28,7 @@ from planner.identification.noise import Noise, estimate_noise
 from planner.identification.problem import PIECE_SAMPLES, FitProblem, LinearPiece
 from planner.model.model import Model
 
-FROZEN_NUMBERS = 1_000_000  # of a Jacobian, from which on it stands for those at the next steps too
+FROZEN_NUMBERS = 300_000  # of a Jacobian, from which on it stands for those at the next steps too
 
 
 @dataclass(frozen=True)
@@ -173,12 +173,14 @@ class Fit:
         solution: parameters and information.
         effective: number of parameters that the readings, not the prior, decide.
         outliers: samples whose residual the noise does not explain, (m,) int.
+        leverage: of the readings that noise and factors were settled by, (n, r), 0 … 1, where it was looked at.
     """
 
     problem: FitProblem
     solution: Solution
     effective: float
     outliers: np.ndarray
+    leverage: Array | None = None
 
     def __repr__(self) -> str:
         """Say how much was fitted to how much."""
@@ -210,10 +212,17 @@ class Fit:
         return np.array([values.get(name, 0.0) for name in names])
 
 
-def fit(problem: FitProblem, robust: bool = False, start: Array | None = None, factors: Array | None = None) -> Fit:
+def fit(
+    problem: FitProblem,
+    robust: bool = False,
+    start: Array | None = None,
+    factors: Array | None = None,
+    leverage: Array | None = None,
+) -> Fit:
     """Fit the model of ``problem``, its noise and the factors on its prior sigmas.
 
-    ``start`` are the values and ``factors`` the factors (P,) that the rounds begin with.
+    ``start`` are the values and ``factors`` the factors (P,) that the rounds begin with; ``leverage`` (n, r) is that of
+    a fit of nearly the same columns, which stands for this one's where there are many readings.
 
     Raises:
         NoSolutionError: the fit does not come to rest.
@@ -224,20 +233,20 @@ def fit(problem: FitProblem, robust: bool = False, start: Array | None = None, f
     prior, errors = problem.model.prior, start
     if factors is not None:
         few = few.with_model(few.model.with_prior(prior * factors))
-    leverage, change = np.zeros(0), np.inf
+    near = leverage is not None and leverage.shape == (len(few), few.model.width)
+    louder = 0.0 if near else np.inf  # relative change of the noise
     for _ in range(12):  # rounds at most of settling noise and factors
         solution = solve(few, errors, ROUGHLY_CONVERGED_SIGMAS)
         errors = solution.errors
         weight = _weights(few, errors) if robust else few.weight
         shrinkage = _shrinkage(solution)
-        # 0.05: relative change of noise and factors up to which leverages of a large problem hold
-        if change > 0.05 or not _is_large(few):
+        # 0.05: relative change of the noise up to which leverages of a large problem hold
+        if leverage is None or louder > 0.05 or not _is_large(few):
             leverage = _leverage(few, solution)
         noise = estimate_noise(few.whitener, few.residual(errors) * np.sqrt(weight)[:, None], leverage)
         model = few.model.with_prior(prior * prior_factors(few.model, prior, errors, shrinkage))
-        change = max(
-            _change(noise, few.whitener.noise), float(np.max(np.abs(model.prior / few.prior - 1), initial=0.0))
-        )
+        louder = _change(noise, few.whitener.noise)
+        change = max(louder, float(np.max(np.abs(model.prior / few.prior - 1), initial=0.0)))
         few = replace(few.with_noise(noise).with_model(model), weight=weight)
         if change < SETTLED_CHANGE:
             break
@@ -245,7 +254,7 @@ def fit(problem: FitProblem, robust: bool = False, start: Array | None = None, f
     if long and robust and errors is not None:
         whole = replace(whole, weight=_weights(whole, errors))
     solution = solve(whole, errors)
-    return Fit(whole, solution, float((1 - _shrinkage(solution)).sum()), _outliers(whole, solution))
+    return Fit(whole, solution, float((1 - _shrinkage(solution)).sum()), _outliers(whole, solution), leverage)
 
 
 def subset_size(model: Model, samples: int) -> int:

@@ -140,7 +140,7 @@ class RandomEffects:
         return ReadingPrecision.of(white.T @ white, self.places)
 
     def evaluate(self, draw: SizeDraw, covariance: Array | None = None) -> "EvaluatedDraw":
-        """Return the draw with its deviance; ``covariance`` (m, m) of the readings by the families, where it is known."""
+        """Return the draw with its deviance; ``covariance`` (m, m) is that of the readings by families, where known."""
         whitener = ReadingWhitener.of(self, draw, covariance)
         prior = draw.noise_logs @ self.noise_precision @ draw.noise_logs
         square = (whitener.white(self.y[:, None]) ** 2).sum()

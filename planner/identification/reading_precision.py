@@ -93,7 +93,7 @@ class ReadingPrecision:
 
     def width(self, family: int) -> int:
         """Return the number of columns of a family."""
-        return self.places[family].stop - self.places[family].start
+        return int(self.places[family].stop - self.places[family].start)
 
     def grams(self, families: Sequence[int]) -> Array:
         """Return XᵀC⁻¹X of families of k columns each, (f, k, k)."""

@@ -72,16 +72,16 @@ class FitContext:
         ``before`` ended, with its noise and prior sigmas.
         """
         split = self.split
-        start = factors = noise = None
+        start = factors = noise = leverage = None
         if before is not None:
             prior = dict(zip(before.model.names, before.problem.prior, strict=True))
             start = before.at(model.names)
             factors = np.array([prior.get(p.name, p.prior) / p.prior for p in model.parameters])
-            noise = before.problem.whitener.noise
+            noise, leverage = before.problem.whitener.noise, before.leverage
         rough = not any(p.group != "gauge" for p in model.parameters)  # the robot's errors are no noise of its joints
         few = None if whole else self.part(model)
         problem = self._problem(model, few).restart_with(model, noise, even=rough)
-        found = fit(problem, self.robust if robust is None else robust, start, factors=factors)
+        found = fit(problem, self.robust if robust is None else robust, start, factors, leverage)
         held = predict_held_out(found, split if few is None else split.take(few))
         residual, held_residual = found.problem.residual(found.errors), held.residual
         if few is not None:

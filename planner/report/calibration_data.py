@@ -12,6 +12,7 @@ from planner.effects.context import Context
 from planner.identification.calibration import Calibration
 from planner.kinematics.geometry import bar_state
 from planner.model.identification_document import Stage, error_size
+from planner.model.model import chunks
 
 PANEL_POINTS = 500  # of the samples, drawn in one panel
 
@@ -65,8 +66,11 @@ class CalibrationFacts:
         """
         fit, samples = self.calibration.fit, self.calibration.run.samples.take(self.chart_samples)
         error = {e.name: e.value - e.nominal for e in self.calibration.estimates}
-        rows = fit.model.rows(samples, fit.errors)[:, :3] * np.array([error.get(n, 0.0) for n in fit.model.names])
-        return np.asarray(np.sqrt((rows**2).sum(axis=1).mean(axis=0)))
+        square = np.zeros(len(fit.errors))
+        for part in chunks(len(samples), 512):  # the rows of all would be most of what a report takes
+            rows = fit.model.rows(samples.take(part), fit.errors)[:, :3]
+            square += np.einsum("nrp,nrp->p", rows, rows)
+        return np.abs([error.get(n, 0.0) for n in fit.model.names]) * np.sqrt(square / len(samples))
 
     @cached_property
     def correlation(self) -> Array:

@@ -27,7 +27,7 @@ from planner.tracing.change_points import rank_changes, relocate_steps, series_m
 from planner.tracing.effect_scores import EffectScore, ScoreTest
 from planner.tracing.search_context import SearchContext, without_effects
 from planner.tracing.significance import LOG_SIGNIFICANCE, held_out_gain, rejection_reason
-from planner.tracing.state import FittedEffect, SearchState, number_repeat
+from planner.tracing.state import SETTLED_SIGMAS, FittedEffect, SearchState, number_repeat
 from planner.tracing.transmission_error import all_gear_curves, effects_beside_curve, likeliest_curve
 
 Trial = tuple[FittedEffect, ...]
@@ -111,7 +111,7 @@ def swap_effects(context: SearchContext, state: SearchState, ahead: float = -SWA
         if trial is None or context.evidence_fall(state, trial) <= least:
             continue
         if context.is_significant(trial, trial.effects[-1]):
-            state = swapped = trial
+            state = swapped = context.settle(state, trial)
     return swapped
 
 
@@ -226,7 +226,8 @@ def search(start: SearchState, effects: Sequence[Effect], fit_context: FitContex
     # a name that explains much less than no name would was forced
     other = swap_effects(last_context, path[-1], UNNAMED_EVIDENCE)
     path = path if other is None else [*path, other]
-    known = path[-1].names
+    last = context.settle(path[max(len(path) - 2, 0)], path[-1], SETTLED_SIGMAS)
+    path, known = [*path[:-1], last], last.names
     gone = tuple(RejectedEffect(name=n, because=why) for n, why in context.rejected.why.items() if n not in known)
     return SearchResult(context, tuple(path), gone)
 
@@ -257,7 +258,7 @@ def _forward_selection(context: SearchContext, path: list[SearchState]) -> list[
         if after is None:
             break
         added = after.effects[-1]
-        after = relocate_steps(context, context.prune(after), context.steppables)
+        after = context.settle(state, relocate_steps(context, context.prune(after), context.steppables))
         if any(after.structure == s.structure for s in path) or _is_worse(context, state, after):
             context.excluded.add(added.name)  # it drives out what brought it in, or what is worth more: others first
         else:

@@ -103,6 +103,16 @@ class SearchContext:
         except NoSolutionError:
             return None
 
+    def settle(self, before: SearchState, state: SearchState, sigmas: float = 1.0) -> SearchState:
+        """Let nonlinear values settle that what came since ``before`` has moved; the state as it is if that fails.
+
+        Within so many standard deviations their steps, which are parameters of the fit, stand for them.
+        """
+        try:
+            return state.settle(self.fit_context, before, sigmas)
+        except NoSolutionError:
+            return state
+
     def _is_long(self, state: SearchState) -> bool:
         return self.fit_context.part(state.fit.model) is not None
 

@@ -69,6 +69,7 @@ def link_mass_uncertainty(model: Model) -> float:
 
 
 SETTLING_ROUNDS = 6  # in which nonlinear values settle
+SETTLED_SIGMAS = 0.1  # standard deviations that a settled nonlinear value may still go
 
 
 @dataclass(frozen=True)
@@ -180,11 +181,30 @@ class SearchState:
         return (solution.cost + noise) / correlation_time + narrowed + scanned
 
     def refit(self, fit_context: FitContext, effects: tuple[FittedEffect, ...]) -> "SearchState":
-        """Fit the base model with effects: nonlinear values settle first, then all parameters together.
+        """Fit the base model with effects: nonlinear values of new ones settle first, then all parameters together.
 
-        It starts from this state, with its noise and priors.
+        It starts from this state, with its noise and priors. Effects that it has keep their nonlinear values, whose
+        steps are parameters of the fit.
         """
-        effects, errors = self._settle(effects, self.fit.values)
+        return self._fit(fit_context, *self._settle(effects, self.fit.values))
+
+    def settle(self, fit_context: FitContext, before: "SearchState", sigmas: float) -> "SearchState":
+        """Fit anew where nonlinear values, or compliances since a state ``before``, are not where the fit has them.
+
+        That is farther off than so many standard deviations, and compliances a tenth as large a part of themselves.
+        """
+        names, errors = self.fit.model.names, self.fit.values
+        sigma = dict(zip(names, np.linalg.norm(self.fit.solution.root(self.fit.problem.prior), axis=1), strict=True))
+        own = (f.sensitivity_name for f in self.effects if f.value is not None)
+        settled = all(n in errors and abs(errors[n]) <= sigmas * sigma[n] for n in own)
+        if settled and _are_alike(_compliances(self.effects), before.fit.values, errors, 0.1 * sigmas):
+            return self
+        return self._fit(fit_context, *_take_steps(self.effects, errors))
+
+    def _fit(
+        self, fit_context: FitContext, effects: tuple[FittedEffect, ...], errors: dict[str, float]
+    ) -> "SearchState":
+        """Fit the base model with effects whose nonlinear values stay."""
         sensitivities = [p for f in effects if (p := f.sensitivity(errors)) is not None]
         model = self.base.plus([*(p for f in effects for p in f.parameters), *sensitivities])
         masses = _link_masses(self.base, effects, errors)
@@ -213,12 +233,15 @@ class SearchState:
     def _settle(
         self, effects: tuple[FittedEffect, ...], errors: dict[str, float]
     ) -> tuple[tuple[FittedEffect, ...], dict[str, float]]:
-        """Settle nonlinear values and the masses that show through compliances, on some samples of the run."""
+        """Settle nonlinear values and the masses that show through compliances, on some samples of the run.
+
+        Only where some effects that this state lacks have such.
+        """
         # 3_000: samples of a long run settle the nonlinear values
         problem, most = self.fit.problem, subset_size(self.base, 3_000)
         if len(problem) > most:
             problem = problem.take(even_positions(len(problem), most))
-        needed = any(f.value is not None or f.has(Role.COMPLIANCE) for f in effects)
+        needed = any(f.value is not None or f.has(Role.COMPLIANCE) for f in effects if f not in self.effects)
         for _ in range(SETTLING_ROUNDS if needed else 0):
             effects, errors, settled = _settling_step(problem, self.base, effects, errors)
             if settled:
@@ -255,16 +278,21 @@ def _settling_step(
     value = dict(zip(model.names, found.errors, strict=True))
     sigma = dict(zip(model.names, np.linalg.norm(found.root(here.prior), axis=1), strict=True))
     moved, value = _take_steps(effects, value)
-    # 0.02: relative change of a compliance in a round that ends them; 0.1: sigmas that a nonlinear value may still go
+    # 0.02: relative change of a compliance that ends the rounds
     settled = (
         len(sensitivities) == sum(f.value is not None for f in effects)
-        and all(abs(value[p.name]) <= 0.1 * sigma[p.name] for p in sensitivities.values())
-        and all(
-            abs(value[name] - errors.get(name, 0.0)) <= 0.02 * abs(value[name])
-            for name in (f.parameters[0].name for f in _compliances(effects))
-        )
+        and all(abs(value[p.name]) <= SETTLED_SIGMAS * sigma[p.name] for p in sensitivities.values())
+        and _are_alike(_compliances(effects), errors, value, 0.02)
     )
     return (effects if settled else moved), value, settled
+
+
+def _are_alike(
+    compliances: Sequence[FittedEffect], before: dict[str, float], after: dict[str, float], part: float
+) -> bool:
+    """Tell whether compliances changed by less than a part of themselves, so that the masses on them do the same."""
+    names = [f.parameters[0].name for f in compliances]
+    return all(abs(after.get(n, 0.0) - before.get(n, 0.0)) <= part * abs(after.get(n, 0.0)) for n in names)
 
 
 def _take_steps(
