@@ -233,7 +233,7 @@ def fit(
     prior, errors = problem.model.prior, start
     if factors is not None:
         few = few.with_model(few.model.with_prior(prior * factors))
-    near = leverage is not None and leverage.shape == (len(few), few.model.width)
+    near = leverage is not None and leverage.shape == (len(few), few.model.width) and leverage.any()
     louder = 0.0 if near else np.inf  # relative change of the noise
     for _ in range(12):  # rounds at most of settling noise and factors
         solution = solve(few, errors, ROUGHLY_CONVERGED_SIGMAS)
@@ -243,6 +243,8 @@ def fit(
         # 0.05: relative change of the noise up to which leverages of a large problem hold
         if leverage is None or louder > 0.05 or not _is_large(few):
             leverage = _leverage(few, solution)
+        else:  # their sum, the number of parameters that the readings decide, is known without a look at each
+            leverage = np.minimum(leverage * float((1 - shrinkage).sum()) / float(leverage.sum()), 1.0)
         noise = estimate_noise(few.whitener, few.residual(errors) * np.sqrt(weight)[:, None], leverage)
         model = few.model.with_prior(prior * prior_factors(few.model, prior, errors, shrinkage))
         louder = _change(noise, few.whitener.noise)

@@ -276,8 +276,9 @@ def _predict_region(
     """Predict the positions of the samples ``test`` (n,) bool by a posterior of the others."""
     seen = _thin(np.flatnonzero(~test), 2_400 // whole.width)  # readings of a long run that fit and judge
     unseen = _worth_one_each(np.flatnonzero(test), time, whole.width)
-    worth = max(1.0, time * len(seen) / (~test).sum())
-    known = draw_posterior(before, run.take(seen), whole, background, worth, sweeps=SWEEPS).fit().fit
+    worth, share = max(1.0, time * len(seen) / (~test).sum()), float((~test).mean())
+    drawn = draw_posterior(before, run.take(seen), whole, background, worth, sweeps=SWEEPS, share=share)
+    known = drawn.fit().fit
     there = FitProblem.of(known.model, run.take(unseen), _scale_noise(known.problem.whitener.noise, 1 / np.sqrt(worth)))
     return HeldOutRegion(unseen, _hold_out(there, known.errors, known.solution.root(known.problem.prior)))
 

@@ -215,6 +215,7 @@ def draw_posterior(
     correlation_time: float = 1.0,
     curves: frozenset[str] = frozenset(),
     sweeps: int | None = None,
+    share: float = 1.0,
 ) -> DrawnPosterior:
     """Draw the sizes of everything that may act.
 
@@ -226,8 +227,9 @@ def draw_posterior(
         correlation_time: how many samples of the run are worth one.
         curves: groups of whole curves of gears that stand for what the background has of these gears.
         sweeps: how often every size is drawn, as usual if not given.
+        share: of a run that is looked at, which is what ``run`` is.
     """
-    most = 600 // whole.width  # readings of a long run say how large the families are
+    most = round(600 * share) // whole.width  # readings of a long run say how large the families are
     few = run.take(even_positions(len(run), most)) if len(run) > most else run
     found = before.model.subset(
         [k for k, p in enumerate(before.model.parameters) if p.group in curves or not is_left_to_background(p.group)]

@@ -132,9 +132,10 @@ class FitProblem:
 
     def over_pieces(self, task: Callable[[slice], T]) -> Iterator[T]:
         """Run ``task`` on every piece, on two processors, results in order."""
-        # 4096: readings of a piece of a long run: what basis functions look at is most of what two of them take
+        # 2048, 4096: samples and readings of a piece of a long run: what basis functions look at is most of what two
+        # of them take
         long = len(self) > PIECE_SAMPLES
-        parts = list(chunks(len(self), 4096 // self.model.width if long else PIECE_SAMPLES))
+        parts = list(chunks(len(self), min(2048, 4096 // self.model.width) if long else PIECE_SAMPLES))
         if len(parts) < 2:
             yield from map(task, parts)
             return
