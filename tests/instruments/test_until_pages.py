@@ -51,6 +51,7 @@ def test_three_batches(tmp_path, monkeypatch):
             break
         measured.append(plan[-1])
         assert f"edbb identify BEFORE/run.csv {plan[-1]}/run.csv -o calibrated" in done.stderr
+        assert done.stderr.count("edbb identify BEFORE/run.csv") == 1
         assert "left standing" in (tmp_path / plan[-1] / "plan.json").read_text()
         identify(evaluate)
         assert limit_mm(evaluate[-1]) < limit_mm("known")
