@@ -190,7 +190,7 @@ class GcodeExecution(Execution):
 
         LinuxCNC's interpreter takes no feed along X Y Z below 0.1 (``inverse_time_rate_straight``), and A B C go along.
         """
-        if not self.dialect.speed.least or not self.moves:
+        if not self.dialect.speed.least or not self.moves or len(self.moves[-1].angles_deg) != len(angles):
             return 0.0
         way = np.subtract(angles, self.moves[-1].angles_deg)
         first = np.isin(self.axes[: len(angles)], self.dialect.speed.approach_first)
