@@ -53,7 +53,7 @@ class CandidateFilters:
 
     def are_free(self, q: Array, which: np.ndarray) -> np.ndarray:
         """Tell which collide with nothing, one by one: a copy of the process must not start OpenMP's threads."""
-        return self._filter_each(q, which, lambda _, world, mine: ~world.near(mine, self._clearance))
+        return self._filter_each(q, which, lambda _, world, mine: ~world.find_near(mine, self._clearance))
 
     def _filter_each(
         self, q: Array, which: np.ndarray, keeps: Callable[[Workspace, CollisionWorld, Array], np.ndarray]

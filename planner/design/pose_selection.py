@@ -81,7 +81,7 @@ class PoseChoice:
     pruning: Pruning | None = None
 
     @classmethod
-    def among(
+    def of_candidates(
         cls, pool: PoseSet, chosen: Positions, model: Model, seen: Identifiability, certificate: Certificate
     ) -> "PoseChoice":
         """Return the choice of some candidates of a pool as they are."""
@@ -110,7 +110,7 @@ class PoseChoice:
 
     @cached_property
     @on_one_thread
-    def raw(self) -> dict[str, float]:
+    def raw_indices(self) -> dict[str, float]:
         """O1 … O5 in metres and radians."""
         return all_indices(self.model.rows(self.samples))
 
@@ -123,7 +123,7 @@ class PoseChoice:
     @property
     def value(self) -> float:
         """The index of the poses."""
-        return self.raw[self.index]
+        return self.raw_indices[self.index]
 
     @cached_property
     @on_one_thread
@@ -225,7 +225,7 @@ def select_poses(
         else:
             likely = _likely_at_balls(rows, pool.ball, certificate, n)
             chosen, pruning = detmax(rows, n, seed=seed, group=pool.ball, likely=likely, limit=limit), None
-    return replace(PoseChoice.among(pool, chosen, model, seen, certificate), pruning=pruning), curve
+    return replace(PoseChoice.of_candidates(pool, chosen, model, seen, certificate), pruning=pruning), curve
 
 
 def _choose(
@@ -275,7 +275,7 @@ def judge_poses(
     model, seen, rows = identify_candidates(cell, pool)
     _check_count(len(chosen), -(-seen.rank // model.width), len(pool), seen.rank)
     certificate = certify_bound(rows, index, len(chosen), tolerance=ROUGH_TOLERANCE, near=near, limit=limit)
-    return PoseChoice.among(pool, chosen, model, seen, certificate)
+    return PoseChoice.of_candidates(pool, chosen, model, seen, certificate)
 
 
 def judge_few_poses(
@@ -292,7 +292,7 @@ def judge_few_poses(
         model, rows = model.subset(zeros), np.ascontiguousarray(rows[:, :, zeros])
     _check_count(len(chosen), -(-len(model.names) // model.width), len(pool), len(model.names))
     certificate = certify_bound(rows, index, len(chosen), tolerance=ROUGH_TOLERANCE, limit=limit)
-    return PoseChoice.among(pool, chosen, model, seen, certificate)
+    return PoseChoice.of_candidates(pool, chosen, model, seen, certificate)
 
 
 def _check_count(poses: int | None, least: int, candidates: int, parameters: int) -> None:

@@ -145,7 +145,7 @@ def compliance_parameters(setup: MeasurementSetup) -> list[Parameter]:
 
 def is_joint_compliance(parameter: Parameter) -> bool:
     """Tell whether a parameter is the compliance of a joint under its load torque."""
-    return isinstance(parameter.main.phi, LoadTorque)
+    return isinstance(parameter.main_move.phi, LoadTorque)
 
 
 @register(JOINT_COMPLIANCE, background=Background.COMMON)

@@ -53,7 +53,7 @@ class Parameter:
             raise ValueError(f"parameter '{self.name}': unit '{self.unit}' is none of the SI; '{si}' would be")
 
     @property
-    def main(self) -> ParameterMove:
+    def main_move(self) -> ParameterMove:
         """The first thing it moves."""
         return self.moves[0]
 

@@ -26,7 +26,7 @@ def set_up_parts(setup: MeasurementSetup) -> dict[str, list[Parameter]]:
     """Return all parameters of the gauge that may be free, grouped by what they belong to (a fixture, a zero)."""
     parts: dict[str, list[Parameter]] = {}
     for p in unknowns_of(setup.gauge).parameters(setup, FREEABLE):
-        parts.setdefault(p.name if p.main.on == "reading" else p.name.rpartition("_")[0], []).append(p)
+        parts.setdefault(p.name if p.main_move.on == "reading" else p.name.rpartition("_")[0], []).append(p)
     return parts
 
 

@@ -162,7 +162,7 @@ def _words(label: str, several: bool) -> tuple[str, str]:
 
 def _as_shift(run: Excitation, p: Parameter) -> Parameter:
     """Return a turn of the base as the shift [m] that it gives the measured points, about the middle of them."""
-    move = p.main
+    move = p.main_move
     if move.on != "transform" or not 3 <= move.index < 6:
         return p
     x = run.context.motion.x

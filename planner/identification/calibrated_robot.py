@@ -231,7 +231,7 @@ def _geometry(c: Calibration) -> Iterator[tuple[str, float]]:
     model = c.released.fit.model
     for p, error in zip(model.parameters, c.released.fit.errors, strict=True):
         if p.group == "geometry" and error != 0.0:
-            yield p.name, model.setup.chain.transforms[p.main.index].nominal + float(error)
+            yield p.name, model.setup.chain.transforms[p.main_move.index].nominal + float(error)
 
 
 def _effects(c: Calibration) -> Iterator[RobotEffect]:

@@ -181,7 +181,7 @@ class Bouts:
 
     def _log_odds_with(self, state: "Together", own: Block, newcomer: Part) -> float:
         """Return the log odds with a newcomer in and all needless out, minus infinity where the finding stays."""
-        kept = state.beside(self.gram, newcomer).prune()
+        kept = state.add_cause(self.gram, newcomer).prune()
         return -np.inf if any(b is own for b, _ in kept.parts) else kept.log_odds
 
     def log_odds(self, state: Sequence[Part]) -> float:
@@ -228,7 +228,7 @@ class Together:
         """Logarithm of the state's probability over that of the one in which nothing acts."""
         return float(self.odds.sum() + 0.5 * (self.along @ self.mean + self.log_det))
 
-    def beside(self, gram: Array, part: Part) -> "Together":
+    def add_cause(self, gram: Array, part: Part) -> "Together":
         """Return the fit with one more cause, behind the others (a block's inverse by its Schur complement)."""
         (columns, size), (new, its) = _sizes(self.parts), _sizes([part])
         shared, along = size[:, None] * gram[np.ix_(columns, new)] * its, its * gram[new, -1]
@@ -245,7 +245,7 @@ class Together:
             self.log_det + float(np.linalg.slogdet(own)[1]),
         )
 
-    def without(self, k: int) -> "Together":
+    def remove_cause(self, k: int) -> "Together":
         """Return the fit without one of its causes: its parameters are nought then."""
         gone = self._places[k]
         kept = np.delete(np.arange(len(self.mean)), gone)
@@ -273,7 +273,7 @@ class Together:
             least = int(np.argmin(worth))
             if worth[least] > 0:
                 break
-            state = state.without(least)
+            state = state.remove_cause(least)
         return state
 
     def worths(self) -> Array:

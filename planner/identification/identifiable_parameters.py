@@ -86,7 +86,7 @@ def choose_parameters(cell: Cell, setup: MeasurementSetup, run: Run, more: tuple
     """
     whole = _stated_model(cell, setup, run)
     if run.clocks == 2 and run.samples.speed is not None:
-        whole = whole.before([clock_offset_parameter(setup)])
+        whole = whole.with_preferred([clock_offset_parameter(setup)])
     whole = whole.plus(declared_parameters(cell, setup, run.samples, more))
     out = _well_known_parameters(cell, whole, run)
     names = {d.name for d in out}
@@ -178,12 +178,12 @@ def _takes_part(dropped: DroppedParameter, name: str, size: dict[str, float]) ->
 
 def _nominal_value(setup: MeasurementSetup, p: Parameter) -> float:
     """Value before the fit: of the elementary transform, the fixture, the tool point, the zero."""
-    if p.main.on == "reading":
+    if p.main_move.on == "reading":
         return setup.zero if p.name == "zero" else 0.0
     if p.name.startswith("fixture"):
         place = [n for n in range(len(setup.place_names)) if p.name.startswith(f"fixture_{setup.place_names[n]}_")]
-        return float(setup.p_BX[place[0] if place else 0, p.main.index])
+        return float(setup.p_BX[place[0] if place else 0, p.main_move.index])
     if p.name.startswith("map_"):
         point = [n for n in range(len(setup.point_names)) if p.name.startswith(f"map_{setup.point_names[n]}_")]
         return float(setup.p_FM[point[0] if point else 0, "xyz".index(p.name[-1])])
-    return setup.chain.transforms[p.main.index].nominal if p.group == "geometry" else 0.0
+    return setup.chain.transforms[p.main_move.index].nominal if p.group == "geometry" else 0.0

@@ -21,8 +21,10 @@ def use_held_torques(parameters: Sequence[Parameter]) -> tuple[Parameter, ...]:
 
     def hold(p: Parameter) -> Parameter:
         """Return the parameter with the held torque in the place of the load's."""
-        phi = p.main.phi
-        return replace(p, moves=(replace(p.main, phi=DriveTorque(phi.joint)),)) if isinstance(phi, LoadTorque) else p
+        phi = p.main_move.phi
+        return (
+            replace(p, moves=(replace(p.main_move, phi=DriveTorque(phi.joint)),)) if isinstance(phi, LoadTorque) else p
+        )
 
     return tuple(hold(p) for p in parameters)
 

@@ -68,7 +68,7 @@ class LiveAdvice:
         others = [k for k in self.estimate.unread_poses() if k != number]
         return "it would add nothing to the others" if self.estimate.adds_nothing(number, others) else ""
 
-    def after(self, pose: int, t: float, length: float) -> str:
+    def advise(self, pose: int, t: float, length: float) -> str:
         """Return where the session stands after a reading [m] at a time [s]."""
         return self.say(pose, t, PoseReading.of_length(length))
 
@@ -144,7 +144,7 @@ class CentringAdvice:
         """Return why the pose of this id need not be centred."""
         return self.advice.passes(pose)
 
-    def after(self, row: JournalRow) -> str:
+    def advise(self, row: JournalRow) -> str:
         """Return where the session stands after a ball."""
         return self.advice.say(row.pose, row.t_s, self.reading(row))
 

@@ -168,8 +168,8 @@ class Adviser(Protocol):
     def passes(self, pose: int) -> str:
         """Return why the pose of this id need not be read; empty where it is to be read."""
 
-    def after(self, pose: int, t: float, length: float) -> str:
-        """Return where the session stands after a reading [m] at a time [s] of the session."""
+    def advise(self, pose: int, t: float, length: float) -> str:
+        """Take a reading [m] at a time [s] of the session; return what to tell the person, empty where nothing."""
 
 
 class NoAdvice:
@@ -179,7 +179,7 @@ class NoAdvice:
         """Return nothing."""
         return ""
 
-    def after(self, pose: int, t: float, length: float) -> str:
+    def advise(self, pose: int, t: float, length: float) -> str:
         """Return nothing."""
         return ""
 
@@ -218,6 +218,6 @@ def measure_poses(
             if abs(off) > LIVE_GAUGE.far_from_plan
             else ""
         )
-        stands = adviser.after(p.id, t, length)
+        stands = adviser.advise(p.id, t, length)
         count = f"({len(log.rows)} of {len(log.poses)})"
         yield f"pose {p.id}: {float(to_mm(length)):.3f} mm{far} {count}{'; ' if stands else ''}{stands}"

@@ -37,7 +37,7 @@ class PlanningPackage(LazyModule):
         except ImportError as err:
             if is_installed(self._name.partition(".")[0]):
                 raise
-            raise _missing(_absent()) from err
+            raise _missing(_absent_packages()) from err
         self.__dict__[key] = found = getattr(module, key)
         return found
 
@@ -65,10 +65,10 @@ def require_planning_packages() -> None:
         MissingProgramError: a judge is not installed; which packages are missing, and where planning is possible.
     """
     if not has_judges():
-        raise _missing(_absent())
+        raise _missing(_absent_packages())
 
 
-def _absent() -> list[str]:
+def _absent_packages() -> list[str]:
     return [name for name in DISTRIBUTIONS if not is_installed(name)]
 
 

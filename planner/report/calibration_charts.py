@@ -48,7 +48,7 @@ SCATTER = (
 def residual_chart(facts: CalibrationFacts, kind: str) -> Chart:
     """Residuals of the last stage against every quantity of one kind."""
     name, title = KINDS[kind]
-    error = to_mm(facts.after.held_residual[facts.chart_samples][:, :3])
+    error = to_mm(facts.written_stage.held_residual[facts.chart_samples][:, :3])
     panels = tuple(_scatter(a, error, facts.calibration.reading_unit) for a in facts.plot_variables if a.kind == kind)
     return Chart(name, title, SCATTER, panels, columns=2)
 
@@ -62,7 +62,7 @@ def approach_chart(facts: CalibrationFacts) -> Chart:
     joints = np.arange(1, sense.shape[1] + 1)
     across = 0.14 * golden_steps(len(which))
     panels = []
-    for stage, side in ((facts.before, "frames"), (facts.after, "calibrated")):
+    for stage, side in ((facts.placed_stage, "frames"), (facts.written_stage, "calibrated")):
         error = to_mm(error_along(stage.held_residual))
         few, x = error[which], joints + 0.2 * direction[which] + across[:, None]
         cloud = Series("one reading", x.ravel(), np.repeat(few, len(joints)), BLUE, "points", size=3.0, opacity=0.35)
@@ -115,7 +115,7 @@ def draw_calibration_charts(facts: CalibrationFacts) -> tuple[Chart, ...]:
 
 def histogram_chart(facts: CalibrationFacts) -> Chart:
     """How many samples have which error, before and after."""
-    before, after = (to_mm(error_size(s.held_residual)) for s in (facts.before, facts.after))
+    before, after = (to_mm(error_size(s.held_residual)) for s in (facts.placed_stage, facts.written_stage))
     low = max(float(np.quantile(after, 0.005)), float(before.max()) * 1e-6, 1e-7)
     high = 1.1 * max(float(before.max()), float(after.max()))
     unit = facts.calibration.reading_unit

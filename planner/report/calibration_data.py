@@ -33,12 +33,12 @@ class CalibrationFacts:
     calibration: Calibration
 
     @property
-    def before(self) -> Stage:
+    def placed_stage(self) -> Stage:
         """The robot as its data sheet has it, only the gauge placed on it."""
         return self.calibration.placed_stage
 
     @cached_property
-    def after(self) -> Stage:
+    def written_stage(self) -> Stage:
         """The robot as it is written; the last stage of a run so long that the written robot saw a part of it."""
         c, robot = self.calibration, self.calibration.released
         if robot is None or len(robot.held_residual) < len(c.run):
@@ -132,7 +132,7 @@ def error_by_pose(told: CalibrationFacts) -> tuple[tuple[str, ...], Array, Array
     """Names and held-out errors [m] before and after, of the poses at rest or of samples along a continuous run."""
     shown_poses = 1500  # that are drawn one by one
     run = told.calibration.run
-    before, after = error_size(told.before.held_residual), error_size(told.after.held_residual)
+    before, after = error_size(told.placed_stage.held_residual), error_size(told.written_stage.held_residual)
     if run.continuous or run.samples.pose is None:
         which = even_positions(len(run), shown_poses)
         return tuple(f"sample {k + 1}" for k in which), before[which], after[which]

@@ -113,11 +113,13 @@ def collect_evidence(facts: CalibrationFacts, step: FindingStep) -> Evidence:
         residuals[0] = residuals[1] + added
     own = [p for p in fit.model.parameters if p.group == step.what and p.name != step.inner]
     first = own[0]
-    changed = isinstance(first.main.phi, BeforeSample)
-    looked = first.main.phi.plot_variable(context) if changed or _move_one(own) else None
+    changed = isinstance(first.main_move.phi, BeforeSample)
+    looked = first.main_move.phi.plot_variable(context) if changed or _move_one(own) else None
     if looked is None:
         return _residual_along(added, residuals, "rad" if facts.calibration.angle_unit else "m")
-    bare = tuple(map(acting_throughout, own)) if changed else (replace(first, moves=(replace(first.main, phi=ONE),)),)
+    bare = (
+        tuple(map(acting_throughout, own)) if changed else (replace(first, moves=(replace(first.main_move, phi=ONE),)),)
+    )
     size = np.array([fit.errors[fit.model.names.index(p.name)] for p in own]) if changed else np.ones(1)
     screws = Model(fit.setup, bare).linearize_in(context, None).rows[:, : rows.shape[1]]
     screw = screws @ (size / np.linalg.norm(size))
@@ -125,7 +127,7 @@ def collect_evidence(facts: CalibrationFacts, step: FindingStep) -> Evidence:
     # 0.3: part of its usual leverage below which a reading says nothing of an effect
     safe = np.maximum(power, (0.3**2) * max(float(np.median(power)), 1e-300))
     before, after, fitted = (np.einsum("nr,nr->n", r, screw) / safe for r in (*residuals, added))
-    turns = first.main.on == "transform" and fit.setup.chain.transforms[first.main.index].kind == "rotation"
+    turns = first.main_move.on == "transform" and fit.setup.chain.transforms[first.main_move.index].kind == "rotation"
     means = int(np.clip(3 * len(own), MEAN_POINTS, len(power) // 10 + MEAN_POINTS))
     marks = tuple(sorted({m.phi.sample + 0.5 for p in own for m in p.moves if isinstance(m.phi, BeforeSample)}))
     return Evidence(looked, "rad" if turns else "m", before, after, power, fitted, means, marks, turns)

@@ -121,12 +121,12 @@ class CalibrationPage:
     document: Identification
 
     @property
-    def before(self) -> Stage:
+    def placed_stage(self) -> Stage:
         """The robot of its data sheet, only the gauge placed on it."""
         return self.document.placed_stage
 
     @property
-    def after(self) -> Errors:
+    def written_errors(self) -> Errors:
         """The robot that is written."""
         return self.document.release or self.document.stages[-1]
 

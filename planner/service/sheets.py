@@ -73,7 +73,7 @@ def find_validation(context: ServiceContext, robot_sha256: str) -> AccuracyFile 
 
 def _results(found: CalibrationPage) -> list[tuple[str, Metrics]]:
     """Errors on the readings held out, and on those of a validation where both robots have them."""
-    both = (("before", found.before), ("after", found.after))
+    both = (("before", found.placed_stage), ("after", found.written_errors))
     seen = [(f"{name}, validation run", s.validation) for name, s in both if s.validation is not None]
     return [(f"{name}, held out", s.held_out) for name, s in both] + (seen if len(seen) == len(both) else [])
 

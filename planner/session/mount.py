@@ -16,7 +16,7 @@ from planner.design.pose_selection import identify_candidates
 from planner.design.selection.certificate import Certificate
 from planner.design.selection.index_bound import certify_bound, price_core
 from planner.motion.collision.scene import advise_never_meet
-from planner.motion.path.connection import roomy
+from planner.motion.path.connection import add_room
 from planner.motion.path.constraints import Constraints
 from planner.motion.path.parts import PartMap
 from planner.runs.run import FIRST_MOUNTING, Mounting
@@ -193,16 +193,16 @@ def _find_mount(cell: Cell, mounting: Mounting, seed: int, limit: TimeLimit) -> 
 def _with_room(cell: Cell, mounting: Mounting, limit: TimeLimit) -> Constraints:
     """Return the constraints of roadmaps: with the room of the ways that are sought on them later."""
     constraints, mount = Constraints(cell, mounting, limit=limit), cell.mount(mounting)
-    return roomy(constraints, np.empty((0, cell.robot.n_joints)) if mount is None else np.array([mount]))
+    return add_room(constraints, np.empty((0, cell.robot.n_joints)) if mount is None else np.array([mount]))
 
 
 def _quickest_roomy(cell: Cell, q: Array) -> Array:
     """Of the poses q (n, N) [rad] with the most room to every limit, the quickest to reach from home."""
     margins = Workspace(cell).margins(q)
     room = (margins / np.median(margins, axis=0)).min(axis=1)
-    roomy = q[np.argsort(-room, kind="stable")[: max(1, int(ROOMY_SHARE * len(q)))]]
-    seconds = (np.abs(roomy - cell.home) / cell.robot.speed).max(axis=1)
-    return np.asarray(roomy[int(np.argmin(seconds))])
+    add_room = q[np.argsort(-room, kind="stable")[: max(1, int(ROOMY_SHARE * len(q)))]]
+    seconds = (np.abs(add_room - cell.home) / cell.robot.speed).max(axis=1)
+    return np.asarray(add_room[int(np.argmin(seconds))])
 
 
 def with_point_mount(cell: Cell, away: Constraints, seed: int, pool: Array | None = None) -> Cell:

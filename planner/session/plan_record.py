@@ -146,7 +146,7 @@ def _support_records(drive: Drive) -> list[dict[str, object]]:
 
 def observability_record(choice: PoseChoice, bound: Certificate) -> ObservabilityRecord:
     """Return the indices of the chosen poses and what bounds them."""
-    rule, among, raw = INDEX_RULES[choice.index], choice.certificate, choice.raw
+    rule, among, raw = INDEX_RULES[choice.index], choice.certificate, choice.raw_indices
     stated = ObservabilityRecord(
         index=choice.index,
         n=len(choice.q),

@@ -93,8 +93,8 @@ def _needless_beside_compliance(test: ScoreTest, scores: list[EffectScore]) -> s
     plain = list[tuple[EffectScore, Effect]]()
     for s in scores:
         if s.effect.has(Role.LIKE_COMPLIANCE | Role.LIKE_ANY_COMPLIANCE):
-            where, anywhere = {p.main.index for p in s.effect.make()}, s.effect.has(Role.LIKE_ANY_COMPLIANCE)
-            alike = tuple(p for p in compliances if anywhere or p.main.index in where)
+            where, anywhere = {p.main_move.index for p in s.effect.make()}, s.effect.has(Role.LIKE_ANY_COMPLIANCE)
+            alike = tuple(p for p in compliances if anywhere or p.main_move.index in where)
             plain += [(s, replace(s.effect, parameters=alike))] if alike else []
     gains = test.score(test.lay_out([(e, None) for _, e in plain])).gain if plain else ()
     return {s.effect.name for (s, _), g in zip(plain, gains, strict=True) if g > COMPLIANCE_SHARE * s.gain}

@@ -55,7 +55,7 @@ def rank_changes(
 
 def change_sample(found: FittedEffect) -> int | None:
     """Sample, from 0, before which a step's cause stood otherwise, or of a wrong row; ``None`` of other effects."""
-    phi: BasisFunction = found.effect.make(found.value)[0].main.phi
+    phi: BasisFunction = found.effect.make(found.value)[0].main_move.phi
     return phi.sample if isinstance(phi, BeforeSample | AtSample) else None
 
 
@@ -99,7 +99,7 @@ def step_series(test: ScoreTest, steppables: Sequence[Steppable]) -> list[tuple[
             if score.merit < 0 or score.log_p > LOG_SIGNIFICANCE:
                 break
             steps.append(score)
-            left = _beside(left, _stepped_columns(left, columns, score))
+            left = _add_columns(left, _stepped_columns(left, columns, score))
         held = tuple(s for s in steps if _is_sudden(_beside_others(test, columns, steps, s), columns, s))
         if len(held) > 1:
             out.append(held)
@@ -113,14 +113,14 @@ def series_merit(test: ScoreTest, steps: Sequence[EffectScore]) -> float:
     return float(test.dof * np.log(test.scatter / left)) - costs
 
 
-def _beside(test: ScoreTest, A: Array) -> ScoreTest:
+def _add_columns(test: ScoreTest, A: Array) -> ScoreTest:
     """Return the test of a model that has the whitened columns A (n, r, k) as well."""
-    U, taken = _beyond(test, A)
+    U, taken = _split_off_model(test, A)
     beside, dof = np.column_stack([test.beside, U]), max(1.0, test.dof - U.shape[1])
     return replace(test, beside=beside, residual=test.residual - U @ taken, dof=dof)
 
 
-def _beyond(test: ScoreTest, A: Array) -> tuple[Array, Array]:
+def _split_off_model(test: ScoreTest, A: Array) -> tuple[Array, Array]:
     """What whitened columns A (n, r, k) reach beyond the model, (m, rank) of unit length, and of the residual, (rank,).
 
     Both with the prior's rows below them, in which the columns have nothing.
@@ -137,7 +137,7 @@ def _beyond(test: ScoreTest, A: Array) -> tuple[Array, Array]:
 def _beside_others(test: ScoreTest, columns: Array, steps: Sequence[EffectScore], own: EffectScore) -> ScoreTest:
     """Return the test with all steps of a series but one in the model."""
     for other in steps:
-        test = test if other is own else _beside(test, _stepped_columns(test, columns, other))
+        test = test if other is own else _add_columns(test, _stepped_columns(test, columns, other))
     return test
 
 
@@ -194,7 +194,7 @@ def _is_borne_by_several(test: ScoreTest, columns: Array, score: EffectScore) ->
     lone = int(np.argmax(np.where(shorter, (test.residual.reshape(n, r) ** 2).sum(axis=1), -1.0)))
     left_out = np.zeros((n, r, r))
     left_out[lone] = np.eye(r)
-    beside, A = _beside(test, left_out), _stepped_columns(test, columns, score).reshape(n * r, -1)
+    beside, A = _add_columns(test, left_out), _stepped_columns(test, columns, score).reshape(n * r, -1)
     shared, along = beside.products(A), A.T @ beside.residual
     gain, size = score_gains((A.T @ A - shared.T @ shared)[None], along[None], (A**2).sum(axis=0)[None])
     return beside.log_p(float(gain[0]), int(size[0]), score.effect.scanned) < LOG_SIGNIFICANCE
@@ -207,7 +207,7 @@ def _is_sudden(test: ScoreTest, columns: Array, score: EffectScore) -> bool:
     step.
     """
     log_sudden = float(np.log(1e-3))  # chance of a step beside a drift below which it is sudden
-    drift, taken = _beyond(test, np.linspace(-1.0, 1.0, len(columns))[:, None, None] * columns)
+    drift, taken = _split_off_model(test, np.linspace(-1.0, 1.0, len(columns))[:, None, None] * columns)
     count, residual = drift.shape[1], test.residual - drift @ taken
     A = _stepped_columns(test, columns, score).reshape(-1, columns.shape[2])
     shared, along = np.vstack([test.products(A), drift.T @ A]), A.T @ residual

@@ -67,7 +67,7 @@ class ColumnSpace:
         """Return the number of columns P."""
         return len(self.parameters)
 
-    def including(self, parameters: Sequence[Parameter]) -> "ColumnSpace":
+    def with_parameters(self, parameters: Sequence[Parameter]) -> "ColumnSpace":
         """Return the space with the columns of parameters, those that it has as they are."""
         new = tuple(p for p in parameters if (p.name, p.moves) not in self._place)
         if not new:
@@ -84,7 +84,7 @@ class ColumnSpace:
             self, parameters=(*self.parameters, *new), block=block, triangle=triangle, before=self, memory=self.memory
         )
 
-    def lacking(self, parameters: Sequence[Parameter]) -> Array:
+    def find_missing_part(self, parameters: Sequence[Parameter]) -> Array:
         """Return the orthonormal part (P, k), in this space's vectors, that the columns of parameters do not span."""
         own = {self._place[p.name, p.moves] for p in parameters}
         left = [j for j in range(len(self)) if j not in own]

@@ -89,7 +89,7 @@ class EffectDictionary:
             items.append(DictionaryItem(effect, value, slice(width, width + len(parameters))))
             for k, p in enumerate(parameters, width):
                 if len(p.moves) == 1:
-                    by_move.setdefault((p.main.on, p.main.index), []).append((k, p))
+                    by_move.setdefault((p.main_move.on, p.main_move.index), []).append((k, p))
                 else:
                     mixed[k] = p
             width += len(parameters)
@@ -127,8 +127,8 @@ class EffectDictionary:
 def _column_block(context: Context, members: list[tuple[int, Parameter]], single: bool) -> ColumnBlock:
     phi = np.empty((len(members), len(context.samples)), dtype=np.float32 if single else np.float64)
     for row, (_, p) in zip(phi, members, strict=True):
-        np.multiply(p.main.phi(context), p.prior, out=row)
-    return ColumnBlock(members[0][1].main, phi, np.array([k for k, _ in members]))
+        np.multiply(p.main_move.phi(context), p.prior, out=row)
+    return ColumnBlock(members[0][1].main_move, phi, np.array([k for k, _ in members]))
 
 
 @dataclass(frozen=True)

@@ -115,19 +115,19 @@ class ScoreTest:
         problem = fit.problem
         n = len(problem)
         if near is not None and _is_near(near, fit):
-            space = near.including(fit.model.parameters)
+            space = near.with_parameters(fit.model.parameters)
         else:
             if n > subset_size(fit.model, screened):
                 problem = problem.take(even_positions(n, subset_size(fit.model, screened)))
             space = ColumnSpace.of(problem, fit.errors, len(problem) / n)
         readings, spacing = len(space.block), n / len(space.problem)
         dof = max(1.0, readings / max(1.0, correlation_time / spacing) - fit.effective)
-        return cls._within(space, fit.model, fit.errors, dof)
+        return cls._from_space(space, fit.model, fit.errors, dof)
 
     @classmethod
-    def _within(cls, space: ColumnSpace, model: Model, errors: Array, dof: float) -> "ScoreTest":
+    def _from_space(cls, space: ColumnSpace, model: Model, errors: Array, dof: float) -> "ScoreTest":
         """Look at a model whose columns a space has."""
-        problem, gone = space.problem, space.lacking(model.parameters)
+        problem, gone = space.problem, space.find_missing_part(model.parameters)
         raw = model.residual_in(problem.context, problem.targets, errors)
         white = whiten(problem, raw[..., None]).reshape(-1)
         bare = cls(space, model, errors, white, dof, gone, np.zeros((len(white), 0)))
@@ -138,7 +138,7 @@ class ScoreTest:
 
         Columns are taken as they are: those of fewer parameters span a part of the same space.
         """
-        return self._within(self.space.including(model.parameters), model, errors, self.dof)
+        return self._from_space(self.space.with_parameters(model.parameters), model, errors, self.dof)
 
     @property
     def problem(self) -> FitProblem:

@@ -46,7 +46,7 @@ def best_step(
         trials = _refit_candidates(context, state, test, near)
         kept = [t for t in trials if _holds(context, state, t)]
         if kept:
-            return context.likeliest(kept, at=kept[0])
+            return context.choose_likeliest(kept, at=kept[0])
         context.rejected.add_shares(near, test.scatter)
         doubtful += trials
     return next((s for t in doubtful if (s := _add_pair(context, state, t)) is not None), None)
@@ -211,7 +211,7 @@ def search(start: SearchState, effects: Sequence[Effect], fit_context: FitContex
     together = _causes_together(context, start)
     for state in together:
         path = _start_from(context, start, state, path)
-    path = _try_gear_curves(context, context.likeliest(together, at=start) if together else None, path)
+    path = _try_gear_curves(context, context.choose_likeliest(together, at=start) if together else None, path)
     for _ in range(2):  # rounds of swapping
         other = swap_effects(context, path[-1])
         if other is None:

@@ -91,7 +91,7 @@ class SearchContext:
         time = self._correlation_time(at or before)
         return before.evidence(time) - after.evidence(time)
 
-    def likeliest(self, states: Sequence[SearchState], at: SearchState) -> SearchState:
+    def choose_likeliest(self, states: Sequence[SearchState], at: SearchState) -> SearchState:
         """The state under which the run is likeliest, with the correlation time of the state ``at``."""
         time = self._correlation_time(at)
         return min(states, key=lambda s: s.evidence(time))

@@ -55,7 +55,7 @@ def effects_beside_curve(effects: tuple[FittedEffect, ...], wave: Effect) -> tup
 def dominant_waves(curve: FittedEffect, sizes: Array) -> list[float]:
     """Waves a turn at which a curve is strongest, the strongest first, one for each peak."""
     power = sizes[0::2] ** 2 + sizes[1::2] ** 2
-    phis = [p.main.phi for p in curve.parameters[0::2]]
+    phis = [p.main_move.phi for p in curve.parameters[0::2]]
     waves = [phi.frequency for phi in phis if isinstance(phi, JointWave)]
     padded = np.r_[0.0, power, 0.0]
     peaks = np.flatnonzero((power >= padded[:-2]) & (power > padded[2:]))
@@ -78,7 +78,7 @@ def all_gear_curves(context: SearchContext, end: SearchState, compliant: SearchS
     trials = [t for b in begin if (t := _with_curves(context, b, joints)) is not None]
     if not trials:
         return None
-    best = _refine_quickness(context, context.likeliest(trials, at=end))
+    best = _refine_quickness(context, context.choose_likeliest(trials, at=end))
     if context.evidence_fall(end, best) < 2 * (np.log(context.tried_number) - LOG_SIGNIFICANCE):
         return None  # together they must be as sure as a single effect
     best = _drop_needless_curves(context, best)

@@ -25,7 +25,7 @@ def refined(index):
     pool = draw_candidates(cell, 3000)
     model, seen, rows = identify_candidates(cell, pool)
     found = exchange_poses(rows, POSES, index, starts=1, steps=200)
-    choice = PoseChoice.among(pool, found.chosen, model, seen, found.certificate)
+    choice = PoseChoice.of_candidates(pool, found.chosen, model, seen, found.certificate)
     return cell, pool, refine_poses(cell, choice, 0)
 
 

@@ -131,9 +131,9 @@ def test_causes_that_come_and_go_leave_the_fit_that_others_have_by_themselves():
     columns, y = rng.normal(size=(M, 7)), rng.normal(size=M)
     gram = products(columns, y)
     parts = [(block("a, joint 1", 0, 2), 0.5), (block("b, joint 2", 2, 3), 2.0), (block("c, joint 3", 5, 2), 1.5)]
-    grown = Together.of(gram, parts[:1]).beside(gram, parts[1]).beside(gram, parts[2])
+    grown = Together.of(gram, parts[:1]).add_cause(gram, parts[1]).add_cause(gram, parts[2])
     for k in (None, 0, 1, 2):
-        state = grown if k is None else grown.without(k)
+        state = grown if k is None else grown.remove_cause(k)
         alone = Together.of(gram, [p for j, p in enumerate(parts) if j != k])
         assert state.parts == alone.parts
         np.testing.assert_allclose(state.covariance, alone.covariance, atol=1e-12)

@@ -189,7 +189,7 @@ def test_a_part_turns_as_much_as_is_usual_whatever_moves_it():
     run = Excitation.of(setup_of(cell), Samples(q, np.zeros(len(q), dtype=int)))
     families = dict(misfit_shapes(run))
     base = families.pop("base by its load")
-    turned = sum((p.prior * run.values(p.main.phi)) ** 2 for p in base) / 2  # axes
+    turned = sum((p.prior * run.values(p.main_move.phi)) ** 2 for p in base) / 2  # axes
     lean = np.hypot(*(run.values(LoadMoment(0, axis)) for axis in range(2)))
     assert np.sqrt(np.mean(turned / (lean / lean.max()) ** 2)) == pytest.approx(PART_TURN, rel=0.02)
     assert {"part 3 by gravity", "part 3 by joint 5"} < set(families)
@@ -209,7 +209,7 @@ def test_a_base_that_opens_to_one_side_is_waves_of_the_side_to_which_the_arm_lea
     moment = np.stack([run.values(LoadMoment(0, axis)) for axis in range(2)], axis=1)
     opened = np.maximum(0.0, moment @ [np.cos(0.7), np.sin(0.7)])
     own = dict(misfit_shapes(run))["base by its load"]
-    waves = np.stack([run.values(p.main.phi) for p in own if p.name.startswith("misfit_base_rx")], axis=1)
+    waves = np.stack([run.values(p.main_move.phi) for p in own if p.name.startswith("misfit_base_rx")], axis=1)
     left = [
         float(np.std(opened - columns @ np.linalg.lstsq(columns, opened)[0]) / np.std(opened))
         for columns in (moment, np.column_stack([moment, waves]))

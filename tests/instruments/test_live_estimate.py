@@ -167,13 +167,13 @@ def test_a_reading_that_does_not_fit_is_told(bench, tmp_path):
     last = poses[-1]
     others = [length for p, length in zip(poses, bench.made.length, strict=True) if p.role == "calibrate"][:-1]
     adviser.estimate.add_all(read_at(others))
-    said = adviser.after(last.id, 10.0, bench.made.length[-1] + 2e-3)
+    said = adviser.advise(last.id, 10.0, bench.made.length[-1] + 2e-3)
     assert "sigma from what was expected: read it again" in said
 
 
 def test_a_goal_out_of_reach_says_so(bench, tmp_path):
     adviser, poses = advice(bench, tmp_path, 1e-6)
-    said = adviser.after(poses[0].id, 10.0, bench.made.length[0])
+    said = adviser.advise(poses[0].id, 10.0, bench.made.length[0])
     assert "not 0.001 mm: then plan on with edbb plan --after" in said
 
 

@@ -34,7 +34,7 @@ def made_plan(poses: int = 28, candidates: int = 600) -> Plan:
     model, seen, rows = identify_candidates(cell, pool)
     curve = compute_index_curve(rows, (26, poses, 40, 80), "O2", steps=20)
     found = exchange_poses(rows, poses, "O2", starts=1, certificate=curve.selections[1].certificate, steps=20)
-    choice = PoseChoice.among(pool, found.chosen, model, seen, found.certificate)
+    choice = PoseChoice.of_candidates(pool, found.chosen, model, seen, found.certificate)
     choice = replace(choice, q=choice.q + MOVED)
     drive = made_drive(cell, FIRST_MOUNTING, np.vstack([pool.q[:1], choice.candidates.q, pool.q[1:4]]), poses)
     return Plan(

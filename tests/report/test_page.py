@@ -145,7 +145,7 @@ def test_indices_are_those_of_the_plan(plan: Plan, page: ReadPage) -> None:
     rows = {r[0]: r for r in page.table("index")}
     assert list(rows) == list(INDEX_RULES)
     for name, row in rows.items():
-        assert float(row[3]) == pytest.approx(plan.choice.raw[name], rel=1e-3)
+        assert float(row[3]) == pytest.approx(plan.choice.raw_indices[name], rel=1e-3)
         assert float(row[4]) == pytest.approx(plan.choice.scaled_indices[name], rel=1e-3)
 
 

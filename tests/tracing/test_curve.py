@@ -28,7 +28,7 @@ def test_the_curve_is_the_one_that_was_planted():
     for p, value in zip(fit.model.parameters, fit.errors, strict=True):
         if p.group == "gear error curve, joint 2":
             wave = np.sin if p.name.rsplit("_", 1)[1].startswith("sin") else np.cos
-            curve += value * wave(p.main.phi.frequency * q)
+            curve += value * wave(p.main_move.phi.frequency * q)
     made = run((planted,), build="tracker", size=400)
     truth = motions(made.scene, made.truth.effects)["theta2"][made.rows]
     taken = np.column_stack([np.ones(len(q)), np.sin(q), np.cos(q), q])

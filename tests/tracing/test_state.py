@@ -57,7 +57,7 @@ def test_a_search_keeps_nothing_of_what_models_before_were_computed_by():
     context = SearchContext((), EffectDictionary(start.fit.problem.context, (), (), {}, 0), bench, lambda _: None)
     context.score_test(start)
     left, after = (start.refit(bench, (FittedEffect(entries[f"gear ripple, joint {k}"], 9.37),)) for k in (2, 3))
-    wave, piece = left.fit.model.parameters[left.positions(left.effects[0])[0]].main.phi, after.piece
+    wave, piece = left.fit.model.parameters[left.positions(left.effects[0])[0]].main_move.phi, after.piece
     assert wave in start.fit.problem.context._known
     context.score_test(after)
     assert wave not in start.fit.problem.context._known

@@ -76,7 +76,7 @@ def test_the_method_of_the_cell_is_that_of_the_command_line(pruned, tmp_path):
     assert isinstance(made, PlanResult)
     told = json.loads((folder / "plan.json").read_text())
     assert made.plan.choice.pruning is not None
-    assert made.plan.choice.raw["O2"] == pytest.approx(told["observability"]["O2"])
+    assert made.plan.choice.raw_indices["O2"] == pytest.approx(told["observability"]["O2"])
 
 
 def test_without_a_number_pruned_poses_are_as_many_as_its_curve_bends_at(pruned):

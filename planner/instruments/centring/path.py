@@ -85,7 +85,7 @@ class PlannedPath:
                 points.append(k)
         return points
 
-    def before(self, visit: BallVisit, start: int) -> int:
+    def approach_point(self, visit: BallVisit, start: int) -> int:
         """Return the point off the ball from which a visit is approached, coming from ``start`` (maybe the ball)."""
         behind = visit.at + 1
         ahead = visit.at - 1 if visit.at > 0 else behind

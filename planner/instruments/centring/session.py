@@ -28,7 +28,7 @@ class CentringAdviser(Protocol):
     def passes(self, pose: int) -> str:
         """Return why the pose of this id need not be centred; empty where it is to be."""
 
-    def after(self, row: JournalRow) -> str:
+    def advise(self, row: JournalRow) -> str:
         """Return where the session stands after a ball; empty where nothing is to be said."""
 
 
@@ -39,7 +39,7 @@ class NoCentringAdvice:
         """Return nothing."""
         return ""
 
-    def after(self, row: JournalRow) -> str:
+    def advise(self, row: JournalRow) -> str:
         """Return nothing."""
         return ""
 
@@ -150,7 +150,7 @@ def drive_to_balls(session: CentringSession, bench: CentringBench) -> Iterator[B
         if bench.skips(visit):
             continue
         bench.place = _visit_text(visit)
-        off_ball = way.before(visit, at)
+        off_ball = way.approach_point(visit, at)
         _drive(way.way_to(at, off_ball), way, bench)
         if settings.head.check_free:
             check_free(read_settled_indicators(bench.indicators, settings.rest, bench.stop), settings.head)
@@ -237,7 +237,7 @@ def run_session(session: CentringSession, bench: CentringBench, follow: bool = F
         for visit in (follow_program if follow else drive_to_balls)(session, bench):
             row, done = measure_ball(session, visit, number, bench)
             session.journal.add(row)
-            stands = bench.adviser.after(row)
+            stands = bench.adviser.advise(row)
             bench.say(f"{row_text(row)}{'; ' if stands else ''}{stands}")
             if not follow:  # the plan's own program wants the arm where the ball is
                 _undo_shift(bench, done.moved)

@@ -145,4 +145,4 @@ def _judge_by_index(
     kept = list(seen.kept)
     model, rows = model.subset(kept), np.ascontiguousarray(rows[:, :, kept])
     certificate = certify_bound(rows, index, len(chosen), limit=limit)
-    return PoseChoice.among(session.pool, chosen, model, seen, certificate)
+    return PoseChoice.of_candidates(session.pool, chosen, model, seen, certificate)

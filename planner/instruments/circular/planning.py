@@ -48,7 +48,7 @@ def plan_circles(
 ) -> CircularPlan:
     """Plan the circular test of a cell.
 
-    Of the roomy ways round a circle the one is driven that begins nearest to its entry in ``starts`` (name of the
+    Of the add_room ways round a circle the one is driven that begins nearest to its entry in ``starts`` (name of the
     circle: controller angles (N,) [rad]), else nearest to where the arm comes from.
 
     Raises:
@@ -174,7 +174,7 @@ def _path_notes(drives: Sequence[CircularDrive]) -> list[str]:
 
 
 def plan_arc(cell: Cell, circle: Circle, seed: int = 0, near: Array | None = None, limit: TimeLimit = UNLIMITED) -> Arc:
-    """Plan the way round a circle: of the roomy ones the nearest.
+    """Plan the way round a circle: of the add_room ones the nearest.
 
     Args:
         cell: where a fixture has a mount pose, the twist of a cable along the bar counts from there; else from the
@@ -193,7 +193,7 @@ def plan_arc(cell: Cell, circle: Circle, seed: int = 0, near: Array | None = Non
     ways = find_arm_paths(cell, circle, seed)
     constraints = Constraints(cell, circle.mounting, limit=limit)
     n = cell.robot.n_joints
-    hits = constraints.world.near(ways.q.reshape(-1, n), constraints.clearance).reshape(ways.q.shape[:2])
+    hits = constraints.world.find_near(ways.q.reshape(-1, n), constraints.clearance).reshape(ways.q.shape[:2])
     free = np.flatnonzero(~hits.any(axis=1))
     if not len(free):
         raise NoSolutionError(_explain_collision(constraints, circle, ways, hits))
@@ -211,8 +211,8 @@ def plan_arc(cell: Cell, circle: Circle, seed: int = 0, near: Array | None = Non
 def _order_paths(cell: Cell, ways: ArmPaths, free: np.ndarray, near: Array) -> list[int]:
     """Roomy ways by the time that it takes to come to their beginning, then the others by their room."""
     away = (np.abs(ways.q[free, 0] - near) / cell.robot.speed).max(axis=1)
-    roomy = ways.room[free] >= DRIVABLE.roomy_share * ways.room[free[0]]
-    return [int(k) for k in free[np.lexsort((np.round(np.where(roomy, away, -ways.room[free]), 6), ~roomy))]]
+    add_room = ways.room[free] >= DRIVABLE.roomy_share * ways.room[free[0]]
+    return [int(k) for k in free[np.lexsort((np.round(np.where(add_room, away, -ways.room[free]), 6), ~add_room))]]
 
 
 def _finish_arc(

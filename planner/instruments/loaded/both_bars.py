@@ -26,7 +26,7 @@ def collision_free_places(cell: Cell, pool: Sequence[CirclePlace]) -> tuple[Circ
     out = []
     for c in pool:
         there = Constraints(with_circles(cell, [c]))
-        if not there.world.near(c.q, there.clearance).any():
+        if not there.world.find_near(c.q, there.clearance).any():
             out.append(c)
     if not out:
         raise NoSolutionError(

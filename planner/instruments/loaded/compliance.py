@@ -81,7 +81,7 @@ class Harmonics:
             [np.full(DEFLECTION.low_harmonics, pooled), smooth_spectrum(square)[DEFLECTION.low_harmonics :]]
         )
 
-    def after(self, step: Array, height: float) -> "Harmonics":
+    def subtract_change(self, step: Array, height: float) -> "Harmonics":
         """Return the harmonics that remain after a change of the compliances (N,) and of the height [m]."""
         return Harmonics(self.rows, self.residual - self.rows @ np.append(step, height), self.weight, self.count)
 
@@ -172,7 +172,7 @@ def fit_compliances(setup: MeasurementSetup, curves: Sequence[AveragedCurves]) -
         step, value = prior * change - value, prior * change
         raise_by = np.array([t.height(step) for t in told])
         heights = heights + raise_by
-        left = [w.after(step, h) for w, h in zip(waves, raise_by, strict=True)]
+        left = [w.subtract_change(step, h) for w, h in zip(waves, raise_by, strict=True)]
         misfit = _misfit(left, curves, len(value))
         noise = [_noise(w, c, misfit) for w, c in zip(left, curves, strict=True)]
         if (

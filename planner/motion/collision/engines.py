@@ -98,7 +98,7 @@ class CollisionWorld(PairDistances):
             found += [measure(geometry, data, k).min_distance for k in pairs[slice(*own)]]
         return np.array(found)
 
-    def near(self, q: Array, margin: float) -> np.ndarray:
+    def find_near(self, q: Array, margin: float) -> np.ndarray:
         """Tell which states (n, N) [rad] bring any pair closer than ``margin`` [m], (n,) bool; cheap for few states."""
         for request in self._geometry_data.collisionRequests:
             request.security_margin = margin

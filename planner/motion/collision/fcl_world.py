@@ -62,7 +62,7 @@ class FclWorld(PairDistances):
             out[asked[proven]] = gap[proven]
             for k in asked[~proven]:
                 self._place(self._objects, {a, b}, poses, int(rows[k]))
-                out[k] = self._safe(a, b)
+                out[k] = self._safe_growth(a, b)
         return out
 
     def _look(
@@ -100,7 +100,7 @@ class FclWorld(PairDistances):
         straight = body.size[1] / 2 if body.kind == "capsule" else 0.0
         return np.asarray(centre + body.size[0] + straight * np.abs(local[:, 2]))
 
-    def _safe(self, a: int, b: int) -> float:
+    def _safe_growth(self, a: int, b: int) -> float:
         """Largest length, their distance at most, that a body can grow by without meeting the other [m]."""
         distance = float(fcl.distance(self._objects[a], self._objects[b], self._request, fcl.DistanceResult()))
         if distance <= 0.0:

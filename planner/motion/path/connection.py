@@ -119,7 +119,7 @@ def connect_poses(
     reasons: tuple[str, ...] = ()
     for room in DETOUR_MARGINS:
         if len(bent):
-            wide = roomy(constraints, q[visits], room)
+            wide = add_room(constraints, q[visits], room)
             roadmap = _roadmap_about(wide, q, pool, seed)
             found = _find_detours(roadmap, bent)
             paths |= {_pair(leg): path for leg, path in zip(bent, found, strict=True) if path is not None}
@@ -133,9 +133,9 @@ def connect_poses(
     return PathGaps(tuple(_pair(leg) for leg in bent), (), reasons)
 
 
-def roomy(constraints: Constraints, q: Array, room: float = DETOUR_MARGINS[0]) -> Constraints:
+def add_room(constraints: Constraints, q: Array, room: float = DETOUR_MARGINS[0]) -> Constraints:
     """Return the constraints with ``room`` [m] more, if every pose to be visited (n, N) has that much itself."""
-    return constraints.with_room(0.0 if constraints.world.near(q, constraints.clearance + room).any() else room)
+    return constraints.with_room(0.0 if constraints.world.find_near(q, constraints.clearance + room).any() else room)
 
 
 def _roadmap_about(constraints: Constraints, q: Array, pool: Array | Roadmap | None, seed: int) -> Roadmap:

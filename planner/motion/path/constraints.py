@@ -66,7 +66,7 @@ class Constraints:
         """Tell which states (n, N) [rad] keep every constraint, (n,) bool."""
         rows = np.flatnonzero((self.bounds.margins(q) > 0.0).all(axis=1))
         out = np.zeros(len(q), dtype=bool)
-        out[rows] = ~self.world.near(q[rows], self.clearance)
+        out[rows] = ~self.world.find_near(q[rows], self.clearance)
         return out
 
     def reason(self, q: Array) -> str | None:

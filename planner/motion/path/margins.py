@@ -66,7 +66,7 @@ def bound_travel(pose: ToolState, spokes: Array, reach: Array) -> Travel:
     # what the joints from the tool inward, and from the base outward, do together
     velocity = np.cumsum((pose.J[:, None] * spokes[:, :, None])[..., ::-1], axis=3)[..., ::-1]
     turning = np.cumsum(pose.W[:, None] * spokes[:, :, None], axis=3)
-    bend, speed = curvature(step, reach), _largest(velocity)
+    bend, speed = curvature(step, reach), _longest_length(velocity)
     seen = speed + bend / 2
     bend, speed, move = bend[:, 0], speed[:, 0], seen[:, 0]
     along = np.abs(np.einsum("nmi,ni->nm", velocity[..., 0], pose.direction)).max(axis=1)
@@ -75,13 +75,13 @@ def bound_travel(pose: ToolState, spokes: Array, reach: Array) -> Travel:
     stretch = np.minimum(move, along + ((speed + bend) ** 2 / safe + bend) / 2)
     swing = np.where(left > 0, move / safe, FAR)
     earlier = np.cumsum(step, axis=1) - step
-    turned = _largest(turning) + np.cumsum(step * earlier, axis=1) / 2
+    turned = _longest_length(turning) + np.cumsum(step * earlier, axis=1) / 2
     # link k is carried by the joints up to its own, and sees what those behind it do
     seen = np.column_stack([seen[:, 1:], np.zeros(len(step))])
     return Travel(move, stretch, swing, turned[:, -1], step, seen, turned)
 
 
-def _largest(vectors: Array) -> Array:
+def _longest_length(vectors: Array) -> Array:
     """Return the length of the longest of M vectors (n, M, 3, N), (n, N)."""
     return np.asarray(np.sqrt(np.einsum("nmij,nmij->nmj", vectors, vectors)).max(axis=1))
 

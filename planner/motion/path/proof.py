@@ -213,7 +213,7 @@ class Prover:
         spare = self.distances.pair_distances(q[alive], place, asked.columns, loss + self.clearance)
         np.minimum.at(proof.clearance, cells.motion[asked.rows], spare)
         spare -= self.clearance
-        alive = proof.fail(cells, *self._worst(asked.take(spare <= 0.0), spare[spare <= 0.0], margins.shape[1]))
+        alive = proof.fail(cells, *self._find_worst(asked.take(spare <= 0.0), spare[spare <= 0.0], margins.shape[1]))
         left = ~(spare - loss > 0.0)
         open_ = np.asarray(~(margins - change > 0.0).all(axis=1))
         open_[asked.rows[left]] = True
@@ -233,7 +233,7 @@ class Prover:
         return cells.take(open_).halves(), asked.take(left).in_halves(open_)
 
     @staticmethod
-    def _worst(failing: Doubts, spare: Array, first: int) -> tuple[np.ndarray, np.ndarray]:
+    def _find_worst(failing: Doubts, spare: Array, first: int) -> tuple[np.ndarray, np.ndarray]:
         """Return the cells in which pairs fail, ascending, and the pair with the least ``spare`` (m,), ``first`` on."""
         order = np.lexsort((failing.columns, spare, failing.rows))
         rows, at = np.unique(failing.rows[order], return_index=True)

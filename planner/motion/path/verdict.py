@@ -161,7 +161,7 @@ def judge_motions(parts: Sequence[Motions], found: Sequence[Extremes] = ()) -> t
     ``found``: the extremes on them; without, the verdicts tell those that the engines have seen alone, and no lengths.
     """
     parts = [p for p in parts if len(p.numbers)]
-    with _judging(parts) as judging:
+    with _begin_proofs(parts) as judging:
         by_coal = [p.constraints.judge_by_coal(p.corners) for p in parts]
     by_fcl = judging.result()
     for part, proof in zip(parts, by_fcl, strict=True):
@@ -169,7 +169,7 @@ def judge_motions(parts: Sequence[Motions], found: Sequence[Extremes] = ()) -> t
     return _summarize("coal", parts, by_coal, found), _summarize("python-fcl", parts, by_fcl, found)
 
 
-def _judging(parts: Sequence[Motions]) -> ForkedTask[list[Proof]]:
+def _begin_proofs(parts: Sequence[Motions]) -> ForkedTask[list[Proof]]:
     """Return the proofs by python-fcl's distances, which a copy of this process makes meanwhile."""
     return ForkedTask(lambda: [p.constraints.judge(p.corners) for p in parts])
 

@@ -63,7 +63,7 @@ def round_corners(request: TimingRequest, tool_position: ToolPosition, speed: Ar
     corner = np.flatnonzero(~stop)
     if len(corner):
         away = np.concatenate([-leg[corner - 1], leg[corner]])
-        share = _crossing(np.tile(q[corner], (2, 1)), 0.5 * away, np.tile(blend[corner], 2), tool_position)
+        share = _find_crossing(np.tile(q[corner], (2, 1)), 0.5 * away, np.tile(blend[corner], 2), tool_position)
         part = 0.5 * share.reshape(2, -1)
         cut = part.min(axis=0) > 0.0  # a radius finer than the search for its crossing is none
         stop[corner[~cut]] = True
@@ -90,7 +90,7 @@ def corner_ends(q: Array, corner: Index, radius: Array, tool_position: ToolPosit
     halves = 0.5 * np.concatenate([q[corner - 1] - q[corner], q[corner + 1] - q[corner]])
     if not len(corner):
         return halves, halves
-    share = _crossing(np.tile(q[corner], (2, 1)), halves, np.tile(radius, 2), tool_position)
+    share = _find_crossing(np.tile(q[corner], (2, 1)), halves, np.tile(radius, 2), tool_position)
     entry, leave = np.split(np.tile(q[corner], (2, 1)) + share[:, None] * halves, 2)
     return entry, leave
 
@@ -112,7 +112,7 @@ def _pace(q: Array, stop: Mask, tool_speed: Array, tool_position: ToolPosition, 
     return np.asarray(np.linalg.norm(leg, axis=1) / needs)
 
 
-def _crossing(q: Array, half: Array, radius: Array, tool_position: ToolPosition) -> Array:
+def _find_crossing(q: Array, half: Array, radius: Array, tool_position: ToolPosition) -> Array:
     """Return the first share (n,) in (0, 1] of ``half`` at which the tool point has come ``radius`` away."""
     grid = 32  # samples of half a leg that bracket the first crossing of the radius
     x_corner = tool_position(q)

@@ -42,7 +42,7 @@ class ReadingLimits:
     length: Callable[[Array], Array]
     direction: Callable[[Array], Array]
 
-    def beside(self, limits: Limits) -> Limits:
+    def with_reading(self, limits: Limits) -> Limits:
         """Return joint limits with the reading as one more coordinate, the last."""
         return Limits(
             np.append(limits.speed, self.rate),

@@ -153,7 +153,7 @@ class Steps(Rows):
     v0: Array
     v1: Array
 
-    def between(self, v0: Array, v1: Array) -> "Steps":
+    def with_end_speeds(self, v0: Array, v1: Array) -> "Steps":
         """Return the same moves with these speeds at their ends."""
         return replace(self, v0=v0, v1=v1)
 
@@ -168,7 +168,7 @@ def choose_speeds(stretches: Stretches, limits: Limits) -> Steps:
     count = len(stretches.edge)
     single = _steps(stretches, limits, 1, SHARES[0])
     base = _speeds(single, stretches, single.speed)
-    base_time = np.concatenate([[0.0], np.cumsum(single.between(base[:-1], base[1:]).time())])
+    base_time = np.concatenate([[0.0], np.cumsum(single.with_end_speeds(base[:-1], base[1:]).time())])
     found = [single]
     for width in (1, 2, 3, 4, 6, 8, 12, 16, 32, 64, 128):  # stretches that one step may join
         if width >= count:
@@ -253,7 +253,7 @@ def _quickest_chain(steps: Steps, levels: Array) -> Steps:
     usable = fresh[out[:, None], steps.first] & fresh[into[:, None], steps.last]
     pair, row = np.nonzero(usable)
     tried = steps.take(row)
-    tried = tried.between(levels[out[pair], tried.first], levels[into[pair], tried.last])
+    tried = tried.with_end_speeds(levels[out[pair], tried.first], levels[into[pair], tried.last])
     time = tried.time()
     keep = np.flatnonzero(np.isfinite(time))
     keep = keep[np.argsort(tried.last[keep], kind="stable")]

@@ -181,7 +181,7 @@ def _time_curve(
         return stand_still(float(wait[0])), np.zeros(1)
     passage = closest_passages(curve, count)
     leg_limit = request.tool_speed[np.diff(corners.node) > 0]
-    limits = limits if reading is None else reading.beside(limits)
+    limits = limits if reading is None else reading.with_reading(limits)
     stretches = cut_stretches(curve, passage, corners.stop, leg_limit, jacobian, limits, reading)
     at = np.searchsorted(stretches.edge, passage)
     pause = np.zeros(len(stretches.edge))

@@ -142,7 +142,7 @@ def test_a_weight_other_than_stated_is_told_by_how_far_the_joints_turn():
     assert mass.unit == "rad"
     c = Context(setup, samples)
     for p in mass.make():
-        assert np.abs(p.main.phi(c)).max() == pytest.approx(1.0)
+        assert np.abs(p.main_move.phi(c)).max() == pytest.approx(1.0)
 
 
 def test_same_samples_give_the_same_entries():

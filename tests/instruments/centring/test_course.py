@@ -16,9 +16,9 @@ def way(*points):
 
 def test_a_ball_is_approached_from_the_side_that_one_comes_from():
     w = way(0, 1, 2, 3, 4, 5)
-    assert w.before(BALLS[1], 0) == 3
-    assert w.before(BALLS[0], 5) == 2
-    assert w.before(BALLS[0], 1) == 0  # from the ball itself: off it first
+    assert w.approach_point(BALLS[1], 0) == 3
+    assert w.approach_point(BALLS[0], 5) == 2
+    assert w.approach_point(BALLS[0], 1) == 0  # from the ball itself: off it first
     assert w.points_between(5, 2) == [5, 4, 3, 2]  # the way leads through the ball
 
 

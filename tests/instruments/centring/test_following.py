@@ -98,6 +98,6 @@ class Passing:
     def passes(self, pose):
         return "the goal is reached" if pose in self.poses else ""
 
-    def after(self, row):
+    def advise(self, row):
         self.count += 1
         return f"{self.count} read"

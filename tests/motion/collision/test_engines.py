@@ -169,7 +169,7 @@ def test_bulk_answers_are_those_of_the_distances(name: str, clearance: float) ->
     sure = np.abs(nearest - clearance) > 1e-5
     assert 0.02 < (nearest < clearance).mean() < 0.999
     np.testing.assert_array_equal(w.collides(q, clearance)[sure], (nearest < clearance)[sure])
-    np.testing.assert_array_equal(CollisionWorld(w.scene).near(q, clearance)[sure], (nearest < clearance)[sure])
+    np.testing.assert_array_equal(CollisionWorld(w.scene).find_near(q, clearance)[sure], (nearest < clearance)[sure])
 
 
 def test_pairs_that_were_not_asked_for_stay_unknown() -> None:

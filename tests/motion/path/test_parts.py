@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from planner.cell.workspace import Workspace
-from planner.motion.path.connection import connect_poses, roomy
+from planner.motion.path.connection import connect_poses, add_room
 from planner.motion.path.constraints import Constraints
 from planner.motion.path.parts import PartMap
 from planner.motion.path.roadmap import Known
@@ -74,7 +74,7 @@ def test_another_start_proves_its_own_motions_alone(asked):
 def test_ways_lead_over_a_map_and_what_it_has_proven_is_not_proven_again(asked):
     constraints, motions = asked
     q = valid_poses(700)[:200]
-    known = PartMap.of(roomy(constraints, q[:1]), q, 0)
+    known = PartMap.of(add_room(constraints, q[:1]), q, 0)
     stops = q[known.joins_start(q)][:8]
     before = set(keys(motions))
     motions.clear()

@@ -111,13 +111,13 @@ def test_obstacles_between_any_samples_are_found() -> None:
     for k in good[np.abs(b[good] - a[good]).max(axis=1) > 0.5][:12]:
         s, step = rng.uniform(0.2, 0.8), b[k] - a[k]
         constraints = Constraints(grazed_pin(cell, a[k] + s * step, step))
-        hit = constraints.world.near(a[k] + np.outer(np.linspace(s - 0.005, s + 0.005, 1001), step), 1e-4 - 1e-6)
+        hit = constraints.world.find_near(a[k] + np.outer(np.linspace(s - 0.005, s + 0.005, 1001), step), 1e-4 - 1e-6)
         corners = np.stack([a[[k]], b[[k]]], axis=1)
         if hit.any():
             assert not constraints.prove_corners(corners).proven[0]
             assert not constraints.judge(corners).proven[0]
             met += 1
-            missed += not constraints.world.near(dense(a[[k]], b[[k]], 100), 1e-4).any()
+            missed += not constraints.world.find_near(dense(a[[k]], b[[k]], 100), 1e-4).any()
     assert met >= 8
     assert missed >= 4  # a hundred samples a motion would have let these pass
 
