@@ -43,7 +43,7 @@ class GaugeNumbers:
         return self.sigmas
 
     def full_reading(self, setup: Placement, samples: Samples, motion: ForwardPass, shown: Array) -> Array:
-        """Return these numbers, (n, m), where ``shown`` (n, r) [m, rad] is what its own errors add to a reading."""
+        """Return the numbers that the gauge shows, (n, m); ``shown`` (n, r) [m, rad]: its own errors in a reading."""
         return shown - self.residual(setup, samples, motion, Targets.at_base(len(samples)))
 
     def reading_numbers(self, samples: Samples, readings: Readings) -> Array | None:

@@ -225,7 +225,7 @@ class ServedField:
 
     @property
     def name(self) -> str:
-        """What requests call it."""
+        """Name of the field in requests."""
         return self.option.request_name or self.field.name
 
     @property

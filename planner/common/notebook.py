@@ -37,6 +37,6 @@ class NotebookProgress:
             self._line.update(shown)
 
     def end(self) -> None:
-        """Clear the line."""
+        """Clear the progress line."""
         if self._line is not None:
             self._line.update(import_module("IPython.display").HTML(""))

@@ -131,7 +131,7 @@ class ForkedWorker(Generic[A, T]):
         return answer  # type: ignore[no-any-return]
 
     def stop(self) -> None:
-        """End it."""
+        """End the copy of this process."""
         self._end()
 
 

@@ -43,17 +43,17 @@ class ProgramError:
 
     @property
     def before(self) -> Array:
-        """Of all targets looked at, of the robot as it is [m]."""
+        """Errors of all targets looked at before they are corrected, (n,) [m]."""
         return np.concatenate([p.before for p in self.parts])
 
     @property
     def after(self) -> Array:
-        """Of the same targets, once they are corrected [m]."""
+        """Errors of the same targets after they are corrected, (n,) [m]."""
         return np.concatenate([p.after for p in self.parts])
 
     @property
     def lines(self) -> np.ndarray:
-        """Their lines, (n,) int."""
+        """Lines of the targets in the file, (n,) int."""
         return np.concatenate([np.array(p.lines) for p in self.parts])
 
     @property
@@ -91,7 +91,7 @@ class ProgramError:
 
     @property
     def details(self) -> list[Fact]:
-        """Where it is worst."""
+        """The facts about the targets with the largest errors."""
         return [("worst at", self._worst_text())]
 
     def content(self) -> dict[str, object]:

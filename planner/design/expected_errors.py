@@ -41,7 +41,7 @@ class ExpectedErrors(Protocol):
 
     @property
     def before_label(self) -> str:
-        """Of which robots the error before any reading is, in a few words."""
+        """A few words that say which robots the error before any reading belongs to."""
 
     @property
     def assumptions(self) -> str:

@@ -64,7 +64,7 @@ class Parameter:
 
 
 def transform_move(index: int, phi: BasisFunction = ONE) -> tuple[ParameterMove, ...]:
-    """Move one transform."""
+    """Return the move of one transform."""
     return (ParameterMove("transform", index, phi),)
 
 
@@ -273,7 +273,7 @@ class Effect:
 
     @property
     def unit(self) -> str:
-        """Unit of its size."""
+        """Unit of the effect's size."""
         return self.make(self.grid[0])[0].unit
 
     @property

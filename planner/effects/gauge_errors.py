@@ -212,14 +212,14 @@ class BeamRefraction(BasisFunction, key="refraction:AXIS", static=False, gauge=T
 
 
 def clock_offset_parameter(setup: MeasurementSetup) -> Parameter:
-    """How late the gauge's clock runs against the controller's, where each was logged by its own [s]."""
+    """Return the parameter of the gauge's delay [s] behind the controller, where each was logged by its own clock."""
     what = "lag of the gauge's clock behind the controller's"
     return Parameter("lag", "s", GAUGE_LAG, what, unknowns_of(setup.gauge).lag_moves(), "gauge")
 
 
 @register()
 def own_errors(run: Excitation) -> Iterator[Effect]:
-    """Those errors that the gauge of the run can have."""
+    """Yield the errors of its own that the gauge of the run can have."""
     yield from unknowns_of(run.setup.gauge).errors(run)
 
 

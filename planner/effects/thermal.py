@@ -95,7 +95,7 @@ class ThermalCause:
 
 @register("link growth", needs="a run with temperature_degC logged while the arm warms up or cools down")
 def link_growth(run: Excitation) -> Iterator[Effect]:
-    """All links grow alike."""
+    """All links grow by the same share of their length with temperature."""
     if not run.varies("temperature"):
         return
     moves = _link_lengths(run, TemperatureRise(run.mean_temperature))

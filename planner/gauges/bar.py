@@ -171,7 +171,7 @@ class LengthGauge(LineGauge, GaugeUnknowns):
         return f"{self.noun} {self._range_text} on fixture{'s' if ',' in names else ''} {names}{points}"
 
     def preparation(self, cell: Site, mounting: Mounting) -> tuple[str, str]:
-        """The bar is attached."""
+        """Return the instructions to attach the bar before the first pose."""
         fixture, point = cell.names_of(mounting)
         tool = f"tool point {point}" if point else "tool"
         zero = "leave fixture and zero as they stand" if self.mounting else "set its zero"

@@ -80,7 +80,7 @@ class PositionGauge(Gauge, GaugeUnknowns):
             yield from generator(run)
 
     def coordinates(self, setup: Placement, samples: Samples, motion: ForwardPass) -> Iterator[tuple[str, Array]]:
-        """Yield the position."""
+        """Yield the coordinates of the measured position."""
         yield "position", motion.x.T
 
     def number_places(self, setup: P, cell: Site, run: Run) -> P:

@@ -101,7 +101,7 @@ class Tracker(FrameGauge):
         return SessionGuide(f"the reflector's position ({cls.columns})", tuple(steps), (seen,), stay)
 
     def describe(self, cell: Site) -> str:
-        """Say where it stands."""
+        """Say where the tracker stands."""
         if not cell.fixtures:
             return "tracker, its place not declared"
         return f"tracker at [{', '.join(f'{v:.0f}' for v in to_mm(cell.fixtures[0].p_BX))}] mm"

@@ -61,7 +61,7 @@ class Weights:
 
 
 def mean_standing(each: Sequence[Weights]) -> Standing:
-    """Average probabilities over draws."""
+    """Average the probabilities of a finding over the draws."""
     probability = dict.fromkeys((name for w in each for name in (*w.logs, *sorted(w.by_poses))), 0.0)
     for weights in each:
         logs = np.array(list(weights.logs.values()))
@@ -130,7 +130,7 @@ class Bouts:
 
     @classmethod
     def of(cls, arena: Arena, draw: SizeDraw) -> "Bouts":
-        """Look at a draw."""
+        """Prepare the contests of one draw."""
         acting = [(b, float(draw.factors[f])) for f, b in arena.families.items() if draw.factors[f] > 0]
         return cls(arena, arena.products(draw), tuple(acting))
 

@@ -96,7 +96,7 @@ class Misfit:
 
     @property
     def sentence(self) -> str:
-        """Say it."""
+        """Say in a sentence which group does not fit, and by how much."""
         return (
             f"{self.name} does not fit the fleet: {self.group} are {self.times:.1f} times as large as those of the "
             f"others (chance {self.chance:.0e})"

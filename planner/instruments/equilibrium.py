@@ -39,7 +39,7 @@ def solve_equilibrium(model: Model, samples: Samples, errors: Array) -> tuple[Mo
 
 
 def with_held_torque(samples: Samples, model: Model, errors: Array) -> Samples:
-    """Return samples with the torques of weights and bar where the errors (P,) say that arm and fixture really are.
+    """Return samples with the torques of weights and bar at the true place of arm and fixture by the errors (P,).
 
     A bar of 130 mm turns by a percent where its ball is a millimetre off or the arm yields as much, and its moments
     with it; weights bend the arm by milliradians. The torques stand as if logged, as those that the drives hold.

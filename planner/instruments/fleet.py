@@ -35,7 +35,7 @@ class Fleet:
 
     @classmethod
     def of(cls, robot: str, robots: Sequence[RobotErrors]) -> "Fleet":
-        """Estimate the sizes.
+        """Estimate the sizes of the errors of a kind of robot.
 
         Raises:
             InputError: one robot alone.

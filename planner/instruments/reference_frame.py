@@ -113,7 +113,7 @@ class ErrorFloor:
 
     @property
     def all(self) -> float:
-        """All three together [m]."""
+        """Error by nests, tracker and arm together, rms [m]."""
         return float(np.sqrt(self.nests**2 + self.tracker**2 + self.arm**2))
 
     def text(self) -> str:

@@ -141,7 +141,7 @@ class RemainingErrors:
 
     @property
     def assumptions(self) -> str:
-        """What all this rests on."""
+        """The assumption behind the expected errors, as a sentence."""
         return f"what {self.before.folder.name}/{IDENTIFICATION} says of the robot holds, sizes of effects included"
 
     def on(self, model: Model) -> Self:

@@ -34,7 +34,7 @@ class FindingGroup:
 
     @property
     def probability(self) -> float | None:
-        """Of the least certain of them; ``None`` where no posterior was drawn."""
+        """Probability of the least certain finding; ``None`` where no posterior was drawn."""
         known = [f.probability for f in self.findings if f.probability is not None]
         return min(known) if known else None
 
@@ -108,7 +108,7 @@ def many_of_one_kind(findings: Sequence[Finding]) -> tuple[ManyOfOneKind, ...] |
 
 
 def cause_text(name: str) -> str:
-    """Return a cause in words: those of the catalogue by their names, others by where and by what they act."""
+    """Return a cause in words: by its name in the catalogue, else by its place and the quantity that drives it."""
     kind, _, place = name.partition(", ")
     return f"a cause without a name ({place})" if kind == NONPARAMETRIC else name
 

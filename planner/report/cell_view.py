@@ -224,7 +224,7 @@ def compose_cell_view(
     ways: tuple[Array, ...] = (),
     spots: tuple[ViewPose, ...] = (),
 ) -> CellView:
-    """Put what moves among what stands, in boxes that hold it all; points in mm."""
+    """Put moving bodies among the standing ones, with the boxes that hold them all; points in mm."""
     pieces = build_scene(cell).pieces
     moving = _group_moving(cell, pieces)
     shells = tuple(_mm(sphere_cap(*surface)) for surface in cell.gauge.reach_surfaces(cell))

@@ -142,7 +142,7 @@ def list_panel(
 def share_panel(
     title: str, label: str, names: Sequence[str], share: Array, hover: list[str], colour: str, span: Span, row: float
 ) -> Panel:
-    """Standard deviations as parts of the prior sigma, one parameter a row; at the line nothing is learnt."""
+    """Draw standard deviations over the prior sigma, one parameter a row; at 1, marked by a line, nothing is learnt."""
     points = Series("", share, np.arange(len(names), dtype=float), colour, "points", hover=tuple(hover))
     prior = (ReferenceLine(1.0, "prior sigma", upright=True),)
     return list_panel(title, label, names, [points], row, 30, limits=prior, log_x=True, x_range=span)

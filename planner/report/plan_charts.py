@@ -153,7 +153,7 @@ def tour_chart(both: TourOrders) -> Chart:
 
 
 def joint_chart(cell: Cell, way: DrivenPath) -> Chart:
-    """Joint angles as driven."""
+    """Draw the joint angles over the time of the drive."""
     series, span = joint_series(way.motion.t, to_deg(way.motion.q)), _angle_span(way.motion.q)
     panel = _over_time(way, "", angle_label(cell.robot), series, span, height=330)
     return Chart("joints", "Joint angles as driven", _way_text(way), (panel,))

@@ -38,7 +38,7 @@ class Forecast(Protocol):
 
 
 def report_plan(plan: Plan, forecast: Forecast | None = None) -> Report:
-    """Return the page of a plan and its pictures; ``forecast``: what a plan shows that does not calibrate."""
+    """Return the page of a plan and its pictures; ``forecast``: what it shows if it does not calibrate."""
     forecasts, drives = forecast_parameters(plan), [_drive(plan, k) for k in range(len(plan.drives))]
     overview = [plan_charts.funnel_chart(plan)]
     overview += [plan_charts.parameter_chart(forecasts)] if forecast is None else []

@@ -53,7 +53,7 @@ class DrawingProcess:
         return self._drawn[content]
 
     def stop(self) -> None:
-        """End it."""
+        """End the process that draws."""
         self._copy.stop()
 
 

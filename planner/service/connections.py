@@ -57,7 +57,7 @@ class TimedProtocol(HttpToolsProtocol):
         super().on_message_complete()
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """Forget the connection."""
+        """Forget a connection that was lost."""
         self._end_deadline()
         self._end_waiting()
         super().connection_lost(exc)

@@ -26,7 +26,7 @@ class DeedLog:
         self._db = database
 
     def add(self, person: str, address: str, deed: str, subject: str, status: int) -> None:
-        """Note a deed."""
+        """Add a deed to the log."""
         row = (time.time(), person, address, deed, subject[:200], status)
         with self._db.write() as db:
             db.execute("INSERT INTO deeds (at, person, address, deed, subject, status) VALUES (?, ?, ?, ?, ?, ?)", row)

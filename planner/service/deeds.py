@@ -55,7 +55,7 @@ def list_deeds(
 
 @DEEDS.get("/deeds", include_in_schema=False, response_class=HTMLResponse)
 def show_deeds(context: Context, person: PersonName = None, after: Before = None) -> HTMLResponse:
-    """The log of deeds."""
+    """Show the page with the log of deeds."""
     most = 100  # of a page
     found = context.deeds.list_deeds(person or None, after, most + 1)
     shown = [describe_deed(d) for d in found[:most]]

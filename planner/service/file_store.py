@@ -47,7 +47,7 @@ class ContentDraft:
         self._file, self._hash, self.size = path.open("xb"), hashlib.sha256(), 0
 
     def add(self, data: bytes) -> None:
-        """Append to it."""
+        """Append bytes to the draft."""
         self._file.write(data)
         self._hash.update(data)
         self.size += len(data)
@@ -60,7 +60,7 @@ class ContentDraft:
         return self._hash.hexdigest()
 
     def abandon(self) -> None:
-        """Let go of it."""
+        """Close the draft, whose content is given up."""
         self._file.close()
 
 
@@ -113,7 +113,7 @@ class FileStore:
         return found
 
     def place(self, draft: ContentDraft, sha256: str) -> None:
-        """Move what was received and brought to the disk to its place."""
+        """Move a draft, already written to the disk, to its place in the store."""
         self._move(draft.path, sha256)
 
     def keep(self, draft: ContentDraft, expected: str | None = None) -> str:
@@ -176,7 +176,7 @@ class FileStore:
 
 
 def copy_verified_file(source: Path, sha256: str, target: Path) -> None:
-    """Copy a file of the store, and make sure that it is what its name says.
+    """Copy a file of the store, and check its content against its hash.
 
     Raises:
         GoneFileError: it is gone.

@@ -231,7 +231,7 @@ class Sweeper:
             self._thread.start()
 
     def stop(self) -> None:
-        """End."""
+        """Stop sweeping, and wait for the thread to end."""
         self._stopping.set()
         if self._thread.is_alive():
             self._thread.join()

@@ -28,7 +28,7 @@ class Metric:
     samples: Sequence[tuple[Labels, float]]
 
     def lines(self) -> Iterator[str]:
-        """Yield its lines."""
+        """Yield the lines of the metric in the text format of Prometheus."""
         yield f"# HELP {self.name} {self.words}"
         yield f"# TYPE {self.name} {self.kind}"
         for labels, value in self.samples:

@@ -159,7 +159,7 @@ class PeopleStore:
         return token
 
     def end_token(self, name: str, label: str) -> None:
-        """End a token.
+        """End a token's validity.
 
         Raises:
             InputError: there is none.

@@ -64,7 +64,7 @@ PROBLEMS: dict[int | str, dict[str, Any]] = {
 
 
 def build_context(settings: ServiceSettings) -> ServiceContext:
-    """Open the stores.
+    """Open the stores of a folder, and return them as the service's context.
 
     Raises:
         InputError: the folder cannot be used.

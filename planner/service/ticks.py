@@ -15,7 +15,7 @@ TICKS = APIRouter()
 
 @TICKS.get("/api/jobs/{id}/ticks", tags=["jobs"], responses={404: {"model": Problem}})
 def get_ticks(id: JobId, context: Context) -> list[KnownTick]:
-    """Get what is ticked of the checklist of a plan."""
+    """Get the ticked items of a plan's checklist."""
     context.jobs.get(id)
     return context.ticks.list_ticks(id)
 

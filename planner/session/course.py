@@ -111,7 +111,7 @@ class Course:
 
     @property
     def trajectory(self) -> Trajectory:
-        """The same in time."""
+        """Trajectory through all poses."""
         return self.measuring.trajectory
 
     @property

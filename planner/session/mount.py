@@ -127,7 +127,7 @@ def drop_unreachable(
 ) -> tuple[PoseSet, MountMaps, tuple[str, ...], Certificate]:
     """Keep the candidates that a path joins to the mount pose; a note says how many others there were.
 
-    The certificate bounds the index over them, roughly: later bounds begin there.
+    The certificate bounds the index over these candidates; it is rough, and later bounds begin with it.
 
     Where the cable or an obstacle splits the shell in parts, a tour must keep to one of them. All candidates are judged
     by their neighbours in a roadmap (``reach``, of :func:`join_to_mounts`); those whose price in the bound singles
@@ -197,7 +197,7 @@ def _with_room(cell: Cell, mounting: Mounting, limit: TimeLimit) -> Constraints:
 
 
 def _quickest_roomy(cell: Cell, q: Array) -> Array:
-    """Of the poses q (n, N) [rad] with the most room to every limit, the quickest to reach from home."""
+    """Return, of the poses q (n, N) [rad] with the most room to every limit, the one that is quickest from home."""
     margins = Workspace(cell).margins(q)
     room = (margins / np.median(margins, axis=0)).min(axis=1)
     add_room = q[np.argsort(-room, kind="stable")[: max(1, int(ROOMY_SHARE * len(q)))]]

@@ -97,7 +97,7 @@ class PlannedSession:
 
     @property
     def plan_id(self) -> str:
-        """Id of the plan."""
+        """Id of the plan, the hash of its content."""
         return self.document.plan_id
 
 

@@ -266,7 +266,7 @@ class PoseSession(ABC):
 
     @abstractmethod
     def draw_validation(self, choice: PoseChoice) -> np.ndarray:
-        """Return the candidates by which the fit is judged that never sees them."""
+        """Return the validation poses: candidates that judge the fit and take no part in it."""
 
     @abstractmethod
     def places(self, limit: TimeLimit) -> list[MountingSession]:

@@ -97,7 +97,7 @@ class CombinedReadings:
         return find_identifiable(self.rows, self.names, self.prior, order, self.noise, count)
 
     def newly_seen_parameters(self, unseen: Sequence[DroppedParameter]) -> tuple[str, ...]:
-        """Those of the parameters that were not seen otherwise which are seen by these."""
+        """Return the names of ``unseen`` parameters that these readings show."""
         return tuple(d.name for d in unseen if d.name in self.identifiability.names)
 
     def drop_parameters(self, *prefixes: str) -> "CombinedReadings":

@@ -197,7 +197,7 @@ class SearchResult:
 
     @property
     def last(self) -> SearchState:
-        """The final state."""
+        """The state in which the search ended."""
         return self.path[-1]
 
 

@@ -128,7 +128,7 @@ class SearchState:
 
     @property
     def fit(self) -> Fit:
-        """The fit."""
+        """The fit of geometry and effects."""
         return self.fitted.fit
 
     @property

@@ -25,11 +25,11 @@ class DrivenPlan(Protocol):
 
     @property
     def cell(self) -> "Cell":
-        """The cell."""
+        """The cell that the plan is for."""
 
     @property
     def courses(self) -> "Sequence[Course]":
-        """What is driven."""
+        """The courses that the plan drives."""
 
     @property
     def plan_id(self) -> str:

@@ -129,7 +129,7 @@ class _GcodeTargets:
         return False
 
     def take(self, block: Block, in_subprogram: bool) -> None:
-        """Process one block."""
+        """Process one block of the program."""
         if in_subprogram and _SUB_BEGINS.fullmatch(block.text):
             self.begin_program()
         self.is_sub = in_subprogram

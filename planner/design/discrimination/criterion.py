@@ -93,7 +93,7 @@ class LogDetTerm:
     basis: Array
 
     def of(self, mass: Array) -> Array:
-        """T'MT, (k, k)."""
+        """Return Tᵀ M T, (k, k)."""
         return np.asarray(self.basis.T @ mass @ self.basis + INFORMATION_RIDGE * np.eye(self.basis.shape[1]))
 
 

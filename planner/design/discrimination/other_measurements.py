@@ -57,11 +57,11 @@ class OtherMeasurements:
 
     @cached_property
     def measurements(self) -> tuple[OtherMeasurement, ...]:
-        """All of them."""
+        """All other measurements that were looked at."""
         return tuple(propose_measurements(self.cell, self.sight, self.scale, self.n, self.seed, self.limit))
 
     def help(self, asked: QuestionSet, pair: RivalPair) -> tuple[str, ...]:
-        """Those that would tell a pair apart, in words."""
+        """The measurements that would tell a pair apart, in words."""
         return tuple(way.words for way in self.measurements if way.tells(asked, pair, self.n))
 
 

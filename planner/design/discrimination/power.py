@@ -45,7 +45,7 @@ class PairPower:
 
     @property
     def pair(self) -> tuple[str, str]:
-        """Both names."""
+        """Names of the two causes."""
         return self.finding, self.rival
 
     @property

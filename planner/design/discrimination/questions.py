@@ -214,7 +214,7 @@ class QuestionSet:
     places: Mapping[tuple[str, float | None], np.ndarray] = field(default_factory=dict)
 
     def with_effect(self, entry: Effect, inner: float | None) -> "tuple[QuestionSet, np.ndarray]":
-        """Return with an entry's columns, each effect's once, and their positions."""
+        """Return the questions with the columns of one more effect (added once), and the positions of its columns."""
         key = (entry.name, inner)
         if key in self.places:
             return self, self.places[key]
@@ -223,7 +223,7 @@ class QuestionSet:
         return replace(self, parameters=parameters, places={**self.places, key: where}), where
 
     def with_pair(self, pair: RivalPair) -> "QuestionSet":
-        """Return with one more pair."""
+        """Return the questions with those of one more pair."""
         return replace(self, pairs=(*self.pairs, pair))
 
     def with_rival(self, question: DiscriminationQuestion, entry: Effect, inner: float | None) -> "QuestionSet":

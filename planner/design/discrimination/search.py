@@ -74,7 +74,7 @@ class DTPricing(Pricing):
         return ActiveSet(state.active, weights), dual, dual.at
 
     def distance(self, relaxed: float, bound: float) -> float:
-        """In the logarithm."""
+        """Distance to the bound, in the logarithm."""
         return bound - relaxed
 
     def grow(self, state: ActiveSet, dual: Dual) -> ActiveSet | None:

@@ -185,7 +185,7 @@ class IndexPricing(Pricing):
         return ConcaveProblem(active, poses, capped, f)
 
     def distance(self, relaxed: float, bound: float) -> float:
-        """Relative."""
+        """Relative distance to the bound."""
         return abs(relaxed / bound - 1.0)
 
     def grow(self, state: ActiveSet, dual: Dual) -> ActiveSet:

@@ -132,7 +132,7 @@ class BackgroundCurve(ForkedTask[IndexCurve]):
         super().__init__(partial(self._compute, [n for n in sizes if n not in self._own]))
 
     def result(self) -> IndexCurve:
-        """Wait for the curve."""
+        """Wait for the curve, and return it."""
         return self._curve
 
     @cached_property

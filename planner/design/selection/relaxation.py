@@ -41,7 +41,7 @@ class _CappedWeights:
         return float(np.sum(z[: self.count])) / self.poses
 
     def mass(self, weights: Array) -> Array:
-        """M(w), (P, P)."""
+        """Information matrix M(w) of the weights w, (P, P)."""
         tall = self.rows.reshape(-1, self.rows.shape[2])
         return np.asarray((tall * np.repeat(weights, self.rows.shape[1])[:, None]).T @ tall)
 
@@ -194,7 +194,7 @@ class ConcaveProblem(_CappedWeights):
         return np.asarray(self.f.cap_factor / self.poses - quadratic_form(self.rows, self.f.slope(mass)))
 
     def matrices(self, z: Array) -> list[Array]:
-        """There are none."""
+        """Return no matrix: this problem has no matrix constraint."""
         return []
 
     changes = matrices

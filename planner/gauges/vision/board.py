@@ -92,7 +92,7 @@ class Board:
 
     @cached_property
     def radius(self) -> float:
-        """Of the circle about its middle that holds all of its corners [m]."""
+        """Radius of the circle about the board's middle that holds all corners [m]."""
         return float(np.linalg.norm(self.corners, axis=1).max())
 
     def __len__(self) -> int:

@@ -32,7 +32,7 @@ class BoardPoses:
 
     @property
     def rms(self) -> Array:
-        """Of all corners of an image, (n,) [px]."""
+        """Rms distance of the corners of each image from their predicted pixels, (n,) [px]."""
         return np.asarray(np.sqrt(np.nanmean(self.corner_error**2, axis=1)))
 
 

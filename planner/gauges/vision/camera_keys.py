@@ -26,7 +26,7 @@ class LensFile(StrictModel):
 
     @property
     def lens(self) -> Lens:
-        """The lens."""
+        """Return the lens of these keys."""
         bent = np.array([*self.distortion, *[0.0] * 5][:5])
         return Lens(
             read_only([self.fx_px, self.fy_px]),

@@ -138,7 +138,7 @@ class CornerSeeker:
 
     @classmethod
     def of(cls, board: Board) -> CornerSeeker:
-        """Make the detectors.
+        """Return the seeker with detectors for the board.
 
         Raises:
             InputError: the dictionary is none of OpenCV's, or has too few markers.

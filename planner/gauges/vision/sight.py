@@ -238,7 +238,7 @@ class BoardSight(FrameGauge):
         )
 
     def describe(self, cell: Site) -> str:
-        """Say what sees what."""
+        """Say which camera sees which board."""
         on, off = ("camera on the flange", "standing") if self.on_flange else ("camera standing", "on the flange")
         return f"{on}, {self.board} {off}"
 

@@ -30,7 +30,7 @@ class Indicators(Protocol):
         """Return the present readings of the three indicators, (3,) [m]."""
 
     def close(self) -> None:
-        """Let the lines go."""
+        """Close the serial lines."""
 
 
 class SerialIndicators:
@@ -59,7 +59,7 @@ class SerialIndicators:
         return read_only([self._read_one(*place) for place in self._places])
 
     def close(self) -> None:
-        """Let the lines go."""
+        """Close the serial lines."""
         for line in self._lines:
             line.close()
 

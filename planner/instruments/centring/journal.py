@@ -54,7 +54,7 @@ class Journal:
 
     @property
     def path(self) -> Path:
-        """The journal's own file."""
+        """Path of the journal's file."""
         return journal_path(self.output)
 
     @property

@@ -165,7 +165,7 @@ class RobotLink(Protocol):
         """Stop the arm now; never raises."""
 
     def close(self) -> None:
-        """Let the robot go."""
+        """Close the connection to the robot."""
 
 
 DIALECT = "krl"
@@ -277,7 +277,7 @@ class KukaLink:
             self._proxy.write("EDBB_STOP", "TRUE")
 
     def close(self) -> None:
-        """Let the robot go."""
+        """Close the connection to the robot."""
         self._proxy.close()
 
     def _do(self, kind: Order) -> None:

@@ -83,7 +83,7 @@ class SimulatedArm:
         """Do nothing: no motion waits for a release here."""
 
     def stop(self) -> None:
-        """It stands still anyway."""
+        """Do nothing: the simulated arm stands still between moves."""
 
     def close(self) -> None:
         """Do nothing: no connection is held."""

@@ -58,7 +58,7 @@ class StopRequest:
         self.asked = who
 
     def check(self) -> None:
-        """Look.
+        """Stop here if a stop was asked for.
 
         Raises:
             StoppedError: a stop was asked for.

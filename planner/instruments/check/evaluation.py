@@ -178,7 +178,7 @@ class CheckVerdict:
 
     @property
     def outcome(self) -> Outcome:
-        """What holds."""
+        """The outcome: unchanged, changed within the limit, or changed."""
         if self.smallest_p >= self.threshold:
             return "unchanged"
         each = (self.likeliest_change, *self.rivals) if self.likeliest_change else ()

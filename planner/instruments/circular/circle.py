@@ -113,7 +113,7 @@ class CircleAtFixture:
 
     @property
     def height(self) -> float:
-        """Of the circle above the fixture, along its normal [m]."""
+        """Height of the circle above the fixture, along its normal [m]."""
         return float((self.centre - self.p_BX) @ self.axes[2])
 
     def to_polar(self, x: Array) -> tuple[Array, Array]:

@@ -134,7 +134,7 @@ class CircularPlan(SessionPlan):
 
     @property
     def verdicts(self) -> tuple[Verdict, ...]:
-        """Of both collision engines, fixture by fixture, on the circles and then on the ways."""
+        """Verdicts of both collision engines, fixture by fixture: first on the circles, then on the ways."""
         return tuple(v for d in self.drives for part in (*(a.verdicts for a in d.arcs), d.verdicts) for v in part)
 
 

@@ -209,7 +209,7 @@ class PredictedCompliance:
 
     @property
     def worst_share(self) -> float:
-        """Of the joint known least, with the prior."""
+        """Share of its prior sigma that the least known joint keeps."""
         return float(self.std.max())
 
 

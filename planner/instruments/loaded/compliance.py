@@ -102,7 +102,7 @@ class Harmonics:
         return CircleInformation(information, b[:-1] - across * b[-1], np.append(b[-1] / open_, across))
 
     def misfit(self, noise: Array) -> float:
-        """Weighted sum of squares."""
+        """Weighted sum of the squares of the harmonics."""
         return float((self._weights(noise) * np.abs(self.residual) ** 2).sum())
 
     def mean_variance(self, noise: Array) -> Array:

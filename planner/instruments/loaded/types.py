@@ -68,7 +68,7 @@ class JointCompliances:
 
     @property
     def verdicts(self) -> tuple[str, ...]:
-        """Of each joint's compliance by itself, (N,): known, hardly known, or not learnt (the prior says more)."""
+        """Verdict on each joint's compliance, (N,): known, hardly known, or not learnt (the prior says more)."""
         share = self.std / self.prior
         still_open = TOLD.open_share / np.sqrt(2.0)  # with the prior: the readings say no more than was known before
         return tuple(KNOWN if s < TOLD.known_share else HARDLY_KNOWN if s < still_open else NOT_LEARNT for s in share)

@@ -157,7 +157,7 @@ class PathCurve:
 
     @property
     def length(self) -> float:
-        """The last s."""
+        """Arc length of the whole path."""
         return float(self.start[-1] + self.span[-1]) if len(self.start) else 0.0
 
     def piece(self, s: Array) -> Index:

@@ -83,7 +83,7 @@ class GcodeExecution(Execution):
         self.ahead: dict[str, float] = {}  # angles of the axes that go first where the arm comes from anywhere
 
     def forget(self, stopped: bool) -> None:
-        """Forget feed and rounding."""
+        """Forget the feed rate and the rounding that were set."""
         self.feed, self.blend = None, math.nan
 
     def parse(self, texts: Sequence[str]) -> Iterator[Statement]:
