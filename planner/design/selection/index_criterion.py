@@ -224,7 +224,7 @@ class PotentialCriterion:
         return outside[np.sort(np.argpartition(-gain, keep - 1)[:keep])]
 
     def _prefilter(self, chosen: Positions, outside: Positions) -> Positions:
-        """Return the candidates that can raise the determinant: a swap gives at most 1 + d_j - d_i times (Cauchy-Schwarz)."""
+        """Return the candidates that can raise the determinant, by 1 + d_j - d_i at most (Cauchy-Schwarz)."""
         inverse = np.asarray(np.linalg.inv(information_matrix(self.rows[chosen])), dtype=float)
         return outside[quadratic_form(self.rows[outside], inverse) > np.min(quadratic_form(self.rows[chosen], inverse))]
 
