@@ -200,9 +200,9 @@ def _quickest_roomy(cell: Cell, q: Array) -> Array:
     """Return, of the poses q (n, N) [rad] with the most room to every limit, the one that is quickest from home."""
     margins = Workspace(cell).margins(q)
     room = (margins / np.median(margins, axis=0)).min(axis=1)
-    add_room = q[np.argsort(-room, kind="stable")[: max(1, int(ROOMY_SHARE * len(q)))]]
-    seconds = (np.abs(add_room - cell.home) / cell.robot.speed).max(axis=1)
-    return np.asarray(add_room[int(np.argmin(seconds))])
+    roomy = q[np.argsort(-room, kind="stable")[: max(1, int(ROOMY_SHARE * len(q)))]]
+    seconds = (np.abs(roomy - cell.home) / cell.robot.speed).max(axis=1)
+    return np.asarray(roomy[int(np.argmin(seconds))])
 
 
 def with_point_mount(cell: Cell, away: Constraints, seed: int, pool: Array | None = None) -> Cell:

@@ -103,9 +103,9 @@ def compensate_two_targets(plan, cell, calibrated):
     q = np.deg2rad([p["q_deg"] for p in poses if p["role"] == "calibrate"])
     robot = cell.robot
     room = np.minimum(q - robot.q_lower, robot.q_upper - q).min(axis=1)
-    add_room = q[np.argsort(-room)[:10]]  # far from the limits; of these the farthest from a singular position
-    bent = smallest_singular_value(cell.chain, robot, add_room)
-    q = np.rad2deg(add_room[np.argsort(-bent)[:2]])
+    roomy = q[np.argsort(-room)[:10]]  # far from the limits; of these the farthest from a singular position
+    bent = smallest_singular_value(cell.chain, robot, roomy)
+    q = np.rad2deg(roomy[np.argsort(-bent)[:2]])
     header = ",".join(f"q{j + 1}_deg" for j in range(q.shape[1]))
     targets = calibrated.parent / f"{calibrated.name}-targets.csv"
     targets.write_text("\n".join([header, *(",".join(f"{v:.6f}" for v in row) for row in q)]) + "\n")

@@ -48,7 +48,7 @@ def plan_circles(
 ) -> CircularPlan:
     """Plan the circular test of a cell.
 
-    Of the add_room ways round a circle the one is driven that begins nearest to its entry in ``starts`` (name of the
+    Of the roomy ways round a circle the one is driven that begins nearest to its entry in ``starts`` (name of the
     circle: controller angles (N,) [rad]), else nearest to where the arm comes from.
 
     Raises:
@@ -174,7 +174,7 @@ def _path_notes(drives: Sequence[CircularDrive]) -> list[str]:
 
 
 def plan_arc(cell: Cell, circle: Circle, seed: int = 0, near: Array | None = None, limit: TimeLimit = UNLIMITED) -> Arc:
-    """Plan the way round a circle: of the add_room ones the nearest.
+    """Plan the way round a circle: of the roomy ones the nearest.
 
     Args:
         cell: where a fixture has a mount pose, the twist of a cable along the bar counts from there; else from the
@@ -211,8 +211,8 @@ def plan_arc(cell: Cell, circle: Circle, seed: int = 0, near: Array | None = Non
 def _order_paths(cell: Cell, ways: ArmPaths, free: np.ndarray, near: Array) -> list[int]:
     """Roomy ways by the time that it takes to come to their beginning, then the others by their room."""
     away = (np.abs(ways.q[free, 0] - near) / cell.robot.speed).max(axis=1)
-    add_room = ways.room[free] >= DRIVABLE.roomy_share * ways.room[free[0]]
-    return [int(k) for k in free[np.lexsort((np.round(np.where(add_room, away, -ways.room[free]), 6), ~add_room))]]
+    roomy = ways.room[free] >= DRIVABLE.roomy_share * ways.room[free[0]]
+    return [int(k) for k in free[np.lexsort((np.round(np.where(roomy, away, -ways.room[free]), 6), ~roomy))]]
 
 
 def _finish_arc(

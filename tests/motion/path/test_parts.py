@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from planner.cell.workspace import Workspace
-from planner.motion.path.connection import connect_poses, add_room
+from planner.motion.path.connection import add_room, connect_poses
 from planner.motion.path.constraints import Constraints
 from planner.motion.path.parts import PartMap
 from planner.motion.path.roadmap import Known
