@@ -86,7 +86,7 @@ def choose_parameters(cell: Cell, setup: MeasurementSetup, run: Run, more: tuple
     """
     whole = _stated_model(cell, setup, run)
     if run.clocks == 2 and run.samples.speed is not None:
-        whole = whole.with_preferred([clock_offset_parameter(setup)])
+        whole = whole.with_first([clock_offset_parameter(setup)])
     whole = whole.plus(declared_parameters(cell, setup, run.samples, more))
     out = _well_known_parameters(cell, whole, run)
     names = {d.name for d in out}

@@ -139,7 +139,7 @@ class Model:
         """Return the model with more parameters."""
         return replace(self, parameters=(*self.parameters, *more))
 
-    def with_preferred(self, first: list[Parameter]) -> "Model":
+    def with_first(self, first: list[Parameter]) -> "Model":
         """Return the model with more parameters, preferred to those it has."""
         return replace(self, parameters=(*first, *self.parameters))
 
