@@ -44,6 +44,11 @@ class RobotErrors:
         groups, value, std = zip(*found, strict=True) if found else ((), (), ())
         return cls(name, tuple(groups), np.array(value, dtype=float), np.array(std, dtype=float))
 
+    def is_copy_of(self, other: "RobotErrors") -> bool:
+        """Return whether both are of one calibration: two robots never agree in every digit."""
+        same = self.groups == other.groups and np.array_equal(self.value, other.value)
+        return same and bool(self.groups) and np.array_equal(self.std, other.std)
+
 
 def _geometry(document: Identification, robot: Robot) -> Iterator[tuple[str, float, float]]:
     """Yield group, value and standard deviation of every length and angle that the run shows."""

@@ -107,5 +107,5 @@ def _check_size(context: FitContext, model: Model) -> None:
         raise InputError(
             f"{run.name}: {len(run)} samples give {len(run) * model.width} readings, too few for"
             f" {len(model.parameters)} parameters; measure at least {len(model.parameters) + TOO_FEW_READINGS}, better"
-            " twice that, or free fewer in [plan]"
+            f" twice that, or free fewer in [plan]{''.join(f'; {w}' for w in run.warnings)}"
         )

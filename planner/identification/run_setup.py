@@ -88,9 +88,19 @@ def drop_unreadable(cell: Cell, run: Run) -> Run:
     kept = good | (share[run.samples.place] < least)
     if kept.all():
         return run
-    text = f"{int((~kept).sum())} of {len(run)} {cell.gauge.plural} lie beyond the range {low:g} to {high:g} mm"
-    warning = f"{text} of the gauge, which cannot have read them (pulled off, or at a stop): they were cut out"
+    warning = f"{_rows_text(run, ~kept)} beyond the range {low:g} to {high:g} mm, which the gauge cannot have read"
+    warning += " (pulled off, at a stop, or mistyped), and cut out: read again, or correct the file"
     return replace(run.take(kept), warnings=(*run.warnings, warning))
+
+
+def _rows_text(run: Run, which: np.ndarray) -> str:
+    """Name the rows of a mask (n,), the first few of many: file, line, pose."""
+    most = 3  # rows that a person is told one by one
+    rows, pose = np.flatnonzero(which), run.samples.pose
+    named = [run.where(k) + (f" (pose {pose[k]})" if pose is not None else "") for k in rows[:most]]
+    text = " and ".join([", ".join(named[:-1]), named[-1]] if len(named) > 1 else named)
+    more = f" and {len(rows) - most} more" if len(rows) > most else ""
+    return f"{text}{more} {'is' if len(rows) == 1 else 'are'}"
 
 
 def check_pull(cell: Cell, setup: MeasurementSetup, run: Run) -> None:

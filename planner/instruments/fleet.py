@@ -86,9 +86,13 @@ def read_robot(path: Path) -> tuple[str, RobotErrors]:
         name = serial
     else:
         folder, name = path, path.name
-    if not (folder / IDENTIFICATION).is_file() or not (folder / ROBOT).is_file():
+    if not (folder / IDENTIFICATION).is_file():
         raise InputError(f"{path}: is neither a record nor a folder that 'edbb identify' wrote with its {ROBOT}")
     document = Identification.read(folder / IDENTIFICATION)
+    if document.reason_not_to_use:
+        raise InputError(f"{path}: its calibration is not to be used ({document.reason_not_to_use}): leave it out")
+    if not (folder / ROBOT).is_file():
+        raise InputError(f"{path}: the folder that 'edbb identify' wrote has lost its {ROBOT}")
     robot = load_robot(folder / ROBOT)
     return document.robot, RobotErrors.of(name, document, robot)
 
@@ -97,7 +101,7 @@ def read_robots(paths: Sequence[Path]) -> Fleet:
     """Read the robots of a fleet and estimate the sizes of their errors.
 
     Raises:
-        InputError: a robot of another kind, one that is given twice, or one alone.
+        InputError: a robot of another kind, one that is given twice (as a copy, too), or one alone.
     """
     resolved = [p.resolve() for p in paths]
     found: list[tuple[str, RobotErrors]] = []
@@ -107,6 +111,11 @@ def read_robots(paths: Sequence[Path]) -> Fleet:
         kind, errors = read_robot(path)
         if found and kind != found[0][0]:
             raise InputError(f"{path}: is a '{kind}', but {paths[0]} is a '{found[0][0]}': a fleet is of one kind")
+        for other, (_, known) in zip(paths, found, strict=False):
+            if known.is_copy_of(errors):
+                raise InputError(
+                    f"{path}: holds the same calibration as {other}, number for number: a robot counts once"
+                )
         if errors.name in [e.name for _, e in found]:
             errors = RobotErrors(str(path), errors.groups, errors.value, errors.std)
         found.append((kind, errors))

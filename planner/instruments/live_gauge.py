@@ -123,6 +123,19 @@ class PoseLog:
         self.rows[pose] = (t, length)
         write_text(self.output, run_text(self.run()), own=True)  # it was read, to go on with it
 
+    def is_readable(self, pose: int, length: float) -> bool:
+        """Return whether the gauge can have read this length [m]: not pulled off, at a stop, or an error's number."""
+        run = replace(self, rows={pose: (0.0, length)}).run()
+        return bool(self.cell.gauge.tell_readable(run).all())
+
+    def is_stuck(self) -> bool:
+        """Return whether the last readings repeat one number, though their poses are of different lengths."""
+        some = 3  # readings in a row that nobody takes for chance
+        ids = list(self.rows)[-some:]
+        planned = [p.length_mm for p in self.poses if p.id in ids and p.length_mm is not None]
+        same = len({self.rows[k][1] for k in ids}) == 1
+        return same and len(planned) == some and np.ptp(planned) * MM > LIVE_GAUGE.far_from_plan
+
     def run(self) -> Run:
         """Return the run measured so far."""
         done = [p for p in self.poses if p.id in self.rows]
@@ -193,8 +206,9 @@ def measure_poses(
 ) -> Iterator[str]:
     """Tick off the poses that are left, each when a person says that the arm rests there; yields what is said of each.
 
-    ``ask`` shows a pose and returns the answer: nothing to read, ``s`` to skip it, ``q`` to end. A pose that the
-    ``adviser`` passes is not asked for: the arm drives on through it, along the path that was proven.
+    ``ask`` shows a pose and returns the answer: nothing to read, ``s`` to skip it, ``q`` to end. What the gauge cannot
+    have read is asked about and not kept. A pose that the ``adviser`` passes is not asked for: the arm drives on
+    through it, along the path that was proven.
     """
     adviser = adviser or NoAdvice()
     left = [p for p in log.poses if p.id not in log.rows]
@@ -205,11 +219,18 @@ def measure_poses(
             continue
         planned = "" if p.length_mm is None else f", planned {p.length_mm:.2f} mm"
         answer = ask(f"pose {p.id} at {p.fixture or 'the gauge'}{planned}: Enter reads, s skips, q ends")
+        while answer == "":
+            length = read()
+            if log.is_readable(p.id, length):
+                break
+            answer = ask(
+                f"pose {p.id}: {float(to_mm(length)):.3f} mm is beyond the gauge's range and not kept (pulled off, at "
+                "a stop, or no reading): Enter reads again, s skips, q ends"
+            )
         if answer == "q":
             return
         if answer == "s":
             continue
-        length = read()
         t = round(clock() - start, 3)
         log.add(p.id, t, length)
         off = length - (p.length_mm or float(to_mm(length))) * MM
@@ -218,6 +239,7 @@ def measure_poses(
             if abs(off) > LIVE_GAUGE.far_from_plan
             else ""
         )
+        far += "; the gauge has shown this number at three poses: does it still move?" if log.is_stuck() else ""
         stands = adviser.advise(p.id, t, length)
         count = f"({len(log.rows)} of {len(log.poses)})"
         yield f"pose {p.id}: {float(to_mm(length)):.3f} mm{far} {count}{'; ' if stands else ''}{stands}"

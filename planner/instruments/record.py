@@ -292,6 +292,15 @@ def _require_day(day: date, kind: EntryKind, known: RobotRecord, baseline: date 
         )
 
 
+def _require_success(path: Path, document: Identification | CheckFile | AccuracyFile) -> None:
+    """Refuse a calibration that failed: a record holds what its robot may work by."""
+    if isinstance(document, Identification) and document.reason_not_to_use:
+        raise InputError(
+            f"{path} is no calibration, it says: {document.reason_not_to_use}; measure again, and add what "
+            "'edbb identify' makes of that run"
+        )
+
+
 def _require_same_model(path: Path, record: Path) -> None:
     """Refuse a calibration whose nominal model is another than that of the first calibration of the record."""
     first = next(iter(sorted((record / "entries").glob(f"[0-9]*-*/{ROBOT}"))), None)
@@ -313,13 +322,15 @@ def add_entry(
     first of the record is taken.
 
     Raises:
-        InputError: the folder holds no results for a record, or those of another robot or nominal model; there is no
-            record; the date is in the future, or before the calibration.
+        InputError: the folder holds no results for a record, those of another robot or nominal model, or a calibration
+            that failed or is worse than the nominal robot; there is no record; the date is in the future, or before
+            the calibration.
     """
     name = next((n for n in DOCUMENTS if (results / n).is_file()), None)
     if name is None:
         raise InputError(f"{results} holds none of {', '.join(DOCUMENTS)}: add what identify, accuracy or check wrote")
     kind, document = DOCUMENTS[name], _read_document(results / name, DOCUMENTS[name])
+    _require_success(results / name, document)
     robot = document.robot
     is_new = not (record / "record.toml").is_file()
     if is_new and serial is None:

@@ -371,6 +371,11 @@ class Identification(DocumentSection):
         return next((s for s in self.stages if s.name == "frames"), self.stages[0])
 
     @property
+    def reason_not_to_use(self) -> str:
+        """Why nothing may be made of this robot: its fit failed, or it is worse than the nominal one; else empty."""
+        return "; ".join((*self.problems, *([self.worse_than_nominal] if self.worse_than_nominal else [])))
+
+    @property
     def last_fit(self) -> tuple[Estimate, ...]:
         """Return what the last stage fitted, with the standard deviations of that fit alone."""
         return self.fitted or tuple(e for e in self.estimates if e.identifiable)

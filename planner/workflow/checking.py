@@ -1,20 +1,24 @@
 """``plan_check()`` and ``check()``: a few poses tell whether and where a calibrated robot has changed."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from planner.cell.cell import Cell
 from planner.cell.reading import load_cell
 from planner.common.calls import called_with
 from planner.common.console import as_word
+from planner.common.errors import InputError
 from planner.common.files import document_text, folder_of, write_text
 from planner.common.progress import Stages
 from planner.common.result import FolderResult, simulated_section
 from planner.common.summary import Summary
 from planner.common.units import MM
 from planner.identification.baseline import Baseline
+from planner.identification.run_setup import drop_unreadable
 from planner.instruments.check.evaluation import CheckVerdict, evaluate_check
 from planner.instruments.check.planning import CheckChooser, resting_cell
 from planner.instruments.check.results import CheckForecast, verdict_content, verdict_overview
@@ -22,7 +26,8 @@ from planner.instruments.check.words import FORECAST
 from planner.instruments.simulation import planned_samples
 from planner.motion.planning_packages import require_planning_packages
 from planner.runs.loader import load_runs
-from planner.session.document import check_run_of_plan, read_plan
+from planner.runs.run import Run
+from planner.session.document import PlanDocument, check_run_of_plan, read_plan
 from planner.session.evaluations import evaluation_of
 from planner.session.options import PlanOptions
 from planner.session.planned_session import PlannedSession
@@ -93,7 +98,9 @@ class CheckResult(FolderResult):
         return "check.json, report.html"
 
     def next_step(self, folder: Path) -> str:
-        """Say how the check is kept."""
+        """Say how the check is kept; nothing where a reading is to be taken again first."""
+        if self.verdict.doubtful:
+            return ""
         return f"edbb record RECORD --add {as_word(folder)} -o history keeps it with the robot's other checks"
 
 
@@ -117,6 +124,32 @@ def plan_check(asked: PlanCheckCall) -> CheckPlanResult:
     return CheckPlanResult(plan, stages, forecast=CheckForecast.of(known, where, samples), model=asked.model)
 
 
+def _pose_notes(run: Run, plan: PlanDocument) -> Iterator[str]:
+    """Say which poses of the plan the run lacks, and which it has more than once."""
+    if run.samples.pose is None:
+        return
+    found, times = np.unique(run.samples.pose, return_counts=True)
+    missing = sorted({*plan.ids("calibrate", "repeat", "validate")} - {*found.tolist()})
+    for said, poses in (("lacks", missing), ("counts more than once", found[times > 1].tolist())):
+        if poses:
+            yield f"{run.name}: the run {said}, of the plan's poses: {', '.join(str(p) for p in poses)}"
+
+
+def _readable(cell: Cell, run: Run) -> Run:
+    """Return the run without readings that the gauge cannot have made.
+
+    Raises:
+        InputError: where these are more than a few, which no check can be judged by.
+    """
+    kept = drop_unreadable(cell, run)
+    most = 0.25  # share of the readings that may be beyond the gauge's range
+    if len(kept) < (1.0 - most) * len(run):
+        raise InputError(
+            f"{kept.warnings[-1]}: {len(run) - len(kept)} of {len(run)} readings; is the gauge's zero set?"
+        )
+    return kept
+
+
 @called_with(CheckCall)
 def check(asked: CheckCall) -> CheckResult:
     """Judge the run of a check: has the robot changed since its calibration, where, and what is to be done.
@@ -131,8 +164,11 @@ def check(asked: CheckCall) -> CheckResult:
         known = Baseline.read(folder_of(Path(asked.model)), where)
         measured = load_runs([Path(asked.run)], where.robot.n_joints, where.robot.axes_of)
         if plan is not None:
-            check_run_of_plan(measured, Path(plan), read_plan(Path(plan), "drives"), where.robot.name)
+            document = read_plan(Path(plan), "drives")
+            check_run_of_plan(measured, Path(plan), document, where.robot.name)
+            measured = replace(measured, warnings=(*measured.warnings, *_pose_notes(measured, document)))
         check_unit(measured, where)
+        measured = _readable(where, measured)
     with stages.stage("judging"):
         limit = None if limit_mm is None else limit_mm * MM
         return CheckResult(where, evaluate_check(known, where, measured, limit), measured.simulated)

@@ -332,6 +332,8 @@ def identify_runs(
             if each is not None:
                 check_unit(each, cell)
         run, other = drop_unreadable(cell, run), None if other is None else drop_unreadable(cell, other)
+        if other is not None:  # what was cut out of the poses kept apart is said as what was cut out of the others
+            run = replace(run, warnings=tuple(dict.fromkeys((*run.warnings, *other.warnings))))
     with stages.stage("identification"):
         found = fit_and_trace(run, cell, other, settings, lambda s: stages.say(s, 0, 0), trace if tracing else None)
     return found.model_copy(update={"planned_errors": foreseen}) if foreseen else found

@@ -1,5 +1,6 @@
 """Fleets drawn with known sizes: what is learnt of these, what two robots change and twenty, and who does not fit."""
 
+import shutil
 from types import SimpleNamespace as Of
 
 import numpy as np
@@ -167,6 +168,8 @@ def test_what_is_no_fleet_is_refused_in_one_sentence(calibrated, tmp_path):
 
     refused("one robot is no fleet", calibrated / "calibrated1")
     refused("given twice", calibrated / "calibrated1", calibrated / "calibrated1")
+    shutil.copytree(calibrated / "calibrated1", tmp_path / "copy")
+    refused("is the calibration of .*calibrated1, number for number", calibrated / "calibrated1", tmp_path / "copy")
     refused("neither a record nor a folder", calibrated / "calibrated1", tmp_path)
     other = tmp_path / "ur10"
     other.mkdir()
@@ -184,6 +187,12 @@ def test_a_record_counts_by_its_last_calibration(calibrated, tmp_path):
     assert [r.name for r in found.robots] == ["KR-1", "calibrated2"]
     alone = read_robots([calibrated / "calibrated1", calibrated / "calibrated2"])
     np.testing.assert_array_equal(found.robots[0].value, alone.robots[0].value)
+
+
+def test_copies_of_one_calibration_are_known_by_their_numbers():
+    one, same, other = (drawn_robot(np.random.default_rng(k), np.ones(len(GROUPS)), 0.1) for k in (1, 1, 2))
+    assert one.is_copy_of(same)
+    assert not one.is_copy_of(other)
 
 
 def test_a_robot_of_three_times_the_errors_does_not_fit():

@@ -89,6 +89,26 @@ def test_poses_are_ticked_off_and_a_run_that_was_begun_goes_on(plan, gauge, tmp_
         open_log(tmp_path / "run.csv", plan[0].model_copy(update={"plan_id": "ba9876543210"}), plan[1])
 
 
+def test_what_the_gauge_cannot_have_read_is_not_kept(plan, tmp_path):
+    """An error's number, a bar that was pulled off; and a gauge that hangs is named."""
+    read, asked = iter([1.0e-3, 0.61, 0.4015, 0.4015, 0.4015]), []
+    log = open_log(tmp_path / "run.csv", *plan)
+
+    def ask(text):
+        asked.append(text)
+        return ""
+
+    clock = iter(np.arange(0.0, 100.0, 2.5)).__next__
+    said = list(measure_poses(log, read.__next__, ask, clock))
+    assert [text.split(":")[0] for text in asked] == [
+        "pose 1 at A, planned 401.50 mm", "pose 1", "pose 1", "pose 2 at A, planned 388.25 mm",
+        "pose 3 at A, planned 455.00 mm",
+    ]  # fmt: skip
+    assert "1.000 mm is beyond the gauge's range and not kept" in asked[1]
+    assert load_run(tmp_path / "run.csv", 6).readings.length == pytest.approx([0.4015] * 3)
+    assert ["does it still move" in text for text in said] == [False, False, True]
+
+
 def test_a_gauge_that_shakes_or_is_silent_is_told(gauge):
     gauge.shaking = 1.0
     with pytest.raises(UnsettledError, match="still spread over"):

@@ -358,7 +358,9 @@ def test_a_driven_plan_is_identified_and_judged_on_stretches_kept_out(tmp_path):
     readable = (length > 0.3 - ZERO_M) & (length < 0.52 + ZERO_M)
     assert len(run) / 2 < readable.sum() < len(run)
     assert len(calibration.run) == (readable & ~aside).sum()
-    assert any("they were cut out" in w for w in calibration.run.warnings)
+    assert any(
+        "cannot have read (pulled off, at a stop, or mistyped), and cut out" in w for w in calibration.run.warnings
+    )
     assert calibration.split.by == "stretch"
     stages = {s.name: s.validation.rms for s in calibration.stages}
     assert stages["geometry"] < 0.02e-3 < 0.2e-3 < stages["frames"]

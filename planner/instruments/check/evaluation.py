@@ -158,6 +158,7 @@ class CheckVerdict:
     threshold: float
     limit: float | None
     notes: tuple[str, ...]
+    doubtful: str = ""
 
     @property
     def smallest_p(self) -> float:
@@ -197,6 +198,8 @@ class CheckVerdict:
             return "go on: no change that these poses can tell"
         if self.outcome == "changed within the limit":
             return "go on, and check again soon: the change is within the limit"
+        if self.doubtful:
+            return f"read again {self.doubtful}: that one reading alone would explain it; then judge the check again"
         return "calibrate again" if self.likeliest_change is None else self.likeliest_change.change.advice
 
 
@@ -223,7 +226,7 @@ def evaluate_check(baseline: Baseline, cell: Cell, run: Run, limit: float | None
     left = len(baseline.values) - len(baseline.for_samples(samples).values)
     notes = [f"{left} effects of the baseline need quantities that the run does not hold: left out"] if left else []
     notes += [hidden_changes_text(hidden)] if hidden else []
-    return CheckVerdict(
+    verdict = CheckVerdict(
         run=run.name,
         poses=np.arange(len(samples)) if samples.pose is None else samples.pose,
         difference=difference.reshape(len(samples), -1),
@@ -235,6 +238,24 @@ def evaluate_check(baseline: Baseline, cell: Cell, run: Run, limit: float | None
         limit=limit,
         notes=(*run.warnings, *notes),
     )
+    wrong = None if verdict.passed else _wrong_reading(detector, difference, len(samples), (*leads.values(), 0.0))
+    return verdict if wrong is None else replace(verdict, doubtful=_reading_text(run, wrong))
+
+
+def _wrong_reading(detector: Detector, difference: Array, n: int, leads: Sequence[float]) -> int | None:
+    """Return which of n readings explains the difference by being wrong, better than all with these leads, by BIC.
+
+    A mistyped number, or a cup that was not clean: one reading is off and the others are as expected.
+    """
+    each = np.split(np.eye(len(difference)), n, axis=1)
+    found = replace(detector, columns=tuple(each)).explain(difference)[:-1]
+    lead, best = rank_explanations(found, len(difference))[0]
+    return best.which if lead > max(leads) else None
+
+
+def _reading_text(run: Run, k: int) -> str:
+    pose = run.samples.pose
+    return run.where(k) + ("" if pose is None else f" (pose {pose[k]})")
 
 
 def shows_play(samples: Samples) -> bool:

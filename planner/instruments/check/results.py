@@ -91,6 +91,7 @@ def verdict_content(verdict: CheckVerdict, robot: str) -> dict[str, object]:
             for p, d, s in zip(verdict.poses, verdict.difference, verdict.std, strict=True)
         ],
         "notes": list(verdict.notes),
+        **({"doubtful": verdict.doubtful} if verdict.doubtful else {}),
     }
 
 
@@ -127,7 +128,9 @@ def verdict_overview(verdict: CheckVerdict) -> Summary:
         ("do", verdict.advice),
         ("test", f"{p} ({100 * FALSE_ALARM:g} of 100 sound robots)"),
     ]
-    if verdict.outcome != "unchanged":
+    if verdict.doubtful:
+        facts.append(("cause", f"one wrong reading: {verdict.doubtful}"))
+    elif verdict.outcome != "unchanged":
         best = verdict.likeliest_change
         facts.append(("cause", ANYTHING if best is None else _cause_text(best)))
         facts += [("or", _cause_text(j)) for j in verdict.rivals]

@@ -80,6 +80,23 @@ def test_a_tracker_that_stands_elsewhere_tells_what_changed(turns):
             evaluate_check(baseline, f.cell, replace(run, readings=replace(run.readings, rotation=None)))
 
 
+def test_one_wrong_reading_is_to_be_read_again_and_no_robot_is_calibrated_for_it():
+    """Over robots and poses; a change of the robot is not taken for a wrong reading."""
+    errors, baseline = robot()
+    for k in range(10):
+        run = fleet().read(errors, np.random.default_rng([7, k]))
+        length = run.readings.length.copy()
+        length[k] += 9 * MM * (-1) ** k
+        verdict = evaluate_check(baseline, fleet().cell, replace(run, readings=replace(run.readings, length=length)))
+        assert not verdict.passed
+        assert verdict.doubtful == f"number {k + 1}"
+        assert dict(verdict_overview(verdict).facts)["do"].startswith(f"read again number {k + 1}")
+        assert verdict_content(verdict, NAME)["doubtful"] == f"number {k + 1}"
+    for change in ({"theta2": 0.05 * DEG}, {"theta4": -0.1 * DEG}, {"theta5": 0.1 * DEG}, {"map_z": 0.6 * MM}):
+        assert judged(**change).doubtful == ""
+        assert not judged(**change).passed
+
+
 def test_a_change_within_the_users_limit_passes():
     errors = {"theta3": 0.03 * DEG}
     assert judged(5 * MM, **errors).outcome == "changed within the limit"

@@ -11,6 +11,7 @@ from planner.common.files import document_text
 from planner.common.units import DEG
 from planner.instruments.check.results import verdict_content
 from planner.instruments.check.words import FORECAST
+from planner.instruments.fleet import read_robot
 from planner.instruments.opcua import map_to_opcua
 from planner.instruments.record import Circumstances, RobotRecord, add_entry
 from planner.kinematics.robot_reader import load_robot
@@ -141,6 +142,17 @@ def test_a_record_refuses_what_is_not_its_own(record, tmp_path):
     path.write_text(path.read_text().replace("unchanged", "changed"))
     with pytest.raises(InputError, match="not what was added"):
         RobotRecord.read(record)
+
+
+def test_a_calibration_that_failed_is_no_entry(record, tmp_path):
+    day = Circumstances(date=date(2024, 6, 1))
+    for key, said in (("problems", ["readings of other poses"]), ("worse_than_nominal", "WORSE THAN THE NOMINAL")):
+        folder = results(tmp_path / key, "identification.json", calibration(0.05) | {key: said})
+        with pytest.raises(InputError, match=f"is no calibration, it says: .*{said if key[0] == 'w' else said[0]}"):
+            add_entry(record, folder, day, None)
+        with pytest.raises(InputError, match="is not to be used"):
+            read_robot(folder)
+    assert len(RobotRecord.read(record).entries) == 4
 
 
 def test_a_record_does_not_change_its_robot(tmp_path):
