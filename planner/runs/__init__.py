@@ -1,3 +1,13 @@
 """A measured run: its columns and clocks, import, checks."""
 
-__all__ = ["image_table", "joint_motion", "loader", "proposed_map", "run", "scalars", "traces", "writer"]
+__all__ = [
+    "image_table",
+    "joint_motion",
+    "loader",
+    "proposed_map",
+    "repeated_rows",
+    "run",
+    "scalars",
+    "traces",
+    "writer",
+]

@@ -20,6 +20,7 @@ from planner.runs.joint_motion import (
 )
 from planner.runs.model_axes import AxesOf, in_model_axes
 from planner.runs.quantities import check_jumps, joint_angles, readings_of
+from planner.runs.repeated_rows import refuse_repeated_files, repeated_row_notes
 from planner.runs.run import Readings, Run, Samples, sort_names
 from planner.runs.synchronisation import pair_tables
 from planner.runs.table import RunTable, read_table
@@ -179,12 +180,11 @@ def load_runs(paths: Sequence[Path], n_joints: int, axes_of: AxesOf | None = Non
     if not paths:
         raise InputError("no run was given; name one or more files, .csv or .parquet")
     files = [Path(path) for path in paths]
-    for i, file in enumerate(files):
-        if file.resolve() in (other.resolve() for other in files[:i]):
-            raise InputError(f"{file} is given twice; the same samples would count as new ones")
+    refuse_repeated_files(files)
     tables = [in_model_axes(read_table(file, n_joints), axes_of) for file in files]
     runs = [run_of(table, n_joints) for table in pair_tables(tables)]
-    return join_runs(_distinguish_names(runs, files))
+    run = join_runs(_distinguish_names(runs, files))
+    return replace(run, warnings=(*run.warnings, *repeated_row_notes(run)))
 
 
 def _distinguish_names(runs: Sequence[Run], files: Sequence[Path]) -> list[Run]:

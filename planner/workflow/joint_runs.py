@@ -13,6 +13,7 @@ from planner.common.errors import InputError
 from planner.identification.joint_sessions import MeasuredSession, join_sessions
 from planner.identification.run_setup import drop_unreadable, number_samples
 from planner.runs.loader import load_runs
+from planner.runs.repeated_rows import refuse_repeated_files
 from planner.runs.run import Run
 from planner.session.document import PlanDocument, read_plan
 from planner.workflow.run_checks import check_unit, split_by_plan
@@ -84,6 +85,7 @@ def load_sessions(sources: Sequence[RunSource]) -> tuple[Run, Cell, Run | None]:
     Raises:
         InputError: a file is wrong, a run belongs to another plan or robot, or nothing says where it was measured.
     """
+    refuse_repeated_files([s.path for s in sources])
     names = _session_names([s.path for s in sources])
     loaded = [_load(source, name) for source, name in zip(sources, names, strict=True)]
     run, cell = join_sessions([session for session, _ in loaded])

@@ -10,7 +10,7 @@ import numpy as np
 from planner.common.arrays import Rows
 from planner.common.errors import NoSolutionError
 from planner.common.robust import HUBER_SIGMAS, MEDIAN_NORM, huber_costs, huber_weights, tukey_costs, tukey_weights
-from planner.common.units import Array, IntArray
+from planner.common.units import Array, IntArray, to_mm
 from planner.gauges.placement.flange_poses import FlangePoses
 from planner.kinematics.geometry import log3
 
@@ -198,6 +198,12 @@ def require_determined_unknowns(jacobian: Array, error: Array, problem: Placemen
         NoSolutionError: names what is open and what would help.
     """
     missing = _undetermined_unknowns(jacobian, error, problem)
+    if missing and not _undetermined_unknowns(jacobian, np.zeros_like(error), problem):
+        raise NoSolutionError(
+            f"the readings do not belong to these {len(problem.stand)} poses: placed as well as can be, half of them "
+            f"are {to_mm(float(np.median(error))):.0f} mm off and more; look for rows that were exchanged or shifted, "
+            "another tool point, and units"
+        )
     if missing:
         *others, last = map(str, missing)
         names = f"{', '.join(others)} and {last}" if others else last

@@ -118,3 +118,10 @@ def test_what_the_poses_leave_open_is_named():
         place_frames(FlangePoses.of_one(line, still), line, p_FM=np.zeros((1, 3)))
     with pytest.raises(InputError, match="2 readings"):
         place_frames(FlangePoses.of_one(truth.p[:2], truth.R[:2]), truth.y[:2])
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_readings_shifted_by_a_row_are_named_and_no_further_poses_asked_for(seed):
+    truth = Truth(seed, error=1e-4, outliers=0.0)
+    with pytest.raises(NoSolutionError, match=r"do not belong to these \d+ poses.*exchanged or shifted"):
+        place_frames(truth.stand, np.roll(truth.y, 1, axis=0))
