@@ -7,7 +7,6 @@ from pathlib import Path
 from planner.common.console import as_word
 from planner.common.errors import InputError
 from planner.common.extensions import load_extensions
-from planner.common.schema import read_json
 
 
 @dataclass(frozen=True)
@@ -34,6 +33,8 @@ class Evaluation:
 
     def model(self, plan: Path) -> str:
         """Return the calibration that the runs of a plan are judged by; where it is not found here, the word for it."""
+        from planner.common.schema import read_json  # with pydantic, which the help of a command need not load
+
         try:
             content = read_json(plan.parent / self.beside) if self.beside else None
         except InputError:  # a plan is made use of without what is beside it

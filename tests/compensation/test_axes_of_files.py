@@ -254,8 +254,11 @@ def test_small_angles_are_degrees_where_the_table_says_so(tmp_path):
     assert (len(done.targets), "radians" in done.summary) == (2, False)
 
 
-def test_one_target_whose_angles_are_small_is_corrected_and_doubted(tmp_path):
+def test_one_target_whose_angles_are_small_is_corrected_where_its_unit_is_said(tmp_path):
     robot, real = bent("comau-nj130")
-    (tmp_path / "one.csv").write_text(f"{JOINTS}\n1,-3.5,2.5,2,5.5,1\n")
-    done = compensate_file(tmp_path / "one.csv", robot, real)
-    assert "if these are radians, call them q1_rad" in " ".join(done.summary.split())
+    path = tmp_path / "one.csv"
+    path.write_text(f"{JOINTS}\n1,-3.5,2.5,2,5.5,1\n")
+    with pytest.raises(InputError, match="call them q1_rad"):
+        compensate_file(path, robot, real)
+    path.write_text(f"# angles: degrees\n{JOINTS}\n1,-3.5,2.5,2,5.5,1\n")
+    assert len(compensate_file(path, robot, real).targets) == 1

@@ -137,7 +137,8 @@ def test_it_stops_at_the_goal_and_never_passes_a_validation_pose(bench, tmp_path
     rows = {p.id: (0.0, length[p.id]) for p in begun_with}
     adviser.estimate.add_all(read_at([length[p.id] for p in begun_with if p.role == "calibrate"]))
     before = len(adviser.estimate.read)
-    log = Of(poses=tuple(poses), rows=rows, add=lambda pose, t, value: rows.__setitem__(pose, (t, value)))
+    log = Of(poses=tuple(poses), rows=rows, add=lambda pose, t, value: rows.__setitem__(pose, (t, value)),
+             is_readable=lambda pose, length: True, is_stuck=lambda: False)  # fmt: skip
     asked = []
 
     def ask(text):

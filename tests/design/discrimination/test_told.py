@@ -125,7 +125,7 @@ def test_rivals_that_nobody_named_are_told_as_what_they_are():
 def judged(index, value):
     """A choice of which an index says so much."""
     choice = replace(usual(), certificate=replace(usual().certificate, index=index))
-    vars(choice)["raw"] = {index: value}
+    vars(choice)["raw_indices"] = {index: value}
     return choice
 
 
