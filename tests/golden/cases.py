@@ -400,7 +400,7 @@ CASES = (
             edbb("plan metres.toml -o out", 2, ("metres.toml", "length_mm", "metres")),
             edbb("plan gauge.toml -o out", 2, ("gauge.toml", "ebdd", "trical")),
             edbb("plan socket.toml -o out", 2, ("socket.toml", "[artifact]", "position_mm")),
-            edbb("plan few.toml -o out --poses 30", 3, ("candidate", "cones", "clearance")),
+            edbb("plan few.toml -o out --poses 30", 3, ("candidate", "plan.candidates", "clearance")),
             edbb("plan none.toml -o out", 2, ("none.toml",)),
             edbb("plan kuka-kr6-r700/ebdd -o out", 2, ("ebdd", "edbb")),
             edbb("identify empty.csv --cell cell.toml -o out", 2, ("empty.csv",)),
