@@ -169,7 +169,9 @@ def test_what_is_no_fleet_is_refused_in_one_sentence(calibrated, tmp_path):
     refused("one robot is no fleet", calibrated / "calibrated1")
     refused("given twice", calibrated / "calibrated1", calibrated / "calibrated1")
     shutil.copytree(calibrated / "calibrated1", tmp_path / "copy")
-    refused("holds the same calibration as .*calibrated1, number for number", calibrated / "calibrated1", tmp_path / "copy")
+    refused(
+        "holds the same calibration as .*calibrated1, number for number", calibrated / "calibrated1", tmp_path / "copy"
+    )
     refused("neither a record nor a folder", calibrated / "calibrated1", tmp_path)
     other = tmp_path / "ur10"
     other.mkdir()
