@@ -1,6 +1,6 @@
 """From the last stage to the calibration: uncertainties, checks and warnings."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -232,8 +232,7 @@ def assess_fit(
     estimates = table if released is None else released_estimates(table, released)
     diagnosis, kept = diagnose_residual(found, run.continuous, last.train.rms), tuple(s.stage for s in stages)
     release = None if released is None else describe_release(released)
-    causes = _findings_by_posterior(traced, released, len(run) * found.model.width / time)
-    findings = tuple(_with_estimates(causes, table))
+    findings = _with_estimates(_findings_by_posterior(traced, released, len(run) * found.model.width / time), table)
     return Calibration(
         schema_="edbb-identification/1",
         worse_than_nominal=worse_than_nominal(kept, release, expected, cell.gauge.unit),
@@ -320,17 +319,19 @@ def _findings_by_posterior(
     )
 
 
-def _with_estimates(findings: Sequence[Finding], table: Sequence[Estimate]) -> Iterator[Finding]:
-    """Yield the findings, those of one parameter with the value and deviation that the table of parameters has."""
-    for f in findings:
-        inner = "" if f.inner is None else f"{f.name}, {f.inner.name}"
-        own = [e for e in table if e.group == f.name and e.identifiable and e.std is not None and e.name != inner]
-        if len(own) != 1 or own[0].unit != f.unit or f.after_sample is not None or f.row is not None:
-            yield f
-            continue
-        value, std = own[0].value - own[0].nominal, own[0].std or 0.0
-        before, now = (format_value(abs(v), d, *display_unit(f.unit, v)) for v, d in ((f.value, f.std), (value, std)))
-        yield f.model_copy(update={"value": value, "std": std, "note": f.note.replace(before, now)})
+def _with_estimates(findings: Sequence[Finding], table: Sequence[Estimate]) -> tuple[Finding, ...]:
+    """Return the findings, those of one parameter with the value and deviation that the table of parameters has."""
+    return tuple(_with_estimate(f, table) for f in findings)
+
+
+def _with_estimate(f: Finding, table: Sequence[Estimate]) -> Finding:
+    inner = "" if f.inner is None else f"{f.name}, {f.inner.name}"
+    own = [e for e in table if e.group == f.name and e.identifiable and e.std is not None and e.name != inner]
+    if len(own) != 1 or own[0].unit != f.unit or f.after_sample is not None or f.row is not None:
+        return f
+    value, std = own[0].value - own[0].nominal, own[0].std or 0.0
+    before, now = (format_value(abs(v), d, *display_unit(f.unit, v)) for v, d in ((f.value, f.std), (value, std)))
+    return f.model_copy(update={"value": value, "std": std, "note": f.note.replace(before, now)})
 
 
 def _describe_rest(diagnosis: ResidualDiagnosis, last: Stage) -> Unexplained:

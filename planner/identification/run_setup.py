@@ -96,8 +96,8 @@ def drop_unreadable(cell: Cell, run: Run) -> Run:
 def _rows_text(run: Run, which: np.ndarray) -> str:
     """Name the rows of a mask (n,), the first few of many: file, line, pose."""
     most = 3  # rows that a person is told one by one
-    rows, pose = np.flatnonzero(which), run.samples.pose
-    named = [run.where(k) + (f" (pose {pose[k]})" if pose is not None else "") for k in rows[:most]]
+    rows = np.flatnonzero(which)
+    named = [run.where_at_pose(k) for k in rows[:most]]
     text = " and ".join([", ".join(named[:-1]), named[-1]] if len(named) > 1 else named)
     more = f" and {len(rows) - most} more" if len(rows) > most else ""
     return f"{text}{more} {'is' if len(rows) == 1 else 'are'}"

@@ -183,6 +183,11 @@ class Run:
         name = self.files[s.file[k]]
         return f"{name}, {'row' if name.lower().endswith('.parquet') else 'line'} {s.line[k]}"
 
+    def where_at_pose(self, k: int) -> str:
+        """Return where sample k, from 0, stands, with its pose where it has one: ``"run.csv, line 12 (pose 9)"``."""
+        pose = self.samples.pose
+        return self.where(k) + ("" if pose is None else f" (pose {pose[k]})")
+
     def take(self, which: slice | np.ndarray) -> "Run":
         """Return the run with only the samples at ``which`` (a slice, indices, or a mask)."""
         return replace(self, samples=self.samples.take(which), readings=self.readings.take(which))

@@ -239,7 +239,7 @@ def evaluate_check(baseline: Baseline, cell: Cell, run: Run, limit: float | None
         notes=(*run.warnings, *notes),
     )
     wrong = None if verdict.passed else _wrong_reading(detector, difference, len(samples), (*leads.values(), 0.0))
-    return verdict if wrong is None else replace(verdict, doubtful=_reading_text(run, wrong))
+    return verdict if wrong is None else replace(verdict, doubtful=run.where_at_pose(wrong))
 
 
 def _wrong_reading(detector: Detector, difference: Array, n: int, leads: Sequence[float]) -> int | None:
@@ -251,11 +251,6 @@ def _wrong_reading(detector: Detector, difference: Array, n: int, leads: Sequenc
     found = replace(detector, columns=tuple(each)).explain(difference)[:-1]
     lead, best = rank_explanations(found, len(difference))[0]
     return best.which if lead > max(leads) else None
-
-
-def _reading_text(run: Run, k: int) -> str:
-    pose = run.samples.pose
-    return run.where(k) + ("" if pose is None else f" (pose {pose[k]})")
 
 
 def shows_play(samples: Samples) -> bool:
