@@ -26,6 +26,7 @@ from planner.kinematics.geometry import registration
 from planner.kinematics.robot_reader import load_robot
 from planner.model.model import Model
 from planner.runs.loader import load_run
+from tests.benchmarks.hand_eye import METHODS, robot_world_hand_eye
 from tests.gauges.camera.scene import BENT, LENS, SHEET, Scene, charuco, flange, pose, run_text
 
 NOISE, POSES, HELD_OUT, STATES = 0.15, 90, 30, 2000
@@ -75,10 +76,11 @@ def opencv_hand_eye(scene, q, pixels):
         poses.append(cv2.solvePnP(corner[ok], uv[ok], LENS, BENT)[1:])
     arms = [np.linalg.inv(flange(s)) for s in q[train]]
     out = {}
-    for name, method in (("Shah", cv2.CALIB_ROBOT_WORLD_HAND_EYE_SHAH), ("Li", cv2.CALIB_ROBOT_WORLD_HAND_EYE_LI)):
+    calibrate = robot_world_hand_eye()
+    for name, method in METHODS.items():
         R_cw, t_cw = [cv2.Rodrigues(r)[0] for r, _ in poses], [t for _, t in poses]
-        R_wb, t_wb, R_cg, t_cg = cv2.calibrateRobotWorldHandEye(
-            R_cw, t_cw, [T[:3, :3] for T in arms], [T[:3, 3] for T in arms], method=method
+        R_wb, t_wb, R_cg, t_cg = calibrate(
+            R_cw, t_cw, [T[:3, :3] for T in arms], [T[:3, 3] for T in arms], method=getattr(cv2, method)
         )
         world, camera = np.eye(4), np.eye(4)
         world[:3, :3], world[:3, 3:], camera[:3, :3], camera[:3, 3:] = R_wb, t_wb, R_cg, t_cg
@@ -119,6 +121,7 @@ def main():
     given = argparse.ArgumentParser(description=__doc__)
     given.add_argument("--arms", type=int, default=5)
     arms = given.parse_args().arms
+    robot_world_hand_eye()  # where OpenCV has none, that is said before minutes of work
     camera, bar = load_cell("ur5e/camera"), load_cell("ur5e/edbb")
     seen = draw_candidates(camera, POSES + HELD_OUT, seed=1).q[: POSES + HELD_OUT]
     held = draw_candidates(bar, POSES, seed=1).q[:POSES]

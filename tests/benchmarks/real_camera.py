@@ -24,6 +24,7 @@ from planner.identification.own_errors import own_errors_text
 from planner.identification.pipeline import FitSettings, identify
 from planner.kinematics.inverse_kinematics import tool_pose
 from planner.runs.loader import load_run
+from tests.benchmarks.hand_eye import robot_world_hand_eye
 from tests.command import edbb
 
 CELL = """schema = "edbb-cell/1"
@@ -98,9 +99,10 @@ def opencv_held_out(folder: Path, pixels: np.ndarray, q: np.ndarray) -> float:
     board = [cv2.solvePnP(corner[ok], uv[ok], K, bent)[1:] for ok, uv in zip(seen, pixels, strict=True)]
     turn = [Rotation.from_rotvec(r.ravel()).as_matrix() for r, _ in board]
     squares: list[float] = []
+    calibrate = robot_world_hand_eye()
     for k in range(len(q)):
         rest = [j for j in range(len(q)) if j != k]
-        R_wb, t_wb, R_cg, t_cg = cv2.calibrateRobotWorldHandEye(
+        R_wb, t_wb, R_cg, t_cg = calibrate(
             [turn[j] for j in rest], [board[j][1] for j in rest],
             [arm[j][:3, :3] for j in rest], [arm[j][:3, 3] for j in rest],
         )  # fmt: skip
