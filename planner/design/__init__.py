@@ -8,6 +8,7 @@ __all__ = [
     "expected_errors",
     "fixtures",
     "free_parameters",
+    "learnt_foresight",
     "learnt_posterior",
     "learnt_sizes",
     "observability",

@@ -43,9 +43,7 @@ class LearntPosterior:
     @classmethod
     def of(cls, white: Array, weight: Array, families: Families) -> "LearntPosterior":
         """Return the posterior before any reading; errors e (P,) make the tool's square error eᵀ ``weight`` e [m²]."""
-        size = white.shape[1]
-        start = LearntErrors(np.zeros(size), np.ones(size), np.ones(len(families)))
-        return cls(white, root_of(weight), families, start)
+        return cls(white, root_of(weight), families, LearntErrors.usual(white.shape[1], len(families)))
 
     @property
     def size(self) -> Array:

@@ -61,18 +61,28 @@ class Families:
 
 @dataclass(frozen=True)
 class LearntErrors:
-    """Errors after some readings, in their usual sizes: mean and standard deviations (P,), learnt factors (F,).
+    """Errors after some readings, in their usual sizes.
 
-    ``noise`` is that of a reading over the one that is declared: what follows no column of the model is in it.
+    Attributes:
+        mean, std: estimates and standard deviations, (P,).
+        factors: sizes of the families, (F,): roots of their mean squares, over all that each may be.
+        typical: sizes that are as likely exceeded as not, (F,): 0 of a family that rather does not act.
+        noise: of a reading, over the one that is declared; what follows no column of the model is in it.
     """
 
     mean: Array
     std: Array
     factors: Array
+    typical: Array
     noise: float = 1.0
 
+    @classmethod
+    def usual(cls, errors: int, families: int) -> "LearntErrors":
+        """Return what is known of so many errors and families before any reading."""
+        return cls(np.zeros(errors), np.ones(errors), np.ones(families), np.ones(families))
 
-def learn_errors(white: Array, seen: Array, families: Families) -> LearntErrors:
+
+def learn_errors(white: Array, seen: Array, families: Families, begin: LearntErrors | None = None) -> LearntErrors:
     """Estimate P errors from n readings, and the size of the errors of each of F families.
 
     The readings y are normal with the covariance S = ν² 1 + Σ_f v_f W_f W_fᵀ. In turn each v_f is the mean of its
@@ -83,14 +93,16 @@ def learn_errors(white: Array, seen: Array, families: Families) -> LearntErrors:
         white: the readings' rows W in standard deviations per usual size, (n, P).
         seen: the readings less what was expected of them, in standard deviations, (n,).
         families: which errors share a size.
+        begin: what fewer readings said, from which the sizes are sought; none: from the usual ones.
     """
+    begin = begin or LearntErrors.usual(white.shape[1], len(families))
     columns = [white[:, families.number == f] for f in range(len(families))]
     offers = [families.factors(f) for f in range(len(families))]
-    noise = np.append(0.0, 0.3 * 2.0 ** np.arange(7, dtype=float))  # beside the declared one; half have none
+    excess = np.append(0.0, 0.3 * 2.0 ** np.arange(7, dtype=float))  # noise beside the declared one; half have none
     columns.append(np.eye(len(white)))
-    offers.append((noise, np.append(0.5, np.full(7, 0.5 / 7))))
+    offers.append((excess, np.append(0.5, np.full(7, 0.5 / 7))))
     fixed = np.append(families.known, False)
-    square = np.append(np.ones(len(families)), 0.0)
+    square, typical = np.append(begin.factors**2, begin.noise**2 - 1.0), np.append(begin.typical, 0.0)
     spread = np.eye(len(white)) + sum(v * (w @ w.T) for v, w in zip(square, columns, strict=True))
     inverse = np.linalg.inv(spread)
     unnamed = np.append(families.unnamed, False)
@@ -108,7 +120,9 @@ def learn_errors(white: Array, seen: Array, families: Families) -> LearntErrors:
             ease = np.maximum(1.0 - square[f] * values, 1e-9)  # without this family
             shown, pull = values / ease, (axes.T @ (through.T @ seen)) / ease
             factors, probability = offers[f]
-            new, acts[f] = _mean_square(factors, probability, shown, pull, float(share[f]))
+            weight = _weigh_factors(factors, probability, shown, pull, float(share[f]))
+            new, acts[f] = float(weight @ factors**2), float(weight[factors > 0].sum())
+            typical[f] = factors[np.searchsorted(np.cumsum(weight), 0.5)]
             moved = through @ axes
             inverse -= (moved * ((new - square[f]) / (1.0 + (new - square[f]) * values))) @ moved.T
             square[f] = new
@@ -117,11 +131,12 @@ def learn_errors(white: Array, seen: Array, families: Families) -> LearntErrors:
     variance = square[:-1][families.number]
     mean = variance * (white.T @ (inverse @ seen))
     left = np.maximum(variance - variance**2 * np.einsum("ij,ij->j", white, inverse @ white), 0.0)
-    return LearntErrors(mean, np.sqrt(left), np.sqrt(square[:-1]), float(np.sqrt(1.0 + square[-1])))
+    noise = float(np.sqrt(1.0 + square[-1]))
+    return LearntErrors(mean, np.sqrt(left), np.sqrt(square[:-1]), typical[:-1], noise)
 
 
-def _mean_square(factors: Array, probability: Array, shown: Array, pull: Array, share: float) -> tuple[float, float]:
-    """Return the mean of the squared factor of a family, and the probability that it is not 0.
+def _weigh_factors(factors: Array, probability: Array, shown: Array, pull: Array, share: float) -> Array:
+    """Return the probability of each factor of a family, (k,).
 
     Args:
         factors, probability: that it may have, (k,); where the first is 0, the others together have ``share``.
@@ -133,8 +148,7 @@ def _mean_square(factors: Array, probability: Array, shown: Array, pull: Array, 
         probability = np.append(1.0 - share, share * probability[1:] / probability[1:].sum())
     log = np.log(probability) + 0.5 * (size * pull**2 / spread - np.log(spread)).sum(axis=1)
     weight = np.exp(log - log.max())
-    weight /= weight.sum()
-    return float(weight @ factors**2), float(weight[factors > 0].sum())
+    return np.asarray(weight / weight.sum())
 
 
 @dataclass(frozen=True)

@@ -17,6 +17,7 @@ from planner.common.determinism import on_one_thread
 from planner.common.units import Array, read_only
 from planner.design.expected_errors import ExpectedErrors
 from planner.design.free_parameters import UndeclaredErrors, undeclared_errors
+from planner.design.learnt_foresight import LearntForesight
 from planner.design.learnt_posterior import LearntPosterior
 from planner.design.learnt_sizes import Families
 from planner.design.unnamed_errors import UnnamedErrors, add_unnamed_errors
@@ -169,23 +170,27 @@ class LiveEstimate:
 
     def stands(self, surprise: float = 0.0) -> Progress:
         """Return where the session stands; ``surprise``: of the last reading, see :class:`Progress`."""
-        left = self.unread_poses()
-        at_most = self._limit(self.read)
-        more: int | None = None
-        if self.until is not None:
-            goal = self.until
-            counts = range(len(left) + 1)
-            first = bisect_left(counts, True, key=lambda c: self._limit([*self.read, *left[:c]]) <= goal)
-            more = first if first < len(counts) else None
-        then = [*self.read, *left[: len(left) if more is None else more]]
-        return Progress(len(self.read), self._error(self.read), at_most, more, self._error(then), surprise)
+        read, left = self._rows(self.read), self.unread_poses()
+        ahead = LearntForesight.of(self.posterior, read, np.array(self.off), self._rows(left))
+        at_most = self._limit_after(ahead, 0)
+        more = None if self.until is None else self._count_until(ahead, len(left), at_most, self.until)
+        then = self._error_after(ahead, len(left) if more is None else more)
+        return Progress(len(self.read), self._error_after(ahead, 0), at_most, more, then, surprise)
 
-    def _error(self, which: Sequence[int]) -> float:
-        return self.unknown.state(self.posterior.square(self._rows(which)))
+    def _count_until(self, ahead: LearntForesight, left: int, at_most: float, goal: float) -> int | None:
+        """Return how many of the poses that are left bring ``at_most`` down to a goal [m]; ``None``: all do not."""
+        if at_most <= goal:
+            return 0
+        if not left or self._limit_after(ahead, left) > goal:
+            return None
+        return bisect_left(range(left), True, lo=1, key=lambda c: self._limit_after(ahead, c) <= goal)
 
-    def _limit(self, which: Sequence[int]) -> float:
-        """Return the error that 95 of 100 such robots stay below after some readings [m]."""
-        return self.unknown.state_limit(self.posterior.square_limit(self._rows(which)))
+    def _error_after(self, ahead: LearntForesight, more: int) -> float:
+        return self.unknown.state(ahead.square(self.width * more))
+
+    def _limit_after(self, ahead: LearntForesight, more: int) -> float:
+        """Return the error that 95 of 100 such robots are expected to stay below after so many more poses [m]."""
+        return self.unknown.state_limit(ahead.square_limit(self.width * more))
 
 
 def _with_stated_frames(unknown: ExpectedErrors, cell: Cell) -> ExpectedErrors:

@@ -47,6 +47,7 @@ from planner.cell.reading import load_cell
 from planner.design.assumptions import MOST_POSES, UNTRACED_TARGET_SHARE
 from planner.design.bayesian_design import BayesianPosterior, select_greedily
 from planner.design.free_parameters import undeclared_errors
+from planner.design.learnt_foresight import LearntForesight
 from planner.design.learnt_posterior import LearntPosterior, root_of
 from planner.design.learnt_sizes import LearntErrors
 from planner.design.unnamed_errors import add_unnamed_errors
@@ -236,17 +237,15 @@ class Session:
         self.time, self.length = np.append(self.time, time), np.append(self.length, length)
         self.taken += list(which)
         self.minutes += minutes
-        start = LearntErrors(np.zeros(len(self.root)), np.ones(len(self.root)), np.ones(len(self.families)))
+        start = LearntErrors.usual(len(self.root), len(self.families))
         self.posterior = LearntPosterior(self.white, self.root, self.families, start)
         self.posterior.learn(self.taken, self.off)
 
     def count_until(self, chosen, goal):
         """How many of the poses chosen, in their order, are expected to bring the bound below a goal [mm]."""
-        p = self.posterior
+        ahead = LearntForesight.of(self.posterior, self.taken, self.off, chosen)
         counts = range(SMALLEST, len(chosen) + 1, FEW)
-        enough = bisect_left(
-            counts, True, key=lambda n: 1e3 * p.square_limit([*self.taken, *chosen[:n]]) ** 0.5 <= goal
-        )
+        enough = bisect_left(counts, True, key=lambda n: 1e3 * ahead.square_limit(n) ** 0.5 <= goal)
         return counts[min(enough, len(counts) - 1)]
 
     def choose(self, count, start=None):
@@ -465,12 +464,13 @@ def main():
     parser.add_argument("--first-seed", type=int, default=0)
     parser.add_argument("--identify", type=float, metavar="MM", help="identify as well where batches reach this bound")
     parser.add_argument("--ways", nargs="+", default=WAYS, choices=WAYS)
+    parser.add_argument("--sets", nargs="+", type=int, default=SETS, help="poses of fixed sets")
     parser.add_argument("--processes", type=int, default=1)
     parser.add_argument("--time-limit-s", type=float, default=np.inf, help="begin no further arm after this")
     parser.add_argument("--figures", type=Path, help="write the minutes of all arms here")
     parser.add_argument("--table", action="store_true", help="only print the table of what stands in the log")
     given = parser.parse_args()
-    globals()["IDENTIFIED_MM"] = given.identify
+    globals().update(IDENTIFIED_MM=given.identify, SETS=given.sets)
     known = [json.loads(line)["seed"] for line in given.log.read_text().splitlines()] if given.log.exists() else []
     seeds = [s for s in range(given.first_seed, given.first_seed + given.arms) if s not in known]
     if seeds and not given.table:

@@ -33,14 +33,20 @@ def bench(tmp_path_factory):
     return Of(cell=load_cell(str(made.cell), planning=False), made=made)
 
 
-def begun(bench, until=None):
+def is_validation(pose):
+    """Tell whether a pose (from 0) only validates, where some do."""
+    return (pose + 1) % 7 == 0
+
+
+def begun(bench, until=None, some_validate=False):
     """An estimate before any reading; what it knows beforehand is made once."""
     if not hasattr(bench, "begun"):
-        bench.begun = LiveEstimate.of(bench.cell, bench.made.q, np.zeros(len(bench.made.q), dtype=int))
-    one = bench.begun
-    start = LearntErrors(
-        np.zeros(len(one.posterior.root)), np.ones(len(one.posterior.root)), np.ones(len(one.posterior.families))
-    )
+        bench.begun = {}
+    if some_validate not in bench.begun:
+        q = bench.made.q[[not (some_validate and is_validation(k)) for k in range(len(bench.made.q))]]
+        bench.begun[some_validate] = LiveEstimate.of(bench.cell, q, np.zeros(len(q), dtype=int))
+    one = bench.begun[some_validate]
+    start = LearntErrors.usual(len(one.posterior.root), len(one.posterior.families))
     new = copy(one)
     new.posterior = replace(one.posterior, learnt=start)
     new.read, new.history, new.off, new.until = [], [], [], until
@@ -67,21 +73,28 @@ def test_an_update_takes_less_than_a_second_and_does_not_depend_on_the_order(ben
     assert stands.error < 0.3 * few.error
 
 
+def draw_arm(live, seed, acting=1.0):
+    """Errors of an arm and its readings; so many of its rare families act, every other arm has one without a name."""
+    rng = np.random.default_rng([seed, 4])
+    families = live.posterior.families
+    size = np.where(families.known, 1.0, 2.0 ** rng.uniform(-1, 1, len(families)))
+    unnamed = np.flatnonzero(families.unnamed)
+    size[np.setdiff1d(unnamed, rng.choice(unnamed, seed % 2))] = 0.0
+    truth = size[families.number] * rng.standard_normal(len(families.number))
+    if acting < 1.0:
+        truth *= np.where(families.rare & ~families.unnamed, rng.random(len(families)) < acting, 1.0)[families.number]
+    model = live.unknown.model
+    seen = live.posterior.white @ truth + rng.standard_normal(len(live.samples))
+    return truth, model.reading(live.samples, live.mean)[:, 0] + model.noise(live.samples) * seen
+
+
 @pytest.mark.long
 def test_what_is_expected_is_what_comes(bench):
     """Arms drawn with sizes between half and twice the usual: mean square and 95 % limit of what is left."""
     ratio, below = [], []
     for seed in range(60):
-        rng = np.random.default_rng([seed, 4])
         live = begun(bench)
-        known, family = live.posterior.families.known, live.posterior.families.number
-        size = np.where(known, 1.0, 2.0 ** rng.uniform(-1, 1, len(known)))
-        unnamed = np.flatnonzero(live.posterior.families.unnamed)
-        size[np.setdiff1d(unnamed, rng.choice(unnamed, seed % 2))] = 0.0  # every other arm has one cause without a name
-        truth = size[family] * rng.standard_normal(len(family))
-        model = live.unknown.model
-        seen = live.posterior.white @ truth + rng.standard_normal(len(live.samples))
-        readings = model.reading(live.samples, live.mean)[:, 0] + model.noise(live.samples) * seen
+        truth, readings = draw_arm(live, seed)
         stands = live.add_all(read_at(readings[:45]))
         off = truth - live.posterior.learnt.mean
         square = off @ live.unknown.weight_per_prior @ off
@@ -89,6 +102,22 @@ def test_what_is_expected_is_what_comes(bench):
         below.append(np.sqrt(square) <= stands.at_most)
     assert 0.6 < np.mean(ratio) < 1.6
     assert np.mean(below) >= 0.87
+
+
+def test_what_more_poses_are_foreseen_to_bring_is_what_they_bring(bench):
+    """Arms of which few effects act: the sizes of the others shrink while it is measured, and that is foreseen."""
+    foreseen, as_learnt = [], []
+    for seed in range(0, 8, 2):
+        live = begun(bench)
+        _, readings = draw_arm(live, seed, 0.15)
+        half = live.add_all(read_at(readings[:30]))
+        all_read = [*live.read, *live.unread_poses()]
+        still = np.sqrt(live.posterior.square(all_read))  # with the sizes as they are learnt by now
+        came = live.add_all({k: r for k, r in read_at(readings).items() if k >= 30})
+        foreseen.append(half.then / came.error)
+        as_learnt.append(still / came.error)
+    assert 0.75 < np.median(foreseen) < 1.3
+    assert np.median(as_learnt) > 1.4
 
 
 def test_sizes_are_those_that_were_drawn_and_what_is_not_seen_pulls_nowhere():
@@ -120,20 +149,18 @@ def test_what_most_robots_do_not_show_is_found_where_it_is_and_not_elsewhere():
 
 
 def advice(bench, tmp_path, until):
-    ids = np.arange(1, len(bench.made.q) + 1)
     poses = [
-        Of(id=int(k), q_deg=np.degrees(q).tolist(), fixture="A", point="", length_mm=float(1e3 * length),
-           role="validate" if k % 7 == 0 else "calibrate")
-        for k, q, length in zip(ids, bench.made.q, bench.made.length, strict=True)
-    ]  # fmt: skip
-    plan = Of(poses=poses)
-    return LiveAdvice.of(plan, bench.cell, tmp_path / "run.csv", until), poses
+        Of(id=k + 1, role="validate" if is_validation(k) else "calibrate", fixture="A", length_mm=1e3 * length)
+        for k, length in enumerate(bench.made.length)
+    ]
+    numbers = {p.id: n for n, p in enumerate(p for p in poses if p.role == "calibrate")}
+    return LiveAdvice(begun(bench, until, True), numbers, tmp_path / "run.progress.csv"), poses
 
 
 def test_it_stops_at_the_goal_and_never_passes_a_validation_pose(bench, tmp_path):
     adviser, poses = advice(bench, tmp_path, 0.3e-3)
     length = dict(zip((p.id for p in poses), bench.made.length, strict=True))
-    begun_with = poses[:24]  # the session goes on after these
+    begun_with = poses[:36]  # the session goes on after these
     rows = {p.id: (0.0, length[p.id]) for p in begun_with}
     adviser.estimate.add_all(read_at([length[p.id] for p in begun_with if p.role == "calibrate"]))
     before = len(adviser.estimate.read)
