@@ -124,9 +124,11 @@ class Arena:
         """
         factors = draw.factors.copy()
         factors[list(self.families)] = 0.0
-        few = SizeDraw(factors, draw.noise_logs - 0.5 * np.log(self.worth))
-        white = ReadingWhitener.of(self.record.effects, few).white(np.column_stack([self.columns, self.y]))
-        return np.asarray(white.T @ white)
+        effects = self.record.effects
+        whitener = ReadingWhitener.of(effects, draw.noise_logs - 0.5 * np.log(self.worth))
+        size = np.where(effects.family < 0, 0.0, effects.sizes(factors))
+        lower = whitener.products(np.column_stack([self.columns, self.y]), size)
+        return np.asarray(np.tril(lower) + np.tril(lower, -1).T)
 
 
 def _block(name: str, columns: np.ndarray, odds: float, factors: Array, weight: Array) -> Block:

@@ -16,7 +16,8 @@ from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
-from scipy.linalg.blas import dtrsm
+from scipy.linalg import solve_triangular
+from scipy.linalg.blas import dsyrk, dtrsm
 
 from planner.common.units import Array
 from planner.identification.assumptions import EXPECTED_CAUSES, LOG_NOISE_RANGE, PREVALENCE
@@ -127,67 +128,73 @@ class RandomEffects:
         """Return the variance of each reading, (m,)."""
         return np.asarray(self.noise @ np.exp(2 * noise_logs))
 
-    def covariance(self, factors: Array) -> Array:
-        """Return the covariance (m, m) of the readings by the families."""
-        size = self.sizes(factors)
-        acts = (size > 0) & (self.family >= 0)
-        wide = self.columns[:, acts] * size[acts]
-        return np.asarray(wide @ wide.T)
-
     def precision(self, draw: SizeDraw, whitener: "ReadingWhitener | None" = None) -> ReadingPrecision:
-        """Return what is told of all columns at a draw of the sizes; ``whitener``: its own, if known."""
-        white = (whitener or ReadingWhitener.of(self, draw)).white(self.sorted_columns)
-        return ReadingPrecision.of(white.T @ white, self.places)
+        """Return what is told of all columns at a draw of the sizes; ``whitener``: of its noise, if known."""
+        size = draw.factors.repeat([p.stop - p.start for p in self.places])
+        whitener = whitener or ReadingWhitener.of(self, draw.noise_logs)
+        return ReadingPrecision.of(whitener.products(self.sorted_columns, size), self.places)
 
-    def evaluate(self, draw: SizeDraw, covariance: Array | None = None) -> "EvaluatedDraw":
-        """Return the draw with its deviance; ``covariance`` (m, m) is that of the readings by families, where known."""
-        whitener = ReadingWhitener.of(self, draw, covariance)
-        prior = draw.noise_logs @ self.noise_precision @ draw.noise_logs
-        square = (whitener.white(self.y[:, None]) ** 2).sum()
-        return EvaluatedDraw(draw, float(whitener.log_det + square + prior), whitener)
+    def evaluate(self, draw: SizeDraw) -> "EvaluatedDraw":
+        """Return the draw with its deviance."""
+        whitener, prior = ReadingWhitener.of(self, draw.noise_logs), draw.noise_logs @ self.noise_precision
+        size = self.sizes(draw.factors)
+        acts = (size > 0) & (self.family >= 0)
+        white = whitener.white(np.column_stack([self.columns[:, acts] * size[acts], self.y]))
+        gram = np.asarray(white.T @ white)
+        root = np.linalg.cholesky(np.eye(len(gram) - 1) + gram[:-1, :-1])
+        along = solve_triangular(root, gram[:-1, -1], lower=True)
+        log_det = whitener.log_det + 2 * float(np.log(np.diag(root)).sum())
+        return EvaluatedDraw(draw, float(log_det + gram[-1, -1] - along @ along + prior @ draw.noise_logs), whitener)
 
 
 @dataclass(frozen=True)
 class ReadingWhitener:
-    """C^(−1/2) of the readings at one draw of the sizes.
+    """C₀^(−1/2) of the readings, with C₀ their covariance by noise D and the columns of known size.
 
-    The columns of known size come first, by their singular values, since they may be wider than the noise by many
-    orders of magnitude: beside them D⁻¹ᐟ² C D⁻¹ᐟ² is U (1 + σ²) Uᵀ + F Fᵀ + 1 − U Uᵀ, and what is left of F is mild.
+    These may be wider than the noise by many orders of magnitude, and are taken by their singular values: beside them
+    D⁻¹ᐟ² C₀ D⁻¹ᐟ² is 1 + U σ² Uᵀ. The families that act are mild and few, and enter by Woodbury's identity.
 
     Attributes:
         root: standard deviations of the noise D, (m,).
         axes: U of the known columns, (m, k).
         shrink: 1/√(1 + σ²) − 1, (k,).
-        factor: Cholesky's, lower, of what the others leave, (m, m).
-        log_det: of C.
+        log_det: of C₀.
     """
 
     root: Array
     axes: Array
     shrink: Array
-    factor: Array
     log_det: float
 
     @classmethod
-    def of(cls, model: RandomEffects, draw: SizeDraw, covariance: Array | None = None) -> "ReadingWhitener":
-        """Factor the covariance; that by the families is computed where it is not given."""
-        root = np.sqrt(model.variance(draw.noise_logs))
+    def of(cls, model: RandomEffects, noise_logs: Array) -> "ReadingWhitener":
+        """Look at the known columns of a model beside its noise."""
+        root = np.sqrt(model.variance(noise_logs))
         axes, wide, _ = np.linalg.svd(model.columns[:, model.family < 0] / root[:, None], full_matrices=False)
-        shrink = 1 / np.sqrt(1 + wide**2) - 1
-        own = (model.covariance(draw.factors) if covariance is None else covariance) / root / root[:, None]
-        shrunk = axes * shrink
-        own += shrunk @ (axes.T @ own)
-        own += (own @ axes) @ shrunk.T
-        own.flat[:: len(own) + 1] += 1.0
-        factor = np.asarray(np.linalg.cholesky(own), dtype=float)
-        log_det = 2 * (np.log(root).sum() + np.log(np.diag(factor)).sum()) + np.log1p(wide**2).sum()
-        return cls(root, axes, shrink, factor, float(log_det))
+        log_det = 2 * np.log(root).sum() + np.log1p(wide**2).sum()
+        return cls(root, axes, 1 / np.sqrt(1 + wide**2) - 1, float(log_det))
 
     def white(self, values: Array) -> Array:
-        """Return C^(−1/2) times columns (m, q)."""
+        """Return C₀^(−1/2) times columns (m, q)."""
         out = values / self.root[:, None]
         out += self.axes * self.shrink @ (self.axes.T @ out)
-        return np.asarray(dtrsm(1.0, self.factor, out, lower=1))
+        return np.asarray(out)
+
+    def products(self, columns: Array, size: Array) -> Array:
+        """Return XᵀC⁻¹X of columns (m, q), its lower triangle, where the first act with sizes (a,), 0 if they do not.
+
+        XᵀC⁻¹X = P − FᵀF with P = XᵀC₀⁻¹X and F = L⁻¹ S P over the columns that act, S their sizes and L Lᵀ = 1 + S P S.
+        """
+        white = self.white(columns)
+        out = dsyrk(1.0, white.T, lower=1)
+        acting = np.flatnonzero(size)
+        if not len(acting):
+            return np.asarray(out)
+        own = size[acting, None]
+        rows = own * (out[acting] + out[:, acting].T)  # of both triangles, one of which is zero
+        rows[np.arange(len(acting)), acting] *= 0.5
+        root = np.linalg.cholesky(np.eye(len(acting)) + rows[:, acting] * own.T)
+        return np.asarray(dsyrk(-1.0, dtrsm(1.0, root, rows, lower=1), 1.0, out, trans=1, lower=1, overwrite_c=1))
 
 
 @dataclass(frozen=True)
@@ -244,12 +251,11 @@ class _Chain:
     def draw_noise(self, rng: np.random.Generator) -> None:
         """Draw the noise with the sizes as they are."""
         del self.known  # of the noise before: as large as all products of columns, and made anew below
-        covariance = self.model.covariance(self.factors)
-        here = self.model.evaluate(SizeDraw(self.factors, self.noise_logs), covariance)
+        here = self.model.evaluate(SizeDraw(self.factors, self.noise_logs))
         step = max(1.5 / np.sqrt(len(self.model.y)), 0.05)  # of a proposal's logarithm, times 1/√readings
         for move in rng.standard_normal((4, len(self.noise_logs))) * step:  # proposals of one draw of the noise
             logs = np.clip(here.draw.noise_logs + move, *LOG_NOISE_RANGE)
-            there = self.model.evaluate(SizeDraw(self.factors, logs), covariance)
+            there = self.model.evaluate(SizeDraw(self.factors, logs))
             if np.log(rng.uniform()) < 0.5 * (here.deviance - there.deviance):
                 here = there
         self.noise_logs = here.draw.noise_logs
@@ -296,7 +302,7 @@ class _Chain:
         """Return the gain (v,) by each of the factors of absent families."""
         alike: dict[tuple[int, int], list[int]] = {}
         for f in families:
-            alike.setdefault((self.known.width(f), id(self.model.priors[f])), []).append(f)
+            alike.setdefault((self.known.widths[f], id(self.model.priors[f])), []).append(f)
         out = dict[int, Array]()
         for own in alike.values():
             gains = self.known.gains(own, self.model.priors[own[0]].factors[1:] ** 2)

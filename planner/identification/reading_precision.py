@@ -33,9 +33,15 @@ class FamilyBlock:
         return np.asarray(0.5 * (more[:, None] * self.toward**2 / grown - np.log(grown)).sum(axis=1))
 
 
+def padded_width(columns: int) -> int:
+    """Return 2ᵏ or 3·2ᵏ, not below a number of columns: families of about as many are looked at together."""
+    power = 1 << (columns - 1).bit_length()
+    return power if columns < 3 or 4 * columns > 3 * power else 3 * power // 4
+
+
 @dataclass
 class _SameWidth:
-    """Families of k columns each.
+    """Families of up to k columns each; of those that have fewer the last ones are nought.
 
     ``at`` (f, k) int: where these stand; ``grams`` (f, k, k): of every family XᵀC⁻¹X, without the changes that wait but
     the first ``taken``.
@@ -61,16 +67,17 @@ class ReadingPrecision:
 
     Attributes:
         whole: XᵀC⁻¹X of all families before the changes that wait, its lower triangle, (q, q).
-        toward: XᵀC⁻¹y, (q,).
-        places: of the columns of each family, (f,).
+        toward: XᵀC⁻¹y, and behind it the 0 of a column that is nought, (q + 1,).
+        places: of the columns of each family, (f,), and ``widths``, as they are padded, (f,).
         positions: of each family among those as wide, (f,).
-        blocks: families by their width.
-        waiting: F in its first rows, (r, q), and ``signs``, (r,).
+        blocks: families by their padded width.
+        waiting: F in its first rows, with a column that is nought behind them, (r, q + 1), and ``signs``, (r,).
     """
 
     whole: Array
     toward: Array
     places: tuple[slice, ...]
+    widths: tuple[int, ...]
     positions: tuple[int, ...]
     blocks: dict[int, _SameWidth]
     waiting: Array
@@ -78,41 +85,45 @@ class ReadingPrecision:
 
     @classmethod
     def of(cls, products: Array, places: Sequence[slice]) -> Self:
-        """Begin with XᵀC⁻¹X of the columns, the readings behind them, (q + 1, q + 1), and places of families (f,)."""
-        widths = [p.stop - p.start for p in places]
-        positions, blocks = np.zeros(len(widths), dtype=int), dict[int, _SameWidth]()
+        """Begin with XᵀC⁻¹X of the columns, the readings behind them, (q + 1, q + 1), and places of families (f,).
+
+        Of the products the lower triangle is looked at.
+        """
+        widths = [padded_width(p.stop - p.start) for p in places]
+        positions, blocks, none = np.zeros(len(widths), dtype=int), dict[int, _SameWidth](), len(products) - 1
         for k in dict.fromkeys(widths):
             mine = [f for f, width in enumerate(widths) if width == k]
             positions[mine] = np.arange(len(mine))
-            at = np.array([places[f].start for f in mine])[:, None] + np.arange(k)
-            blocks[k] = _SameWidth(at, products[at[:, :, None], at[:, None]])
-        # as BLAS has it, column by column: the transpose of what is symmetric
-        whole, where = products[:-1, :-1].copy().T, tuple(positions.tolist())
-        room = np.empty((MOST_WAITING + max(widths), len(whole)))
-        return cls(whole, products[:-1, -1].copy(), tuple(places), where, blocks, room, np.zeros(0))
-
-    def width(self, family: int) -> int:
-        """Return the number of columns of a family."""
-        return int(self.places[family].stop - self.places[family].start)
+            at, grams = np.full((len(mine), k), none), np.zeros((len(mine), k, k))
+            for own, gram, place in zip(at, grams, (places[f] for f in mine), strict=True):
+                own[: place.stop - place.start] = np.arange(place.start, place.stop)
+                gram[: place.stop - place.start, : place.stop - place.start] = _symmetric(products[place, place])
+            blocks[k] = _SameWidth(at, grams)
+        whole, where = np.asfortranarray(products[:-1, :-1]), tuple(positions.tolist())
+        room = np.zeros((MOST_WAITING + max(widths), len(whole) + 1))
+        toward = np.append(products[-1, :-1], 0.0)
+        return cls(whole, toward, tuple(places), tuple(widths), where, blocks, room, np.zeros(0))
 
     def grams(self, families: Sequence[int]) -> Array:
-        """Return XᵀC⁻¹X of families of k columns each, (f, k, k)."""
-        own = self.blocks[self.width(families[0])]
+        """Return XᵀC⁻¹X of families of one padded width k, (f, k, k)."""
+        own = self.blocks[self.widths[families[0]]]
         own.take(self._waiting, self.signs)
         return np.asarray(own.grams[[self.positions[f] for f in families]])
 
     def block(self, family: int) -> FamilyBlock:
         """Return the products that are needed to change the size of a family."""
-        values, axes = np.linalg.eigh(self.grams([family])[0])
-        return FamilyBlock(family, axes, np.maximum(values, 0.0), axes.T @ self.toward[self.places[family]])
+        place = self.places[family]
+        own = self.grams([family])[0, : place.stop - place.start, : place.stop - place.start]
+        values, axes = np.linalg.eigh(own)
+        return FamilyBlock(family, axes, np.maximum(values, 0.0), axes.T @ self.toward[place])
 
     def gains(self, families: Sequence[int], more: Array) -> Array:
-        """Return the growth (f, v) of the log density with ``more`` variances (v,) of families of k columns each.
+        """Return the growth (f, v) of the log density with ``more`` variances (v,) of families of one padded width.
 
         The Cholesky factor of [[1 + vG, √v t], [√v tᵀ, 1 + v tᵀt]] says all: its diagonal the determinant, and its last
         row √v t per root of 1 + vG.
         """
-        own = self.blocks[k := self.width(families[0])]
+        own = self.blocks[k := self.widths[families[0]]]
         t = np.sqrt(more)[:, None] * self.toward[own.at[[self.positions[f] for f in families]]][:, None]
         wide = np.empty((len(families), len(more), k + 1, k + 1))
         wide[..., :k, :k] = more[:, None, None] * self.grams(families)[:, None] + np.eye(k)
@@ -129,7 +140,7 @@ class ReadingPrecision:
         axes = block.axes[:, told] * np.sqrt(abs(variance) / grown)
         sides = self.waiting[first : first + axes.shape[1]]
         turned = (self._waiting[:, own] @ axes).T * self.signs
-        np.subtract(axes.T @ self._rows(own), turned @ self._waiting, out=sides)
+        np.subtract(axes.T @ self._rows(own), turned @ self._waiting[:, :-1], out=sides[:, :-1])
         self.toward = self.toward - sign * (axes.T @ self.toward[own]) @ sides
         self.signs = np.append(self.signs, np.full(len(sides), sign))
         if len(self.signs) > MOST_WAITING:
@@ -143,8 +154,7 @@ class ReadingPrecision:
         """Rows (k, q) of ``whole``."""
         out = np.empty((own.stop - own.start, len(self.whole)))
         out[:, : own.stop], out[:, own.start :] = self.whole[own, : own.stop], self.whole[own.start :, own].T
-        lower = np.tril(self.whole[own, own])
-        out[:, own] = lower + np.tril(lower, -1).T
+        out[:, own] = _symmetric(self.whole[own, own])
         return out
 
     def _settle(self) -> None:
@@ -153,7 +163,12 @@ class ReadingPrecision:
             same.take(self._waiting, self.signs)
             same.taken = 0
         for sign in (1.0, -1.0):
-            own = self._waiting[self.signs == sign]
+            own = self._waiting[self.signs == sign, :-1]
             if len(own):
                 dsyrk(-sign, own.T, 1.0, self.whole, lower=1, overwrite_c=1)
         self.signs = self.signs[:0]
+
+
+def _symmetric(lower: Array) -> Array:
+    """Return the matrix (k, k) of a lower triangle, whatever stands above it."""
+    return np.where(np.tri(len(lower), dtype=bool), lower, lower.T)
