@@ -17,6 +17,7 @@ import json
 import os
 import sys
 import tomllib
+import xml.etree.ElementTree as ET
 from pathlib import Path
 
 STEPS = 4095  # of a turn less one, as LeRobot counts for STS3215
@@ -32,7 +33,7 @@ def read(path, parse):
     """
     try:
         return parse(Path(path).read_text())
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, ET.ParseError) as error:
         sys.exit(f"{path}: cannot be read ({getattr(error, 'strerror', None) or error})")
 
 
@@ -51,10 +52,25 @@ def read_zeros(identification, names):
     return {names[z["joint"] - 1]: z["zero_deg"] for z in content["joint_zeros"]}
 
 
+def read_urdf_names(robot, content):
+    """Return the names of the joints that are driven between base and tip, from base on, by the robot's URDF."""
+    urdf = robot.parent / content["urdf"]
+    joints = read(urdf, ET.fromstring).findall("joint")
+    above = {joint.find("child").get("link"): joint for joint in joints}
+    names, link = [], content["tip"]
+    while link in above and link != content.get("base"):
+        joint = above[link]
+        link = joint.find("parent").get("link")
+        parked = any(joint.get("name") + unit in content.get("parked", {}) for unit in ("_deg", "_mm"))
+        if joint.get("type") != "fixed" and joint.find("mimic") is None and not parked:
+            names.insert(0, joint.get("name"))
+    return names
+
+
 def read_axes(robot):
     """Return the joints' names, and sense and zero [deg] of each in LeRobot's count, by the robot's file."""
     content = read(robot, tomllib.loads)
-    names = [j["name"] for j in content["joints"]]
+    names = [j["name"] for j in content["joints"]] if "joints" in content else read_urdf_names(robot, content)
     own = content.get("controllers", {}).get("lerobot", {"same": True})
     if own.get("coupling"):
         sys.exit(f"{robot}: joints of LeRobot that are coupled have no map of their own")
@@ -71,7 +87,10 @@ def shift_zeros(calibration, zeros):
     out, left = {k: dict(v) for k, v in calibration.items()}, {}
     for name, degrees in zeros.items():
         if name not in out:
-            sys.exit(f"the calibration has no joint '{name}' (there: {', '.join(out)})")
+            sys.exit(
+                f"the calibration has no joint '{name}' (there: {', '.join(out)}): where the robot's file has other "
+                "names than LeRobot, write LeRobot's, from base to tip, after --names"
+            )
         motor = out[name]
         ticks = round(degrees * STEPS / 360)
         left[name] = degrees - ticks * 360 / STEPS
@@ -110,10 +129,14 @@ def main():
     given.add_argument("identification", type=Path)
     given.add_argument("calibration", type=Path, help="LeRobot's file of this arm, as it was when the run was measured")
     given.add_argument("--robot", type=Path, required=True, help="robot.toml, for the joints' names and senses")
+    given.add_argument("--names", nargs="+", help="of the joints in LeRobot's file, from base to tip, if others")
     given.add_argument("-o", "--output", type=Path, required=True)
     given.add_argument("--map", type=Path, help="where to write q_urdf = sign * q_motor + offset_deg")
     asked = given.parse_args()
     names, senses, starts = read_axes(asked.robot)
+    if asked.names and len(asked.names) != len(names):
+        sys.exit(f"--names: {len(asked.names)} names, but {asked.robot} has {len(names)} joints: {', '.join(names)}")
+    names = asked.names or names
     zeros = read_zeros(asked.identification, names)
     found, left = shift_zeros(read(asked.calibration, json.loads), zeros)
     write(asked.output, found)

@@ -4,6 +4,7 @@ import re
 import textwrap
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 Fact = tuple[str, str]
 """A key of at most ``KEY`` signs, empty where the line goes on from the one before, and what is said of it."""
@@ -23,11 +24,25 @@ class Aside(str):
 
 
 def count_alike(notes: Iterable[str]) -> list[str]:
-    """Return notes in their order, those that differ in numbers alone as the first of them with a count."""
+    """Return notes in their order, those that differ in numbers alone as the first of them with a count.
+
+    Of notes that begin with the name of a file each file is named.
+    """
     alike: dict[str, list[str]] = {}
     for note in notes:
         alike.setdefault(re.sub(r"[+-]?\d+(\.\d+)?", "#", note), []).append(note)
-    return [own[0] if len(own) == 1 else f"{own[0]} (and {len(own) - 1} more like it)" for own in alike.values()]
+    return [
+        own[0] if len(own) == 1 else f"{own[0]} (and {len(own) - 1} more like it{_files(own)})"
+        for own in alike.values()
+    ]
+
+
+def _files(notes: Sequence[str]) -> str:
+    """Return the files that all notes but the first begin with, where each has its own, as the end of a sentence."""
+    files = [note.partition(": ")[0] for note in notes]
+    if len(set(files)) < len(files) or not all(Path(f).suffix for f in files):
+        return ""
+    return f": {name_first([Path(f).name for f in files[1:]])}"
 
 
 @dataclass(frozen=True)

@@ -43,6 +43,13 @@ def test_the_same_note_many_times_is_one_with_its_count():
     assert count_alike(["a 1", "b 1", "a 2.5"]) == ["a 1 (and 1 more like it)", "b 1"]
 
 
+def test_files_with_the_same_note_are_named():
+    notes = [f"images/pose_{k}.png: is blurred, {k + 5.5} px; left out" for k in (3, 4, 7)]
+    assert count_alike(notes) == [f"{notes[0]} (and 2 more like it: pose_4.png, pose_7.png)"]
+    rows = [f"run.csv: row {k} has no reading" for k in (3, 4)]
+    assert count_alike(rows) == [f"{rows[0]} (and 1 more like it)"]
+
+
 def test_a_long_fact_goes_on_below_itself_and_a_command_stays_whole():
     words = " ".join(f"word{k}" for k in range(30))
     text = "\n".join(["robot: " + words, *fact_lines([("misfit", words), ("next", f"edbb plan {words}")])])

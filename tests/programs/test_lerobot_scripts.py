@@ -188,6 +188,32 @@ def test_an_arm_with_the_new_file_shows_its_true_angles(tmp_path, monkeypatch, c
             assert after.servos[name].true_angle == pytest.approx(state, abs=0.16)  # a tick, and half of one left
 
 
+def test_an_arm_by_its_urdf_has_its_joints_by_that_file(tmp_path, monkeypatch, capsys):
+    """``robot = "arm.urdf"``: the released robot.toml has no table of joints; some name them by numbers."""
+    for names in (NAMES, "12345"):
+        links = ["base", *(f"link{k}" for k in range(1, 6)), "flange"]
+        joints = [(n, "revolute") for n in names] + [("mount", "fixed")]
+        pairs = zip(links, links[1:], joints, strict=False)
+        text = "".join(
+            f'<joint name="{name}" type="{kind}"><parent link="{a}"/><child link="{b}"/></joint>'
+            for a, b, (name, kind) in pairs
+        )
+        jaw = '<joint name="gripper" type="revolute"><parent link="link5"/><child link="jaw"/></joint>'
+        (tmp_path / "robot.urdf").write_text(f"<robot name='a'>{jaw}{text}</robot>")
+        (tmp_path / "robot.toml").write_text('urdf = "robot.urdf"\ntip = "flange"\n[parked]\ngripper_deg = 0.0\n')
+        (tmp_path / "old.json").write_text(json.dumps(calibration(3)))
+        found = identification(tmp_path / "identification.json", FOUND, None)
+        words = [found, tmp_path / "old.json", "--robot", tmp_path / "robot.toml", "-o", tmp_path / "new.json"]
+        if names != NAMES:
+            with pytest.raises(SystemExit, match=r"no joint '2'.*--names"):
+                run_zeros(monkeypatch, *words)
+            with pytest.raises(SystemExit, match=r"--names: 1 names, but .* has 5 joints: 1, 2, 3, 4, 5"):
+                run_zeros(monkeypatch, *words, "--names", "one")
+            words += ["--names", *NAMES]
+        run_zeros(monkeypatch, *words)
+        assert json.loads((tmp_path / "new.json").read_text()) == ZEROS.shift_zeros(calibration(3), FOUND)[0]
+
+
 def test_no_goal_lies_beyond_a_stop(tmp_path):
     old = calibration(5)
     new, left = ZEROS.shift_zeros(old, FOUND)
