@@ -168,17 +168,22 @@ def _gears(setup: MeasurementSetup, q: Array) -> Iterator[tuple[str, Iterator[Pa
     quick = [(float(f), GEAR_WAVE.usual / np.sqrt(ripple_count)) for f in ripples]
     turning = np.flatnonzero(~setup.robot.slides)
     for joint in (int(j) for j in turning if np.ptp(q[:, j]) > 1e-3):
-        # an axis out of centre, one out of round, and the rest are causes of their own: only so does one stand for none
-        for name, few in (("once a turn", slow[:1]), ("twice a turn", slow[1:2]), ("harmonics", slow[2:])):
+        # an axis out of centre and one out of round are causes of their own: only so does one stand for none. A gear of
+        # which a higher wave is seen errs once and twice a turn as well: where joint angles are measured in two lumps
+        # beside free fixtures, once a turn is hardly seen, and what is left of it fits the higher waves
+        for name, few in (("once a turn", slow[:1]), ("twice a turn", slow[1:2])):
             yield f"gear {name}, joint {joint + 1}", _waves(rotation[joint], joint, joint, few)
+        yield f"gear harmonics, joint {joint + 1}", _waves(rotation[joint], joint, joint, slow, "curve")
         yield f"gear ripple, joint {joint + 1}", _waves(rotation[joint], joint, joint, quick)
         for moved in turning.tolist():
             if moved != joint:
                 yield f"joint {moved + 1} by joint {joint + 1}", _waves(rotation[moved], moved, joint, pulls)
 
 
-def _waves(rotation: int, moved: int, joint: int, sizes: Sequence[tuple[float, float]]) -> Iterator[Parameter]:
-    name = f"gear{joint + 1}" if moved == joint else f"pull{moved + 1}_{joint + 1}"
+def _waves(
+    rotation: int, moved: int, joint: int, sizes: Sequence[tuple[float, float]], kind: str = "gear"
+) -> Iterator[Parameter]:
+    name = f"{kind}{joint + 1}" if moved == joint else f"pull{moved + 1}_{joint + 1}"
     for frequency, size in sizes:
         what = f"error of joint {moved + 1}, {frequency:g} a turn of joint {joint + 1}"
         for wave in WAVES:

@@ -24,7 +24,7 @@ from tests.simulation.generator.arm import Arm
 
 TURN, SHIFT = 5e-4, 3e-4  # [rad, m] standard deviation of each error
 ROUNDS = 20  # of leading the arm into a socket
-LOGGED_ROWS = 50  # of a drive told at 100 Hz, of which one is logged: two a second
+LOGGED_ROWS = 400  # of a drive told at 100 Hz, of which one is logged: one in four seconds
 GEAR = 2e-4  # [rad] standard deviation of each of a gear's two amplitudes
 ORDERS = (2, 9)  # from and below which the order of the second is drawn; the first errs once a turn
 SAG = 1.5e-4  # [rad/m] standard deviation of how far a joint gives way, of the lever of a load at the tool

@@ -205,3 +205,39 @@ def test_a_gauge_errs_by_what_is_declared_of_it():
         run = Excitation.of(declared, Samples(q, np.zeros(len(q), dtype=int)))
         sizes.append(float(np.sqrt(sum(p.prior**2 for p in gauge_shapes(run)))))
     assert sizes == pytest.approx([5e-6, 3e-5, 6e-5])
+
+
+def gap_of_lumps(families, q, rng):
+    """How far the errors of a gear at two angles differ [sigma of what is stated]; what was read is off by lumps."""
+    waves, amplitude, ends = np.array([1.0, 2.0, 5.0, 7.0]), 2e-4 * rng.standard_normal(8), np.array([1.4, -1.7])
+    at = np.append(q, ends)
+    error = np.hstack([np.sin(np.outer(at, waves)), np.cos(np.outer(at, waves))]) @ amplitude
+    terms = [(p.prior, p.moves[0].phi) for f in families for p in f.parameters]
+    columns = np.stack([size * getattr(np, phi.wave)(phi.frequency * at) for size, phi in terms], axis=1)
+    rows = np.column_stack([columns[:-2], 1e-2 * (q > 0), 1e-2 * (q < 0)])
+    y = error[:-2] + 1e-5 * rng.standard_normal(len(q))
+    family = np.array([*(k for k, f in enumerate(families) for _ in f.parameters), -1, -1])
+    slab = mixture_room.SLAB_WEIGHT / mixture_room.SLAB_WEIGHT.sum()
+    rare = SizePrior(np.append(0.0, mixture_room.SLAB), np.append(0.92, 0.08 * slab))  # as one of some hundred
+    model = RandomEffects(rows, y, family, np.full((len(q), 1), 1e-10), (rare,) * len(families), 1e6 * np.eye(1))
+    drawn = draw_sizes(model, SizeDraw(np.zeros(len(families)), np.zeros(1)), sweeps=60)
+    mixture = SizeMixture(np.stack([model.sizes(d.factors) for d in drawn]), np.ones(len(drawn)))
+    white = 1e5 * np.column_stack([rows, y])
+    gaps = (columns[-2] - columns[-1]) @ mixture.draw_errors(white.T @ white, np.zeros(len(family)))[:-2]
+    return (error[-2] - error[-1] - gaps.mean()) / gaps.std()
+
+
+def test_a_gear_of_which_high_waves_are_seen_may_err_once_a_turn():
+    """Where a joint is measured about two angles, each beside a gauge whose place is free, once a turn is hardly seen.
+
+    Where the two truly stand to each other is then within what is stated, over gears with drawn waves.
+    """
+    rng = np.random.default_rng(4)
+    turns = np.concatenate([rng.uniform(0.6, 2.1, 90), rng.uniform(-2.6, -0.9, 60)])
+    q = np.resize(bar_poses(), (len(turns), 6))
+    setup = setup_of(load_cell(str(CELLS["bar"]), planning=False))
+    there = background_families(setup, Samples(np.column_stack([turns, q[:, 1:]]), np.zeros(len(q), dtype=int)))
+    gear = [f for f in there if f.name.startswith("gear ") and f.name.endswith(", joint 1")]
+    off = np.array([gap_of_lumps(gear, turns, rng) for _ in range(12)])
+    assert np.abs(off).max() < 4.0
+    assert 0.3 < np.sqrt((off**2).mean()) < 1.7
