@@ -10,9 +10,9 @@ from planner.common.units import Array
 from planner.design.observability.information import predict_covariance
 from planner.effects.effect import Parameter
 from planner.kinematics.robot import Robot
+from planner.motion.timing.leg_times import axis_limits
 from planner.motion.timing.trajectory import MotionSamples
 from planner.runs.run import Mounting
-from planner.session.course import axis_limits
 from planner.session.plan_types import Drive, Plan
 from planner.session.tour_cost import cost_name, leg_times
 

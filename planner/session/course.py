@@ -11,7 +11,8 @@ import numpy as np
 from planner.cell.cell import Cell
 from planner.common.units import Array
 from planner.kinematics.geometry import bar_state
-from planner.motion.timing.limits import Limits, ReadingLimits
+from planner.motion.timing.leg_times import axis_limits
+from planner.motion.timing.limits import ReadingLimits
 from planner.motion.timing.trajectory import Trajectory, plan_trajectory
 from planner.runs.run import Mounting
 
@@ -118,18 +119,6 @@ class Course:
     def duration(self) -> float:
         """Time of all passes [s]."""
         return sum(p.trajectory.duration_s for p in self.passes)
-
-
-def axis_limits(cell: Cell, bar: bool) -> Limits:
-    """Axis limits; where the robot does not measure on the way, its speed is the allowed part of full speed."""
-    robot = cell.robot
-    slow = 1.0 if bar and cell.motion.is_continuous else cell.motion.travel
-    return Limits(robot.speed * slow, robot.acceleration, robot.jerk)
-
-
-def tool_speed(cell: Cell, bar: bool) -> float:
-    """Limit of the tool point's speed [m/s] while a gauge is attached or read while moving, else none."""
-    return cell.gauge.tool_speed(cell) if bar else np.inf
 
 
 def reading_limits(cell: Cell, mounting: Mounting, bar: bool) -> ReadingLimits | None:

@@ -10,6 +10,7 @@ from planner.common.units import Array, to_mm
 from planner.kinematics.axes import AxisConvention
 from planner.kinematics.geometry import points_on_arc
 from planner.motion.collision.surroundings import describe_parked_joints, describe_unchecked_links
+from planner.motion.timing.leg_times import tool_positions, travel_and_change
 from planner.programs.controller_axes import axes_for, check_model_angles, in_controller_axes
 from planner.programs.coupled_axes import coupling_checks
 from planner.programs.dialect import Dialect, PathForm, load_dialect
@@ -38,7 +39,7 @@ from planner.session.driven_moves import circle_moves, degrees, dense_moves, joi
 from planner.session.judgement import judge_program
 from planner.session.plan_types import Programs
 from planner.session.tolerances import EMITTED_SPEED_RATIO, PRINTED_TRAVEL
-from planner.session.tour_cost import cut_stretches, tool_positions, travel_and_change
+from planner.session.tour_cost import cut_stretches
 
 LEG_PIECES = 32  # of a leg, whose chords give the largest speed on it
 

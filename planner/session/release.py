@@ -11,8 +11,9 @@ from planner.design.candidates.pool import PoseSet
 from planner.motion.path.constraints import Constraints
 from planner.motion.path.verdict import PathLeg, ProvenPath, SeparateMotions, Verdict, judge_path
 from planner.motion.timing.curve import corner_ends, distinct_points
+from planner.motion.timing.leg_times import axis_limits, tool_speed
 from planner.motion.timing.trajectory import Trajectory, blend_corners
-from planner.session.course import Role, TimedPath, Waypoints, axis_limits, time_path, tool_speed
+from planner.session.course import Role, TimedPath, Waypoints, time_path
 from planner.session.driven_moves import corner_radii
 from planner.session.plan_types import motion_signs
 from planner.session.tolerances import BLEND_MARGIN

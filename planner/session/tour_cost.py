@@ -8,37 +8,25 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
 from planner.cell.cell import Cell
-from planner.common.arrays import CACHED_ROWS
 from planner.common.units import Array
 from planner.motion.path.constraints import Constraints
+from planner.motion.timing.leg_times import axis_times, limit_times, tool_speed
 from planner.programs.instructions import Comment, Entry, Instruction, JointMove, StretchBegin, StretchEnd
 from planner.runs.run import Mounting
-from planner.session.course import TimedPath, axis_limits, tool_speed
+from planner.session.course import TimedPath
 from planner.session.driven_moves import degrees, even_moves
 from planner.session.plan_types import Drive
 
-LEG_PIECES = 16  # of a leg, each driven at its own slowest limit
-
 
 def leg_times(cell: Cell, mounting: Mounting, start: Array, end: Array) -> Array:
-    """Return the time of straight joint legs (m, N) [rad] with the gauge attached, (m,) [s].
+    """Return the time of straight joint legs (m, N) [rad] with the gauge attached, (m,) [s], as a tour counts it.
 
-    Each piece of a leg takes as long as its slowest limit: the axes' speeds that are allowed, the tool's speed, the
-    gauge's rate. Acceleration, dwells and detours are not in it. Where the cell asks for ``order = "slowest-axis"``, it
-    is that of the slowest axis at full speed alone (EDBB paper, eq. 7).
+    By the slowest of all limits; where the cell asks for ``order = "slowest-axis"``, it is that of the slowest axis at
+    full speed alone (EDBB paper, eq. 7).
     """
     if cell.motion.order == "slowest-axis":
-        return _axis_times(start, end, cell.robot.speed)
-    speed, limit = axis_limits(cell, bar=True).speed, tool_speed(cell, bar=True)
-    by_axes = _axis_times(start, end, speed)
-    if not np.isfinite(limit):
-        return by_axes
-    chunks = range(0, len(start), CACHED_ROWS)
-    moving = [
-        _moving_times(cell, mounting, start[k : k + CACHED_ROWS], end[k : k + CACHED_ROWS], limit) for k in chunks
-    ]
-    pieces = np.maximum(np.concatenate([*moving, np.empty((0, LEG_PIECES))]), by_axes[:, None] / LEG_PIECES)
-    return np.asarray(pieces.sum(axis=1))
+        return axis_times(start, end, cell.robot.speed)
+    return limit_times(cell, mounting, start, end)
 
 
 def tour_costs(cell: Cell, mounting: Mounting, nodes: Array) -> Array:
@@ -55,35 +43,6 @@ def cost_name(cell: Cell) -> str:
         return "slowest axis at full speed"
     limited = np.isfinite(tool_speed(cell, bar=True))
     return "slowest of axes, tool speed and gauge rate" if limited else "slowest axis at the speed allowed"
-
-
-def _axis_times(start: Array, end: Array, speed: Array) -> Array:
-    return np.asarray((np.abs(end - start) / speed).max(axis=1, initial=0.0))
-
-
-def _moving_times(cell: Cell, mounting: Mounting, start: Array, end: Array, limit: float) -> Array:
-    """Time that tool and gauge need for each piece of each leg, (m, LEG_PIECES) [s]."""
-    travel, change = travel_and_change(cell, mounting, tool_positions(cell, mounting, start, end, LEG_PIECES))
-    return np.maximum(travel / limit, change / cell.gauge.rate).T
-
-
-def tool_positions(cell: Cell, mounting: Mounting | None, start: Array, end: Array, pieces: int) -> Array:
-    """Return where the tool is at equal shares of straight joint legs (m, N) [rad], (pieces + 1, m, 3) [m]."""
-    q = start + np.linspace(0.0, 1.0, pieces + 1)[:, None, None] * (end - start)
-    at = cell if mounting is None else cell.at(mounting)
-    return at.map_position(q.reshape(-1, q.shape[2])).reshape(*q.shape[:2], 3)
-
-
-def travel_and_change(cell: Cell, mounting: Mounting | None, x: Array) -> tuple[Array, Array]:
-    """Return the tool's travel through positions x (P + 1, m, 3) [m] and the change of the gauge's length, (P, m) [m].
-
-    Without a gauge (``mounting`` is None) there is no change.
-    """
-    travel = np.linalg.norm(np.diff(x, axis=0), axis=2)
-    if mounting is None:
-        return travel, np.zeros_like(travel)
-    length = np.linalg.norm(x - cell.fixtures[mounting.fixture].p_BX, axis=2)
-    return travel, np.abs(np.diff(length, axis=0))
 
 
 def session_minutes(cell: Cell, drives: Sequence[Drive], poses: int) -> Callable[[int], float]:

@@ -23,10 +23,11 @@ from planner.motion.path.connection import connect_poses
 from planner.motion.path.constraints import Constraints
 from planner.motion.path.roadmap import Roadmap
 from planner.motion.path.verdict import PathGaps, ProvenPath
+from planner.motion.timing.leg_times import axis_limits
 from planner.motion.timing.trajectory import check_limits
 from planner.motion.tour.solve import Tour, solve_tour
 from planner.runs.run import Mounting
-from planner.session.course import Course, axis_limits, reading_limits, time_measuring
+from planner.session.course import Course, reading_limits, time_measuring
 from planner.session.plan_types import Drive, Visit, motion_signs
 from planner.session.release import (
     TourStop,

@@ -136,7 +136,7 @@ class RrtOnly(Roadmap):
     def parts(self):
         return np.zeros(len(self.place), int)
 
-    def ways(self, legs):
+    def paths(self, legs):
         robot = self.constraints.cell.robot
         low = np.maximum(self.graph.q.min(axis=0) - BOX_MARGIN, robot.q_lower)
         high = np.minimum(self.graph.q.max(axis=0) + BOX_MARGIN, robot.q_upper)

@@ -7,9 +7,10 @@ from planner.cell.cell import Cell
 from planner.cell.reading import load_cell, shipped_cells
 from planner.common.errors import InputError
 from planner.common.units import MM
+from planner.motion.timing.leg_times import tool_speed
 from planner.programs.controller_axes import axes_for
 from planner.programs.dialect import dialects
-from planner.session.course import Waypoints, time_course, tool_speed
+from planner.session.course import Waypoints, time_course
 from planner.session.neutral_program import session_program, write_session
 from tests.programs.test_streams import STEP, follow, largest_share
 

@@ -47,26 +47,29 @@ def _pull_once(
     flat = tries.reshape(-1, N)
     gain = leg_time(constraints, before, here) + leg_time(constraints, here, after)
     gain = gain[:, None] - (leg_time(constraints, ends[0], flat) + leg_time(constraints, flat, ends[1])).reshape(n, t)
-    found = _first_proven(constraints, before, tries, after, np.where(gain > 1e-3 * gain.max(initial=0.0), gain, 0.0))
+    found = _best_proven(constraints, before, tries, after, np.where(gain > 1e-3 * gain.max(initial=0.0), gain, 0.0))
     for row, (k, i) in enumerate(places):
         if found[row] >= 0:
             paths[k][i] = tries[row, found[row]]
 
 
-def _first_proven(constraints: Constraints, before: Array, tries: Array, after: Array, gain: Array) -> np.ndarray:
+def _best_proven(constraints: Constraints, before: Array, tries: Array, after: Array, gain: Array) -> np.ndarray:
     """Return which of the tries (n, t, N) [rad] gains most of those that are proven from and to their neighbours, (n,).
 
     −1 where none is, and none is looked at that does not gain: those that gain less are proven only after the others
-    have failed.
+    have failed, a few of every place at once, since proofs of few motions take as long as those of many.
     """
-    found, left = np.full(len(tries), -1), gain.copy()
-    while len(rows := np.flatnonzero((found < 0) & (left > 0.0).any(axis=1))):
-        best = np.argmax(left[rows], axis=1)
-        there = tries[rows, best]
-        proven = constraints.prove(before[rows], there).proven
-        proven[proven] = constraints.prove(there[proven], after[rows[proven]]).proven
-        found[rows[proven]] = best[proven]
-        left[rows, best] = 0.0
+    few = 4  # tries of a place that are proven together
+    found, left = np.full(len(tries), -1), np.sort(gain, axis=1)[:, ::-1]
+    order = np.argsort(-gain, axis=1, kind="stable")
+    for first in range(0, tries.shape[1], few):
+        some = slice(first, first + few)
+        row, column = np.nonzero((left[:, some] > 0.0) & (found < 0)[:, None])
+        which = order[:, some][row, column]
+        there = tries[row, which]
+        ends = np.concatenate([before[row], there]), np.concatenate([there, after[row]])
+        proven = constraints.prove(*ends).proven.reshape(2, -1).all(axis=0)
+        found[row[proven][::-1]] = which[proven][::-1]  # of one place the first, which gains most, is written last
     return found
 
 
@@ -165,8 +168,8 @@ def _find_detours(roadmap: Roadmap, bent: np.ndarray) -> list[Array | None]:
     rows = [k for k, path in enumerate(paths) if path is not None]
     rng = np.random.default_rng(roadmap.seed)
     short = cut_corners(roadmap.constraints, [w for w in paths if w is not None])
-    # 6: passes of pulling supports towards the straight line
-    short = cut_corners(roadmap.constraints, pull_supports(roadmap.constraints, short, rng, 6))
+    # 18: passes of pulling supports towards the straight line
+    short = cut_corners(roadmap.constraints, pull_supports(roadmap.constraints, short, rng, 18))
     for k, path in zip(rows, short, strict=True):
         paths[k] = path
     return paths

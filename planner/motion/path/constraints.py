@@ -14,6 +14,7 @@ from planner.motion.collision.round_bounds import ScreenedDistances
 from planner.motion.collision.scene import Scene, build_scene
 from planner.motion.path.margins import PairBounds, WorkspaceBounds
 from planner.motion.path.proof import Extremes, Proof, Prover, find_extremes
+from planner.motion.timing.leg_times import limit_times
 from planner.runs.run import FIRST_MOUNTING, Mounting
 
 
@@ -84,6 +85,10 @@ class Constraints:
         """Return the pairs of the robot's own links that are too near at q (N,) [rad], written as in ``never_meet``."""
         near = np.flatnonzero(self.world.distances(q[None])[0] <= self.clearance).tolist()
         return sorted({key for key in map(self.scene.never_meet_key, near) if key})
+
+    def driven_times(self, q_from: Array, q_to: Array) -> Array:
+        """Return the time of straight joint motions (m, N) [rad] by the slowest limit of cell and gauge, (m,) [s]."""
+        return limit_times(self.cell, self.workspace.mounting, q_from, q_to, self.bar)
 
     def prove(self, q_from: Array, q_to: Array) -> Proof:
         """Prove the straight joint motions between states (m, N) and (m, N) [rad], continuously."""

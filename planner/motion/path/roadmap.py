@@ -14,6 +14,7 @@ from scipy.spatial.distance import cdist
 from planner.common.units import Array
 from planner.motion.path.constraints import Constraints
 from planner.motion.planning_packages import ob, og, ou
+from planner.motion.timing.leg_times import axis_times
 from planner.motion.tolerances import SUPPORT_COST
 
 
@@ -92,9 +93,9 @@ def _motion_validator(info: Any, good: Callable[[Array, Array], bool], n: int) -
 
 
 def leg_time(constraints: Constraints, q_from: Array, q_to: Array) -> Array:
-    """Time of the slowest axis at full speed (EDBB paper, eq. 7), with a little of all axes to break ties, (n,) [s]."""
+    """Time of straight motions by their slowest limit, with a little of all axes to break ties, (n,) [s]."""
     share = np.abs(q_to - q_from) / constraints.cell.robot.speed
-    return np.asarray(share.max(axis=1) + 0.02 * share.sum(axis=1))
+    return np.asarray(constraints.driven_times(q_from, q_to) + 0.02 * share.sum(axis=1))
 
 
 class Known(IntEnum):
@@ -117,8 +118,13 @@ class LazyGraph:
         low, high = np.sort(np.asarray(edges, dtype=int), axis=1).T
         self._key = np.unique(low * len(q) + high)
         self.edges = np.column_stack(np.divmod(self._key, len(q)))
-        self.cost = leg_time(constraints, *q[self.edges.T]) + SUPPORT_COST
         self.known = np.full(len(self.edges), Known.UNKNOWN)
+        self._cost = np.full(len(self.edges), np.nan)  # [s] of edges of which it was asked for
+
+    @property
+    def cost(self) -> Array:
+        """Time of each edge, and what a support costs, (E,) [s]."""
+        return self._find_costs(np.arange(len(self.edges)))
 
     def add_path(self, ends: np.ndarray, path: Array) -> None:
         """Add a proven path (k, N) [rad] between two states that the graph has."""
@@ -131,7 +137,8 @@ class LazyGraph:
     def add_states(self, q: Array, edges: np.ndarray) -> None:
         """Add states (n, N) [rad], which come last, and edges (m, 2) that may join them."""
         grown = LazyGraph(self.constraints, np.concatenate([self.q, q]), np.concatenate([self.edges, edges]))
-        grown.known[grown._rows(self.edges)] = self.known
+        same = grown._rows(self.edges)
+        grown.known[same], grown._cost[same] = self.known, self._cost
         self.__dict__.update(grown.__dict__)
 
     def accept(self, edges: np.ndarray) -> None:
@@ -171,6 +178,8 @@ class LazyGraph:
 
         After ``share`` of a limit of time what nothing is known against counts as joined: a path is proven anyway.
         """
+        start, end = self.q[self.edges.T]
+        away = axis_times(start, end, self.constraints.cell.robot.speed)
         while True:
             part = self._parts(self.known == Known.PROVEN)
             a, b = part[self.edges].T
@@ -181,7 +190,7 @@ class LazyGraph:
                 share, "which poses can be joined was not proven for all before they were chosen"
             ):
                 return self.likely_parts()
-            self._prove(_cheapest(rows, part[self.edges[rows]], self.cost[rows], np.bincount(part)))
+            self._prove(_cheapest(rows, part[self.edges[rows]], away[rows], np.bincount(part)))
 
     def likely_parts(self) -> np.ndarray:
         """Number of the connected part of each state, (V,), where all counts as proven that is not known to fail."""
@@ -196,12 +205,17 @@ class LazyGraph:
         return np.asarray(rank[part])
 
     def _search(self, wanted: np.ndarray) -> list[list[int] | None]:
-        good = self.known != Known.BROKEN
+        good = np.flatnonzero(self.known != Known.BROKEN)
         a, b = self.edges[good].T
-        graph = csr_array((self.cost[good], (a, b)), shape=(len(self.q),) * 2)
+        graph = csr_array((self._find_costs(good), (a, b)), shape=(len(self.q),) * 2)
         sources, row = np.unique(wanted[:, 0], return_inverse=True)
         _, before = dijkstra(graph, directed=False, indices=sources, return_predecessors=True)
         return [_trace_back(before[r], int(goal)) for r, goal in zip(row, wanted[:, 1], strict=True)]
+
+    def _find_costs(self, rows: np.ndarray) -> Array:
+        new = rows[np.isnan(self._cost[rows])]
+        self._cost[new] = leg_time(self.constraints, *self.q[self.edges[new].T]) + SUPPORT_COST
+        return np.asarray(self._cost[rows])
 
     def _prove(self, rows: np.ndarray) -> None:
         rows = rows[self.known[rows] == Known.UNKNOWN]

@@ -11,11 +11,11 @@ from planner.cell.reading import load_cell
 from planner.instruments.circular.plan import points_on_sweep
 from planner.instruments.circular.planning import plan_circles
 from planner.motion.collision.engines import CollisionWorld, pin_model
+from planner.motion.timing.leg_times import axis_limits
 from planner.motion.timing.trajectory import check_limits
 from planner.programs.dialect import load_dialect
 from planner.programs.verification import ProgramMismatchError
 from planner.runs.run import FIRST_MOUNTING
-from planner.session.course import axis_limits
 from planner.session.neutral_program import session_program
 from planner.session.options import PlanOptions
 from tests.instruments.circular.conftest import cell_file, quiet

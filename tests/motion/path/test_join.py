@@ -89,6 +89,30 @@ def test_detours_are_short_and_have_few_supports(path: ProvenPath) -> None:
     assert np.mean([len(leg.supports) for leg in path.legs if not leg.direct]) < 4.0
 
 
+def test_detours_are_quick_by_the_limits_that_hold_while_the_bar_is_attached(
+    path: ProvenPath, tour: tuple[Array, list[int], Array]
+) -> None:
+    class BySlowestAxis(Constraints):
+        def driven_times(self, q_from: Array, q_to: Array) -> Array:
+            return np.asarray((np.abs(q_to - q_from) / self.cell.robot.speed).max(axis=1))
+
+        def with_room(self, room: float) -> Constraints:
+            return BySlowestAxis(self.cell, self.workspace.mounting, scene=self.scene, room=room)
+
+    def seconds(found: ProvenPath) -> float:
+        x = cell.map_position(dense(found.q[:-1], found.q[1:], 60)).reshape(-1, 61, 3)
+        travel = np.linalg.norm(np.diff(x, axis=1), axis=2) / cell.motion.tool_speed
+        change = np.abs(np.diff(np.linalg.norm(x - cell.fixtures[0].p_BX, axis=2), axis=1)) / cell.gauge.rate
+        return float(np.maximum(travel, change).sum())
+
+    cell, world = cell_and_world()
+    q, order, pool = tour
+    other = connect_poses(BySlowestAxis(cell, scene=world.scene), q, order, seed=4, pool=pool)
+    assert isinstance(other, ProvenPath)
+    assert [leg.direct for leg in path.legs] == [leg.direct for leg in other.legs]
+    assert seconds(path) < 0.95 * seconds(other)
+
+
 def test_same_seed_same_path(path: ProvenPath, tour: tuple[Array, list[int], Array]) -> None:
     q, order, pool = tour
     again = connect_poses(constraints(), q, order, seed=4, pool=pool)

@@ -31,6 +31,9 @@ class Discs:
         rng = np.random.default_rng(0)
         self.centre, self.radius, self.proven = rng.random((30, 2)), 0.06, 0
 
+    def driven_times(self, q_from: Array, q_to: Array) -> Array:
+        return np.asarray(np.abs(q_to - q_from).max(axis=1))
+
     def valid(self, q: Array) -> np.ndarray:
         return np.asarray(np.linalg.norm(q[:, None] - self.centre, axis=2).min(axis=1) > self.radius)
 
