@@ -261,7 +261,7 @@ def check_names(names: pl.Series, source: RowSource) -> None:
     """
     for name in names.unique(maintain_order=True):
         path = name.startswith(("/", "~")) or "\\" in name or ".." in name.split("/")
-        if path or len(name) > MOST_NAME or make_printable(name) != name or "\n" in name or "\t" in name:
+        if path or len(name) > MOST_NAME or make_printable(name) != name or "\n" in name:
             row = first_row(names == name)
             assert row is not None
             allowed = f"at most {MOST_NAME} letters, digits and signs on one line, and no path, are allowed"

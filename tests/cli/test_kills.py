@@ -95,8 +95,8 @@ class Commands:
 def commands(tmp_path_factory):
     made = Commands(tmp_path_factory.mktemp("inputs"))
     yield made
-    made.process.stdin.close()
-    made.process.wait(10)
+    made.process.kill()  # it has nothing to put in order, and may be slow to end by itself
+    made.process.wait()
 
 
 def _made(path: Path, *words: object) -> Path:

@@ -22,7 +22,7 @@ def test_commands_are_found_in_what_is_printed():
   next        edbb compensate PROGRAM --model cal/robot.toml -o CORRECTED corrects a program
               edbb plan CELL --separate cal -o apart tells the causes apart
   next        edbb centre mine/plan.json measures it
-              edbb accuracy run.csv --plan mine/plan.json -o accuracy
+              edbb identify run.csv --plan mine/plan.json -o again
   next        look at x/report.html; edbb plan CELL --fixtures 2 -o plan plans with the place that adds most
 """
     assert [" ".join(words) for words in commands_in(text)] == [
@@ -30,7 +30,7 @@ def test_commands_are_found_in_what_is_printed():
         "identify run.csv --cell mine/cell.toml --plan mine/plan.json -o calibrated",
         "compensate PROGRAM --model cal/robot.toml -o CORRECTED",
         "plan CELL --separate cal -o apart",
-        "accuracy run.csv --plan mine/plan.json -o accuracy",
+        "identify run.csv --plan mine/plan.json -o again",
         "plan CELL --fixtures 2 -o plan",
     ]
 

@@ -45,7 +45,7 @@ def test_the_command_line_passes_its_tests_without_an_extension_that_others_need
     environment = install_with_tests(tmp_path, wing)
     done = run_tests(tmp_path, environment, [t for t in core_tests(wing) if t.startswith("tests/cli/")])
     assert done.returncode == 0, done.stdout[-3000:]
-    assert int(re.search(r"(\d+) passed", done.stdout)[1]) > 100
+    assert int(re.search(r"(\d+) passed", done.stdout)[1]) > 60, "most of about 90 tests of the command line"
 
 
 @TAKES_LONG
