@@ -16,7 +16,7 @@ _RUN = re.compile(rf"\S{{{MOST_RUN + 1},}}")
 
 
 def make_printable(text: str, most: int = MOST_SIGNS) -> str:
-    """Return text of a file as it may go to a terminal: control signs spelt out, tabs as blanks, long runs cut in their middle."""
+    """Return text of a file for a terminal: control signs spelt out, tabs as blanks, long runs cut in their middle."""
     text = text.replace("\t", " ")
     kept = "".join(c if c == "\n" or unicodedata.category(c) not in _HIDDEN else repr(c)[1:-1] for c in text)
     kept = _RUN.sub(lambda m: f"{m[0][: MOST_RUN // 2]}…{m[0][-MOST_RUN // 3 :]}", kept)
