@@ -140,6 +140,7 @@ class GaugeFile(OptionalKeys):
     length_mm: tuple[PositiveFloat, PositiveFloat] | None = None
     noise_um: PositiveFloat | None = None
     noise_mdeg: PositiveFloat = 5.0
+    scale_ppm: Annotated[float, Field(gt=0, le=20_000)] | None = None  # one sigma of its scale, else what is usual
     cone_deg: ConeFile = ConeFile()
     mount_deg: tuple[float, ...] | None = None
     mount_mm: tuple[float, ...] = ()  # of joints that slide
@@ -147,7 +148,7 @@ class GaugeFile(OptionalKeys):
     body: BarFile = BarFile()
     head: IndicatorHeadFile | None = None
     own: dict[str, object] = {}  # keys that only this kind of gauge has, written beside the others
-    LATER: ClassVar[tuple[str, ...]] = ("head", "own", "mount_mm")
+    LATER: ClassVar[tuple[str, ...]] = ("head", "own", "mount_mm", "scale_ppm")
 
     @classmethod
     def allowed_keys(cls, data: object) -> list[str]:

@@ -55,9 +55,11 @@ class Gauge(GaugeReading, GaugeNumbers, GaugeFrames, GaugeReach, GaugeSession):
         if g.length_mm is None and planning and cls.needs_range:
             raise InputError(f"{path}: the key 'gauge.length_mm' is missing (shortest and longest length)")
         cls._check_noise(path, g)
+        cls._check_scale(path, g)
         shortest, longest = g.length_mm or (0.0, np.inf)
         return cls(
             noise=(g.noise_um or cls.default_noise_um) * UM,
+            stated_scale=None if g.scale_ppm is None else g.scale_ppm * 1e-6,
             noise_angle=float(from_deg(g.noise_mdeg * 1e-3)),
             length_min=shortest * MM,
             length_max=longest * MM,
@@ -86,6 +88,12 @@ class Gauge(GaugeReading, GaugeNumbers, GaugeFrames, GaugeReach, GaugeSession):
                 f"{path}: 'gauge.noise_mdeg' = {given:g}: the gauge '{cls.kind}' reads no angle; the noise of "
                 "its lengths is 'gauge.noise_um'"
             )
+
+    @classmethod
+    def _check_scale(cls, path: Path, g: GaugeFile) -> None:
+        """Refuse the scale of lengths of a gauge that reads none."""
+        if g.scale_ppm is not None and cls.angles == cls.width:
+            raise InputError(f"{path}: 'gauge.scale_ppm' = {g.scale_ppm:g}: the gauge '{cls.kind}' reads no length")
 
     @classmethod
     def read_own(cls, path: Path, robot: Robot, file: CellFile, planning: bool) -> dict[str, Any]:

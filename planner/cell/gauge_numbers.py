@@ -17,7 +17,13 @@ from planner.runs.run import Readings, Run, Samples
 
 @dataclass(frozen=True, kw_only=True)
 class GaugeNumbers:
-    """The numbers that a gauge shows before they become readings, and how well its scale is known."""
+    """The numbers that a gauge shows before they become readings, and how well its scale is known.
+
+    Attributes:
+        stated_scale: one sigma of its scale as its cell states it, relative; without, it is ``usual_scale``.
+    """
+
+    stated_scale: float | None = None
 
     kind: ClassVar[str]  # in cell files
     usual_scale: ClassVar[float] = 1e-5  # one sigma of its scale, as of steel 1 K off: all lengths of the arm have it
@@ -26,7 +32,7 @@ class GaugeNumbers:
     @property
     def scale_sigma(self) -> float:
         """One sigma of its scale, relative: nothing that a run shows tells it from all lengths of the arm."""
-        return self.usual_scale
+        return self.usual_scale if self.stated_scale is None else self.stated_scale
 
     @property
     @abstractmethod

@@ -45,13 +45,14 @@ class BarKeys(StrictModel):
     mounting: str = Field(default="", pattern=r"^[A-Za-z0-9._-]{0,40}$")
 
 
-UNITS = {  # what a column of lengths may hold instead of what it says, and how large one of it comes out
-    "millimetres": 1.0,
-    "metres in a column of millimetres": 1e-3,
-    "micrometres in a column of millimetres, or millimetres in a column of metres": 1e3,
-    "inches in a column of millimetres": 1 / 25.4,
-    "half inches in a column of millimetres": 1 / 12.7,
-    "centimetres in a column of millimetres": 0.1,
+UNITS = {  # times that lengths come out too large, by what the column may hold instead of what its name says
+    "as the column says": 1.0,
+    "metres in length_mm (then call it length_m), or millimetres in length_um (then call it length_mm)": 1e-3,
+    "micrometres in length_mm (then call it length_um), or millimetres in length_m (then call it length_mm)": 1e3,
+    "metres in length_um (then call it length_m)": 1e-6,
+    "inches (then give 25.4 times the numbers: factor = 25.4 in a map of edbb import)": 1 / 25.4,
+    "half inches (then give 12.7 times the numbers: factor = 12.7 in a map of edbb import)": 1 / 12.7,
+    "centimetres (then give 10 times the numbers: factor = 10 in a map of edbb import)": 0.1,
 }
 
 
@@ -317,7 +318,8 @@ class LengthGauge(LineGauge, GaugeUnknowns):
         if fits and 1.0 not in fits.values():
             words = min(fits, key=lambda w: abs(np.log(typical / fits[w] / np.sqrt(low * high))))
             raise InputError(
-                f"{run.name}: the lengths are about {typical / MM:.4g} mm, but {reach}: these look like {words}"
+                f"{run.name}: the lengths are about {typical / MM:.4g} mm as their column says, but {reach}: these "
+                f"look like {words}"
             )
 
     def _expected_lengths(self, cell: Site, run: Run) -> tuple[float, float, str]:

@@ -43,7 +43,7 @@ class Tracker(FrameGauge):
 
     kind: ClassVar[str] = "tracker"
     noun: ClassVar[str] = "beam"
-    usual_scale: ClassVar[float] = 2e-6  # air 1 K off is 1 ppm, and so is an absolute distance meter (ASME B89.4.19)
+    usual_scale: ClassVar[float] = 2e-6  # air 2 K off; its distance meter errs by 0.3 ppm (Leica AT500 manual)
     usual_keys: ClassVar[Mapping[str, Mapping[str, object]]] = {"cone_deg": {"fixture": 180.0}}  # it turns anywhere
     validates_with: ClassVar[int] = 500  # (TriCal paper, section 6)
     default_noise_um: ClassVar[float] = 15.0

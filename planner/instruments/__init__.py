@@ -3,5 +3,6 @@
 __all__ = [
     "assumptions",
     "centring", "check", "circular", "fleet", "live_advice", "live_gauge", "loaded", "more_poses", "next_session",
-    "opcua", "precision", "record", "remaining_errors", "simulation", "truth", "validation", "where_it_counts",
+    "opcua", "precision", "record", "remaining_errors", "simulation", "tracker_nests", "truth",
+    "validation", "where_it_counts",
 ]  # fmt: skip

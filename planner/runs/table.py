@@ -27,6 +27,7 @@ from planner.runs.text import (
     check_names,
     check_range,
     check_whole,
+    drop_lost_positions,
     notes_in,
     parse_rows,
     read_lines,
@@ -313,14 +314,16 @@ def table_in_si(
     )
     check_finite(si, source, MAY_BE_BLANK)
     plausible = {**PLAUSIBLE, **{key: kind.plausible for key, kind in scalar_kinds().items()}}
-    check_range(si, source, {c.key: plausible[c.stem] for c in columns if c.stem in plausible})
+    ranges = {c.key: plausible[c.stem] for c in columns if c.stem in plausible}
+    check_range(si, source, ranges, {c.key: (c.unit, c.factor) for c in columns})
     for c in columns:
         if c.stem in NAMES:
             check_names(si[c.key], source)
         if c.stem in WHOLE:
             check_whole(si[c.key], source, ALLOWED.get(c.stem, ()))
-    table = RunTable(source, si, {c.key: c.unit for c in columns}, notes, tuple(warnings))
-    return replace(table, warnings=(*warnings, *_radians_as_degrees(table)))
+    source, si, lost = drop_lost_positions(source, si)
+    table = RunTable(source, si, {c.key: c.unit for c in columns}, notes, (*warnings, *lost))
+    return replace(table, warnings=(*table.warnings, *_radians_as_degrees(table)))
 
 
 def _radians_as_degrees(table: RunTable) -> list[str]:

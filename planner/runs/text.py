@@ -218,7 +218,9 @@ def first_row(wrong: pl.Series | np.ndarray) -> int | None:
 def _ragged_row_error(source: RowSource) -> InputError:
     for row in range(len(source.lines)):
         if (found := source.fields(row)) > source.columns:
-            return InputError(f"{source.at(row)}: there are {found} fields, but {source.columns} columns")
+            commas = found >= 2 * source.columns - 1 and source.separator == ","  # each number, or all but one, is two
+            hint = "; if the commas are decimal ones, save with ';' between the columns, or with points" * commas
+            return InputError(f"{source.at(row)}: there are {found} fields, but {source.columns} columns{hint}")
     return InputError(f"{source.file}: the rows cannot be read; a field or a quotation mark does not end")
 
 
@@ -240,8 +242,19 @@ def check_finite(frame: pl.DataFrame, source: RowSource, may_be_blank: frozenset
             raise source.error(row, name, f"{found}{short}")
 
 
-def check_range(frame: pl.DataFrame, source: RowSource, ranges: Mapping[str, tuple[float, float]]) -> None:
-    """Check that the numbers of columns lie within what any cell can have, in SI units.
+def check_range(
+    frame: pl.DataFrame,
+    source: RowSource,
+    ranges: Mapping[str, tuple[float, float]],
+    units: Mapping[str, tuple[str, float]],
+) -> None:
+    """Check that the numbers of columns lie within what any cell can have.
+
+    Args:
+        frame: columns in SI units.
+        source: of the rows.
+        ranges: lowest and highest of each column that has them, in SI units.
+        units: each column's unit as written, and its factor to SI.
 
     Raises:
         InputError: with file, line and column of the first one that does not.
@@ -250,7 +263,32 @@ def check_range(frame: pl.DataFrame, source: RowSource, ranges: Mapping[str, tup
         values = frame[name]
         row = first_row(values.is_between(low, high).not_().fill_null(False)) if values.dtype.is_numeric() else None
         if row is not None:
-            raise source.error(row, name, f"{values[row]:g} (in SI units) lies outside of {low:g} to {high:g}")
+            unit, factor = units[name]
+            found, least, most = (f"{v / factor:g} {unit}".rstrip() for v in (values[row], low, high))
+            hint = "; is it the unit of the numbers?" if unit else ""
+            raise source.error(row, name, f"{found} lies outside of {least} to {most}{hint}")
+
+
+def drop_lost_positions(source: RowSource, frame: pl.DataFrame) -> tuple[RowSource, pl.DataFrame, list[str]]:
+    """Return the rows but those at 0, 0, 0, and a warning of them: a tracker without its reflector logs that.
+
+    Raises:
+        InputError: there is no other row.
+    """
+    axes = ("x", "y", "z")
+    if not set(axes) <= set(frame.columns):
+        return source, frame, []
+    lost = (frame.select(axes).to_numpy() == 0.0).all(axis=1)
+    rows, kept = np.flatnonzero(lost), np.flatnonzero(~lost)
+    if len(rows) == 0:
+        return source, frame, []
+    why = "the tracker had lost its reflector (the beam was broken, or no reflector was in the nest)"
+    if len(kept) == 0:
+        raise InputError(f"{source.file}: every position is 0, 0, 0: {why}")
+    named = ", ".join(source.at(int(row)).rpartition(", ")[2] for row in rows[:3])
+    more = f" and {len(rows) - 3} more" if len(rows) > 3 else ""
+    warning = f"{source.name}: the position is 0, 0, 0 in {named}{more}: {why}; cut out: measure these again"
+    return source.take(kept), frame[kept], [warning]
 
 
 def check_names(names: pl.Series, source: RowSource) -> None:

@@ -40,11 +40,12 @@ from planner.identification.suitability import judge_use
 from planner.instruments.more_poses import foresee_more_poses
 from planner.instruments.precision import check_mastering
 from planner.instruments.simulation import SimulatedRun
+from planner.instruments.tracker_nests import compare_nest_distances
 from planner.kinematics.robot import Robot
 from planner.model.gauge_frames import ToolPointPosition
 from planner.model.identification_document import Estimate, Finding, Stage
 from planner.runs.loader import load_runs
-from planner.runs.run import Run, read_reference_readings
+from planner.runs.run import NO_REFERENCE_READINGS, Run, read_reference_readings
 from planner.session.document import PlanDocument, read_plan
 from planner.tracing.trace import trace
 from planner.workflow.calibration_tables import error_rows, finding_row, parameter_row, stage_row, tool_row
@@ -320,7 +321,7 @@ def identify_runs(
     """
     foreseen: tuple[float, ...] = ()
     with stages.stage("reading"):
-        run = _with_mastering_warnings(cell, load_any(runs, cell.robot), runs)
+        run = _with_reference_warnings(cell, load_any(runs, cell.robot), runs)
         other = None if validate is None else load_any(validate, cell.robot)
         if plan is not None:
             path = Path(plan) if isinstance(plan, Path | str) else Path("plan.json")
@@ -345,9 +346,9 @@ def _foreseen_errors(document: PlanDocument) -> tuple[float, ...]:
     return () if any(v is None for v in after) else tuple(float(from_mm(v)) for v in after if v is not None)
 
 
-def _with_mastering_warnings(cell: Cell, run: Run, source: Runs) -> Run:
-    """Return the run, warned where the indicators did not show at the master ball what they should."""
-    if cell.gauge.mastered_reading(cell) is None:
+def _with_reference_warnings(cell: Cell, run: Run, source: Runs) -> Run:
+    """Return the run, warned where indicators at the master ball, or nests, were not read as they should."""
+    if cell.gauge.mastered_reading(cell) is None and not cell.nests:
         return run
     if isinstance(source, Run):
         readings = [source.beside] if isinstance(source, SimulatedRun) else []
@@ -355,7 +356,8 @@ def _with_mastering_warnings(cell: Cell, run: Run, source: Runs) -> Run:
         paths = [source] if isinstance(source, Path | str) else source
         readings = [read_reference_readings(Path(path)) for path in paths]
     checks = [m for m in (check_mastering(cell, r) for r in readings) if m is not None and not m.good]
-    return replace(run, warnings=(*run.warnings, *(m.text() for m in checks)))
+    scales = (compare_nest_distances(cell, r) for r in readings or (NO_REFERENCE_READINGS,))
+    return replace(run, warnings=(*run.warnings, *(m.text() for m in checks), *(s for s in scales if s)))
 
 
 def can_be_told_apart(found: Calibration) -> bool:

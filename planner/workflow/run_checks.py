@@ -18,10 +18,11 @@ from planner.runs.run import Run
 from planner.session.document import PlanDocument, check_run_of_plan
 
 UNITS = (  # factor to what was meant, what it looks like, what to do
-    (1e3, "metres in columns of millimetres", "call them x_m, y_m, z_m"),
-    (1e-3, "millimetres in columns of metres", "call them x_mm, y_mm, z_mm"),
-    (10.0, "centimetres in columns of millimetres", "give 10 times the numbers (factor = 10 in a map)"),
-    (25.4, "inches in columns of millimetres", "give 25.4 times the numbers (factor = 25.4 in a map)"),
+    (1e3, "metres in x_mm, or millimetres in x_um", "call them x_m, y_m, z_m (or x_mm, y_mm, z_mm)"),
+    (1e-3, "millimetres in x_m, or micrometres in x_mm", "call them x_mm, y_mm, z_mm (or x_um, y_um, z_um)"),
+    (1e6, "metres in x_um", "call them x_m, y_m, z_m"),
+    (10.0, "centimetres", "give 10 times the numbers (factor = 10 in a map)"),
+    (25.4, "inches", "give 25.4 times the numbers (factor = 25.4 in a map)"),
 )
 
 

@@ -28,6 +28,18 @@ CASES = {
     "decimal comma": (rows(change=(0, 3, '"400,5"')), r"line 2, column 'length_mm': '400,5' is no number"),
     "below comments": ("# a\n\n" + rows(change=(2, 1, "x")), r"line 6, column 'q1_deg': 'x' is no number"),
     "after a blank line": (rows(change=(2, 1, "x")).replace("\n1,", "\n\n# b\n1,"), r"line 6, column 'q1_deg': 'x'"),
+    "decimal commas between commas": (
+        HEAD + "\n" + "0,0,1,5,20,5,400,1\n",
+        r"line 2: there are 8 fields, but 4 columns; if the commas are decimal ones, save with ';' between",
+    ),
+    "micrometres called metres": (
+        rows(change=(1, 3, "400123")).replace("length_mm", "length_m"),
+        r"line 3, column 'length_m': 400123 m lies outside of 0 m to 1000 m; is it the unit of the numbers\?",
+    ),
+    "a beam that was lost from the first row on": (
+        "q1_deg,q2_deg,x_mm,y_mm,z_mm\n1,20,0,0,0\n2,20,0.0,0,0\n",
+        r"every position is 0, 0, 0: the tracker had lost its reflector",
+    ),
     "too many fields": (rows(change=(1, 3, "1,2")), r"line 3: there are 5 fields, but 4 columns"),
     "endless field": (HEAD + "\n" + "x" * 200_000 + ",1,2,3,4\n", r"line 2: cannot be read \(field larger"),
     "too few fields": (
@@ -139,3 +151,12 @@ def test_files_that_are_no_text(tmp_path):
         load_run(tmp_path / "latin.csv", 2)
     with pytest.raises(InputError, match=r"absent\.csv: cannot be read"):
         load_run(tmp_path / "absent.csv", 2)
+
+
+def test_rows_of_a_lost_beam_are_cut_out_and_named(tmp_path):
+    text = "q1_deg,q2_deg,x_mm,y_mm,z_mm\n" + "1,20,900,3,4\n2,30,0,0,0\n3,50,0,700,0\n4,60,0.000,0,-0.0\n"
+    run = load_run(write(tmp_path / "run.csv", text), 2)
+    np.testing.assert_allclose(run.readings.position, [[0.9, 0.003, 0.004], [0, 0.7, 0]])
+    assert run.samples.line.tolist() == [2, 4]
+    (warning,) = run.warnings
+    assert warning.startswith("run.csv: the position is 0, 0, 0 in line 3, line 5: the tracker had lost its reflector")

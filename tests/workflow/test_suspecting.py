@@ -48,10 +48,11 @@ def poses(n, reach):
 @pytest.mark.parametrize(
     ("factor", "words"),
     [
-        (1e-3, "look like metres in columns of millimetres; if so, call them x_m, y_m, z_m"),
-        (1e3, "look like millimetres in columns of metres; if so, call them x_mm, y_mm, z_mm"),
-        (0.1, "look like centimetres in columns of millimetres; if so, give 10 times the numbers"),
-        (1 / 25.4, "look like inches in columns of millimetres; if so, give 25.4 times the numbers"),
+        (1e-3, "look like metres in x_mm, or millimetres in x_um; if so, call them x_m, y_m, z_m"),
+        (1e3, "look like millimetres in x_m, or micrometres in x_mm; if so, call them x_mm, y_mm, z_mm"),
+        (1e-6, "look like metres in x_um; if so, call them x_m, y_m, z_m"),
+        (0.1, "look like centimetres; if so, give 10 times the numbers"),
+        (1 / 25.4, "look like inches; if so, give 25.4 times the numbers"),
     ],
 )
 def test_a_thousandfold_is_refused(cell, n, factor, words):

@@ -73,6 +73,8 @@ class BoardSight(FrameGauge):
         if g.noise_um is not None or cls.noise_of_angles(g) is not None:
             key = "noise_mdeg" if g.noise_um is None else "noise_um"
             raise InputError(f"{path}: 'gauge.{key}': the noise of a camera is that of a corner, 'gauge.noise_px'")
+        if g.scale_ppm is not None:
+            raise InputError(f"{path}: 'gauge.scale_ppm': a camera's scale is its board's, 'gauge.board.scale_ppm'")
         made = super().read(path, robot, file, planning)
         if made.length_min <= made.board.radius and planning:
             raise InputError(
