@@ -82,7 +82,9 @@ def check_readable(path: Path, most_bytes: int = MOST_TEXT, advice: str = "") ->
         raise InputError(f"{path}: cannot be read ({reason})") from err
     if not stat.S_ISREG(found.st_mode):
         kind = "a folder" if stat.S_ISDIR(found.st_mode) else "a device or a pipe"
-        raise InputError(f"{path}: cannot be read (it is {kind}, and a file is needed)")
+        held = [path / name for name in ("plan.json", "robot.toml", "cell.toml") if (path / name).is_file()]
+        hint = f"; it holds {' and '.join(map(str, held))}" if held else ""
+        raise InputError(f"{path}: cannot be read (it is {kind}, and a file is needed){hint}")
     if found.st_size > most_bytes:
         raise InputError(f"{path}: has {found.st_size} bytes, at most {most_bytes} are read{advice and '; '}{advice}")
     INPUTS.add(found)

@@ -59,7 +59,8 @@ def describe_faults(err: ValidationError, data: object, model: type[BaseModel], 
     for e in err.errors():
         faults.setdefault(_key_path(data, e["loc"], e["type"] == "missing"), []).append(e)
     if ("schema",) in faults:  # a file of another kind: nothing else that it lacks matters
-        return _sentence(("schema",), faults["schema",], model, toml, data) + _expected_schema(faults["schema",], model)
+        said = _sentence(("schema",), faults["schema",], model, toml, data) + _expected_schema(faults["schema",], model)
+        return said + _schema_hint(data, model)
     above = {path[:k] for path in faults for k in range(len(path))}
     deepest = [path for path in faults if path not in above]
     # 3: faults that one message tells
@@ -140,6 +141,18 @@ def _expected_schema(faults: list[ErrorDetails], model: type[BaseModel]) -> str:
         return ""
     allowed = [repr(a) for f in model.model_fields.values() if f.alias == "schema" for a in get_args(f.annotation)]
     return f" ({', '.join(allowed)} is expected)" if allowed else ""
+
+
+def _schema_hint(data: object, model: type[BaseModel]) -> str:
+    """Say whether a file is one of another kind, or of another version of the planner."""
+    found = str(data.get("schema", "")) if isinstance(data, dict) else ""
+    wanted = [str(a) for f in model.model_fields.values() if f.alias == "schema" for a in get_args(f.annotation)]
+    if not wanted or not found.startswith("edbb-"):
+        return ""
+    is_a, needed = (name.removeprefix("edbb-").partition("/")[0] for name in (found, wanted[0]))
+    if is_a == needed:
+        return "; another version of the planner has written it: make it anew with this one"
+    return f"; the file is of the kind '{is_a}', and one of the kind '{needed}' is needed here"
 
 
 def _keys_beside(model: type[BaseModel], path: KeyPath, data: object) -> list[str]:
@@ -253,7 +266,20 @@ def _parse(path: Path, language: str, parse: Callable[[str], object]) -> object:
         raise InputError(f"{path}: is nested too deeply for {language}") from err
     except ValueError as err:
         because = "it holds a whole number of thousands of digits" if "int_max_str_digits" in str(err) else str(err)
-        raise InputError(f"{path}: is not valid {language}: {because}") from err
+        raise InputError(f"{path}: is not valid {language}: {because}{_other_file_hint(path, language)}") from err
+
+
+def _other_file_hint(path: Path, language: str) -> str:
+    """Say what another file is likely to be that stands in the place of a cell, a robot or a plan."""
+    text = read_utf8(path, MOST_TOML).strip()
+    if not text:
+        return "; the file is empty"
+    if path.suffix.lower() != f".{language.lower()}":
+        named = {".toml": "a cell or a robot", ".json": "a plan or an identification", ".csv": "a run"}
+        is_a = named.get(path.suffix.lower(), "another file")
+        return f"; a .{language.lower()} file is needed here, and '{path.name}' is called like {is_a}"
+    cut_off = language == "JSON" and text.startswith("{") and not text.endswith("}")
+    return "; its end is missing: copy it again, or make it anew" if cut_off else ""
 
 
 def validate(data: object, model: type[SchemaModel], where: str) -> SchemaModel:

@@ -78,7 +78,8 @@ def drop_unreadable(cell: Cell, run: Run) -> Run:
     if good.all():
         return run
     low, high = cell.gauge.length_min / MM, cell.gauge.length_max / MM
-    beyond = f"{int((~good).sum())} of {len(run)} {cell.gauge.plural} lie beyond the range {low:g} to {high:g} mm"
+    reach = f"the range {low:g} to {high:g} mm" if cell.gauge.unit == "mm" else "the range"
+    beyond = f"{int((~good).sum())} of {len(run)} {cell.gauge.plural} lie beyond {reach}"
     share = np.bincount(run.samples.place, weights=good) / np.maximum(np.bincount(run.samples.place), 1)
     if share.max() < least:
         raise InputError(
@@ -88,7 +89,7 @@ def drop_unreadable(cell: Cell, run: Run) -> Run:
     kept = good | (share[run.samples.place] < least)
     if kept.all():
         return run
-    warning = f"{_rows_text(run, ~kept)} beyond the range {low:g} to {high:g} mm, which the gauge cannot have read"
+    warning = f"{_rows_text(run, ~kept)} beyond {reach}, which the gauge cannot have read"
     warning += " (pulled off, at a stop, or mistyped), and cut out: read again, or correct the file"
     return replace(run.take(kept), warnings=(*run.warnings, warning))
 

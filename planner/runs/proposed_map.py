@@ -40,7 +40,7 @@ def _read_foreign(path: Path) -> tuple[ForeignTable | None, str]:
         InputError: it cannot be read, or in none of the usual encodings.
     """
     try:
-        return foreign_table(read_lines(path)), USUAL_ENCODING
+        return foreign_table(read_lines(path, USUAL_ENCODING)), USUAL_ENCODING
     except InputError as err:
         for encoding in OTHER_ENCODINGS:
             with suppress(InputError):

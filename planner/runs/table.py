@@ -269,6 +269,10 @@ def read_table(path: Path, n_joints: int) -> RunTable:
     headers = headers if foreign is None else list(foreign.titles)
     columns, warnings = recognise_columns(headers, n_joints, str(path))
     if not columns:
+        if path.suffix.lower() in (".json", ".toml"):
+            raise InputError(
+                f"{path}: is no table: a run is a .csv or .parquet file; --plan names a plan, --cell a cell"
+            )
         raise InputError(f"{path}: no column has a name of a run's; {import_advice(path)}")
     above = len(head) + 1 if foreign is None else foreign.skip + 1 + foreign.has_units
     source = RowSource.of_text(

@@ -18,6 +18,7 @@ from planner.common.remarks import CELL_ENDS, remark_of
 from planner.common.schema import MOST_NAME
 from planner.common.units import IntArray
 
+UTF_16_MARKS = (b"\xff\xfe", b"\xfe\xff")  # the mark U+FEFF in either order of bytes
 NOTES = ("plan_id", "robot", "measure", "angles", "clocks", "truth")  # what comment lines may say
 
 
@@ -96,7 +97,7 @@ def read_lines(path: Path, encoding: str | None = None) -> list[str]:
     data = read_bytes(path, most_bytes, "leave out samples, or write it as Parquet").removeprefix(b"\xef\xbb\xbf")
     hint = _encoding_hint(data)
     try:
-        text = data.decode(encoding or "utf-8").removeprefix("\ufeff")
+        text = data.decode(encoding or _announced_encoding(data)).removeprefix("\ufeff")
         if "\0" in text[:64]:
             raise UnicodeError("it has letters of the number 0")
     except UnicodeError as err:
@@ -104,14 +105,19 @@ def read_lines(path: Path, encoding: str | None = None) -> list[str]:
             raise InputError(f"{path}: the text is not {encoding}, as the map says ({err}){hint}") from err
         line = data.count(b"\n", 0, err.start if isinstance(err, UnicodeDecodeError) else 0) + 1
         raise InputError(
-            f"{path}, line {line}: the text is not UTF-8; name its encoding in a map of 'edbb import'"
+            f"{path}, line {line}: the text is not UTF-8; name its encoding in a map of 'edbb import'{hint}"
         ) from err
     return text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
 
 
+def _announced_encoding(data: bytes) -> str:
+    """Return UTF-16 where a byte order mark says it, as in what Excel calls Unicode text, else UTF-8."""
+    return "utf-16" if data.startswith(UTF_16_MARKS) else "utf-8"
+
+
 def _encoding_hint(data: bytes) -> str:
     """Return which encoding a file announces, or its first letters show."""
-    if data.startswith((b"\xff\xfe", b"\xfe\xff")):
+    if data.startswith(UTF_16_MARKS):
         return '; it begins as UTF-16 does: encoding = "utf-16" in its map'
     start = data[:64]
     order = "le" if start[1::2].count(0) > start[::2].count(0) else "be"

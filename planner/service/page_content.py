@@ -239,12 +239,12 @@ def _what_it_tells(plan: PlanDocument) -> list[tuple[str, str]]:
     return rows
 
 
-def finding_size(finding: Finding) -> str:
-    """Say how large a finding is, in the unit in which the file writes it, and what it brings."""
+def finding_size(finding: Finding, reading_unit: str) -> str:
+    """Say how large a finding is, in the unit in which the file writes it, and what it brings to readings."""
     written = finding.model_dump(mode="json", by_alias=True)
     value = float(written["value"])
     std = "" if not finding.std else f" ± {_digits(value * finding.std / finding.value if finding.value else 0.0)}"
-    gain = f"{_digits(to_mm(finding.gain))} mm better on poses held out"
+    gain = f"{_digits(to_mm(finding.gain))} {reading_unit} better on poses held out"
     return f"{_digits(value)}{std} {written['unit']}; {gain}"
 
 

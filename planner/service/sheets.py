@@ -101,7 +101,7 @@ def _repeatability(
     text says which. A bar sees one axis of three; the scatter is taken for alike in space.
     """
     floor = found.document.noise_floor
-    if floor is not None:
+    if floor is not None and found.document.reading_unit == "mm":
         in_space = float(to_mm(floor)) * (SPACE_AXES / min(width, SPACE_AXES)) ** 0.5
         return in_space, in_space / RMS_OF_REPEATABILITY, ""
     file = read_toml(output_path(context, job.id, "robot.toml"), RobotDescription)

@@ -123,7 +123,7 @@ class StudyBasis:
         curves: index against number of poses, for every index, raw and unit-free.
         poses: how many the plan would take; ``chosen`` (poses,) positions in the pool.
         predicted: covariance of the parameters after measuring the chosen poses once.
-        noise: of a typical reading [m]; of a gauge that reads an angle [rad], as ``effects``.
+        noise: of a typical reading [m].
     """
 
     cell: Cell
@@ -140,11 +140,6 @@ class StudyBasis:
     chosen: np.ndarray
     predicted: Covariance
     noise: float
-
-    @property
-    def reading_unit(self) -> str:
-        """What a millionth of a reading is called: µm, or µrad where it is an angle."""
-        return "µrad" if self.cell.gauge.unit == "mrad" else "µm"
 
     @property
     def curve(self) -> BoundedCurve:

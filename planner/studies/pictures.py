@@ -36,10 +36,9 @@ def _spectrum(basis: StudyBasis) -> Panel:
     series = tuple(Series(name, order[which], mu[which], colour, "points") for name, which, colour in parts)
     gap = f", a gap of {basis.seen.gap:.0e} to the rest" if rank < len(mu) and np.isfinite(basis.seen.gap) else ""
     noise = basis.noise / np.sqrt(basis.poses) / UM
-    said = f"noise of a reading, mean of {basis.poses}: {format_number(noise)} {basis.reading_unit}"
-    limit = ReferenceLine(noise, said, below=True)
+    limit = ReferenceLine(noise, f"noise of a reading, mean of {basis.poses}: {format_number(noise)} µm", below=True)
     title = f"{rank} of {len(mu)} directions are seen{gap}"
-    labels = "direction, strongest first", f"rms change of a reading by one prior sigma ({basis.reading_unit})"
+    labels = "direction, strongest first", "rms change of a reading by one prior sigma (µm)"
     return Panel(title, *labels, series, (limit,), log_y=True, height=300)
 
 
@@ -120,8 +119,7 @@ def _effects(basis: StudyBasis) -> Panel:
         if kept in seen
     ]
     largest = Series("largest of all candidates", most[order], np.arange(float(len(order))), ORANGE, "points")
-    unit = basis.reading_unit
-    label = f"change of the reading by one prior sigma ({unit}); most by {names[0]}, {rms[order[0]]:.0f} {unit}"
+    label = f"change of the reading by one prior sigma (µm); most by {names[0]}, {rms[order[0]]:.0f} µm"
     reach = (0.0, 1.05 * float(most.max()))
     return Panel("", label, "", (*series, largest), x_range=reach, y_names=names, height=ROW_PX * len(names))
 

@@ -77,7 +77,6 @@ class StudySummary:
                 {"name": p.name, "std": _round(std), "prior": _round(p.prior), "unit": p.unit}
                 for p, std in zip(b.model.parameters, b.predicted.std, strict=True)
             ],
-            **({"angle_unit": "µrad"} if b.reading_unit == "µrad" else {}),
             "sensitivity_um": {
                 n: {"rms": _round(r), "max": _round(m)}
                 for n, r, m in zip(b.whole.names, rms / UM, most / UM, strict=True)

@@ -30,8 +30,11 @@ def parameter_row(e: Estimate) -> Row:
     }
 
 
-def finding_row(f: Finding) -> Row:
-    """Return a finding: what, where, its size with its deviation, and what this run cannot tell from it."""
+def finding_row(f: Finding, reading_unit: str) -> Row:
+    """Return a finding: what, where, its size with its deviation, and what this run cannot tell from it.
+
+    ``reading_unit``: of errors of readings, mm or mrad.
+    """
     unit, factor = display_unit(f.unit, f.value)
     return {
         "effect": f.effect,
@@ -40,7 +43,7 @@ def finding_row(f: Finding) -> Row:
         "sigma": f.std * factor,
         "unit": unit,
         "p_value": f.p_value,
-        "held_out_gain_mm": float(to_mm(f.gain)),
+        f"held_out_gain_{reading_unit}": float(to_mm(f.gain)),
         "rivals": ", ".join(f.rivals),
         "note": f.note,
     }
@@ -54,17 +57,17 @@ def tool_row(point: ToolPointPosition) -> Row:
     return {"point": point.name, **place, **sigma}
 
 
-def stage_row(s: Stage) -> Row:
-    """Return a stage of the fit and its errors."""
+def stage_row(s: Stage, reading_unit: str) -> Row:
+    """Return a stage of the fit and its errors of readings, in mm or mrad."""
     held, checked = s.held_out, s.validation
     return {
         "stage": s.name,
         "parameters": s.parameters,
-        "fitted_rms_mm": float(to_mm(s.train.rms)),
-        "held_out_rms_mm": float(to_mm(held.rms)),
-        "held_out_mean_mm": float(to_mm(held.mean)),
-        "held_out_largest_mm": float(to_mm(held.largest)),
-        "validation_mean_mm": None if checked is None else float(to_mm(checked.mean)),
+        f"fitted_rms_{reading_unit}": float(to_mm(s.train.rms)),
+        f"held_out_rms_{reading_unit}": float(to_mm(held.rms)),
+        f"held_out_mean_{reading_unit}": float(to_mm(held.mean)),
+        f"held_out_largest_{reading_unit}": float(to_mm(held.largest)),
+        f"validation_mean_{reading_unit}": None if checked is None else float(to_mm(checked.mean)),
     }
 
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -104,7 +105,7 @@ class CalibrationResult(FolderResult):
     @property
     def findings(self) -> RowTable[Finding]:
         """The causes that were found, in their order (SI units)."""
-        return RowTable(self.calibration.findings, finding_row)
+        return RowTable(self.calibration.findings, partial(finding_row, reading_unit=self.calibration.reading_unit))
 
     @property
     def tool(self) -> RowTable[ToolPointPosition]:
@@ -114,7 +115,7 @@ class CalibrationResult(FolderResult):
     @property
     def stages(self) -> RowTable[Stage]:
         """The stages of the fit and their errors (SI units)."""
-        return RowTable(self.calibration.stages, stage_row)
+        return RowTable(self.calibration.stages, partial(stage_row, reading_unit=self.calibration.reading_unit))
 
     @property
     def expected_error(self) -> RowTable[Row]:

@@ -11,6 +11,7 @@ from planner.cell.reading import load_cell
 from planner.cell.setup import setup_of
 from planner.common.determinism import even_positions
 from planner.common.errors import InputError, NoSolutionError
+from planner.common.files import check_readable
 from planner.common.units import Array, to_mm
 from planner.gauges.placement.flange_poses import FlangePoses, flange_poses
 from planner.gauges.placement.frames import place_frames
@@ -39,7 +40,11 @@ def cell_of_run(cell: Cell | Path | str | None, plan: Path | str | None) -> Cell
             "which cell was measured in? --plan PLAN.json (in Python plan=) takes the cell.toml beside the plan, "
             "--cell CELL (cell=) any other"
         )
-    return load_cell(str(Path(str(plan)).parent / "cell.toml" if cell is None else cell), planning=False)
+    if cell is None:
+        if Path(str(plan)).is_dir():
+            check_readable(Path(str(plan)))  # says which file in it is meant: what stands beside a folder is another's
+        cell = Path(str(plan)).parent / "cell.toml"
+    return load_cell(str(cell), planning=False)
 
 
 def check_unit(run: Run, cell: Cell) -> None:

@@ -9,6 +9,7 @@ from planner.cell.file import CellFile
 from planner.common.errors import MOST_SIGNS, InputError, make_printable
 from planner.common.schema import StrictModel, read_json, read_toml_content, validate
 from planner.runs.traces import ColumnMap
+from planner.workflow.run_checks import cell_of_run
 
 CELL = {"schema": "edbb-cell/1", "robot": "ur10", "gauge": {"kind": "trical"}}
 MAP = {"schema": "edbb-map/1", "columns": {"t_s": 1}}
@@ -78,7 +79,14 @@ CASES = {
     "a file of another kind": (
         CellFile,
         {"schema": "edbb-map/1", "columns": {}},
-        "'schema' = 'edbb-map/1': must be 'edbb-cell/1'",
+        "'schema' = 'edbb-map/1': must be 'edbb-cell/1'; the file is of the kind 'map', and one of the kind 'cell' is "
+        "needed here",
+    ),
+    "a file of another version": (
+        CellFile,
+        {"schema": "edbb-cell/0"},
+        "'schema' = 'edbb-cell/0': must be 'edbb-cell/1'; another version of the planner has written it: make it anew "
+        "with this one",
     ),
     "no schema": (CellFile, {"columns": {}}, "the key 'schema' is missing ('edbb-cell/1' is expected)"),
     "no list": (Small, {"parts": [{"rivals": 5}]}, "[[parts]] number 1: 'rivals' = 5: a list is needed"),
@@ -164,3 +172,28 @@ def test_no_message_steers_the_terminal_or_echoes_a_long_run(text):
     said = str(InputError(f"file.toml: found '{text}'"))
     assert len(said) <= 400
     assert not [c for c in said if unicodedata.category(c) in ("Cc", "Cf")]
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "words"),
+    [
+        ("plan.json", "", "the file is empty"),
+        ("plan.json", '{"schema": "edbb-plan/1", "poses": [{"id": 1', "its end is missing: copy it again"),
+        ("cell.toml", 'schema = "edbb-cell/1"', "a .json file is needed here, and 'cell.toml' is called like a cell"),
+        ("run.csv", "q1_deg,length_mm", "a .json file is needed here, and 'run.csv' is called like a run"),
+    ],
+)
+def test_what_stands_in_the_place_of_a_plan_is_said(name, text, words, tmp_path):
+    (tmp_path / name).write_text(text)
+    with pytest.raises(InputError, match="is not valid JSON: ") as caught:
+        read_json(tmp_path / name)
+    assert words in str(caught.value)
+
+
+def test_a_folder_in_the_place_of_a_file_names_what_it_holds(tmp_path):
+    (tmp_path / "plan.json").write_text("{}")
+    with pytest.raises(InputError) as caught:
+        read_json(tmp_path)
+    assert str(caught.value).endswith(f"(it is a folder, and a file is needed); it holds {tmp_path / 'plan.json'}")
+    with pytest.raises(InputError, match="it holds"):
+        cell_of_run(None, tmp_path)

@@ -160,3 +160,17 @@ def test_rows_of_a_lost_beam_are_cut_out_and_named(tmp_path):
     assert run.samples.line.tolist() == [2, 4]
     (warning,) = run.warnings
     assert warning.startswith("run.csv: the position is 0, 0, 0 in line 3, line 5: the tracker had lost its reflector")
+
+
+def test_a_plan_or_a_cell_is_not_taken_for_a_run_with_titles_of_its_own(tmp_path):
+    path = write(tmp_path / "plan.json", '{"schema": "edbb-plan/1"}\n')
+    with pytest.raises(InputError, match=r"plan.json: is no table: .* --plan names a plan, --cell a cell"):
+        load_run(path, 2)
+
+
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16"])
+def test_what_a_spreadsheet_saves_as_unicode_is_read(tmp_path, encoding):
+    (tmp_path / "run.csv").write_bytes(rows().replace("\n", "\r\n").encode(encoding))
+    found, plain = load_run(tmp_path / "run.csv", 2), load_run(write(tmp_path / "plain.csv", rows()), 2)
+    np.testing.assert_array_equal(found.samples.q, plain.samples.q)
+    np.testing.assert_array_equal(found.readings.length, plain.readings.length)

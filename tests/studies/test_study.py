@@ -11,7 +11,6 @@ from planner.cell.reading import load_cell
 from planner.common.errors import InputError
 from planner.common.result_folder import MANIFEST
 from planner.studies.cell_study import NAMES, StudyResult, study
-from planner.studies.pictures import draw_identifiability, draw_sensitivity
 from tests.studies.conftest import small_study
 
 
@@ -129,13 +128,3 @@ def test_text_is_short_and_names_what_matters(done):
     for word in ("25 of 32", "best", "fixture", "d3"):
         assert word in text
     assert len(text.splitlines()) <= 20
-
-
-def test_what_an_angle_gauge_reads_is_called_by_its_unit(done, told, monkeypatch):
-    """The same study as if its gauge read an angle: nothing of its readings is called a length."""
-    assert "angle_unit" not in told
-    monkeypatch.setattr(type(done[1].basis.cell.gauge), "unit", "mrad")
-    assert done[1].content()["angle_unit"] == "µrad"
-    texts = [repr(panel) for draw in (draw_identifiability, draw_sensitivity) for panel in draw(done[1]).panels]
-    assert any("prior sigma (µrad)" in text for text in texts)
-    assert not any("µm" in text for text in texts)

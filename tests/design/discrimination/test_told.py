@@ -26,7 +26,11 @@ from tests.kinematics.sliding_arms import write_rail
 SHAPES = {
     "a list": ("[1, 2]", "[1, 2]: an object { … } is needed"),
     "empty": ("{}", "the key 'schema' is missing ('edbb-identification/1' is expected)"),
-    "a plan": ('{"schema": "edbb-plan/1", "poses": []}', "'schema' = 'edbb-plan/1': must be 'edbb-identification/1'"),
+    "a plan": (
+        '{"schema": "edbb-plan/1", "poses": []}',
+        "'schema' = 'edbb-plan/1': must be 'edbb-identification/1'; the file is of the kind 'plan', and one of the "
+        "kind 'identification' is needed here",
+    ),
     "a number": ("3", "3: an object { … } is needed"),
 }
 
