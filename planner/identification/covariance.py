@@ -10,6 +10,7 @@ from planner.common.summary import Aside
 from planner.common.units import MM, Array
 from planner.effects.effect import Parameter
 from planner.identification.assumptions import MUCH_WORSE_RATIO, POSITION_AXES
+from planner.identification.fading_noise import FadingNoise
 from planner.identification.least_squares import Fit
 from planner.model.identification_document import Metrics
 from planner.model.tool_error import WORKSPACE_STATES, ToolError, moves_robot, samples_like, uniform_states
@@ -21,7 +22,8 @@ def parameter_covariance(fit: Fit, continuous: bool) -> tuple[Array, float]:
 
     For poses at rest it is the information's inverse, noise as estimated. Along a continuous run errors stay what they
     are from sample to sample: the scatter of the scores over blocks, each many correlation times long, replaces that
-    of single samples (Liang and Zeger 1986); where the run is too short for that, the correlation time scales it all.
+    of single samples (Liang and Zeger 1986); where the run is too short for that, that of noise which fades
+    from sample to sample takes its place (``fading_noise``).
     """
     problem, solution = fit.problem, fit.solution
     root = solution.root(problem.prior)
@@ -33,7 +35,8 @@ def parameter_covariance(fit: Fit, continuous: bool) -> tuple[Array, float]:
     size = max(1, int(np.ceil(10 * time)))  # correlation times in one block of a continuous run
     count = len(problem) // size
     if count < 3 * len(fit.errors):  # blocks for each parameter that it takes to trust their scatter
-        return plain * time, time
+        faded = FadingNoise.of(fit)
+        return faded.covariance * np.outer(problem.prior, problem.prior) * _robust_factor(fit), faded.time
     scores = _scores(fit, np.minimum(np.arange(len(problem)) // size, count - 1), count)
     bread = solution.inverse
     inverse = bread @ bread.T  # of the information, in prior sigmas

@@ -38,3 +38,13 @@ def test_a_continuous_run_states_what_its_correlated_errors_leave():
     t = trials(w, 30, Noise(1e-6, 8e-6), seed=4)
     assert (covered(t) / 30).mean() > 0.90
     assert np.mean(t.square / t.P) < 1.8  # of the blocks' scatter, not of a known noise: joint χ² is a little wide
+
+
+@pytest.mark.parametrize("wander_s", [0.6, 1.5, 6.0])
+def test_a_short_continuous_run_states_what_noise_that_fades_slowly_leaves(wander_s):
+    """Of 445 s only 370, 150 and 40 correlation times: too few blocks, and the fit takes a part of the noise up."""
+    w = world("comau-nj130", 4000, "continuous")
+    t = trials(w, 20, Noise(1e-6, 8e-6, wander_s=wander_s), seed=5)
+    assert 0.8 < np.sqrt((t.z**2).mean()) < 1.25
+    assert (covered(t) / 20).mean() > 0.90
+    assert np.mean(t.square / t.P) < 1.35
