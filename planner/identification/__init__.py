@@ -6,6 +6,8 @@ __all__ = [
     "calibrated_robot",
     "calibration",
     "contenders",
+    "contest",
+    "contest_arena",
     "covariance",
     "cross_validation",
     "error_history",

@@ -35,8 +35,8 @@ def parameter_covariance(fit: Fit, continuous: bool) -> tuple[Array, float]:
     size = max(1, int(np.ceil(10 * time)))  # correlation times in one block of a continuous run
     count = len(problem) // size
     if count < 3 * len(fit.errors):  # blocks for each parameter that it takes to trust their scatter
-        faded = FadingNoise.of(fit)
-        return faded.covariance * np.outer(problem.prior, problem.prior) * _robust_factor(fit), faded.time
+        noise = FadingNoise.of(fit)
+        return noise.covariance * np.outer(problem.prior, problem.prior) * _robust_factor(fit), noise.time
     scores = _scores(fit, np.minimum(np.arange(len(problem)) // size, count - 1), count)
     bread = solution.inverse
     inverse = bread @ bread.T  # of the information, in prior sigmas

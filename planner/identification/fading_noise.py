@@ -45,7 +45,7 @@ class FadingNoise:
         basis = axes[:, shown].reshape(n, rows.shape[1], -1)
         rho = fading_of_residual(piece.residual, basis)
         flat = basis.reshape(-1, basis.shape[2])
-        scatter = flat.T @ faded(basis, rho).reshape(flat.shape)
+        scatter = flat.T @ correlate(basis, rho).reshape(flat.shape)
         readings = piece.residual.size
         # what the fit has taken up of slow noise is more than it takes up of noise that is new at each sample
         grown = max(1.0, (readings - basis.shape[2]) / max(readings - float(np.trace(scatter)), 0.05 * readings))
@@ -68,7 +68,7 @@ def fading_of_residual(residual: Array, basis: Array) -> float:
     times = read * np.geomspace(1.0, 30.0, 12)  # 30: times that the fit may have hidden
     for time in times:
         rho = (time - 1) / (time + 1)
-        there = faded(basis, rho).reshape(flat.shape)
+        there = correlate(basis, rho).reshape(flat.shape)
         whole = n * width * (1 + 2 * rho * (1 - rho**window) / (1 - rho))
         sums = whole - 2 * float((along * there).sum()) + float((both * (flat.T @ there)).sum())
         expected.append(sums / max(n * width - float((flat * there).sum()), 1e-300))
@@ -87,7 +87,7 @@ def window_time(residual: Array) -> float:
     return float(max(1.0, total[wide[0]] if len(wide) else total[-1]))
 
 
-def faded(columns: Array, rho: float) -> Array:
+def correlate(columns: Array, rho: float) -> Array:
     """Return the correlation matrix of the samples, ρ^|i − k|, times columns (n, r, k)."""
     from scipy.signal import lfilter  # costs most of a second
 

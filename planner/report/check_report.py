@@ -8,6 +8,7 @@ from planner.common.units import UM, to_mm
 from planner.instruments.check.evaluation import CheckVerdict
 from planner.instruments.check.results import verdict_overview
 from planner.instruments.record import RobotRecord
+from planner.model.finding_groups import percent
 from planner.report.chart import (
     BLUE,
     GREEN,
@@ -56,11 +57,12 @@ def report_check(robot: str, verdict: CheckVerdict) -> Report:
     rows: list[Row] = []
     for j in verdict.judged:
         sizes = (f"{to_mm(size):.3f}" for size in (j.motion, j.motion_std, j.detectable))
-        rows.append((j.change.name, chance_text(j.test.p_value), *sizes, j.change.advice))
-    what = "Every possible change, the best explanation first (motion of the tool in mm, rms over the workspace)"
-    head = ("change", "by chance", "motion", "σ", "would be found from", "what to do")
+        told = (percent(j.probability), chance_text(j.test.p_value))
+        rows.append((j.change.name, *told, *sizes, j.change.advice))
+    what = "Every possible change, the likeliest first (motion of the tool in mm, rms over the workspace)"
+    head = ("change", "if any, this one", "by chance", "motion", "σ", "would be found from", "what to do")
     title, chart = f"Check of {robot}", check_chart(verdict)
-    return report_judged_run(title, verdict.run, said, verdict.notes, (what, head, rows), chart, numbers=4)
+    return report_judged_run(title, verdict.run, said, verdict.notes, (what, head, rows), chart, numbers=5)
 
 
 MARKS: tuple[Literal["line", "points"], ...] = ("line", "points")

@@ -5,7 +5,7 @@ import pytest
 from scipy.linalg import toeplitz
 from scipy.signal import lfilter
 
-from planner.identification.fading_noise import faded, fading_of_residual, window_sums, window_time
+from planner.identification.fading_noise import correlate, fading_of_residual, window_sums, window_time
 
 SAMPLES, COLUMNS = 1500, 25
 
@@ -41,4 +41,4 @@ def test_products_with_both_matrices_are_those_of_dense_ones():
     near = toeplitz(np.arange(40) <= 4).astype(float)
     fading = toeplitz(0.7 ** np.arange(40))
     np.testing.assert_allclose(window_sums(columns, 4), np.einsum("ij,jrk->irk", near, columns), atol=1e-12)
-    np.testing.assert_allclose(faded(columns, 0.7), np.einsum("ij,jrk->irk", fading, columns), atol=1e-12)
+    np.testing.assert_allclose(correlate(columns, 0.7), np.einsum("ij,jrk->irk", fading, columns), atol=1e-12)

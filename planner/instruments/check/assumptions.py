@@ -6,5 +6,4 @@ THRESHOLD_SIGMAS = 2.0  # of the draws' own scatter, by which the threshold keep
 UNSEEN_SHARE = 1e-6  # of a change's largest effect on the readings: a direction below shows in none
 SHOWING_SHARE = 0.9  # of the ways that many parameters may change: what so many of them show is stated
 FEWEST_READINGS = 4  # below, nothing is judged
-STRONG_LEAD = 6.0  # by BIC: strong evidence (Kass and Raftery 1995, J. Am. Stat. Assoc. 90)
 CHANGE_SIGMAS = 2.0  # above its estimate a change may still be: so far it must stay below the limit

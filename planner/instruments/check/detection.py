@@ -1,4 +1,4 @@
-"""Whether a few readings differ from what is expected, and which change explains them best.
+"""Whether a few readings differ from what is expected.
 
 Readings less their expectation, whitened and freed of all that is set up anew for a session, are standard normal if
 nothing has changed, times one unknown scale that the baseline's noise is known to. Every possible change has columns;
@@ -8,7 +8,6 @@ a hundred sound robots: the tests share readings, so that Bonferroni would ask f
 min-P).
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
 
@@ -66,6 +65,10 @@ class Detector:
             return self._root
         left, size, _ = np.linalg.svd(self._root @ self.anew)
         return np.asarray(left[:, int((size > UNSEEN_SHARE * size.max(initial=0.0)).sum()) :].T @ self._root)
+
+    def white(self, values: Array) -> Array:
+        """Return readings (n,) or columns of them (n, k) as whitened, (m, …)."""
+        return np.asarray(self._whitening @ values)
 
     @cached_property
     def _bases(self) -> tuple[Array, ...]:
@@ -165,9 +168,3 @@ def shift_for_power(d: int, freedom: float, threshold: float) -> float:
     while lacking(high) > 0:
         high *= 2.0
     return float(optimize.brentq(lacking, 1e-6, high))
-
-
-def rank_explanations(found: Sequence[Explanation], readings: int) -> list[tuple[float, Explanation]]:
-    """Return the changes by how well they explain, best first, with their lead over nothing by BIC (Schwarz 1978)."""
-    scored = [(e.explained - e.freedom * float(np.log(readings)), e) for e in found]
-    return sorted(scored, key=lambda pair: (-pair[0], pair[1].which))

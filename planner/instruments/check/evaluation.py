@@ -15,9 +15,11 @@ from planner.effects.basis import ONE, BasisFunction
 from planner.effects.effect import Parameter, transform_move
 from planner.effects.gears import WAVES, JointWave
 from planner.identification.baseline import Baseline
+from planner.identification.contenders import HUNDRED_TO_ONE
 from planner.identification.run_setup import add_motion
-from planner.instruments.check.assumptions import CHANGE_SIGMAS, FEWEST_READINGS, STRONG_LEAD
-from planner.instruments.check.detection import Detector, Explanation, rank_explanations
+from planner.instruments.check.assumptions import CHANGE_SIGMAS, FEWEST_READINGS
+from planner.instruments.check.detection import Detector, Explanation
+from planner.instruments.check.naming import weigh_changes
 from planner.model.model import Model
 from planner.model.tool_error import tool_rows, uniform_states
 from planner.runs.run import Run, Samples
@@ -119,7 +121,7 @@ class JudgedChange:
     """One possible change, as the readings have it.
 
     Attributes:
-        change: what; test: how well it explains the readings; lead: over no change, by BIC.
+        change: what; test: how well it explains the readings; probability: that it was this, if anything has changed.
         motion, motion_std: rms of the tool over the workspace that it would mean, and its standard deviation [m].
         values: of its parameters, (d,).
         detectable: least motion of the tool that the check finds nine times of ten, whatever its way [m].
@@ -127,7 +129,7 @@ class JudgedChange:
 
     change: Change
     test: Explanation
-    lead: float
+    probability: float
     motion: float
     motion_std: float
     values: Array
@@ -141,8 +143,8 @@ class CheckVerdict:
     Attributes:
         run: its name; poses: ids, (n,); difference: readings less expectation, what is set up anew for a session
             taken off, (n, r) [m, rad]; std: expected, (n, r) [m, rad].
-        judged: every possible change, the best explanation first.
-        anything: test for any change at all; anything_lead: by BIC.
+        judged: every possible change, the likeliest first.
+        anything: test for any change at all; nameless: probability that it was none of those.
         threshold: probability below which any of the tests gives an alarm.
         limit: of the tool's motion [m] that the user allows; ``None``: any change fails.
         notes: what a person should know.
@@ -154,7 +156,7 @@ class CheckVerdict:
     std: Array
     judged: tuple[JudgedChange, ...]
     anything: Explanation
-    anything_lead: float
+    nameless: float
     threshold: float
     limit: float | None
     notes: tuple[str, ...]
@@ -167,15 +169,15 @@ class CheckVerdict:
 
     @property
     def likeliest_change(self) -> JudgedChange | None:
-        """The most likely change; ``None`` where none explains the readings as well as some change without a name."""
-        return self.judged[0] if self.judged[0].lead >= self.anything_lead else None
+        """The most likely change; ``None`` where something without a name, or several at once, is likelier."""
+        return self.judged[0] if self.judged[0].probability >= self.nameless else None
 
     @property
     def rivals(self) -> tuple[JudgedChange, ...]:
-        """Changes that explain the readings nearly as well as the best."""
+        """Other changes that it may have been, as likely as rivals of a finding are at least."""
         if self.likeliest_change is None:
             return ()
-        return tuple(j for j in self.judged[1:] if self.judged[0].lead - j.lead < STRONG_LEAD)
+        return tuple(j for j in self.judged[1:] if j.probability >= HUNDRED_TO_ONE)
 
     @property
     def outcome(self) -> Outcome:
@@ -221,8 +223,10 @@ def evaluate_check(baseline: Baseline, cell: Cell, run: Run, limit: float | None
     detector, changes, hidden = build_detector(known, every, samples)
     difference = known.difference(run)
     *tests, anything = detector.explain(difference)
-    leads = {e.which: lead for lead, e in rank_explanations((*tests, anything), len(difference))}
-    judged = [_judge(detector, c, e, leads[e.which], difference) for c, e in zip(changes, tests, strict=True)]
+    units = [1 / np.sqrt(np.diag(c.square)) for c in changes]
+    likely = weigh_changes(detector, units, difference, len(samples))
+    each = zip(changes, tests, likely.changes.tolist(), strict=True)
+    judged = [_judge(detector, c, e, p, difference) for c, e, p in each]
     left = len(baseline.values) - len(baseline.for_samples(samples).values)
     notes = [f"{left} effects of the baseline need quantities that the run does not hold: left out"] if left else []
     notes += [hidden_changes_text(hidden)] if hidden else []
@@ -231,26 +235,15 @@ def evaluate_check(baseline: Baseline, cell: Cell, run: Run, limit: float | None
         poses=np.arange(len(samples)) if samples.pose is None else samples.pose,
         difference=difference.reshape(len(samples), -1),
         std=detector.std.reshape(len(samples), -1),
-        judged=tuple(sorted(judged, key=lambda j: -j.lead)),
+        judged=tuple(sorted(judged, key=lambda j: -j.probability)),
         anything=anything,
-        anything_lead=leads[anything.which],
+        nameless=likely.anything,
         threshold=detector.threshold,
         limit=limit,
         notes=(*run.warnings, *notes),
     )
-    wrong = None if verdict.passed else _wrong_reading(detector, difference, len(samples), (*leads.values(), 0.0))
+    wrong = None if verdict.passed else likely.wrong_reading
     return verdict if wrong is None else replace(verdict, doubtful=run.where_at_pose(wrong))
-
-
-def _wrong_reading(detector: Detector, difference: Array, n: int, leads: Sequence[float]) -> int | None:
-    """Return which of n readings explains the difference by being wrong, better than all with these leads, by BIC.
-
-    A mistyped number, or a cup that was not clean: one reading is off and the others are as expected.
-    """
-    each = np.split(np.eye(len(difference)), n, axis=1)
-    found = replace(detector, columns=tuple(each)).explain(difference)[:-1]
-    lead, best = rank_explanations(found, len(difference))[0]
-    return best.which if lead > max(leads) else None
 
 
 def shows_play(samples: Samples) -> bool:
@@ -278,12 +271,16 @@ def hidden_changes_text(hidden: tuple[Change, ...]) -> str:
     )
 
 
-def _judge(detector: Detector, change: Change, test: Explanation, lead: float, difference: Array) -> JudgedChange:
+def _judge(
+    detector: Detector, change: Change, test: Explanation, probability: float, difference: Array
+) -> JudgedChange:
     values, covariance = detector.estimate(test.which, 1 / np.sqrt(np.diag(change.square)), difference)
     motion = float(np.sqrt(values @ change.square @ values))
     slope = change.square @ values / max(motion, 1e-12)
     std = float(np.sqrt(slope @ covariance @ slope))
-    return JudgedChange(change, test, lead, motion, std, values, detector.detectable_motion(test.which, change.square))
+    return JudgedChange(
+        change, test, probability, motion, std, values, detector.detectable_motion(test.which, change.square)
+    )
 
 
 def _prepare(run: Run, cell: Cell, baseline: Baseline) -> Run:

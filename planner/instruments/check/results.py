@@ -19,6 +19,7 @@ from planner.instruments.check.evaluation import (
     possible_changes,
     shows_play,
 )
+from planner.model.finding_groups import percent
 from planner.runs.run import Samples
 
 MM_DECIMALS = 4  # of a tenth of a micrometre
@@ -86,6 +87,7 @@ def verdict_content(verdict: CheckVerdict, robot: str) -> dict[str, object]:
         **RATES,
         **in_units(MM_DECIMALS, limit_mm=verdict.limit),
         "changes": [_change_section(j) for j in verdict.judged],
+        "nameless": round(verdict.nameless, 4),
         "readings": [
             {"pose": int(p), **_reading(d, "difference"), **_reading(s, "std")}
             for p, d, s in zip(verdict.poses, verdict.difference, verdict.std, strict=True)
@@ -110,7 +112,7 @@ def _change_section(j: JudgedChange) -> dict[str, object]:
     return {
         "change": j.change.name,
         "p_value": round_finite(j.test.p_value),
-        "lead": round(j.lead, 2),
+        "probability": round(j.probability, 4),
         **{f"{k}_mm": _mm(v) for k, v in (("motion", j.motion), ("std", j.motion_std), ("detectable", j.detectable))},
         "values": {k: round(float(v), 5) for k, v in sized.items()},
     }
@@ -145,4 +147,5 @@ def verdict_overview(verdict: CheckVerdict) -> Summary:
 def _cause_text(j: JudgedChange) -> str:
     """Name a change with its size."""
     turn = f", {to_deg(j.values[0]):+.4f} deg" if j.change.kind == "zero" else ""
-    return f"{j.change.name}{turn}: {to_mm(j.motion):.3f} ± {to_mm(j.motion_std):.3f} mm of the tool"
+    size = f"{to_mm(j.motion):.3f} ± {to_mm(j.motion_std):.3f} mm of the tool"
+    return f"{j.change.name}{turn}: {size} ({percent(j.probability)})"
