@@ -229,7 +229,9 @@ def draw_posterior(
         sweeps: how often every size is drawn, as usual if not given.
         share: of a run that is looked at, which is what ``run`` is.
     """
-    most = round(600 * share) // whole.width  # readings of a long run say how large the families are
+    # 600: readings of a long run say how large the families are, of a short one those that are independent: noise that
+    # stays alike from one to the next would be taken for causes
+    most = min(round(600 * share) // whole.width, int(len(run) / correlation_time) + 1)
     few = run.take(even_positions(len(run), most)) if len(run) > most else run
     found = before.model.subset(
         [k for k, p in enumerate(before.model.parameters) if p.group in curves or not is_left_to_background(p.group)]

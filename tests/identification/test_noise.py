@@ -3,8 +3,10 @@
 import numpy as np
 import pytest
 
+from planner.identification.posterior_background import background_families
+from planner.identification.posterior_fit import draw_posterior
 from tests.identification.worlds import covered, trials, world
-from tests.simulation.generator.truth import Noise
+from tests.simulation.generator.truth import Noise, draw_errors
 
 pytestmark = pytest.mark.long
 
@@ -48,3 +50,23 @@ def test_a_short_continuous_run_states_what_noise_that_fades_slowly_leaves(wande
     assert 0.8 < np.sqrt((t.z**2).mean()) < 1.25
     assert (covered(t) / 20).mean() > 0.90
     assert np.mean(t.square / t.P) < 1.35
+
+
+def test_noise_that_fades_slowly_is_taken_for_causes_no_more_than_noise_that_is_new_at_each_sample():
+    """Families without a name that act: of arms without causes, by as many independent readings of either noise."""
+
+    def nameless(wander_s, worth):
+        """How many act in the mean of three arms, where so many samples count as one."""
+        count = []
+        for k in range(3):
+            rng = np.random.default_rng([4, k])
+            run = w.measured(draw_errors(w.arm, rng, 4e-4, 5e-4), Noise(1e-6, 8e-6, wander_s=wander_s), rng)
+            drawn = draw_posterior(w.fitted(run)[0], run, w.model, families, worth, sweeps=60)
+            count.append(drawn.record.count_nameless().mean())
+        return np.mean(count)
+
+    w = world("comau-nj130", 4000, "continuous")
+    families = background_families(w.model.setup, w.run.samples)
+    fresh, slow = nameless(1e-3, 26.0), nameless(1.5, 26.0)
+    assert slow < fresh + 1.0
+    assert nameless(1.5, 1.0) > 2 * slow  # were every sample to count
