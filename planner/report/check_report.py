@@ -60,7 +60,7 @@ def report_check(robot: str, verdict: CheckVerdict) -> Report:
         told = (percent(j.probability), chance_text(j.test.p_value))
         rows.append((j.change.name, *told, *sizes, j.change.advice))
     what = "Every possible change, the likeliest first (motion of the tool in mm, rms over the workspace)"
-    head = ("change", "if any, this one", "by chance", "motion", "σ", "would be found from", "what to do")
+    head = ("change", "probability", "by chance", "motion", "σ", "would be found from", "what to do")
     title, chart = f"Check of {robot}", check_chart(verdict)
     return report_judged_run(title, verdict.run, said, verdict.notes, (what, head, rows), chart, numbers=5)
 
