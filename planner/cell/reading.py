@@ -1,7 +1,7 @@
 """Reads a cell file into a :class:`Cell`, and checks what one key alone cannot tell."""
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -219,22 +219,32 @@ def _read_home(path: Path, file: CellFile, robot: Robot, planning: bool) -> Arra
 
 def _check_drives(robot: Robot) -> None:
     """Refuse to plan where the robot's file leaves out what a path must keep to."""
+    lacking: dict[tuple[str, ...], list[int]] = {}
     for i in range(robot.n_joints):
         keys = (DRIVE_KEYS[key][int(robot.slides[i])] for key in ("limit", "speed"))
         parts = dict(zip(keys, (robot.q_upper, robot.speed), strict=True))
-        if missing := [key for key, values in parts.items() if np.isinf(values[i])]:
-            raise InputError(
-                f"{robot.path}: joint {i + 1} has no {' and no '.join(missing)}, which planning needs"
-                + (_advise_drive(robot, i, missing) if robot.convention == "urdf" else "")
-            )
+        if missing := tuple(key for key, values in parts.items() if np.isinf(values[i])):
+            lacking.setdefault(missing, []).append(i)
+    if lacking:
+        said = (f"{_name_joints(own)} no {' and no '.join(keys)}" for keys, own in lacking.items())
+        raise InputError(
+            f"{robot.path}: {', '.join(said)}, which planning needs"
+            + (_advise_drives(robot, lacking) if robot.convention == "urdf" else "")
+        )
 
 
-def _advise_drive(robot: Robot, i: int, missing: Sequence[str]) -> str:
-    """Return the lines of ``robot.toml`` that say what the URDF does not say of joint ``i``."""
+def _name_joints(own: Sequence[int]) -> str:
+    numbers = [str(i + 1) for i in own]
+    return f"joint {numbers[0]} has" if len(own) == 1 else f"joints {', '.join(numbers)} have"
+
+
+def _advise_drives(robot: Robot, lacking: Mapping[tuple[str, ...], Sequence[int]]) -> str:
+    """Return the lines of ``robot.toml`` that say what the URDF does not say of joints; ``lacking``: keys of which."""
     examples = {"limit_deg": "[-170, 170]", "speed_deg_s": "90", "limit_mm": "[0, 350]", "speed_mm_s": "70"}
     file = "" if robot.path.suffix == ".toml" else f' (which names it: urdf = "{robot.path.name}", tip = "{robot.tip}")'
-    lines = "\n".join(f"{key} = {examples[key]}" for key in missing)
-    return f'; say it in robot.toml{file}:\n[[joints]]\nname = "{robot.joint_names[i]}"\n{lines}'
+    tables = {i: [f"{key} = {examples[key]}" for key in keys] for keys, own in lacking.items() for i in own}
+    lines = (["[[joints]]", f'name = "{robot.joint_names[i]}"', *own] for i, own in sorted(tables.items()))
+    return "\n".join([f"; say it in robot.toml{file}:", *(line for own in lines for line in own)])
 
 
 def read_motion(file: CellFile) -> MotionSettings:
