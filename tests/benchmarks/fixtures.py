@@ -4,7 +4,7 @@ Each is planned by the command (``--fixtures N``; one: as the cell is). Printed 
 to be worth at 100 poses, the error that the plan expects and its minutes; then the true error of simulated arms
 (``true_arms``, nothing of the planner: lengths, angles, gears, joints that give way) at targets before and after they
 are corrected, with what was stated. An arm that is measured while it moves is logged once in four seconds. Where there
-is no plan, the sentence that says why.
+is no plan, the sentence that says why. ``--at-rest`` reads the poses alone, a quarter of the time.
 """
 
 import argparse
@@ -46,9 +46,9 @@ def plan(cell, count, folder, poses):
     return document, ", ".join(re.findall(r"[\d.]+(?= by)", share[1])) if share else ""
 
 
-def measure(arm, folder, run):
+def measure(arm, folder, run, at_rest):
     """Write the run of a plan on an arm: at rest, or along the drive whose times and angles ``edbb simulate`` tells."""
-    if not arm.cell.motion.is_continuous:
+    if at_rest or not arm.cell.motion.is_continuous:
         arm.write_run(folder / "plan.json", run)
         return
     told = folder / "told.csv"  # the same times and angles for every arm
@@ -58,7 +58,7 @@ def measure(arm, folder, run):
     arm.write_driven_run(told, run)
 
 
-def judge(folder, seed):
+def judge(folder, seed, at_rest):
     """An arm with drawn and hidden errors, measured and identified: its error before, after, and as stated [mm]."""
     cell = load_cell(str(folder / "cell.toml"))
     flange = true_flange(cell.robot, None, "", np.random.default_rng([seed, 11]))
@@ -66,7 +66,7 @@ def judge(folder, seed):
     arm = TrueArm.draw(cell, flange, np.random.default_rng([seed, 12]))
     run, found = folder / f"run{seed}.csv", folder / f"found{seed}"
     if not (found / "identification.json").exists():
-        measure(arm, folder, run)
+        measure(arm, folder, run, at_rest)
         words = ("--cell", folder / "cell.toml", "--plan", folder / "plan.json", "-o", found, "--force")
         done = edbb("identify", run, *words, threads="1")
         assert done.returncode == 0, done.stderr
@@ -80,15 +80,15 @@ def judge(folder, seed):
     return before, after, stated
 
 
-def row(cell, count, folder, arms, chosen):
+def row(cell, count, folder, asked):
     """Return the line of the table."""
-    document, said = plan(cell, count, folder, chosen)
+    document, said = plan(cell, count, folder, asked.poses)
     if document is None:
         return f"| {cell} | {count} | {said} | | | | | |"
     poses = sum(p["role"] == "calibrate" for p in document["poses"])
     expected = document.get("foresight", {}).get("error_mm", float("nan"))
     minutes = document["trajectory"]["duration_s"] / 60
-    judged = [judge(folder, k) for k in range(arms)]
+    judged = [judge(folder, k, asked.at_rest) for k in range(asked.arms)]
     columns = [" ".join(f"{j[k]:.3f}" for j in judged) for k in range(3)]
     return (
         f"| {cell} | {count} | {said} | {expected:.3f} ({poses} poses) | {minutes:.0f} | " + " | ".join(columns) + " |"
@@ -102,6 +102,7 @@ def main():
     parser.add_argument("--counts", nargs="+", type=int, default=[1, 2, 3], help="numbers of fixtures")
     parser.add_argument("--poses", type=int, help="of each plan; as many as pay without it")
     parser.add_argument("--arms", type=int, default=3, help="simulated arms a plan")
+    parser.add_argument("--at-rest", action="store_true", help="the arm stops at each pose of a driven plan, too")
     parser.add_argument("--keep", type=Path, help="folder for plans and runs; what stands there is not made again")
     parser.add_argument("-j", "--jobs", type=int, default=max(1, (os.cpu_count() or 1) // 2), help="rows at a time")
     asked = parser.parse_args()
@@ -110,7 +111,7 @@ def main():
         name = asked.keep or name
         wanted = [(c, n) for n in sorted(asked.counts, reverse=True) for c in asked.cells]
         folders = [Path(name) / f"{c.replace('/', '-')}-{n}" for c, n in wanted]
-        rows = [pool.submit(row, c, n, f, asked.arms, asked.poses) for (c, n), f in zip(wanted, folders, strict=True)]
+        rows = [pool.submit(row, c, n, f, asked) for (c, n), f in zip(wanted, folders, strict=True)]
         for each in rows:
             print(each.result(), flush=True)
 

@@ -189,9 +189,7 @@ def test_a_robot_for_identification_needs_no_limits_but_planning_says_which_is_m
         "[tool]\nmap_mm = [50, 0, 120]\n"
         '[gauge]\nkind = "edbb"\nlength_mm = [300, 520]\n[[fixtures]]\nposition_mm = [600, 500, 60]\n'
     )
-    with pytest.raises(
-        InputError, match="joints 1, 2, 3, 4, 5, 6 have no limit_deg and no speed_deg_s, which"
-    ):
+    with pytest.raises(InputError, match="joints 1, 2, 3, 4, 5, 6 have no limit_deg and no speed_deg_s, which"):
         load_cell(str(cell))
 
 
