@@ -4,7 +4,7 @@ Each is planned by the command (``--fixtures N``; one: as the cell is). Printed 
 to be worth at 100 poses, the error that the plan expects and its minutes; then the true error of simulated arms
 (``true_arms``, nothing of the planner: lengths, angles, gears, joints that give way) at targets before and after they
 are corrected, with what was stated. An arm that is measured while it moves is logged once in four seconds. Where there
-is no plan, the sentence that says why. ``--at-rest`` reads the poses alone, a quarter of the time.
+is no plan, the sentence that says why.
 """
 
 import argparse
@@ -19,9 +19,13 @@ from pathlib import Path
 import numpy as np
 
 from planner.cell.reading import load_cell
+from planner.identification.calibrated_robot import calibrated_files
+from planner.identification.pipeline import identify
 from planner.kinematics.robot_reader import load_robot
+from planner.runs.loader import load_runs
 from tests.benchmarks.true_arms import TrueArm, aligned_distance, true_flange, with_hidden_errors
 from tests.command import edbb
+from tests.identification.few_draws import few_draws
 from tests.independent_arms.judge import correct
 
 CELLS = ("ur10/edbb", "kuka-kr6-r700/edbb", "ur5e/edbb", "comau-nj130/paper", "comau-nj130/edbb", "abb-irb6700/edbb")
@@ -58,7 +62,25 @@ def measure(arm, folder, run, at_rest):
     arm.write_driven_run(told, run)
 
 
-def judge(folder, seed, at_rest):
+def calibrate(run, folder, found):
+    """Identify a run by the command, into ``found``."""
+    words = ("--cell", folder / "cell.toml", "--plan", folder / "plan.json", "-o", found, "--force")
+    done = edbb("identify", run, *words, threads="1")
+    assert done.returncode == 0, done.stderr
+
+
+def calibrate_quickly(run, folder, found):
+    """The same without the search for causes and without a report, by a sixth of the draws."""
+    cell = load_cell(str(folder / "cell.toml"))
+    with few_draws():
+        done = identify(load_runs([run], cell.robot.n_joints), cell)
+        files = calibrated_files(done)
+    found.mkdir(exist_ok=True)
+    for name, text in (*files, ("identification.json", json.dumps({"known_anywhere_mm": 1e3 * done.workspace_error}))):
+        (found / name).write_text(text)
+
+
+def judge(folder, seed, asked):
     """An arm with drawn and hidden errors, measured and identified: its error before, after, and as stated [mm]."""
     cell = load_cell(str(folder / "cell.toml"))
     flange = true_flange(cell.robot, None, "", np.random.default_rng([seed, 11]))
@@ -66,10 +88,8 @@ def judge(folder, seed, at_rest):
     arm = TrueArm.draw(cell, flange, np.random.default_rng([seed, 12]))
     run, found = folder / f"run{seed}.csv", folder / f"found{seed}"
     if not (found / "identification.json").exists():
-        measure(arm, folder, run, at_rest)
-        words = ("--cell", folder / "cell.toml", "--plan", folder / "plan.json", "-o", found, "--force")
-        done = edbb("identify", run, *words, threads="1")
-        assert done.returncode == 0, done.stderr
+        measure(arm, folder, run, asked.at_rest)
+        (calibrate_quickly if asked.quick else calibrate)(run, folder, found)
     stated = json.loads((found / "identification.json").read_text())["known_anywhere_mm"]
     low, high = cell.joint_range
     q = np.random.default_rng(3).uniform(low + INSIDE, high - INSIDE, (STATES, cell.robot.n_joints))
@@ -88,7 +108,7 @@ def row(cell, count, folder, asked):
     poses = sum(p["role"] == "calibrate" for p in document["poses"])
     expected = document.get("foresight", {}).get("error_mm", float("nan"))
     minutes = document["trajectory"]["duration_s"] / 60
-    judged = [judge(folder, k, asked.at_rest) for k in range(asked.arms)]
+    judged = [judge(folder, k, asked) for k in range(asked.arms)]
     columns = [" ".join(f"{j[k]:.3f}" for j in judged) for k in range(3)]
     return (
         f"| {cell} | {count} | {said} | {expected:.3f} ({poses} poses) | {minutes:.0f} | " + " | ".join(columns) + " |"
@@ -102,7 +122,8 @@ def main():
     parser.add_argument("--counts", nargs="+", type=int, default=[1, 2, 3], help="numbers of fixtures")
     parser.add_argument("--poses", type=int, help="of each plan; as many as pay without it")
     parser.add_argument("--arms", type=int, default=3, help="simulated arms a plan")
-    parser.add_argument("--at-rest", action="store_true", help="the arm stops at each pose of a driven plan, too")
+    parser.add_argument("--at-rest", action="store_true", help="a driven plan, too, is read at its poses alone")
+    parser.add_argument("--quick", action="store_true", help="no search for causes; a tenth of the time")
     parser.add_argument("--keep", type=Path, help="folder for plans and runs; what stands there is not made again")
     parser.add_argument("-j", "--jobs", type=int, default=max(1, (os.cpu_count() or 1) // 2), help="rows at a time")
     asked = parser.parse_args()
