@@ -175,19 +175,24 @@ def _dense_times(cell: Cell, trajectory: Trajectory, shortest: float) -> Array:
     after = np.clip(np.searchsorted(points, even), 1, len(points) - 1)
     gap = np.minimum(np.abs(even - points[after - 1]), np.abs(points[after] - even))
     kept = _keep_apart(even, shortest)
-    if not kept.all() and _cut_corner(cell, trajectory, even[kept]) > CUT_CORNER_SHARE:
+    written = np.unique(np.concatenate([even[kept & (gap >= shortest)], points]))
+    if not kept.all() and _cut_corner(cell, trajectory, written) > CUT_CORNER_SHARE:
         raise InputError(
             f"blocks of {1e3 * shortest:g} ms are so long that straight ones would leave the curved path by over "
             f"{to_mm(CUT_CORNER_SHARE * DENSE_TRAVEL):g} mm: lower controller.block_ms or motion.tool_speed_mm_min"
         )
-    even, gap = even[kept], gap[kept]
-    return np.unique(np.concatenate([even[gap >= shortest], points]))
+    return written
 
 
 def _cut_corner(cell: Cell, trajectory: Trajectory, t: Array) -> float:
-    """Return how far the middle of a straight step leaves the path, at most, as a share of a small step."""
-    middle, ends = trajectory.at((t[1:] + t[:-1]) / 2).q, trajectory.at(t).q
-    straight = (ends[1:] + ends[:-1]) / 2
+    """Return how far the path leaves straight steps, at the middle of each, at most, as a share of a small step.
+
+    Where the robot gathers speed it is elsewhere on the same straight step: that leaves nothing.
+    """
+    middle, q = trajectory.at((t[1:] + t[:-1]) / 2).q, trajectory.at(t).q
+    step = np.diff(q, axis=0)
+    along = np.einsum("ni,ni->n", middle - q[:-1], step) / np.maximum(np.einsum("ni,ni->n", step, step), 1e-24)
+    straight = q[:-1] + np.clip(along, 0.0, 1.0)[:, None] * step
     off = np.linalg.norm(cell.map_position(straight) - cell.map_position(middle), axis=1) / DENSE_TRAVEL
     turned = np.abs(straight - middle).max(axis=1) / DENSE_TURN
     return float(np.maximum(off, turned).max(initial=0.0))

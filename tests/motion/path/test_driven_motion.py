@@ -4,9 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 
 from planner.cell.reading import load_cell
-from planner.common.errors import NoSolutionError
+from planner.common.errors import InputError, NoSolutionError
 from planner.common.units import round_angles
 from planner.kinematics.inverse_kinematics import solve_pose_ik
 from planner.motion.path.constraints import Constraints
@@ -18,6 +19,7 @@ from planner.runs.run import FIRST_MOUNTING
 from planner.session.circle_motion import circle_polygons
 from planner.session.course import Waypoints, time_course
 from planner.session.driven_motion import Chain, Held, recover_motion
+from planner.session.driven_moves import dense_moves
 from planner.session.judgement import judge_program
 from planner.session.motion_hulls import enclose_steps, motion_hulls
 from planner.session.neutral_program import session_program
@@ -88,6 +90,35 @@ def test_the_blended_path_lies_in_the_regions_that_are_proven(moving, form):
     regions = _regions(cell, program)
     assert len(regions) < 300  # small steps share them
     assert _off(q, regions).max() < (2e-7 if form.dense else 1e-9)
+
+
+def _distance_left(cell, path, block_s):
+    """How far a path's tool leaves the straight steps that are written of it [m]; nothing where they are refused."""
+    try:
+        moves, _ = dense_moves(cell, path, FIRST_MOUNTING, block_s)
+    except InputError:
+        return None
+    q = np.vstack([path.q[:1], np.deg2rad([m.q_deg for m in moves])])
+    share = np.linspace(0.0, 1.0, 40_000 // len(q) + 2)[:, None, None]
+    steps = cell.map_position((q[:-1] + share * (q[1:] - q[:-1])).reshape(-1, q.shape[1]))
+    driven = cell.map_position(path.trajectory.angles(np.linspace(0.0, path.trajectory.duration_s, 5000)))
+    return cKDTree(steps).query(driven)[0].max()
+
+
+def test_straight_steps_leave_the_path_at_blends_alone(cell, moving):
+    """Straight motions from rest to rest and back are written whole by the longest blocks; of blends long ones fail."""
+    tour = proven_tour(CELL, 3)
+    travel = Waypoints(round_angles(np.array([cell.home, tour[0]])), np.array([-1, 0]), np.zeros(2))
+    rests = Waypoints(tour, np.array([-1, 1, 2, 3, -1]), np.zeros(len(tour))).there_and_back()
+    resting = time_course(cell, FIRST_MOUNTING, travel, rests).measuring
+    blended_cell, course = moving
+    blended = []
+    for block_s in (0.02, 0.05, 0.2, 1.0, 5.0):
+        assert _distance_left(cell, resting, block_s) < 2e-4  # steps are sampled 0.2 mm apart
+        blended.append(_distance_left(blended_cell, course.measuring, block_s))
+    assert blended[0] is not None
+    assert blended[-1] is None
+    assert max(left for left in blended if left is not None) < 1e-3
 
 
 def test_random_curves_lie_in_the_triangles_about_their_steps():
