@@ -30,19 +30,18 @@ def parameter_covariance(fit: Fit, continuous: bool) -> tuple[Array, float]:
     plain = root @ root.T * _robust_factor(fit)
     if not continuous:
         return plain, 1.0
-    white = problem.white_residual(fit.errors)
-    time = correlation_time(white[:, 0])
-    size = max(1, int(np.ceil(10 * time)))  # correlation times in one block of a continuous run
+    noise = FadingNoise.of(fit)
+    # 10: correlation times in one block of a continuous run
+    size = max(1, int(np.ceil(10 * correlation_time(problem.white_residual(fit.errors)[:, 0]))))
     count = len(problem) // size
     if count < 3 * len(fit.errors):  # blocks for each parameter that it takes to trust their scatter
-        noise = FadingNoise.of(fit)
         return noise.covariance * np.outer(problem.prior, problem.prior) * _robust_factor(fit), noise.time
     scores = _scores(fit, np.minimum(np.arange(len(problem)) // size, count - 1), count)
     bread = solution.inverse
     inverse = bread @ bread.T  # of the information, in prior sigmas
     half = inverse @ scores.T
     white_noise = half @ half.T * count / max(1.0, count - fit.effective)
-    return np.asarray((white_noise + inverse @ inverse) * np.outer(problem.prior, problem.prior)), time
+    return np.asarray((white_noise + inverse @ inverse) * np.outer(problem.prior, problem.prior)), noise.time
 
 
 def _robust_factor(fit: Fit) -> float:

@@ -39,12 +39,12 @@ class FadingNoise:
         few = problem.take(np.arange(0, len(problem), step))
         piece = few.piece(slice(None), fit.errors)
         rows, n = piece.rows, len(few)
-        axes, size, turn = np.linalg.svd(rows.reshape(-1, rows.shape[2]), full_matrices=False)
+        axes, size, turn = np.linalg.svd(rows.reshape(piece.residual.size, rows.shape[2]), full_matrices=False)
         # 1e-9: of the largest: what no reading shows is known by its prior alone
         shown = size > 1e-9 * size.max(initial=1e-300)
-        basis = axes[:, shown].reshape(n, rows.shape[1], -1)
+        basis = axes[:, shown].reshape(n, rows.shape[1], int(shown.sum()))
         rho = fading_of_residual(piece.residual, basis)
-        flat = basis.reshape(-1, basis.shape[2])
+        flat = basis.reshape(piece.residual.size, basis.shape[2])
         scatter = flat.T @ correlate(basis, rho).reshape(flat.shape)
         readings = piece.residual.size
         # what the fit has taken up of slow noise is more than it takes up of noise that is new at each sample
@@ -54,7 +54,8 @@ class FadingNoise:
         half = inverse @ back.T
         own = half @ scatter @ half.T * grown * step**2
         plain = ((half**2).sum(axis=1)) * step
-        return cls(own + inverse @ inverse, max(1.0, float((np.diag(own) / np.maximum(plain, 1e-300)).mean())))
+        grown_by = np.diag(own) / np.maximum(plain, 1e-300) if len(own) else np.array([(1 + rho) / (1 - rho)])
+        return cls(own + inverse @ inverse, max(1.0, float(grown_by.mean())))
 
 
 def fading_of_residual(residual: Array, basis: Array) -> float:
@@ -63,7 +64,7 @@ def fading_of_residual(residual: Array, basis: Array) -> float:
     read = window_time(residual)
     window = int(np.ceil(WINDOW_TIMES * read))
     near = window_sums(basis, window)
-    flat, along = basis.reshape(n * width, -1), near.reshape(n * width, -1)
+    flat, along = (columns.reshape(n * width, basis.shape[2]) for columns in (basis, near))
     both, expected = flat.T @ along, []
     times = read * np.geomspace(1.0, 30.0, 12)  # 30: times that the fit may have hidden
     for time in times:
