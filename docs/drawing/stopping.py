@@ -13,7 +13,7 @@ SHOWN = Path(__file__).resolve().parents[1] / "pictures" / "shown" / "stopping.j
 LINES = {
     "led on": (BLUE, "-"), "measure": (BLUE, "--"), "batches": (ORANGE, "-"), "batches anew": (ORANGE, "--"),
     "next-view": (RED, "-"), "plan": (GREY, "-"), "by the minute": (GREY, "-."), "d-optimal": (GREY, "--"),
-    "next-view set": (GREY, ":"),
+    "next-view set": (GREY, ":"), "plan's own number": (GREY, "-"),
 }  # fmt: skip
 
 

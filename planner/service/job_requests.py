@@ -11,14 +11,18 @@ from planner.service.command_words import RefusedCommandError, leads_outside
 from planner.service.declared_request import take_fields
 from planner.service.job_folder import FileInFolder, FileReference, JobFolder, JobId
 from planner.service.job_request import (
+    GIVEN,
     PLAN_OR_CELL,
+    CellReference,
     CellRequest,
     Coordinate,
+    ExtraFiles,
     JobRequest,
     MeasuredRequest,
     OfIdentificationRequest,
     OfPlanRequest,
     Word,
+    one_of,
     options,
 )
 from planner.studies.study_call import StudyCall
@@ -86,12 +90,40 @@ class CommandRequest(JobRequest):
 
 
 @take_fields(PlanCall)
-class PlanRequest(CellRequest):
-    """What is laid into the folder of a plan beside what it declares: the cell."""
+class PlanRequest(JobRequest):
+    """What is laid into the folder of a plan beside what it declares: the cell, or that of the calibration before."""
 
     kind = "plan"
     document = "plan.json"
     example = {"cell": "comau-nj130/edbb", "poses": 60, "dialect": ["krl"]}
+    cell: CellReference | None = None
+    files: ExtraFiles = []
+    after: JobId | None = Field(
+        None,
+        description="the identification of the robot: poses that lower the error that it leaves most; without a cell"
+        " they are planned in its own",
+    )
+    model_config = ConfigDict(json_schema_extra=one_of(cell=GIVEN, after=GIVEN))
+
+    @model_validator(mode="after")
+    def _check_place(self) -> Self:
+        if self.cell is None and self.after is None:
+            raise ValueError("name a cell, or with after a calibration")
+        return self
+
+    def arguments(self, folder: JobFolder) -> list[str]:
+        """Return the word of the cell, and the calibrated robot."""
+        cell = folder.cell(self.cell, self.files) if self.cell else folder.cell_of(str(self.after))
+        after = self.after and folder.results(self.after, "identification", "calibrated")
+        return [cell, *options(after=after)]
+
+    def subject(self, folder: JobFolder) -> str:
+        """Return the title of the cell, or what the calibration was of."""
+        return folder.cell_title(self.cell) if self.cell else folder.place(str(self.after))
+
+    def robot(self, folder: JobFolder) -> str:
+        """Return the robot of the cell."""
+        return folder.robot(self.cell) if self.cell else folder.jobs.get(str(self.after)).robot
 
 
 @take_fields(StudyCall)

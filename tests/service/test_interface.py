@@ -70,6 +70,7 @@ def test_a_run_that_does_not_fit_is_told(client):
     ("route", "body", "status", "sentence"),
     [
         ("plans", {"cell": "../../etc"}, 422, "cell: "),
+        ("plans", {"poses": 20}, 422, "name a cell, or with after a calibration"),
         ("plans", {"cell": "ur10/edbb", "index": "O9"}, 422, "must be 'O1', 'O2', 'O3', 'O4' or 'O5'"),
         ("plans", {"cell": "ur10/edbb", "pose": 3}, 422, "pose: "),
         ("plans", {"cell": "0" * 64}, 404, "upload it first"),

@@ -9,7 +9,7 @@ from planner.service.job_requests import REQUESTS
 from planner.service.serving import build_context
 from tests.service.conftest import settings
 
-PLAN, KNOWN, CHECK = "1" * 24, "2" * 24, "3" * 24
+PLAN, KNOWN, CHECK, OTHER_PLAN = "1" * 24, "2" * 24, "3" * 24, "4" * 24
 FOUND = {"identification.json": b"{}", "robot.toml": b"r", "expected_error.csv": b"e", "report.html": b"x"}
 NEEDED = sorted(FOUND.keys() - {"report.html"})
 CALIBRATED = [f"calibrated/{name}" for name in NEEDED]
@@ -17,7 +17,7 @@ CALIBRATED = [f"calibrated/{name}" for name in NEEDED]
 
 @pytest.fixture(scope="module")
 def context(tmp_path_factory):
-    """Three jobs that are done: a plan, an identification by a log of it, and the plan of a check."""
+    """Jobs that are done: two plans, an identification by a log of the first, and the plan of a check."""
     made = build_context(settings(tmp_path_factory.mktemp("requests")))
     run = JobInput("run.csv", made.files.add(b"q1_deg"))
     identify = JobCommand(("identify", "run.csv", "--cell", "ur10/edbb"), (run,))
@@ -25,6 +25,7 @@ def context(tmp_path_factory):
     for id, kind, command, outputs in (
         (PLAN, "plan", JobCommand(("plan",)), {"plan.json": b"{}", "cell.toml": b""}),
         (KNOWN, "identification", identify, FOUND),
+        (OTHER_PLAN, "plan", JobCommand(("plan",)), {"plan.json": b"{}", "cell.toml": b""}),
         (CHECK, "check-plan", JobCommand(("plan-check", "--model", "calibrated"), held), {"plan.json": b"{1}"}),
     ):
         made.jobs.submit(id, kind, "run.csv of ur10/edbb", "{}", command)
@@ -39,6 +40,15 @@ CASES = [
      " --separate before/identification.json", [f"before/{n}" for n in NEEDED]),
     ("plan", {"cell": "ur10/edbb", "method": "pruning", "order": "slowest-axis"},
      "plan ur10/edbb -o out --json --seed 0 --tsp auto --method pruning --order slowest-axis", []),
+    ("plan", {"after": KNOWN, "same_mounting": True, "until_mm": 0.2},
+     "plan ur10/edbb --after calibrated -o out --json --seed 0 --tsp auto --same-mounting --until-mm 0.2",
+     ["run.csv", *CALIBRATED]),
+    ("plan", {"cell": "so101/wire", "after": KNOWN},
+     "plan so101/wire --after calibrated -o out --json --seed 0 --tsp auto", CALIBRATED),
+    ("identification", {"plan": PLAN, "runs": ["a.csv", "b.csv"], "plans": [OTHER_PLAN], "no_trace": True},
+     "identify a.csv b.csv --plan plan/plan.json --plan plan-2/plan.json --cell plan/cell.toml --cell plan-2/cell.toml"
+     " -o out --json --no-trace --hold-out 0.2 --seed 0",
+     ["a.csv", "b.csv", "plan/cell.toml", "plan/plan.json", "plan-2/cell.toml", "plan-2/plan.json"]),
     ("fixture-view", {"cell": "ur10/edbb", "position_mm": [1, 2, 3]}, "fixture-view ur10/edbb 0 1.0 2.0 3.0", []),
     ("export", {"plan": CHECK, "dialect": "krl"}, "export plan/plan.json -o out/program.src --dialect krl",
      ["plan/plan.json"]),

@@ -2,7 +2,7 @@ import { find, finished, get, post, root, say, showFacts, upload } from "./commo
 import { lineChart } from "./linechart.js";
 
 const message = find("#run-message"), sent = find("#sent"), drop = find("#drop");
-let runs = [], simulation = null, good = false, asked = 0, unknown = "";
+let runs = [], simulation = null, good = false, asked = 0, unknown = "", before = [];
 
 function place() {
   const plan = find("#plan").value, cell = find("#cell");
@@ -40,7 +40,30 @@ async function choosePlan(file) {
   if (!plan && cells.length === 1 && !find("#cell").value) find("#cell").value = cells[0].value;
 }
 
+async function fileOf(simulation) {
+  const file = (await get(`/api/jobs/${simulation}`)).files.find((f) => f.name === "run.csv");
+  return { id: file.sha256, name: file.name };
+}
+
+// The runs that a plan was made after, each with its own plan: their calibration was asked for with one for each.
+async function runsBefore(plan) {
+  const after = plan && (await get(`/api/jobs/${plan}`)).request.after;
+  if (!after) return [];
+  const found = (await get(`/api/jobs/${after}`)).request, plans = [found.plan, ...(found.plans ?? [])];
+  const measured = [...(found.runs ?? []), ...(found.simulation ? [await fileOf(found.simulation)] : [])];
+  return measured.length === plans.length && plans.every(Boolean) ? measured.map((run, k) => ({ run, plan: plans[k] })) : [];
+}
+
+async function offerRunsBefore() {
+  const plan = find("#plan").value, found = await runsBefore(plan);
+  if (plan !== find("#plan").value) return;
+  before = found;
+  find("#before-choice").hidden = !before.length;
+  find("#before-runs").textContent = before.map(({ run }) => run.name).join(", ");
+}
+
 async function check() {
+  await offerRunsBefore();
   const number = ++asked;
   good = false;
   update();
@@ -110,21 +133,27 @@ find("#simulate").addEventListener("click", () => attempt(async () => {
 
 async function judge() {
   const limit = find("#check-limit").value;
-  let run = runs[0];
-  if (simulation) {
-    const file = (await get(`/api/jobs/${simulation}`)).files.find((f) => f.name === "run.csv");
-    run = { id: file.sha256, name: file.name };
-  }
+  const run = simulation ? await fileOf(simulation) : runs[0];
   const job = await post("/api/checks", { plan: find("#plan").value, run, ...(limit && { limit_mm: Number(limit) }) });
   location.href = `${root}/jobs/${job.id}`;
+}
+
+// All runs so far, each a session with its plan; files of one name get names of their own.
+async function withRunsBefore() {
+  const now = simulation ? [await fileOf(simulation)] : runs, plan = find("#plan").value;
+  const all = [...before, ...now.map((run) => ({ run, plan }))];
+  const [first, ...others] = all.map((each) => each.plan);
+  return { runs: all.map(({ run }, k) => ({ id: run.id, name: `session-${k + 1}-${run.name.replace(/^session-\d+-/, "")}` })), plan: first, plans: others };
 }
 
 find("#run-form").addEventListener("submit", (event) => {
   event.preventDefault();
   attempt(async () => {
     if (isCheck()) { await judge(); return; }
-    const job = await post("/api/identifications", { runs, simulation, ...place(), no_trace: !find("#trace").checked });
+    const measured = before.length && find("#before").checked ? await withRunsBefore() : { runs, simulation, ...place() };
+    const job = await post("/api/identifications", { ...measured, no_trace: !find("#trace").checked });
     location.href = `${root}/jobs/${job.id}`;
   });
 });
 update();
+if (find("#plan").value) attempt(offerRunsBefore);

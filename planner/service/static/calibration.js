@@ -55,3 +55,13 @@ find("#check-plan-form")?.addEventListener("submit", async (event) => {
     location.href = `${root}/jobs/${(await post("/api/check-plans", { model: job, poses: Number(find("#check-poses").value) })).id}`;
   } catch (problem) { say(message, problem.message, true); }
 });
+
+find("#next-form")?.addEventListener("submit", async (event) => {
+  event.preventDefault();
+  const message = find("#next-message"), until = find("#until").value;
+  const asked = { after: job, same_mounting: find("#standing").checked, ...(until && { until_mm: Number(until) }) };
+  try {
+    say(message, "Sending …");
+    location.href = `${root}/jobs/${(await post("/api/plans", asked)).id}`;
+  } catch (problem) { say(message, problem.message, true); }
+});
