@@ -46,10 +46,12 @@ class NextSessionChooser:
     until: float | None = None
     counts: ErrorPlaces | None = None
 
+    def __post_init__(self) -> None:
+        if self.counts is None:  # else what is known counts at the places that are asked for, seen with the candidates
+            self._check_goal(self.before.at_most)
+
     def __call__(self, session: PoseSession, stages: Stages) -> Selection:
         """Choose the poses by the error that they leave; the index only judges them."""
-        if self.counts is None:
-            self._check_goal(self.before.at_most)
         pool, cell = session.pool, session.cell
         poses = self.poses or (None if self.until else SESSION.next_session_poses)
         with stages.stage("foresight") as progress:
