@@ -44,7 +44,7 @@ def foresee_more_poses(found: Calibration, cell: Cell, content: ExpectedErrorCon
     count = min(SESSION.next_session_poses, len(white))
     chosen = select_greedily(BayesianPosterior.prior(white, unknown.weight_per_prior), count, 0.0)
     left = BayesianPosterior.prior(white, unknown.weight_per_prior).with_readings(chosen)
-    pace = _minutes_a_pose(run, len(first))
+    pace = minutes_a_pose(run, len(first))
     return MorePoses(
         poses=count,
         minutes=None if pace is None else count * pace,
@@ -53,9 +53,16 @@ def foresee_more_poses(found: Calibration, cell: Cell, content: ExpectedErrorCon
     )
 
 
-def _minutes_a_pose(run: Run, poses: int) -> float | None:
-    """Return how long a pose took; ``None`` without a clock, or with one for each of several files."""
+def minutes_a_pose(run: Run, poses: int) -> float | None:
+    """Return how long a pose took; ``None`` without a clock.
+
+    A clock that goes back is that of the next file, which begins anew: what lies between two files counts for nothing.
+    """
     t = run.samples.t
-    if t is None or poses < 2 or not np.all(np.diff(t) > 0):
+    if t is None or poses < 2:
         return None
-    return float(t[-1] - t[0]) / 60.0 / (poses - 1)
+    steps = np.diff(t)
+    if np.any(steps == 0.0):
+        return None
+    begun = 1 + int((steps < 0.0).sum())
+    return float(steps[steps > 0.0].sum()) / 60.0 / max(poses - begun, 1)

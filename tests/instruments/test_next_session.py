@@ -76,7 +76,7 @@ def test_what_does_not_belong_together_is_refused(measured, tmp_path):
         CalibratedState.read(measured.folder / "known", load_cell("ur5e/edbb", planning=False))
     before = CalibratedState.read(measured.folder / "known", measured.cell)
     with pytest.raises(NoSolutionError, match="already"):
-        NextSessionChooser(before, until=2 * before.at_most)(None, None)
+        NextSessionChooser(before, until=2 * before.at_most)
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ from planner.cell.reading import load_cell
 from planner.common.errors import InputError
 from planner.design.expected_errors import error_limit
 from planner.instruments.live_estimate import LiveEstimate, PoseReading, mean_errors
-from planner.instruments.more_poses import foresee_more_poses
+from planner.instruments.more_poses import foresee_more_poses, minutes_a_pose
 from planner.instruments.remaining_errors import CalibratedState, RemainingErrors, leave_standing
 from planner.kinematics.robot_hash import model_text_hash
 from planner.model.identification_document import Finding
@@ -219,3 +219,17 @@ def test_the_files_are_named_between_which_a_gauge_was_moved(tmp_path):
         found = locate_session_step(np.array(steps, dtype=float), finding, run)
         assert found.note == f"the gauge (or the base) was moved {told}, 1.00 mm"
     assert found.between_sessions == ("a/run.csv", "b/run.csv")
+
+
+@pytest.mark.parametrize(
+    ("times", "poses", "minutes"),
+    [
+        ([0, 30, 60, 90], 4, 0.5),
+        ([0, 30, 60, 5, 35, 65], 6, 0.5),  # the clock of a second file begins anew
+        ([9, 9, 9], 3, None),
+        (None, 3, None),
+    ],
+)
+def test_a_pose_takes_as_long_whether_it_is_in_the_first_file_or_the_second(times, poses, minutes):
+    run = Of(samples=Of(t=None if times is None else np.array(times, dtype=float)))
+    assert minutes_a_pose(run, poses) == minutes

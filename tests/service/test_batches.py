@@ -84,7 +84,7 @@ def test_the_next_batch_is_planned_in_the_same_cell_and_leaves_the_gauge_standin
     assert session.second["title"] == session.first["title"]
     assert session.second["robot"] == session.first["robot"]
     assert "left standing" in session.page_of_second
-    assert "as they stand" in session.checklist
+    assert "Leave every fixture as it stands" in session.checklist
 
 
 def test_both_batches_together_state_less_than_the_first(session):
