@@ -13,7 +13,7 @@ def speaking_all(robot):
     """The robot with a convention for every language, that of the joints where its own file states none."""
     own = {c.controller for c in robot.conventions}
     added = (
-        AxisConvention.like_model(name, robot.q_lower, robot.q_upper, robot.speed, "drawn for a test")
+        AxisConvention.model_convention(name, robot.q_lower, robot.q_upper, robot.speed, "drawn for a test")
         for name in CONTROLLERS
         if name not in own
     )

@@ -77,7 +77,7 @@ class GaugeSession:
         """Return the instruction to a person at a pose q (N,) [rad] before it is read; empty where there is none."""
         return ""
 
-    def starts_among(self, q: Array) -> Array | None:
+    def start_states(self, q: Array) -> Array | None:
         """Return the states (n, N) [rad] among which a session starts; ``None``: where the tool's axis points up."""
         return q
 

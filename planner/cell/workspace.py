@@ -76,10 +76,10 @@ class Workspace:
     def keeps_margin(self, q: Array, margin: float) -> np.ndarray:
         """Tell which controller angles (n, N) [rad] keep every margin above ``margin`` [m or rad], (n,) bool."""
         out = np.zeros(len(q), dtype=bool)
-        out[self.survivors(q, margin)[-1]] = True
+        out[self.positions_within_margins(q, margin)[-1]] = True
         return out
 
-    def survivors(self, q: Array, margin: float) -> list[np.ndarray]:
+    def positions_within_margins(self, q: Array, margin: float) -> list[np.ndarray]:
         """Positions of those of the angles q (n, N) [rad] that keep every margin so far, after each of the stages."""
         cell, left, out = self.cell, np.arange(len(q)), list[np.ndarray]()
         tool: tuple[Array, Array] | None = None

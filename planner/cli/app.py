@@ -20,7 +20,7 @@ from planner.cli.former_names import take_former_options
 from planner.cli.terminal import Manner, errors
 from planner.common.calls import GROUPS, MORE
 from planner.common.commands import extension_commands, remote_function
-from planner.common.console import speak_plainly
+from planner.common.console import spell_unencodable
 from planner.common.errors import InputError, LookFirst, MissingProgramError, PlannerError
 from planner.common.extensions import broken_extensions
 from planner.common.files import INPUTS, short_path
@@ -221,7 +221,7 @@ def _run_on_server(url: str, words: list[str]) -> int:
 
 def main() -> None:
     """Run the command line; the exit code is the error's own (0 done, 1 bug, 2 input, 3 no solution, 4 missing)."""
-    speak_plainly()
+    spell_unencodable()
     ended = ""
     try:
         with results_alone():

@@ -25,7 +25,7 @@ def spell_plainly(err: UnicodeError) -> tuple[str, int]:
     return "".join(PLAIN.get(letter, "?") for letter in err.object[err.start : err.end]), err.end
 
 
-def speak_plainly() -> None:
+def spell_unencodable() -> None:
     """Let standard output and errors spell plainly what their encoding lacks, where it is not UTF-8."""
     codecs.register_error(NAME, spell_plainly)
     for stream in (sys.stdout, sys.stderr):

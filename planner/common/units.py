@@ -58,7 +58,7 @@ def round_finite(value: float, digits: int = 4) -> float | None:
     return float(f"{value:.{digits}g}") if np.isfinite(value) else None
 
 
-def few_digits(values: ArrayLike, digits: int) -> Array:
+def round_significant_digits(values: ArrayLike, digits: int) -> Array:
     """Round each value to so many significant digits."""
     return np.asarray(np.vectorize(lambda v: float(f"{v:.{digits}g}") + 0.0, otypes=[float])(values))
 

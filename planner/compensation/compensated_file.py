@@ -22,7 +22,7 @@ from planner.compensation.file_axes import FlangeInAxes, axes_notes, axes_of_fil
 from planner.compensation.languages import (
     add_head,
     check_reach,
-    companion_of,
+    companion_text,
     detect_dialect,
     foreign_robot_notes,
     read_targets,
@@ -158,7 +158,7 @@ def compensate_file(
             check_no_measuring_program(path.name, text)
     language = dialect or detect_dialect(path, text)
     companion, axes = (
-        companion_of(path, language, read_program),
+        companion_text(path, language, read_program),
         axes_of_file(path.name, language, text, nominal, axes_of),
     )
     notes = [*axes_notes(language, nominal, axes), *foreign_robot_notes(path.name, language, text, nominal)]

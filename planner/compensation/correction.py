@@ -171,11 +171,11 @@ def solve_flange_ik(
     if not len(far) or not rounds[1]:
         return found.best
 
-    def own_task(q: Array, rows: Positions) -> tuple[Array, Array]:
+    def tool_frame_error(q: Array, rows: Positions) -> tuple[Array, Array]:
         """Return the error and its Jacobian in the flange's own axes."""
         return _error(poser, q, p[far[rows]], R[far[rows]]), _own_jacobian(poser, q)
 
-    again = solve_ik(own_task, found.best[far], step=_step, iterations=rounds[1], tolerance=SOLVED)
+    again = solve_ik(tool_frame_error, found.best[far], step=_step, iterations=rounds[1], tolerance=SOLVED)
     q = found.best.copy()
     q[far] = again.best
     return q

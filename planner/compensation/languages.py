@@ -94,7 +94,7 @@ def _comment_style(name: str) -> CommentStyle:
     return TP_REMARK if _family_of(name) == "fanuc" else style
 
 
-def companion_of(path: Path, name: str, read: Callable[[Path], tuple[str, str]]) -> str:
+def companion_text(path: Path, name: str, read: Callable[[Path], tuple[str, str]]) -> str:
     """Return the text of the other half of a KRL module, which lies beside it, or nothing."""
     other = HALVES.get(path.suffix.lower())
     if other is None or name == TABLE or name not in dialect_names() or _family_of(name) != "krl":

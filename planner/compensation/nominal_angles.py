@@ -36,13 +36,13 @@ class SearchSeeds:
 
     @cached_property
     def _features(self) -> Array:
-        return self.features(*NominalFlange(self.robot).flange(self.q))
+        return self.pose_features(*NominalFlange(self.robot).flange(self.q))
 
     @cached_property
     def _trees(self) -> dict[int, tuple[np.ndarray, KDTree]]:
         return {}
 
-    def features(self, p: Array, R: Array) -> Array:
+    def pose_features(self, p: Array, R: Array) -> Array:
         """Return the features by which poses are compared, (n, 12): position over the reach of the arm, and axes."""
         reach = sum(t.extent for t in self.robot.transforms if t.kind == "translation")
         return np.concatenate([2.0 * p / reach, 0.5 * R.reshape(len(p), 9)], axis=1)
@@ -149,7 +149,7 @@ def _search(T: Array, shapes: np.ndarray, seeds: SearchSeeds) -> tuple[Array, np
     """Return angles (n, 6) in the shapes (n,) that reach T (n, 4, 4), and which were found."""
     robot = seeds.robot
     q, ok = np.zeros((len(T), robot.n_joints)), np.zeros(len(T), dtype=bool)
-    features = seeds.features(T[:, :3, 3], T[:, :3, :3])
+    pose_features = seeds.pose_features(T[:, :3, 3], T[:, :3, :3])
     for shape in np.unique(shapes):
         rows = np.flatnonzero(shapes == shape)
         own, tree = seeds.of_shape(int(shape))
@@ -159,7 +159,7 @@ def _search(T: Array, shapes: np.ndarray, seeds: SearchSeeds) -> tuple[Array, np
             rows = rows[~ok[rows]]
             if not rows.size:
                 break
-            near = tree.query(features[rows], k=range(1, min(count, own.size) + 1))[1]
+            near = tree.query(pose_features[rows], k=range(1, min(count, own.size) + 1))[1]
             found, good = _reach(
                 robot, seeds.q[own[near]].reshape(-1, robot.n_joints), np.repeat(T[rows], near.shape[1], 0)
             )

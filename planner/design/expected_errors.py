@@ -83,10 +83,10 @@ class GoalOutOfReachError(NoSolutionError):
 
 def error_limit(errors: ExpectedErrors, white: Array) -> float:
     """Return the error of the tool [m] that 95 of 100 robots stay below after readings ``white`` (n, P)."""
-    return errors.state_limit(square_limit(errors.weight_per_prior, white))
+    return errors.state_limit(square_error_limit(errors.weight_per_prior, white))
 
 
-def square_limit(weight: Array, white: Array) -> float:
+def square_error_limit(weight: Array, white: Array) -> float:
     """Return the square [m²] that 95 of 100 robots stay below, of errors of unit size after readings ``white`` (n, P).
 
     Its weights are the eigenvalues of ``weight`` (P, P) times the covariance that the readings leave.

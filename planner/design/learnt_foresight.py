@@ -61,9 +61,9 @@ class LearntForesight:
         """Return the mean square error of the tool [m²] that is expected after so many more."""
         return self.after(more).square(self.taken[: self.count + more])
 
-    def square_limit(self, more: int) -> float:
+    def square_error_limit(self, more: int) -> float:
         """Return the square [m²] that 95 of 100 such robots are expected to stay below after so many more."""
-        return self.after(more).square_limit(self.taken[: self.count + more])
+        return self.after(more).square_error_limit(self.taken[: self.count + more])
 
 
 def draw_readings(now: LearntPosterior, taken: Sequence[int], off: Array, more: Sequence[int]) -> Array:

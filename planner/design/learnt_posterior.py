@@ -81,7 +81,7 @@ class LearntPosterior:
         left = float(np.trace(self._before)) - float((self._root_of_reduction(which) ** 2).sum())
         return left * float(np.exp(2.0 * self.families.doubt**2))
 
-    def square_limit(self, which: Sequence[int]) -> float:
+    def square_error_limit(self, which: Sequence[int]) -> float:
         """Return the square that 95 of 100 such robots stay below after some readings [m²]."""
         values = np.maximum(np.linalg.eigvalsh(self.remaining_error(which))[::-1], 0.0)
         most = 60  # values that vary; the small ones that are left count as certain

@@ -30,7 +30,7 @@ from planner.design.observability.identifiability import Identifiability, find_i
 from planner.design.observability.information import all_indices, find_rule, index_value
 from planner.design.selection.certificate import Certificate
 from planner.design.selection.d_optimal import EqualShares, detmax
-from planner.design.selection.index_bound import certify_bound, price_core
+from planner.design.selection.index_bound import certify_bound, price_candidates
 from planner.design.selection.index_criterion import index_of_information
 from planner.design.selection.index_curves import BackgroundCurve
 from planner.design.selection.index_search import exchange_poses
@@ -254,7 +254,7 @@ def describe_pruning(choice: PoseChoice) -> str:
 
 def _likely_at_balls(rows: Array, ball: Positions, certificate: Certificate, n: int) -> Positions:
     """Return the candidates that an optimal set may hold by their price in the certificate, enough of each ball."""
-    order, core = price_core(rows, certificate, n)
+    order, core = price_candidates(rows, certificate, n)
     each = [order[ball[order] == k][:1000] for k in range(int(ball.max()) + 1)]  # candidates of each ball
     return np.union1d(core, np.concatenate(each))
 

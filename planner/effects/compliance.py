@@ -231,7 +231,7 @@ def tool_compliance(run: Excitation) -> Iterator[Effect]:
 
 
 @register("link mass", "payload mass", background=Background.NAMED_ONLY)
-def wrong_mass(run: Excitation) -> Iterator[Effect]:
+def mass_errors(run: Excitation) -> Iterator[Effect]:
     """Payload or a link heavier or lighter than stated, as seen through the joints that it loads most."""
     for i in run.joints:
         name = f"link {i + 1}"

@@ -13,7 +13,7 @@ from planner.effects.context import Context
 from planner.effects.effect import Effect, Parameter, ParameterMove, Place, ShapeParameter, reading_move
 from planner.effects.gauge_unknowns import unknowns_of
 from planner.effects.sizes import GAUGE_LAG
-from planner.effects.thermal import against_temperature
+from planner.effects.thermal import temperature_variable
 
 KAKINO = "Kakino, Ihara & Nakatsu 1987, CIRP Annals 36(1): errors of double ball bars, some micrometres"
 TAPE = "sag correction of surveyor's tapes (Ghilani & Wolf, Elementary Surveying, ch. 6); size estimated"
@@ -59,7 +59,7 @@ class LengthGrowth(BasisFunction, key="growth:NUMBER", static=False, gauge=True,
     """φ = (T − about)·L [K m]: thermal growth of the bar or of its scale."""
 
     about: float
-    plot_variable = against_temperature
+    plot_variable = temperature_variable
 
     def __call__(self, c: Context) -> Array:
         """Return the product."""

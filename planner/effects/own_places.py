@@ -26,7 +26,7 @@ class WherePlaced(BasisFunction, key="where:INDEX:PHI", static=False, gauge=True
         return self.phi.plot_variable(c)
 
 
-def acting_at(parameter: Parameter, places: Sequence[int], label: str) -> Parameter:
+def restrict_to_places(parameter: Parameter, places: Sequence[int], label: str) -> Parameter:
     """Return the parameter as it acts at some places alone; ``label`` tells it from the same one elsewhere."""
     moves = tuple(replace(m, phi=WherePlaced(place, m.phi)) for m in parameter.moves for place in places)
     return replace(parameter, name=f"{parameter.name}_{label}", what=f"{parameter.what} ({label})", moves=moves)
@@ -36,9 +36,9 @@ def effect_at(effect: Effect, places: Sequence[int], label: str) -> Effect:
     """Return the effect as it acts at some places alone, such as the scale of the gauge that stands there."""
     own = effect.parameters
     made = (
-        (lambda value: tuple(acting_at(p, places, label) for p in own(value)))
+        (lambda value: tuple(restrict_to_places(p, places, label) for p in own(value)))
         if callable(own)
-        else tuple(acting_at(p, places, label) for p in own)
+        else tuple(restrict_to_places(p, places, label) for p in own)
     )
     place = Place(f"{effect.place.part} ({label})", effect.place.number, effect.place.driver)
     return replace(effect, place=place, parameters=made)

@@ -13,7 +13,7 @@ from planner.effects.effect import BASE_SHIFTS, BASE_TURNS, BaseMotion, Effect, 
 from planner.effects.sizes import SESSION_SHIFT, SESSION_TURN
 
 
-def against_session(phi: BasisFunction, c: Context) -> EffectVariable:
+def session_variable(phi: BasisFunction, c: Context) -> EffectVariable:
     """Draw an effect against the session."""
     assert c.samples.session is not None
     return EffectVariable("session", c.samples.session.astype(float))
@@ -24,7 +24,7 @@ class InSession(BasisFunction, key="session:INDEX", static=False, run=True, colu
 
     session: int
     uncorrected = "steps between sessions"
-    plot_variable = against_session
+    plot_variable = session_variable
 
     def __call__(self, c: Context) -> Array:
         """Return the indicator."""
@@ -36,7 +36,7 @@ class PlaceInSession(BasisFunction, key="remounted:INDEX:INDEX", static=False, g
 
     place: int
     session: int
-    plot_variable = against_session
+    plot_variable = session_variable
 
     def __call__(self, c: Context) -> Array:
         """Return the indicator."""

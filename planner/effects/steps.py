@@ -102,7 +102,7 @@ class Steppable:
         )  # fmt: skip
 
 
-def acting_throughout(p: Parameter) -> Parameter:
+def extend_over_run(p: Parameter) -> Parameter:
     """Return the parameter of a step as it would act in every sample."""
     moves = (replace(m, phi=m.phi.phi) if isinstance(m.phi, BeforeSample) else m for m in p.moves)
     return replace(p, moves=tuple(moves))

@@ -30,12 +30,12 @@ from planner.effects.effect import (
 from planner.effects.sizes import DRIFT_SHIFT, DRIFT_TURN, EXPANSION, HEISEL, SIGMAS_OF_LARGEST, THERMAL_GROWTH
 
 
-def against_temperature(phi: BasisFunction, c: Context) -> EffectVariable:
+def temperature_variable(phi: BasisFunction, c: Context) -> EffectVariable:
     """Draw an effect against the temperature."""
     return EffectVariable("temperature (°C)", c.column("temperature"))
 
 
-def against_time(phi: BasisFunction, c: Context) -> EffectVariable:
+def time_variable(phi: BasisFunction, c: Context) -> EffectVariable:
     """Draw an effect against the time."""
     return EffectVariable("time (min)", (c.column("t") - c.column("t").min()) / 60)
 
@@ -45,7 +45,7 @@ class TemperatureRise(BasisFunction, key="warmth:NUMBER", static=False, column="
 
     about: float
     uncorrected = "growth with temperature"
-    plot_variable = against_temperature
+    plot_variable = temperature_variable
 
     def __call__(self, c: Context) -> Array:
         """Return the difference."""
@@ -57,7 +57,7 @@ class ElapsedTime(BasisFunction, key="elapsed:NUMBER", static=False, run=True, c
 
     about: float
     uncorrected = "drift with time"
-    plot_variable = against_time
+    plot_variable = time_variable
 
     def __call__(self, c: Context) -> Array:
         """Return the time."""
@@ -70,7 +70,7 @@ class WarmUp(BasisFunction, key="warm-up:NUMBER:NUMBER", static=False, run=True,
     start: float
     constant: float
     uncorrected = "warming up"
-    plot_variable = against_time
+    plot_variable = time_variable
 
     def __call__(self, c: Context) -> Array:
         """Return the part of the way that is done."""

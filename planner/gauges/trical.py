@@ -72,7 +72,7 @@ class TriCalHead(BallGauge):
         """How the session is measured: by the extension that centres the head on each ball, if there is one."""
         return advice(Occasion.CENTRED_SESSION, super().measuring_command)
 
-    def starts_among(self, q: Array) -> Array | None:
+    def start_states(self, q: Array) -> Array | None:
         """The indicators are mastered with the head's opening upwards."""
         return None
 

@@ -23,7 +23,7 @@ from planner.cell.setup import MeasurementSetup, setup_of
 from planner.common.determinism import even_positions
 from planner.common.errors import InputError
 from planner.common.schema import StrictModel, read_json, validate
-from planner.common.units import Array, few_digits
+from planner.common.units import Array, round_significant_digits
 from planner.effects.effect import Parameter
 from planner.effects.phi_keys import columns_of, depends_on_run
 from planner.identification.calibrated_robot import MovedBy, describe_moves, effect_parameter
@@ -104,7 +104,7 @@ def baseline_text(released: ReleasedRobot, freedom: float, run: Run, cell: Cell,
     root, rest = _few_columns(model, fit.solution.root(fit.problem.prior)[kept], run, cell, fit.errors[kept])
     own = set(Model.of(setup, FREEABLE).names)  # what a cell holds for known was found as an effect
     parameters = [
-        {"name": p.name, "value": float(few_digits(v, digits))}
+        {"name": p.name, "value": float(round_significant_digits(v, digits))}
         | ({"moves": describe_moves(p, setup)} if p.is_effect and p.name not in own else {})
         for p, v in zip(model.parameters, fit.errors[kept], strict=True)
     ]
@@ -119,9 +119,9 @@ def baseline_text(released: ReleasedRobot, freedom: float, run: Run, cell: Cell,
         "turns": dict(zip(points, _turns(setup), strict=True)) if setup.gauge.angles else {},
         "noise": [noise.gauge, noise.joints, noise.angle],
         "freedom": freedom,
-        "rest": float(few_digits(rest, digits)),
+        "rest": float(round_significant_digits(rest, digits)),
         "parameters": parameters,
-        "spread": few_digits(root, digits).tolist(),
+        "spread": round_significant_digits(root, digits).tolist(),
     }
     return json.dumps(content, ensure_ascii=False, allow_nan=False) + "\n"
 
@@ -222,14 +222,14 @@ class Baseline:
         root = np.array(file.spread).reshape(len(file.parameters), -1)[lasts]
         return cls(file, Model(setup, parameters), values, np.vstack([root, np.zeros((len(anew), root.shape[1]))]))
 
-    def for_session(self, cell: Cell, run: Run) -> "Baseline":
+    def adapt_to_session(self, cell: Cell, run: Run) -> "Baseline":
         """Return the baseline for the run of a later session, with the gauge where that run finds it.
 
         Raises:
             InputError, NoSolutionError: the run cannot tell where the gauge stands.
         """
         there = self.build(self.file, self.model.setup.gauge.set_up_again(self.model.setup, cell, run))
-        there = there.for_samples(run.samples)
+        there = there.restrict_to_samples(run.samples)
         which = there._session_positions
         white = block_diag(*np.linalg.inv(np.linalg.cholesky(there.noise_covariance(run.samples))))
         # 4: Gauss-Newton steps in which what was set up anew is found, from where it was placed by the run
@@ -245,7 +245,7 @@ class Baseline:
         """Positions of the parameters of what is set up anew for every session."""
         return np.array([_is_anew(p, self.model.setup) for p in self.model.parameters]).nonzero()[0]
 
-    def for_samples(self, samples: Samples) -> "Baseline":
+    def restrict_to_samples(self, samples: Samples) -> "Baseline":
         """Return the baseline without effects of quantities that the samples lack; the model stays the same."""
         have = [
             all(getattr(samples, c) is not None for m in p.moves for c in columns_of(m.phi.key))

@@ -23,6 +23,7 @@ from planner.model.identification_document import (
     Finding,
     Identification,
     OnlyInMemory,
+    Stage,
 )
 from planner.model.use_statement import Use
 from planner.programs.controller_axes import controller_words
@@ -105,6 +106,15 @@ class Calibration(Identification):
     planned_errors: Annotated[tuple[float, ...], OnlyInMemory] = Field(default=(), exclude=True)
     good_for: Annotated[Use | None, OnlyInMemory] = Field(default=None, exclude=True)
     asides: Annotated[frozenset[str], OnlyInMemory] = Field(default=frozenset(), exclude=True)
+
+    @property
+    def written_stage(self) -> Stage:
+        """The robot as it is written; the last stage of a run so long that the written robot saw a part of it."""
+        last, robot = self.stages[-1], self.released
+        if robot is None or len(robot.held_residual) < len(self.run):
+            return last
+        update = {"held_out": robot.held_out, "validation": robot.validation, "held_residual": robot.held_residual}
+        return last.model_copy(update=update | {"name": "calibrated"})
 
     def __repr__(self) -> str:
         """Name run and robot: what was fitted is long."""

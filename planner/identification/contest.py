@@ -44,7 +44,7 @@ def judge_findings(posterior: PosteriorFit, contests: Sequence[Contest], worth: 
     arena, draws = Arena.of(posterior, contests, max(worth, 1.0)), posterior.record.draws
     looked = even_positions(len(draws), min(LOOKED_AT, len(draws)))
     weights = [Bouts.of(arena, draws[k]).weigh_all() for k in looked]  # products of all columns: one draw's at a time
-    return [mean_standing(each) for each in zip(*weights, strict=True)]
+    return [average_standing(each) for each in zip(*weights, strict=True)]
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ class Weights:
     by_poses: frozenset[str] = frozenset()
 
 
-def mean_standing(each: Sequence[Weights]) -> Standing:
+def average_standing(each: Sequence[Weights]) -> Standing:
     """Average the probabilities of a finding over the draws."""
     probability = dict.fromkeys((name for w in each for name in (*w.logs, *sorted(w.by_poses))), 0.0)
     for weights in each:
@@ -269,14 +269,14 @@ class Together:
         """Take out what is needless, the least first; the last one stays."""
         state = self
         while len(state.parts) > 1:
-            worth = state.worths()[:-1]
+            worth = state.conditional_log_odds()[:-1]
             least = int(np.argmin(worth))
             if worth[least] > 0:
                 break
             state = state.remove_cause(least)
         return state
 
-    def worths(self) -> Array:
+    def conditional_log_odds(self) -> Array:
         """Return the logarithm of the odds of each cause beside the others, (f,)."""
         out, first = self.odds.copy(), np.array([place.start for place in self._places])
         width = np.array([place.stop for place in self._places]) - first

@@ -83,7 +83,7 @@ def _scores(fit: Fit, block: np.ndarray, count: int) -> Array:
         np.add.at(out, block[part], each)
         return out
 
-    return np.asarray(sum(problem.over_pieces(one)))
+    return np.asarray(sum(problem.map_pieces(one)))
 
 
 def consider_covariance(fit: Fit, held: Sequence[Parameter]) -> Array:
@@ -93,7 +93,7 @@ def consider_covariance(fit: Fit, held: Sequence[Parameter]) -> Array:
         return np.zeros((count, count))
     wider = fit.problem.with_model(fit.model.plus(list(held)))
     errors = np.append(fit.errors, np.zeros(len(held)))
-    gram = np.asarray(sum(wider.over_pieces(lambda part: wider.piece(part, errors).gram)))
+    gram = np.asarray(sum(wider.map_pieces(lambda part: wider.piece(part, errors).gram)))
     information = fit.solution.factor.T @ fit.solution.factor  # in prior sigmas, the prior's own with it
     moved = fit.problem.prior[:, None] * np.linalg.solve(information, gram[:count, count:-1])
     return np.asarray(moved @ moved.T)

@@ -60,7 +60,7 @@ def _fix_without_time(found: Fit, run: Run) -> Model:
     return replace(model, fixed=fixed)
 
 
-def usable_elsewhere(found: Fit, run: Run) -> tuple[Model, np.ndarray] | None:
+def transferable_model(found: Fit, run: Run) -> tuple[Model, np.ndarray] | None:
     """Return the fitted model as it holds for another run, and which of its parameters that has, (k,) int.
 
     The others stand at their mean, as of :func:`validation_residual`. ``None`` where the run stands in new frames.
@@ -335,7 +335,7 @@ def _grams(problem: FitProblem, errors: Array, split: Split) -> Array:
             out[f] = piece.factored.take(np.flatnonzero(fold == f)).gram
         return out
 
-    return np.asarray(sum(problem.over_pieces(one)))
+    return np.asarray(sum(problem.map_pieces(one)))
 
 
 def _step_without(train: Array, fold: Array, z: Array, own: np.ndarray, step: Array, size: Array) -> Array:
@@ -369,4 +369,4 @@ def _shift_residual(problem: FitProblem, errors: Array, shift: Array, split: Spl
             out[mine] -= linear.columns.take(mine).times(shift[f])
         return out
 
-    return np.concatenate(list(problem.over_pieces(one)))
+    return np.concatenate(list(problem.map_pieces(one)))

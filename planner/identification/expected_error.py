@@ -20,7 +20,7 @@ from planner.cell.setup import MeasurementSetup
 from planner.common.determinism import even_positions
 from planner.common.errors import InputError
 from planner.common.schema import StrictModel, read_json, validate
-from planner.common.units import Array, few_digits, from_deg, from_mm, read_only, to_deg, to_mm
+from planner.common.units import Array, from_deg, from_mm, read_only, round_significant_digits, to_deg, to_mm
 from planner.effects.effect import Parameter
 from planner.identification.calibrated_robot import MovedBy, describe_moves, effect_parameter, loaded_robot
 from planner.identification.error_parts import error_parts
@@ -130,7 +130,7 @@ def expected_error_content(released: ReleasedRobot, run: Run) -> ExpectedErrorCo
     rest = [_mean_square(whole, m, tool.names) - _mean_square(root, m, tool.names) for m in (tool, *others)]
     rest = [released.beside_square + max(square, 0.0) for square in rest]
     offsets = {
-        name: few_digits(released.offset(tool.names, fit), DIGITS).tolist()
+        name: round_significant_digits(released.offset(tool.names, fit), DIGITS).tolist()
         for name, fit in (("nominal", None), ("geometry", released.geometry), ("released", released.fit))
     }
     few = tool.q[even_positions(len(tool.q), 300)]  # states at which the base is aligned
@@ -138,17 +138,19 @@ def expected_error_content(released: ReleasedRobot, run: Run) -> ExpectedErrorCo
         "schema": "edbb-expected-error/1",
         "robot": setup.robot.name,
         "robot_sha256": "",
-        "tool_mm": few_digits(to_mm(released.tool_point), DIGITS).tolist(),
+        "tool_mm": round_significant_digits(to_mm(released.tool_point), DIGITS).tolist(),
         "parameters": list(_describe(tool.names, moving_effects(released.posterior.fit), setup)),
         **offsets,
-        "spread": few_digits(root, DIGITS).tolist(),
-        "rest_mm": float(few_digits(to_mm(np.sqrt(rest[0])), DIGITS)),
-        "rest_other_mm": float(few_digits(to_mm(np.sqrt(np.mean(rest[1:]))), DIGITS)),
+        "spread": round_significant_digits(root, DIGITS).tolist(),
+        "rest_mm": float(round_significant_digits(to_mm(np.sqrt(rest[0])), DIGITS)),
+        "rest_other_mm": float(round_significant_digits(to_mm(np.sqrt(np.mean(rest[1:]))), DIGITS)),
         "likely_share": [
-            float(few_digits(released.likely_share(f), DIGITS)) for f in (None, released.geometry, released.fit)
+            float(round_significant_digits(released.likely_share(f), DIGITS))
+            for f in (None, released.geometry, released.fit)
         ],
         "parts_mm": {
-            name: float(few_digits(to_mm(value), DIGITS)) for name, value in dict(error_parts(released)).items()
+            name: float(round_significant_digits(to_mm(value), DIGITS))
+            for name, value in dict(error_parts(released)).items()
         },
         "states_deg": np.round(to_deg(few), 3).tolist(),
         **_standing_gauge(released, run),
@@ -181,10 +183,12 @@ def _standing_gauge(released: ReleasedRobot, run: Run) -> dict[str, object]:
     kept = square > 1e-3 * len(few) / len(square)  # all that is left out moves no reading by more than 3 % of its noise
     gauge = {
         "mounting": "",
-        "fixtures_mm": {name: few_digits(to_mm(p), 8).tolist() for name, p in stands.places.items()},
+        "fixtures_mm": {name: round_significant_digits(to_mm(p), 8).tolist() for name, p in stands.places.items()},
         "parameters": list(own.values()),
-        "values": [float(few_digits(known.values[name], DIGITS)) for name in own],
-        "spread": few_digits(root @ turn[:, kept], 5).tolist(),  # 5: a hundredth of a micrometre of a reading
+        "values": [float(round_significant_digits(known.values[name], DIGITS)) for name in own],
+        "spread": round_significant_digits(
+            root @ turn[:, kept], 5
+        ).tolist(),  # 5: a hundredth of a micrometre of a reading
     }
     return {"gauge": gauge}
 

@@ -92,7 +92,7 @@ class _Triangle:
             piece = problem.piece(slice(0, len(problem)), errors)
             whole = piece.gram
         else:
-            whole = np.asarray(sum(problem.over_pieces(lambda part: problem.piece(part, errors).gram)))
+            whole = np.asarray(sum(problem.map_pieces(lambda part: problem.piece(part, errors).gram)))
         z = errors / problem.prior
         if not np.all(np.isfinite(whole)):  # a step far beyond what the model can follow
             return cls(np.eye(len(z)), 0 * z, np.inf)
@@ -100,7 +100,7 @@ class _Triangle:
         right = solve_triangular(factor, whole[:-1, -1] - z, trans="T")
         return cls(factor, right, float(whole[-1, -1] + z @ z), piece)
 
-    def beside_residual(self, problem: FitProblem, errors: Array) -> "_Triangle | None":
+    def triangular_factor(self, problem: FitProblem, errors: Array) -> "_Triangle | None":
         """Return the triangle of the kept columns and the residual at errors (P,); ``None`` if no columns were kept."""
         if self.piece is None:
             return None
@@ -157,7 +157,7 @@ def _next_triangle(problem: FitProblem, here: _Triangle, trial: Array, length: f
 
     What they have changed by, times the residual, then stays in the minimum: a hundredth of a standard deviation.
     """
-    frozen = here.beside_residual(problem, trial) if damping == 0.0 else None
+    frozen = here.triangular_factor(problem, trial) if damping == 0.0 else None
     # 50.0: times longer than the next is a step at least where a Jacobian stands for later ones
     if frozen is not None and 50.0 * float(np.linalg.norm(frozen.right)) < length:
         return frozen
@@ -274,7 +274,7 @@ def _leverage(problem: FitProblem, solution: Solution) -> Array:
         """Return the leverages of one piece."""
         return problem.piece(part, solution.errors).factored.square_sums(root)
 
-    return np.concatenate(list(problem.over_pieces(one)))
+    return np.concatenate(list(problem.map_pieces(one)))
 
 
 def _shrinkage(solution: Solution) -> Array:

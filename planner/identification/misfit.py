@@ -38,7 +38,7 @@ from planner.identification.assumptions import (
     USUAL_NOISE_SHARE,
     USUAL_REST,
 )
-from planner.identification.cross_validation import number_targets, renumber_places, usable_elsewhere
+from planner.identification.cross_validation import number_targets, renumber_places, transferable_model
 from planner.identification.least_squares import Fit
 from planner.identification.noise import Noise
 from planner.identification.posterior_background import EffectFamily
@@ -288,7 +288,7 @@ def predict_validation(known: Fit, run: Run, time: float) -> HeldOutReadings | N
 
     ``None`` where the run stands in frames of its own.
     """
-    if (usable := usable_elsewhere(known, run)) is None:
+    if (usable := transferable_model(known, run)) is None:
         return None
     model, which = usable
     few = run.take(_worth_one_each(np.arange(len(run)), time if run.continuous else 1.0, model.width))

@@ -21,12 +21,4 @@ def own_errors_text(found: Calibration) -> str:
         return gauge.own_errors(fit.setup, run.samples, fitted, left)
 
     before = found.placed_stage
-    return gauge.own_errors_text(size(before.held_residual), size(_residual_of_written_robot(found)), fit.values)
-
-
-def _residual_of_written_robot(found: Calibration) -> Array:
-    """Return the held-out residuals of the robot as it is written, of the last stage where it saw a part of the run."""
-    robot = found.released
-    if robot is None or len(robot.held_residual) < len(found.run):
-        return found.stages[-1].held_residual
-    return robot.held_residual
+    return gauge.own_errors_text(size(before.held_residual), size(found.written_stage.held_residual), fit.values)

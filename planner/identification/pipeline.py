@@ -86,12 +86,12 @@ def identify(
     stages.append(context.fit_stage("geometry", model, stages[-1].fit))
     stages, notes = add_declared_stages(stages, free, cell.plan.effects, context, say)
     traced = TracingResult()
-    if tracer is not None and context.spare(free.model) >= TRACEABLE_READINGS:
+    if tracer is not None and context.redundancy(free.model) >= TRACEABLE_READINGS:
         more, traced = tracer(stages[-1], context, say)
         stages += more
         notes += [] if approaches else approach_warnings(traced)
     else:
-        notes += [] if tracer is None else [too_few_text(context.spare(free.model))]
+        notes += [] if tracer is None else [too_few_text(context.redundancy(free.model))]
         if JOINT_COMPLIANCE not in cell.plan.effects and (setup.weighs or run.samples.force is not None):
             say(JOINT_COMPLIANCE)
             wider = choose_parameters(cell, setup, run, (JOINT_COMPLIANCE,))
@@ -103,7 +103,7 @@ def identify(
 
 def _check_size(context: FitContext, model: Model) -> None:
     run = context.run
-    if context.spare(model) < TOO_FEW_READINGS:
+    if context.redundancy(model) < TOO_FEW_READINGS:
         raise InputError(
             f"{run.name}: {len(run)} samples give {len(run) * model.width} readings, too few for"
             f" {len(model.parameters)} parameters; measure at least {len(model.parameters) + TOO_FEW_READINGS}, better"

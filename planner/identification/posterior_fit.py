@@ -266,7 +266,7 @@ def draw_posterior(
 
 def _gram(problem: FitProblem, errors: Array) -> Array:
     """Products of rows per prior sigma and residuals about errors, (P + 1, P + 1)."""
-    return np.asarray(sum(problem.over_pieces(lambda part: problem.piece(part, errors).gram)))
+    return np.asarray(sum(problem.map_pieces(lambda part: problem.piece(part, errors).gram)))
 
 
 @dataclass(frozen=True)

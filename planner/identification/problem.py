@@ -130,7 +130,7 @@ class FitProblem:
         """Return the problem with another size of the noise."""
         return replace(self, whitener=self.whitener.with_noise(noise))
 
-    def over_pieces(self, task: Callable[[slice], T]) -> Iterator[T]:
+    def map_pieces(self, task: Callable[[slice], T]) -> Iterator[T]:
         """Run ``task`` on every piece, on two processors, results in order."""
         # 2048, 4096: samples and readings of a piece of a long run: what basis functions look at is most of what two
         # of them take
@@ -175,7 +175,7 @@ class FitProblem:
                 return self.model.residual(self.samples.take(part), self.targets.take(part), errors)
             return self.linearize(part, errors).residual
 
-        return np.concatenate(list(self.over_pieces(one)))
+        return np.concatenate(list(self.map_pieces(one)))
 
     def white_residual(self, errors: Array) -> Array:
         """Return the residual in standard deviations, without robust weights, (n, r)."""

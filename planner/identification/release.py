@@ -77,7 +77,7 @@ def release_robot(
     drift, maps = drift_of(cell, run, posterior), tool_maps(cell, context.run, posterior.fit)
     known, own = (posterior, misfit, drift, *maps), plain.stage
     geometry = ReleasedRobot(plain.fit, plain.fit, *known, own.held_out, own.validation, own.held_residual)
-    aim = compromise(geometry)
+    aim = minimise_expected_error(geometry)
     share = 0.0 if geometry_alone else safe_share(geometry, aim)
     if len(plain.fit.problem) == len(run):  # else geometry was fitted to another part of a long run
         share = share_by_regions(share, plain.fit, regions)
@@ -105,7 +105,7 @@ def predicts_better(other: Array, plain: Array, split: Split) -> bool:
     return bool(surely > 0 and mine.mean() < (1 - CURVE_GAIN) * theirs.mean())
 
 
-def compromise(geometry: ReleasedRobot) -> Fit:
+def minimise_expected_error(geometry: ReleasedRobot) -> Fit:
     """Return the posterior's fit with the values whose mean square error, over that of geometry alone, is least.
 
     They are the mean of the robots drawn from the posterior. Each has the weight 1 / d², with d² its mean square
@@ -143,7 +143,8 @@ def is_noticeably_better(released: ReleasedRobot) -> bool:
     Over the workspace, or at poses like those measured: of two robots that are as good the simpler one is written.
     """
     return any(
-        released.anywhere_with(released.geometry, where) > NOTICED * released.anywhere_with(released.fit, where)
+        released.likely_workspace_error(released.geometry, where)
+        > NOTICED * released.likely_workspace_error(released.fit, where)
         for where in (released.tool, released.measured)
     )
 
@@ -188,10 +189,10 @@ def describe_release(released: ReleasedRobot) -> Release:
         held_out=released.held_out,
         validation=released.validation,
         at_most=released.at_most,
-        nominal_anywhere=released.anywhere_with(None),
-        geometry_anywhere=released.anywhere_with(released.geometry),
+        nominal_anywhere=released.likely_workspace_error(None),
+        geometry_anywhere=released.likely_workspace_error(released.geometry),
         other_tool=released.other_tool_anywhere,
-        where_measured=released.anywhere_with(released.fit, released.measured),
+        where_measured=released.likely_workspace_error(released.fit, released.measured),
         work_tool=None if work is None else _describe_work_tool(released, work),
         families=posterior.families,
         parts=error_parts(released),
@@ -203,8 +204,8 @@ def _describe_work_tool(released: ReleasedRobot, tool: ToolMap) -> WorkToolError
     x, y, z = map(float, tool.p_FM)
     return WorkToolError(
         position=(x, y, z),
-        anywhere=released.anywhere_with(released.fit, tool),
-        nominal_anywhere=released.anywhere_with(None, tool),
+        anywhere=released.likely_workspace_error(released.fit, tool),
+        nominal_anywhere=released.likely_workspace_error(None, tool),
     )
 
 
@@ -213,7 +214,7 @@ def tool_point_advice(released: ReleasedRobot) -> list[str]:
     tool = released.work_tool
     if tool is None:
         return []
-    there, here = released.anywhere_with(released.fit, tool), released.anywhere
+    there, here = released.likely_workspace_error(released.fit, tool), released.anywhere
     if there**2 - here**2 < ANOTHER_TOOL_SHARE * there**2:
         return []
     x, y, z = (f"{float(to_mm(v)):g}" for v in tool.p_FM)

@@ -128,7 +128,7 @@ class ReleasedRobot:
     def _rows_per_error(self, where: ToolMap, names: Sequence[str]) -> Array:
         """Return the motion (3 n, K) by each parameter over the root of n states times the error to be expected."""
         rows = where.rows.reshape(-1, len(where.names))[:, [where.names.index(n) for n in names]]
-        return np.asarray(rows / max(np.sqrt(len(where.q)) * self.anywhere_with(self.fit, where), 1e-300))
+        return np.asarray(rows / max(np.sqrt(len(where.q)) * self.likely_workspace_error(self.fit, where), 1e-300))
 
     def expected_errors(self, fit: Fit | None) -> Array:
         """Return the tool's expected error at every state [m], (n,), with the values of ``fit``; ``None``: nominal."""
@@ -160,9 +160,9 @@ class ReleasedRobot:
 
     def _share_of(self, expected: Array, fit: Fit | None) -> float:
         rms = float(np.sqrt((expected**2).mean()))
-        return self.anywhere_with(fit) / rms if rms > 0 else 1.0
+        return self.likely_workspace_error(fit) / rms if rms > 0 else 1.0
 
-    def anywhere_with(self, fit: Fit | None, tool: ToolMap | None = None) -> float:
+    def likely_workspace_error(self, fit: Fit | None, tool: ToolMap | None = None) -> float:
         """Return the error over the workspace, rms, that is as likely exceeded as not [m]."""
         return float(np.median(self.drawn_errors(fit, tool)))
 
@@ -188,7 +188,7 @@ class ReleasedRobot:
     @cached_property
     def anywhere(self) -> float:
         """Error of the released robot's tool over the workspace, rms, that is as likely exceeded as not [m]."""
-        return self.anywhere_with(self.fit)
+        return self.likely_workspace_error(self.fit)
 
     @property
     def at_most(self) -> float:
@@ -198,7 +198,7 @@ class ReleasedRobot:
     @cached_property
     def other_tool_anywhere(self) -> float:
         """The same of a tool that was not measured: what went into the measured tool's mount stays an error."""
-        return float(np.sqrt(np.mean([self.anywhere_with(self.fit, t) ** 2 for t in self.other_tools])))
+        return float(np.sqrt(np.mean([self.likely_workspace_error(self.fit, t) ** 2 for t in self.other_tools])))
 
     def spread(self, names: Sequence[str]) -> Array:
         """Return a square root (K, k) of the covariance of parameters ``names``: the posterior's, stretched."""

@@ -24,7 +24,7 @@ def joint_columns(problem: FitProblem, detail: int) -> Iterator[tuple[str, Array
             yield f"joint {j + 1}", _joint_and_reading(waves, screws[:, :, [j]], each)
 
 
-def other_columns(problem: FitProblem, detail: int) -> Iterator[tuple[str, Array]]:
+def alternative_columns(problem: FitProblem, detail: int) -> Iterator[tuple[str, Array]]:
     """Yield all other quantities that the samples have, columns (m, r, k)."""
     yield from _load_alternatives(problem, detail)
     yield from _direction_alternatives(problem)

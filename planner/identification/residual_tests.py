@@ -19,7 +19,7 @@ from planner.identification.covariance import correlation_time
 from planner.identification.cross_validation import number_targets
 from planner.identification.least_squares import Fit, subset_size
 from planner.identification.problem import FitProblem, ProblemCache
-from planner.identification.residual_alternatives import joint_columns, other_columns
+from planner.identification.residual_alternatives import alternative_columns, joint_columns
 from planner.identification.row_basis import space_basis
 
 FEWEST_DOF = 10.0  # degrees of freedom of the correlation time, below which nothing is said
@@ -213,7 +213,7 @@ def build_battery(problem: FitProblem, rest: ProjectedResidual, moving: bool) ->
         most = rest.dof / correlation.time / (3.0 + 1)
         if correlation.dof < FEWEST_DOF or max(U.shape[1] for U in joints.values()) > most:
             continue
-        others = rest.bases_beyond(problem, other_columns(problem, detail))
+        others = rest.bases_beyond(problem, alternative_columns(problem, detail))
         every = joints | {name: U for name, U in others.items() if U.shape[1] <= most}
         return ResidualBattery({name: U for name, U in every.items() if U.shape[1]}, correlation)
     return None

@@ -53,7 +53,7 @@ class FitContext:
     _problems: dict[bool, FitProblem] = field(default_factory=dict, repr=False, compare=False)
     _whole: list["_Piece"] = field(default_factory=list, repr=False, compare=False)
 
-    def spare(self, model: Model) -> int:
+    def redundancy(self, model: Model) -> int:
         """Number of readings beyond the parameters of a model."""
         return len(self.run) * model.width - len(model.parameters)
 
@@ -211,7 +211,7 @@ def add_stage_if_gain(
     stages: list[FittedStage], free: FittedParameters, wider: FittedParameters, kind: str, context: FitContext
 ) -> tuple[list[FittedStage], FittedParameters]:
     """Add an effect that is not declared, and keep it only if the held-out error falls significantly."""
-    if len(wider.model.parameters) == len(stages[-1].fit.errors) or context.spare(wider.model) < TOO_FEW_READINGS:
+    if len(wider.model.parameters) == len(stages[-1].fit.errors) or context.redundancy(wider.model) < TOO_FEW_READINGS:
         return stages, free
     trial = context.fit_stage(kind, wider.model, stages[-1].fit)
     return ([*stages, trial], wider) if is_gain(stages[-1].stage, trial.stage, context.split) else (stages, free)

@@ -53,7 +53,7 @@ def _judge_tool(
         of |= {
             "share_before": float(np.median((before <= tolerance).mean(axis=0))),
             "share": float(np.median(shares)),
-            "answer": answer_of(shares) if tolerance >= repeatability else "no",
+            "answer": judge_shares(shares) if tolerance >= repeatability else "no",
         }
     return ToolUse.model_validate(of)
 
@@ -80,7 +80,7 @@ def _sure_limit(errors: Array) -> float:
     return float(np.quantile(np.quantile(errors, ENOUGH, axis=0, method=ALL_OF), ENOUGH, method=ALL_OF))
 
 
-def answer_of(shares: Array) -> UseAnswer:
+def judge_shares(shares: Array) -> UseAnswer:
     """Return whether enough targets are within a tolerance, by their shares of each robot drawn (d,)."""
     enough = float((shares >= ENOUGH).mean())
     return "yes" if enough >= ENOUGH else "no" if enough <= 1 - ENOUGH else "not known"

@@ -190,7 +190,7 @@ class LiveEstimate:
 
     def _limit_after(self, ahead: LearntForesight, more: int) -> float:
         """Return the error that 95 of 100 such robots are expected to stay below after so many more poses [m]."""
-        return self.unknown.state_limit(ahead.square_limit(self.width * more))
+        return self.unknown.state_limit(ahead.square_error_limit(self.width * more))
 
 
 def _with_stated_frames(unknown: ExpectedErrors, cell: Cell) -> ExpectedErrors:

@@ -19,7 +19,7 @@ from planner.cell.placement import FREEABLE
 from planner.cell.setup import MeasurementSetup, setup_of
 from planner.common.errors import InputError
 from planner.common.units import Array, from_mm, to_mm
-from planner.design.expected_errors import square_limit
+from planner.design.expected_errors import square_error_limit
 from planner.effects.effect import Parameter
 from planner.identification.calibrated_robot import effect_parameter
 from planner.identification.expected_error import ExpectedError, StandingGauge
@@ -178,12 +178,12 @@ class RemainingErrors:
     @cached_property
     def _limit_square(self) -> float:
         """The square that 95 of 100 robots stay below over the whole workspace before the session [m²]."""
-        return square_limit(self.whole_weight, np.zeros((0, self.root.shape[1])))
+        return square_error_limit(self.whole_weight, np.zeros((0, self.root.shape[1])))
 
     @property
     def limit_before(self) -> float:
         """What 95 of 100 such robots stay below before the session, where it counts [m]."""
-        return self.state_limit(square_limit(self.weight_per_prior, np.zeros((0, self.root.shape[1]))))
+        return self.state_limit(square_error_limit(self.weight_per_prior, np.zeros((0, self.root.shape[1]))))
 
     def _root_with_rest(self, square: float) -> float:
         return float(np.sqrt(max(square, 0.0) + float(from_mm(self.before.known.file.rest_mm)) ** 2))

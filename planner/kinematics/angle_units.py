@@ -37,7 +37,7 @@ class SmallAngles:
             f"like that; call them {cure} …, or write '# {NOTE}: {DEGREES}' above if the arm really moves so little"
         )
 
-    def doubt(self, columns: str, cure: str) -> str:
+    def describe_doubt(self, columns: str, cure: str) -> str:
         """Return what is to be said where they do not move far enough to tell."""
         return (
             f"no joint moves by more than {self.spread:.3g} degrees ({columns}); if these are radians, call them {cure}"

@@ -84,7 +84,9 @@ class AxisConvention:
     source: str = ""
 
     @classmethod
-    def like_model(cls, controller: str, lower: Array, upper: Array, speed: Array, source: str = "") -> AxisConvention:
+    def model_convention(
+        cls, controller: str, lower: Array, upper: Array, speed: Array, source: str = ""
+    ) -> AxisConvention:
         """Return the convention of a controller that counts as the model does, with its strokes and speeds."""
         n = len(speed)
         return cls(controller, read_only(np.eye(n)), read_only(np.zeros(n)), lower, upper, speed, source)
@@ -182,7 +184,7 @@ class JointRange:
     speed: Array
     slides: np.ndarray | None = None
 
-    def for_controller(self, matrix: Array, zero: Array) -> JointRange:
+    def controller_limits(self, matrix: Array, zero: Array) -> JointRange:
         """Return the limits of ``M q + z``, each axis alone: of axes that are coupled the widest that can occur."""
         ends = [
             np.where(matrix == 0.0, 0.0, matrix * end)
@@ -227,7 +229,7 @@ def convention_from_table(where: str, controller: str, table: ControllerTable, j
         back: Array = np.asarray(np.linalg.inv(np.eye(n) - _coupling(at, table, n, int(slides.sum()))), dtype=float)
         matrix = np.asarray(back @ np.diag([float(s) for s in table.sense]) @ matrix)
         zero = np.asarray(back @ from_deg((*table.zero_deg, *(table.zero_mm or (0.0,) * int(slides.sum())))))
-    seen = joints.for_controller(matrix, zero)
+    seen = joints.controller_limits(matrix, zero)
     lower, upper = (
         (from_deg(side) for side in zip(*table.limit_deg, strict=True)) if table.limit_deg else (seen.lower, seen.upper)
     )

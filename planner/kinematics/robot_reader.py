@@ -306,7 +306,7 @@ def _conventions(
     sense = np.array([float(j.sense) for j in chain.joints])
     unit = np.array([SLIDE if j.slides else 1.0 for j in chain.joints])
     matrix, offset = sense[:, None] * (A / unit[:, None]), sense * zero / unit
-    seen, said = limits.for_controller(matrix, offset), f"the joints of {file.urdf}"
+    seen, said = limits.controller_limits(matrix, offset), f"the joints of {file.urdf}"
     yield AxisConvention(URDF_JOINTS, read_only(matrix), read_only(offset), seen.lower, seen.upper, seen.speed, said)
 
 

@@ -16,14 +16,14 @@ from planner.programs.rendering import axis_names
 from planner.programs.verification import ProgramMismatchError
 
 
-def axes_for(robot: Robot, dialect: Dialect) -> AxisConvention:
+def axis_convention(robot: Robot, dialect: Dialect) -> AxisConvention:
     """Return how a dialect counts the axes: as the robot's controller does or, where it says so, as the model.
 
     Raises:
         InputError: the robot's file does not say how that controller counts; with the lines to be added.
     """
     if dialect.angles == MODEL:
-        return AxisConvention.like_model(MODEL, robot.q_lower, robot.q_upper, robot.speed)
+        return AxisConvention.model_convention(MODEL, robot.q_lower, robot.q_upper, robot.speed)
     return robot.axes_of(dialect.name.partition("+")[0])
 
 
@@ -34,8 +34,8 @@ def log_axes(robot: Robot, controller: str) -> AxisConvention:
         InputError: no such dialect, or the robot's file does not say how its controller counts.
     """
     if controller == MODEL:
-        return AxisConvention.like_model(MODEL, robot.q_lower, robot.q_upper, robot.speed)
-    return axes_for(robot, load_dialect(controller))
+        return AxisConvention.model_convention(MODEL, robot.q_lower, robot.q_upper, robot.speed)
+    return axis_convention(robot, load_dialect(controller))
 
 
 def controller_words(controller: str) -> str:

@@ -108,7 +108,7 @@ def _pass_through(q: Array, moves: Sequence[JointMove], style: SpeedStyle, limit
         count = np.maximum(1.0, np.ceil(slower * planned * ticks - 1e-6))
         cubics = Cubics.through_points(q, count / ticks)
         ramps = np.sqrt((cubics.largest_acceleration() / limit).max())
-        excess = max(float(ramps), float((cubics.peak_over_mean() * shortest / cubics.seconds).max()))
+        excess = max(float(ramps), float((cubics.peak_speed_ratio() * shortest / cubics.seconds).max()))
         if excess <= 1.0:
             break
         slower *= max(excess, 1.01)  # times slower at least
@@ -151,7 +151,7 @@ class Cubics:
         begin, end = 6.0 * mean - 4.0 * v0 - 2.0 * v1, -6.0 * mean + 2.0 * v0 + 4.0 * v1
         return np.asarray(np.maximum(np.abs(begin), np.abs(end)) / h)
 
-    def peak_over_mean(self) -> Array:
+    def peak_speed_ratio(self) -> Array:
         """Return by how much the joint that moves furthest on a leg is faster than its mean at most (n,)."""
         v0, v1, mean = self.velocity[:-1], self.velocity[1:], self.mean
         u = PARTS

@@ -39,12 +39,8 @@ class CalibrationFacts:
 
     @cached_property
     def written_stage(self) -> Stage:
-        """The robot as it is written; the last stage of a run so long that the written robot saw a part of it."""
-        c, robot = self.calibration, self.calibration.released
-        if robot is None or len(robot.held_residual) < len(c.run):
-            return c.stages[-1]
-        update = {"held_out": robot.held_out, "validation": robot.validation, "held_residual": robot.held_residual}
-        return c.stages[-1].model_copy(update=update | {"name": "calibrated"})
+        """The robot as it is written."""
+        return self.calibration.written_stage
 
     @cached_property
     def chart_samples(self) -> np.ndarray:

@@ -9,7 +9,7 @@ from planner.common.units import Array, to_mm
 from planner.effects.basis import ONE, EffectVariable
 from planner.effects.context import Context
 from planner.effects.effect import Parameter
-from planner.effects.steps import BeforeSample, acting_throughout
+from planner.effects.steps import BeforeSample, extend_over_run
 from planner.model.identification_document import Finding, Stage
 from planner.model.model import Model
 from planner.report.calibration_data import PANEL_POINTS, CalibrationFacts
@@ -118,7 +118,7 @@ def collect_evidence(facts: CalibrationFacts, step: FindingStep) -> Evidence:
     if looked is None:
         return _residual_along(added, residuals, "rad" if facts.calibration.angle_unit else "m")
     bare = (
-        tuple(map(acting_throughout, own)) if changed else (replace(first, moves=(replace(first.main_move, phi=ONE),)),)
+        tuple(map(extend_over_run, own)) if changed else (replace(first, moves=(replace(first.main_move, phi=ONE),)),)
     )
     size = np.array([fit.errors[fit.model.names.index(p.name)] for p in own]) if changed else np.ones(1)
     screws = Model(fit.setup, bare).linearize_in(context, None).rows[:, : rows.shape[1]]

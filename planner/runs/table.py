@@ -345,7 +345,7 @@ def _radians_as_degrees(table: RunTable) -> list[str]:
         columns, cure = f"{table.source.headers.get(keys[0], keys[0])} …", f"{keys[0]}_rad"
         if small.are_radians:
             raise InputError(f"{table.source.file}: {small.refusal(columns, cure)}")
-        said.append(f"{table.source.name}: {small.doubt(columns, cure)}")
+        said.append(f"{table.source.name}: {small.describe_doubt(columns, cure)}")
     return said
 
 

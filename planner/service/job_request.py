@@ -160,14 +160,14 @@ class OfPlanRequest(JobRequest):
         return folder.jobs.get(self.plan).robot
 
 
-def one_of(**schemas: dict[str, Any]) -> dict[str, Any]:
+def schema_of_one_key(**schemas: dict[str, Any]) -> dict[str, Any]:
     """Return the schema of an object that has one of some keys, as it is described."""
     return {"anyOf": [{"required": [key], "properties": {key: schema}} for key, schema in schemas.items()]}
 
 
 GIVEN = {"type": "string"}
-RUNS_OR_SIMULATION = one_of(runs={"type": "array", "minItems": 1}, simulation=GIVEN)
-PLAN_OR_CELL = one_of(plan=GIVEN, cell=GIVEN)
+RUNS_OR_SIMULATION = schema_of_one_key(runs={"type": "array", "minItems": 1}, simulation=GIVEN)
+PLAN_OR_CELL = schema_of_one_key(plan=GIVEN, cell=GIVEN)
 
 
 class MeasuredRequest(JobRequest):

@@ -253,7 +253,7 @@ class JobStore:
         query = "SELECT count(*) FROM jobs WHERE state IN ('queued', 'running') AND person = ? AND task = 0"
         return int(self._db.read(query, person)[0][0])
 
-    def people(self) -> list[str]:
+    def list_people(self) -> list[str]:
         """Return the names of all who have jobs."""
         return [row[0] for row in self._db.read("SELECT DISTINCT person FROM jobs WHERE person != '' ORDER BY person")]
 

@@ -160,7 +160,7 @@ def show_robot(serial: Serial, context: Context) -> HTMLResponse:
 def show_jobs(context: Context) -> HTMLResponse:
     """All jobs that a person looks for."""
     kinds = [kind for kind, request in REQUESTS.items() if not request.task]
-    people = context.jobs.people()
+    people = context.jobs.list_people()
     return render("jobs", kinds=kinds, states=get_args(State), models=[r.name for r in robot_entries()], people=people)
 
 

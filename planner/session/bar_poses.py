@@ -44,7 +44,7 @@ class BarPoses(PoseSession):
 
     def __init__(self, cell: Cell, options: PlanOptions, chooser: PoseChooser | None = None) -> None:
         super().__init__(cell, options, chooser)
-        self.tracing = options.for_tracing(cell)
+        self.tracing = options.aims_at_tracing(cell)
         self.until = None if options.until_mm is None else float(from_mm(options.until_mm))
         self.poses = None if chooser else self.poses
         robot = cell.robot

@@ -8,7 +8,7 @@ from planner.cell.cell import Cell
 from planner.common.errors import InputError
 from planner.motion.collision.surroundings import check_surroundings
 from planner.motion.tour.solve import require_concorde
-from planner.programs.controller_axes import axes_for
+from planner.programs.controller_axes import axis_convention
 from planner.programs.dialect import load_dialect
 from planner.programs.instructions import Centre, Instruction, JointMove
 from planner.runs.run import FIRST_MOUNTING
@@ -31,7 +31,7 @@ def settle_dialects(cell: Cell, options: PlanOptions) -> tuple[str, ...]:
         _ = require_concorde()
     dialects = tuple(options.dialect) or cell.controller.dialects or (cell.robot.dialect or ANY_ROBOT,)
     for name in dialects:
-        _ = axes_for(cell.robot, load_dialect(name))
+        _ = axis_convention(cell.robot, load_dialect(name))
     check_cell(cell, dialects)
     return dialects
 

@@ -32,7 +32,7 @@ class Waypoints:
         """Return the path driven from its end to its beginning."""
         return Waypoints(self.q[::-1], self.visit[::-1], self.blend[::-1])
 
-    def there_and_back(self) -> "Waypoints":
+    def append_way_back(self) -> "Waypoints":
         """Return the path driven forward and then backward."""
         parts = ((a, a[-2::-1]) for a in (self.q, self.visit, self.blend))
         return Waypoints(*(np.concatenate(p) for p in parts))
@@ -153,7 +153,7 @@ def time_measuring(cell: Cell, path: Waypoints, mounting: Mounting) -> TimedPath
     """Time a measuring path, given one way, as it is driven: both ways where asked for, at rest at the poses or not."""
     moving = cell.motion.is_continuous
     if moving and cell.motion.both_ways:
-        path = path.there_and_back()
+        path = path.append_way_back()
     rest = (0.0 if moving else cell.motion.settle + cell.motion.dwell) + cell.gauge.reading_seconds
     return time_path(cell, path, mounting, bar=True, dwell=np.where(path.visit >= 0, rest, 0.0) * (path.blend == 0))
 

@@ -14,7 +14,7 @@ from planner.common.units import Array, round_angles
 from planner.design.candidates.pool import PoseSet, draw_candidates
 from planner.design.pose_selection import identify_candidates
 from planner.design.selection.certificate import Certificate
-from planner.design.selection.index_bound import certify_bound, price_core
+from planner.design.selection.index_bound import certify_bound, price_candidates
 from planner.motion.collision.scene import advise_never_meet
 from planner.motion.path.connection import add_room
 from planner.motion.path.constraints import Constraints
@@ -149,12 +149,12 @@ def drop_unreachable(
     ):
         reach = replace(reach, joined=np.ones(len(likely), dtype=bool))
     else:
-        order, _ = price_core(rows, rough, n)
+        order, _ = price_candidates(rows, rough, n)
         # 2000: likely candidates that are joined to the roadmap themselves
         reach = reach.with_poses(likely, np.sort(order[:2000]))
     lost = len(pool) - int(reach.joined.sum())
     note = Aside(f"{lost} of {len(pool)} candidates were left out: no path joins them to the mount pose")
-    return likely.take(reach.joined), reach, (note,) if lost else (), rough.for_candidates(reach.joined)
+    return likely.take(reach.joined), reach, (note,) if lost else (), rough.restrict_to_candidates(reach.joined)
 
 
 def _describe_apart(count: int, joined: int) -> str:

@@ -10,8 +10,8 @@ from planner.common.units import Array, to_mm
 from planner.kinematics.axes import AxisConvention
 from planner.kinematics.geometry import points_on_arc
 from planner.motion.collision.surroundings import describe_parked_joints, describe_unchecked_links
-from planner.motion.timing.leg_times import tool_positions, travel_and_change
-from planner.programs.controller_axes import axes_for, check_model_angles, in_controller_axes
+from planner.motion.timing.leg_times import tool_positions, travel_and_length_change
+from planner.programs.controller_axes import axis_convention, check_model_angles, in_controller_axes
 from planner.programs.coupled_axes import coupling_checks
 from planner.programs.dialect import Dialect, PathForm, load_dialect
 from planner.programs.instructions import (
@@ -65,7 +65,7 @@ def check_emitted_speeds(cell: Cell, program: Program, axes: AxisConvention, dia
         if not len(rows):
             continue
         x = _tool_points(cell, q, rows, circles, mounting)
-        travel, change = (part.max(axis=0) * LEG_PIECES for part in travel_and_change(cell, mounting, x))
+        travel, change = (part.max(axis=0) * LEG_PIECES for part in travel_and_length_change(cell, mounting, x))
         seconds = _leg_seconds(axes, dialect, c, speeds, rows, travel)
         round_legs = np.isin(rows, list(circles))
         seconds[round_legs] = travel[round_legs] / (speeds[rows[round_legs]] / 1e3)
@@ -175,7 +175,7 @@ def write_session(cell: Cell, program: Program, dialect: str, stem: str) -> tupl
         ProgramMismatchError: the text does something else.
     """
     language, robot = load_dialect(dialect), cell.robot
-    axes = axes_for(robot, language)
+    axes = axis_convention(robot, language)
     program = replace(program, cautions=(*program.cautions, *jog_checks(cell, dialect)))
     files, found = write_and_read_back(in_controller_axes(program, axes, language, robot.speed), dialect, stem)
     check_model_angles(program, axes, found, language.decimals)
@@ -190,7 +190,7 @@ def jog_checks(cell: Cell, dialect: str) -> tuple[str, ...]:
         InputError: no such dialect, or the robot's file does not say how its axes count.
     """
     language = load_dialect(dialect)
-    return tuple(coupling_checks(cell.robot, axes_for(cell.robot, language), axis_names(language), cell.home))
+    return tuple(coupling_checks(cell.robot, axis_convention(cell.robot, language), axis_names(language), cell.home))
 
 
 def build_program(cell: Cell, plan_id: str, body: list[Instruction]) -> Program:
@@ -224,7 +224,7 @@ def _course_instructions(cell: Cell, one: Course, form: PathForm, first: int) ->
         WaitInput("gauge ready"),
     ]
     after = [Pause(removal)] if removal else []
-    back: list[Instruction] = [*after, Section(f"back home{bare}"), *moves_back(travel, one.travel.q)]
+    back: list[Instruction] = [*after, Section(f"back home{bare}"), *reverse_moves(travel, one.travel.q)]
     form = replace(form, dense=form.dense and cell.motion.is_continuous)
     last = StretchBegin(first + _count_starts(one) - 1)
     if not one.is_of_poses:
@@ -269,7 +269,7 @@ def preparation(cell: Cell, mounting: Mounting) -> list[Instruction]:
     return [*([Comment(said)] if said else []), Pause(asked)]
 
 
-def moves_back(there: list[JointMove], q: Array) -> list[JointMove]:
+def reverse_moves(there: list[JointMove], q: Array) -> list[JointMove]:
     """The same legs the other way round: leg k back is leg −k−1 there, its corner the one before that."""
     blends = [0.0, *(m.blend_mm for m in there[:-1])]
     legs = zip(reversed(there), reversed(q[:-1]), reversed(blends), strict=True)

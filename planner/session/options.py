@@ -117,7 +117,7 @@ class PlanOptions:
         file = cell.file.model_copy(update={"motion": cell.file.motion.model_copy(update=asked)})
         return replace(cell, file=file, motion=read_motion(file))
 
-    def for_tracing(self, cell: "Cell") -> bool:
+    def aims_at_tracing(self, cell: "Cell") -> bool:
         """Tell whether the poses are to show what nobody has declared: where nothing else is asked for, they are.
 
         Raises:

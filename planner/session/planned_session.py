@@ -23,7 +23,7 @@ PLAN, CELL = "plan.json", "cell.toml"
 NEEDED = (".json", ".toml", ".urdf", ".stl", ".obj", ".dae", ".ply")  # of a plan's files what a program is made of
 
 
-def doubts(path: Path, cell: Cell) -> tuple[str, ...]:
+def integrity_notes(path: Path, cell: Cell) -> tuple[str, ...]:
     """Say why a plan is not known to be as it was written."""
     because = _why_not(path, cell)
     return () if because is None else (f"{path} is not as it was planned: {because}",)
@@ -130,7 +130,7 @@ def load_session(path: Path, purpose: str, check: bool = False) -> PlannedSessio
     if check:
         _check_courses(path, beside, cell, document, courses)
         check_continuity(path, cell, courses)
-    return PlannedSession(cell, document, courses, doubts(path, cell))
+    return PlannedSession(cell, document, courses, integrity_notes(path, cell))
 
 
 def _check_shortcuts(path: Path, drive: DriveRecord) -> tuple[int, ...]:

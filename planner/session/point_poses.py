@@ -45,7 +45,7 @@ class PointPoses(PoseSession):
                 pool = draw_ball_candidates(self.cell, self.cell.plan.candidates, seed, progress)
             else:
                 pool = draw_candidates(self.cell, self.cell.plan.candidates, seed, progress, limit)
-            starts = self.cell.gauge.starts_among(_passed_states(pool))
+            starts = self.cell.gauge.start_states(_passed_states(pool))
             self.cell = with_point_mount(self.cell, self.away, seed, starts)
             self.away = Constraints(self.cell, bar=False, scene=self.away.scene, limit=limit)
         with stages.stage("roadmap"):
@@ -106,7 +106,7 @@ class PointPoses(PoseSession):
         for ball in np.unique(pool.ball[rows]):
             mine = np.flatnonzero(pool.ball[rows] == ball)
             corners = np.stack([pool.back[rows[mine]], pool.q[rows[mine]]], axis=1)
-            out[mine] = self.away.at_ball(int(ball)).proven_by_both(corners)
+            out[mine] = self.away.at_ball(int(ball)).prove_by_both_engines(corners)
         return out
 
     def draw_validation(self, choice: PoseChoice) -> np.ndarray:

@@ -179,7 +179,7 @@ def approach_from_sides(constraints: Constraints, path: ProvenPath, wanted: Arra
         way = np.clip(pose[left] - before[left], -reach, reach)
         tries = round_angles(pose[left] - np.where(sign[left] != 0, reach * sign[left], way))
         there, back = np.stack([before[left], tries], axis=1), np.stack([tries, pose[left]], axis=1)
-        ok = constraints.proven_by_both(there) & constraints.proven_by_both(back)
+        ok = constraints.prove_by_both_engines(there) & constraints.prove_by_both_engines(back)
         past[left[ok]] = tries[ok]
     reached = ~np.isnan(past[:, 0])
     longer = _insert_supports(path, at[reached], past[reached])

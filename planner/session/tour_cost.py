@@ -77,7 +77,7 @@ def prove_shortcuts(constraints: Constraints, q: Array, visit: np.ndarray) -> tu
     if not len(wanted):
         return ()
     legs = np.stack([np.broadcast_to(q[0], (len(wanted), q.shape[1])), q[wanted]], axis=1)
-    return tuple(int(k) for k in wanted[constraints.proven_by_both(legs)])
+    return tuple(int(k) for k in wanted[constraints.prove_by_both_engines(legs)])
 
 
 def entry_paths(cell: Cell, mounting: Mounting, q: Array, shortcuts: Sequence[int]) -> list[list[int]]:

@@ -68,7 +68,7 @@ class FixtureCount:
         last = self.remedies[-1].dropped if self.remedies else self.steps[-1].dropped
         return tuple(d for d in last if all(d.name in names for names in left))
 
-    def remedy(self, name: str) -> UnseenRemedy | None:
+    def find_remedy(self, name: str) -> UnseenRemedy | None:
         """Return the least effort that shows a parameter."""
         return next((r for r in self.remedies if name in r.shows), None)
 

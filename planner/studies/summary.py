@@ -278,7 +278,7 @@ def unseen_csv(study: StudySummary) -> str:
     more = {n: f"{s.fixtures} fixtures" for s in fixtures.steps for n in s.becomes}
     columns = {"parameter": list[str](), "shown_by": list[str](), "because": list[str]()}
     for d in fixtures.steps[0].dropped:
-        remedy = fixtures.remedy(d.name)
+        remedy = fixtures.find_remedy(d.name)
         columns["parameter"].append(d.name)
         columns["shown_by"].append(more.get(d.name, remedy.name if remedy else "nothing"))
         columns["because"].append(last.get(d.name, d.because))

@@ -17,7 +17,7 @@ from planner.common.robust import MEDIAN_RMS
 from planner.common.units import Array
 from planner.effects.basis import BasisFunction
 from planner.effects.effect import Place
-from planner.effects.steps import STEP, AtSample, BeforeSample, Steppable, acting_throughout, wrong_row
+from planner.effects.steps import STEP, AtSample, BeforeSample, Steppable, extend_over_run, wrong_row
 from planner.runs.run import Samples
 from planner.tracing.assumptions import (
     ALIKE_TRIES,
@@ -315,7 +315,7 @@ def _relocate(state: SearchState, found: FittedEffect, steppables: Sequence[Step
 def _acting_throughout(state: SearchState, found: FittedEffect) -> Array:
     """Whitened change (n, r) that a step, as fitted, would make in every sample."""
     problem, own = state.fit.problem, state.positions(found)
-    parameters = tuple(acting_throughout(state.fit.model.parameters[k]) for k in own)
+    parameters = tuple(extend_over_run(state.fit.model.parameters[k]) for k in own)
     model = replace(state.fit.model.fix_at(state.fit.errors), parameters=parameters)
     rows = whiten(problem, model.linearize_in(problem.context, None).rows)
     return np.asarray(rows @ state.fit.errors[own])

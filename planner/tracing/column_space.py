@@ -126,12 +126,12 @@ class ColumnSpace:
             known[id(dictionary)] = WhitenedDictionary.of(dictionary, self.problem, self.motion)
         return known[id(dictionary)]
 
-    def informations(self, dictionary: EffectDictionary) -> list[Array]:
+    def information_blocks(self, dictionary: EffectDictionary) -> list[Array]:
         """Return the information of a kept dictionary's items beyond the space, (K, k, k) for its equal items."""
         key = id(dictionary)
         if key not in self._informations:
             columns = self.whiten(dictionary)
-            known = columns.squares if self.before is None else self.before.informations(dictionary)
+            known = columns.squares if self.before is None else self.before.information_blocks(dictionary)
             own = products_of_items(dictionary, self._project(dictionary))
             self._informations[key] = [square - W for square, W in zip(known, own, strict=True)]
         return self._informations[key]

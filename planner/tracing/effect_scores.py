@@ -212,7 +212,7 @@ class ScoreTest:
         if id(dictionary) not in self._scores:
             columns = self.space.whiten(dictionary)
             along = columns.along(self.residual)
-            self._scores[id(dictionary)] = _scores(columns, self.informations(dictionary), along)
+            self._scores[id(dictionary)] = _scores(columns, self.information_blocks(dictionary), along)
         return self._scores[id(dictionary)]
 
     def _project(self, columns: WhitenedDictionary) -> Array:
@@ -222,9 +222,9 @@ class ScoreTest:
             inside -= (inside @ self.gone) @ self.gone.T
         return np.concatenate([inside, columns.project(self.beside)], axis=1) if self.beside.size else inside
 
-    def informations(self, dictionary: EffectDictionary) -> list[Array]:
+    def information_blocks(self, dictionary: EffectDictionary) -> list[Array]:
         """Information beyond the model of a kept dictionary's items, (K, k, k) for each of its equal items."""
-        known = self.space.informations(dictionary)
+        known = self.space.information_blocks(dictionary)
         if self.gone.size:
             free = products_of_items(dictionary, self.space.project_on(dictionary, self.gone))
             known = [before + W for before, W in zip(known, free, strict=True)]
@@ -273,16 +273,16 @@ def _is_near(space: ColumnSpace, fit: Fit) -> bool:
     return bool(np.abs(np.log(now / then)).max() < 0.2 and len(space) < 1.3 * max(len(fit.errors), 1))
 
 
-def _scores(columns: WhitenedDictionary, informations: Sequence[Array], products: Array) -> DictionaryScores:
+def _scores(columns: WhitenedDictionary, information_blocks: Sequence[Array], products: Array) -> DictionaryScores:
     """Score a dictionary's items by their information and the products (width,) of their columns with the residual."""
     dictionary = columns.dictionary
     gains, sizes = np.empty(len(dictionary.items)), np.empty(len(dictionary.items), dtype=int)
     alongs = [products[equal.columns] for equal in dictionary.equal_items]
     for equal, square, information, along in zip(
-        dictionary.equal_items, columns.squares, informations, alongs, strict=True
+        dictionary.equal_items, columns.squares, information_blocks, alongs, strict=True
     ):
         gains[equal.items], sizes[equal.items] = score_gains(information, along, np.einsum("kii->ki", square))
-    return DictionaryScores(dictionary, gains, sizes, tuple(informations), tuple(alongs))
+    return DictionaryScores(dictionary, gains, sizes, tuple(information_blocks), tuple(alongs))
 
 
 def score_gains(G: Array, a: Array, length: Array) -> tuple[Array, np.ndarray]:

@@ -20,7 +20,7 @@ def describe_wrong_row(state: SearchState, found: FittedEffect, sentence: str, r
     std = np.linalg.norm(state.fit.solution.root(state.fit.problem.prior)[state.positions(found)], axis=1)
     parts = [
         f"{column} reads {read:.{DECIMALS}f}, would have to be {read - off:.{DECIMALS}f} ± {sigma:.2g} mm"
-        + (f" ({slip})" if (slip := slip_of_the_pen(read, read - off, SLIP_SIGMAS * sigma)) else "")
+        + (f" ({slip})" if (slip := find_slip(read, read - off, SLIP_SIGMAS * sigma)) else "")
         for column, read, off, sigma in _columns(state, run, k, error / MM, std / MM)
     ]
     if not parts:
@@ -72,7 +72,7 @@ def _columns(state: SearchState, run: Run, k: int, error: Array, std: Array) -> 
     ]  # fmt: skip
 
 
-def slip_of_the_pen(read: float, wanted: float, tolerance: float) -> str:
+def find_slip(read: float, wanted: float, tolerance: float) -> str:
     """Return which slip of sign, point or digits made ``read`` of ``wanted`` [mm], within the tolerance; or ''."""
     text = f"{abs(read):.{DECIMALS}f}"
     if abs(-read - wanted) < tolerance:

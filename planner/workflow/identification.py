@@ -52,7 +52,7 @@ from planner.tracing.trace import trace
 from planner.workflow.calibration_tables import error_rows, finding_row, parameter_row, stage_row, tool_row
 from planner.workflow.fit_overview import fit_overview
 from planner.workflow.identify_call import IdentifyCall
-from planner.workflow.joint_runs import RunSource, are_sessions, load_sessions, only_one, run_sources
+from planner.workflow.joint_runs import RunSource, are_sessions, load_sessions, run_sources, single_value
 from planner.workflow.run_checks import cell_of_run, check_unit, split_by_plan
 
 if TYPE_CHECKING:
@@ -232,7 +232,7 @@ def identify(asked: IdentifyCall) -> CalibrationResult:
         sources = run_sources(measured, asked.cell, asked.plan)
         if are_sessions(sources, asked.cell, asked.plan):
             return _identify_sessions(sources, stages, asked, settings)
-    cell, plan = only_one(asked.cell, "--cell"), only_one(asked.plan, "--plan")
+    cell, plan = single_value(asked.cell, "--cell"), single_value(asked.plan, "--plan")
     where = with_fleet(_cell_of(cell, plan), asked.fleet)
     found = identify_runs(measured, where, stages, plan, asked.validate, settings, tracing=not asked.no_trace)
     return _result(found, where, asked, stages)

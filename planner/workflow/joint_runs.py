@@ -41,7 +41,7 @@ class RunSource:
         return path if path.is_file() else None
 
 
-def one_for_each_run(value: object, count: int, option: str) -> list[object]:
+def values_by_run(value: object, count: int, option: str) -> list[object]:
     """Return one value for each of ``count`` runs: one for all, or one each in their order.
 
     Raises:
@@ -60,7 +60,7 @@ def one_for_each_run(value: object, count: int, option: str) -> list[object]:
 
 def run_sources(runs: Sequence[Path | str], cell: object, plan: object) -> tuple[RunSource, ...]:
     """Return the files of an identification, each with what is given for it."""
-    cells, plans = (one_for_each_run(v, len(runs), o) for v, o in ((cell, "--cell"), (plan, "--plan")))
+    cells, plans = (values_by_run(v, len(runs), o) for v, o in ((cell, "--cell"), (plan, "--plan")))
     return tuple(
         RunSource(Path(r), c, p)  # type: ignore[arg-type]
         for r, c, p in zip(runs, cells, plans, strict=True)
@@ -165,7 +165,7 @@ def _session_names(paths: Sequence[Path]) -> list[str]:
     return [f"{k}" for k in range(1, len(paths) + 1)]
 
 
-def only_one(value: "T | Path | str | Sequence[T | Path | str] | None", option: str) -> "T | Path | str | None":
+def single_value(value: "T | Path | str | Sequence[T | Path | str] | None", option: str) -> "T | Path | str | None":
     """Return the value of an option that is given once.
 
     Raises:

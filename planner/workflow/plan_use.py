@@ -18,7 +18,7 @@ from planner.instruments.truth import draw_truth, read_truth
 from planner.kinematics.robot import Robot
 from planner.kinematics.robot_reader import load_robot
 from planner.motion.planning_packages import has_judges
-from planner.programs.controller_axes import axes_for
+from planner.programs.controller_axes import axis_convention
 from planner.programs.dialect import PathForm, dialect_names, load_dialect
 from planner.programs.instructions import Program
 from planner.programs.verification import import_map
@@ -53,7 +53,7 @@ def export(asked: ExportCall) -> ExportResult:
     path, dialect, name = Path(asked.plan), asked.dialect, asked.name
     form = driven_form(dialect)
     planned = kind.load_maker().load(path) if (kind := _kind_of(path)) else load_session(path, "exported", check=True)
-    _ = axes_for(planned.cell.robot, load_dialect(dialect))
+    _ = axis_convention(planned.cell.robot, load_dialect(dialect))
     program = _program_of(path, planned, form)
     notes = judge_plan(path, planned.cell, program, planned.notes, form in _proven_forms(path))
     changed = " ".join(n.replace(str(path), "the plan") for n in notes)

@@ -245,7 +245,7 @@ class Session:
         """How many of the poses chosen, in their order, are expected to bring the bound below a goal [mm]."""
         ahead = LearntForesight.of(self.posterior, self.taken, self.off, chosen)
         counts = range(SMALLEST, len(chosen) + 1, FEW)
-        enough = bisect_left(counts, True, key=lambda n: 1e3 * ahead.square_limit(n) ** 0.5 <= goal)
+        enough = bisect_left(counts, True, key=lambda n: 1e3 * ahead.square_error_limit(n) ** 0.5 <= goal)
         return counts[min(enough, len(counts) - 1)]
 
     def choose(self, count, start=None):
@@ -263,7 +263,7 @@ class Session:
         meant = points(frames(self.true.arm, b.states)[6], TOOL) + (b.tool @ errors).reshape(-1, 3)
         off = rms_aligned(self.true.points(b.states, **moment), meant)
         unknown = b.unknown
-        stated, bound = unknown.state(p.square(self.taken)), unknown.state_limit(p.square_limit(self.taken))
+        stated, bound = unknown.state(p.square(self.taken)), unknown.state_limit(p.square_error_limit(self.taken))
         return {
             "poses": len(self.taken),
             "minutes": self.minutes,

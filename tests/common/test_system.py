@@ -145,7 +145,7 @@ def test_a_run_is_identified_where_nothing_is_utf_8_by_itself(tmp_path):
 
 def test_letters_that_a_console_does_not_have_are_spelt_plainly():
     text = ascii("σ of 5 µm → ≤ 3 … 漢")
-    script = f"from planner.common.console import speak_plainly; speak_plainly(); print({text})"
+    script = f"from planner.common.console import spell_unencodable; spell_unencodable(); print({text})"
     for name, said in (("ascii", "sigma of 5 um -> <= 3 ... ?"), ("cp1252", "sigma of 5 µm -> <= 3 … ?")):
         env = {**PLAIN, "PYTHONIOENCODING": name}
         done = subprocess.run([sys.executable, "-c", script], capture_output=True, env=env, check=True)

@@ -68,6 +68,6 @@ def test_a_part_that_turns_without_a_name_is_within_the_limit(errors):
             known.learn(read, seen)
             mean = np.pad(known.learnt.mean, (0, len(truth) - len(known.learnt.mean)))
             off = (truth - mean) @ unnamed.weight_per_prior @ (truth - mean)
-            over[name] += off > known.square_limit(read)
+            over[name] += off > known.square_error_limit(read)
     assert over["unnamed"] <= 2  # of ten, where one in twenty is stated
     assert over["declared"] > over["unnamed"]

@@ -12,7 +12,7 @@ from planner.identification.contest import (
     Beside,
     Bouts,
     Together,
-    mean_standing,
+    average_standing,
 )
 from planner.identification.contest_arena import Arena, Block
 
@@ -73,7 +73,7 @@ def test_two_causes_share_a_place_where_their_columns_are_nearly_one(angle, shar
         y = columns[:, 0] + rng.normal(size=M)
         own, other = block("a, joint 1", 0), block("b, joint 2", 1)
         bouts = Bouts(arena(own, [other]), products(columns, y), ((own, 1.0),))
-        half.append(mean_standing([bouts.weigh(0)]))
+        half.append(average_standing([bouts.weigh(0)]))
     mean = np.mean([s.probability for s in half])
     assert (0.35 < mean < 0.65) if shared else mean > 0.99
     assert all([r.name for r in s.rivals] == (["b, joint 2"] if shared else []) for s in half)
@@ -91,7 +91,7 @@ def test_poses_that_cannot_tell_make_a_rival_though_the_readings_spoke_by_luck()
     for _ in range(100):
         y = columns[:, 0] + rng.normal(size=M)
         weights = Bouts(arena(own, [other]), products(columns, y), ((own, 1.0),)).weigh(0)
-        rivals = {r.name: r.probability for r in mean_standing([weights]).rivals}
+        rivals = {r.name: r.probability for r in average_standing([weights]).rivals}
         named += "b, joint 2" in rivals
         told += rivals.get("b, joint 2", 0.0) < 0.01
     assert named > 95
@@ -109,7 +109,7 @@ def test_one_cause_without_a_name_takes_the_place_of_three_with_one():
     unnamed = block("unnamed, axis of joint 4 by its own angle", 3)
     found = tuple((b, 1.0) for b in each)
     weights = Bouts(arena(each[0], (), [unnamed]), products(columns / 0.3, y / 0.3), found).weigh(0)
-    standing = mean_standing([weights])
+    standing = average_standing([weights])
     assert standing.probability < 0.05
     assert standing.rivals[0].name == unnamed.name
     assert weights.logs[NOTHING] < -50 < weights.logs[OWN_NAME]
@@ -141,4 +141,4 @@ def test_causes_that_come_and_go_leave_the_fit_that_others_have_by_themselves():
         bouts = Bouts(arena(parts[0][0]), gram, ())
         assert state.log_odds == pytest.approx(bouts.log_odds(state.parts), abs=1e-10)
         gone = [bouts.log_odds([q for q in state.parts if q is not p]) for p in state.parts]
-        np.testing.assert_allclose(state.worths(), state.log_odds - np.array(gone), atol=1e-10)
+        np.testing.assert_allclose(state.conditional_log_odds(), state.log_odds - np.array(gone), atol=1e-10)

@@ -136,7 +136,7 @@ def test_a_robot_part_way_is_as_likely_worse_than_geometry_as_is_accepted(factor
     """Counted over the drawn robots, at every probability that ends part of the way."""
     released = by_posterior(judged(0, WEAK)[0].released)
     before = replace(released, fit=released.geometry, share=0.0)
-    aim = release.compromise(before)
+    aim = release.minimise_expected_error(before)
     partial = 0
     monkeypatch.setattr(release, "NOTICED", factor)
     for doubt in np.linspace(0.02, 0.7, 36):
@@ -199,7 +199,7 @@ def test_what_was_written_expects_over_the_workspace_what_the_identification_sta
     released = by_posterior(found.released)
     at = expected.at(released.tool.q, released.tool.p_FM)
     for errors, fit in ((at.nominal, None), (at.geometry, released.geometry), (at.released, released.fit)):
-        assert np.sqrt((errors**2).mean()) == pytest.approx(released.anywhere_with(fit), rel=0.02)
+        assert np.sqrt((errors**2).mean()) == pytest.approx(released.likely_workspace_error(fit), rel=0.02)
     rows = np.loadtxt(expected_error_csv(found.released).splitlines(), delimiter=",", skiprows=1)
     assert rows.shape[1] == 6 + 3 + 3
     stated = (found.release.nominal_anywhere, found.release.geometry_anywhere, found.workspace_error)
@@ -211,7 +211,7 @@ def test_the_compromise_has_the_least_mean_square_error_over_that_of_geometry_al
     """Over the drawn robots: against the posterior mean, and steps towards robots drawn and away from them."""
     released = by_posterior(judged(0, WEAK)[0].released)
     before = replace(released, fit=released.geometry, share=0.0)
-    aim, alone = release.compromise(before), before.drawn_errors(before.geometry)
+    aim, alone = release.minimise_expected_error(before), before.drawn_errors(before.geometry)
 
     def ratio(fit):
         return ((before.drawn_errors(fit) / alone) ** 2).mean()

@@ -7,7 +7,7 @@ import pytest
 
 from planner.common.files import data_folder
 from planner.common.units import MM
-from planner.identification.suitability import answer_of, judge_use, target_errors
+from planner.identification.suitability import judge_shares, judge_use, target_errors
 from planner.kinematics.robot_reader import load_robot
 from planner.model.use_statement import Use
 from planner.model.use_text import bound_text, share_text, taught_sentence, tolerance_sentence, use_rows, use_sentence
@@ -57,10 +57,10 @@ def test_the_answer_is_that_of_the_stated_share(factor):
 
 
 def test_between_yes_and_no_nothing_is_known():
-    assert answer_of(np.full(100, 0.99)) == "yes"
-    assert answer_of(np.full(100, 0.90)) == "no"
-    assert answer_of(np.repeat([0.99, 0.90], [60, 40])) == "not known"
-    assert answer_of(np.repeat([0.99, 0.90], [96, 4])) == "yes"
+    assert judge_shares(np.full(100, 0.99)) == "yes"
+    assert judge_shares(np.full(100, 0.90)) == "no"
+    assert judge_shares(np.repeat([0.99, 0.90], [60, 40])) == "not known"
+    assert judge_shares(np.repeat([0.99, 0.90], [96, 4])) == "yes"
 
 
 def test_the_document_keeps_it_and_the_words_say_it():

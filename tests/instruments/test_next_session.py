@@ -14,7 +14,7 @@ from planner.cell.reading import load_cell
 from planner.common.errors import InputError, NoSolutionError
 from planner.common.progress import UNLIMITED
 from planner.design.bayesian_design import BayesianPosterior, _exchange, errors_after, select_greedily
-from planner.design.expected_errors import error_limit, square_limit
+from planner.design.expected_errors import error_limit, square_error_limit
 from planner.instruments.next_session import NextSessionChooser
 from planner.instruments.remaining_errors import CalibratedState, RemainingErrors
 from planner.instruments.where_it_counts import places_in_region, places_of_program
@@ -89,7 +89,7 @@ def test_what_does_not_belong_together_is_refused(measured, tmp_path):
 )
 def test_what_also_chooses_the_poses_is_refused(asked, other):
     with pytest.raises(InputError, match=other):
-        PlanOptions(**asked).for_tracing(Of(path="cell.toml", plan=Of(aim=None, method=None, poses=None)))
+        PlanOptions(**asked).aims_at_tracing(Of(path="cell.toml", plan=Of(aim=None, method=None, poses=None)))
 
 
 @pytest.mark.long
@@ -141,7 +141,7 @@ def test_a_program_counts_by_its_targets_and_their_tool(measured, tmp_path):
 def test_the_limit_is_what_is_stated_now_and_never_falls_below_the_error():
     """One direction is open before, as after few poses of a bar; many that are alike are left after."""
     weight = np.diag([1e-6, *[1e-9] * 40])
-    few = square_limit(weight, np.zeros((0, 41)))
+    few = square_error_limit(weight, np.zeros((0, 41)))
     for narrow in (0.8, 1.0, 1.3):
         stated, at_most = 1.02 * np.sqrt(np.trace(weight)), narrow * np.sqrt(few)
         before = Of(stated=stated, at_most=at_most, known=Of(file=Of(rest_mm=0.0)))
@@ -153,7 +153,7 @@ def test_the_limit_is_what_is_stated_now_and_never_falls_below_the_error():
             white = np.zeros((readings, 41))
             white[:, 0] = 3.0  # all see the one
             left = weight @ np.linalg.inv(np.eye(41) + white.T @ white)
-            limits.append(errors.state_limit(square_limit(weight, white)))
+            limits.append(errors.state_limit(square_error_limit(weight, white)))
             assert limits[-1] > errors.state(np.trace(left))
         assert np.all(np.diff(limits) < 0.0)
 
@@ -165,4 +165,4 @@ def test_ninety_five_of_a_hundred_sums_of_squares_stay_below():
         np.zeros(4), np.linalg.inv(white.T @ white + np.eye(4)), 200_000
     )
     expected = np.quantile(((draws @ root.T) ** 2).sum(axis=1), 0.95)
-    assert square_limit(root.T @ root, white) == pytest.approx(expected, rel=0.08)
+    assert square_error_limit(root.T @ root, white) == pytest.approx(expected, rel=0.08)

@@ -102,7 +102,7 @@ def test_the_plan_carries_the_mounting_on(known):
     with pytest.raises(InputError, match="does not say where a gauge stands"):
         leave_standing(cell, silent)
     with pytest.raises(InputError, match="--same-mounting goes with --after"):
-        PlanOptions(same_mounting=True).for_tracing(cell)
+        PlanOptions(same_mounting=True).aims_at_tracing(cell)
 
 
 def test_runs_of_one_mounting_share_place_and_zero(tmp_path):

@@ -10,7 +10,7 @@ from planner.cell.reading import load_cell
 from planner.common.errors import InputError, NoSolutionError
 from planner.kinematics.axes import ControllerTable, JointRange, convention_from_table
 from planner.kinematics.robot_reader import load_robot
-from planner.programs.controller_axes import axes_for, check_model_angles, in_controller_axes
+from planner.programs.controller_axes import axis_convention, check_model_angles, in_controller_axes
 from planner.programs.dialect import dialect_names, load_dialect
 from planner.programs.instructions import Entry, JointMove
 from planner.programs.rendering import axis_names
@@ -120,7 +120,7 @@ def test_without_a_convention_nothing_is_written_and_planning_ends_at_once():
 
 def test_lists_are_in_the_joints_of_the_model_and_say_so():
     robot, cell = load_robot("comau-nj130"), load_cell("comau-nj130/edbb")
-    assert axes_for(robot, load_dialect("poses-csv")).is_same
+    assert axis_convention(robot, load_dialect("poses-csv")).is_same
     (file,) = write_session(cell, build_program(cell, "0" * 12, []), "poses-csv", "a")
     assert "q1 to q6 are the joints of the robot model" in file.text
 
@@ -129,7 +129,7 @@ def test_an_option_of_a_dialect_has_the_axes_of_its_controller():
     name = next(f"{d}+{o}" for d in dialect_names() for o in load_dialect(d).options)
     base = name.partition("+")[0]
     robot = replace(load_robot("comau-nj130"), conventions=(convention(base),))
-    assert axes_for(robot, load_dialect(name)).controller == base
+    assert axis_convention(robot, load_dialect(name)).controller == base
 
 
 def test_files_of_a_read_program_are_those_of_the_turned_one():

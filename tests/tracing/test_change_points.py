@@ -14,7 +14,7 @@ from planner.tracing.effect_scores import ScoreTest
 from planner.tracing.significance import LOG_SIGNIFICANCE
 from planner.tracing.state import FittedEffect
 from planner.tracing.trace import trace
-from planner.tracing.wrong_rows import slip_of_the_pen
+from planner.tracing.wrong_rows import find_slip
 from tests.identification.worlds import declared, world
 from tests.simulation.generator.truth import Noise, draw_errors
 
@@ -134,7 +134,7 @@ def test_a_step_and_a_mistyped_row_are_named():
     ],
 )
 def test_slips_of_the_pen_are_recognised(read, wanted, words):
-    assert slip_of_the_pen(read, wanted, 0.02) == words
+    assert find_slip(read, wanted, 0.02) == words
 
 
 @pytest.mark.long

@@ -96,7 +96,7 @@ def test_the_program_of_a_changed_plan_says_so_at_its_head(folder, monkeypatch, 
     path = folder / "plan.json"
     plain = export(path, dialect=dialect, name="a").programs[0].text
     note = f"{path} is not as it was planned: a)\nG0 X999 was changed"
-    monkeypatch.setattr("planner.session.planned_session.doubts", lambda *_: (note,))
+    monkeypatch.setattr("planner.session.planned_session.integrity_notes", lambda *_: (note,))
     lines = export(path, dialect=dialect, name="a").programs[0].text.split("\n")
     more = [line for line in lines if line not in plain.split("\n")]
     words = re.sub(r"\W+|\d+", "", "".join(more))
@@ -239,7 +239,7 @@ def test_speeds_as_written_are_held_against_those_of_tool_and_gauge(folder, name
     program = session_program(session.cell, session.courses, session.plan_id, dialect.path_form)
     found = write_and_read_back(program, name, "a")[1]
     robot = session.cell.robot
-    axes = AxisConvention.like_model(name, robot.q_lower, robot.q_upper, robot.speed)
+    axes = AxisConvention.model_convention(name, robot.q_lower, robot.q_upper, robot.speed)
     check_emitted_speeds(session.cell, program, axes, dialect, found)
     slow = replace(session.cell, gauge=replace(session.cell.gauge, rate=1.0 * MM))
     with pytest.raises(NoSolutionError, match=r"drives the gauge at \d"):

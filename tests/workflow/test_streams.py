@@ -8,7 +8,7 @@ from planner.cell.reading import load_cell, shipped_cells
 from planner.common.errors import InputError
 from planner.common.units import MM
 from planner.motion.timing.leg_times import tool_speed
-from planner.programs.controller_axes import axes_for
+from planner.programs.controller_axes import axis_convention
 from planner.programs.dialect import dialects
 from planner.session.course import Waypoints, time_course
 from planner.session.neutral_program import session_program, write_session
@@ -20,7 +20,7 @@ CENTRED = ("kuka-kr6-r700/trical",)  # a routine of the controller centres its b
 
 def _speaks(cell: str, dialect: str) -> bool:
     try:
-        axes_for(load_cell(cell).robot, STREAMS[dialect])
+        axis_convention(load_cell(cell).robot, STREAMS[dialect])
     except InputError:
         return False
     return cell not in CENTRED

@@ -92,7 +92,7 @@ class FrameState:
 
     def taught_frames(self, name: str) -> FramePair | None:
         """Return tool and base that a point was taught with by inline form; None where it has no FDAT."""
-        fdat = self._values.taught_with(name)
+        fdat = self._values.taught_frame_data(name)
         return None if fdat is None else self._of_fdat(fdat)
 
     def _of_fdat(self, fdat: str) -> FramePair:

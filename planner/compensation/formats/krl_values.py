@@ -88,7 +88,7 @@ class FrameValues:
             return _orientation_in(ldat)
         return self._orientations.get(spell_name(ldat), "")
 
-    def taught_with(self, point: str) -> str | None:
+    def taught_frame_data(self, point: str) -> str | None:
         """Return the FDAT of a point that inline forms have taught (XP1: FP1); None where it has none."""
         return self._fdats.get("F" + point[1:]) if point.startswith("X") else None
 

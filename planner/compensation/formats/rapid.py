@@ -18,7 +18,7 @@ from planner.compensation.formats.rapid_frames import (
     calls_any,
     is_read_only,
     may_change,
-    passed_names,
+    names_in_calls,
     place,
 )
 from planner.compensation.formats.rapid_turning import ToolTurning, is_circle, is_linear
@@ -79,7 +79,7 @@ class _RapidTargets:
         """Read what gives points a value, and which parts of them are handed to routines that may write them."""
         if isinstance(p.statement, st.Assignment):
             self._read_value(p, p.statement)
-        if handed := set(passed_names(p.statement)):
+        if handed := set(names_in_calls(p.statement)):
             why, may_write = may_change(p), self._may_write(p.statement)
             for name, part in sorted(handed):
                 if part or may_write:
@@ -144,7 +144,7 @@ class _RapidTargets:
 
     def _frames_of(self, p: Placed, move: RapidMove) -> pt.FramePair:
         """Return tool and base of a move, or why it does not go to where its target says."""
-        why = self.turning.doubt(p, move)
+        why = self.turning.describe_doubt(p, move)
         return (why, why) if why else self.frames.of(p, move)
 
     def take(self, p: Placed) -> None:
@@ -167,7 +167,7 @@ class _RapidTargets:
     def _hand_points(self, p: Placed) -> None:
         """A routine or a function may drive to the points that it is given."""
         said = p.statement
-        names = {name for name, part in passed_names(said) if not part}
+        names = {name for name, part in names_in_calls(said) if not part}
         if isinstance(said, st.Call):
             names |= set(re.findall(r"[A-Za-z]\w*", said.text.partition(said.text.split()[0])[2]))
         self._use_elsewhere(p, names, names)

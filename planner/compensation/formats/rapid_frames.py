@@ -112,7 +112,7 @@ _READERS = re.compile(
     re.IGNORECASE,
 )
 _WORDS = re.compile(r"and|x?or|not|mod|div|(?:else)?if|while|for|from|to|step|until|test|case|", re.IGNORECASE)
-_TOKEN = st.spaces_once(
+_TOKEN = st.compile_possessive_spaces(
     r"(?P<open>(?:(?<![\w.\\])(?P<routine>[A-Za-z]\w*)\s*)?\()|(?P<close>\))"
     r"|(?<![\w.\\])(?P<name>[A-Za-z]\w*)(?P<part>(?:\{[^{}]*\})?\.)?",
     re.IGNORECASE,
@@ -124,7 +124,7 @@ def is_read_only(routine: str) -> bool:
     return bool(_READERS.fullmatch(routine) or _WORDS.fullmatch(routine))
 
 
-def passed_names(statement: st.Statement) -> Iterator[tuple[str, bool]]:
+def names_in_calls(statement: st.Statement) -> Iterator[tuple[str, bool]]:
     """Yield the names that a statement hands to routines which may write them, and whether a part of each."""
     text = re.sub(r"(?<!\s)\s*+\.\s*+", ".", statement.text)
     handed = type(statement) is st.Statement
@@ -184,7 +184,7 @@ class FrameTable:
         for p in placed:
             if isinstance(p.statement, st.Assignment) and not p.statement.kind:
                 self._change(p, p.statement, names.resolve(p, p.statement.name))
-            if handed := {name for name, _ in passed_names(p.statement)}:
+            if handed := {name for name, _ in names_in_calls(p.statement)}:
                 table = self._handed if not p.beside or calls_any(p.statement, routines) else self._doubted
                 why = may_change(p)
                 for name in sorted(handed):

@@ -74,7 +74,7 @@ class ToolTurning:
         if isinstance(said, st.Call | st.Flow | st.Routine | st.RoutineEnd) or type(said) is st.Statement:
             self._kept = [False for _ in _MODES]
 
-    def doubt(self, p: Placed, move: RapidMove) -> str:
+    def describe_doubt(self, p: Placed, move: RapidMove) -> str:
         """Say why a move may end in another orientation than its target says; nothing where it does not."""
         for mode, free, kept in zip(_MODES, self._free, self._kept, strict=True):
             if free is not None and (p.beside or not kept) and mode.moves.match(move.word):

@@ -225,7 +225,7 @@ def _filter_block(sample: JointSamples, workspace: Workspace, world: CollisionWo
 
 
 def _apply_workspace_filters(q: Array, workspace: Workspace) -> tuple[Array, list[int]]:
-    left = workspace.survivors(q, SAFETY_MARGIN)
+    left = workspace.positions_within_margins(q, SAFETY_MARGIN)
     return q[left[-1]], [len(each) for each in left]
 
 

@@ -69,7 +69,7 @@ def propose_measurements(
     cell: Cell, sight: PredictedReadings, scale: float, poses: int, seed: int, limit: TimeLimit = UNLIMITED
 ) -> Iterator[OtherMeasurement]:
     """Yield ways of measuring otherwise; ``scale``: noise in the model's."""
-    few = sight.thin()
+    few = sight.thin_candidates()
     kilograms = cell.robot.payload or UNSAID_PAYLOAD
     words = f"another payload (say {kilograms:g} kg) at half of the poses, payload_kg in the run"
     yield OtherMeasurement(words, few.repeat(payload=(0.0, kilograms)))

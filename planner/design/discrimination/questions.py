@@ -53,7 +53,7 @@ class PredictedReadings:
         whole = np.concatenate([model.rows(s) for s in self.samples], axis=1)
         return np.asarray(whole / self.sigma[:, None, None])
 
-    def thin(self) -> "PredictedReadings":
+    def thin_candidates(self) -> "PredictedReadings":
         """Return a few of the candidates, evenly over all."""
         return self.at(even_positions(len(self.sigma), 1_500))  # 1500 candidates are enough to find an inner number by
 
@@ -236,7 +236,7 @@ def pose_questions(
     sight: PredictedReadings, entries: Mapping[str, Effect], identified: IdentificationResult
 ) -> QuestionSet:
     """Return the questions for an identification's findings and their rivals."""
-    few = sight.thin()
+    few = sight.thin_candidates()
     asked = QuestionSet(sight.model.parameters, np.arange(len(sight.model.parameters)))
     known = [(f, entries[f.name]) for f in identified.found if f.name in entries]
     places = []

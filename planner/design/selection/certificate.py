@@ -62,7 +62,7 @@ class Certificate:
         """For which sets it holds, in words."""
         return "any number of poses" if self.poses is None else f"exactly {self.poses} poses"
 
-    def for_candidates(self, kept: np.ndarray) -> "Certificate":
+    def restrict_to_candidates(self, kept: np.ndarray) -> "Certificate":
         """Return the certificate for the candidates ``kept`` (N,) bool, numbered anew: its bound holds for them too."""
         left = kept[self.support]
         place = np.cumsum(kept) - 1

@@ -261,7 +261,9 @@ def _divide_bounds(smallest: Certificate, condition: Certificate) -> Certificate
     )
 
 
-def price_core(rows: Array, certificate: Certificate, n: int, margin: float = 0.06) -> tuple[Positions, Positions]:
+def price_candidates(
+    rows: Array, certificate: Certificate, n: int, margin: float = 0.06
+) -> tuple[Positions, Positions]:
     """Return all candidates by price, best first, and those whose use could cost less than ``margin`` of the bound.
 
     By complementary slackness a set within a share e of the bound can hold only candidates whose reduced costs sum up

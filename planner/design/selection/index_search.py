@@ -10,7 +10,7 @@ from planner.common.progress import UNLIMITED, LastStart, TimeLimit
 from planner.common.units import Array
 from planner.design.observability.information import find_rule
 from planner.design.selection.certificate import Certificate
-from planner.design.selection.index_bound import certify_bound, price_core
+from planner.design.selection.index_bound import certify_bound, price_candidates
 from planner.design.selection.index_criterion import (
     BARRIER_STRENGTHS,
     BarrierPotential,
@@ -207,7 +207,7 @@ class _IndexSearch:
 
     def _search_from(self, turn: int) -> Positions:
         rows, n, index = self.rows, self.n, self.index
-        order, near = price_core(rows, self.certificate, n)
+        order, near = price_candidates(rows, self.certificate, n)
         support = order_by_weight(self.certificate.support, self.certificate.weights, self.seed, turn)[:n]
         rest = order[~np.isin(order, support)]  # fills up by rank
         chosen = np.concatenate([support, rest[: n - len(support)]]).astype(np.intp)

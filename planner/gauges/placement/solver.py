@@ -94,7 +94,7 @@ def refine(problem: PlacementProblem, state: Array, schedule: Schedule, floor: f
     return RefinedStates(state, np.linalg.norm(r, axis=2), J)
 
 
-def best_first(found: RefinedStates) -> IntArray:
+def order_starts(found: RefinedStates) -> IntArray:
     """Return the order of the states, best first: squared residuals, each cut off at the smallest scale's limit."""
     d = found.jacobian.shape[2]
     limit = outlier_limit(d) * robust_scale(found.error, d).min()
@@ -122,9 +122,9 @@ def find_placement(problem: P, starts: Callable[[P], Array], few: int, rounds: S
     state = starts(many)
     for schedule, kept in rounds:
         found = refine(part, state, schedule)
-        state = found.state[best_first(found)[:kept]]
+        state = found.state[order_starts(found)[:kept]]
     found = refine(many, state, LAST)
-    best = found.take(best_first(found)[:1])
+    best = found.take(order_starts(found)[:1])
     require_determined_unknowns(best.jacobian[0], best.error[0], many)
     return best.state
 

@@ -39,7 +39,7 @@ class PlannedPath:
     visits: tuple[BallVisit, ...]
     joined: tuple[tuple[int, int], ...] = ()
 
-    def way_to(self, start: int, end: int) -> list[int]:
+    def points_to_drive(self, start: int, end: int) -> list[int]:
         """Return the points to drive from ``start`` to ``end``, both among them.
 
         It is the planned way; past poses that are not centred, the quickest one over proven legs.

@@ -151,14 +151,14 @@ def drive_to_balls(session: CentringSession, bench: CentringBench) -> Iterator[B
             continue
         bench.place = _visit_text(visit)
         off_ball = way.approach_point(visit, at)
-        _drive(way.way_to(at, off_ball), way, bench)
+        _drive(way.points_to_drive(at, off_ball), way, bench)
         if settings.head.check_free:
             check_free(read_settled_indicators(bench.indicators, settings.rest, bench.stop), settings.head)
         _drive([off_ball, visit.at], way, bench)
         at = visit.at
         yield visit
     bench.place = "on the way back"
-    _drive(way.way_to(at, len(way.q) - 1), way, bench)
+    _drive(way.points_to_drive(at, len(way.q) - 1), way, bench)
 
 
 def follow_program(session: CentringSession, bench: CentringBench) -> Iterator[BallVisit]:

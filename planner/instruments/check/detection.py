@@ -160,11 +160,11 @@ def shift_for_power(d: int, freedom: float, threshold: float) -> float:
     critical = stats.f.isf(threshold, d, freedom)
     true = freedom / stats.chi2.ppf((np.arange(sizes) + 0.5) / sizes, freedom)  # variance over the estimated one
 
-    def lacking(shift: float) -> float:
+    def missing_power(shift: float) -> float:
         """Return how much power a shift lacks."""
         return POWER - float(stats.ncx2.sf(critical * d / true, d, shift / true).mean())
 
     high = 10.0 * d * critical
-    while lacking(high) > 0:
+    while missing_power(high) > 0:
         high *= 2.0
-    return float(optimize.brentq(lacking, 1e-6, high))
+    return float(optimize.brentq(missing_power, 1e-6, high))

@@ -227,7 +227,7 @@ def evaluate_check(baseline: Baseline, cell: Cell, run: Run, limit: float | None
     likely = weigh_changes(detector, units, difference, len(samples))
     each = zip(changes, tests, likely.changes.tolist(), strict=True)
     judged = [_judge(detector, c, e, p, difference) for c, e, p in each]
-    left = len(baseline.values) - len(baseline.for_samples(samples).values)
+    left = len(baseline.values) - len(baseline.restrict_to_samples(samples).values)
     notes = [f"{left} effects of the baseline need quantities that the run does not hold: left out"] if left else []
     notes += [hidden_changes_text(hidden)] if hidden else []
     verdict = CheckVerdict(

@@ -124,7 +124,7 @@ class CheckChooser:
         """Choose the poses by what they tell of changes; the index over the axes' zeros only judges them."""
         pool = session.pool.samples
         with stages.stage("selection"):
-            baseline = self.baseline.for_samples(pool)
+            baseline = self.baseline.restrict_to_samples(pool)
             changes = possible_changes(session.cell, baseline.model.setup, with_play=False)
             changes = build_detector(baseline, changes, pool.take(even_positions(len(pool), COMPETING_CANDIDATES)))[1]
             chosen = choose_check_poses(baseline, changes, pool, self.count)

@@ -42,7 +42,7 @@ class CheckForecast:
     @classmethod
     def of(cls, baseline: Baseline, cell: Cell, samples: Samples) -> "CheckForecast":
         """Foresee the check of some poses."""
-        known = baseline.for_samples(samples)
+        known = baseline.restrict_to_samples(samples)
         every = possible_changes(cell, known.model.setup, shows_play(samples))
         detector, changes, hidden = build_detector(known, every, samples)
         return cls(changes, tuple(detector.detectable_motion(k, c.square) for k, c in enumerate(changes)), hidden)

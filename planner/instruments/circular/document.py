@@ -34,7 +34,7 @@ from planner.session.document import (
 )
 from planner.session.document_parts import PathRecord, ProgramRecord
 from planner.session.plan_record import fill_document, origin_record, verdict_records, waypoint_records
-from planner.session.planned_session import check_continuity, doubts, read_cell_beside
+from planner.session.planned_session import check_continuity, integrity_notes, read_cell_beside
 
 
 class ArcRecord(CircleFile):
@@ -188,7 +188,7 @@ def load_circular_plan(path: Path) -> CircularPlan:
         mine = tuple(a for a in arcs if a.circle.mounting == mounting)
         drives.append(_read_drive(cell, mounting, mine, session, 2 * sum(len(d.passes) for d in drives)))
     check_continuity(path, cell, [d.course for d in drives])
-    notes = doubts(path, cell)
+    notes = integrity_notes(path, cell)
     return CircularPlan(cell=cell, seed=file.seed, drives=tuple(drives), notes=notes, plan_id=file.plan_id)
 
 

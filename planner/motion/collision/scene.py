@@ -36,7 +36,7 @@ def mesh_faces(body: Body) -> tuple[Array, np.ndarray]:
     return _faces(body.mesh, body.mesh.stat().st_mtime_ns, body.scale, body.hull)
 
 
-def excess_of_polytope(body: Body) -> float:
+def polytope_excess(body: Body) -> float:
     """How far the polytope about a mesh stands beyond the faces of its convex hull [m]."""
     assert body.mesh is not None
     faces = ConvexHull(np.array(_read(body.mesh, body.scale).vertices())).equations

@@ -22,8 +22,8 @@ from planner.motion.collision.scene import (
     SceneBody,
     advise_never_meet,
     build_scene,
-    excess_of_polytope,
     mesh_faces,
+    polytope_excess,
 )
 from planner.motion.planning_packages import coal
 from planner.motion.tolerances import CARRIED_REACHES, HALL, LEAST_SIZE
@@ -101,7 +101,7 @@ def describe_polytopes(cell: Cell) -> tuple[str, ...]:
     shapes |= {b.mesh: b for b in (*cell.tool.bodies, *cell.obstacles) if b.kind == "mesh" and b.hull}
     if not shapes:
         return ()
-    excess = to_mm(max(excess_of_polytope(b) for b in shapes.values()))
+    excess = to_mm(max(polytope_excess(b) for b in shapes.values()))
     return (
         Aside(
             f"{len(shapes)} meshes are checked for collisions as the convex polytopes around them, which hold the "

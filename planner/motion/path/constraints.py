@@ -111,7 +111,7 @@ class Constraints:
         """Prove motions or triangles (m, K, N) [rad] again with python-fcl's distances."""
         return self._judge_once("python-fcl", self._judge, corners)
 
-    def proven_by_both(self, corners: Array) -> np.ndarray:
+    def prove_by_both_engines(self, corners: Array) -> np.ndarray:
         """Tell which motions or triangles (m, K, N) [rad] both engines prove, (m,) bool."""
         out = self.prove_corners(corners).proven
         out[out] = self.judge(corners[out]).proven

@@ -48,7 +48,7 @@ class Neighbourhoods(Rows):
         spread = self.corners - self.q[:, None]
         return spread[:, :1] if self.corners.shape[1] == 2 else spread
 
-    def halves(self) -> "Neighbourhoods":
+    def bisect_cells(self) -> "Neighbourhoods":
         """Cut every cell at the middle of its longest edge; the halves of cell i are i and n + i.
 
         A quadrilateral is cut at the middle of the edge opposite too: its halves are quadrilaterals, and a narrow one
@@ -230,7 +230,7 @@ class Prover:
             room[where] = (spare - loss)[theirs]
             proof.fail(cells, stuck, np.argmin(room, axis=1))
             open_ &= proof.failed[cells.motion] < 0
-        return cells.take(open_).halves(), asked.take(left).in_halves(open_)
+        return cells.take(open_).bisect_cells(), asked.take(left).in_halves(open_)
 
     @staticmethod
     def _find_worst(failing: Doubts, spare: Array, first: int) -> tuple[np.ndarray, np.ndarray]:
@@ -293,7 +293,7 @@ def find_extremes(prover: Prover, corners: Array, tolerance: float) -> Extremes:
             shorter, longer = np.zeros_like(shorter), np.zeros_like(longer)
         wanted = shorter | longer
         wanted[asked.rows[~settled]] = True
-        cells, asked = cells.take(wanted).halves(), asked.take(~settled).in_halves(wanted)
+        cells, asked = cells.take(wanted).bisect_cells(), asked.take(~settled).in_halves(wanted)
     return Extremes(min(nearest, least, open_), shortest, longest)
 
 

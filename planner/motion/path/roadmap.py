@@ -145,7 +145,7 @@ class LazyGraph:
         """Mark edges (n, 2) that are known to be proven; those not in the graph are passed over."""
         self.known[self._rows(edges)] = Known.PROVEN
 
-    def strike(self, edges: np.ndarray) -> None:
+    def mark_failed(self, edges: np.ndarray) -> None:
         """Mark edges (n, 2) that are known to fail; those not in the graph are passed over."""
         self.known[self._rows(edges)] = Known.BROKEN
 
@@ -189,10 +189,10 @@ class LazyGraph:
             if self.constraints.limit.must_stop(
                 share, "which poses can be joined was not proven for all before they were chosen"
             ):
-                return self.likely_parts()
+                return self.number_likely_parts()
             self._prove(_cheapest(rows, part[self.edges[rows]], away[rows], np.bincount(part)))
 
-    def likely_parts(self) -> np.ndarray:
+    def number_likely_parts(self) -> np.ndarray:
         """Number of the connected part of each state, (V,), where all counts as proven that is not known to fail."""
         return self._parts(self.known != Known.BROKEN)
 
@@ -327,7 +327,7 @@ class Roadmap:
         """
         rounds = 200  # of proving a path's motions and seeking another
         legs = self.place[legs]
-        self.graph.strike(legs)
+        self.graph.mark_failed(legs)
         found = self.graph.paths(legs, rounds)
         while self._bridge(legs[lost := np.flatnonzero([w is None for w in found])]):
             for k, path in zip(lost, self.graph.paths(legs[lost], rounds), strict=True):
@@ -337,7 +337,7 @@ class Roadmap:
     def _bridge(self, legs: np.ndarray) -> bool:
         """Try RRT-Connect on legs that nothing joins; what it finds joins the roadmap. Tell whether it found any."""
         tried: dict[tuple[int, int], int] = {}
-        part, any_found = self.graph.likely_parts(), False
+        part, any_found = self.graph.number_likely_parts(), False
         for leg in legs:
             low, high = sorted(part[leg].tolist())
             if low == high or tried.get((low, high), 0) >= 3:  # legs between the same two parts that RRT-Connect tries
@@ -346,7 +346,7 @@ class Roadmap:
             path = self._rrt(*self.graph.q[leg])
             if path is not None:
                 self.graph.add_path(leg, path)
-                part, any_found = self.graph.likely_parts(), True
+                part, any_found = self.graph.number_likely_parts(), True
                 tried = {}
         return any_found
 

@@ -48,7 +48,7 @@ def limit_times(cell: Cell, mounting: Mounting, start: Array, end: Array, bar: b
 
 def _moving_times(cell: Cell, mounting: Mounting, start: Array, end: Array, limit: float) -> Array:
     """Time that tool and gauge need for each piece of each leg, (m, LEG_PIECES) [s]."""
-    travel, change = travel_and_change(cell, mounting, tool_positions(cell, mounting, start, end, LEG_PIECES))
+    travel, change = travel_and_length_change(cell, mounting, tool_positions(cell, mounting, start, end, LEG_PIECES))
     return np.maximum(travel / limit, change / cell.gauge.rate).T
 
 
@@ -59,7 +59,7 @@ def tool_positions(cell: Cell, mounting: Mounting | None, start: Array, end: Arr
     return at.map_position(q.reshape(-1, q.shape[2])).reshape(*q.shape[:2], 3)
 
 
-def travel_and_change(cell: Cell, mounting: Mounting | None, x: Array) -> tuple[Array, Array]:
+def travel_and_length_change(cell: Cell, mounting: Mounting | None, x: Array) -> tuple[Array, Array]:
     """Return the tool's travel through positions x (P + 1, m, 3) [m] and the change of the gauge's length, (P, m) [m].
 
     Without a gauge (``mounting`` is None) there is no change.

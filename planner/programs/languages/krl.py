@@ -20,7 +20,7 @@ _TRIGGER = r"(?P<trigger>TRIGGER\s+WHEN\s.*\bDO\s+)?"
 
 
 def _pattern(text: str) -> re.Pattern[str]:
-    return st.spaces_once(rf"\s*{text}", re.IGNORECASE)
+    return st.compile_possessive_spaces(rf"\s*{text}", re.IGNORECASE)
 
 
 _MOVE = _pattern(r"(?P<word>S?PTP|S?LIN|S?CIRC|SPL)(?P<relative>_REL)?\b(?!\s*[=.\[])(?P<rest>.*)")

@@ -20,7 +20,7 @@ UNUSED_AXIS = 8e9  # external axes that are not there read 9E9
 
 
 def _pattern(text: str) -> re.Pattern[str]:
-    return st.spaces_once(text, re.IGNORECASE | re.DOTALL)
+    return st.compile_possessive_spaces(text, re.IGNORECASE | re.DOTALL)
 
 
 _CHUNK = _pattern(

@@ -57,7 +57,7 @@ class Lines:
         return bisect_right(self.starts, place)
 
 
-def spaces_once(pattern: str, flags: re.RegexFlag) -> re.Pattern[str]:
+def compile_possessive_spaces(pattern: str, flags: re.RegexFlag) -> re.Pattern[str]:
     """Compile a pattern whose runs of spaces are taken whole: thousands of them are not shared out in every way."""
     return re.compile(pattern.replace(r"\s*", r"\s*+").replace(r"\s+", r"\s++"), flags)
 

@@ -144,7 +144,7 @@ def test_a_bound_begun_near_another_is_as_good(paper_pool):
 def test_a_certificate_bounds_the_candidates_that_are_left(kind, paper_pool):
     whole = certify_bound(paper_pool, kind, 35)
     kept = np.random.default_rng(3).random(len(paper_pool)) < 0.7
-    rest = whole.for_candidates(kept)
+    rest = whole.restrict_to_candidates(kept)
     assert rest.holds(paper_pool[kept])
     assert np.array_equal(paper_pool[kept][rest.support], paper_pool[whole.support[kept[whole.support]]])
     near = certify_bound(paper_pool[kept], kind, 40, near=rest)

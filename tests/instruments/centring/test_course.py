@@ -34,13 +34,13 @@ def test_past_balls_that_are_not_centred_it_takes_the_quickest_proven_legs():
     balls = tuple(BallVisit(k, "1", at) for k, at in enumerate((2, 5, 8, 11)))
     q = np.array([0, 10, 11, 10, 20, 21, 20, 30, 31, 30, 12, 13, 12, 0], float)[:, None]
     along = PlannedPath("0123456789ab", "r", q, balls)
-    assert along.way_to(3, 4) == along.points_between(3, 4) == [3, 4]  # no ball between: as planned
-    assert along.way_to(2, 10) == [2, 1, 0, 10]  # over the home pose, in which the way begins and ends
-    assert along.way_to(1, 13) == [1, 13]  # back where it came from: the end is the start
+    assert along.points_to_drive(3, 4) == along.points_between(3, 4) == [3, 4]  # no ball between: as planned
+    assert along.points_to_drive(2, 10) == [2, 1, 0, 10]  # over the home pose, in which the way begins and ends
+    assert along.points_to_drive(1, 13) == [1, 13]  # back where it came from: the end is the start
     short = PlannedPath("0123456789ab", "r", q, balls, joined=((0, 7),))
-    assert short.way_to(7, 12) == [7, 12]
-    assert short.way_to(4, 13) == [4, 1, 13]
-    assert short.way_to(7, 13) == [7, 13]
+    assert short.points_to_drive(7, 12) == [7, 12]
+    assert short.points_to_drive(4, 13) == [4, 1, 13]
+    assert short.points_to_drive(7, 13) == [7, 13]
 
 
 def test_shortcuts_of_the_plan_are_legs_of_the_roadmap(tmp_path):

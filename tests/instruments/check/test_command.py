@@ -39,7 +39,7 @@ def test_a_calibrated_robot_passes_and_one_that_lost_a_zero_is_mastered_again(tm
     whole = load_cell(str(cell), planning=False)
     baseline = Baseline.read(tmp_path / "known", whole)
     _predicts_what_the_posterior_does(baseline, run.take(first), cell)
-    logged = baseline.for_samples(run.samples)
+    logged = baseline.restrict_to_samples(run.samples)
     shift = logged.rows(run.samples)[:, [p.name for p in logged.model.parameters].index("theta3")] * 0.04 * DEG
     for name, length, cause in (("sound", 0.0, None), ("moved", shift[later], "zero of joint 3")):
         part = run.take(later)
@@ -57,7 +57,7 @@ def _predicts_what_the_posterior_does(baseline, run, cell):
     found = identify_runs(run, load_cell(str(cell), planning=False), Stages(), tracing=False)
     fit = found.released.posterior.fit
     at = Samples(fit.problem.samples.q, fit.problem.samples.place, direction=fit.problem.samples.direction)
-    known = baseline.for_samples(at)
+    known = baseline.restrict_to_samples(at)
     names = [fit.model.names.index(p.name) for p in known.model.parameters]
     part = fit.model.subset(names)
     apart = known.model.reading(at, known.values)[:, 0] - part.reading(at, fit.errors[names])[:, 0]

@@ -9,7 +9,7 @@ from planner.common.errors import InputError
 from planner.kinematics.bodies import Body
 from planner.motion.collision.engines import CollisionWorld
 from planner.motion.collision.fcl_world import FclWorld
-from planner.motion.collision.scene import body_reach, excess_of_polytope, mesh_faces
+from planner.motion.collision.scene import body_reach, mesh_faces, polytope_excess
 from planner.motion.collision.surroundings import describe_polytopes
 
 CORNERS = np.array([[x, y, z] for x in (-0.15, 0.15) for y in (-0.2, 0.2) for z in (-0.25, 0.25)])
@@ -97,7 +97,7 @@ def test_a_polytope_holds_its_mesh_and_stands_little_beyond_its_hull(tmp_path):
         own = CORNERS if name == "box.stl" else points
         assert len(vertices) <= most
         assert (own @ normal.T - np.einsum("ij,ij->i", normal, corner)).max() < 1e-6
-        assert excess_of_polytope(body) < 3e-3  # of 0.6 m, by 240 faces
+        assert polytope_excess(body) < 3e-3  # of 0.6 m, by 240 faces
     assert len(hull.simplices) > 1000
 
 

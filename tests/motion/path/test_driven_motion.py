@@ -175,7 +175,7 @@ def test_a_narrow_corner_of_steps_takes_few_cells(height):
             lost = np.linalg.norm(c.spokes, axis=2).max(axis=1)
             proven = 1.6e-5 + 2.0 * (c.q[:, 0] - 0.006) ** 2 > lost
             closed.append(_triangles(c.corners[proven]))
-            left.append(c.take(np.flatnonzero(~proven)).halves())
+            left.append(c.take(np.flatnonzero(~proven)).bisect_cells())
         cells = left
         assert sum(len(c.motion) for c in cells) < 500
     assert sum(len(c.motion) for c in cells) == 0

@@ -19,24 +19,29 @@ MANY = 4000  # rows that a Jacobian is made of, spread over a long run
 
 
 @dataclass(frozen=True, eq=False)
-class Made:
-    """One run of n samples with k numbers a reading.
+class TrueRun:
+    """What is true of one run of n samples with k numbers a reading.
 
-    ``run_csv``, ``cell_toml``, ``robot_toml`` (empty where the shipped file will do): the files. ``truth``: with the
-    sizes of the effects as they are. ``scene``, ``station``: the true course and gauge. ``reading``, ``clean`` (n, k)
-    [m]: with and without noise (balls: the measured point in the base frame that the recorded angles stand for,
-    against ``station.balls``). ``pose`` (n,): groups of samples.
+    ``truth``: with the sizes of the effects as they are. ``scene``, ``station``: the true course and gauge.
+    ``reading``, ``clean`` (n, k) [m]: with and without noise (balls: the measured point in the base frame that the
+    recorded angles stand for, against ``station.balls``). ``pose`` (n,): groups of samples.
     """
 
-    run_csv: str
-    cell_toml: str
-    robot_toml: str
     truth: Truth
     scene: Scene
     station: Station
     reading: np.ndarray
     clean: np.ndarray
     pose: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Made(TrueRun):
+    """A run and its files: ``run_csv``, ``cell_toml``, ``robot_toml`` (empty where the shipped file will do)."""
+
+    run_csv: str
+    cell_toml: str
+    robot_toml: str
 
     @property
     def noise(self):

@@ -9,7 +9,7 @@ import tests.simulation.generator.made as made
 import tests.simulation.generator.writing as writing
 from tests.simulation.generator.benches import BALLS_MM, BENCHES
 from tests.simulation.generator.course import course, every_pose
-from tests.simulation.generator.made import Made
+from tests.simulation.generator.made import Made, TrueRun
 from tests.simulation.generator.oracle import rms
 from tests.simulation.generator.paths import drive, wander
 from tests.simulation.generator.poses import (
@@ -93,16 +93,8 @@ def _in_balls(arm, bench, q, which, centres, seed, truth, logs, rng):
     for _ in range(2):  # where the arm comes to stand depends a little on its effects, and their sizes on that
         truth = _sized(scene, station, wanted, noise)
         scene, clean, reading = _centred(scene, station, truth, noise)
-    pose = np.arange(1, len(q) + 1)
-    return Made(
-        *_files(scene, bench, truth, reading, pose, which, _shown(truth, logs, rng)),
-        truth=truth,
-        scene=scene,
-        station=station,
-        reading=reading,
-        clean=clean,
-        pose=pose,
-    )
+    run = TrueRun(truth, scene, station, reading, clean, np.arange(1, len(q) + 1))
+    return _with_files(run, bench, which, _shown(truth, logs, rng))
 
 
 def _counted(arm, bench, gauge, q, pose, seed, truth, logs, rng, motion=None):
@@ -115,23 +107,16 @@ def _counted(arm, bench, gauge, q, pose, seed, truth, logs, rng, motion=None):
     clean = made.with_effects(scene, station, truth, truth.effects)
     k = clean.shape[1]
     reading = clean + _joint_part(scene, station, truth, noise[0]) + truth.noise.gauge * noise[1][:, :k]
-    return Made(
-        *_files(scene, bench, truth, reading, pose, None, _shown(truth, logs, rng)),
-        truth=truth,
-        scene=scene,
-        station=station,
-        reading=reading,
-        clean=clean,
-        pose=pose,
-    )
+    return _with_files(TrueRun(truth, scene, station, reading, clean, pose), bench, None, _shown(truth, logs, rng))
 
 
-def _files(scene, bench, truth, reading, pose, ball, shown):
-    """Text of the run, of the cell and, where the shipped one will not do, of the robot."""
-    arm, ratios = scene.arm, "ratios" in shown
+def _with_files(run, bench, ball, shown):
+    """The run with its text, that of the cell and, where the shipped one will not do, of the robot."""
+    arm, ratios = run.scene.arm, "ratios" in shown
     robot = "robot.toml" if ratios else arm.name
-    cell = writing.cell_toml(arm, bench, scene.gauge, truth.noise.gauge, scene.moving, robot)
-    return writing.run_csv(scene, reading, pose, ball, shown), cell, writing.robot_toml(arm) if ratios else ""
+    cell = writing.cell_toml(arm, bench, run.scene.gauge, run.truth.noise.gauge, run.scene.moving, robot)
+    table = writing.run_csv(run.scene, run.reading, run.pose, ball, shown)
+    return Made(*vars(run).values(), table, cell, writing.robot_toml(arm) if ratios else "")
 
 
 def _shell(arm, bench, count, rng):
