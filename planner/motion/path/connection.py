@@ -20,7 +20,7 @@ def cut_corners(constraints: Constraints, paths: Sequence[Array]) -> list[Array]
     graph = LazyGraph(constraints, np.concatenate(paths), np.concatenate(edges))
     inner = np.setdiff1d(np.arange(start[-1] - 1), start[1:-1] - 1)  # states that are followed by another of their path
     graph.accept(np.column_stack([inner, inner + 1]))
-    graph.mark_failed(np.column_stack([start[:-1], start[1:] - 1]))  # the straight leg has failed before
+    graph.mark_failures(np.column_stack([start[:-1], start[1:] - 1]))  # the straight leg has failed before
     found = graph.paths(np.column_stack([start[:-1], start[1:] - 1]), 60)  # rounds
     return [graph.q[f] if f else w for f, w in zip(found, paths, strict=True)]
 

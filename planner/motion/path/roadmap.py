@@ -145,7 +145,7 @@ class LazyGraph:
         """Mark edges (n, 2) that are known to be proven; those not in the graph are passed over."""
         self.known[self._rows(edges)] = Known.PROVEN
 
-    def mark_failed(self, edges: np.ndarray) -> None:
+    def mark_failures(self, edges: np.ndarray) -> None:
         """Mark edges (n, 2) that are known to fail; those not in the graph are passed over."""
         self.known[self._rows(edges)] = Known.BROKEN
 
@@ -327,7 +327,7 @@ class Roadmap:
         """
         rounds = 200  # of proving a path's motions and seeking another
         legs = self.place[legs]
-        self.graph.mark_failed(legs)
+        self.graph.mark_failures(legs)
         found = self.graph.paths(legs, rounds)
         while self._bridge(legs[lost := np.flatnonzero([w is None for w in found])]):
             for k, path in zip(lost, self.graph.paths(legs[lost], rounds), strict=True):

@@ -116,7 +116,8 @@ def _with_files(run, bench, ball, shown):
     robot = "robot.toml" if ratios else arm.name
     cell = writing.cell_toml(arm, bench, run.scene.gauge, run.truth.noise.gauge, run.scene.moving, robot)
     table = writing.run_csv(run.scene, run.reading, run.pose, ball, shown)
-    return Made(*vars(run).values(), table, cell, writing.robot_toml(arm) if ratios else "")
+    own = writing.robot_toml(arm) if ratios else ""
+    return Made(**vars(run), run_csv=table, cell_toml=cell, robot_toml=own)
 
 
 def _shell(arm, bench, count, rng):
