@@ -218,7 +218,7 @@ def evaluate_check(baseline: Baseline, cell: Cell, run: Run, limit: float | None
         InputError: the run is of another robot, gauge or fixture, was driven in motion, or is too short.
     """
     run = _prepare(run, cell, baseline)
-    samples, known = run.samples, baseline.for_session(cell, run)
+    samples, known = run.samples, baseline.adapt_to_session(cell, run)
     every = possible_changes(cell, known.model.setup, shows_play(samples))
     detector, changes, hidden = build_detector(known, every, samples)
     difference = known.difference(run)

@@ -109,7 +109,7 @@ def test_straight_steps_leave_the_path_at_blends_alone(cell, moving):
     """Straight motions from rest to rest and back are written whole by the longest blocks; of blends long ones fail."""
     tour = proven_tour(CELL, 3)
     travel = Waypoints(round_angles(np.array([cell.home, tour[0]])), np.array([-1, 0]), np.zeros(2))
-    rests = Waypoints(tour, np.array([-1, 1, 2, 3, -1]), np.zeros(len(tour))).there_and_back()
+    rests = Waypoints(tour, np.array([-1, 1, 2, 3, -1]), np.zeros(len(tour))).append_way_back()
     resting = time_course(cell, FIRST_MOUNTING, travel, rests).measuring
     blended_cell, course = moving
     blended = []
