@@ -22,8 +22,8 @@ from planner.service.job_request import (
     OfIdentificationRequest,
     OfPlanRequest,
     Word,
-    one_of,
     options,
+    schema_of_one_key,
 )
 from planner.studies.study_call import StudyCall
 from planner.workflow.accuracy_call import AccuracyCall
@@ -103,7 +103,7 @@ class PlanRequest(JobRequest):
         description="the identification of the robot: poses that lower the error that it leaves most; without a cell"
         " they are planned in its own",
     )
-    model_config = ConfigDict(json_schema_extra=one_of(cell=GIVEN, after=GIVEN))
+    model_config = ConfigDict(json_schema_extra=schema_of_one_key(cell=GIVEN, after=GIVEN))
 
     @model_validator(mode="after")
     def _check_place(self) -> Self:
