@@ -220,12 +220,13 @@ def assess_fit(
     found, last = stages[-1].fit, stages[-1].stage
     fitted, time = parameter_covariance(found, run.continuous)
     covariance = fitted + consider_covariance(found, free.held)
-    released = _release(stages, free, context, cell, time, basis)
-    expected = workspace_error(cell, run, found, covariance) if released is None else released.anywhere
     table = _estimate_all(free, found, covariance, traced)
+    problems = find_problems(table, stages, found, traced, run, cell)
+    released = None if problems else _release(stages, free, context, cell, time, basis)
+    expected = workspace_error(cell, run, found, covariance) if released is None else released.anywhere
     said = [
-        *(*run.warnings, *collect_warnings(run, cell, found, validation)),
-        *(*notes, *_refit_notes(parts, stages[-1]), *([NO_POSTERIOR] if not released and basis != "fit" else [])),
+        *(*run.warnings, *collect_warnings(run, cell, found, validation), *notes),
+        *(*_refit_notes(parts, stages[-1]), *([] if released or problems or basis == "fit" else [NO_POSTERIOR])),
         *workspace_warning(expected, last.held_out, found.model.width),
         *([] if released is None else tool_point_advice(released)),
     ]
@@ -259,7 +260,7 @@ def assess_fit(
         condition_number=_condition(found),
         correlation_time=time,
         frames=_frames(found, released, estimates),
-        problems=find_problems(table, stages, found, traced, run, cell),
+        problems=problems,
         warnings=tuple(said),
         asides=frozenset(text for text in said if isinstance(text, Aside)),
         angle_unit="mrad" if cell.gauge.unit == "mrad" else None,

@@ -13,7 +13,8 @@ plausible size: the logarithms of their likelihoods differ by δ²/2, give or ta
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -25,6 +26,7 @@ from planner.identification.contenders import HUNDRED_TO_ONE, Contest, Rival, St
 from planner.identification.contest_arena import Arena, Block
 from planner.identification.posterior_draws import SizeDraw
 from planner.identification.posterior_fit import PosteriorFit
+from planner.identification.reading_precision import MOST_WAITING, padded_width
 
 LOOKED_AT = 3  # draws, evenly spread
 NEAREST = 8  # causes that are tried in full for a finding, of those with a name and of those without
@@ -32,6 +34,7 @@ DECIDES = 4.6  # difference of log likelihoods that decides: a hundred to one
 POWER = 1.645  # standard deviations: it must decide 95 times of 100
 TOLD_APART = POWER + float(np.sqrt(POWER**2 + 2 * DECIDES))  # δ from which on the poses tell two causes apart
 PLAUSIBLE = 3.0  # prior sigmas of a rival
+
 OWN_NAME, NOTHING = "", "nothing"
 Part = tuple[Block, float]
 """A cause that acts, and the factor on its sizes."""
@@ -79,19 +82,28 @@ def average_standing(each: Sequence[Weights]) -> Standing:
 
 @dataclass(frozen=True)
 class Beside:
-    """What acts beside a cause, as it is taken out of products of columns: L⁻¹ Aᵀ X (k, p + 1), with L Lᵀ = 1 + AᵀA."""
+    """What acts beside a cause, as it is taken out of products of columns: L⁻¹ Aᵀ X (k, p + 1), with L Lᵀ = 1 + AᵀA.
+
+    It is 0 of columns that are not asked for.
+    """
 
     shared: Array
     gram: Array
 
     @classmethod
-    def of(cls, gram: Array, parts: Sequence[Part]) -> "Beside":
-        """Take the causes ``parts``, of known sizes, out of the products ``gram`` (p + 1, p + 1) of all columns."""
+    def of(cls, gram: Array, parts: Sequence[Part], wanted: np.ndarray | None = None) -> "Beside":
+        """Take the causes ``parts``, of known sizes, out of the products ``gram`` (p + 1, p + 1) of all columns.
+
+        Of these some are ``wanted`` (w,) int, or all.
+        """
         if not parts:
             return cls(np.zeros((0, len(gram))), gram)
         columns, size = _sizes(parts)
+        wanted = np.arange(len(gram)) if wanted is None else wanted
         root = np.linalg.cholesky(np.eye(len(columns)) + size[:, None] * gram[np.ix_(columns, columns)] * size)
-        return cls(solve_triangular(root, size[:, None] * gram[columns], lower=True), gram)
+        shared = np.zeros((len(columns), len(gram)))
+        shared[:, wanted] = solve_triangular(root, size[:, None] * gram[np.ix_(columns, wanted)], lower=True)
+        return cls(shared, gram)
 
     def products(self, a: np.ndarray, b: np.ndarray) -> Array:
         """Return products of columns a with columns b."""
@@ -143,11 +155,11 @@ class Bouts:
         own = self.arena.own[k]
         held = [part for part in self.present if part[0].name != own.name]
         size = next((s for b, s in self.present if b.name == own.name), None)
-        size = size or _best_factor(Beside.of(self.gram, held), own)
+        size = size or _best_factor(Beside.of(self.gram, held, np.append(own.columns, len(self.gram) - 1)), own)
         # what was drawn by chance alone would count against the finding
-        state = Together.of(self.gram, [*held, (own, size)]).prune()
+        state = Together.of(self.gram, [*held, (own, size)]).prune().settle()
         held, whole = list(state.parts[:-1]), state.log_odds
-        beside, *without_kin = self._rival_surroundings(held, own)
+        beside, *without_kin = self._rival_surroundings(k, held)
         by_poses = set[str]()
         out = {OWN_NAME: 0.0, NOTHING: self.log_odds(held) - whole}
         b = _mean_of(beside, own, size)
@@ -171,18 +183,24 @@ class Bouts:
             left = [(beside.distance_square(self.arena.own[k], b, g), g) for g in group if g.name not in there]
             yield from ((g, d) for d, g in sorted(left, key=lambda pair: pair[0])[:NEAREST])
 
-    def _rival_surroundings(self, held: Sequence[Part], own: Block) -> Iterator[Beside]:
-        """Yield what acts beside another cause where the finding is gone, and the same without the finding's kin."""
-        yield Beside.of(self.gram, held)
+    def _rival_surroundings(self, k: int, held: Sequence[Part]) -> Iterator[Beside]:
+        """Yield what acts beside another cause where finding k is gone, and the same without the finding's kin."""
+        own, rivals = self.arena.own[k], (*self.arena.others[k], *self.arena.unnamed)
+        wanted = np.unique(np.concatenate([own.columns, *(b.columns for b in rivals), [len(self.gram) - 1]]))
+        yield Beside.of(self.gram, held, wanted)
         place = own.name.partition(", ")[2]
         others = [part for part in held if part[0].name.removesuffix(" (background)").partition(", ")[2] != place]
         if len(others) < len(held):
-            yield Beside.of(self.gram, others)
+            yield Beside.of(self.gram, others, wanted)
 
     def _log_odds_with(self, state: "Together", own: Block, newcomer: Part) -> float:
         """Return the log odds with a newcomer in and all needless out, minus infinity where the finding stays."""
         kept = state.add_cause(self.gram, newcomer).prune()
-        return -np.inf if any(b is own for b, _ in kept.parts) else kept.log_odds
+        return (
+            -np.inf
+            if any(b is own for (b, _), stays in zip(kept.parts, kept.stays, strict=True) if stays)
+            else kept.log_odds
+        )
 
     def log_odds(self, state: Sequence[Part]) -> float:
         """Return the logarithm of a state's probability over that of the one in which nothing acts."""
@@ -199,18 +217,27 @@ class Bouts:
 class Together:
     """Causes that act, fitted together.
 
+    Their covariance is a matrix and changes of a few directions, V diag(s) Vᵀ: to try one cause more or less then takes
+    products with few columns. Before the first parameter stands one that is nought, which fills up what is narrow.
+
     Attributes:
         parts: in order; the last one stays whatever happens.
+        stays: which of them have not been taken out, (f,) bool.
         odds: logarithms of the odds beforehand that each acts, (f,).
-        along: products of their columns with the readings, per size, (k,).
-        covariance, mean: of their parameters, each over its size, (k, k) and (k,).
+        along: products of their columns with the readings, per size, (k + 1,).
+        covariance: of the first parameters, each over its size, (k₀ + 1, k₀ + 1) before the changes.
+        change, signs: V (k + 1, r) and s (r,).
+        mean: of the parameters, each over its size, (k + 1,).
         log_det: logarithm of the covariance's determinant.
     """
 
     parts: tuple[Part, ...]
+    stays: np.ndarray
     odds: Array
     along: Array
     covariance: Array
+    change: Array
+    signs: Array
     mean: Array
     log_det: float
 
@@ -219,74 +246,118 @@ class Together:
         """Fit causes of known sizes, by products of all columns (p + 1, p + 1)."""
         columns, size = _sizes(parts)
         information = np.eye(len(columns)) + size[:, None] * gram[np.ix_(columns, columns)] * size
-        covariance, along = np.linalg.inv(information), size * gram[columns, -1]
-        log_det = -float(np.linalg.slogdet(information)[1])
-        return cls(tuple(parts), _odds(parts), along, covariance, covariance @ along, log_det)
+        covariance, along = np.zeros((len(size) + 1, len(size) + 1)), np.append(0.0, size * gram[columns, -1])
+        covariance[1:, 1:] = np.linalg.inv(information)
+        log_det, none = -float(np.linalg.slogdet(information)[1]), np.zeros((len(along), 0))
+        stays, mean = np.ones(len(parts), dtype=bool), covariance @ along
+        return cls(tuple(parts), stays, _odds(parts), along, covariance, none, np.zeros(0), mean, log_det)
 
     @property
     def log_odds(self) -> float:
         """Logarithm of the state's probability over that of the one in which nothing acts."""
-        return float(self.odds.sum() + 0.5 * (self.along @ self.mean + self.log_det))
+        return float(self.odds[self.stays].sum() + 0.5 * (self.along @ self.mean + self.log_det))
 
     def add_cause(self, gram: Array, part: Part) -> "Together":
         """Return the fit with one more cause, behind the others (a block's inverse by its Schur complement)."""
         (columns, size), (new, its) = _sizes(self.parts), _sizes([part])
-        shared, along = size[:, None] * gram[np.ix_(columns, new)] * its, its * gram[new, -1]
-        turned = self.covariance @ shared
+        shared, along = np.zeros((len(self.mean), len(new))), its * gram[new, -1]
+        shared[1:] = size[:, None] * gram[np.ix_(columns, new)] * its
+        first = len(self.covariance)
+        turned = self.change * self.signs @ (self.change.T @ shared)
+        turned[:first] += self.covariance @ shared[:first]
         own = np.linalg.inv(np.eye(len(new)) + its[:, None] * gram[np.ix_(new, new)] * its - shared.T @ turned)
-        mean = own @ (along - shared.T @ self.mean)
-        side = -turned @ own
+        root, mean = np.linalg.cholesky(own), own @ (along - shared.T @ self.mean)
+        none = np.zeros((len(new), len(self.signs)))
         return Together(
             (*self.parts, part),
+            np.append(self.stays, True),
             np.append(self.odds, _odds([part])),
             np.append(self.along, along),
-            np.block([[self.covariance - side @ turned.T, side], [side.T, own]]),
+            self.covariance,
+            np.block([[self.change, -turned @ root], [none, root]]),
+            np.append(self.signs, np.ones(len(new))),
             np.append(self.mean - turned @ mean, mean),
-            self.log_det + float(np.linalg.slogdet(own)[1]),
+            self.log_det + 2 * float(np.log(np.diag(root)).sum()),
         )
 
     def remove_cause(self, k: int) -> "Together":
         """Return the fit without one of its causes: its parameters are nought then."""
-        gone = self._places[k]
-        kept = np.delete(np.arange(len(self.mean)), gone)
-        side, own = self.covariance[kept, gone], self.covariance[gone, gone]
-        shift = np.linalg.solve(own, np.column_stack([side.T, self.mean[gone]]))
-        return Together(
-            (*self.parts[:k], *self.parts[k + 1 :]),
-            np.delete(self.odds, k),
-            self.along[kept],
-            self.covariance[np.ix_(kept, kept)] - side @ shift[:, :-1],
-            self.mean[kept] - side @ shift[:, -1],
-            self.log_det - float(np.linalg.slogdet(own)[1]),
+        gone, first = self._places[k], len(self.covariance)
+        side = self.change * self.signs @ self.change[gone].T
+        if gone.stop <= first:
+            side[:first] += self.covariance[:, gone]
+        root = np.linalg.cholesky(side[gone])
+        lost = solve_triangular(root, side.T, lower=True).T
+        mean = self.mean - lost @ solve_triangular(root, self.mean[gone], lower=True)
+        mean[gone] = 0.0
+        stays = self.stays.copy()
+        stays[k] = False
+        return replace(
+            self,
+            stays=stays,
+            change=np.column_stack([self.change, lost]),
+            signs=np.append(self.signs, -np.ones(lost.shape[1])),
+            mean=mean,
+            log_det=self.log_det - 2 * float(np.log(np.diag(root)).sum()),
         )
 
-    @property
+    def settle(self) -> "Together":
+        """Return the same with all changes in the covariance, and without what was taken out."""
+        kept = np.concatenate([[0], *(_range(p) for p, stays in zip(self._places, self.stays, strict=True) if stays)])
+        old = kept[kept < len(self.covariance)]
+        covariance = self.change[kept] * self.signs @ self.change[kept].T
+        covariance[: len(old), : len(old)] += self.covariance[np.ix_(old, old)]
+        parts = tuple(part for part, stays in zip(self.parts, self.stays, strict=True) if stays)
+        return Together(
+            parts,
+            np.ones(len(parts), dtype=bool),
+            self.odds[self.stays],
+            self.along[kept],
+            covariance,
+            np.zeros((len(kept), 0)),
+            np.zeros(0),
+            self.mean[kept],
+            self.log_det,
+        )
+
+    @cached_property
     def _places(self) -> list[slice]:
-        ends = np.cumsum([0, *(len(b.columns) for b, _ in self.parts)]).tolist()
+        ends = np.cumsum([1, *(len(b.columns) for b, _ in self.parts)]).tolist()
         return [slice(a, e) for a, e in pairwise(ends)]
 
     def prune(self) -> "Together":
         """Take out what is needless, the least first; the last one stays."""
         state = self
-        while len(state.parts) > 1:
+        while state.stays.sum() > 1:
             worth = state.conditional_log_odds()[:-1]
             least = int(np.argmin(worth))
             if worth[least] > 0:
                 break
             state = state.remove_cause(least)
+            if len(state.signs) > MOST_WAITING:
+                state = state.settle()
         return state
 
     def conditional_log_odds(self) -> Array:
-        """Return the logarithm of the odds of each cause beside the others, (f,)."""
-        out, first = self.odds.copy(), np.array([place.start for place in self._places])
-        width = np.array([place.stop for place in self._places]) - first
-        for k in np.unique(width):  # causes of as many parameters together
-            alike = np.flatnonzero(width == k)
-            rows = first[alike, None] + np.arange(k)
-            covariance, mean = self.covariance[rows[:, :, None], rows[:, None]], self.mean[rows]
-            fall = (mean * np.linalg.solve(covariance, mean[..., None])[..., 0]).sum(axis=1)
-            out[alike] += 0.5 * (fall + np.linalg.slogdet(covariance)[1])
+        """Return the logarithm of the odds of each cause beside the others, (f,); infinite of what was taken out."""
+        out, first = np.where(self.stays, self.odds, np.inf), len(self.covariance)
+        width = np.array([padded_width(place.stop - place.start) for place in self._places])
+        for k in np.unique(width[self.stays]).tolist():  # causes of about as many parameters together
+            alike = np.flatnonzero(self.stays & (width == k))
+            rows = np.zeros((len(alike), k), dtype=int)
+            for row, place in zip(rows, (self._places[j] for j in alike), strict=True):
+                row[: place.stop - place.start] = _range(place)
+            old, moved = np.where(rows < first, rows, 0), self.change[rows]
+            own = self.covariance[old[:, :, None], old[:, None]] + moved * self.signs @ moved.transpose(0, 2, 1)
+            own[:, np.arange(k), np.arange(k)] += rows == 0
+            root = np.linalg.cholesky(own)
+            along = np.linalg.solve(root, self.mean[rows][..., None])[..., 0]
+            out[alike] += 0.5 * (along**2).sum(axis=1) + np.log(np.einsum("fkk->fk", root)).sum(axis=1)
         return np.asarray(out)
+
+
+def _range(place: slice) -> np.ndarray:
+    return np.arange(place.start, place.stop)
 
 
 def _odds(parts: Sequence[Part]) -> Array:

@@ -10,7 +10,6 @@ Metropolis' rule. A single best set of sizes would hide how little a run says of
 not.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
@@ -244,6 +243,10 @@ class _Chain:
         self.known = model.precision(start)
         self.pool = np.array([p.pool for p in model.priors])
         self.pool_sizes = np.bincount(self.pool)
+        kinds = {id(p): p for p in model.priors}
+        self.kinds = tuple(kinds.values())
+        self.kind = np.array([list(kinds).index(id(p)) for p in model.priors])
+        self.alike = np.array(self.known.widths) * len(kinds) + self.kind
         self.known_logs = dict[tuple[int, int], Array]()
         self.optional = np.array([p.factors[0] == 0.0 for p in model.priors])
         self.acting = np.zeros(len(model.priors))
@@ -275,39 +278,37 @@ class _Chain:
     def _draw_factor(self, family: int, rng: np.random.Generator) -> None:
         prior, own = self.model.priors[family], self.factors[family]
         block = self.known.block(family)
-        logs = block.gains(prior.factors**2 - own**2) + self._prior_logs([family])[0]
-        self._note(family, logs)
-        chosen = float(prior.factors[_choose(logs, rng)])
+        acting = self._acting()[self.pool[family]] - int(own > 0)
+        logs = block.gains(prior.factors**2 - own**2) + self._prior_logs(int(self.kind[family]), int(acting))
+        chance = _chances(logs)
+        self.acting[family] += 1 - float(chance[0] / chance[-1]) if self.optional[family] else 1.0
+        chosen = float(prior.factors[_choose(chance, rng)])
         if chosen != own:
             self.known.add(block, chosen**2 - own**2)
             self.factors[family] = chosen
 
     def _draw_idle(self, first: int, last: int, rng: np.random.Generator) -> int:
         """Draw the factors of families first … last − 1, all absent, until one appears; return the next to be drawn."""
-        families = list(range(first, last))
-        for family, gain, logs in zip(families, self._gains(families), self._prior_logs(families), strict=True):
-            self._note(family, gain + logs)
-            chosen = _choose(gain + logs, rng)
+        families = np.arange(first, last)
+        logs = self._gains(families) + self._idle_prior_logs(families)
+        chance = np.exp(logs - logs.max(axis=1, keepdims=True)).cumsum(axis=1)
+        absent = chance[:, 0] / chance[:, -1]
+        for family, none, own in zip(families.tolist(), absent.tolist(), chance, strict=True):
+            self.acting[family] += 1 - none
+            chosen = _choose(own, rng)
             if chosen > 0:
                 self._let_act(family, chosen)
                 return family + 1
         return last
 
-    def _note(self, family: int, logs: Array) -> None:
-        """Add how likely the family acts to what is summed up, by logs (k,) of the chances of its factors."""
-        chance = np.exp(logs - logs.max())
-        self.acting[family] += 1 - float(chance[0] / chance.sum()) if self.optional[family] else 1.0
-
-    def _gains(self, families: list[int]) -> list[Array]:
-        """Return the gain (v,) by each of the factors of absent families."""
-        alike: dict[tuple[int, int], list[int]] = {}
-        for f in families:
-            alike.setdefault((self.known.widths[f], id(self.model.priors[f])), []).append(f)
-        out = dict[int, Array]()
-        for own in alike.values():
-            gains = self.known.gains(own, self.model.priors[own[0]].factors[1:] ** 2)
-            out |= dict(zip(own, np.column_stack([np.zeros(len(own)), gains]), strict=True))
-        return [out[f] for f in families]
+    def _gains(self, families: np.ndarray) -> Array:
+        """Return the gain (f, v) by each of the factors of absent families, 0 by absence; −∞ behind the last factor."""
+        out, alike = np.full((len(families), max(len(p.factors) for p in self.kinds)), -np.inf), self.alike[families]
+        out[:, 0] = 0.0
+        for label in np.unique(alike).tolist():
+            mine, factors = np.flatnonzero(alike == label), self.kinds[label % len(self.kinds)].factors
+            out[mine, 1 : len(factors)] = self.known.gains(families[mine], factors[1:] ** 2)
+        return out
 
     def _let_act(self, family: int, chosen: int) -> None:
         self.factors[family] = self.model.priors[family].factors[chosen]
@@ -321,25 +322,37 @@ class _Chain:
         leaving = int(rng.choice(acting))
         self.known.add(self.known.block(leaving), -(self.factors[leaving] ** 2))
         self.factors[leaving] = 0.0
-        idle = np.flatnonzero(self.optional & (self.factors == 0)).tolist()
-        odds = [g[1:] + p[1:] - p[0] for g, p in zip(self._gains(idle), self._prior_logs(idle), strict=True)]
-        k = _choose(np.array([np.logaddexp.reduce(g) for g in odds]), rng)
-        self._let_act(idle[k], 1 + _choose(odds[k], rng))
+        idle = np.flatnonzero(self.optional & (self.factors == 0))
+        logs = self._idle_prior_logs(idle)
+        odds = self._gains(idle)[:, 1:] + logs[:, 1:] - logs[:, :1]
+        k = _choose(_chances(np.logaddexp.reduce(odds, axis=1)), rng)
+        self._let_act(int(idle[k]), 1 + _choose(_chances(odds[k]), rng))
 
-    def _prior_logs(self, families: Sequence[int] | np.ndarray) -> list[Array]:
-        """Return for each family the log prior probabilities of its factors, all other families as they are."""
-        acting = np.bincount(self.pool[self.factors > 0], minlength=len(self.pool_sizes))
-        return [self._logs(f, int(acting[self.pool[f]]) - int(self.factors[f] > 0)) for f in families]
+    def _acting(self) -> np.ndarray:
+        """Return how many families of each pool act, (pools,) int."""
+        return np.asarray(np.bincount(self.pool[self.factors > 0], minlength=len(self.pool_sizes)))
 
-    def _logs(self, family: int, acting: int) -> Array:
-        """Return the log prior probabilities of a family's factors where so many others of its pool act; cached."""
-        prior = self.model.priors[family]
-        if (id(prior), acting) not in self.known_logs:
-            self.known_logs[id(prior), acting] = prior.logs(acting, int(self.pool_sizes[prior.pool]) - 1)
-        return self.known_logs[id(prior), acting]
+    def _idle_prior_logs(self, families: np.ndarray) -> Array:
+        """Return the log prior probabilities (f, v) of factors of absent families, 0 behind the last factor."""
+        acting, out = self._acting(), np.zeros((len(self.kinds), max(len(p.factors) for p in self.kinds)))
+        for k in np.unique(self.kind[families]).tolist():
+            prior = self.kinds[k]
+            out[k, : len(prior.factors)] = self._prior_logs(k, int(acting[prior.pool]))
+        return np.asarray(out[self.kind[families]])
+
+    def _prior_logs(self, kind: int, acting: int) -> Array:
+        """Return the log prior probabilities of factors of a kind where so many others of its pool act; cached."""
+        if (kind, acting) not in self.known_logs:
+            prior = self.kinds[kind]
+            self.known_logs[kind, acting] = prior.logs(acting, int(self.pool_sizes[prior.pool]) - 1)
+        return self.known_logs[kind, acting]
 
 
-def _choose(logs: Array, rng: np.random.Generator) -> int:
-    """Return a position in logs (k,) of chances."""
-    chance = np.exp(logs - logs.max()).cumsum()
+def _chances(logs: Array) -> Array:
+    """Return chances (k,) added up, by their logarithms."""
+    return np.asarray(np.exp(logs - logs.max()).cumsum())
+
+
+def _choose(chance: Array, rng: np.random.Generator) -> int:
+    """Return a position in chances (k,) that are added up."""
     return int(chance.searchsorted(rng.random() * chance[-1], side="right"))

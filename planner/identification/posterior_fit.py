@@ -9,7 +9,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve, rq, solve_triangular
+from scipy.linalg import cho_factor, cho_solve, solve_triangular
 from scipy.linalg.lapack import dpotri, dtrtri
 
 from planner.common.determinism import even_positions
@@ -71,10 +71,10 @@ class SizeMixture:
         apart = np.array(means) - np.mean(means, axis=0)
         covariance = within + apart.T @ apart / len(means)
         unit = np.sqrt(np.diag(covariance))
-        values, axes = np.linalg.eigh(covariance / np.outer(unit, unit))
-        # 1e-12: of a direction in prior sigmas, so that the information stays finite
-        root = unit[:, None] * axes * np.sqrt(np.maximum(values, 1e-12))
-        return np.asarray(dtrtri(rq(root)[0])[0])
+        correlation = covariance / np.outer(unit, unit)
+        correlation.flat[:: len(z) + 1] += 1e-12  # of every direction, so that the information stays finite
+        root = np.linalg.cholesky(correlation[::-1, ::-1])[::-1, ::-1]  # from the last to the first: upper triangular
+        return np.asarray(dtrtri(unit[:, None] * root)[0])
 
     def draw_errors(self, gram: Array, z: Array, seed: int = 0) -> Array:
         """Return parameters drawn from the mixture, in prior sigmas, (P, d · EACH)."""

@@ -66,19 +66,20 @@ class ReadingPrecision:
     XᵀC⁻¹X is ``whole`` less Fᵀ diag(signs) F of the changes that wait.
 
     Attributes:
-        whole: XᵀC⁻¹X of all families before the changes that wait, its lower triangle, (q, q).
-        toward: XᵀC⁻¹y, and behind it the 0 of a column that is nought, (q + 1,).
+        whole: XᵀC⁻¹X of all families and, the last, of the readings, before the changes that wait, its lower triangle,
+            (q + 1, q + 1).
+        toward: XᵀC⁻¹y of the same, and behind them the 0 of a column that is nought, (q + 2,).
         places: of the columns of each family, (f,), and ``widths``, as they are padded, (f,).
-        positions: of each family among those as wide, (f,).
+        positions: of each family among those as wide, (f,) int.
         blocks: families by their padded width.
-        waiting: F in its first rows, with a column that is nought behind them, (r, q + 1), and ``signs``, (r,).
+        waiting: F in its first rows, with a column that is nought behind them, (r, q + 2), and ``signs``, (r,).
     """
 
     whole: Array
     toward: Array
     places: tuple[slice, ...]
     widths: tuple[int, ...]
-    positions: tuple[int, ...]
+    positions: np.ndarray
     blocks: dict[int, _SameWidth]
     waiting: Array
     signs: Array
@@ -87,10 +88,10 @@ class ReadingPrecision:
     def of(cls, products: Array, places: Sequence[slice]) -> Self:
         """Begin with XᵀC⁻¹X of the columns, the readings behind them, (q + 1, q + 1), and places of families (f,).
 
-        Of the products the lower triangle is looked at.
+        Of the products the lower triangle is looked at; they are changed in place.
         """
         widths = [padded_width(p.stop - p.start) for p in places]
-        positions, blocks, none = np.zeros(len(widths), dtype=int), dict[int, _SameWidth](), len(products) - 1
+        positions, blocks, none = np.zeros(len(widths), dtype=int), dict[int, _SameWidth](), len(products)
         for k in dict.fromkeys(widths):
             mine = [f for f, width in enumerate(widths) if width == k]
             positions[mine] = np.arange(len(mine))
@@ -99,16 +100,15 @@ class ReadingPrecision:
                 own[: place.stop - place.start] = np.arange(place.start, place.stop)
                 gram[: place.stop - place.start, : place.stop - place.start] = _symmetric(products[place, place])
             blocks[k] = _SameWidth(at, grams)
-        whole, where = np.asfortranarray(products[:-1, :-1]), tuple(positions.tolist())
-        room = np.zeros((MOST_WAITING + max(widths), len(whole) + 1))
-        toward = np.append(products[-1, :-1], 0.0)
-        return cls(whole, toward, tuple(places), tuple(widths), where, blocks, room, np.zeros(0))
+        whole, toward = np.asfortranarray(products), np.append(products[-1], 0.0)
+        room = np.zeros((MOST_WAITING + max(widths), len(toward)))
+        return cls(whole, toward, tuple(places), tuple(widths), positions, blocks, room, np.zeros(0))
 
-    def grams(self, families: Sequence[int]) -> Array:
+    def grams(self, families: Sequence[int] | np.ndarray) -> Array:
         """Return XᵀC⁻¹X of families of one padded width k, (f, k, k)."""
         own = self.blocks[self.widths[families[0]]]
         own.take(self._waiting, self.signs)
-        return np.asarray(own.grams[[self.positions[f] for f in families]])
+        return np.asarray(own.grams[self.positions[families]])
 
     def block(self, family: int) -> FamilyBlock:
         """Return the products that are needed to change the size of a family."""
@@ -117,14 +117,14 @@ class ReadingPrecision:
         values, axes = np.linalg.eigh(own)
         return FamilyBlock(family, axes, np.maximum(values, 0.0), axes.T @ self.toward[place])
 
-    def gains(self, families: Sequence[int], more: Array) -> Array:
+    def gains(self, families: Sequence[int] | np.ndarray, more: Array) -> Array:
         """Return the growth (f, v) of the log density with ``more`` variances (v,) of families of one padded width.
 
         The Cholesky factor of [[1 + vG, √v t], [√v tᵀ, 1 + v tᵀt]] says all: its diagonal the determinant, and its last
         row √v t per root of 1 + vG.
         """
         own = self.blocks[k := self.widths[families[0]]]
-        t = np.sqrt(more)[:, None] * self.toward[own.at[[self.positions[f] for f in families]]][:, None]
+        t = np.sqrt(more)[:, None] * self.toward[own.at[self.positions[families]]][:, None]
         wide = np.empty((len(families), len(more), k + 1, k + 1))
         wide[..., :k, :k] = more[:, None, None] * self.grams(families)[:, None] + np.eye(k)
         wide[..., k, :k], wide[..., k, k] = t, 1 + (t**2).sum(axis=2)
@@ -151,7 +151,7 @@ class ReadingPrecision:
         return self.waiting[: len(self.signs)]
 
     def _rows(self, own: slice) -> Array:
-        """Rows (k, q) of ``whole``."""
+        """Rows (k, q + 1) of ``whole``."""
         out = np.empty((own.stop - own.start, len(self.whole)))
         out[:, : own.stop], out[:, own.start :] = self.whole[own, : own.stop], self.whole[own.start :, own].T
         out[:, own] = _symmetric(self.whole[own, own])

@@ -13,6 +13,7 @@ from planner.effects.catalogue import Excitation
 from planner.effects.effect import Effect, Role
 from planner.effects.nonparametric import GEAR_CURVE, nonparametric_effects
 from planner.effects.steps import steppables
+from planner.identification.assumptions import LARGEST_HELD_OUT
 from planner.identification.stages import FitContext
 from planner.model.beside_findings import RejectedEffect
 from planner.tracing.assumptions import (
@@ -184,11 +185,13 @@ class SearchResult:
         context: of the search among the effects of the catalogue.
         path: states in order, the first without any effect.
         rejected: what was refitted and not kept.
+        given_up: whether nothing was tried, since no one cause can make a robot of what the geometry leaves.
     """
 
     context: SearchContext
     path: tuple[SearchState, ...]
     rejected: tuple[RejectedEffect, ...]
+    given_up: bool = False
 
     @property
     def tried_number(self) -> int:
@@ -207,6 +210,10 @@ def search(start: SearchState, effects: Sequence[Effect], fit_context: FitContex
     dictionary = test.lay_out([(e, value) for e in effects for value in e.grid])
     may_step = tuple(steppables(Excitation(start.base.setup, test.problem.samples)))
     context = SearchContext(tuple(effects), dictionary, fit_context, report, may_step)
+    # 0.3: of errors that no calibrated robot leaves one cause explains at least so much (a gauge that was moved, a zero
+    # that slipped): readings that belong to no pose are like none, and a search among them takes minutes
+    if start.stage.held_out.rms > LARGEST_HELD_OUT and _largest_share(context, start) < 0.3:
+        return SearchResult(context, (start,), (), given_up=True)
     path = _forward_selection(context, [start])
     together = _causes_together(context, start)
     for state in together:
@@ -230,6 +237,16 @@ def search(start: SearchState, effects: Sequence[Effect], fit_context: FitContex
     path, known = [*path[:-1], last], last.names
     gone = tuple(RejectedEffect(name=n, because=why) for n, why in context.rejected.why.items() if n not in known)
     return SearchResult(context, tuple(path), gone)
+
+
+def _largest_share(context: SearchContext, state: SearchState) -> float:
+    """Return how much of the residual one effect would explain, or all steps of one thing, beyond chance, 0 … 1."""
+    test = context.score_test(state)
+    changes = rank_changes(test, context.steppables, (), context.fit_context.run.continuous)
+    causes = [[s] for s in (*changes, *rank_candidates(test, context.dictionary, ()))]
+    causes += [list(series) for series in step_series(test, context.steppables)]
+    shares = (sum(s.gain / test.scatter - s.size / test.dof for s in own) for own in causes)
+    return max(shares, default=0.0)
 
 
 def _forward_selection(context: SearchContext, path: list[SearchState]) -> list[SearchState]:

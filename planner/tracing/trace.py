@@ -194,6 +194,8 @@ def trace(
     there = {*geometry.stage.effects, *(f.name for f in stated)}
     effects = [e for e in offered if not e.has(Role.UNTRACED) and not there & {e.kind, e.name}]
     result = search(SearchState(geometry.fit.model, (), geometry), effects, fit_context, report)
+    if result.given_up:
+        return [], TracingResult(tried=result.tried_number)
     last = result.last
     test = result.context.score_test(last)
     report("rivals")

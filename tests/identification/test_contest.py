@@ -133,7 +133,8 @@ def test_causes_that_come_and_go_leave_the_fit_that_others_have_by_themselves():
     parts = [(block("a, joint 1", 0, 2), 0.5), (block("b, joint 2", 2, 3), 2.0), (block("c, joint 3", 5, 2), 1.5)]
     grown = Together.of(gram, parts[:1]).add_cause(gram, parts[1]).add_cause(gram, parts[2])
     for k in (None, 0, 1, 2):
-        state = grown if k is None else grown.remove_cause(k)
+        changed = grown if k is None else grown.remove_cause(k)
+        state = changed.settle()
         alone = Together.of(gram, [p for j, p in enumerate(parts) if j != k])
         assert state.parts == alone.parts
         np.testing.assert_allclose(state.covariance, alone.covariance, atol=1e-12)
@@ -142,3 +143,5 @@ def test_causes_that_come_and_go_leave_the_fit_that_others_have_by_themselves():
         assert state.log_odds == pytest.approx(bouts.log_odds(state.parts), abs=1e-10)
         gone = [bouts.log_odds([q for q in state.parts if q is not p]) for p in state.parts]
         np.testing.assert_allclose(state.conditional_log_odds(), state.log_odds - np.array(gone), atol=1e-10)
+        np.testing.assert_allclose(changed.conditional_log_odds()[changed.stays], state.conditional_log_odds(), atol=1e-10)
+        assert k is None or changed.conditional_log_odds()[k] == np.inf

@@ -70,8 +70,8 @@ def test_what_is_known_of_the_readings_is_that_of_the_dense_covariance(monkeypat
         padded = np.zeros((4, 4))
         padded[: place.stop - place.start, : place.stop - place.start] = dense[place, place]
         assert known.grams([family])[0] == pytest.approx(padded, rel=1e-6, abs=1e-7)
-    assert known.toward[-1] == 0.0
-    assert known.toward[:-1] == pytest.approx(own.T @ np.linalg.solve(C, model.y), rel=1e-6, abs=1e-7)
+    toward = np.append(own, model.y[:, None], axis=1).T @ np.linalg.solve(C, model.y)
+    assert known.toward == pytest.approx(np.append(toward, 0.0), rel=1e-6, abs=1e-7)
     more = np.array([0.3, 2.0])
     gains = [density(model, (factors[0], np.sqrt(factors[1] ** 2 + v)), logs) for v in more]
     assert known.gains([1], more)[0] == pytest.approx(np.array(gains) - density(model, factors, logs), abs=1e-5)
