@@ -11,6 +11,7 @@ from planner.common.arrays import mean_by_group
 from planner.common.determinism import even_positions
 from planner.common.errors import NoSolutionError
 from planner.common.summary import Aside
+from planner.common.system import give_back_memory
 from planner.common.units import DEG, MM, Array, display_unit, format_value
 from planner.design.observability.information import r_factor
 from planner.effects.steps import SLIP
@@ -285,7 +286,9 @@ def _fit_all_samples(stages: list[FittedStage], context: FitContext) -> list[Fit
     last = stages[-1]
     if len(context.run) <= len(last.fit.problem):
         return stages
-    return [*stages[:-1], context.fit_stage(last.stage.name, last.fit.model, last.fit, whole=True)]
+    whole = context.fit_stage(last.stage.name, last.fit.model, last.fit, whole=True)
+    give_back_memory()
+    return [*stages[:-1], whole]
 
 
 def _estimate_all(free: FittedParameters, found: Fit, covariance: Array, traced: TracingResult) -> tuple[Estimate, ...]:

@@ -7,6 +7,7 @@ import numpy as np
 
 from planner.cell.cell import Cell
 from planner.common.arrays import mean_by_group
+from planner.common.system import give_back_memory
 from planner.common.units import MM, Array, to_mm
 from planner.identification.assumptions import (
     ANOTHER_TOOL_SHARE,
@@ -26,12 +27,13 @@ from planner.identification.misfit import (
     predict_regions,
     predict_validation,
 )
-from planner.identification.posterior_background import background_families, curve_groups
-from planner.identification.posterior_fit import draw_posterior
+from planner.identification.posterior_background import EffectFamily, background_families, curve_groups
+from planner.identification.posterior_fit import DrawnPosterior, draw_posterior
 from planner.identification.released_robot import ReleasedRobot, ToolMap, drift_of, tool_maps
 from planner.identification.stages import FitContext, FittedStage
 from planner.model.identification_document import Metrics, Release, WorkToolError
 from planner.model.model import Model
+from planner.runs.run import Run
 
 DOUBT = 0.02  # probability that geometry alone is the noticeably better robot, at most
 
@@ -62,13 +64,10 @@ def release_robot(
     if few is not None:
         run, split, time = run.take(few), split.take(few), max(1.0, time * len(few) / len(run))
     families = background_families(last.setup, context.run.samples)
-    drawn = draw_posterior(last, run, whole, families, time)
     dense = len(context.run) * whole.width >= DENSE_READINGS * len(last.model.names)
-    if dense and (curves := curve_groups(last.model)):
-        other = draw_posterior(last, run, whole, families, time, curves)
-        if predicts_better(other.predict_held_out(split), drawn.predict_held_out(split), split):
-            drawn = other
-    posterior = drawn.fit()
+    curves = curve_groups(last.model) if dense else frozenset()
+    posterior = _draw_posterior_beside(last, run, split, whole, families, time, curves).fit()
+    give_back_memory()
     regions = predict_regions(last, run, whole, families, time)
     judged = None if context.validation is None else predict_validation(posterior.fit, context.validation, time)
     unseen = [*(r.readings for r in regions), *([] if judged is None else [judged])]
@@ -91,9 +90,29 @@ def release_robot(
     held = share * held + (1 - share) * before
     if (held**2).sum() > (before**2).sum():  # what is expected of it is refuted by the poses that no fit saw
         return geometry
+    problem.memory.forget()  # a linearisation about all that may act, the largest there is
     errors = (Metrics.of(held, split.fold), context.judge(fit), held)
     released = ReleasedRobot(fit, plain.fit, *known, *errors, share)
     return released if is_noticeably_better(released) else geometry
+
+
+def _draw_posterior_beside(
+    last: Fit,
+    run: Run,
+    split: Split,
+    whole: Model,
+    families: Sequence[EffectFamily],
+    time: float,
+    curves: frozenset[str],
+) -> DrawnPosterior:
+    """Draw the posterior with harmonics and ripple of all gears, or with curves in their place that predict better."""
+    drawn = draw_posterior(last, run, whole, families, time)
+    if not curves:
+        return drawn
+    other = draw_posterior(last, run, whole, families, time, curves)
+    theirs = other.predict_held_out(split)
+    other.problem.memory.forget()  # one linearisation about all that may act at a time: they are the largest
+    return other if predicts_better(theirs, drawn.predict_held_out(split), split) else drawn
 
 
 def predicts_better(other: Array, plain: Array, split: Split) -> bool:

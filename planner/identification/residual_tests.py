@@ -48,8 +48,8 @@ class ProjectedResidual:
     def of(cls, problem: FitProblem, errors: Array, moving: bool) -> "ProjectedResidual":
         """Look at what a fit leaves; along a continuous run every sample is its own group."""
         group = np.arange(len(problem)) if moving else number_targets(problem.samples)
-        piece = without_noise(problem, errors).piece(slice(None), errors)
-        basis = space_basis(group_sums(piece.rows, group))
+        # the columns themselves are let go before they are brought into another form: of many they take most memory
+        basis = space_basis(group_sums(without_noise(problem, errors).piece(slice(None), errors).rows, group))
         white = group_sums(problem.white_residual(errors)[..., None], group)[:, 0]
         return cls(white - basis @ (basis.T @ white), basis, group, problem.model.width)
 

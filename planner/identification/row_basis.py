@@ -24,7 +24,7 @@ def posterior_basis(rows: Array, prior_weight: float) -> tuple[Array, Array]:
             # 1e-6: reciprocal condition number of R, from which on one factor is exact to 1e-4 and mostly 1e-10
             if dtrcon(R)[0] > 1e-6:
                 return Q, R
-            Q, below, more = _orthogonalise(Q, below)
+            Q, below, more = _orthogonalise(Q, below, over=True)
             if np.abs(more - np.eye(len(more))).max() < 1e-3:  # how far the first of two orthogonalisations may be off
                 return Q, more @ R
         except np.linalg.LinAlgError:
@@ -45,12 +45,15 @@ def space_basis(rows: Array) -> Array:
     square, axes = np.linalg.eigh((rows.T @ rows) / np.outer(size, size))
     seen = square > 1e-6**2 * square[-1]  # of a combination of columns of unit length, below which it is rounding
     Q = rows @ (axes[:, seen] / np.sqrt(square[seen]) / size[:, None])
-    return _orthogonalise(Q, np.zeros((0, Q.shape[1])))[0]
+    return _orthogonalise(Q, np.zeros((0, Q.shape[1])), over=True)[0]
 
 
-def _orthogonalise(rows: Array, below: Array) -> tuple[Array, Array, Array]:
-    """Return rows (m, P) and (P, P) below them times R⁻¹, and R, the Cholesky factor of their products."""
+def _orthogonalise(rows: Array, below: Array, over: bool = False) -> tuple[Array, Array, Array]:
+    """Return rows (m, P) and (P, P) below them times R⁻¹, and R, the Cholesky factor of their products.
+
+    ``over``: the rows may be written over.
+    """
     gram = rows.T @ rows + below.T @ below
     size = np.sqrt(np.diag(gram))
     R = cholesky(gram / np.outer(size, size)) * size
-    return dtrsm(1.0, R, rows.T, trans_a=1).T, dtrsm(1.0, R, below.T, trans_a=1).T, R
+    return dtrsm(1.0, R, rows.T, trans_a=1, overwrite_b=over).T, dtrsm(1.0, R, below.T, trans_a=1).T, R
