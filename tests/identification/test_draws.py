@@ -220,7 +220,7 @@ def gap_of_lumps(families, q, rng):
     slab = mixture_room.SLAB_WEIGHT / mixture_room.SLAB_WEIGHT.sum()
     rare = SizePrior(np.append(0.0, mixture_room.SLAB), np.append(0.92, 0.08 * slab))  # as one of some hundred
     model = RandomEffects(rows, y, family, np.full((len(q), 1), 1e-10), (rare,) * len(families), 1e6 * np.eye(1))
-    drawn = draw_sizes(model, SizeDraw(np.zeros(len(families)), np.zeros(1)), sweeps=60)
+    drawn = draw_sizes(model, SizeDraw(np.zeros(len(families)), np.zeros(1)), sweeps=36)
     mixture = SizeMixture(np.stack([model.sizes(d.factors) for d in drawn]), np.ones(len(drawn)))
     white = 1e5 * np.column_stack([rows, y])
     gaps = (columns[-2] - columns[-1]) @ mixture.draw_errors(white.T @ white, np.zeros(len(family)))[:-2]
@@ -238,6 +238,6 @@ def test_a_gear_of_which_high_waves_are_seen_may_err_once_a_turn():
     setup = setup_of(load_cell(str(CELLS["bar"]), planning=False))
     there = background_families(setup, Samples(np.column_stack([turns, q[:, 1:]]), np.zeros(len(q), dtype=int)))
     gear = [f for f in there if f.name.startswith("gear ") and f.name.endswith(", joint 1")]
-    off = np.array([gap_of_lumps(gear, turns, rng) for _ in range(12)])
+    off = np.array([gap_of_lumps(gear, turns, rng) for _ in range(8)])
     assert np.abs(off).max() < 4.0
     assert 0.3 < np.sqrt((off**2).mean()) < 1.7
