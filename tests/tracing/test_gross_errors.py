@@ -1,5 +1,7 @@
 """Readings that belong to no pose are not searched for causes; a gauge that was moved as far is."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -8,7 +10,9 @@ from planner.identification.pipeline import identify
 from planner.runs.loader import load_runs
 from planner.tracing.search_context import SearchContext
 from planner.tracing.trace import trace
-from tests.golden.cases import INPUTS, TRACKED
+
+CELL = 'schema = "edbb-cell/1"\nrobot = "ur10"\n[gauge]\nkind = "tracker"\nnoise_um = 5\n'
+RUN = Path(__file__).resolve().parents[1] / "golden" / "inputs" / "tracker.csv"
 
 
 class SearchedError(Exception):
@@ -30,9 +34,9 @@ def measured(tmp_path, monkeypatch):
         raise TracedError(*trace(*asked))
 
     monkeypatch.setattr(SearchContext, "try_refit", refit)
-    (tmp_path / "cell.toml").write_text(TRACKED)
+    (tmp_path / "cell.toml").write_text(CELL)
     cell = load_cell(str(tmp_path / "cell.toml"), planning=False)
-    head, names, *rows = (INPUTS / "tracker.csv").read_text().splitlines()
+    head, names, *rows = RUN.read_text().splitlines()
     table = np.array([[float(v) for v in row.split(",")] for row in rows])
     at = [names.split(",").index(f"{axis}_mm") for axis in "xyz"]
 
