@@ -121,8 +121,8 @@ class _Triangle:
 
 
 def _descend(problem: FitProblem, errors: Array, converged: float) -> Solution:
-    most_steps = 50  # of Gauss and Newton
-    here, damping = _Triangle.linearize(problem, errors), 0.0
+    most_steps = 100  # of Gauss and Newton
+    here, damping, raised = _Triangle.linearize(problem, errors), 0.0, 2.0
     readings = len(problem) * problem.model.width
     for _ in range(most_steps):
         z = here.step(damping)
@@ -136,15 +136,27 @@ def _descend(problem: FitProblem, errors: Array, converged: float) -> Solution:
         # 3e-5: noise variances: so small a fall of the sum of squares tells nothing any more
         small = length < converged * sigma or abs(here.cost - there.cost) < 3e-5 * sigma**2
         if there.cost <= here.cost * (1 + 1e-9):
-            errors, here, damping = trial, there, damping / 10 if damping > 1e-6 else 0.0
+            damping, raised = _lower_damping(damping, here, z, there.cost), 2.0
+            errors, here = trial, there
         else:
-            damping = max(10 * damping, 1e-3)
+            damping, raised = max(raised * damping, 1e-3 if damping == 0.0 else 0.0), 2 * raised
         if small:
             return Solution(errors, here.factor, here.cost)
     raise NoSolutionError(
         f"the fit did not come to rest in {most_steps} steps: the start is too far off, or the readings contradict "
         "each other (names of fixtures, points or rows that were exchanged do that)"
     )
+
+
+def _lower_damping(damping: float, here: _Triangle, z: Array, cost: float) -> float:
+    """Return the damping after a step that led down, as much lower as the step kept what it promised.
+
+    Source: H. B. Nielsen, Damping parameter in Marquardt's method, IMM-REP-1999-05, equation 2.21.
+    """
+    promised = float(here.right @ here.right - np.sum((here.right - here.factor @ z) ** 2))
+    ratio = (here.cost - cost) / max(promised, 1e-300)
+    damping *= max(0.1, 1.0 - (2.0 * ratio - 1.0) ** 3)
+    return damping if damping > 1e-7 else 0.0
 
 
 def _is_large(problem: FitProblem) -> bool:
