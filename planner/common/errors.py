@@ -23,6 +23,11 @@ def make_printable(text: str, most: int = MOST_SIGNS) -> str:
     return kept if len(kept) <= most else _fewer_lines(kept.split("\n"), most)
 
 
+def is_printable_line(text: str) -> bool:
+    """Tell whether text stands on one line of a terminal as it is."""
+    return "\n" not in text and make_printable(text) == text
+
+
 def _fewer_lines(lines: list[str], most: int) -> str:
     """Cut long lines in their middle, then leave out whole lines before the last, and say how many."""
     part = most // (2 if len(lines) > 1 else 1) - 20

@@ -18,7 +18,7 @@ from pydantic import (
 )
 from pydantic_core import ErrorDetails
 
-from planner.common.errors import InputError, did_you_mean, make_printable
+from planner.common.errors import InputError, did_you_mean, is_printable_line
 from planner.common.files import MOST_TOML, read_utf8
 
 MOST = 1e6  # mm, degrees, mm/min, µm …: a kilometre; nothing that a file says of a cell is more
@@ -41,7 +41,7 @@ NEEDED = {  # by pydantic's name of the fault
 
 
 def _check_line(text: str) -> str:
-    if len(text) > MOST_NAME or make_printable(text) != text or "\n" in text:
+    if len(text) > MOST_NAME or not is_printable_line(text):
         raise ValueError(f"a name on one line is needed, with at most {MOST_NAME} letters and no control signs")
     return text
 

@@ -196,11 +196,8 @@ class Bouts:
     def _log_odds_with(self, state: "Together", own: Block, newcomer: Part) -> float:
         """Return the log odds with a newcomer in and all needless out, minus infinity where the finding stays."""
         kept = state.add_cause(self.gram, newcomer).prune()
-        return (
-            -np.inf
-            if any(b is own for (b, _), stays in zip(kept.parts, kept.stays, strict=True) if stays)
-            else kept.log_odds
-        )
+        stayed = any(b is own for (b, _), stays in zip(kept.parts, kept.stays, strict=True) if stays)
+        return -np.inf if stayed else kept.log_odds
 
     def log_odds(self, state: Sequence[Part]) -> float:
         """Return the logarithm of a state's probability over that of the one in which nothing acts."""

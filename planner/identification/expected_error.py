@@ -186,9 +186,8 @@ def _standing_gauge(released: ReleasedRobot, run: Run) -> dict[str, object]:
         "fixtures_mm": {name: round_significant_digits(to_mm(p), 8).tolist() for name, p in stands.places.items()},
         "parameters": list(own.values()),
         "values": [float(round_significant_digits(known.values[name], DIGITS)) for name in own],
-        "spread": round_significant_digits(
-            root @ turn[:, kept], 5
-        ).tolist(),  # 5: a hundredth of a micrometre of a reading
+        # 5: digits that tell a hundredth of a micrometre of a reading
+        "spread": round_significant_digits(root @ turn[:, kept], 5).tolist(),
     }
     return {"gauge": gauge}
 

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from planner.common.errors import InputError, make_printable
+from planner.common.errors import InputError, is_printable_line
 from planner.common.files import read_bytes
 from planner.common.lazy_modules import pl
 from planner.common.remarks import CELL_ENDS, remark_of
@@ -305,7 +305,7 @@ def check_names(names: pl.Series, source: RowSource) -> None:
     """
     for name in names.unique(maintain_order=True):
         path = name.startswith(("/", "~")) or "\\" in name or ".." in name.split("/")
-        if path or len(name) > MOST_NAME or make_printable(name) != name or "\n" in name:
+        if path or len(name) > MOST_NAME or not is_printable_line(name):
             row = first_row(names == name)
             assert row is not None
             allowed = f"at most {MOST_NAME} letters, digits and signs on one line, and no path, are allowed"
