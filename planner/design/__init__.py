@@ -7,6 +7,7 @@ __all__ = [
     "discrimination",
     "expected_errors",
     "fixtures",
+    "foresight_text",
     "free_parameters",
     "learnt_foresight",
     "learnt_posterior",

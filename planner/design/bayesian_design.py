@@ -24,11 +24,10 @@ from planner.design.assumptions import (
     FLAT_SHARE,
     GREEDY_PLACE_PRIOR_SHARE,
     MOST_POSES,
-    PLACE_LIMITED_SHARE,
     UNTRACED_TARGET_SHARE,
 )
 from planner.design.candidates.pool import PoseSet
-from planner.design.expected_errors import ExpectedErrors, GoalOutOfReachError, error_limit
+from planner.design.expected_errors import ExpectedErrors, GoalOutOfReachError, error_limit, share_below
 from planner.design.free_parameters import undeclared_errors
 from planner.design.selection.search import add_greedily, exchange_singly
 from planner.design.tool_error_bound import bound_tool_error
@@ -115,21 +114,29 @@ class BayesianDesign:
         unknown: what may be wrong.
         chosen: positions in the pool in the order in which they were taken, (n,) int.
         after: expected error of the tool [m] after the first 1 … n of them, as driven.
+        on_grid: expected error of the tool [m] after the chosen candidates, before any of them was moved or replaced.
         bound: no n of the candidates that were considered leave a smaller error than this [m].
         left: expected error of the tool [m] after the poses that are driven, some of which others may have replaced.
         at_most: what 95 of 100 such robots stay below then [m].
         floor: expected error of the tool [m] after all candidates: what these places cannot show.
         by_number: of other numbers of poses, and of this one.
+        forecast: of this number, foreseen as the others are: among few candidates [m].
+        until: what 95 of 100 robots are to stay below [m]; ``None``: nobody has asked for that.
+        share_below: of such robots that are below ``until`` after the poses that are driven.
     """
 
     unknown: ExpectedErrors
     chosen: np.ndarray
     after: Array
+    on_grid: float
     bound: float
     left: float
     at_most: float
     floor: float
     by_number: tuple[ErrorByNumber, ...]
+    forecast: float
+    until: float | None = None
+    share_below: float | None = None
 
     @property
     def before(self) -> float:
@@ -139,7 +146,7 @@ class BayesianDesign:
     @property
     def gap(self) -> float:
         """How much smaller, at most, the error of another set of candidates could be, as a part of the bound."""
-        return float(self.after[-1]) / self.bound - 1.0
+        return self.on_grid / self.bound - 1.0
 
     def with_driven_poses(self, samples: Samples, minutes: Callable[[int], float]) -> "BayesianDesign":
         """Return the design with the errors after the driven poses, and the minutes that each number of poses takes.
@@ -149,13 +156,12 @@ class BayesianDesign:
         white = self.unknown.white(samples)
         after = errors_after(white, self.unknown)
         left, n, at_most = float(after[-1]), len(after), error_limit(self.unknown, white)
-        others = [f for f in self.by_number if f.poses != len(self.after)]
-        numbers, errors = np.array([f.poses for f in others], dtype=float), np.array([f.error for f in others])
-        share = left / float(np.exp(np.interp(np.log(n), np.log(numbers), np.log(errors)))) if others else 1.0
-        found = [ErrorByNumber(f.poses, max(share * f.error, self.floor)) for f in others if f.poses != n]
+        others = [f for f in self.by_number if f.poses not in (n, len(self.after))]
+        found = [ErrorByNumber(f.poses, max(left / self.forecast * f.error, self.floor)) for f in others]
         found = sorted([*found, ErrorByNumber(n, left)], key=lambda f: f.poses)
         by_number = tuple(replace(f, minutes=minutes(f.poses)) for f in found)
-        return replace(self, after=after, left=left, at_most=at_most, by_number=by_number)
+        below = None if self.until is None else share_below(self.unknown, white, self.until)
+        return replace(self, after=after, left=left, at_most=at_most, by_number=by_number, share_below=below)
 
 
 class BackgroundDesign:
@@ -164,6 +170,7 @@ class BackgroundDesign:
     Attributes:
         unknown: what may be wrong.
         chosen: positions in the pool, (n,) int.
+        until: as of :class:`BayesianDesign`.
     """
 
     def __init__(
@@ -171,19 +178,32 @@ class BackgroundDesign:
         unknown: ExpectedErrors,
         chosen: np.ndarray,
         after: Array,
-        limits: ForkedTask[tuple[float, float, float]],
+        limits: ForkedTask[tuple[float, float, float, float]],
         others: ForkedTask[dict[int, float]],
+        until: float | None = None,
     ) -> None:
-        self.unknown, self.chosen = unknown, chosen
+        self.unknown, self.chosen, self.until = unknown, chosen, until
         self._after, self._limits, self._others = after, limits, others
 
     def result(self) -> BayesianDesign:
         """Wait for the whole design; to be called once."""
-        bound, floor, at_most = self._limits.result()
+        bound, floor, at_most, forecast = self._limits.result()
         left, after = float(self._after[-1]), self._after
         by_number = {len(self.chosen): left} | self._others.result()
         numbers = tuple(ErrorByNumber(n, e) for n, e in sorted(by_number.items()))
-        return BayesianDesign(self.unknown, self.chosen, after, bound, left, at_most, floor, numbers)
+        return BayesianDesign(
+            unknown=self.unknown,
+            chosen=self.chosen,
+            after=after,
+            on_grid=left,
+            bound=bound,
+            left=left,
+            at_most=at_most,
+            floor=floor,
+            by_number=numbers,
+            forecast=forecast,
+            until=self.until,
+        )
 
     def __enter__(self) -> Self:
         """Return it."""
@@ -228,8 +248,8 @@ def choose_bayesian_poses(
     white, weight = unknown.white(pool.samples.take(considered)), unknown.weight_per_prior
     target = 0.0 if poses or until is not None else UNTRACED_TARGET_SHARE * unknown.untraced_error
     start = _start_factors(unknown)
-    # 2000 candidates, evenly spread, are enough for a forecast
-    others = ForkedTask(lambda: _expected_errors(white[even_positions(len(white), 2000)], unknown, start, limit))
+    few = even_positions(len(white), 2000)  # candidates, enough for a forecast
+    others = ForkedTask(lambda: _expected_errors(white[few], unknown, start, FORESEEN_NUMBERS, limit))
     begun = BayesianPosterior.prior(white * start, weight)
     first = select_greedily(begun, min(poses or MOST_POSES, len(white)), target, progress)
     if until is not None:
@@ -239,12 +259,14 @@ def choose_bayesian_poses(
     chosen = _use_every_place(pool.samples.place[considered], chosen, white * start, weight)
     after = errors_after(white[chosen], unknown)
 
-    def limits() -> tuple[float, float, float]:
-        """Return bound, floor and 95 % limit of the tool error [m]."""
+    def limits() -> tuple[float, float, float, float]:
+        """Return bound, floor, 95 % limit and forecast of the tool error [m]."""
         bound = unknown.state(bound_tool_error(white, weight, chosen, limit) ** 2)
-        return bound, _remaining_error(white, unknown), error_limit(unknown, white[chosen])
+        forecast = _expected_errors(white[few], unknown, start, (len(chosen),), limit)
+        alike = forecast.get(len(chosen), float(after[-1]))
+        return bound, _remaining_error(white, unknown), error_limit(unknown, white[chosen]), alike
 
-    return BackgroundDesign(unknown, considered[chosen], after, ForkedTask(limits), others)
+    return BackgroundDesign(unknown, considered[chosen], after, ForkedTask(limits), others, until)
 
 
 def _count_until(unknown: ExpectedErrors, white: Array, order: np.ndarray, until: float) -> int:
@@ -263,10 +285,10 @@ def _count_until(unknown: ExpectedErrors, white: Array, order: np.ndarray, until
     if (best := limit(len(order))) > until:
         every = error_limit(unknown, white)
         raise GoalOutOfReachError(
-            f"an error of {to_mm(until):.3g} mm over the workspace (95 of 100 such robots below it) cannot be reached "
-            f"with this gauge at these places: {len(order)} poses leave {to_mm(best):.3f} mm, all {len(white)} "
-            f"candidates {to_mm(every):.3f} mm; ask for more than that, or measure from another place as well",
-            unknown, white, every,
+            f"an error of {to_mm(until):.3g} mm {unknown.where} (95 of 100 such robots below it) cannot be reached "
+            f"with this gauge at these places: {to_mm(best):.3f} mm at best, by {len(order)} poses (all {len(white)} "
+            f"candidates: {to_mm(every):.3f} mm); ask for more than that, or measure from another place as well",
+            unknown, white, until, len(order), best,
         )  # fmt: skip
     count = bisect_left(range(len(order)), True, 1, key=lambda count: limit(count) <= until)
     return max(count, FEWEST_POSES_AT_A_PLACE)
@@ -296,10 +318,12 @@ def _exchange(white: Array, weight: Array, chosen: np.ndarray, limit: TimeLimit)
     return exchange_singly(known, chosen, EXCHANGE_PASSES, known.order, limit)
 
 
-def _expected_errors(white: Array, unknown: ExpectedErrors, start: Array, limit: TimeLimit) -> dict[int, float]:
-    """Return the expected error [m] by number of poses, chosen among the readings ``white`` (n, P)."""
+def _expected_errors(
+    white: Array, unknown: ExpectedErrors, start: Array, wanted: Sequence[int], limit: TimeLimit
+) -> dict[int, float]:
+    """Return the expected error [m] by ``wanted`` numbers of poses, chosen among the readings ``white`` (n, P)."""
     weight = unknown.weight_per_prior
-    numbers = [n for n in FORESEEN_NUMBERS if n < len(white)]
+    numbers = [n for n in wanted if n < len(white)]
     taken = select_greedily(BayesianPosterior.prior(white * start, weight), max(numbers, default=0), 0.0)
     return {n: _remaining_error(white[_exchange(white, weight, taken[:n], limit)], unknown) for n in numbers}
 
@@ -367,30 +391,3 @@ def errors_after(white: Array, unknown: ExpectedErrors) -> Array:
         known.change(k)
         out[k] = unknown.state(known.square)
     return out
-
-
-def another_place_pays(expected: BayesianDesign) -> bool:
-    """Tell whether a second fixture may show what all poses about the one there is cannot."""
-    return expected.floor >= PLACE_LIMITED_SHARE * expected.left and len(expected.unknown.model.setup.p_BX) == 1
-
-
-def describe_numbers_of_poses(expected: BayesianDesign) -> str:
-    """Return in a sentence what other numbers of poses would give, and who says what another place would."""
-    numbers = "; ".join(
-        f"{f.poses} poses {float(to_mm(f.error)):.3f} mm{'' if f.minutes is None else f', about {f.minutes:.0f} min'}"
-        for f in expected.by_number
-    )
-    if expected.floor < PLACE_LIMITED_SHARE * expected.left:
-        return numbers
-    floor = f"{float(to_mm(expected.floor)):.3f} mm"
-    one = len(expected.unknown.model.setup.p_BX) == 1
-    cure = "what another fixture would leave, --fixtures 2 says" if one else "these fixtures show no more"
-    return f"{numbers}; all candidates together would leave {floor}: {cure}"
-
-
-def describe_bayesian_design(expected: BayesianDesign) -> str:
-    """Return the error to be expected in a sentence."""
-    left, bound, at_most = (f"{float(to_mm(v)):.3f}" for v in (expected.left, expected.bound, expected.at_most))
-    return expected.unknown.describe(expected.left, left, at_most) + (
-        f"; no {len(expected.chosen)} candidates leave less than {bound} mm{expected.unknown.condition}"
-    )

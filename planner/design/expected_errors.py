@@ -1,5 +1,6 @@
 """What may be wrong with a robot before a session is planned, and the error of its tool by it: one protocol."""
 
+from bisect import bisect_right
 from functools import cache
 from typing import Protocol, Self
 
@@ -10,6 +11,8 @@ from planner.common.units import Array
 from planner.design.assumptions import LIMIT_QUANTILE
 from planner.model.model import Model
 from planner.runs.run import Samples
+
+EVERYWHERE = "over the workspace"
 
 
 class ExpectedErrors(Protocol):
@@ -30,6 +33,10 @@ class ExpectedErrors(Protocol):
     @property
     def weight_per_prior(self) -> Array:
         """Mean square error of the tool per squared errors, (P, P) [m²]."""
+
+    @property
+    def where(self) -> str:
+        """Where the error of the tool counts, as the end of a sentence says it."""
 
     @property
     def untraced_error(self) -> float:
@@ -73,12 +80,14 @@ class GoalOutOfReachError(NoSolutionError):
     Attributes:
         unknown: what may be wrong.
         white: rows of all candidates, (n, P).
-        every: what 95 of 100 robots stay below after all of them [m].
+        until: what 95 of 100 robots were to stay below [m].
+        most: the most poses of a plan.
+        best: what 95 of 100 robots stay below after so many [m].
     """
 
-    def __init__(self, text: str, unknown: ExpectedErrors, white: Array, every: float) -> None:
+    def __init__(self, text: str, unknown: ExpectedErrors, white: Array, until: float, most: int, best: float) -> None:
         super().__init__(text)
-        self.unknown, self.white, self.every = unknown, white, every
+        self.unknown, self.white, self.until, self.most, self.best = unknown, white, until, most, best
 
 
 def error_limit(errors: ExpectedErrors, white: Array) -> float:
@@ -86,13 +95,26 @@ def error_limit(errors: ExpectedErrors, white: Array) -> float:
     return errors.state_limit(square_error_limit(errors.weight_per_prior, white))
 
 
+def share_below(errors: ExpectedErrors, white: Array, until: float) -> float:
+    """Return the share of robots whose tool errs by no more than ``until`` [m] after readings ``white`` (n, P)."""
+    weights = _weights_of_squares(errors.weight_per_prior, white)
+    squares = np.sort(_draw_robots(len(weights))[0] @ weights)
+    below = bisect_right(range(len(squares)), until, key=lambda k: errors.state_limit(float(squares[k])))
+    return below / len(squares)
+
+
 def square_error_limit(weight: Array, white: Array) -> float:
     """Return the square [m²] that 95 of 100 robots stay below, of errors of unit size after readings ``white`` (n, P).
 
     Its weights are the eigenvalues of ``weight`` (P, P) times the covariance that the readings leave.
     """
+    return limit_of_sum(_weights_of_squares(weight, white))
+
+
+def _weights_of_squares(weight: Array, white: Array) -> Array:
+    """Return the eigenvalues of ``weight`` (P, P) times the covariance after readings ``white`` (n, P), (P,) [m²]."""
     root = np.linalg.inv(np.linalg.cholesky(white.T @ white + np.eye(len(weight))))
-    return limit_of_sum(np.maximum(np.linalg.eigvalsh(root @ weight @ root.T), 0.0))
+    return np.asarray(np.maximum(np.linalg.eigvalsh(root @ weight @ root.T), 0.0))
 
 
 def limit_of_sum(weights: Array, sure: float = 0.0, doubt: float = 0.0) -> float:

@@ -10,6 +10,7 @@ from planner.cell.setup import MeasurementSetup, setup_of
 from planner.common.errors import InputError, did_you_mean
 from planner.common.units import UM, Array, to_mm
 from planner.design.assumptions import HIGHEST_GEAR_WAVE, POSES_OF_AN_OPEN_PLAN, UNKNOWN_PRIOR, UNMEASURED_TOOL_PRIOR
+from planner.design.expected_errors import EVERYWHERE
 from planner.design.observability.identifiability import DroppedParameter, Identifiability, explain_direction
 from planner.design.observability.information import predict_covariance
 from planner.effects.catalogue import catalogue
@@ -175,6 +176,7 @@ class UndeclaredErrors:
     weight: Array
     untraced_error: float
 
+    where: ClassVar[str] = EVERYWHERE
     untraced_label: ClassVar[str] = "geometry alone"
     assumptions: ClassVar[str] = ASSUMED
     before_label: ClassVar[str] = "as such a robot comes"

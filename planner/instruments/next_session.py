@@ -9,6 +9,7 @@ from planner.common.progress import Stages
 from planner.common.summary import Aside
 from planner.common.units import to_mm
 from planner.design.bayesian_design import choose_bayesian_poses
+from planner.design.expected_errors import EVERYWHERE
 from planner.design.pose_selection import judge_few_poses
 from planner.instruments.assumptions import SESSION
 from planner.instruments.remaining_errors import CalibratedState, RemainingErrors
@@ -48,7 +49,7 @@ class NextSessionChooser:
 
     def __post_init__(self) -> None:
         if self.counts is None:  # else what is known counts at the places that are asked for, seen with the candidates
-            self._check_goal(self.before.at_most)
+            self._check_goal(self.before.at_most, EVERYWHERE)
 
     def __call__(self, session: PoseSession, stages: Stages) -> Selection:
         """Choose the poses by the error that they leave; the index only judges them."""
@@ -56,7 +57,7 @@ class NextSessionChooser:
         poses = self.poses or (None if self.until else SESSION.next_session_poses)
         with stages.stage("foresight") as progress:
             unknown = RemainingErrors.of(self.before, cell, pool.samples, self.counts)
-            self._check_goal(unknown.limit_before)
+            self._check_goal(unknown.limit_before, unknown.where)
             expected = choose_bayesian_poses(cell, pool, poses, progress, unknown, self.until, stages.limit)
         session.notes.append(Aside(TOGETHER))
         if unknown.stands is not None:
@@ -65,14 +66,14 @@ class NextSessionChooser:
             judged = judge_few_poses(cell, pool, expected.chosen, session.index, stages.limit)
             return Selection(judged, expected_error=expected)
 
-    def _check_goal(self, at_most: float) -> None:
-        """Refuse a goal [m] that is reached already.
+    def _check_goal(self, at_most: float, where: str) -> None:
+        """Refuse a goal [m] that is reached already ``where`` it counts.
 
         Raises:
             NoSolutionError: with what 95 of 100 such robots stay below.
         """
         if self.until is not None and at_most <= self.until:
             raise NoSolutionError(
-                f"{self.before.folder}: 95 of 100 such robots are below {to_mm(at_most):.3f} mm already: "
+                f"{self.before.folder}: 95 of 100 such robots are below {to_mm(at_most):.3f} mm {where} already: "
                 "nothing is to be measured for that; ask for less, or give --poses"
             )

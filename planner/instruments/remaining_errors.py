@@ -19,7 +19,7 @@ from planner.cell.placement import FREEABLE
 from planner.cell.setup import MeasurementSetup, setup_of
 from planner.common.errors import InputError
 from planner.common.units import Array, from_mm, to_mm
-from planner.design.expected_errors import square_error_limit
+from planner.design.expected_errors import EVERYWHERE, square_error_limit
 from planner.effects.effect import Parameter
 from planner.identification.calibrated_robot import effect_parameter
 from planner.identification.expected_error import ExpectedError, StandingGauge
@@ -93,7 +93,7 @@ class RemainingErrors:
     of_gauge: np.ndarray
     weight_per_prior: Array
     whole_weight: Array
-    where: str = "over the workspace"
+    where: str = EVERYWHERE
     stands: StandingGauge | None = None
 
     untraced_label: ClassVar[str] = "before this session"
@@ -125,7 +125,7 @@ class RemainingErrors:
         rows = [*kept, *(len(names) + k for k, n in enumerate(stands.parameters if stands else ()) if n in own)]
         sizes = np.array([p.prior if np.isfinite(p.prior) else SESSION.unknown_prior for p in anew])
         root = block_diag(spread[rows], np.diag(sizes))
-        everywhere = ErrorPlaces("over the workspace", uniform_states(cell, WORKSPACE_STATES, 0))
+        everywhere = ErrorPlaces(EVERYWHERE, uniform_states(cell, WORKSPACE_STATES, 0))
         of_robot = spread[: len(names)]
         whole = weight = _tool_weight(known, everywhere, of_robot, len(anew))
         if counts is not None:

@@ -5,8 +5,8 @@ from math import ceil, floor, isfinite, log10
 
 from planner.cell.cell import Cell
 from planner.common.units import UM, to_mm
-from planner.design.bayesian_design import describe_bayesian_design
 from planner.design.discrimination.power import Discrimination
+from planner.design.foresight_text import describe_bayesian_design
 from planner.design.observability.information import INDEX_RULES
 from planner.motion.path.verdict import Verdict
 from planner.session.plan_types import Plan

@@ -9,7 +9,8 @@ import numpy as np
 
 from planner.cell.cell import Cell
 from planner.common.units import Array, to_deg, to_mm
-from planner.design.bayesian_design import BayesianDesign, describe_bayesian_design, describe_numbers_of_poses
+from planner.design.bayesian_design import BayesianDesign
+from planner.design.foresight_text import describe_bayesian_design, describe_numbers_of_poses
 from planner.design.observability.information import INDEX_RULES
 from planner.design.selection.index_curves import IndexCurve
 from planner.report.chart import (

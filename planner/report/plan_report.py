@@ -10,6 +10,7 @@ import planner.report.plan_charts as plan_charts
 from planner.cell.cell import Cell
 from planner.common.summary import Aside, count_alike
 from planner.common.units import to_deg, to_mm
+from planner.design.foresight_text import describe_goal
 from planner.design.observability.information import INDEX_RULES
 from planner.report.cell_view import build_cell_view
 from planner.report.page import Report, Row
@@ -118,8 +119,9 @@ def _expected_error(plan: Plan) -> tuple[Row, ...]:
     expected = plan.expected_error
     before, left, at_most = (f"{float(to_mm(v)):.3f} mm" for v in (expected.before, expected.left, expected.at_most))
     return (
-        ("error now", before, f"of the tool, rms, {expected.unknown.before_label}"),
+        ("error now", before, f"of the tool, rms {expected.unknown.where}, {expected.unknown.before_label}"),
         ("error after", left, f"95 of 100 such robots below {at_most}"),
+        *((("goal", *goal.split(": ")),) if (goal := describe_goal(expected)) else ()),
     )
 
 

@@ -143,7 +143,11 @@ class ErrorByNumberRecord(PartialModel):
 
 
 class ForesightRecord(PartialModel):
-    """The error of the tool that is expected once hidden effects are traced; ``after_mm``: after each pose."""
+    """The error of the tool that is expected once hidden effects are traced.
+
+    ``after_mm``: after each pose. ``goal_mm``, ``goal_share``: what was asked for, and the share of robots that are
+    below it then.
+    """
 
     assumed: str = ""
     error_mm: Stated = None
@@ -154,3 +158,5 @@ class ForesightRecord(PartialModel):
     after_mm: tuple[Stated, ...] = ()
     floor_mm: Stated = None
     numbers: tuple[ErrorByNumberRecord, ...] = ()
+    goal_mm: Stated = None
+    goal_share: Stated = None

@@ -1,5 +1,6 @@
 """What a person may ask of a plan, and what of it does not go together."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -60,10 +61,10 @@ class PlanOptions:
     ] = None
 
     after: Annotated[
-        Path | str | None,
+        Path | str | Sequence[Path | str] | None,
         Option(
-            "the calibrated robot: poses that lower the error that it leaves most",
-            typed=Path | None,
+            "the calibrated robot, by all runs so far: poses that lower the error that it leaves most",
+            typed=list[Path] | None,
             metavar="CALIBRATED",
             from_service=JobFile("identification", "calibrated"),
         ),
@@ -99,6 +100,24 @@ class PlanOptions:
         ),
     ] = None
     fleet: FleetOption = None
+
+    @property
+    def folder_before(self) -> Path | None:
+        """The folder of ``after``.
+
+        Raises:
+            InputError: there are several: sizes of errors, which all runs share, are learnt from all of them together.
+        """
+        if self.after is None or isinstance(self.after, Path | str):
+            return None if self.after is None else Path(self.after)
+        folders = list(dict.fromkeys(Path(f) for f in self.after))
+        if len(folders) > 1:
+            raise InputError(
+                f"--after {' --after '.join(map(str, folders))}: one calibration of all runs is needed, as they tell "
+                "together how large each error is: identify them as one first (edbb identify RUN1 RUN2 -o known, each "
+                "run in its plan's folder), then plan with --after known"
+            )
+        return folders[0] if folders else None
 
     def in_motion(self, cell: "Cell") -> "Cell":
         """Return the cell with what is asked in place of keys of ``[motion]``, in its file as well.

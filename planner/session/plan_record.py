@@ -197,12 +197,14 @@ def _expected_error_record(expected: BayesianDesign | None) -> dict[str, object]
     """The error of the tool that is expected after tracing; nothing where the poses were not chosen by that."""
     if expected is None:
         return {}
+    goal = {} if expected.until is None else {"goal_mm": expected.until * 1e3, "goal_share": expected.share_below}
     told = ForesightRecord(
+        **goal,
         assumed=expected.unknown.assumptions,
         error_mm=expected.left * 1e3,
         at_most_mm=expected.at_most * 1e3,
         untraced_mm=expected.unknown.untraced_error * 1e3,
-        on_grid=GridErrorRecord(error_mm=expected.after[-1] * 1e3, gap=expected.gap),
+        on_grid=GridErrorRecord(error_mm=expected.on_grid * 1e3, gap=expected.gap),
         bound_mm=expected.bound * 1e3,
         after_mm=(expected.after * 1e3).tolist(),
         floor_mm=expected.floor * 1e3,

@@ -5,7 +5,8 @@ from collections.abc import Iterator, Sequence
 from planner.common.numbers import number_of
 from planner.common.summary import Fact, Summary, name_first
 from planner.common.units import to_mm
-from planner.design.bayesian_design import BayesianDesign, ErrorByNumber, another_place_pays, describe_bayesian_design
+from planner.design.bayesian_design import BayesianDesign, ErrorByNumber
+from planner.design.foresight_text import another_place_pays, describe_bayesian_design, describe_goal
 from planner.design.observability.identifiability import DroppedParameter
 from planner.design.observability.information import INDEX_RULES
 from planner.design.pose_selection import describe_pruning
@@ -47,8 +48,10 @@ def _numbers_of_poses(plan: Plan, roles: Sequence[str]) -> str:
 def _error_facts(expected: BayesianDesign) -> Iterator[Fact]:
     """Say the error of the tool before and after, and what makes it less."""
     before, left, at_most = (f"{float(to_mm(v)):.3f} mm" for v in (expected.before, expected.left, expected.at_most))
-    yield "error now", f"{before}  of the tool, rms over the workspace, {expected.unknown.before_label}"
+    yield "error now", f"{before}  of the tool, rms {expected.unknown.where}, {expected.unknown.before_label}"
     yield "error after", f"{left}  95 of 100 such robots below {at_most}"
+    if goal := describe_goal(expected):
+        yield "goal", goal
     better = [f for f in expected.by_number if f.error < expected.left and f.poses > len(expected.after)]
     cures = [_number_text(f) for f in better[-1:]]
     if another_place_pays(expected):

@@ -72,10 +72,11 @@ def plan_cell(cell: Cell, options: PlanOptions, stages: Stages) -> Plan:
 
 def _chooser(cell: Cell, options: PlanOptions) -> NextSessionChooser | None:
     """Return the chooser of poses after other sessions; ``None`` for a robot of which nothing is known."""
-    if options.after is None or not cell.has_bar():
+    folder = options.folder_before
+    if folder is None or not cell.has_bar():
         return None
     until = None if options.until_mm is None else float(from_mm(options.until_mm))
-    before = CalibratedState.read(folder_of(Path(options.after)), cell)
+    before = CalibratedState.read(folder_of(folder), cell)
     counts = None
     if options.region is not None:
         counts = places_in_region(Path(options.region), cell)

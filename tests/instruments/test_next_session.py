@@ -166,3 +166,12 @@ def test_ninety_five_of_a_hundred_sums_of_squares_stay_below():
     )
     expected = np.quantile(((draws @ root.T) ** 2).sum(axis=1), 0.95)
     assert square_error_limit(root.T @ root, white) == pytest.approx(expected, rel=0.08)
+
+
+def test_several_calibrations_are_refused_and_one_named_twice_is_one(tmp_path):
+    both = PlanOptions(after=[tmp_path / "a", tmp_path / "b"])
+    with pytest.raises(InputError, match="identify them as one first"):
+        _ = both.folder_before
+    assert PlanOptions(after=[tmp_path, tmp_path]).folder_before == tmp_path
+    assert PlanOptions(after=str(tmp_path)).folder_before == tmp_path
+    assert PlanOptions().folder_before is None

@@ -16,12 +16,11 @@ from planner.design.bayesian_design import (
     FORESEEN_NUMBERS,
     BayesianPosterior,
     choose_bayesian_poses,
-    describe_bayesian_design,
-    describe_numbers_of_poses,
     errors_after,
     select_greedily,
 )
 from planner.design.candidates.pool import draw_candidates
+from planner.design.foresight_text import describe_bayesian_design, describe_goal, describe_numbers_of_poses
 from planner.design.off_grid import CandidateFilters, refine_bayesian_poses
 from planner.design.selection.d_optimal import detmax
 from planner.design.selection.search import exchange_singly
@@ -140,6 +139,42 @@ def test_more_poses_leave_less_and_never_less_than_all_candidates(expected):
     assert all(a > b for a, b in pairwise(errors))
     assert expected.floor < errors[-1]
     assert next(f.error for f in expected.by_number if f.poses == 120) == pytest.approx(expected.left)
+
+
+def test_a_plan_of_few_poses_foresees_of_more_what_these_would_leave(kuka):
+    cell, pool = kuka[0], kuka[1].take(np.arange(0, 1500, 4))
+    few = choose_bayesian_poses(cell, pool, 20).result()
+    driven = few.with_driven_poses(pool.samples.take(few.chosen), lambda poses: poses / 2)
+    assert [f.poses for f in driven.by_number] == sorted({*FORESEEN_NUMBERS, 20})
+    foreseen = {f.poses: f.error for f in driven.by_number}
+    assert foreseen[20] == pytest.approx(few.left)
+    white, weight = few.unknown.white(pool.samples), few.unknown.weight_per_prior
+    many = select_greedily(BayesianPosterior.prior(white, weight), 120, 0.0)
+    assert foreseen[120] == pytest.approx(errors_after(white[many], few.unknown)[-1], rel=0.1)
+    assert foreseen[40] < 0.6 * foreseen[20]
+
+
+def test_a_goal_is_told_with_its_chance_after_the_poses_as_they_are_driven(kuka, expected):
+    """By errors drawn from what the readings leave."""
+    samples = kuka[1].samples.take(expected.chosen)
+    white, unknown = expected.unknown.white(samples), expected.unknown
+    covariance = np.linalg.inv(white.T @ white + np.eye(white.shape[1]))
+    draws = np.random.default_rng(5).multivariate_normal(np.zeros(len(covariance)), covariance, 20_000)
+    errors = np.sqrt(np.einsum("ij,ij->i", draws @ unknown.weight_per_prior, draws))
+    for goal in np.quantile(errors, (0.3, 0.6, 0.95)):
+        driven = replace(expected, until=goal).with_driven_poses(samples, lambda poses: poses / 2)
+        below = (errors <= goal).mean()
+        assert driven.share_below == pytest.approx(below, abs=0.02)
+        assert f"{1e3 * goal:.3g} mm: {int(100 * driven.share_below)} of 100 such robots" in describe_goal(driven)
+    assert describe_goal(expected.with_driven_poses(samples, lambda poses: poses / 2)) == ""
+
+
+def test_the_bound_is_held_against_what_was_chosen_and_not_against_what_was_moved(kuka, expected):
+    better = replace(expected, after=0.5 * expected.after, left=0.5 * expected.left)
+    assert better.gap == expected.gap > 0.0
+    said = describe_bayesian_design(better)
+    assert f"({'those chosen among them'} {1e3 * expected.on_grid:.3f} mm, before they were moved)" in said
+    assert "before they were moved" not in describe_bayesian_design(expected)
 
 
 def test_the_numbers_are_told_with_their_minutes_and_another_fixture_where_it_pays(kuka, expected):

@@ -1,0 +1,42 @@
+"""What is said of chosen poses: the error that they leave, its bound, and what other numbers of poses would give."""
+
+from planner.common.units import to_mm
+from planner.design.assumptions import PLACE_LIMITED_SHARE
+from planner.design.bayesian_design import BayesianDesign
+
+
+def another_place_pays(expected: BayesianDesign) -> bool:
+    """Tell whether a second fixture may show what all poses about the one there is cannot."""
+    return expected.floor >= PLACE_LIMITED_SHARE * expected.left and len(expected.unknown.model.setup.p_BX) == 1
+
+
+def describe_numbers_of_poses(expected: BayesianDesign) -> str:
+    """Return in a sentence what other numbers of poses would give, and who says what another place would."""
+    numbers = "; ".join(
+        f"{f.poses} poses {float(to_mm(f.error)):.3f} mm{'' if f.minutes is None else f', about {f.minutes:.0f} min'}"
+        for f in expected.by_number
+    )
+    if expected.floor < PLACE_LIMITED_SHARE * expected.left:
+        return numbers
+    floor = f"{float(to_mm(expected.floor)):.3f} mm"
+    one = len(expected.unknown.model.setup.p_BX) == 1
+    cure = "what another fixture would leave, --fixtures 2 says" if one else "these fixtures show no more"
+    return f"{numbers}; all candidates together would leave {floor}: {cure}"
+
+
+def describe_bayesian_design(expected: BayesianDesign) -> str:
+    """Return the error to be expected in a sentence."""
+    left, bound, at_most = (f"{float(to_mm(v)):.3f}" for v in (expected.left, expected.bound, expected.at_most))
+    chosen, on_grid = len(expected.chosen), f"{float(to_mm(expected.on_grid)):.3f}"
+    moved = "" if on_grid == left else f" (those chosen among them {on_grid} mm, before they were moved)"
+    return expected.unknown.describe(expected.left, left, at_most) + (
+        f"; no {chosen} candidates leave less than {bound} mm{moved}{expected.unknown.condition}"
+    )
+
+
+def describe_goal(expected: BayesianDesign) -> str:
+    """Say how many robots of a hundred are below the goal after the poses; empty where nobody has asked for one."""
+    if expected.until is None or expected.share_below is None:
+        return ""
+    below = min(int(100 * expected.share_below), 99)
+    return f"{float(to_mm(expected.until)):.3g} mm: {below} of 100 such robots are expected to be below it then"
