@@ -1,7 +1,7 @@
 """The stages of a fit: nominal robot, frames, geometry, then declared effects and compliance."""
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from planner.identification.calibration import TracingResult
 from planner.identification.cross_validation import Split, predict_held_out
 from planner.identification.identifiable_parameters import FittedParameters
 from planner.identification.least_squares import Fit, fit
-from planner.identification.problem import FitProblem
+from planner.identification.problem import PIECE_SAMPLES, FitProblem
 from planner.model.identification_document import Metrics, Stage
 from planner.model.model import Model, chunks
 from planner.runs.run import Run
@@ -42,6 +42,7 @@ class FitContext:
         robust: whether outliers count less.
         unseen: parameters that may be off as well, and that the run cannot tell from those that are fitted.
         validation: a run that no fit sees.
+        of_part: whether the run is a part of a longer one.
     """
 
     run: Run
@@ -50,18 +51,46 @@ class FitContext:
     robust: bool
     unseen: tuple[Parameter, ...] = ()
     validation: Run | None = None
+    of_part: bool = False
     _problems: dict[bool, FitProblem] = field(default_factory=dict, repr=False, compare=False)
-    _whole: list["_Piece"] = field(default_factory=list, repr=False, compare=False)
 
     def redundancy(self, model: Model) -> int:
         """Number of readings beyond the parameters of a model."""
         return len(self.run) * model.width - len(model.parameters)
 
     def part(self, model: Model) -> np.ndarray | None:
-        """Positions of the samples of a long run that stages are fitted to, ``None`` for all of them."""
-        readings = 24_000  # of a long run are fitted before the last stage
-        long = len(self.run) * model.width > 2 * readings
-        return even_positions(len(self.run), readings // model.width) if long else None
+        """Positions of the samples of a long run that stages are fitted to, ``None`` for all of them.
+
+        Along a drive neighbours err alike: so many samples tell nearly as much as all do.
+        """
+        most = _fitted_samples(model)
+        return even_positions(len(self.run), most) if len(self.run) > 2 * most else None
+
+    def for_trials(self, begin: FittedStage) -> tuple["FitContext", FittedStage]:
+        """Return the context in which stages are tried, and the one that they begin with as it is fitted there.
+
+        Most of what is tried is left: no validation run judges it, and of a run that is more than one piece only a part
+        is looked at, whose basis functions are kept.
+        """
+        few = self._tried_part(begin.fit.model)
+        if few is None:
+            return replace(self, judge=_no_judge), begin
+        known = self._problems.get(False)
+        problems = {} if known is None else {True: known}
+        run, split = self.run.take(few), self.split.take(few)
+        tried = replace(self, run=run, split=split, judge=_no_judge, of_part=True, _problems=problems)
+        return tried, tried.fit_stage(begin.stage.name, begin.fit.model, begin.fit)
+
+    def judge_tried(self, tried: FittedStage) -> FittedStage:
+        """Return a stage that was tried, judged on all of the run and on the validation run."""
+        few = self._tried_part(tried.fit.model)
+        if few is not None:
+            return self._judge(tried.stage.name, tried.fit, few)
+        return replace(tried, stage=tried.stage.model_copy(update={"validation": self.judge(tried.fit)}))
+
+    def _tried_part(self, model: Model) -> np.ndarray | None:
+        """Positions of the samples that stages are tried on, ``None`` for all; of a long run those of its part."""
+        return even_positions(len(self.run), _fitted_samples(model)) if len(self.run) > PIECE_SAMPLES else None
 
     def fit_stage(
         self, name: str, model: Model, before: Fit | None = None, whole: bool = False, robust: bool | None = None
@@ -71,7 +100,6 @@ class FitContext:
         Of a long run only a spread part is fitted unless ``whole``; all of it is judged. The fit starts where
         ``before`` ended, with its noise and prior sigmas.
         """
-        split = self.split
         start = factors = noise = leverage = None
         if before is not None:
             prior = dict(zip(before.model.names, before.problem.prior, strict=True))
@@ -82,6 +110,11 @@ class FitContext:
         few = None if whole else self.part(model)
         problem = self._problem(model, few).restart_with(model, noise, even=rough)
         found = fit(problem, self.robust if robust is None else robust, start, factors, leverage)
+        return self._judge(name, found, few)
+
+    def _judge(self, name: str, found: Fit, few: np.ndarray | None) -> FittedStage:
+        """Judge a fit to the run, or to the samples ``few`` of it, on all samples."""
+        split, model = self.split, found.model
         held = predict_held_out(found, split if few is None else split.take(few))
         residual, held_residual = found.problem.residual(found.errors), held.residual
         if few is not None:
@@ -103,8 +136,6 @@ class FitContext:
         kept = {m.phi for p in model.parameters for m in p.moves}
         for problem in self._problems.values():
             problem.memory.forget(kept)
-        for piece in self._whole:
-            piece.context.forget_values(kept)
 
     def _problem(self, model: Model, few: np.ndarray | None) -> FitProblem:
         """Fit of the run, or of a part of it, to a model of the same setup: kept from stage to stage."""
@@ -125,15 +156,7 @@ class FitContext:
         return residual, held
 
     def _pieces(self, model: Model) -> Iterator["_Piece"]:
-        """Yield the whole run in pieces of one fold; of a run that is not too long kept from stage to stage."""
-        if len(self.run) > 20_000:  # samples up to which what basis functions look at is kept for all of a run
-            yield from self._lay_out(model)
-            return
-        if not self._whole or self._whole[0].context.setup is not model.setup:
-            self._whole[:] = self._lay_out(model)
-        yield from self._whole
-
-    def _lay_out(self, model: Model) -> Iterator["_Piece"]:
+        """Yield the whole run in pieces of one fold."""
         samples, fold = self.run.samples, self.split.fold
         targets = model.setup.targets(samples, self.run.readings)
         for k in range(self.split.folds):
@@ -141,6 +164,15 @@ class FitContext:
             for part in chunks(len(mine)):  # what basis functions look at is computed once for both residuals
                 few = mine[part]
                 yield _Piece(few, k, Context(model.setup, samples.take(few)), targets.take(few))
+
+
+def _fitted_samples(model: Model) -> int:
+    """Number of samples of a long run that are fitted before the last stage: they are one piece."""
+    return min(8_000, 24_000 // model.width)  # so many readings of more than one number
+
+
+def _no_judge(_: Fit) -> Metrics | None:
+    return None
 
 
 @dataclass(frozen=True)

@@ -14,16 +14,46 @@ from planner.runs.run import Readings, Run, Samples
 from planner.runs.text import RowSource, first_row
 
 DENSE_STEP = 0.2  # [s] median step of time below which samples may follow each other along a path
+LONGEST_STEP = 2.5  # [s] the same of a drive that is logged now and then: a pose at rest takes longer
 
 
 def looks_continuous(t: Array | None, q: Array) -> bool:
+    """Return whether samples at times (n,) [s] and joint angles (n, N) [rad] follow each other along a path.
+
+    They do where they follow closely, and where the arm hardly ever stands and goes on from each step to the next as it
+    went before: from pose to pose it turns about.
+    """
+    if t is None or len(t) < 3:
+        return False
+    is_logged = bool((np.diff(t) > 0.0).all()) and _median_step(t) < LONGEST_STEP
+    return is_dense(t, q) or (is_logged and _goes_on(q))
+
+
+def is_dense(t: Array | None, q: Array) -> bool:
     """Return whether samples follow each other closely in time (n,) [s] and in joint angles (n, N) [rad]."""
     if t is None or len(t) < 3:
         return False
-    step, way = np.abs(np.diff(t)), np.abs(np.diff(q, axis=0)).max(axis=1)
-    on = step > 0.0  # several targets read at one pose bear one time
+    on, way = np.diff(t) != 0.0, np.abs(np.diff(q, axis=0)).max(axis=1)
     # 0.1: [rad] median movement between such neighbours: 0.5 rad/s at 0.2 s, several at a controller's cycle
-    return bool(on.any() and np.median(step[on]) < DENSE_STEP and np.median(way[on]) < 0.1)
+    return bool(on.any() and _median_step(t) < DENSE_STEP and np.median(way[on]) < 0.1)
+
+
+def _median_step(t: Array) -> float:
+    """Return the median step of a clock [s]; several targets read at one pose bear one time."""
+    step = np.abs(np.diff(t))
+    return float(np.median(step[step > 0.0])) if step.any() else np.inf
+
+
+def _goes_on(q: Array) -> bool:
+    """Return whether an arm at angles (n, N) [rad] hardly ever stands, and each step is like the one before."""
+    few = 20  # samples, of which chance makes a path now and then
+    step = np.diff(q, axis=0)
+    stands = np.abs(step).max(axis=1) < REST_ANGLE
+    if len(q) < few or stands.mean() > 0.2:
+        return False
+    alike = float((step[1:] * step[:-1]).sum()) / float(np.sqrt((step[1:] ** 2).sum() * (step[:-1] ** 2).sum()))
+    # 0.5: correlation of neighbouring steps: of drives it is 0.7 at 2 s and more below, from pose to pose -0.5 to 0.1
+    return alike > 0.5
 
 
 def number_sessions(t: Array | None, given: Array | None, n: int) -> tuple[IntArray, IntArray]:

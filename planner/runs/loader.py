@@ -9,11 +9,13 @@ import numpy as np
 
 from planner.common.advice import Occasion, advice
 from planner.common.errors import InputError
+from planner.common.summary import Aside
 from planner.common.units import Array, IntArray, read_only
 from planner.runs.images import pad_corners, split_images
 from planner.runs.joint_motion import (
     average_rests,
     check_order,
+    is_dense,
     looks_continuous,
     marks_rests,
     number_sessions,
@@ -55,7 +57,7 @@ def run_of(table: RunTable, n_joints: int) -> Run:
     run = _logged_run(table, n_joints, pixels)
     _check_clock(table, run)
     said = table.notes.get("measure")
-    if looks_continuous(run.samples.t, run.samples.q) and (said == "static" or (said is None and marks_rests(run))):
+    if is_dense(run.samples.t, run.samples.q) and (said == "static" or (said is None and marks_rests(run))):
         return average_rests(run)
     if run.continuous and run.samples.t is not None:
         session = run.samples.session_numbers
@@ -98,6 +100,7 @@ def _logged_run(table: RunTable, n_joints: int, pixels: Array | None) -> Run:
     t = table.optional_column("t")
     continuous = _is_continuous(table, t, q)
     session, said = _sessions(table, t)
+    said += _note_of_drive(table, t, q) if continuous else []
     place, places = table.names("fixture", table.stem if readings.ball is not None else "")
     point, points = table.names("point")
     samples = Samples(
@@ -146,6 +149,18 @@ def _is_continuous(table: RunTable, t: Array | None, q: Array) -> bool:
     if said == "continuous" and t is None:
         raise InputError(f"{table.source.file}: the run is said to be continuous, but there is no column t_s")
     return said == "continuous"
+
+
+def _note_of_drive(table: RunTable, t: Array | None, q: Array) -> list[str]:
+    """Say that a run which is logged now and then was taken for a drive, where the file does not say what it is."""
+    if t is None or "measure" in table.notes or is_dense(t, q):
+        return []
+    return [
+        Aside(
+            f"{table.source.name}: a sample every {np.median(np.diff(t)):.2g} s, each farther along its way: taken for "
+            "a drive, along which neighbours err alike ('# measure: static' above the columns makes them poses at rest)"
+        )
+    ]
 
 
 def _sessions(table: RunTable, t: Array | None) -> tuple[IntArray, list[str]]:

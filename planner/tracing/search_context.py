@@ -67,7 +67,7 @@ class SearchContext:
         """The space that a state's model spans; kept as long as the search looks at the same state."""
         if id(state) not in self._tests:
             self._forget_before(state)
-            near = next((test.space for _, test in self._tests.values()), None) if self._is_long(state) else None
+            near = next((test.space for _, test in self._tests.values()), None) if self.fit_context.of_part else None
             self._tests.clear()
             self._tests[id(state)] = state, ScoreTest.of(state.fit, self._correlation_time(state), near)
         return self._tests[id(state)][1]
@@ -112,9 +112,6 @@ class SearchContext:
             return state.settle(self.fit_context, before, sigmas)
         except NoSolutionError:
             return state
-
-    def _is_long(self, state: SearchState) -> bool:
-        return self.fit_context.part(state.fit.model) is not None
 
     def is_significant(self, state: SearchState, found: FittedEffect) -> bool:
         """Tell whether an effect is larger than chance would have it among everything that was tried."""

@@ -122,9 +122,7 @@ class OwnGain:
 
 def own_gains(state: SearchState, fit_context: FitContext, effects: Sequence[FittedEffect]) -> list[OwnGain]:
     """What each of some effects in the model of a state gains; noise, prior sigmas and masses stay as they are."""
-    fit = state.fit
-    few = fit_context.part(fit.model) if len(fit.problem) < len(fit_context.run) else None
-    split = fit_context.split if few is None else fit_context.split.take(few)
+    fit, split = state.fit, fit_context.split
     parameters = fit.model.parameters
     parts = [
         [*state.positions(f), *(j for j, p in enumerate(parameters) if p.name == f.sensitivity_name)] for f in effects

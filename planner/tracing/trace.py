@@ -193,7 +193,8 @@ def trace(
     stated = stated_set_up(offered, geometry.fit.model)
     there = {*geometry.stage.effects, *(f.name for f in stated)}
     effects = [e for e in offered if not e.has(Role.UNTRACED) and not there & {e.kind, e.name}]
-    result = search(SearchState(geometry.fit.model, (), geometry), effects, fit_context, report)
+    tried, begin = fit_context.for_trials(geometry)
+    result = search(SearchState(geometry.fit.model, (), begin), effects, tried, report)
     if result.given_up:
         return [], TracingResult(tried=result.tried_number)
     last = result.last
@@ -201,7 +202,7 @@ def trace(
     report("rivals")
     beside = {f.name: covariance_beside(last, f, fit_context.unseen) for f in stated}
     off = [f for f in stated if wald_log_p(last, f, len(stated), beside=beside[f.name]) < LOG_SIGNIFICANCE]
-    gains = own_gains(last, fit_context, (*off, *last.effects))
+    gains = own_gains(last, tried, (*off, *last.effects))
     kept = [
         (f, own)
         for f, own in zip((*off, *last.effects), gains, strict=True)
@@ -217,7 +218,7 @@ def trace(
     contests = tuple(_contests(last, [f for f, _ in kept], rivals))
     report("detection limits")
     silent = tuple(detection_limits(test, [e for e in effects if e.name not in last.names], result.tried_number))
-    return [s.fitted for s in result.path[1:]], TracingResult(
+    return [fit_context.judge_tried(s.fitted) for s in result.path[1:]], TracingResult(
         findings, silent, result.rejected, result.tried_number, contests
     )
 

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.interpolate import CubicSpline
 
 from planner.cell.reading import load_cell
 from planner.cell.setup import setup_of
@@ -40,6 +41,26 @@ def test_targets_that_are_read_together_make_no_continuous_run():
     q = np.repeat(np.random.default_rng(1).uniform(-1, 1, (50, 6)), 3, axis=0)
     assert not looks_continuous(t, q)
     assert looks_continuous(np.arange(150) * 0.01, np.cumsum(np.full((150, 6), 1e-4), axis=0))
+
+
+def test_a_drive_that_is_logged_now_and_then_is_a_drive():
+    """A smooth path from pose to pose, each a few seconds from the last, in ever longer steps of time."""
+    rng = np.random.default_rng(3)
+    poses = CubicSpline(np.arange(80) * 6.0, rng.uniform(-1, 1, (80, 6)))
+    for step in (0.01, 0.3, 0.5, 1.0, 2.0):
+        t = np.arange(0, 470, step)
+        assert looks_continuous(t, poses(t)), step
+    at_rest = rng.uniform(-1, 1, (200, 6))
+    for step in (0.1, 1.0, 20.0):  # the number of the row may stand for its time
+        assert not looks_continuous(step * np.arange(200), at_rest), step
+    grid = np.cumsum(np.full((200, 6), 0.02), axis=0)
+    assert not looks_continuous(12.0 * np.arange(200), grid)  # nobody drives so slowly
+    again = np.repeat(at_rest, 5, axis=0)
+    assert not looks_continuous(np.arange(1000.0), again)
+    t = np.arange(0, 470, 0.5)  # it stands at each pose for more than half of the time, and is logged all along
+    assert not looks_continuous(t, poses(6 * (t // 6 + np.clip((t % 6) / 2, 0, 1))))
+    backwards = np.where(np.arange(len(t)) < 400, t, t - 300)
+    assert not looks_continuous(backwards, poses(t))
 
 
 def test_directions_of_approach_follow_the_rows():
