@@ -81,7 +81,7 @@ class FitContext:
         tried = replace(self, run=run, split=split, judge=_no_judge, of_part=True, _problems=problems)
         return tried, tried.fit_stage(begin.stage.name, begin.fit.model, begin.fit)
 
-    def judge_tried(self, tried: FittedStage) -> FittedStage:
+    def judge_trial(self, tried: FittedStage) -> FittedStage:
         """Return a stage that was tried, judged on all of the run and on the validation run."""
         few = self._tried_part(tried.fit.model)
         if few is not None:

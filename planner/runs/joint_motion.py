@@ -14,7 +14,6 @@ from planner.runs.run import Readings, Run, Samples
 from planner.runs.text import RowSource, first_row
 
 DENSE_STEP = 0.2  # [s] median step of time below which samples may follow each other along a path
-LONGEST_STEP = 2.5  # [s] the same of a drive that is logged now and then: a pose at rest takes longer
 
 
 def looks_continuous(t: Array | None, q: Array) -> bool:
@@ -25,8 +24,9 @@ def looks_continuous(t: Array | None, q: Array) -> bool:
     """
     if t is None or len(t) < 3:
         return False
-    is_logged = bool((np.diff(t) > 0.0).all()) and _median_step(t) < LONGEST_STEP
-    return is_dense(t, q) or (is_logged and _goes_on(q))
+    # 2.5: [s] median step of a drive that is logged now and then: a pose at rest takes longer
+    is_log = bool((np.diff(t) > 0.0).all()) and _median_step(t) < 2.5
+    return is_dense(t, q) or (is_log and _goes_on(q))
 
 
 def is_dense(t: Array | None, q: Array) -> bool:

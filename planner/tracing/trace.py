@@ -218,7 +218,7 @@ def trace(
     contests = tuple(_contests(last, [f for f, _ in kept], rivals))
     report("detection limits")
     silent = tuple(detection_limits(test, [e for e in effects if e.name not in last.names], result.tried_number))
-    return [fit_context.judge_tried(s.fitted) for s in result.path[1:]], TracingResult(
+    return [fit_context.judge_trial(s.fitted) for s in result.path[1:]], TracingResult(
         findings, silent, result.rejected, result.tried_number, contests
     )
 
