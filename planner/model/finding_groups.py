@@ -128,6 +128,11 @@ def group_findings(findings: Iterable[Finding]) -> tuple[FindingGroup, ...]:
     return tuple(group for own in kinds.values() for group in _groups_of(own))
 
 
+def rank_groups(findings: Iterable[Finding]) -> list[FindingGroup]:
+    """Return the findings as they are told: those that are surer than not first, among them those that bring most."""
+    return sorted(group_findings(findings), key=lambda g: (g.is_doubtful, -g.gain))
+
+
 def _kind_of(f: Finding) -> tuple[str, ...] | None:
     """What a finding has in common with others of its kind; ``None`` where it stands alone."""
     if f.after_sample is not None:

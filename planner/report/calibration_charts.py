@@ -29,7 +29,7 @@ from planner.report.chart import (
     weighted_means,
     zero_line,
 )
-from planner.report.effect_evidence import finding_chart, finding_steps, stage_chart
+from planner.report.effect_evidence import finding_chart, stage_chart, told_findings
 from planner.report.formatting import digits
 from planner.report.history_charts import history_charts
 
@@ -105,7 +105,7 @@ def draw_calibration_charts(facts: CalibrationFacts) -> tuple[Chart, ...]:
     if facts.calibration.run.samples.direction is not None:
         drawn.append(approach_chart(facts))
     matrix = (correlation_chart(facts),) if len(facts.calibration.fit.errors) > 1 else ()
-    loop = (stage_chart(facts), *(finding_chart(facts, step) for step in finding_steps(facts)))
+    loop = (stage_chart(facts), *(finding_chart(facts, told) for told in told_findings(facts)))
     released = facts.calibration.released
     known = [] if released is None else [error_map_chart(facts, released)]
     if released is not None and misfit_place(released) is not None:

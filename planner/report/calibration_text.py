@@ -8,10 +8,10 @@ from planner.common.units import Array, display_unit, file_unit, si_unit, to_mm
 from planner.identification.calibration import Calibration
 from planner.identification.error_parts import drift_counts
 from planner.identification.own_errors import own_errors_text
-from planner.model.finding_groups import FindingGroup, group_findings, percent
+from planner.model.finding_groups import FindingGroup, percent, rank_groups
 from planner.model.identification_document import DetectionLimit, Estimate, Finding, Release
 from planner.report.calibration_data import CalibrationFacts
-from planner.report.effect_evidence import FindingStep, finding_steps
+from planner.report.effect_evidence import FindingStep, ToldFinding, told_findings
 from planner.report.formatting import count_text, decimals_of, digits, in_mm
 from planner.report.page import Row
 
@@ -208,8 +208,8 @@ NOTHING_FOUND = "Nothing beyond noise that the catalogue can name."
 
 
 def finding_texts(facts: CalibrationFacts) -> list[tuple[str, str, tuple[str, ...]]]:
-    """Say what was found, in the order in which it came: heading, name of the chart, evidence."""
-    return [(_capital(s.finding.note), s.name, _evidence(facts, s)) for s in finding_steps(facts)]
+    """Say what was found, what takes most away first, many of one kind as one: heading, name of the chart, evidence."""
+    return [(_capital(told.group.note), told.name, _evidence(facts, told)) for told in told_findings(facts)]
 
 
 def findings_summary(c: Calibration) -> Row:
@@ -217,13 +217,9 @@ def findings_summary(c: Calibration) -> Row:
     named = declared_effects_text(c)
     if c.tried is None:
         return named
-    groups = group_findings(c.findings)
-    first = sorted(groups, key=lambda g: -g.gain)[:6]  # findings on the first sheet
-    found = [
-        _doubt(g) + _capital(g.note) + _probability_text(g) + _rivals_text(g.rival_texts) + "."
-        for g in groups
-        if g in first
-    ]
+    groups = rank_groups(c.findings)
+    first = groups[:6]  # findings on the first sheet
+    found = [_doubt(g) + _capital(g.note) + _probability_text(g) + _rivals_text(g.rival_texts) + "." for g in first]
     found = found or [NOTHING_FOUND]
     if len(first) < len(groups):
         found.append(f"And {len(groups) - len(first)} more that bring less.")
@@ -244,21 +240,32 @@ def detection_text(limits: Iterable[DetectionLimit]) -> Row:
     return (f"Would have been seen 95 times in 100: {'; '.join(out)}.",) if out else ()
 
 
-def _evidence(facts: CalibrationFacts, step: FindingStep) -> tuple[str, ...]:
-    f, before, after = step.finding, step.before, step.after
+def _evidence(facts: CalibrationFacts, told: ToldFinding) -> tuple[str, ...]:
+    unit, group = facts.calibration.reading_unit, told.group
+    least = max(group.findings, key=lambda f: f.log_p)
+    one = len(group.findings) == 1
+    size = f"Size {_size(least)}. Chance" if one else f"At each, size and chance are its own; of {least.on} the chance"
+    return (
+        f"{size} of so large an effect where there is none, corrected for the "
+        f"{count_text(facts.calibration.tried or 0)} alternatives that were tried: {_chance(least.log_p)}.",
+        *(_fall_text(step, unit, len(told.steps) > 1) for step in told.steps),
+        f"Without {'it' if one else 'the one that brings most'}, all else fitted anew, held-out errors are "
+        f"{in_mm(group.gain, 2)} {unit} larger (rms).",
+        _rivals(group),
+    )
+
+
+def _fall_text(step: FindingStep, unit: str, is_one_of_many: bool) -> str:
+    """Say how the errors fell when an effect was added."""
+    before, after = step.before, step.after
     others = [e for e in after.effects if e not in before.effects and e != step.what]
     along = f" (with {', '.join(others)})" if others else ""
-    unit = facts.calibration.reading_unit
     held, fitted = (
         f"{in_mm(a.rms)} {unit} → {in_mm(b.rms)} {unit}"
         for a, b in ((before.held_out, after.held_out), (before.train, after.train))
     )
-    return (
-        f"Size {_size(f)}. Chance of so large an effect where there is none, corrected for the "
-        f"{count_text(facts.calibration.tried or 0)} alternatives that were tried: {_chance(f.log_p)}.",
-        f"Held-out error {held} (rms) when it was added{along}; fitted samples {fitted}.",
-        _rivals(f),
-    )
+    what = step.finding.on if is_one_of_many else "it"
+    return f"Held-out error {held} (rms) when {what} was added{along}; fitted samples {fitted}."
 
 
 def _size(f: Finding) -> str:
@@ -278,11 +285,11 @@ def _pair(value: float, std: float) -> str:
     return f"{value:.{places}f} ± {std:.{places}f}"
 
 
-def _rivals(f: Finding) -> str:
+def _rivals(group: FindingGroup) -> str:
     named = 4  # rivals that are listed by name
-    (group,) = group_findings((f,))
-    names = group.rival_texts
-    own = "" if f.probability is None else f"That it is this cause: {percent(f.probability)}. "
+    names, known = group.rival_texts, group.probability
+    this = "it is this cause" if len(group.findings) == 1 else "the least certain of them is this cause"
+    own = "" if known is None else f"That {this}: {percent(known)}. "
     if not names:
         none = {
             "found": "Nothing else that was tried explains the same, at a hundred to one.",

@@ -10,6 +10,7 @@ from planner.effects.basis import ONE, EffectVariable
 from planner.effects.context import Context
 from planner.effects.effect import Parameter
 from planner.effects.steps import BeforeSample, extend_over_run
+from planner.model.finding_groups import FindingGroup, rank_groups
 from planner.model.identification_document import Finding, Stage
 from planner.model.model import Model
 from planner.report.calibration_data import PANEL_POINTS, CalibrationFacts
@@ -93,6 +94,29 @@ def finding_steps(facts: CalibrationFacts) -> tuple[FindingStep, ...]:
         replaced = not set(before.effects) <= set(c.stages[-1].effects)
         out.append((first, FindingStep(f, f"found_{len(out) + 1}", f.name, before, c.stages[first], replaced)))
     return tuple(step for _, step in sorted(out, key=lambda pair: pair[0]))
+
+
+@dataclass(frozen=True)
+class ToldFinding:
+    """What is said as one: a finding or many of one kind, and the steps by which it came, one for each name."""
+
+    group: FindingGroup
+    steps: tuple[FindingStep, ...]
+
+    @property
+    def name(self) -> str:
+        """Name of its picture."""
+        return self.steps[0].name
+
+
+def told_findings(facts: CalibrationFacts) -> tuple[ToldFinding, ...]:
+    """Return what was found as it is told, in the order of what each takes away; none of the set-up."""
+    steps = {id(s.finding): s for s in finding_steps(facts)}
+    out = []
+    for group in rank_groups(facts.calibration.findings):
+        own = {s.what: s for f in group.findings if (s := steps.get(id(f))) is not None}
+        out += [ToldFinding(group, tuple(own.values()))] if own else []
+    return tuple(out)
 
 
 def collect_evidence(facts: CalibrationFacts, step: FindingStep) -> Evidence:
@@ -189,20 +213,24 @@ def stage_chart(facts: CalibrationFacts) -> Chart:
     return Chart("by_stage", "The error stage by stage", caption, (panel,))
 
 
-def finding_chart(facts: CalibrationFacts, step: FindingStep) -> Chart:
-    """One effect: what the residual says of it before (left) and after (right) it was added."""
-    e = collect_evidence(facts, step)
-    # 0.98: part of the points that the panel's height is made for
-    most, fitted = (float(np.quantile(np.abs(v), 0.98)) for v in (e.before, e.fitted))
-    span = 1e6 * max(most, 1.15 * fitted, 1e-12)
-    panels = (_panel(e, e.before, "before", True, span), _panel(e, e.after, "after", False, span))
-    what = "each as the error of the effect's own axis" if e.of_axis else "along what the effect moves"
-    comma = "," if e.of_axis else ""
+def finding_chart(facts: CalibrationFacts, told: ToldFinding) -> Chart:
+    """What the residual says of a finding before (left) and after (right) it was added; of many, at every joint."""
+    panels, of_axis = list[Panel](), False
+    for step in told.steps:
+        e = collect_evidence(facts, step)
+        # 0.98: part of the points that the panel's height is made for
+        most, fitted = (float(np.quantile(np.abs(v), 0.98)) for v in (e.before, e.fitted))
+        span = 1e6 * max(most, 1.15 * fitted, 1e-12)
+        where = f"{step.finding.on}, " if len(told.steps) > 1 else ""
+        panels += [_panel(e, e.before, f"{where}before", True, span), _panel(e, e.after, f"{where}after", False, span)]
+        of_axis = e.of_axis
+    what = "each as the error of the effect's own axis" if of_axis else "along what the effect moves"
+    comma = "," if of_axis else ""
     caption = (
         f"Held-out residuals{comma} {what}. Points: readings; black: their mean; red: the effect as fitted in the end, "
         "less what the model before it could take up."
     )
-    return Chart(step.name, step.finding.note, caption, panels, columns=2)
+    return Chart(told.name, told.group.note, caption, tuple(panels), columns=2)
 
 
 def _panel(e: Evidence, values: Array, title: str, fitted: bool, span: float) -> Panel:

@@ -211,7 +211,7 @@ class SearchState:
 
         def fit(model: Model) -> FittedStage:
             """Return the stage of a model, fitted from this state on."""
-            return fit_context.fit_stage(effects[-1].name, model, self.fit)
+            return fit_context.fit_stage(_stage_name(effects[-1].effect), model, self.fit)
 
         fitted = fit(model.plus(masses))
         if masses and link_mass_uncertainty(fitted.fit.model) > LARGEST_MASS_PRIOR:
@@ -247,6 +247,11 @@ class SearchState:
             if settled:
                 break
         return effects, errors
+
+
+def _stage_name(last: Effect) -> str:
+    """Return what the stage is called that an effect is the last of: of what stepped again and again, how often."""
+    return f"{last.family}, {last.repeat} times" if last.has(Role.CHANGE) and last.repeat > 1 else last.name
 
 
 def _link_masses(base: Model, effects: tuple[FittedEffect, ...], errors: dict[str, float]) -> list[Parameter]:

@@ -10,7 +10,7 @@ from planner.common.units import MM, format_value, to_mm
 from planner.identification.calibration import Calibration, other_zeros_text, zeros_text
 from planner.identification.error_parts import drift_counts
 from planner.identification.own_errors import own_errors_text
-from planner.model.finding_groups import FindingGroup, group_findings, percent
+from planner.model.finding_groups import FindingGroup, percent, rank_groups
 from planner.model.identification_document import ErrorParts, Estimate, Metrics, Release
 from planner.model.misfit_place import MisfitPlace
 from planner.model.use_text import taught_sentence, tolerance_sentence, use_sentence
@@ -122,7 +122,7 @@ def _cause_facts(found: Calibration, most: int) -> Iterator[Fact]:
     """Say which causes were found, ``most`` of them, those first that bring most; of doubtful ones one at most."""
     if found.tried is None:
         return
-    groups = _sorted_causes(found)
+    groups = rank_groups(found.findings)
     sure = sum(not g.is_doubtful for g in groups)
     shown = groups[: min(max(sure, 1), most)]
     for group in shown:
@@ -139,14 +139,9 @@ def _more_causes_text(more: Sequence[FindingGroup]) -> str:
     return f"; {len(more)} more{which}: -v" if more else ""
 
 
-def _sorted_causes(found: Calibration) -> list[FindingGroup]:
-    """Return the causes, those first that are surer than not, among them those that bring most."""
-    return sorted(group_findings(found.findings), key=lambda g: (g.is_doubtful, -g.gain))
-
-
 def _rival_facts(found: Calibration) -> Iterator[Fact]:
     """Say of every cause what it is, and what else explains the same."""
-    for group in _sorted_causes(found):
+    for group in rank_groups(found.findings):
         yield group.grade, group.note
         if rivals := _rival_text(group):
             yield "", rivals

@@ -19,7 +19,7 @@ from planner.report.calibration_data import CalibrationFacts
 from planner.report.calibration_report import calibration_content
 from planner.report.calibration_text import detection_text
 from planner.report.chart import weighted_means
-from planner.report.effect_evidence import collect_evidence, finding_chart, finding_steps
+from planner.report.effect_evidence import collect_evidence, finding_chart, finding_steps, told_findings
 from planner.runs.loader import load_run
 from planner.tracing.trace import trace
 from tests.identification.few_draws import few_draws
@@ -136,11 +136,13 @@ def test_what_was_taken_out_again_is_not_what_an_effect_is_drawn_beside(c: Calib
 
 def test_every_finding_has_its_picture_and_evidence(told: CalibrationFacts) -> None:
     page = calibration_content(told)
-    assert [name for _, name, _ in page["findings"]] == [s.name for s in finding_steps(told)]
-    for (heading, _, lines), step in zip(page["findings"], finding_steps(told), strict=True):
+    every = told_findings(told)
+    assert [name for _, name, _ in page["findings"]] == [t.name for t in every]
+    assert [t.group.gain for t in every] == sorted((f.gain for f in told.calibration.findings), reverse=True)
+    for (heading, _, lines), one in zip(page["findings"], every, strict=True):
         assert "Rivals" in lines[-1]
-        assert step.finding.note.lower() == heading.lower()
-        picture = finding_chart(told, step)
+        assert one.group.note.lower() == heading.lower()
+        picture = finding_chart(told, one)
         assert len(picture.panels) == 2
         assert all(np.isfinite(s.x).all() and np.isfinite(s.y).all() for p in picture.panels for s in p.series)
     assert page["summary"][0].startswith("Joint ")
@@ -148,6 +150,21 @@ def test_every_finding_has_its_picture_and_evidence(told: CalibrationFacts) -> N
     play = next(row for row in page["limits"] if row[0] == "backlash")
     assert play[3] == ""  # joint 2 was found
     assert 1 < float(play[4]) < 1000
+
+
+def test_many_of_one_kind_have_one_section_and_one_picture(c: Calibration) -> None:
+    """Play and ripple at three joints each: two sections, each with the panels of what the fit holds of them."""
+    every = tuple(
+        f.model_copy(update={"on": on, "inner": None}) for f in c.findings for on in (f.on, "joint 5", "joint 6")
+    )
+    changed = CalibrationFacts(c.model_copy(update={"findings": every}))
+    page = calibration_content(changed)
+    assert [("of 3 joints" in heading) for heading, _, _ in page["findings"]] == [True, True]
+    for (_, name, lines), one in zip(page["findings"], told_findings(changed), strict=True):
+        assert name == one.name
+        assert "Held-out error" in lines[1]
+        assert "the least certain of them" in lines[-1] or one.group.probability is None
+        assert len(finding_chart(changed, one).panels) == 2 * len(one.steps)
 
 
 def test_silence_speaks_of_the_worst_joint_that_is_seen() -> None:
