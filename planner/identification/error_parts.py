@@ -43,8 +43,16 @@ def error_parts(released: ReleasedRobot) -> ErrorParts:
 
 def drift_counts(parts: ErrorParts) -> bool:
     """Tell whether drift is worth speaking of: without it 5 % less would be stated."""
-    square = parts.seen**2 + parts.unseen**2 + parts.misfit**2 + parts.drift**2
-    return parts.drift**2 > 0.1 * square
+    return _counts(parts.drift, parts)
+
+
+def misfit_counts(parts: ErrorParts) -> bool:
+    """Tell the same of misfit."""
+    return _counts(parts.misfit, parts)
+
+
+def _counts(one: float, parts: ErrorParts) -> bool:
+    return one**2 > 0.1 * (parts.seen**2 + parts.unseen**2 + parts.misfit**2 + parts.drift**2)
 
 
 def _trace(weight: Array, columns: Array) -> float:

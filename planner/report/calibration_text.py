@@ -7,6 +7,7 @@ import numpy as np
 from planner.common.units import Array, display_unit, file_unit, si_unit, to_mm
 from planner.identification.calibration import Calibration
 from planner.identification.error_parts import drift_counts
+from planner.identification.held_beside import held_text
 from planner.identification.own_errors import own_errors_text
 from planner.model.finding_groups import FindingGroup, percent, rank_groups
 from planner.model.identification_document import DetectionLimit, Estimate, Finding, Release
@@ -223,6 +224,8 @@ def findings_summary(c: Calibration) -> Row:
     found = found or [NOTHING_FOUND]
     if len(first) < len(groups):
         found.append(f"And {len(groups) - len(first)} more that bring less.")
+    if c.release is not None and (held := held_text(c.release.families, c.findings)):
+        found.append(f"The posterior holds besides, each too faint for a stage of its own: {held}.")
     return (*named, *found, *detection_text(c.limits))
 
 

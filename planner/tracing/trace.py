@@ -223,6 +223,19 @@ def trace(
     )
 
 
+def told_path(path: Sequence[SearchState]) -> list[SearchState]:
+    """Return the states that are told as stages: each leaves less on held-out samples than the one before.
+
+    The search goes ways that it leaves again; where it ended, and what was on the way there, is what causes took away.
+    """
+    last, least, out = path[-1], path[0].stage.held_out.rms, list[SearchState]()
+    for state in path[1:-1]:
+        if last.stage.held_out.rms < state.stage.held_out.rms < least:
+            out.append(state)
+            least = state.stage.held_out.rms
+    return [*out, *path[max(len(path) - 1, 1) :]]
+
+
 def _finding(
     result: SearchResult, found: FittedEffect, gain: float, others: tuple[str, ...], run: Run, beside: Array | None
 ) -> Finding:

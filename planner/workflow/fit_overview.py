@@ -8,7 +8,8 @@ from planner.common.numbers import number_of
 from planner.common.summary import SCREEN_LINES, Aside, Fact, Summary, name_first, under_key
 from planner.common.units import MM, format_value, to_mm
 from planner.identification.calibration import Calibration, other_zeros_text, zeros_text
-from planner.identification.error_parts import drift_counts
+from planner.identification.error_parts import drift_counts, misfit_counts
+from planner.identification.held_beside import held_text
 from planner.identification.own_errors import own_errors_text
 from planner.model.finding_groups import FindingGroup, percent, rank_groups
 from planner.model.identification_document import ErrorParts, Estimate, Metrics, Release
@@ -49,8 +50,9 @@ def _verdict_facts(found: Calibration, release: Release | None) -> Iterator[Fact
         return
     if (use := found.good_for) is not None:
         yield ("good for", use_sentence(use)) if use.tolerance is None else ("tolerance", tolerance_sentence(use))
-    misfit = list(_misfit_facts(found, release))
-    yield from misfit
+    misfit, parts = list(_misfit_facts(found, release)), release.parts
+    leads = bool(misfit) and parts is not None and parts.misfit > max(parts.seen, parts.unseen, parts.drift)
+    yield from misfit if leads else ()
     anywhere, at_most = _mm(found.workspace_error), _mm(release.at_most)
     near = "" if (m := release.where_measured) is None else f"; {_mm(m)} mm at poses like those measured"
     yield (
@@ -59,8 +61,9 @@ def _verdict_facts(found: Calibration, release: Release | None) -> Iterator[Fact
     )
     if (own := release.work_tool) is not None:
         yield "own tool", f"{_mm(own.nominal_anywhere)} → {_mm(own.anywhere)} mm  with the tool that it works with"
-    if release.parts is not None and not misfit:
-        yield from _part_facts(release.parts)
+    yield from () if leads else misfit
+    if parts is not None and not leads:
+        yield from _part_facts(parts)
 
 
 def _part_facts(parts: ErrorParts) -> Iterator[Fact]:
@@ -73,9 +76,9 @@ def _part_facts(parts: ErrorParts) -> Iterator[Fact]:
 
 
 def _misfit_facts(found: Calibration, r: Release) -> Iterator[Fact]:
-    """Say what no named cause explains, where, and what to measure, where that is most of the tool error."""
+    """Say what no named cause explains, where, and what to measure, where that counts in the tool error."""
     parts = r.parts
-    if r.unexplained is None or parts is None or parts.misfit <= max(parts.seen, parts.unseen, parts.drift):
+    if r.unexplained is None or parts is None or not misfit_counts(parts):
         return
     places = ", ".join(m.text for m in r.unexplained.ranges)
     where, there = (f"most with {places}", "there") if places else ("alike everywhere", "more all over the workspace")
@@ -212,6 +215,8 @@ def _details(found: Calibration, release: Release | None) -> Iterator[Fact]:
     if own := own_errors_text(found):
         yield "in pixels", own
     yield from _rival_facts(found)
+    if release is not None and (held := held_text(release.families, found.findings)):
+        yield "also", f"{held}: held by the posterior, too faint for a stage of its own"
     if far := _far_estimates(found):
         yield "at a limit", f"{_names(far)}: more than {BEYOND:g} times the size that is expected"
     if not found.diagnosis.structured:
