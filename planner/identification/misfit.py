@@ -17,7 +17,7 @@ drawn for the workspace is a stretch of a region not yet seen (a random effect, 
 DerSimonian and Laird 1986, Controlled Clinical Trials 7(3)).
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -47,7 +47,7 @@ from planner.identification.problem import FitProblem
 from planner.model.model import Model
 from planner.runs.run import Run, Samples
 
-SWEEPS = 80  # how often sizes are drawn without each
+SWEEPS = 40  # how often sizes are drawn without each, from where those of the whole run stand
 NOISES: Array = np.exp(np.linspace(-1.2, 1.5, 19))  # over the usual noise, and
 LOGS: Array = np.linspace(-1.5, 4.0, 23)  # of the stretch of one region, and of what regions have in common
 APART: Array = np.array([0.0, 0.25, 0.5, 0.75, 1.0])  # one sigma of the logarithm of a region's stretch
@@ -165,11 +165,13 @@ NEVER_REPEATED = RepeatedReadings()
 
 
 def predict_regions(
-    before: Fit, run: Run, whole: Model, background: Sequence[EffectFamily], time: float
+    before: Fit, run: Run, whole: Model, background: Sequence[EffectFamily], time: float, start: Mapping[str, float]
 ) -> tuple[HeldOutRegion, ...]:
     """Predict every region of the workspace by a posterior of the others; the arguments as of ``draw_posterior``."""
     region = number_regions(run.samples, before)
-    return tuple(_predict_region(before, run, region == k, whole, background, time) for k in range(region.max() + 1))
+    return tuple(
+        _predict_region(before, run, region == k, whole, background, time, start) for k in range(region.max() + 1)
+    )
 
 
 def number_regions(samples: Samples, fit: Fit) -> np.ndarray:
@@ -271,13 +273,20 @@ def _spike_and_slab(off: Array, none: float) -> Array:
 
 
 def _predict_region(
-    before: Fit, run: Run, test: np.ndarray, whole: Model, background: Sequence[EffectFamily], time: float
+    before: Fit,
+    run: Run,
+    test: np.ndarray,
+    whole: Model,
+    background: Sequence[EffectFamily],
+    time: float,
+    start: Mapping[str, float],
 ) -> HeldOutRegion:
     """Predict the positions of the samples ``test`` (n,) bool by a posterior of the others."""
     seen = _thin(np.flatnonzero(~test), 2_400 // whole.width)  # readings of a long run that fit and judge
     unseen = _worth_one_each(np.flatnonzero(test), time, whole.width)
     worth, share = max(1.0, time * len(seen) / (~test).sum()), float((~test).mean())
-    drawn = draw_posterior(before, run.take(seen), whole, background, worth, sweeps=SWEEPS, share=share)
+    others = run.take(seen)
+    drawn = draw_posterior(before, others, whole, background, worth, sweeps=SWEEPS, share=share, start=start)
     known = drawn.fit().fit
     there = FitProblem.of(known.model, run.take(unseen), _scale_noise(known.problem.whitener.noise, 1 / np.sqrt(worth)))
     return HeldOutRegion(unseen, _hold_out(there, known.errors, known.solution.root(known.problem.prior)))

@@ -6,8 +6,8 @@ families of the background the first is 0, and likely: a spike and a slab (Mitch
 How likely is learnt from how many of them act (Scott and Berger 2010, Annals of Statistics 38(5)). The factors are
 drawn one after the other with z averaged over (Gibbs sampling, collapsed; George and McCulloch 1997, Statistica Sinica
 7(2)), and families that explain the same are exchanged, since neither goes without the other; the noise is drawn by
-Metropolis' rule. A single best set of sizes would hide how little a run says of them; the average over the draws does
-not.
+Metropolis' rule, given a draw of e (van Dyk and Park 2008, J. Am. Stat. Assoc. 103(482)). A single best set of sizes
+would hide how little a run says of them; the average over the draws does not.
 """
 
 from dataclasses import dataclass, replace
@@ -15,16 +15,16 @@ from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
-from scipy.linalg import solve_triangular
+from scipy.linalg import cho_solve
 from scipy.linalg.blas import dsyrk, dtrsm
 
 from planner.common.units import Array
 from planner.identification.assumptions import EXPECTED_CAUSES, LOG_NOISE_RANGE, PREVALENCE
 from planner.identification.reading_precision import ReadingPrecision
 
-SWEEPS = 240  # through all families
-KEPT_EVERY = 4  # sweeps between draws that are kept: neighbours are alike
-NOISE_EVERY = 3  # sweeps between draws of the noise
+SWEEPS = 120  # through all families
+KEPT_EVERY = 3  # sweeps between draws that are kept: neighbours are alike
+NOISE_EVERY = 6  # sweeps between draws of the noise: all products of columns are made anew with it
 
 
 @dataclass(frozen=True)
@@ -113,8 +113,8 @@ class RandomEffects:
         columns, family = [self.columns[:, self.family < 0]], [np.full((self.family < 0).sum(), -1)]
         for f, own in enumerate(self.family_positions):
             axes, size, _ = np.linalg.svd(self.columns[:, own] / noise, full_matrices=False)
-            # 1e-3: of the declared noise, below which a direction tells nothing however large the family is
-            count = max(1, int((size * self.priors[f].factors.max() > 1e-3).sum()))
+            # 0.03: of the declared noise, below which a direction tells nothing however large the family is
+            count = max(1, int((size * self.priors[f].factors.max() > 0.03).sum()))
             columns.append(noise * axes[:, :count] * size[:count])
             family.append(np.full(count, f))
         return replace(self, columns=np.hstack(columns), family=np.concatenate(family))
@@ -127,23 +127,29 @@ class RandomEffects:
         """Return the variance of each reading, (m,)."""
         return np.asarray(self.noise @ np.exp(2 * noise_logs))
 
-    def precision(self, draw: SizeDraw, whitener: "ReadingWhitener | None" = None) -> ReadingPrecision:
-        """Return what is told of all columns at a draw of the sizes; ``whitener``: of its noise, if known."""
+    def precision(self, draw: SizeDraw) -> ReadingPrecision:
+        """Return what is told of all columns at a draw of the sizes."""
         size = draw.factors.repeat([p.stop - p.start for p in self.places])
-        whitener = whitener or ReadingWhitener.of(self, draw.noise_logs)
+        whitener = ReadingWhitener.of(self, draw.noise_logs)
         return ReadingPrecision.of(whitener.products(self.sorted_columns, size), self.places)
 
-    def evaluate(self, draw: SizeDraw) -> "EvaluatedDraw":
-        """Return the draw with its deviance."""
-        whitener, prior = ReadingWhitener.of(self, draw.noise_logs), draw.noise_logs @ self.noise_precision
+    def draw_left(self, draw: SizeDraw, rng: np.random.Generator) -> Array:
+        """Return what the noise may be in each reading, (m,), drawn given the readings and a draw of the sizes.
+
+        What all columns and the noise would give is drawn from their priors, and moved as far as the readings differ
+        from it (Matheron's rule; Hoffman and Ribak 1991, Astrophysical Journal 380).
+        """
+        variance, whitener = self.variance(draw.noise_logs), ReadingWhitener.of(self, draw.noise_logs)
         size = self.sizes(draw.factors)
-        acts = (size > 0) & (self.family >= 0)
-        white = whitener.white(np.column_stack([self.columns[:, acts] * size[acts], self.y]))
-        gram = np.asarray(white.T @ white)
-        root = np.linalg.cholesky(np.eye(len(gram) - 1) + gram[:-1, :-1])
-        along = solve_triangular(root, gram[:-1, -1], lower=True)
-        log_det = whitener.log_det + 2 * float(np.log(np.diag(root)).sum())
-        return EvaluatedDraw(draw, float(log_det + gram[-1, -1] - along @ along + prior @ draw.noise_logs), whitener)
+        which, columns = np.flatnonzero(size), self.columns
+        noise = np.sqrt(variance) * rng.standard_normal(len(self.y))
+        parameters = size[which] * rng.standard_normal(len(which))
+        apart = whitener.white((self.y - columns[:, which] @ parameters - noise)[:, None])
+        acting = which[self.family[which] >= 0]
+        white = whitener.white(columns[:, acting] * size[acting])
+        root = np.linalg.cholesky(np.eye(len(acting)) + white.T @ white)
+        apart -= white @ cho_solve((root, True), white.T @ apart)
+        return np.asarray(noise + variance * whitener.white_transposed(apart)[:, 0])
 
 
 @dataclass(frozen=True)
@@ -157,27 +163,28 @@ class ReadingWhitener:
         root: standard deviations of the noise D, (m,).
         axes: U of the known columns, (m, k).
         shrink: 1/√(1 + σ²) − 1, (k,).
-        log_det: of C₀.
     """
 
     root: Array
     axes: Array
     shrink: Array
-    log_det: float
 
     @classmethod
     def of(cls, model: RandomEffects, noise_logs: Array) -> "ReadingWhitener":
         """Look at the known columns of a model beside its noise."""
         root = np.sqrt(model.variance(noise_logs))
         axes, wide, _ = np.linalg.svd(model.columns[:, model.family < 0] / root[:, None], full_matrices=False)
-        log_det = 2 * np.log(root).sum() + np.log1p(wide**2).sum()
-        return cls(root, axes, 1 / np.sqrt(1 + wide**2) - 1, float(log_det))
+        return cls(root, axes, 1 / np.sqrt(1 + wide**2) - 1)
 
     def white(self, values: Array) -> Array:
         """Return C₀^(−1/2) times columns (m, q)."""
         out = values / self.root[:, None]
         out += self.axes * self.shrink @ (self.axes.T @ out)
         return np.asarray(out)
+
+    def white_transposed(self, values: Array) -> Array:
+        """Return the transpose of C₀^(−1/2) times columns (m, q)."""
+        return np.asarray((values + self.axes * self.shrink @ (self.axes.T @ values)) / self.root[:, None])
 
     def products(self, columns: Array, size: Array) -> Array:
         """Return XᵀC⁻¹X of columns (m, q), its lower triangle, where the first act with sizes (a,), 0 if they do not.
@@ -194,21 +201,6 @@ class ReadingWhitener:
         rows[np.arange(len(acting)), acting] *= 0.5
         root = np.linalg.cholesky(np.eye(len(acting)) + rows[:, acting] * own.T)
         return np.asarray(dsyrk(-1.0, dtrsm(1.0, root, rows, lower=1), 1.0, out, trans=1, lower=1, overwrite_c=1))
-
-
-@dataclass(frozen=True)
-class EvaluatedDraw:
-    """A draw of the sizes, and how well it fits.
-
-    Attributes:
-        draw: factors and noise.
-        deviance: minus twice the log density of the readings and of the noise's size, without a constant.
-        whitener: of the readings.
-    """
-
-    draw: SizeDraw
-    deviance: float
-    whitener: ReadingWhitener
 
 
 def draw_sizes(
@@ -252,17 +244,26 @@ class _Chain:
         self.acting = np.zeros(len(model.priors))
 
     def draw_noise(self, rng: np.random.Generator) -> None:
-        """Draw the noise with the sizes as they are."""
+        """Draw the noise with the sizes as they are, given what it may be in each reading."""
         del self.known  # of the noise before: as large as all products of columns, and made anew below
-        here = self.model.evaluate(SizeDraw(self.factors, self.noise_logs))
-        step = max(1.5 / np.sqrt(len(self.model.y)), 0.05)  # of a proposal's logarithm, times 1/√readings
-        for move in rng.standard_normal((4, len(self.noise_logs))) * step:  # proposals of one draw of the noise
-            logs = np.clip(here.draw.noise_logs + move, *LOG_NOISE_RANGE)
-            there = self.model.evaluate(SizeDraw(self.factors, logs))
-            if np.log(rng.uniform()) < 0.5 * (here.deviance - there.deviance):
-                here = there
-        self.noise_logs = here.draw.noise_logs
-        self.known = self.model.precision(here.draw, here.whitener)
+        model, here = self.model, self.noise_logs
+        square = model.draw_left(SizeDraw(self.factors, here), rng) ** 2
+
+        def log_density(logs: Array) -> float:
+            """Return the log density of the noise's size, without a constant."""
+            variance = model.variance(logs)
+            prior = logs @ model.noise_precision @ logs
+            return -0.5 * float((square / variance + np.log(variance)).sum() + prior)
+
+        likely = log_density(here)
+        step = max(1.5 / np.sqrt(len(model.y)), 0.05)  # of a proposal's logarithm, times 1/√readings
+        for move in rng.standard_normal((16, len(here))) * step:  # 16: proposals of one draw, a sum over readings each
+            there = np.clip(here + move, *LOG_NOISE_RANGE)
+            other = log_density(there)
+            if np.log(rng.uniform()) < other - likely:
+                here, likely = there, other
+        self.noise_logs = here
+        self.known = model.precision(SizeDraw(self.factors, here))
 
     def draw_factors(self, rng: np.random.Generator) -> None:
         """Draw the factor of one family after the other."""

@@ -5,7 +5,7 @@ geometry alone, on one with effects absence loses by orders of magnitude. Betwee
 it open, mean and covariance are those of the mixture, so that the stated error tells of the choice as well.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -164,6 +164,11 @@ class DrawRecord:
     effects: RandomEffects
     draws: tuple[SizeDraw, ...]
 
+    @property
+    def last_factors(self) -> dict[str, float]:
+        """Factors of the families in the last draw, by name."""
+        return dict(zip(self.names, map(float, self.draws[-1].factors), strict=True))
+
     def count_nameless(self) -> np.ndarray:
         """Return how many families of the background that may be absent act in each draw, (d,) int."""
         may_miss = [p.factors[0] == 0.0 for p in self.effects.priors]
@@ -216,6 +221,7 @@ def draw_posterior(
     curves: frozenset[str] = frozenset(),
     sweeps: int | None = None,
     share: float = 1.0,
+    start: Mapping[str, float] | None = None,
 ) -> DrawnPosterior:
     """Draw the sizes of everything that may act.
 
@@ -228,6 +234,7 @@ def draw_posterior(
         curves: groups of whole curves of gears that stand for what the background has of these gears.
         sweeps: how often every size is drawn, as usual if not given.
         share: of a run that is looked at, which is what ``run`` is.
+        start: factors of families that the draws begin with, by name; of others those of the fit.
     """
     # 600: readings of a long run say how large the families are, of a short one those that are independent: noise that
     # stays alike from one to the next would be taken for causes
@@ -242,7 +249,9 @@ def draw_posterior(
     count = effects.noise.shape[1]
     noise = before.problem.whitener.noise
     logs = np.log([noise.gauge, noise.joints, noise.angle][:count])
-    draws = draw_sizes(effects, SizeDraw(families.start, logs), sweeps=sweeps)
+    first = {} if start is None else start
+    begin = np.array([first.get(n, own) for n, own in zip(families.names, families.start, strict=True)])
+    draws = draw_sizes(effects, SizeDraw(begin, logs), sweeps=sweeps)
     factors = np.stack([d.factors for d in draws])
     acting = factors.any(axis=0)
     kept = np.flatnonzero(np.append(acting, True)[families.family])

@@ -68,7 +68,7 @@ def release_robot(
     curves = curve_groups(last.model) if dense else frozenset()
     posterior = _draw_posterior_beside(last, run, split, whole, families, time, curves).fit()
     give_back_memory()
-    regions = predict_regions(last, run, whole, families, time)
+    regions = predict_regions(last, run, whole, families, time, posterior.record.last_factors)
     judged = None if context.validation is None else predict_validation(posterior.fit, context.validation, time)
     unseen = [*(r.readings for r in regions), *([] if judged is None else [judged])]
     nameless, repeats = posterior.record.count_nameless(), RepeatedReadings.of(posterior.fit, run)

@@ -45,11 +45,33 @@ def density(model, factors, logs):
 
 
 @pytest.mark.parametrize(("m", "p"), [(20, 9), (6, 13)])
-def test_the_deviance_is_that_of_the_dense_covariance(m, p):
-    model, logs = model_of(m=m, p=p, fixed_noise=False), np.array([0.2, -0.3])
-    one, other = (model.evaluate(SizeDraw(np.array(f), logs)).deviance for f in ((0.0, 1.5), (0.5, 0.0)))
-    dense = -2 * (density(model, (0.0, 1.5), logs) - density(model, (0.5, 0.0), logs))
-    assert one - other == pytest.approx(dense, rel=1e-5)
+def test_what_the_noise_may_be_is_drawn_as_the_dense_covariance_says(m, p):
+    """Its mean is D C⁻¹ y and its covariance D − D C⁻¹ D, with D the noise and C the covariance of the readings."""
+    model, logs, factors = model_of(m=m, p=p), np.array([0.2, -0.3]), np.array([0.5, 0.0])
+    X, D = model.columns * model.sizes(factors), np.diag(model.variance(logs))
+    inverse, rng = np.linalg.inv(D + X @ X.T), np.random.default_rng(0)
+    drawn = np.stack([model.draw_left(SizeDraw(factors, logs), rng) for _ in range(4000)])
+    covariance = D - D @ inverse @ D
+    unit = np.sqrt(np.diag(covariance))
+    assert np.abs((drawn.mean(axis=0) - D @ inverse @ model.y) / unit).max() < 5 / np.sqrt(len(drawn))
+    assert np.abs((np.cov(drawn.T) - covariance) / np.outer(unit, unit)).max() < 0.08
+
+
+def test_noise_is_drawn_from_its_posterior(monkeypatch):
+    """Mean and deviation of both components' logarithms, against a grid of dense densities; sizes are known."""
+    monkeypatch.setattr(draws, "NOISE_EVERY", 1)
+    monkeypatch.setattr(draws, "KEPT_EVERY", 1)
+    model = replace(model_of(fixed_noise=False), priors=(SizePrior(np.array([0.5]), np.ones(1)),) * 2)
+    model = replace(model, columns=model.columns * np.where(model.family < 0, 1e-2, 1.0))  # so that densities stay exact
+    grid = np.linspace(-3.0, 2.5, 34)
+    pairs = [np.array(pair) for pair in product(grid, grid)]
+    log = np.array([density(model, (0.5, 0.5), pair) - 0.5 * pair @ model.noise_precision @ pair for pair in pairs])
+    chance = np.exp(log - log.max()) / np.exp(log - log.max()).sum()
+    mean = chance @ np.stack(pairs)
+    deviation = np.sqrt(chance @ (np.stack(pairs) - mean) ** 2)
+    drawn = np.stack([d.noise_logs for d in draw_sizes(model, SizeDraw(np.full(2, 0.5), np.zeros(2)), sweeps=2400)])
+    assert np.abs(drawn.mean(axis=0) - mean).max() < 0.15 * deviation.min()
+    assert drawn.std(axis=0) == pytest.approx(deviation, rel=0.15)
 
 
 @pytest.mark.parametrize("waiting", [0, 1, 64])
