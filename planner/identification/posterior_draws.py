@@ -22,7 +22,7 @@ from planner.common.units import Array
 from planner.identification.assumptions import EXPECTED_CAUSES, LOG_NOISE_RANGE, PREVALENCE
 from planner.identification.reading_precision import ReadingPrecision
 
-SWEEPS = 120  # through all families
+SWEEPS = 160  # through all families
 KEPT_EVERY = 3  # sweeps between draws that are kept: neighbours are alike
 NOISE_EVERY = 6  # sweeps between draws of the noise: all products of columns are made anew with it
 

@@ -62,7 +62,9 @@ def test_noise_is_drawn_from_its_posterior(monkeypatch):
     monkeypatch.setattr(draws, "NOISE_EVERY", 1)
     monkeypatch.setattr(draws, "KEPT_EVERY", 1)
     model = replace(model_of(fixed_noise=False), priors=(SizePrior(np.array([0.5]), np.ones(1)),) * 2)
-    model = replace(model, columns=model.columns * np.where(model.family < 0, 1e-2, 1.0))  # so that densities stay exact
+    model = replace(
+        model, columns=model.columns * np.where(model.family < 0, 1e-2, 1.0)
+    )  # so that densities stay exact
     grid = np.linspace(-3.0, 2.5, 34)
     pairs = [np.array(pair) for pair in product(grid, grid)]
     log = np.array([density(model, (0.5, 0.5), pair) - 0.5 * pair @ model.noise_precision @ pair for pair in pairs])

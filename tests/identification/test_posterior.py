@@ -123,7 +123,8 @@ def test_the_error_at_poses_like_those_measured_is_that_of_drawn_robots():
     moving = [k for k, n in enumerate(fit.model.names) if n in released.tool.names]
     model, samples = model.subset(moving), Samples(q, np.zeros(len(q), dtype=int))
     written, drawn = model.reading(samples, fit.errors[moving]), released.posterior.drawn[moving]
-    stated = released.drawn_errors(fit, released.measured)
+    count = drawn.shape[1]
+    stated = replace(released, misfit=Misfit(np.ones(count), np.zeros(count))).drawn_errors(fit, released.measured)
     for k in range(0, drawn.shape[1], drawn.shape[1] // 8):
         off = aligned(model.reading(samples, drawn[:, k]), written)
         assert np.sqrt((off**2).sum(axis=1).mean()) == pytest.approx(stated[k], rel=0.05)
