@@ -133,7 +133,7 @@ class RandomEffects:
         whitener = ReadingWhitener.of(self, draw.noise_logs)
         return ReadingPrecision.of(whitener.products(self.sorted_columns, size), self.places)
 
-    def draw_left(self, draw: SizeDraw, rng: np.random.Generator) -> Array:
+    def draw_residual(self, draw: SizeDraw, rng: np.random.Generator) -> Array:
         """Return what the noise may be in each reading, (m,), drawn given the readings and a draw of the sizes.
 
         What all columns and the noise would give is drawn from their priors, and moved as far as the readings differ
@@ -149,7 +149,7 @@ class RandomEffects:
         white = whitener.white(columns[:, acting] * size[acting])
         root = np.linalg.cholesky(np.eye(len(acting)) + white.T @ white)
         apart -= white @ cho_solve((root, True), white.T @ apart)
-        return np.asarray(noise + variance * whitener.white_transposed(apart)[:, 0])
+        return np.asarray(noise + variance * whitener.apply_transpose(apart)[:, 0])
 
 
 @dataclass(frozen=True)
@@ -182,7 +182,7 @@ class ReadingWhitener:
         out += self.axes * self.shrink @ (self.axes.T @ out)
         return np.asarray(out)
 
-    def white_transposed(self, values: Array) -> Array:
+    def apply_transpose(self, values: Array) -> Array:
         """Return the transpose of C₀^(−1/2) times columns (m, q)."""
         return np.asarray((values + self.axes * self.shrink @ (self.axes.T @ values)) / self.root[:, None])
 
@@ -247,7 +247,7 @@ class _Chain:
         """Draw the noise with the sizes as they are, given what it may be in each reading."""
         del self.known  # of the noise before: as large as all products of columns, and made anew below
         model, here = self.model, self.noise_logs
-        square = model.draw_left(SizeDraw(self.factors, here), rng) ** 2
+        square = model.draw_residual(SizeDraw(self.factors, here), rng) ** 2
 
         def log_density(logs: Array) -> float:
             """Return the log density of the noise's size, without a constant."""

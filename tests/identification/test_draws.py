@@ -50,7 +50,7 @@ def test_what_the_noise_may_be_is_drawn_as_the_dense_covariance_says(m, p):
     model, logs, factors = model_of(m=m, p=p), np.array([0.2, -0.3]), np.array([0.5, 0.0])
     X, D = model.columns * model.sizes(factors), np.diag(model.variance(logs))
     inverse, rng = np.linalg.inv(D + X @ X.T), np.random.default_rng(0)
-    drawn = np.stack([model.draw_left(SizeDraw(factors, logs), rng) for _ in range(4000)])
+    drawn = np.stack([model.draw_residual(SizeDraw(factors, logs), rng) for _ in range(4000)])
     covariance = D - D @ inverse @ D
     unit = np.sqrt(np.diag(covariance))
     assert np.abs((drawn.mean(axis=0) - D @ inverse @ model.y) / unit).max() < 5 / np.sqrt(len(drawn))

@@ -124,7 +124,8 @@ def test_the_error_at_poses_like_those_measured_is_that_of_drawn_robots():
     model, samples = model.subset(moving), Samples(q, np.zeros(len(q), dtype=int))
     written, drawn = model.reading(samples, fit.errors[moving]), released.posterior.drawn[moving]
     count = drawn.shape[1]
-    stated = replace(released, misfit=Misfit(np.ones(count), np.zeros(count))).drawn_errors(fit, released.measured)
+    none = Misfit(np.ones(count), np.zeros(count))  # nor drift: what joint angles do not determine stands beside
+    stated = replace(released, misfit=none, drift=np.zeros(count)).drawn_errors(fit, released.measured)
     for k in range(0, drawn.shape[1], drawn.shape[1] // 8):
         off = aligned(model.reading(samples, drawn[:, k]), written)
         assert np.sqrt((off**2).sum(axis=1).mean()) == pytest.approx(stated[k], rel=0.05)
