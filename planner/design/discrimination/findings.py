@@ -1,13 +1,14 @@
 """The findings of an identification, read from its file, and the names of effects that may occur in it."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from planner.common.errors import InputError
 from planner.effects.catalogue import check_effect_name, strip_repeat
-from planner.model.identification_document import Identification
+from planner.model.identification_document import Finding, Identification
 
 
 @dataclass(frozen=True)
@@ -71,13 +72,18 @@ def read_identification(path: Path, robot: str, n_joints: int) -> Identification
     for k, f in enumerate(part.findings, start=1):
         for name in (f.name, *f.rivals):
             check_effect_name(name, n_joints, f"{path}: 'findings' number {k}")
-    found = tuple(
-        IdentifiedEffect(
-            strip_repeat(f.name),
-            f.value,
-            None if f.inner is None else f.inner.value,
-            tuple(dict.fromkeys(strip_repeat(r) for r in f.rivals)),
-        )
-        for f in part.findings
-    )
-    return IdentificationResult(path, found, {e.name: e.value for e in part.last_fit}, part)
+    return IdentificationResult(path, _one_each(part.findings), {e.name: e.value for e in part.last_fit}, part)
+
+
+def _one_each(findings: Sequence[Finding]) -> tuple[IdentifiedEffect, ...]:
+    """Return the findings; what stepped again and again is one, with the largest of its steps and all rivals."""
+    out = dict[str, IdentifiedEffect]()
+    for f in findings:
+        inner = None if f.inner is None else f.inner.value
+        rivals = tuple(dict.fromkeys(strip_repeat(r) for r in f.rivals))
+        one = IdentifiedEffect(strip_repeat(f.name), f.value, inner, rivals)
+        if (known := out.get(one.label)) is not None:
+            size = max(one.size, known.size, key=abs)
+            one = replace(known, size=size, rivals=tuple(dict.fromkeys((*known.rivals, *rivals))))
+        out[one.label] = one
+    return tuple(out.values())

@@ -94,3 +94,15 @@ def test_what_would_help_is_found_by_trying(tmp_path):
     with pytest.raises(NoSolutionError, match="a second fixture, say at") as refused:
         select_discriminating_poses(cell(), pool(), usual(), found, 0)
     assert "payload" not in str(refused.value)
+
+
+def test_what_stepped_again_and_again_is_one_finding(tmp_path):
+    """A reflector that was seated anew three times is asked for once, with all rivals of its steps."""
+    steps = [
+        ("step", "tool point", size, "mm", [rival])
+        for size, rival in ((0.1, "soft base, base"), (-0.4, "backlash, joint 2"), (0.2, "soft base, base"))
+    ]
+    found = read_identification(file(tmp_path, *steps), NJ, 6).found
+    assert [f.name for f in found] == ["step, tool point"]
+    assert found[0].rivals == ("soft base, base", "backlash, joint 2")
+    assert found[0].size == pytest.approx(-0.4e-3)
