@@ -21,6 +21,14 @@ from planner.common.units import Array
 TRUST = 4.0  # [errors seen] that a usual size counts for: it is good to a factor of about two (1/sqrt(2 ν) of ln s)
 
 
+ALWAYS, MOSTLY, AT_TIMES, HARDLY_EVER = range(4)
+"""How often errors of a family act: the geometry's; gears and joints that yield; what else the catalogue names; what it
+has no name for. A session stops by them, so they promise less than an identification, which has half absent.
+"""
+ACTING = {MOSTLY: (3.0, 1.0), AT_TIMES: (1.0, 1.0), HARDLY_EVER: (1.0, 9.0)}
+"""Families of a kind that count as seen to act, and not to act, before any reading (a beta distribution)."""
+
+
 @dataclass(frozen=True)
 class Families:
     """Which errors share a size.
@@ -28,16 +36,14 @@ class Families:
     Attributes:
         number: family of each error, (P,) int from 0.
         known: families whose size is stated and not learnt, (F,) bool.
-        rare: families of which most robots may show nothing, as gears and joints that yield, (F,) bool.
-        unnamed: rare families of what the catalogue has no name for, of which hardly any act, (F,) bool.
+        acts: on how many robots each acts, (F,) int: one of ``ALWAYS``, ``MOSTLY``, ``AT_TIMES`` and ``HARDLY_EVER``.
         doubt: one sigma of the logarithm of what is left of the errors, once their sizes are learnt each as the others
             stand: by that they are known too well (of arms drawn with sizes between half and twice the usual).
     """
 
     number: np.ndarray
     known: np.ndarray
-    rare: np.ndarray
-    unnamed: np.ndarray
+    acts: np.ndarray
     doubt: float = 0.0
 
     def __len__(self) -> int:
@@ -47,10 +53,10 @@ class Families:
     def factors(self, family: int) -> tuple[Array, Array]:
         """Return factors on the usual size that a family may have, and their probabilities, (k,) each.
 
-        They are normal in the log about the usual size with a sigma of 1, or 0 for a quarter of those that may be
-        absent: a session stops by them, so they promise less than those of an identification, which has half absent.
+        They are normal in the log about the usual size with a sigma of 1, or 0 of those that may be absent, with a
+        probability that is learnt.
         """
-        if not self.rare[family]:
+        if self.acts[family] == ALWAYS:
             own = np.exp(np.linspace(-2.0, 2.0, 9))
             weight = np.exp(-0.5 * np.log(own) ** 2)
             return own, weight / weight.sum()
@@ -67,7 +73,8 @@ class LearntErrors:
         mean, std: estimates and standard deviations, (P,).
         factors: sizes of the families, (F,): roots of their mean squares, over all that each may be.
         typical: sizes that are as likely exceeded as not, (F,): 0 of a family that rather does not act.
-        noise: of a reading, over the one that is declared; what follows no column of the model is in it.
+        noise: of a reading, over the one that is declared: an arm mostly comes to rest better than its maker promises;
+            what follows no column of the model is in it as well.
     """
 
     mean: Array
@@ -98,22 +105,18 @@ def learn_errors(white: Array, seen: Array, families: Families, begin: LearntErr
     begin = begin or LearntErrors.usual(white.shape[1], len(families))
     columns = [white[:, families.number == f] for f in range(len(families))]
     offers = [families.factors(f) for f in range(len(families))]
-    excess = np.append(0.0, 0.3 * 2.0 ** np.arange(7, dtype=float))  # noise beside the declared one; half have none
-    columns.append(np.eye(len(white)))
-    offers.append((excess, np.append(0.5, np.full(7, 0.5 / 7))))
-    fixed = np.append(families.known, False)
-    square, typical = np.append(begin.factors**2, begin.noise**2 - 1.0), np.append(begin.typical, 0.0)
-    spread = np.eye(len(white)) + sum(v * (w @ w.T) for v, w in zip(square, columns, strict=True))
-    inverse = np.linalg.inv(spread)
-    unnamed = np.append(families.unnamed, False)
-    share, acts = np.full(len(square), 0.75), np.where(unnamed, 0.1, 0.75)
-    rare = np.append(families.rare, False) & ~unnamed
+    square, typical, noise = begin.factors**2, begin.typical.copy(), begin.noise**2
+    inverse = np.linalg.inv(
+        noise * np.eye(len(white)) + sum(v * (w @ w.T) for v, w in zip(square, columns, strict=True))
+    )
+    kinds = [(families.acts == kind, a, a + b) for kind, (a, b) in ACTING.items()]
+    acts = sum((np.where(own, a / of, 0.0) for own, a, of in kinds), np.zeros(len(square)))
+    share = acts.copy()
     for turn in range(12):  # rounds: sizes move by less than a few per cent after that
-        before = square.copy()
-        # how many act says how likely each does: three of four, of those without a name one of ten
-        share[rare] = (3.0 + acts[rare].sum()) / (4.0 + rare.sum())
-        share[unnamed] = (1.0 + acts[unnamed].sum()) / (10.0 + unnamed.sum())
-        for f in np.flatnonzero(~fixed)[: None if turn % 3 == 0 else -1]:  # the noise, which costs most, in every third
+        before = np.append(square, noise)
+        for own, a, of in kinds:  # how many act says how likely each does
+            share[own] = (a + acts[own].sum()) / (of + own.sum())
+        for f in np.flatnonzero(~families.known):
             through = inverse @ columns[f]
             values, axes = np.linalg.eigh(columns[f].T @ through)
             values = np.maximum(values, 0.0)
@@ -126,13 +129,33 @@ def learn_errors(white: Array, seen: Array, families: Families, begin: LearntErr
             moved = through @ axes
             inverse -= (moved * ((new - square[f]) / (1.0 + (new - square[f]) * values))) @ moved.T
             square[f] = new
-        if turn % 3 == 0 and np.abs(square - before).max() < 1e-2 * (1e-2 + square.max()):
-            break
-    variance = square[:-1][families.number]
+        if turn % 3 == 0:  # the noise, which costs most, in every third
+            noise, inverse = _learn_noise(inverse, noise, seen)
+            if np.abs(np.append(square, noise) - before).max() < 1e-2 * (1e-2 + square.max()):
+                break
+    variance = square[families.number]
     mean = variance * (white.T @ (inverse @ seen))
     left = np.maximum(variance - variance**2 * np.einsum("ij,ij->j", white, inverse @ white), 0.0)
-    noise = float(np.sqrt(1.0 + square[-1]))
-    return LearntErrors(mean, np.sqrt(left), np.sqrt(square[:-1]), typical[:-1], noise)
+    return LearntErrors(mean, np.sqrt(left), np.sqrt(square), typical, float(np.sqrt(noise)))
+
+
+def _learn_noise(inverse: Array, noise: float, seen: Array) -> tuple[float, Array]:
+    """Return the readings' noise variance over the declared one, all else as it stands, and S⁻¹ with it.
+
+    Args:
+        inverse: S⁻¹ so far, (n, n).
+        noise: of which S has this share of the identity.
+        seen: see :func:`learn_errors`.
+    """
+    # from a fifth of the declared standard deviation to ten times as much, normal in the log about it, sigma 1
+    offers = 0.05 * 2.0 ** np.arange(12, dtype=float)
+    values, axes = np.linalg.eigh(inverse)
+    others, pull = np.maximum(1.0 / values - noise, 0.0), (axes.T @ seen) ** 2
+    spread = offers[:, None] + others
+    log = -0.5 * (0.5 * np.log(offers)) ** 2 - 0.5 * (np.log(spread) + pull / spread).sum(axis=1)
+    weight = np.exp(log - log.max())
+    new = float(weight @ offers / weight.sum())
+    return new, np.asarray((axes / (others + new)) @ axes.T)
 
 
 def _weigh_factors(factors: Array, probability: Array, shown: Array, pull: Array, share: float) -> Array:

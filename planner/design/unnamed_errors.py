@@ -18,7 +18,7 @@ from planner.common.determinism import on_one_thread
 from planner.common.units import Array, read_only
 from planner.design.free_parameters import UndeclaredErrors
 from planner.effects.catalogue import Excitation
-from planner.effects.misfit_shapes import misfit_shapes
+from planner.effects.misfit_shapes import shapes_without_catalogue
 from planner.model.tool_error import ToolError
 from planner.runs.run import Samples
 
@@ -33,10 +33,12 @@ class UnnamedErrors(UndeclaredErrors):
         model: with the turns without a name behind all other parameters.
         mixtures: what each error does to the parameters, in their prior sigmas, (parameters, P).
         family: number of the family without a name of each error, (P,) int; −1 of those that have one.
+        catalogued: which of these families the catalogue has a name for all the same, (F,) bool.
     """
 
     mixtures: Array
     family: np.ndarray
+    catalogued: np.ndarray
 
     @property
     def root(self) -> Array:
@@ -69,7 +71,8 @@ class UnnamedErrors(UndeclaredErrors):
 def add_unnamed_errors(declared: UndeclaredErrors, cell: Cell, samples: Samples) -> UnnamedErrors:
     """Return undeclared errors with those that the catalogue has no name for, as far as ``samples`` tell of any."""
     run = Excitation.of(declared.model.setup, samples)
-    turns = [[replace(p, group=UNNAMED) for p in own] for _, own in misfit_shapes(run)]
+    shapes = list(shapes_without_catalogue(run))
+    turns = [[replace(p, group=UNNAMED) for p in own] for _, own, _ in shapes]
     count, unnamed = len(declared.prior), [p for own in turns for p in own]
     model = declared.model.plus(unnamed)
     prior = np.concatenate([declared.prior, [p.prior for p in unnamed]])
@@ -83,7 +86,7 @@ def add_unnamed_errors(declared: UndeclaredErrors, cell: Cell, samples: Samples)
     family = np.concatenate([np.full(count, -1), *(np.full(m.shape[1], k) for k, m in enumerate(mixtures))])
     return UnnamedErrors(
         model, read_only(prior), read_only(weight), declared.untraced_error,
-        read_only(block_diag(np.eye(count), *mixtures)), family,
+        read_only(block_diag(np.eye(count), *mixtures)), family, np.array([named for _, _, named in shapes]),
     )  # fmt: skip
 
 

@@ -7,7 +7,7 @@ law, and with the angle of any other joint. What it does with the angle of its o
 stands always alike to gravity: it turns by how far the arm leans to which side.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from planner.effects.compliance import LEAST_LOAD, twist_moves
 from planner.effects.context import Context
 from planner.effects.effect import BASE_TURNS, Parameter, transform_move
 from planner.effects.gears import WAVES, JointWave
-from planner.effects.sizes import PART_TURN
+from planner.effects.sizes import GEAR_WAVE, PART_TURN
 
 
 class GravityHarmonic(BasisFunction, key="gravity:STATION:INDEX:INDEX", loads=True):
@@ -59,15 +59,47 @@ class LeanWave(BasisFunction, key="lean-(sin|cos):INDEX", loads=True):
 def misfit_shapes(run: Excitation) -> Iterator[tuple[str, tuple[Parameter, ...]]]:
     """Yield families of parameters by name: a part that turns with gravity, or with the angle of another joint."""
     if run.setup.weighs and (lean := run.largest(LeanWave("cos", 0))) > LEAST_LOAD:
-        yield "base by its load", tuple(_by_lean(lean))
+        yield "base by its load", tuple(_by_lean(lean, (0, 2, 3, 4)))
     for joint in run.joints:
         if run.setup.weighs:
             yield f"part {joint + 1} by gravity", tuple(_by_gravity(joint + 1))
-        turn = run.setup.chain.transforms[run.rotation(joint)].axis
-        across = [axis for axis in range(3) if axis != turn or run.setup.robot.slides[joint]]
         for other in run.moving_joints:
             if other != joint:
-                yield f"part {joint + 1} by joint {other + 1}", tuple(_by_joint(joint + 1, across, other))
+                yield f"part {joint + 1} by joint {other + 1}", tuple(_by_joint(joint + 1, _across(run, joint), other))
+
+
+def shapes_without_catalogue(run: Excitation) -> Iterator[tuple[str, tuple[Parameter, ...], bool]]:
+    """Yield the same families for an estimate that has no catalogue beside them, and whether the catalogue names them.
+
+    What it names is among them: a base that yields to all sides, gears that err once or twice a turn, bearings that tip
+    with the angle of their own joint, joints that turn with another one.
+    """
+    if run.setup.weighs and (lean := run.largest(LeanWave("cos", 0))) > LEAST_LOAD:
+        yield "base by its load", tuple(_by_lean(lean, range(5))), True
+    for joint in run.joints:
+        if run.setup.weighs:
+            yield f"part {joint + 1} by gravity", tuple(_by_gravity(joint + 1)), False
+        for other in run.moving_joints:
+            if other != joint:
+                yield f"part {joint + 1} by joint {other + 1}", tuple(_by_joint(joint + 1, [0, 1, 2], other)), False
+        if joint in run.moving_joints:
+            yield f"part {joint + 1} by its joint", tuple(_by_joint(joint + 1, _across(run, joint), joint)), True
+            for number in (1, 2) if not run.setup.robot.slides[joint] else ():
+                yield f"gear {joint + 1}, wave {number}", tuple(_gear_waves(run.rotation(joint), joint, number)), True
+
+
+def _across(run: Excitation, joint: int) -> list[int]:
+    """Return the axes about which a part turns beside its joint."""
+    turn = run.setup.chain.transforms[run.rotation(joint)].axis
+    return [axis for axis in range(3) if axis != turn or run.setup.robot.slides[joint]]
+
+
+def _gear_waves(rotation: int, joint: int, number: int) -> Iterator[Parameter]:
+    """Yield sine and cosine of a joint's own error, so many waves in a turn."""
+    for wave in WAVES:
+        moves = transform_move(rotation, JointWave(wave, joint, float(number)))
+        name = f"misfit_gear{joint + 1}_{wave}{number}"
+        yield Parameter(name, "rad", GEAR_WAVE.usual, f"gear of joint {joint + 1}, wave {number}", moves)
 
 
 def _by_gravity(station: int) -> Iterator[Parameter]:
@@ -84,12 +116,12 @@ def _by_gravity(station: int) -> Iterator[Parameter]:
                 yield Parameter(name, "rad", size, f"turn of part {station} by gravity", moves)
 
 
-def _by_lean(lean: float) -> Iterator[Parameter]:
+def _by_lean(lean: float, numbers: Sequence[int]) -> Iterator[Parameter]:
     """Yield turns of the base by the side to which the arm leans ``lean`` [Nm] at most, the k-th wave by k² smaller.
 
     Once around is a soft base, which the catalogue has; a base that opens to one side has every even one as well.
     """
-    waves = [(k, wave) for k in (0, 2, 3, 4) for wave in WAVES if k or wave == "cos"]
+    waves = [(k, wave) for k in numbers for wave in WAVES if k or wave == "cos"]
     share = np.array([1 / max(k, 1) ** 2 for k, _ in waves])
     square = np.array([0.5 if k else 1.0 for k, _ in waves])  # mean square of each around the base
     sizes = PART_TURN * share / np.sqrt((square * share**2).sum()) / lean

@@ -19,7 +19,7 @@ from planner.design.expected_errors import ExpectedErrors
 from planner.design.free_parameters import UndeclaredErrors, undeclared_errors
 from planner.design.learnt_foresight import LearntForesight
 from planner.design.learnt_posterior import LearntPosterior
-from planner.design.learnt_sizes import Families
+from planner.design.learnt_sizes import ALWAYS, AT_TIMES, HARDLY_EVER, MOSTLY, Families
 from planner.design.unnamed_errors import UnnamedErrors, add_unnamed_errors
 from planner.instruments.remaining_errors import CalibratedState, RemainingErrors, tool_names
 from planner.runs.run import Readings, Samples
@@ -225,21 +225,18 @@ def families(unknown: ExpectedErrors) -> Families:
     Errors of a robot that was calibrated have the sizes that its runs say, all together one factor on them.
     """
     if not isinstance(unknown, UndeclaredErrors):
-        neither = np.array([False, False])
-        return Families(np.where(unknown.of_gauge, 0, 1), np.array([True, False]), neither, neither)
+        return Families(np.where(unknown.of_gauge, 0, 1), np.array([True, False]), np.array([ALWAYS, ALWAYS]))
     family = unknown.family if isinstance(unknown, UnnamedErrors) else np.full(len(unknown.prior), -1)
     parameters = unknown.model.parameters[: int((family < 0).sum())]
     names = [f"geometry, {p.unit}" if p.group == "geometry" else p.group for p in parameters]
     distinct = [GAUGE, *(n for n in dict.fromkeys(names) if n != GAUGE)]
-    rare = {n for n, p in zip(names, parameters, strict=True) if p.is_effect}
+    effects = {n for n, p in zip(names, parameters, strict=True) if p.is_effect}
     number = np.array([distinct.index(n) for n in names])
     number = np.append(number, len(distinct) + family[len(names) :])
-    unnamed = np.arange(number.max() + 1) >= len(distinct)
-    known, often_absent = (
-        np.append([n in of for n in distinct], unnamed[unnamed] & last) for of, last in (({GAUGE}, False), (rare, True))
-    )
+    shapes = unknown.catalogued if isinstance(unknown, UnnamedErrors) else np.zeros(0, dtype=bool)
+    acts = np.append([MOSTLY if n in effects else ALWAYS for n in distinct], np.where(shapes, AT_TIMES, HARDLY_EVER))
     # 0.3: of 60 arms drawn 19 of 20 are below the limit that this gives
-    return Families(number, known, often_absent, unnamed, 0.3)
+    return Families(number, np.arange(len(acts)) == 0, acts, 0.3)
 
 
 def mean_errors(unknown: ExpectedErrors) -> Array:

@@ -36,12 +36,14 @@ import tempfile
 import time
 from bisect import bisect_left
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from copy import copy
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from itertools import islice, pairwise
 from pathlib import Path
 
 import numpy as np
+from scipy.linalg import solve_triangular
 
 from planner.cell.reading import load_cell
 from planner.design.assumptions import MOST_POSES, UNTRACED_TARGET_SHARE
@@ -53,7 +55,6 @@ from planner.design.learnt_sizes import LearntErrors
 from planner.design.unnamed_errors import add_unnamed_errors
 from planner.instruments.live_estimate import families
 from planner.model.tool_error import tool_rows
-from planner.motion.tour.solve import solve_tour
 from planner.runs.run import Mounting, Readings, Samples
 from planner.session.tour_cost import tour_costs
 from tests.benchmarks.stopping_tables import FIXED, GOALS_MM, OWN, WAYS, best, coverage, equal_truth, figures, table
@@ -71,18 +72,83 @@ SMALLEST, LARGEST = 10, 80  # poses of a batch
 IDENTIFIED_MM = None  # goal at which what batches brought is identified as well; set by --identify
 READ_S = 6.0  # [s] a pose: rest, settle, read
 PROGRAM_MIN, SET_UP_MIN = 3.0, 5.0  # [min] to carry a log away and a program back; to set a bar up, and its zero
+SHARE_LEFT_OUT = 1e-3  # of the mean square error after the first poses, in directions in which hardly anything moves
 SHARE_OF_PLACE = 1e-2  # of what is unknown of the gauge's place, in greedy choices: else it comes first
 
 
-def posterior_after(white, weight, taken):
-    """What the readings taken leave, in one step."""
-    covariance = np.linalg.inv(np.eye(white.shape[1]) + white[taken].T @ white[taken])
-    seen = white @ covariance
-    shown = np.einsum("ij,ij->i", seen @ weight, seen)
-    spread = np.einsum("ij,ij->i", seen, white)
-    return BayesianPosterior(
-        np.asfortranarray(white), weight, covariance, shown, spread, float((weight * covariance).sum())
-    )
+class Worth:
+    """What each candidate would take off the mean square error of the tool, after those that are taken, (n,) [m²].
+
+    Kept among the candidates: G, how they covary (n, n), and H, what each tells of the tool (n, r).
+    """
+
+    def __init__(self, white, root, taken):
+        told, told_tool = white[taken] @ white.T, white[taken] @ root
+        lower = np.linalg.cholesky(np.eye(len(taken)) + told[:, taken])
+        seen = solve_triangular(lower, told, lower=True, check_finite=False)
+        self.together = white @ white.T - seen.T @ seen
+        self.tool = white @ root - seen.T @ solve_triangular(lower, told_tool, lower=True, check_finite=False)
+
+    def gains(self):
+        return np.einsum("ij,ij->i", self.tool, self.tool) / (1.0 + np.diagonal(self.together))
+
+    def take(self, k):
+        own = self.together[k] / (1.0 + self.together[k, k])
+        self.tool -= np.outer(own, self.tool[k])
+        self.together -= np.outer(own, self.together[k])
+
+
+def shorten(legs, path, fixed_start):
+    """A path that no exchange of two legs and no move of up to three poses in a row makes shorter."""
+    nodes = np.array(path)
+    cost = np.zeros((len(nodes) + 1,) * 2)  # behind the last pose one that is next to all: the path is a closed tour
+    cost[:-1, :-1] = legs[np.ix_(nodes, nodes)]
+    if fixed_start:
+        cost[0, -1] = cost[-1, 0] = -1e6  # [s]: the tour keeps this leg
+    tour = np.arange(len(cost))
+    while (better := exchange(cost, tour)) is not None or (better := move(cost, tour)) is not None:
+        tour = better
+    tour = np.roll(tour, -1 - int(np.argmax(tour == len(nodes))))[:-1]
+    return nodes[tour[::-1] if fixed_start and tour[0] else tour].tolist()
+
+
+def exchange(cost, tour):
+    """The tour with the best part turned round, or None."""
+    n, after = len(tour), np.roll(tour, -1)
+    legs = cost[tour, after]
+    change = cost[np.ix_(tour, tour)] + cost[np.ix_(after, after)] - legs[:, None] - legs
+    change[np.tril_indices(n)] = 0.0
+    i, j = np.unravel_index(np.argmin(change), change.shape)
+    if change[i, j] > -1e-6:  # [s]
+        return None
+    return np.concatenate([tour[: i + 1], tour[i + 1 : j + 1][::-1], tour[j + 1 :]])
+
+
+def move(cost, tour):
+    """The tour with the best part of one to three poses moved elsewhere, either way round, or None."""
+    n, best = len(tour), (-1e-6, None)
+    for size in range(1, min(4, n - 2)):
+        at = np.arange(n)
+        first, last = tour, np.roll(tour, 1 - size)
+        before, behind = np.roll(tour, 1), np.roll(tour, -size)
+        saved = cost[before, first] + cost[last, behind] - cost[before, behind]
+        here, there = tour, np.roll(tour, -1)
+        legs = cost[here, there]
+        within = (at - at[:, None]) % n
+        barred = (within < size) | (within == n - 1)
+        for turned, (a, b) in enumerate(((first, last), (last, first))):
+            change = cost[np.ix_(a, here)] + cost[np.ix_(b, there)] - legs - saved[:, None]
+            change[barred] = 0.0
+            k = int(np.argmin(change))
+            if change.flat[k] < best[0]:
+                best = change.flat[k], (*divmod(k, n), size, turned)
+    if best[1] is None:
+        return None
+    i, j, size, turned = best[1]
+    turn = np.roll(tour, -i)  # the part is now at the head
+    part, rest = turn[:size], turn[size:]
+    place = (j - i) % n - size + 1
+    return np.concatenate([rest[:place], part[::-1] if turned else part, rest[place:]])
 
 
 def samples(q):
@@ -109,7 +175,7 @@ class Bench:
         self.anew = self.live.of_gauge & ~np.append(of_map, np.zeros(len(self.live.family) - len(of_map), dtype=bool))
         self.legs = tour_costs(self.cell, Mounting(), self.q)
         self.tours = {}
-        self.root = root_of(self.live.weight_per_prior)
+        self.root = self.few_directions(root_of(self.live.weight_per_prior))
         self.states = evaluation_states(make_arm(0, "bar", 0, False).arm, 0)
         effects = [p for p in self.live.model.parameters if p.is_effect]
         names, _, rows = tool_rows(samples(self.states), self.live.model.setup, effects)
@@ -117,37 +183,45 @@ class Bench:
         moving = [k for k, n in enumerate(self.live.model.names) if n in at]
         self.tool = rows[:, [at[self.live.model.names[k]] for k in moving]] @ self.live.root[moving]
 
-    def quick(self, white, weight, taken, count, start):
-        """Positions of ``count`` further poses by what they take off the error in a second of reading and of way."""
-        known = posterior_after(white, weight, taken)
+    def few_directions(self, root):
+        """The root of the weight in the directions of the tool's error that count once the first poses are read."""
+        first = self.live_white[self.order("by the minute")[:FIRST]]
+        told = np.linalg.solve(np.eye(len(first)) + first @ first.T, first @ root)
+        left, axes = np.linalg.eigh(root.T @ root - (first @ root).T @ told)
+        return root @ axes[:, np.cumsum(left) > SHARE_LEFT_OUT * left.sum()]
+
+    def quick(self, white, root, taken, count, start):
+        """Further poses by what they take off the error in a second of reading and of way: in order, and as a path."""
+        known = Worth(white, root, taken)
         path, order = [] if start is None else [start], []
         for _ in range(count):
-            way = np.full(len(white), 0.0)
+            way, inserted = np.zeros(len(white)), None
             if path:
                 way = self.legs[path[-1]].copy()
+                at = np.full(len(white), len(path))
                 if start is None:
+                    at[self.legs[path[0]] < way] = 0
                     way = np.minimum(way, self.legs[path[0]])
                 a, b = path[:-1], path[1:]
                 if a:
-                    way = np.minimum(way, (self.legs[a] + self.legs[b] - self.legs[a, b][:, None]).min(axis=0))
+                    between = self.legs[a] + self.legs[b] - self.legs[a, b][:, None]
+                    at = np.where(between.min(axis=0) < way, 1 + between.argmin(axis=0), at)
+                    way = np.minimum(way, between.min(axis=0))
+                inserted = at
             worth = np.maximum(known.gains(), 0.0) / (READ_S + way)
             worth[[*taken, *path]] = -1.0
             k = int(np.argmax(worth))
-            known.change(k)
+            known.take(k)
             order.append(k)
-            ends = [self.legs[path[-1], k]] if path else [0.0]
-            ends += [self.legs[k, path[0]]] if path and start is None else [np.inf]
-            between = [self.legs[a, k] + self.legs[k, b] - self.legs[a, b] for a, b in pairwise(path)]
-            best = int(np.argmin([*between, *ends]))
-            path.insert({len(between): len(path), len(between) + 1: 0}.get(best, best + 1), k)
-        return order
+            path.insert(0 if inserted is None else int(inserted[k]), k)
+        return order, path
 
     @cache  # noqa: B019 - there is one
     def order(self, way):
         """Positions in the order in which a way that knows nothing of the robot takes them."""
         start = np.where(self.unknown.of_gauge, SHARE_OF_PLACE, 1.0)
         if way == "by the minute":
-            return self.quick(self.white * start, self.unknown.weight_per_prior, [], MOST, None)
+            return self.quick(self.white * start, root_of(self.unknown.weight_per_prior), [], MOST, None)[0]
         if way == "plan":
             begun_with = BayesianPosterior.prior(self.white * start, self.unknown.weight_per_prior)
             return list(select_greedily(begun_with, MOST, 0.0))
@@ -172,10 +246,8 @@ class Bench:
         return len(select_greedily(begun_with, MOST_POSES, UNTRACED_TARGET_SHARE * self.unknown.untraced_error))
 
     def toured(self, which, start=None):
-        """The poses in the order of a short tour, and its minutes; from pose ``start`` where the arm stands at one."""
-        nodes = ([] if start is None else [start]) + list(which)
-        tour = solve_tour(self.legs[np.ix_(nodes, nodes)], method="exact", nodes=0)
-        order = [nodes[k] for k in tour.order]
+        """The poses in the order of a short path, and its minutes; from pose ``start`` where the arm stands at one."""
+        order = shorten(self.legs, [*([] if start is None else [start]), *which], start is not None)
         drive = sum(self.legs[a, b] for a, b in pairwise(order))
         kept = order if start is None else order[1:]
         return kept, (drive + READ_S * len(kept)) / 60
@@ -203,7 +275,7 @@ class Session:
         self.noise = rng.normal(0, self.true.noise, len(b.q))
         self.rng, self.taken, self.off, self.minutes = rng, [], np.zeros(0), 0.0
         self.time, self.length = np.zeros(0), np.zeros(0)
-        self.white, self.families, self.weight = b.live_white, b.families, b.live.weight_per_prior
+        self.white, self.families = b.live_white, b.families
         self.root, self.stands = b.root, b.anew
         self.fixture, self.zero = None, 0.0
         self.posterior = None
@@ -223,7 +295,6 @@ class Session:
         self.stands = np.concatenate([self.stands, np.ones(len(free), dtype=bool)])
         number = np.concatenate([self.families.number, self.families.number[free]])
         self.families = replace(self.families, number=number)
-        self.weight = np.pad(self.weight, ((0, len(free)), (0, len(free))))
         self.root = np.pad(self.root, ((0, len(free)), (0, 0)))
 
     def read(self, which, minutes):
@@ -235,7 +306,7 @@ class Session:
         target = b.unknown.model.setup.targets(samples(q), Readings(length=length)).length
         self.off = np.append(self.off, (target - b.nominal[which]) / b.noise[which])
         self.time, self.length = np.append(self.time, time), np.append(self.length, length)
-        self.taken += list(which)
+        self.taken = [*self.taken, *which]
         self.minutes += minutes
         start = LearntErrors.usual(len(self.root), len(self.families))
         self.posterior = LearntPosterior(self.white, self.root, self.families, start)
@@ -249,11 +320,10 @@ class Session:
         return counts[min(enough, len(counts) - 1)]
 
     def choose(self, count, start=None):
-        """The poses that lower most in a second what is still unknown, from where the arm stands."""
+        """The poses that lower most in a second what is still unknown, from where the arm stands: order and path."""
         size = self.posterior.learnt.factors[self.families.number]
-        weight = self.weight * np.outer(size, size)
         white = self.white * size / self.posterior.learnt.noise
-        return self.bench.quick(white, weight, self.taken, count, start)
+        return self.bench.quick(white, self.root * size[:, None], self.taken, count, start)
 
     def stand(self):
         """Where the session stands: poses, minutes, bound, stated and true error [mm]."""
@@ -295,13 +365,14 @@ def judge_way(bench, seed, way):
     Of fixed ways the true error after each number of poses as well.
     """
     if way.startswith("batches"):
-        return {str(goal): batches_to(bench, seed, way, goal) for goal in GOALS_MM}
+        first = begun(bench, seed, 30, way == "batches anew")  # fewer tell nothing of gears
+        return {str(goal): batches_to(copy(first), way, goal) for goal in GOALS_MM}
     asked = {"led on": led_rows, "measure": measured_rows, "next-view": viewed_rows, "oracle": oracle_rows}
     if way == OWN:
         session = Session(bench, seed)
         session.set_up(bench.fixed("plan", bench.own_number)[0])
         session.read(*bench.fixed("plan", bench.own_number))
-        return {str(goal): session.stand() for goal in GOALS_MM}
+        return dict.fromkeys(map(str, GOALS_MM), session.stand())
     rows = list(asked[way](bench, seed) if way in asked else fixed_rows(bench, seed, way))
     found = {str(goal): next((r for r in rows if r["bound"] <= goal), rows[-1]) for goal in GOALS_MM}
     if way in FIXED:
@@ -326,8 +397,8 @@ def oracle_rows(bench, seed):
     told.read(list(range(0, len(bench.q), 2)), 60.0)
     size = told.posterior.learnt.factors[told.families.number]
     start = np.where(bench.live.of_gauge, SHARE_OF_PLACE, 1.0)
-    weight = told.weight * np.outer(size, size)
-    order = bench.quick(bench.live_white * size * start / told.posterior.learnt.noise, weight, [], 100, None)
+    white = bench.live_white * size * start / told.posterior.learnt.noise
+    order, _ = bench.quick(white, told.root * size[:, None], [], 100, None)
     for count in (c for c in SETS if c <= len(order)):
         session = Session(bench, seed)
         which, minutes = bench.toured(order[:count])
@@ -365,8 +436,8 @@ def led_rows(bench, seed):
     yield (row := session.stand())
     while row["bound"] > min(GOALS_MM) and len(session.taken) < MOST:
         start = session.taken[-1]
-        ahead, _ = bench.toured(session.choose(AHEAD, start), start)
-        drive(bench, session, ahead[: step(session)])
+        _, path = session.choose(AHEAD, start)
+        drive(bench, session, shorten(bench.legs, path, True)[1:][: step(session)])
         yield (row := session.stand())
 
 
@@ -394,17 +465,16 @@ def measured_rows(bench, seed):
         yield (row := session.stand())
 
 
-def batches_to(bench, seed, way, goal):
-    """Where an arm stands that is measured in programs until its bound is below a goal [mm]."""
-    anew = way == "batches anew"
-    session = begun(bench, seed, 30, anew)  # fewer tell nothing of gears
+def batches_to(session, way, goal):
+    """Where an arm stands that is measured on in programs until its bound is below a goal [mm]."""
+    bench, anew = session.bench, way == "batches anew"
     while (row := session.stand())["bound"] > goal and len(session.taken) + SMALLEST <= MOST:
         session.minutes += PROGRAM_MIN
         if anew:
             session.set_up(session.taken)
             session.minutes += SET_UP_MIN
         most = min(LARGEST, MOST - len(session.taken))
-        chosen = session.choose(most)
+        chosen, _ = session.choose(most)
         session.read(*bench.toured(chosen[: session.count_until(chosen, goal)]))
     return row | ({"identified": identified(session)} if goal == IDENTIFIED_MM and way == "batches" else {})
 
@@ -412,7 +482,8 @@ def batches_to(bench, seed, way, goal):
 def judge_arm(seed):
     """A line of the log; ``WORK`` holds what all arms share, in every process."""
     bench, ways = WORK
-    return {"seed": seed, "best": best_bound(bench, seed), "ways": {way: judge_way(bench, seed, way) for way in ways}}
+    best = {"best": best_bound(bench, seed)} if "oracle" in ways else {}
+    return {"seed": seed, **best, "ways": {way: judge_way(bench, seed, way) for way in ways}}
 
 
 def best_bound(bench, seed):

@@ -35,7 +35,9 @@ def table(lines):
 
 def best(lines):
     """What 250 poses state: the least, the median and the most over arms."""
-    bounds = [line["best"] for line in lines]
+    bounds = [line["best"] for line in lines if "best" in line]
+    if not bounds:
+        return ""
     return f"250 poses: {min(bounds):.3f} to {max(bounds):.3f} mm, median {np.median(bounds):.3f} mm"
 
 
