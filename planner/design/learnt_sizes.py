@@ -21,12 +21,10 @@ from planner.common.units import Array
 TRUST = 4.0  # [errors seen] that a usual size counts for: it is good to a factor of about two (1/sqrt(2 ν) of ln s)
 
 
-ALWAYS, MOSTLY, AT_TIMES, HARDLY_EVER = range(4)
+ALWAYS, MOSTLY, AT_TIMES, HARDLY_EVER = "always", "mostly", "at times", "hardly ever"
 """How often errors of a family act: the geometry's; gears and joints that yield; what else the catalogue names; what it
 has no name for. A session stops by them, so they promise less than an identification, which has half absent.
 """
-ACTING = {MOSTLY: (3.0, 1.0), AT_TIMES: (1.0, 1.0), HARDLY_EVER: (1.0, 9.0)}
-"""Families of a kind that count as seen to act, and not to act, before any reading (a beta distribution)."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +34,7 @@ class Families:
     Attributes:
         number: family of each error, (P,) int from 0.
         known: families whose size is stated and not learnt, (F,) bool.
-        acts: on how many robots each acts, (F,) int: one of ``ALWAYS``, ``MOSTLY``, ``AT_TIMES`` and ``HARDLY_EVER``.
+        acts: on how many robots each acts, (F,): ``ALWAYS``, ``MOSTLY``, ``AT_TIMES`` or ``HARDLY_EVER``.
         doubt: one sigma of the logarithm of what is left of the errors, once their sizes are learnt each as the others
             stand: by that they are known too well (of arms drawn with sizes between half and twice the usual).
     """
@@ -109,7 +107,9 @@ def learn_errors(white: Array, seen: Array, families: Families, begin: LearntErr
     inverse = np.linalg.inv(
         noise * np.eye(len(white)) + sum(v * (w @ w.T) for v, w in zip(square, columns, strict=True))
     )
-    kinds = [(families.acts == kind, a, a + b) for kind, (a, b) in ACTING.items()]
+    # families of a kind that count as seen to act, and in all, before any reading (a beta distribution)
+    counts = {MOSTLY: (3.0, 4.0), AT_TIMES: (1.0, 2.0), HARDLY_EVER: (1.0, 10.0)}
+    kinds = [(families.acts == kind, a, of) for kind, (a, of) in counts.items()]
     acts = sum((np.where(own, a / of, 0.0) for own, a, of in kinds), np.zeros(len(square)))
     share = acts.copy()
     for turn in range(12):  # rounds: sizes move by less than a few per cent after that

@@ -72,7 +72,6 @@ SMALLEST, LARGEST = 10, 80  # poses of a batch
 IDENTIFIED_MM = None  # goal at which what batches brought is identified as well; set by --identify
 READ_S = 6.0  # [s] a pose: rest, settle, read
 PROGRAM_MIN, SET_UP_MIN = 3.0, 5.0  # [min] to carry a log away and a program back; to set a bar up, and its zero
-SHARE_LEFT_OUT = 1e-3  # of the mean square error after the first poses, in directions in which hardly anything moves
 SHARE_OF_PLACE = 1e-2  # of what is unknown of the gauge's place, in greedy choices: else it comes first
 
 
@@ -188,7 +187,8 @@ class Bench:
         first = self.live_white[self.order("by the minute")[:FIRST]]
         told = np.linalg.solve(np.eye(len(first)) + first @ first.T, first @ root)
         left, axes = np.linalg.eigh(root.T @ root - (first @ root).T @ told)
-        return root @ axes[:, np.cumsum(left) > SHARE_LEFT_OUT * left.sum()]
+        # 1e-3: of the mean square error after these poses, in directions in which hardly anything moves
+        return root @ axes[:, np.cumsum(left) > 1e-3 * left.sum()]
 
     def quick(self, white, root, taken, count, start):
         """Further poses by what they take off the error in a second of reading and of way: in order, and as a path."""
