@@ -1,16 +1,19 @@
-"""Errors of a gauge of any smooth shape: powers of a bar's length and direction, or of the way from a tracker.
+"""Errors of a gauge of any smooth shape: polynomials of a bar's length and direction, or of the way from a tracker.
 
 They have no name and are never sought; beside them an error that nobody wrote down does not go into the arm's lengths.
 A gauge of lengths is less linear than it repeats, and one of 1 µm does not err like a wire: the size goes with the
 declared noise. Both are estimates, of which the run says how far they are off.
-What such an error is on average over directions and lengths, as of a wire that always hangs through, looks like a scale
-and a zero: both are among the powers, so that the lengths of an arm are known no better than the gauge errs.
+What such an error is on average over directions, as of a wire that always hangs through, looks partly like a scale and
+a zero. The zero is free; how well the scale is known its cell says, and it is a parameter of its own: so the shapes in
+the length are Legendre's, which hold neither, and the one that grows with it in proportion, however the bar stands, is
+not among them. Powers would hold the scale once more, as large again, and the arm's lengths would count as known worse.
 """
 
 from collections.abc import Iterator
 from itertools import product
 
 import numpy as np
+from numpy.polynomial import Legendre
 
 from planner.common.units import Array
 from planner.effects.basis import BasisFunction
@@ -21,7 +24,10 @@ from planner.effects.sizes import BAR_SHAPE, RAY_SHAPE
 
 
 class BarShape(BasisFunction, key="bar-shape:NUMBER:NUMBER:INDEX:INDEX:INDEX:INDEX", static=False, gauge=True):
-    """φ = ((L − about)/span)^length · eₓ^x e_y^y e_z^z, of the length L and the bar's direction e in the base."""
+    """φ = √(2k + 1) P_k((L − about)/span) · eₓ^x e_y^y e_z^z, of the length L and the bar's direction e in the base.
+
+    P_k is Legendre's polynomial of degree ``length``: over lengths about ± span its mean square is 1/(2k + 1).
+    """
 
     about: float
     span: float
@@ -35,7 +41,7 @@ class BarShape(BasisFunction, key="bar-shape:NUMBER:NUMBER:INDEX:INDEX:INDEX:IND
         e = c.bar.direction
         scaled = (c.length - self.about) / self.span
         turned = e[:, 0] ** self.x * e[:, 1] ** self.y * e[:, 2] ** self.z
-        return np.asarray(scaled**self.length * turned)
+        return np.asarray(Legendre.basis(self.length)(scaled) * np.sqrt(2 * self.length + 1) * turned)
 
 
 class RayShape(BasisFunction, key="ray-shape:INDEX:INDEX:INDEX", static=False, gauge=True):
@@ -61,10 +67,12 @@ def gauge_shapes(run: Excitation) -> Iterator[Parameter]:
 
 def _bar_shapes(run: Excitation) -> Iterator[Parameter]:
     length = run.context.length
-    about, span = round(float(length.mean()), 3), max(round(float(length.std()), 3), 1e-3)
+    ends = float(length.min()), float(length.max())
+    about, span = round(sum(ends) / 2, 3), max(round((ends[1] - ends[0]) / 2, 3), 1e-3)
     # e is a unit vector: higher powers of its last component say nothing more
     degree = 3  # of the polynomial in place and direction
-    powers = [p for p in product(range(degree + 1), repeat=4) if 0 < sum(p) <= degree and p[3] < 2]
+    scale = (1, 0, 0, 0)
+    powers = [p for p in product(range(degree + 1), repeat=4) if 0 < sum(p) <= degree and p[3] < 2 and p != scale]
     # 5e-6: [m] ball bars err by some micrometres, however well they repeat (Kakino et al. 1987, CIRP Annals 36(1))
     size = max(BAR_SHAPE * float(run.setup.gauge.sigmas[0]), 5e-6) / np.sqrt(len(powers))
     for p in powers:

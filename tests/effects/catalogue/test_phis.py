@@ -211,7 +211,7 @@ def test_plain_formulas():
         WarmUp(5.0, 600.0): 1 - np.exp(-(s.t - 5.0) / 600.0),
         Less(0.25, WarmUp(5.0, 600.0)): 0.75 - np.exp(-(s.t - 5.0) / 600.0),
         TimeWave(5.0, 900.0, 2): np.sqrt(2) * np.cos(2 * np.pi * (s.t - 5.0) / 900.0),
-        BarShape(0.4, 0.1, 2, 1, 0, 1): ((s.length - 0.4) / 0.1) ** 2 * e[:, 0] * e[:, 2],
+        BarShape(0.4, 0.1, 2, 1, 0, 1): np.sqrt(5) * (1.5 * ((s.length - 0.4) / 0.1) ** 2 - 0.5) * e[:, 0] * e[:, 2],
         PlaceInSession(1, 2): 1.0 * ((s.place == 1) & (s.session == 2)),
         LengthPower(0.4, 0.1, 3): ((s.length - 0.4) / 0.1) ** 3,
         LengthGrowth(20.0): (s.temperature - 20.0) * s.length,
