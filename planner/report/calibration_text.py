@@ -247,7 +247,7 @@ def _evidence(facts: CalibrationFacts, told: ToldFinding) -> tuple[str, ...]:
     unit, group = facts.calibration.reading_unit, told.group
     least = max(group.findings, key=lambda f: f.log_p)
     one = len(group.findings) == 1
-    size = f"Size {_size(least)}. Chance" if one else f"At each, size and chance are its own; of {least.on} the chance"
+    size = f"Size {_size(least)}. Chance" if one else "Each has a size of its own. Largest chance"
     return (
         f"{size} of so large an effect where there is none, corrected for the "
         f"{count_text(facts.calibration.tried or 0)} alternatives that were tried: {_chance(least.log_p)}.",

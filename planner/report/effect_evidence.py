@@ -39,13 +39,11 @@ class FindingStep:
     """One finding and the stages before and after it was added.
 
     Attributes:
-        name: of its picture.
         what: as its stage and its parameters' group are called.
         replaced: whether it took the place of something, which the stage before then still has.
     """
 
     finding: Finding
-    name: str
     what: str
     before: Stage
     after: Stage
@@ -92,30 +90,31 @@ def finding_steps(facts: CalibrationFacts) -> tuple[FindingStep, ...]:
         first = min(without[-1] + 1, len(c.stages) - 1)  # one of that name may have come before, and gone
         before = c.stages[max(first - 1, 0)]
         replaced = not set(before.effects) <= set(c.stages[-1].effects)
-        out.append((first, FindingStep(f, f"found_{len(out) + 1}", f.name, before, c.stages[first], replaced)))
+        came = [s for s in c.stages[first:] if s.name.startswith(f.name)] if f.after_sample is not None else []
+        after = came[-1] if came else c.stages[first]  # of what stepped again and again, with all of its steps
+        out.append((first, FindingStep(f, f.name, before, after, replaced)))
     return tuple(step for _, step in sorted(out, key=lambda pair: pair[0]))
 
 
 @dataclass(frozen=True)
 class ToldFinding:
-    """What is said as one: a finding or many of one kind, and the steps by which it came, one for each name."""
+    """What is said as one: a finding or many of one kind, and the steps by which it came, one for each name.
 
+    ``name`` is that of its picture.
+    """
+
+    name: str
     group: FindingGroup
     steps: tuple[FindingStep, ...]
-
-    @property
-    def name(self) -> str:
-        """Name of its picture."""
-        return self.steps[0].name
 
 
 def told_findings(facts: CalibrationFacts) -> tuple[ToldFinding, ...]:
     """Return what was found as it is told, in the order of what each takes away; none of the set-up."""
     steps = {id(s.finding): s for s in finding_steps(facts)}
-    out = []
+    out = list[ToldFinding]()
     for group in rank_groups(facts.calibration.findings):
         own = {s.what: s for f in group.findings if (s := steps.get(id(f))) is not None}
-        out += [ToldFinding(group, tuple(own.values()))] if own else []
+        out += [ToldFinding(f"found_{len(out) + 1}", group, tuple(own.values()))] if own else []
     return tuple(out)
 
 

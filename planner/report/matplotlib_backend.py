@@ -82,14 +82,16 @@ def chart_png(chart: Chart, small: bool = False) -> bytes:
         kind = {"projection": "polar"} if polar else None
         axes = figure.subplots(len(heights), many, height_ratios=heights, squeeze=False, subplot_kw=kind).ravel()
         named: set[str] = set()
-        for ax, panel in zip(axes, chart.panels, strict=False):
-            _draw(ax, panel, named, width_inch / many - 0.75)  # [inch] beside a panel
+        drawn = zip(axes, chart.panels, strict=False)
+        heads = [_draw(ax, panel, named, width_inch / many - 0.75) for ax, panel in drawn]  # [inch] beside a panel
         if many > 1:  # of one size each, so their room need not be found out
             scaled = any(p.field for p in chart.panels)
-            left, right, between = (
-                (0.105, 0.965, 0.42) if scaled else (0.085, 0.99, 0.2)
-            )  # a scale has numbers of its own
-            margin = {"left": left, "right": right, "bottom": 0.5 / tall, "top": 1 - 0.3 / tall}
+            left = 0.105 if any(p.y_label for p in chart.panels[::many]) else 0.085
+            right, between = (0.965, 0.42) if scaled else (0.99, 0.2)  # a scale has numbers of its own
+            above = max(heads[:many])
+            tall += above
+            figure.set_size_inches(width_inch, tall)
+            margin = {"left": left, "right": right, "bottom": 0.5 / tall, "top": 1 - (0.3 + above) / tall}
             figure.subplots_adjust(**margin, wspace=between, hspace=0.68 * len(heights) / sum(heights))
         for ax in axes[len(chart.panels) :]:
             ax.set_axis_off()
@@ -99,7 +101,8 @@ def chart_png(chart: Chart, small: bool = False) -> bytes:
         return figure_png(figure, small)
 
 
-def _draw(ax: Axes, panel: Panel, named: set[str], room: float) -> None:
+def _draw(ax: Axes, panel: Panel, named: set[str], room: float) -> float:
+    """Draw a panel; return how much more than a line its head is high [inch]."""
     if panel.log_x:
         ax.set_xscale("log")
         ax.xaxis.set_major_formatter(_DECADES)
@@ -116,24 +119,29 @@ def _draw(ax: Axes, panel: Panel, named: set[str], room: float) -> None:
     if panel.rings:
         ax.set_title(panel.title)
         _polar_axes(ax, panel.rings)
-        return
+        return 0.0
     for line in panel.limits:
         _reference_line(ax, line)
     _axes(ax, panel)
-    _head(ax, panel, ax.get_legend_handles_labels()[1] if len(panel.series) > 1 else [], room)
+    return _head(ax, panel, ax.get_legend_handles_labels()[1] if len(panel.series) > 1 else [], room)
 
 
-def _head(ax: Axes, panel: Panel, labels: Sequence[str], room: float) -> None:
-    """Title and legend in one line where they have room [inch] beside each other, else one above the other."""
+def _head(ax: Axes, panel: Panel, labels: Sequence[str], room: float) -> float:
+    """Title and legend in one line where they have room [inch] beside each other, else one above the other.
+
+    Returns by how much more than a line they are high [inch].
+    """
     letter_inch = 0.073  # [inch] a letter
     left = letter_inch * max((len(n) for n in panel.y_names), default=0)
     wide = sum(0.46 + letter_inch * len(text) for text in labels)  # [inch] what stands beside a text in a legend
     lines = ceil(wide / (room - left))
     beside = lines < 2 and wide + letter_inch * len(panel.title) < room - left
-    ax.set_title(panel.title, pad=None if beside else 6 + 15 * lines)  # [pt] a line of a legend
+    line_pt = 15  # [pt] a line of a legend
+    ax.set_title(panel.title, pad=None if beside else 6 + line_pt * lines)
     if labels:
         columns = ceil(len(labels) / lines)
         ax.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=columns, borderaxespad=0.1, columnspacing=1.2)
+    return 0.0 if beside else line_pt * lines / 72
 
 
 def _decade_text(value: float, _: int | None = None) -> str:

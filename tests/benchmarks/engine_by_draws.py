@@ -23,6 +23,7 @@ from planner.effects.steps import steppables
 from planner.identification import posterior_draws
 from planner.identification.assumptions import (
     EXPECTED_CAUSES,
+    LOG_NOISE_RANGE,
     LOG_NOISE_SIGMA,
     PREVALENCE,
     UNKNOWN_PRIOR,
@@ -245,13 +246,17 @@ class Chain(posterior_draws._Chain):
             self._let_act(int(idle[k]), 1 + int(rng.choice(len(sizes), p=sizes / sizes.sum())))
 
     def draw_noise(self, rng: np.random.Generator) -> None:
-        here = self.model.evaluate(SizeDraw(self.factors, self.noise_logs))
-        step = max(1.5 / np.sqrt(len(self.model.y)), 0.05)
-        for move in rng.standard_normal((6, len(self.noise_logs))) * step:
-            there = self.model.evaluate(SizeDraw(self.factors, np.clip(here.draw.noise_logs + move, -4.0, 6.0)))
-            if np.log(rng.uniform()) < 0.5 * (here.deviance - there.deviance):
-                here = there
-        self.noise_logs = here.draw.noise_logs
+        model, here = self.model, self.noise_logs
+        square = model.draw_residual(SizeDraw(self.factors, here), rng) ** 2
+
+        def deviance(logs: Array) -> float:
+            variance = model.variance(logs)
+            return float((square / variance + np.log(variance)).sum() + logs @ model.noise_precision @ logs)
+
+        for move in rng.standard_normal((16, len(here))) * max(1.5 / np.sqrt(len(model.y)), 0.05):
+            there = np.clip(here + move, *LOG_NOISE_RANGE)
+            here = there if np.log(rng.uniform()) < 0.5 * (deviance(here) - deviance(there)) else here
+        self.noise_logs = here
         self.known = self.look()
 
 

@@ -167,6 +167,15 @@ def test_many_of_one_kind_have_one_section_and_one_picture(c: Calibration) -> No
         assert len(finding_chart(changed, one).panels) == 2 * len(one.steps)
 
 
+def test_what_stepped_again_and_again_is_drawn_after_its_last_step(c: Calibration) -> None:
+    play = next(f for f in c.findings if f.effect == "backlash").model_copy(update={"after_sample": 7})
+    first = next(s for s in c.stages if play.name in s.effects)
+    again = first.model_copy(update={"name": f"{play.name}, 3 times"})
+    changed = c.model_copy(update={"findings": (play,), "stages": (*c.stages[:3], first, again, c.stages[-1])})
+    (step,) = finding_steps(CalibrationFacts(changed))
+    assert (step.before.name, step.after.name) == ("geometry", again.name)
+
+
 def test_silence_speaks_of_the_worst_joint_that_is_seen() -> None:
     sizes = (3e-5, 4.5e-5, 0.4)
     limits = [
