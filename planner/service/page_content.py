@@ -8,7 +8,7 @@ from planner.common.units import to_mm
 from planner.design.observability.information import find_rule
 from planner.instruments.circular.document import CircularDocument
 from planner.instruments.record import DOCUMENTS
-from planner.model.finding_groups import FindingGroup, group_findings
+from planner.model.finding_groups import FindingGroup, rank_groups
 from planner.model.identification_document import Finding, Identification, Release, Stage
 from planner.model.use_text import Row, bound_text, use_head, use_rows, verdict_text
 from planner.report.formatting import duration_text
@@ -165,8 +165,8 @@ class CalibrationPage:
 
     @property
     def groups(self) -> tuple[FindingGroup, ...]:
-        """What was found, many findings of one kind as one."""
-        return group_findings(self.document.findings)
+        """What was found as it is told everywhere: many of one kind as one, what takes most away first."""
+        return tuple(rank_groups(self.document.findings))
 
     @property
     def modelled_effects(self) -> str:
