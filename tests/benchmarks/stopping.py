@@ -25,8 +25,8 @@ true error is that of the tool against the model's mean, over the workspace. Leg
 estimates them; paths are not proven. Sets that are fixed are asked after 20 to 180 poses (``SETS``), in one tour each.
 Which number is enough for the arm at hand nobody knows beforehand: they are shown with one number for all arms
 (``stopping_tables.equal_truth``), with the number that ``edbb plan`` chooses by itself, and as if an oracle had known
-the number of each arm. One line of LOG an arm; what is there is not done again. Needs numpy, scipy, pydantic, polars
-and highspy, no package of planning.
+the number of each arm. One line of LOG an arm and its ways; what is there is not done again. Needs numpy, scipy,
+pydantic, polars and highspy, no package of planning.
 """
 
 import argparse
@@ -528,6 +528,15 @@ def judge_arms(log, seeds, ways, processes, limit_s):
                 running |= {pool.submit(judge_arm, seed) for seed in islice(ahead, 1)}
 
 
+def read_log(log):
+    """The lines of a log by seed; what several lines say of an arm is one line."""
+    arms = {}
+    for line in (json.loads(text) for text in log.read_text().splitlines()) if log.exists() else ():
+        ways = arms.get(line["seed"], {"ways": {}})["ways"] | line["ways"]
+        arms[line["seed"]] = arms.get(line["seed"], {}) | line | {"ways": ways}
+    return arms
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("log", type=Path)
@@ -542,11 +551,12 @@ def main():
     parser.add_argument("--table", action="store_true", help="only print the table of what stands in the log")
     given = parser.parse_args()
     globals().update(IDENTIFIED_MM=given.identify, SETS=given.sets)
-    known = [json.loads(line)["seed"] for line in given.log.read_text().splitlines()] if given.log.exists() else []
-    seeds = [s for s in range(given.first_seed, given.first_seed + given.arms) if s not in known]
+    done = read_log(given.log)
+    seeds = range(given.first_seed, given.first_seed + given.arms)
+    seeds = [s for s in seeds if not set(given.ways) <= set(done.get(s, {"ways": {}})["ways"])]
     if seeds and not given.table:
         judge_arms(given.log, seeds, given.ways, given.processes, given.time_limit_s)
-    lines = sorted((json.loads(line) for line in given.log.read_text().splitlines()), key=lambda line: line["seed"])
+    lines = [line for _, line in sorted(read_log(given.log).items())]
     if given.figures:
         given.figures.write_text(json.dumps(figures(lines), indent=1) + "\n")
     print(table(lines), best(lines), equal_truth(lines), coverage(lines), sep="\n\n")
