@@ -126,6 +126,16 @@ def baseline_text(released: ReleasedRobot, freedom: float, run: Run, cell: Cell,
     return json.dumps(content, ensure_ascii=False, allow_nan=False) + "\n"
 
 
+def joint_noise_of(folder: Path) -> float:
+    """Return how much the joints scattered in the runs of a folder, over what is declared; 1 where it has no such file.
+
+    Raises:
+        InputError: the file cannot be understood.
+    """
+    path = folder / NAME
+    return validate(read_json(path), BaselineFile, str(path)).noise[1] if path.is_file() else 1.0
+
+
 def _turns(setup: MeasurementSetup) -> list[list[float]]:
     return [r.tolist() for r in Rotation.from_matrix(setup.R_FM).as_rotvec()]
 

@@ -21,6 +21,7 @@ from planner.common.errors import InputError
 from planner.common.units import Array, from_mm, to_mm
 from planner.design.expected_errors import EVERYWHERE, square_error_limit
 from planner.effects.effect import Parameter
+from planner.identification.baseline import joint_noise_of
 from planner.identification.calibrated_robot import effect_parameter
 from planner.identification.expected_error import ExpectedError, StandingGauge
 from planner.identification.posterior_background import acts_on_robot, background_families
@@ -43,12 +44,14 @@ class CalibratedState:
         known: covariance of what moves the tool.
         stated: error of the tool over the workspace [m] that is as likely exceeded as not; at_most: what it stays below
             with a probability of 95 %.
+        rest: how much the joints scattered in the runs so far, over what the robot's file declares.
     """
 
     folder: Path
     known: ExpectedError
     stated: float
     at_most: float
+    rest: float = 1.0
 
     @classmethod
     def read(cls, folder: Path, cell: Cell) -> "CalibratedState":
@@ -68,8 +71,8 @@ class CalibratedState:
         known = ExpectedError.read(cell.robot, folder / ROBOT)
         if isinstance(known, str):
             raise InputError(f"{folder}: {known}; --after needs it: identify the run again")
-        parts = known.file.parts_mm
-        return cls(folder, known, float(from_mm(np.sqrt(sum(v**2 for v in parts.values())))), document.release.at_most)
+        stated = float(from_mm(np.sqrt(sum(v**2 for v in known.file.parts_mm.values()))))
+        return cls(folder, known, stated, document.release.at_most, joint_noise_of(folder))
 
 
 @dataclass(frozen=True)
@@ -149,8 +152,13 @@ class RemainingErrors:
         return replace(self, model=model)
 
     def white(self, samples: Samples) -> Array:
-        """Return the change of the readings by each column of the root, in their standard deviations, (n, r)."""
-        return np.asarray(self.model.rows(samples)[:, 0] @ self.root / self.model.noise(samples)[:, None])
+        """Return the change of the readings by each column of the root, in their standard deviations, (n, r).
+
+        The arm comes to rest as it did in the runs so far, whatever its maker promises.
+        """
+        noise = self.model.reading_noise(samples)
+        noise = replace(noise, joint_sigma=noise.joint_sigma * self.before.rest)
+        return np.asarray(self.model.rows(samples)[:, 0] @ self.root / noise.std[:, None])
 
     def state(self, square: float) -> float:
         """Return the error of the tool [m] as likely exceeded as not, where the columns leave a mean square [m²]."""

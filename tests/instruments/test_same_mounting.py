@@ -69,6 +69,24 @@ def test_what_the_first_run_says_of_the_second_is_its_whole_posterior(known):
     assert np.sqrt((off**2).mean()) < 2.0  # the second run reads what the first foretells
 
 
+def test_further_readings_scatter_as_those_of_the_runs_so_far(known):
+    """By how far a reading moves with each joint, taken by differences."""
+    before = CalibratedState.read(known.folder / "known", known.cell)
+    assert before.rest == json.loads((known.folder / "known" / "posterior.json").read_text())["noise"][1] != 1.0
+    q, step = known.second.q[:20], 1e-6
+    samples = Samples(q, np.zeros(len(q), dtype=int))
+    unknown = RemainingErrors.of(replace(before, rest=0.4), known.cell, samples)
+    model, errors = unknown.model, mean_errors(unknown)
+    ends = [
+        [model.reading(replace(samples, q=q + sign * step * axis), errors)[:, 0] for sign in (1, -1)]
+        for axis in np.eye(q.shape[1])
+    ]
+    by_joint = np.array([(up - down) / (2 * step) for up, down in ends])
+    scatter = np.sqrt(model.setup.gauge.sigmas[0] ** 2 + ((0.4 * model.joint_sigma * by_joint) ** 2).sum(axis=0))
+    moved = model.rows(samples)[:, 0] @ unknown.root
+    assert unknown.white(samples) * scatter[:, None] == pytest.approx(moved, rel=5e-3, abs=1e-9)
+
+
 def test_a_gauge_left_standing_leaves_less_open_than_one_set_up_anew(known):
     before = CalibratedState.read(known.folder / "known", known.cell)
     samples = Samples(known.second.q, np.zeros(len(known.second.q), dtype=int))
