@@ -220,12 +220,24 @@ def draw_misfit(
     # half normal, one sigma 0.5: regions of one robot differ by a factor of one and a half
     logs += (-0.5 * (APART / 0.5) ** 2)[:, None, None, None]
     chance = np.exp(logs - logs.max()).sum(axis=1)
-    rng = np.random.default_rng(seed)
-    apart, rest, common = np.unravel_index(
-        rng.choice(chance.size, size=count, p=chance.ravel() / chance.sum()), chance.shape
-    )
-    log = np.append(0.0, LOGS)[common] + np.where(common > 0, APART[apart] * rng.standard_normal(count), 0.0)
+    which, off = _spread_evenly(chance.ravel(), count, np.random.default_rng(seed))
+    apart, rest, common = np.unravel_index(which, chance.shape)
+    log = np.append(0.0, LOGS)[common] + np.where(common > 0, APART[apart] * off, 0.0)
     return Misfit(np.exp(np.maximum(log, 0.0)), RESTS[rest] * np.sqrt(usual))
+
+
+def _spread_evenly(chance: Array, count: int, rng: np.random.Generator) -> tuple[np.ndarray, Array]:
+    """Return positions in chances (k,) as often as they are likely, and standard normal values with them, (count,).
+
+    They are a lattice of rank 1 in random order: what 95 % of a few hundred robots stay below would else scatter by a
+    twentieth from one seed to another.
+    """
+    from scipy.special import ndtri  # only here
+
+    k = rng.permutation(count)
+    golden = 0.5 * (np.sqrt(5) - 1)  # of its multiples the fractions lie evenly for any count
+    places = np.searchsorted(np.cumsum(chance), (k + 0.5) / count * chance.sum())
+    return np.minimum(places, len(chance) - 1), np.asarray(ndtri((golden * k + 0.5 * golden) % 1.0))
 
 
 def no_rest_probability(acting: np.ndarray) -> float:

@@ -87,6 +87,14 @@ def test_regions_that_differ_leave_the_stretch_open():
     assert high > 4.0
 
 
+def test_the_limit_does_not_hang_on_the_seed():
+    """What 95 % of the stretches stay below is that of a hundred times as many, whatever order they come in."""
+    parts = [held_out(k, stretch=s) for k, s in enumerate((1.0, 2.0, 5.0, 3.0))]
+    limits = [np.quantile(draw_misfit(parts, 400, NAMED, seed=s).stretch, 0.95) for s in range(5)]
+    assert limits == pytest.approx([np.quantile(draw_misfit(parts, 40_000, NAMED).stretch, 0.95)] * 5, rel=0.05)
+    assert np.ptp(limits) < 1e-9 * limits[0]
+
+
 def test_readings_that_move_together_count_as_one():
     """A single direction open, seen by 300 readings: it says as little of the stretch as one number does."""
     rng = np.random.default_rng(0)
