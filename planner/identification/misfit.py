@@ -299,7 +299,7 @@ def _predict_region(
     worth, share = max(1.0, time * len(seen) / (~test).sum()), float((~test).mean())
     others = run.take(seen)
     drawn = draw_posterior(before, others, whole, background, worth, sweeps=SWEEPS, share=share, start=start)
-    known = drawn.fit().fit
+    known = drawn.fit_at_start()
     there = FitProblem.of(known.model, run.take(unseen), _scale_noise(known.problem.whitener.noise, 1 / np.sqrt(worth)))
     return HeldOutRegion(unseen, _hold_out(there, known.errors, known.solution.root(known.problem.prior)))
 

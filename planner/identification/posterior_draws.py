@@ -213,7 +213,7 @@ def draw_sizes(
     count = SWEEPS if sweeps is None else sweeps
     burn_in = count // 6  # sweeps that are forgotten
     for sweep in range(count):
-        if sweep % NOISE_EVERY == 0:
+        if (sweep + 1) % NOISE_EVERY == 0:
             chain.draw_noise(rng)
         chain.draw_factors(rng)
         chain.swap(rng)
@@ -238,7 +238,10 @@ class _Chain:
         kinds = {id(p): p for p in model.priors}
         self.kinds = tuple(kinds.values())
         self.kind = np.array([list(kinds).index(id(p)) for p in model.priors])
-        self.alike = np.array(self.known.widths) * len(kinds) + self.kind
+        grids = {p.factors.tobytes(): p.factors for p in self.kinds}
+        self.grids = tuple(grids.values())  # of factors, which several kinds share
+        grid = np.array([list(grids).index(p.factors.tobytes()) for p in self.kinds])
+        self.alike = np.array(self.known.widths) * len(grids) + grid[self.kind]
         self.known_logs = dict[tuple[int, int], Array]()
         self.optional = np.array([p.factors[0] == 0.0 for p in model.priors])
         self.acting = np.zeros(len(model.priors))
@@ -246,8 +249,13 @@ class _Chain:
     def draw_noise(self, rng: np.random.Generator) -> None:
         """Draw the noise with the sizes as they are, given what it may be in each reading."""
         del self.known  # of the noise before: as large as all products of columns, and made anew below
+        for _ in range(2):  # where many families act one step follows the other only slowly
+            self._draw_noise_beside(self.model.draw_residual(SizeDraw(self.factors, self.noise_logs), rng) ** 2, rng)
+        self.known = self.model.precision(SizeDraw(self.factors, self.noise_logs))
+
+    def _draw_noise_beside(self, square: Array, rng: np.random.Generator) -> None:
+        """Draw the noise given the squares of what it is in each reading, (m,)."""
         model, here = self.model, self.noise_logs
-        square = model.draw_residual(SizeDraw(self.factors, here), rng) ** 2
 
         def log_density(logs: Array) -> float:
             """Return the log density of the noise's size, without a constant."""
@@ -263,7 +271,6 @@ class _Chain:
             if np.log(rng.uniform()) < other - likely:
                 here, likely = there, other
         self.noise_logs = here
-        self.known = model.precision(SizeDraw(self.factors, here))
 
     def draw_factors(self, rng: np.random.Generator) -> None:
         """Draw the factor of one family after the other."""
@@ -307,7 +314,7 @@ class _Chain:
         out, alike = np.full((len(families), max(len(p.factors) for p in self.kinds)), -np.inf), self.alike[families]
         out[:, 0] = 0.0
         for label in np.unique(alike).tolist():
-            mine, factors = np.flatnonzero(alike == label), self.kinds[label % len(self.kinds)].factors
+            mine, factors = np.flatnonzero(alike == label), self.grids[label % len(self.grids)]
             out[mine, 1 : len(factors)] = self.known.gains(families[mine], factors[1:] ** 2)
         return out
 

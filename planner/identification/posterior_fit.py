@@ -60,41 +60,41 @@ class SizeMixture:
         """
         return np.asarray(np.mean([draw.mean for draw in self._fit_each_draw(gram, z)], axis=0))
 
-    def information_root(self, gram: Array, z: Array) -> Array:
-        """Return R (P, P), upper triangular, with (RᵀR)⁻¹ the covariance within and between the draws."""
-        within, means = np.zeros((len(z), len(z))), []
-        for draw in self._fit_each_draw(gram, z):
-            half = np.tril(dpotri(draw.factor[0], lower=1)[0])
-            spread = draw.ease * draw.own[:, None] * (half + np.tril(half, -1).T) * draw.own
-            within[np.ix_(draw.acting, draw.acting)] += spread / len(self.size)
-            means.append(draw.mean)
-        apart = np.array(means) - np.mean(means, axis=0)
-        covariance = within + apart.T @ apart / len(means)
-        unit = np.sqrt(np.diag(covariance))
-        correlation = covariance / np.outer(unit, unit)
-        correlation.flat[:: len(z) + 1] += 1e-12  # of every direction, so that the information stays finite
-        root = np.linalg.cholesky(correlation[::-1, ::-1])[::-1, ::-1]  # from the last to the first: upper triangular
-        return np.asarray(dtrtri(unit[:, None] * root)[0])
-
-    def draw_errors(self, gram: Array, z: Array, seed: int = 0) -> Array:
-        """Return parameters drawn from the mixture, in prior sigmas, (P, d · EACH)."""
+    def moments(self, gram: Array, z: Array, each: int = EACH, seed: int = 0) -> "MixtureMoments":
+        """Return mean and information of the mixture, and so many robots drawn with each draw of the sizes."""
+        covariance, means, drawn = np.zeros((len(z), len(z))), [], [np.zeros((len(z), 0))]
         rng = np.random.default_rng(seed)
-        out = np.zeros((len(z), len(self.size), EACH))
-        for k, draw in enumerate(self._fit_each_draw(gram, z)):
-            unit = solve_triangular(draw.factor[0], rng.standard_normal((len(draw.own), EACH)), trans=1, lower=True)
-            out[:, k] = draw.mean[:, None]
-            out[draw.acting, k] += np.sqrt(draw.ease) * draw.own[:, None] * unit
-        return out.reshape(len(z), -1)
+        for draw in self._fit_each_draw(gram, z):
+            unit = solve_triangular(draw.factor, rng.standard_normal((len(draw.own), each)), trans=1, lower=True)
+            drawn.append(np.repeat(draw.mean[:, None], each, axis=1))
+            drawn[-1][draw.acting] += np.sqrt(draw.ease) * draw.own[:, None] * unit
+            means.append(draw.mean)
+            within = dpotri(draw.factor, lower=1, overwrite_c=1)[0]  # what stands above the diagonal is nothing
+            within *= draw.ease / len(self.size) * draw.own[:, None]
+            within *= draw.own
+            covariance[np.ix_(draw.acting, draw.acting)] += within
+        mean = np.mean(means, axis=0)
+        apart = np.array(means) - mean
+        covariance = np.tril(covariance) + np.tril(covariance, -1).T + apart.T @ apart / len(means)
+        unit = np.sqrt(np.diag(covariance))
+        unit = np.where(unit > 0, unit, 1.0)  # of what acts in no draw
+        covariance /= np.outer(unit, unit)
+        covariance.flat[:: len(z) + 1] += 1e-12  # of every direction, so that the information stays finite
+        root = np.linalg.cholesky(covariance[::-1, ::-1])[::-1, ::-1]  # from the last to the first: upper triangular
+        return MixtureMoments(mean, np.asarray(dtrtri(unit[:, None] * root)[0]), np.concatenate(drawn, axis=1))
 
     def _fit_each_draw(self, gram: Array, z: Array) -> Iterator["_DrawnFit"]:
         for size, ease in zip(self.scaled_sizes, self.ease, strict=True):
             acting, own = np.flatnonzero(size), size[size > 0]
-            information = own[:, None] * gram[np.ix_(acting, acting)] * own + np.eye(len(acting))
-            factor = cho_factor(information, lower=True)
+            information = gram[np.ix_(acting, acting)]
+            information *= own[:, None]
+            information *= own
+            information.flat[:: len(own) + 1] += 1.0
+            factor = cho_factor(information.T, lower=True, overwrite_a=True, check_finite=False)[0]
             idle = np.where(size > 0, 0.0, z)  # goes to zero
             right = gram[acting, -1] + gram[acting, :-1] @ idle
             mean = np.zeros(len(z))
-            mean[acting] = z[acting] + own * cho_solve(factor, own * right - z[acting] / own)
+            mean[acting] = z[acting] + own * cho_solve((factor, True), own * right - z[acting] / own)
             yield _DrawnFit(mean, acting, own, factor, float(ease))
 
 
@@ -103,14 +103,29 @@ class _DrawnFit:
     """The fit with one draw of the sizes.
 
     ``mean`` (P,) in prior sigmas; ``own`` (a,) sizes of the parameters ``acting`` (a,), and ``factor``, Cholesky's, of
-    the information per these sizes; ``ease`` is the variance of the noise over the problem's.
+    the information per these sizes, its lower triangle; ``ease`` is the variance of the noise over the problem's.
     """
 
     mean: Array
     acting: np.ndarray
     own: Array
-    factor: tuple[Array, bool]
+    factor: Array
     ease: float
+
+
+@dataclass(frozen=True)
+class MixtureMoments:
+    """What a mixture says of the parameters, in prior sigmas.
+
+    Attributes:
+        mean: of all parameters, (P,).
+        information_root: R (P, P), upper triangular, with (RᵀR)⁻¹ the covariance within and between the draws.
+        drawn: parameters drawn from it, (P, n).
+    """
+
+    mean: Array
+    information_root: Array
+    drawn: Array
 
 
 FINDING = float(np.exp(-6.0))  # probability of a finding: it is one of some hundred that were tried
@@ -201,15 +216,26 @@ class DrawnPosterior:
 
     def fit(self) -> PosteriorFit:
         """Fit everything together: mean and information of the mixture, and parameters drawn from it."""
-        problem, errors = self.problem, self.start
-        for _ in range(2):  # Gauss-Newton steps from the fit to the mean
-            errors = problem.prior * self.mixture.mean(_gram(problem, errors), errors / problem.prior)
-        gram, z = _gram(problem, errors), errors / problem.prior
-        found = Solution(errors, self.mixture.information_root(gram, z), float(gram[-1, -1] + z @ z))
+        problem = self.problem
+        errors = problem.prior * self.mixture.mean(_gram(problem, self.start), self.start / problem.prior)
+        gram = _gram(problem, errors)
+        fit, moments = self._fit_about(gram, errors, EACH)
+        drawn = problem.prior[:, None] * moments.drawn
+        return PosteriorFit(fit, self.mixture, drawn, gram, self.families, self.findings, self.record)
+
+    def fit_at_start(self) -> Fit:
+        """Return mean and information alone, linearised where the fit starts."""
+        return self._fit_about(_gram(self.problem, self.start), self.start, 0)[0]
+
+    def _fit_about(self, gram: Array, errors: Array, each: int) -> tuple[Fit, MixtureMoments]:
+        """Return the mean as linearised about errors (P,), and what else the mixture says."""
+        problem, z = self.problem, errors / self.problem.prior
+        moments = self.mixture.moments(gram, z, each)
+        step = np.append(moments.mean - z, -1.0)
+        cost = float(step @ gram @ step + moments.mean @ moments.mean)
+        found = Solution(problem.prior * moments.mean, moments.information_root, cost)
         effective = float(len(z) - (found.inverse**2).sum())
-        mean = Fit(problem, found, effective, np.array([], dtype=int))
-        drawn = problem.prior[:, None] * self.mixture.draw_errors(gram, z)
-        return PosteriorFit(mean, self.mixture, drawn, gram, self.families, self.findings, self.record)
+        return Fit(problem, found, effective, np.array([], dtype=int)), moments
 
 
 def draw_posterior(

@@ -34,9 +34,9 @@ class FamilyBlock:
 
 
 def padded_width(columns: int) -> int:
-    """Return 2ᵏ or 3·2ᵏ, not below a number of columns: families of about as many are looked at together."""
+    """Return 2ᵏ, or 3·2ᵏ of many, not below a number of columns: families of about as many are looked at together."""
     power = 1 << (columns - 1).bit_length()
-    return power if columns < 3 or 4 * columns > 3 * power else 3 * power // 4
+    return max(2, power) if columns <= 16 or 4 * columns > 3 * power else 3 * power // 4
 
 
 @dataclass

@@ -7,6 +7,7 @@ import numpy as np
 
 from planner.cell.cell import Cell
 from planner.common.arrays import mean_by_group
+from planner.common.determinism import even_positions
 from planner.common.system import give_back_memory
 from planner.common.units import MM, Array, to_mm
 from planner.identification.assumptions import (
@@ -21,6 +22,7 @@ from planner.identification.cross_validation import Split, predict_held_out
 from planner.identification.error_parts import error_parts, misfit_place
 from planner.identification.least_squares import Fit
 from planner.identification.misfit import (
+    SWEEPS,
     HeldOutRegion,
     RepeatedReadings,
     draw_misfit,
@@ -85,7 +87,9 @@ def release_robot(
     fit = _interpolate_fit(plain.fit, aim, share)
     before = own.held_residual if few is None else own.held_residual[few]
     problem = posterior.fit.problem
-    held = predict_held_out(posterior.fit, split, posterior.mixture.scaled_sizes).residual
+    sizes = posterior.mixture.scaled_sizes
+    # 16: draws of the sizes that poses held out are predicted by
+    held = predict_held_out(posterior.fit, split, sizes[even_positions(len(sizes), 16)]).residual
     held = held + problem.residual(aim.errors) - problem.residual(posterior.fit.errors)
     held = share * held + (1 - share) * before
     if (held**2).sum() > (before**2).sum():  # what is expected of it is refuted by the poses that no fit saw
@@ -105,14 +109,20 @@ def _draw_posterior_beside(
     time: float,
     curves: frozenset[str],
 ) -> DrawnPosterior:
-    """Draw the posterior with harmonics and ripple of all gears, or with curves in their place that predict better."""
-    drawn = draw_posterior(last, run, whole, families, time)
+    """Draw the posterior with harmonics and ripple of all gears, or with curves in their place that predict better.
+
+    Which of them do is tried with few draws of each.
+    """
     if not curves:
-        return drawn
-    other = draw_posterior(last, run, whole, families, time, curves)
-    theirs = other.predict_held_out(split)
-    other.problem.memory.forget()  # one linearisation about all that may act at a time: they are the largest
-    return other if predicts_better(theirs, drawn.predict_held_out(split), split) else drawn
+        return draw_posterior(last, run, whole, families, time)
+    few, held = [], []
+    for tried in (frozenset[str](), curves):
+        few.append(draw_posterior(last, run, whole, families, time, tried, sweeps=SWEEPS))
+        held.append(few[-1].predict_held_out(split))
+        few[-1].problem.memory.forget()  # one linearisation about all that may act at a time: they are the largest
+    better = predicts_better(held[1], held[0], split)
+    start = few[int(better)].record.last_factors
+    return draw_posterior(last, run, whole, families, time, curves if better else frozenset(), start=start)
 
 
 def predicts_better(other: Array, plain: Array, split: Split) -> bool:

@@ -6,12 +6,14 @@ import pytest
 
 import planner.identification.misfit as misfit
 import planner.identification.posterior_draws as posterior_draws
+import planner.identification.release as release
 
 
 @contextmanager
 def few_draws():
-    """Draw the sizes in 40 sweeps in place of 240; a decorator as well."""
+    """Draw the sizes in 40 sweeps in place of 160; a decorator as well."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(posterior_draws, "SWEEPS", 40)
-        patch.setattr(misfit, "SWEEPS", 12)
+        for room in (misfit, release):
+            patch.setattr(room, "SWEEPS", 12)
         yield

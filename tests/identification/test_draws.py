@@ -159,12 +159,12 @@ def test_mean_covariance_and_draws_are_those_of_the_mixture(monkeypatch):
         seconds.append(C + np.outer(means[-1], means[-1]))
     mean = np.mean(means, axis=0)
     assert np.allclose(mixture.mean(gram, z), mean)
-    R = mixture.information_root(gram, z)
+    R = mixture.moments(gram, z).information_root
+    assert np.allclose(mixture.moments(gram, z).mean, mean)
     assert np.allclose(R, np.triu(R))
     covariance = np.mean(seconds, axis=0) - np.outer(mean, mean)
     assert np.allclose(np.linalg.inv(R.T @ R), covariance)
-    monkeypatch.setattr(mixture_room, "EACH", 20_000)
-    drawn = mixture.draw_errors(gram, z)
+    drawn = mixture.moments(gram, z, each=20_000).drawn
     assert np.allclose(drawn.mean(axis=1), mean, atol=0.02)
     assert np.allclose(np.cov(drawn), covariance, atol=0.03 * covariance.max())
     assert np.all(np.isfinite(cholesky(R.T @ R)))
@@ -200,7 +200,7 @@ def test_truths_drawn_from_the_prior_are_as_far_off_as_is_stated(readings):
         size = np.append(np.stack([d.factors for d in drawn]), np.ones((len(drawn), 1)), axis=1)[:, family]
         rows = np.column_stack([columns, y]) / np.sqrt(variance.mean())
         mixture = SizeMixture(size, variance / variance.mean())
-        errors = tool @ mixture.draw_errors(rows.T @ rows, np.zeros(len(family)))
+        errors = tool @ mixture.moments(rows.T @ rows, np.zeros(len(family))).drawn
         off = np.linalg.norm(errors - errors.mean(axis=1, keepdims=True), axis=0)
         places.append((off < np.linalg.norm(tool @ z - errors.mean(axis=1))).mean())
     assert abs(np.mean(places) - 0.5) < 3.5 / np.sqrt(12 * truths)
@@ -264,7 +264,7 @@ def gap_of_lumps(families, q, rng):
     drawn = draw_sizes(model, SizeDraw(np.zeros(len(families)), np.zeros(1)), sweeps=36)
     mixture = SizeMixture(np.stack([model.sizes(d.factors) for d in drawn]), np.ones(len(drawn)))
     white = 1e5 * np.column_stack([rows, y])
-    gaps = (columns[-2] - columns[-1]) @ mixture.draw_errors(white.T @ white, np.zeros(len(family)))[:-2]
+    gaps = (columns[-2] - columns[-1]) @ mixture.moments(white.T @ white, np.zeros(len(family))).drawn[:-2]
     return (error[-2] - error[-1] - gaps.mean()) / gaps.std()
 
 
