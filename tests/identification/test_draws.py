@@ -20,7 +20,7 @@ from planner.identification import reading_precision
 from planner.identification.assumptions import EXPECTED_CAUSES, PREVALENCE
 from planner.identification.posterior_background import GAUGE_SHAPE, OF_BACKGROUND, background_families
 from planner.identification.posterior_draws import RandomEffects, SizeDraw, SizePrior, draw_sizes
-from planner.identification.posterior_fit import SizeMixture
+from planner.identification.size_mixture import SizeMixture
 from planner.model.model import Model
 from planner.runs.run import Samples
 from tests.independent_arms.runs import CELLS, bar_poses
