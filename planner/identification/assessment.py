@@ -223,7 +223,9 @@ def assess_fit(
     covariance = fitted + consider_covariance(found, free.held)
     table = _estimate_all(free, found, covariance, traced)
     problems = find_problems(table, stages, found, traced, run, cell)
+    give_back_memory()
     released = None if problems else _release(stages, free, context, cell, time, basis)
+    give_back_memory()
     expected = workspace_error(cell, run, found, covariance) if released is None else released.anywhere
     said = [
         *(*run.warnings, *collect_warnings(run, cell, found, validation), *notes),

@@ -111,14 +111,14 @@ class ScoreTest:
 
         ``near`` is the space of another fit to the same samples, which is taken where it is near enough.
         """
-        screened = 4_000  # samples of a long run
-        problem = fit.problem
-        n = len(problem)
+        problem, n = fit.problem, len(fit.problem)
+        # 4_000: samples of a long run; half of them along a drive, where neighbours err alike
+        screened = subset_size(fit.model, 4_000 if problem.samples.speed is None else 2_000)
         if near is not None and _is_near(near, fit):
             space = near.with_parameters(fit.model.parameters)
         else:
-            if n > subset_size(fit.model, screened):
-                problem = problem.take(even_positions(n, subset_size(fit.model, screened)))
+            if n > screened:
+                problem = problem.take(even_positions(n, screened))
             space = ColumnSpace.of(problem, fit.errors, len(problem) / n)
         readings, spacing = len(space.block), n / len(space.problem)
         dof = max(1.0, readings / max(1.0, correlation_time / spacing) - fit.effective)
