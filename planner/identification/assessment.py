@@ -206,6 +206,7 @@ def _release(
     """Return the robot to be released, ``None`` where it is the fit's or the posterior does not come to rest."""
     if basis == "fit":
         return None
+    give_back_memory()
     try:
         return release_robot(stages, free.whole, context, cell, time, basis == "geometry")
     except (NoSolutionError, np.linalg.LinAlgError):
@@ -223,9 +224,7 @@ def assess_fit(
     covariance = fitted + consider_covariance(found, free.held)
     table = _estimate_all(free, found, covariance, traced)
     problems = find_problems(table, stages, found, traced, run, cell)
-    give_back_memory()
     released = None if problems else _release(stages, free, context, cell, time, basis)
-    give_back_memory()
     expected = workspace_error(cell, run, found, covariance) if released is None else released.anywhere
     said = [
         *(*run.warnings, *collect_warnings(run, cell, found, validation), *notes),
@@ -309,6 +308,7 @@ def _findings_by_posterior(
         return traced.findings
     posterior = released.posterior
     names = [c.own.name for c in traced.contests]
+    give_back_memory()
     standings = judge_findings(posterior, traced.contests, readings / len(posterior.record.effects.y))
     known = dict(zip(names, with_nameless_rivals(released, names, standings), strict=True))
     return tuple(
