@@ -5,7 +5,6 @@ takes a C W C a' / (s^2 + a C a') off the mean square error trace(W C) of the to
 Statistical Science 10(3), 3.1; greedy as Krause, Singh and Guestrin 2008, JMLR 9).
 """
 
-from bisect import bisect_left
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Self
@@ -17,7 +16,7 @@ from planner.common.determinism import even_positions, on_one_thread
 from planner.common.errors import NoSolutionError
 from planner.common.progress import UNLIMITED, StageProgress, TimeLimit
 from planner.common.second_process import ForkedTask
-from planner.common.units import Array, to_mm
+from planner.common.units import Array
 from planner.design.assumptions import (
     FEWEST_POSES,
     FEWEST_POSES_AT_A_PLACE,
@@ -27,8 +26,9 @@ from planner.design.assumptions import (
     UNTRACED_TARGET_SHARE,
 )
 from planner.design.candidates.pool import PoseSet
-from planner.design.expected_errors import ExpectedErrors, GoalOutOfReachError, error_limit, share_below
+from planner.design.expected_errors import ExpectedErrors, error_limit, share_below
 from planner.design.free_parameters import undeclared_errors
+from planner.design.goal_of_poses import settle_until
 from planner.design.selection.search import add_greedily, exchange_singly
 from planner.design.tool_error_bound import bound_tool_error
 from planner.runs.run import Samples
@@ -252,11 +252,16 @@ def choose_bayesian_poses(
     others = ForkedTask(lambda: _expected_errors(white[few], unknown, start, FORESEEN_NUMBERS, limit))
     begun = BayesianPosterior.prior(white * start, weight)
     first = select_greedily(begun, min(poses or MOST_POSES, len(white)), target, progress)
-    if until is not None:
-        first = first[: _count_until(unknown, white, first, until)]
-    promising = np.union1d(first, np.argsort(-begun.gains(), kind="stable")[:6000])  # those that promise most
-    chosen = promising[_exchange(white[promising], weight, np.searchsorted(promising, first), limit)]
-    chosen = _use_every_place(pool.samples.place[considered], chosen, white * start, weight)
+    likely = np.argsort(-begun.gains(), kind="stable")[:6000]  # candidates that promise most
+    place = pool.samples.place[considered]
+
+    def settle(count: int) -> np.ndarray:
+        """Return ``count`` candidates, bettered by exchanges, some of them at every fixture."""
+        promising = np.union1d(first[:count], likely)
+        chosen = promising[_exchange(white[promising], weight, np.searchsorted(promising, first[:count]), limit)]
+        return _use_every_place(place, chosen, white * start, weight)
+
+    chosen = settle(len(first)) if until is None else settle_until(unknown, white, first, until, settle)
     after = errors_after(white[chosen], unknown)
 
     def limits() -> tuple[float, float, float, float]:
@@ -267,31 +272,6 @@ def choose_bayesian_poses(
         return bound, _remaining_error(white, unknown), error_limit(unknown, white[chosen]), alike
 
     return BackgroundDesign(unknown, considered[chosen], after, ForkedTask(limits), others, until)
-
-
-def _count_until(unknown: ExpectedErrors, white: Array, order: np.ndarray, until: float) -> int:
-    """Return how many of the readings ``order`` (k,) of ``white`` (n, P) bring the error down to ``until`` [m].
-
-    Not fewer than tell where the gauge stands.
-
-    Raises:
-        GoalOutOfReachError: not even all of them do.
-    """
-
-    def limit(count: int) -> float:
-        """Return the error that 95 of 100 such robots stay below after the first ``count`` readings [m]."""
-        return error_limit(unknown, white[order[:count]])
-
-    if (best := limit(len(order))) > until:
-        every = error_limit(unknown, white)
-        raise GoalOutOfReachError(
-            f"an error of {to_mm(until):.3g} mm {unknown.where} (95 of 100 such robots below it) cannot be reached "
-            f"with this gauge at these places: {to_mm(best):.3f} mm at best, by {len(order)} poses (all {len(white)} "
-            f"candidates: {to_mm(every):.3f} mm); ask for more than that, or measure from another place as well",
-            unknown, white, until, len(order), best,
-        )  # fmt: skip
-    count = bisect_left(range(len(order)), True, 1, key=lambda count: limit(count) <= until)
-    return max(count, FEWEST_POSES_AT_A_PLACE)
 
 
 def _use_every_place(place: np.ndarray, chosen: np.ndarray, white: Array, weight: Array) -> np.ndarray:

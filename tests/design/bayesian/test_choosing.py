@@ -20,7 +20,9 @@ from planner.design.bayesian_design import (
     select_greedily,
 )
 from planner.design.candidates.pool import draw_candidates
+from planner.design.expected_errors import GoalOutOfReachError, error_limit
 from planner.design.foresight_text import describe_bayesian_design, describe_goal, describe_numbers_of_poses
+from planner.design.goal_of_poses import settle_until
 from planner.design.off_grid import CandidateFilters, refine_bayesian_poses
 from planner.design.selection.d_optimal import detmax
 from planner.design.selection.search import exchange_singly
@@ -152,6 +154,28 @@ def test_a_plan_of_few_poses_foresees_of_more_what_these_would_leave(kuka):
     many = select_greedily(BayesianPosterior.prior(white, weight), 120, 0.0)
     assert foreseen[120] == pytest.approx(errors_after(white[many], few.unknown)[-1], rel=0.1)
     assert foreseen[40] < 0.6 * foreseen[20]
+
+
+def test_a_goal_is_reached_by_the_poses_that_are_settled_and_not_by_those_before_it():
+    """Settling takes some away here, as poses at a second fixture take the places of others."""
+    rng = np.random.default_rng(3)
+    white, weight = rng.standard_normal((60, 4)), np.diag([1e-6, 1e-6, 1e-7, 1e-7])
+    unknown = Of(weight_per_prior=weight, state=np.sqrt, state_limit=np.sqrt, where="")
+    order = np.arange(60)
+    asked = []
+
+    def settle(count):
+        asked.append(count)
+        return order[: max(count - 5, 0)]
+
+    until = error_limit(unknown, white[:18])
+    chosen = settle_until(unknown, white, order, until, settle)
+    assert error_limit(unknown, white[chosen]) <= until
+    assert asked[0] == 18
+    assert asked == sorted(asked)
+    assert len(asked) > 1
+    with pytest.raises(GoalOutOfReachError, match="cannot be reached"):
+        settle_until(unknown, white, order, 0.5 * error_limit(unknown, white), settle)
 
 
 def test_a_goal_is_told_with_its_chance_after_the_poses_as_they_are_driven(kuka, expected):
