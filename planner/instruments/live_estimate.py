@@ -1,8 +1,9 @@
 """What the poses that were read so far leave of the tool's error, pose by pose, and what further ones would bring.
 
-The model is linear about what was expected of the robot; its information matrix grows by a reading at a time, and how
-large the errors of each kind are is learnt from the same matrix. Nothing is identified anew: ``edbb identify`` says
-what holds, from the whole run.
+Rows of the model are those of the robot as it was expected; its information matrix grows by a reading at a time, and
+how large the errors of each kind are is learnt from the same matrix. What a reading differs by is looked at about the
+errors as they are estimated, so that large ones are no noise where the model bends (steps of Gauss and Newton, the rows
+kept). Nothing is identified anew: ``edbb identify`` says what holds, from the whole run.
 """
 
 from bisect import bisect_left
@@ -74,6 +75,7 @@ class LiveEstimate:
         samples: the poses of the plan that may be read.
         until: the error that is wanted for 95 of 100 such robots [m]; ``None``: all poses are read.
         read: which were read, in their order.
+        readings: what was read there.
         history: where the session stood after each of them.
     """
 
@@ -81,6 +83,7 @@ class LiveEstimate:
     samples: Samples
     until: float | None = None
     read: list[int] = field(default_factory=list)
+    readings: list[PoseReading] = field(default_factory=list)
     history: list[Progress] = field(default_factory=list)
 
     def __post_init__(self) -> None:
@@ -118,34 +121,51 @@ class LiveEstimate:
     @on_one_thread
     def add(self, pose: int, reading: PoseReading) -> Progress:
         """Take a reading at the pose of this number among ``samples``; return where the session stands."""
-        off, own = self._deviation(pose, reading), self._rows([pose])
-        expected = self.posterior.white[own] @ self.posterior.learnt.mean
+        own, learnt = self._rows([pose]), self.posterior.learnt
+        off = self._deviations([pose], [reading]) - self.posterior.white[own] @ learnt.mean
         spread = [self.posterior.spread_of(row, self._rows(self.read)) for row in own]
-        surprise = float((np.abs(off - expected) / np.sqrt(spread)).max())
-        self.read.append(pose)
-        self.off += off.tolist()
-        self.posterior.learn(self._rows(self.read), np.array(self.off))
+        surprise = float((np.abs(off) / np.sqrt(spread)).max())
+        self._learn_from([pose], [reading], 2)  # the next reading goes on
         self.history.append(self.stands(surprise))
         return self.history[-1]
 
     @on_one_thread
     def add_all(self, readings: Mapping[int, PoseReading]) -> Progress:
         """Take readings by the number of their pose, at once; return where the session stands then."""
-        self.read += list(readings)
-        for pose, reading in readings.items():
-            self.off += self._deviation(pose, reading).tolist()
-        self.posterior.learn(self._rows(self.read), np.array(self.off))
+        self._learn_from(list(readings), list(readings.values()), 8)
         self.history.append(self.stands())
         return self.history[-1]
 
-    def _deviation(self, pose: int, reading: PoseReading) -> Array:
-        """Return a reading less what was expected of it where the arm stood, in its standard deviations, (r,)."""
-        here = self.samples.take(np.array([pose]))
-        if reading.q is not None:
-            here = replace(here, q=read_only(reading.q[None]))
-        model = self.unknown.model
-        residual = model.residual(here, model.setup.targets(here, reading.readings), self.mean)[0]
-        return np.asarray(self.whitener[pose] @ residual)
+    def _learn_from(self, poses: Sequence[int], readings: Sequence[PoseReading], most_steps: int) -> None:
+        """Learn from these readings and all before them, about the errors as they are estimated with them.
+
+        Steps end once no reading moves by a hundredth of its standard deviation, or where they do not come nearer.
+        """
+        self.read += poses
+        self.readings += readings
+        off, moved = self._deviations(self.read, self.readings), np.inf
+        for _ in range(most_steps):
+            self.off = off.tolist()
+            self.posterior.learn(self._rows(self.read), off)
+            off, before, last = self._deviations(self.read, self.readings), off, moved
+            moved = float(np.abs(off - before).max(initial=0.0))
+            if not 1e-2 < moved < last:
+                break
+
+    def _deviations(self, poses: Sequence[int], readings: Sequence[PoseReading]) -> Array:
+        """Return what the errors change of readings, as a linear model of them would read, in standard deviations (k,).
+
+        It is what the readings differ by from a robot with the errors as they are estimated, and what these errors
+        change by the model's rows.
+        """
+        here = self.samples.take(np.array(poses, dtype=int))
+        q = [own if r.q is None else r.q for r, own in zip(readings, here.q, strict=True)]
+        here = replace(here, q=read_only(np.array(q)))
+        model, z = self.unknown.model, self.posterior.learnt.mean
+        targets = model.setup.targets(here, Readings.concatenate([r.readings for r in readings]))
+        residual = model.residual(here, targets, self.mean + self.unknown.root @ z)
+        white = np.einsum("kij,kj->ki", self.whitener[list(poses)], residual).ravel()
+        return np.asarray(white + self.posterior.white[self._rows(poses)] @ z)
 
     def _rows(self, poses: Sequence[int]) -> list[int]:
         """Return the rows of the posterior that belong to poses: one for each number of a reading."""

@@ -49,7 +49,7 @@ def begun(bench, until=None, some_validate=False):
     start = LearntErrors.usual(len(one.posterior.root), len(one.posterior.families))
     new = copy(one)
     new.posterior = replace(one.posterior, learnt=start)
-    new.read, new.history, new.off, new.until = [], [], [], until
+    new.read, new.readings, new.history, new.off, new.until = [], [], [], [], until
     return new
 
 
@@ -67,8 +67,8 @@ def test_an_update_takes_less_than_a_second_and_does_not_depend_on_the_order(ben
         longest = max(longest, time.process_time() - start)
     assert longest < 1.0
     last = other.add_all({int(k): read[int(k)] for k in np.random.default_rng(0).permutation(len(read))})
-    assert last.error == pytest.approx(stands.error, rel=1e-6)
-    assert last.at_most == pytest.approx(stands.at_most, rel=1e-6)
+    assert last.error == pytest.approx(stands.error, rel=2e-3)  # steps end at a hundredth of a reading's noise
+    assert last.at_most == pytest.approx(stands.at_most, rel=2e-3)
     few = begun(bench).add_all({k: read[k] for k in range(5)})
     assert stands.error < 0.3 * few.error
 
@@ -86,8 +86,8 @@ def draw_arm(live, seed, acting=1.0):
             families.number
         ]
     model = live.unknown.model
-    seen = live.posterior.white @ truth + rng.standard_normal(len(live.samples))
-    return truth, model.reading(live.samples, live.mean)[:, 0] + model.noise(live.samples) * seen
+    read = model.reading(live.samples, live.mean + live.unknown.root @ truth)[:, 0]
+    return truth, read + model.noise(live.samples) * rng.standard_normal(len(live.samples))
 
 
 @pytest.mark.long
@@ -149,6 +149,25 @@ def test_what_most_robots_do_not_show_is_found_where_it_is_and_not_elsewhere():
     for noise in (4.0, 0.4):  # an arm comes to rest worse or better than it is said to
         other = learn_errors(shown, shown @ truth + noise * rng.standard_normal(90), families)
         assert other.noise == pytest.approx(noise, rel=0.35)
+
+
+def test_errors_of_centimetres_are_no_noise_though_the_model_bends_there(bench):
+    """An arm ten times as bad as usual: its tool errs by centimetres, where a straight model is millimetres off."""
+    live = begun(bench)
+    rng = np.random.default_rng(4)
+    model, root = live.unknown.model, live.unknown.root
+    known = [k for k, p in enumerate(model.parameters) if p.group == "geometry"]
+    truth = np.zeros(len(model.parameters))
+    truth[known] = 10.0 * (root @ rng.standard_normal(root.shape[1]))[known]
+    noise = model.noise(live.samples)
+    straight = model.reading(live.samples, live.mean)[:, 0] + model.rows(live.samples)[:, 0] @ truth
+    read = model.reading(live.samples, live.mean + truth)[:, 0]
+    assert np.abs(read - straight).max() > 20 * noise.max()
+    stands = live.add_all(read_at(read + noise * rng.standard_normal(len(noise))))
+    assert live.posterior.learnt.noise < 2.0
+    off = np.array(live.off) - live.posterior.white @ live.posterior.learnt.mean
+    assert np.sqrt((off**2).mean()) < 2.0
+    assert stands.error < 1e-3
 
 
 def advice(bench, tmp_path, until):

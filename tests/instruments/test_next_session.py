@@ -14,13 +14,16 @@ from planner.cell.reading import load_cell
 from planner.common.errors import InputError, NoSolutionError
 from planner.common.progress import UNLIMITED
 from planner.design.bayesian_design import BayesianPosterior, _exchange, errors_after, select_greedily
+from planner.design.candidates.pool import PoseSet
 from planner.design.expected_errors import error_limit, square_error_limit
 from planner.instruments.next_session import NextSessionChooser
 from planner.instruments.remaining_errors import CalibratedState, RemainingErrors
 from planner.instruments.where_it_counts import places_in_region, places_of_program
 from planner.model.identification_document import Identification
 from planner.runs.loader import load_runs
+from planner.runs.run import Samples
 from planner.runs.writer import save_run
+from planner.session.bar_poses import BarPoses
 from planner.session.options import PlanOptions
 from planner.workflow.identification import identify
 from tests.identification.worlds import arm_of
@@ -175,3 +178,21 @@ def test_several_calibrations_are_refused_and_one_named_twice_is_one(tmp_path):
     assert PlanOptions(after=[tmp_path, tmp_path]).folder_before == tmp_path
     assert PlanOptions(after=str(tmp_path)).folder_before == tmp_path
     assert PlanOptions().folder_before is None
+
+
+def test_no_rule_chooses_the_validation_poses():
+    """They are none of the chosen poses, and among all others those that the rule likes are no more frequent."""
+    session = BarPoses.__new__(BarPoses)
+    session.pool = PoseSet(Samples.at(np.zeros((400, 6))), None)
+    session._find_unjoined_rows = lambda _: np.zeros(0, dtype=int)  # all are joined
+    session.cell = Of(plan=Of(validate=12))
+    liked = np.random.default_rng(1).permutation(400)  # rank of each candidate by the rule
+    chosen = np.flatnonzero(liked < 20)
+    ranks = []
+    for seed in range(200):
+        session.options = Of(seed=seed)
+        drawn = session.draw_validation(Of(chosen=chosen))
+        assert len(drawn) == 12
+        assert not np.intersect1d(drawn, chosen).size
+        ranks.append(liked[drawn].mean())
+    assert np.mean(ranks) == pytest.approx((20 + 399) / 2, abs=4 * 110 / np.sqrt(12 * 200))
