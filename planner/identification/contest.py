@@ -13,20 +13,18 @@ plausible size: the logarithms of their likelihoods differ by δ²/2, give or ta
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
-from itertools import pairwise
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve, solve_triangular
 
 from planner.common.determinism import even_positions
 from planner.common.units import Array
+from planner.identification.acting_together import Part, Together, sizes_of
 from planner.identification.contenders import HUNDRED_TO_ONE, Contest, Rival, Standing
 from planner.identification.contest_arena import Arena, Block
 from planner.identification.posterior_draws import SizeDraw
 from planner.identification.posterior_fit import PosteriorFit
-from planner.identification.reading_precision import MOST_WAITING, padded_width
 
 LOOKED_AT = 3  # draws, evenly spread
 NEAREST = 8  # causes that are tried in full for a finding, of those with a name and of those without
@@ -36,8 +34,6 @@ TOLD_APART = POWER + float(np.sqrt(POWER**2 + 2 * DECIDES))  # δ from which on 
 PLAUSIBLE = 3.0  # prior sigmas of a rival
 
 OWN_NAME, NOTHING = "", "nothing"
-Part = tuple[Block, float]
-"""A cause that acts, and the factor on its sizes."""
 
 
 def judge_findings(posterior: PosteriorFit, contests: Sequence[Contest], worth: float) -> list[Standing]:
@@ -98,7 +94,7 @@ class Beside:
         """
         if not parts:
             return cls(np.zeros((0, len(gram))), gram)
-        columns, size = _sizes(parts)
+        columns, size = sizes_of(parts)
         wanted = np.arange(len(gram)) if wanted is None else wanted
         root = np.linalg.cholesky(np.eye(len(columns)) + size[:, None] * gram[np.ix_(columns, columns)] * size)
         shared = np.zeros((len(columns), len(gram)))
@@ -124,12 +120,6 @@ class Beside:
         information = self.products(block.columns, block.columns) + np.eye(len(along)) / PLAUSIBLE**2
         whole = float(b @ self.products(own.columns, own.columns) @ b)
         return max(0.0, whole - float(along @ cho_solve(cho_factor(information, lower=True), along)))
-
-
-def _sizes(parts: Sequence[Part]) -> tuple[np.ndarray, Array]:
-    """Positions of the columns of causes that act, and the factors on their sizes, (k,) each."""
-    columns = np.concatenate([b.columns for b, _ in parts])
-    return columns, np.concatenate([np.full(len(b.columns), s) for b, s in parts])
 
 
 @dataclass(frozen=True)
@@ -203,162 +193,11 @@ class Bouts:
         """Return the logarithm of a state's probability over that of the one in which nothing acts."""
         if not state:
             return 0.0
-        columns, size = _sizes(state)
+        columns, size = sizes_of(state)
         root = np.linalg.cholesky(np.eye(len(columns)) + size[:, None] * self.gram[np.ix_(columns, columns)] * size)
         along = solve_triangular(root, size * self.gram[columns, -1], lower=True)
         prior = sum(b.log_odds(s) for b, s in state)
         return float(prior + 0.5 * along @ along - np.log(np.diag(root)).sum())
-
-
-@dataclass(frozen=True)
-class Together:
-    """Causes that act, fitted together.
-
-    Their covariance is a matrix and changes of a few directions, V diag(s) Vᵀ: to try one cause more or less then takes
-    products with few columns. Before the first parameter stands one that is nought, which fills up what is narrow.
-
-    Attributes:
-        parts: in order; the last one stays whatever happens.
-        stays: which of them have not been taken out, (f,) bool.
-        odds: logarithms of the odds beforehand that each acts, (f,).
-        along: products of their columns with the readings, per size, (k + 1,).
-        covariance: of the first parameters, each over its size, (k₀ + 1, k₀ + 1) before the changes.
-        change, signs: V (k + 1, r) and s (r,).
-        mean: of the parameters, each over its size, (k + 1,).
-        log_det: logarithm of the covariance's determinant.
-    """
-
-    parts: tuple[Part, ...]
-    stays: np.ndarray
-    odds: Array
-    along: Array
-    covariance: Array
-    change: Array
-    signs: Array
-    mean: Array
-    log_det: float
-
-    @classmethod
-    def of(cls, gram: Array, parts: Sequence[Part]) -> "Together":
-        """Fit causes of known sizes, by products of all columns (p + 1, p + 1)."""
-        columns, size = _sizes(parts)
-        information = np.eye(len(columns)) + size[:, None] * gram[np.ix_(columns, columns)] * size
-        covariance, along = np.zeros((len(size) + 1, len(size) + 1)), np.append(0.0, size * gram[columns, -1])
-        covariance[1:, 1:] = np.linalg.inv(information)
-        log_det, none = -float(np.linalg.slogdet(information)[1]), np.zeros((len(along), 0))
-        stays, mean = np.ones(len(parts), dtype=bool), covariance @ along
-        return cls(tuple(parts), stays, _odds(parts), along, covariance, none, np.zeros(0), mean, log_det)
-
-    @property
-    def log_odds(self) -> float:
-        """Logarithm of the state's probability over that of the one in which nothing acts."""
-        return float(self.odds[self.stays].sum() + 0.5 * (self.along @ self.mean + self.log_det))
-
-    def add_cause(self, gram: Array, part: Part) -> "Together":
-        """Return the fit with one more cause, behind the others (a block's inverse by its Schur complement)."""
-        (columns, size), (new, its) = _sizes(self.parts), _sizes([part])
-        shared, along = np.zeros((len(self.mean), len(new))), its * gram[new, -1]
-        shared[1:] = size[:, None] * gram[np.ix_(columns, new)] * its
-        first = len(self.covariance)
-        turned = self.change * self.signs @ (self.change.T @ shared)
-        turned[:first] += self.covariance @ shared[:first]
-        own = np.linalg.inv(np.eye(len(new)) + its[:, None] * gram[np.ix_(new, new)] * its - shared.T @ turned)
-        root, mean = np.linalg.cholesky(own), own @ (along - shared.T @ self.mean)
-        none = np.zeros((len(new), len(self.signs)))
-        return Together(
-            (*self.parts, part),
-            np.append(self.stays, True),
-            np.append(self.odds, _odds([part])),
-            np.append(self.along, along),
-            self.covariance,
-            np.block([[self.change, -turned @ root], [none, root]]),
-            np.append(self.signs, np.ones(len(new))),
-            np.append(self.mean - turned @ mean, mean),
-            self.log_det + 2 * float(np.log(np.diag(root)).sum()),
-        )
-
-    def remove_cause(self, k: int) -> "Together":
-        """Return the fit without one of its causes: its parameters are nought then."""
-        gone, first = self._places[k], len(self.covariance)
-        side = self.change * self.signs @ self.change[gone].T
-        if gone.stop <= first:
-            side[:first] += self.covariance[:, gone]
-        root = np.linalg.cholesky(side[gone])
-        lost = solve_triangular(root, side.T, lower=True).T
-        mean = self.mean - lost @ solve_triangular(root, self.mean[gone], lower=True)
-        mean[gone] = 0.0
-        stays = self.stays.copy()
-        stays[k] = False
-        return replace(
-            self,
-            stays=stays,
-            change=np.column_stack([self.change, lost]),
-            signs=np.append(self.signs, -np.ones(lost.shape[1])),
-            mean=mean,
-            log_det=self.log_det - 2 * float(np.log(np.diag(root)).sum()),
-        )
-
-    def settle(self) -> "Together":
-        """Return the same with all changes in the covariance, and without what was taken out."""
-        kept = np.concatenate([[0], *(_range(p) for p, stays in zip(self._places, self.stays, strict=True) if stays)])
-        old = kept[kept < len(self.covariance)]
-        covariance = self.change[kept] * self.signs @ self.change[kept].T
-        covariance[: len(old), : len(old)] += self.covariance[np.ix_(old, old)]
-        parts = tuple(part for part, stays in zip(self.parts, self.stays, strict=True) if stays)
-        return Together(
-            parts,
-            np.ones(len(parts), dtype=bool),
-            self.odds[self.stays],
-            self.along[kept],
-            covariance,
-            np.zeros((len(kept), 0)),
-            np.zeros(0),
-            self.mean[kept],
-            self.log_det,
-        )
-
-    @cached_property
-    def _places(self) -> list[slice]:
-        ends = np.cumsum([1, *(len(b.columns) for b, _ in self.parts)]).tolist()
-        return [slice(a, e) for a, e in pairwise(ends)]
-
-    def prune(self) -> "Together":
-        """Take out what is needless, the least first; the last one stays."""
-        state = self
-        while state.stays.sum() > 1:
-            worth = state.conditional_log_odds()[:-1]
-            least = int(np.argmin(worth))
-            if worth[least] > 0:
-                break
-            state = state.remove_cause(least)
-            if len(state.signs) > MOST_WAITING:
-                state = state.settle()
-        return state
-
-    def conditional_log_odds(self) -> Array:
-        """Return the logarithm of the odds of each cause beside the others, (f,); infinite of what was taken out."""
-        out, first = np.where(self.stays, self.odds, np.inf), len(self.covariance)
-        width = np.array([padded_width(place.stop - place.start) for place in self._places])
-        for k in np.unique(width[self.stays]).tolist():  # causes of about as many parameters together
-            alike = np.flatnonzero(self.stays & (width == k))
-            rows = np.zeros((len(alike), k), dtype=int)
-            for row, place in zip(rows, (self._places[j] for j in alike), strict=True):
-                row[: place.stop - place.start] = _range(place)
-            old, moved = np.where(rows < first, rows, 0), self.change[rows]
-            own = self.covariance[old[:, :, None], old[:, None]] + moved * self.signs @ moved.transpose(0, 2, 1)
-            own[:, np.arange(k), np.arange(k)] += rows == 0
-            root = np.linalg.cholesky(own)
-            along = np.linalg.solve(root, self.mean[rows][..., None])[..., 0]
-            out[alike] += 0.5 * (along**2).sum(axis=1) + np.log(np.einsum("fkk->fk", root)).sum(axis=1)
-        return np.asarray(out)
-
-
-def _range(place: slice) -> np.ndarray:
-    return np.arange(place.start, place.stop)
-
-
-def _odds(parts: Sequence[Part]) -> Array:
-    return np.array([block.log_odds(size) for block, size in parts])
 
 
 def _best_factor(beside: Beside, block: Block) -> float:

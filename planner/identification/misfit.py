@@ -107,8 +107,8 @@ class HeldOutReadings:
         size = float(np.exp(-np.log(np.abs(np.einsum("nii->ni", noise_root))).mean()))  # of the noise
         n, r = residual.shape
         flat = size * np.einsum("nij,njk->nik", noise_root, spread).reshape(n * r, -1)
-        axes, values, _ = np.linalg.svd(flat, full_matrices=True)
-        open_ = np.append(values**2, np.zeros(n * r - len(values)))
+        values, axes = np.linalg.eigh(flat @ flat.T)
+        open_ = np.maximum(values, 0.0)
         turn = size * np.einsum("nia,nij->anj", axes.reshape(n, r, -1), noise_root).reshape(n * r, -1)
         return cls(turn @ residual.ravel(), open_, np.full(n * r, size**2), turn)
 
@@ -322,7 +322,9 @@ def _hold_out(there: FitProblem, errors: Array, root: Array) -> HeldOutReadings:
     """Return what is left of positions with errors (P,), known by a root (P, k) of their covariance."""
     linear, width = there.linearize(slice(0, len(there)), errors), min(POSITION_AXES, there.model.width)
     noise_root = _noise_root(there, width)
-    return HeldOutReadings.of(linear.residual[:, :width], linear.rows[:, :width] @ root, noise_root)
+    rows = linear.rows[:, :width]
+    spread = (rows.reshape(-1, len(root)) @ root).reshape(*rows.shape[:2], -1)
+    return HeldOutReadings.of(linear.residual[:, :width], spread, noise_root)
 
 
 def _noise_root(problem: FitProblem, width: int) -> Array:

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
+from planner.identification.acting_together import Together
 from planner.identification.contest import (
     NOTHING,
     OWN_NAME,
@@ -11,7 +12,6 @@ from planner.identification.contest import (
     TOLD_APART,
     Beside,
     Bouts,
-    Together,
     average_standing,
 )
 from planner.identification.contest_arena import Arena, Block
