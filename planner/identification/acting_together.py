@@ -49,7 +49,7 @@ class _AlikeCauses:
             out.append(cls(causes, rows, blocks))
         return tuple(out)
 
-    def changed(self, change: Array, sign: float) -> "_AlikeCauses":
+    def with_change(self, change: Array, sign: float) -> "_AlikeCauses":
         """Return the same where the covariance has grown by sign · V Vᵀ."""
         moved = change[self.rows]
         return replace(self, blocks=self.blocks + sign * (moved @ moved.transpose(0, 2, 1)))
@@ -133,7 +133,7 @@ class Together:
         newcomer[0, : len(new)] = np.arange(len(self.mean), len(side))
         block = np.eye(newcomer.shape[1])[None]
         block[0, : len(new), : len(new)] = own
-        there = [each.changed(side, 1.0) for each in self.alike]
+        there = [each.with_change(side, 1.0) for each in self.alike]
         return Together(
             (*self.parts, part),
             np.append(self.stays, True),
@@ -166,7 +166,7 @@ class Together:
             signs=np.append(self.signs, -np.ones(lost.shape[1])),
             mean=mean,
             log_det=self.log_det - 2 * float(np.log(np.diag(root)).sum()),
-            alike=tuple(each.without(k).changed(lost, -1.0) for each in self.alike),
+            alike=tuple(each.without(k).with_change(lost, -1.0) for each in self.alike),
         )
 
     def settle(self) -> "Together":
