@@ -28,7 +28,7 @@ from planner.identification.noise import Noise, estimate_noise
 from planner.identification.problem import PIECE_SAMPLES, FitProblem, LinearPiece
 from planner.model.model import Model
 
-FROZEN_NUMBERS = 1_000_000  # of a Jacobian, from which on it stands for those at the next steps too
+FROZEN_NUMBERS = 200_000  # of a Jacobian, from which on it stands for those at the next steps too
 
 
 @dataclass(frozen=True)
