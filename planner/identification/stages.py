@@ -85,7 +85,9 @@ class FitContext:
         """Return a stage that was tried, judged on all of the run and on the validation run."""
         few = self._tried_part(tried.fit.model)
         if few is not None:
-            return self._judge(tried.stage.name, tried.fit, few)
+            judged = self._judge(tried.stage.name, tried.fit, few)
+            tried.fit.problem.memory.linear = None
+            return judged
         return replace(tried, stage=tried.stage.model_copy(update={"validation": self.judge(tried.fit)}))
 
     def _tried_part(self, model: Model) -> np.ndarray | None:

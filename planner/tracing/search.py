@@ -46,6 +46,8 @@ def best_step(
         likely = [c for c in likely if all(c is not n for n in near)]
         trials = _refit_candidates(context, state, test, near)
         kept = [t for t in trials if _holds(context, state, t)]
+        for t in trials:  # its columns are computed anew where they are looked at again: of a long run they are large
+            t.fit.problem.memory.linear = None
         if kept:
             return context.choose_likeliest(kept, at=kept[0])
         context.rejected.add_shares(near, test.scatter)

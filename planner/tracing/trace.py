@@ -213,14 +213,13 @@ def trace(
         _finding(result, f, own.fall, r.rivals, fit_context.run, beside.get(f.name))
         for (f, own), r in zip(kept, rivals, strict=True)
     )
+    stages = [fit_context.judge_trial(s.fitted) for s in told_path(result.path)]
     for state in result.path:  # of each its stage is kept, and nothing that can be computed anew
         state.fit.problem.memory.forget()
     contests = tuple(_contests(last, [f for f, _ in kept], rivals))
     report("detection limits")
     silent = tuple(detection_limits(test, [e for e in effects if e.name not in last.names], result.tried_number))
-    return [fit_context.judge_trial(s.fitted) for s in result.path[1:]], TracingResult(
-        findings, silent, result.rejected, result.tried_number, contests
-    )
+    return stages, TracingResult(findings, silent, result.rejected, result.tried_number, contests)
 
 
 def told_path(path: Sequence[SearchState]) -> list[SearchState]:
