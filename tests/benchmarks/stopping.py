@@ -57,6 +57,7 @@ from planner.instruments.live_estimate import families
 from planner.model.tool_error import tool_rows
 from planner.runs.run import Mounting, Readings, Samples
 from planner.session.tour_cost import tour_costs
+from tests.benchmarks import stopping_tables
 from tests.benchmarks.stopping_tables import FIXED, GOALS_MM, OWN, WAYS, best, coverage, equal_truth, figures, table
 from tests.independent_arms import runs
 from tests.independent_arms.arm import TOOL, make_arm
@@ -545,12 +546,14 @@ def main():
     parser.add_argument("--identify", type=float, metavar="MM", help="identify as well where batches reach this bound")
     parser.add_argument("--ways", nargs="+", default=WAYS, choices=WAYS)
     parser.add_argument("--sets", nargs="+", type=int, default=SETS, help="poses of fixed sets")
+    parser.add_argument("--goals", nargs="+", type=float, metavar="MM", default=GOALS_MM, help="bounds to stop at")
     parser.add_argument("--processes", type=int, default=1)
     parser.add_argument("--time-limit-s", type=float, default=np.inf, help="begin no further arm after this")
     parser.add_argument("--figures", type=Path, help="write the minutes of all arms here")
     parser.add_argument("--table", action="store_true", help="only print the table of what stands in the log")
     given = parser.parse_args()
-    globals().update(IDENTIFIED_MM=given.identify, SETS=given.sets)
+    globals().update(IDENTIFIED_MM=given.identify, SETS=given.sets, GOALS_MM=given.goals)
+    stopping_tables.GOALS_MM = given.goals
     done = read_log(given.log)
     seeds = range(given.first_seed, given.first_seed + given.arms)
     seeds = [s for s in seeds if not set(given.ways) <= set(done.get(s, {"ways": {}})["ways"])]

@@ -13,24 +13,49 @@ def quantile(values, share):
     return float(np.sort(values)[int(np.ceil(share * len(values))) - 1])
 
 
+def at_goal(lines, way, goal):
+    """Where the arms that were measured in this way stood at a goal [mm], and which of them reached it."""
+    rows = [line["ways"][way][str(goal)] for line in lines if way in line["ways"]]
+    return rows, [r for r in rows if r["bound"] <= goal]
+
+
 def table(lines):
-    """Minutes to each goal by way: median and 90 % over arms, how many reach it, how true what is stated is."""
+    """Minutes to each goal by way: median and 90 % over arms, one number for all, how true what is stated is."""
     out = [
-        "| bound | way | arms that reach it | minutes, median | minutes, 90 % | stated over true | true below |",
-        "|---|---|---|---|---|---|---|",
+        "| below | way | arms that reach it | median, min | 90 % of the arms, min | one number for all, min |"
+        " stated / true | true error below the bound |",
+        "|---|---|---|---|---|---|---|---|",
     ]
     for goal in GOALS_MM:
         for way in WAYS:
-            own = [line["ways"][way][str(goal)] for line in lines if way in line["ways"]]
-            hit = [r for r in own if r["bound"] <= goal]
+            own, hit = at_goal(lines, way, goal)
             if not own:
                 continue
             minutes = [*(r["minutes"] for r in hit), *[np.inf] * (len(own) - len(hit))]
-            said = [f"{m:.0f}" if np.isfinite(m := quantile(minutes, s)) else "not reached" for s in (0.5, 0.9)]
+            said = [f"{m:.0f}" if np.isfinite(m := quantile(minutes, s)) else "–" for s in (0.5, 0.9)]
+            number = ""
+            if way in FIXED:  # which number an arm needs only an oracle knows
+                said, number = [f"({m})" for m in said], one_number(lines, way, goal)
+            elif way == OWN:
+                said, number = ["–", "–"], f"{own[0]['minutes']:.0f} ({own[0]['poses']} poses)"
             ratio = f"{np.median([r['stated'] / r['true'] for r in hit]):.2f}" if hit else "–"
             below = f"{sum(r['true'] <= r['bound'] for r in hit)} of {len(hit)}"
-            out.append(f"| {goal} mm | {way} | {len(hit)} of {len(own)} | {said[0]} | {said[1]} | {ratio} | {below} |")
+            reached = f"{len(hit)} of {len(own)}"
+            out.append(f"| {goal} mm | {way} | {reached} | {said[0]} | {said[1]} | {number} | {ratio} | {below} |")
     return "\n".join(out)
+
+
+def one_number(lines, way, goal):
+    """The fewest poses with which nine tenths of the arms reach a goal that reach it by being led on; their minutes."""
+    led = [
+        line["ways"][way]["rows"]
+        for line in lines
+        if way in line["ways"] and "led on" in line["ways"] and line["ways"]["led on"][str(goal)]["bound"] <= goal
+    ]
+    for rows in zip(*led, strict=False):  # (poses, minutes, bound, true) of each arm, by number of poses
+        if np.mean([r[2] <= goal for r in rows]) >= 0.9:
+            return f"{rows[0][1]:.0f} ({rows[0][0]} poses)"
+    return "more than 180 poses"
 
 
 def best(lines):
@@ -104,19 +129,24 @@ def figures(lines):
 
 
 def coverage(lines):
-    """How true what is stated is where a session stopped, by way and whether a foreign cause acts."""
-    out = ["| stopped at | foreign cause | arms | stated over true | true below the bound |", "|---|---|---|---|---|"]
-    for foreign in (0, 1):
-        for goal in GOALS_MM:
-            for way in ("led on", "batches", "identified"):
-                rows = [
-                    line["ways"]["batches" if way == "identified" else way][str(goal)]
-                    for line in lines
-                    if line["seed"] % 2 == foreign and ("batches" if way == "identified" else way) in line["ways"]
-                ]
-                rows = [r["identified"] for r in rows if "identified" in r] if way == "identified" else rows
-                if rows:
-                    ratio = np.median([r["stated"] / r["true"] for r in rows])
-                    below = sum(r["true"] <= r["bound"] for r in rows)
-                    out.append(f"| {way}, {goal} mm | {foreign} | {len(rows)} | {ratio:.2f} | {below} of {len(rows)} |")
+    """How true what is stated is where a session stopped, or ended, by way and whether a foreign cause acts."""
+    out = [
+        "| | catalogue: true error below the 95 % limit | and a foreign cause | together |"
+        " stated / true, median: catalogue, foreign |",
+        "|---|---|---|---|---|",
+    ]
+    asked = [(OWN, GOALS_MM[0]), *((way, goal) for way in ("led on", "batches", "identified") for goal in GOALS_MM)]
+    for way, goal in asked:
+        of = "batches" if way == "identified" else way
+        kinds = [at_goal([line for line in lines if line["seed"] % 2 == k], of, goal)[0] for k in (0, 1)]
+        if way == "identified":
+            kinds = [[r["identified"] for r in rows if "identified" in r] for rows in kinds]
+        if not all(kinds):
+            continue
+        below = [(sum(r["true"] <= r["bound"] for r in rows), len(rows)) for rows in kinds]
+        both = tuple(map(sum, zip(*below, strict=True)))
+        ratio = ", ".join(f"{np.median([r['stated'] / r['true'] for r in rows]):.2f}" for rows in kinds)
+        name = f"one shot, {kinds[0][0]['poses']} poses" if way == OWN else f"{way} until {goal} mm"
+        counts = " | ".join(f"{hit} of {count}" for hit, count in (*below, both))
+        out.append(f"| {name} | {counts} | {ratio} |")
     return "\n".join(out)
