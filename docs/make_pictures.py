@@ -62,7 +62,7 @@ def pictures() -> Iterator[Picture]:
     yield Picture("ur5_before_after.png", partial(_chart, "ur5_before_after"), _of_run("ur5"))
     yield Picture("panda_before_after.png", partial(_chart, "panda_before_after"), _of_run("panda"))
     measured = ("docs/pictures/shown/stopping.json", f"{DRAWING}/stopping.py")
-    yield Picture("stopping.png", partial(_stopping, "0.3"), measured)
+    yield Picture("stopping.png", partial(_stopping, "0.2"), measured)
     for run, title in TITLES.items():
         yield Picture(f"{run}_stages.png", partial(_chart, "stages", run, title), _of_run(run))
 
