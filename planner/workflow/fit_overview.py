@@ -81,7 +81,9 @@ def _misfit_facts(found: Calibration, r: Release) -> Iterator[Fact]:
     if r.unexplained is None or parts is None or not misfit_counts(parts):
         return
     places = ", ".join(m.text for m in r.unexplained.ranges)
-    where, there = (f"most with {places}", "there") if places else ("alike everywhere", "more all over the workspace")
+    twice = "" if found.noise_floor is not None else ", 20 poses twice ([plan] repeat): that tells it from noise"
+    everywhere = "alike everywhere", f"more all over the workspace{twice}"
+    where, there = (f"most with {places}", "there") if places else everywhere
     how = " (edbb plan --aim tracing)" if found.fit.model.width == 1 else ""
     yield (
         "misfit",

@@ -62,7 +62,7 @@ def test_misfit_that_counts_is_one_line_how_much_where_and_what_to_measure(misfi
     """Without a tenth of the square 5 % less would be stated: less nobody notices."""
     parts = ErrorParts(seen=1e-4, unseen=2e-4, misfit=misfit, drift=0.0)
     place = largest_misfit(squares((2, 1.0, 2.0), (4, -2.0, -1.0)), Q)
-    found = SimpleNamespace(fit=SimpleNamespace(model=SimpleNamespace(width=width)))
+    found = SimpleNamespace(fit=SimpleNamespace(model=SimpleNamespace(width=width)), noise_floor=None)
     lines = list(_misfit_facts(found, SimpleNamespace(parts=parts, unexplained=place)))
     where = ", ".join(r.text for r in place.ranges)
     line = (
@@ -70,3 +70,13 @@ def test_misfit_that_counts_is_one_line_how_much_where_and_what_to_measure(misfi
     )
     assert lines == [("misfit", line)] * told
     assert not list(_misfit_facts(found, SimpleNamespace(parts=parts, unexplained=None)))
+
+
+@pytest.mark.parametrize(
+    ("floor", "more"), [(None, ", 20 poses twice ([plan] repeat): that tells it from noise"), (1e-5, "")]
+)
+def test_misfit_that_is_alike_everywhere_may_be_noise_unless_poses_were_repeated(floor, more):
+    parts = ErrorParts(seen=1e-4, unseen=1e-4, misfit=3e-4, drift=0.0)
+    found = SimpleNamespace(fit=SimpleNamespace(model=SimpleNamespace(width=3)), noise_floor=floor)
+    ((_, line),) = _misfit_facts(found, SimpleNamespace(parts=parts, unexplained=largest_misfit(squares(), Q)))
+    assert line.endswith(f"alike everywhere: measure more all over the workspace{more}")
