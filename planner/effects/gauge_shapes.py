@@ -3,10 +3,10 @@
 They have no name and are never sought; beside them an error that nobody wrote down does not go into the arm's lengths.
 A gauge of lengths is less linear than it repeats, and one of 1 µm does not err like a wire: the size goes with the
 declared noise. Both are estimates, of which the run says how far they are off.
-What such an error is on average over directions, as of a wire that always hangs through, looks partly like a scale and
-a zero. The zero is free; how well the scale is known its cell says, and it is a parameter of its own: so the shapes in
-the length are Legendre's, which hold neither, and the one that grows with it in proportion, however the bar stands, is
-not among them. Powers would hold the scale once more, as large again, and the arm's lengths would count as known worse.
+What such an error is on average over directions, as of a bar that always hangs through, looks partly like a scale and a
+zero, beside those that the cell declares: the lengths of an arm are known no better than the gauge errs. The shapes in
+the length are Legendre's, so that one of them is a scale and the others are none: of powers each holds a scale, and all
+together twice what one sigma of them says.
 """
 
 from collections.abc import Iterator
@@ -71,8 +71,7 @@ def _bar_shapes(run: Excitation) -> Iterator[Parameter]:
     about, span = round(sum(ends) / 2, 3), max(round((ends[1] - ends[0]) / 2, 3), 1e-3)
     # e is a unit vector: higher powers of its last component say nothing more
     degree = 3  # of the polynomial in place and direction
-    scale = (1, 0, 0, 0)
-    powers = [p for p in product(range(degree + 1), repeat=4) if 0 < sum(p) <= degree and p[3] < 2 and p != scale]
+    powers = [p for p in product(range(degree + 1), repeat=4) if 0 < sum(p) <= degree and p[3] < 2]
     # 5e-6: [m] ball bars err by some micrometres, however well they repeat (Kakino et al. 1987, CIRP Annals 36(1))
     size = max(BAR_SHAPE * float(run.setup.gauge.sigmas[0]), 5e-6) / np.sqrt(len(powers))
     for p in powers:

@@ -232,20 +232,18 @@ def test_a_gauge_errs_by_what_is_declared_of_it():
     assert sizes == pytest.approx([5e-6, 3e-5, 6e-5])
 
 
-def test_a_gauges_shapes_hold_neither_its_scale_nor_its_zero():
-    """Both are parameters of their own: what is alike in all directions is at right angles to them over the lengths."""
+def test_one_shape_of_a_gauge_is_a_scale_and_the_others_are_none():
+    """What is alike in all directions is at right angles to each other and to the zero, and as large as it says."""
     setup = setup_of(load_cell(str(CELLS["bar"]), planning=False))
     q = bar_poses()
     shapes = [p.moves[0].phi for p in gauge_shapes(Excitation.of(setup, Samples(q, np.zeros(len(q), dtype=int))))]
     alike = [phi for phi in shapes if not (phi.x or phi.y or phi.z)]
-    assert [phi.length for phi in alike] == [2, 3]
+    assert [phi.length for phi in alike] == [1, 2, 3]
     at, weight = np.polynomial.legendre.leggauss(8)
     length = alike[0].about + alike[0].span * at
     every_way = SimpleNamespace(length=length, bar=SimpleNamespace(direction=np.tile([0.6, 0.0, 0.8], (8, 1))))
-    scale_and_zero = np.stack([np.ones(8), length]) * weight
-    for phi in alike:
-        assert scale_and_zero @ phi(every_way) == pytest.approx(0.0, abs=1e-12)
-        assert 0.5 * weight @ phi(every_way) ** 2 == pytest.approx(1.0)
+    columns = np.stack([np.ones(8), *(phi(every_way) for phi in alike)])
+    assert 0.5 * columns * weight @ columns.T == pytest.approx(np.eye(4), abs=1e-12)
 
 
 def gap_of_lumps(families, q, rng):
