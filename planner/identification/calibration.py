@@ -91,7 +91,7 @@ class Calibration(Identification):
         diagnosis: every test of the last stage's residual.
         released: the robot that is written; the last stage's where it is ``None``.
         other_zeros: the joint zeros in the axes of the cell's other controllers, where these count otherwise.
-        planned_errors: what its plan has foreseen after each pose [m], where that is known.
+        planned_errors: what the plan of each session has foreseen after each pose [m], empty where that is not known.
         good_for: what the released robot is good for, whether or not a tolerance was asked for.
         asides: those of the warnings that ask nothing of anybody.
     """
@@ -103,7 +103,7 @@ class Calibration(Identification):
     diagnosis: Annotated[ResidualDiagnosis, OnlyInMemory] = Field(exclude=True)
     released: Annotated[ReleasedRobot | None, OnlyInMemory] = Field(default=None, exclude=True)
     other_zeros: Annotated[tuple[JointZero, ...], OnlyInMemory] = Field(default=(), exclude=True)
-    planned_errors: Annotated[tuple[float, ...], OnlyInMemory] = Field(default=(), exclude=True)
+    planned_errors: Annotated[tuple[tuple[float, ...], ...], OnlyInMemory] = Field(default=(), exclude=True)
     good_for: Annotated[Use | None, OnlyInMemory] = Field(default=None, exclude=True)
     asides: Annotated[frozenset[str], OnlyInMemory] = Field(default=frozenset(), exclude=True)
 

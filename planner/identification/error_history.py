@@ -23,7 +23,7 @@ class ErrorHistory:
     Attributes:
         error: after the first 1 … n samples, (n,) [m], on the scale of what is stated.
         worth: how much larger the mean square error would be without each sample, as a part of it, (n,).
-        minutes: from the first sample, (n,); ``None`` where no clock was logged, or sessions have clocks of their own.
+        minutes: from the first sample, (n,); ``None`` where no clock was logged.
     """
 
     error: Array
@@ -69,7 +69,15 @@ def _tool_root(released: ReleasedRobot) -> Array:
 
 
 def _minutes(samples: Samples) -> Array | None:
-    t = samples.t
-    if t is None or len(np.unique(samples.session_numbers)) > 1 or np.any(np.diff(t) < 0) or np.ptp(t) <= 0.0:
+    """Return the time of each reading [min]; sessions follow each other, what lies between two is a pose's time."""
+    if samples.t is None:
         return None
-    return np.asarray((t - t[0]) / 60.0)
+    out, begun = np.zeros(len(samples)), 0.0
+    for k in np.unique(samples.session_numbers):
+        own = np.flatnonzero(samples.session_numbers == k)
+        t = samples.t[own]
+        if np.any(np.diff(t) < 0) or np.ptp(t) <= 0.0:
+            return None
+        out[own] = begun + t - t[0]
+        begun = out[own[-1]] + float(np.median(np.diff(t)))
+    return np.asarray(out / 60.0)

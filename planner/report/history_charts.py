@@ -27,9 +27,12 @@ def _chart(facts: CalibrationFacts, found: ErrorHistory) -> Chart:
     error = to_mm(found.error)
     reached = Series("reached", x, error, BLUE)
     lines = [reached]
-    if planned := c.planned_errors:
-        shown = np.array(planned[:n])
-        lines.append(Series("planned", x[: len(shown)], to_mm(shown), GREY, dashed=True))
+    session = c.run.samples.session_numbers
+    for k, planned in enumerate(c.planned_errors):
+        own = np.flatnonzero(session == k)[: len(planned)]
+        if len(own):
+            name = "planned" if k == 0 else f"planned, run {k + 1}"
+            lines.append(Series(name, x[own], to_mm(np.array(planned[: len(own)])), GREY, dashed=True))
     drawn = np.concatenate([s.y for s in lines])
     span = (0.7 * float(drawn.min()), 1.3 * float(drawn.max()))
     curve = Panel("", label, "expected error (mm, logarithmic)", tuple(lines), log_y=True, y_range=span)

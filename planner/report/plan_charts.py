@@ -90,7 +90,7 @@ def expected_error_chart(expected: BayesianDesign) -> Chart:
     untraced, bound = (float(to_mm(v)) for v in (expected.unknown.untraced_error, expected.bound))
     limits = (
         ReferenceLine(untraced, expected.unknown.untraced_label),
-        ReferenceLine(bound, f"no {len(n)} poses leave less", below=True),
+        ReferenceLine(bound, f"no {len(n)} candidates leave less", below=True),
     )
     # 30: poses, before which errors are off the picture
     top = 1.5 * max(untraced, float(to_mm(expected.after[min(len(n), 30) - 1])))

@@ -52,7 +52,7 @@ from planner.tracing.trace import trace
 from planner.workflow.calibration_tables import error_rows, finding_row, parameter_row, stage_row, tool_row
 from planner.workflow.fit_overview import fit_overview
 from planner.workflow.identify_call import IdentifyCall
-from planner.workflow.joint_runs import RunSource, are_sessions, load_sessions, run_sources, single_value
+from planner.workflow.joint_runs import RunSource, are_sessions, load_planned_sessions, run_sources, single_value
 from planner.workflow.run_checks import cell_of_run, check_unit, split_by_plan
 
 if TYPE_CHECKING:
@@ -243,14 +243,15 @@ def _identify_sessions(
 ) -> CalibrationResult:
     """Identify the robot of several sessions, each with its own fixtures and gauge."""
     with stages.stage("reading"):
-        run, cell, kept_out = load_sessions(sources)
+        run, cell, kept_out, plans = load_planned_sessions(sources)
         cell = with_fleet(cell, asked.fleet)
         judge = asked.validate
         other = kept_out if judge is None else drop_unreadable(cell, load_any(judge, cell.robot))
     with stages.stage("identification"):
         tracer = None if asked.no_trace else trace
         found = fit_and_trace(run, cell, other, settings, lambda s: stages.say(s, 0, 0), tracer)
-    return _result(found, cell, asked, stages)
+    foreseen = tuple(() if plan is None else _foreseen_errors(plan) for plan in plans)
+    return _result(found.model_copy(update={"planned_errors": foreseen}), cell, asked, stages)
 
 
 def _result(found: Calibration, cell: Cell, asked: IdentifyCall, stages: Stages) -> CalibrationResult:
@@ -338,7 +339,7 @@ def identify_runs(
             run = replace(run, warnings=tuple(dict.fromkeys((*run.warnings, *other.warnings))))
     with stages.stage("identification"):
         found = fit_and_trace(run, cell, other, settings, lambda s: stages.say(s, 0, 0), trace if tracing else None)
-    return found.model_copy(update={"planned_errors": foreseen}) if foreseen else found
+    return found.model_copy(update={"planned_errors": (foreseen,)}) if foreseen else found
 
 
 def _foreseen_errors(document: PlanDocument) -> tuple[float, ...]:

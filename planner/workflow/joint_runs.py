@@ -85,20 +85,33 @@ def load_sessions(sources: Sequence[RunSource]) -> tuple[Run, Cell, Run | None]:
     Raises:
         InputError: a file is wrong, a run belongs to another plan or robot, or nothing says where it was measured.
     """
+    run, cell, kept_out, _ = load_planned_sessions(sources)
+    return run, cell, kept_out
+
+
+def load_planned_sessions(
+    sources: Sequence[RunSource],
+) -> tuple[Run, Cell, Run | None, tuple[PlanDocument | None, ...]]:
+    """Return what :func:`load_sessions` does, and the plan of each session.
+
+    Raises:
+        InputError: as there.
+    """
     refuse_repeated_files([s.path for s in sources])
     names = _session_names([s.path for s in sources])
     loaded = [_load(source, name) for source, name in zip(sources, names, strict=True)]
-    run, cell = join_sessions([session for session, _ in loaded])
+    run, cell = join_sessions([session for session, _, _ in loaded])
     run = number_samples(run)
-    aside = np.concatenate([mask for _, mask in loaded])
+    aside = np.concatenate([mask for _, mask, _ in loaded])
+    plans = tuple(plan for _, _, plan in loaded)
     if not aside.any():
-        return run, cell, None
+        return run, cell, None, plans
     kept_out = replace(run.take(aside), name=f"{run.name}, validation poses")
-    return run.take(~aside), cell, kept_out
+    return run.take(~aside), cell, kept_out, plans
 
 
-def _load(source: RunSource, name: str) -> tuple[MeasuredSession, np.ndarray]:
-    """Read a run with its cell; tell which of its samples are at validation poses of its plan."""
+def _load(source: RunSource, name: str) -> tuple[MeasuredSession, np.ndarray, PlanDocument | None]:
+    """Read a run with its cell; tell which of its samples are at validation poses of its plan, and which plan it is."""
     path, plan = _plan_of(source)
     cell = _cell_of(source, path)
     run = load_runs([source.path], cell.robot.n_joints, cell.robot.axes_of)
@@ -119,7 +132,7 @@ def _load(source: RunSource, name: str) -> tuple[MeasuredSession, np.ndarray]:
     if name != source.path.stem:  # several files are called alike
         run = replace(run, files=(f"{source.path.resolve().parent.name}/{source.path.name}",))
     planned = run.plan_id if plan is None else plan.plan_id
-    return MeasuredSession(name, run, cell, cell.gauge.mounting or planned or ""), aside
+    return MeasuredSession(name, run, cell, cell.gauge.mounting or planned or ""), aside, plan
 
 
 def _plan_of(source: RunSource) -> tuple[Path, PlanDocument | None]:

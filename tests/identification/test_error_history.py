@@ -1,5 +1,7 @@
 """The history of a run against covariances that are inverted here, pose by pose."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -53,9 +55,26 @@ def test_the_worth_of_a_pose_is_what_is_lost_without_it(found):
 
 
 def test_the_chart_shows_what_was_planned_beside_what_was_reached(found):
-    planned = found.model_copy(update={"planned_errors": tuple(np.linspace(2e-3, 1e-4, 40))})
+    planned = found.model_copy(update={"planned_errors": (tuple(np.linspace(2e-3, 1e-4, 40)),)})
     chart = history_charts(CalibrationFacts(planned))[0]
     assert [s.name for s in chart.panels[0].series] == ["reached", "planned"]
     np.testing.assert_allclose(chart.panels[0].series[1].y, np.linspace(2.0, 0.1, 40))
     best = 1 + int(np.argmax(error_history(found.released, found.run.samples).worth))
     assert f"pose {best}" in chart.caption
+
+
+def test_of_two_sessions_each_plan_begins_where_its_session_does_and_the_clock_goes_on(found):
+    n = len(found.run)
+    first = n // 2
+    session = np.repeat([0, 1], (first, n - first))
+    t = np.concatenate([30.0 * np.arange(first), 20.0 * np.arange(n - first)])  # the second clock begins anew
+    run = replace(found.run, samples=replace(found.run.samples, session=session, t=t))
+    planned = (tuple(np.linspace(2e-3, 1e-3, first)), tuple(np.linspace(1e-3, 1e-4, 5)))
+    both = found.model_copy(update={"planned_errors": planned, "run": run})
+    panel = history_charts(CalibrationFacts(both))[0].panels[0]
+    assert [s.name for s in panel.series] == ["reached", "planned", "planned, run 2"]
+    reached, before, after = (s.x for s in panel.series)
+    assert np.all(np.diff(reached) > 0)
+    assert reached[-1] == pytest.approx((30.0 * first + 20.0 * (n - first - 1)) / 60.0)
+    np.testing.assert_allclose(before, reached[:first])
+    np.testing.assert_allclose(after, reached[first : first + 5])
