@@ -20,7 +20,7 @@ catalogue, every other arm with one that no catalogue has. All ways choose among
 - ``oracle``: ``by the minute`` by one who knows how large the effects of this very arm are (as all poses show them).
 
 Readings are those of the true arm with all its causes, in their order of time; the estimate is the one that ``edbb
-measure`` makes at the cell (linear, its sizes learnt, causes without a name among them), whose 95 % limit stops. The
+measure`` makes at the cell (sizes and noise learnt, causes without a name among them, one step), whose limit stops. The
 true error is that of the tool against the model's mean, over the workspace. Legs take as long as the planner's tour
 estimates them; paths are not proven. Sets that are fixed are asked after 20 to 180 poses (``SETS``), in one tour each.
 Which number is enough for the arm at hand nobody knows beforehand: they are shown with one number for all arms
