@@ -62,7 +62,8 @@ def _verdict_facts(found: Calibration, release: Release | None) -> Iterator[Fact
     if (own := release.work_tool) is not None:
         yield "own tool", f"{_mm(own.nominal_anywhere)} → {_mm(own.anywhere)} mm  with the tool that it works with"
     yield from () if leads else misfit
-    if parts is not None and not leads:
+    # 2: times misfit from which on what no poses show has a line beside it: the screen is to have room for causes
+    if parts is not None and not leads and (not misfit or drift_counts(parts) or parts.unseen > 2 * parts.misfit):
         yield from _part_facts(parts)
 
 
