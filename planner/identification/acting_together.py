@@ -6,6 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 from scipy.linalg import solve_triangular
+from scipy.linalg.lapack import dpotri
 
 from planner.common.units import Array
 from planner.identification.contest_arena import Block
@@ -104,8 +105,9 @@ class Together:
         columns, size = sizes_of(parts)
         information = np.eye(len(columns)) + size[:, None] * gram[np.ix_(columns, columns)] * size
         covariance, along = np.zeros((len(size) + 1, len(size) + 1)), np.append(0.0, size * gram[columns, -1])
-        covariance[1:, 1:] = np.linalg.inv(information)
-        log_det, none = -float(np.linalg.slogdet(information)[1]), np.zeros((len(along), 0))
+        root, none = np.linalg.cholesky(information), np.zeros((len(along), 0))
+        half, log_det = np.tril(dpotri(root, lower=1)[0]), -2 * float(np.log(np.diag(root)).sum())
+        covariance[1:, 1:] = half + np.tril(half, -1).T
         stays, mean, alike = (
             np.ones(len(parts), dtype=bool),
             covariance @ along,
