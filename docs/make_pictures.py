@@ -116,11 +116,16 @@ def _stopping(goal: str) -> bytes:
 
 
 def measure(run: str) -> None:
-    """Fit a public run again and keep its figures, where what decides them has changed."""
+    """Fit a public run again and keep its figures: of its stages, and of the robot that is written."""
     import docs.drawing.real_runs as real_runs
 
-    figures = getattr(real_runs, f"measure_{run}")()
-    file = PICTURES / "shown" / f"{run}.json"
+    released = PICTURES / "shown" / "released.json"
+    all_runs = json.loads(released.read_text(encoding="utf-8"))
+    _keep(PICTURES / "shown" / f"{run}.json", getattr(real_runs, f"measure_{run}")())
+    _keep(released, all_runs | {run: getattr(real_runs, f"released_{run}")()})
+
+
+def _keep(file: Path, figures: dict[str, object]) -> None:
     file.write_text(json.dumps(figures, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
 
 

@@ -1,4 +1,7 @@
-"""Figures of the public runs in ``tests/data``: fitted as the command fits them, judged on poses that it never saw."""
+"""Figures of the public runs in ``tests/data``: fitted as the command fits them, judged on poses that it never saw.
+
+``measure_…`` fit the stages that the pictures show, ``released_…`` say how good the robot is that is written.
+"""
 
 from dataclasses import replace
 from pathlib import Path
@@ -13,20 +16,24 @@ from planner.cell.cell import Cell
 from planner.cell.reading import load_cell
 from planner.cell.setup import MeasurementSetup, Targets
 from planner.common.units import MM, Array, to_mm
+from planner.identification.calibrated_robot import CalibratedRobot
 from planner.identification.calibration import Calibration
 from planner.identification.cross_validation import validate_fit, validation_residual
 from planner.identification.least_squares import Fit
 from planner.identification.pipeline import FitSettings
 from planner.identification.run_setup import add_motion, setup_for_run
+from planner.kinematics.robot_reader import load_robot
 from planner.model.identification_document import Metrics
 from planner.runs.loader import load_run, load_runs
 from planner.runs.run import Run
 from planner.tracing.trace import trace
+from planner.workflow.identification import identify
 
 ROOT = Path(__file__).resolve().parents[2]
 DATA, CELLS = ROOT / "tests" / "data", ROOT / "tests" / "identification" / "cells"
 FAST = FitSettings(release=False)  # the stages of the fit are shown, not the robot that is written
 UM_DIGITS = 4  # of a millimetre
+PAGE_DIGITS = 3  # of a millimetre, as the pages say them
 PANDA_CELL = """schema = "edbb-cell/1"
 robot = "{urdf}"
 tip = "ball_link"
@@ -65,11 +72,57 @@ def measure_panda() -> dict[str, Any]:
         path = Path(folder) / "panda.toml"
         path.write_text(PANDA_CELL.format(urdf=(DATA / "panda-ball" / "panda.urdf").as_posix()))
         cell = load_cell(path, planning=False)
-        files = sorted(f for f in (DATA / "panda-ball").glob("*.csv") if f.stem != "front_center")
-        others = load_runs(files, 7)
+        others = _other_placements()
         c, fits = _fit_judged(load_run(DATA / "panda-ball" / "front_center.csv", 7), cell, others)
         each = {name: _by_placement(fits[name], others) for name in ("nominal", c.stages[-1].name)}
     return {"places": list(others.places), "mean_mm": each, "last": c.stages[-1].name, **_stages(c)}
+
+
+def released_ur5() -> dict[str, float]:
+    """UR5, as the README identifies it: errors [mm] over the workspace and at the 20 poses kept apart (mean)."""
+    folder = DATA / "ur5-tracker"
+    c = identify(folder / "run.csv", cell=CELLS / "ur5-tracker.toml", validate=folder / "validation.csv").calibration
+    return _stated(c) | {"validation_mean_mm": _on_page(c.release.validation.mean)}
+
+
+def released_panda() -> dict[str, float]:
+    """Panda, as its tutorial identifies it, on its other placements by the robot as it is read back from the file."""
+    found = identify(DATA / "panda-ball" / "front_center.csv", cell=ROOT / "examples" / "panda_ball.toml")
+    others = _other_placements()
+    with TemporaryDirectory() as folder:
+        found.write_robot(folder)
+        p, R = CalibratedRobot(load_robot(str(Path(folder) / "robot.toml"))).flange(others.samples.q)
+    off = _off_sockets(p + R @ found.calibration.released.tool_point, others)
+    return _stated(found.calibration) | {"other_placements_mean_mm": _on_page(float(off.mean()))}
+
+
+def released_ur10() -> dict[str, float]:
+    """UR10 with its causes, minutes of a processor: errors [mm] over the workspace and at the blocks held out."""
+    cell = CELLS / "ur10-tracker.toml"
+    c = identify(DATA / "ur10-tracker" / "run.csv", cell=cell).calibration
+    held_out = {"held_out_mean_mm": c.release.held_out.mean, "held_out_rms_mm": c.release.held_out.rms}
+    return _stated(c) | {name: _on_page(value) for name, value in held_out.items()}
+
+
+def _stated(c: Calibration) -> dict[str, float]:
+    """Return what ``identify`` states of the robot that it writes, rms over the workspace [mm]."""
+    stated = {
+        "nominal_anywhere_mm": c.release.nominal_anywhere,
+        "known_anywhere_mm": c.workspace_error,
+        "at_most_mm": c.release.at_most,
+        "where_measured_mm": c.release.where_measured,
+    }
+    return {name: _on_page(value) for name, value in stated.items()}
+
+
+def _on_page(value: float) -> float:
+    return round(value / MM, PAGE_DIGITS)
+
+
+def _other_placements() -> Run:
+    """Return the Panda's readings that no fit sees."""
+    files = sorted(f for f in (DATA / "panda-ball").glob("*.csv") if f.stem != "front_center")
+    return load_runs(files, 7)
 
 
 def _fit_judged(run: Run, cell: Cell, apart: Run, tracer: Any = None) -> tuple[Calibration, dict[str, Fit]]:
@@ -91,11 +144,16 @@ def _by_placement(found: Fit, run: Run) -> dict[str, Any]:
     samples = replace(run.samples, place=np.zeros(len(run), dtype=int))
     model = found.model.fix_at(found.errors)
     x = -model.residual(samples, Targets(position=np.zeros((len(run), 3))), np.zeros(0))
-    socket = run.samples.place * len(run.balls) + run.readings.ball
-    centre = np.stack([x[socket == k].mean(axis=0) for k in range(socket.max() + 1)])
-    off = to_mm(np.linalg.norm(x - centre[socket], axis=1))
+    off = to_mm(_off_sockets(x, run))
     each = [float(off[run.samples.place == k].mean()) for k in range(len(run.places))]
     return {"all": round(float(off.mean()), UM_DIGITS), "each": [round(v, UM_DIGITS) for v in each]}
+
+
+def _off_sockets(p: Array, run: Run) -> Array:
+    """Distances [m] of balls (n, 3) [m] to the mean of those in the same socket."""
+    socket = run.samples.place * len(run.balls) + run.readings.ball
+    centre = np.stack([p[socket == k].mean(axis=0) for k in range(socket.max() + 1)])
+    return np.asarray(np.linalg.norm(p - centre[socket], axis=1))
 
 
 def _sizes(residual: Array) -> list[float]:

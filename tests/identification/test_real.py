@@ -4,23 +4,22 @@
 """
 
 import json
+import os
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+import docs.drawing.real_runs as real_runs
 from planner.cell.placement import Targets
 from planner.cell.reading import load_cell
 from planner.common.units import MM
-from planner.identification.calibrated_robot import CalibratedRobot
 from planner.identification.calibration import Calibration
 from planner.identification.cross_validation import split_run
 from planner.identification.pipeline import FitSettings, identify
-from planner.kinematics.robot_reader import load_robot
 from planner.runs.loader import load_run, load_runs
 from planner.runs.run import Run
-from planner.workflow.identification import identify as identify_run
 
 DATA = Path(__file__).resolve().parents[1] / "data"
 CELLS = Path(__file__).parent / "cells"
@@ -186,33 +185,12 @@ def test_panda_says_how_well_50_mm_hold_the_scale(panda):
     assert 0.3 * two_means < found[True, 1e3] < 5 * two_means
 
 
-@pytest.mark.long
-@pytest.mark.parametrize("name", ["ur5", "panda"])
-def test_what_the_pages_say_of_the_robot_that_is_written_is_what_the_fit_states(name, tmp_path):
-    """The figures of the pages are kept in ``docs/pictures/shown/released.json``.
+MINUTES = pytest.mark.skipif(not os.environ.get("EDBB_ALL_TRIALS"), reason="takes minutes: only with EDBB_ALL_TRIALS=1")
 
-    The Panda on its other placements is the robot as it is read back from the file.
-    """
-    kept = json.loads((DATA.parents[1] / "docs" / "pictures" / "shown" / "released.json").read_text())[name]
-    if name == "ur5":
-        folder = DATA / "ur5-tracker"
-        cell = CELLS / "ur5-tracker.toml"
-        found = identify_run(folder / "run.csv", cell=cell, validate=folder / "validation.csv")
-    else:
-        cell = DATA.parents[1] / "examples" / "panda_ball.toml"
-        found = identify_run(DATA / "panda-ball" / "front_center.csv", cell=cell)
-    c = found.calibration
-    release = c.release
-    figures = {
-        "nominal_anywhere_mm": release.nominal_anywhere,
-        "known_anywhere_mm": c.workspace_error,
-        "at_most_mm": release.at_most,
-        "where_measured_mm": release.where_measured,
-        "validation_mean_mm": None if release.validation is None else release.validation.mean,
-    }
-    if name == "panda":
-        found.write_robot(tmp_path)
-        others = load_runs([f for f in (DATA / "panda-ball").glob("*.csv") if f.stem != "front_center"], 7)
-        p, R = CalibratedRobot(load_robot(str(tmp_path / "robot.toml"))).flange(others.samples.q)
-        figures["other_placements_mean_mm"] = mean_to_sockets(p + R @ c.released.tool_point, others)
-    assert {k: v / MM for k, v in figures.items() if v is not None} == pytest.approx(kept, abs=6e-4)
+
+@pytest.mark.long
+@pytest.mark.parametrize("run", ["ur5", "panda", pytest.param("ur10", marks=MINUTES)])
+def test_what_the_pages_say_of_the_robot_that_is_written_is_what_the_fit_states(run):
+    """``python -m docs.make_pictures --measure`` keeps the figures of the pages; tests/docs holds the pages to them."""
+    kept = json.loads((DATA.parents[1] / "docs" / "pictures" / "shown" / "released.json").read_text())[run]
+    assert getattr(real_runs, f"released_{run}")() == pytest.approx(kept, abs=6e-4)
