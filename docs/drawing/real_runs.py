@@ -90,7 +90,7 @@ def released_panda() -> dict[str, float]:
     found = identify(DATA / "panda-ball" / "front_center.csv", cell=ROOT / "examples" / "panda_ball.toml")
     others = _other_placements()
     with TemporaryDirectory() as folder:
-        found.write_robot(folder)
+        found.write_robot(Path(folder))
         p, R = CalibratedRobot(load_robot(str(Path(folder) / "robot.toml"))).flange(others.samples.q)
     off = _off_sockets(p + R @ found.calibration.released.tool_point, others)
     return _stated(found.calibration) | {"other_placements_mean_mm": _on_page(float(off.mean()))}
