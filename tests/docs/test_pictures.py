@@ -82,6 +82,7 @@ def test_the_pages_say_the_error_over_the_workspace_beside_that_at_poses_like_th
         )
     ur5, panda = shown("released")["ur5"], shown("released")["panda"]
     assert f"which programs are corrected by: {ur5['validation_mean_mm']})" in results
+    assert f"with its causes: {shown('released')['ur10']['held_out_mean_mm']})" in results
     assert f"{ur5['nominal_anywhere_mm']:.2f} mm before and {ur5['known_anywhere_mm']:.2f} mm after (rms" in readme
     assert f"below {ur5['at_most_mm']:.2f} mm" in readme
     assert (
@@ -93,6 +94,10 @@ def test_the_pages_say_the_error_over_the_workspace_beside_that_at_poses_like_th
 
 
 def test_what_is_written_of_the_public_runs_is_no_worse_than_was_reached_before():
-    best = {"ur5": ("validation_mean_mm", 0.0533), "panda": ("other_placements_mean_mm", 0.3325)}
+    best = {
+        "ur5": ("validation_mean_mm", 0.0533),
+        "panda": ("other_placements_mean_mm", 0.3325),
+        "ur10": ("held_out_mean_mm", 0.0826),
+    }
     for robot, (key, most) in best.items():
         assert shown("released")[robot][key] <= most, robot
