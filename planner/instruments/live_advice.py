@@ -106,13 +106,17 @@ class LiveAdvice:
         goal = f"{float(to_mm(self.estimate.until)):.3g} mm"
         if self.estimate.reached:
             return f"{said}: {goal} is reached"
+        further = "plan on with edbb plan --after" if self.estimate.width == 1 else "it takes a plan of more poses"
         left = len(self.estimate.unread_poses()) if stands.more is None else stands.more
+        if not left:
+            return f"{said}; no pose is left and {goal} is not reached: {further}"
         minutes = left * self.pace / 60.0
         poses = "1 more pose" if left == 1 else f"{left} more poses"
-        more = f"{poses}, about {minutes:.0f} min, would bring {float(to_mm(stands.then)):.3f} mm"
+        lasting = f"about {minutes:.0f} min" if round(minutes) else "less than a minute"
+        more = f"{poses}, {lasting}, would bring {float(to_mm(stands.then)):.3f} mm"
         if stands.more is None:
-            further = "plan on with edbb plan --after" if self.estimate.width == 1 else "it takes a plan of more poses"
-            return f"{said}; {more}, not {goal}: then {further}"
+            limit = f"95 % below {float(to_mm(stands.then_at_most)):.3f} mm"
+            return f"{said}; {more}, {limit} and not {goal}: then {further}"
         return f"{said}; {more}"
 
 

@@ -54,7 +54,7 @@ class Progress:
         poses: read so far.
         error, at_most: of the tool over the workspace [m], expected, and what 95 of 100 such robots stay below.
         more: further poses of the plan that would bring ``at_most`` down to the goal; ``None``: all do not, or no goal.
-        then: the expected error after those, or after all that are left [m].
+        then, then_at_most: ``error`` and ``at_most`` as expected after those, or after all that are left [m].
         surprise: how far the last reading was from what was expected of it, in standard deviations of that.
     """
 
@@ -63,6 +63,7 @@ class Progress:
     at_most: float
     more: int | None
     then: float
+    then_at_most: float
     surprise: float
 
 
@@ -194,8 +195,9 @@ class LiveEstimate:
         ahead = LearntForesight.of(self.posterior, read, np.array(self.off), self._rows(left))
         at_most = self._limit_after(ahead, 0)
         more = None if self.until is None else self._count_until(ahead, len(left), at_most, self.until)
-        then = self._error_after(ahead, len(left) if more is None else more)
-        return Progress(len(self.read), self._error_after(ahead, 0), at_most, more, then, surprise)
+        further = len(left) if more is None else more
+        then, then_at_most = self._error_after(ahead, further), self._limit_after(ahead, further)
+        return Progress(len(self.read), self._error_after(ahead, 0), at_most, more, then, then_at_most, surprise)
 
     def _count_until(self, ahead: LearntForesight, left: int, at_most: float, goal: float) -> int | None:
         """Return how many of the poses that are left bring ``at_most`` down to a goal [m]; ``None``: all do not."""

@@ -1,6 +1,7 @@
 """The estimate at the cell: how true it is over arms drawn, what it costs a pose, what it passes and where it stops."""
 
 import json
+import re
 import time
 from copy import copy
 from dataclasses import replace
@@ -225,6 +226,16 @@ def test_a_goal_out_of_reach_says_so(bench, tmp_path):
     adviser, poses = advice(bench, tmp_path, 1e-6)
     said = adviser.advise(poses[0].id, 10.0, bench.made.length[0])
     assert "not 0.001 mm: then plan on with edbb plan --after" in said
+    then, limit = (float(re.search(rf"{word} ([\d.]+) mm(?= and|, 95)", said)[1]) for word in ("bring", "below"))
+    assert 0.001 < then < limit  # the error may be below a goal that its limit misses: the limit is said as well
+
+
+def test_where_no_pose_is_left_none_is_offered(bench, tmp_path):
+    adviser, poses = advice(bench, tmp_path, 1e-6)
+    *others, last = [p for p in poses if p.role == "calibrate"]
+    adviser.estimate.add_all(read_at([1e-3 * p.length_mm for p in others]))
+    said = adviser.advise(last.id, 10.0, 1e-3 * last.length_mm)
+    assert said.endswith("; no pose is left and 0.001 mm is not reached: plan on with edbb plan --after")
 
 
 def test_the_command_reads_until_the_goal_and_goes_on_where_it_was_left(tmp_path, monkeypatch):
