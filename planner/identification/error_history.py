@@ -60,11 +60,12 @@ def _tool_root(released: ReleasedRobot) -> Array:
     fit, tool = released.posterior.fit, released.tool
     here = {name: k for k, name in enumerate(fit.model.names)}
     at = [k for k, name in enumerate(tool.names) if name in here]
-    values, axes = np.linalg.eigh(tool.gram[np.ix_(at, at)] / len(tool.q))
-    kept = values > 1e-9 * values.sum()
-    out = np.zeros((len(fit.model.names), int(kept.sum())))
     which = [here[tool.names[k]] for k in at]
-    out[which] = axes[:, kept] * np.sqrt(values[kept]) * fit.problem.prior[which, None]
+    prior = fit.problem.prior[which]
+    values, axes = np.linalg.eigh(prior[:, None] * tool.gram[np.ix_(at, at)] * prior / len(tool.q))
+    kept = values > 1e-12 * values.sum()  # in prior sigmas: metres and radians have no common size
+    out = np.zeros((len(fit.model.names), int(kept.sum())))
+    out[which] = axes[:, kept] * np.sqrt(values[kept])
     return out
 
 

@@ -27,7 +27,8 @@ OFFSETS = {1: (3.0, -2.0, 1.5), 3: (-2.8, 2.9, -2.9), 5: (0.4, 0.02, -0.7), 7: (
 
 def settings(head=None, rest=None, moves=None, robot=None):
     return CentringSettings(
-        head=HeadSettings(**({"timeout_s": 0.2} | (head or {}))),
+        # 2 s: an indicator of a busy machine still answers; who tests that one says nothing asks for less
+        head=HeadSettings(**({"timeout_s": 2.0} | (head or {}))),
         rest=RestSettings(**({"settle_s": 0.0} | (rest or {}))),
         moves=MoveSettings(**(moves or {})),
         robot=RobotSettings(**({"answer_s": 1.0, "poll_s": 0.002, "move_s": 5.0} | (robot or {}))),
