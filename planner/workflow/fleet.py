@@ -27,7 +27,13 @@ class FleetResult(Result):
         # 1.5: times larger or smaller than usual, from where the screen says a size
         notable = [s for s in sizes if _times_off(s) >= 1.5]
         facts = [("" if k else "not as usual", _words(s)) for k, s in enumerate(notable[:8])]
-        facts += [("" if k else "odd", m.sentence) for k, m in enumerate(self.fleet.misfits())]
+        odd = self.fleet.misfits()
+        facts += [("" if k else "odd", m.sentence) for k, m in enumerate(odd)]
+        if odd:
+            names = ", ".join(dict.fromkeys(m.name for m in odd))
+            facts.append(
+                ("", f"the sizes count {names} too; if it was damaged, or is built otherwise, give the others alone")
+            )
         details = [("" if k else "sizes", _words(s)) for k, s in enumerate(self.fleet.file().sizes)]
         title = f"{len(self.fleet.robots)} robots {self.fleet.robot}: {len(sizes)} sizes of errors"
         return Summary(title, facts or [("sizes", "all about as usual")], details)

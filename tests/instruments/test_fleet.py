@@ -15,7 +15,7 @@ from planner.identification.fleet_fit import RobotErrors, misfits_of
 from planner.instruments.fleet import Fleet, read_robots
 from planner.runs.run import Samples
 from planner.session.movable_cell import cell_files
-from planner.workflow.fleet import fleet
+from planner.workflow.fleet import FleetResult, fleet
 from planner.workflow.identification import identify
 from tests.command import edbb
 from tests.identification.few_draws import few_draws
@@ -98,14 +98,16 @@ def test_a_robot_that_does_not_fit_is_named_and_no_other():
         named += [(m.name, m.group) for m in found] == [("odd", "angles, joint 3")]
     assert named >= 18
     assert wrong <= 1
+    said = " ".join(value for _, value in FleetResult(Fleet.of(KIND, odd)).overview().facts)
+    assert "odd does not fit the fleet: angles, joint 3 are " in said
+    assert "the sizes count odd too; if it was damaged" in said
+    assert "does not fit" not in str(FleetResult(made).overview().facts)
 
 
 def test_a_plan_takes_a_fleet_for_its_prior(tmp_path):
     _, made = drawn_fleet(1, 6)
     file = made.file()
     path = tmp_path / "fleet.toml"
-    from planner.workflow.fleet import FleetResult
-
     FleetResult(made).write(path)
     assert read_toml(path, FleetFile) == file
     cell = load_cell("kuka-kr6-r700/edbb")
