@@ -41,8 +41,7 @@ class FindingGroup:
     @property
     def is_doubtful(self) -> bool:
         """Whether another cause, or none, is likelier than the most certain of them."""
-        even_chance = 0.5  # probability below which another cause, or none, is likelier
-        return all(f.probability is not None and f.probability < even_chance for f in self.findings)
+        return all(_is_doubtful(f) for f in self.findings)
 
     @property
     def grade(self) -> Literal["found", "likely", "doubtful"]:
@@ -134,11 +133,17 @@ def rank_groups(findings: Iterable[Finding]) -> list[FindingGroup]:
 
 
 def _kind_of(f: Finding) -> tuple[str, ...] | None:
-    """What a finding has in common with others of its kind; ``None`` where it stands alone."""
+    """What a finding has in common with others of its kind, doubt included; ``None`` where it stands alone."""
+    doubt = "doubtful" if _is_doubtful(f) else ""  # one doubtful joint makes no doubt of five that are certain
     if f.after_sample is not None:
-        return f.effect, f.on, f.unit
+        return f.effect, f.on, f.unit, doubt
     is_one_joint = f.on.removeprefix(JOINT).isdigit() and f.inner is None and f.row is None
-    return (f.effect, JOINT, f.unit) if is_one_joint else None
+    return (f.effect, JOINT, f.unit, doubt) if is_one_joint else None
+
+
+def _is_doubtful(f: Finding) -> bool:
+    even_chance = 0.5  # probability below which another cause, or none, is likelier
+    return f.probability is not None and f.probability < even_chance
 
 
 def _groups_of(own: Sequence[Finding]) -> Iterator[FindingGroup]:

@@ -73,3 +73,12 @@ def test_the_document_has_them_as_one_random_effect():
     assert again.findings == group.findings
     assert (again.value, again.std) == pytest.approx((group.value, group.std))
     assert many_of_one_kind(found[:3]) is None
+
+
+def test_one_doubtful_joint_makes_no_doubt_of_the_others():
+    own = [
+        of_joint(k, 1e-5).model_copy(update={"probability": p}) for k, p in ((1, 0.99), (2, 0.97), (3, 0.95), (6, 0.01))
+    ]
+    sure, doubtful = group_findings(own)
+    assert (sure.grade, sure.probability, len(sure.findings)) == ("found", 0.95, 3)
+    assert (doubtful.grade, doubtful.title) == ("doubtful", "backlash, joint 6")
