@@ -106,6 +106,24 @@ def check_page(page, name):
 
 @needs_browser
 @pytest.mark.long
+def test_no_step_is_ticked_before_the_page_keeps_ticks(service, browser):
+    """On a slow line the list is there before its script: what was ticked then would be gone after a reload."""
+    add_plan(service.folder, "")
+    service.begin()
+    phone, held = open_page(browser, service, None, phone=True), []
+    phone.route("**/session.js*", lambda route: held.append(route), times=1)
+    phone.goto(f"/jobs/{JOB}/session", wait_until="commit")
+    expect(phone.locator("#step-1")).to_be_disabled()
+    while not held:
+        phone.wait_for_timeout(50)
+    held[0].continue_()
+    phone.check("#step-1")
+    phone.reload()
+    expect(phone.locator("#step-1")).to_be_checked()
+
+
+@needs_browser
+@pytest.mark.long
 def test_a_checklist_goes_on_without_a_network_and_is_seen_by_others_when_it_is_back(service, browser):
     people = PeopleStore(Database(service.folder / "jobs.sqlite3"))
     people.add("ada", Role.ADMINISTER, PASSWORD)

@@ -64,6 +64,7 @@ const tell = (text) => { find("#sent").textContent = text; };
 for (const box of boxes) {
   box.closest("li").querySelector("label span").append(Object.assign(document.createElement("span"), { className: "ticked hint" }));
   box.addEventListener("change", () => { tick(box, box.checked); keep(); show(); sync(); });
+  box.disabled = false; // not before a tick is kept: one made earlier would be lost
 }
 find("#again").addEventListener("click", () => { boxes.forEach((b) => tick(b, false)); keep(); show(); sync(); });
 addEventListener("online", sync);
