@@ -105,7 +105,8 @@ def test_a_session_that_goes_on_stands_where_it_stood(bench, stopped, tmp_path):
 
 def test_a_goal_out_of_reach_is_told(bench, tmp_path):
     done = centred(replace_plan(bench, 3), tmp_path, 1e-6)
-    assert all("not 0.001 mm: then it takes a plan of more poses" in line for line in done.said)
+    assert all("0.001 mm" in line and "takes a plan of more poses" in line for line in done.said)
+    assert "no pose is left and 0.001 mm is not reached" in done.said[-1]
 
 
 def test_without_a_goal_every_ball_is_centred(bench, tmp_path):
