@@ -7,7 +7,11 @@ from planner.design.bayesian_design import BayesianDesign
 
 def another_place_pays(expected: BayesianDesign) -> bool:
     """Tell whether a second fixture may show what all poses about the one there is cannot."""
-    return expected.floor >= PLACE_LIMITED_SHARE * expected.left and len(expected.unknown.model.setup.p_BX) == 1
+    return _is_limited_by_place(expected) and len(expected.unknown.model.setup.p_BX) == 1
+
+
+def _is_limited_by_place(expected: BayesianDesign) -> bool:
+    return expected.floor >= PLACE_LIMITED_SHARE * expected.left
 
 
 def describe_numbers_of_poses(expected: BayesianDesign) -> str:
@@ -16,11 +20,11 @@ def describe_numbers_of_poses(expected: BayesianDesign) -> str:
         f"{f.poses} poses {float(to_mm(f.error)):.3f} mm{'' if f.minutes is None else f', about {f.minutes:.0f} min'}"
         for f in expected.by_number
     )
-    if expected.floor < PLACE_LIMITED_SHARE * expected.left:
+    if not _is_limited_by_place(expected):
         return numbers
     floor = f"{float(to_mm(expected.floor)):.3f} mm"
-    one = len(expected.unknown.model.setup.p_BX) == 1
-    cure = "what another fixture would leave, --fixtures 2 says" if one else "these fixtures show no more"
+    more = another_place_pays(expected)
+    cure = "what another fixture would leave, --fixtures 2 says" if more else "these fixtures show no more"
     return f"{numbers}; all candidates together would leave {floor}: {cure}"
 
 
