@@ -154,7 +154,12 @@ class Role(Flag):
     REPEATABLE = auto()
     """May come more than once at a place, each time with another value of its nonlinear parameter."""
     UNTRACED = auto()
-    """Shows through other effects only and is fitted with them."""
+    """Never looked for: it shows through other effects only."""
+    SAME_LAW = auto()
+    """By the same law at the same place as another cause: found in its name, and a rival that no reading tells from it.
+
+    It is untraced as well, so that what both explain is counted once.
+    """
     NONPARAMETRIC = auto()
     """A smooth correction without a physical cause."""
     CHANGE = auto()
@@ -248,6 +253,7 @@ class Effect:
         role: in the search.
         repeat: 2 and more for those that come again at the same place.
         scanned: how many samples and things it was chosen from, beside what the catalogue offers.
+        odds: of a cause of the same law, over the one in whose name it is found: how often it is met for each of that.
     """
 
     kind: str
@@ -260,6 +266,7 @@ class Effect:
     role: Role = Role.ORDINARY
     repeat: int = 1
     scanned: int = 1
+    odds: float = 1.0
 
     @cached_property
     def family(self) -> str:

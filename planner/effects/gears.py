@@ -1,6 +1,7 @@
 """Effects of encoders, gears, couplings and bearings on the angle of a joint."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import partial
 from typing import Literal
 
@@ -9,7 +10,7 @@ import numpy as np
 from planner.common.units import TURN, Array, to_deg
 from planner.effects.basis import BasisFunction, EffectVariable
 from planner.effects.catalogue import Background, Excitation, register
-from planner.effects.compliance import twist_moves
+from planner.effects.compliance import LEAST_LOAD, WeightTorque, twist_moves
 from planner.effects.context import Context
 from planner.effects.effect import Effect, Parameter, Role, ShapeParameter, joint_place, transform_move
 from planner.effects.sizes import GEAR_WAVE, LARGEST_COUPLING
@@ -20,6 +21,7 @@ WAVES: tuple[Literal["sin", "cos"], ...] = ("sin", "cos")
 TIMES = ((1.0, "once"), (2.0, "twice"), (3.0, "three times"))  # a turn, in words
 SLAMANI = "Slamani, Nubiola & Bonev 2012, Industrial Robot 39(1): positioning errors of a serial robot, 0.1 mm waves"
 STRAIN = "Ghorbel, Gandhi & Alpeter 2001, J. Mech. Design 123(1): strain-wave gears err twice a turn of the motor"
+SPRINGS = "Herder 2001, Energy-free Systems, TU Delft: torque of a spring over a pivot by the sine; odds estimated"
 NUBIOLA = "Nubiola & Bonev 2013, RCIM 29(1): coupling of wrist joints"
 
 
@@ -76,6 +78,26 @@ def encoder_eccentricity(run: Excitation) -> Iterator[Effect]:
         for (often, word), cause in zip(TIMES, ("out of centre", "out of round or tilted"), strict=False):
             sentence = f"joint {i + 1}: encoder or gear {cause}, an error {word} a turn, {{size}}"
             yield _wave(run, f"encoder {word} a turn", i, often, sentence, SLAMANI, Role.GEAR_WAVE)
+
+
+@register(
+    "balancing spring", needs="no run tells it from an encoder out of centre: look at the spring", background=OF_GEARS
+)
+def balancing_spring(run: Excitation) -> Iterator[Effect]:
+    """A spring or gas cylinder that balances the arm is set wrongly: its torque winds the gear by the angle's sine.
+
+    It holds up the joint that a weight at the flange turns most.
+    """
+    payload, flange = run.setup.robot.payload, run.setup.robot.n_joints
+    torque = {i: run.largest(WeightTorque(i, flange)) for i in run.moving_joints}
+    lifted = [i for i in sorted(torque, key=lambda i: -torque[i]) if torque[i] > LEAST_LOAD]
+    # 20: [kg] payload, below which arms hold themselves up by their motors alone
+    for i in lifted[:1] if payload is None or payload >= 20 else ():
+        sentence = f"joint {i + 1}: a spring that balances the arm is set wrongly, an error once a turn, {{size}}"
+        effect = _wave(run, "balancing spring", i, 1.0, sentence, SPRINGS, Role.UNTRACED | Role.SAME_LAW)
+        # 1/4: for every joint with an encoder or gear out of centre: half of such arms have a spring, and its setting
+        # is looked at when the arm is serviced
+        yield replace(effect, odds=1 / 4)
 
 
 @register("strain-wave error", "motor-side error")

@@ -24,10 +24,15 @@ class Contender:
 
 @dataclass(frozen=True)
 class Contest:
-    """All findings of one name, and the causes of the catalogue that may stand for them."""
+    """All findings of one name, and the causes of the catalogue that may stand for them.
+
+    ``same_law`` are those that are met in the name of another cause, which has their law; the logarithm of their odds
+    over that one is their handicap's negative.
+    """
 
     own: Contender
     others: tuple[Contender, ...] = ()
+    same_law: tuple[Contender, ...] = ()
 
 
 @dataclass(frozen=True)

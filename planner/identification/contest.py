@@ -154,7 +154,7 @@ class Bouts:
         beside, *without_kin = self._rival_surroundings(k, held)
         by_poses = set[str]()
         out = {OWN_NAME: 0.0, NOTHING: self.log_odds(held) - whole}
-        b = _mean_of(beside, own, size)
+        b, stand = _mean_of(beside, own, size), [(OWN_NAME, own)]
         # of the finding's share in the readings a rival must explain the larger part
         most = min(TOLD_APART**2, 0.5 * float(b @ beside.products(own.columns, own.columns) @ b))
         for block, left in self._near(k, held, beside, b):
@@ -166,7 +166,28 @@ class Bouts:
             log = max(self._log_odds_with(state, own, (block, s)) for s in dict.fromkeys(sizes))
             if log > -np.inf:  # one name may have several laws
                 out[block.name] = float(np.logaddexp(out.get(block.name, -np.inf), log - whole))
+                stand.append((block.name, block))
+        self._share_names(out, stand)
         return Weights(out, frozenset(by_poses))
+
+    def _share_names(self, out: dict[str, float], stand: Sequence[tuple[str, Block]]) -> None:
+        """Share what stands among all causes that have its law: no reading tells them apart, but one may be usual."""
+        for other in self.arena.same_law:
+            odds = float(other.logs[0])
+            for name, block in stand:
+                if self.have_one_law(block, other):
+                    shared = out[name] + odds - np.logaddexp(0.0, odds)
+                    out[other.name] = float(np.logaddexp(out.get(other.name, -np.inf), shared))
+                    out[name] -= float(np.logaddexp(0.0, odds))
+
+    def have_one_law(self, a: Block, b: Block) -> bool:
+        """Tell whether columns span the same, as far as this run could show of any plausible size of either."""
+        g, k = a.columns, b.columns
+        within, between, other = (self.gram[np.ix_(x, y)] for x, y in ((g, g), (g, k), (k, k)))
+        # 1e-9: of the largest, below which a direction is one that the geometry has taken
+        one, two = (np.linalg.pinv(m, rcond=1e-9, hermitian=True) for m in (other, within))
+        left = (within - between @ one @ between.T, other - between.T @ two @ between)
+        return all(float(np.linalg.eigvalsh(each)[-1]) * PLAUSIBLE**2 < 1.0 for each in left)
 
     def _near(self, k: int, held: Sequence[Part], beside: Beside, b: Array) -> Iterator[tuple[Block, float]]:
         """Yield the causes that come nearest to what finding k explains, and δ² of each."""

@@ -63,6 +63,7 @@ class Arena:
         families: blocks of the families that may be absent, by number.
         own, others: block of each finding, and those of the causes of the catalogue that may stand for it.
         unnamed: blocks of what has no name.
+        same_law: those of causes that are met in the name of another, with one factor and the odds over that one.
     """
 
     record: DrawRecord
@@ -73,6 +74,7 @@ class Arena:
     own: tuple[Block, ...]
     others: tuple[tuple[Block, ...], ...]
     unnamed: tuple[Block, ...]
+    same_law: tuple[Block, ...] = ()
 
     @classmethod
     def of(cls, posterior: PosteriorFit, contests: Sequence[Contest], worth: float) -> "Arena":
@@ -81,7 +83,8 @@ class Arena:
         run = Excitation.of(record.model.setup, record.run.samples)
         laws = [(f"{NONPARAMETRIC}, {name}", own) for name, own in free_laws(run)]
         beams = [Contender(name, own) for name, own in beam_laws(run)]
-        every = [*(who for c in contests for who in (c.own, *c.others)), *beams]
+        same_law = {who.name: who for c in contests for who in c.same_law}
+        every = [*(who for c in contests for who in (c.own, *c.others)), *beams, *same_law.values()]
         named, often = len(every), Counter(name for name, _ in laws)
         every += [Contender(name, own, float(np.log(often[name]))) for name, own in laws]
         readings = _with_columns(record, [p for who in every for p in who.parameters])
@@ -100,6 +103,11 @@ class Arena:
             others.append(tuple(rest))
             blocks = blocks[1 + len(contest.others) :]
         others, blocks = [(*rest, *blocks[: len(beams)]) for rest in others], blocks[len(beams) :]
+        alike = tuple(
+            replace(b, factors=np.ones(1), logs=np.array([-who.handicap]))
+            for b, who in zip(blocks, same_law.values(), strict=False)
+        )
+        blocks = blocks[len(alike) :]
         places = record.effects.family_positions
         nameless = [
             _block(cause, places[f], odds.of_pool(UNNAMED), SLAB, SLAB_WEIGHT)
@@ -115,7 +123,7 @@ class Arena:
         mean = np.array([values.get(n, 0.0) for n in record.model.names]) / record.model.prior
         expected = readings.columns[:, :first] @ mean
         y = expected + (readings.y - expected) / np.sqrt(worth)
-        return cls(record, readings.columns, y, worth, families, tuple(own), tuple(others), (*nameless, *blocks))
+        return cls(record, readings.columns, y, worth, families, tuple(own), tuple(others), (*nameless, *blocks), alike)
 
     def products(self, draw: SizeDraw) -> Array:
         """Return products of all columns and of the readings, the last, beside what acts always, (p + 1, p + 1).

@@ -76,8 +76,11 @@ def find_rivals(context: SearchContext, state: SearchState, found: FittedEffect)
     return Rivalry(tuple(s for s in ranked[: max(12, len(rivals))] if merit(s) > 0), rivals)
 
 
-def _contests(last: SearchState, found: Sequence[FittedEffect], rivals: Sequence[Rivalry]) -> Iterator[Contest]:
+def _contests(
+    last: SearchState, found: Sequence[FittedEffect], rivals: Sequence[Rivalry], offered: Sequence[Effect]
+) -> Iterator[Contest]:
     """Yield the findings of each name as the contest for what they explain."""
+    same_law = tuple(Contender(e.family, e.make(), -float(np.log(e.odds))) for e in offered if e.has(Role.SAME_LAW))
     for name in dict.fromkeys(f.effect.family for f in found):
         own = [k for k, f in enumerate(found) if f.effect.family == name]
         parameters = tuple(p for p in last.fit.model.parameters if p.group == name)
@@ -85,6 +88,7 @@ def _contests(last: SearchState, found: Sequence[FittedEffect], rivals: Sequence
         yield Contest(
             Contender(name, parameters, sum(_handicap(found[k].effect) for k in own)),
             tuple(Contender(n, s.effect.make(s.value), _handicap(s.effect)) for n, s in others.items()),
+            same_law,
         )
 
 
@@ -216,7 +220,7 @@ def trace(
     stages = [fit_context.judge_trial(s.fitted) for s in told_path(result.path)]
     for state in result.path:  # of each its stage is kept, and nothing that can be computed anew
         state.fit.problem.memory.forget()
-    contests = tuple(_contests(last, [f for f, _ in kept], rivals))
+    contests = tuple(_contests(last, [f for f, _ in kept], rivals, offered))
     report("detection limits")
     silent = tuple(detection_limits(test, [e for e in effects if e.name not in last.names], result.tried_number))
     return stages, TracingResult(findings, silent, result.rejected, result.tried_number, contests)

@@ -20,6 +20,7 @@ from planner.common.summary import SCREEN_LINES, Summary
 from planner.common.tables import NamedTable, Row, RowTable
 from planner.common.units import from_mm
 from planner.effects.catalogue import catalogue
+from planner.effects.effect import Role
 from planner.identification.baseline import NAME as BASELINE
 from planner.identification.baseline import baseline_text
 from planner.identification.calibrated_robot import calibrated_files, calibrated_meshes
@@ -372,7 +373,7 @@ def can_be_told_apart(found: Calibration) -> bool:
         return False
     logged = found.run.samples
     planned = replace(logged, temperature=None, torque=None, payload=None, q_cmd=None, q_read=None, session=None)
-    shown = {e.name for e in catalogue(found.setup, planned)}
+    shown = {e.name for e in catalogue(found.setup, planned) if not e.has(Role.UNTRACED)}
     return any(
         f.name in shown and rival in shown and (chance is None or chance >= HUNDRED_TO_ONE)
         for f in found.findings

@@ -1,5 +1,7 @@
 """What competes for a finding's place: probabilities against a normal density, distances against a projection."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
@@ -77,6 +79,33 @@ def test_two_causes_share_a_place_where_their_columns_are_nearly_one(angle, shar
     mean = np.mean([s.probability for s in half])
     assert (0.35 < mean < 0.65) if shared else mean > 0.99
     assert all([r.name for r in s.rivals] == (["b, joint 2"] if shared else []) for s in half)
+
+
+def test_one_law_under_two_names_shares_the_place_by_how_usual_the_names_are():
+    """Sine and cosine, and the same two turned and stretched: what both say together is what the first said alone."""
+    rng, odds = np.random.default_rng(7), 0.25
+    law = rng.normal(size=(M, 2))
+    near = law + 0.1 * rng.normal(size=(M, 2))
+    columns = np.column_stack([law, law @ [[0.6, -0.8], [1.6, 1.2]], near, law[:, :1]])
+    y = law @ [0.9, 0.3] + rng.normal(size=M)
+    own, alone = block("a, joint 2", 0, 2), block("c, joint 3", 4, 2)
+    same, other, part = (
+        Block(name, np.arange(k, k + n), np.ones(1), np.log([odds]))
+        for name, k, n in (("b, joint 2", 2, 2), ("d, joint 3", 4, 2), ("e, joint 2", 6, 1))
+    )
+    before = arena(own, [alone])
+    one, many = (
+        average_standing([Bouts(replace(before, same_law=s), products(columns, y), ((own, 1.0),)).weigh(0)])
+        for s in ((), (same, part))
+    )
+    shared = {r.name: r.probability for r in many.rivals}
+    assert many.probability == pytest.approx(one.probability / (1 + odds))
+    assert shared["b, joint 2"] == pytest.approx(one.probability * odds / (1 + odds))
+    assert "e, joint 2" not in shared  # a part of the law is another law
+    # where a rival has the law, it is the rival's place that is shared
+    weights = Bouts(replace(before, same_law=(other,)), products(columns, y), ((own, 1.0),)).weigh(0)
+    assert weights.logs["d, joint 3"] - weights.logs["c, joint 3"] == pytest.approx(np.log(odds))
+    assert average_standing([weights]).probability == pytest.approx(one.probability)
 
 
 def test_poses_that_cannot_tell_make_a_rival_though_the_readings_spoke_by_luck():

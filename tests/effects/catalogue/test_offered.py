@@ -175,3 +175,25 @@ def test_a_ball_of_two_lobes_is_a_quadratic_form():
         shapes = np.stack([BallShape(end, 2, k)(c) for k in range(5)], axis=1)
         assert np.abs(shapes).max() <= 1 + 1e-12
         assert np.allclose(shapes @ np.linalg.lstsq(shapes, wanted)[0], wanted)
+
+
+def test_a_spring_that_balances_the_arm_pulls_by_the_two_waves_of_its_entry():
+    """A spring of no free length between a post and a crank: its torque from its energy, turned by a little."""
+    setup, samples = site()
+    (spring,) = [e for e in catalogue(setup, samples) if e.kind == "balancing spring"]
+    assert str(spring.place) == "joint 2"
+    post, crank = np.array([-0.1, 0.6]), 0.2
+
+    def energy(q):
+        end = crank * np.stack([np.cos(q + 0.4), np.sin(q + 0.4)], axis=-1)
+        return 0.5 * 3e4 * ((end - post) ** 2).sum(axis=-1)
+
+    q = samples.q[:, 1]
+    torque = (energy(q + 1e-6) - energy(q - 1e-6)) / 2e-6
+    waves = np.column_stack([p.main_move.phi(Context(setup, samples)) for p in spring.make()])
+    left = torque - waves @ np.linalg.lstsq(waves, torque, rcond=None)[0]
+    assert np.abs(left).max() < 1e-5 * np.ptp(torque)
+
+
+def test_arms_that_hold_themselves_up_have_no_balancing_spring():
+    assert "balancing spring" not in kinds(*site(name="ur5e"))
