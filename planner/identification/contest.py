@@ -157,11 +157,13 @@ class Bouts:
         b, stand = _mean_of(beside, own, size), [(OWN_NAME, own)]
         # of the finding's share in the readings a rival must explain the larger part
         most = min(TOLD_APART**2, 0.5 * float(b @ beside.products(own.columns, own.columns) @ b))
-        for block, left in self._near(k, held, beside, b):
+        for block, left, is_tried in self._by_distance(k, held, beside, b):
             # a law of any shape holds the finding's own law too: of that only the readings tell
             has_name = not any(block is u for u in self.arena.unnamed)
             if has_name and left < most:
                 by_poses.add(block.name)
+            if not is_tried:
+                continue
             sizes = [_best_factor(rest, block) for rest in (beside, *without_kin)]
             log = max(self._log_odds_with(state, own, (block, s)) for s in dict.fromkeys(sizes))
             if log > -np.inf:  # one name may have several laws
@@ -189,12 +191,15 @@ class Bouts:
         left = (within - between @ one @ between.T, other - between.T @ two @ between)
         return all(float(np.linalg.eigvalsh(each)[-1]) * PLAUSIBLE**2 < 1.0 for each in left)
 
-    def _near(self, k: int, held: Sequence[Part], beside: Beside, b: Array) -> Iterator[tuple[Block, float]]:
-        """Yield the causes that come nearest to what finding k explains, and δ² of each."""
+    def _by_distance(
+        self, k: int, held: Sequence[Part], beside: Beside, b: Array
+    ) -> Iterator[tuple[Block, float, bool]]:
+        """Yield the causes that may explain what finding k does, δ² of each, and whether it is one of the nearest."""
         there = {part[0].name for part in held} | {self.arena.own[k].name}
         for group in (self.arena.others[k], self.arena.unnamed):
             left = [(beside.distance_square(self.arena.own[k], b, g), g) for g in group if g.name not in there]
-            yield from ((g, d) for d, g in sorted(left, key=lambda pair: pair[0])[:NEAREST])
+            nearest = sorted(left, key=lambda pair: pair[0])
+            yield from ((g, d, place < NEAREST) for place, (d, g) in enumerate(nearest))
 
     def _rival_surroundings(self, k: int, held: Sequence[Part]) -> Iterator[Beside]:
         """Yield what acts beside another cause where finding k is gone, and the same without the finding's kin."""

@@ -127,6 +127,18 @@ def test_poses_that_cannot_tell_make_a_rival_though_the_readings_spoke_by_luck()
     assert told > 50
 
 
+def test_all_are_named_that_poses_cannot_tell_however_many_they_are():
+    """Twelve waves at δ = 3 from the truth, each in a direction of its own."""
+    rng, size, across = np.random.default_rng(8), 10.0, 0.3
+    basis = size * np.linalg.qr(rng.normal(size=(M, 13)))[0]
+    columns = np.column_stack([basis[:, 0], np.sqrt(1 - across**2) * basis[:, [0]] + across * basis[:, 1:]])
+    others = [block(f"b{k}, joint 2", 1 + k) for k in range(12)]
+    y = columns[:, 0] + rng.normal(size=M)
+    own = block("a, joint 1", 0)
+    weights = Bouts(arena(own, others), products(columns, y), ((own, 1.0),)).weigh(0)
+    assert {r.name for r in average_standing([weights]).rivals} == {b.name for b in others}
+
+
 def test_one_cause_without_a_name_takes_the_place_of_three_with_one():
     """Three waves of one bearing, each sure alone, of which a single law of two numbers says the same."""
     rng = np.random.default_rng(4)
