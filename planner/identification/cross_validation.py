@@ -324,7 +324,10 @@ def steps_without_folds(grams: Array, z: Array, steps: Array, sizes: Array) -> t
 
 
 def _grams(problem: FitProblem, errors: Array, split: Split) -> Array:
-    """Information [J r]ᵀ[J r] of every fold, (folds, P+1, P+1)."""
+    """Information [J r]ᵀ[J r] of every fold, (folds, P+1, P+1), by the columns that a fit kept, if any."""
+    kept, problem.memory.folds = problem.memory.folds, None
+    if kept is not None and kept.problem is problem and np.array_equal(kept.fold, split.fold):
+        return kept.grams_with(problem.weighted_residual(errors))
 
     def one(part: slice) -> Array:
         """Return the products of columns over each fold of one piece."""

@@ -25,7 +25,7 @@ from planner.identification.assumptions import (
     SETTLED_CHANGE,
 )
 from planner.identification.noise import Noise, estimate_noise
-from planner.identification.problem import PIECE_SAMPLES, FitProblem, LinearPiece
+from planner.identification.problem import PIECE_SAMPLES, FitProblem, FoldPieces, LinearPiece
 from planner.model.model import Model
 
 FROZEN_NUMBERS = 200_000  # of a Jacobian, from which on it stands for those at the next steps too
@@ -55,8 +55,15 @@ class Solution:
         return prior[:, None] * self.inverse
 
 
-def solve(problem: FitProblem, start: Array | None = None, converged: float = CONVERGED_SIGMAS) -> Solution:
+def solve(
+    problem: FitProblem,
+    start: Array | None = None,
+    converged: float = CONVERGED_SIGMAS,
+    fold: np.ndarray | None = None,
+) -> Solution:
     """Fit the model's parameters; ``converged`` in standard deviations ends it.
+
+    With the ``fold`` (n,) of its samples a short and large problem keeps what it was linearised about last by folds.
 
     Raises:
         NoSolutionError: the fit does not come to rest.
@@ -66,7 +73,7 @@ def solve(problem: FitProblem, start: Array | None = None, converged: float = CO
     if len(problem) > 2 * start_samples:
         few = problem.take(even_positions(len(problem), start_samples))
         errors = _descend(few, errors, ROUGHLY_CONVERGED_SIGMAS).errors
-    return _descend(problem, errors, converged)
+    return _descend(problem, errors, converged, fold)
 
 
 @dataclass(frozen=True)
@@ -82,14 +89,15 @@ class _Triangle:
     factor: Array
     right: Array
     cost: float
-    piece: LinearPiece | None = None
+    piece: LinearPiece | FoldPieces | None = None
 
     @classmethod
-    def linearize(cls, problem: FitProblem, errors: Array) -> "_Triangle":
+    def linearize(cls, problem: FitProblem, errors: Array, fold: np.ndarray | None) -> "_Triangle":
         """Linearise about errors (P,) [m, rad]; the cost is infinite where the model cannot follow them."""
-        piece = None
+        piece: LinearPiece | FoldPieces | None = None
         if len(problem) <= PIECE_SAMPLES and _is_large(problem):
-            piece = problem.piece(slice(0, len(problem)), errors)
+            every = slice(0, len(problem))
+            piece = problem.piece(every, errors) if fold is None else FoldPieces.of(problem, errors, fold)
             whole = piece.gram
         else:
             whole = np.asarray(sum(problem.map_pieces(lambda part: problem.piece(part, errors).gram)))
@@ -107,8 +115,13 @@ class _Triangle:
         raw = problem.model.residual_in(problem.context, problem.targets, errors)
         white = problem.whitener.white(slice(None), raw[..., None])[..., 0] * np.sqrt(problem.weight)[:, None]
         z = errors / problem.prior
-        right = solve_triangular(self.factor, self.piece.factored.along(white)[:-1] - z, trans="T")
+        right = solve_triangular(self.factor, self.piece.along(white)[:-1] - z, trans="T")
         return replace(self, right=right, cost=float((white**2).sum() + z @ z))
+
+    def keep_folds(self, problem: FitProblem) -> None:
+        """Keep the pieces of the folds, if there are any, for what predicts each by the others."""
+        if isinstance(self.piece, FoldPieces):
+            problem.memory.folds = self.piece
 
     def step(self, damping: float) -> Array:
         """Solve for the step, turned towards steepest descent by ``damping`` (Marquardt's scaling)."""
@@ -120,9 +133,9 @@ class _Triangle:
         )
 
 
-def _descend(problem: FitProblem, errors: Array, converged: float) -> Solution:
+def _descend(problem: FitProblem, errors: Array, converged: float, fold: np.ndarray | None = None) -> Solution:
     most_steps = 100  # of Gauss and Newton
-    here, damping, raised = _Triangle.linearize(problem, errors), 0.0, 2.0
+    here, damping, raised = _Triangle.linearize(problem, errors, fold), 0.0, 2.0
     readings = len(problem) * problem.model.width
     for _ in range(most_steps):
         z = here.step(damping)
@@ -131,8 +144,9 @@ def _descend(problem: FitProblem, errors: Array, converged: float) -> Solution:
         length = float(np.linalg.norm(here.factor @ z))
         # 10.0: a step shorter than a standard deviation is at least so many times longer than the next (seen: 100)
         if damping == 0.0 and length < 10.0 * converged * sigma:  # the next step would be shorter than is asked
+            here.keep_folds(problem)
             return Solution(trial, here.factor, here.cost - length**2)
-        there = _next_triangle(problem, here, trial, length, damping)
+        there = _next_triangle(problem, here, trial, length, damping, fold)
         # 3e-5: noise variances: so small a fall of the sum of squares tells nothing any more
         small = length < converged * sigma or abs(here.cost - there.cost) < 3e-5 * sigma**2
         if there.cost <= here.cost * (1 + 1e-9):
@@ -141,6 +155,7 @@ def _descend(problem: FitProblem, errors: Array, converged: float) -> Solution:
         else:
             damping, raised = max(raised * damping, 1e-3 if damping == 0.0 else 0.0), 2 * raised
         if small:
+            here.keep_folds(problem)
             return Solution(errors, here.factor, here.cost)
     raise NoSolutionError(
         f"the fit did not come to rest in {most_steps} steps: the start is too far off, or the readings contradict "
@@ -164,7 +179,9 @@ def _is_large(problem: FitProblem) -> bool:
     return len(problem) * problem.model.width * len(problem.prior) > FROZEN_NUMBERS
 
 
-def _next_triangle(problem: FitProblem, here: _Triangle, trial: Array, length: float, damping: float) -> _Triangle:
+def _next_triangle(
+    problem: FitProblem, here: _Triangle, trial: Array, length: float, damping: float, fold: np.ndarray | None
+) -> _Triangle:
     """Linearise about a trial (P,) after a step of a length; the columns stay where the next step is far shorter.
 
     What they have changed by, times the residual, then stays in the minimum: a hundredth of a standard deviation.
@@ -173,7 +190,7 @@ def _next_triangle(problem: FitProblem, here: _Triangle, trial: Array, length: f
     # 50.0: times longer than the next is a step at least where a Jacobian stands for later ones
     if frozen is not None and 50.0 * float(np.linalg.norm(frozen.right)) < length:
         return frozen
-    return _Triangle.linearize(problem, trial)
+    return _Triangle.linearize(problem, trial, fold)
 
 
 @dataclass(frozen=True)
@@ -230,11 +247,13 @@ def fit(
     start: Array | None = None,
     factors: Array | None = None,
     leverage: Array | None = None,
+    fold: np.ndarray | None = None,
 ) -> Fit:
     """Fit the model of ``problem``, its noise and the factors on its prior sigmas.
 
     ``start`` are the values and ``factors`` the factors (P,) that the rounds begin with; ``leverage`` (n, r) is that of
-    a fit of nearly the same columns, which stands for this one's where there are many readings.
+    a fit of nearly the same columns, which stands for this one's where there are many readings; ``fold`` (n,) those of
+    its samples, as :func:`solve` takes them.
 
     Raises:
         NoSolutionError: the fit does not come to rest.
@@ -267,7 +286,7 @@ def fit(
     whole = problem.with_noise(few.whitener.noise).with_model(few.model) if long else few
     if long and robust and errors is not None:
         whole = replace(whole, weight=_weights(whole, errors))
-    solution = solve(whole, errors)
+    solution = solve(whole, errors, fold=fold)
     return Fit(whole, solution, float((1 - _shrinkage(solution)).sum()), _outliers(whole, solution), leverage)
 
 

@@ -22,15 +22,19 @@ T = TypeVar("T")
 
 @dataclass
 class ProblemCache:
-    """Cache of a short problem: basis functions, those of parts of its samples, and the last linearisation."""
+    """Cache of a short problem: basis functions, those of parts of its samples, and the last linearisation.
+
+    ``folds`` are the pieces that a fit ended with, until the first that asks for them.
+    """
 
     context: Context | None = None
     parts: dict[bytes, Context] = field(default_factory=dict)
     linear: tuple[tuple[object, bytes], Linearization] | None = None
+    folds: "FoldPieces | None" = None
 
     def forget(self, kept: Set[Hashable] = frozenset()) -> None:
         """Let go of the linearisation and of basis functions but some: they are computed anew when asked for."""
-        self.linear = None
+        self.linear = self.folds = None
         for context in (self.context, *self.parts.values()):
             if context is not None:
                 context.forget_values(kept)
@@ -61,6 +65,54 @@ class LinearPiece:
     def gram(self) -> Array:
         """Products of all columns with each other, (P + 1, P + 1)."""
         return self.factored.gram
+
+    def along(self, white: Array) -> Array:
+        """Return the products of all columns with a whitened residual (n, r), (P + 1,)."""
+        return self.factored.along(white)
+
+
+@dataclass(frozen=True)
+class FoldPieces:
+    """The same of a short problem, its samples by the folds in which they are held out.
+
+    Attributes:
+        problem: whose columns they are.
+        fold: of every sample, (n,) int from 0.
+        samples: positions of the samples of each fold.
+        columns: of each fold, the residual's behind them.
+        grams: their products, (folds, P + 1, P + 1).
+    """
+
+    problem: "FitProblem"
+    fold: np.ndarray
+    samples: tuple[np.ndarray, ...]
+    columns: tuple[Columns, ...]
+    grams: Array
+
+    @classmethod
+    def of(cls, problem: "FitProblem", errors: Array, fold: np.ndarray) -> "FoldPieces":
+        """Linearise about ``errors``."""
+        samples = tuple(np.flatnonzero(fold == f) for f in range(int(fold.max()) + 1))
+        whole = problem.piece(slice(None), errors).factored
+        columns = tuple(whole.take(own) for own in samples)
+        return cls(problem, fold, samples, columns, np.stack([c.gram for c in columns]))
+
+    @property
+    def gram(self) -> Array:
+        """Products of all columns with each other, (P + 1, P + 1)."""
+        return np.asarray(self.grams.sum(axis=0))
+
+    def along(self, white: Array) -> Array:
+        """Return the products of all columns with a whitened residual (n, r), (P + 1,)."""
+        return np.asarray(sum(c.along(white[own]) for c, own in zip(self.columns, self.samples, strict=True)))
+
+    def grams_with(self, white: Array) -> Array:
+        """Return the products with another whitened residual (n, r) behind the columns, (folds, P + 1, P + 1)."""
+        out = self.grams.copy()
+        for gram, c, own in zip(out, self.columns, self.samples, strict=True):
+            gram[-1] = gram[:, -1] = c.along(white[own])
+            gram[-1, -1] = (white[own] ** 2).sum()
+        return out
 
 
 @dataclass(frozen=True)
@@ -176,6 +228,10 @@ class FitProblem:
             return self.linearize(part, errors).residual
 
         return np.concatenate(list(self.map_pieces(one)))
+
+    def weighted_residual(self, errors: Array) -> Array:
+        """Return the residual in standard deviations, with robust weights, (n, r)."""
+        return np.asarray(self.white_residual(errors) * np.sqrt(self.weight)[:, None])
 
     def white_residual(self, errors: Array) -> Array:
         """Return the residual in standard deviations, without robust weights, (n, r)."""

@@ -111,7 +111,8 @@ class FitContext:
         rough = not any(p.group != "gauge" for p in model.parameters)  # the robot's errors are no noise of its joints
         few = None if whole else self.part(model)
         problem = self._problem(model, few).restart_with(model, noise, even=rough)
-        found = fit(problem, self.robust if robust is None else robust, start, factors, leverage)
+        fold = self.split.fold if few is None else self.split.fold[few]
+        found = fit(problem, self.robust if robust is None else robust, start, factors, leverage, fold)
         return self._judge(name, found, few)
 
     def _judge(self, name: str, found: Fit, few: np.ndarray | None) -> FittedStage:

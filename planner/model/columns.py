@@ -128,6 +128,14 @@ class Columns:
             out[at] = phi @ (screw * each).sum(axis=0)
         return out
 
+    def products(self, others: Array) -> Array:
+        """Return the products of all columns with others (k, r, n), (P, k)."""
+        out = np.empty((len(self), len(others)))
+        out[self.plain_at] = self._flat_columns @ others.reshape(len(others), -1).T
+        for at, screw, phi in zip(self.phi_at, self.screws, self.phi, strict=True):
+            out[at] = phi @ _products_with_screw(others, screw).T
+        return out
+
     def times(self, vector: Array) -> Array:
         """Return the sum of all columns, each times its number in ``vector`` (P,), as (n, r)."""
         out = np.tensordot(vector[self.plain_at], self.plain, axes=1)

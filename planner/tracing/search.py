@@ -19,6 +19,7 @@ from planner.model.beside_findings import RejectedEffect
 from planner.tracing.assumptions import (
     COMPLIANCE_EVIDENCE,
     LEAST_GAIN,
+    PREDICTED_GAIN_RATIO,
     SWAP_EVIDENCE,
     SWAPPED_GAIN_SHARE,
     UNNAMED_EVIDENCE,
@@ -27,7 +28,7 @@ from planner.tracing.candidate_ranking import rank_candidates
 from planner.tracing.change_points import rank_changes, relocate_steps, series_merit, step_series
 from planner.tracing.effect_scores import EffectScore, ScoreTest
 from planner.tracing.search_context import SearchContext, without_effects
-from planner.tracing.significance import LOG_SIGNIFICANCE, held_out_gain, rejection_reason
+from planner.tracing.significance import LOG_SIGNIFICANCE, gain_reason, held_out_gain, rejection_reason
 from planner.tracing.state import SETTLED_SIGMAS, FittedEffect, SearchState, number_repeat
 from planner.tracing.transmission_error import all_gear_curves, effects_beside_curve, likeliest_curve
 
@@ -37,22 +38,43 @@ Trial = tuple[FittedEffect, ...]
 def best_step(
     context: SearchContext, state: SearchState, test: ScoreTest, likely: list[EffectScore]
 ) -> SearchState | None:
-    """Refit the likely candidates, similar ones side by side, and return the first kind that holds."""
-    doubtful = list[SearchState]()
+    """Refit the likely candidates, similar ones side by side, and return the first kind that holds.
+
+    Those of which held-out samples would gain far too little to first order are not refitted.
+    """
+    doubtful = list[SearchState | Trial]()
     while likely:
         near = [c for c in likely if c.gain > SWAPPED_GAIN_SHARE * likely[0].gain][
             :4
         ]  # candidates are refitted side by side
         likely = [c for c in likely if all(c is not n for n in near)]
-        trials = _refit_candidates(context, state, test, near)
+        worth, faint = _split_by_prediction(context, state, [_with_candidate(test, c, state.effects) for c in near])
+        trials = _refit_candidates(context, state, [*worth, *_curve_trials(context, state, test, near)])
         kept = [t for t in trials if _holds(context, state, t)]
         for t in trials:  # its columns are computed anew where they are looked at again: of a long run they are large
             t.fit.problem.memory.linear = None
         if kept:
             return context.choose_likeliest(kept, at=kept[0])
         context.rejected.add_shares(near, test.scatter)
-        doubtful += trials
+        doubtful += [*trials, *faint]
     return next((s for t in doubtful if (s := _add_pair(context, state, t)) is not None), None)
+
+
+def _split_by_prediction(
+    context: SearchContext, state: SearchState, trials: list[Trial]
+) -> tuple[list[Trial], list[Trial]]:
+    """Return the trials that are worth a refit, and of the others those whose effect a second one may bear out."""
+    worth, faint = list[Trial](), list[Trial]()
+    for trial in trials:
+        added = trial[-1]
+        predicted = None if added.has(Role.COMPLIANCE) else context.predict_gain(state, added)
+        if predicted is None or gain_reason(PREDICTED_GAIN_RATIO * predicted[0], predicted[1]) is None:
+            worth.append(trial)
+            continue
+        context.rejected.why[added.name] = gain_reason(*predicted) or ""
+        if added.has(Role.REPEATABLE) and predicted[0] > predicted[1]:
+            faint.append(trial)
+    return worth, faint
 
 
 def _holds(context: SearchContext, state: SearchState, trial: SearchState) -> bool:
@@ -124,19 +146,24 @@ def _with_candidate(test: ScoreTest, candidate: EffectScore, effects: Trial) -> 
     return (*effects, FittedEffect(number_repeat(candidate.effect, effects), value))
 
 
-def _refit_candidates(
-    context: SearchContext, state: SearchState, test: ScoreTest, near: list[EffectScore]
-) -> list[SearchState]:
-    """Refit with each of some candidates, and with the whole curve of each joint that is to have one more wave.
+def _refit_candidates(context: SearchContext, state: SearchState, trials: list[Trial]) -> list[SearchState]:
+    """Refit with each of some trials.
 
     A fit that does not come to rest is left out: what cannot be told from the geometry may run off with it.
     """
     with ThreadPoolExecutor(2) as pool:  # refits at a time: they are taken in order, so their number does not show
-        waves = pool.map(lambda c: context.try_refit(state, _with_candidate(test, c, state.effects)), near)
-        curves = pool.map(
-            lambda joint: context.try_refit(state, _with_curve(state, test, *joint)), _joints(context, state, near)
-        )
-        return [s for s in (*waves, *curves) if s is not None]
+        return [s for s in pool.map(lambda effects: context.try_refit(state, effects), trials) if s is not None]
+
+
+def _curve_trials(
+    context: SearchContext, state: SearchState, test: ScoreTest, near: list[EffectScore]
+) -> Iterator[Trial]:
+    """Yield the effects with the whole curve of each joint that is to have one more wave, unless it has the same."""
+    known = sorted((f.name, len(f.parameters)) for f in state.effects)
+    for joint, kept in _joints(context, state, near):
+        trial = _with_curve(state, test, joint, kept)
+        if sorted((f.name, len(f.parameters)) for f in trial) != known:
+            yield trial
 
 
 def _joints(context: SearchContext, state: SearchState, near: list[EffectScore]) -> Iterator[tuple[int, Trial]]:
@@ -156,12 +183,15 @@ def _with_curve(state: SearchState, test: ScoreTest, joint: int, kept: Trial) ->
     return (*kept, FittedEffect(likeliest_curve(without_effects(test, gone) if gone else test, joint)))
 
 
-def _add_pair(context: SearchContext, state: SearchState, trial: SearchState) -> SearchState | None:
+def _add_pair(context: SearchContext, state: SearchState, trial: SearchState | Trial) -> SearchState | None:
     """Add an effect together with a second of its kind at its place, where one alone leaves too much to be sure of it.
 
     An arm that warms up in two ways leaves, less one of them, a residual so slow that neither would be believed.
     """
-    first = trial.effects[-1]
+    fitted = trial if isinstance(trial, SearchState) else context.try_refit(state, trial)
+    if fitted is None:
+        return None
+    trial, first = fitted, fitted.effects[-1]
     if not first.has(Role.REPEATABLE) or len(trial.effects) == len(state.effects):
         return None
     fall, error = held_out_gain(state, trial, context.fit_context)

@@ -84,11 +84,9 @@ def _own_column(state: SearchState, found: FittedEffect, piece: LinearPiece) -> 
 def rejection_reason(before: SearchState, after: SearchState, fit_context: FitContext, tried: int) -> str | None:
     """Return why the last effect of ``after`` is not kept, ``None`` if it is."""
     found = after.effects[-1]
-    fall, error = held_out_gain(before, after, fit_context)
-    if fall <= error:
-        return "held-out samples gain no more than chance"
-    if fall < LEAST_GAIN:
-        return f"held-out errors fall by {fall / 2:.1%} only"
+    reason = gain_reason(*held_out_gain(before, after, fit_context))
+    if reason is not None:
+        return reason
     size = float(np.linalg.norm(after.sizes(found)))
     if size > found.effect.largest:
         return implausible_text(found.effect, size)
@@ -99,6 +97,13 @@ def rejection_reason(before: SearchState, after: SearchState, fit_context: FitCo
     if wald_log_p(after, found, tried, inflation) > LOG_SIGNIFICANCE:
         return "it is no larger than chance would have it among so many"
     return None
+
+
+def gain_reason(fall: float, error: float) -> str | None:
+    """Return why so large a fall of the held-out squared error, with its standard error, is not enough, if so."""
+    if fall <= error:
+        return "held-out samples gain no more than chance"
+    return f"held-out errors fall by {fall / 2:.1%} only" if fall < LEAST_GAIN else None
 
 
 def held_out_gain(before: SearchState, after: SearchState, fit_context: FitContext) -> tuple[float, float]:
