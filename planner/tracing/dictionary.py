@@ -205,6 +205,13 @@ def whiten(problem: FitProblem, rows: Array) -> Array:
     return np.asarray(problem.whitener.white(slice(None), rows) * np.sqrt(problem.weight)[:, None, None])
 
 
+def whitened_columns(problem: FitProblem, parameters: Sequence[Parameter], motion: ForwardPass) -> Array:
+    """Return the columns (k, r, n) of parameters per prior sigma in standard deviations, after a forward pass."""
+    model = replace(problem.model, parameters=tuple(parameters))
+    rows = model.columns(problem.context, motion).dense * model.prior[:, None, None]
+    return np.ascontiguousarray(whiten(problem, rows.transpose(2, 1, 0)).transpose(2, 1, 0))
+
+
 def _squares(dictionary: EffectDictionary, screws: Sequence[Array], mixed: dict[int, Array]) -> Iterator[Array]:
     several = 128  # columns at a time, so that they stay in the processor's cache
     block, row = dictionary.home

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from scipy.linalg import cholesky, solve_triangular
 from scipy.linalg.lapack import dtrtri
 
 from planner.common.determinism import even_positions
@@ -19,6 +20,7 @@ from planner.identification.stages import FitContext, FittedStage
 from planner.model.identification_document import Stage
 from planner.model.model import Model
 from planner.tracing.assumptions import MASS_PRIOR
+from planner.tracing.dictionary import whitened_columns
 
 LINK_MASSES = "link weights"  # group of the masses of links
 LARGEST_MASS_PRIOR = 0.3  # one sigma of the masses as fitted, above which it is not the masses that the run shows
@@ -84,7 +86,7 @@ class FittedEffect:
         """Name of the effect."""
         return self.effect.name
 
-    @property
+    @cached_property
     def parameters(self) -> tuple[Parameter, ...]:
         """Its parameters, the nonlinear one left aside."""
         return self.effect.make(self.value)
@@ -239,10 +241,16 @@ class SearchState:
         """
         # 3_000: samples of a long run settle the nonlinear values
         problem, most = self.fit.problem, subset_size(self.base, 3_000)
+        new = tuple(f for f in effects if f not in self.effects)
+        needed = any(f.value is not None or f.has(Role.COMPLIANCE) for f in new)
+        if not needed:
+            return effects, errors
         if len(problem) > most:
             problem = problem.take(even_positions(len(problem), most))
-        needed = any(f.value is not None or f.has(Role.COMPLIANCE) for f in effects if f not in self.effects)
-        for _ in range(SETTLING_ROUNDS if needed else 0):
+        if len(effects) == len(self.effects) + len(new) and not any(f.has(Role.COMPLIANCE) for f in new):
+            moved, errors = _settle_beside(problem, self.fit, new, errors)
+            return (*(f for f in effects if f not in new), *moved), errors
+        for _ in range(SETTLING_ROUNDS):
             effects, errors, settled = _settling_step(problem, self.base, effects, errors)
             if settled:
                 break
@@ -290,6 +298,38 @@ def _settling_step(
         and _are_alike(_compliances(effects), errors, value, 0.02)
     )
     return (effects if settled else moved), value, settled
+
+
+def _settle_beside(
+    problem: FitProblem, fit: Fit, new: tuple[FittedEffect, ...], errors: dict[str, float]
+) -> tuple[tuple[FittedEffect, ...], dict[str, float]]:
+    """Settle the nonlinear values of effects beside a fit, what it has staying as it is linearised about it.
+
+    Their columns border those of the fit, which are reduced once: R of these with their priors gives what of the new
+    ones they do not span.
+    """
+    about, motion = problem.piece(slice(None), fit.errors).factored, problem.model.motion(problem.context, fit.errors)
+    gram = about.gram
+    R = cholesky(gram[:-1, :-1] + np.eye(len(fit.errors)))
+    rest = solve_triangular(R, gram[:-1, -1] - fit.errors / problem.prior, trans="T")
+    for _ in range(SETTLING_ROUNDS):
+        steps = [p for f in new if (p := f.sensitivity(errors)) is not None]
+        own = (*(p for f in new for p in f.parameters), *steps)
+        columns = whitened_columns(problem, own, motion)
+        beside = about.products(columns)
+        half = solve_triangular(R, beside[:-1], trans="T")
+        inner = np.tensordot(columns, columns, axes=((1, 2), (1, 2))) - half.T @ half + np.eye(len(own))
+        prior = np.array([p.prior for p in own])
+        sizes = prior * np.linalg.solve(inner, beside[-1] - half.T @ rest)
+        sigmas = prior * np.sqrt(np.diag(np.linalg.inv(inner)))
+        sigma = dict(zip((p.name for p in own), sigmas.tolist(), strict=True))
+        errors = errors | dict(zip(sigma, sizes.tolist(), strict=True))
+        moved, after = _take_steps(new, errors)
+        settled = len(steps) == sum(f.value is not None for f in new)
+        if settled and all(abs(errors[p.name]) <= SETTLED_SIGMAS * sigma[p.name] for p in steps):
+            return new, errors
+        new, errors = moved, after
+    return new, errors
 
 
 def _are_alike(
