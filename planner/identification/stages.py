@@ -14,7 +14,7 @@ from planner.effects.context import Context
 from planner.effects.effect import Parameter
 from planner.identification.assumptions import GAIN_STANDARD_ERRORS, TOO_FEW_READINGS
 from planner.identification.calibration import TracingResult
-from planner.identification.cross_validation import Split, predict_held_out
+from planner.identification.cross_validation import HeldOutPrediction, Split, predict_held_out
 from planner.identification.identifiable_parameters import FittedParameters
 from planner.identification.least_squares import Fit, fit
 from planner.identification.problem import PIECE_SAMPLES, FitProblem
@@ -25,11 +25,18 @@ from planner.runs.run import Run
 
 @dataclass(frozen=True)
 class FittedStage:
-    """A stage and its fit; ``refitted`` names parameters that were fitted on the held-out samples themselves."""
+    """A stage and its fit.
+
+    Attributes:
+        stage, fit: what is told of it, and what it was told by.
+        refitted: names of parameters that were fitted on the held-out samples themselves.
+        shift: what taking out each fold moves the parameters by, (folds, P).
+    """
 
     stage: Stage
     fit: Fit
     refitted: tuple[str, ...]
+    shift: Array
 
 
 @dataclass(frozen=True)
@@ -85,9 +92,8 @@ class FitContext:
         """Return a stage that was tried, judged on all of the run and on the validation run."""
         few = self._tried_part(tried.fit.model)
         if few is not None:
-            judged = self._judge(tried.stage.name, tried.fit, few)
-            tried.fit.problem.memory.linear = None
-            return judged
+            residual, held_residual = self._over_all(tried.fit, tried.shift)
+            return self._stage(tried.stage.name, tried.fit, residual, held_residual, tried)
         return replace(tried, stage=tried.stage.model_copy(update={"validation": self.judge(tried.fit)}))
 
     def _tried_part(self, model: Model) -> np.ndarray | None:
@@ -117,22 +123,28 @@ class FitContext:
 
     def _judge(self, name: str, found: Fit, few: np.ndarray | None) -> FittedStage:
         """Judge a fit to the run, or to the samples ``few`` of it, on all samples."""
-        split, model = self.split, found.model
-        held = predict_held_out(found, split if few is None else split.take(few))
+        held = predict_held_out(found, self.split if few is None else self.split.take(few))
         residual, held_residual = found.problem.residual(found.errors), held.residual
         if few is not None:
             residual, held_residual = self._over_all(found, held.shift)
+        return self._stage(name, found, residual, held_residual, held)
+
+    def _stage(
+        self, name: str, found: Fit, residual: Array, held_residual: Array, held: HeldOutPrediction | FittedStage
+    ) -> FittedStage:
+        """Return the stage of a fit with its residuals (n, r) of all samples, fitted and held out."""
+        parameters = found.model.parameters
         stage = Stage(
             name=name,
-            effects=tuple(dict.fromkeys(p.group for p in model.parameters if p.is_effect)),
-            parameters=len(model.parameters),
+            effects=tuple(dict.fromkeys(p.group for p in parameters if p.is_effect)),
+            parameters=len(parameters),
             train=Metrics.of(residual),
-            held_out=Metrics.of(held_residual, split.fold),
+            held_out=Metrics.of(held_residual, self.split.fold),
             validation=self.judge(found),
             residual=residual,
             held_residual=held_residual,
         )
-        return FittedStage(stage, found, held.refitted)
+        return FittedStage(stage, found, held.refitted, held.shift)
 
     def forget_values(self, model: Model) -> None:
         """Let go of the basis functions of all models so far but one: most of them were tried and left."""
