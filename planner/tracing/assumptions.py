@@ -6,7 +6,6 @@ from planner.design.assumptions import ALIKE_SHARE
 PARAMETER_COST = 7.0  # [noise variances] a parameter must explain beyond chance, about the log of a run's length
 CHANCE_COST = 2.0  # [noise variances] that a parameter explains by chance
 LEAST_GAIN = 0.02  # of the squared error, 1 % of the error, that an effect must take away to be worth a name
-PREDICTED_GAIN_RATIO = 2.0  # times the held-out gain predicted to first order that a refit may have: 1.4 was seen
 LEAST_SIGMAS = 3.0  # standard deviations that an effect's size must be above zero
 DETERMINED_VARIANCE = 0.5  # of a direction's prior variance that the readings leave: below, they decide it
 MOST_WALD_PARAMETERS = 8  # above, an effect is a curve: some of its waves are always faint

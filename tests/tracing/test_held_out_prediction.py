@@ -8,7 +8,7 @@ import pytest
 import planner.identification.least_squares as least_squares
 import planner.tracing.held_out_prediction as prediction
 from planner.identification.cross_validation import predict_held_out
-from planner.tracing.assumptions import LEAST_GAIN, PREDICTED_GAIN_RATIO
+from planner.tracing.assumptions import LEAST_GAIN
 from planner.tracing.dictionary import EffectDictionary
 from planner.tracing.held_out_prediction import HeldOutPredictor
 from planner.tracing.search_context import SearchContext
@@ -58,7 +58,7 @@ def test_a_refit_gains_what_was_predicted(states):
         other = FittedEffect(e, e.grid[len(e.grid) // 2])
         fall, error = context.predict_gain(fitted, other)
         gain, own = held_out_gain(fitted, fitted.refit(bench, (*fitted.effects, other)), bench)
-        if PREDICTED_GAIN_RATIO * fall < max(error, LEAST_GAIN):
+        if 2 * fall < max(error, LEAST_GAIN):
             faint += 1
             assert gain < max(own, LEAST_GAIN), e.name
     assert faint
