@@ -14,7 +14,6 @@ __all__ = [
     "error_parts",
     "expected_error",
     "fleet_fit",
-    "held_beside",
     "identifiable_parameters",
     "joint_sessions",
     "least_squares",

@@ -12,7 +12,7 @@ from planner.common.determinism import even_positions
 from planner.common.errors import NoSolutionError
 from planner.common.summary import Aside
 from planner.common.system import give_back_memory
-from planner.common.units import DEG, MM, Array, display_unit, format_value
+from planner.common.units import DEG, MM, Array
 from planner.design.observability.information import r_factor
 from planner.effects.steps import SLIP
 from planner.identification.angle_hints import angle_hint
@@ -25,7 +25,7 @@ from planner.identification.calibration import (
     find_joint_zeros,
     find_other_zeros,
 )
-from planner.identification.contest import judge_findings
+from planner.identification.causes import name_causes
 from planner.identification.covariance import (
     consider_covariance,
     parameter_covariance,
@@ -41,7 +41,6 @@ from planner.identification.cross_validation import (
 )
 from planner.identification.identifiable_parameters import FittedParameters, estimate_parameters
 from planner.identification.least_squares import Fit
-from planner.identification.nameless_rivals import with_nameless_rivals
 from planner.identification.nominal_comparison import worse_than_nominal
 from planner.identification.release import describe_release, release_robot, tool_point_advice
 from planner.identification.released_parameters import released_estimates, std_beside_robot
@@ -49,11 +48,9 @@ from planner.identification.released_robot import ReleasedRobot
 from planner.identification.residual_tests import diagnose_residual
 from planner.identification.run_setup import setup_for_run
 from planner.identification.stages import FitContext, FittedStage
-from planner.model.finding_groups import many_of_one_kind
 from planner.model.gauge_frames import GaugeFrames
 from planner.model.identification_document import (
     Estimate,
-    Finding,
     HoldOut,
     Metrics,
     ReleaseBasis,
@@ -235,7 +232,7 @@ def assess_fit(
     estimates = table if released is None else released_estimates(table, released)
     diagnosis, kept = diagnose_residual(found, run.continuous, last.train.rms), tuple(s.stage for s in stages)
     release = None if released is None else describe_release(released)
-    findings = _with_estimates(_findings_by_posterior(traced, released, len(run) * found.model.width / time), table)
+    causes = name_causes(traced, released, table, len(run) * found.model.width / time)
     return Calibration(
         schema_="edbb-identification/1",
         worse_than_nominal=worse_than_nominal(kept, release, expected, cell.gauge.unit),
@@ -250,10 +247,9 @@ def assess_fit(
         other_zeros=find_other_zeros(found.setup.robot, estimates, cell.controller.dialects),
         fitted=() if released is None else tuple(e for e in table if e.identifiable),
         degrees_of_freedom=max(1.0, len(found.problem) * found.model.width / time - found.effective),
-        findings=findings,
-        many_of_one_kind=many_of_one_kind(findings),
+        findings=causes.findings,
         limits=traced.limits,
-        rejected=traced.rejected,
+        rejected=causes.rejected,
         tried=traced.tried,
         unexplained=_describe_rest(diagnosis, last),
         noise_floor=_noise_floor(run, last.residual),
@@ -298,46 +294,6 @@ def _estimate_all(free: FittedParameters, found: Fit, covariance: Array, traced:
     whole = free.whole.plus([p for p in found.model.parameters if p.name not in known])
     inner = {f"{f.name}, {f.inner.name}": f.inner.value for f in traced.findings if f.inner is not None}
     return estimate_parameters(whole, found, free.dropped, covariance, inner)
-
-
-def _findings_by_posterior(
-    traced: TracingResult, released: ReleasedRobot | None, readings: float
-) -> tuple[Finding, ...]:
-    """Return the findings with their probabilities and rivals by the posterior; ``readings``: independent ones."""
-    if released is None:
-        return traced.findings
-    posterior = released.posterior
-    names = [c.own.name for c in traced.contests]
-    give_back_memory()
-    standings = judge_findings(posterior, traced.contests, readings / len(posterior.record.effects.y))
-    known = dict(zip(names, with_nameless_rivals(released, names, standings), strict=True))
-    return tuple(
-        f.model_copy(
-            update={
-                "probability": known[f.name].probability,
-                "rivals": tuple(r.name for r in known[f.name].rivals),
-                "rival_probabilities": tuple(r.probability for r in known[f.name].rivals),
-            }
-        )
-        if f.name in known
-        else f
-        for f in traced.findings
-    )
-
-
-def _with_estimates(findings: Sequence[Finding], table: Sequence[Estimate]) -> tuple[Finding, ...]:
-    """Return the findings, those of one parameter with the value and deviation that the table of parameters has."""
-    return tuple(_with_estimate(f, table) for f in findings)
-
-
-def _with_estimate(f: Finding, table: Sequence[Estimate]) -> Finding:
-    inner = "" if f.inner is None else f"{f.name}, {f.inner.name}"
-    own = [e for e in table if e.group == f.name and e.identifiable and e.std is not None and e.name != inner]
-    if len(own) != 1 or own[0].unit != f.unit or f.after_sample is not None or f.row is not None:
-        return f
-    value, std = own[0].value - own[0].nominal, own[0].std or 0.0
-    before, now = (format_value(abs(v), d, *display_unit(f.unit, v)) for v, d in ((f.value, f.std), (value, std)))
-    return f.model_copy(update={"value": value, "std": std, "note": f.note.replace(before, now)})
 
 
 def _describe_rest(diagnosis: ResidualDiagnosis, last: Stage) -> Unexplained:

@@ -15,12 +15,11 @@ from planner.identification.contenders import Contest
 from planner.identification.least_squares import Fit
 from planner.identification.released_robot import ReleasedRobot
 from planner.kinematics.robot import Robot
-from planner.model.beside_findings import RejectedEffect
+from planner.model.finding import Finding, RejectedEffect
 from planner.model.gauge_frames import JointZero
 from planner.model.identification_document import (
     DetectionLimit,
     Estimate,
-    Finding,
     Identification,
     OnlyInMemory,
     Stage,

@@ -206,7 +206,7 @@ class Bouts:
         own, rivals = self.arena.own[k], (*self.arena.others[k], *self.arena.unnamed)
         wanted = np.unique(np.concatenate([own.columns, *(b.columns for b in rivals), [len(self.gram) - 1]]))
         yield Beside.of(self.gram, held, wanted)
-        place = own.name.partition(", ")[2]
+        place = own.name.removesuffix(" (background)").partition(", ")[2]
         others = [part for part in held if part[0].name.removesuffix(" (background)").partition(", ")[2] != place]
         if len(others) < len(held):
             yield Beside.of(self.gram, others, wanted)

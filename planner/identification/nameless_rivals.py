@@ -11,29 +11,32 @@ from collections.abc import Sequence
 import numpy as np
 
 from planner.effects.nonparametric import NONPARAMETRIC
-from planner.identification.contenders import HUNDRED_TO_ONE, Rival, Standing
+from planner.identification.contenders import HUNDRED_TO_ONE, Contender, Rival, Standing
 from planner.identification.error_parts import misfit_likelihood, misfit_motion
+from planner.identification.posterior_background import OF_BACKGROUND
 from planner.identification.released_robot import ReleasedRobot
 
 
 def with_nameless_rivals(
-    released: ReleasedRobot, names: Sequence[str], standings: Sequence[Standing]
+    released: ReleasedRobot, causes: Sequence[Contender], standings: Sequence[Standing]
 ) -> list[Standing]:
-    """Return the standings of findings by name, each held against what the run shows of nameless causes as well."""
+    """Return the standings of causes, each held against what the run shows of nameless causes as well."""
+    if not causes:
+        return []
     chance = misfit_likelihood(released)
     beside = float(np.sqrt((misfit_motion(released) ** 2).mean()))
     return [
-        _share_out(standing, chance * beside / (beside + moved), name)
-        if (moved := _motion(released, name)) > 0
+        _share_out(standing, chance * beside / (beside + moved), cause.name.removesuffix(OF_BACKGROUND))
+        if (moved := _motion(released, cause)) > 0
         else standing
-        for name, standing in zip(names, standings, strict=True)
+        for cause, standing in zip(causes, standings, strict=True)
     ]
 
 
-def _motion(released: ReleasedRobot, group: str) -> float:
-    """Return how far a finding moves the tool over the workspace, rms [m], the base aligned anew; 0: not at all."""
+def _motion(released: ReleasedRobot, cause: Contender) -> float:
+    """Return how far a cause moves the tool over the workspace, rms [m], the base aligned anew; 0: not at all."""
     tool, values = released.tool, released.posterior.fit.values
-    own = {p.name: values[p.name] for p in released.posterior.fit.model.parameters if p.group == group}
+    own = {p.name: values[p.name] for p in cause.parameters if p.name in values}
     errors = np.array([own.get(name, 0.0) for name in tool.names])
     return float(np.sqrt(tool.square(errors[:, None]).mean()))
 
@@ -49,7 +52,7 @@ def _share_out(standing: Standing, nameless: float, name: str) -> Standing:
     taken = nameless * (standing.probability + sum(r.probability for r in standing.rivals))
     here = next((k for k, r in enumerate(left) if r.name.startswith(f"{NONPARAMETRIC}, ")), None)
     if here is None:
-        left.append(Rival(f"{NONPARAMETRIC}, {name.partition(', ')[2]}", taken))
+        left.append(Rival(f"{NONPARAMETRIC}, {name.partition(', ')[2] or 'arm'}", taken))
     else:
         left[here] = Rival(left[here].name, left[here].probability + taken)
     return Standing((1 - nameless) * standing.probability, tuple(sorted(left, key=lambda r: -r.probability)))

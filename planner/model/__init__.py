@@ -1,8 +1,8 @@
 """Predicted readings, identification Jacobian and noise of a set-up, and the document of what was identified."""
 
 __all__ = [
-    "beside_findings",
     "columns",
+    "finding",
     "finding_groups",
     "gauge_frames",
     "identification_document",

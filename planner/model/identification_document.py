@@ -1,19 +1,19 @@
 """``identification.json``: what an identification found, in SI units in memory, in mm and degrees in the file."""
 
 import json
-from math import exp, inf, isfinite, log
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
 import numpy as np
-from pydantic import Field, GetPydanticSchema
+from pydantic import AfterValidator, Field, GetPydanticSchema
 from pydantic_core.core_schema import any_schema
 
 from planner.common.arrays import mean_by_group
 from planner.common.schema import read_json, validate
 from planner.common.units import Array
-from planner.model.beside_findings import ManyOfOneKind, RejectedEffect
 from planner.model.document_section import DocumentSection, round_digits
+from planner.model.finding import Finding, RejectedEffect
+from planner.model.finding_groups import list_causes
 from planner.model.gauge_frames import GaugeFrames, JointZero
 from planner.model.misfit_place import MisfitPlace
 from planner.model.more_poses import MorePoses
@@ -122,75 +122,6 @@ class Estimate(DocumentSection):
     group: str = ""
 
 
-def p_value(log_p: float) -> float:
-    """Return the chance of this natural logarithm."""
-    return exp(max(log_p, -700.0))  # logarithm of the smallest chance that JSON's numbers hold without loss
-
-
-def log10_p(log_p: float) -> float | None:
-    """Return the common logarithm of the chance of this natural logarithm, ``None`` where it is not finite."""
-    return log_p / log(10) if isfinite(log_p) else None
-
-
-class InnerNumber(DocumentSection):
-    """The number inside an effect: a frequency, a time constant, a width."""
-
-    in_unit = ("value", "std")
-    name: str = ""
-    value: float
-    std: float | None = None
-    unit: str
-
-
-class Finding(DocumentSection):
-    """An effect that the run shows; its parameters are those of the group ``effect, on``.
-
-    Attributes:
-        effect, on: what and where, for instance ``gear ripple`` and ``joint 3``.
-        value, std, unit: size of the effect (length of its parameters' vector) and, its shape held, how well that is
-            known.
-        p_value: chance of so large an effect, corrected for everything that was tried.
-        log10_p: its logarithm, which runs out of digits later; then it is ``None``.
-        gain: fall of the rms error on held-out samples by this effect [m].
-        probability: that it is this cause and no other; ``None`` where no posterior was drawn, as in older files.
-        rivals: other causes that explain the same, the likeliest first; ``unnamed`` is what the catalogue lacks.
-        rival_probabilities: of each; 0 where the readings speak against it, but the poses need not have told.
-        note: what a mechanic would say; ``inner``: the number inside the effect, where it has one.
-        after_sample: of a step, the samples before it; ``surely_within`` a range, or ``between_sessions`` of two files.
-        row: number of the sample, from 1, whose reading is wrong.
-    """
-
-    in_unit = ("value", "std")
-    if_any = ("probability", "rival_probabilities", "inner", "after_sample", "surely_within", "between_sessions", "row")
-    effect: str
-    on: str
-    value: float
-    std: float = 0.0
-    unit: str
-    p_value: float = 0.0
-    log10_p: float | None = None
-    gain: float = 0.0
-    probability: float | None = None
-    rivals: tuple[str, ...] = ()
-    rival_probabilities: tuple[float, ...] | None = None
-    note: str = ""
-    inner: InnerNumber | None = None
-    after_sample: int | None = None
-    surely_within: tuple[int, int] | None = None
-    between_sessions: tuple[str, str] | None = None
-    row: int | None = None
-
-    @property
-    def log_p(self) -> float:
-        """Natural logarithm of the chance."""
-        return -inf if self.log10_p is None else self.log10_p * log(10)
-
-    @property
-    def name(self) -> str:
-        """Effect and place, as the group of its parameters is called."""
-        return f"{self.effect}, {self.on}"
-
-
 class DetectionLimit(DocumentSection):
     """The smallest size of an effect that was not found which this run would have shown in 95 of 100 cases."""
 
@@ -218,7 +149,8 @@ class Unexplained(DocumentSection):
 class SizeOfFamily(DocumentSection):
     """How large effects of one family are: rms factor on the sizes that the catalogue expects.
 
-    ``probability``: how likely it acts at all.
+    A number of the posterior, by which plans and fleets learn, and no cause: those are the findings. ``probability``:
+    how likely it acts at all.
     """
 
     name: str
@@ -307,9 +239,10 @@ class Identification(DocumentSection):
             no robot. Empty where the last stage itself is released, and in files written before there was a difference.
         joint_zeros: what the controller's zeros of the released robot's joints are off, of joints that the run shows.
         degrees_of_freedom: readings, correlated ones counted as fewer, less the parameters that they decide.
-        findings: effects that tracing found, in the order in which they were found.
-        many_of_one_kind: findings that are one thing together.
+        findings: the causes that the run shows, each with its probability and its rivals: those that tracing found and
+            those that the posterior holds besides, many of one kind as one, in the order of what each takes away.
         limits: for every effect that was looked for and not found.
+        rejected: what was tried in full and not kept, or what the posterior speaks against.
         tried: number of effects and inner values that tracing looked at; ``None`` where nothing was traced.
         noise_floor: standard deviation of repeated readings [m], or ``None`` without repeats.
         workspace_error: error of the released robot's tool over the workspace [m], rms, as likely exceeded as not.
@@ -327,7 +260,7 @@ class Identification(DocumentSection):
     """
 
     if_any = (
-        "release", "n_validation", "simulated", "worse_than_nominal", "many_of_one_kind", "use", "more", "angle_unit",
+        "release", "n_validation", "simulated", "worse_than_nominal", "use", "more", "angle_unit",
     )  # fmt: skip
     schema_: Literal["edbb-identification/1"]
     worse_than_nominal: str | None = None
@@ -341,8 +274,7 @@ class Identification(DocumentSection):
     fitted: tuple[Estimate, ...] = ()
     joint_zeros: tuple[JointZero, ...] = ()
     degrees_of_freedom: float = Field(ge=1)
-    findings: tuple[Finding, ...]
-    many_of_one_kind: tuple[ManyOfOneKind, ...] | None = None
+    findings: Annotated[tuple[Finding, ...], AfterValidator(list_causes)]
     limits: tuple[DetectionLimit, ...] = ()
     rejected: tuple[RejectedEffect, ...] = ()
     tried: int | None = None

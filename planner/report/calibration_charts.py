@@ -105,7 +105,7 @@ def draw_calibration_charts(facts: CalibrationFacts) -> tuple[Chart, ...]:
     if facts.calibration.run.samples.direction is not None:
         drawn.append(approach_chart(facts))
     matrix = (correlation_chart(facts),) if len(facts.calibration.fit.errors) > 1 else ()
-    loop = (stage_chart(facts), *(finding_chart(facts, told) for told in told_findings(facts)))
+    loop = (stage_chart(facts), *(finding_chart(facts, told) for told in told_findings(facts) if told.steps))
     released = facts.calibration.released
     known = [] if released is None else [error_map_chart(facts, released)]
     if released is not None and misfit_place(released) is not None:

@@ -7,10 +7,9 @@ import numpy as np
 from planner.common.units import Array, display_unit, file_unit, si_unit, to_mm
 from planner.identification.calibration import Calibration
 from planner.identification.error_parts import drift_counts
-from planner.identification.held_beside import held_text
 from planner.identification.own_errors import own_errors_text
-from planner.model.finding_groups import FindingGroup, percent, rank_groups
-from planner.model.identification_document import DetectionLimit, Estimate, Finding, Release
+from planner.model.finding import Finding, percent
+from planner.model.identification_document import DetectionLimit, Estimate, Release
 from planner.report.calibration_data import CalibrationFacts
 from planner.report.effect_evidence import FindingStep, ToldFinding, told_findings
 from planner.report.formatting import count_text, decimals_of, digits, in_mm
@@ -27,7 +26,7 @@ def estimate_unit(e: Estimate) -> tuple[str, float]:
 
 def declared_effects_text(c: Calibration) -> tuple[str, ...]:
     """Say one sentence for each effect of the last stage that no tracing brought, with its values as written."""
-    traced = {f.name for f in c.findings}
+    traced = {f.name for cause in c.findings for f in cause.each} | {r.name for r in c.rejected}
     return tuple(_sentence(c, kind) for kind in c.stages[-1].effects if kind not in traced and ", " not in kind)
 
 
@@ -209,8 +208,11 @@ NOTHING_FOUND = "Nothing beyond noise that the catalogue can name."
 
 
 def finding_texts(facts: CalibrationFacts) -> list[tuple[str, str, tuple[str, ...]]]:
-    """Say what was found, what takes most away first, many of one kind as one: heading, name of the chart, evidence."""
-    return [(_capital(told.group.note), told.name, _evidence(facts, told)) for told in told_findings(facts)]
+    """Say what was found, in the order of the document: heading, name of the chart if there is one, evidence."""
+    return [
+        (_capital(told.finding.note), told.name if told.steps else "", _evidence(facts, told))
+        for told in told_findings(facts)
+    ]
 
 
 def findings_summary(c: Calibration) -> Row:
@@ -218,14 +220,13 @@ def findings_summary(c: Calibration) -> Row:
     named = declared_effects_text(c)
     if c.tried is None:
         return named
-    groups = rank_groups(c.findings)
-    first = groups[:6]  # findings on the first sheet
-    found = [_doubt(g) + _capital(g.note) + _probability_text(g) + _rivals_text(g.rival_texts) + "." for g in first]
+    first = c.findings[:6]  # findings on the first sheet
+    found = [_doubt(f) + _capital(f.note) + _probability_text(f) + _rivals_text(f.rival_texts) + "." for f in first]
     found = found or [NOTHING_FOUND]
-    if len(first) < len(groups):
-        found.append(f"And {len(groups) - len(first)} more that bring less.")
-    if c.release is not None and (held := held_text(c.release.families, c.findings)):
-        found.append(f"The posterior holds besides, each too faint for a stage of its own: {held}.")
+    if more := c.findings[len(first) :]:
+        doubtful = sum(f.is_doubtful for f in more)
+        which = f", {'all' if doubtful == len(more) else doubtful} doubtful" if doubtful else ""
+        found.append(f"And {len(more)} more below{which}.")
     return (*named, *found, *detection_text(c.limits))
 
 
@@ -244,17 +245,23 @@ def detection_text(limits: Iterable[DetectionLimit]) -> Row:
 
 
 def _evidence(facts: CalibrationFacts, told: ToldFinding) -> tuple[str, ...]:
-    unit, group = facts.calibration.reading_unit, told.group
-    least = max(group.findings, key=lambda f: f.log_p)
-    one = len(group.findings) == 1
-    size = f"Size {_size(least)}. Chance" if one else "Each has a size of its own. Largest chance"
+    unit, cause = facts.calibration.reading_unit, told.finding
+    one = cause.members is None
+    if cause.beside_stages:
+        size = f"Size {_size(cause)}. " if one else "Each has a size of its own. "
+        return (
+            f"{size}The posterior holds it, beside all that has a stage: it is too faint for one of its own.",
+            f"Without it, all else fitted anew, errors would be {in_mm(cause.gain, 2)} {unit} larger (rms).",
+            _rivals(cause),
+        )
+    size = f"Size {_size(cause)}. Chance" if one else "Each has a size of its own. Largest chance"
     return (
         f"{size} of so large an effect where there is none, corrected for the "
-        f"{count_text(facts.calibration.tried or 0)} alternatives that were tried: {_chance(least.log_p)}.",
+        f"{count_text(facts.calibration.tried or 0)} alternatives that were tried: {_chance(cause.log_p)}.",
         *(_fall_text(step, unit, len(told.steps) > 1) for step in told.steps),
         f"Without {'it' if one else 'the one that brings most'}, all else fitted anew, held-out errors are "
-        f"{in_mm(group.gain, 2)} {unit} larger (rms).",
-        _rivals(group),
+        f"{in_mm(cause.gain, 2)} {unit} larger (rms).",
+        _rivals(cause),
     )
 
 
@@ -288,10 +295,10 @@ def _pair(value: float, std: float) -> str:
     return f"{value:.{places}f} ± {std:.{places}f}"
 
 
-def _rivals(group: FindingGroup) -> str:
+def _rivals(cause: Finding) -> str:
     named = 4  # rivals that are listed by name
-    names, known = group.rival_texts, group.probability
-    this = "it is this cause" if len(group.findings) == 1 else "the least certain of them is this cause"
+    names, known = cause.rival_texts, cause.probability
+    this = "it is this cause" if cause.members is None else "the least certain of them is this cause"
     own = "" if known is None else f"That {this}: {percent(known)}. "
     if not names:
         none = {
@@ -299,17 +306,17 @@ def _rivals(group: FindingGroup) -> str:
             "likely": "Perhaps nothing is there at all.",
             "doubtful": "Nothing at all is likelier.",
         }
-        return f"{own}Rivals: none. {none[group.grade]}"
+        return f"{own}Rivals: none. {none[cause.grade]}"
     more = f" and {len(names) - named} more" if len(names) > named else ""
     return f"{own}Rivals that this run cannot tell from it: {', '.join(names[:named])}{more}."
 
 
-def _doubt(group: FindingGroup) -> str:
-    return "" if group.grade == "found" else f"{group.grade.capitalize()}: "
+def _doubt(cause: Finding) -> str:
+    return "" if cause.grade == "found" else f"{cause.grade.capitalize()}: "
 
 
-def _probability_text(group: FindingGroup) -> str:
-    return "" if group.probability is None else f" ({percent(group.probability)})"
+def _probability_text(cause: Finding) -> str:
+    return "" if cause.probability is None else f" ({percent(cause.probability)})"
 
 
 def _rivals_text(rivals: Row) -> str:

@@ -8,7 +8,7 @@ from planner.common.units import UM, to_mm
 from planner.instruments.check.evaluation import CheckVerdict
 from planner.instruments.check.results import verdict_overview
 from planner.instruments.record import RobotRecord
-from planner.model.finding_groups import percent
+from planner.model.finding import percent
 from planner.report.chart import (
     BLUE,
     GREEN,

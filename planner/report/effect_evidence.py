@@ -10,8 +10,8 @@ from planner.effects.basis import ONE, EffectVariable
 from planner.effects.context import Context
 from planner.effects.effect import Parameter
 from planner.effects.steps import BeforeSample, extend_over_run
-from planner.model.finding_groups import FindingGroup, rank_groups
-from planner.model.identification_document import Finding, Stage
+from planner.model.finding import Finding, Member
+from planner.model.identification_document import Stage
 from planner.model.model import Model
 from planner.report.calibration_data import PANEL_POINTS, CalibrationFacts
 from planner.report.chart import (
@@ -43,7 +43,7 @@ class FindingStep:
         replaced: whether it took the place of something, which the stage before then still has.
     """
 
-    finding: Finding
+    finding: Member
     what: str
     before: Stage
     after: Stage
@@ -82,10 +82,14 @@ class Evidence:
 
 
 def finding_steps(facts: CalibrationFacts) -> tuple[FindingStep, ...]:
-    """Return each finding with the stages before and after it, in the order in which they came; none of the set-up."""
+    """Return each finding with the stages before and after it, in the order in which they came.
+
+    None of what has no stage: what is off of the set-up, and what the posterior holds besides.
+    """
     c = facts.calibration
     out = list[tuple[int, FindingStep]]()
-    for f in (f for f in c.findings if any(f.name in s.effects for s in c.stages)):
+    each = [f for cause in c.findings for f in cause.each if not f.beside_stages]
+    for f in (f for f in each if any(f.name in s.effects for s in c.stages)):
         without = [k for k, s in enumerate(c.stages) if f.name not in s.effects]
         first = min(without[-1] + 1, len(c.stages) - 1)  # one of that name may have come before, and gone
         before = c.stages[max(first - 1, 0)]
@@ -98,23 +102,23 @@ def finding_steps(facts: CalibrationFacts) -> tuple[FindingStep, ...]:
 
 @dataclass(frozen=True)
 class ToldFinding:
-    """What is said as one: a finding or many of one kind, and the steps by which it came, one for each name.
+    """A cause of the document and the steps by which it came, one for each name, none of what has no stage.
 
     ``name`` is that of its picture.
     """
 
     name: str
-    group: FindingGroup
+    finding: Finding
     steps: tuple[FindingStep, ...]
 
 
 def told_findings(facts: CalibrationFacts) -> tuple[ToldFinding, ...]:
-    """Return what was found as it is told, in the order of what each takes away; none of the set-up."""
+    """Return the document's causes in their order, each with its steps."""
     steps = {id(s.finding): s for s in finding_steps(facts)}
     out = list[ToldFinding]()
-    for group in rank_groups(facts.calibration.findings):
-        own = {s.what: s for f in group.findings if (s := steps.get(id(f))) is not None}
-        out += [ToldFinding(f"found_{len(out) + 1}", group, tuple(own.values()))] if own else []
+    for k, cause in enumerate(facts.calibration.findings, start=1):
+        own = {s.what: s for f in cause.each if (s := steps.get(id(f))) is not None}
+        out.append(ToldFinding(f"found_{k}", cause, tuple(own.values())))
     return tuple(out)
 
 
@@ -208,7 +212,10 @@ def stage_chart(facts: CalibrationFacts) -> Chart:
         series.append(Series("validation run", to_mm(rms), at, BLUE, "points", size=7.0))
     rest, unit = max(40, 150 - 26 * len(names)), facts.calibration.reading_unit
     panel = list_panel("", f"rms error ({unit}, logarithmic)", names, series, rest=rest, log_x=True)
-    caption = "From top to bottom the model grows by one effect at a time; what counts is the held-out error."
+    caption = (
+        "From top to bottom the model grows by one effect at a time, in the order in which the search found them; what "
+        "counts is the held-out error."
+    )
     return Chart("by_stage", "The error stage by stage", caption, (panel,))
 
 
@@ -229,7 +236,7 @@ def finding_chart(facts: CalibrationFacts, told: ToldFinding) -> Chart:
         f"Held-out residuals{comma} {what}. Points: readings; black: their mean; red: the effect as fitted in the end, "
         "less what the model before it could take up."
     )
-    return Chart(told.name, told.group.note, caption, tuple(panels), columns=2)
+    return Chart(told.name, told.finding.note, caption, tuple(panels), columns=2)
 
 
 def _panel(e: Evidence, values: Array, title: str, fitted: bool, span: float) -> Panel:

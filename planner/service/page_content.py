@@ -8,8 +8,8 @@ from planner.common.units import to_mm
 from planner.design.observability.information import find_rule
 from planner.instruments.circular.document import CircularDocument
 from planner.instruments.record import DOCUMENTS
-from planner.model.finding_groups import FindingGroup, rank_groups
-from planner.model.identification_document import Finding, Identification, Release, Stage
+from planner.model.finding import Finding
+from planner.model.identification_document import Identification, Release, Stage
 from planner.model.use_text import Row, bound_text, use_head, use_rows, verdict_text
 from planner.report.formatting import duration_text
 from planner.service.answers import Job, OutputFile
@@ -161,12 +161,7 @@ class CalibrationPage:
     @property
     def titles(self) -> str:
         """What was found, and where."""
-        return "; ".join(g.title for g in self.groups)
-
-    @property
-    def groups(self) -> tuple[FindingGroup, ...]:
-        """What was found as it is told everywhere: many of one kind as one, what takes most away first."""
-        return tuple(rank_groups(self.document.findings))
+        return "; ".join(f.title for f in self.document.findings if not f.is_doubtful)
 
     @property
     def modelled_effects(self) -> str:
@@ -244,7 +239,8 @@ def finding_size(finding: Finding, reading_unit: str) -> str:
     written = finding.model_dump(mode="json", by_alias=True)
     value = float(written["value"])
     std = "" if not finding.std else f" ± {_digits(value * finding.std / finding.value if finding.value else 0.0)}"
-    gain = f"{_digits(to_mm(finding.gain))} {reading_unit} better on poses held out"
+    better = f"{_digits(to_mm(finding.gain))} {reading_unit} better"
+    gain = f"{better}, too faint for a stage of its own" if finding.beside_stages else f"{better} on poses held out"
     return f"{_digits(value)}{std} {written['unit']}; {gain}"
 
 

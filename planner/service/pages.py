@@ -22,7 +22,7 @@ from planner.common.schema import read_json
 from planner.identification.baseline import NAME as BASELINE
 from planner.instruments.circular.document import CircularDocument
 from planner.instruments.record import CheckedChange, CheckFile
-from planner.model.finding_groups import percent
+from planner.model.finding import percent
 from planner.model.identification_document import Identification
 from planner.service.answers import Job
 from planner.service.context import Context, ServiceContext

@@ -15,7 +15,7 @@ from planner.effects.nonparametric import GEAR_CURVE, nonparametric_effects
 from planner.effects.steps import steppables
 from planner.identification.assumptions import LARGEST_HELD_OUT
 from planner.identification.stages import FitContext
-from planner.model.beside_findings import RejectedEffect
+from planner.model.finding import RejectedEffect
 from planner.tracing.assumptions import (
     COMPLIANCE_EVIDENCE,
     LEAST_GAIN,

@@ -16,8 +16,9 @@ from planner.effects.steps import STEP
 from planner.identification.calibration import TracingResult
 from planner.identification.contenders import Contender, Contest
 from planner.identification.stages import FitContext, FittedStage
+from planner.model.finding import Finding, InnerNumber, log10_p, p_value
 from planner.model.finding_groups import unit_of_change
-from planner.model.identification_document import DetectionLimit, Finding, InnerNumber, log10_p, p_value
+from planner.model.identification_document import DetectionLimit
 from planner.model.model import chunks
 from planner.runs.run import Run
 from planner.tracing.assumptions import (

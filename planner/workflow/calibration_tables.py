@@ -2,8 +2,9 @@
 
 from planner.common.tables import Row
 from planner.common.units import display_unit, file_unit, si_unit, to_deg, to_mm
+from planner.model.finding import Finding
 from planner.model.gauge_frames import ToolPointPosition
-from planner.model.identification_document import Estimate, Finding, Stage
+from planner.model.identification_document import Estimate, Stage
 
 
 def border_unit(e: Estimate) -> tuple[str, float]:
@@ -42,6 +43,8 @@ def finding_row(f: Finding, reading_unit: str) -> Row:
         "value": f.value * factor,
         "sigma": f.std * factor,
         "unit": unit,
+        "grade": f.grade,
+        "probability": f.probability,
         "p_value": f.p_value,
         f"held_out_gain_{reading_unit}": float(to_mm(f.gain)),
         "rivals": ", ".join(f.rivals),

@@ -46,7 +46,7 @@ class DemoResult(FolderResult):
         """Whether the fault is a finding, and whether it is a rival of one."""
         kind, on, _ = self.hidden
         name, findings = f"{kind}, {on}", self.robot.calibration.findings
-        return any(name == f.name for f in findings), any(name in f.rivals for f in findings)
+        return any(name == f.name for c in findings for f in c.each), any(name in f.rivals for f in findings)
 
     @property
     def is_found(self) -> bool:

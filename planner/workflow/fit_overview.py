@@ -9,9 +9,8 @@ from planner.common.summary import SCREEN_LINES, Aside, Fact, Summary, name_firs
 from planner.common.units import MM, format_value, to_mm
 from planner.identification.calibration import Calibration, other_zeros_text, zeros_text
 from planner.identification.error_parts import drift_counts, misfit_counts
-from planner.identification.held_beside import held_text
 from planner.identification.own_errors import own_errors_text
-from planner.model.finding_groups import FindingGroup, percent, rank_groups
+from planner.model.finding import Finding, percent
 from planner.model.identification_document import ErrorParts, Estimate, Metrics, Release
 from planner.model.misfit_place import MisfitPlace
 from planner.model.use_text import taught_sentence, tolerance_sentence, use_sentence
@@ -128,45 +127,45 @@ def _cause_facts(found: Calibration, most: int) -> Iterator[Fact]:
     """Say which causes were found, ``most`` of them, those first that bring most; of doubtful ones one at most."""
     if found.tried is None:
         return
-    groups = rank_groups(found.findings)
-    sure = sum(not g.is_doubtful for g in groups)
-    shown = groups[: min(max(sure, 1), most)]
-    for group in shown:
-        more = _more_causes_text(groups[len(shown) :]) if group is shown[-1] else ""
-        yield group.grade, f"{_cause_text(group)}{more}"
-    if not groups:
+    causes = found.findings
+    sure = sum(not c.is_doubtful for c in causes)
+    shown = causes[: min(max(sure, 1), most)]
+    for cause in shown:
+        more = _more_causes_text(causes[len(shown) :]) if cause is shown[-1] else ""
+        yield cause.grade, f"{_cause_text(cause)}{more}"
+    if not causes:
         yield "found", "no cause beyond the geometry"
 
 
-def _more_causes_text(more: Sequence[FindingGroup]) -> str:
+def _more_causes_text(more: Sequence[Finding]) -> str:
     """Say how many causes are not listed; empty where none."""
-    doubtful = sum(g.is_doubtful for g in more)
+    doubtful = sum(c.is_doubtful for c in more)
     which = f", {'all' if doubtful == len(more) else doubtful} doubtful" if doubtful else ""
     return f"; {len(more)} more{which}: -v" if more else ""
 
 
 def _rival_facts(found: Calibration) -> Iterator[Fact]:
     """Say of every cause what it is, and what else explains the same."""
-    for group in rank_groups(found.findings):
-        yield group.grade, group.note
-        if rivals := _rival_text(group):
+    for cause in found.findings:
+        yield cause.grade, cause.note
+        if rivals := _rival_text(cause):
             yield "", rivals
 
 
-def _cause_text(group: FindingGroup) -> str:
+def _cause_text(cause: Finding) -> str:
     """Say a cause in a line: its size, how sure it is, and how many others explain the same."""
-    said = group.note.partition(" (root mean square")[0]  # of many joints: each one's size stands below
-    surely = [] if group.probability is None else [percent(group.probability)]
-    if (others := len(group.rival_texts)) > 0:
+    said = cause.note.partition(" (root mean square")[0]  # of many joints: each one's size stands below
+    surely = [] if cause.probability is None else [percent(cause.probability)]
+    if (others := len(cause.rivals)) > 0:
         surely.append(f"or {number_of(others, 'other cause')}")
-    elif group.grade != "found":
+    elif cause.grade != "found":
         surely.append("or nothing")
     return f"{said} ({', '.join(surely)})" if surely else said
 
 
-def _rival_text(group: FindingGroup) -> str:
+def _rival_text(cause: Finding) -> str:
     """Say what else it may be; empty where nothing else explains the same."""
-    names = group.rival_texts
+    names = cause.rival_texts
     if not names:
         return ""
     more = f" or {len(names) - NAMED} more" if len(names) > NAMED else ""
@@ -218,8 +217,6 @@ def _details(found: Calibration, release: Release | None) -> Iterator[Fact]:
     if own := own_errors_text(found):
         yield "in pixels", own
     yield from _rival_facts(found)
-    if release is not None and (held := held_text(release.families, found.findings)):
-        yield "also", f"{held}: held by the posterior, too faint for a stage of its own"
     if far := _far_estimates(found):
         yield "at a limit", f"{_names(far)}: more than {BEYOND:g} times the size that is expected"
     if not found.diagnosis.structured:
@@ -257,7 +254,7 @@ def _release_details(found: Calibration, release: Release) -> Iterator[Fact]:
 
 
 def _stage_rows(found: Calibration) -> Iterator[Fact]:
-    """Return the errors stage by stage in columns."""
+    """Return the errors stage by stage in columns, effects in the order in which the search added them."""
     wide = max(26, *(len(s.name) for s in found.stages))
     checked = found.stages[-1].validation is not None
     title = f"held out, {found.reading_unit}"

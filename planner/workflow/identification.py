@@ -44,8 +44,9 @@ from planner.instruments.precision import check_mastering
 from planner.instruments.simulation import SimulatedRun
 from planner.instruments.tracker_nests import compare_nest_distances
 from planner.kinematics.robot import Robot
+from planner.model.finding import Finding
 from planner.model.gauge_frames import ToolPointPosition
-from planner.model.identification_document import Estimate, Finding, Stage
+from planner.model.identification_document import Estimate, Stage
 from planner.runs.loader import load_runs
 from planner.runs.run import NO_REFERENCE_READINGS, Run, read_reference_readings
 from planner.session.document import PlanDocument, read_plan
@@ -105,7 +106,7 @@ class CalibrationResult(FolderResult):
 
     @property
     def findings(self) -> RowTable[Finding]:
-        """The causes that were found, in their order (SI units)."""
+        """The causes that the run shows, what takes most away first (SI units)."""
         return RowTable(self.calibration.findings, partial(finding_row, reading_unit=self.calibration.reading_unit))
 
     @property
@@ -376,6 +377,7 @@ def can_be_told_apart(found: Calibration) -> bool:
     shown = {e.name for e in catalogue(found.setup, planned) if not e.has(Role.UNTRACED)}
     return any(
         f.name in shown and rival in shown and (chance is None or chance >= HUNDRED_TO_ONE)
-        for f in found.findings
+        for cause in found.findings
+        for f in cause.each
         for rival, chance in zip(f.rivals, f.rival_probabilities or [None] * len(f.rivals), strict=True)
     )

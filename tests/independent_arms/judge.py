@@ -89,6 +89,11 @@ def _rivals(finding):
             yield effect, on
 
 
+def each_finding(findings):
+    """Findings one by one: many of one kind stand in the list as one, with its members."""
+    return [member for f in findings for member in f.get("members") or [f]]
+
+
 def _is_below(finding, probability):
     return finding.get("probability") is not None and finding["probability"] < probability
 
@@ -157,7 +162,8 @@ def judge(seed, session, count, with_foreign, folder, product_geometry=False):
     report = json.loads((calibrated / "identification.json").read_text(encoding="utf-8"))
     there = np.radians(np.stack([columns[name] for name in runs.JOINTS], axis=1))
     near, _ = model_error(true, there[:: max(1, len(there) // STATES)], calibrated / "robot.toml", folder, condition)
-    names = judge_names(report["findings"], true.causes)
+    findings = each_finding(report["findings"])
+    names = judge_names(findings, true.causes)
     return row | {
         "refused": 0, "released_mm": released, "stated_mm": report["known_anywhere_mm"],
         "bound_mm": report["release"]["at_most_mm"], "near_mm": near,
@@ -166,5 +172,5 @@ def judge(seed, session, count, with_foreign, folder, product_geometry=False):
         "stated_nominal_mm": report["release"]["nominal_anywhere_mm"], "corrected": corrected, "true": names.true,
         "right": names.right, "rival": names.rival, "wrong": names.wrong, "found": names.found,
         "doubtful": names.doubtful, "asserted": names.asserted, "listed_wrong": names.listed_wrong,
-        "findings": "; ".join(f"{f['effect']}, {f['on']}" for f in report["findings"]),
+        "findings": "; ".join(f"{f['effect']}, {f['on']}" for f in findings),
     }  # fmt: skip

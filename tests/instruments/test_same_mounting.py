@@ -15,7 +15,7 @@ from planner.instruments.live_estimate import LiveEstimate, PoseReading, mean_er
 from planner.instruments.more_poses import foresee_more_poses, minutes_a_pose
 from planner.instruments.remaining_errors import CalibratedState, RemainingErrors, leave_standing
 from planner.kinematics.robot_hash import model_text_hash
-from planner.model.identification_document import Finding
+from planner.model.finding import Finding
 from planner.runs.run import FIRST_MOUNTING, Samples
 from planner.session.movable_cell import cell_files
 from planner.session.options import PlanOptions

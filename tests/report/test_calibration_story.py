@@ -14,7 +14,9 @@ from planner.common.files import data_folder
 from planner.common.units import display_unit
 from planner.identification.calibration import Calibration
 from planner.identification.pipeline import identify
-from planner.model.identification_document import DetectionLimit, Identification, log10_p, p_value
+from planner.model.finding import log10_p, p_value
+from planner.model.finding_groups import list_causes
+from planner.model.identification_document import DetectionLimit, Identification
 from planner.report.calibration_data import CalibrationFacts
 from planner.report.calibration_report import calibration_content
 from planner.report.calibration_text import detection_text
@@ -137,11 +139,15 @@ def test_what_was_taken_out_again_is_not_what_an_effect_is_drawn_beside(c: Calib
 def test_every_finding_has_its_picture_and_evidence(told: CalibrationFacts) -> None:
     page = calibration_content(told)
     every = told_findings(told)
-    assert [name for _, name, _ in page["findings"]] == [t.name for t in every]
-    assert [t.group.gain for t in every] == sorted((f.gain for f in told.calibration.findings), reverse=True)
+    assert [name for _, name, _ in page["findings"]] == [t.name if t.steps else "" for t in every]
+    assert [t.finding for t in every] == list(told.calibration.findings)
+    assert [t.finding.name for t in every if t.steps] == ["gear ripple, joint 3", "backlash, joint 2"]
     for (heading, _, lines), one in zip(page["findings"], every, strict=True):
         assert "Rivals" in lines[-1]
-        assert one.group.note.lower() == heading.lower()
+        assert one.finding.note.lower() == heading.lower()
+        if not one.steps:
+            assert "too faint for one of its own" in lines[0]
+            continue
         picture = finding_chart(told, one)
         assert len(picture.panels) == 2
         assert all(np.isfinite(s.x).all() and np.isfinite(s.y).all() for p in picture.panels for s in p.series)
@@ -155,15 +161,18 @@ def test_every_finding_has_its_picture_and_evidence(told: CalibrationFacts) -> N
 def test_many_of_one_kind_have_one_section_and_one_picture(c: Calibration) -> None:
     """Play and ripple at three joints each: two sections, each with the panels of what the fit holds of them."""
     every = tuple(
-        f.model_copy(update={"on": on, "inner": None}) for f in c.findings for on in (f.on, "joint 5", "joint 6")
+        f.model_copy(update={"on": on, "inner": None})
+        for f in c.findings
+        if not f.beside_stages
+        for on in (f.on, "joint 5", "joint 6")
     )
-    changed = CalibrationFacts(c.model_copy(update={"findings": every}))
+    changed = CalibrationFacts(c.model_copy(update={"findings": list_causes(every)}))
     page = calibration_content(changed)
     assert [("of 3 joints" in heading) for heading, _, _ in page["findings"]] == [True, True]
     for (_, name, lines), one in zip(page["findings"], told_findings(changed), strict=True):
         assert name == one.name
         assert "Held-out error" in lines[1]
-        assert "the least certain of them" in lines[-1] or one.group.probability is None
+        assert "the least certain of them" in lines[-1] or one.finding.probability is None
         assert len(finding_chart(changed, one).panels) == 2 * len(one.steps)
 
 

@@ -10,7 +10,8 @@ import pytest
 
 from planner.cli.terminal import screen_text
 from planner.common.summary import SCREEN_LINES, Aside
-from planner.model.identification_document import ErrorParts, Finding, Metrics, WorkToolError
+from planner.model.finding import Finding
+from planner.model.identification_document import ErrorParts, Metrics, WorkToolError
 from planner.model.misfit_place import MisfitPlace, MisfitRange
 from planner.workflow import identification
 from tests.golden.cases import CASES

@@ -8,7 +8,8 @@ import pytest
 
 from planner.cell.reading import load_cell
 from planner.cell.setup import setup_of
-from planner.model.identification_document import Finding
+from planner.model.finding import Finding
+from planner.model.finding_groups import list_causes
 from planner.workflow.identification import can_be_told_apart
 from tests.independent_arms import runs
 
@@ -52,6 +53,16 @@ def found(rival, chance=0.3, name="encoder once a turn, joint 2"):
 )
 def test_poses_tell_apart_what_they_show(finding, separable):
     assert can_be_told_apart(calibration([finding])) == separable
+
+
+def test_what_is_one_of_many_is_looked_at_by_itself():
+    own = [
+        found("joint compliance, joint 2"),
+        *(found("step, arm", name=f"encoder once a turn, joint {k}") for k in (3, 5)),
+    ]
+    (cause,) = list_causes(own)
+    assert can_be_told_apart(calibration([cause]))
+    assert not can_be_told_apart(calibration([cause.model_copy(update={"members": tuple(own[1:])})]))
 
 
 def test_only_poses_of_a_bar_or_wire_are_chosen_so():

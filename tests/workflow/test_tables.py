@@ -10,7 +10,7 @@ import pytest
 import tests.simulation.generator.runs as runs
 from planner.cell.reading import load_cell
 from planner.identification.pipeline import FitSettings, identify
-from planner.model.identification_document import Finding
+from planner.model.finding import Finding
 from planner.runs.loader import load_run
 from planner.tracing.trace import trace
 from planner.workflow.identification import CalibrationResult

@@ -8,7 +8,8 @@ import numpy as np
 
 from planner.common.errors import InputError
 from planner.effects.catalogue import check_effect_name, strip_repeat
-from planner.model.identification_document import Finding, Identification
+from planner.model.finding import Member
+from planner.model.identification_document import Identification
 
 
 @dataclass(frozen=True)
@@ -66,16 +67,17 @@ def read_identification(path: Path, robot: str, n_joints: int) -> Identification
         raise InputError(f"{path}: 'stages' number {len(part.stages)}: 'rms_mm' must be greater than 0")
     if part.robot != robot:
         raise InputError(f"{path}: identifies the robot '{part.robot}', but the cell's is '{robot}'")
-    if not any(f.rivals for f in part.findings):
-        what = "its findings have no rivals" if part.findings else "it has no findings"
+    named = [f for cause in part.findings for f in cause.each]
+    if not any(f.rivals for f in named):
+        what = "its findings have no rivals" if named else "it has no findings"
         raise InputError(f"{path}: there is nothing to separate, {what}: plan without --separate")
-    for k, f in enumerate(part.findings, start=1):
-        for name in (f.name, *f.rivals):
+    for k, cause in enumerate(part.findings, start=1):
+        for name in (n for f in cause.each for n in (f.name, *f.rivals)):
             check_effect_name(name, n_joints, f"{path}: 'findings' number {k}")
-    return IdentificationResult(path, _one_each(part.findings), {e.name: e.value for e in part.last_fit}, part)
+    return IdentificationResult(path, _one_each(named), {e.name: e.value for e in part.last_fit}, part)
 
 
-def _one_each(findings: Sequence[Finding]) -> tuple[IdentifiedEffect, ...]:
+def _one_each(findings: Sequence[Member]) -> tuple[IdentifiedEffect, ...]:
     """Return the findings; what stepped again and again is one, with the largest of its steps and all rivals."""
     out = dict[str, IdentifiedEffect]()
     for f in findings:

@@ -19,7 +19,7 @@ from planner.instruments.check.evaluation import (
     possible_changes,
     shows_play,
 )
-from planner.model.finding_groups import percent
+from planner.model.finding import percent
 from planner.runs.run import Samples
 
 MM_DECIMALS = 4  # of a tenth of a micrometre

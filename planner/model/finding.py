@@ -1,0 +1,159 @@
+"""A cause that a run shows: its size, how likely it is and what else it may be; many of one kind are one."""
+
+from math import exp, inf, isfinite, log
+from typing import ClassVar, Literal
+
+from pydantic import computed_field
+
+from planner.effects.nonparametric import NONPARAMETRIC
+from planner.model.document_section import DocumentSection
+
+Grade = Literal["found", "likely", "doubtful"]
+
+
+def p_value(log_p: float) -> float:
+    """Return the chance of this natural logarithm."""
+    return exp(max(log_p, -700.0))  # logarithm of the smallest chance that JSON's numbers hold without loss
+
+
+def log10_p(log_p: float) -> float | None:
+    """Return the common logarithm of the chance of this natural logarithm, ``None`` where it is not finite."""
+    return log_p / log(10) if isfinite(log_p) else None
+
+
+def cause_text(name: str) -> str:
+    """Return a cause in words: by its name in the catalogue, else by its place and the quantity that drives it."""
+    kind, _, place = name.partition(", ")
+    return f"a cause without a name ({place})" if kind == NONPARAMETRIC else name
+
+
+def percent(probability: float) -> str:
+    """Write a probability in whole percent; none that is not certain is called so."""
+    if 0.0 < probability < 1.0:
+        return f"{min(max(100 * probability, 1.0), 99.0):.0f} %"
+    return f"{100 * probability:.0f} %"
+
+
+def grade_of(probability: float | None) -> Grade:
+    """Return what a cause of this probability is called; one of which none was drawn, as in older files, is found."""
+    asserted, even_chance = 0.9, 0.5  # from which on a cause is asserted, and below which another, or none, is likelier
+    if probability is None or probability >= asserted:
+        return "found"
+    return "likely" if probability >= even_chance else "doubtful"
+
+
+class InnerNumber(DocumentSection):
+    """The number inside an effect: a frequency, a time constant, a width."""
+
+    in_unit = ("value", "std")
+    name: str = ""
+    value: float
+    std: float | None = None
+    unit: str
+
+
+class RejectedEffect(DocumentSection):
+    """An effect that was tried in full and not kept; ``probability`` where the posterior decided it."""
+
+    if_any = ("probability",)
+    name: str
+    because: str
+    probability: float | None = None
+
+
+class Member(DocumentSection):
+    """One cause at one place; its parameters are those of the group ``effect, on``.
+
+    Attributes:
+        effect, on: what and where, for instance ``gear ripple`` and ``joint 3``.
+        value, std, unit: size of the effect (length of its parameters' vector) and, its shape held, how well that is
+            known.
+        p_value: chance of so large an effect, corrected for everything that was tried; ``None`` of what no stage has.
+        log10_p: its logarithm, which runs out of digits later; then it is ``None``.
+        gain: fall of the rms error on held-out samples by this effect [m].
+        probability: that it is this cause and no other; ``None`` where no posterior was drawn, as in older files.
+        rivals: other causes that explain the same, the likeliest first; ``unnamed`` is what the catalogue lacks.
+        rival_probabilities: of each; 0 where the readings speak against it, but the poses need not have told.
+        note: what a mechanic would say; ``inner``: the number inside the effect, where it has one.
+        after_sample: of a step, the samples before it; ``surely_within`` a range, or ``between_sessions`` of two files.
+        row: number of the sample, from 1, whose reading is wrong.
+        beside_stages: true where the posterior holds it and no stage of the fit has it: size and gain are those of the
+            posterior.
+    """
+
+    in_unit = ("value", "std")
+    if_any: ClassVar[tuple[str, ...]] = (
+        "probability", "rival_probabilities", "inner", "after_sample", "surely_within", "between_sessions", "row",
+        "beside_stages",
+    )  # fmt: skip
+    effect: str
+    on: str
+    value: float
+    std: float = 0.0
+    unit: str
+    p_value: float | None = 0.0
+    log10_p: float | None = None
+    gain: float = 0.0
+    probability: float | None = None
+    rivals: tuple[str, ...] = ()
+    rival_probabilities: tuple[float, ...] | None = None
+    note: str = ""
+    inner: InnerNumber | None = None
+    after_sample: int | None = None
+    surely_within: tuple[int, int] | None = None
+    between_sessions: tuple[str, str] | None = None
+    row: int | None = None
+    beside_stages: Literal[True] | None = None
+
+    @computed_field  # type: ignore[prop-decorator]
+    @property
+    def grade(self) -> Grade:
+        """What it is called: found where it is asserted, of many of one kind all of them; likely below; doubtful."""
+        return grade_of(self.probability)
+
+    @property
+    def is_doubtful(self) -> bool:
+        """Whether another cause, or none, is likelier."""
+        return self.grade == "doubtful"
+
+    @property
+    def log_p(self) -> float:
+        """Natural logarithm of the chance."""
+        return -inf if self.log10_p is None else self.log10_p * log(10)
+
+    @property
+    def name(self) -> str:
+        """Effect and place, as the group of its parameters is called."""
+        return f"{self.effect}, {self.on}"
+
+    @property
+    def rival_texts(self) -> tuple[str, ...]:
+        """Rivals in words, the likeliest first, with their probabilities where these are known."""
+        chance = dict(zip(self.rivals, self.rival_probabilities or (), strict=False))
+        return tuple(cause_text(r) + (f" ({percent(chance[r])})" if r in chance else "") for r in self.rivals)
+
+
+class Finding(Member):
+    """A cause that the run shows: one, or many of one kind as the one thing that they are.
+
+    Of many, ``on`` names all places (``joints 1, 2, 5``); size and deviation are the root mean square of theirs, which
+    are draws of one random effect; chance, probability and grade are those of the least certain, the gain is the
+    largest.
+
+    Attributes:
+        members: the many: a reflector each time that it was seated anew, play of joint after joint.
+    """
+
+    if_any: ClassVar[tuple[str, ...]] = (*Member.if_any, "members")
+    members: tuple[Member, ...] | None = None
+
+    @property
+    def title(self) -> str:
+        """Effect and place, and how often it came."""
+        steps = self.members if self.members and self.members[0].after_sample is not None else ()
+        return f"{self.name}, {len(steps)} times" if steps else self.name
+
+    @property
+    def each(self) -> tuple[Member, ...]:
+        """The many, else the finding itself."""
+        return self.members or (self,)
