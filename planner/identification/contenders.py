@@ -1,8 +1,10 @@
 """Who takes part in the contest for what a finding explains, and what comes of it."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
+from math import log
 
-from planner.effects.effect import Parameter
+from planner.effects.effect import Effect, Parameter, Role
 
 HUNDRED_TO_ONE = 0.01  # probability from which on another cause is a rival
 
@@ -20,6 +22,11 @@ class Contender:
     name: str
     parameters: tuple[Parameter, ...]
     handicap: float = 0.0
+
+
+def contenders_of_same_law(effects: Iterable[Effect]) -> tuple[Contender, ...]:
+    """Return those of the catalogue's effects that are met in the name of another cause, which has their law."""
+    return tuple(Contender(e.family, e.make(), -log(e.odds)) for e in effects if e.has(Role.SAME_LAW))
 
 
 @dataclass(frozen=True)

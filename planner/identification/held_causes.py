@@ -15,7 +15,7 @@ from planner.effects.catalogue import catalogue, effect_kinds
 from planner.effects.effect import Effect
 from planner.effects.nonparametric import GEAR_CURVE
 from planner.identification.assumptions import STANDING_PROBABILITY
-from planner.identification.contenders import Contender, Contest, Standing
+from planner.identification.contenders import Contender, Contest, Standing, contenders_of_same_law
 from planner.identification.posterior_background import OF_BACKGROUND
 from planner.identification.posterior_fit import PosteriorFit
 from planner.identification.released_robot import ReleasedRobot
@@ -58,6 +58,11 @@ class _Background:
         for effect in catalogue(self.posterior.record.model.setup, self.posterior.record.run.samples):
             out.setdefault(effect.kind, []).append(effect)
         return out
+
+    @cached_property
+    def same_law(self) -> tuple[Contender, ...]:
+        """The causes that are met in the name of another."""
+        return contenders_of_same_law(e for each in self.effects.values() for e in each)
 
     def contender(self, family: int, name: str) -> Contender:
         """Return a family as who takes part in a contest, under a name."""
@@ -117,7 +122,7 @@ def held_families(posterior: PosteriorFit, findings: Sequence[Finding]) -> tuple
         own = background.contender(k, full)
         places = background.places(name, frozenset(p.name for p in own.parameters))
         if places and not named & places.keys():
-            out.append(HeldFamily(full, places, Contest(own, tuple(background.rivals(name)))))
+            out.append(HeldFamily(full, places, Contest(own, tuple(background.rivals(name)), background.same_law)))
     return tuple(out)
 
 

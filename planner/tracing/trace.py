@@ -14,7 +14,7 @@ from planner.effects.effect import Effect, Role
 from planner.effects.sessions import SESSION_STEP
 from planner.effects.steps import STEP
 from planner.identification.calibration import TracingResult
-from planner.identification.contenders import Contender, Contest
+from planner.identification.contenders import Contender, Contest, contenders_of_same_law
 from planner.identification.stages import FitContext, FittedStage
 from planner.model.finding import Finding, InnerNumber, log10_p, p_value
 from planner.model.finding_groups import unit_of_change
@@ -81,7 +81,7 @@ def _contests(
     last: SearchState, found: Sequence[FittedEffect], rivals: Sequence[Rivalry], offered: Sequence[Effect]
 ) -> Iterator[Contest]:
     """Yield the findings of each name as the contest for what they explain."""
-    same_law = tuple(Contender(e.family, e.make(), -float(np.log(e.odds))) for e in offered if e.has(Role.SAME_LAW))
+    same_law = contenders_of_same_law(offered)
     for name in dict.fromkeys(f.effect.family for f in found):
         own = [k for k, f in enumerate(found) if f.effect.family == name]
         parameters = tuple(p for p in last.fit.model.parameters if p.group == name)

@@ -1,0 +1,70 @@
+"""What the posterior holds and no stage has stands in the list of causes: planted causes by name, place and size."""
+
+from functools import cache
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+import pytest
+
+from planner.cell.reading import load_cell
+from planner.identification.calibration import TracingResult
+from planner.identification.causes import name_causes
+from planner.identification.pipeline import identify
+from planner.model.finding import Finding
+from planner.runs.loader import load_run
+from tests.identification.few_draws import few_draws
+from tests.tracing.worlds import effect, run
+
+
+def finds_nothing(*_):
+    """A search that looks at causes and keeps none."""
+    return [], TracingResult(tried=1)
+
+
+@cache
+def untraced(*effects):
+    with TemporaryDirectory() as folder, few_draws():
+        run_file, cell_file = run(effects, size=100).write(Path(folder))
+        return identify(load_run(run_file, 6), load_cell(str(cell_file), planning=False), tracer=finds_nothing)
+
+
+def test_a_clean_arm_has_no_causes():
+    assert untraced().findings == ()
+
+
+PLAY = 4e-4  # [rad] between the two directions
+
+
+def test_play_is_named_at_its_joint_with_its_size():
+    """The background has play of all joints as one family; the place where it is seen is named."""
+    play = untraced(effect("backlash-approach", 3, PLAY)).findings[0]
+    assert (play.name, play.grade, play.beside_stages, play.p_value) == ("backlash, joint 3", "found", True, None)
+    assert abs(abs(play.value) - PLAY) < 4 * play.std
+    assert play.std < 0.2 * PLAY
+
+
+def test_what_it_takes_away_is_what_is_left_without_it():
+    """By a fit of the same robot and sizes that lacks the parameter, against the Wald statistic."""
+    found = untraced(effect("backlash-approach", 3, PLAY))
+    fit = found.released.posterior.fit
+    (at,) = (k for k, n in enumerate(fit.model.names) if n == "backlash3")
+    gram = found.released.posterior.gram
+    z, covariance = fit.errors / fit.problem.prior, np.linalg.inv(fit.solution.factor.T @ fit.solution.factor)
+    own = covariance[at, at]
+    assert own > 0
+    growth = z[at] ** 2 / own
+    expected = found.release.held_out.rms * (np.sqrt(1 + growth / gram[-1, -1]) - 1)
+    assert found.findings[0].gain == pytest.approx(expected, rel=1e-3)
+
+
+def test_a_finding_that_the_posterior_speaks_against_leaves_the_list():
+    """A cause that is not there, though a stage had it: it is said where it was looked at and rejected."""
+    found = untraced(effect("backlash-approach", 3, PLAY))
+    claimed = Finding(effect="backlash", on="joint 3", value=1e-5, unit="rad", probability=0.03)
+    other = claimed.model_copy(update={"on": "joint 5", "rivals": ("a, b",), "rival_probabilities": (0.9,)})
+    named = name_causes(TracingResult((claimed, other), tried=2), found.released, (), 100.0)
+    assert "backlash, joint 5" not in [f.name for f in named.findings]
+    assert [f.name for f in named.findings].count("backlash, joint 3") == 1  # as the posterior has it
+    assert [(r.name, r.probability) for r in named.rejected] == [("backlash, joint 5", 0.03)]
+    assert "a, b is likelier" in named.rejected[0].because
