@@ -150,7 +150,7 @@ def held_findings(released: ReleasedRobot, family: HeldFamily, standing: Standin
             probability=probability,
             rivals=tuple(r.name for r in standing.rivals),
             rival_probabilities=tuple(r.probability for r in standing.rivals),
-            note=f"{size.cause}: {text}, too faint for a stage of its own",
+            note=f"{size.cause}: {text}",
             beside_stages=True,
         )
 
