@@ -26,6 +26,17 @@ class Rows:
         return cls(**{name: np.concatenate(v) for name, v in columns.items() if not any(part is None for part in v)})
 
 
+def mirror_lower(matrix: Array) -> Array:
+    """Make a square matrix symmetric, in place, by its lower triangle; return it."""
+    step = 256  # rows at once, so that no second matrix is made
+    for start in range(0, len(matrix), step):
+        end = min(start + step, len(matrix))
+        own = matrix[start:end, start:end]
+        own[:] = np.where(np.tri(len(own), dtype=bool), own, own.T)
+        matrix[start:end, end:] = matrix[end:, start:end].T
+    return matrix
+
+
 def mean_by_group(values: Array, group: np.ndarray) -> Array:
     """Return the mean of values (n,) or (n, k) in each group 0 … G − 1, (G,) or (G, k); NaN where a group has none."""
     count = np.bincount(group)

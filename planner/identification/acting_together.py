@@ -8,6 +8,7 @@ import numpy as np
 from scipy.linalg import solve_triangular
 from scipy.linalg.lapack import dpotri
 
+from planner.common.arrays import mirror_lower
 from planner.common.units import Array
 from planner.identification.contest_arena import Block
 from planner.identification.reading_precision import MOST_WAITING, padded_width
@@ -106,8 +107,8 @@ class Together:
         information = np.eye(len(columns)) + size[:, None] * gram[np.ix_(columns, columns)] * size
         covariance, along = np.zeros((len(size) + 1, len(size) + 1)), np.append(0.0, size * gram[columns, -1])
         root, none = np.linalg.cholesky(information), np.zeros((len(along), 0))
-        half, log_det = np.tril(dpotri(root, lower=1)[0]), -2 * float(np.log(np.diag(root)).sum())
-        covariance[1:, 1:] = half + np.tril(half, -1).T
+        covariance[1:, 1:] = mirror_lower(dpotri(root, lower=1)[0])
+        log_det = -2 * float(np.log(np.diag(root)).sum())
         stays, mean, alike = (
             np.ones(len(parts), dtype=bool),
             covariance @ along,
@@ -193,11 +194,11 @@ class Together:
             _AlikeCauses.of(covariance, _places(parts)),
         )
 
-    def prune(self) -> "Together":
-        """Take out what is needless, the least first; the last one stays."""
+    def prune(self, free: bool = False) -> "Together":
+        """Take out what is needless, the least first; the last one stays whatever it is worth, unless ``free``."""
         state = self
         while state.stays.sum() > 1:
-            worth = state.conditional_log_odds()[:-1]
+            worth = state.conditional_log_odds()[: None if free else -1]
             least = int(np.argmin(worth))
             if worth[least] > 0:
                 break

@@ -15,9 +15,10 @@ plausible size: the logarithms of their likelihoods differ by δ²/2, give or ta
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve, solve_triangular
+from scipy.linalg import solve_triangular
 
 from planner.common.determinism import even_positions
 from planner.common.units import Array
@@ -41,9 +42,10 @@ def judge_findings(posterior: PosteriorFit, contests: Sequence[Contest], worth: 
     """Return how each finding stands against its rivals; ``worth``: readings of the run per reading of the record."""
     if not contests:
         return []
-    arena, draws = Arena.of(posterior, contests, max(worth, 1.0)), posterior.record.draws
-    looked = even_positions(len(draws), min(LOOKED_AT, len(draws)))
-    weights = [Bouts.of(arena, draws[k]).weigh_all() for k in looked]  # products of all columns: one draw's at a time
+    draws = posterior.record.draws
+    looked = [draws[k] for k in even_positions(len(draws), min(LOOKED_AT, len(draws)))]
+    arena = Arena.of(posterior, contests, max(worth, 1.0), looked)
+    weights = [Bouts.of(arena, draw).weigh_all() for draw in looked]  # products of all columns: one draw's at a time
     return [average_standing(each) for each in zip(*weights, strict=True)]
 
 
@@ -116,12 +118,20 @@ class Beside:
         grown = 1 + variance * np.maximum(values, 0.0)
         return np.asarray(0.5 * (variance * toward**2 / grown - np.log(grown)).sum(axis=1) + block.logs)
 
-    def distance_square(self, own: Block, b: Array, block: Block) -> float:
-        """Return δ² of the module's text for values b (k,) of a cause, in prior sigmas, and a plausible other."""
-        along = self.products(block.columns, own.columns) @ b
-        information = self.products(block.columns, block.columns) + np.eye(len(along)) / PLAUSIBLE**2
-        whole = float(b @ self.products(own.columns, own.columns) @ b)
-        return max(0.0, whole - float(along @ cho_solve(cho_factor(information, lower=True), along)))
+    def distance_squares(self, own: Block, b: Array, blocks: Sequence[Block]) -> Array:
+        """Return δ² of the module's text, (n,), for values b (k,) of a cause, in prior sigmas, and plausible others."""
+        turned = self.shared[:, own.columns] @ b
+        toward = self.gram[:, own.columns] @ b - self.shared.T @ turned
+        out, whole = np.empty(len(blocks)), float(b @ toward[own.columns])
+        width = np.array([len(block.columns) for block in blocks])
+        for k in np.unique(width).tolist():
+            mine = np.flatnonzero(width == k)
+            at = np.stack([blocks[n].columns for n in mine.tolist()])
+            shared, along = self.shared[:, at].transpose(1, 0, 2), toward[at]
+            information = self.gram[at[:, :, None], at[:, None]] - shared.transpose(0, 2, 1) @ shared
+            information += np.eye(k) / PLAUSIBLE**2
+            out[mine] = whole - (along * np.linalg.solve(information, along[..., None])[..., 0]).sum(axis=1)
+        return np.maximum(out, 0.0)
 
 
 @dataclass(frozen=True)
@@ -144,13 +154,8 @@ class Bouts:
 
     def weigh(self, k: int) -> Weights:
         """Weigh all that may stand for finding k."""
-        own = self.arena.own[k]
-        held = [part for part in self.present if part[0].name != own.name]
-        size = next((s for b, s in self.present if b.name == own.name), None)
-        size = size or _best_factor(Beside.of(self.gram, held, np.append(own.columns, len(self.gram) - 1)), own)
-        # what was drawn by chance alone would count against the finding
-        state = Together.of(self.gram, [*held, (own, size)]).prune().settle()
-        held, whole = list(state.parts[:-1]), state.log_odds
+        own, state = self.arena.own[k], self._fit_around(self.arena.own[k])
+        held, size, whole = list(state.parts[:-1]), state.parts[-1][1], state.log_odds
         beside, *without_kin = self._rival_surroundings(k, held)
         by_poses = set[str]()
         out = {OWN_NAME: 0.0, NOTHING: self.log_odds(held) - whole}
@@ -171,6 +176,34 @@ class Bouts:
                 stand.append((block.name, block))
         self._share_names(out, stand)
         return Weights(out, frozenset(by_poses))
+
+    @cached_property
+    def _whole_fit(self) -> Together:
+        """What acts as drawn, fitted together."""
+        return Together.of(self.gram, self.present)
+
+    @cached_property
+    def _lean_fit(self) -> Together:
+        """The same without what is needless."""
+        return self._whole_fit.prune(free=True).settle()
+
+    def _fit_around(self, own: Block) -> Together:
+        """Return the fit of a finding, the last, and of what acts beside it.
+
+        What is needless is out: drawn by chance alone, it would count against the finding.
+        """
+        place = next((k for k, (b, _) in enumerate(self.present) if b.name == own.name), None)
+        if place is None:
+            wanted = np.append(own.columns, len(self.gram) - 1)
+            part = own, _best_factor(Beside.of(self.gram, self.present, wanted), own)
+            alone = not self.present
+            state = Together.of(self.gram, [part]) if alone else self._whole_fit.add_cause(self.gram, part)
+            return state.prune().settle()
+        part = own, self.present[place][1]
+        # what is needless beside a finding that is not needless itself goes in one order, whichever finding it is
+        lean = next((k for k, (b, _) in enumerate(self._lean_fit.parts) if b.name == own.name), None)
+        state = self._whole_fit.remove_cause(place) if lean is None else self._lean_fit.remove_cause(lean)
+        return state.add_cause(self.gram, part).prune().settle()
 
     def _share_names(self, out: dict[str, float], stand: Sequence[tuple[str, Block]]) -> None:
         """Share what stands among all causes that have its law: no reading tells them apart, but one may be usual."""
@@ -197,9 +230,10 @@ class Bouts:
         """Yield the causes that may explain what finding k does, δ² of each, and whether it is one of the nearest."""
         there = {part[0].name for part in held} | {self.arena.own[k].name}
         for group in (self.arena.others[k], self.arena.unnamed):
-            left = [(beside.distance_square(self.arena.own[k], b, g), g) for g in group if g.name not in there]
-            nearest = sorted(left, key=lambda pair: pair[0])
-            yield from ((g, d, place < NEAREST) for place, (d, g) in enumerate(nearest))
+            rivals = [g for g in group if g.name not in there]
+            left = beside.distance_squares(self.arena.own[k], b, rivals)
+            order = np.argsort(left, kind="stable").tolist()
+            yield from ((rivals[n], float(left[n]), place < NEAREST) for place, n in enumerate(order))
 
     def _rival_surroundings(self, k: int, held: Sequence[Part]) -> Iterator[Beside]:
         """Yield what acts beside another cause where finding k is gone, and the same without the finding's kin."""

@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from planner.common.arrays import mirror_lower
 from planner.common.units import Array
 from planner.effects.catalogue import Background, Excitation, effect_kinds, registration_of
-from planner.effects.effect import Parameter
 from planner.effects.free_laws import beam_laws, free_laws
 from planner.effects.nonparametric import NONPARAMETRIC
 from planner.identification.contenders import Contender, Contest
@@ -57,16 +57,19 @@ class Arena:
 
     Attributes:
         record: of the draws.
-        columns: of the record's families and of the contenders behind them, per prior sigma, (m, p).
+        kept: which of the record's columns take part, (k,) int: of what always acts, of what acts in a draw that is
+            looked at, and of what has no name.
+        columns: of these and of the contenders behind them, per prior sigma, (m, p).
         y: readings; what the posterior leaves of them is as small as the whole run makes it, (m,).
         worth: readings of the run that each is.
-        families: blocks of the families that may be absent, by number.
+        families: blocks of the families that may be absent and act in a draw that is looked at, by number.
         own, others: block of each finding, and those of the causes of the catalogue that may stand for it.
         unnamed: blocks of what has no name.
         same_law: those of causes that are met in the name of another, with one factor and the odds over that one.
     """
 
     record: DrawRecord
+    kept: np.ndarray
     columns: Array
     y: Array
     worth: float
@@ -77,8 +80,17 @@ class Arena:
     same_law: tuple[Block, ...] = ()
 
     @classmethod
-    def of(cls, posterior: PosteriorFit, contests: Sequence[Contest], worth: float) -> "Arena":
-        """Lay out the columns; ``worth``: readings of the run that each of the record's is, 1 or more."""
+    def of(
+        cls, posterior: PosteriorFit, contests: Sequence[Contest], worth: float, looked: Sequence[SizeDraw]
+    ) -> "Arena":
+        """Lay out the columns.
+
+        Args:
+            posterior: with its record of the draws.
+            contests: of the findings.
+            worth: readings of the run that each of the record's is, 1 or more.
+            looked: draws that are looked at.
+        """
         record, odds = posterior.record, LearntOdds.of(posterior.record)
         run = Excitation.of(record.model.setup, record.run.samples)
         laws = [(f"{NONPARAMETRIC}, {name}", own) for name, own in free_laws(run)]
@@ -87,8 +99,8 @@ class Arena:
         every = [*(who for c in contests for who in (c.own, *c.others)), *beams, *same_law.values()]
         named, often = len(every), Counter(name for name, _ in laws)
         every += [Contender(name, own, float(np.log(often[name]))) for name, own in laws]
-        readings = _with_columns(record, [p for who in every for p in who.parameters])
-        first = len(record.model.parameters)
+        taking = _Taking.of(record, looked)
+        first = len(taking.kept)
         ends = first + np.cumsum([0, *(len(who.parameters) for who in every)])
         chances = [odds.of_cause(who.name) if k < named else odds.of_pool(UNNAMED) for k, who in enumerate(every)]
         blocks = [
@@ -108,46 +120,77 @@ class Arena:
             for b, who in zip(blocks, same_law.values(), strict=False)
         )
         blocks = blocks[len(alike) :]
-        places = record.effects.family_positions
         nameless = [
-            _block(cause, places[f], odds.of_pool(UNNAMED), SLAB, SLAB_WEIGHT)
-            for f, name in enumerate(record.names)
-            if record.effects.priors[f].factors[0] == 0.0 and (cause := cause_of_family(name)) is not None
+            _block(cause, taking.places[f], odds.of_pool(UNNAMED), SLAB, SLAB_WEIGHT)
+            for f, cause in taking.nameless.items()
         ]
+        priors = record.effects.priors
         families = {
-            f: _block(record.names[f], places[f], odds.of_pool(p.pool), p.factors[1:], p.probability[1:])
-            for f, p in enumerate(record.effects.priors)
-            if p.factors[0] == 0.0
+            f: _block(record.names[f], taking.places[f], odds.of_pool(p.pool), p.factors[1:], p.probability[1:])
+            for f, p in ((f, priors[f]) for f in taking.acting)
         }
-        values = posterior.fit.values
-        mean = np.array([values.get(n, 0.0) for n in record.model.names]) / record.model.prior
-        expected = readings.columns[:, :first] @ mean
-        y = expected + (readings.y - expected) / np.sqrt(worth)
-        return cls(record, readings.columns, y, worth, families, tuple(own), tuple(others), (*nameless, *blocks), alike)
+        columns = np.hstack([record.effects.columns[:, taking.kept], _new_columns(record, every)])
+        y = _readings_of_the_whole(posterior, worth)
+        unnamed = (*nameless, *blocks)
+        return cls(record, taking.kept, columns, y, worth, families, tuple(own), tuple(others), unnamed, alike)
 
     def products(self, draw: SizeDraw) -> Array:
         """Return products of all columns and of the readings, the last, beside what acts always, (p + 1, p + 1).
 
         They are in units of what is not known then: noise, geometry and place of the gauge as in the draw.
         """
-        factors = draw.factors.copy()
-        factors[list(self.families)] = 0.0
         effects = self.record.effects
+        always = np.array([p.factors[0] > 0.0 for p in effects.priors])
         whitener = ReadingWhitener.of(effects, draw.noise_logs - 0.5 * np.log(self.worth))
-        size = np.where(effects.family < 0, 0.0, effects.sizes(factors))
-        lower = whitener.products(np.column_stack([self.columns, self.y]), size)
-        return np.asarray(np.tril(lower) + np.tril(lower, -1).T)
+        size = np.where(always, draw.factors, 0.0)[effects.family[self.kept]]
+        return mirror_lower(whitener.products(np.column_stack([self.columns, self.y]), size))
 
 
 def _block(name: str, columns: np.ndarray, odds: float, factors: Array, weight: Array) -> Block:
     return Block(name, columns, factors, np.asarray(odds + np.log(weight / weight.sum())))
 
 
-def _with_columns(record: DrawRecord, new: Sequence[Parameter]) -> IndependentReadings:
-    """Return the record's readings with columns of new parameters behind its own."""
-    parameters = (*record.model.parameters, *(replace(p, name=f"contender {k}") for k, p in enumerate(new)))
-    problem = FitProblem.of(replace(record.model, parameters=parameters), record.run)
-    return IndependentReadings.of(problem, np.append(record.errors, np.zeros(len(new))))
+@dataclass(frozen=True)
+class _Taking:
+    """Which of a record's columns take part in contests.
+
+    Attributes:
+        kept: their positions, (k,) int.
+        acting: families that may be absent and act in a draw that is looked at, by number.
+        nameless: causes without a name that families stand for, by number of the family.
+        places: of the columns of these families among those kept, by number.
+    """
+
+    kept: np.ndarray
+    acting: tuple[int, ...]
+    nameless: dict[int, str]
+    places: dict[int, np.ndarray]
+
+    @classmethod
+    def of(cls, record: DrawRecord, looked: Sequence[SizeDraw]) -> "_Taking":
+        """Look at the families of a record and at some draws."""
+        effects = record.effects
+        optional = [f for f, p in enumerate(effects.priors) if p.factors[0] == 0.0]
+        acting = tuple(f for f in optional if any(d.factors[f] > 0 for d in looked))
+        nameless = {f: cause for f in optional if (cause := cause_of_family(record.names[f])) is not None}
+        always = [f for f, p in enumerate(effects.priors) if p.factors[0] > 0.0]
+        kept = np.flatnonzero(np.isin(effects.family, [*always, *acting, *nameless]))
+        family = effects.family[kept]
+        return cls(kept, acting, nameless, {f: np.flatnonzero(family == f) for f in (*acting, *nameless)})
+
+
+def _new_columns(record: DrawRecord, every: Sequence[Contender]) -> Array:
+    """Return the columns of all parameters of contenders, per prior sigma, in the readings of a record, (m, p)."""
+    new = tuple(replace(p, name=f"contender {k}") for k, p in enumerate(p for who in every for p in who.parameters))
+    problem = FitProblem.of(replace(record.model.fix_at(record.errors), parameters=new), record.run)
+    return IndependentReadings.of(problem, np.zeros(len(new))).columns
+
+
+def _readings_of_the_whole(posterior: PosteriorFit, worth: float) -> Array:
+    """Return readings, (m,), of which the posterior leaves as little as the whole run makes it."""
+    effects, model, values = posterior.record.effects, posterior.record.model, posterior.fit.values
+    expected = effects.columns @ (np.array([values.get(n, 0.0) for n in model.names]) / model.prior)
+    return np.asarray(expected + (effects.y - expected) / np.sqrt(worth))
 
 
 @dataclass(frozen=True)

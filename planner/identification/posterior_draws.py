@@ -20,7 +20,7 @@ from scipy.linalg.blas import dsyrk, dtrsm
 
 from planner.common.units import Array
 from planner.identification.assumptions import EXPECTED_CAUSES, LOG_NOISE_RANGE, PREVALENCE
-from planner.identification.reading_precision import ReadingPrecision
+from planner.identification.reading_precision import FewProducts, ReadingPrecision, WholeProducts
 
 SWEEPS = 160  # through all families
 KEPT_EVERY = 3  # sweeps between draws that are kept: neighbours are alike
@@ -131,7 +131,12 @@ class RandomEffects:
         """Return what is told of all columns at a draw of the sizes."""
         size = draw.factors.repeat([p.stop - p.start for p in self.places])
         whitener = ReadingWhitener.of(self, draw.noise_logs)
-        return ReadingPrecision.of(whitener.products(self.sorted_columns, size), self.places)
+        # 4: times as many columns as act, from which on most families are never asked for between draws of the noise
+        if 4 * np.count_nonzero(size) < len(size):
+            white = whitener.white(self.sorted_columns)
+            told = explained_products(white, size)
+            return ReadingPrecision.of(FewProducts(white, told, np.ones(len(told))), self.places)
+        return ReadingPrecision.of(WholeProducts(whitener.products(self.sorted_columns, size)), self.places)
 
     def draw_residual(self, draw: SizeDraw, rng: np.random.Generator) -> Array:
         """Return what the noise may be in each reading, (m,), drawn given the readings and a draw of the sizes.
@@ -189,18 +194,30 @@ class ReadingWhitener:
     def products(self, columns: Array, size: Array) -> Array:
         """Return XᵀC⁻¹X of columns (m, q), its lower triangle, where the first act with sizes (a,), 0 if they do not.
 
-        XᵀC⁻¹X = P − FᵀF with P = XᵀC₀⁻¹X and F = L⁻¹ S P over the columns that act, S their sizes and L Lᵀ = 1 + S P S.
+        Where few columns act, XᵀC⁻¹X = P − FᵀF with P = XᵀC₀⁻¹X and F as of :func:`explained_products`; where many do,
+        the readings are fewer, and the whole of C has a root.
         """
-        white = self.white(columns)
-        out = dsyrk(1.0, white.T, lower=1)
-        acting = np.flatnonzero(size)
-        if not len(acting):
-            return np.asarray(out)
-        own = size[acting, None]
-        rows = own * (out[acting] + out[:, acting].T)  # of both triangles, one of which is zero
-        rows[np.arange(len(acting)), acting] *= 0.5
-        root = np.linalg.cholesky(np.eye(len(acting)) + rows[:, acting] * own.T)
-        return np.asarray(dsyrk(-1.0, dtrsm(1.0, root, rows, lower=1), 1.0, out, trans=1, lower=1, overwrite_c=1))
+        white, acting = self.white(columns), np.flatnonzero(size)
+        if len(acting) * len(size) < len(white) ** 2:
+            told = explained_products(white, size)
+            out = dsyrk(1.0, white.T, lower=1)
+            return np.asarray(dsyrk(-1.0, told, 1.0, out, trans=1, lower=1, overwrite_c=1) if len(told) else out)
+        own = white[:, acting] * size[acting]
+        root = np.linalg.cholesky(np.eye(len(white)) + own @ own.T)
+        return np.asarray(dsyrk(1.0, dtrsm(1.0, root, white, lower=1), trans=1, lower=1))
+
+
+def explained_products(white: Array, size: Array) -> Array:
+    """Return F = L⁻¹ S XᵀX (k, q) over the k columns that act, S their sizes and L Lᵀ = 1 + S XᵀX S.
+
+    ``white``: X, of which the first columns act with sizes (a,), 0 if they do not, (m, q).
+    """
+    acting = np.flatnonzero(size)
+    if not len(acting):
+        return np.zeros((0, white.shape[1]))
+    rows = size[acting, None] * (white[:, acting].T @ white)
+    root = np.linalg.cholesky(np.eye(len(acting)) + rows[:, acting] * size[acting])
+    return np.asarray(dtrsm(1.0, root, rows, lower=1))
 
 
 def draw_sizes(

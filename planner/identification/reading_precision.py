@@ -6,8 +6,8 @@ the time of one after the other. Whoever asks for a family has those that wait t
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Self
+from dataclasses import dataclass, field
+from typing import Protocol, Self
 
 import numpy as np
 from scipy.linalg.blas import dsyrk
@@ -59,15 +59,108 @@ class _SameWidth:
             self.taken = len(signs)
 
 
+class Products(Protocol):
+    """XᵀC⁻¹X of all columns X and, the last, of the readings, before changes that wait."""
+
+    @property
+    def toward(self) -> Array:
+        """Products of all with the readings, (q + 1,)."""
+        ...
+
+    def block(self, own: slice) -> Array:
+        """Return the products of some columns with each other, (k, k)."""
+        ...
+
+    def rows(self, own: slice) -> Array:
+        """Return the products of some columns with all, (k, q + 1)."""
+        ...
+
+    def take_out(self, waiting: Array, signs: Array) -> None:
+        """Take out changes that waited (r, q + 1), of signs (r,)."""
+        ...
+
+
+@dataclass
+class WholeProducts:
+    """All products at once, their lower triangle (q + 1, q + 1); changed in place."""
+
+    whole: Array
+
+    @property
+    def toward(self) -> Array:
+        """See :class:`Products`."""
+        return np.asarray(self.whole[-1])
+
+    def block(self, own: slice) -> Array:
+        """See :class:`Products`."""
+        return _symmetric(self.whole[own, own])
+
+    def rows(self, own: slice) -> Array:
+        """See :class:`Products`."""
+        out = np.empty((own.stop - own.start, len(self.whole)))
+        out[:, : own.stop], out[:, own.start :] = self.whole[own, : own.stop], self.whole[own.start :, own].T
+        out[:, own] = self.block(own)
+        return out
+
+    def take_out(self, waiting: Array, signs: Array) -> None:
+        """See :class:`Products`."""
+        for sign in (1.0, -1.0):
+            own = waiting[signs == sign]
+            if len(own):
+                dsyrk(-sign, own.T, 1.0, self.whole, lower=1, overwrite_c=1)
+
+
+@dataclass
+class FewProducts:
+    """Products of the families that are asked for: where few act, most never change.
+
+    XᵀC⁻¹X is WᵀW less Gᵀ diag(signs) G.
+
+    Attributes:
+        white: W, columns and readings by what is known of the latter whatever acts, (m, q + 1).
+        gone: G, what acted at first and all changes since, (r, q + 1), and ``signs`` of them, (r,).
+        known: rows of the families that were asked for, by where they begin.
+    """
+
+    white: Array
+    gone: Array
+    signs: Array
+    known: dict[int, tuple[slice, Array]] = field(default_factory=dict)
+
+    @property
+    def toward(self) -> Array:
+        """See :class:`Products`."""
+        return np.asarray(self._between(slice(-1, None), slice(None))[0])
+
+    def block(self, own: slice) -> Array:
+        """See :class:`Products`."""
+        return self._between(own, own)
+
+    def rows(self, own: slice) -> Array:
+        """See :class:`Products`."""
+        if own.start not in self.known:
+            self.known[own.start] = own, self._between(own, slice(None))
+        return self.known[own.start][1]
+
+    def take_out(self, waiting: Array, signs: Array) -> None:
+        """See :class:`Products`."""
+        self.gone, self.signs = np.concatenate([self.gone, waiting]), np.append(self.signs, signs)
+        for own, rows in self.known.values():
+            rows -= (waiting[:, own].T * signs) @ waiting
+
+    def _between(self, own: slice, others: slice) -> Array:
+        gone = (self.gone[:, own].T * self.signs) @ self.gone[:, others]
+        return np.asarray(self.white[:, own].T @ self.white[:, others] - gone)
+
+
 @dataclass
 class ReadingPrecision:
     """What is known at one draw of the sizes, with C the covariance of the readings.
 
-    XᵀC⁻¹X is ``whole`` less Fᵀ diag(signs) F of the changes that wait.
+    XᵀC⁻¹X is ``products`` less Fᵀ diag(signs) F of the changes that wait.
 
     Attributes:
-        whole: XᵀC⁻¹X of all families and, the last, of the readings, before the changes that wait, its lower triangle,
-            (q + 1, q + 1).
+        products: of all families and, the last, of the readings, before the changes that wait.
         toward: XᵀC⁻¹y of the same, and behind them the 0 of a column that is nought, (q + 2,).
         places: of the columns of each family, (f,), and ``widths``, as they are padded, (f,).
         positions: of each family among those as wide, (f,) int.
@@ -75,7 +168,7 @@ class ReadingPrecision:
         waiting: F in its first rows, with a column that is nought behind them, (r, q + 2), and ``signs``, (r,).
     """
 
-    whole: Array
+    products: Products
     toward: Array
     places: tuple[slice, ...]
     widths: tuple[int, ...]
@@ -85,24 +178,21 @@ class ReadingPrecision:
     signs: Array
 
     @classmethod
-    def of(cls, products: Array, places: Sequence[slice]) -> Self:
-        """Begin with XᵀC⁻¹X of the columns, the readings behind them, (q + 1, q + 1), and places of families (f,).
-
-        Of the products the lower triangle is looked at; they are changed in place.
-        """
+    def of(cls, products: Products, places: Sequence[slice]) -> Self:
+        """Begin with XᵀC⁻¹X of the columns, the readings behind them, and places of families (f,)."""
+        toward = np.append(products.toward, 0.0)
         widths = [padded_width(p.stop - p.start) for p in places]
-        positions, blocks, none = np.zeros(len(widths), dtype=int), dict[int, _SameWidth](), len(products)
+        positions, blocks, none = np.zeros(len(widths), dtype=int), dict[int, _SameWidth](), len(toward) - 1
         for k in dict.fromkeys(widths):
             mine = [f for f, width in enumerate(widths) if width == k]
             positions[mine] = np.arange(len(mine))
             at, grams = np.full((len(mine), k), none), np.zeros((len(mine), k, k))
             for own, gram, place in zip(at, grams, (places[f] for f in mine), strict=True):
                 own[: place.stop - place.start] = np.arange(place.start, place.stop)
-                gram[: place.stop - place.start, : place.stop - place.start] = _symmetric(products[place, place])
+                gram[: place.stop - place.start, : place.stop - place.start] = products.block(place)
             blocks[k] = _SameWidth(at, grams)
-        whole, toward = np.asfortranarray(products), np.append(products[-1], 0.0)
         room = np.zeros((MOST_WAITING + max(widths), len(toward)))
-        return cls(whole, toward, tuple(places), tuple(widths), positions, blocks, room, np.zeros(0))
+        return cls(products, toward, tuple(places), tuple(widths), positions, blocks, room, np.zeros(0))
 
     def grams(self, families: Sequence[int] | np.ndarray) -> Array:
         """Return XᵀC⁻¹X of families of one padded width k, (f, k, k)."""
@@ -126,8 +216,10 @@ class ReadingPrecision:
         own = self.blocks[k := self.widths[families[0]]]
         t = np.sqrt(more)[:, None] * self.toward[own.at[self.positions[families]]][:, None]
         wide = np.empty((len(families), len(more), k + 1, k + 1))
-        wide[..., :k, :k] = more[:, None, None] * self.grams(families)[:, None] + np.eye(k)
-        wide[..., k, :k], wide[..., k, k] = t, 1 + (t**2).sum(axis=2)
+        np.multiply(more[:, None, None], self.grams(families)[:, None], out=wide[..., :k, :k])
+        diagonal = np.einsum("fvii->fvi", wide)  # a view
+        diagonal[..., :k] += 1
+        wide[..., k, :k], diagonal[..., k] = t, 1 + np.einsum("fvk,fvk->fv", t, t)
         root = np.linalg.cholesky(wide)  # looks at the lower triangle only
         log_det = np.log(np.einsum("fvii->fvi", root)[..., :k]).sum(axis=2)
         return np.asarray(0.5 * (root[..., k, :k] ** 2).sum(axis=2) - log_det)
@@ -140,7 +232,7 @@ class ReadingPrecision:
         axes = block.axes[:, told] * np.sqrt(abs(variance) / grown)
         sides = self.waiting[first : first + axes.shape[1]]
         turned = (self._waiting[:, own] @ axes).T * self.signs
-        np.subtract(axes.T @ self._rows(own), turned @ self._waiting[:, :-1], out=sides[:, :-1])
+        np.subtract(axes.T @ self.products.rows(own), turned @ self._waiting[:, :-1], out=sides[:, :-1])
         self.toward = self.toward - sign * (axes.T @ self.toward[own]) @ sides
         self.signs = np.append(self.signs, np.full(len(sides), sign))
         if len(self.signs) > MOST_WAITING:
@@ -150,22 +242,12 @@ class ReadingPrecision:
     def _waiting(self) -> Array:
         return self.waiting[: len(self.signs)]
 
-    def _rows(self, own: slice) -> Array:
-        """Rows (k, q + 1) of ``whole``."""
-        out = np.empty((own.stop - own.start, len(self.whole)))
-        out[:, : own.stop], out[:, own.start :] = self.whole[own, : own.stop], self.whole[own.start :, own].T
-        out[:, own] = _symmetric(self.whole[own, own])
-        return out
-
     def _settle(self) -> None:
         """Put the changes that wait where they belong."""
         for same in self.blocks.values():
             same.take(self._waiting, self.signs)
             same.taken = 0
-        for sign in (1.0, -1.0):
-            own = self._waiting[self.signs == sign, :-1]
-            if len(own):
-                dsyrk(-sign, own.T, 1.0, self.whole, lower=1, overwrite_c=1)
+        self.products.take_out(self._waiting[:, :-1], self.signs)
         self.signs = self.signs[:0]
 
 

@@ -7,6 +7,7 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve, solve_triangular
 from scipy.linalg.lapack import dpotri, dtrtri
 
+from planner.common.arrays import mirror_lower
 from planner.common.units import Array
 
 EACH = 8  # robots drawn with each of the sizes
@@ -53,7 +54,8 @@ class SizeMixture:
             covariance[np.ix_(draw.acting, draw.acting)] += within
         mean = np.mean(means, axis=0)
         apart = np.array(means) - mean
-        covariance = np.tril(covariance) + np.tril(covariance, -1).T + apart.T @ apart / len(means)
+        mirror_lower(covariance)
+        covariance += apart.T @ apart / len(means)
         unit = np.sqrt(np.diag(covariance))
         unit = np.where(unit > 0, unit, 1.0)  # of what acts in no draw
         covariance /= np.outer(unit, unit)

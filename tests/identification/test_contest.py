@@ -33,7 +33,7 @@ def products(columns, y):
 
 
 def arena(own, others=(), unnamed=()):
-    return Arena(None, None, None, 1.0, {}, (own,), (tuple(others),), tuple(unnamed))
+    return Arena(None, None, None, None, 1.0, {}, (own,), (tuple(others),), tuple(unnamed))
 
 
 def test_log_odds_are_those_of_the_normal_density():
@@ -61,7 +61,7 @@ def test_distance_of_two_causes_is_that_of_a_projection():
     wide = np.vstack([columns[:, 2:], np.diag([1 / PLAUSIBLE] * 2 + [1 / 2.0] * 2)])
     target = np.append(columns[:, :2] @ values, np.zeros(4))
     left = target - wide @ np.linalg.lstsq(wide, target, rcond=None)[0]
-    assert beside.distance_square(own, values, other) == pytest.approx(left @ left, rel=1e-9)
+    assert beside.distance_squares(own, values, [other]) == pytest.approx([left @ left], rel=1e-9)
 
 
 @pytest.mark.parametrize(("angle", "shared"), [(0.02, True), (1.2, False)])
@@ -187,3 +187,27 @@ def test_causes_that_come_and_go_leave_the_fit_that_others_have_by_themselves():
         odds = changed.conditional_log_odds()
         np.testing.assert_allclose(odds[changed.stays], state.conditional_log_odds(), atol=1e-10)
         assert k is None or odds[k] == np.inf
+
+
+def test_what_is_needless_beside_a_finding_goes_as_if_it_were_looked_at_alone():
+    """Several findings of one draw share what was looked at; each comes out as from products of its own."""
+    rng = np.random.default_rng(7)
+    columns = rng.normal(size=(M, 16))
+    columns[:, 9] = columns[:, 1] + 0.1 * columns[:, 9]  # one that is nearly the first finding
+    y = columns @ np.where(np.arange(16) < 4, 1.0, 0.0) + rng.normal(size=M)
+    gram = products(columns, y)
+    findings = [block(f"found, joint {k}", 2 * k, 2, (0.5, 1.0)) for k in range(3)]
+    idle = [block(f"idle, joint {k}", k) for k in range(6, 16)]
+    every = Arena(None, None, None, None, 1.0, {}, tuple(findings), ((),) * 3, ())
+    present = (*((f, 0.5) for f in findings[:2]), *((b, 1.0) for b in idle))  # the last finding was not drawn
+    together = Bouts(every, gram, present)
+    needless = 0
+    for own in findings:
+        state = together._fit_around(own)
+        held = [part for part in present if part[0] is not own]
+        alone = Together.of(gram, [*held, (own, state.parts[-1][1])]).prune().settle()
+        assert {b.name for b, _ in state.parts} == {b.name for b, _ in alone.parts}
+        assert state.parts[-1][0] is own
+        assert state.log_odds == pytest.approx(alone.log_odds, abs=1e-8)
+        needless += len(present) - len(state.parts)
+    assert needless > 10

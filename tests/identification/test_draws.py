@@ -79,10 +79,19 @@ def test_noise_is_drawn_from_its_posterior(monkeypatch):
 
 @pytest.mark.parametrize("waiting", [0, 1, 64])
 @pytest.mark.parametrize("changes", [(), ((1, 1.5),), ((0, 1.5), (1, 0.5), (0, 0.0))])
-def test_what_is_known_of_the_readings_is_that_of_the_dense_covariance(monkeypatch, changes, waiting):
-    """At a draw, and after the sizes of families changed one after the other, however many changes may wait."""
+@pytest.mark.parametrize(("m", "p", "idle"), [(20, 9, 0), (6, 13, 0), (20, 9, 40)], ids=["", "many act", "few act"])
+def test_what_is_known_of_the_readings_is_that_of_the_dense_covariance(monkeypatch, changes, waiting, m, p, idle):
+    """At a draw, and after the sizes of families changed one after the other, however many changes may wait.
+
+    Where few columns act only families that are asked for are multiplied; where many do, the readings are fewer.
+    """
     monkeypatch.setattr(reading_precision, "MOST_WAITING", waiting)
-    model, factors, logs = model_of(), np.array([0.5, 0.0]), np.array([0.1, -0.2])
+    model, logs = model_of(m=m, p=p), np.array([0.1, -0.2])
+    more = np.random.default_rng(5).normal(size=(m, idle))
+    family = np.append(model.family, np.repeat(2 + np.arange(idle // 4), 4))
+    priors = (LEVELS,) * (2 + idle // 4)
+    model = replace(model, columns=np.hstack([model.columns, more]), family=family, priors=priors)
+    factors = np.append(0.5, np.zeros(len(priors) - 1))
     known = model.precision(SizeDraw(factors.copy(), logs))
     for family, factor in changes:
         known.add(known.block(family), factor**2 - factors[family] ** 2)
@@ -92,13 +101,14 @@ def test_what_is_known_of_the_readings_is_that_of_the_dense_covariance(monkeypat
     own = model.sorted_columns[:, :-1]
     dense = own.T @ np.linalg.solve(C, own)
     for family, place in enumerate(model.places):
-        padded = np.zeros((4, 4))
+        width = reading_precision.padded_width(place.stop - place.start)
+        padded = np.zeros((width, width))
         padded[: place.stop - place.start, : place.stop - place.start] = dense[place, place]
         assert known.grams([family])[0] == pytest.approx(padded, rel=1e-6, abs=1e-7)
     toward = np.append(own, model.y[:, None], axis=1).T @ np.linalg.solve(C, model.y)
     assert known.toward == pytest.approx(np.append(toward, 0.0), rel=1e-6, abs=1e-7)
     more = np.array([0.3, 2.0])
-    gains = [density(model, (factors[0], np.sqrt(factors[1] ** 2 + v)), logs) for v in more]
+    gains = [density(model, (factors[0], np.sqrt(factors[1] ** 2 + v), *factors[2:]), logs) for v in more]
     assert known.gains([1], more)[0] == pytest.approx(np.array(gains) - density(model, factors, logs), abs=1e-5)
 
 
