@@ -65,9 +65,13 @@ class _AlikeCauses:
 
     def log_odds(self, mean: Array) -> Array:
         """Return what the readings say of each, (a,); ``mean`` of all parameters."""
-        root = np.linalg.cholesky(self.blocks)
-        along = np.linalg.solve(root, mean[self.rows][..., None])[..., 0]
-        return np.asarray(0.5 * (along**2).sum(axis=1) + np.log(np.einsum("fkk->fk", root)).sum(axis=1))
+        count, k = self.rows.shape
+        wide = np.zeros((count, k + 1, k + 1))  # of which the lower triangle is looked at
+        # as the last row, so that the root's last row is the mean per root of the block; 1e300: larger than its square
+        wide[:, :k, :k], wide[:, k, :k], wide[:, k, k] = self.blocks, mean[self.rows], 1e300
+        root = np.linalg.cholesky(wide)
+        along, diagonal = root[:, k, :k], np.einsum("fkk->fk", root)[:, :k]
+        return np.asarray(0.5 * np.einsum("fk,fk->f", along, along) + np.log(diagonal).sum(axis=1))
 
 
 @dataclass(frozen=True)
@@ -79,6 +83,7 @@ class Together:
 
     Attributes:
         parts: in order; the last one stays whatever happens.
+        places: where their parameters stand, behind the one that is nought, (f,).
         stays: which of them have not been taken out, (f,) bool.
         odds: logarithms of the odds beforehand that each acts, (f,).
         along: products of their columns with the readings, per size, (k + 1,).
@@ -90,6 +95,7 @@ class Together:
     """
 
     parts: tuple[Part, ...]
+    places: tuple[slice, ...]
     stays: np.ndarray
     odds: Array
     along: Array
@@ -109,12 +115,11 @@ class Together:
         root, none = np.linalg.cholesky(information), np.zeros((len(along), 0))
         covariance[1:, 1:] = mirror_lower(dpotri(root, lower=1)[0])
         log_det = -2 * float(np.log(np.diag(root)).sum())
-        stays, mean, alike = (
-            np.ones(len(parts), dtype=bool),
-            covariance @ along,
-            _AlikeCauses.of(covariance, _places(parts)),
+        stays, mean, places = np.ones(len(parts), dtype=bool), covariance @ along, _places(parts)
+        alike = _AlikeCauses.of(covariance, places)
+        return cls(
+            tuple(parts), places, stays, _odds(parts), along, covariance, none, np.zeros(0), mean, log_det, alike
         )
-        return cls(tuple(parts), stays, _odds(parts), along, covariance, none, np.zeros(0), mean, log_det, alike)
 
     @property
     def log_odds(self) -> float:
@@ -139,6 +144,7 @@ class Together:
         there = [each.with_change(side, 1.0) for each in self.alike]
         return Together(
             (*self.parts, part),
+            (*self.places, slice(len(self.mean), len(side))),
             np.append(self.stays, True),
             np.append(self.odds, _odds([part])),
             np.append(self.along, along),
@@ -152,7 +158,7 @@ class Together:
 
     def remove_cause(self, k: int) -> "Together":
         """Return the fit without one of its causes: its parameters are nought then."""
-        gone, first = _places(self.parts)[k], len(self.covariance)
+        gone, first = self.places[k], len(self.covariance)
         side = self.change * self.signs @ self.change[gone].T
         if gone.stop <= first:
             side[:first] += self.covariance[:, gone]
@@ -174,15 +180,15 @@ class Together:
 
     def settle(self) -> "Together":
         """Return the same with all changes in the covariance, and without what was taken out."""
-        kept = np.concatenate(
-            [[0], *(_range(p) for p, stays in zip(_places(self.parts), self.stays, strict=True) if stays)]
-        )
+        kept = np.concatenate([[0], *(_range(p) for p, stays in zip(self.places, self.stays, strict=True) if stays)])
         old = kept[kept < len(self.covariance)]
         covariance = self.change[kept] * self.signs @ self.change[kept].T
         covariance[: len(old), : len(old)] += self.covariance[np.ix_(old, old)]
         parts = tuple(part for part, stays in zip(self.parts, self.stays, strict=True) if stays)
+        places = _places(parts)
         return Together(
             parts,
+            places,
             np.ones(len(parts), dtype=bool),
             self.odds[self.stays],
             self.along[kept],
@@ -191,7 +197,7 @@ class Together:
             np.zeros(0),
             self.mean[kept],
             self.log_det,
-            _AlikeCauses.of(covariance, _places(parts)),
+            _AlikeCauses.of(covariance, places),
         )
 
     def prune(self, free: bool = False) -> "Together":
@@ -215,10 +221,10 @@ class Together:
         return np.asarray(out)
 
 
-def _places(parts: Sequence[Part]) -> list[slice]:
+def _places(parts: Sequence[Part]) -> tuple[slice, ...]:
     """Where the parameters of causes stand, behind the one that is nought."""
     ends = np.cumsum([1, *(len(b.columns) for b, _ in parts)]).tolist()
-    return [slice(a, e) for a, e in pairwise(ends)]
+    return tuple(slice(a, e) for a, e in pairwise(ends))
 
 
 def _range(place: slice) -> np.ndarray:

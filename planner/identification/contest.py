@@ -162,10 +162,10 @@ class Bouts:
         b, stand = _mean_of(beside, own, size), [(OWN_NAME, own)]
         # of the finding's share in the readings a rival must explain the larger part
         most = min(TOLD_APART**2, 0.5 * float(b @ beside.products(own.columns, own.columns) @ b))
+        unnamed = {id(u) for u in self.arena.unnamed}
         for block, left, is_tried in self._by_distance(k, held, beside, b):
             # a law of any shape holds the finding's own law too: of that only the readings tell
-            has_name = not any(block is u for u in self.arena.unnamed)
-            if has_name and left < most:
+            if id(block) not in unnamed and left < most:
                 by_poses.add(block.name)
             if not is_tried:
                 continue

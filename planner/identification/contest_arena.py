@@ -3,6 +3,7 @@
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -218,6 +219,9 @@ class LearntOdds:
 
     def of_cause(self, name: str) -> float:
         """Return those of a cause of the catalogue."""
-        kind = name.partition(", ")[0]
-        is_common = kind in effect_kinds() and registration_of(kind).background is Background.COMMON
-        return self.of_pool(COMMON if is_common else RARE)
+        return self.of_pool(COMMON if name.partition(", ")[0] in self._common_kinds else RARE)
+
+    @cached_property
+    def _common_kinds(self) -> frozenset[str]:
+        """Kinds of causes that most arms have."""
+        return frozenset(k for k in effect_kinds() if registration_of(k).background is Background.COMMON)

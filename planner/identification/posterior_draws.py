@@ -259,6 +259,7 @@ class _Chain:
         self.grids = tuple(grids.values())  # of factors, which several kinds share
         grid = np.array([list(grids).index(p.factors.tobytes()) for p in self.kinds])
         self.alike = np.array(self.known.widths) * len(grids) + grid[self.kind]
+        self.most_factors = max(len(p.factors) for p in self.kinds)
         self.known_logs = dict[tuple[int, int], Array]()
         self.optional = np.array([p.factors[0] == 0.0 for p in model.priors])
         self.acting = np.zeros(len(model.priors))
@@ -328,7 +329,7 @@ class _Chain:
 
     def _gains(self, families: np.ndarray) -> Array:
         """Return the gain (f, v) by each of the factors of absent families, 0 by absence; −∞ behind the last factor."""
-        out, alike = np.full((len(families), max(len(p.factors) for p in self.kinds)), -np.inf), self.alike[families]
+        out, alike = np.full((len(families), self.most_factors), -np.inf), self.alike[families]
         out[:, 0] = 0.0
         for label in np.unique(alike).tolist():
             mine, factors = np.flatnonzero(alike == label), self.grids[label % len(self.grids)]
@@ -359,7 +360,7 @@ class _Chain:
 
     def _idle_prior_logs(self, families: np.ndarray) -> Array:
         """Return the log prior probabilities (f, v) of factors of absent families, 0 behind the last factor."""
-        acting, out = self._acting(), np.zeros((len(self.kinds), max(len(p.factors) for p in self.kinds)))
+        acting, out = self._acting(), np.zeros((len(self.kinds), self.most_factors))
         for k in np.unique(self.kind[families]).tolist():
             prior = self.kinds[k]
             out[k, : len(prior.factors)] = self._prior_logs(k, int(acting[prior.pool]))

@@ -82,7 +82,7 @@ class Products(Protocol):
 
 @dataclass
 class WholeProducts:
-    """All products at once, their lower triangle (q + 1, q + 1); changed in place."""
+    """All products at once, their lower triangle (q + 1, q + 1), with noughts above it; changed in place."""
 
     whole: Array
 
@@ -97,10 +97,9 @@ class WholeProducts:
 
     def rows(self, own: slice) -> Array:
         """See :class:`Products`."""
-        out = np.empty((own.stop - own.start, len(self.whole)))
-        out[:, : own.stop], out[:, own.start :] = self.whole[own, : own.stop], self.whole[own.start :, own].T
-        out[:, own] = self.block(own)
-        return out
+        out = self.whole[own] + self.whole[:, own].T  # of both triangles, one of which is nought
+        np.einsum("kk->k", out[:, own])[:] *= 0.5
+        return np.asarray(out)
 
     def take_out(self, waiting: Array, signs: Array) -> None:
         """See :class:`Products`."""
