@@ -72,18 +72,20 @@ def correlation_time(x: Array) -> float:
 
 
 def _scores(fit: Fit, block: np.ndarray, count: int) -> Array:
-    """Sum of rowᵀ·residual over every block, (blocks, P), in prior sigmas."""
+    """Sum of rowᵀ·residual over every block, (blocks, P), in prior sigmas; ``block`` (n,) goes up with the samples."""
     problem = fit.problem
 
-    def one(part: slice) -> Array:
-        """Return the scores of the samples of one piece."""
-        piece = problem.piece(part, fit.errors)
-        each = np.einsum("nrp,nr->np", piece.rows, piece.residual)
-        out = np.zeros((count, each.shape[1]))
-        np.add.at(out, block[part], each)
-        return out
+    def one(part: slice) -> tuple[int, Array]:
+        """Return the first block of a piece, and the scores of its samples from there on."""
+        columns = problem.piece(part, fit.errors).columns
+        each = np.einsum("prn,rn->pn", columns[:-1], columns[-1])
+        begin = np.flatnonzero(np.diff(block[part], prepend=-1))
+        return int(block[part][0]), np.add.reduceat(each, begin, axis=1).T
 
-    return np.asarray(sum(problem.map_pieces(one)))
+    out = np.zeros((count, len(fit.errors)))
+    for first, scores in problem.map_pieces(one):
+        out[first : first + len(scores)] += scores
+    return out
 
 
 def consider_covariance(fit: Fit, held: Sequence[Parameter]) -> Array:

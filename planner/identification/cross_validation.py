@@ -329,16 +329,17 @@ def _grams(problem: FitProblem, errors: Array, split: Split) -> Array:
     if kept is not None and kept.problem is problem and np.array_equal(kept.fold, split.fold):
         return kept.grams_with(problem.weighted_residual(errors))
 
-    def one(part: slice) -> Array:
-        """Return the products of columns over each fold of one piece."""
-        piece = problem.piece(part, errors)
-        fold, size = split.fold[part], len(piece.factored)
-        out = np.zeros((split.folds, size, size))
-        for f in np.unique(fold):
-            out[f] = piece.factored.take(np.flatnonzero(fold == f)).gram
-        return out
+    def one(part: slice) -> list[tuple[int, Array]]:
+        """Return the products of columns over each fold of one piece that has samples of it."""
+        columns, fold = problem.piece(part, errors).factored, split.fold[part]
+        return [(f, columns.take(np.flatnonzero(fold == f)).gram) for f in np.unique(fold).tolist()]
 
-    return np.asarray(sum(problem.map_pieces(one)))
+    size = len(errors) + 1
+    out = np.zeros((split.folds, size, size))
+    for piece in problem.map_pieces(one):  # in place: of many parameters they are as large as the columns
+        for f, gram in piece:
+            out[f] += gram
+    return out
 
 
 def _step_without(train: Array, fold: Array, z: Array, own: np.ndarray, step: Array, size: Array) -> Array:

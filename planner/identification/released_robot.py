@@ -133,8 +133,12 @@ class ReleasedRobot:
     def expected_errors(self, fit: Fit | None) -> Array:
         """Return the tool's expected error at every state [m], (n,), with the values of ``fit``; ``None``: nominal."""
         off = self.offset(self.tool.names, fit)
-        known = self.tool.square(self.spread(self.tool.names)) + self.tool.square(off[:, None])
-        return np.asarray(np.sqrt(known + self.beside_square))
+        return np.asarray(np.sqrt(self._spread_square + self.tool.square(off[:, None]) + self.beside_square))
+
+    @cached_property
+    def _spread_square(self) -> Array:
+        """Mean square motion of the tool at every state by what the posterior leaves open [m²], (n,)."""
+        return self.tool.square(self.spread(self.tool.names))
 
     @cached_property
     def drift_rms(self) -> float:
