@@ -16,8 +16,10 @@ class Rows:
     """Arrays of equal length, the fields of a dataclass; ``None`` where there is nothing."""
 
     def take(self, which: slice | np.ndarray) -> Self:
-        """Return the rows at ``which`` (a slice, indices, or a mask)."""
-        return replace(self, **{f.name: v[which] for f in fields(self) if (v := getattr(self, f.name)) is not None})
+        """Return the rows at ``which`` (a slice, indices, or a mask); fields that are one array stay one."""
+        own = {f.name: v for f in fields(self) if (v := getattr(self, f.name)) is not None}
+        taken = {key: v[which] for key, v in {id(v): v for v in own.values()}.items()}
+        return replace(self, **{name: taken[id(v)] for name, v in own.items()})
 
     @classmethod
     def concatenate(cls, parts: Sequence[Self]) -> Self:
