@@ -17,7 +17,7 @@ from planner.common.units import Array
 from planner.effects.backlash import TorqueSign
 from planner.effects.basis import BasisFunction, legendre
 from planner.effects.catalogue import Excitation
-from planner.effects.compliance import LEAST_LOAD, LINK_BENDING, LoadMoment, LoadTorque, StationTwist, twist_moves
+from planner.effects.compliance import LEAST_LOAD, LINK_BENDING, LoadMoment, LoadTorque, twist_moves
 from planner.effects.context import Context
 from planner.effects.effect import BASE_TURNS, Parameter, ParameterMove, transform_move
 from planner.effects.gears import WAVES, JointAngle, JointWave
@@ -74,40 +74,47 @@ def free_laws(run: Excitation) -> Iterator[tuple[str, tuple[Parameter, ...]]]:
             yield from _polynomials(run, name, bends, [LoadMoment(link + 2, a) for a in axes], moment_degree)
 
 
-class BeamTwist(StationTwist, key="beam:STATION:AXIS:PART:PHI"):
-    """The same about the middle of the link before the station: so turns and sinks the end of a beam under a moment.
+class BeamTwist(BasisFunction, key="beam:STATION:AXIS:PART", loads=True):
+    """φ = one of the six numbers by which a link as a beam, bent about an axis of its end, moves what lies beyond.
 
-    Its end turns by M L/(E I) and sinks by M L²/(2 E I): Timoshenko, Strength of Materials (1940), art. 35.
+    The moment goes straight from that at the link's beginning to that at its end, as forces at the end make it: a long
+    link is bent most at its beginning, where nobody looks. The end turns by L/(E I) (M₀ + M₁)/2 and sinks by
+    L²/(E I) (M₀/3 + M₁/6): Timoshenko, Strength of Materials (1940), art. 35. Parts and unit (L/(E I) is the parameter)
+    are those of ``StationTwist``.
     """
+
+    station: int
+    axis: int
+    part: int
 
     def __call__(self, c: Context) -> Array:
         """Return the number."""
-        whole = super().__call__(c)
+        at, u = c.stations, c.stations.R[self.station, :, self.axis]
+        first = np.einsum("in,ijn,jn->n", u, at.R[self.station - 1], c.moments[self.station - 1])
+        last = c.moments[self.station, self.axis]
         if self.part >= 3:
-            return whole
-        u, k, m = c.stations.R[self.station, :, self.axis], (self.part + 1) % 3, (self.part + 2) % 3
-        half = (c.stations.p[self.station] - c.stations.p[self.station - 1]) / 2
-        return np.asarray(whole - (half[k] * u[m] - half[m] * u[k]) * self.by(c))
+            return np.asarray(u[self.part - 3] * (first + last) / 2)
+        p, k, m = at.p[self.station], (self.part + 1) % 3, (self.part + 2) % 3
+        arm = p * (first + last) / 2 - (p - at.p[self.station - 1]) * (first / 3 + last / 6)
+        return np.asarray(arm[k] * u[m] - arm[m] * u[k])
 
 
 def beam_laws(run: Excitation) -> Iterator[tuple[str, tuple[Parameter, ...]]]:
-    """Yield the parameters of each link as a beam: it bends about all axes by the moments at its end.
+    """Yield the parameters of each link as a beam: it bends about all axes by the moments all along.
 
-    The catalogue has it bend across the next joint alone: about that joint's axis its angle is one with the joint's
-    compliance, and only where its end sinks tells it apart.
+    The catalogue has it bend across the next joint alone, by the moment there: as a beam it does much of what the
+    joints at its two ends do that yield, and only how its end sinks, and turns it, tells it apart.
     """
     for link in run.joints[:-1] if run.setup.weighs else ():
         station = link + 2
-        loads = [(axis, run.largest(LoadMoment(station, axis))) for axis in range(3)]
+        moves = [[BeamTwist(station, axis, part) for part in range(6)] for axis in range(3)]
+        loads = [float(np.sqrt(sum(run.values(phi) ** 2 for phi in six[3:])).max()) for six in moves]
         parameters = [
             Parameter(
                 f"beam{link + 1}_{'xyz'[axis]}", "rad/Nm", LOAD_TURN.usual / load, f"bending of link {link + 1}",
-                tuple(
-                    ParameterMove("transform", part, BeamTwist(station, axis, part, LoadMoment(station, axis)))
-                    for part in range(6)
-                ),
+                tuple(ParameterMove("transform", phi.part, phi) for phi in six),
             )
-            for axis, load in loads if load > LEAST_LOAD
+            for axis, (six, load) in enumerate(zip(moves, loads, strict=True)) if load > LEAST_LOAD
         ]  # fmt: skip
         if parameters:
             yield f"{LINK_BENDING}, link {link + 1}", tuple(parameters)

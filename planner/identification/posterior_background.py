@@ -16,7 +16,7 @@ from planner.cell.placement import N_BASE_TRANSFORMS
 from planner.cell.setup import MeasurementSetup
 from planner.common.units import Array
 from planner.effects.catalogue import Background, Excitation, catalogue, effect_kinds, registration_of
-from planner.effects.drift_shapes import drift_shapes
+from planner.effects.drift_shapes import IN_TIME, drift_shapes
 from planner.effects.effect import Effect, Parameter, Role, transform_move
 from planner.effects.gauge_shapes import gauge_shapes
 from planner.effects.gears import WAVES, JointWave
@@ -103,10 +103,13 @@ def cause_of_family(name: str) -> str | None:
     name = name.removesuffix(f" ({BACKGROUND})")
     if name == GAUGE_SHAPE:
         return f"{NONPARAMETRIC}, gauge"
-    if not name.startswith(f"{UNNAMED}, part "):
+    if not name.startswith(f"{UNNAMED}, "):
         return None
-    part, _, by = name.removeprefix(f"{UNNAMED}, part ").partition(" by ")
-    return f"{NONPARAMETRIC}, joint {part} by {by}"
+    where = name.removeprefix(f"{UNNAMED}, ")
+    if where.startswith("part "):
+        return f"{NONPARAMETRIC}, joint {where.removeprefix('part ')}"
+    # lengths, base and gauge that move in time; what else a base does the laws of any shape have
+    return f"{NONPARAMETRIC}, {where}" if where.endswith(IN_TIME) else None
 
 
 def is_left_to_background(group: str) -> bool:

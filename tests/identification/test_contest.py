@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
+from planner.effects.catalogue import check_effect_name
+from planner.effects.drift_shapes import IN_TIME
 from planner.identification.acting_together import Together
 from planner.identification.contest import (
     NOTHING,
@@ -17,6 +19,7 @@ from planner.identification.contest import (
     average_standing,
 )
 from planner.identification.contest_arena import Arena, Block
+from planner.identification.posterior_background import OF_BACKGROUND, UNNAMED, cause_of_family
 
 M = 80
 ODDS = float(np.log(0.02))
@@ -165,6 +168,13 @@ def test_where_it_was_drawn_beside_what_is_needless_a_finding_does_not_lose_by_t
     gram = products(columns, y - columns[:, 2:] @ (columns[:, 2:].T @ y) / M)
     alone, beside = (Bouts(arena(own, [other]), gram, (*more, (own, 1.0))).weigh(0) for more in ((), idle))
     assert alone.logs == pytest.approx(beside.logs)
+
+
+@pytest.mark.parametrize("where", ["part 3", "lengths", "base", "gauge"])
+def test_what_moves_in_time_without_a_name_is_a_rival_wherever_it_does(where):
+    name = cause_of_family(f"{UNNAMED}, {where} {IN_TIME}{OF_BACKGROUND}")
+    assert name == f"unnamed, {where.replace('part', 'joint')} by time"
+    check_effect_name(name, 6, "here")  # as who reads the document does
 
 
 def test_causes_that_come_and_go_leave_the_fit_that_others_have_by_themselves():
