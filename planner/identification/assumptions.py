@@ -44,6 +44,7 @@ LOCAL_RATIO = 1.2  # of the misfit at a place to that over the workspace, from w
 
 # ---- the released robot
 CURVE_STANDARD_ERRORS, CURVE_GAIN = 3.0, 0.1  # that whole curves of gears pay: beyond chance, and of the mean square
+DOUBT = 0.02  # probability that geometry alone is the noticeably better robot, at most
 NOTICED = 1.05  # ratio of two errors: a twentieth more or less nobody notices at a cell
 DENSE_READINGS = 20  # for each parameter, from which poses held out stand for those anywhere
 ANOTHER_TOOL_SHARE = 0.5  # of the mean square error of another tool that is worth a second tool point

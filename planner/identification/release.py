@@ -1,7 +1,6 @@
 """From the stages of a fit to the robot that is released."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -18,6 +17,7 @@ from planner.identification.assumptions import (
     NOTICED,
     POSITION_AXES,
 )
+from planner.identification.compromise import choose_compromise, interpolate_fit
 from planner.identification.cross_validation import Split, predict_held_out
 from planner.identification.error_parts import error_parts, misfit_place
 from planner.identification.least_squares import Fit
@@ -37,15 +37,13 @@ from planner.model.identification_document import Metrics, Release, WorkToolErro
 from planner.model.model import Model
 from planner.runs.run import Run
 
-DOUBT = 0.02  # probability that geometry alone is the noticeably better robot, at most
-
 
 def release_robot(
     stages: Sequence[FittedStage], whole: Model, context: FitContext, cell: Cell, time: float, geometry_alone: bool
 ) -> ReleasedRobot:
     """Fit the posterior and return the robot to be written.
 
-    It lies on the way from geometry alone to the compromise between it and the posterior, as far along as it is hardly
+    It lies on the way from geometry alone to a compromise between it and the posterior, as far along as it is hardly
     ever noticeably worse over the workspace than geometry alone: what an arm may have besides is no reason to move it.
     Where it predicts poses held out worse than geometry alone does, or is hardly better, geometry alone is released.
 
@@ -78,13 +76,13 @@ def release_robot(
     drift, maps = drift_of(cell, run, posterior), tool_maps(cell, context.run, posterior.fit)
     known, own = (posterior, misfit, drift, *maps), plain.stage
     geometry = ReleasedRobot(plain.fit, plain.fit, *known, own.held_out, own.validation, own.held_residual)
-    aim = minimise_expected_error(geometry)
-    share = 0.0 if geometry_alone else safe_share(geometry, aim)
+    aim, share = (posterior.fit, 0.0) if geometry_alone else choose_compromise(geometry)
     if len(plain.fit.problem) == len(run):  # else geometry was fitted to another part of a long run
-        share = share_by_regions(share, plain.fit, regions)
+        along = geometry.length_along(aim) if share else 0.0
+        share = share_by_regions(share * along, plain.fit, regions) / along if along > 0.0 else share
     if share == 0.0:
         return geometry
-    fit = _interpolate_fit(plain.fit, aim, share)
+    fit = interpolate_fit(plain.fit, aim, share)
     before = own.held_residual if few is None else own.held_residual[few]
     problem = posterior.fit.problem
     sizes = posterior.mixture.scaled_sizes
@@ -134,38 +132,6 @@ def predicts_better(other: Array, plain: Array, split: Split) -> bool:
     return bool(surely > 0 and mine.mean() < (1 - CURVE_GAIN) * theirs.mean())
 
 
-def minimise_expected_error(geometry: ReleasedRobot) -> Fit:
-    """Return the posterior's fit with the values whose mean square error, over that of geometry alone, is least.
-
-    They are the mean of the robots drawn from the posterior. Each has the weight 1 / d², with d² its mean square
-    distance from geometry alone: robots for which geometry is nearly right count most.
-    """
-    posterior = geometry.posterior
-    square = geometry.drawn_errors(geometry.geometry) ** 2
-    if not square.all():  # nothing moves the tool
-        return posterior.fit
-    near = 1 / square
-    errors = posterior.fit.errors + posterior.drawn @ (near / near.sum() - 1 / len(near))
-    return _with_values(posterior.fit, errors)
-
-
-def safe_share(geometry: ReleasedRobot, aim: Fit) -> float:
-    """Return how far from geometry alone (0) to ``aim`` (1) a robot is noticeably worse with a probability of DOUBT.
-
-    On the way errors are quadratic: with the true robot's projection t on the way, 0 at geometry and 1 at the aim, L
-    the square of the way's length and e² that of geometry's error, the square of a robot's a share s along is
-    e² + L s (s − 2 t). Where most of e is beside the way, as of a robot of which a run shows little, no share matters:
-    it is worse than geometry alone by no more than NOTICED as far as s ≤ t + √(t² + (NOTICED² − 1) e²/L).
-    """
-    length = geometry.distance(geometry.geometry, aim) ** 2
-    if length == 0.0:
-        return 0.0
-    plain = geometry.drawn_errors(geometry.geometry) ** 2 / length
-    along = 0.5 * (1 + plain - geometry.drawn_errors(aim) ** 2 / length)
-    farthest = along + np.sqrt(along**2 + (NOTICED**2 - 1) * plain)
-    return float(np.clip(np.quantile(farthest, DOUBT), 0.0, 1.0))
-
-
 def is_noticeably_better(released: ReleasedRobot) -> bool:
     """Tell whether a robot is expected to be better than geometry alone so much that anybody notices.
 
@@ -181,8 +147,8 @@ def is_noticeably_better(released: ReleasedRobot) -> bool:
 def share_by_regions(share: float, plain: Fit, regions: Sequence[HeldOutRegion]) -> float:
     """Return the share, or less where a robot that goes as far predicts regions held out worse than geometry alone.
 
-    Both are predicted without the region, and count as was expected of the former. Errors on the way are quadratic in
-    the share, so that it goes no farther than where they are least.
+    The share is of the way to the posterior's mean. Both are predicted without the region, and count as was expected
+    of the former. Errors on the way are quadratic in the share, so that it goes no farther than where they are least.
     """
     number = np.full(len(plain.problem), -1)
     for k, region in enumerate(regions):
@@ -196,16 +162,6 @@ def share_by_regions(share: float, plain: Fit, regions: Sequence[HeldOutRegion])
     length = float((way**2).sum())
     best = 1.0 if length == 0.0 else -float((way * before).sum()) / length
     return share if 2 * best >= share else max(best, 0.0)
-
-
-def _interpolate_fit(geometry: Fit, aim: Fit, share: float) -> Fit:
-    """Return the posterior's fit with values a share of the way from those of geometry alone to those of ``aim``."""
-    start = geometry.at(aim.model.names)
-    return _with_values(aim, start + share * (aim.errors - start))
-
-
-def _with_values(fit: Fit, errors: Array) -> Fit:
-    return replace(fit, solution=replace(fit.solution, errors=errors))
 
 
 def describe_release(released: ReleasedRobot) -> Release:

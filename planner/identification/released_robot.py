@@ -179,15 +179,29 @@ class ReleasedRobot:
         names = [where.names[k] for k in at]
         which = [here[n] for n in names]
         misfit = self.misfit
-        off = misfit.stretch * (known.drawn[which] - mean.errors[which, None]) - self.offset(names, fit)[:, None]
+        off = self.drawn_offsets[which] - self.offset(names, fit)[:, None]
         square = (off * (where.gram[np.ix_(at, at)] @ off)).sum(axis=0)
         beside = POSITION_AXES * misfit.rest**2 + self.drift**2
         return np.asarray(np.sqrt(np.maximum(square, 0.0) / len(where.q) + beside))
+
+    @cached_property
+    def drawn_offsets(self) -> Array:
+        """How far the values of the drawn robots are from the posterior's mean, (P, n) [m, rad, …], stretched."""
+        known = self.posterior
+        return np.asarray(self.misfit.stretch * (known.drawn - known.fit.errors[:, None]))
 
     def distance(self, fit: Fit, other: Fit) -> float:
         """Return how far the tools of two robots are apart over the workspace, rms [m]."""
         apart = self.offset(self.tool.names, fit) - self.offset(self.tool.names, other)
         return float(np.sqrt(self.tool.square(apart[:, None]).mean()))
+
+    def length_along(self, fit: Fit) -> float:
+        """Return how far a robot goes along the way from geometry alone (0) to the posterior's mean (1)."""
+        mean = self.posterior.fit
+        whole = self.distance(self.geometry, mean) ** 2
+        if whole == 0.0:
+            return 0.0
+        return 0.5 * (1 + (self.distance(self.geometry, fit) ** 2 - self.distance(fit, mean) ** 2) / whole)
 
     @cached_property
     def anywhere(self) -> float:

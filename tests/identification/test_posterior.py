@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-import planner.identification.release as release
+import planner.identification.compromise as compromise
 import tests.simulation.generator.catalogue as catalogue
 import tests.simulation.generator.runs as runs
 from planner.cell.reading import load_cell
@@ -133,20 +133,20 @@ def test_the_error_at_poses_like_those_measured_is_that_of_drawn_robots():
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("factor", [1.0, release.NOTICED])
+@pytest.mark.parametrize("factor", [1.0, compromise.NOTICED])
 def test_a_robot_part_way_is_as_likely_worse_than_geometry_as_is_accepted(factor, monkeypatch):
     """Counted over the drawn robots, at every probability that ends part of the way."""
     released = by_posterior(judged(0, WEAK)[0].released)
     before = replace(released, fit=released.geometry, share=0.0)
-    aim = release.minimise_expected_error(before)
+    aim = compromise.minimise_expected_error(before)
     partial = 0
-    monkeypatch.setattr(release, "NOTICED", factor)
+    monkeypatch.setattr(compromise, "NOTICED", factor)
     for doubt in np.linspace(0.02, 0.7, 36):
-        monkeypatch.setattr(release, "DOUBT", doubt)
-        share = release.safe_share(before, aim)
+        monkeypatch.setattr(compromise, "DOUBT", doubt)
+        share = compromise.safe_share(before, aim)
         if not 0.0 < share < 1.0:
             continue
-        there = release._interpolate_fit(released.geometry, aim, share)
+        there = compromise.interpolate_fit(released.geometry, aim, share)
         worse = (released.drawn_errors(there) > factor * released.drawn_errors(released.geometry)).mean()
         assert worse == pytest.approx(doubt, abs=2 / released.posterior.drawn.shape[1])
         partial += 1
@@ -213,7 +213,7 @@ def test_the_compromise_has_the_least_mean_square_error_over_that_of_geometry_al
     """Over the drawn robots: against the posterior mean, and steps towards robots drawn and away from them."""
     released = by_posterior(judged(0, WEAK)[0].released)
     before = replace(released, fit=released.geometry, share=0.0)
-    aim, alone = release.minimise_expected_error(before), before.drawn_errors(before.geometry)
+    aim, alone = compromise.minimise_expected_error(before), before.drawn_errors(before.geometry)
 
     def ratio(fit):
         return ((before.drawn_errors(fit) / alone) ** 2).mean()
@@ -224,6 +224,6 @@ def test_the_compromise_has_the_least_mean_square_error_over_that_of_geometry_al
     assert ratio(aim) < ratio(before.geometry)
     for own in np.random.default_rng(0).permutation(drawn.T)[:20]:
         for step in (0.3, -0.3):
-            assert ratio(aim) < ratio(release._interpolate_fit(aim, release._with_values(aim, own), step))
+            assert ratio(aim) < ratio(compromise.interpolate_fit(aim, compromise.with_values(aim, own), step))
     best = drawn @ (alone**-2 / (alone**-2).sum())
     assert np.all(np.abs(aim.errors - best) <= noise)
