@@ -156,14 +156,16 @@ class Bouts:
         """Weigh all that may stand for finding k."""
         own, state = self.arena.own[k], self._fit_around(self.arena.own[k])
         held, size, whole = list(state.parts[:-1]), state.parts[-1][1], state.log_odds
-        beside, *without_kin = self._rival_surroundings(k, held)
+        beside = self._without(k, held)
         by_poses = set[str]()
         out = {OWN_NAME: 0.0, NOTHING: self.log_odds(held) - whole}
         b, stand = _mean_of(beside, own, size), [(OWN_NAME, own)]
         # of the finding's share in the readings a rival must explain the larger part
         most = min(TOLD_APART**2, 0.5 * float(b @ beside.products(own.columns, own.columns) @ b))
         unnamed = {id(u) for u in self.arena.unnamed}
-        for block, left, is_tried in self._by_distance(k, held, beside, b):
+        others = list(self._by_distance(k, held, beside, b))
+        without_kin = self._without_kin(own, held, [block for block, _, is_tried in others if is_tried])
+        for block, left, is_tried in others:
             # a law of any shape holds the finding's own law too: of that only the readings tell
             if id(block) not in unnamed and left < most:
                 by_poses.add(block.name)
@@ -235,15 +237,21 @@ class Bouts:
             order = np.argsort(left, kind="stable").tolist()
             yield from ((rivals[n], float(left[n]), place < NEAREST) for place, n in enumerate(order))
 
-    def _rival_surroundings(self, k: int, held: Sequence[Part]) -> Iterator[Beside]:
-        """Yield what acts beside another cause where finding k is gone, and the same without the finding's kin."""
+    def _without(self, k: int, held: Sequence[Part]) -> Beside:
+        """Return what acts beside another cause where finding k is gone."""
         own, rivals = self.arena.own[k], (*self.arena.others[k], *self.arena.unnamed)
-        wanted = np.unique(np.concatenate([own.columns, *(b.columns for b in rivals), [len(self.gram) - 1]]))
-        yield Beside.of(self.gram, held, wanted)
+        return Beside.of(self.gram, held, self._columns_of([own, *rivals]))
+
+    def _without_kin(self, own: Block, held: Sequence[Part], tried: Sequence[Block]) -> tuple[Beside, ...]:
+        """Return the same without a finding's kin, for causes that are tried; nothing where it has none."""
         place = own.name.removesuffix(" (background)").partition(", ")[2]
         others = [part for part in held if part[0].name.removesuffix(" (background)").partition(", ")[2] != place]
-        if len(others) < len(held):
-            yield Beside.of(self.gram, others, wanted)
+        few = len(others) < len(held) and len(tried) > 0
+        return (Beside.of(self.gram, others, self._columns_of(tried)),) if few else ()
+
+    def _columns_of(self, blocks: Sequence[Block]) -> np.ndarray:
+        """Return the positions of the columns of causes, and of the readings."""
+        return np.unique(np.concatenate([*(b.columns for b in blocks), [len(self.gram) - 1]]))
 
     def _log_odds_with(self, state: "Together", own: Block, newcomer: Part) -> float:
         """Return the log odds with a newcomer in and all needless out, minus infinity where the finding stays."""
