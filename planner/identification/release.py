@@ -113,14 +113,16 @@ def _draw_posterior_beside(
     """
     if not curves:
         return draw_posterior(last, run, whole, families, time)
-    few, held = [], []
+    starts, held = [], []
     for tried in (frozenset[str](), curves):
-        few.append(draw_posterior(last, run, whole, families, time, tried, sweeps=SWEEPS))
-        held.append(few[-1].predict_held_out(split))
-        few[-1].problem.memory.forget()  # one linearisation about all that may act at a time: they are the largest
+        few = draw_posterior(last, run, whole, families, time, tried, sweeps=SWEEPS)
+        held.append(few.predict_held_out(split))
+        starts.append(few.record.last_factors)
+        del few  # all that may act of one at a time: nothing is as large
+        give_back_memory()
     better = predicts_better(held[1], held[0], split)
-    start = few[int(better)].record.last_factors
-    return draw_posterior(last, run, whole, families, time, curves if better else frozenset(), start=start)
+    taken = curves if better else frozenset[str]()
+    return draw_posterior(last, run, whole, families, time, taken, start=starts[int(better)])
 
 
 def predicts_better(other: Array, plain: Array, split: Split) -> bool:
