@@ -374,10 +374,12 @@ def can_be_told_apart(found: Calibration) -> bool:
         return False
     logged = found.run.samples
     planned = replace(logged, temperature=None, torque=None, payload=None, q_cmd=None, q_read=None, session=None)
-    shown = {e.name for e in catalogue(found.setup, planned) if not e.has(Role.UNTRACED)}
+    offered = [e for e in catalogue(found.setup, planned) if not e.has(Role.UNTRACED)]
+    shown, with_inner = {e.name for e in offered}, {e.name for e in offered if e.nonlinear is not None}
     return any(
         f.name in shown and rival in shown and (chance is None or chance >= HUNDRED_TO_ONE)
         for cause in found.findings
         for f in cause.each
+        if not (f.beside_stages and f.name in with_inner)  # a band, of which no one number is known
         for rival, chance in zip(f.rivals, f.rival_probabilities or [None] * len(f.rivals), strict=True)
     )

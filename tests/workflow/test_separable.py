@@ -65,6 +65,12 @@ def test_what_is_one_of_many_is_looked_at_by_itself():
     assert not can_be_told_apart(calibration([cause.model_copy(update={"members": tuple(own[1:])})]))
 
 
+def test_no_poses_are_chosen_for_a_band_of_a_gear():
+    ripple = found("joint compliance, joint 2", name="gear ripple, joint 2")
+    assert can_be_told_apart(calibration([ripple]))
+    assert not can_be_told_apart(calibration([ripple.model_copy(update={"beside_stages": True})]))
+
+
 def test_only_poses_of_a_bar_or_wire_are_chosen_so():
     assert not can_be_told_apart(calibration([found("joint compliance, joint 2")], length=False))
     assert not can_be_told_apart(calibration([]))

@@ -238,7 +238,7 @@ def pose_questions(
     """Return the questions for an identification's findings and their rivals."""
     few = sight.thin_candidates()
     asked = QuestionSet(sight.model.parameters, np.arange(len(sight.model.parameters)))
-    known = [(f, entries[f.name]) for f in identified.found if f.name in entries]
+    known = [(f, entries[f.name]) for f in identified.found if f.name in entries and not _is_band(f, entries)]
     places = []
     for found, entry in known:
         asked, where = asked.with_effect(entry, found.inner)
@@ -263,6 +263,11 @@ def pose_questions(
     return replace(asked, not_shown=tuple(s for f in identified.found for s in _explain_unseen(f, entries)))
 
 
+def _is_band(found: IdentifiedEffect, entries: Mapping[str, Effect]) -> bool:
+    """Tell whether the posterior holds an effect at some values of its inner number together, none by itself."""
+    return found.inner is None and found.name in entries and entries[found.name].nonlinear is not None
+
+
 def _own_columns_without(asked: QuestionSet, *entries: Effect) -> np.ndarray:
     """The plan's own columns, less those that are an entry's themselves: joint compliances may be among them."""
     made = {p.moves for e in entries if e.nonlinear is None for p in e.make(None)}
@@ -281,6 +286,12 @@ def _match_signal(columns: Array, signal: Array) -> Array:
 
 def _explain_unseen(found: IdentifiedEffect, entries: Mapping[str, Effect]) -> Iterator[str]:
     """Say of each rival that a plan's readings do not show one of the two at all."""
+    if _is_band(found, entries):
+        inner = entries[found.name].nonlinear
+        what = "number" if inner is None else inner.name
+        if found.rivals:
+            yield f"{found.label}: the runs show a band of it, and no one {what} to choose poses for"
+        return
     for rival in found.rivals:
         missing = [name for name in (found.name, rival) if name not in entries]
         if missing:

@@ -72,6 +72,14 @@ def test_exact_rivals_have_no_plan(tmp_path):
     assert refused.value.exit_code == 3
 
 
+def test_a_band_of_a_gear_has_no_poses(tmp_path):
+    """What the posterior holds has no frequency of its own, and that is said."""
+    band = ("gear ripple", "joint 3", 0.01, "deg", ["encoder once a turn, joint 3"])
+    found = read_identification(file(tmp_path, band), NJ, 6)
+    with pytest.raises(NoSolutionError, match="gear ripple, joint 3: the runs show a band of it, and no one frequency"):
+        select_discriminating_poses(cell(), pool(), usual(), found, 0)
+
+
 def test_exact_rivals_beside_others_are_told(tmp_path):
     rivals = ["servo lag, all joints", "servo lag, joint 2", "thermal drift, joint 1"]
     found = read_identification(file(tmp_path, (*LAG, rivals)), NJ, 6)
