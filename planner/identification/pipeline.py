@@ -6,7 +6,7 @@ from planner.cell.cell import Cell
 from planner.common.determinism import on_one_thread
 from planner.common.errors import InputError
 from planner.common.progress import StageReport
-from planner.common.system import give_back_memory
+from planner.common.system import give_back_memory, keep_freed_memory
 from planner.design.assumptions import TRACEABLE_READINGS
 from planner.effects.compliance import JOINT_COMPLIANCE
 from planner.identification.artifact_pose import use_declared_pose
@@ -59,6 +59,7 @@ def identify(
         InputError: run and cell do not belong together, or the run is too small.
         NoSolutionError: the fit does not come to rest.
     """
+    keep_freed_memory()
     give_back_memory()  # the text of a long run, which was read just now
     settings = settings or FitSettings()
     approaches = run.samples.direction is not None
