@@ -181,7 +181,7 @@ def identify_clean(case: Case, arm: Arm, folder: Path) -> None:
     start = time.process_time()
     found = identify(folder / "run.csv", cell=folder / "cell.toml", plan=folder / "plan.json").calibration
     case.identify_cpu = time.process_time() - start
-    case.poses, case.findings = found.n_groups, [f"{f.effect}, {f.on}" for f in found.findings]
+    case.poses, case.findings = found.n_groups, [f"{f.effect}, {f.on}" for c in found.findings for f in c.each]
     case.left = found.diagnosis.sentence if found.diagnosis.structured else ""
     case.chi2, case.dof = compute_chi2(found)
     case.stated = 1e3 * (found.workspace_error or np.nan)

@@ -26,7 +26,7 @@ def timed(name, made):
         wall, spent = time.perf_counter(), time.process_time()
         found = identify(run, cell, tracer=trace)
         wall, spent = time.perf_counter() - wall, time.process_time() - spent
-    names = [f"{f.effect}, {f.on}" for f in found.findings]
+    names = [f"{f.effect}, {f.on}" for c in found.findings for f in c.each]
     print(f"{name}: {len(run)} samples, {wall:.1f} s by the wall, {spent:.1f} s of processors; {names}", flush=True)
 
 

@@ -124,7 +124,7 @@ def tried(task: Task, settings: FitSettings | None = None) -> Outcome:
         return Outcome(task, failed=f"not made: {no}")
     measured, found, spent = identified(run, trace, settings)
     assert found.tried is not None
-    names = [(f.effect, f.on, f.rivals, f.note, f.log_p) for f in found.findings]
+    names = [(f.effect, f.on, f.rivals, f.note, f.log_p) for c in found.findings for f in c.each]
     effects = run.truth.effects
     planted = tuple(_planted(run, e, [(f"{k}, {on}", rivals) for k, on, rivals, _, _ in names]) for e in effects)
     given = tuple(

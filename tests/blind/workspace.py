@@ -127,7 +127,7 @@ def try_task(task: Task, measured_q: np.ndarray) -> Outcome:
         seconds,
         any("workspace" in w or "anywhere" in w for w in found.warnings),
         tuple(hidden),
-        tuple(f"{f.effect}, {f.on}" for f in found.findings),
+        tuple(f"{f.effect}, {f.on}" for c in found.findings for f in c.each),
     )
 
 

@@ -28,7 +28,8 @@ def test_the_demo_runs_to_its_end(tmp_path, seed):
     assert 200 <= said["hidden"]["size_urad"] <= 400
     document = json.loads((out / "calibrated" / "identification.json").read_text())
     hidden = f"{said['hidden']['effect']}, {said['hidden']['on']}"
-    names = [n for f in document["findings"] for n in (f"{f['effect']}, {f['on']}", *f["rivals"])]
+    each = [m for f in document["findings"] for m in f.get("members", [f])]
+    names = [n for f in each for n in (f"{f['effect']}, {f['on']}", *f["rivals"])]
     assert said["found"] == (hidden in names)
     assert document["simulated"] is True
     assert document["known_anywhere_mm"] < document["release"]["nominal_anywhere_mm"]

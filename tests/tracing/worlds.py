@@ -48,4 +48,4 @@ def effect(kind, joint, size=0.0, share=None, **inner):
 
 
 def names(found):
-    return [f"{f.effect}, {f.on}" for f in found.findings]
+    return [f"{f.effect}, {f.on}" for cause in found.findings for f in cause.each]

@@ -82,7 +82,7 @@ def identified(made):
 
 def named(calibration):
     """Findings and their rivals."""
-    return [(f"{f.effect}, {f.on}", f.rivals) for f in calibration.findings]
+    return [(f"{f.effect}, {f.on}", f.rivals) for cause in calibration.findings for f in cause.each]
 
 
 def written(calibration, path):
