@@ -114,8 +114,7 @@ def test_nothing_is_named_where_nothing_jumped(tmp_path, other, seed):
         world.measure(tmp_path / "first", BAR_LEFT, seed).run,
         world.measure(tmp_path / "next", OTHERS[other], seed + 100).run,
     ]
-    with few_draws():
-        found = identify(runs)
+    found = identify(runs)  # with all draws: of few the posterior says too little to be held against the truth
     assert [f.name for f in found.findings] == []
 
 
