@@ -85,7 +85,8 @@ def cut_facts(facts: Sequence[Fact], most: int) -> list[Fact]:
     if len(facts) <= most:
         return list(facts)
     key, said = facts[most - 1]
-    return [*facts[: most - 1], (key, f"{said} (and {len(facts) - most} more: -v)")]
+    count = len(facts) - most
+    return [*facts[: most - 1], (key, f"{said} (and {count} more line{'s' if count > 1 else ''}: -v)")]
 
 
 def name_first(names: Sequence[str]) -> str:

@@ -295,7 +295,7 @@ def _forward_selection(context: SearchContext, path: list[SearchState]) -> list[
                 [*changes, *rank_candidates(test, context.dictionary, state.effects)], key=lambda c: -c.merit
             )
             if c.log_p < LOG_SIGNIFICANCE
-            and c.effect.name not in context.excluded
+            and number_repeat(c.effect, state.effects).name not in context.excluded
             and context.rejected.may_try(c, test.scatter)
         ]
         if not likely:
@@ -306,10 +306,10 @@ def _forward_selection(context: SearchContext, path: list[SearchState]) -> list[
         after = after or best_step(context, state, test, likely[: 6 + len(changes)])
         if after is None:
             break
-        added = after.effects[-1]
+        added = (after.names - state.names) or {after.effects[-1].name}
         after = context.settle(state, relocate_steps(context, context.prune(after), context.steppables))
         if any(after.structure == s.structure for s in path) or _is_worse(context, state, after):
-            context.excluded.add(added.name)  # it drives out what brought it in, or what is worth more: others first
+            context.excluded.update(added)  # it drives out what brought it in, or what is worth more: others first
         else:
             path.append(after)
     return path

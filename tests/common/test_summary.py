@@ -78,7 +78,7 @@ def test_a_screen_has_a_limit_of_lines_and_says_how_much_is_left_out(facts, note
     )
     lines = summary.text(most=most).splitlines()
     assert len(lines) <= most
-    told = sum(int(n) for line in lines for n in re.findall(r"\(and (\d+) more: -v\)", line))
+    told = sum(int(n) for line in lines for n in re.findall(r"\(and (\d+) more lines?: -v\)", line))
     assert len(lines) - 1 + told == facts + notes
     assert len([line for line in lines if line.startswith("  f")]) >= min(facts, 4, most - 2)
     if notes:
@@ -89,4 +89,4 @@ def test_a_screen_has_a_limit_of_lines_and_says_how_much_is_left_out(facts, note
 def test_what_is_cut_is_counted_at_the_last_that_is_said():
     facts = [("a", "1"), ("b", "2"), ("c", "3")]
     assert cut_facts(facts, 3) == facts
-    assert cut_facts(facts, 2) == [("a", "1"), ("b", "2 (and 1 more: -v)")]
+    assert cut_facts(facts, 2) == [("a", "1"), ("b", "2 (and 1 more line: -v)")]
