@@ -23,6 +23,7 @@ from planner.effects.sizes import LOAD_TURN, MASS_TURN
 
 JOINT_COMPLIANCE = "joint compliance"
 LINK_BENDING = "link bending"
+LINK_MASSES = "link weights"  # group of what masses of links other than stated do through compliances
 LEAST_LOAD = 1e-6  # [Nm] below which nothing is asked of it
 TRICAL = "TriCal paper, Table 8; Nubiola & Bonev 2013, RCIM 29(1): 0.01 to 0.2e-3 deg/Nm for a 6 kg robot"
 BENDING = "Meggiolaro, Dubowsky & Mavroidis 2005, Mech. Mach. Theory 40(7): elastic errors of links; size estimated"

@@ -27,6 +27,8 @@ LOAD_TURN = Size("rad", 3e-4, 1e-2)
 """Turn of a joint, a link or the base under the run's largest load."""
 MASS_TURN = Size("rad", LOAD_TURN.usual, 2e-3)
 """Turn of a joint under its largest load by a mass other than stated."""
+LINK_MASS = Size("1", 0.15, 0.3)
+"""Part by which a link weighs more than stated; a run that makes it larger does not show masses."""
 GEAR_WAVE = Size("rad", 1e-4, 5e-3)
 """Amplitude of one wave of a gear: one sigma is 20 arc seconds."""
 GEAR_CURVE_SIZE = Size("rad", 2e-4, 5e-3)

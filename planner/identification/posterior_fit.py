@@ -12,7 +12,9 @@ import numpy as np
 
 from planner.common.determinism import even_positions
 from planner.common.units import Array
+from planner.effects.compliance import LINK_MASSES
 from planner.effects.effect import Parameter
+from planner.effects.sizes import LINK_MASS
 from planner.identification.assumptions import LOG_NOISE_SIGMA, STANDING_PROBABILITY, UNKNOWN_PRIOR
 from planner.identification.cross_validation import Split, predict_held_out
 from planner.identification.least_squares import Fit, Solution
@@ -224,7 +226,8 @@ class _Families:
     @classmethod
     def of(cls, before: Model, whole: Model, background: Sequence[EffectFamily]) -> "_Families":
         """Return the families of what was fitted and of what is looked at beside it."""
-        own = {p.name: p for p in (*whole.parameters, *before.parameters)}  # as fitted only where ``whole`` lacks it
+        fitted = map(_with_known_size, before.parameters)
+        own = {p.name: p for p in (*whole.parameters, *fitted)}  # as fitted only where ``whole`` lacks it
         own |= {p.name: p for p in whole.parameters}
         label = {name: _own_family(p) for name, p in own.items()}
         findings = tuple(dict.fromkeys(p.group for p in before.parameters if label[p.name] == p.group))
@@ -267,8 +270,17 @@ def _spike_and_slab(factors: Array, weight: Array, acting: float, pool: int = 0)
     return SizePrior(np.append(0.0, factors), np.append(1 - acting, chance), pool)
 
 
+def _with_known_size(p: Parameter) -> Parameter:
+    """Return a mass with its size as usual, all else as it is.
+
+    A size that is learnt would let masses, which show through compliances alone, stand for the compliances themselves.
+    """
+    return replace(p, prior=LINK_MASS.usual) if p.group == LINK_MASSES else p
+
+
 def _own_family(p: Parameter) -> str:
-    if p.group == "gauge":
+    """Return the family of what was fitted; none where the size is known."""
+    if p.group in ("gauge", LINK_MASSES):
         return ""
     return ("lengths" if p.unit == "m" else "angles") if p.group == "geometry" else p.group
 

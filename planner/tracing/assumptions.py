@@ -44,7 +44,6 @@ SLIP_SIGMAS = 4.0  # within which a slip of the pen must give the expected readi
 OTHER_BALL_SHARE = 0.1  # of a row's error: so near to another ball it was in that one
 
 # ---- masses and curves
-MASS_PRIOR = 0.15  # [1] one sigma of a link's mass over its stated one
 LEAST_CURVE_EVIDENCE = 3.0  # [ln L] that curves would add to where the search ended: below, there is no cause for them
 QUICKNESSES = (3.0, 6.0, 10.0, 15.0, 20.0, 30.0)  # [waves a turn] within which most of a gear's error may lie
 FAINT_WAVE_SHARE = 0.1  # of the strongest wave's power: a fainter one is not named

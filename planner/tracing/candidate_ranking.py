@@ -6,7 +6,8 @@ from dataclasses import replace
 import numpy as np
 
 from planner.effects.effect import Effect, Role
-from planner.tracing.assumptions import COMPLIANCE_SHARE, MASS_PRIOR, PARAMETER_COST
+from planner.effects.sizes import LINK_MASS
+from planner.tracing.assumptions import COMPLIANCE_SHARE, PARAMETER_COST
 from planner.tracing.dictionary import DictionaryItem, EffectDictionary
 from planner.tracing.effect_scores import EffectScore, ScoreTest
 from planner.tracing.state import FittedEffect, known_values, link_mass_parameters, may_join
@@ -46,7 +47,7 @@ def with_link_masses(test: ScoreTest, scores: list[EffectScore]) -> list[EffectS
         parameters = s.effect.make(s.value)
         size = float(s.along[0] / s.information[0, 0]) * parameters[0].prior
         masses = link_mass_parameters(test.problem.model, [(s.effect.place.joint or 0, size)])
-        wider.append(replace(s.effect, parameters=(*parameters, *(replace(p, prior=MASS_PRIOR) for p in masses))))
+        wider.append(replace(s.effect, parameters=(*parameters, *(replace(p, prior=LINK_MASS.usual) for p in masses))))
     gains = {}
     for s, wide in zip(bearing, test.score(test.lay_out([(e, None) for e in wider])), strict=True):
         ridge = np.diag(np.r_[0.0, np.full(len(wide.along) - 1, test.variance)])

@@ -8,6 +8,7 @@ import numpy as np
 from planner.common.errors import NoSolutionError
 from planner.common.progress import StageReport
 from planner.common.system import give_back_memory
+from planner.effects.compliance import LINK_MASSES
 from planner.effects.effect import Effect, Parameter, Role
 from planner.effects.steps import Steppable
 from planner.identification.stages import FitContext, error_reduction
@@ -16,7 +17,7 @@ from planner.tracing.dictionary import EffectDictionary
 from planner.tracing.effect_scores import EffectScore, ScoreTest
 from planner.tracing.held_out_prediction import HeldOutPredictor
 from planner.tracing.significance import LOG_SIGNIFICANCE, screening_correlation_time, variance_inflations, wald_log_p
-from planner.tracing.state import LINK_MASSES, FittedEffect, SearchState
+from planner.tracing.state import FittedEffect, SearchState
 
 
 @dataclass

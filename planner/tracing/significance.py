@@ -7,6 +7,7 @@ import numpy as np
 
 from planner.common.arrays import mean_by_group
 from planner.common.units import Array
+from planner.effects.compliance import LINK_MASSES
 from planner.effects.effect import Role, implausible_text
 from planner.identification.covariance import correlation_time
 from planner.identification.cross_validation import predict_held_out, predict_held_out_without
@@ -14,7 +15,7 @@ from planner.identification.problem import LinearPiece
 from planner.identification.stages import FitContext, error_reduction
 from planner.model.identification_document import Metrics
 from planner.tracing.assumptions import DETERMINED_VARIANCE, LEAST_GAIN, LEAST_SIGMAS, MOST_WALD_PARAMETERS
-from planner.tracing.state import LINK_MASSES, FittedEffect, SearchState
+from planner.tracing.state import FittedEffect, SearchState
 
 LOG_SIGNIFICANCE = float(np.log(2e-3))  # chance, corrected for all that was tried, below which an effect may be added
 

@@ -11,19 +11,16 @@ from scipy.linalg.lapack import dtrtri
 from planner.common.determinism import even_positions
 from planner.common.units import Array
 from planner.effects.basis import Times
-from planner.effects.compliance import WeightTorque
+from planner.effects.compliance import LINK_MASSES, WeightTorque
 from planner.effects.effect import Effect, Parameter, ParameterMove, Role
+from planner.effects.sizes import LINK_MASS
 from planner.identification.assumptions import ROUGHLY_CONVERGED_SIGMAS
 from planner.identification.least_squares import Fit, solve, subset_size
 from planner.identification.problem import FitProblem, LinearPiece
 from planner.identification.stages import FitContext, FittedStage
 from planner.model.identification_document import Stage
 from planner.model.model import Model
-from planner.tracing.assumptions import MASS_PRIOR
 from planner.tracing.dictionary import whitened_columns
-
-LINK_MASSES = "link weights"  # group of the masses of links
-LARGEST_MASS_PRIOR = 0.3  # one sigma of the masses as fitted, above which it is not the masses that the run shows
 
 
 def sensitivity_parameter(effect: Effect, value: float, sizes: Array) -> Parameter:
@@ -61,7 +58,7 @@ def link_mass_parameters(base: Model, compliance: Sequence[tuple[int, float]]) -
         of_tool = link == len(robot.masses)
         what = f"part by which {'tool' if of_tool else f'link {link + 1}'} weighs more than stated"
         name = "weight_tool" if of_tool else f"weight{link + 1}"
-        out.append(Parameter(name, "1", MASS_PRIOR, what, moves, LINK_MASSES))
+        out.append(Parameter(name, LINK_MASS.unit, LINK_MASS.usual, what, moves, LINK_MASSES))
     return out
 
 
@@ -216,7 +213,7 @@ class SearchState:
             return fit_context.fit_stage(_stage_name(effects[-1].effect), model, self.fit)
 
         fitted = fit(model.plus(masses))
-        if masses and link_mass_uncertainty(fitted.fit.model) > LARGEST_MASS_PRIOR:
+        if masses and link_mass_uncertainty(fitted.fit.model) > LINK_MASS.largest:
             fitted = fit(model)  # they stand in for what is missing yet, and for the compliances themselves
         return SearchState(self.base, effects, fitted)
 

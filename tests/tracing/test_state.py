@@ -1,15 +1,22 @@
 """The model with its effects: inner numbers on the way, and weights that must not stand in for what they load."""
 
+from dataclasses import replace
+
+import numpy as np
 import pytest
 
 import planner.tracing.state as states
 from planner.effects.catalogue import catalogue
+from planner.effects.compliance import LINK_MASSES
+from planner.effects.sizes import LINK_MASS
 from planner.identification.cross_validation import split_run
 from planner.identification.identifiable_parameters import parameters_of_groups
+from planner.identification.posterior_background import background_families
+from planner.identification.posterior_fit import draw_posterior
 from planner.identification.stages import FitContext
 from planner.tracing.dictionary import EffectDictionary
 from planner.tracing.search_context import SearchContext
-from planner.tracing.state import LARGEST_MASS_PRIOR, LINK_MASSES, FittedEffect, SearchState, link_mass_uncertainty
+from planner.tracing.state import FittedEffect, SearchState, link_mass_uncertainty
 from tests.tracing.worlds import arm, calibrated, effect
 
 
@@ -41,13 +48,32 @@ def test_weights_that_would_be_far_off_are_left_out(monkeypatch):
     start, bench, entries = begun(found)
     soft = tuple(FittedEffect(entries[f"joint compliance, joint {j}"], None) for j in (2, 3))
     plausible = start.refit(bench, soft)
-    assert 0.05 < link_mass_uncertainty(plausible.fit.model) < LARGEST_MASS_PRIOR
-    monkeypatch.setattr(states, "LARGEST_MASS_PRIOR", 0.05)
+    assert 0.05 < link_mass_uncertainty(plausible.fit.model) < LINK_MASS.largest
+    monkeypatch.setattr(states, "LINK_MASS", replace(LINK_MASS, largest=0.05))
     bare = start.refit(bench, soft)
     assert any(p.group == LINK_MASSES for p in plausible.fit.model.parameters)
     assert not any(p.group == LINK_MASSES for p in bare.fit.model.parameters)
     for s in (plausible, bare):
         assert [float(s.sizes(h)[0]) for h in soft] == pytest.approx([size, size], rel=0.25)
+
+
+def test_the_posterior_takes_masses_as_large_as_usual_whatever_the_fit_has_made_of_them():
+    """Size that is learnt lets them stand for compliances; it is the compliances whose size the run decides."""
+    size = 2e-3 / arm().reference_torque(2)
+    found = calibrated(tuple(effect("joint-compliance", j, size) for j in (2, 3)), traced=False, seed=6)
+    start, bench, entries = begun(found)
+    after = start.refit(bench, tuple(FittedEffect(entries[f"joint compliance, joint {j}"], None) for j in (2, 3)))
+    model = after.fit.model
+    wide = np.where([p.group == LINK_MASSES for p in model.parameters], 1.9, 1.0)
+    learnt = replace(after.fit, problem=after.fit.problem.with_model(model.with_prior(model.prior * wide)))
+    background = background_families(found.fit.setup, found.run.samples)
+    drawn = draw_posterior(learnt, found.run, start.fit.model, background, sweeps=6)
+    masses = [k for k, p in enumerate(drawn.problem.model.parameters) if p.group == LINK_MASSES]
+    assert len(masses) == np.count_nonzero(wide > 1.0) > 0
+    assert drawn.mixture.size[:, masses] * drawn.problem.model.prior[masses] == pytest.approx(LINK_MASS.usual)
+    chances = {f.name: f.probability for f in drawn.families}
+    assert LINK_MASSES not in chances
+    assert min(chances[f"joint compliance, joint {j}"] for j in (2, 3)) > 0.5
 
 
 def test_a_search_keeps_nothing_of_what_models_before_were_computed_by():
