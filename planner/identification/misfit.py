@@ -165,12 +165,19 @@ NEVER_REPEATED = RepeatedReadings()
 
 
 def predict_regions(
-    before: Fit, run: Run, whole: Model, background: Sequence[EffectFamily], time: float, start: Mapping[str, float]
+    before: Fit,
+    run: Run,
+    whole: Model,
+    background: Sequence[EffectFamily],
+    time: float,
+    start: Mapping[str, float],
+    curves: frozenset[str] = frozenset(),
 ) -> tuple[HeldOutRegion, ...]:
     """Predict every region of the workspace by a posterior of the others; the arguments as of ``draw_posterior``."""
     region = number_regions(run.samples, before)
     return tuple(
-        _predict_region(before, run, region == k, whole, background, time, start) for k in range(region.max() + 1)
+        _predict_region(before, run, region == k, whole, background, time, start, curves)
+        for k in range(region.max() + 1)
     )
 
 
@@ -292,13 +299,14 @@ def _predict_region(
     background: Sequence[EffectFamily],
     time: float,
     start: Mapping[str, float],
+    curves: frozenset[str],
 ) -> HeldOutRegion:
     """Predict the positions of the samples ``test`` (n,) bool by a posterior of the others."""
     seen = _thin(np.flatnonzero(~test), 2_400 // whole.width)  # readings of a long run that fit and judge
     unseen = _worth_one_each(np.flatnonzero(test), time, whole.width)
     worth, share = max(1.0, time * len(seen) / (~test).sum()), float((~test).mean())
     others = run.take(seen)
-    drawn = draw_posterior(before, others, whole, background, worth, sweeps=SWEEPS, share=share, start=start)
+    drawn = draw_posterior(before, others, whole, background, worth, curves, sweeps=SWEEPS, share=share, start=start)
     known = drawn.fit_at_start()
     there = FitProblem.of(known.model, run.take(unseen), _scale_noise(known.problem.whitener.noise, 1 / np.sqrt(worth)))
     return HeldOutRegion(unseen, _hold_out(there, known.errors, known.solution.root(known.problem.prior)))

@@ -1,6 +1,6 @@
 """From the stages of a fit to the robot that is released."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -30,7 +30,7 @@ from planner.identification.misfit import (
     predict_validation,
 )
 from planner.identification.posterior_background import EffectFamily, background_families, curve_groups
-from planner.identification.posterior_fit import DrawnPosterior, draw_posterior
+from planner.identification.posterior_fit import draw_posterior
 from planner.identification.released_robot import ReleasedRobot, ToolMap, drift_of, tool_maps
 from planner.identification.stages import FitContext, FittedStage
 from planner.model.identification_document import Metrics, Release, WorkToolError
@@ -65,10 +65,11 @@ def release_robot(
         run, split, time = run.take(few), split.take(few), max(1.0, time * len(few) / len(run))
     families = background_families(last.setup, context.run.samples)
     dense = len(context.run) * whole.width >= DENSE_READINGS * len(last.model.names)
-    curves = curve_groups(last.model) if dense else frozenset()
-    posterior = _draw_posterior_beside(last, run, split, whole, families, time, curves).fit()
+    found = curve_groups(last.model) if dense else frozenset()
+    curves, start = _choose_curves(last, run, split, whole, families, time, found)
+    posterior = draw_posterior(last, run, whole, families, time, curves, start=start).fit()
     give_back_memory()
-    regions = predict_regions(last, run, whole, families, time, posterior.record.last_factors)
+    regions = predict_regions(last, run, whole, families, time, posterior.record.last_factors, curves)
     judged = None if context.validation is None else predict_validation(posterior.fit, context.validation, time)
     unseen = [*(r.readings for r in regions), *([] if judged is None else [judged])]
     nameless, repeats = posterior.record.count_nameless(), RepeatedReadings.of(posterior.fit, run)
@@ -98,7 +99,7 @@ def release_robot(
     return released if is_noticeably_better(released) else geometry
 
 
-def _draw_posterior_beside(
+def _choose_curves(
     last: Fit,
     run: Run,
     split: Split,
@@ -106,13 +107,13 @@ def _draw_posterior_beside(
     families: Sequence[EffectFamily],
     time: float,
     curves: frozenset[str],
-) -> DrawnPosterior:
-    """Draw the posterior with harmonics and ripple of all gears, or with curves in their place that predict better.
+) -> tuple[frozenset[str], Mapping[str, float] | None]:
+    """Return the curves that stand for harmonics and ripple of their gears, and factors that the draws begin with.
 
-    Which of them do is tried with few draws of each.
+    None do where harmonics and ripple predict as well, which is tried with few draws of each.
     """
     if not curves:
-        return draw_posterior(last, run, whole, families, time)
+        return curves, None
     starts, held = [], []
     for tried in (frozenset[str](), curves):
         few = draw_posterior(last, run, whole, families, time, tried, sweeps=SWEEPS)
@@ -121,8 +122,7 @@ def _draw_posterior_beside(
         del few  # all that may act of one at a time: nothing is as large
         give_back_memory()
     better = predicts_better(held[1], held[0], split)
-    taken = curves if better else frozenset[str]()
-    return draw_posterior(last, run, whole, families, time, taken, start=starts[int(better)])
+    return curves if better else frozenset[str](), starts[int(better)]
 
 
 def predicts_better(other: Array, plain: Array, split: Split) -> bool:

@@ -5,9 +5,15 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from planner.identification import release
-from planner.identification.cross_validation import Split
+from planner.effects.nonparametric import gear_curve
+from planner.identification import misfit, release
+from planner.identification.cross_validation import Split, split_run
+from planner.identification.identifiable_parameters import parameters_of_groups
 from planner.identification.posterior_background import EffectFamily, curve_groups, without_rivals_of
+from planner.identification.posterior_fit import draw_posterior
+from planner.identification.stages import FitContext
+from planner.tracing.state import FittedEffect
+from tests.tracing.worlds import calibrated, effect
 
 GROUP = np.repeat(np.arange(40), 5)
 SPLIT = Split("block", GROUP, GROUP % 5, GROUP)
@@ -40,3 +46,42 @@ def test_samples_that_were_not_seen_decide_beyond_chance(mine, noise, better):
     plain = plain.copy()
     plain[GROUP == 4] *= 1 + 1.2 * noise
     assert release.predicts_better(other, plain, SPLIT) is better
+
+
+class RegionsPredictedError(Exception):
+    """Ends a release once the regions are predicted."""
+
+
+@pytest.mark.parametrize("taken", [True, False], ids=["curves", "harmonics"])
+def test_regions_held_out_are_predicted_by_the_families_of_the_posterior(taken, monkeypatch):
+    """What they say of it would else be said of a robot that nobody is given."""
+    found = calibrated((effect("reducer-ripple", 3, share=3.0, frequency=9.37, phase=1.0),), traced=False, seed=4)
+    bench = FitContext(found.run, split_run(found.run), lambda _: None, False)
+    geometry = bench.fit_stage("geometry", parameters_of_groups(found.fit.model, ("gauge", "geometry")))
+    curve = FittedEffect(gear_curve(found.fit.setup, found.run.samples.q, 2, 10.0))
+    last = bench.fit_stage(curve.name, geometry.fit.model.plus(list(curve.parameters)), geometry.fit)
+    names = []
+
+    def draw(*args, **how):
+        """Draw as usual, only shortly."""
+        drawn = draw_posterior(*args, **(how | {"sweeps": 6}))
+        names.append(frozenset(drawn.record.names))
+        return drawn
+
+    def predict(*args):
+        """Predict the regions, and go no further."""
+        misfit.predict_regions(*args)
+        raise RegionsPredictedError
+
+    for room in (release, misfit):
+        monkeypatch.setattr(room, "draw_posterior", draw)
+    monkeypatch.setattr(release, "predict_regions", predict)
+    monkeypatch.setattr(release, "DENSE_READINGS", 0)
+    monkeypatch.setattr(release, "predicts_better", lambda *_: taken)
+    with pytest.raises(RegionsPredictedError):
+        release.release_robot((geometry, last), geometry.fit.model, bench, None, 1.0, False)
+    *tried, posterior = names[:3]
+    assert posterior == tried[taken] != tried[not taken]
+    assert any(curve.name in n for n in posterior) is taken
+    assert len(names) == 3 + 4
+    assert set(names[3:]) == {posterior}
