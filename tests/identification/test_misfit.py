@@ -17,7 +17,7 @@ from planner.effects.context import Context
 from planner.effects.misfit_shapes import GravityHarmonic, misfit_shapes
 from planner.effects.sizes import PART_TURN
 from planner.identification.assumptions import USUAL_NOISE_SHARE
-from planner.identification.contenders import Rival, Standing
+from planner.identification.contenders import Contender, Rival, Standing
 from planner.identification.expected_error import expected_error_content
 from planner.identification.least_squares import Fit, Solution
 from planner.identification.misfit import (
@@ -275,16 +275,21 @@ def test_what_moves_the_tool_beside_a_nameless_cause_may_be_a_part_of_it(identif
     """What is nameless has its share in what both move; the probabilities stay those of one contest."""
     hidden, found, _ = identified_run
     released, before = found.released, Standing(0.9, (Rival("gear ripple, joint 2", 0.1),))
-    unmoved, moved = with_nameless_rivals(released, ["drift, gauge", "geometry, all"], [before] * 2)
+    (unmoved,) = with_nameless_rivals(released, [_cause(released, "drift, gauge")], [before])
     assert unmoved == before
     released = replace(released, posterior=replace(released.posterior, fit=_called(released.posterior.fit)))
-    (moved,) = with_nameless_rivals(released, ["geometry, all"], [before])
+    (moved,) = with_nameless_rivals(released, [_cause(released, "geometry, all")], [before])
     nameless = [r for r in moved.rivals if r.name == "unnamed, all"]
     assert moved.probability + sum(r.probability for r in moved.rivals) == pytest.approx(1.0)
     assert len(nameless) == hidden
     assert moved.probability == pytest.approx(0.9 * (1 - sum(r.probability for r in nameless)))
-    (twice,) = with_nameless_rivals(released, ["geometry, all"], [moved])
+    (twice,) = with_nameless_rivals(released, [_cause(released, "geometry, all")], [moved])
     assert len(twice.rivals) == len(moved.rivals)
+
+
+def _cause(released, name):
+    """The cause of a name with the parameters that the released robot has of it."""
+    return Contender(name, tuple(p for p in released.posterior.fit.model.parameters if p.group == name))
 
 
 def _called(fit):
