@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from scipy.special import chdtrc
 
 from planner.common.units import Array, display_unit, format_value
 from planner.effects.catalogue import catalogue, effect_kinds
@@ -127,16 +128,20 @@ def held_families(posterior: PosteriorFit, findings: Sequence[Finding]) -> tuple
 
 
 def held_findings(released: ReleasedRobot, family: HeldFamily, standing: Standing) -> Iterator[Finding]:
-    """Yield what a family is told as, with its standing in the contest: a finding at each place where it is seen."""
+    """Yield what a family is told as, with its standing in the contest: a finding at each place where it is seen.
+
+    Of a kind that acts somewhere, no place is named where none is seen: the largest of many small sizes is chance.
+    """
     # in the contest one cause alone stands in its place: where several together do, the draws tell
     held = next(f.probability for f in released.posterior.families if f.name == family.name)
     probability = min(standing.probability, held)
     if grade_of(probability) == "doubtful":
         return
     sizes = [s for cause, own in family.places.items() if (s := _HeldSize.of(released, cause, own)) is not None]
-    # 2: standard deviations from which on one of many places of a kind is where it acts
-    seen = [s for s in sizes if abs(s.value) > 2 * s.std]
-    for size in seen or sorted(sizes, key=lambda s: -abs(s.value) / max(s.std, 1e-300))[:1]:
+    for size in sizes:
+        own = probability * (1 - size.chance(len(family.places)))
+        if grade_of(own) == "doubtful":
+            continue
         kind, _, place = size.cause.partition(", ")
         text = format_value(abs(size.value), size.std, *display_unit(size.unit, size.value))
         yield Finding(
@@ -147,7 +152,7 @@ def held_findings(released: ReleasedRobot, family: HeldFamily, standing: Standin
             unit=size.unit,
             p_value=None,
             gain=size.gain,
-            probability=probability,
+            probability=own,
             rivals=tuple(r.name for r in standing.rivals),
             rival_probabilities=tuple(r.probability for r in standing.rivals),
             note=f"{size.cause}: {text}",
@@ -163,6 +168,7 @@ class _HeldSize:
         cause: its name in the catalogue.
         value, std, unit: length of its parameters' vector, of a single one with its sign, and, its shape held, how well
             that is known.
+        freedom: number of its parameters.
         gain: growth of the rms error on held-out samples [m] without it, all else fitted anew.
     """
 
@@ -170,7 +176,15 @@ class _HeldSize:
     value: float
     std: float
     unit: str
+    freedom: int
     gain: float
+
+    def chance(self, places: int) -> float:
+        """Return how likely a size as clearly seen is chance at one of so many places; 0 of a family of one place."""
+        if places == 1:
+            return 0.0
+        square = (self.value / max(self.std, 1e-300)) ** 2
+        return float(min(1.0, places * chdtrc(self.freedom, square)))
 
     @classmethod
     def of(cls, released: ReleasedRobot, cause: str, parameters: frozenset[str]) -> "_HeldSize | None":
@@ -186,7 +200,7 @@ class _HeldSize:
             return None
         std = float((mean / value @ drawn).std())
         unit = model.parameters[int(at[0])].unit
-        return cls(cause, value if len(at) > 1 else float(mean[0]), std, unit, _gain(released, at))
+        return cls(cause, value if len(at) > 1 else float(mean[0]), std, unit, len(at), _gain(released, at))
 
 
 def _gain(released: ReleasedRobot, at: np.ndarray) -> float:

@@ -10,6 +10,7 @@ import pytest
 from planner.cell.reading import load_cell
 from planner.identification.calibration import TracingResult
 from planner.identification.causes import name_causes
+from planner.identification.held_causes import _HeldSize
 from planner.identification.pipeline import identify
 from planner.model.finding import Finding
 from planner.runs.loader import load_run
@@ -68,3 +69,18 @@ def test_a_finding_that_the_posterior_speaks_against_leaves_the_list():
     assert [f.name for f in named.findings].count("backlash, joint 3") == 1  # as the posterior has it
     assert [(r.name, r.probability) for r in named.rejected] == [("backlash, joint 5", 0.03)]
     assert "a, b is likelier" in named.rejected[0].because
+
+
+@pytest.mark.parametrize("freedom", [1, 2, 4])
+@pytest.mark.parametrize("places", [2, 8])
+def test_the_largest_of_many_sizes_that_are_nothing_is_as_often_so_large(freedom, places):
+    """Against sizes drawn at random: a place is named by its family's probability less that it is chance."""
+    drawn = np.random.default_rng(5).normal(size=(20_000, places, freedom))
+    largest = np.sort(np.linalg.norm(drawn, axis=2).max(axis=1))
+    for share in (0.02, 0.2):
+        z = largest[int((1 - share) * len(largest))]
+        size = _HeldSize("warm-up, joint 5", 3e-6 * z, 3e-6, "rad", freedom, 0.0)
+        assert size.chance(places) == pytest.approx(share, rel=0.2)
+        assert size.chance(1) == 0.0
+    faint = _HeldSize("warm-up, joint 5", 20e-6, 18e-6, "rad", freedom, 0.0)
+    assert faint.chance(8) == 1.0
