@@ -133,7 +133,11 @@ def collect_warnings(run: Run, cell: Cell, found: Fit, validation: Run | None) -
     out += [*_of_pull(run), *_other_point(run, cell), *declared_pose_warnings(cell, setup)]
     if len(found.outliers):
         named = _name_some([run.where(k) for k in found.outliers.tolist()])
-        out.append(f"{len(found.outliers)} samples are outliers ({named}); they were kept in the fit")
+        count = len(found.outliers)
+        are, they = (
+            ("1 sample is an outlier", "it was") if count == 1 else (f"{count} samples are outliers", "they were")
+        )
+        out.append(f"{are} ({named}); {they} kept in the fit")
     if all(m is None for m in setup.robot.masses):
         weight = "what its own weight does is known link by link at best, not in Nm"
         out.append(Aside(f"{setup.robot.name} has no link masses: {weight}"))

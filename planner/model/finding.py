@@ -136,9 +136,10 @@ class Member(DocumentSection):
 class Finding(Member):
     """A cause that the run shows: one, or many of one kind as the one thing that they are.
 
-    Of many, ``on`` names all places (``joints 1, 2, 5``); size and deviation are the root mean square of theirs, which
-    are draws of one random effect; chance, probability and grade are those of the least certain, the gain is the
-    largest.
+    Of many, ``on`` names all places (``joints 1, 2, 5``); the size is the root mean square of theirs, which are draws
+    of one random effect, and its deviation says how well so few tell it, not how well any one is known; chance,
+    probability and grade are those of the least certain. The gain is that of the one that brings most, by itself: what
+    all of them bring together is not computed.
 
     Attributes:
         members: the many: a reflector each time that it was seated anew, play of joint after joint.

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from planner.common.units import MM, display_unit, format_value
-from planner.model.finding import Finding
+from planner.model.finding import Finding, Member
 
 JOINT = "joint "
 
@@ -50,6 +50,7 @@ def _together(own: Sequence[Finding]) -> Finding:
             if not name.startswith(f"{first.effect}, "):
                 chance[name] = max(chance.get(name, 0.0), p)
     rivals = sorted(chance, key=lambda name: -chance[name])
+    are_judged = any(f.rival_probabilities is not None for f in own)
     surely = [f for f in own if f.p_value is not None]
     least = max(surely, key=lambda f: f.log_p) if surely else None
     return Finding(
@@ -63,15 +64,18 @@ def _together(own: Sequence[Finding]) -> Finding:
         gain=max(f.gain for f in own),
         probability=min(known) if known else None,
         rivals=tuple(rivals),
-        rival_probabilities=tuple(chance[r] for r in rivals) if any(f.rival_probabilities for f in own) else None,
+        rival_probabilities=tuple(chance[r] for r in rivals) if are_judged else None,
         note=(_steps_note if steps else _joints_note)(own),
         beside_stages=None if surely else True,
         members=tuple(own),
     )
 
 
-def _common_size(own: Sequence[Finding]) -> tuple[float, float]:
-    """Root mean square of sizes, in SI units, and its standard deviation."""
+def _common_size(own: Sequence[Member]) -> tuple[float, float]:
+    """Root mean square of sizes, in SI units, and how well so few draws tell it.
+
+    That is of the random effect, not of any one of them, and no text writes it behind a size.
+    """
     value, std = np.array([f.value for f in own]), np.array([f.std for f in own])
     size = float(np.sqrt(max(float((value**2 - std**2).mean()), float((std**2).mean()))))
     return size, size / float(np.sqrt(2 * len(value)))
@@ -83,19 +87,31 @@ def unit_of_change(unit: str, size: float) -> tuple[str, float]:
     return ("mm", 1 / MM) if unit == "m" and abs(size) > 1e-4 else display_unit(unit, size)
 
 
+def group_text(own: Sequence[Member]) -> str:
+    """Say how many of one kind there are, and from which size to which."""
+    first = own[0]
+    if first.after_sample is None:
+        unit = display_unit(first.unit, max(abs(f.value) for f in own))
+        return f"{first.effect} of {len(own)} joints, {_sizes_text(own, *unit)}"
+    unit = unit_of_change(first.unit, _common_size(own)[0])
+    return f"{first.on}: changed {len(own)} times, by {_sizes_text(own, *unit)}"
+
+
+def _sizes_text(own: Sequence[Member], unit: str, factor: float) -> str:
+    """``121 to 298 µrad (root mean square 205)``: how they differ, which no deviation of their mean would say."""
+    sizes = [abs(f.value) * factor for f in own]
+    least, most, mean = (f"{float(f'{v:.3g}'):g}" for v in (min(sizes), max(sizes), _common_size(own)[0] * factor))
+    return f"{least} to {most} {unit} (root mean square {mean})" if least != most else f"{most} {unit} each"
+
+
 def _steps_note(own: Sequence[Finding]) -> str:
-    """Say how often something changed, by how much each time, and when."""
-    each, std = _common_size(own)
-    size = format_value(each, std, *unit_of_change(own[0].unit, each))
+    """Say how often something changed, by how much, and when."""
     when = ", ".join(str(k) for k in sorted(f.after_sample or 0 for f in own))
-    return f"{own[0].on}: changed {len(own)} times, by {size} each (root mean square), after samples {when}"
+    return f"{group_text(own)}, after samples {when}"
 
 
 def _joints_note(own: Sequence[Finding]) -> str:
-    """Say the size that the joints have in the mean, and that of each."""
-    each, std = _common_size(own)
+    """Say the sizes that the joints have together, and that of each with its own deviation."""
     unit = display_unit(own[0].unit, max(abs(f.value) for f in own))
     ordered = sorted(own, key=lambda f: int(f.on.removeprefix(JOINT)))
-    sizes = ", ".join(f"{f.on.removeprefix(JOINT)}: {format_value(f.value, f.std, *unit)}" for f in ordered)
-    mean = format_value(each, std, *unit)
-    return f"{own[0].effect} of {len(own)} joints, {mean} each (root mean square; {sizes})"
+    return f"{group_text(own)}: {', '.join(f'{f.on} {format_value(f.value, f.std, *unit)}' for f in ordered)}"

@@ -247,11 +247,12 @@ def detection_text(limits: Iterable[DetectionLimit]) -> Row:
 def _evidence(facts: CalibrationFacts, told: ToldFinding) -> tuple[str, ...]:
     unit, cause = facts.calibration.reading_unit, told.finding
     one = cause.members is None
+    without = f"Without {'it' if one else 'the one that brings most, alone'}"
     if cause.beside_stages:
         size = f"Size {_size(cause)}. " if one else "Each has a size of its own. "
         return (
             f"{size}The posterior holds it, beside all that has a stage: it is too faint for one of its own.",
-            f"Without it, all else fitted anew, errors would be {in_mm(cause.gain, 2)} {unit} larger (rms).",
+            f"{without}, all else fitted anew, errors would be {in_mm(cause.gain, 2)} {unit} larger (rms).",
             _rivals(cause),
         )
     size = f"Size {_size(cause)}. Chance" if one else "Each has a size of its own. Largest chance"
@@ -259,8 +260,7 @@ def _evidence(facts: CalibrationFacts, told: ToldFinding) -> tuple[str, ...]:
         f"{size} of so large an effect where there is none, corrected for the "
         f"{count_text(facts.calibration.tried or 0)} alternatives that were tried: {_chance(cause.log_p)}.",
         *(_fall_text(step, unit, len(told.steps) > 1) for step in told.steps),
-        f"Without {'it' if one else 'the one that brings most'}, all else fitted anew, held-out errors are "
-        f"{in_mm(cause.gain, 2)} {unit} larger (rms).",
+        f"{without}, all else fitted anew, held-out errors are {in_mm(cause.gain, 2)} {unit} larger (rms).",
         _rivals(cause),
     )
 

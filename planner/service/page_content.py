@@ -237,10 +237,13 @@ def _what_it_tells(plan: PlanDocument) -> list[tuple[str, str]]:
 def finding_size(finding: Finding, reading_unit: str) -> str:
     """Say how large a finding is, in the unit in which the file writes it, and what it brings to readings."""
     written = finding.model_dump(mode="json", by_alias=True)
-    value = float(written["value"])
+    value, many = float(written["value"]), [abs(float(m["value"])) for m in written.get("members") or ()]
     std = "" if not finding.std else f" ± {_digits(value * finding.std / finding.value if finding.value else 0.0)}"
     better = f"{_digits(to_mm(finding.gain))} {reading_unit} better"
     gain = f"{better}, too faint for a stage of its own" if finding.beside_stages else f"{better} on poses held out"
+    if many:  # the deviation is that of what they have in common, not of any one of them
+        size = f"{_digits(min(many))} to {_digits(max(many))} {written['unit']} (root mean square {_digits(value)})"
+        return f"{size}; {gain}, the one that brings most alone"
     return f"{_digits(value)}{std} {written['unit']}; {gain}"
 
 

@@ -11,6 +11,7 @@ from planner.identification.calibration import Calibration, other_zeros_text, ze
 from planner.identification.error_parts import drift_counts, misfit_counts
 from planner.identification.own_errors import own_errors_text
 from planner.model.finding import Finding, percent
+from planner.model.finding_groups import group_text
 from planner.model.identification_document import ErrorParts, Estimate, Metrics, Release
 from planner.model.misfit_place import MisfitPlace
 from planner.model.use_text import taught_sentence, tolerance_sentence, use_sentence
@@ -154,7 +155,7 @@ def _rival_facts(found: Calibration) -> Iterator[Fact]:
 
 def _cause_text(cause: Finding) -> str:
     """Say a cause in a line: its size, how sure it is, and how many others explain the same."""
-    said = cause.note.partition(" (root mean square")[0]  # of many joints: each one's size stands below
+    said = group_text(cause.members) if cause.members else cause.note  # of many: each one's size stands below
     surely = [] if cause.probability is None else [percent(cause.probability)]
     if (others := len(cause.rivals)) > 0:
         surely.append(f"or {number_of(others, 'other cause')}")

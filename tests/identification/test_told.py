@@ -29,6 +29,9 @@ def test_outliers_are_named_by_file_and_line(tmp_path):
         "7 samples are outliers (a.csv, line 5; a.csv, line 21; b.parquet, row 2; b.parquet, row 7; b.parquet, row 12; "
         "and 2 more); they were kept in the fit"
     )
+    one = SimpleNamespace(setup=found.setup, outliers=found.outliers[:1])
+    (said,) = [w for w in collect_warnings(run, cell, one, None) if "outlier" in w]
+    assert said == "1 sample is an outlier (a.csv, line 5); it was kept in the fit"
     bare = replace(run, samples=replace(samples, file=None, line=None))
     assert "(number 4; number 20; " in "".join(collect_warnings(bare, cell, found, None))
 

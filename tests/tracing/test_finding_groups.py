@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from planner.model.finding import Finding
-from planner.model.finding_groups import list_causes
+from planner.model.finding_groups import group_text, list_causes
+from planner.service.page_content import finding_size
 
 
 def step(sample, value, on="tool point", std=2e-5):
@@ -25,8 +26,12 @@ def test_a_reflector_seated_anew_many_times_is_one_thing():
     for _ in range(400):
         sizes = np.abs(0.3e-3 * rng.standard_normal(13)) + 1e-9
         (cause,) = list_causes(step(10 * k, v) for k, v in enumerate(sizes, start=1))
-        each, std = map(float, re.search(r"13 times, by ([\d.]+) ± ([\d.]+) mm each", cause.note).groups())
-        inside += abs(each - 0.3) < 1.96 * std + 0.005  # as it is rounded
+        inside += abs(cause.value - 0.3e-3) < 1.96 * cause.std
+        least, most, mean = map(
+            float, re.search(r"13 times, by (\S+) to (\S+) mm \(root mean square (\S+)\)", cause.note).groups()
+        )
+        assert (least, most) == pytest.approx((1e3 * sizes.min(), 1e3 * sizes.max()), rel=0.005)
+        assert mean == pytest.approx(1e3 * cause.value, rel=0.005)
     assert 0.9 < inside / 400 < 0.99
     assert len(cause.members) == 13
     assert cause.title == "step, tool point, 13 times"
@@ -38,9 +43,33 @@ def test_one_sentence_lists_each_joint():
     assert [len(f.each) for f in found] == [1, 3]  # the step takes away, the play nothing
     assert found[1].title == "backlash, joints 1, 2, 5"
     assert found[1].note == (
-        "backlash of 3 joints, 21 ± 9 µrad each (root mean square; 1: 10.0 ± 1.0 µrad, 2: 20.0 ± 2.0 µrad, "
-        "5: 30 ± 3 µrad)"
+        "backlash of 3 joints, 10 to 30 µrad (root mean square 21.5): joint 1 10.0 ± 1.0 µrad, "
+        "joint 2 20.0 ± 2.0 µrad, joint 5 30 ± 3 µrad"
     )
+    # 1, 2, 3 of 1e-5, less what their deviations add: 14 - 0.14 over 3
+    assert found[1].value == pytest.approx(np.sqrt((14 - 0.14) / 3) * 1e-5)
+
+
+def test_no_deviation_of_what_they_have_in_common_stands_behind_their_sizes():
+    """Each is known to 0.5 %; the spread of three draws is known to 40 %, which is no deviation of any of them."""
+    given = ((1, 150.2, 0.48), (2, 121.04, 0.65), (5, 297.7, 1.9))
+    own = [of_joint(k, 1e-6 * v, probability=0.99).model_copy(update={"std": 1e-6 * s}) for k, v, s in given]
+    (cause,) = list_causes(own)
+    assert group_text(cause.members) == "backlash of 3 joints, 121 to 298 µrad (root mean square 205)"
+    assert cause.note.startswith(group_text(cause.members) + ": joint 1 150.20 ± 0.48 µrad, joint 2 121.04 ± 0.65 µrad")
+    assert re.findall(r"± ([\d.]+)", cause.note) == ["0.48", "0.65", "1.9"]
+    said = finding_size(cause, "mm")
+    assert "±" not in said
+    assert said.startswith("0.00694 to 0.0171 deg (root mean square 0.0117)")
+    assert "±" in finding_size(own[0], "mm")
+
+
+def test_what_none_of_them_has_for_a_rival_is_said_as_of_one():
+    """An empty list says that rivals were looked for; that none were, in files of before, is no key."""
+    looked = list_causes([of_joint(k, 1e-5, rival_probabilities=()) for k in (1, 2, 3)])[0]
+    before = list_causes([of_joint(k, 1e-5) for k in (1, 2, 3)])[0]
+    assert looked.model_dump(mode="json", by_alias=True)["rival_probabilities"] == []
+    assert "rival_probabilities" not in before.model_dump(mode="json", by_alias=True)
 
 
 def test_two_of_a_kind_and_other_kinds_stay_as_they_are():
