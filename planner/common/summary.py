@@ -54,18 +54,20 @@ class Summary:
         facts: one a line.
         details: facts for who wants to know more.
         notes: what a person must know; an :class:`Aside` is a detail.
+        stays: one of the facts, for which the one before the cut gives way.
     """
 
     title: str
     facts: Sequence[Fact] = ()
     details: Sequence[Fact] = ()
     notes: Sequence[str] = ()
+    stays: Fact | None = None
 
     def text(self, verbose: bool = False, most: int | None = None) -> str:
         """Return the title and the facts as lines; ``verbose``: the details and the asides too.
 
-        ``most`` is a limit of lines, for a screen: the last facts give way, and notes where there are many; how many
-        did is said. ``verbose`` knows no limit.
+        ``most`` is a limit of lines, for a screen: the last facts give way (but what ``stays``), and notes where there
+        are many; how many did is said. ``verbose`` knows no limit.
         """
         asked = [("note", note) for note in count_alike(n for n in self.notes if not isinstance(n, Aside))]
         if verbose:
@@ -74,17 +76,20 @@ class Summary:
         if most is not None:
             least = min(len(self.facts), 4, max(most - 2, 1))  # facts that stand beside any number of notes
             asked = cut_facts(asked, max(most - 1 - least, 1))
-            facts = cut_facts(self.facts, max(most - 1 - len(asked), least))
+            facts = cut_facts(self.facts, max(most - 1 - len(asked), least), self.stays)
         else:
             facts = list(self.facts)
         return "\n".join([self.title, *fact_lines([*facts, *asked])])
 
 
-def cut_facts(facts: Sequence[Fact], most: int) -> list[Fact]:
-    """Return the first facts, at most ``most``; the last of them says how many more there are."""
+def cut_facts(facts: Sequence[Fact], most: int, stays: Fact | None = None) -> list[Fact]:
+    """Return the first facts, at most ``most``; the last of them says how many more there are.
+
+    Where ``stays`` would be among those, it takes the last one's place.
+    """
     if len(facts) <= most:
         return list(facts)
-    key, said = facts[most - 1]
+    key, said = facts[most - 1] if stays is None or stays in facts[:most] else stays
     count = len(facts) - most
     return [*facts[: most - 1], (key, f"{said} (and {count} more line{'s' if count > 1 else ''}: -v)")]
 

@@ -33,11 +33,13 @@ def fit_overview(found: Calibration, lines: int = SCREEN_LINES - 3) -> Summary:
     fitted, samples = len(found.last_fit), number_of(len(found.run), "sample")
     first = [*failed, *_verdict_facts(found, release), _held_out_fact(found, release), *_cure_facts(found, release)]
     last = [*([] if failed else _parameter_facts(found)), *_structure_facts(found)]
-    causes = _cause_facts(found, max(lines - len(first) - len(last), 2))
+    causes = list(_cause_facts(found, max(lines - len(first) - len(last), 2)))
     asides = {*found.asides, *(w for w in found.run.warnings if isinstance(w, Aside))}
     notes = [Aside(w) if w in asides else w for w in found.warnings]
     title = f"{found.run.name}: {found.robot} {said}; {fitted} parameters, {samples}"
-    return Summary(title, [*first, *causes, *last], list(_details(found, release)), notes)
+    # why the robot erred is asked for most: where lines are cut, the first cause that is no doubtful one stays
+    main = causes[0] if any(not c.is_doubtful for c in found.findings) and causes else None
+    return Summary(title, [*first, *causes, *last], list(_details(found, release)), notes, main)
 
 
 def _mm(value: float) -> str:
@@ -59,9 +61,9 @@ def _verdict_facts(found: Calibration, release: Release | None) -> Iterator[Fact
         "tool error",
         f"{_mm(release.nominal_anywhere)} → {anywhere} mm  rms over the workspace; 95 % below {at_most} mm{near}",
     )
+    yield from () if leads else misfit
     if (own := release.work_tool) is not None:
         yield "own tool", f"{_mm(own.nominal_anywhere)} → {_mm(own.anywhere)} mm  with the tool that it works with"
-    yield from () if leads else misfit
     # 2: times misfit from which on what no poses show has a line beside it: the screen is to have room for causes
     if parts is not None and not leads and (not misfit or drift_counts(parts) or parts.unseen > 2 * parts.misfit):
         yield from _part_facts(parts)

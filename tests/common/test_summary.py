@@ -1,5 +1,6 @@
 """What the screen says: one fact a line in one column, notes that ask nothing only where more is asked."""
 
+import dataclasses
 import re
 
 import pytest
@@ -90,3 +91,20 @@ def test_what_is_cut_is_counted_at_the_last_that_is_said():
     facts = [("a", "1"), ("b", "2"), ("c", "3")]
     assert cut_facts(facts, 3) == facts
     assert cut_facts(facts, 2) == [("a", "1"), ("b", "2 (and 1 more line: -v)")]
+
+
+@pytest.mark.parametrize("most", [4, 6, 10])
+@pytest.mark.parametrize("notes", [0, 1, 30])
+def test_what_stays_is_said_however_few_lines_there_are(notes, most):
+    facts = [(f"f{k}", "said") for k in range(9)]
+    words = "abcdefghijklmnopqrstuvwxyzäöüßåæ"
+    plain = Summary("done", facts, (), [f"warned {words[k]}" for k in range(notes)])
+    for stays in facts:
+        lines = dataclasses.replace(plain, stays=stays).text(most=most).splitlines()
+        keys = [line.split()[0] for line in lines[1:]]
+        assert stays[0] in keys
+        assert len(lines) == len(plain.text(most=most).splitlines()) <= most
+        shown = [key for key in keys if key != "note"]
+        assert shown == sorted(shown)  # in their order
+        told = sum(int(n) for line in lines for n in re.findall(r"\(and (\d+) more lines?: -v\)", line))
+        assert len(lines) - 1 + told == len(facts) + notes

@@ -96,6 +96,8 @@ def test_every_screen_of_a_fit_has_ten_lines(fitted, monkeypatch):
         assert set(wanted) <= set(keys), (traits, lines)
         assert keys.count("next") == (state != "failed")
         sure = (causes or []).count(SURE)
+        leading = next((p for p in causes or [] if p >= LIKELY), None)
+        assert leading is None or {SURE: "found", LIKELY: "likely"}[leading] in keys, (traits, lines)
         room = not notes and state == "sound" and tuple(traits[1:4]) == (None, False, 1)
         assert not room or keys.count("found") >= min(sure, 2)
         assert not room or keys.count("likely") == (causes or []).count(LIKELY)
