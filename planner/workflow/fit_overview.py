@@ -42,6 +42,14 @@ def fit_overview(found: Calibration, lines: int = SCREEN_LINES - 3) -> Summary:
     return Summary(title, [*first, *causes, *last], list(_details(found, release)), notes, main)
 
 
+def is_hardly_better(found: Calibration) -> bool:
+    """Tell whether correcting programs by the robot that is written leaves most of the tool's error."""
+    much = (
+        0.8  # share of the nominal robot's error: a fall by a fifth is less than what the stated error is uncertain by
+    )
+    return found.release is not None and found.workspace_error > much * found.release.nominal_anywhere
+
+
 def _mm(value: float) -> str:
     return f"{float(to_mm(value)):.3f}"
 

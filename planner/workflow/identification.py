@@ -52,7 +52,7 @@ from planner.runs.run import NO_REFERENCE_READINGS, Run, read_reference_readings
 from planner.session.document import PlanDocument, read_plan
 from planner.tracing.trace import trace
 from planner.workflow.calibration_tables import error_rows, finding_row, parameter_row, stage_row, tool_row
-from planner.workflow.fit_overview import fit_overview
+from planner.workflow.fit_overview import fit_overview, is_hardly_better
 from planner.workflow.identify_call import IdentifyCall
 from planner.workflow.joint_runs import RunSource, are_sessions, load_planned_sessions, run_sources, single_value
 from planner.workflow.run_checks import cell_of_run, check_unit, split_by_plan
@@ -91,13 +91,17 @@ class CalibrationResult(FolderResult):
         return self.calibration.content()
 
     def next_step(self, folder: Path) -> str:
-        """Say how findings are told apart and programs are corrected."""
+        """Say how findings are told apart and programs are corrected, or first what makes the error smaller."""
         robot = self.cell.robot
         first = "" if robot.conventions else ", once robot.toml says how its controller counts ([controllers])"
         model = folder / "robot.toml"
         correct = f"edbb compensate PROGRAM --model {as_word(model)} -o CORRECTED corrects a program{first}"
         apart = f"edbb plan CELL --separate {as_word(folder)} -o apart tells the causes apart"
-        return f"{correct}\n{apart}" if can_be_told_apart(self.calibration) else correct
+        more = f"edbb plan CELL --after {as_word(folder)} -o more plans the poses that lower the error most"
+        separable = can_be_told_apart(self.calibration)
+        if is_hardly_better(self.calibration) and (separable or self.calibration.more is not None):
+            return apart if separable else more
+        return f"{correct}\n{apart}" if separable else correct
 
     @property
     def parameters(self) -> NamedTable[Estimate]:

@@ -138,6 +138,30 @@ def test_a_fit_that_failed_says_first_what_is_probably_wrong_and_no_parameter(fi
     assert "moved most" not in "".join(lines)
 
 
+@pytest.mark.parametrize(
+    ("share", "separable", "foreseen", "commands"),
+    [
+        (0.5, False, True, ["compensate"]),
+        (0.5, True, True, ["compensate", "--separate"]),
+        (0.96, True, True, ["--separate"]),
+        (0.96, False, True, ["--after"]),
+        (0.96, False, False, ["compensate"]),  # no poses of this gauge are chosen by the error
+    ],
+)
+def test_a_correction_that_leaves_the_error_is_not_the_next_step(
+    fitted, monkeypatch, share, separable, foreseen, commands
+):
+    monkeypatch.setattr(identification, "can_be_told_apart", lambda _: separable)
+    found = fitted.calibration
+    release = found.release.model_copy(update={"nominal_anywhere": found.workspace_error / share})
+    more = found.more if foreseen else None
+    made = dataclasses.replace(fitted, calibration=found.model_copy(update={"release": release, "more": more}))
+    steps = made.next_step(Path("calibrated")).splitlines()
+    assert found.more is not None
+    assert len(steps) == len(commands)
+    assert all(command in step for command, step in zip(commands, steps, strict=True))
+
+
 def test_the_next_step_says_what_a_robot_lacks_whose_file_names_no_controller(fitted):
     """Its programs would be refused: it is said before one is."""
     lacks = "once robot.toml says how its controller counts ([controllers])"
