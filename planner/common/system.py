@@ -201,9 +201,9 @@ def keep_freed_memory() -> None:
     it. :func:`give_back_memory` gives back what is free all the same.
     """
     if sys.platform == "linux":
-        # M_MMAP_THRESHOLD, M_TRIM_THRESHOLD: 64 MB, larger ones are few; 128 MB at the heap's end may be kept
+        # M_MMAP_THRESHOLD, M_TRIM_THRESHOLD: 16 MB, larger ones are few; 128 MB at the heap's end may be kept
         # M_ARENA_MAX: threads have one heap: each with its own would keep as much again, in pieces too small for most
-        for option, value in ((-3, 64 << 20), (-1, 128 << 20), (-8, 1)):
+        for option, value in ((-3, 16 << 20), (-1, 128 << 20), (-8, 1)):
             with suppress(AttributeError):  # musl has no such function
                 ctypes.CDLL(None).mallopt(option, value)
 

@@ -87,6 +87,7 @@ def release_robot(
     before = own.held_residual if few is None else own.held_residual[few]
     problem = posterior.fit.problem
     sizes = posterior.mixture.scaled_sizes
+    give_back_memory()
     # 16: draws of the sizes that poses held out are predicted by
     held = predict_held_out(posterior.fit, split, sizes[even_positions(len(sizes), 16)]).residual
     held = held + problem.residual(aim.errors) - problem.residual(posterior.fit.errors)
@@ -94,6 +95,7 @@ def release_robot(
     if (held**2).sum() > (before**2).sum():  # what is expected of it is refuted by the poses that no fit saw
         return geometry
     problem.memory.forget()  # a linearisation about all that may act, the largest there is
+    give_back_memory()
     errors = (Metrics.of(held, split.fold), context.judge(fit), held)
     released = ReleasedRobot(fit, plain.fit, *known, *errors, share)
     return released if is_noticeably_better(released) else geometry

@@ -7,6 +7,7 @@ from functools import cache
 import numpy as np
 
 from planner.common.progress import StageReport
+from planner.common.system import give_back_memory
 from planner.common.units import Array, display_unit, format_value
 from planner.design.assumptions import LOG_LIKELIHOOD_EVIDENCE
 from planner.effects.catalogue import catalogue
@@ -205,6 +206,7 @@ def trace(
     last = result.last
     test = result.context.score_test(last)
     report("rivals")
+    give_back_memory()
     beside = {f.name: covariance_beside(last, f, fit_context.unseen) for f in stated}
     off = [f for f in stated if wald_log_p(last, f, len(stated), beside=beside[f.name]) < LOG_SIGNIFICANCE]
     gains = own_gains(last, tried, (*off, *last.effects))
