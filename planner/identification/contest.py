@@ -220,6 +220,8 @@ class Bouts:
     def have_one_law(self, a: Block, b: Block) -> bool:
         """Tell whether columns span the same, as far as this run could show of any plausible size of either."""
         g, k = a.columns, b.columns
+        if not len(g) or not len(k):  # one of which geometry and gauge have taken all
+            return False
         within, between, other = (self.gram[np.ix_(x, y)] for x, y in ((g, g), (g, k), (k, k)))
         # 1e-9: of the largest, below which a direction is one that the geometry has taken
         one, two = (np.linalg.pinv(m, rcond=1e-9, hermitian=True) for m in (other, within))

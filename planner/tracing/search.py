@@ -72,7 +72,7 @@ def _split_by_prediction(
             worth.append(trial)
             continue
         context.rejected.why[added.name] = gain_reason(*predicted) or ""
-        if added.has(Role.REPEATABLE) and predicted[0] > predicted[1]:
+        if added.has(Role.REPEATABLE) and most * predicted[0] > predicted[1]:
             faint.append(trial)
     return worth, faint
 

@@ -244,7 +244,7 @@ class SearchState:
             return effects, errors
         if len(problem) > most:
             problem = problem.take(even_positions(len(problem), most))
-        if len(effects) == len(self.effects) + len(new) and not any(f.has(Role.COMPLIANCE) for f in new):
+        if len(effects) == len(self.effects) + len(new) and not any(map(self._is_bound_to_others, new)):
             moved, errors = _settle_beside(problem, self.fit, new, errors)
             return (*(f for f in effects if f not in new), *moved), errors
         for _ in range(SETTLING_ROUNDS):
@@ -252,6 +252,14 @@ class SearchState:
             if settled:
                 break
         return effects, errors
+
+    def _is_bound_to_others(self, new: FittedEffect) -> bool:
+        """Tell whether values that this state has move with those of a further effect.
+
+        Two warm-ups at one place share one curve between them; waves of other frequencies hardly know of each other.
+        """
+        again = any(f.effect.family == new.effect.family for f in self.effects)
+        return new.has(Role.COMPLIANCE) or (again and new.value is not None and not new.has(Role.GEAR_WAVE))
 
 
 def _stage_name(last: Effect) -> str:
