@@ -208,8 +208,12 @@ def whiten(problem: FitProblem, rows: Array) -> Array:
 def whitened_columns(problem: FitProblem, parameters: Sequence[Parameter], motion: ForwardPass) -> Array:
     """Return the columns (k, r, n) of parameters per prior sigma in standard deviations, after a forward pass."""
     model = replace(problem.model, parameters=tuple(parameters))
-    rows = model.columns(problem.context, motion).dense * model.prior[:, None, None]
-    return np.ascontiguousarray(whiten(problem, rows.transpose(2, 1, 0)).transpose(2, 1, 0))
+    return whiten_columns(problem, model.columns(problem.context, motion).dense * model.prior[:, None, None])
+
+
+def whiten_columns(problem: FitProblem, columns: Array) -> Array:
+    """Return columns (k, r, n) in standard deviations of the readings."""
+    return np.ascontiguousarray(whiten(problem, columns.transpose(2, 1, 0)).transpose(2, 1, 0))
 
 
 def _squares(dictionary: EffectDictionary, screws: Sequence[Array], mixed: dict[int, Array]) -> Iterator[Array]:

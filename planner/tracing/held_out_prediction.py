@@ -16,7 +16,7 @@ from planner.identification.cross_validation import Split, steps_without_folds
 from planner.identification.least_squares import Fit, prior_factors
 from planner.identification.problem import FoldPieces
 from planner.kinematics.chain import ForwardPass
-from planner.tracing.dictionary import whiten
+from planner.tracing.dictionary import whiten_columns
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,7 @@ class HeldOutPredictor:
 
     def _products(self, rows: Array) -> tuple[list[Array], list[Array]]:
         """Return the products of columns (k, r, n), whitened, in each fold: with the fit's, and with each other."""
-        white = np.ascontiguousarray(whiten(self.fit.problem, rows.transpose(2, 1, 0)).transpose(2, 1, 0))
+        white = whiten_columns(self.fit.problem, rows)
         beside, inner = list[Array](), list[Array]()
         for columns, own in zip(self.pieces.columns, self.pieces.samples, strict=True):
             part = white[:, :, own]
