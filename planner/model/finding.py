@@ -71,7 +71,8 @@ class Member(DocumentSection):
         p_value: chance of so large an effect, corrected for everything that was tried; ``None`` of what no stage has.
         log10_p: its logarithm, which runs out of digits later; then it is ``None``.
         gain: fall of the rms error on held-out samples by this effect [m].
-        probability: that it is this cause and no other; ``None`` where no posterior was drawn, as in older files.
+        probability: that it is this cause and no other; ``None`` where no posterior was drawn, as in older files, and
+            where a cell states no better than readings show where something stands: it is then surely off by some.
         rivals: other causes that explain the same, the likeliest first; ``unnamed`` is what the catalogue lacks.
         rival_probabilities: of each; 0 where the readings speak against it, but the poses need not have told.
         note: what a mechanic would say; ``inner``: the number inside the effect, where it has one.

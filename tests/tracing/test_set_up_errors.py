@@ -98,6 +98,15 @@ def test_what_a_cell_holds_is_as_uncertain_as_it_says(seed):
     assert not freed.findings
 
 
+def test_what_a_cell_states_is_off_whatever_the_posterior_may_leave_out():
+    """In every model anyway, a fixture 7.9 mm off was weighed against nothing at all, and rejected with 0.3 %."""
+    found = calibrated(TOGETHER, seed=0, released=True)[1]
+    fixture = next(f for f in found.findings if f.effect == "fixture place")
+    assert fixture.grade == "found"
+    assert fixture.value == pytest.approx(7.86e-3, abs=3 * fixture.std)
+    assert "fixture place" not in {r.name.partition(",")[0] for r in found.rejected}
+
+
 def test_a_set_up_that_is_known_well_stays_known():
     """Measured to 5 µm nothing of the fixture is in the model; the base's height is told from it."""
     text = "prior_mm = 0.005\n"
