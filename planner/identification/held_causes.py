@@ -5,7 +5,7 @@ play, the places are told where it is clearly seen.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -39,11 +39,18 @@ class HeldFamily:
         name: of the family, as the posterior has it.
         places: the cause of the catalogue at each of its places, ``KIND, PLACE``, and the names of its parameters.
         contest: for what it explains.
+        many: of each rival that acts at many places, by its kind, these causes.
     """
 
     name: str
     places: Mapping[str, frozenset[str]]
     contest: Contest
+    many: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+
+    def rival_at(self, name: str, place: str) -> str:
+        """Return the name of a rival of the cause at a place: of a kind that acts at many, the one that acts there."""
+        there = self.many.get(name, (name,))
+        return next((cause for cause in there if cause.partition(", ")[2] == place), there[0])
 
 
 @dataclass(frozen=True)
@@ -85,8 +92,10 @@ class _Background:
             out[effect.family] = out.get(effect.family, frozenset()) | own
         return {cause: own for cause, own in out.items() if own}
 
-    def rivals(self, name: str) -> Iterator[Contender]:
-        """Yield the causes at the same joint or link and its neighbours, and of the whole arm, that may stand for one.
+    def rivals(self, name: str) -> Iterator[tuple[Contender, tuple[str, ...]]]:
+        """Yield who at the same joint or link and its neighbours, or all over the arm, may stand for one; its causes.
+
+        Who acts at many places goes by its kind.
 
         Waves of a gear are held against those of the same gear alone: a band of them fits a little of anything.
         """
@@ -102,8 +111,8 @@ class _Background:
             one = self.contender(f, other)
             causes = self.places(other, frozenset(p.name for p in one.parameters))
             there = _numbers(other.partition(", ")[2])
-            if len(causes) == 1 and (not there or not near or there & near):
-                yield Contender(next(iter(causes)), one.parameters)
+            if causes and (not there or not near or there & near):
+                yield Contender(next(iter(causes)) if len(causes) == 1 else other, one.parameters), tuple(causes)
 
 
 def held_families(posterior: PosteriorFit, findings: Sequence[Finding]) -> tuple[HeldFamily, ...]:
@@ -123,7 +132,9 @@ def held_families(posterior: PosteriorFit, findings: Sequence[Finding]) -> tuple
         own = background.contender(k, full)
         places = background.places(name, frozenset(p.name for p in own.parameters))
         if places and not named & places.keys():
-            out.append(HeldFamily(full, places, Contest(own, tuple(background.rivals(name)), background.same_law)))
+            rivals = list(background.rivals(name))
+            contest = Contest(own, tuple(who for who, _ in rivals), background.same_law)
+            out.append(HeldFamily(full, places, contest, {who.name: c for who, c in rivals if len(c) > 1}))
     return tuple(out)
 
 
@@ -153,7 +164,7 @@ def held_findings(released: ReleasedRobot, family: HeldFamily, standing: Standin
             p_value=None,
             gain=size.gain,
             probability=own,
-            rivals=tuple(r.name for r in standing.rivals),
+            rivals=tuple(family.rival_at(r.name, place) for r in standing.rivals),
             rival_probabilities=tuple(r.probability for r in standing.rivals),
             note=f"{size.cause}: {text}",
             beside_stages=True,

@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 
 from planner.cell.reading import load_cell
+from planner.effects.catalogue import check_effect_name
 from planner.identification.calibration import TracingResult
 from planner.identification.causes import name_causes
-from planner.identification.held_causes import _HeldSize
+from planner.identification.contenders import Contender, Contest
+from planner.identification.held_causes import HeldFamily, _HeldSize
 from planner.identification.pipeline import identify
 from planner.model.finding import Finding
 from planner.runs.loader import load_run
@@ -34,6 +36,15 @@ def test_a_clean_arm_has_no_causes():
     assert untraced().findings == ()
 
 
+def test_what_acts_at_many_places_stands_for_it_by_the_cause_at_its_own():
+    """Drifts of all joints are one family; as a rival of a joint's warm-up the drift of that joint is named."""
+    drifts = ("drift, joint 1", "drift, joint 2", "drift, base")
+    family = HeldFamily("warm-up (background)", {}, Contest(Contender("warm-up (background)", ())), {"drift": drifts})
+    assert family.rival_at("drift", "joint 2") == "drift, joint 2"
+    assert family.rival_at("drift", "joint 5") == "drift, joint 1"
+    assert family.rival_at("soft base, base", "joint 2") == "soft base, base"
+
+
 PLAY = 4e-4  # [rad] between the two directions
 
 
@@ -42,6 +53,8 @@ def test_play_is_named_at_its_joint_with_its_size():
     play = untraced(effect("backlash-approach", 3, PLAY)).findings[0]
     assert (play.name, play.grade, play.beside_stages, play.p_value) == ("backlash, joint 3", "found", True, None)
     assert abs(abs(play.value) - PLAY) < 4 * play.std
+    for rival in play.rivals:
+        check_effect_name(rival, 6, "a rival")
     assert play.std < 0.2 * PLAY
 
 
