@@ -223,7 +223,7 @@ def trace(
     stages = [fit_context.judge_trial(s.fitted) for s in told_path(result.path)]
     for state in result.path:  # of each its stage is kept, and nothing that can be computed anew
         state.fit.problem.memory.forget()
-    searched = [k for k, (f, _) in enumerate(kept) if f not in off]  # no contest for what is stated: it acts for certain
+    searched = [k for k, (f, _) in enumerate(kept) if f not in off]  # what is stated acts for certain
     contests = tuple(_contests(last, [kept[k][0] for k in searched], [rivals[k] for k in searched], offered))
     report("detection limits")
     silent = tuple(detection_limits(test, [e for e in effects if e.name not in last.names], result.tried_number))
