@@ -1,4 +1,7 @@
-"""Puts the tables of options and of causes, and the gallery of cells, into the pages as they are built."""
+"""``python -m docs.options_tables``: writes tables of options and causes, and the gallery, into the pages.
+
+They stand there between two comments, for whoever reads the pages where they lie; the site makes them anew.
+"""
 
 import re
 from collections.abc import Iterator
@@ -15,12 +18,27 @@ ANY_RUN = "another kind of run"  # said where nothing but other poses is needed
 OF_CLICK = ("--help",)  # not listed
 
 
+MADE = re.compile(r"<!-- (options|effects|gallery)(?:: ([a-z-]+))? -->\n(?:.*?\n)?<!-- /\1 -->", re.DOTALL)
+
+
 def on_page_markdown(markdown: str, **_: object) -> str:
-    """Fill ``<!-- options: VERB -->``, ``<!-- gallery -->`` and ``<!-- effects -->``."""
-    text = markdown.replace("<!-- effects -->", effects_table())
-    if "<!-- gallery -->" in text:
-        text = text.replace("<!-- gallery -->", gallery())
-    return re.sub(r"<!-- options: ([a-z-]+) -->", lambda found: verb_table(found[1]), text)
+    """Return a page of the site with what is made between ``<!-- options: VERB -->`` and ``<!-- /options -->``."""
+    return MADE.sub(lambda found: _made(found[1], found[2], " width=420 "), markdown)
+
+
+def page_in_place(markdown: str) -> str:
+    """Return a page as it lies in the repository, what is made in its place between the comments."""
+    return MADE.sub(lambda found: _between(found[0].partition("\n")[0], found[1], found[2]), markdown)
+
+
+def _between(first: str, what: str, verb: str) -> str:
+    return f"{first}\n{_made(what, verb)}\n<!-- /{what} -->"
+
+
+def _made(what: str, verb: str, attributes: str = "") -> str:
+    if what == "options":
+        return verb_table(verb)
+    return effects_table() if what == "effects" else gallery(attributes)
 
 
 def verb_table(verb: str) -> str:
@@ -50,14 +68,23 @@ def effects_table() -> str:
     return "\n".join(["| cause | what a run needs to show it, beside poses that excite it |", "|---|---|", *rows])
 
 
-def gallery() -> str:
-    """Return picture, title and command of every cell that comes with the planner."""
-    return "\n\n".join(map(_shown_cell, shipped_cells()))
+def gallery(attributes: str = "") -> str:
+    """Return picture, with attributes that only the site knows, title and command of every cell that comes along."""
+    return "\n\n".join(_shown_cell(name, attributes) for name in shipped_cells())
 
 
-def _shown_cell(name: str) -> str:
+def _shown_cell(name: str, attributes: str) -> str:
     about = load_cell(name, planning=False).path.read_text(encoding="utf-8").splitlines()[0].removeprefix("# ")
     picture = f"pictures/cell_{name.replace('/', '_')}.png"
     command = f"```console\n$ edbb plan {name} -o out\n```"
-    shown = f"![{name}]({picture}){{ width=420 }}\n\n" if (Path(__file__).parent / picture).is_file() else ""
+    image = f"![{name}]({picture})" + (f"{{{attributes}}}" if attributes else "")
+    shown = f"{image}\n\n" if (Path(__file__).parent / picture).is_file() else ""
     return f"## {name}\n\n{shown}{about}\n\n{command}"
+
+
+if __name__ == "__main__":
+    for page in sorted(Path(__file__).parent.rglob("*.md")):
+        before = page.read_text(encoding="utf-8")
+        if (after := page_in_place(before)) != before:
+            page.write_text(after, encoding="utf-8")
+            print(page)

@@ -79,9 +79,20 @@ class MissingProgramError(PlannerError):
 
 
 def did_you_mean(word: str, known: list[str]) -> str:
-    """Return ``'; did you mean "x"?'`` for the nearest of ``known``, or an empty string."""
-    match = get_close_matches(word, known, n=1, cutoff=0.5)
+    """Return ``'; did you mean "x"?'`` for the nearest of ``known``, or an empty string.
+
+    Where none is quite near as a whole, it is the one of which most words are: for ``wobble`` it is an axis wobble.
+    """
+    near, any_near = (get_close_matches(word, known, n=1, cutoff=cutoff) for cutoff in (0.75, 0.5))
+    match = near or _nearest_in_words(word, known) or any_near
     return f'; did you mean "{match[0]}"?' if match else ""
+
+
+def _nearest_in_words(word: str, known: list[str]) -> list[str]:
+    """Return the first of those of which most words are near one of ``word``'s; short words say nothing."""
+    asked = [w for w in re.findall(r"\w+", word.lower()) if len(w) > 2]
+    shared = [sum(bool(get_close_matches(w, k.lower().split(), n=1, cutoff=0.75)) for w in asked) for k in known]
+    return [known[shared.index(max(shared))]] if any(shared) else []
 
 
 def read_together(*readers: Callable[[], Any]) -> list[Any]:

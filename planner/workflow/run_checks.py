@@ -131,10 +131,13 @@ def check_angles(run: Run, path: Path, plan: PlanDocument, cell: Cell) -> None:
         axis = int((off[k] - limit[k]).argmax())
         if off[k, axis] > limit[k, axis]:
             say = cell.robot.joint_text
+            driven = "was it read in passing ('# measure: continuous' above the columns says so)? Else "
+            passing = driven if cell.motion.is_continuous else ""  # rows of a drive that were thinned look like rests
             raise InputError(
                 f"{run.where(row)}: pose {run.samples.pose[row]} was measured with axis {axis + 1} "
                 f"{say(axis, off[k, axis], '.1f')} off, by {path} (at most {say(axis, limit[k, axis], '.1f')}"
-                f"{_guidance_text(cell)}): are the poses numbered right, and is the plan the one that was driven?"
+                f"{_guidance_text(cell)}): {passing}are the poses numbered right, and is the plan the one "
+                "that was driven?"
             )
 
 

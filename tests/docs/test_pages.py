@@ -10,8 +10,10 @@ from pathlib import Path
 import pytest
 
 import planner
+from docs import options_tables
 from planner.cell.reading import load_cell, shipped_cells
 from planner.cli.app import load_command, verbs
+from planner.effects.catalogue import effect_kinds
 from tests.command import edbb
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -57,6 +59,19 @@ def test_every_command_has_a_page_with_an_example_and_its_options(verb):
     assert any(words[0] == verb for words in commands(text))
     assert f"<!-- options: {verb} -->" in text
     assert f"(commands/{verb}.md)" in PAGES["docs/commands.md"]
+
+
+@pytest.mark.parametrize("page", [p for p, text in PAGES.items() if re.search(r"^<!-- /\w+ -->$", text, re.MULTILINE)])
+def test_what_is_made_stands_in_the_page_itself(page):
+    """Who reads it on a forge sees no site: renew it by ``python -m docs.options_tables``."""
+    assert options_tables.page_in_place(PAGES[page]) == PAGES[page]
+    assert "<!--" not in options_tables.on_page_markdown(PAGES[page])
+
+
+def test_every_cause_stands_on_the_page_of_causes_and_an_option_on_that_of_its_command():
+    assert all(f"\n| {kind} |" in PAGES["docs/effects.md"] for kind in effect_kinds())
+    assert "| `--tolerance-mm` | `tolerance_mm` |" in PAGES["docs/commands/identify.md"]
+    assert all(f"\n## {cell}\n" in PAGES["docs/gallery.md"] for cell in shipped_cells())
 
 
 def test_the_cells_that_the_pages_name_are_shipped():

@@ -166,5 +166,9 @@ def test_rows_are_held_against_the_poses_of_their_plan(tmp_path, spoil):
     if spoil == "nothing":
         check_angles(run, tmp_path / "plan.json", plan, CELL)
         return
-    with pytest.raises(InputError, match=r"run.csv, line 2: pose \d was measured with axis .*° off, by .*plan.json"):
-        check_angles(run, tmp_path / "plan.json", plan, CELL)
+    for measure, passing in (("static", False), ("continuous", True)):  # the rows of a drive, thinned, look like rests
+        cell = replace(CELL, motion=replace(CELL.motion, measure=measure))
+        wrong = r"run.csv, line 2: pose \d was measured with axis .*° off, by .*plan.json"
+        with pytest.raises(InputError, match=wrong) as refused:
+            check_angles(run, tmp_path / "plan.json", plan, cell)
+        assert ("was it read in passing ('# measure: continuous'" in str(refused.value)) is passing
