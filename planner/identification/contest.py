@@ -14,7 +14,7 @@ plausible size: the logarithms of their likelihoods differ by δ²/2, give or ta
 
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -82,13 +82,17 @@ def average_standing(each: Sequence[Weights]) -> Standing:
 
 @dataclass(frozen=True)
 class Beside:
-    """What acts beside a cause, as it is taken out of products of columns: L⁻¹ Aᵀ X (k, p + 1), with L Lᵀ = 1 + AᵀA.
+    """What acts beside a cause, as it is taken out of products of columns.
 
-    It is 0 of columns that are not asked for.
+    Attributes:
+        shared: L⁻¹ Aᵀ X with L Lᵀ = 1 + AᵀA, (k, p + 1); 0 of columns that are not asked for.
+        gram: products of all columns, (p + 1, p + 1).
+        back: what causes among A that are taken out again give back, (r, p + 1).
     """
 
     shared: Array
     gram: Array
+    back: Array
 
     @classmethod
     def of(cls, gram: Array, parts: Sequence[Part], wanted: np.ndarray | None = None) -> "Beside":
@@ -96,18 +100,34 @@ class Beside:
 
         Of these some are ``wanted`` (w,) int, or all.
         """
+        none = np.zeros((0, len(gram)))
         if not parts:
-            return cls(np.zeros((0, len(gram))), gram)
+            return cls(none, gram, none)
         columns, size = sizes_of(parts)
         wanted = np.arange(len(gram)) if wanted is None else wanted
         root = np.linalg.cholesky(np.eye(len(columns)) + size[:, None] * gram[np.ix_(columns, columns)] * size)
         shared = np.zeros((len(columns), len(gram)))
         shared[:, wanted] = solve_triangular(root, size[:, None] * gram[np.ix_(columns, wanted)], lower=True)
-        return cls(shared, gram)
+        return cls(shared, gram, none)
+
+    def without(self, fit: Together, gone: Sequence[int]) -> "Beside":
+        """Return the same without some of the causes, by their fit together.
+
+        With Σ the covariance of all parameters over their sizes S, and o of what goes, XᵀC⁻¹X grows by
+        BᵀB with B = root(Σₒₒ)⁻¹ Σₒ Sᵀ AᵀX: nothing of it is a difference.
+        """
+        if not gone:
+            return self
+        columns, size = sizes_of(fit.parts)
+        at = np.concatenate([np.arange(fit.places[k].start, fit.places[k].stop) for k in gone])
+        root = np.linalg.cholesky(fit.covariance[np.ix_(at, at)])
+        rows = solve_triangular(root, fit.covariance[at, 1:] * size, lower=True) @ self.gram[columns]
+        return replace(self, back=np.concatenate([self.back, rows]))
 
     def products(self, a: np.ndarray, b: np.ndarray) -> Array:
         """Return products of columns a with columns b."""
-        return np.asarray(self.gram[np.ix_(a, b)] - self.shared[:, a].T @ self.shared[:, b])
+        told = self.gram[np.ix_(a, b)] - self.shared[:, a].T @ self.shared[:, b]
+        return np.asarray(told + self.back[:, a].T @ self.back[:, b])
 
     def gains(self, block: Block) -> Array:
         """Return the growth (v,) of the log probability with each of a cause's factors."""
@@ -121,15 +141,15 @@ class Beside:
     def distance_squares(self, own: Block, b: Array, blocks: Sequence[Block]) -> Array:
         """Return δ² of the module's text, (n,), for values b (k,) of a cause, in prior sigmas, and plausible others."""
         turned = self.shared[:, own.columns] @ b
-        toward = self.gram[:, own.columns] @ b - self.shared.T @ turned
+        toward = self.gram[:, own.columns] @ b - self.shared.T @ turned + self.back.T @ (self.back[:, own.columns] @ b)
         out, whole = np.empty(len(blocks)), float(b @ toward[own.columns])
         width = np.array([len(block.columns) for block in blocks])
         for k in np.unique(width).tolist():
             mine = np.flatnonzero(width == k)
             at = np.stack([blocks[n].columns for n in mine.tolist()])
-            shared, along = self.shared[:, at].transpose(1, 0, 2), toward[at]
+            (shared, back), along = (x[:, at].transpose(1, 0, 2) for x in (self.shared, self.back)), toward[at]
             information = self.gram[at[:, :, None], at[:, None]] - shared.transpose(0, 2, 1) @ shared
-            information += np.eye(k) / PLAUSIBLE**2
+            information += back.transpose(0, 2, 1) @ back + np.eye(k) / PLAUSIBLE**2
             out[mine] = whole - (along * np.linalg.solve(information, along[..., None])[..., 0]).sum(axis=1)
         return np.maximum(out, 0.0)
 
@@ -156,7 +176,7 @@ class Bouts:
         """Weigh all that may stand for finding k."""
         own, state = self.arena.own[k], self._fit_around(self.arena.own[k])
         held, size, whole = list(state.parts[:-1]), state.parts[-1][1], state.log_odds
-        beside = self._without(k, held)
+        beside = self._without(held)
         by_poses = set[str]()
         out = {OWN_NAME: 0.0, NOTHING: self.log_odds(held) - whole}
         b, stand = _mean_of(beside, own, size), [(OWN_NAME, own)]
@@ -188,6 +208,22 @@ class Bouts:
     def _lean_fit(self) -> Together:
         """The same without what is needless."""
         return self._whole_fit.prune(free=True).settle()
+
+    @cached_property
+    def _whole_beside(self) -> Beside:
+        """What acts as drawn, beside whatever takes part in a contest."""
+        return Beside.of(self.gram, self.present, self._contestants)
+
+    @cached_property
+    def _lean_beside(self) -> Beside:
+        """The same without what is needless."""
+        return Beside.of(self.gram, self._lean_fit.parts, self._contestants)
+
+    @cached_property
+    def _contestants(self) -> np.ndarray:
+        """Positions of the columns of all that take part in a contest, and of the readings."""
+        arena = self.arena
+        return self._columns_of([*arena.own, *(g for group in arena.others for g in group), *arena.unnamed])
 
     def _fit_around(self, own: Block) -> Together:
         """Return the fit of a finding, the last, and of what acts beside it.
@@ -239,10 +275,12 @@ class Bouts:
             order = np.argsort(left, kind="stable").tolist()
             yield from ((rivals[n], float(left[n]), place < NEAREST) for place, n in enumerate(order))
 
-    def _without(self, k: int, held: Sequence[Part]) -> Beside:
-        """Return what acts beside another cause where finding k is gone."""
-        own, rivals = self.arena.own[k], (*self.arena.others[k], *self.arena.unnamed)
-        return Beside.of(self.gram, held, self._columns_of([own, *rivals]))
+    def _without(self, held: Sequence[Part]) -> Beside:
+        """Return what acts beside another cause where ``held`` alone acts, of what was drawn."""
+        names = {block.name for block, _ in held}
+        lean = names <= {block.name for block, _ in self._lean_fit.parts}
+        fit, beside = (self._lean_fit, self._lean_beside) if lean else (self._whole_fit, self._whole_beside)
+        return beside.without(fit, [n for n, (block, _) in enumerate(fit.parts) if block.name not in names])
 
     def _without_kin(self, own: Block, held: Sequence[Part], tried: Sequence[Block]) -> tuple[Beside, ...]:
         """Return the same without a finding's kin, for causes that are tried; nothing where it has none."""
