@@ -126,8 +126,8 @@ def expected_error_content(released: ReleasedRobot, run: Run) -> ExpectedErrorCo
     """Return what the file says, the names of robot file and set-up left open; ``run``: that was identified."""
     tool, setup = released.tool, released.fit.setup
     whole, others = released.spread(tool.names), released.other_tools
-    root = _few_columns(whole, (tool, *others), tool.names)
-    rest = [_mean_square(whole, m, tool.names) - _mean_square(root, m, tool.names) for m in (tool, *others)]
+    root, squares = _few_columns(whole, (tool, *others), tool.names)
+    rest = [s - _mean_square(root, m, tool.names) for s, m in zip(squares, (tool, *others), strict=True)]
     rest = [released.beside_square + max(square, 0.0) for square in rest]
     offsets = {
         name: round_significant_digits(released.offset(tool.names, fit), DIGITS).tolist()
@@ -192,16 +192,21 @@ def _standing_gauge(released: ReleasedRobot, run: Run) -> dict[str, object]:
     return {"gauge": gauge}
 
 
-def _few_columns(root: Array, maps: Sequence[ToolMap], names: Sequence[str]) -> Array:
-    """Return a root of fewer columns (P, r), which lacks little of the error of the tools of ``maps``."""
-    moved = np.zeros((root.shape[1], root.shape[1]))
+def _few_columns(root: Array, maps: Sequence[ToolMap], names: Sequence[str]) -> tuple[Array, list[float]]:
+    """Return a root of fewer columns (P, r), which lacks little of the error of the tools of ``maps``.
+
+    And the mean square error [m²] of each of these by the whole root.
+    """
+    moved, squares = np.zeros((root.shape[1], root.shape[1])), list[float]()
     for tool in maps:
         own = _tool_motion(root, tool, names)
-        moved += own.T @ own / max(float((own**2).sum()), 1e-300)
+        total = float((own**2).sum())
+        moved += own.T @ own / max(total, 1e-300)
+        squares.append(total / len(tool.q))
     square, turn = np.linalg.eigh(moved)
     part = np.cumsum(np.maximum(square[::-1], 0.0))
     count = 1 + int(np.argmax(part >= (1 - 0.03) * part[-1]))  # part of the mean square error that the directions lack
-    return np.asarray(root @ turn[:, ::-1][:, :count])
+    return np.asarray(root @ turn[:, ::-1][:, :count]), squares
 
 
 def _mean_square(root: Array, tool: ToolMap, names: Sequence[str]) -> float:

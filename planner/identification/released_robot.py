@@ -173,16 +173,23 @@ class ReleasedRobot:
     def drawn_errors(self, fit: Fit | None, tool: ToolMap | None = None) -> Array:
         """Return the error over the workspace, rms, against each robot drawn from the posterior [m], (n,)."""
         where = self.tool if tool is None else tool
-        known, mean = self.posterior, self.posterior.fit
-        here = {name: k for k, name in enumerate(mean.model.names)}
+        known = self.posterior
+        here = {name: k for k, name in enumerate(known.fit.model.names)}
         at = [k for k, n in enumerate(where.names) if n in here and known.drawn[here[n]].any()]
         names = [where.names[k] for k in at]
-        which = [here[n] for n in names]
-        misfit = self.misfit
-        off = self.drawn_offsets[which] - self.offset(names, fit)[:, None]
-        square = (off * (where.gram[np.ix_(at, at)] @ off)).sum(axis=0)
-        beside = POSITION_AXES * misfit.rest**2 + self.drift**2
+        off, gram = self.drawn_offsets[[here[n] for n in names]], where.gram[np.ix_(at, at)]
+        if (before := self._drawn_squares.get(id(where))) is None or before[0] is not where:  # the same of every fit
+            before = self._drawn_squares[id(where)] = where, np.asarray((off * (gram @ off)).sum(axis=0))
+        own = self.offset(names, fit)
+        towards = gram @ own
+        square = before[1] - 2 * (towards @ off) + own @ towards
+        beside = POSITION_AXES * self.misfit.rest**2 + self.drift**2
         return np.asarray(np.sqrt(np.maximum(square, 0.0) / len(where.q) + beside))
+
+    @cached_property
+    def _drawn_squares(self) -> dict[int, tuple[ToolMap, Array]]:
+        """Squared motion over all states of the drawn robots from the posterior's mean, (n,) [m²], by tools asked."""
+        return {}
 
     @cached_property
     def drawn_offsets(self) -> Array:

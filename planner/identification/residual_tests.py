@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from scipy.special import chdtrc, fdtrc
 
 from planner.common.determinism import even_positions
 from planner.common.robust import MEDIAN_RMS
@@ -79,8 +80,10 @@ class ProjectedResidual:
             return {}
         tall = group_sums(problem.whitener.white(slice(None), np.concatenate(list(named.values()), axis=2)), self.group)
         tall /= np.maximum(np.linalg.norm(tall, axis=0), 1e-300)
-        for _ in range(2):  # once leaves what rounding puts back
-            tall -= self.basis @ (self.basis.T @ tall)
+        tall -= self.basis @ (self.basis.T @ tall)
+        # 0.1: of a column, below which rounding has put back what is to be told of it, and once more takes that
+        few = np.linalg.norm(tall, axis=0) < 0.1
+        tall[:, few] -= self.basis @ (self.basis.T @ tall[:, few])
         ends = np.cumsum([columns.shape[2] for columns in named.values()])
         return {
             name: orthonormal_basis(own) for name, own in zip(named, np.split(tall, ends[:-1], axis=1), strict=True)
@@ -243,14 +246,12 @@ def _f_test(
     rest: ProjectedResidual, name: str, U: Array, correlation: NoiseCorrelation, many: int, rms: float
 ) -> ResidualTest:
     """F test of what one basis explains, as many samples as are correlated counting as one."""
-    from scipy.stats import f as fisher  # costs most of a second
-
     rank, explained = U.shape[1], _explained_squares(rest, U)
     dof = min(rest.dof / correlation.time - rank, correlation.dof)
     if dof < 1:
         return ResidualTest(name, 1.0, 0.0)
     ratio = explained / rank / correlation.time / max((rest.square - explained) / (rest.dof - rank), 1e-300)
-    p = min(1.0, float(fisher.sf(ratio, rank, dof)) * many)
+    p = min(1.0, float(fdtrc(rank, dof, ratio)) * many)
     return ResidualTest(name, p, _explained_size(rest, U, correlation, rms))
 
 
@@ -272,9 +273,7 @@ def _order_test(rest: ProjectedResidual, many: int, rms: float) -> ResidualTest:
     lags = range(1, min(5, n - 1) + 1)  # lags of the order of measuring
     rho = np.array([float((x[k:] * x[:-k]).sum()) / power for k in lags])
     Q = n * (n + 2) * rest.width * float((rho**2 / (n - np.array(lags))).sum())
-    from scipy.stats import chi2  # costs most of a second
-
-    p = min(1.0, float(chi2.sf(Q, len(rho))) * many)
+    p = min(1.0, float(chdtrc(len(rho), Q)) * many)
     return ResidualTest(MEASURING_ORDER, p, float(rms * np.sqrt(max(0.0, rho.max(initial=0.0)))))
 
 

@@ -67,6 +67,25 @@ def test_distance_of_two_causes_is_that_of_a_projection():
     assert beside.distance_squares(own, values, [other]) == pytest.approx([left @ left], rel=1e-9)
 
 
+def test_what_acts_beside_without_some_causes_is_what_the_others_are_by_themselves():
+    """Causes taken out of what all take up, against the products that the others alone leave."""
+    rng = np.random.default_rng(9)
+    columns, y = rng.normal(size=(M, 12)), rng.normal(size=M)
+    columns[:, 3:5] *= 1e3
+    gram = products(columns, y)
+    parts = [(block("a, joint 1", 0, 3), 0.5), (block("b, joint 2", 3, 2), 2.0), (block("c, joint 3", 5, 4), 1.5)]
+    fit, every = Together.of(gram, parts), Beside.of(gram, parts)
+    for gone in ((), (0,), (1,), (2,), (0, 2), (0, 1, 2)):
+        alone = Beside.of(gram, [part for k, part in enumerate(parts) if k not in gone])
+        found, own = every.without(fit, gone), np.arange(13)
+        np.testing.assert_allclose(found.products(own, own), alone.products(own, own), rtol=1e-7, atol=1e-7)
+        other, b = block("d, joint 4", 9), np.ones(2)
+        mine = block("e, joint 5", 10, 2)
+        expected = alone.distance_squares(mine, b, [other])
+        assert found.distance_squares(mine, b, [other]) == pytest.approx(expected, rel=1e-8)
+        np.testing.assert_allclose(found.gains(other), alone.gains(other), rtol=1e-8)
+
+
 @pytest.mark.parametrize(("angle", "shared"), [(0.02, True), (1.2, False)])
 def test_two_causes_share_a_place_where_their_columns_are_nearly_one(angle, shared):
     """What is at a small angle to the truth takes half of its place; what is at a large one, nothing."""
