@@ -133,7 +133,7 @@ class Background(Enum):
     KNOWN = auto()
     """With the size that is expected: a run says nothing of it. Its findings do not enter the robot."""
     OF_SHAPE = auto()
-    """Not at all, found or not, as smooth errors of the gauge of any shape stand for them. Example: sag of a wire."""
+    """Not at all, found or not, as smooth errors of the gauge stand for them. Example: sag of a wire."""
     OF_RUN = auto()
     """Not at all, found or not: it acts by what a run logs and no program knows, and with the pose as others do, which
     stand for it. Example: compliance under a drive's torque, most of which is that of gravity."""

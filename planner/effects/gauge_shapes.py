@@ -7,6 +7,9 @@ What such an error is on average over directions, as of a bar that always hangs 
 zero, beside those that the cell declares: the lengths of an arm are known no better than the gauge errs. The shapes in
 the length are Legendre's, so that one of them is a scale and the others are none: of powers each holds a scale, and all
 together twice what one sigma of them says.
+Gravity is the one direction that is known beforehand to matter: a bar or wire hangs through, its ends and the stand
+give way, the more the flatter it lies. That has a size of its own: as part of a shape in any direction, whose many
+terms share one size, it would count as improbable, and an arm takes up three quarters of it.
 """
 
 from collections.abc import Iterator
@@ -44,6 +47,26 @@ class BarShape(BasisFunction, key="bar-shape:NUMBER:NUMBER:INDEX:INDEX:INDEX:IND
         return np.asarray(Legendre.basis(self.length)(scaled) * np.sqrt(2 * self.length + 1) * turned)
 
 
+class HangingShape(BasisFunction, key="hanging-shape:NUMBER:NUMBER:INDEX:INDEX", static=False, gauge=True):
+    """φ = √(2k + 1) P_k((L − about)/span) · (1 − u²) uⁱ, of the length L and the part u = −e·g/g by which it rises.
+
+    P_k is Legendre's polynomial of degree ``length``, i is ``rise``. Where the bar stands upright all is as it was.
+    """
+
+    about: float
+    span: float
+    length: int
+    rise: int
+
+    def __call__(self, c: Context) -> Array:
+        """Return the product."""
+        up = -c.setup.gravity_B / np.linalg.norm(c.setup.gravity_B)
+        rise = c.bar.direction @ up
+        scaled = (c.length - self.about) / self.span
+        along = Legendre.basis(self.length)(scaled) * np.sqrt(2 * self.length + 1)
+        return np.asarray(along * (1 - rise**2) * rise**self.rise)
+
+
 class RayShape(BasisFunction, key="ray-shape:INDEX:INDEX:INDEX", static=False, gauge=True):
     """φ = rₓ^x r_y^y r_z^z of the way r [m] from gauge to point in the base frame."""
 
@@ -65,15 +88,37 @@ def gauge_shapes(run: Excitation) -> Iterator[Parameter]:
         yield from _ray_shapes(run)
 
 
-def _bar_shapes(run: Excitation) -> Iterator[Parameter]:
+def hanging_shapes(run: Excitation) -> Iterator[Parameter]:
+    """Yield what a gauge of a length from a fixture reads otherwise as it lies flatter, by its length; else none."""
+    if not run.setup.gauge.is_attached:
+        return
+    # 3 and 2: shapes in the length, and one side of a bar may be heavier than the other
+    degrees = list(product(range(3), range(2)))
+    size = _usual_size(run) / np.sqrt(len(degrees))
+    for length, rise in degrees:
+        move = ParameterMove("reading", 0, HangingShape(*_middle_and_half(run), length, rise))
+        yield Parameter(f"gauge_hanging_{length}{rise}", "m", float(size), "error of the gauge as it hangs", (move,))
+
+
+def _middle_and_half(run: Excitation) -> tuple[float, float]:
+    """Return the middle of the range of lengths, and half of it [m]."""
     length = run.context.length
     ends = float(length.min()), float(length.max())
-    about, span = round(sum(ends) / 2, 3), max(round((ends[1] - ends[0]) / 2, 3), 1e-3)
+    return round(sum(ends) / 2, 3), max(round((ends[1] - ends[0]) / 2, 3), 1e-3)
+
+
+def _usual_size(run: Excitation) -> float:
+    """Return what gauges of lengths usually err by [m]."""
+    # 5e-6: [m] ball bars err by some micrometres, however well they repeat (Kakino et al. 1987, CIRP Annals 36(1))
+    return max(BAR_SHAPE * float(run.setup.gauge.sigmas[0]), 5e-6)
+
+
+def _bar_shapes(run: Excitation) -> Iterator[Parameter]:
+    about, span = _middle_and_half(run)
     # e is a unit vector: higher powers of its last component say nothing more
     degree = 3  # of the polynomial in place and direction
     powers = [p for p in product(range(degree + 1), repeat=4) if 0 < sum(p) <= degree and p[3] < 2]
-    # 5e-6: [m] ball bars err by some micrometres, however well they repeat (Kakino et al. 1987, CIRP Annals 36(1))
-    size = max(BAR_SHAPE * float(run.setup.gauge.sigmas[0]), 5e-6) / np.sqrt(len(powers))
+    size = _usual_size(run) / np.sqrt(len(powers))
     for p in powers:
         move = ParameterMove("reading", 0, BarShape(about, span, *p))
         name = f"gauge_shape_{''.join(map(str, p))}"

@@ -18,7 +18,7 @@ from planner.common.units import Array
 from planner.effects.catalogue import Background, Excitation, catalogue, effect_kinds, registration_of
 from planner.effects.drift_shapes import IN_TIME, drift_shapes
 from planner.effects.effect import Effect, Parameter, Role, transform_move
-from planner.effects.gauge_shapes import gauge_shapes
+from planner.effects.gauge_shapes import gauge_shapes, hanging_shapes
 from planner.effects.gears import WAVES, JointWave
 from planner.effects.misfit_shapes import misfit_shapes
 from planner.effects.nonparametric import GEAR_CURVE, NONPARAMETRIC
@@ -30,6 +30,7 @@ from planner.runs.run import Samples
 
 BACKGROUND = "background"  # group of its parameters
 GAUGE_SHAPE = "gauge of any shape"
+GAUGE_HANGING = "gauge that hangs"
 OF_BACKGROUND = " (background)"  # last word of the names of its families in a document
 UNNAMED = "misfit"  # what the catalogue has no name for: first word of its families
 ABSENT = (Background.NAMED_ONLY, Background.OF_SHAPE, Background.OF_RUN)
@@ -83,6 +84,8 @@ def background_families(setup: MeasurementSetup, samples: Samples) -> tuple[Effe
     run = Excitation.of(setup, samples)
     if shapes := list(gauge_shapes(run)):
         out[GAUGE_SHAPE] = shapes
+    if hanging := list(hanging_shapes(run)):
+        out[GAUGE_HANGING] = hanging
     unnamed = {f"{UNNAMED}, {name}": list(p) for name, p in (*misfit_shapes(run), *drift_shapes(run))}
     return tuple(
         EffectFamily(
@@ -92,7 +95,7 @@ def background_families(setup: MeasurementSetup, samples: Samples) -> tuple[Effe
             name in common,
             name in unnamed,
             # a line of sight is read across as well: what it errs by does not go into the arm unseen
-            certain=name == GAUGE_SHAPE and setup.gauge.width == 1,
+            certain=name in (GAUGE_SHAPE, GAUGE_HANGING) and setup.gauge.width == 1,
         )
         for name, own in (out | unnamed).items()
     )

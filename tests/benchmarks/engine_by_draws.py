@@ -29,7 +29,7 @@ from planner.identification.assumptions import (
     UNKNOWN_PRIOR,
 )
 from planner.identification.noise import RATIO
-from planner.identification.posterior_background import GAUGE_SHAPE, background_families
+from planner.identification.posterior_background import GAUGE_HANGING, GAUGE_SHAPE, background_families
 from planner.identification.posterior_draws import (
     RandomEffects,
     ReadingWhitener,
@@ -112,7 +112,7 @@ def catalogue_items(effects: Sequence[Effect], run: Excitation) -> Iterator[Item
 def nameless_items(run: Excitation) -> Iterator[Item]:
     """Yield what has no name."""
     for f in background_families(run.setup, run.samples):
-        if f.unnamed or f.name == GAUGE_SHAPE or f.name.startswith("joint "):
+        if f.unnamed or f.name in (GAUGE_SHAPE, GAUGE_HANGING) or f.name.startswith("joint "):
             yield Item(None, None, f.parameters, UNNAMED, always=f.certain)
 
 

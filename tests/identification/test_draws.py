@@ -18,7 +18,7 @@ from planner.effects.catalogue import Excitation
 from planner.effects.gauge_shapes import BarShape, gauge_shapes
 from planner.identification import reading_precision
 from planner.identification.assumptions import EXPECTED_CAUSES, PREVALENCE
-from planner.identification.posterior_background import GAUGE_SHAPE, OF_BACKGROUND, background_families
+from planner.identification.posterior_background import GAUGE_HANGING, GAUGE_SHAPE, OF_BACKGROUND, background_families
 from planner.identification.posterior_draws import RandomEffects, SizeDraw, SizePrior, draw_sizes
 from planner.identification.size_mixture import SizeMixture
 from planner.model.model import Model
@@ -225,9 +225,53 @@ def test_a_gauge_of_lengths_always_errs_somewhat(gauge, least):
     background = background_families(setup, Samples(q, np.zeros(len(q), dtype=int)))
     whole = Model.of(setup, frozenset())
     families = mixture_room._Families.of(whole.subset([]), whole, background)
-    prior = dict(zip(families.names, families.priors, strict=True))[f"{GAUGE_SHAPE}{OF_BACKGROUND}"]
+    priors = dict(zip(families.names, families.priors, strict=True))
+    prior = priors[f"{GAUGE_SHAPE}{OF_BACKGROUND}"]
     assert prior.factors[0] == least
     assert prior.probability.sum() == pytest.approx(1.0)
+    assert (f"{GAUGE_HANGING}{OF_BACKGROUND}" in priors) == (gauge == "bar")
+
+
+def arm_beside_a_bar_that_hangs(run, families, rng):
+    """How far off the lengths are that the arm adds, the bar set up anew, and how far by the draws, rms of all [m]."""
+    whole, noise, direction = Model.of(run.setup, frozenset()), 2e-6, run.context.bar.direction
+    own = tuple(p for p in whole.parameters if p.group == "geometry")
+    every = (*own, *(p for f in families for p in f.parameters))
+    rows = replace(whole, parameters=every).rows(run.samples)[:, 0] * [p.prior for p in every]
+    arm, count = rows[:, : len(own)], len(own)
+    z = rng.standard_normal(count)
+    # a beam's chord is shorter by the square of its load and the seventh power of its length
+    sag = -15e-6 * (run.context.length / 0.5) ** 7 * (1 - direction[:, 2] ** 2)
+    y = arm @ z + sag + noise * rng.standard_normal(len(sag))
+    placed = np.column_stack([direction, np.ones(len(y))])  # by where it stands, and its zero
+    rows = np.column_stack([rows, 1e-2 * placed]) / noise
+    family = np.array([*[-1] * count, *(k for k, f in enumerate(families) for _ in f.parameters), *[-1] * 4])
+    size = mixture_room._spike_and_slab(mixture_room.SLAB, mixture_room.SLAB_WEIGHT, 1.0)
+    model = RandomEffects(rows, y / noise, family, np.ones((len(y), 1)), (size,) * len(families), 1e6 * np.eye(1))
+    drawn = draw_sizes(model, SizeDraw(np.ones(len(families)), np.zeros(1)), sweeps=60)
+    mixture = SizeMixture(np.stack([model.sizes(d.factors) for d in drawn]), np.ones(len(drawn)))
+    white = np.column_stack([rows, y / noise])
+    moved = arm @ mixture.moments(white.T @ white, np.zeros(len(family))).drawn[:count]
+    off = moved - (arm @ z)[:, None]
+    off -= placed @ np.linalg.lstsq(placed, off)[0]
+    return np.sqrt((off.mean(axis=1) ** 2).mean()), np.sqrt(off.var(axis=1).mean())
+
+
+def test_a_bar_that_hangs_is_told_from_the_arm():
+    """What the arm takes up of it is what is stated; beside a gauge of any shape alone it is more."""
+    setup, q = setup_of(load_cell(str(CELLS["bar"]), planning=False)), bar_poses()
+    run = Excitation.of(setup, Samples(q, np.zeros(len(q), dtype=int)))
+    families = {f.name: f for f in background_families(setup, run.samples)}
+
+    def judge(*names):
+        own = [families[name] for name in names]
+        off = [arm_beside_a_bar_that_hangs(run, own, np.random.default_rng(k)) for k in range(6)]
+        return np.sqrt((np.array(off) ** 2).mean(axis=0))
+
+    (alone, stated_alone), (error, stated) = judge(GAUGE_SHAPE), judge(GAUGE_SHAPE, GAUGE_HANGING)
+    assert error < 0.5 * alone
+    assert 0.6 < stated / error < 1.6
+    assert stated_alone / alone < 0.75
 
 
 def test_a_gauge_errs_by_what_is_declared_of_it():

@@ -25,7 +25,7 @@ from planner.effects.gauge_errors import (
     PointLag,
     RayGrowth,
 )
-from planner.effects.gauge_shapes import BarShape
+from planner.effects.gauge_shapes import BarShape, HangingShape
 from planner.effects.gears import BoundedWave, JointAngle, JointWave
 from planner.effects.phi_keys import phi_from_key
 from planner.effects.sessions import PlaceInSession
@@ -212,6 +212,7 @@ def test_plain_formulas():
         Less(0.25, WarmUp(5.0, 600.0)): 0.75 - np.exp(-(s.t - 5.0) / 600.0),
         TimeWave(5.0, 900.0, 2): np.sqrt(2) * np.cos(2 * np.pi * (s.t - 5.0) / 900.0),
         BarShape(0.4, 0.1, 2, 1, 0, 1): np.sqrt(5) * (1.5 * ((s.length - 0.4) / 0.1) ** 2 - 0.5) * e[:, 0] * e[:, 2],
+        HangingShape(0.4, 0.1, 1, 1): np.sqrt(3) * (s.length - 0.4) / 0.1 * horizontal**2 * -(e @ down),
         PlaceInSession(1, 2): 1.0 * ((s.place == 1) & (s.session == 2)),
         LengthPower(0.4, 0.1, 3): ((s.length - 0.4) / 0.1) ** 3,
         LengthGrowth(20.0): (s.temperature - 20.0) * s.length,
