@@ -25,6 +25,9 @@ from planner.effects.context import Context
 from planner.effects.effect import Parameter, ParameterMove
 from planner.effects.sizes import BAR_SHAPE, RAY_SHAPE
 
+GAUGE_SHAPE = "gauge of any shape"
+GAUGE_HANGING = "gauge that hangs"
+
 
 class BarShape(BasisFunction, key="bar-shape:NUMBER:NUMBER:INDEX:INDEX:INDEX:INDEX", static=False, gauge=True):
     """φ = √(2k + 1) P_k((L − about)/span) · eₓ^x e_y^y e_z^z, of the length L and the bar's direction e in the base.
@@ -80,18 +83,16 @@ class RayShape(BasisFunction, key="ray-shape:INDEX:INDEX:INDEX", static=False, g
         return np.asarray(r[:, 0] ** self.x * r[:, 1] ** self.y * r[:, 2] ** self.z)
 
 
-def gauge_shapes(run: Excitation) -> Iterator[Parameter]:
-    """Yield smooth errors of the gauge's reading of a length from a fixture, or of a position; else none."""
+def gauge_shapes(run: Excitation) -> Iterator[tuple[str, tuple[Parameter, ...]]]:
+    """Yield families, by name, of smooth errors of a length from a fixture, or of a position; else none."""
     if run.setup.gauge.is_attached:
-        yield from _bar_shapes(run)
+        yield GAUGE_SHAPE, tuple(_bar_shapes(run))
+        yield GAUGE_HANGING, tuple(_hanging_shapes(run))
     elif run.setup.gauge.width > 1:
-        yield from _ray_shapes(run)
+        yield GAUGE_SHAPE, tuple(_ray_shapes(run))
 
 
-def hanging_shapes(run: Excitation) -> Iterator[Parameter]:
-    """Yield what a gauge of a length from a fixture reads otherwise as it lies flatter, by its length; else none."""
-    if not run.setup.gauge.is_attached:
-        return
+def _hanging_shapes(run: Excitation) -> Iterator[Parameter]:
     # 3 and 2: shapes in the length, and one side of a bar may be heavier than the other
     degrees = list(product(range(3), range(2)))
     size = _usual_size(run) / np.sqrt(len(degrees))

@@ -18,7 +18,7 @@ from planner.common.units import Array
 from planner.effects.catalogue import Background, Excitation, catalogue, effect_kinds, registration_of
 from planner.effects.drift_shapes import IN_TIME, drift_shapes
 from planner.effects.effect import Effect, Parameter, Role, transform_move
-from planner.effects.gauge_shapes import gauge_shapes, hanging_shapes
+from planner.effects.gauge_shapes import GAUGE_HANGING, GAUGE_SHAPE, gauge_shapes
 from planner.effects.gears import WAVES, JointWave
 from planner.effects.misfit_shapes import misfit_shapes
 from planner.effects.nonparametric import GEAR_CURVE, NONPARAMETRIC
@@ -29,8 +29,6 @@ from planner.model.model import Model
 from planner.runs.run import Samples
 
 BACKGROUND = "background"  # group of its parameters
-GAUGE_SHAPE = "gauge of any shape"
-GAUGE_HANGING = "gauge that hangs"
 OF_BACKGROUND = " (background)"  # last word of the names of its families in a document
 UNNAMED = "misfit"  # what the catalogue has no name for: first word of its families
 ABSENT = (Background.NAMED_ONLY, Background.OF_SHAPE, Background.OF_RUN)
@@ -82,10 +80,8 @@ def background_families(setup: MeasurementSetup, samples: Samples) -> tuple[Effe
     for name, parameters in _gears(setup, samples.q):
         out[name] = list(parameters)
     run = Excitation.of(setup, samples)
-    if shapes := list(gauge_shapes(run)):
-        out[GAUGE_SHAPE] = shapes
-    if hanging := list(hanging_shapes(run)):
-        out[GAUGE_HANGING] = hanging
+    for name, shapes in gauge_shapes(run):
+        out[name] = list(shapes)
     unnamed = {f"{UNNAMED}, {name}": list(p) for name, p in (*misfit_shapes(run), *drift_shapes(run))}
     return tuple(
         EffectFamily(

@@ -18,6 +18,7 @@ from planner.common.progress import StageReport
 from planner.common.units import Array
 from planner.effects.catalogue import Background, Excitation, registration_of
 from planner.effects.effect import Effect, Parameter, Role
+from planner.effects.gauge_shapes import GAUGE_HANGING, GAUGE_SHAPE
 from planner.effects.nonparametric import gear_curve
 from planner.effects.steps import steppables
 from planner.identification import posterior_draws
@@ -29,7 +30,7 @@ from planner.identification.assumptions import (
     UNKNOWN_PRIOR,
 )
 from planner.identification.noise import RATIO
-from planner.identification.posterior_background import GAUGE_HANGING, GAUGE_SHAPE, background_families
+from planner.identification.posterior_background import background_families
 from planner.identification.posterior_draws import (
     RandomEffects,
     ReadingWhitener,

@@ -15,10 +15,10 @@ import planner.identification.posterior_fit as mixture_room
 from planner.cell.reading import load_cell
 from planner.cell.setup import setup_of
 from planner.effects.catalogue import Excitation
-from planner.effects.gauge_shapes import BarShape, gauge_shapes
+from planner.effects.gauge_shapes import GAUGE_HANGING, GAUGE_SHAPE, BarShape, gauge_shapes
 from planner.identification import reading_precision
 from planner.identification.assumptions import EXPECTED_CAUSES, PREVALENCE
-from planner.identification.posterior_background import GAUGE_HANGING, GAUGE_SHAPE, OF_BACKGROUND, background_families
+from planner.identification.posterior_background import OF_BACKGROUND, background_families
 from planner.identification.posterior_draws import RandomEffects, SizeDraw, SizePrior, draw_sizes
 from planner.identification.size_mixture import SizeMixture
 from planner.model.model import Model
@@ -282,7 +282,7 @@ def test_a_gauge_errs_by_what_is_declared_of_it():
     for noise in (1e-6, 1e-5, 2e-5):
         declared = replace(setup, gauge=replace(setup.gauge, noise=noise))
         run = Excitation.of(declared, Samples(q, np.zeros(len(q), dtype=int)))
-        sizes.append(float(np.sqrt(sum(p.prior**2 for p in gauge_shapes(run)))))
+        sizes.append(float(np.sqrt(sum(p.prior**2 for p in dict(gauge_shapes(run))[GAUGE_SHAPE]))))
     assert sizes == pytest.approx([5e-6, 3e-5, 6e-5])
 
 
@@ -290,7 +290,8 @@ def test_one_shape_of_a_gauge_is_a_scale_and_the_others_are_none():
     """What is alike in all directions is at right angles to each other and to the zero, and as large as it says."""
     setup = setup_of(load_cell(str(CELLS["bar"]), planning=False))
     q = bar_poses()
-    shapes = [p.moves[0].phi for p in gauge_shapes(Excitation.of(setup, Samples(q, np.zeros(len(q), dtype=int))))]
+    run = Excitation.of(setup, Samples(q, np.zeros(len(q), dtype=int)))
+    shapes = [p.moves[0].phi for p in dict(gauge_shapes(run))[GAUGE_SHAPE]]
     alike = [phi for phi in shapes if isinstance(phi, BarShape) and not (phi.x or phi.y or phi.z)]
     assert [phi.length for phi in alike] == [1, 2, 3]
     at, weight = np.polynomial.legendre.leggauss(8)
