@@ -55,6 +55,7 @@ class Summary:
         details: facts for who wants to know more.
         notes: what a person must know; an :class:`Aside` is a detail.
         stays: one of the facts, for which the one before the cut gives way.
+        in_full: those of the facts that the details say again, with more: beside these they are left out.
     """
 
     title: str
@@ -62,6 +63,7 @@ class Summary:
     details: Sequence[Fact] = ()
     notes: Sequence[str] = ()
     stays: Fact | None = None
+    in_full: Sequence[Fact] = ()
 
     def text(self, verbose: bool = False, most: int | None = None) -> str:
         """Return the title and the facts as lines; ``verbose``: the details and the asides too.
@@ -72,7 +74,8 @@ class Summary:
         asked = [("note", note) for note in count_alike(n for n in self.notes if not isinstance(n, Aside))]
         if verbose:
             asides = [("aside", note) for note in count_alike(n for n in self.notes if isinstance(n, Aside))]
-            return "\n".join([self.title, *fact_lines([*self.facts, *asked, *self.details, *asides])])
+            facts = [fact for fact in self.facts if fact not in self.in_full]
+            return "\n".join([self.title, *fact_lines([*facts, *asked, *self.details, *asides])])
         if most is not None:
             least = min(len(self.facts), 4, max(most - 2, 1))  # facts that stand beside any number of notes
             asked = cut_facts(asked, max(most - 1 - least, 1))

@@ -246,8 +246,8 @@ def check_effect_name(name: str, n_joints: int, where: str) -> None:
             f" {', '.join(kinds)})"
         )
     for part, most in (("joint", n_joints), ("link", n_joints + 1)):
-        for number in re.findall(rf"\b{part} (\d+)", place):
-            if not 1 <= int(number) <= most:
+        for numbers in re.findall(rf"\b{part}s? (\d+(?:, \d+)*)", place):
+            if not all(1 <= int(number) <= most for number in numbers.split(", ")):
                 raise InputError(f"{where}: '{name}': the robot has {part}s 1 to {most}")
 
 

@@ -17,7 +17,13 @@ from planner.design.observability.information import r_factor
 from planner.effects.steps import SLIP
 from planner.identification.angle_hints import angle_hint
 from planner.identification.artifact_pose import declared_pose_warnings, gauge_frames
-from planner.identification.assumptions import FAR_OFF_RATIO, LARGEST_HELD_OUT, LARGEST_SIGMAS, STRONG_PULL
+from planner.identification.assumptions import (
+    FAR_OFF_RATIO,
+    FEW_READINGS_EACH,
+    LARGEST_HELD_OUT,
+    LARGEST_SIGMAS,
+    STRONG_PULL,
+)
 from planner.identification.calibration import (
     Calibration,
     ResidualDiagnosis,
@@ -111,6 +117,26 @@ def _attempts_text(traced: TracingResult) -> str:
 def too_few_text(spare: int) -> str:
     """Say that too few readings are left beyond the parameters to trace anything."""
     return f"only {spare} readings beyond the parameters: too few to trace what is left; nothing was sought"
+
+
+def few_readings_note(fitted: int, width: int, rows: int, time: float) -> list[str]:
+    """Say that a fit has nearly as many parameters as independent readings, and what helps.
+
+    Args:
+        fitted: parameters.
+        width: readings of a row.
+        rows: of the run.
+        time: how many rows are worth one.
+    """
+    readings = rows * width / time
+    if readings >= FEW_READINGS_EACH * fitted:
+        return []
+    alike = f" ({rows} rows along a drive, of which {time:.1f} are worth one)" if time > 1.05 else ""
+    more = "drive through further poses: a slower drive adds next to nothing" if alike else "measure further poses"
+    return [
+        f"{fitted} parameters were fitted to {readings:.0f} independent readings{alike}: little is left to judge them "
+        f"by; {more}, or free fewer in [plan]"
+    ]
 
 
 def approach_warnings(traced: TracingResult) -> list[str]:
@@ -230,6 +256,7 @@ def assess_fit(
     said = [
         *(*run.warnings, *collect_warnings(run, cell, found, validation), *notes),
         *(*_refit_notes(parts, stages[-1]), *([] if released or problems or basis == "fit" else [NO_POSTERIOR])),
+        *few_readings_note(len(found.model.names), found.model.width, len(run), time),
         *workspace_warning(expected, last.held_out, found.model.width),
         *([] if released is None else tool_point_advice(released)),
     ]

@@ -39,6 +39,7 @@ USUAL_NOISE_SHARE = 0.65  # of the noise declared: data sheets say what is kept 
 LOG_USUAL_NOISE_SIGMA = 0.3  # of the logarithm of the noise over the usual one
 LOG_STRETCH_SIGMA = 0.7  # of the stretch's logarithm: twice is usual where it is any
 USUAL_REST, LOG_REST_SIGMA = 1.0, 1.0  # [usual noise], and of its logarithm: little is known of it
+FEW_READINGS_EACH = 1.5  # independent readings for each parameter, below which a fit follows its noise
 MISFIT_PROBABILITY = 0.5  # from which on a run is said to show misfit
 LOCAL_RATIO = 1.2  # of the misfit at a place to that over the workspace, from which on the place is worth naming
 

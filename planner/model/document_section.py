@@ -1,9 +1,17 @@
 """A section of a document: SI units in memory, the units that the keys name in the file."""
 
 from math import isfinite
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
-from pydantic import BaseModel, ConfigDict, SerializerFunctionWrapHandler, model_serializer, model_validator
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    SerializerFunctionWrapHandler,
+    model_serializer,
+    model_validator,
+)
 
 from planner.common.units import DEG, MM, file_unit, si_unit
 
@@ -57,6 +65,14 @@ def _times(value: object, factor: float) -> object:
     if isinstance(value, list | tuple):
         return [_times(v, factor) for v in value]
     return value if factor == 1.0 or isinstance(value, bool) or not isinstance(value, int | float) else value * factor
+
+
+def _without_rounding(value: object) -> object:
+    """Return 1 for what a sum of chances was rounded up to."""
+    return 1.0 if isinstance(value, float) and 1.0 < value < 1.0 + 1e-9 else value
+
+
+Probability = Annotated[float, BeforeValidator(_without_rounding), Field(ge=0, le=1)]
 
 
 class DocumentSection(BaseModel):

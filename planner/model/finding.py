@@ -1,12 +1,12 @@
 """A cause that a run shows: its size, how likely it is and what else it may be; many of one kind are one."""
 
 from math import exp, inf, isfinite, log
-from typing import ClassVar, Literal
+from typing import ClassVar, Literal, get_args
 
-from pydantic import computed_field
+from pydantic import ValidationInfo, computed_field, field_validator, model_validator
 
 from planner.effects.nonparametric import NONPARAMETRIC
-from planner.model.document_section import DocumentSection
+from planner.model.document_section import DocumentSection, Probability
 
 Grade = Literal["found", "likely", "doubtful"]
 
@@ -58,7 +58,7 @@ class RejectedEffect(DocumentSection):
     if_any = ("probability",)
     name: str
     because: str
-    probability: float | None = None
+    probability: Probability | None = None
 
 
 class Member(DocumentSection):
@@ -95,9 +95,9 @@ class Member(DocumentSection):
     p_value: float | None = 0.0
     log10_p: float | None = None
     gain: float = 0.0
-    probability: float | None = None
+    probability: Probability | None = None
     rivals: tuple[str, ...] = ()
-    rival_probabilities: tuple[float, ...] | None = None
+    rival_probabilities: tuple[Probability, ...] | None = None
     note: str = ""
     inner: InnerNumber | None = None
     after_sample: int | None = None
@@ -105,6 +105,24 @@ class Member(DocumentSection):
     between_sessions: tuple[str, str] | None = None
     row: int | None = None
     beside_stages: Literal[True] | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _known_grade(cls, data: object) -> object:
+        """Refuse a file that calls a cause what none is called; what it is called follows from the probability."""
+        grades = get_args(Grade)
+        if isinstance(data, dict) and data.get("grade", "found") not in grades:
+            raise ValueError(
+                f"grade must be {', '.join(map(repr, grades[:-1]))} or {grades[-1]!r}, not {data['grade']!r}"
+            )
+        return data
+
+    @field_validator("rival_probabilities")
+    @classmethod
+    def _one_each(cls, value: tuple[float, ...] | None, info: ValidationInfo) -> tuple[float, ...] | None:
+        if value is not None and len(value) != (count := len(info.data.get("rivals", ()))):
+            raise ValueError(f"must be one for each of the {count} rivals")
+        return value
 
     @computed_field  # type: ignore[prop-decorator]
     @property

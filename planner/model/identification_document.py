@@ -11,7 +11,7 @@ from pydantic_core.core_schema import any_schema
 from planner.common.arrays import mean_by_group
 from planner.common.schema import read_json, validate
 from planner.common.units import Array
-from planner.model.document_section import DocumentSection, round_digits
+from planner.model.document_section import DocumentSection, Probability, round_digits
 from planner.model.finding import Finding, RejectedEffect
 from planner.model.finding_groups import list_causes
 from planner.model.gauge_frames import GaugeFrames, JointZero
@@ -155,7 +155,7 @@ class SizeOfFamily(DocumentSection):
 
     name: str
     factor: float
-    probability: float = 1.0
+    probability: Probability = 1.0
 
 
 class WorkToolError(DocumentSection):

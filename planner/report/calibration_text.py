@@ -1,6 +1,6 @@
 """Sentences of a calibration's report: every number in them is one of the calibration's."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 
@@ -112,7 +112,7 @@ def _part_sentences(r: Release) -> list[str]:
         out.append(
             f"Of this {in_mm(p.seen)} mm come of noise and the number of readings, {in_mm(p.unseen)} mm are what more "
             f"readings at these poses cannot show (scale, tool, other postures), {in_mm(p.misfit)} mm are misfit: what "
-            "causes without a name leave open, and poses that no fit saw are off beyond what was expected."
+            "causes without a name leave open, by poses that no fit saw and that are off beyond what was expected."
         )
         if r.where_measured is not None:
             out.append(f"At poses like those measured {in_mm(r.where_measured)} mm are expected.")
@@ -122,10 +122,10 @@ def _part_sentences(r: Release) -> list[str]:
                 "on average."
             )
     if (m := r.unexplained) is not None:
-        kept = "; the robot as written follows it where it was measured" if r.basis == "posterior" else ""
+        kept = ", which the robot as written follows where it was measured" if r.basis == "posterior" else ""
         out.append(
-            f"The run itself shows motion of the tool that has no named cause, {in_mm(m.anywhere)} mm rms over the "
-            f"workspace{kept}: it is what is seen of such causes, misfit is what stays open."
+            f"Unnamed motion, {in_mm(m.anywhere)} mm rms over the workspace, is what the run itself shows of causes "
+            f"without a name{kept}; misfit is what stays open beside it."
         )
     return out
 
@@ -209,10 +209,12 @@ NOTHING_FOUND = "Nothing beyond noise that the catalogue can name."
 
 def finding_texts(facts: CalibrationFacts) -> list[tuple[str, str, tuple[str, ...]]]:
     """Say what was found, in the order of the document: heading, name of the chart if there is one, evidence."""
-    return [
-        (_capital(told.finding.note), told.name if told.steps else "", _evidence(facts, told))
-        for told in told_findings(facts)
-    ]
+    out, seen = list[tuple[str, str, tuple[str, ...]]](), dict[tuple[str, str], int]()
+    for number, told in enumerate(told_findings(facts), 1):
+        out.append((_capital(told.finding.note), told.name if told.steps else "", _evidence(facts, told, seen)))
+        for step in told.steps:
+            seen.setdefault((step.before.name, step.after.name), number)
+    return out
 
 
 def findings_summary(c: Calibration) -> Row:
@@ -244,7 +246,8 @@ def detection_text(limits: Iterable[DetectionLimit]) -> Row:
     return (f"Would have been seen 95 times in 100: {'; '.join(out)}.",) if out else ()
 
 
-def _evidence(facts: CalibrationFacts, told: ToldFinding) -> tuple[str, ...]:
+def _evidence(facts: CalibrationFacts, told: ToldFinding, seen: Mapping[tuple[str, str], int]) -> tuple[str, ...]:
+    """Return what speaks for a cause; ``seen``: sections that have told a fall of the errors, by its two stages."""
     unit, cause = facts.calibration.reading_unit, told.finding
     one = cause.members is None
     without = f"Without {'it' if one else 'the one that brings most, alone'}"
@@ -255,19 +258,25 @@ def _evidence(facts: CalibrationFacts, told: ToldFinding) -> tuple[str, ...]:
             f"{without}, all else fitted anew, errors would be {in_mm(cause.gain, 2)} {unit} larger (rms).",
             _rivals(cause),
         )
-    size = f"Size {_size(cause)}. Chance" if one else "Each has a size of its own. Largest chance"
+    size = (
+        f"Size {_size(cause)}{_written_size(facts.calibration, cause)}. Chance"
+        if one
+        else "Each has a size of its own. Largest chance"
+    )
     return (
         f"{size} of so large an effect where there is none, corrected for the "
         f"{count_text(facts.calibration.tried or 0)} alternatives that were tried: {_chance(cause.log_p)}.",
-        *(_fall_text(step, unit, len(told.steps) > 1) for step in told.steps),
+        *(_fall_text(step, unit, len(told.steps) > 1, seen) for step in told.steps),
         f"{without}, all else fitted anew, held-out errors are {in_mm(cause.gain, 2)} {unit} larger (rms).",
         _rivals(cause),
     )
 
 
-def _fall_text(step: FindingStep, unit: str, is_one_of_many: bool) -> str:
-    """Say how the errors fell when an effect was added."""
+def _fall_text(step: FindingStep, unit: str, is_one_of_many: bool, seen: Mapping[tuple[str, str], int]) -> str:
+    """Say how the errors fell when an effect was added, or under which number that stands, once for one stage."""
     before, after = step.before, step.after
+    if (number := seen.get((before.name, after.name))) is not None:
+        return f"It was added together with {number}., where the fall of the errors stands."
     others = [e for e in after.effects if e not in before.effects and e != step.what]
     along = f" (with {', '.join(others)})" if others else ""
     held, fitted = (
@@ -287,6 +296,17 @@ def _size(f: Finding) -> str:
     unit, factor = display_unit(f.inner.unit, value)
     inner = digits(value * factor, 4) if std is None else _pair(value * factor, std * factor)
     return f"{out}, {f.inner.name} {inner} {unit}"
+
+
+def _written_size(c: Calibration, f: Finding) -> str:
+    """Say the size that the robot as written holds, beside that of the last fit, where it holds the cause by name."""
+    inner = "" if f.inner is None else f"{f.name}, {f.inner.name}"
+    own = [e.value - e.nominal for e in c.estimates if e.group == f.name and e.unit == f.unit and e.name != inner]
+    if c.release is None or not own:
+        return ""
+    unit, factor = display_unit(f.unit, f.value)
+    held = _pair(float(np.hypot.reduce(own)) * factor, f.std * factor).partition(" ± ")[0]
+    return f" by the last fit, {held} {unit} in the robot as written, which is drawn towards none as far as that may be"
 
 
 def _pair(value: float, std: float) -> str:

@@ -39,7 +39,8 @@ def fit_overview(found: Calibration, lines: int = SCREEN_LINES - 3) -> Summary:
     title = f"{found.run.name}: {found.robot} {said}; {fitted} parameters, {samples}"
     # why the robot erred is asked for most: where lines are cut, the first cause that is no doubtful one stays
     main = causes[0] if any(not c.is_doubtful for c in found.findings) and causes else None
-    return Summary(title, [*first, *causes, *last], list(_details(found, release)), notes, main)
+    again = causes if found.findings else []  # the details have each with its rivals
+    return Summary(title, [*first, *causes, *last], list(_details(found, release)), notes, main, again)
 
 
 def is_hardly_better(found: Calibration) -> bool:
@@ -158,7 +159,8 @@ def _more_causes_text(more: Sequence[Finding]) -> str:
 def _rival_facts(found: Calibration) -> Iterator[Fact]:
     """Say of every cause what it is, and what else explains the same."""
     for cause in found.findings:
-        yield cause.grade, cause.note
+        surely = "" if cause.probability is None else f" ({percent(cause.probability)})"
+        yield cause.grade, f"{cause.note}{surely}"
         if rivals := _rival_text(cause):
             yield "", rivals
 
@@ -250,8 +252,7 @@ def _release_details(found: Calibration, release: Release) -> Iterator[Fact]:
         yield "other tool", f"{_mm(release.other_tool)} mm  at a tool point that was not measured"
     if (m := release.unexplained) is not None:
         kept = "; the robot as written follows it where it was measured" if release.basis == "posterior" else ""
-        seen = f"{_mm(m.anywhere)} mm rms over the workspace: motion that the run shows"
-        yield "no name", f"{seen} and no named cause explains, {_motion_place(m)}{kept}"
+        yield "unnamed", f"motion that the run shows of causes without a name: {_mm(m.anywhere)} mm rms{kept}"
     what = "geometry and all effects, by their probability" if release.basis == "posterior" else "geometry alone"
     yield "written", f"{what}, held out {release.held_out.rms / MM:.4f} {found.reading_unit} rms"
     geometry = "; worse than the nominal robot" if release.geometry_anywhere > release.nominal_anywhere else ""
@@ -259,7 +260,7 @@ def _release_details(found: Calibration, release: Release) -> Iterator[Fact]:
     if (p := release.parts) is not None:
         yield "error from", f"{_mm(p.seen)} mm  noise and number of readings"
         yield "", f"{_mm(p.unseen)} mm  {UNSEEN}"
-        yield "", f"{_mm(p.misfit)} mm  misfit: what unnamed causes leave open"
+        yield "", f"{_mm(p.misfit)} mm  misfit"
         yield "", f"{_mm(p.drift)} mm  drift in the time of the run"
     yield from (("zeros", text) for text in other_zeros_text(found))
 

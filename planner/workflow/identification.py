@@ -96,7 +96,8 @@ class CalibrationResult(FolderResult):
         first = "" if robot.conventions else ", once robot.toml says how its controller counts ([controllers])"
         model = folder / "robot.toml"
         correct = f"edbb compensate PROGRAM --model {as_word(model)} -o CORRECTED corrects a program{first}"
-        apart = f"edbb plan CELL --separate {as_word(folder)} -o apart tells the causes apart"
+        sought = "seeks poses that tell the causes apart, says how surely"
+        apart = f"edbb plan CELL --separate {as_word(folder)} -o apart {sought}"
         more = f"edbb plan CELL --after {as_word(folder)} -o more plans the poses that lower the error most"
         separable = can_be_told_apart(self.calibration)
         if is_hardly_better(self.calibration) and (separable or self.calibration.more is not None):

@@ -20,7 +20,7 @@ def test_commands_are_found_in_what_is_printed():
   next        run the program and log it (to try it: edbb simulate mine/plan.json -o run.csv)
               edbb identify run.csv --cell mine/cell.toml --plan mine/plan.json -o calibrated
   next        edbb compensate PROGRAM --model cal/robot.toml -o CORRECTED corrects a program
-              edbb plan CELL --separate cal -o apart tells the causes apart
+              edbb plan CELL --separate cal -o apart seeks poses that tell the causes apart, says how surely
   next        edbb centre mine/plan.json measures it
               edbb identify run.csv --plan mine/plan.json -o again
   next        look at x/report.html; edbb plan CELL --fixtures 2 -o plan plans with the place that adds most

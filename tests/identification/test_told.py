@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from planner.cell.reading import load_cell
 from planner.cell.setup import setup_of
 from planner.common.errors import InputError
-from planner.identification.assessment import collect_warnings
+from planner.identification.assessment import collect_warnings, few_readings_note
 from planner.identification.run_setup import check_pull, locate_gauge, setup_for_run
 from planner.runs.run import Readings, Run, Samples
 
@@ -79,3 +79,19 @@ def test_a_tool_point_that_a_cell_with_one_point_does_not_name_is_told():
     for names, told in ((("low",), True), (("1",), False), (("",), False), (("a", "b"), False)):
         said = collect_warnings(replace(run, points=names), cell, found, None)
         assert any("measured at tool point 'low'" in w for w in said) == told
+
+
+@pytest.mark.parametrize(
+    ("rows", "time", "said"),
+    [
+        (148, 1.0, "145 parameters were fitted to 148 independent readings: "),
+        (8140, 55.0, "148 independent readings (8140 rows along a drive, of which 55.0 are worth one): "),
+        (400, 1.0, None),
+        (22000, 55.0, None),
+    ],
+)
+def test_a_fit_of_nearly_as_many_parameters_as_readings_says_so_and_what_helps(rows, time, said):
+    notes = few_readings_note(145, 1, rows, time)
+    assert len(notes) == (said is not None)
+    assert all(said in note for note in notes)
+    assert all(("drive through further poses" if time > 1 else "measure further poses") in note for note in notes)

@@ -1,6 +1,7 @@
 """The loop in file and report: findings with their units, evidence that fits the truth, limits, the first sheet."""
 
 import math
+import re
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -19,7 +20,7 @@ from planner.model.finding_groups import list_causes
 from planner.model.identification_document import DetectionLimit, Identification
 from planner.report.calibration_data import CalibrationFacts
 from planner.report.calibration_report import calibration_content
-from planner.report.calibration_text import detection_text
+from planner.report.calibration_text import _capital, detection_text
 from planner.report.chart import weighted_means
 from planner.report.effect_evidence import collect_evidence, finding_chart, finding_steps, told_findings
 from planner.runs.loader import load_run
@@ -156,6 +157,27 @@ def test_every_finding_has_its_picture_and_evidence(told: CalibrationFacts) -> N
     play = next(row for row in page["limits"] if row[0] == "backlash")
     assert play[3] == ""  # joint 2 was found
     assert 1 < float(play[4]) < 1000
+
+
+def test_a_fall_of_errors_that_several_causes_brought_together_is_told_once(c: Calibration) -> None:
+    together = CalibrationFacts(c.model_copy(update={"stages": (*c.stages[:3], c.stages[-1])}))
+    sections = [lines for _, name, lines in calibration_content(together)["findings"] if name]
+    assert len(sections) >= 2
+    told_in = [k for k, lines in enumerate(sections) if any(line.startswith("Held-out error") for line in lines)]
+    assert told_in == [0]
+    assert all(any("added together with 1." in line for line in lines) for lines in sections[1:])
+
+
+def test_the_size_of_the_fit_stands_beside_that_of_the_robot_as_written(told: CalibrationFacts) -> None:
+    c = told.calibration
+    (play,) = (f for f in c.findings if f.effect == "backlash")
+    (line,) = (
+        lines[0] for heading, _, lines in calibration_content(told)["findings"] if heading == _capital(play.note)
+    )
+    own = [e.value for e in c.estimates if e.group == "backlash, joint 2"]
+    fitted, written = re.findall(r"([\d.]+) (?:± [\d.]+ )?µrad", line)
+    assert float(fitted) == pytest.approx(1e6 * abs(play.value), abs=0.06)
+    assert float(written) == pytest.approx(1e6 * math.hypot(*own), abs=0.06)
 
 
 def test_many_of_one_kind_have_one_section_and_one_picture(c: Calibration) -> None:

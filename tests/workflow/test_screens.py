@@ -116,7 +116,12 @@ def test_what_does_not_stand_on_the_screen_is_said_where_more_is_asked(fitted):
     more = made.full_summary(verbose=True)
     for said in ("zeros", "stages", "parameters", "set these zeros", "the tip is loose", "rest"):
         assert said in more
-    assert more.count("gives way under load") >= 3
+    each = [line for line in more.splitlines() if "gives way under load" in line]
+    assert [line.split()[:3] for line in each] == [["found", "joint", f"{j}:"] for j in (1, 2, 3)]  # once, with rivals
+    assert all("(99 %)" in line for line in each)
+    assert more.count("or a, or b: this run cannot tell which") == 3
+    nothing = with_traits(fitted, [], None, False, 1, (), "sound").full_summary(verbose=True)
+    assert nothing.count("no cause beyond the geometry") == 1
 
 
 def test_a_note_that_asks_nothing_is_not_on_the_screen(fitted):

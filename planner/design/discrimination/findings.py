@@ -72,7 +72,7 @@ def read_identification(path: Path, robot: str, n_joints: int) -> Identification
         what = "its findings have no rivals" if named else "it has no findings"
         raise InputError(f"{path}: there is nothing to separate, {what}: plan without --separate")
     for k, cause in enumerate(part.findings, start=1):
-        for name in (n for f in cause.each for n in (f.name, *f.rivals)):
+        for name in (n for f in (cause, *cause.each) for n in (f.name, *f.rivals)):
             check_effect_name(name, n_joints, f"{path}: 'findings' number {k}")
     return IdentificationResult(path, _one_each(named), {e.name: e.value for e in part.last_fit}, part)
 

@@ -1,5 +1,6 @@
 """What a plan says of findings and rivals is true in the terms of its statistic, and names what it costs."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -70,6 +71,29 @@ def test_an_effect_that_there_is_not_is_wrong_input(rival, words, tmp_path):
     path = file(tmp_path, (*LAG, []), (*LAG, ["servo lag, all joints", rival]))
     with pytest.raises(InputError, match=words):
         read_identification(path, NJ, 6)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"probability": 1.7}, "'findings' number 1: 'probability' = 1.7: must be less than or equal to 1"),
+        ({"rival_probabilities": [-0.2]}, "'findings' number 1.*-0.2.*greater than or equal to 0"),
+        ({"rival_probabilities": [0.2, 0.3]}, "'findings' number 1: 'rival_prob.*one for each of the 1 rival"),
+        ({"grade": "certain"}, "'findings' number 1: grade must be 'found', 'likely' or 'doubtful', not 'certain'"),
+        ({"effect": "backlash", "on": "joints 9"}, "number 1: 'backlash, joints 9': the robot has joints 1 to 6"),
+        ({"effect": "backlash", "on": "joints 2, 7"}, "'backlash, joints 2, 7': the robot has joints 1 to 6"),
+    ],
+)  # fmt: skip
+def test_a_finding_that_cannot_be_is_refused_by_key_and_what_is_allowed(changes, words, tmp_path):
+    path = file(tmp_path, (*LAG, ["servo lag, joint 2"]))
+    document = json.loads(path.read_text())
+    for sound in ({"probability": 1.0, "grade": "found"}, {"effect": "backlash", "on": "joints 1, 6"}):
+        path.write_text(json.dumps(document | {"findings": [document["findings"][0] | sound]}))
+        read_identification(path, NJ, 6)
+    path.write_text(json.dumps(document | {"findings": [document["findings"][0] | changes]}))
+    with pytest.raises(InputError, match=words) as refused:
+        read_identification(path, NJ, 6)
+    assert str(path) in str(refused.value)
 
 
 def test_effects_that_came_again_are_the_same_effects(tmp_path):
