@@ -100,6 +100,10 @@ def _gravity_at_joints(
     return out
 
 
+Stack = tuple[tuple[Callable[["Context"], Array], ...], ...]
+"""Functions of each row of a stack, which are added up."""
+
+
 @dataclass(frozen=True)
 class Context:
     """Some samples of a setup; derived quantities are computed once, when first asked for.
@@ -112,6 +116,7 @@ class Context:
     samples: Samples
     _known: dict[Hashable, Array] = field(default_factory=dict, init=False, repr=False, compare=False)
     _several: dict[int, tuple[object, list[Array]]] = field(default_factory=dict, init=False, repr=False, compare=False)
+    _stacks: "dict[Stack, Array]" = field(default_factory=dict, init=False, repr=False, compare=False)
 
     def value(self, phi: "Callable[[Context], Array]") -> Array:
         """Value of a basis function, (n,) or (1,), remembered for as long as the context lives."""
@@ -126,9 +131,34 @@ class Context:
             known = self._several[id(functions)] = functions, [self.value(f) for f in functions]
         return known[1]
 
+    def stacks(self, several: "tuple[Stack, ...]") -> list[Array]:
+        """Values (m, n) of the sums of functions of several stacks, read-only: alike stacks of models are one array."""
+        known = self._several.get(id(several))
+        if known is None:
+            known = self._several[id(several)] = several, [self._stack(rows) for rows in several]
+        return known[1]
+
+    def known_stacks(self, several: "tuple[Stack, ...]") -> list[Array] | None:
+        """Return the same if they were asked for before."""
+        known = self._several.get(id(several))
+        return None if known is None else known[1]
+
+    def _stack(self, rows: "Stack") -> Array:
+        if rows not in self._stacks:
+            out = np.empty((len(rows), len(self.samples)))
+            for own, functions in zip(out, rows, strict=True):
+                own[:] = self.value(functions[0])
+                for more in functions[1:]:
+                    own += self.value(more)
+            out.flags.writeable = False
+            self._stacks[rows] = out
+        return self._stacks[rows]
+
     def forget_values(self, kept: "Set[Hashable]" = frozenset()) -> None:
         """Let go of the values of basis functions but some: of many models they take more memory than all else."""
         self._several.clear()
+        for rows in [rows for rows in self._stacks if any(phi not in kept for own in rows for phi in own)]:
+            del self._stacks[rows]
         for phi in [f for f in self._known if f not in kept]:
             del self._known[phi]
 

@@ -22,7 +22,10 @@ class Columns:
     Attributes:
         plain: columns that stand for themselves, (D, r, n), at the positions ``plain_at`` (D,).
         screws: of the blocks of columns, (B, r, n).
-        phi: functions that they are multiplied by, (m, n) of each block, at the positions ``phi_at`` (m,).
+        phi: functions that they are multiplied by, (m, n) of each block, at the positions ``phi_at`` (m,). They are not
+            changed: several linearisations may share them.
+        sizes: numbers (P,) that the columns with functions are multiplied by as well, at their positions; none where
+            there are no functions, or where they are all 1.
     """
 
     plain: Array
@@ -30,6 +33,7 @@ class Columns:
     screws: Array
     phi: tuple[Array, ...] = ()
     phi_at: tuple[np.ndarray, ...] = ()
+    sizes: Array | None = None
 
     @classmethod
     def join(cls, parts: Sequence["Columns"]) -> "Columns":
@@ -57,7 +61,7 @@ class Columns:
         out[self.plain_at] = self.plain
         for at, screw, phi in zip(self.phi_at, self.screws, self.phi, strict=True):
             for k, function in zip(at.tolist(), phi, strict=True):
-                np.multiply(screw, function, out=out[k])
+                np.multiply(screw, function if self.sizes is None else function * self.sizes[k], out=out[k])
         return out
 
     @property
@@ -83,7 +87,9 @@ class Columns:
 
         plain, plain_at = part(self.plain, self.plain_at)
         blocks = [part(phi, at) for phi, at in zip(self.phi, self.phi_at, strict=True)]
-        return Columns(plain, plain_at, self.screws, tuple(phi for phi, _ in blocks), tuple(at for _, at in blocks))
+        sizes = None if self.sizes is None else self.sizes[kept]
+        phi, phi_at = tuple(phi for phi, _ in blocks), tuple(at for _, at in blocks)
+        return Columns(plain, plain_at, self.screws, phi, phi_at, sizes)
 
     def whiten(self, root: Array, scale: Array, residual: Array) -> "Columns":
         """Return the columns times ``scale`` (P,) and, as the last, the residual (n, r), all in standard deviations.
@@ -100,8 +106,8 @@ class Columns:
             return Columns(plain, at, self.screws)
         screws = self.screws.copy()
         _whiten(screws, root)
-        phi = tuple(p * scale[k][:, None] for p, k in zip(self.phi, self.phi_at, strict=True))
-        return Columns(plain, at, screws, phi, self.phi_at)
+        sizes = np.append(scale if self.sizes is None else scale * self.sizes, 1.0)
+        return Columns(plain, at, screws, self.phi, self.phi_at, sizes)
 
     @property
     def gram(self) -> Array:
@@ -118,6 +124,18 @@ class Columns:
                 _put(out, at, self.phi_at[c], (phi * both) @ self.phi[c].T)
             own = phi * np.sqrt(_products_with_screw(screw[None], screw)[0])
             out[np.ix_(at, at)] = own @ own.T
+        if self.sizes is not None:
+            out *= self._factors
+            out *= self._factors[:, None]
+        return out
+
+    @cached_property
+    def _factors(self) -> Array:
+        """What products without the sizes must be multiplied by, (P,): 1 for plain columns."""
+        out = np.ones(len(self))
+        if self.sizes is not None:
+            for at in self.phi_at:
+                out[at] = self.sizes[at]
         return out
 
     def along(self, residual: Array) -> Array:
@@ -126,7 +144,7 @@ class Columns:
         out[self.plain_at] = self._flat_columns @ each.ravel()
         for at, screw, phi in zip(self.phi_at, self.screws, self.phi, strict=True):
             out[at] = phi @ (screw * each).sum(axis=0)
-        return out
+        return out if self.sizes is None else out * self._factors
 
     def products(self, others: Array) -> Array:
         """Return the products of all columns with others (k, r, n), (P, k)."""
@@ -134,10 +152,11 @@ class Columns:
         out[self.plain_at] = self._flat_columns @ others.reshape(len(others), -1).T
         for at, screw, phi in zip(self.phi_at, self.screws, self.phi, strict=True):
             out[at] = phi @ _products_with_screw(others, screw).T
-        return out
+        return out if self.sizes is None else out * self._factors[:, None]
 
     def times(self, vector: Array) -> Array:
         """Return the sum of all columns, each times its number in ``vector`` (P,), as (n, r)."""
+        vector = vector if self.sizes is None else vector * self._factors
         out = np.tensordot(vector[self.plain_at], self.plain, axes=1)
         for at, screw, phi in zip(self.phi_at, self.screws, self.phi, strict=True):
             out += screw * (vector[at] @ phi)
@@ -150,6 +169,7 @@ class Columns:
             turned = dtrmm(1.0, root, self.plain[:q].reshape(q, -1).T, side=1)
             return np.asarray((turned.T**2).sum(axis=0).reshape(r, n).T)
         turn = np.vstack([root, np.zeros((len(self) - q, q))])
+        turn *= self._factors[:, None]
         out = np.empty((n, r))
         few = max(1, 1_000_000 // (q * len(self.phi)))  # numbers of columns that are turned all together
         for start in range(0, n, few):

@@ -17,7 +17,7 @@ from planner.cell.setup import MeasurementSetup, setup_of
 from planner.common.arrays import CACHED_ROWS
 from planner.common.units import Array
 from planner.effects.basis import BasisFunction
-from planner.effects.context import Context
+from planner.effects.context import Context, Stack
 from planner.effects.effect import Parameter, robot_parameters
 from planner.effects.gauge_unknowns import unknowns_of
 from planner.kinematics.chain import ForwardPass
@@ -132,8 +132,20 @@ class Model:
 
     def with_prior(self, prior: Array) -> "Model":
         """Return the model with other prior sigmas, (P,) in the parameters' units."""
-        sized = (replace(p, prior=s) for p, s in zip(self.parameters, prior.tolist(), strict=True))
-        return replace(self, parameters=tuple(sized))
+        sized = (
+            p if p.prior == s else replace(p, prior=s) for p, s in zip(self.parameters, prior.tolist(), strict=True)
+        )
+        out = replace(self, parameters=tuple(sized))
+        for name in (
+            "_layout",
+            "_blocks",
+            "_plain_layout",
+            "_fixed_values",
+            "_fixed_layout",
+        ):  # of what prior sigmas do not change
+            if name in self.__dict__:
+                out.__dict__[name] = self.__dict__[name]
+        return out
 
     def plus(self, more: list[Parameter]) -> "Model":
         """Return the model with more parameters."""
@@ -212,12 +224,7 @@ class Model:
         """Forward pass with the errors in place, and what they add to the reading itself, (n, r)."""
         delta = self.setup.offsets(context.samples)
         shown = np.zeros((len(context.samples), self.width))
-        free = [] if errors is None else errors.tolist()
-        # what stands at zero is not looked at: a run may lack what its function needs
-        moved = [p for p, v in zip(self.parameters, free, strict=False) if v]
-        layout = self._layout if all(free) else _MoveLayout.of(moved)
-        values = [v for v in free if v]
-        for moves, sizes in ((layout if values else None, values), (self._fixed_layout, self._fixed_values)):
+        for moves, sizes in (self._moving(context, delta, errors), (self._fixed_layout, self._fixed_values)):
             if moves is None:
                 continue
             phi = context.values(moves.functions)
@@ -227,6 +234,25 @@ class Model:
                 else:
                     shown[:, index] += sizes[k] * phi[f]
         return self.setup.chain.forward(context.theta, delta), shown
+
+    def _moving(
+        self, context: Context, delta: list[float | Array], errors: Array | None
+    ) -> tuple["_MoveLayout | None", list[float]]:
+        """Return the moves that errors (P,) make and their sizes, but those that are added to ``delta`` here.
+
+        What stands side by side in the context is added up by one product for each transform. Of others those at zero
+        are not looked at: a run may lack what their function needs.
+        """
+        free = [] if errors is None else errors.tolist()
+        stacks = None if errors is None else context.known_stacks(self._blocks.stacks)
+        if errors is not None and stacks:
+            blocks = self._blocks
+            for index, at, phi in zip(blocks.block_transforms, blocks.phi_at, stacks, strict=True):
+                delta[index] = delta[index] + errors[at] @ phi
+            return self._plain_layout, free
+        moved = [p for p, v in zip(self.parameters, free, strict=False) if v]
+        values = [v for v in free if v]
+        return (None if not values else self._layout if all(free) else _MoveLayout.of(moved)), values
 
     def linearize_in(self, context: Context, targets: Targets | None, errors: Array | None = None) -> Linearization:
         """Residuals and Jacobian for the samples of a context; without targets the residuals mean nothing."""
@@ -256,7 +282,7 @@ class Model:
                 plain[k] += screws[place[index]] * phi[f]
             else:
                 np.multiply(screws[place[index]], phi[f], out=plain[k])
-        functions = tuple(_stack_functions(own, phi, shape[1]) for own in layout.blocks)
+        functions = tuple(context.stacks(layout.stacks))
         own_screws = screws[[place[index] for index in layout.block_transforms]]
         return Columns(plain, layout.plain_at, own_screws, functions, layout.phi_at)
 
@@ -267,6 +293,12 @@ class Model:
     @cached_property
     def _blocks(self) -> "_BlockLayout":
         return _BlockLayout.of(self._layout, len(self.parameters), self.width)
+
+    @cached_property
+    def _plain_layout(self) -> "_MoveLayout":
+        """The moves of the parameters that stand for themselves, numbered among all."""
+        plain = set(self._blocks.plain_at.tolist())
+        return _MoveLayout(tuple(m for m in self._layout.moves if m[0] in plain), self._layout.functions)
 
     @cached_property
     def _fixed_values(self) -> list[float]:
@@ -318,8 +350,8 @@ class _BlockLayout:
         plain, plain_at: moves of the parameters that stand for themselves, numbered among each other, and where they
             stand among all.
         several: numbers of those among them that are more than one move of a transform.
-        block_transforms, blocks, phi_at: index of the transform of each block; number within the block and position
-            of the function of each move; and where its parameters stand among all.
+        block_transforms, stacks, phi_at: index of the transform of each block; the functions of each of its parameters;
+            and where these stand among all.
     """
 
     functions: tuple[BasisFunction, ...]
@@ -328,7 +360,7 @@ class _BlockLayout:
     plain_at: np.ndarray
     several: list[int]
     block_transforms: tuple[int, ...]
-    blocks: tuple[tuple[tuple[int, int], ...], ...]
+    stacks: tuple[Stack, ...]
     phi_at: tuple[np.ndarray, ...]
 
     @classmethod
@@ -354,22 +386,9 @@ class _BlockLayout:
             np.array(plain_at, dtype=int),
             several,
             tuple(blocks),
-            tuple(tuple((j, f) for j, k in enumerate(ks) for _, _, f in own[k]) for ks in blocks.values()),
+            tuple(tuple(tuple(layout.functions[f] for _, _, f in own[k]) for k in ks) for ks in blocks.values()),
             tuple(np.array(ks) for ks in blocks.values()),
         )
-
-
-def _stack_functions(moves: Sequence[tuple[int, int]], phi: Sequence[Array], n: int) -> Array:
-    """Return the functions of a block, (m, n): those of one parameter added up."""
-    out = np.empty((moves[-1][0] + 1, n))
-    last = -1
-    for row, f in moves:
-        if row == last:
-            out[row] += phi[f]
-        else:
-            out[row] = phi[f]
-        last = row
-    return out
 
 
 def chunks(n: int, most: int = CACHED_ROWS) -> Iterator[slice]:
