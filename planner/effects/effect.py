@@ -52,6 +52,14 @@ class Parameter:
         if si != self.unit:
             raise ValueError(f"parameter '{self.name}': unit '{self.unit}' is none of the SI; '{si}' would be")
 
+    def with_prior(self, prior: float) -> "Parameter":
+        """Return it with another prior sigma, its unit known to be right."""
+        if prior == self.prior:
+            return self
+        out = object.__new__(Parameter)
+        out.__dict__.update(self.__dict__, prior=prior)
+        return out
+
     @property
     def main_move(self) -> ParameterMove:
         """The first thing it moves."""

@@ -313,14 +313,19 @@ def steps_without_folds(grams: Array, z: Array, steps: Array, sizes: Array) -> t
     total = grams.sum(axis=0)
     shift = np.zeros((len(grams), len(z)))
     own = np.zeros(shift.shape, dtype=bool)
-    none = 1e-9  # share of a column's information below which training says nothing of its parameter
     for f, gram in enumerate(grams):
-        alone = np.diag(gram)[:-1] > (1 - none) * np.diag(total)[:-1]
+        alone = known_alone(gram[:-1, :-1], total[:-1, :-1])
         for step, size in zip(steps, sizes, strict=True):
             mine = np.isnan(step) & alone
             shift[f] += _step_without(total - gram, gram, z, mine, step, size) / len(steps)
             own[f] |= mine
     return shift, own
+
+
+def known_alone(gram: Array, total: Array) -> np.ndarray:
+    """Tell of each parameter, (P,), whether only this fold knows it: products (P, P) in it and over all."""
+    none = 1e-9  # share of a column's information below which training says nothing of its parameter
+    return np.asarray(np.diag(gram) > (1 - none) * np.diag(total))
 
 
 def _grams(problem: FitProblem, errors: Array, split: Split) -> Array:

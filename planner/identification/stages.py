@@ -1,6 +1,6 @@
 """The stages of a fit: nominal robot, frames, geometry, then declared effects and compliance."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -88,13 +88,12 @@ class FitContext:
         tried = replace(self, run=run, split=split, judge=_no_judge, of_part=True, _problems=problems)
         return tried, tried.fit_stage(begin.stage.name, begin.fit.model, begin.fit)
 
-    def judge_trial(self, tried: FittedStage) -> FittedStage:
-        """Return a stage that was tried, judged on all of the run and on the validation run."""
-        few = self._tried_part(tried.fit.model)
-        if few is not None:
-            residual, held_residual = self._over_all(tried.fit, tried.shift)
-            return self._stage(tried.stage.name, tried.fit, residual, held_residual, tried)
-        return replace(tried, stage=tried.stage.model_copy(update={"validation": self.judge(tried.fit)}))
+    def judge_trials(self, tried: Sequence[FittedStage]) -> list[FittedStage]:
+        """Return stages that were tried, judged on all of the run and on the validation run."""
+        if tried and self._tried_part(tried[0].fit.model) is not None:
+            over_all = self._over_all([(t.fit, t.shift) for t in tried])
+            return [self._stage(t.stage.name, t.fit, *errors, t) for t, errors in zip(tried, over_all, strict=True)]
+        return [replace(t, stage=t.stage.model_copy(update={"validation": self.judge(t.fit)})) for t in tried]
 
     def _tried_part(self, model: Model) -> np.ndarray | None:
         """Positions of the samples that stages are tried on, ``None`` for all; of a long run those of its part."""
@@ -126,7 +125,7 @@ class FitContext:
         held = predict_held_out(found, self.split if few is None else self.split.take(few))
         residual, held_residual = found.problem.residual(found.errors), held.residual
         if few is not None:
-            residual, held_residual = self._over_all(found, held.shift)
+            residual, held_residual = self._over_all([(found, held.shift)])[0]
         return self._stage(name, found, residual, held_residual, held)
 
     def _stage(
@@ -160,15 +159,18 @@ class FitContext:
             self._problems[few is None] = known
         return known
 
-    def _over_all(self, found: Fit, shift: Array) -> tuple[Array, Array]:
-        """Residuals of every sample by the fit to a part of the run, and by the fit without the sample's fold."""
-        model = found.model
-        residual = np.empty((len(self.run), model.width))
-        held = np.empty_like(residual)
-        for piece in self._pieces(model):
-            residual[piece.samples] = model.residual_in(piece.context, piece.targets, found.errors)
-            held[piece.samples] = model.residual_in(piece.context, piece.targets, found.errors + shift[piece.fold])
-        return residual, held
+    def _over_all(self, fits: Sequence[tuple[Fit, Array]]) -> list[tuple[Array, Array]]:
+        """Residuals of every sample by fits to a part of the run, and by each without the sample's fold.
+
+        ``fits`` with the shifts (folds, P) by each fold; what their basis functions look at is computed once for all.
+        """
+        shape = (len(self.run), fits[0][0].model.width)
+        out = [(np.empty(shape), np.empty(shape)) for _ in fits]
+        for piece in self._pieces(fits[0][0].model):
+            for (found, shift), (residual, held) in zip(fits, out, strict=True):
+                for errors, into in ((found.errors, residual), (found.errors + shift[piece.fold], held)):
+                    into[piece.samples] = found.model.residual_in(piece.context, piece.targets, errors)
+        return out
 
     def _pieces(self, model: Model) -> Iterator["_Piece"]:
         """Yield the whole run in pieces of one fold."""

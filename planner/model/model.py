@@ -132,9 +132,7 @@ class Model:
 
     def with_prior(self, prior: Array) -> "Model":
         """Return the model with other prior sigmas, (P,) in the parameters' units."""
-        sized = (
-            p if p.prior == s else replace(p, prior=s) for p, s in zip(self.parameters, prior.tolist(), strict=True)
-        )
+        sized = (p.with_prior(s) for p, s in zip(self.parameters, prior.tolist(), strict=True))
         out = replace(self, parameters=tuple(sized))
         for name in (
             "_layout",

@@ -6,16 +6,18 @@ much. Most candidates are, and of these the prediction costs a tenth of the refi
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
-from scipy.linalg import solve_triangular
+from scipy.linalg import cholesky, solve_triangular
 
 from planner.common.units import Array
 from planner.effects.effect import Parameter
-from planner.identification.cross_validation import Split, steps_without_folds
+from planner.identification.cross_validation import Split, known_alone, steps_without_folds
 from planner.identification.least_squares import Fit, prior_factors
 from planner.identification.problem import FoldPieces
 from planner.kinematics.chain import ForwardPass
+from planner.model.columns import Columns
 from planner.tracing.dictionary import whiten_columns
 
 
@@ -47,19 +49,55 @@ class HeldOutPredictor:
         rows = replace(problem.model, parameters=tuple(parameters)).columns(problem.context, self.motion).dense
         beside, inner = self._products(rows)
         prior = self._likeliest_priors(parameters, np.sum(beside, axis=0), np.sum(inner, axis=0))
-        bordered = [
-            _border(gram, C * prior, D * np.outer(prior, prior))
-            for gram, C, D in zip(self.pieces.grams, beside, inner, strict=True)
-        ]
-        z = np.append(self.fit.errors / problem.prior, 0 * prior)
-        free, own_sizes = np.full((1, len(z)), np.nan), np.ones((1, len(z)))
-        steps = steps_without_folds(np.stack(bordered), z, free, own_sizes)[0]
-        linear = problem.linearize(slice(None), self.fit.errors)
-        out = np.array(linear.residual)
-        for step, own in zip(steps, self.pieces.samples, strict=True):
-            out[own] -= linear.columns.take(own).times(problem.prior * step[:P])
+        steps = self._steps([C * prior for C in beside], [D * np.outer(prior, prior) for D in inner])
+        residual, parts = self._held_out
+        out = np.array(residual)
+        for step, own, columns in zip(steps, self.pieces.samples, parts, strict=True):
+            out[own] -= columns.times(problem.prior * step[:P])
             out[own] -= np.tensordot(prior * step[P:], rows[:, :, own], axes=1).T
         return out
+
+    @cached_property
+    def _held_out(self) -> tuple[Array, list[Columns]]:
+        """Residuals (n, r) of the fit, and the columns of each fold's samples, in the units of readings."""
+        linear = self.fit.problem.linearize(slice(None), self.fit.errors)
+        return linear.residual, [linear.columns.take(own) for own in self.pieces.samples]
+
+    @cached_property
+    def _trained(self) -> list[tuple[Array, Array]] | None:
+        """For the fit without each fold the Cholesky factor R of its information, and R⁻ᵀ times its right-hand side.
+
+        ``None`` where a fold alone knows some parameter, which is then fitted on that fold itself.
+        """
+        grams, z = self.pieces.grams, self.fit.errors / self.fit.problem.prior
+        total, out = grams.sum(axis=0), list[tuple[Array, Array]]()
+        for gram in grams:
+            train = total - gram
+            if known_alone(gram[:-1, :-1], total[:-1, :-1]).any():
+                return None
+            R = cholesky(train[:-1, :-1] + np.eye(len(z)), overwrite_a=True, check_finite=False)
+            out.append((R, solve_triangular(R, train[:-1, -1] - z, trans="T", check_finite=False)))
+        return out
+
+    def _steps(self, beside: Sequence[Array], inner: Sequence[Array]) -> Array:
+        """Return the steps (folds, P + k) in prior sigmas to the fits without each fold, with k further columns.
+
+        Args:
+            beside, inner: products of these in each fold per prior sigma, (P + 1, k) and (k, k).
+        """
+        C, D = np.sum(beside, axis=0), np.sum(inner, axis=0)
+        alone = any(known_alone(own, D).any() for own in inner)
+        if self._trained is None or alone:
+            z = np.append(self.fit.errors / self.fit.problem.prior, np.zeros(len(D)))
+            bordered = [_border(*parts) for parts in zip(self.pieces.grams, beside, inner, strict=True)]
+            return steps_without_folds(np.stack(bordered), z, np.full((1, len(z)), np.nan), np.ones((1, len(z))))[0]
+        out = list[Array]()
+        for (R, half), c, d in zip(self._trained, beside, inner, strict=True):
+            shared = solve_triangular(R, (C - c)[:-1], trans="T", check_finite=False)
+            free = D - d - shared.T @ shared + np.eye(len(D))
+            new = np.linalg.solve(free, (C - c)[-1] - shared.T @ half)
+            out.append(np.append(solve_triangular(R, half - shared @ new, check_finite=False), new))
+        return np.stack(out)
 
     def _products(self, rows: Array) -> tuple[list[Array], list[Array]]:
         """Return the products of columns (k, r, n), whitened, in each fold: with the fit's, and with each other."""

@@ -15,6 +15,7 @@ from planner.identification.problem import LinearPiece
 from planner.identification.stages import FitContext, error_reduction
 from planner.model.identification_document import Metrics
 from planner.tracing.assumptions import DETERMINED_VARIANCE, LEAST_GAIN, LEAST_SIGMAS, MOST_WALD_PARAMETERS
+from planner.tracing.effect_scores import log_exceedance
 from planner.tracing.state import FittedEffect, SearchState
 
 LOG_SIGNIFICANCE = float(np.log(2e-3))  # chance, corrected for all that was tried, below which an effect may be added
@@ -174,7 +175,5 @@ def wald_log_p(
         tried = min(tried, state.base.setup.robot.n_joints)
     dof = max(1.0, len(state.fit.problem) * state.fit.model.width / inflation - state.fit.effective)
     size, directions = wald_statistic(state, found, beside)
-    from scipy.stats import f as f_distribution  # costs most of a second
-
-    one = f_distribution.logsf(size / inflation, directions, dof)
+    one = log_exceedance(np.array(size / inflation), directions, dof)
     return min(0.0, float(one) + float(np.log(tried)))

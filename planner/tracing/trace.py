@@ -220,7 +220,7 @@ def trace(
         _finding(result, f, own.fall, r.rivals, fit_context.run, beside.get(f.name))
         for (f, own), r in zip(kept, rivals, strict=True)
     )
-    stages = [fit_context.judge_trial(s.fitted) for s in told_path(result.path)]
+    stages = fit_context.judge_trials([s.fitted for s in told_path(result.path)])
     for state in result.path:  # of each its stage is kept, and nothing that can be computed anew
         state.fit.problem.memory.forget()
     searched = [k for k, (f, _) in enumerate(kept) if f not in off]  # what is stated acts for certain
