@@ -50,7 +50,7 @@ class HeldOutPredictor:
         beside, inner = self._products(rows)
         prior = self._likeliest_priors(parameters, np.sum(beside, axis=0), np.sum(inner, axis=0))
         steps = self._steps([C * prior for C in beside], [D * np.outer(prior, prior) for D in inner])
-        residual, parts = self._held_out
+        residual, parts = self._fold_parts
         out = np.array(residual)
         for step, own, columns in zip(steps, self.pieces.samples, parts, strict=True):
             out[own] -= columns.times(problem.prior * step[:P])
@@ -58,13 +58,13 @@ class HeldOutPredictor:
         return out
 
     @cached_property
-    def _held_out(self) -> tuple[Array, list[Columns]]:
+    def _fold_parts(self) -> tuple[Array, list[Columns]]:
         """Residuals (n, r) of the fit, and the columns of each fold's samples, in the units of readings."""
         linear = self.fit.problem.linearize(slice(None), self.fit.errors)
         return linear.residual, [linear.columns.take(own) for own in self.pieces.samples]
 
     @cached_property
-    def _trained(self) -> list[tuple[Array, Array]] | None:
+    def _fold_factors(self) -> list[tuple[Array, Array]] | None:
         """For the fit without each fold the Cholesky factor R of its information, and R⁻ᵀ times its right-hand side.
 
         ``None`` where a fold alone knows some parameter, which is then fitted on that fold itself.
@@ -87,12 +87,12 @@ class HeldOutPredictor:
         """
         C, D = np.sum(beside, axis=0), np.sum(inner, axis=0)
         alone = any(known_alone(own, D).any() for own in inner)
-        if self._trained is None or alone:
+        if self._fold_factors is None or alone:
             z = np.append(self.fit.errors / self.fit.problem.prior, np.zeros(len(D)))
             bordered = [_border(*parts) for parts in zip(self.pieces.grams, beside, inner, strict=True)]
             return steps_without_folds(np.stack(bordered), z, np.full((1, len(z)), np.nan), np.ones((1, len(z))))[0]
         out = list[Array]()
-        for (R, half), c, d in zip(self._trained, beside, inner, strict=True):
+        for (R, half), c, d in zip(self._fold_factors, beside, inner, strict=True):
             shared = solve_triangular(R, (C - c)[:-1], trans="T", check_finite=False)
             free = D - d - shared.T @ shared + np.eye(len(D))
             new = np.linalg.solve(free, (C - c)[-1] - shared.T @ half)

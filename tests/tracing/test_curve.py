@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from planner.effects.context import Context
 from tests.simulation.generator.catalogue import motions
 from tests.tracing.worlds import calibrated, effect, names, run
 
@@ -36,6 +37,22 @@ def test_the_curve_is_the_one_that_was_planted():
     shown = curve - taken @ np.linalg.lstsq(taken, curve)[0]
     sense = np.sign(left @ shown)
     assert np.sqrt(np.mean((left - sense * shown) ** 2)) < 0.2 * np.sqrt(np.mean(left**2))
+
+
+def test_functions_side_by_side_move_the_arm_as_one_by_one():
+    """A curve's waves stand side by side once the model was linearised; before, and of a model alone, each is added."""
+    found = calibrated((effect("gear-uneven", 3, 2e-4, knots=30.0, seed=5.0),), build="tracker", size=400)
+    problem, errors = found.fit.problem, found.fit.errors.copy()
+    errors[::7] = 0.0
+    model, context = found.fit.model, Context(problem.model.setup, problem.samples)
+    one_by_one = model.residual_in(context, problem.targets, errors)
+    shared = model.linearize_in(context, problem.targets, errors).columns.phi
+    assert shared
+    again = model.linearize_in(context, problem.targets, errors)
+    assert all(a is b for a, b in zip(shared, again.columns.phi, strict=True))
+    assert again.residual == pytest.approx(one_by_one, abs=1e-14)
+    context.forget_values()
+    assert model.linearize_in(context, problem.targets, errors).columns.phi[0] is not shared[0]
 
 
 @pytest.mark.long

@@ -42,6 +42,15 @@ def test_it_is_what_all_rows_without_the_fold_give(states, monkeypatch):
         assert predicted[own] == pytest.approx(raw[own] - rows[own] @ step, abs=1e-9)
 
 
+def test_what_only_one_fold_knows_is_predicted_too(states):
+    """There the bordered information of every fold is solved as a whole; elsewhere it gives the same."""
+    state, bench, entries = states
+    parameters = entries["gear ripple, joint 3"].make(9.2)
+    quick, whole = (HeldOutPredictor.of(state.fit, bench.split) for _ in range(2))
+    whole.__dict__["_fold_factors"] = None
+    assert quick.residual_with(parameters) == pytest.approx(whole.residual_with(parameters), abs=1e-11)
+
+
 def test_a_refit_gains_what_was_predicted(states):
     """Of what is there, and of what is not, which is then known to be worth no refit."""
     state, bench, entries = states

@@ -4,9 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import f
 
 from planner.effects.catalogue import catalogue
-from planner.tracing.effect_scores import ScoreTest
+from planner.tracing.effect_scores import ScoreTest, log_exceedance
 from tests.tracing.worlds import calibrated, effect
 
 
@@ -68,3 +69,10 @@ def test_a_worse_fit_scores_lower():
     rng = np.random.default_rng(1)
     noise = replace(shade, residual=rng.permutation(shade.residual))
     assert noise.score_one(entry).gain < 0.2 * real
+
+
+def test_chances_are_those_of_fishers_ratio():
+    ratio, size = np.array([0.0, 1e-9, 1.0, 5.0, 100.0]), np.array([1, 2, 3, 5, 8])
+    dof = np.array([100.0, 3000.0, 20.5, 5000.0, 12000.0])
+    assert log_exceedance(ratio, size, dof) == pytest.approx(f.logsf(ratio, size, dof), rel=1e-6, abs=1e-12)
+    assert log_exceedance(np.array(1e6), 3, 1e4) == -np.inf
