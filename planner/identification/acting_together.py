@@ -1,6 +1,6 @@
 """Causes that act together, and which of them are needless beside the others."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -127,13 +127,28 @@ class Together:
         return float(self.odds[self.stays].sum() + 0.5 * (self.along @ self.mean + self.log_det))
 
     def add_cause(self, gram: Array, part: Part) -> "Together":
-        """Return the fit with one more cause, behind the others (a block's inverse by its Schur complement)."""
-        (columns, size), (new, its) = sizes_of(self.parts), sizes_of([part])
-        shared, along = np.zeros((len(self.mean), len(new))), its * gram[new, -1]
+        """Return the fit with one more cause, behind the others."""
+        return next(self.add_each(gram, [part]))
+
+    def add_each(self, gram: Array, parts: Sequence[Part]) -> Iterator["Together"]:
+        """Yield the fit with each of some causes, behind the others."""
+        if not parts:
+            return
+        (columns, size), (new, its) = sizes_of(self.parts), sizes_of(parts)
+        shared, first = np.zeros((len(self.mean), len(new))), len(self.covariance)
         shared[1:] = size[:, None] * gram[np.ix_(columns, new)] * its
-        first = len(self.covariance)
         turned = self.change * self.signs @ (self.change.T @ shared)
         turned[:first] += self.covariance @ shared[:first]
+        for part, place in zip(parts, _places(parts, 0), strict=True):
+            yield self._add(gram, part, shared[:, place], turned[:, place])
+
+    def _add(self, gram: Array, part: Part, shared: Array, turned: Array) -> "Together":
+        """Add one of which products with what acts are known, (k + 1, w), and these times the covariance.
+
+        A block's inverse follows by its Schur complement.
+        """
+        new, its = sizes_of([part])
+        along = its * gram[new, -1]
         own = np.linalg.inv(np.eye(len(new)) + its[:, None] * gram[np.ix_(new, new)] * its - shared.T @ turned)
         root, mean = np.linalg.cholesky(own), own @ (along - shared.T @ self.mean)
         none, side = np.zeros((len(new), len(self.signs))), np.concatenate([-turned @ root, root])
@@ -221,9 +236,9 @@ class Together:
         return np.asarray(out)
 
 
-def _places(parts: Sequence[Part]) -> tuple[slice, ...]:
+def _places(parts: Sequence[Part], first: int = 1) -> tuple[slice, ...]:
     """Where the parameters of causes stand, behind the one that is nought."""
-    ends = np.cumsum([1, *(len(b.columns) for b, _ in parts)]).tolist()
+    ends = np.cumsum([first, *(len(b.columns) for b, _ in parts)]).tolist()
     return tuple(slice(a, e) for a, e in pairwise(ends))
 
 

@@ -178,21 +178,19 @@ class Bouts:
         held, size, whole = list(state.parts[:-1]), state.parts[-1][1], state.log_odds
         beside = self._without(held)
         by_poses = set[str]()
-        out = {OWN_NAME: 0.0, NOTHING: self.log_odds(held) - whole}
+        out = {OWN_NAME: 0.0, NOTHING: -float(state.conditional_log_odds()[-1])}
         b, stand = _mean_of(beside, own, size), [(OWN_NAME, own)]
         # of the finding's share in the readings a rival must explain the larger part
         most = min(TOLD_APART**2, 0.5 * float(b @ beside.products(own.columns, own.columns) @ b))
         unnamed = {id(u) for u in self.arena.unnamed}
         others = list(self._by_distance(k, held, beside, b))
-        without_kin = self._without_kin(own, held, [block for block, _, is_tried in others if is_tried])
-        for block, left, is_tried in others:
+        without = (beside, *self._without_kin(own, held, [block for block, _, is_tried in others if is_tried]))
+        logs = self._log_odds_with_each(state, own, [block for block, _, is_tried in others if is_tried], without)
+        for block, left, _ in others:
             # a law of any shape holds the finding's own law too: of that only the readings tell
             if id(block) not in unnamed and left < most:
                 by_poses.add(block.name)
-            if not is_tried:
-                continue
-            sizes = [_best_factor(rest, block) for rest in (beside, *without_kin)]
-            log = max(self._log_odds_with(state, own, (block, s)) for s in dict.fromkeys(sizes))
+            log = logs.get(id(block), -np.inf)
             if log > -np.inf:  # one name may have several laws
                 out[block.name] = float(np.logaddexp(out.get(block.name, -np.inf), log - whole))
                 stand.append((block.name, block))
@@ -277,6 +275,8 @@ class Bouts:
 
     def _without(self, held: Sequence[Part]) -> Beside:
         """Return what acts beside another cause where ``held`` alone acts, of what was drawn."""
+        if not held:
+            return Beside.of(self.gram, held)
         names = {block.name for block, _ in held}
         lean = names <= {block.name for block, _ in self._lean_fit.parts}
         fit, beside = (self._lean_fit, self._lean_beside) if lean else (self._whole_fit, self._whole_beside)
@@ -293,11 +293,20 @@ class Bouts:
         """Return the positions of the columns of causes, and of the readings."""
         return np.unique(np.concatenate([*(b.columns for b in blocks), [len(self.gram) - 1]]))
 
-    def _log_odds_with(self, state: "Together", own: Block, newcomer: Part) -> float:
-        """Return the log odds with a newcomer in and all needless out, minus infinity where the finding stays."""
-        kept = state.add_cause(self.gram, newcomer).prune()
-        stayed = any(b is own for (b, _), stays in zip(kept.parts, kept.stays, strict=True) if stays)
-        return -np.inf if stayed else kept.log_odds
+    def _log_odds_with_each(
+        self, state: Together, own: Block, blocks: Sequence[Block], without: Sequence[Beside]
+    ) -> dict[int, float]:
+        """Return the log odds with each newcomer in and all needless out, by its id; of those where the finding goes.
+
+        A newcomer has one of the sizes that are best beside what acts ``without`` the finding.
+        """
+        newcomers = [(b, s) for b in blocks for s in dict.fromkeys(_best_factor(rest, b) for rest in without)]
+        out = dict[int, float]()
+        for (block, _), grown in zip(newcomers, state.add_each(self.gram, newcomers), strict=True):
+            kept = grown.prune()
+            if not any(b is own for (b, _), stays in zip(kept.parts, kept.stays, strict=True) if stays):
+                out[id(block)] = max(kept.log_odds, out.get(id(block), -np.inf))
+        return out
 
     def log_odds(self, state: Sequence[Part]) -> float:
         """Return the logarithm of a state's probability over that of the one in which nothing acts."""
