@@ -40,9 +40,10 @@ def minimise_expected_error(geometry: ReleasedRobot, risk: float = 1.0) -> Fit:
         return posterior.fit
     off, tool = geometry.drawn_offsets, geometry.tool
     names = posterior.fit.model.names
-    which = [k for k, n in enumerate(tool.names) if n in names]
-    moved = off[[names.index(tool.names[k]) for k in which]]
-    products = moved.T @ (tool.gram[np.ix_(which, which)] @ moved) / len(tool.q)
+    here = {n: k for k, n in enumerate(names)}
+    each = [off[here[n]] if n in here else np.zeros(off.shape[1]) for n in tool.names]
+    moved = tool.flat_rows @ np.array(each)
+    products = moved.T @ moved / len(tool.q)
     beside = POSITION_AXES * geometry.misfit.rest**2 + geometry.drift**2
     return with_values(posterior.fit, posterior.fit.errors + off @ _least_risk(products, beside, square, risk))
 

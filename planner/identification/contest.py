@@ -230,8 +230,7 @@ class Bouts:
         """
         place = next((k for k, (b, _) in enumerate(self.present) if b.name == own.name), None)
         if place is None:
-            wanted = np.append(own.columns, len(self.gram) - 1)
-            part = own, _best_factor(Beside.of(self.gram, self.present, wanted), own)
+            part = own, _best_factor(self._whole_beside, own)
             alone = not self.present
             state = Together.of(self.gram, [part]) if alone else self._whole_fit.add_cause(self.gram, part)
             return state.prune().settle()

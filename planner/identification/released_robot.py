@@ -52,15 +52,19 @@ class ToolMap:
     names: tuple[str, ...]
     rows: Array
 
+    @property
+    def flat_rows(self) -> Array:
+        """The rows of all states one below the other, (3 n, P)."""
+        return self.rows.reshape(-1, len(self.names))
+
     @cached_property
     def gram(self) -> Array:
         """Products of the rows of all states, (P, P)."""
-        rows = self.rows.reshape(-1, len(self.names))
-        return np.asarray(rows.T @ rows)
+        return np.asarray(self.flat_rows.T @ self.flat_rows)
 
     def square(self, values: Array) -> Array:
         """Return the squared motion of every state [m²], (n,), by columns of errors (P, k), summed over the columns."""
-        return np.asarray(((self.rows.reshape(-1, len(self.names)) @ values) ** 2).reshape(len(self.q), -1).sum(axis=1))
+        return np.asarray(((self.flat_rows @ values) ** 2).reshape(len(self.q), -1).sum(axis=1))
 
 
 @dataclass(frozen=True)
@@ -127,7 +131,7 @@ class ReleasedRobot:
 
     def _rows_per_error(self, where: ToolMap, names: Sequence[str]) -> Array:
         """Return the motion (3 n, K) by each parameter over the root of n states times the error to be expected."""
-        rows = where.rows.reshape(-1, len(where.names))[:, [where.names.index(n) for n in names]]
+        rows = where.flat_rows[:, [where.names.index(n) for n in names]]
         return np.asarray(rows / max(np.sqrt(len(where.q)) * self.likely_workspace_error(self.fit, where), 1e-300))
 
     def expected_errors(self, fit: Fit | None) -> Array:
@@ -177,12 +181,12 @@ class ReleasedRobot:
         here = {name: k for k, name in enumerate(known.fit.model.names)}
         at = [k for k, n in enumerate(where.names) if n in here and known.drawn[here[n]].any()]
         names = [where.names[k] for k in at]
-        off, gram = self.drawn_offsets[[here[n] for n in names]], where.gram[np.ix_(at, at)]
+        off, own = np.zeros((len(where.names), known.drawn.shape[1])), np.zeros(len(where.names))
+        off[at], own[at] = self.drawn_offsets[[here[n] for n in names]], self.offset(names, fit)
         if (before := self._drawn_squares.get(id(where))) is None or before[0] is not where:  # the same of every fit
-            before = self._drawn_squares[id(where)] = where, np.asarray((off * (gram @ off)).sum(axis=0))
-        own = self.offset(names, fit)
-        towards = gram @ own
-        square = before[1] - 2 * (towards @ off) + own @ towards
+            before = self._drawn_squares[id(where)] = where, np.asarray(((where.flat_rows @ off) ** 2).sum(axis=0))
+        moved = where.flat_rows @ own
+        square = before[1] - 2 * (moved @ where.flat_rows @ off) + moved @ moved
         beside = POSITION_AXES * self.misfit.rest**2 + self.drift**2
         return np.asarray(np.sqrt(np.maximum(square, 0.0) / len(where.q) + beside))
 
