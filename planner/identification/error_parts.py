@@ -1,6 +1,6 @@
 """Of what the stated error over the workspace is made, and where what has no name moves the tool."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
 from itertools import pairwise
 
 import numpy as np
@@ -93,6 +93,61 @@ def misfit_place(released: ReleasedRobot) -> MisfitPlace | None:
     return largest_misfit(misfit_motion(released) ** 2, released.tool.q, released.fit.setup.robot.slide_numbers)
 
 
+def open_misfit(released: ReleasedRobot, parts: ErrorParts) -> Array:
+    """Return the square of the error that misfit leaves open at every state, (n,) [m²]; its mean is that of the part.
+
+    What is named and what is not share what is expected at a state by the scatter of each there, as over the workspace.
+    """
+    known, tool, misfit = released.posterior, released.tool, released.misfit
+    here = {name: k for k, name in enumerate(known.fit.model.names)}
+    off = np.zeros((len(tool.names), known.drawn.shape[1]))
+    for k, name in enumerate(tool.names):
+        if name in here:
+            off[k] = known.drawn[here[name]] - known.fit.errors[here[name]]
+    unnamed = np.array([name.startswith(UNNAMED) for name in tool.names])[:, None]
+    own, other, both = (tool.square(columns) / off.shape[1] for columns in (off * unnamed, off * ~unnamed, off))
+    share = own / np.maximum(own + other, 1e-300)
+    square = misfit.rest_square + both * (float((misfit.stretch**2).mean()) - 1 + share)
+    return np.asarray(square * parts.misfit**2 / max(float(square.mean()), 1e-300))
+
+
+def open_misfit_place(released: ReleasedRobot, parts: ErrorParts) -> MisfitPlace | None:
+    """Return where misfit leaves most open, and what acts like it; ``None`` where the run shows none."""
+    if misfit_likelihood(released) < MISFIT_PROBABILITY:
+        return None
+    slides = released.fit.setup.robot.slide_numbers
+    place = largest_misfit(open_misfit(released, parts), released.tool.q, slides)
+    return place.model_copy(update={"like": acts_like(released)})
+
+
+def acts_like(released: ReleasedRobot) -> str | None:
+    """Return what makes up most of the motion that has no name, in words; ``None`` where no one law does."""
+    known, tool = released.posterior, released.tool
+    family = dict(zip(known.record.model.names, known.record.effects.family.tolist(), strict=True))
+    here = {name: k for k, name in enumerate(known.fit.model.names)}
+    squares = {EACH_POSE: released.misfit.rest_square}
+    by_family: dict[str, list[int]] = {}
+    for k, name in enumerate(tool.names):
+        if name.startswith(UNNAMED) and family.get(name, -1) >= 0:
+            by_family.setdefault(known.record.names[family[name]], []).append(k)
+    for name, which in by_family.items():
+        weight = tool.gram[np.ix_(which, which)] / len(tool.q)
+        drawn = known.drawn[[here[tool.names[k]] for k in which]]
+        squares[_in_words(name)] = _trace(weight, drawn) / drawn.shape[1]
+    first = max(squares, key=lambda words: squares[words])
+    return first if squares[first] > 0.5 * sum(squares.values()) else None
+
+
+EACH_POSE = "scatter from pose to pose"
+
+
+def _in_words(family: str) -> str:
+    """Say ``misfit, part 3 by gravity (background)`` in the words of a person."""
+    what, _, by = family.removesuffix(OF_BACKGROUND).removeprefix(f"{UNNAMED}, ").partition(" by ")
+    where = f"behind joint {what.removeprefix('part ')}" if what.startswith("part ") else f"of the {what}"
+    return f"a turn {where} by {by}"
+
+
 def largest_misfit(square: Array, q: Array, slides: Collection[int] = ()) -> MisfitPlace:
     """Return where squared motions (n,) [m²] of states q (n, N) are largest; ``slides``: joints, from 1, that slide."""
     place, inside = MisfitPlace(anywhere=float(np.sqrt(square.mean()))), np.ones(len(q), dtype=bool)
@@ -105,9 +160,12 @@ def largest_misfit(square: Array, q: Array, slides: Collection[int] = ()) -> Mis
         found.append(MisfitRange(there=rms, joint=joint, range=ends, slides=(joint in slides) or None))
         inside &= (q[:, joint - 1] >= ends[0]) & (q[:, joint - 1] <= ends[1])
     if not found:
-        return place
+        means = [mean for angles in q.T for _, mean in _quarters(square, angles)]
+        least, most = (float(np.sqrt(v)) for v in (min(means), max(means)))
+        return place.model_copy(update={"least": least, "most": most})
     first = found[0]
     own = {"there": first.there, "joint": first.joint, "range": first.range, "slides": first.slides}
+    own |= {"elsewhere": float(np.sqrt(square[~inside].mean()))} if not inside.all() else {}
     return place.model_copy(update=own | {"within": found[1] if len(found) > 1 else None})
 
 
@@ -118,10 +176,14 @@ def _largest_quarter(square: Array, q: Array, but: Collection[int]) -> tuple[flo
     """
     best, joint, ends = 0.0, 0, (0.0, 0.0)
     for number, angles in enumerate(q.T, 1):
-        # 4: parts of a joint's range: where the misfit is largest is said as one of them
-        edges = np.quantile(angles, np.linspace(0, 1, 4 + 1))
-        for low, high in pairwise(edges if number not in but else ()):
-            there = float(square[(angles >= low) & (angles <= high)].mean())
+        for quarter, there in _quarters(square, angles) if number not in but else ():
             if there > best:
-                best, joint, ends = there, number, (float(low), float(high))
+                best, joint, ends = there, number, quarter
     return (float(np.sqrt(best)), joint, ends) if best > LOCAL_RATIO**2 * square.mean() else None
+
+
+def _quarters(square: Array, angles: Array) -> Iterator[tuple[tuple[float, float], float]]:
+    """Yield ends of the quarters of a joint's range, by its angles (n,), and the mean square (n,) in each."""
+    # 4: parts of a joint's range: where the misfit is largest is said as one of them
+    for low, high in pairwise(np.quantile(angles, np.linspace(0, 1, 4 + 1)).tolist()):
+        yield (low, high), float(square[(angles >= low) & (angles <= high)].mean())

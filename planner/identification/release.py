@@ -19,7 +19,7 @@ from planner.identification.assumptions import (
 )
 from planner.identification.compromise import choose_compromise, interpolate_fit
 from planner.identification.cross_validation import Split, predict_held_out
-from planner.identification.error_parts import error_parts, misfit_place
+from planner.identification.error_parts import error_parts, misfit_place, open_misfit_place
 from planner.identification.least_squares import Fit
 from planner.identification.misfit import (
     SWEEPS,
@@ -170,7 +170,7 @@ def share_by_regions(share: float, plain: Fit, regions: Sequence[HeldOutRegion])
 
 def describe_release(released: ReleasedRobot) -> Release:
     """Return the section of the document about the released robot."""
-    posterior, work = released.posterior, released.work_tool
+    posterior, work, parts = released.posterior, released.work_tool, error_parts(released)
     return Release(
         basis="posterior" if released.share else "geometry",
         share=released.share,
@@ -184,7 +184,8 @@ def describe_release(released: ReleasedRobot) -> Release:
         where_measured=released.likely_workspace_error(released.fit, released.measured),
         work_tool=None if work is None else _describe_work_tool(released, work),
         families=posterior.families,
-        parts=error_parts(released),
+        parts=parts,
+        misfit_place=open_misfit_place(released, parts),
         unexplained=misfit_place(released),
     )
 

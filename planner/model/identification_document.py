@@ -207,10 +207,11 @@ class Release(DocumentSection):
         work_tool: of the tool that the cell names.
         families: sizes of the effects as learnt.
         parts: of the released robot's error.
-        unexplained: what no named cause explains, where the run shows it.
+        misfit_place: where the part that is misfit is largest, where the run shows any, and what acts like it.
+        unexplained: motion of the tool that the run shows and no named cause explains.
     """
 
-    if_any = ("validation", "work_tool", "parts", "unexplained", "where_measured_mm")
+    if_any = ("validation", "work_tool", "parts", "misfit_place", "unexplained", "where_measured_mm")
     basis: Literal["posterior", "geometry"]
     share: float = 1.0
     findings: tuple[str, ...] = ()
@@ -224,6 +225,7 @@ class Release(DocumentSection):
     work_tool: WorkToolError | None = None
     families: tuple[SizeOfFamily, ...] = ()
     parts: ErrorParts | None = None
+    misfit_place: MisfitPlace | None = None
     unexplained: MisfitPlace | None = None
 
 

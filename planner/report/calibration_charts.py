@@ -6,7 +6,7 @@ import numpy as np
 
 from planner.common.determinism import even_positions
 from planner.common.units import Array, to_deg, to_mm
-from planner.identification.error_parts import misfit_motion, misfit_place
+from planner.identification.error_parts import error_parts, misfit_motion, misfit_place, open_misfit
 from planner.identification.released_robot import ReleasedRobot
 from planner.model.identification_document import error_size
 from planner.model.tool_error import tool_position
@@ -219,8 +219,9 @@ def error_map_chart(facts: CalibrationFacts, robot: ReleasedRobot) -> Chart:
 
 
 def misfit_chart(facts: CalibrationFacts, robot: ReleasedRobot) -> Chart:
-    """Draw how far what no named cause explains moves the tool, by reach and height, and along every joint."""
+    """Draw what misfit leaves open by reach and height, and beside unnamed motion along every joint."""
     moved, q = to_mm(misfit_motion(robot)), to_deg(robot.tool.q)
+    left = to_mm(np.sqrt(open_misfit(robot, error_parts(robot))))
     reach, height = _reach_height(robot.tool.position)
     x, y, near = _neighbourhoods(reach, height)
     samples = facts.calibration.run.samples
@@ -228,11 +229,11 @@ def misfit_chart(facts: CalibrationFacts, robot: ReleasedRobot) -> Chart:
     poses = _reach_height(tool_position(few, facts.calibration.setup))
     measured = Series("measured poses", *poses, BLACK, "points", size=3.0, opacity=0.6)
     field = Panel(
-        f"over the workspace: {digits(float(np.sqrt((moved**2).mean())))} mm rms",
+        f"misfit, left open: {digits(float(np.sqrt((left**2).mean())))} mm rms over the workspace",
         "reach from the axis of the base (mm)",
         "height (mm)",
         (measured,),
-        field=ColourField(x, y, _blur(near, moved), "tool moved by no named cause (mm)"),
+        field=ColourField(x, y, _blur(near, left), "misfit (mm)"),
         x_range=(0.0, 1.03 * float(reach.max())),
         y_range=(float(y[0]), float(y[-1])),
         height=FIELD_HEIGHT,
@@ -242,9 +243,10 @@ def misfit_chart(facts: CalibrationFacts, robot: ReleasedRobot) -> Chart:
         Panel(
             "",
             f"joint {j + 1} ({units[j]})",
-            "moved by (mm, rms)" if j % 2 else "",  # beside the colours of the field there is no room
+            "mm, rms" if j % 2 else "",  # beside the colours of the field there is no room
             (
-                _rms_line("no named cause", moved, RED, q[:, j]),
+                _rms_line("misfit, left open", left, RED, q[:, j]),
+                _rms_line("unnamed motion, seen", moved, GREY, q[:, j]),
                 Series("measured poses", seen[:, j], np.zeros(len(seen)), BLACK, "points", size=3.0, opacity=0.6),
             ),
             height=LINE_HEIGHT,
@@ -252,10 +254,10 @@ def misfit_chart(facts: CalibrationFacts, robot: ReleasedRobot) -> Chart:
         for j in range(q.shape[1])
     )
     caption = (
-        "What moves the tool and has no name, by the posterior and by poses that it did not see. Points are "
-        "measured poses: where the colour is strong and points are few, measure next."
+        "Misfit is the part of the error that causes without a name leave open; unnamed motion is what the run shows "
+        "of them. Points are measured poses: where misfit is large and points are few, measure next."
     )
-    return Chart("misfit", "What no named cause explains", caption, (field, *joints), columns=2)
+    return Chart("misfit", "Misfit: what causes without a name leave open", caption, (field, *joints), columns=2)
 
 
 def _rms_line(name: str, error: Array, colour: str, along: Array) -> Series:

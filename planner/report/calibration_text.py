@@ -121,6 +121,9 @@ def _part_sentences(r: Release) -> list[str]:
                 f"{in_mm(p.drift)} mm of it is how far the arm moved in the time of the run: it is written as it was "
                 "on average."
             )
+    if (place := r.misfit_place) is not None:
+        like = "" if place.like is None else f"; it acts like {place.like}"
+        out.append(f"That misfit is {place.text()}{like}.")
     if (m := r.unexplained) is not None:
         kept = ", which the robot as written follows where it was measured" if r.basis == "posterior" else ""
         out.append(

@@ -73,7 +73,7 @@ CAPTIONS = {  # of the pictures that reports have
     "residual_loads": "Error that is left against the load on each joint",
     "residual_circumstances": "Error that is left against time, temperature and the like",
     "correlation": "Which parameters are known only together",
-    "misfit": "What no named cause explains",
+    "misfit": "Misfit: what causes without a name leave open",
     "history": "What the poses were worth",
 }
 

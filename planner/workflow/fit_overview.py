@@ -13,7 +13,6 @@ from planner.identification.own_errors import own_errors_text
 from planner.model.finding import Finding, percent
 from planner.model.finding_groups import group_text
 from planner.model.identification_document import ErrorParts, Estimate, Metrics, Release
-from planner.model.misfit_place import MisfitPlace
 from planner.model.use_text import taught_sentence, tolerance_sentence, use_sentence
 from planner.workflow.calibration_tables import border_unit
 
@@ -89,25 +88,18 @@ def _part_facts(parts: ErrorParts) -> Iterator[Fact]:
 
 def _misfit_facts(found: Calibration, r: Release) -> Iterator[Fact]:
     """Say what no named cause explains, where, and what to measure, where that counts in the tool error."""
-    parts = r.parts
-    if r.unexplained is None or parts is None or not misfit_counts(parts):
+    parts, place = r.parts, r.misfit_place
+    if place is None or parts is None or not misfit_counts(parts):
         return
-    places = ", ".join(m.text for m in r.unexplained.ranges)
-    twice = "" if found.noise_floor is not None else ", 20 poses twice ([plan] repeat): that tells it from noise"
-    everywhere = "alike everywhere", f"more all over the workspace{twice}"
-    where, there = (f"most with {places}", "there") if places else everywhere
-    how = " (edbb plan --aim tracing)" if found.fit.model.width == 1 else ""
-    yield (
-        "misfit",
-        f"{_mm(parts.misfit)} mm of the error is what unnamed causes leave open, {where}: measure {there}{how}",
-    )
-
-
-def _motion_place(m: MisfitPlace) -> str:
-    """Return where the motion is largest that the run shows and no named cause explains."""
-    if not (ranges := m.ranges):
-        return "alike everywhere"
-    return f"most with {', '.join(r.text for r in ranges)} ({_mm(ranges[-1].there)} mm)"
+    where = "" if found.more is None else " by edbb plan --after"
+    if place.ranges:
+        cure = f"measure there{where}"
+    elif found.noise_floor is None:  # even, it may be noise
+        cure = "20 poses twice ([plan] repeat) tell it from noise"
+    else:
+        cure = f"measure more{where or ' all over the workspace'}"
+    like = "" if place.like is None else f", like {place.like}"
+    yield "misfit", f"{_mm(parts.misfit)} mm by unnamed causes, {place.text(1)}{like}: {cure}"
 
 
 def _held_out_fact(found: Calibration, release: Release | None) -> Fact:

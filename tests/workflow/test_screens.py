@@ -63,7 +63,15 @@ def with_traits(result, causes, parts, validated, tools, notes, state):
     if parts is not None:
         release |= {
             "parts": parts,
-            "unexplained": MisfitPlace(anywhere=MM, there=MM, joint=3, range=(-1.0, 1.0), within=WITHIN),
+            "misfit_place": MisfitPlace(
+                anywhere=MM,
+                there=MM,
+                joint=3,
+                range=(-1.0, 1.0),
+                within=WITHIN,
+                elsewhere=MM,
+                like="a turn behind joint 3 by joint 6",
+            ),
         }
     if validated:
         judged = Metrics(rms=MM, mean=MM, largest=MM)
