@@ -29,8 +29,9 @@ def error_parts(released: ReleasedRobot) -> ErrorParts:
     unnamed = np.array([known.fit.model.names[k].startswith(UNNAMED) for k in which])[:, None]
     own, other = (_trace(weight, off * part) for part in (unnamed, ~unnamed))
     share = own / max(own + other, 1e-300)
-    all_square = _trace(weight, off) / off.shape[1]
-    beyond = misfit.rest_square + all_square * (float((misfit.stretch**2).mean()) - 1 + share)
+    all_square, by_noise = (_trace(weight, part) / off.shape[1] for part in (off, known.of_noise[which]))
+    stretched = float((misfit.stretch**2).mean()) - 1
+    beyond = misfit.rest_square + all_square * share + by_noise * stretched
     whole = max(float((released.expected_errors(released.fit) ** 2).mean()), 1e-300)
     drift = min(released.drift_rms**2, whole)
     beyond = min(beyond, whole - drift)

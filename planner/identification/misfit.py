@@ -4,9 +4,11 @@ A posterior over a catalogue that lacks the cause is sure of the wrong thing; po
 the other is left out before anything is learnt of it, sizes of families included: a fit that chose its effects by all
 poses predicts those that it chose them by, and one that was measured all round a pose need not know the workspace. What
 is left of the readings there is held against what was expected: noise, what the other poses leave open, and two
-unknowns. The ``stretch`` multiplies what is left open, for a model of the right shape that is too sure. The ``rest``
-moves the tool at each pose alone, as a law does that no column follows. A run without misfit needs neither, so either
-is most likely absent (a spike and a slab).
+unknowns. The ``stretch`` is for a model of the right shape that is too sure: as if the noise that was counted with were
+so many times as large. It multiplies what the readings' noise puts the mean off by; what stays open because no reading
+tells of it, such as the gauge's scale, is as large as its prior says, which no misfit refutes. The ``rest`` moves the
+tool at each pose alone, as a law does that no column follows. A run without misfit needs neither, so either is most
+likely absent (a spike and a slab).
 Where the rest is of the noise's size, residuals alone do not tell one from the other, and a noise that is fitted takes
 both: how large noise is follows from data sheets, and from poses that the arm came back to, where there are any.
 How many families act without being named tells of a rest as well: a cause whose law the catalogue has takes about one
@@ -42,7 +44,7 @@ from planner.identification.cross_validation import number_targets, renumber_pla
 from planner.identification.least_squares import Fit
 from planner.identification.noise import Noise
 from planner.identification.posterior_background import EffectFamily
-from planner.identification.posterior_fit import draw_posterior
+from planner.identification.posterior_fit import PosteriorFit, draw_posterior
 from planner.identification.problem import FitProblem
 from planner.model.model import Model
 from planner.runs.run import Run, Samples
@@ -85,6 +87,7 @@ class HeldOutReadings:
     Attributes:
         residual: what is left of them, (m,) [m].
         open: variance of the prediction by what the posterior leaves open, (m,) [m²].
+        kept: the part of ``open`` that is not stretched: what priors make of it and not the noise, (m,) [m²].
         noise: variance of the reading, gauge and joints as large beside each other as was fitted, and together as large
             as is usual by what is declared: what is fitted may be misfit, (m,) [m²].
         turn: from readings, one behind the other, to these directions, (m, m).
@@ -94,15 +97,17 @@ class HeldOutReadings:
     open: Array
     noise: Array
     turn: Array
+    kept: Array | float = 0.0
 
     @classmethod
-    def of(cls, residual: Array, spread: Array, noise_root: Array) -> "HeldOutReadings":
+    def of(cls, residual: Array, spread: Array, noise_root: Array, by_noise: Array | None = None) -> "HeldOutReadings":
         """Turn readings into the directions in which what is left open is independent.
 
         Args:
             residual: of n samples, (n, r) [m].
             spread: a square root of the covariance of their prediction, (n, r, k) [m].
             noise_root: L⁻¹ of the covariance L Lᵀ of every sample's noise, (n, r, r) [1/m].
+            by_noise: the same as ``spread`` of the part that the readings' noise makes; none: of all of it.
         """
         size = float(np.exp(-np.log(np.abs(np.einsum("nii->ni", noise_root))).mean()))  # of the noise
         n, r = residual.shape
@@ -110,7 +115,8 @@ class HeldOutReadings:
         values, axes = np.linalg.eigh(flat @ flat.T)
         open_ = np.maximum(values, 0.0)
         turn = size * np.einsum("nia,nij->anj", axes.reshape(n, r, -1), noise_root).reshape(n * r, -1)
-        return cls(turn @ residual.ravel(), open_, np.full(n * r, size**2), turn)
+        part = open_ if by_noise is None else ((turn @ by_noise.reshape(n * r, -1)) ** 2).sum(axis=1)
+        return cls(turn @ residual.ravel(), open_, np.full(n * r, size**2), turn, open_ - np.minimum(part, open_))
 
     def weigh(self, residual: Array) -> Array:
         """Return other residuals (n, r) of these readings in standard deviations of what was expected, (m,)."""
@@ -267,7 +273,8 @@ def _log_density(part: HeldOutReadings, usual: float) -> Array:
     square, moved = part.residual**2, (RESTS**2 * usual)[:, None]
     for i, factor in enumerate(NOISES):
         for j, log in enumerate(LOGS):
-            variance = factor**2 * part.noise + np.exp(2 * log) * part.open + moved
+            left = np.exp(2 * log) * (part.open - part.kept) + part.kept
+            variance = factor**2 * part.noise + left + moved
             out[i, :, j] = -0.5 * (square / variance + np.log(variance)).sum(axis=1)
     return out
 
@@ -307,32 +314,34 @@ def _predict_region(
     worth, share = max(1.0, time * len(seen) / (~test).sum()), float((~test).mean())
     others = run.take(seen)
     drawn = draw_posterior(before, others, whole, background, worth, curves, sweeps=SWEEPS, share=share, start=start)
-    known = drawn.fit_at_start()
+    known, noise_root = drawn.fit_at_start()
     there = FitProblem.of(known.model, run.take(unseen), _scale_noise(known.problem.whitener.noise, 1 / np.sqrt(worth)))
-    return HeldOutRegion(unseen, _hold_out(there, known.errors, known.solution.root(known.problem.prior)))
+    return HeldOutRegion(unseen, _hold_out(there, known.errors, known.solution.root(known.problem.prior), noise_root))
 
 
-def predict_validation(known: Fit, run: Run, time: float) -> HeldOutReadings | None:
+def predict_validation(posterior: PosteriorFit, run: Run, time: float) -> HeldOutReadings | None:
     """Predict the positions of a run that no fit saw by a posterior of which ``time`` samples are worth one.
 
     ``None`` where the run stands in frames of its own.
     """
+    known = posterior.fit
     if (usable := transferable_model(known, run)) is None:
         return None
     model, which = usable
     few = run.take(_worth_one_each(np.arange(len(run)), time if run.continuous else 1.0, model.width))
     noise = _scale_noise(known.problem.whitener.noise, 1 / np.sqrt(time))
     there = FitProblem.of(model, renumber_places(few, known.setup), noise)
-    return _hold_out(there, known.errors[which], known.solution.root(known.problem.prior)[which])
+    roots = (known.solution.root(known.problem.prior), posterior.noise_root)
+    return _hold_out(there, known.errors[which], *(root[which] for root in roots))
 
 
-def _hold_out(there: FitProblem, errors: Array, root: Array) -> HeldOutReadings:
-    """Return what is left of positions with errors (P,), known by a root (P, k) of their covariance."""
+def _hold_out(there: FitProblem, errors: Array, root: Array, by_noise: Array) -> HeldOutReadings:
+    """Return what is left of positions with errors (P,), known by roots (P, k) of covariance and its noise's part."""
     linear, width = there.linearize(slice(0, len(there)), errors), min(POSITION_AXES, there.model.width)
     noise_root = _noise_root(there, width)
     rows = linear.rows[:, :width]
-    spread = (rows.reshape(-1, len(root)) @ root).reshape(*rows.shape[:2], -1)
-    return HeldOutReadings.of(linear.residual[:, :width], spread, noise_root)
+    spread, own = ((rows.reshape(-1, len(r)) @ r).reshape(*rows.shape[:2], -1) for r in (root, by_noise))
+    return HeldOutReadings.of(linear.residual[:, :width], spread, noise_root, own)
 
 
 def _noise_root(problem: FitProblem, width: int) -> Array:

@@ -47,7 +47,9 @@ class PosteriorFit:
     Attributes:
         fit: mean and information of all parameters that may act; its prior sigmas and noise are means over the draws.
         mixture: sizes that were drawn.
+        noise_root: root of the part of its covariance that the readings' noise makes, and not the priors, (P, P).
         drawn: parameters drawn from it, (P, n) [m, rad, …].
+        of_noise: the part of their distance from the mean that the readings' noise makes, (P, n).
         gram: products of whitened rows per prior sigma and residuals, (P + 1, P + 1).
         families: sizes of them.
         findings: groups of ``before`` that stand.
@@ -56,7 +58,9 @@ class PosteriorFit:
 
     fit: Fit
     mixture: SizeMixture
+    noise_root: Array
     drawn: Array
+    of_noise: Array
     gram: Array
     families: tuple[SizeOfFamily, ...]
     findings: tuple[str, ...]
@@ -124,12 +128,14 @@ class DrawnPosterior:
         errors = problem.prior * self.mixture.mean(_gram(problem, self.start), self.start / problem.prior)
         gram = _gram(problem, errors)
         fit, moments = self._fit_about(gram, errors, EACH)
-        drawn = problem.prior[:, None] * moments.drawn
-        return PosteriorFit(fit, self.mixture, drawn, gram, self.families, self.findings, self.record)
+        unit = problem.prior[:, None]
+        noise, drawn, of_noise = unit * moments.noise_root, unit * moments.drawn, unit * moments.of_noise
+        return PosteriorFit(fit, self.mixture, noise, drawn, of_noise, gram, self.families, self.findings, self.record)
 
-    def fit_at_start(self) -> Fit:
-        """Return mean and information alone, linearised where the fit starts."""
-        return self._fit_about(_gram(self.problem, self.start), self.start, 0)[0]
+    def fit_at_start(self) -> tuple[Fit, Array]:
+        """Return mean and information alone, linearised where the fit starts, and the root of the noise's part."""
+        fit, moments = self._fit_about(_gram(self.problem, self.start), self.start, 0)
+        return fit, np.asarray(self.problem.prior[:, None] * moments.noise_root)
 
     def _fit_about(self, gram: Array, errors: Array, each: int) -> tuple[Fit, MixtureMoments]:
         """Return the mean as linearised about errors (P,), and what else the mixture says."""

@@ -70,7 +70,7 @@ def release_robot(
     posterior = draw_posterior(last, run, whole, families, time, curves, start=start).fit()
     give_back_memory()
     regions = predict_regions(last, run, whole, families, time, posterior.record.last_factors, curves)
-    judged = None if context.validation is None else predict_validation(posterior.fit, context.validation, time)
+    judged = None if context.validation is None else predict_validation(posterior, context.validation, time)
     unseen = [*(r.readings for r in regions), *([] if judged is None else [judged])]
     nameless, repeats = posterior.record.count_nameless(), RepeatedReadings.of(posterior.fit, run)
     misfit = draw_misfit(unseen, posterior.drawn.shape[1], nameless, repeats)

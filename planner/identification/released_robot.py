@@ -199,7 +199,8 @@ class ReleasedRobot:
     def drawn_offsets(self) -> Array:
         """How far the values of the drawn robots are from the posterior's mean, (P, n) [m, rad, …], stretched."""
         known = self.posterior
-        return np.asarray(self.misfit.stretch * (known.drawn - known.fit.errors[:, None]))
+        off = known.drawn - known.fit.errors[:, None]
+        return np.asarray(off + (self.misfit.stretch - 1) * known.of_noise)
 
     def distance(self, fit: Fit, other: Fit) -> float:
         """Return how far the tools of two robots are apart over the workspace, rms [m]."""
@@ -232,7 +233,9 @@ class ReleasedRobot:
     def spread(self, names: Sequence[str]) -> Array:
         """Return a square root (K, k) of the covariance of parameters ``names``: the posterior's, stretched."""
         known = self.posterior.fit
-        root = known.solution.root(known.problem.prior) * np.sqrt((self.misfit.stretch**2).mean())
+        root, more = known.solution.root(known.problem.prior), float((self.misfit.stretch**2).mean()) - 1
+        if more > 0.0:
+            root = np.hstack([root, np.sqrt(more) * self.posterior.noise_root])
         here = {name: k for k, name in enumerate(known.model.names)}
         return np.stack([root[here[n]] if n in here else np.zeros(root.shape[1]) for n in names])
 

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve, solve_triangular
+from scipy.linalg import cho_factor, cho_solve
 from scipy.linalg.lapack import dpotri, dtrtri
 
 from planner.common.arrays import mirror_lower
@@ -41,27 +41,35 @@ class SizeMixture:
 
     def moments(self, gram: Array, z: Array, each: int = EACH, seed: int = 0) -> "MixtureMoments":
         """Return mean and information of the mixture, and so many robots drawn with each draw of the sizes."""
-        covariance, means, drawn = np.zeros((len(z), len(z))), [], [np.zeros((len(z), 0))]
-        rng = np.random.default_rng(seed)
+        covariance, by_noise, means = np.zeros((len(z), len(z))), np.zeros((len(z), len(z))), []
+        drawn, of_noise = [np.zeros((len(z), 0))], [np.zeros((len(z), 0))]
+        rng, rows = np.random.default_rng(seed), _root(gram[:-1, :-1]) if each else np.zeros((len(z), 0))
         for draw in self._fit_each_draw(gram, z):
-            unit = solve_triangular(draw.factor, rng.standard_normal((len(draw.own), each)), trans=1, lower=True)
-            drawn.append(np.repeat(draw.mean[:, None], each, axis=1))
-            drawn[-1][draw.acting] += np.sqrt(draw.ease) * draw.own[:, None] * unit
+            acting, size = draw.acting, np.sqrt(draw.ease) * draw.own[:, None]
             means.append(draw.mean)
             within = dpotri(draw.factor, lower=1, overwrite_c=1)[0]  # what stands above the diagonal is nothing
-            within *= draw.ease / len(self.size) * draw.own[:, None]
-            within *= draw.own
-            covariance[np.ix_(draw.acting, draw.acting)] += within
+            mirror_lower(within)
+            # the mean is off by (1 + SGS)⁻¹ (z − S Xᵀe): by what the prior says, and by the noise
+            prior = within @ rng.standard_normal((len(acting), each))
+            noise = within @ (draw.own[:, None] * (rows[acting] @ rng.standard_normal((rows.shape[1], each))))
+            of_noise.append(np.zeros((len(z), each)))
+            of_noise[-1][acting] = size * noise
+            drawn.append(np.repeat(draw.mean[:, None], each, axis=1))
+            drawn[-1][acting] += size * (prior + noise)
+            each_size = size * size.T / len(self.size)
+            by_noise[np.ix_(acting, acting)] += each_size * (within - within @ within)
+            covariance[np.ix_(acting, acting)] += each_size * within
         mean = np.mean(means, axis=0)
         apart = np.array(means) - mean
-        mirror_lower(covariance)
         covariance += apart.T @ apart / len(means)
         unit = np.sqrt(np.diag(covariance))
         unit = np.where(unit > 0, unit, 1.0)  # of what acts in no draw
         covariance /= np.outer(unit, unit)
         covariance.flat[:: len(z) + 1] += 1e-12  # of every direction, so that the information stays finite
         root = np.linalg.cholesky(covariance[::-1, ::-1])[::-1, ::-1]  # from the last to the first: upper triangular
-        return MixtureMoments(mean, np.asarray(dtrtri(unit[:, None] * root)[0]), np.concatenate(drawn, axis=1))
+        information = np.asarray(dtrtri(unit[:, None] * root)[0])
+        parts = (np.concatenate(part, axis=1) for part in (drawn, of_noise))
+        return MixtureMoments(mean, information, _root(by_noise), *parts)
 
     def _fit_each_draw(self, gram: Array, z: Array) -> Iterator["_DrawnFit"]:
         for size, ease in zip(self.scaled_sizes, self.ease, strict=True):
@@ -100,9 +108,21 @@ class MixtureMoments:
     Attributes:
         mean: of all parameters, (P,).
         information_root: R (P, P), upper triangular, with (RᵀR)⁻¹ the covariance within and between the draws.
+        noise_root: a root (P, P) of the part of the covariance that the readings' noise makes, and not the priors.
         drawn: parameters drawn from it, (P, n).
+        of_noise: the part of their distance from the mean that the readings' noise makes, (P, n).
     """
 
     mean: Array
     information_root: Array
+    noise_root: Array
     drawn: Array
+    of_noise: Array
+
+
+def _root(square: Array) -> Array:
+    """Return a root (P, P) of a symmetric matrix that is not negative but for rounding."""
+    unit = np.sqrt(np.maximum(np.diag(square), 0.0))
+    unit = np.where(unit > 0, unit, 1.0)
+    values, axes = np.linalg.eigh(square / np.outer(unit, unit))
+    return np.asarray(unit[:, None] * axes * np.sqrt(np.maximum(values, 0.0)))

@@ -68,8 +68,7 @@ def target_errors(released: ReleasedRobot, fit: Fit | None, tool: ToolMap) -> Ar
     here = {name: k for k, name in enumerate(known.fit.model.names)}
     at = [k for k, name in enumerate(tool.names) if name in here and known.drawn[here[name]].any()]
     which = [here[tool.names[k]] for k in at]
-    drawn = misfit.stretch * (known.drawn[which] - known.fit.errors[which, None])
-    off = drawn - released.offset([tool.names[k] for k in at], fit)[:, None]
+    off = released.drawn_offsets[which] - released.offset([tool.names[k] for k in at], fit)[:, None]
     moved = (tool.rows.reshape(-1, len(tool.names))[:, at] @ off).reshape(len(tool.q), POSITION_AXES, -1)
     beside = POSITION_AXES * misfit.rest**2 + released.drift**2  # of no state in particular
     return np.asarray(np.sqrt((moved**2).sum(axis=1) + beside))

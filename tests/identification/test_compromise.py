@@ -31,7 +31,8 @@ def fit_of(errors):
 def geometry_of(drawn, rest=0.01, stretch=1.0):
     """Geometry alone has neither error; the tool moves by what each is, along an axis of its own."""
     count = drawn.shape[1]
-    posterior = SimpleNamespace(fit=fit_of(drawn.mean(axis=1)), drawn=drawn)
+    fit = fit_of(drawn.mean(axis=1))
+    posterior = SimpleNamespace(fit=fit, drawn=drawn, of_noise=drawn - fit.errors[:, None])
     tool = ToolMap(np.zeros((1, 6)), np.zeros(3), np.zeros((1, 3)), NAMES, np.eye(3)[None, :, :2])
     misfit = Misfit(np.full(count, stretch), np.full(count, rest))
     alone, held = fit_of([0.0, 0.0]), SimpleNamespace()

@@ -180,6 +180,25 @@ def test_mean_covariance_and_draws_are_those_of_the_mixture(monkeypatch):
     assert np.all(np.isfinite(cholesky(R.T @ R)))
 
 
+def test_noise_twice_as_large_puts_the_mean_off_by_its_own_part_twice():
+    """Against estimates of truths drawn from the prior, whose readings are noisier than was counted with."""
+    rng = np.random.default_rng(5)
+    rows, size, ease = rng.normal(size=(6, 4)) * [3.0, 1.0, 0.3, 0.0], np.array([2.0, 1.0, 0.5, 1.0]), 1.5
+    gain = np.diag(size**2) @ rows.T @ np.linalg.inv(rows @ np.diag(size**2) @ rows.T + ease * np.eye(6))
+    truth = size[:, None] * rng.normal(size=(4, 40_000))
+    readings = rows @ truth + 2 * np.sqrt(ease) * rng.normal(size=(6, 40_000))
+    expected = np.cov(truth - gain @ readings)
+    y = readings[:, 0]
+    gram = np.column_stack([rows, y]).T @ np.column_stack([rows, y])
+    found = SizeMixture(size[None], np.array([ease])).moments(gram, np.zeros(4), each=40_000)
+    off = found.drawn - found.mean[:, None] + found.of_noise
+    assert np.allclose(np.cov(off), expected, atol=0.05)
+    covariance = np.linalg.inv(found.information_root.T @ found.information_root)
+    assert np.allclose(covariance + 3 * found.noise_root @ found.noise_root.T, expected, atol=0.05)
+    assert np.allclose(found.of_noise[3], 0.0)  # of which no reading tells
+    assert covariance[3, 3] == pytest.approx(1.0)
+
+
 @pytest.mark.long
 @pytest.mark.parametrize("readings", [40, 120])
 def test_truths_drawn_from_the_prior_are_as_far_off_as_is_stated(readings):

@@ -62,6 +62,14 @@ def typical(misfit):
     return float(np.median(misfit.stretch)), float(np.median(misfit.rest))
 
 
+def test_what_no_reading_tells_of_is_not_stretched():
+    """Of readings ten times as far off, in directions that the priors alone leave open, nothing is learnt."""
+    part = held_out(3, stretch=10.0)
+    kept = draw_misfit([replace(part, kept=part.open)], 400, NAMED)
+    assert (kept.stretch > 1).mean() < 0.25
+    assert np.median(draw_misfit([part], 400, NAMED).stretch) > 3
+
+
 def test_readings_as_expected_say_of_no_misfit():
     found = [draw_misfit([held_out(seed)], 400, NAMED) for seed in range(20)]
     assert np.median([m.probability for m in found]) < 0.3
