@@ -35,11 +35,16 @@ def _beside_the_products(rows):
     return f"{np.median(gain):.2f}", f"{max(gain):.2f}", f"{100 * worse:.0f} %"
 
 
+def _below(share, count):
+    """A share of so many arms in per cent, with its standard error."""
+    return f"{100 * share:.0f} ± {100 * np.sqrt(max(share * (1 - share), 1 / count) / count):.0f} %"
+
+
 def line(title, rows):
     """One line of the table: ratios and errors of a group of arms."""
     done = [row for row in rows if not int(row["refused"])]
     if not done:
-        return f"| {title} | {len(rows)} | {len(rows)} |" + " |" * 12
+        return f"| {title} | {len(rows)} | {len(rows)} |" + " |" * 13
     rng = np.random.default_rng(0)
     released, geometry = _column(done, "released_mm"), _column(done, "geometry_mm")
     ratio, gain = _column(done, "stated_mm") / released, released / geometry
@@ -48,7 +53,7 @@ def line(title, rows):
     cells = [
         title, len(rows), len(rows) - len(done), f"{np.median(_column(done, 'nominal_mm')):.3f}",
         f"{np.median(geometry):.3f}", f"{np.median(released):.3f}", f"{middle:.2f} ± {error:.2f}",
-        f"{np.quantile(ratio, 0.1):.2f} … {np.quantile(ratio, 0.9):.2f}",
+        f"{np.quantile(ratio, 0.1):.2f} … {np.quantile(ratio, 0.9):.2f}", _below(np.mean(ratio > 1), len(ratio)),
         f"{100 * np.mean(released <= _column(done, 'bound_mm')):.0f} %", f"{better:.2f} ± {its_error:.2f}",
         f"{gain.max():.2f}", f"{100 * np.mean(gain > WORSE):.0f} %", *_beside_the_products(done),
     ]  # fmt: skip
@@ -56,10 +61,9 @@ def line(title, rows):
 
 
 HEAD = (
-    "| arms | n | refused | nominal mm | own geometry mm | released mm | stated/true | tenths of stated/true | in 95 % "
-    "| released/own geometry | worst | worse by 5 % | released/product's geometry | worst | worse by 5 % |\n"
-    + "|---" * 15
-    + "|"
+    "| arms | n | refused | nominal mm | own geometry mm | released mm | stated/true | tenths of stated/true "
+    "| true below stated | in 95 % | released/own geometry | worst | worse by 5 % | released/product's geometry "
+    "| worst | worse by 5 % |\n" + "|---" * 16 + "|"
 )
 
 
