@@ -46,13 +46,13 @@ class MisfitPlace(SectionOfJoint):
     most: float | None = None
     like: str | None = None
 
-    def text(self, joints: int = 2) -> str:
-        """Say where it is most, by so many ``joints`` at most, and how much there and elsewhere, or that it is even."""
+    def text(self, joints: int = 2, unit: str = "") -> str:
+        """Say where it is most, by so many ``joints`` at most, how much there and elsewhere, or that it is even."""
         if not (ranges := self.ranges[:joints]):
             ends = "" if self.least is None or self.most is None else f" ({_mm(self.least)} to {_mm(self.most)} mm)"
             return f"nearly even{ends}"
         elsewhere = "" if self.elsewhere is None else f", else {_mm(self.elsewhere)}"
-        return f"most with {', '.join(r.text for r in ranges)} ({_mm(ranges[-1].there)}{elsewhere})"
+        return f"most with {', '.join(r.text for r in ranges)} ({_mm(ranges[-1].there)}{elsewhere}{unit})"
 
     @property
     def ranges(self) -> tuple[MisfitRange, ...]:

@@ -123,7 +123,7 @@ def _part_sentences(r: Release) -> list[str]:
             )
     if (place := r.misfit_place) is not None:
         like = "" if place.like is None else f"; it acts like {place.like}"
-        out.append(f"That misfit is {place.text()}{like}.")
+        out.append(f"That misfit is {place.text(unit=' mm')}{like}.")
     if (m := r.unexplained) is not None:
         kept = ", which the robot as written follows where it was measured" if r.basis == "posterior" else ""
         out.append(

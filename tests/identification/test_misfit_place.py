@@ -52,6 +52,7 @@ def test_the_document_keeps_both_ranges_and_the_screen_says_them():
     )
     there, elsewhere = (1e3 * np.sqrt(squares((2, 1.0, 2.0), (4, -2.0, -1.0))[k].mean()) for k in (inside, ~inside))
     assert where.endswith(f"({there:.3f}, else {elsewhere:.3f})")
+    assert place.text(unit=" mm") == f"{where[:-1]} mm)"
 
 
 def test_misfit_that_no_joint_tells_of_is_said_with_its_least_and_most():
