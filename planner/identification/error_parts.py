@@ -101,14 +101,16 @@ def open_misfit(released: ReleasedRobot, parts: ErrorParts) -> Array:
     """
     known, tool, misfit = released.posterior, released.tool, released.misfit
     here = {name: k for k, name in enumerate(known.fit.model.names)}
-    off = np.zeros((len(tool.names), known.drawn.shape[1]))
+    off, noise = np.zeros((2, len(tool.names), known.drawn.shape[1]))
     for k, name in enumerate(tool.names):
         if name in here:
             off[k] = known.drawn[here[name]] - known.fit.errors[here[name]]
+            noise[k] = known.of_noise[here[name]]
     unnamed = np.array([name.startswith(UNNAMED) for name in tool.names])[:, None]
-    own, other, both = (tool.square(columns) / off.shape[1] for columns in (off * unnamed, off * ~unnamed, off))
+    each = (off * unnamed, off * ~unnamed, off, noise)
+    own, other, both, by_noise = (tool.square(columns) / off.shape[1] for columns in each)
     share = own / np.maximum(own + other, 1e-300)
-    square = misfit.rest_square + both * (float((misfit.stretch**2).mean()) - 1 + share)
+    square = misfit.rest_square + both * share + by_noise * (float((misfit.stretch**2).mean()) - 1)
     return np.asarray(square * parts.misfit**2 / max(float(square.mean()), 1e-300))
 
 

@@ -123,7 +123,7 @@ def drawn_robot(rest, sizes, named=1e-4, count=400):
         effects=SimpleNamespace(family=np.array([0, 1, 2, -1])),
     )
     fit = SimpleNamespace(model=model, errors=np.zeros(4))
-    posterior = SimpleNamespace(fit=fit, drawn=drawn, record=record)
+    posterior = SimpleNamespace(fit=fit, drawn=drawn, of_noise=drawn, record=record)
     return SimpleNamespace(posterior=posterior, tool=tool, misfit=Misfit(np.ones(count), np.full(count, rest)))
 
 
