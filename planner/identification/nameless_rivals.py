@@ -4,16 +4,21 @@ Each finding is held against single causes, with a name or without (``contest``)
 once, as a hose that pulls at four joints does, loses each of these contests and is there nevertheless: what it moves
 besides is then seen as misfit. Of what the catalogue has, nothing is left. The finding is such a part as likely as
 there is misfit, times the share that the nameless has in what both move: a name that fits leaves little beside it.
+What the gauge does by itself moves no tool: of it and of the nameless it is counted how far the readings move.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from planner.effects.nonparametric import NONPARAMETRIC
+from planner.effects.phi_keys import columns_of, depends_on_run
+from planner.identification.assumptions import POSITION_AXES
 from planner.identification.contenders import HUNDRED_TO_ONE, Contender, Rival, Standing
 from planner.identification.error_parts import misfit_likelihood, misfit_motion
 from planner.identification.posterior_background import OF_BACKGROUND
+from planner.identification.problem import FitProblem
 from planner.identification.released_robot import ReleasedRobot
 
 
@@ -25,12 +30,15 @@ def with_nameless_rivals(
         return []
     chance = misfit_likelihood(released)
     beside = float(np.sqrt((misfit_motion(released) ** 2).mean()))
-    return [
-        _share_out(standing, chance * beside / (beside + moved), cause.name.removesuffix(OF_BACKGROUND))
-        if (moved := _motion(released, cause)) > 0
-        else standing
-        for cause, standing in zip(causes, standings, strict=True)
-    ]
+    along = min(released.fit.model.width, POSITION_AXES) / POSITION_AXES  # what a reading has of a motion of the tool
+    out = []
+    for cause, standing in zip(causes, standings, strict=True):
+        moved, other = _motion(released, cause), beside
+        if moved == 0.0:
+            moved, other = _motion_of_readings(released, cause), beside * float(np.sqrt(along))
+        share = chance * other / (other + moved) if moved > 0.0 else 0.0
+        out.append(_share_out(standing, share, cause.name.removesuffix(OF_BACKGROUND)))
+    return out
 
 
 def _motion(released: ReleasedRobot, cause: Contender) -> float:
@@ -39,6 +47,22 @@ def _motion(released: ReleasedRobot, cause: Contender) -> float:
     own = {p.name: values[p.name] for p in cause.parameters if p.name in values}
     errors = np.array([own.get(name, 0.0) for name in tool.names])
     return float(np.sqrt(tool.square(errors[:, None]).mean()))
+
+
+def _motion_of_readings(released: ReleasedRobot, cause: Contender) -> float:
+    """Return how far a cause of the gauge moves the positions that are read, rms [m]; 0: by time or speed alone.
+
+    What has no name is looked for by joint angles and loads.
+    """
+    record, values = released.posterior.record, released.posterior.fit.values
+    own = tuple(p for p in cause.parameters if p.name in values)
+    keys = [m.phi.key for p in own for m in p.moves]
+    if any(columns_of(key) or depends_on_run(key) for key in keys):
+        return 0.0
+    problem = FitProblem.of(replace(record.model.fix_at(record.errors), parameters=own), record.run)
+    rows = problem.linearize(slice(0, len(problem)), np.zeros(len(own))).rows[:, :POSITION_AXES]
+    moved = rows @ np.array([values[p.name] for p in own])
+    return float(np.sqrt((moved**2).sum(axis=1).mean()))
 
 
 def _share_out(standing: Standing, nameless: float, name: str) -> Standing:

@@ -15,6 +15,7 @@ from planner.effects.catalogue import Excitation
 from planner.effects.compliance import LoadMoment
 from planner.effects.context import Context
 from planner.effects.misfit_shapes import GravityHarmonic, misfit_shapes
+from planner.effects.phi_keys import columns_of
 from planner.effects.sizes import PART_TURN
 from planner.identification.assumptions import USUAL_NOISE_SHARE
 from planner.identification.contenders import Contender, Rival, Standing
@@ -293,6 +294,21 @@ def test_what_moves_the_tool_beside_a_nameless_cause_may_be_a_part_of_it(identif
     assert moved.probability == pytest.approx(0.9 * (1 - sum(r.probability for r in nameless)))
     (twice,) = with_nameless_rivals(released, [_cause(released, "geometry, all")], [moved])
     assert len(twice.rivals) == len(moved.rivals)
+
+
+def test_what_a_gauge_does_by_itself_may_be_a_part_of_a_nameless_cause_too(identified_run):
+    """A hose that pulled at four joints was called a lobed ball of the bar (99 %), which moves no tool."""
+    hidden, found, _ = identified_run
+    released, before = found.released, Standing(0.9, ())
+    of_gauge = [
+        p for p in released.posterior.fit.model.parameters
+        if all(m.on == "reading" and not columns_of(m.phi.key) for m in p.moves)
+    ]  # fmt: skip
+    lobed = Contender("ball lobing, ball on the tool", tuple(of_gauge))
+    (after,) = with_nameless_rivals(released, [lobed], [before])
+    assert {r.name for r in after.rivals} <= {"unnamed, ball on the tool"}
+    assert (after.probability < 0.45) == hidden  # the gauge's scale moves the readings by next to nothing
+    assert after.probability == pytest.approx(0.9 - sum(r.probability for r in after.rivals))
 
 
 def _cause(released, name):
