@@ -80,9 +80,21 @@ def _key_path(data: object, loc: Sequence[str | int], missing: bool) -> KeyPath:
     return tuple(out)
 
 
+def _as_written(data: object, path: KeyPath, found: object) -> object:
+    """Return a number as the file has it: in memory it may be in another unit."""
+    if isinstance(found, bool) or not isinstance(found, int | float):
+        return found
+    for part in path:
+        try:
+            data = data[part]  # type: ignore[index]
+        except (KeyError, IndexError, TypeError):
+            return found
+    return data if isinstance(data, int | float) else found
+
+
 def _sentence(path: KeyPath, faults: list[ErrorDetails], model: type[BaseModel], toml: bool, data: object) -> str:
     """Say one fault; ``faults``: of all alternatives, where the same key may be written in several ways."""
-    kinds, found = [e["type"] for e in faults], faults[0]["input"]
+    kinds, found = [e["type"] for e in faults], _as_written(data, path, faults[0]["input"])
     place, key = _name_place(path, toml, isinstance(found, dict) and kinds[0] != "missing")
     if kinds[0] == "extra_forbidden":
         known = _keys_beside(model, path, data)

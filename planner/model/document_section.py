@@ -75,6 +75,8 @@ def _without_rounding(value: object) -> object:
     return 1.0 if isinstance(value, float) and 1.0 < value < 1.0 + 1e-9 else value
 
 
+Size = Annotated[float, Field(ge=0)]
+"""Of what has no sign, such as a root mean square."""
 Probability = Annotated[float, BeforeValidator(_without_rounding), Field(ge=0, le=1)]
 
 

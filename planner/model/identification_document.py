@@ -11,7 +11,7 @@ from pydantic_core.core_schema import any_schema
 from planner.common.arrays import mean_by_group
 from planner.common.schema import read_json, validate
 from planner.common.units import Array
-from planner.model.document_section import DocumentSection, Probability, round_digits
+from planner.model.document_section import DocumentSection, Probability, Size, round_digits
 from planner.model.finding import Finding, RejectedEffect
 from planner.model.finding_groups import list_causes
 from planner.model.gauge_frames import GaugeFrames, JointZero
@@ -28,10 +28,10 @@ class Metrics(DocumentSection):
     """Root mean square, mean and largest error of some samples [m]; ``spread``: of the rms between the folds [m]."""
 
     if_any = ("spread_mm",)
-    rms: float
-    mean: float = 0.0
-    largest: float = 0.0
-    spread: float | None = None
+    rms: Size
+    mean: Size = 0.0
+    largest: Size = 0.0
+    spread: Size | None = None
 
     @classmethod
     def of(cls, residual: Array, fold: np.ndarray | None = None) -> "Metrics":
@@ -165,8 +165,8 @@ class WorkToolError(DocumentSection):
     """
 
     position: tuple[float, float, float]
-    anywhere: float
-    nominal_anywhere: float
+    anywhere: Size
+    nominal_anywhere: Size
 
 
 class ErrorParts(DocumentSection):
@@ -179,10 +179,10 @@ class ErrorParts(DocumentSection):
         misfit: what no named cause explains; drift: how far the arm moved in the run from what it was on average.
     """
 
-    seen: float
-    unseen: float
-    misfit: float
-    drift: float = 0.0
+    seen: Size
+    unseen: Size
+    misfit: Size
+    drift: Size = 0.0
 
 
 ReleaseBasis = Literal["posterior", "geometry", "fit"]
@@ -213,15 +213,15 @@ class Release(DocumentSection):
 
     if_any = ("validation", "work_tool", "parts", "misfit_place", "unexplained", "where_measured_mm")
     basis: Literal["posterior", "geometry"]
-    share: float = 1.0
+    share: Probability = 1.0
     findings: tuple[str, ...] = ()
     held_out: Metrics
     validation: Metrics | None = None
-    at_most: float
-    nominal_anywhere: float
-    geometry_anywhere: float
-    other_tool: float
-    where_measured: float | None = None
+    at_most: Size
+    nominal_anywhere: Size
+    geometry_anywhere: Size
+    other_tool: Size
+    where_measured: Size | None = None
     work_tool: WorkToolError | None = None
     families: tuple[SizeOfFamily, ...] = ()
     parts: ErrorParts | None = None
@@ -282,7 +282,7 @@ class Identification(DocumentSection):
     tried: int | None = None
     unexplained: Unexplained = Unexplained()
     noise_floor: float | None = None
-    workspace_error: float = 0.0
+    workspace_error: Size = 0.0
     release: Release | None = None
     condition_number: float | None = None
     correlation_time: float = Field(default=1.0, gt=0)

@@ -11,7 +11,7 @@ from planner.common.units import Array, to_deg, to_mm
 from planner.effects.context import Context
 from planner.identification.calibration import Calibration
 from planner.kinematics.geometry import bar_state
-from planner.model.identification_document import Stage, error_size
+from planner.model.identification_document import Release, Stage, error_size
 from planner.model.model import chunks
 
 PANEL_POINTS = 500  # of the samples, drawn in one panel
@@ -41,6 +41,11 @@ class CalibrationFacts:
     def written_stage(self) -> Stage:
         """The robot as it is written."""
         return self.calibration.written_stage
+
+    @property
+    def written_errors(self) -> Stage | Release:
+        """Its errors held out and on the validation run, those of a run too long to keep each residual of as well."""
+        return self.written_stage if self.calibration.release is None else self.calibration.release
 
     @cached_property
     def chart_samples(self) -> np.ndarray:

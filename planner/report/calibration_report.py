@@ -75,7 +75,7 @@ def _about_text(c: Calibration) -> str:
 
 def _facts(facts: CalibrationFacts) -> tuple[Row, ...]:
     """The handful of numbers that a person asks for first: (what, value, remark)."""
-    c, before, after = facts.calibration, facts.placed_stage.held_out, facts.written_stage.held_out
+    c, before, after = facts.calibration, facts.placed_stage.held_out, facts.written_errors.held_out
     unit = c.reading_unit
     several, read = text.GROUP_NAMES[c.split.by][0], c.setup.gauge.plural
     floor = "no repeats" if c.noise_floor is None else f"repeats scatter {in_mm(c.noise_floor)} {unit}"

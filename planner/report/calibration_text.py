@@ -58,7 +58,7 @@ def headline_text(facts: CalibrationFacts) -> tuple[str, ...]:
     """Say what the calibration brought: the sentence that a customer reads; nothing where the fit may not be used."""
     c, groups = facts.calibration, GROUP_NAMES[facts.calibration.split.by][0]
     unit = c.reading_unit
-    first, before, after = c.stages[0].held_out, facts.placed_stage.held_out, facts.written_stage.held_out
+    first, before, after = c.stages[0].held_out, facts.placed_stage.held_out, facts.written_errors.held_out
     worse = [] if c.worse_than_nominal is None else [f"{c.worse_than_nominal}."]
     if c.problems:
         left = (
@@ -81,7 +81,7 @@ def headline_text(facts: CalibrationFacts) -> tuple[str, ...]:
         out.append(f"Before the gauge's own place was fitted it was {in_mm(first.mean)} {unit}.")
     own = own_errors_text(c)
     out += [f"{own[0].upper()}{own[1:]}."] if own else []
-    checks = [s.validation for s in (facts.placed_stage, facts.written_stage) if s.validation is not None]
+    checks = [s.validation for s in (facts.placed_stage, facts.written_errors) if s.validation is not None]
     if len(checks) == 2:
         out.append(f"On the separate validation run: {in_mm(checks[0].mean)} {unit} → {in_mm(checks[1].mean)} {unit}.")
     return (*out, *([] if c.release is None else _part_sentences(c.release)))

@@ -206,7 +206,9 @@ def _field(field: ColourField, right: float, top: float) -> Properties:
     """Draw a field whose scale of colours stands at the right of the panel that ends at ``right`` and ``top``."""
     bar = {"thickness": 10, "outlinewidth": 0, "len": 0.5, "x": right, "xpad": 4, "y": top, "yanchor": "top"}
     hover = f"%{{x:.0f}}, %{{y:.0f}}: {field.label} %{{z:.3g}}<extra></extra>"
-    look = {"type": "heatmap", "colorscale": "YlOrRd", "colorbar": bar, "hovertemplate": hover}
+    # plotly.js has this scale from dark red to yellow, all others from yellow to dark red
+    colours = {"colorscale": "YlOrRd", "reversescale": True}
+    look = {"type": "heatmap", **colours, "colorbar": bar, "hovertemplate": hover}
     return {"x": field.x, "y": field.y, "z": field.values.astype(np.float32), **look}
 
 

@@ -20,7 +20,7 @@ from planner.model.finding_groups import list_causes
 from planner.model.identification_document import DetectionLimit, Identification
 from planner.report.calibration_data import CalibrationFacts
 from planner.report.calibration_report import calibration_content
-from planner.report.calibration_text import _capital, detection_text
+from planner.report.calibration_text import _capital, detection_text, headline_text
 from planner.report.chart import weighted_means
 from planner.report.effect_evidence import collect_evidence, finding_chart, finding_steps, told_findings
 from planner.runs.loader import load_run
@@ -178,6 +178,16 @@ def test_the_size_of_the_fit_stands_beside_that_of_the_robot_as_written(told: Ca
     fitted, written = re.findall(r"([\d.]+) (?:± [\d.]+ )?µrad", line)
     assert float(fitted) == pytest.approx(1e6 * abs(play.value), abs=0.06)
     assert float(written) == pytest.approx(1e6 * math.hypot(*own), abs=0.06)
+
+
+def test_the_largest_error_of_the_headline_is_that_of_the_robot_as_written(c: Calibration) -> None:
+    """Of a drive too long for each residual of the written robot it was the last stage's, beside the screen's."""
+    assert c.release is not None
+    errors = c.release.held_out.model_copy(update={"largest": 1.2345e-5})
+    of_a_drive = c.model_copy(update={"release": c.release.model_copy(update={"held_out": errors}), "released": None})
+    told = CalibrationFacts(of_a_drive)
+    assert any("to 0.0123 mm" in sentence for sentence in headline_text(told))
+    assert told.written_stage.held_out.largest != errors.largest
 
 
 def test_many_of_one_kind_have_one_section_and_one_picture(c: Calibration) -> None:

@@ -1,12 +1,17 @@
-"""Nothing of a printed picture is cut off: its edge is blank."""
+"""Nothing of a printed picture is cut off: its edge is blank; and its colours mean what they mean on the page."""
 
+import re
 from io import BytesIO
+from pathlib import Path
 
 import numpy as np
+import plotly
+from matplotlib import colormaps
 from matplotlib.image import imread
 
 from planner.report.chart import BLACK, GREEN, RED, Chart, ColourField, Panel, Series
 from planner.report.matplotlib_backend import chart_png
+from planner.report.plotly_backend import _field
 
 
 def ink(chart):
@@ -31,3 +36,16 @@ def test_beside_a_scale_there_is_room_for_labels():
     panels += [Panel("", "joint", "moved by (mm, rms)", (line("", RED),)) for _ in range(3)]
     seen = ink(Chart("c", "", "", tuple(panels), columns=2))
     assert not seen[:, :4].any()
+
+
+def test_a_field_is_darkest_where_it_is_largest_on_the_page_as_in_print():
+    """plotly.js counts its scale YlOrRd from dark red, and matplotlib from yellow."""
+    script = (Path(plotly.__file__).parent / "package_data" / "plotly.min.js").read_text(encoding="utf-8")
+    ends = re.search(r"YlOrRd:\[\[0,\"rgb\((\d+),(\d+),(\d+)\)\".*?\[1,\"rgb\((\d+),(\d+),(\d+)\)\"\]\]", script)
+    low, high = np.array(ends.groups(), float).reshape(2, 3).sum(axis=1)
+    drawn = _field(ColourField(np.arange(2.0), np.arange(2.0), np.eye(2), "moved (mm)"), 1.0, 1.0)
+    if drawn.get("reversescale"):
+        low, high = high, low
+    printed = [sum(colormaps[drawn["colorscale"]](end)[:3]) for end in (0.0, 1.0)]
+    assert low > high
+    assert printed[0] > printed[1]

@@ -96,6 +96,16 @@ def test_a_finding_that_cannot_be_is_refused_by_key_and_what_is_allowed(changes,
     assert str(path) in str(refused.value)
 
 
+def test_an_error_without_a_sign_is_refused_with_one(tmp_path):
+    """Release errors of -1 mm went into a robot's record."""
+    path = file(tmp_path, (*LAG, ["servo lag, joint 2"]))
+    document = json.loads(path.read_text())
+    document["stages"][-1]["held_out"]["max_mm"] = -1.0
+    path.write_text(json.dumps(document))
+    with pytest.raises(InputError, match=r"'held_out\.max_mm' = -1\.0: must be greater than or equal to 0"):
+        read_identification(path, NJ, 6)
+
+
 def test_effects_that_came_again_are_the_same_effects(tmp_path):
     path = file(tmp_path, ("gear ripple (2)", "joint 1", 0.01, "deg", ["backlash, joint 1", "warm-up (3), arm"]))
     (found,) = read_identification(path, NJ, 6).found
