@@ -80,7 +80,7 @@ def _key_path(data: object, loc: Sequence[str | int], missing: bool) -> KeyPath:
     return tuple(out)
 
 
-def _as_written(data: object, path: KeyPath, found: object) -> object:
+def _number_in_file(data: object, path: KeyPath, found: object) -> object:
     """Return a number as the file has it: in memory it may be in another unit."""
     if isinstance(found, bool) or not isinstance(found, int | float):
         return found
@@ -94,7 +94,7 @@ def _as_written(data: object, path: KeyPath, found: object) -> object:
 
 def _sentence(path: KeyPath, faults: list[ErrorDetails], model: type[BaseModel], toml: bool, data: object) -> str:
     """Say one fault; ``faults``: of all alternatives, where the same key may be written in several ways."""
-    kinds, found = [e["type"] for e in faults], _as_written(data, path, faults[0]["input"])
+    kinds, found = [e["type"] for e in faults], _number_in_file(data, path, faults[0]["input"])
     place, key = _name_place(path, toml, isinstance(found, dict) and kinds[0] != "missing")
     if kinds[0] == "extra_forbidden":
         known = _keys_beside(model, path, data)

@@ -116,9 +116,11 @@ def test_headline_is_the_tools_error_and_then_that_of_readings_not_seen(c: Calib
 def test_a_calibration_that_brings_nothing_says_so(c: Calibration) -> None:
     frames = c.stages[1]
     assert c.released
+    assert c.release
     robot = replace(c.released, held_out=frames.held_out, held_residual=frames.held_residual)
+    release = c.release.model_copy(update={"held_out": frames.held_out})
     stages = (*c.stages[:2], frames.model_copy(update={"name": "geometry"}))
-    worse = c.model_copy(update={"stages": stages, "released": robot})
+    worse = c.model_copy(update={"stages": stages, "released": robot, "release": release})
     assert "brought nothing" in " ".join(headline_text(CalibrationFacts(worse)))
 
 
