@@ -94,10 +94,11 @@ def gauge_shapes(run: Excitation) -> Iterator[tuple[str, tuple[Parameter, ...]]]
 
 def _hanging_shapes(run: Excitation) -> Iterator[Parameter]:
     # 3 and 2: shapes in the length, and one side of a bar may be heavier than the other
+    about, span = _middle_and_half(run)
     degrees = list(product(range(3), range(2)))
     size = _usual_size(run) / np.sqrt(len(degrees))
     for length, rise in degrees:
-        move = ParameterMove("reading", 0, HangingShape(*_middle_and_half(run), length, rise))
+        move = ParameterMove("reading", 0, HangingShape(about, span, length, rise))
         yield Parameter(f"gauge_hanging_{length}{rise}", "m", float(size), "error of the gauge as it hangs", (move,))
 
 

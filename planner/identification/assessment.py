@@ -240,6 +240,12 @@ def _release(
         return None
 
 
+def _whole_covariance(found: Fit, free: FittedParameters, continuous: bool) -> tuple[Array, float]:
+    """Return the covariance (P, P), what is held and may be off counted in, and the correlation time in samples."""
+    fitted, time = parameter_covariance(found, continuous)
+    return fitted + consider_covariance(found, free.held), time
+
+
 def assess_fit(
     stages: list[FittedStage], free: FittedParameters, context: FitContext, cell: Cell, validation: Run | None,
     traced: TracingResult, notes: Sequence[str] = (), basis: ReleaseBasis = "posterior",
@@ -247,8 +253,7 @@ def assess_fit(
     """Assess the last stage and assemble the calibration; a long run is fitted once more to all of its samples."""
     run, parts, stages = context.run, context.split, _fit_all_samples(stages, context)
     found, last = stages[-1].fit, stages[-1].stage
-    fitted, time = parameter_covariance(found, run.continuous)
-    covariance = fitted + consider_covariance(found, free.held)
+    covariance, time = _whole_covariance(found, free, run.continuous)
     table = _estimate_all(free, found, covariance, traced)
     problems = find_problems(table, stages, found, traced, run, cell)
     released = None if problems else _release(stages, free, context, cell, time, basis)

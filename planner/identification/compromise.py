@@ -16,7 +16,7 @@ import numpy as np
 from planner.common.units import Array
 from planner.identification.assumptions import DOUBT, NOTICED, POSITION_AXES
 from planner.identification.least_squares import Fit
-from planner.identification.released_robot import ReleasedRobot
+from planner.identification.released_robot import ReleasedRobot, pick_rows
 
 
 def choose_compromise(geometry: ReleasedRobot) -> tuple[Fit, float]:
@@ -39,10 +39,7 @@ def minimise_expected_error(geometry: ReleasedRobot, risk: float = 1.0) -> Fit:
     if not square.all():  # nothing moves the tool
         return posterior.fit
     off, tool = geometry.drawn_offsets, geometry.tool
-    names = posterior.fit.model.names
-    here = {n: k for k, n in enumerate(names)}
-    each = [off[here[n]] if n in here else np.zeros(off.shape[1]) for n in tool.names]
-    moved = tool.flat_rows @ np.array(each)
+    moved = tool.flat_rows @ pick_rows(off, posterior.fit.model.names, tool.names)
     products = moved.T @ moved / len(tool.q)
     beside = POSITION_AXES * geometry.misfit.rest**2 + geometry.drift**2
     return with_values(posterior.fit, posterior.fit.errors + off @ _least_risk(products, beside, square, risk))

@@ -1,6 +1,6 @@
 """Of what the stated error over the workspace is made, and where what has no name moves the tool."""
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -11,7 +11,7 @@ from planner.effects.drift_shapes import IN_TIME
 from planner.identification.assumptions import LOCAL_RATIO, MISFIT_PROBABILITY, POSITION_AXES, UNSEEN_READINGS_RATIO
 from planner.identification.posterior_background import OF_BACKGROUND, UNNAMED
 from planner.identification.posterior_fit import PosteriorFit
-from planner.identification.released_robot import ReleasedRobot
+from planner.identification.released_robot import ReleasedRobot, pick_rows
 from planner.model.identification_document import ErrorParts
 from planner.model.misfit_place import MisfitPlace, MisfitRange
 
@@ -26,7 +26,7 @@ def error_parts(released: ReleasedRobot) -> ErrorParts:
     at = [k for k, name in enumerate(tool.names) if name in here]
     which, weight = [here[tool.names[k]] for k in at], tool.gram[np.ix_(at, at)] / len(tool.q)
     off = (known.drawn - known.fit.errors[:, None])[which]
-    unnamed = np.array([known.fit.model.names[k].startswith(UNNAMED) for k in which])[:, None]
+    unnamed = _has_no_name([known.fit.model.names[k] for k in which])
     own, other = (_trace(weight, off * part) for part in (unnamed, ~unnamed))
     share = own / max(own + other, 1e-300)
     all_square, by_noise = (_trace(weight, part) / off.shape[1] for part in (off, known.of_noise[which]))
@@ -60,6 +60,11 @@ def _trace(weight: Array, columns: Array) -> float:
     return float((columns * (weight @ columns)).sum())
 
 
+def _has_no_name(names: Sequence[str]) -> np.ndarray:
+    """Tell which parameters are of what has no name, (P, 1)."""
+    return np.array([name.startswith(UNNAMED) for name in names], dtype=bool)[:, None]
+
+
 def _root_after_many(known: PosteriorFit) -> Array:
     """Return a root (P, P) of the covariance after MANY times as many readings at the same poses."""
     size = np.sqrt((known.mixture.scaled_sizes**2).mean(axis=0))
@@ -78,11 +83,7 @@ def misfit_likelihood(released: ReleasedRobot) -> float:
 def misfit_motion(released: ReleasedRobot) -> Array:
     """Return how far what has no name moves the tool at every state, rms, (n,) [m]; the base aligned anew."""
     known, tool = released.posterior, released.tool
-    here = {name: k for k, name in enumerate(known.fit.model.names)}
-    drawn = np.zeros((len(tool.names), known.drawn.shape[1]))
-    for k, name in enumerate(tool.names):
-        if name.startswith(UNNAMED) and name in here:
-            drawn[k] = known.drawn[here[name]]
+    drawn = pick_rows(known.drawn, known.fit.model.names, tool.names) * _has_no_name(tool.names)
     rest = POSITION_AXES * float((released.misfit.rest**2).mean())
     return np.asarray(np.sqrt(tool.square(drawn) / drawn.shape[1] + rest))
 
@@ -100,13 +101,9 @@ def open_misfit(released: ReleasedRobot, parts: ErrorParts) -> Array:
     What is named and what is not share what is expected at a state by the scatter of each there, as over the workspace.
     """
     known, tool, misfit = released.posterior, released.tool, released.misfit
-    here = {name: k for k, name in enumerate(known.fit.model.names)}
-    off, noise = np.zeros((2, len(tool.names), known.drawn.shape[1]))
-    for k, name in enumerate(tool.names):
-        if name in here:
-            off[k] = known.drawn[here[name]] - known.fit.errors[here[name]]
-            noise[k] = known.of_noise[here[name]]
-    unnamed = np.array([name.startswith(UNNAMED) for name in tool.names])[:, None]
+    names, unnamed = known.fit.model.names, _has_no_name(tool.names)
+    off = pick_rows(known.drawn - known.fit.errors[:, None], names, tool.names)
+    noise = pick_rows(known.of_noise, names, tool.names)
     each = (off * unnamed, off * ~unnamed, off, noise)
     own, other, both, by_noise = (tool.square(columns) / off.shape[1] for columns in each)
     share = own / np.maximum(own + other, 1e-300)

@@ -34,6 +34,16 @@ from planner.model.tool_error import aligned_rows, samples_like, tool_position, 
 from planner.runs.run import Run
 
 
+def pick_rows(values: Array, names: Sequence[str], wanted: Sequence[str]) -> Array:
+    """Return those of the rows (P, k) of parameters ``names`` that are ``wanted``, (K, k); of unknown ones zeros."""
+    here = {name: k for k, name in enumerate(names)}
+    out = np.zeros((len(wanted), values.shape[1]))
+    for row, name in zip(out, wanted, strict=True):
+        if name in here:
+            row[:] = values[here[name]]
+    return out
+
+
 @dataclass(frozen=True)
 class ToolMap:
     """The tool's motion at states of the workspace, a new alignment of the base left out.
@@ -236,8 +246,7 @@ class ReleasedRobot:
         root, more = known.solution.root(known.problem.prior), float((self.misfit.stretch**2).mean()) - 1
         if more > 0.0:
             root = np.hstack([root, np.sqrt(more) * self.posterior.noise_root])
-        here = {name: k for k, name in enumerate(known.model.names)}
-        return np.stack([root[here[n]] if n in here else np.zeros(root.shape[1]) for n in names])
+        return pick_rows(root, known.model.names, names)
 
     def offset(self, names: Sequence[str], fit: Fit | None) -> Array:
         """Return how far the values (K,) of a fit, or of the nominal robot, are from the posterior mean."""

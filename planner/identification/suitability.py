@@ -69,7 +69,7 @@ def target_errors(released: ReleasedRobot, fit: Fit | None, tool: ToolMap) -> Ar
     at = [k for k, name in enumerate(tool.names) if name in here and known.drawn[here[name]].any()]
     which = [here[tool.names[k]] for k in at]
     off = released.drawn_offsets[which] - released.offset([tool.names[k] for k in at], fit)[:, None]
-    moved = (tool.rows.reshape(-1, len(tool.names))[:, at] @ off).reshape(len(tool.q), POSITION_AXES, -1)
+    moved = (tool.flat_rows[:, at] @ off).reshape(len(tool.q), POSITION_AXES, -1)
     beside = POSITION_AXES * misfit.rest**2 + released.drift**2  # of no state in particular
     return np.asarray(np.sqrt((moved**2).sum(axis=1) + beside))
 

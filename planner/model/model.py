@@ -134,15 +134,8 @@ class Model:
         """Return the model with other prior sigmas, (P,) in the parameters' units."""
         sized = (p.with_prior(s) for p, s in zip(self.parameters, prior.tolist(), strict=True))
         out = replace(self, parameters=tuple(sized))
-        for name in (
-            "_layout",
-            "_blocks",
-            "_plain_layout",
-            "_fixed_values",
-            "_fixed_layout",
-        ):  # of what prior sigmas do not change
-            if name in self.__dict__:
-                out.__dict__[name] = self.__dict__[name]
+        same = ("_layout", "_blocks", "_plain_layout", "_fixed_values", "_fixed_layout")  # whatever the prior sigmas
+        out.__dict__.update({name: self.__dict__[name] for name in same if name in self.__dict__})
         return out
 
     def plus(self, more: list[Parameter]) -> "Model":
