@@ -176,8 +176,9 @@ def cell_of(file: CellFile, path: Path, name: str, planning: bool = True) -> Cel
     robot = load_robot(file.robot, path.parent, file.tip, file.plan.beta, packages, file.parked, file.base.link)
     if file.class_ is not None:
         robot = replace(robot, priors=PRIORS_OF_CLASS[file.class_])
-    _, home, tool, instrument, places = read_together(
+    _, _, home, tool, instrument, places = read_together(
         lambda: _check_drives(robot) if planning else None,
+        lambda: robot.check_meshes() if planning else None,
         lambda: _read_home(path, file, robot, planning),
         lambda: read_tool(path, file.tool, robot, planning),
         lambda: gauge.read(path, robot, file, planning),

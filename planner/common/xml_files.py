@@ -8,8 +8,19 @@ class XmlError(ValueError):
     """What is wrong with a document."""
 
 
+class LocatedElement(ET.Element):
+    """An element that knows the line of the file on which it begins; 0 where it stands in none."""
+
+    line: int = 0
+
+
+def line_of(element: ET.Element) -> int:
+    """Return the line on which an element begins, 0 where that is not known."""
+    return getattr(element, "line", 0)
+
+
 def parse_xml(data: bytes, comments: bool = False) -> ET.Element:
-    """Return the root of a document; names keep their prefixes as they are written.
+    """Return the root of a document; names keep their prefixes as they are written, elements know their lines.
 
     Args:
         data: the file's bytes.
@@ -18,7 +29,7 @@ def parse_xml(data: bytes, comments: bool = False) -> ET.Element:
     Raises:
         XmlError: the bytes are no XML, declare an entity, or nest deeper than any robot's file.
     """
-    builder = ET.TreeBuilder(insert_comments=comments)
+    builder = ET.TreeBuilder(element_factory=LocatedElement, insert_comments=comments)
     parser = expat.ParserCreate()
     parser.buffer_text = True
     depth = 0
@@ -30,7 +41,7 @@ def parse_xml(data: bytes, comments: bool = False) -> ET.Element:
         depth += 1
         if depth > most_depth:
             raise XmlError(f"more than {most_depth} elements stand in one another")
-        builder.start(tag, attributes)
+        builder.start(tag, attributes).line = parser.CurrentLineNumber  # type: ignore[attr-defined]
 
     def end(tag: str) -> None:
         """End the element that is open."""

@@ -67,3 +67,22 @@ def radians_text(key: str, degrees: Sequence[float | None]) -> str:
         f"{key} of the rows looks like radians ({right[0]:g} is a right angle or a half turn); it is in degrees: "
         f"if radians are meant, [{meant}]"
     )
+
+
+def degrees_text(radians: Sequence[float]) -> str:
+    """Return why angles that a file has in radians are not taken for radians; empty where they may be.
+
+    Beyond a turn only multiples of 45° are radians that somebody computed (5π/2), and beyond half a turn nobody writes
+    a round number of radians (4.5).
+    """
+    rounded, most_turns = 2e-3, 2.0  # [rad] of a multiple that is written with three digits; [turns]
+    for v in map(abs, radians):
+        is_multiple = abs(v / (np.pi / 4) - round(v / (np.pi / 4))) * np.pi / 4 < rounded and v < most_turns * TURN
+        is_round = abs(10 * v - round(10 * v)) < 1e-9  # one decimal at most
+        if v > np.pi + rounded and not is_multiple and (is_round or v > TURN + rounded):
+            meant = " ".join(f"{np.deg2rad(w):.10g}" for w in radians)
+            return (
+                f"{v:g} rad are {v / TURN:.3g} turns: this looks like degrees, and is in radians; if degrees are "
+                f"meant, write {meant}"
+            )
+    return ""

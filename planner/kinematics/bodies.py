@@ -1,8 +1,10 @@
 """Shapes that may collide: capsules, spheres, boxes and meshes, as files give them and as the code uses them."""
 
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, ClassVar, Literal
+from xml.parsers import expat
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -67,10 +69,50 @@ def rotation_from_z(direction: Array) -> Array:
     return np.asarray(Rotation.from_rotvec(axis / norm * np.arctan2(norm, cosine)).as_matrix())
 
 
+def mesh_unit(path: Path) -> float:
+    """Return the unit [m] of a mesh's numbers: what a COLLADA file says of it, as RViz and Gazebo read it, else 1.
+
+    Its ``<up_axis>`` is passed over, as they do: files for robots have z up whatever it says.
+
+    Raises:
+        InputError: a unit that is no length.
+    """
+    if path.suffix.lower() != ".dae":
+        return 1.0
+    found: list[str] = []
+
+    def start(tag: str, attributes: dict[str, str]) -> None:
+        """Note the unit of the whole file; an asset of a part has none of its own."""
+        open_tags.append(tag.rpartition(":")[2])
+        if open_tags[1:] == ["asset", "unit"]:
+            found.append(attributes.get("meter", "1"))
+
+    def end(_: str) -> None:
+        """Look no further than the end of the file's head."""
+        if open_tags[1:] == ["asset"]:
+            found.append("1")
+        open_tags.pop()
+
+    parser, open_tags = expat.ParserCreate(), list[str]()
+    parser.StartElementHandler, parser.EndElementHandler = start, end
+    with path.open("rb") as file, suppress(expat.ExpatError):  # what reads the mesh refuses what is no XML
+        while not found and (chunk := file.read(16384)):  # the unit stands in its first lines
+            parser.Parse(chunk)
+    text = found[0] if found else "1"
+    try:
+        unit = float(text)
+    except ValueError:
+        unit = 0.0
+    if not 1e-9 <= unit <= 1e3:
+        raise InputError(f'{path}: <unit meter="{text}">: a length in metres is needed, such as 0.001')
+    return unit
+
+
 class BodyFile(OptionalKeys):
     """A shape as a cell or robot file gives it.
 
-    ``unit``: of a mesh's numbers, before ``scale``; ``hull``: whether its convex hull stands for it.
+    ``unit``: of a mesh's numbers, before ``scale`` (metres, unless a COLLADA file says another); ``hull``: whether its
+    convex hull stands for it.
     """
 
     name: str | None = None
@@ -82,7 +124,7 @@ class BodyFile(OptionalKeys):
     radius_mm: SizeMm | None = None
     size_mm: tuple[SizeMm, SizeMm, SizeMm] | None = None
     file: str | None = None
-    unit: Literal["m", "mm"] = "m"
+    unit: Literal["m", "mm"] | None = None
     scale: tuple[Scale, Scale, Scale] = (1.0, 1.0, 1.0)
     hull: bool = False
     LATER: ClassVar[tuple[str, ...]] = ("unit", "hull")
@@ -119,7 +161,8 @@ class BodyFile(OptionalKeys):
             check_read_access(path)
             if not path.is_file():
                 raise InputError(f"{where}: the mesh '{self.file}' of body '{name}' does not exist")
-            x, y, z = (s * (MM if self.unit == "mm" else 1.0) for s in self.scale)
+            unit = mesh_unit(path) if self.unit is None else {"m": 1.0, "mm": MM}[self.unit]
+            x, y, z = (s * unit for s in self.scale)
             return Body(name, "mesh", (), read_only(T), path, (x, y, z), self.hull)
         size = (self.radius_mm,) if self.kind == "sphere" else self.size_mm
         return Body(name, self.kind, tuple(float(v) for v in from_mm(size)), read_only(T))  # type: ignore[arg-type]

@@ -170,6 +170,7 @@ class Robot:
             links with numbers that follow each other.
         never_meet_parts: pairs of links of its URDF that are not checked against each other: both names, and why.
         unchecked_links: links of its URDF that no collision check knows: the name, and why.
+        lacking_meshes: a sentence on each mesh of its URDF that is not there; its body is left out.
     """
 
     name: str
@@ -211,6 +212,7 @@ class Robot:
     neighbours: frozenset[frozenset[str]] = frozenset()
     never_meet_parts: tuple[tuple[str, str, str], ...] = ()
     repeatability_assumed: bool = False
+    lacking_meshes: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         """Name the robot and its file."""
@@ -223,6 +225,16 @@ class Robot:
             return self
         rows = self.nominal_transforms or self.transforms
         return replace(self, transforms=rows, nominal_transforms=(), effects=())
+
+    def check_meshes(self) -> None:
+        """Check that all meshes are there, as whoever looks for collisions needs them.
+
+        Raises:
+            InputError: one is not, with what to add.
+        """
+        if self.lacking_meshes:
+            more = f" (and {len(self.lacking_meshes) - 1} more)" if len(self.lacking_meshes) > 1 else ""
+            raise InputError(f"{self.lacking_meshes[0]}{more}")
 
     @property
     def n_joints(self) -> int:

@@ -76,10 +76,11 @@ class JointTable(StrictModel):
     def from_urdf(cls, joint: UrdfJoint, said: "JointTable | None" = None) -> "JointTable":
         """Return what a URDF says of a joint, with what ``said`` has of it instead."""
         show = to_mm if joint.slides else np.rad2deg
-        lower, upper, speed = (float(show(v)) for v in (joint.lower, joint.upper, joint.speed))
+        lower, upper = (float(show(v)) for v in (joint.lower, joint.upper))
+        said_of = {"speed": joint.speed, "acceleration": joint.acceleration, "jerk": joint.jerk}
         drives: dict[str, Any] = {
             "limit": (lower, upper) if np.isfinite([lower, upper]).all() else None,
-            "speed": speed if speed > 0 else None,
+            **{key: float(show(v)) if v > 0 else None for key, v in said_of.items()},
         }
         found = cls.model_construct(  # limits of a few degrees are right in a file that has radians
             variable="d" if joint.slides else "theta",

@@ -168,6 +168,7 @@ def _from_urdf(file: RobotDescription, path: Path, packages: Packages) -> Robot:
         parked=chain.parked,
         neighbours=chain.neighbours,
         never_meet_parts=parts,
+        lacking_meshes=chain.lacking,
     )
 
 

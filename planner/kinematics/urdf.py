@@ -16,6 +16,7 @@ from planner.common.units import TURN, Array
 from planner.common.xml_files import XmlError, parse_xml
 from planner.kinematics.bodies import Body, rotation_from_z
 from planner.kinematics.chain import Transform, fixed_turns, frame_with_errors, xyz_transforms
+from planner.kinematics.geometry import rpy_of
 from planner.kinematics.packages import NO_PACKAGES, Packages
 from planner.kinematics.robot import LinkMass, ParkedJoint
 from planner.kinematics.urdf_elements import (
@@ -26,9 +27,12 @@ from planner.kinematics.urdf_elements import (
     read_mass,
     read_numbers,
     read_origin,
+    read_positive,
+    read_stroke,
 )
 from planner.kinematics.urdf_parked import UNITS, Branches, Parking, park_joints, read_branches
 from planner.kinematics.urdf_tree import UrdfError, find_bodily_links, find_child, link_of, read_tree, rigid_groups
+from planner.kinematics.urdf_vocabulary import check_vocabulary
 from planner.kinematics.xacro.expander import expand_template
 
 SHAPELESS = "no collision shape"
@@ -39,7 +43,8 @@ LONGEST = 50.0  # [m] to either side of a linear track: 47 m are on the market
 class UrdfJoint:
     """Name, sense, limits [rad, m] and largest speed [rad/s, m/s] of a driven joint, and the mass of its link.
 
-    ``slides``: whether it is prismatic, so that its numbers are of lengths.
+    ``slides``: whether it is prismatic, so that its numbers are of lengths. ``acceleration`` (the smaller of it and the
+    deceleration) and ``jerk`` [rad/s², rad/s³, or m] are 0 where the file does not say them.
     """
 
     name: str
@@ -49,6 +54,8 @@ class UrdfJoint:
     speed: float
     mass: LinkMass | None
     slides: bool = False
+    acceleration: float = 0.0
+    jerk: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -59,7 +66,7 @@ class UrdfChain:
     motion to where it stands, (4, 4); ``bodies`` all shapes with the number of the link that carries each; ``links``
     all links that have a place: the name, and that number. ``solid`` are those of the chain that can touch something,
     ``unchecked`` the links whose shapes or places are not known: the name, and why; ``neighbours`` the rigid parts that
-    a driven joint joins.
+    a driven joint joins; ``lacking`` a sentence on each mesh that is not there.
     """
 
     transforms: tuple[Transform, ...]
@@ -73,6 +80,7 @@ class UrdfChain:
     unchecked: tuple[tuple[str, str], ...]
     parked: tuple[ParkedJoint, ...]
     neighbours: frozenset[frozenset[str]] = frozenset()
+    lacking: tuple[str, ...] = ()
 
 
 def read_urdf(
@@ -96,6 +104,7 @@ def read_urdf(
     """
     try:
         root = parse_urdf(path, packages)
+        check_vocabulary(root)
         links, joints, start = read_tree(path, root, tip, base)
         every = root.findall("joint")
         parking = park_joints(every, joints, parked or {})
@@ -105,7 +114,8 @@ def read_urdf(
         whole = _with_branches(chain, links, beside, find_bodily_links(root))
         return _with_rigid_parts(whole, joints, rigid_groups(links, every))
     except UrdfError as err:
-        raise InputError(f"{path}: {err}") from err
+        line = f", line {err.line}" if err.line and path.suffix == ".urdf" else ""  # a template's lines are others
+        raise InputError(f"{path}{line}: {err}") from err
 
 
 def is_urdf(path: Path) -> bool:
@@ -138,7 +148,8 @@ def _assemble(
     still = {j.name for j in parking.joints}
     transforms: list[Transform] = []
     ends, driven = [0], list[UrdfJoint]()
-    bodies = [(0, b) for b in read_bodies(meshes, links[base], np.eye(4))]
+    lacking = list[str]()
+    bodies = [(0, b) for b in read_bodies(meshes, links[base], np.eye(4), lacking)]
     parts: list[tuple[str, int, Array]] = []
     placed = {base: (0, np.eye(4))}
     carried = np.eye(4)  # pose of the current URDF link in the last link frame
@@ -150,12 +161,12 @@ def _assemble(
             motion = parking.motion(joint)
             T = pose_matrix(xyz, rpy) @ motion
             if name in still:
-                xyz, rpy = T[:3, 3], Rotation.from_matrix(T[:3, :3]).as_euler("xyz")
+                xyz, rpy = T[:3, 3], rpy_of(T[:3, :3])
             transforms += frame_with_errors(f"_{name}", xyz, rpy)
             parts.append((name, len(transforms), motion))
             carried = carried @ T
             placed[str(child.get("name"))] = (len(driven), carried)
-            bodies += [(len(driven), b) for b in read_bodies(meshes, child, carried)]
+            bodies += [(len(driven), b) for b in read_bodies(meshes, child, carried, lacking)]
             continue
         if kind not in UNITS:
             raise UrdfError(
@@ -170,7 +181,7 @@ def _assemble(
         carried = np.eye(4)
         placed[str(child.get("name"))] = (i, carried)
         driven.append(read)
-        bodies += [(i, b) for b in read_bodies(meshes, child, np.eye(4))]
+        bodies += [(i, b) for b in read_bodies(meshes, child, np.eye(4), lacking)]
     named = tuple((link, k) for link, (k, _) in placed.items())
     chain = UrdfChain(
         transforms=tuple(transforms),
@@ -183,6 +194,7 @@ def _assemble(
         solid=(),
         unchecked=(),
         parked=parking.joints,
+        lacking=tuple(lacking),
     )
     return chain, placed
 
@@ -199,7 +211,10 @@ def _driven_joint(
         )
     axis = np.array(read_numbers(joint.find("axis"), "xyz", (1, 0, 0)))
     rows, sense = (_slide_transforms if slides else _joint_transforms)(i, xyz, rpy, axis)
-    return rows, UrdfJoint(name, sense, *_read_limits(joint), mass, slides)
+    limit = joint.find("limit")
+    acceleration = read_positive(limit, "acceleration", "deceleration", "drake:acceleration")
+    jerk = read_positive(limit, "jerk")
+    return rows, UrdfJoint(name, sense, *_read_limits(joint), mass, slides, acceleration, jerk)
 
 
 def _read_limits(joint: ET.Element) -> tuple[float, float, float]:
@@ -208,31 +223,29 @@ def _read_limits(joint: ET.Element) -> tuple[float, float, float]:
     Limits that the file does not say are infinite, a speed is 0.
     """
     most_turns = 4  # to either side: wrists with an end turn up to twice, limits in degrees would be tens of turns
-    name, free = joint.get("name"), joint.get("type") == "continuous"
-    limit = joint.find("limit")
-    if limit is None and joint.get("type") == "prismatic":
-        return -np.inf, np.inf, 0.0
-    lower, upper = (-TURN, TURN) if free or limit is None else (number(limit, k) for k in ("lower", "upper"))
-    if lower == upper == 0.0:  # what a file without these two numbers says: robot.toml has to
-        return -np.inf, np.inf, _read_speed(limit)
+    name, limit = joint.get("name"), joint.find("limit")
+    lower, upper = read_stroke(joint)
+    speed = 0.0 if limit is None else number(limit, "velocity", 1e6)
+    if np.isinf([lower, upper]).any() and (joint.get("type") == "continuous" or limit is None):
+        end = np.inf if joint.get("type") == "prismatic" else TURN
+        return max(lower, -end), min(upper, end), speed
+    if np.isinf([lower, upper]).all():  # what a file without these two numbers says: robot.toml has to
+        return lower, upper, speed
     if joint.get("type") == "prismatic":
         if not -LONGEST <= lower < upper <= LONGEST:
             raise UrdfError(
                 f"joint '{name}': lower = {lower:g} and upper = {upper:g} m are no limits; the lower one lies below "
-                f"the upper one, both within {LONGEST:g} m (are these millimetres?)"
+                f"the upper one, both within {LONGEST:g} m (are these millimetres?)",
+                joint,
             )
-        return lower, upper, _read_speed(limit)
-    if not -most_turns * TURN <= lower < upper <= most_turns * TURN:
+    elif not -most_turns * TURN <= lower < upper <= most_turns * TURN:
         raise UrdfError(
             f"joint '{name}': lower = {lower:g} and upper = {upper:g} rad are no limits; the lower one lies below "
             f"the upper one, both within {most_turns} turns ({most_turns * TURN:.3g} rad; are these degrees?); a "
-            "joint without an end is 'continuous'"
+            "joint without an end is 'continuous'",
+            joint,
         )
-    return lower, upper, _read_speed(limit)
-
-
-def _read_speed(limit: ET.Element | None) -> float:
-    return 0.0 if limit is None else number(limit, "velocity", 1e6)
+    return lower, upper, speed
 
 
 def _with_branches(
@@ -246,6 +259,7 @@ def _with_branches(
         links=placed,
         solid=tuple((name, k) for name, k in chain.links if name in bodily),
         unchecked=(*shapeless, *((name, why) for name, why in beside.unchecked if name in bodily)),
+        lacking=(*chain.lacking, *beside.lacking),
     )
 
 

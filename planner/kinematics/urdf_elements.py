@@ -3,23 +3,24 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from planner.common.errors import InputError
 from planner.common.files import INPUTS
 from planner.common.units import Array, read_only
-from planner.kinematics.bodies import Body, Vector, capsule_between
-from planner.kinematics.geometry import pose
+from planner.kinematics.angle_units import degrees_text
+from planner.kinematics.bodies import Body, capsule_between, mesh_unit
+from planner.kinematics.geometry import pose, rpy_of
 from planner.kinematics.packages import Packages, how_to_name
 from planner.kinematics.robot import LinkMass
 from planner.kinematics.urdf_tree import UrdfError, find_child
 
 MOST_NUMBER = 1e3  # m, rad, or a scale
+SHAPES = ("box", "sphere", "cylinder", "capsule", "mesh")
 
 
 @dataclass(frozen=True)
@@ -64,20 +65,13 @@ class MeshFinder:
         tails = [relative] + ([rest] if rest else [])
         return _first_file(folder / tail for folder in self.path.resolve().parents for tail in tails)
 
-    def find_for(self, filename: str, name: str) -> Path:
-        """Return the mesh of the link ``name``.
-
-        Raises:
-            InputError: there is none; with what to add.
-        """
-        found = self.find(filename)
-        if found is None:
-            package = filename.removeprefix("package://").partition("/")[0]
-            asked, known = filename.startswith("package://"), package in self.packages.folders
-            where = f"in the package '{package}'" if asked and known else "in any folder above the file"
-            cure = "" if asked and known else f"; {how_to_name(package) if asked else 'lay it beside the file'}"
-            raise InputError(f"{self.path}: the mesh '{filename}' of link '{name}' does not exist {where}{cure}")
-        return found
+    def describe_lack(self, filename: str, name: str) -> str:
+        """Say that the mesh of the link ``name`` is not there, and what to add."""
+        package = filename.removeprefix("package://").partition("/")[0]
+        asked, known = filename.startswith("package://"), package in self.packages.folders
+        where = f"in the package '{package}'" if asked and known else "in any folder above the file"
+        cure = "" if asked and known else f"; {how_to_name(package) if asked else 'lay it beside the file'}"
+        return f"{self.path}: the mesh '{filename}' of link '{name}' does not exist {where}{cure}"
 
 
 def _first_file(candidates: Iterable[Path]) -> Path | None:
@@ -87,19 +81,23 @@ def _first_file(candidates: Iterable[Path]) -> Path | None:
         return None
 
 
-def read_bodies(meshes: MeshFinder, link: ET.Element, T_link: Array) -> list[Body]:
+def read_bodies(meshes: MeshFinder, link: ET.Element, T_link: Array, lacking: list[str]) -> list[Body]:
     """Return the collision shapes of a link whose frame is ``T_link`` (4, 4) [m] in the frame that carries it.
 
+    A mesh that is not there is left out, and ``lacking`` gets a sentence on it: kinematics need none.
+
     Raises:
-        UrdfError, InputError: a shape of no size, or a mesh that is not there.
+        UrdfError: a shape of no size, or no shape.
     """
     out = []
     for k, element in enumerate(link.findall("collision")):
         T = T_link @ pose_matrix(*read_origin(element))
         name = f"{link.get('name')}{f'_{k}' if k else ''}"
-        shape = next(iter(find_child(element, "geometry")), None)
-        if shape is None:
-            raise UrdfError(f"the collision geometry of link '{link.get('name')}' is empty")
+        shapes = [e for e in find_child(element, "geometry") if e.tag in SHAPES]
+        if len(shapes) != 1:
+            found = "has several shapes: give each a <collision> of its own" if shapes else "is empty"
+            raise UrdfError(f"the collision geometry of link '{link.get('name')}' {found}", element)
+        shape = shapes[0]
         if shape.tag == "sphere":
             out.append(Body(name, "sphere", (_size(shape, "radius"),), read_only(T)))
         elif shape.tag == "box":
@@ -119,8 +117,12 @@ def read_bodies(meshes: MeshFinder, link: ET.Element, T_link: Array) -> list[Bod
             x, y, z = read_numbers(shape, "scale", (1, 1, 1))
             if not min(abs(x), abs(y), abs(z)) > 0:
                 raise UrdfError(f"the mesh of link '{link.get('name')}' has scale 0")
-            file = meshes.find_for(str(shape.get("filename")), name)
-            out.append(Body(name, "mesh", (), read_only(T), file, (x, y, z), hull=True))
+            file = meshes.find(str(shape.get("filename")))
+            if file is None:
+                lacking.append(meshes.describe_lack(str(shape.get("filename")), name))
+                continue
+            unit = mesh_unit(file)
+            out.append(Body(name, "mesh", (), read_only(T), file, (x * unit, y * unit, z * unit), hull=True))
     return [replace(b, part=str(link.get("name"))) for b in out]
 
 
@@ -137,9 +139,35 @@ def read_mass(link: ET.Element) -> LinkMass | None:
 
 
 def read_origin(element: ET.Element) -> tuple[Array, Array]:
-    """Return ``xyz`` (3,) [m] and ``rpy`` (3,) [rad] of an element's origin."""
+    """Return ``xyz`` (3,) [m] and ``rpy`` (3,) [rad] of an element's origin, whose turn may be a quaternion (URDF 1.1).
+
+    Raises:
+        UrdfError: the turn is said twice, is in degrees, or is no unit quaternion.
+    """
     origin = element.find("origin")
-    return np.array(read_numbers(origin, "xyz", (0, 0, 0))), np.array(read_numbers(origin, "rpy", (0, 0, 0)))
+    xyz, rpy = (np.array(read_numbers(origin, key, (0.0, 0.0, 0.0))) for key in ("xyz", "rpy"))
+    if origin is None:
+        return xyz, rpy
+    if origin.get("quat_xyzw") is not None:
+        if origin.get("rpy") is not None:
+            raise UrdfError("<origin> has both rpy and quat_xyzw: keep one of them", origin)
+        return xyz, _rpy_of_quaternion(origin)
+    if why := degrees_text(rpy.tolist()):
+        raise UrdfError(f"<origin>: rpy = '{origin.get('rpy')}': {why}", origin)
+    return xyz, rpy
+
+
+def _rpy_of_quaternion(origin: ET.Element) -> Array:
+    rounding = 1e-3  # of the length of a quaternion that is written with few digits
+    quaternion = np.array(read_numbers(origin, "quat_xyzw", (0.0, 0.0, 0.0, 1.0)))
+    length = float(np.linalg.norm(quaternion))
+    if not abs(length - 1.0) <= rounding:
+        raise UrdfError(
+            f"<origin>: quat_xyzw = '{origin.get('quat_xyzw')}' has the length {length:.4g}, and turns have the length "
+            "1; its order is x y z w",
+            origin,
+        )
+    return rpy_of(np.asarray(Rotation.from_quat(quaternion).as_matrix()))
 
 
 def pose_matrix(xyz: Array, rpy: Array) -> Array:
@@ -147,17 +175,17 @@ def pose_matrix(xyz: Array, rpy: Array) -> Array:
     return pose(Rotation.from_euler("xyz", rpy).as_matrix(), xyz)
 
 
-def read_numbers(element: ET.Element | None, key: str, default: Vector) -> list[float]:
-    """Return the three numbers of an attribute, or ``default`` where there is none.
+def read_numbers(element: ET.Element | None, key: str, default: Sequence[float]) -> list[float]:
+    """Return the numbers of an attribute, as many as ``default`` has, which stands where there is none.
 
     Raises:
-        UrdfError: there are not three, or they are no numbers.
+        UrdfError: there are more or fewer, or they are no numbers.
     """
     if element is None or (text := element.get(key)) is None:
         return list(default)
     found = [_parse_number(element, key, word) for word in text.split()]
     if len(found) != len(default):
-        raise UrdfError(f"<{element.tag}>: {key} = '{text}' needs {len(default)} numbers")
+        raise UrdfError(f"<{element.tag}>: {key} = '{text}' needs {len(default)} numbers", element)
     return found
 
 
@@ -177,7 +205,7 @@ def _parse_number(element: ET.Element, key: str, text: str, most: float = MOST_N
         value = np.nan
     if not abs(value) <= most:
         cure = ": blanks part numbers, no commas" if "," in text else ""
-        raise UrdfError(f"<{element.tag}>: {key} = '{text}' is no number up to {most:g}{cure}")
+        raise UrdfError(f"<{element.tag}>: {key} = '{text}' is no number up to {most:g}{cure}", element)
     return value
 
 
@@ -187,5 +215,49 @@ def _size(element: ET.Element, key: str) -> float:
 
 def _positive_of(element: ET.Element, value: float) -> float:
     if value <= 0:
-        raise UrdfError(f"<{element.tag}>: a size of {value:g} m leaves nothing of the body")
+        raise UrdfError(f"<{element.tag}>: a size of {value:g} m leaves nothing of the body", element)
     return value
+
+
+def read_stroke(joint: ET.Element, most: float = MOST_NUMBER) -> tuple[float, float]:
+    """Return the limits of a joint [rad, m], the soft ones of its ``<safety_controller>`` where these are narrower.
+
+    Infinite where the file says none, or 0 and 0.
+
+    Raises:
+        UrdfError: a limit that is no number up to ``most``, or soft limits outside the others.
+    """
+    limit = None if joint.get("type") == "continuous" else joint.find("limit")
+    lower, upper = (0.0, 0.0) if limit is None else (number(limit, k, most) for k in ("lower", "upper"))
+    lower, upper = (lower, upper) if lower or upper else (-np.inf, np.inf)
+    if (safety := joint.find("safety_controller")) is None:
+        return lower, upper
+    soft_lower, soft_upper = (number(safety, f"soft_{k}_limit", most) for k in ("lower", "upper"))
+    if soft_lower == soft_upper == 0.0:  # as a file without these two numbers is read everywhere
+        return lower, upper
+    narrow = max(lower, soft_lower), min(upper, soft_upper)
+    if not narrow[0] < narrow[1]:
+        raise UrdfError(
+            f"joint '{joint.get('name')}': soft limits of {soft_lower:g} to {soft_upper:g} leave nothing of its "
+            f"limits, {lower:g} to {upper:g}",
+            safety,
+        )
+    return narrow
+
+
+def read_positive(element: ET.Element | None, *keys: str) -> float:
+    """Return the smallest of some numbers of an element, 0 where it says none of them: 0 and infinity say none.
+
+    Raises:
+        UrdfError: one is negative, or no number.
+    """
+    most = 1e6  # [rad/s², m/s³ …] more is said by no drive
+    found = [0.0]
+    for key in keys if element is not None else ():
+        assert element is not None
+        if element.get(key, "").strip().lower() in ("inf", "+inf", "infinity"):
+            continue
+        found.append(number(element, key, most))
+        if found[-1] < 0.0:
+            raise UrdfError(f"<{element.tag}>: {key} = {found[-1]:g} is negative", element)
+    return min((v for v in found if v), default=0.0)

@@ -24,6 +24,7 @@ from planner.kinematics.urdf_elements import (
     read_bodies,
     read_numbers,
     read_origin,
+    read_stroke,
 )
 from planner.kinematics.urdf_tree import UrdfError, link_of
 
@@ -133,11 +134,8 @@ def _stand(
 
 def _stand_of_leader(joint: ET.Element, given: float | None) -> tuple[float, str]:
     endless = 1e9  # [rad, m] limits of joints that have none, as files write them: 999999
-    limit = None if joint.get("type") == "continuous" else joint.find("limit")
-    lower, upper = -np.inf, np.inf
-    if limit is not None:
-        lower, upper = (number(limit, key, endless) for key in ("lower", "upper"))
-    if not lower < upper:  # a file that says no limits, or none that bound anything
+    lower, upper = read_stroke(joint, endless)
+    if not lower < upper:  # limits that bound nothing
         lower, upper = -np.inf, np.inf
     if given is None:
         return (0.0, "") if lower <= 0.0 <= upper else ((lower + upper) / 2, "the middle of its stroke")
@@ -152,12 +150,14 @@ def _stand_of_leader(joint: ET.Element, given: float | None) -> tuple[float, str
 class Branches:
     """What hangs on the chain: ``bodies`` with the number of the link that carries each, and what nobody can check.
 
-    ``links`` are the names of all its links with the number of the carrying one; ``unchecked``: the name, and why.
+    ``links`` are the names of all its links with the number of the carrying one; ``unchecked``: the name, and why;
+    ``lacking``: a sentence on each mesh that is not there.
     """
 
     bodies: tuple[tuple[int, Body], ...]
     links: tuple[tuple[str, int], ...]
     unchecked: tuple[tuple[str, str], ...]
+    lacking: tuple[str, ...] = ()
 
 
 def read_branches(
@@ -177,7 +177,7 @@ def read_branches(
     """
     placed, bodies = dict(chain), list[tuple[int, Body]]()
     open_, following = list(chain), dict[str, str]()
-    beside = list[tuple[str, int]]()
+    beside, lacking = list[tuple[str, int]](), list[str]()
     while open_:
         name = open_.pop(0)
         for joint, child, T_child in _joints_at(joints, name, parking):
@@ -193,11 +193,11 @@ def read_branches(
             link, T = placed[name]
             placed[child] = (link, T @ T_child)
             beside.append((child, link))
-            bodies += [(link, b) for b in read_bodies(meshes, links[child], T @ T_child)]
+            bodies += [(link, b) for b in read_bodies(meshes, links[child], T @ T_child, lacking)]
     unchecked = [(name, f"moved by joint '{leader}'") for name, leader in following.items()]
     apart = [name for name in links if name not in placed and name not in following]
     unchecked += [(name, "joined to no link of the arm") for name in apart]
-    return Branches(tuple(bodies), tuple(beside), tuple(unchecked))
+    return Branches(tuple(bodies), tuple(beside), tuple(unchecked), tuple(lacking))
 
 
 def _joints_at(joints: Sequence[ET.Element], link: str, parking: Parking) -> Iterator[tuple[ET.Element, str, Array]]:

@@ -5,10 +5,15 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from planner.common.errors import InputError, did_you_mean
+from planner.common.xml_files import line_of
 
 
 class UrdfError(Exception):
-    """What is wrong with an element."""
+    """What is wrong with an element, and the line on which that begins, 0 where it is not known."""
+
+    def __init__(self, message: str, element: ET.Element | None = None) -> None:
+        super().__init__(message)
+        self.line = 0 if element is None else line_of(element)
 
 
 def find_child(element: ET.Element, tag: str) -> ET.Element:

@@ -70,6 +70,7 @@ def _set_origin(joint: ET.Element, part: tuple[Transform, ...], values: Mapping[
     if origin is None:
         origin = ET.Element("origin")
         joint.insert(0, origin)
+    origin.attrib.pop("quat_xyzw", None)
     origin.set("xyz", _format_vector(T[:3, 3]))
     origin.set("rpy", _format_vector(rpy_of(T[:3, :3])))
 

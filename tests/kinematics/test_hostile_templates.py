@@ -203,7 +203,7 @@ def test_mesh_paths_do_not_climb_out_of_a_package(tmp_path):
     (tmp_path / "pkg" / "meshes" / "link.stl").symlink_to(tmp_path / "out.stl")
     joints = "".join(
         f"<link name='l{k}'/><joint name='j{k}' type='revolute'><parent link='l{k - 1}'/><child link='l{k}'/>"
-        "<axis xyz='0 1 0'/><limit lower='-1' upper='1' velocity='1'/></joint>"
+        "<origin xyz='0 0 0.2'/><axis xyz='0 1 0'/><limit lower='-1' upper='1' velocity='1'/></joint>"
         for k in range(1, 6)
     )
     (tmp_path / "cell").mkdir()
@@ -212,7 +212,7 @@ def test_mesh_paths_do_not_climb_out_of_a_package(tmp_path):
         shape = f"<collision><geometry><mesh filename='{mesh}'/></geometry></collision>"
         path.write_text(f"<robot name='r'><link name='l0'>{shape}</link>{joints}</robot>")
         with pytest.raises(InputError, match="does not exist in"):
-            load_robot(path, packages=named_packages("cell", {"pkg": "../pkg"}, path.parent))
+            load_robot(path, packages=named_packages("cell", {"pkg": "../pkg"}, path.parent)).check_meshes()
     path.write_text(path.read_text().replace("package://../../etc/hosts", "package://other/a.stl"))
     with pytest.raises(InputError, match="add --package other=DIR"):
-        load_robot(path)
+        load_robot(path).check_meshes()

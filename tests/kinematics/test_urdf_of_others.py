@@ -132,7 +132,7 @@ def test_meshes_lie_where_a_file_made_for_mujoco_says(tmp_path: Path) -> None:
     with pytest.raises(
         InputError, match=r"'old/link.STL' of link 'l3' does not exist in any folder above the file; lay"
     ):
-        load_robot(tmp_path / "urdf" / "tree.urdf", tip="l6")
+        load_robot(tmp_path / "urdf" / "tree.urdf", tip="l6").check_meshes()
     where = '<mujoco><compiler meshdir="../meshes/arm" discardvisual="false"/></mujoco><link name="l3">'
     (tmp_path / "urdf" / "tree.urdf").write_text(text.replace('<link name="l3">', where))
     robot = load_robot(tmp_path / "urdf" / "tree.urdf", tip="l6")

@@ -269,6 +269,7 @@ def build_scene(cell: Cell, mounting: Mounting = FIRST_MOUNTING) -> Scene:
     """
     cell = cell.at(mounting)
     robot, n = cell.robot, cell.robot.n_joints
+    robot.check_meshes()
     T_LF = robot.flange_frame()
     pieces = [SceneBody(b, "link", link, body_reach(b), of_robot=True) for link, b in robot.bodies]
     tool = [replace(b, T=read_only(T_LF @ b.T)) for b in cell.tool.bodies]
