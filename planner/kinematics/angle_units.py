@@ -80,9 +80,5 @@ def degrees_text(radians: Sequence[float]) -> str:
         is_multiple = abs(v / (np.pi / 4) - round(v / (np.pi / 4))) * np.pi / 4 < rounded and v < most_turns * TURN
         is_round = abs(10 * v - round(10 * v)) < 1e-9  # one decimal at most
         if v > np.pi + rounded and not is_multiple and (is_round or v > TURN + rounded):
-            meant = " ".join(f"{np.deg2rad(w):.10g}" for w in radians)
-            return (
-                f"{v:g} rad are {v / TURN:.3g} turns: this looks like degrees, and is in radians; if degrees are "
-                f"meant, write {meant}"
-            )
+            return f"{v:g} rad are {v / TURN:.3g} turns: this looks like degrees, and is in radians"
     return ""

@@ -38,7 +38,7 @@ class JointTable(StrictModel):
     name: Annotated[str, Field(pattern=r"^[A-Za-z][\w/.-]*$")] = ""
     alpha_deg: Coordinate | None = None
     a_mm: Coordinate | None = None
-    d_mm: Coordinate | None = None
+    d_mm: Annotated[float, Field(ge=-1e9, le=1e9)] | None = None  # of near-parallel axes it may lie far out
     theta_deg: Coordinate | None = None
     beta_deg: Coordinate | None = None
     sense: Literal[1, -1] = 1

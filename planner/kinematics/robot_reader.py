@@ -10,10 +10,12 @@ import numpy as np
 from planner.common.errors import InputError, did_you_mean
 from planner.common.files import data_folder
 from planner.common.schema import read_toml, validate
-from planner.common.units import MM, Array, from_deg, from_mm, read_only
+from planner.common.units import DEG, MM, Array, from_deg, from_mm, read_only
 from planner.kinematics.axes import AxisConvention, JointRange, convention_from_table
+from planner.kinematics.calibration_files import robot_of_differences, row_differences
 from planner.kinematics.chain import Transform, dh_row, frame_transforms, is_near_parallel
 from planner.kinematics.packages import COMMAND_PACKAGES, NO_PACKAGES, Packages, named_packages
+from planner.kinematics.parallel_axes import shorten_offsets
 from planner.kinematics.robot import SLIDE, Robot
 from planner.kinematics.robot_file import SPEED_TIME, JointTable, RobotDescription
 from planner.kinematics.robot_numbers import (
@@ -21,6 +23,8 @@ from planner.kinematics.robot_numbers import (
     check_reach,
 )
 from planner.kinematics.robot_tables import (
+    LENGTHS,
+    ROW_KEYS,
     effects_from_tables,
     loads_from_table,
     nominal_from_table,
@@ -47,6 +51,8 @@ def load_robot(
     base: str | None = None,
 ) -> Robot:
     """Load a robot by shipped name, or by path to a ``robot.toml``, ``.urdf``, ``.xacro``, or ``.csv`` of DH rows.
+
+    Calibrations as makers write them are read too: ``calibration.conf`` of UR, and YAML of joint origins.
 
     Args:
         reference: name or path.
@@ -92,11 +98,48 @@ def describe_robot(path: Path, tip: str | None = None) -> RobotDescription:
             tip=tip,
             srdf=srdf.name if srdf.is_file() else None,
         )
+    if path.suffix == ".conf":
+        return _with_short_offsets(_with_differences(path))
     if path.suffix == ".csv":
-        return validate(
-            {"schema": "edbb-robot/1", "name": path.stem} | read_dh_table(path), RobotDescription, str(path)
-        )
-    return read_toml(path, RobotDescription)
+        content = {"schema": "edbb-robot/1", "name": path.stem} | read_dh_table(path)
+        return _with_short_offsets(validate(content, RobotDescription, str(path)))
+    return _with_short_offsets(read_toml(path, RobotDescription))
+
+
+def _with_differences(path: Path) -> RobotDescription:
+    """Return the robot that a ``calibration.conf`` names, with the differences that it holds added to its rows."""
+    base = path.parent / (name := robot_of_differences(path))
+    shipped = data_folder("robots") / name / "robot.toml"
+    if not (found := shipped if "/" not in name and os.path.isfile(shipped) else base).is_file():
+        known = list(list_robots())
+        raise InputError(f"{path}: '# robot: {name}' is no shipped robot and no file{did_you_mean(name, known)}")
+    file = read_toml(found, RobotDescription)
+    if file.convention != "dh":
+        raise InputError(f"{path}: its differences are of DH rows, and {name} has convention = '{file.convention}'")
+    added = row_differences(path, len(file.joints))
+    joints = tuple(
+        j.model_copy(update={key: (getattr(j, key) or 0.0) + v for key, v in more.items()})
+        for j, more in zip(file.joints, added, strict=True)
+    )
+    sources = dict(file.sources) | {"kinematics": f"rows of {name} with the differences of {path.name}"}
+    return file.model_copy(update={"joints": joints, "sources": sources, "reach_mm": None})
+
+
+def _with_short_offsets(file: RobotDescription) -> RobotDescription:
+    """Return the description without offsets along near-parallel axes that run far out and back, the same chain."""
+    if file.convention == "urdf":
+        return file
+    rows = [j.row for j in file.joints]
+    short = shorten_offsets(file.convention, rows)
+    if short == rows:
+        return file
+    joints = tuple(
+        j.model_copy(update={ROW_KEYS[key]: v / (MM if key in LENGTHS else DEG) for key, v in new.items()})
+        for j, new in zip(file.joints, short, strict=True)
+    )
+    far = max((row["d"] for row in rows), key=abs)
+    said = f"rows of near-parallel axes with d of up to {far:.6g} m, written by Hayati's beta instead"
+    return file.model_copy(update={"joints": joints, "sources": dict(file.sources) | {"rows": said}})
 
 
 def _from_file(

@@ -15,6 +15,7 @@ from planner.common.files import read_utf8
 from planner.common.numbers import parse_number
 from planner.common.schema import StrictModel
 from planner.common.units import DEG, MM, from_deg, from_mm, read_only, si_unit
+from planner.kinematics.angle_units import degrees_text
 from planner.kinematics.bodies import Vector
 from planner.kinematics.chain import Transform
 from planner.kinematics.robot import BASE_TRANSFORMS, Loads, RobotEffect, ToolPoint
@@ -113,6 +114,7 @@ def nominal_key(t: Transform) -> str:
 ROW = ("alpha", "a", "theta", "d")
 ANGLES = ("alpha", "theta", "beta", "zero", "lower", "upper", "speed")
 LENGTHS = ("a", "d")
+TURNS = ("alpha", "theta", "beta", "zero")
 PLAIN = ("sense", "name")
 ROW_KEYS = {"alpha": "alpha_deg", "theta": "theta_deg", "beta": "beta_deg", "a": "a_mm", "d": "d_mm"}
 KEYS = ROW_KEYS | {"zero": "zero_deg"}
@@ -179,6 +181,8 @@ def _joint(where: str, columns: list[tuple[str, float]], row: list[str]) -> dict
             found[key] = parse_number(field) * factor
         except ValueError as err:
             raise InputError(f"{where}, column '{key}': {field.strip()!r} is no number") from err
+    if why := degrees_text([found[key] * DEG for key, factor in columns if factor != 1.0 and key in TURNS]):
+        raise InputError(f"{where}: {why}; if degrees are meant, call the columns alpha_deg and theta_deg")
     joint |= {KEYS[key]: value for key, value in found.items() if key in KEYS}
     if "sense" in found:
         joint["sense"] = int(found["sense"])

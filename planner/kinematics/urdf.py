@@ -15,6 +15,7 @@ from planner.common.files import MOST_TOML, read_bytes
 from planner.common.units import TURN, Array
 from planner.common.xml_files import XmlError, parse_xml
 from planner.kinematics.bodies import Body, rotation_from_z
+from planner.kinematics.calibration_files import YAML, urdf_of_origins
 from planner.kinematics.chain import Transform, fixed_turns, frame_with_errors, xyz_transforms
 from planner.kinematics.geometry import rpy_of
 from planner.kinematics.packages import NO_PACKAGES, Packages
@@ -119,8 +120,8 @@ def read_urdf(
 
 
 def is_urdf(path: Path) -> bool:
-    """Tell whether a file is a URDF, or a template of one."""
-    return path.suffix in (".urdf", ".xacro")
+    """Tell whether a file is a URDF, a template of one, or a file of joint origins that is read as one."""
+    return path.suffix in (".urdf", ".xacro", *YAML)
 
 
 def plain_name(path: Path) -> Path:
@@ -129,12 +130,16 @@ def plain_name(path: Path) -> Path:
 
 
 def parse_urdf(path: Path, packages: Packages, comments: bool = False) -> ET.Element:
-    """Return the root of a URDF, or of what a template makes, with its ``comments`` where they are asked for.
+    """Return the root of a URDF, or of what a template or a file of origins makes.
+
+    Its ``comments`` are in it where they are asked for.
 
     Raises:
         InputError: it is no XML, or a template that makes none.
     """
     try:
+        if path.suffix in YAML:
+            return parse_xml(urdf_of_origins(path))
         data = expand_template(path, packages) if path.suffix == ".xacro" else read_bytes(path, MOST_TOML)
         return parse_xml(data, comments)
     except (XmlError, ValueError, LookupError, RecursionError) as err:

@@ -153,7 +153,8 @@ def read_origin(element: ET.Element) -> tuple[Array, Array]:
             raise UrdfError("<origin> has both rpy and quat_xyzw: keep one of them", origin)
         return xyz, _rpy_of_quaternion(origin)
     if why := degrees_text(rpy.tolist()):
-        raise UrdfError(f"<origin>: rpy = '{origin.get('rpy')}': {why}", origin)
+        meant = " ".join(f"{v:.10g}" for v in np.deg2rad(rpy))
+        raise UrdfError(f"<origin>: rpy = '{origin.get('rpy')}': {why}; if degrees are meant, write {meant}", origin)
     return xyz, rpy
 
 

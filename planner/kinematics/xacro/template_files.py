@@ -82,16 +82,21 @@ class TemplateFiles:
             # 200_000: bytes: the reader takes seconds for more, and tables of robots have a tenth of it
             data = read_bytes(path, 200_000)
             self._spend(2 * len(data))
-            self._tables[path] = _read_yaml(path, data, number)
+            self._tables[path] = read_yaml(path, data, number)
         return self._tables[path]
 
 
-def _read_yaml(path: Path, data: bytes, number: Callable[[str], object]) -> object:
+def read_yaml(path: Path, data: bytes, number: Callable[[str], object]) -> object:
+    """Return plain values of a YAML text; ``number`` reads those with a unit as their tag.
+
+    Raises:
+        InputError: it is none, or the package that reads it is not installed.
+    """
     try:
         import yaml
     except ImportError as err:
         raise InputError(
-            f"{path}: is needed by a template, and the package that reads it is not installed: pip install pyyaml"
+            f"{path}: is YAML, and the package that reads it is not installed: pip install pyyaml"
         ) from err
 
     class Loader(yaml.SafeLoader):  # type: ignore[misc]
