@@ -98,15 +98,19 @@ BASE_SHIFTS = tuple(BaseMotion(a, f"along {a}", k) for k, a in enumerate("xyz"))
 BASE_TURNS = tuple(BaseMotion(f"r{a}", f"about {a}", 3 + k) for k, a in enumerate("xyz"))
 
 
+def tool_point_parameters(name: str) -> list[str]:
+    """Return the names of the three parameters that place a tool point; a lone one has an empty name."""
+    return [f"map_{name}_{axis}" if name else f"map_{axis}" for axis in "xyz"]
+
+
 def tool_parameters(setup: Placement) -> Iterator[Parameter]:
     """Where the targets sit on the tool."""
     for t, name in enumerate(setup.point_names):
-        label = f"map_{name}" if name else "map"
         phi = AtPoint(t) if len(setup.point_names) > 1 else ONE
-        for axis in "xyz":
+        for axis, parameter in zip("xyz", tool_point_parameters(name), strict=True):
             what = f"tool point {name} along {axis} of the flange".replace("  ", " ")
             moves = transform_move(setup.chain.index(f"map_{axis}"), phi)
-            yield Parameter(f"{label}_{axis}", "m", setup.tool_prior, what, moves, "gauge")
+            yield Parameter(parameter, "m", setup.tool_prior, what, moves, "gauge")
 
 
 def geometry_group(robot: Robot, transform: int) -> str:

@@ -11,7 +11,7 @@ from scipy.sparse.csgraph import connected_components
 from planner.cell.setup import MeasurementSetup
 from planner.common.units import Array
 from planner.effects.basis import ONE, Times
-from planner.effects.effect import ParameterMove
+from planner.effects.effect import ParameterMove, tool_point_parameters
 from planner.effects.phi_keys import columns_of, depends_on_run
 from planner.identification.least_squares import Fit, fit
 from planner.identification.problem import FitProblem
@@ -91,8 +91,7 @@ def _calibrated_tool(bare: MeasurementSetup, found: Fit) -> MeasurementSetup:
     setup = found.setup
     p_FM = np.array(setup.p_FM)
     for t, name in enumerate(setup.point_names):
-        label = f"map_{name}" if name else "map"
-        p_FM[t] += found.at(f"{label}_{axis}" for axis in "xyz")
+        p_FM[t] += found.at(tool_point_parameters(name))
     return replace(bare, p_FM=p_FM, R_FM=setup.R_FM, point_names=setup.point_names, tool_prior=0.0)
 
 

@@ -26,7 +26,7 @@ from planner.identification.calibrated_robot import MovedBy, describe_moves, eff
 from planner.identification.error_parts import error_parts
 from planner.identification.released_robot import ReleasedRobot, ToolMap, moving_effects
 from planner.kinematics.bodies import Vector
-from planner.kinematics.robot import Robot
+from planner.kinematics.robot import Robot, ToolPoint
 from planner.kinematics.robot_hash import is_model_of, model_text_hash
 from planner.model.model import chunks
 from planner.model.tool_error import tool_rows, tool_setup
@@ -51,6 +51,7 @@ NAME = "expected_error.json"  # beside robot.toml
 ExpectedErrorContent = Mapping[str, object]
 """What the file says, by its keys."""
 DIGITS = 6  # significant ones
+OTHER = "?"  # name of a tool point that was not measured: no parameter of the file has it
 
 
 class KnownParameter(StrictModel):
@@ -58,6 +59,11 @@ class KnownParameter(StrictModel):
 
     name: str
     moves: tuple[MovedBy, ...] = ()
+
+    @property
+    def point(self) -> str | None:
+        """Name of the tool point that it places, empty for a lone one; ``None`` for a parameter of the robot."""
+        return self.name.removeprefix("map_")[:-1].removesuffix("_") if self.name.startswith("map_") else None
 
 
 class StandingGauge(StrictModel):
@@ -83,7 +89,8 @@ class ExpectedErrorFile(StrictModel):
     Attributes:
         robot_sha256: of what the ``robot.toml`` that it belongs to says, however controllers count its axes (of older
             files: of its bytes).
-        tool_mm: measured tool point in the flange frame of the released robot.
+        tool_mm: measured tool point in the flange frame of the released robot, the first one of several.
+        further_points_mm: the other measured tool points, by name, where the tool has several.
         parameters: P that move the tool.
         nominal, geometry, released: values of the three robots less what the run expects, (P,) [m, rad, …].
         spread: root of the parameters' covariance, (P, r).
@@ -101,6 +108,7 @@ class ExpectedErrorFile(StrictModel):
     robot: str
     robot_sha256: str
     tool_mm: Vector
+    further_points_mm: dict[str, Vector] = Field(default_factory=dict)
     parameters: tuple[KnownParameter, ...]
     nominal: tuple[float, ...]
     geometry: tuple[float, ...]
@@ -124,26 +132,31 @@ def expected_error_text(content: ExpectedErrorContent, robot_toml: str, mounting
 
 def expected_error_content(released: ReleasedRobot, run: Run) -> ExpectedErrorContent:
     """Return what the file says, the names of robot file and set-up left open; ``run``: that was identified."""
-    tool, setup = released.tool, released.fit.setup
-    whole, others = released.spread(tool.names), released.other_tools
-    root, squares = _few_columns(whole, (tool, *others), tool.names)
-    rest = [s - _mean_square(root, m, tool.names) for s, m in zip(squares, (tool, *others), strict=True)]
+    tool, setup, points = released.tool, released.fit.setup, (released.tool, *released.further_points)
+    names = tuple(dict.fromkeys(name for point in points for name in point.names))
+    maps = (*points, *released.other_tools)
+    root, squares = _few_columns(released.spread(names), maps, names)
+    rest = [s - _mean_square(root, m, names) for s, m in zip(squares, maps, strict=True)]
     rest = [released.beside_square + max(square, 0.0) for square in rest]
     offsets = {
-        name: round_significant_digits(released.offset(tool.names, fit), DIGITS).tolist()
+        name: round_significant_digits(released.offset(names, fit), DIGITS).tolist()
         for name, fit in (("nominal", None), ("geometry", released.geometry), ("released", released.fit))
     }
+    first, *further = (
+        (name, round_significant_digits(to_mm(p_FM), DIGITS).tolist()) for name, p_FM in released.tool_points.items()
+    )
     few = tool.q[even_positions(len(tool.q), 300)]  # states at which the base is aligned
     return {
         "schema": "edbb-expected-error/1",
         "robot": setup.robot.name,
         "robot_sha256": "",
-        "tool_mm": round_significant_digits(to_mm(released.tool_point), DIGITS).tolist(),
-        "parameters": list(_describe(tool.names, moving_effects(released.posterior.fit), setup)),
+        "tool_mm": first[1],
+        **({"further_points_mm": dict(further)} if further else {}),
+        "parameters": list(_describe(names, moving_effects(released.posterior.fit), setup, several=bool(further))),
         **offsets,
         "spread": round_significant_digits(root, DIGITS).tolist(),
-        "rest_mm": float(round_significant_digits(to_mm(np.sqrt(rest[0])), DIGITS)),
-        "rest_other_mm": float(round_significant_digits(to_mm(np.sqrt(np.mean(rest[1:]))), DIGITS)),
+        "rest_mm": float(round_significant_digits(to_mm(np.sqrt(max(rest[: len(points)]))), DIGITS)),
+        "rest_other_mm": float(round_significant_digits(to_mm(np.sqrt(np.mean(rest[len(points) :]))), DIGITS)),
         "likely_share": [
             float(round_significant_digits(released.likely_share(f), DIGITS))
             for f in (None, released.geometry, released.fit)
@@ -168,14 +181,15 @@ def _standing_gauge(released: ReleasedRobot, run: Run) -> dict[str, object]:
     own = {name: own for name, own in stands.names.items() if name in known.values}
     if not own:
         return {}
-    names = [*tool.names, *own]
+    points = (tool, *released.further_points)
+    names = [*dict.fromkeys(name for point in points for name in point.names), *own]
     root = released.spread(names)
     few = run.samples.take(even_positions(len(run), 300))  # readings say which directions move them
     rows = known.model.rows(few)[:, 0] / known.model.noise(few)[:, None]
     at = [known.model.names.index(n) if n in known.model.names else -1 for n in names]
     seen = np.where(np.array(at) >= 0, rows[:, at], 0.0) @ root
     moved = seen.T @ seen
-    for each in (tool, *released.other_tools):
+    for each in (*points, *released.other_tools):
         motion = _tool_motion(root, each, names)
         # 10: as much as ten readings of one standard deviation each
         moved += 10.0 * motion.T @ motion / max(float((motion**2).sum()), 1e-300)
@@ -219,12 +233,12 @@ def _tool_motion(root: Array, tool: ToolMap, names: Sequence[str]) -> Array:
 
 
 def _describe(
-    names: Sequence[str], effects: Sequence[Parameter], setup: MeasurementSetup
+    names: Sequence[str], effects: Sequence[Parameter], setup: MeasurementSetup, several: bool
 ) -> Iterator[dict[str, object]]:
     moves = {p.name: describe_moves(p, setup) for p in effects}
     for name in names:
-        own = {"moves": moves[name]} if name in moves else {}
-        yield {"name": f"map_{name[-1]}" if name.startswith("map_") else name, **own}
+        moved = {"moves": moves[name]} if name in moves else {}
+        yield {"name": f"map_{name[-1]}" if name.startswith("map_") and not several else name, **moved}
 
 
 @dataclass(frozen=True)
@@ -280,7 +294,7 @@ class ExpectedError:
         if any(len(q) != N for q in self.file.states_deg) or not self.file.states_deg:
             raise InputError(f"{path}: states_deg needs {N} angles a state")
         try:
-            known = set(self._rows(self._states[:1], self.tool)[0])
+            known = {name for point in self.points for name in self._rows(self._states[:1], point)[0]}
         except ValueError as err:
             raise InputError(f"{path}: an effect moves a transform that {self.robot.name} does not have") from err
         if missing := [p.name for p in self.file.parameters if p.name not in known]:
@@ -288,26 +302,38 @@ class ExpectedError:
 
     @property
     def tool(self) -> Array:
-        """The measured tool point in the flange frame, (3,) [m]."""
+        """The first measured tool point in the flange frame, (3,) [m]."""
         return read_only(from_mm(self.file.tool_mm))
 
+    @cached_property
+    def points(self) -> tuple[ToolPoint, ...]:
+        """The measured tool points; the first one has the first name among the parameters."""
+        names = dict.fromkeys(p.point for p in self.file.parameters if p.point is not None)
+        further = self.file.further_points_mm
+        first = next((name for name in names if name not in further), "")
+        every = {first: self.file.tool_mm, **further}
+        return tuple(ToolPoint(name, read_only(from_mm(p_mm))) for name, p_mm in every.items())
+
+    def find_point(self, p_FM: Array) -> ToolPoint:
+        """Return the measured point at which a tool point (3,) [m] sits, else that tool with a name of no parameter."""
+        nearest = min(self.points, key=lambda point: float(np.linalg.norm(p_FM - point.p_FM)))
+        # 1e-3: [m] nearer to a measured point a tool is that point
+        return nearest if np.linalg.norm(p_FM - nearest.p_FM) < 1e-3 else ToolPoint(OTHER, p_FM)
+
     def is_measured(self, p_FM: Array) -> bool:
-        """Tell whether a tool point (3,) [m] is the one that was measured."""
-        # 1e-3: [m] nearer to the measured point a tool is the measured one
-        return bool(np.linalg.norm(p_FM - self.tool) < 1e-3)
+        """Tell whether a tool point (3,) [m] is one that was measured."""
+        return self.find_point(p_FM).name != OTHER
 
     def at(self, q: Array, p_FM: Array) -> ErrorAtPoses:
         """Return the expected errors at q (n, N) [rad] of a tool point (3,) [m] in the flange frame.
 
         Of a point that was not measured it counts as known where it sits in the true flange.
         """
-        names = [p.name for p in self.file.parameters]
-        vectors = self._vectors * np.array([[self.is_measured(p_FM) or not n.startswith("map_")] for n in names])
-        frame, motion = self._motion(self._states, p_FM, vectors)
+        frame, motion = self._motion(self._states, p_FM, self._vectors)
         shift = np.linalg.lstsq(frame, motion)[0]
-        square = np.empty((len(q), vectors.shape[1]))
+        square = np.empty((len(q), self._vectors.shape[1]))
         for part in chunks(len(q), 512):  # poses a pass
-            frame, motion = self._motion(q[part], p_FM, vectors)
+            frame, motion = self._motion(q[part], p_FM, self._vectors)
             square[part] = ((motion - frame @ shift) ** 2).reshape(len(q[part]), 3, -1).sum(axis=1)
         rest = self.file.rest_mm if self.is_measured(p_FM) else self.file.rest_other_mm
         known = square[:, 3:].sum(axis=1) + float(from_mm(rest)) ** 2
@@ -335,20 +361,24 @@ class ExpectedError:
     def aligned_motion(self, q: Array, spread: Array, p_FM: Array | None = None) -> Array:
         """Return how far a tool point moves at q (n, N) [rad] by each column of errors (P, r), as above."""
         tool = self.tool if p_FM is None else p_FM
-        placed = np.array([[self.is_measured(tool) or not p.name.startswith("map_")] for p in self.file.parameters])
-        spread = spread * placed
         shift = np.linalg.lstsq(*self._motion(self._states, tool, spread))[0]
         frame, motion = self._motion(q, tool, spread)
         return np.asarray((motion - frame @ shift).reshape(len(q), 3, -1))
 
     def _motion(self, q: Array, p_FM: Array, vectors: Array) -> tuple[Array, Array]:
-        """Tool motion per how the base stands, (3 n, 6), and by each vector of errors (P, k), (3 n, k) [m]."""
-        names, frame, rows = self._rows(q, p_FM)
-        at = [names.index(p.name) for p in self.file.parameters]
-        return frame, rows[:, at] @ vectors
+        """Tool motion per how the base stands, (3 n, 6), and by each vector of errors (P, k), (3 n, k) [m].
 
-    def _rows(self, q: Array, p_FM: Array) -> tuple[tuple[str, ...], Array, Array]:
-        setup = tool_setup(replace(loaded_robot(self.robot), robot=self.robot.nominal_robot), p_FM)
+        Where the other measured points sit on the tool does not move this one.
+        """
+        point = self.find_point(p_FM)
+        names, frame, rows = self._rows(q, replace(point, p_FM=p_FM))
+        acting = [k for k, p in enumerate(self.file.parameters) if p.point in (None, point.name)]
+        at = [names.index(self.file.parameters[k].name) for k in acting]
+        return frame, rows[:, at] @ vectors[acting]
+
+    def _rows(self, q: Array, point: ToolPoint) -> tuple[tuple[str, ...], Array, Array]:
+        robot = replace(loaded_robot(self.robot), robot=self.robot.nominal_robot)
+        setup = replace(tool_setup(robot, point.p_FM), point_names=(point.name,))
         samples = Samples(q, np.zeros(len(q), dtype=int), payload=np.zeros(len(q)))
         effects = [effect_parameter(p.name, p.moves, setup) for p in self.file.parameters if p.moves]
         return tool_rows(samples, setup, effects)

@@ -13,6 +13,7 @@ average over the time of the run; how far it drifts from that meanwhile is an er
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -22,7 +23,7 @@ from planner.cell.setup import MeasurementSetup
 from planner.common.determinism import even_positions
 from planner.common.units import Array, read_only
 from planner.effects.compliance import StationTwist
-from planner.effects.effect import Parameter
+from planner.effects.effect import Parameter, tool_point_parameters
 from planner.effects.phi_keys import columns_of
 from planner.identification.assumptions import NEGLIGIBLE_SHARE, OTHER_TOOL, POSITION_AXES
 from planner.identification.least_squares import Fit
@@ -87,8 +88,9 @@ class ReleasedRobot:
         posterior: what the errors are judged by.
         misfit: how much farther off the drawn robots are than it says, by regions that it did not see.
         drift: how far each of them moves the tool in the time of the run, rms over it and the workspace, (n,) [m].
-        tool: motion of the measured tool point; other_tools: of points about the flange; work_tool: of the tool that
-            the robot works with, where the cell names it; measured: of the measured point at poses of the run.
+        tool: motion of the measured tool point; further_points: of each further tool point that was measured, where
+            the tool has several; other_tools: of points about the flange; work_tool: of the tool that the robot works
+            with, where the cell names it; measured: of the measured point at poses of the run.
         held_out, validation: errors of the released robot.
         held_residual: of every sample, (n, r) [m, rad]; of a part of a long run.
         share: how much of that way, 0 to 1.
@@ -100,6 +102,7 @@ class ReleasedRobot:
     misfit: Misfit
     drift: Array
     tool: ToolMap
+    further_points: tuple[ToolMap, ...]
     other_tools: tuple[ToolMap, ...]
     work_tool: ToolMap | None
     measured: ToolMap
@@ -133,11 +136,10 @@ class ReleasedRobot:
         return f"ReleasedRobot('{self.fit.setup.robot.name}', parameters={len(self.fit.model.parameters)})"
 
     @property
-    def tool_point(self) -> Array:
-        """The first tool point in the flange of this robot, (3,) [m]."""
-        first = next(iter(self.fit.setup.point_names), "")
-        axes = [f"map_{first}_{axis}" if first else f"map_{axis}" for axis in "xyz"]
-        return np.asarray(self.tool.p_FM + self.fit.at(axes))
+    def tool_points(self) -> dict[str, Array]:
+        """The measured tool points in the flange of this robot, (3,) [m], by name; a lone one may have none."""
+        maps = zip(self.fit.setup.point_names, (self.tool, *self.further_points), strict=True)
+        return {name: np.asarray(m.p_FM + self.fit.at(tool_point_parameters(name))) for name, m in maps}
 
     def _rows_per_error(self, where: ToolMap, names: Sequence[str]) -> Array:
         """Return the motion (3 n, K) by each parameter over the root of n states times the error to be expected."""
@@ -259,19 +261,30 @@ class ReleasedRobot:
         )
 
 
-def tool_maps(cell: Cell, run: Run, fit: Fit) -> tuple[ToolMap, tuple[ToolMap, ...], ToolMap | None, ToolMap]:
-    """Return the motion over the workspace of the measured tool point, of points about the flange, and of own tools.
+class ToolMaps(NamedTuple):
+    """Motion of the tool points of which an error is stated; see :class:`ReleasedRobot`."""
 
-    The last is that of the measured point at poses of the run.
-    """
+    tool: ToolMap
+    further_points: tuple[ToolMap, ...]
+    other_tools: tuple[ToolMap, ...]
+    work_tool: ToolMap | None
+    measured: ToolMap
+
+
+def tool_maps(cell: Cell, run: Run, fit: Fit) -> ToolMaps:
+    """Return the motion over the workspace of measured, other and working tool points, and at poses of the run."""
     setup = fit.setup
     effects = moving_effects(fit)
     q = uniform_states(cell, 1000, 0)  # joint states at which the tool is looked at
     around = [OTHER_TOOL * sign * np.eye(3)[k] for k in range(3) for sign in (1.0, -1.0)]
     few = q[:: len(around)]
     work = cell.tool.work
-    return (
+    return ToolMaps(
         tool_map(q, run, setup, effects, with_point=True),
+        tuple(
+            tool_map(few, run, _at_point(setup, p_FM, name), effects, with_point=True)
+            for name, p_FM in list(zip(setup.point_names, setup.p_FM, strict=True))[1:]
+        ),
         tuple(tool_map(few, run, _at_point(setup, p), effects, with_point=False) for p in around),
         None if work is None else tool_map(q, run, _at_point(setup, work), effects, with_point=False),
         # 200: poses of the run, for a mean over it that is known to some per cent
@@ -315,8 +328,8 @@ def moving_effects(fit: Fit) -> tuple[Parameter, ...]:
     return tuple(p for p in fit.model.parameters if p.is_effect and acts_on_robot(p, setup))
 
 
-def _at_point(setup: MeasurementSetup, p_FM: Array) -> MeasurementSetup:
-    return replace(setup, p_FM=read_only(p_FM[None]), R_FM=setup.R_FM[:1])
+def _at_point(setup: MeasurementSetup, p_FM: Array, name: str = "") -> MeasurementSetup:
+    return replace(setup, p_FM=read_only(p_FM[None]), R_FM=setup.R_FM[:1], point_names=(name,))
 
 
 def tool_map(q: Array, run: Run, setup: MeasurementSetup, effects: Sequence[Parameter], with_point: bool) -> ToolMap:

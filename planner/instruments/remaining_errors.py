@@ -20,7 +20,7 @@ from planner.cell.setup import MeasurementSetup, setup_of
 from planner.common.errors import InputError
 from planner.common.units import Array, from_mm, to_mm
 from planner.design.expected_errors import EVERYWHERE, square_error_limit
-from planner.effects.effect import Parameter
+from planner.effects.effect import Parameter, tool_point_parameters
 from planner.identification.baseline import joint_noise_of
 from planner.identification.calibrated_robot import effect_parameter
 from planner.identification.expected_error import ExpectedError, StandingGauge
@@ -113,7 +113,8 @@ class RemainingErrors:
             InputError: an effect moves a part that the cell's robot does not have.
         """
         setup, known = setup_of(cell), before.known
-        tool = {f"map_{axis}": name for axis, name in zip("xyz", tool_names(setup), strict=True)}
+        first = tool_point_parameters(next(iter(setup.point_names), ""))
+        tool = dict(zip(tool_point_parameters(""), first, strict=True))  # of a lone point that was measured
         names = [tool.get(p.name, p.name) for p in known.file.parameters]
         own = {p.name: p for p in Model.of(setup, FREEABLE).parameters}
         effects = [effect_parameter(p.name, p.moves, setup) for p in known.file.parameters if p.moves]
@@ -245,12 +246,6 @@ def _tool_weight(known: ExpectedError, places: ErrorPlaces, spread: Array, anew:
     parts = [known.aligned_motion(places.q[which.ravel() == k], spread, tool) for k, tool in enumerate(tools)]
     moved = np.concatenate(parts).reshape(-1, parts[0].shape[-1])
     return np.asarray(block_diag(moved.T @ moved / len(places.q), np.zeros((anew, anew))))
-
-
-def tool_names(setup: MeasurementSetup) -> list[str]:
-    """Names of the three parameters of the first tool point."""
-    first = next(iter(setup.point_names), "")
-    return [f"map_{first}_{axis}" if first else f"map_{axis}" for axis in "xyz"]
 
 
 def _gauge_errors(setup: MeasurementSetup, samples: Samples) -> list[Parameter]:
