@@ -13,7 +13,7 @@ from planner.design.assumptions import LOG_LIKELIHOOD_EVIDENCE
 from planner.effects.catalogue import catalogue
 from planner.effects.effect import Effect, Role
 from planner.effects.sessions import SESSION_STEP
-from planner.effects.steps import STEP
+from planner.effects.steps import STEP, Steppable
 from planner.identification.calibration import TracingResult
 from planner.identification.contenders import Contender, Contest, contenders_of_same_law
 from planner.identification.stages import FitContext, FittedStage
@@ -79,19 +79,40 @@ def find_rivals(context: SearchContext, state: SearchState, found: FittedEffect)
 
 
 def _contests(
-    last: SearchState, found: Sequence[FittedEffect], rivals: Sequence[Rivalry], offered: Sequence[Effect]
+    last: SearchState,
+    found: Sequence[FittedEffect],
+    rivals: Sequence[Rivalry],
+    offered: Sequence[Effect],
+    steppables: Sequence[Steppable],
 ) -> Iterator[Contest]:
     """Yield the findings of each name as the contest for what they explain."""
     same_law = contenders_of_same_law(offered)
     for name in dict.fromkeys(f.effect.family for f in found):
         own = [k for k, f in enumerate(found) if f.effect.family == name]
         parameters = tuple(p for p in last.fit.model.parameters if p.group == name)
-        others = {s.effect.family: s for k in own for s in rivals[k].scores}
-        yield Contest(
-            Contender(name, parameters, sum(_handicap(found[k].effect) for k in own)),
-            tuple(Contender(n, s.effect.make(s.value), _handicap(s.effect)) for n, s in others.items()),
-            same_law,
-        )
+        scores = {s.effect.family: s for k in own for s in rivals[k].scores}
+        others = {n: Contender(n, s.effect.make(s.value), _handicap(s.effect)) for n, s in scores.items()}
+        others |= {c.name: c for c in other_series(steppables, [found[k] for k in own])}
+        handicap = sum(_handicap(found[k].effect) for k in own)
+        yield Contest(Contender(name, parameters, handicap), tuple(others.values()), same_law)
+
+
+def other_series(steppables: Sequence[Steppable], found: Sequence[FittedEffect]) -> Iterator[Contender]:
+    """Yield every other thing that may have stepped at the times at which one thing stepped more than once.
+
+    One step of another thing explains only a part of a series: all of its steps together are the rival.
+
+    Args:
+        steppables: what may step.
+        found: the findings of one name.
+    """
+    if len(found) < 2 or any(f.effect.kind != STEP for f in found):
+        return
+    handicap = sum(_handicap(f.effect) for f in found)
+    for thing in steppables:
+        if thing.place != found[0].effect.place:
+            steps = [thing.step(sample, f.effect.scanned) for f in found if (sample := change_sample(f)) is not None]
+            yield Contender(steps[0].family, tuple(p for step in steps for p in step.make()), handicap)
 
 
 def _handicap(effect: Effect) -> float:
@@ -223,8 +244,11 @@ def trace(
     stages = fit_context.judge_trials([s.fitted for s in told_path(result.path)])
     for state in result.path:  # of each its stage is kept, and nothing that can be computed anew
         state.fit.problem.memory.forget()
+    steppables = result.context.steppables
     searched = [k for k, (f, _) in enumerate(kept) if f not in off]  # what is stated acts for certain
-    contests = tuple(_contests(last, [kept[k][0] for k in searched], [rivals[k] for k in searched], offered))
+    contests = tuple(
+        _contests(last, [kept[k][0] for k in searched], [rivals[k] for k in searched], offered, steppables)
+    )
     report("detection limits")
     silent = tuple(detection_limits(test, [e for e in effects if e.name not in last.names], result.tried_number))
     return stages, TracingResult(findings, silent, result.rejected, result.tried_number, contests)

@@ -1,5 +1,6 @@
 """Steps at an unknown sample and wrong rows, read by the generator's own forward model: what is said of them."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -12,8 +13,8 @@ from planner.identification.run_setup import number_samples
 from planner.tracing.change_points import best_steps, change_sample, score_steps, step_series
 from planner.tracing.effect_scores import ScoreTest
 from planner.tracing.significance import LOG_SIGNIFICANCE
-from planner.tracing.state import FittedEffect
-from planner.tracing.trace import trace
+from planner.tracing.state import FittedEffect, number_repeat
+from planner.tracing.trace import other_series, trace
 from planner.tracing.wrong_rows import find_slip
 from tests.identification.worlds import declared, world
 from tests.simulation.generator.truth import Noise, draw_errors
@@ -73,6 +74,22 @@ def test_what_steps_again_and_again_is_one_thing():
     series = step_series(test, things)[0]
     assert {s.effect.name for s in series} == {"step, gauge"}, "joint 2 alone would explain much of it"
     assert sorted(change_sample(FittedEffect(s.effect)) for s in series)[:3] == [30, 60, 95]
+
+
+def test_the_rivals_of_a_series_step_as_often():
+    """What has three numbers a step is held against the zero, which has one, with all steps of both."""
+    test, things = scanned((("step, gauge", 30, 60.0), ("step, gauge", 60, -90.0), ("step, gauge", 95, 30.0)))
+    tool = next(thing for thing in things if str(thing.place) == "tool point")
+    found = [FittedEffect(number_repeat(tool.step(k, 120), ())) for k in (30, 60, 95)]
+    rivals = {c.name: c for c in other_series(things, found)}
+    assert "step, tool point" not in rivals
+    gauge = rivals["step, gauge"]
+    assert len(gauge.parameters) == 3
+    gain = {}
+    for name, parameters in (("gauge", gauge.parameters), ("tool", tuple(p for f in found for p in f.effect.make()))):
+        gain[name] = test.score_one(replace(found[0].effect, parameters=parameters)).gain
+    assert gain["gauge"] > gain["tool"], "three numbers of the right thing explain more than nine of another"
+    assert list(other_series(things, found[:1])) == []
 
 
 @pytest.mark.parametrize("sample", [3, 60, 117])
