@@ -163,7 +163,9 @@ def joint_compliance(run: Excitation) -> Iterator[Effect]:
             parameters = [_at_largest(run, p) for p in parameters]
             more = " under the run's largest load (how much a newton metre only the links' masses tell)"
         sentence = f"joint {i + 1}: gives way under load, {{size}}{more}"
-        yield from _effect(JOINT_COMPLIANCE, joint_place(i), parameters, sentence, TRICAL, Role.COMPLIANCE)
+        yield from _effect(
+            JOINT_COMPLIANCE, joint_place(i), parameters, sentence, TRICAL, Role.COMPLIANCE | Role.YIELDING
+        )
 
 
 @register(
@@ -178,7 +180,7 @@ def drive_compliance(run: Excitation) -> Iterator[Effect]:
         what = f"{kind} of joint {i + 1}"
         parameters = _compliance(run, i, DriveTorque(i), f"drive_compliance{i + 1}", what)
         sentence = f"joint {i + 1}: gives way under the torque that its drive reports, {{size}}"
-        yield from _effect(kind, joint_place(i), parameters, sentence, TRICAL)
+        yield from _effect(kind, joint_place(i), parameters, sentence, TRICAL, Role.YIELDING)
 
 
 @register(
@@ -192,7 +194,7 @@ def payload_compliance(run: Excitation) -> Iterator[Effect]:
         what = f"yielding of joint {i + 1} to payload"
         parameters = _compliance(run, i, PayloadTorque(i), f"payload_compliance{i + 1}", what)
         sentence = f"joint {i + 1}: gives way under the payload, {{size}}"
-        yield from _effect("payload compliance", joint_place(i), parameters, sentence, TRICAL)
+        yield from _effect("payload compliance", joint_place(i), parameters, sentence, TRICAL, Role.YIELDING)
 
 
 @register(LINK_BENDING, background=Background.COMMON)

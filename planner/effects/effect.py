@@ -159,6 +159,8 @@ class Role(Flag):
     """Explains much of what the compliances of the joints on which it acts explain, and is less likely."""
     LIKE_ANY_COMPLIANCE = auto()
     """The same of the compliances of all joints."""
+    YIELDING = auto()
+    """A joint gives way under one measure of its load: of two such effects at a joint only one can be the cause."""
     GEAR_WAVE = auto()
     """One wave of a gear's error, which a curve of the whole error may replace."""
     GEAR_CURVE = auto()

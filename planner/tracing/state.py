@@ -369,7 +369,11 @@ def known_values(effect: Effect, effects: tuple[FittedEffect, ...]) -> list[floa
 
 
 def may_join(effect: Effect, effects: tuple[FittedEffect, ...]) -> bool:
-    """Tell whether an effect may be added to others: a new one, or one that may come again."""
+    """Tell whether an effect may be added to others: a new one, or one that may come again.
+
+    A joint gives way by one measure of its load: computed, read from the drive, or that of the payload alone.
+    """
     if effect.name not in {f.name for f in effects}:
-        return True
+        yields = effect.has(Role.YIELDING)
+        return not (yields and any(f.has(Role.YIELDING) and f.effect.place == effect.place for f in effects))
     return effect.has(Role.REPEATABLE) and len(known_values(effect, effects)) < 4  # effects of one kind at one place

@@ -8,6 +8,7 @@ import pytest
 import planner.tracing.state as states
 from planner.effects.catalogue import catalogue
 from planner.effects.compliance import LINK_MASSES
+from planner.effects.effect import Role
 from planner.effects.sizes import LINK_MASS
 from planner.identification.cross_validation import split_run
 from planner.identification.identifiable_parameters import parameters_of_groups
@@ -89,3 +90,27 @@ def test_a_search_keeps_nothing_of_what_models_before_were_computed_by():
     assert wave not in start.fit.problem.context._known
     assert start.fit.problem.memory.linear is None
     assert (after.piece.columns == piece.columns).all()
+
+
+def test_a_joint_gives_way_by_one_measure_of_its_load():
+    found = calibrated((effect("reducer-ripple", 3, share=3.0, frequency=9.37, phase=1.0),), traced=False, seed=4)
+    _, _, entries = begun(found)
+    compliance = entries["joint compliance, joint 2"]
+    drive = replace(compliance, kind="compliance under drive torque")
+    payload = replace(compliance, kind="payload compliance")
+    for there in (compliance, drive, payload):
+        for other in (compliance, drive, payload):
+            assert not states.may_join(other, (FittedEffect(there),))
+    assert states.may_join(drive, (FittedEffect(entries["joint compliance, joint 3"]),))
+    assert states.may_join(entries["gear ripple, joint 2"], (FittedEffect(compliance),))
+
+
+def test_each_measure_of_a_load_is_known_as_one():
+    """Computed, of the drive, of the payload: a run with all three offers each as what makes a joint yield."""
+    found = calibrated((effect("reducer-ripple", 3, share=3.0, frequency=9.37, phase=1.0),), traced=False, seed=4)
+    n, rng = len(found.run.samples), np.random.default_rng(0)
+    more = replace(
+        found.run.samples, torque=rng.normal(size=(n, len(found.run.samples.q[0]))), payload=rng.uniform(0, 5, n)
+    )
+    yielding = {e.kind for e in catalogue(found.fit.model.setup, more) if e.has(Role.YIELDING)}
+    assert yielding == {"joint compliance", "compliance under drive torque", "payload compliance"}
