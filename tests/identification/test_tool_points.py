@@ -38,6 +38,14 @@ free = ["tool"]
 NAMES = ["pose", *(f"q{k}_deg" for k in range(1, 7)), "x_mm", "y_mm", "z_mm", "point"]
 
 
+def read(folder):
+    """The calibrated robot, and what is known of its errors."""
+    robot = load_robot(str(folder))
+    known = ExpectedError.read(robot, folder / "robot.toml")
+    assert isinstance(known, ExpectedError), known
+    return robot, known
+
+
 def place(T, p_mm):
     """Where a point of the tool is in the base frame [mm]."""
     return 1e3 * T[:3, 3] + T[:3, :3] @ np.array(p_mm)
@@ -72,9 +80,8 @@ def calibrated(tmp_path_factory):
 
 def test_each_measured_point_is_a_measured_tool(calibrated, tmp_path):
     folder, *_ = calibrated
-    robot = load_robot(str(folder))
+    robot, known = read(folder)
     points = {t.name: t.p_FM for t in robot.tool_points}
-    known = ExpectedError.read(robot, folder / "robot.toml")
     q = np.random.default_rng(5).uniform(-2.5, 2.5, (400, 6))
     rms = {name: float(np.sqrt((known.at(q, p).released ** 2).mean())) * 1e3 for name, p in points.items()}
     other = float(np.sqrt((known.at(q, np.array(OTHER_MM) / 1e3).released ** 2).mean())) * 1e3
@@ -94,7 +101,7 @@ def test_each_measured_point_is_a_measured_tool(calibrated, tmp_path):
 
 def test_what_is_stated_of_both_points_is_as_large_as_the_truth(calibrated):
     folder, truth, shift_mm = calibrated
-    written, known = load_robot(str(folder)), ExpectedError.read(load_robot(str(folder)), folder / "robot.toml")
+    written, known = read(folder)
     q = np.random.default_rng(7).uniform(-2.5, 2.5, (300, 6))
     for point in written.tool_points:
         true = [place(pin_flange(truth, v), POINTS_MM[point.name] + shift_mm[point.name]) for v in q]
