@@ -20,7 +20,7 @@ from planner.common.calls import find_function
 from planner.common.console import as_word
 from planner.common.errors import PARTLY_DONE, InputError
 from planner.common.files import check_writing
-from planner.common.summary import SCREEN_LINES
+from planner.common.summary import SCREEN_LINES, fact_lines
 from planner.workflow.compensate_call import CompensateCall
 from planner.workflow.plan_use_calls import ImportCall, SimulateCall
 
@@ -40,6 +40,7 @@ def _import(values: Values, output: str, manner: Manner) -> None:
         run = find_function(ImportCall)(**values)
         from planner.runs.writer import run_text, save_run
     print_notes(run.warnings, manner.verbose)
+    errors.print("\n".join(fact_lines([("imported", run.counts_text)])))
     step = _evaluation_step(output, values.get("plan"))
     give_file(run_text(run), lambda path: save_run(run, path, manner.force), output, step)
 

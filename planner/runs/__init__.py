@@ -1,6 +1,7 @@
 """A measured run: its columns and clocks, import, checks."""
 
 __all__ = [
+    "column_map",
     "image_table",
     "joint_motion",
     "loader",
@@ -9,5 +10,6 @@ __all__ = [
     "run",
     "scalars",
     "traces",
+    "wrapped_angles",
     "writer",
 ]

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from planner.runs.title_units import UNIT, bare_unit, is_row_of_units
 
 NUMBER = re.compile(r"[-+]?\d+([.,]\d+)?([eE][-+]?\d+)?")
-SEPARATORS = (";", "\t", ",")
+SEPARATORS = (";", "\t", ",", " ")
 
 
 @dataclass(frozen=True)
@@ -25,6 +25,7 @@ class ForeignTable:
         titles: what stands above the columns.
         rows: the fields of the first rows.
         units: the row of units below the titles, or nothing.
+        header: whether titles stand above the columns; else ``titles`` are their numbers from 1.
     """
 
     separator: str
@@ -33,6 +34,7 @@ class ForeignTable:
     titles: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
     units: tuple[str, ...] = ()
+    header: bool = True
 
     @property
     def has_units(self) -> bool:
@@ -44,6 +46,10 @@ class ForeignTable:
         title, unit = self.titles[column], bare_unit(self.units[column]) if self.units else ""
         return f"{title} [{unit}]" if unit.strip("-–/") and not UNIT.search(title) else title
 
+    def texts(self, column: int) -> list[str]:
+        """Return the fields of a column as they are written."""
+        return [row[column].strip() for row in self.rows]
+
     def numbers(self, column: int) -> list[float]:
         """Return the numbers of a column; empty where one field is none."""
         try:
@@ -53,7 +59,7 @@ class ForeignTable:
 
 
 def foreign_table(lines: Sequence[str]) -> ForeignTable | None:
-    """Return separator, titles and decimals of a table; ``None`` if the lines are not columns under titles."""
+    """Return separator, titles and decimals of a table; ``None`` if the lines are no columns."""
     # 60 lines tell how the others are written
     found = (t for s in SEPARATORS if (t := _table_between(lines[:60], s)) is not None)
     return next(found, None)
@@ -62,7 +68,8 @@ def foreign_table(lines: Sequence[str]) -> ForeignTable | None:
 def _table_between(lines: Sequence[str], separator: str) -> ForeignTable | None:
     """Return the lines as columns between ``separator``, ``None`` where they are no such table."""
     numbered = [(k, line) for k, line in enumerate(lines) if line.strip() and not line.startswith("#")]
-    rows = [next(csv.reader([line], delimiter=separator), []) for _, line in numbered]
+    blank = separator == " "  # any number of blanks sets two fields apart
+    rows = [line.split() if blank else next(csv.reader([line], delimiter=separator), []) for _, line in numbered]
     width = Counter(map(len, rows)).most_common(1)[0][0] if rows else 0
     top, units = _head(rows, width)
     below = tuple(tuple(row) for row in rows[top + 1 + bool(units) :] if len(row) == width)
@@ -72,9 +79,18 @@ def _table_between(lines: Sequence[str], separator: str) -> ForeignTable | None:
     commas = sum(bool(re.fullmatch(r"[-+]?\d+,\d+", field)) for field in fields)
     points = sum(bool(re.fullmatch(r"[-+]?\d+\.\d+", field)) for field in fields)
     titles = tuple(title.strip() for title in rows[top])
-    if any(NUMBER.fullmatch(title) for title in titles):  # commas of decimals took the rows apart
-        return None
+    if any(NUMBER.fullmatch(title) for title in titles):
+        below = tuple(tuple(row) for row in rows[top:])
+        if any(len(row) != width or not all(map(is_value, row)) for row in below):
+            return None  # commas of decimals took the rows apart
+        numbers = tuple(str(k + 1) for k in range(width))
+        return ForeignTable(separator, "," if commas > points else ".", numbered[top][0], numbers, below, header=False)
     return ForeignTable(separator, "," if commas > points else ".", numbered[top][0], titles, below, units)
+
+
+def is_value(text: str) -> bool:
+    """Tell whether a field is a number, or a time as clocks write it."""
+    return bool(NUMBER.fullmatch(text.strip()) or re.fullmatch(r"[\d.:/TZ,+-]+", text.strip()))
 
 
 def _head(rows: Sequence[Sequence[str]], width: int) -> tuple[int, tuple[str, ...]]:

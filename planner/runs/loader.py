@@ -26,6 +26,7 @@ from planner.runs.repeated_rows import refuse_repeated_files, repeated_row_notes
 from planner.runs.run import Readings, Run, Samples, sort_names
 from planner.runs.synchronisation import pair_tables
 from planner.runs.table import RunTable, read_table
+from planner.runs.wrapped_angles import go_on_past_turns
 
 FEWEST_ROWS = 3  # that share a time, or at which it steps back: fewer may be a slip
 MEASURES = ("static", "continuous")
@@ -53,7 +54,7 @@ def run_of(table: RunTable, n_joints: int) -> Run:
     Raises:
         InputError: joints or reading are missing, the clock is wrong, or the arm never rests.
     """
-    table, pixels = split_images(table)
+    table, pixels = split_images(go_on_past_turns(table))
     run = _logged_run(table, n_joints, pixels)
     _check_clock(table, run)
     said = table.notes.get("measure")

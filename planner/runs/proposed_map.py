@@ -3,31 +3,24 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 
 from planner.common.errors import InputError, LookFirst
 from planner.common.files import write_text
 from planner.common.numbers import number_of
 from planner.common.summary import fact_lines
+from planner.runs.clock_times import clock_form, date_form
 from planner.runs.foreign_table import ForeignTable, foreign_table
 from planner.runs.table import find_column
 from planner.runs.text import read_lines
 from planner.runs.title_units import BRACKETS, OTHER_UNITS, UNIT, UNITS
+from planner.runs.titles import counts_from_0, meaning_of, meanings, without_unit
 
 USUAL_ENCODING = "utf-8"
 OTHER_ENCODINGS = ("cp1252", "utf-16")  # what a spreadsheet of Windows writes
-MEANINGS = (  # what a title means, by its words without the unit; {n} is the number that stands in it
-    (r"(?:cmd|soll|target|set ?point)[\W_]*(?:joint|axis|achse|gelenk|[jqa])?[\W_]*(?P<n>[0-9])", "cmd{n}"),
-    (r"(?:joint|axis|achse|gelenk|theta|act|ist|actual|[jqa])[\W_]*(?:joint|axis|[jqa])?[\W_]*(?P<n>[0-9])", "q{n}"),
-    (r"(?:pose|point|punkt|nr|no|number|nummer|index|#)", "pose"),
-    (r"(?:time|zeit|timestamp|t)", "t"),
-    (r"(?:temperature|temperatur|temp)", "temperature"),
-    (r"(?:length|länge|laenge|distance|abstand|bar|gauge|reading|messwert|l)", "length"),
-    (r"(?:ball|socket|kugel)", "ball"),
-    (r"(?:.*\W)?(?P<n>[xyz])(?:\W*(?:pos|position|ist|act))?", "{n}"),
-)
 OF_JOINT = re.compile(r"(q|cmd)\d")
 VECTOR = ("x", "y", "z")  # coordinates of one place have one unit
 USUAL = {"q": "deg", "cmd": "deg", "t": "s", "temperature": "degC", "length": "mm", "x": "mm", "y": "mm", "z": "mm"}
@@ -54,7 +47,9 @@ def proposed_map(traces: Sequence[Path]) -> str:
     Raises:
         InputError: a file cannot be read, or has no columns with titles.
     """
-    parts = [_trace_lines(path, "traces." if k else "") for k, path in enumerate(traces)]
+    parts = [list(_trace_lines(path, "traces." if k else "")) for k, path in enumerate(traces)]
+    joined = ['join = "rows"  # no time or number of the pose stands in both: is row k of one that of the other?']
+    tables = [_read_foreign(path)[0] for path in traces]
     return (
         "\n".join(
             (
@@ -62,6 +57,7 @@ def proposed_map(traces: Sequence[Path]) -> str:
                 'schema = "edbb-map/1"',
                 '# axes_of = "krl"  # where the angles are a controller\'s: its language (edbb dialects), and then',
                 '# robot = "robot.toml"  # shipped, or its file beside this one: says how the controller counts',
+                *(joined if _are_joined_by_rows([t for t in tables if t is not None]) else []),
                 *(line for part in parts for line in part),
             )
         )
@@ -69,28 +65,38 @@ def proposed_map(traces: Sequence[Path]) -> str:
     )
 
 
+def _are_joined_by_rows(tables: Sequence[ForeignTable]) -> bool:
+    """Tell whether two tables, one of joints and one of readings, have neither time nor pose in common."""
+    if len(tables) != 2:
+        return False
+    known = [{name.partition("_")[0] for name in proposed_columns(table)} for table in tables]
+    joints = ["q1" in keys or "cmd1" in keys for keys in known]
+    return joints.count(True) == 1 and not {"t", "pose"} & known[0] & known[1]
+
+
 def _trace_lines(path: Path, table_name: str) -> Iterator[str]:
     """Return the lines of the map that read one trace."""
     table, encoding = _read_foreign(path)
     if table is None:
-        raise InputError(f"{path}: has no columns with titles; a map with a pattern reads it (docs/how-to/run.md)")
-    known = dict(_quantities_of_titles(table))
+        raise InputError(f"{path}: has no columns; a map with a pattern reads it (docs/how-to/run.md)")
+    known = proposed_columns(table)
     if not known:
         raise InputError(
             f"{path}: no title is understood that has numbers below it (found in line {table.skip + 1}: "
             f"{', '.join(repr(t) for t in table.titles if t)}): take a second row of titles out, or write the map by "
             "hand (docs/how-to/run.md)"
         )
-    counted = "  # counted from 0 there" if _first_joint(table) == 0 else ""
+    counted = "  # counted from 0 there" if counts_from_0(table) else ""
     if table_name:
         yield f"\n[[traces]]  # {path.name}"
     yield from _form_lines(table, encoding)
-    yield f"\n[{table_name}columns]  # quantity = title of its column"
-    for k, name in known.items():
+    yield f"\n[{table_name}columns]  # quantity = {'title' if table.header else 'number'} of its column"
+    for name, column in known.items():
         joint = counted if OF_JOINT.match(name) else ""
-        yield f"{name} = {_column_text(table, k, name)}{_doubt(table, k)}{joint}"
+        yield f"{name} = {column.text}{column.doubt}{joint}"
+    used = {k for column in known.values() for k in column.places}
     for k, title in enumerate(table.titles):
-        if k not in known:
+        if k not in used:
             yield f"# not understood: {_toml_text(title)}{_unknown_unit_text(table.title_with_unit(k), title)}"
 
 
@@ -101,33 +107,91 @@ def _form_lines(table: ForeignTable, encoding: str) -> Iterator[str]:
         yield f'decimal = "{table.decimal}"'
     if encoding != USUAL_ENCODING:
         yield f'encoding = "{encoding}"'
+    if not table.header:
+        yield "header = false  # no titles stand above the columns: what they are is guessed from their places"
     if table.skip:
         lines = "line 1 stands" if table.skip == 1 else f"lines 1 to {table.skip} stand"
-        yield f"skip_rows = {table.skip}  # {lines} above the titles"
+        yield f"skip_rows = {table.skip}  # {lines} above the {'titles' if table.header else 'numbers'}"
     if table.has_units:
         yield "unit_rows = 1  # the row below the titles holds their units"
 
 
-def _quantities_of_titles(table: ForeignTable) -> Iterator[tuple[int, str]]:
-    """Return the columns whose titles are understood, and the quantity with its unit; each quantity once."""
-    taken: set[str] = set()
+@dataclass(frozen=True)
+class ProposedColumn:
+    """How a map reads a quantity: the text of its line, the columns that it takes, and what is doubtful of it."""
+
+    text: str
+    places: tuple[int, ...]
+    doubt: str = ""
+
+
+def proposed_columns(table: ForeignTable) -> dict[str, ProposedColumn]:
+    """Return the quantities, with their units, of the columns that are understood; each quantity once."""
+    keys = meanings(table)
+    out: dict[str, ProposedColumn] = {}
     for k, title in enumerate(table.titles):
-        name = title if find_column(title) else _quantity_of(table, k)
-        if name is not None and name not in taken and (table.numbers(k) or name == "ball"):
-            taken.add(name)
-            yield k, name
+        key = keys.get(k, "")
+        name = title if find_column(title) else _with_unit(table, k, key, keys)
+        if name in out or not name:
+            continue
+        if name == "t_s" and not table.numbers(k):
+            if clock := _clock_column(table, k, keys):
+                out[name] = clock
+        elif table.numbers(k) or name == "ball":
+            out[name] = _number_column(table, k, name, keys)
+    return out
 
 
-def _quantity_of(table: ForeignTable, column: int) -> str | None:
-    """Return the quantity that a title means, with its unit: ``q1_deg`` of ``J1``."""
-    words, said = _without_unit(table.title_with_unit(column))
-    for pattern, name in MEANINGS:
-        if match := re.fullmatch(pattern, words.strip().rstrip(".:"), re.IGNORECASE):
-            number = match.groupdict().get("n", "").lower()
-            key = name.format(n=int(number) + 1 - _first_joint(table) if number.isdigit() else number)
-            full = f"{key}_{_own_unit(key, said) or _usual_unit(table, column, key)}".rstrip("_")
-            return full if find_column(full) else None
-    return None
+def _clock_column(table: ForeignTable, column: int, keys: Mapping[int, str]) -> ProposedColumn | None:
+    """Return the line of a time that a clock has written, with the date where it stands in another column."""
+    texts = table.texts(column)
+    day = next((k for k, key in keys.items() if key == "date" and not table.numbers(k)), None)
+    form, dated = clock_form(texts), None if day is None else date_form(table.texts(day))
+    if form is None:
+        return None
+    if day is not None and dated is not None and "%d" not in form:
+        text = f'{{ column = {_place(table, column)}, clock = "{dated} {form}", date = {_place(table, day)} }}'
+        return ProposedColumn(text, (column, day))
+    return ProposedColumn(f'{{ column = {_place(table, column)}, clock = "{form}" }}', (column,))
+
+
+def _number_column(table: ForeignTable, column: int, name: str, keys: Mapping[int, str]) -> ProposedColumn:
+    text, said = _place(table, column), _unit_said(table, column)
+    more = [k for k, key in keys.items() if key == "nanoseconds"]
+    if name == "t_s" and more:
+        return ProposedColumn(f"{{ column = {text}, nanoseconds = {_place(table, more[0])} }}", (column, more[0]))
+    if name == "t_s" and not said:
+        said = _unit_of_clock(table.numbers(column))
+    doubt = _doubt(table, column, keys)
+    if find_column(table.titles[column]) or said not in OTHER_UNITS or UNITS.get(said) == name.rpartition("_")[2]:
+        return ProposedColumn(text, (column,), doubt)
+    _, factor, offset = OTHER_UNITS[said]
+    added = f", offset = {offset}" if offset else ""
+    return ProposedColumn(f"{{ column = {text}, factor = {factor}{added} }}", (column,), doubt)
+
+
+def _place(table: ForeignTable, column: int) -> str:
+    """Return how a map names a column: by its title, or its number where there are none."""
+    return _toml_text(table.titles[column]) if table.header else str(column + 1)
+
+
+def _unit_said(table: ForeignTable, column: int) -> str:
+    return without_unit(table.title_with_unit(column))[1] if table.header else ""
+
+
+def _unit_of_clock(seconds: Sequence[float]) -> str:
+    """Return the unit of a clock that counts from 1970 in parts of a second, by the size of its numbers."""
+    largest = max(map(abs, seconds), default=0.0)
+    # in seconds such a clock shows 1e9 to 1e10
+    return next((unit for unit, least in (("ns", 1e17), ("us", 1e14), ("ms", 1e11)) if largest > least), "")
+
+
+def _with_unit(table: ForeignTable, column: int, key: str, keys: Mapping[int, str]) -> str:
+    """Return a quantity with its unit: ``q1_deg`` of ``J1``; empty where it is none of a run."""
+    if not key:
+        return ""
+    full = f"{key}_{_own_unit(key, _unit_said(table, column)) or _usual_unit(table, column, key, keys)}".rstrip("_")
+    return full if find_column(full) else ""
 
 
 def _own_unit(key: str, said: str) -> str:
@@ -138,32 +202,10 @@ def _own_unit(key: str, said: str) -> str:
     return own
 
 
-def _first_joint(table: ForeignTable) -> int:
-    """Return the number by which the titles call the first joint: 0 where one of them has it, else 1."""
-    return 0 if any(_meaning_of(title) in ("q0", "cmd0") for title in table.titles) else 1
-
-
-def _column_text(table: ForeignTable, column: int, name: str) -> str:
-    """Return how a map says where a quantity is: by its title, of a unit that no run has with the factor to its own."""
-    title = table.titles[column]
-    said, quoted = _without_unit(table.title_with_unit(column))[1], _toml_text(title)
-    if find_column(title) or said not in OTHER_UNITS or UNITS.get(said) == name.rpartition("_")[2]:
-        return quoted
-    _, factor, offset = OTHER_UNITS[said]
-    added = f", offset = {offset}" if offset else ""
-    return f"{{ column = {quoted}, factor = {factor}{added} }}"
-
-
-def _without_unit(title: str) -> tuple[str, str]:
-    """Return the words of a title, and the unit that it says in small letters, empty where it says none."""
-    found = UNIT.search(title)
-    return (title, "") if found is None else (title[: found.start()], found[1].lower())
-
-
 def _unknown_unit_text(called: str, title: str) -> str:
     """Say of a title that nobody understands that it is its unit, where only that is unknown; else nothing."""
     unit = BRACKETS.search(called)
-    if unit is None or UNIT.search(called) or not _meaning_of(called[: unit.start()]):
+    if unit is None or UNIT.search(called) or not meaning_of(called[: unit.start()]):
         return ""
     return (
         f"  # the unit [{unit[1]}] is not known: write for instance length_mm = "
@@ -171,16 +213,16 @@ def _unknown_unit_text(called: str, title: str) -> str:
     )
 
 
-def _usual_unit(table: ForeignTable, column: int, key: str) -> str:
+def _usual_unit(table: ForeignTable, column: int, key: str, keys: Mapping[int, str]) -> str:
     """Return the unit of a quantity whose title says none: that of its like, else by the size of all their numbers.
 
     The like of a joint's angle are those of all joints, of a coordinate the others of its vector.
     """
-    stem = key.rstrip("0123456789")
+    stem = _stem(key)
     usual = USUAL.get(stem, "")
     stems = VECTOR if stem in VECTOR else (stem,)
-    like = [k for k, title in enumerate(table.titles) if _stem_of(title) in stems] or [column]
-    said = {_without_unit(table.title_with_unit(k))[1] for k in like} - {""}
+    like = [k for k, other in keys.items() if _stem(other) in stems] or [column]
+    said = {_unit_said(table, k) for k in like} - {""}
     if len(said) == 1 and (own := UNITS.get(said.pop(), "")) and find_column(f"{key}_{own}"):
         return own
     largest = max((abs(v) for k in like for v in table.numbers(k)), default=0.0)
@@ -189,23 +231,15 @@ def _usual_unit(table: ForeignTable, column: int, key: str) -> str:
     return "m" if usual == "mm" and largest < 10.0 else usual  # [m] no run has all of its lengths below 10 mm
 
 
-def _stem_of(title: str) -> str:
-    return _meaning_of(title).rstrip("0123456789")
+def _stem(key: str) -> str:
+    return key.rstrip("0123456789")
 
 
-def _meaning_of(title: str) -> str:
-    """Return the meaning of a title and the number in it; empty where it is not understood."""
-    words, _ = _without_unit(title)
-    for pattern, name in MEANINGS:
-        if match := re.fullmatch(pattern, words.strip().rstrip(".:"), re.IGNORECASE):
-            return name.format(n=match.groupdict().get("n", "")).lower()
-    return ""
-
-
-def _doubt(table: ForeignTable, column: int) -> str:
-    """Return a remark where the title says no unit, and the numbers had to."""
-    title = table.titles[column]
-    if find_column(title) or _without_unit(table.title_with_unit(column))[1] or _stem_of(title) not in USUAL:
+def _doubt(table: ForeignTable, column: int, keys: Mapping[int, str]) -> str:
+    """Return a remark where the title says no unit, and the numbers had to, or where no title says anything."""
+    if not table.header:
+        return "  # no title says it: is this one true?"
+    if find_column(table.titles[column]) or _unit_said(table, column) or _stem(keys.get(column, "")) not in USUAL:
         return ""
     return "  # the title says no unit: is this one true?"
 

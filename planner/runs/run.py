@@ -9,7 +9,7 @@ import numpy as np
 
 from planner.common.arrays import Rows
 from planner.common.errors import InputError
-from planner.common.numbers import parse_number
+from planner.common.numbers import number_of, parse_number
 from planner.common.units import Array, IntArray, from_mm, read_only, to_mm
 
 SIMULATED = "simulated, nobody measured this"
@@ -174,6 +174,18 @@ class Run:
     def __len__(self) -> int:
         """Return the number of samples n."""
         return len(self.samples)
+
+    @property
+    def counts_text(self) -> str:
+        """How many readings it has, at how many poses or along how long a drive."""
+        readings = f"{number_of(len(self), 'reading')} ({self.readings.columns})"
+        if self.continuous:
+            t = self.samples.t
+            return f"{readings} along a drive" + ("" if t is None else f" of {np.ptp(t):.6g} s")
+        same = 1e-6  # [rad] within which commanded angles are one pose
+        pose = self.samples.pose
+        each = np.unique(np.round(self.samples.q / same), axis=0) if pose is None else np.unique(pose[pose >= 0])
+        return f"{readings} at {number_of(len(each), 'pose')}"
 
     def where(self, k: int) -> str:
         """Return where sample k, from 0, stands: ``"run.csv, line 12"``; its number where no file is known."""

@@ -14,6 +14,7 @@ from planner.runs.joint_motion import DENSE_STEP
 from planner.runs.quantities import check_jumps, has_reading
 from planner.runs.table import NAMES, WHOLE, RunTable, split_key
 from planner.runs.text import first_row
+from planner.runs.wrapped_angles import go_on_past_turns
 
 
 @dataclass(frozen=True)
@@ -189,7 +190,12 @@ def synchronise_tables(gauge: RunTable, axes: RunTable) -> RunTable:
             f"{axes.source.file}: joint angles stand {_time_step(axes):g} s apart, too far to be interpolated "
             f"(less than {DENSE_STEP:g} s is needed, or a column pose in both files)"
         )
-    raise InputError(f"{both} cannot be joined: both need a column t_s, or both a column pose")
+    cure = (
+        f'; both have {gauge.frame.height} rows: if each row belongs to the one beside it, write join = "rows" at the '
+        "head of the map"
+    )
+    more = cure if gauge.frame.height == axes.frame.height else ""
+    raise InputError(f"{both} cannot be joined: both need a column t_s, or both a column pose{more}")
 
 
 def _time_step(table: RunTable) -> float:
@@ -198,6 +204,7 @@ def _time_step(table: RunTable) -> float:
 
 
 def _by_time(gauge: RunTable, axes: RunTable) -> RunTable:
+    axes = go_on_past_turns(axes)
     t_axes, t_gauge = _forward_time(axes), _forward_time(gauge)
     check_jumps(axes, axes.n_joints)
     offset, said = _offset(gauge, axes, t_gauge, t_axes)
@@ -326,10 +333,28 @@ def _merge_tables(gauge: RunTable, axes: RunTable, frame: pl.DataFrame, rows: In
     )
 
 
-def pair_tables(tables: Sequence[RunTable]) -> list[RunTable]:
+def _by_row(gauge: RunTable, axes: RunTable) -> RunTable:
+    """Match rows by their order.
+
+    Raises:
+        InputError: one log has more rows than the other, or their poses have other numbers.
+    """
+    n, m = gauge.frame.height, axes.frame.height
+    files = f"{gauge.source.file} has {n} rows, {axes.source.file} has {m}"
+    if n != m:
+        raise InputError(f"{files}: they are joined row by row only where both have as many; which rows are missing?")
+    if gauge.has("pose") and axes.has("pose") and (gauge.frame["pose"] != axes.frame["pose"]).any():
+        raise InputError(f"{files}, but their poses have other numbers: leave out join, and they are joined by these")
+    others = [key for key in axes.frame.columns if key not in gauge.frame.columns]
+    frame = pl.concat([gauge.frame, axes.frame.select(others)], how="horizontal")
+    return _merge_tables(gauge, axes, frame, np.arange(n), [])
+
+
+def pair_tables(tables: Sequence[RunTable], by_rows: bool = False) -> list[RunTable]:
     """Return whole tables in their order, a gauge's log joined with the controller's that is given with it.
 
-    The first log without angles goes with the first without a reading, the second with the second.
+    The first log without angles goes with the first without a reading, the second with the second. ``by_rows``: they
+    are joined row by row.
 
     Raises:
         InputError: a half has no partner, or the two cannot be joined.
@@ -346,8 +371,7 @@ def pair_tables(tables: Sequence[RunTable]) -> list[RunTable]:
         )
     partner = dict(zip((t.source.file for t in gauges), axes, strict=True))
     alone = {t.source.file for t in axes}
+    join = _by_row if by_rows else synchronise_tables
     return [
-        synchronise_tables(t, partner[t.source.file]) if t.source.file in partner else t
-        for t in tables
-        if t.source.file not in alone
+        join(t, partner[t.source.file]) if t.source.file in partner else t for t in tables if t.source.file not in alone
     ]

@@ -17,6 +17,7 @@ from planner.common.lazy_modules import pl
 from planner.common.remarks import CELL_ENDS, remark_of
 from planner.common.schema import MOST_NAME
 from planner.common.units import IntArray
+from planner.runs.mat_files import mat_lines
 
 UTF_16_MARKS = (b"\xff\xfe", b"\xfe\xff")  # the mark U+FEFF in either order of bytes
 NOTES = ("plan_id", "robot", "measure", "angles", "clocks", "truth")  # what comment lines may say
@@ -88,11 +89,13 @@ class RowSource:
 
 
 def read_lines(path: Path, encoding: str | None = None) -> list[str]:
-    """Return the lines of a file, in UTF-8 or as a map says.
+    """Return the lines of a file, in UTF-8 or as a map says; of a .mat file those of a table of its arrays.
 
     Raises:
         InputError: it cannot be read, or is in another encoding.
     """
+    if path.suffix.lower() == ".mat":
+        return mat_lines(path)
     most_bytes = 250_000_000  # of a run's or trace's text: 1.7 GB while they are read
     data = read_bytes(path, most_bytes, "leave out samples, or write it as Parquet").removeprefix(b"\xef\xbb\xbf")
     hint = _encoding_hint(data)

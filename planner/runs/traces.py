@@ -2,197 +2,37 @@
 
 from __future__ import annotations
 
-import codecs
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Literal
 
 import numpy as np
 import regex
-from pydantic import AfterValidator, Field, model_validator
 
 from planner.common.errors import InputError, did_you_mean
 from planner.common.lazy_modules import pl
-from planner.common.schema import StrictModel, check_pattern, read_toml
+from planner.common.schema import read_toml
 from planner.kinematics.angle_units import DEGREES, NOTE
-from planner.kinematics.axes import MODEL
 from planner.kinematics.axes_line import KEY as AXES_OF
 from planner.kinematics.axes_line import axes_line
+from planner.kinematics.robot import Robot
 from planner.kinematics.robot_reader import load_robot
+from planner.runs.clock_times import seconds_of
+from planner.runs.column_map import ColumnMap, TraceMap
 from planner.runs.loader import run_of
-from planner.runs.model_axes import AxesOf, in_model_axes
+from planner.runs.model_axes import in_model_axes
 from planner.runs.run import SIMULATED, Run
+from planner.runs.shifted_rows import refuse_shifted_rows
 from planner.runs.synchronisation import pair_tables
 from planner.runs.table import (
     NAMES,
     RunColumn,
     RunTable,
-    find_column,
-    known_headers,
     read_table,
-    spellings,
-    split_key,
     table_in_si,
-    units_of,
 )
 from planner.runs.text import RowSource, numbers_in, parse_rows, read_lines, separator_hint
-
-ENCODINGS = re.compile(  # of text; not those that obey escapes (unicode_escape), nor of names of hosts (idna, punycode)
-    r"ascii|utf-(8|16|32)(-\w+)?|iso8859-\d+|cp\d+|mac-\w+|koi8-\w|gb\w+|big5\w*|shift_jis\w*|euc_\w+|tis-620"
-)
-
-
-def _encoding(name: str) -> str:
-    try:
-        found = codecs.lookup(name).name.replace("utf-8-sig", "utf-8")
-    except (LookupError, ValueError):
-        found = ""
-    if not ENCODINGS.fullmatch(found):
-        raise ValueError("is no encoding of text; utf-8, latin-1, cp1252 or utf-16 are usual ones")
-    return found
-
-
-def _pattern(text: str) -> str:
-    if not re.compile(check_pattern(text)).groupindex:
-        raise ValueError("has no named group; (?P<q1_deg>…) says which part is which column")
-    return text
-
-
-def _one_character(text: str) -> str:
-    if len(text) == 1 and text not in '"\r\n' and not text.isalnum():
-        return text
-    raise ValueError("is not one sign; ',', ';', '\\t' or ' ' are usual ones")
-
-
-class MappedColumn(StrictModel):
-    """A column taken with a change: value · ``factor`` + ``offset``, in the unit that the quantity is given in."""
-
-    column: int | str
-    factor: Annotated[float, Field(ge=-1e12, le=1e12)] = 1.0
-    offset: Annotated[float, Field(ge=-1e18, le=1e18)] = 0.0  # a clock may count nanoseconds since 1970
-
-    @model_validator(mode="after")
-    def _some_factor(self) -> MappedColumn:
-        if self.factor == 0.0:
-            raise ValueError("a factor of 0 leaves nothing of the column")
-        return self
-
-
-class TraceMap(StrictModel):
-    """How one trace is written.
-
-    Either ``pattern`` (a regular expression with named groups, put to each line; lines without a match are passed over)
-    or ``columns``: quantity = position (from 1), or the text that stands above the column, or a table with ``column``,
-    ``factor`` and ``offset``. A quantity is named with its unit (``q1_deg``), or alone, with its unit in ``units``.
-    ``constants`` hold what is the same in every row.
-    """
-
-    encoding: Annotated[str, AfterValidator(_encoding)] = "utf-8"
-    decimal: Literal[".", ","] = "."
-    separator: Annotated[str, AfterValidator(_one_character)] = ","
-    header: bool = True
-    skip_rows: int = Field(default=0, ge=0)
-    unit_rows: int = Field(default=0, ge=0, le=5)  # rows of units between the titles and the numbers
-    comment: str = "#"
-    pattern: Annotated[str, AfterValidator(_pattern)] | None = None
-    columns: dict[str, int | str | MappedColumn] = {}
-    units: dict[str, str] = {}
-    constants: dict[str, int | float | str] = {}
-
-    @model_validator(mode="after")
-    def _check_consistent(self) -> TraceMap:
-        if (self.pattern is None) == (not self.columns):
-            raise ValueError("either [columns] or a pattern is needed, and not both")
-        if self.pattern is None and self.separator == self.decimal:
-            raise ValueError(f"separator and decimal are both '{self.decimal}'")
-        for key, unit in self.units.items():
-            if key not in {_key_of(name) for name in self.names}:
-                raise ValueError(f"[units] names '{key}', which is no column of this map")
-            column_in_unit(key, unit)
-        keys = [self.column_of(name).key for name in (*self.names, *self.constants)]
-        for key in keys:
-            if keys.count(key) > 1:
-                raise ValueError(f"'{key}' is mapped twice")
-        return self
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Return the names of the mapped columns."""
-        return tuple(self.columns) if self.pattern is None else tuple(re.compile(self.pattern).groupindex)
-
-    def column_of(self, name: str) -> RunColumn:
-        """Return the column that a name of this map stands for.
-
-        Raises:
-            ValueError: there is no such quantity, or its unit is missing or wrong.
-        """
-        if name in self.units:
-            return column_in_unit(name, self.units[name])
-        found = find_column(name)
-        if found is None:
-            key = _key_of(name)
-            if units_of(key) is None:
-                raise ValueError(f"'{name}' is no quantity of a run ({', '.join(known_headers(1))}, …)")
-            raise ValueError(
-                f"'{name}' does not say its unit: call it {spellings(key)}, or give {key} a unit in [units]"
-            )
-        return found
-
-    def column(self, name: str) -> MappedColumn:
-        """Return where a column is and what its values are changed by."""
-        what = self.columns[name]
-        return what if isinstance(what, MappedColumn) else MappedColumn(column=what)
-
-
-class ColumnMap(TraceMap):
-    """A whole map: the first trace at the top level, further ones (another file each) under ``[[traces]]``.
-
-    ``angles`` (``degrees``) says that an arm moves so little that its degrees look like radians. ``axes_of`` names
-    the language of the controller whose axes the angles are (``model``: the joints of the robot's model), ``robot`` the
-    shipped robot, or its file beside the map, that says how that controller counts.
-    """
-
-    schema_: Literal["edbb-map/1"] = Field(alias="schema")
-    measure: Literal["static", "continuous"] | None = None
-    robot: str | None = None
-    axes_of: str | None = None
-    plan_id: str | None = None
-    angles: Literal["degrees"] | None = None
-    traces: tuple[TraceMap, ...] = ()
-
-    @property
-    def all_traces(self) -> tuple[TraceMap, ...]:
-        """Return the maps in the order of the traces."""
-        return (self, *self.traces)
-
-    @property
-    def n_joints(self) -> int:
-        """Return the largest number of a joint that is mapped, 0 where none is."""
-        names = (m.column_of(name).key for m in self.all_traces for name in m.names)
-        return max((split_key(key)[1] for key in names), default=0)
-
-
-def column_in_unit(key: str, unit: str) -> RunColumn:
-    """Return the column of a quantity in a unit.
-
-    Raises:
-        ValueError: there is no such quantity, or it is not written in that unit.
-    """
-    extra_units = {"t": {"ms": 1e-3, "us": 1e-6, "min": 60.0}, "force": {"kN": 1e3}}  # beside those of a run's columns
-    units = {**(units_of(key) or {}), **extra_units.get(key, {})}
-    if unit not in units:
-        allowed = ", ".join(units)
-        raise ValueError(
-            f"{key} = '{unit}' is no unit of it" + (f" (allowed: {allowed})" if allowed else "; it has none")
-        )
-    return RunColumn(f"{key}_{unit}", key, unit, units[unit])
-
-
-def _key_of(name: str) -> str:
-    return name.partition("_")[0]
-
 
 LINE_SECONDS = 2.0  # [s] in which a sound pattern is through with any line
 SAID = {  # anywhere in a trace
@@ -246,6 +86,8 @@ def _scaled_column(name: str, target: RunColumn, trace: TraceMap) -> pl.Expr:
         return pl.col(name)
     picked = trace.column(name)
     value = pl.col(name) if picked.factor == 1.0 else pl.col(name) * picked.factor
+    if picked.nanoseconds is not None:
+        value = value + pl.col(f"{name}/nanoseconds") * 1e-9
     return value if picked.offset == 0.0 else value + picked.offset
 
 
@@ -258,7 +100,12 @@ def _constant_column(target: RunColumn, value: float | str) -> pl.Expr:
 
 
 def _numbers(trace: TraceMap) -> frozenset[str]:
-    return frozenset(name for name in trace.names if trace.column_of(name).stem not in NAMES)
+    """Return the columns that hold numbers: none of names, and none of a clock."""
+    plain = [name for name in trace.names if trace.column_of(name).stem not in NAMES]
+    if trace.pattern is not None:
+        return frozenset(plain)
+    counts = [f"{name}/nanoseconds" for name in plain if trace.column(name).nanoseconds is not None]
+    return frozenset([*(name for name in plain if trace.column(name).clock is None), *counts])
 
 
 def _read_matches(file: str, lines: list[str], trace: TraceMap) -> tuple[RowSource, pl.DataFrame]:
@@ -285,18 +132,33 @@ def _read_separated_columns(file: str, lines: list[str], trace: TraceMap) -> tup
     top = _first_row(file, lines, trace)
     fields = [field.strip().strip('"') for field in lines[top].split(trace.separator)]
     where: dict[int, str] = {}
-    for name in trace.names:
-        position = _position(name, fields, trace, f"(line {top + 1}: {lines[top]!r})", file)
+    wanted = {name: trace.column(name).column for name in trace.names}
+    wanted |= {f"{name}/{part}": c for name in trace.names for part, c in trace.column(name).parts.items()}
+    for name, column in wanted.items():
+        position = _position(name, column, fields, trace, f"(line {top + 1}: {lines[top]!r})", file)
         if position in where:
             raise InputError(f"{file}: the map takes column {position + 1} for more than one quantity")
         where[position] = name
     above = fields if trace.header else [str(i + 1) for i in range(len(fields))]
-    headers = {called: above[p] for p, n in where.items() for called in (n, trace.column_of(n).key)}
+    headers = {called: above[p] for p, n in where.items() for called in (n, trace.column_of(n.partition("/")[0]).key)}
     source = RowSource.of_text(
         file, lines, top + trace.header + trace.unit_rows, len(fields), headers, trace.comment, trace.separator
     )
     names = [where.get(i, f"#{i + 1}") for i in range(len(fields))]
-    return parse_rows(source, names, _numbers(trace), trace.decimal)
+    source, frame = parse_rows(source, names, _numbers(trace), trace.decimal)
+    return source, _with_clocks(source, frame, trace)
+
+
+def _with_clocks(source: RowSource, frame: pl.DataFrame, trace: TraceMap) -> pl.DataFrame:
+    """Return the table with the times of clocks and calendars in the unit of their quantity."""
+    for name in trace.names:
+        picked, text = trace.column(name), frame[name]
+        if picked.clock is None:
+            continue
+        text = text if picked.date is None else frame[f"{name}/date"] + " " + text
+        seconds = seconds_of(text.alias(name), picked.clock, source, name)
+        frame = frame.with_columns((seconds / trace.column_of(name).factor).alias(name))
+    return frame
 
 
 def _first_row(file: str, lines: list[str], trace: TraceMap) -> int:
@@ -310,9 +172,8 @@ def _first_row(file: str, lines: list[str], trace: TraceMap) -> int:
     raise InputError(f"{file}: there is nothing {below}")
 
 
-def _position(name: str, fields: list[str], trace: TraceMap, where: str, file: str) -> int:
-    """Return which column of the trace (from 0) the map means by a quantity."""
-    wanted = trace.column(name).column
+def _position(name: str, wanted: int | str, fields: list[str], trace: TraceMap, where: str, file: str) -> int:
+    """Return which column of the trace (from 0) the map means by ``wanted`` for a quantity."""
     if isinstance(wanted, int):
         if 1 <= wanted <= len(fields):
             return wanted - 1
@@ -362,24 +223,24 @@ def import_run(traces: Sequence[Path], map_file: Path) -> Run:
     """
     path = Path(map_file)
     mapping = read_toml(path, ColumnMap)
-    axes_of: AxesOf | None = None
-    if mapping.axes_of not in (None, MODEL) and mapping.robot is not None:
+    robot: Robot | None = None
+    if mapping.robot is not None:
         robot = load_robot(mapping.robot, path.parent)
-        mapping, axes_of = mapping.model_copy(update={"robot": robot.name}), robot.axes_of
-    run = import_by_map(traces, mapping, str(map_file), axes_of)
+        mapping = mapping.model_copy(update={"robot": robot.name})
+    run = import_by_map(traces, mapping, str(map_file), robot)
     unsaid = mapping.axes_of is None and mapping.n_joints > 0
     return replace(run, warnings=(*run.warnings, UNSAID)) if unsaid else run
 
 
-def import_by_map(traces: Sequence[Path], mapping: ColumnMap, name: str, axes_of: AxesOf | None = None) -> Run:
+def import_by_map(traces: Sequence[Path], mapping: ColumnMap, name: str, robot: Robot | None = None) -> Run:
     """Return the run that ``traces`` hold by a column map, which messages call ``name``.
 
     The map's top level reads the first trace, its ``[[traces]]`` the further ones in their order; a trace that the map
     says nothing of is read in the columns of a run. The gauge's trace and the controller's are joined by time, or pose
-    by pose where they have no time. ``axes_of``: how the robot's controllers count.
+    by pose where they have no time. ``robot`` says how its controllers count, and readings are held against it.
 
     Raises:
-        InputError: a trace is wrong, with file, line and column.
+        InputError: a trace is wrong, with file, line and column, or its readings stand in other rows than their angles.
     """
     if not traces:
         raise InputError(f"no trace was given; {name} reads {len(mapping.all_traces)}")
@@ -390,8 +251,12 @@ def import_by_map(traces: Sequence[Path], mapping: ColumnMap, name: str, axes_of
     n_joints = mapping.n_joints
     mapped = [read_trace(Path(p), trace, notes) for p, trace in zip(traces, mapping.all_traces, strict=False)]
     tables = [*mapped, *(read_table(Path(path), n_joints or 16) for path in traces[len(mapped) :])]
-    whole = pair_tables([in_model_axes(table, axes_of) for table in tables])
+    axes_of = None if robot is None else robot.axes_of
+    whole = pair_tables([in_model_axes(table, axes_of) for table in tables], by_rows=mapping.join == "rows")
     if len(whole) > 1:
         files = ", ".join(t.source.file for t in whole)
         raise InputError(f"{files} are several runs, each whole; import them one by one")
-    return run_of(whole[0], n_joints or max(t.n_joints for t in tables))
+    run = run_of(whole[0], n_joints or max(t.n_joints for t in tables))
+    if robot is not None:
+        refuse_shifted_rows(run, robot)
+    return run

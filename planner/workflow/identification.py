@@ -49,6 +49,7 @@ from planner.model.gauge_frames import ToolPointPosition
 from planner.model.identification_document import Estimate, Stage
 from planner.runs.loader import load_runs
 from planner.runs.run import NO_REFERENCE_READINGS, Run, read_reference_readings
+from planner.runs.wrapped_angles import bring_within_limits
 from planner.session.document import PlanDocument, read_plan
 from planner.tracing.trace import trace
 from planner.workflow.calibration_tables import error_rows, finding_row, parameter_row, stage_row, tool_row
@@ -303,11 +304,11 @@ def _cell_of(cell: Cell | Path | str | None, plan: "PlanResult | Path | str | No
 
 
 def load_any(runs: Runs, robot: Robot) -> Run:
-    """Return one run: the one that is given, or that of the files that are given."""
-    if isinstance(runs, Run):
-        return runs
-    paths = [Path(runs)] if isinstance(runs, Path | str) else [Path(r) for r in runs]
-    return load_runs(paths, robot.n_joints, robot.axes_of)
+    """Return one run: the one that is given, or that of the files that are given; angles within the joints' limits."""
+    if not isinstance(runs, Run):
+        paths = [Path(runs)] if isinstance(runs, Path | str) else [Path(r) for r in runs]
+        runs = load_runs(paths, robot.n_joints, robot.axes_of)
+    return bring_within_limits(runs, robot.q_lower, robot.q_upper, robot.slides)
 
 
 def identify_runs(

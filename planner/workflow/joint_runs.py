@@ -15,6 +15,7 @@ from planner.identification.run_setup import drop_unreadable, number_samples
 from planner.runs.loader import load_runs
 from planner.runs.repeated_rows import refuse_repeated_files
 from planner.runs.run import Run
+from planner.runs.wrapped_angles import bring_within_limits
 from planner.session.document import PlanDocument, read_plan
 from planner.workflow.run_checks import check_unit, split_by_plan
 
@@ -115,6 +116,7 @@ def _load(source: RunSource, name: str) -> tuple[MeasuredSession, np.ndarray, Pl
     path, plan = _plan_of(source)
     cell = _cell_of(source, path)
     run = load_runs([source.path], cell.robot.n_joints, cell.robot.axes_of)
+    run = bring_within_limits(run, cell.robot.q_lower, cell.robot.q_upper, cell.robot.slides)
     cell.check_robot(run)
     if plan is None and source.plan_beside is not None:
         beside = read_plan(source.plan_beside, "drives")

@@ -22,10 +22,11 @@ from planner.programs.controller_axes import axis_convention
 from planner.programs.dialect import PathForm, dialect_names, load_dialect
 from planner.programs.instructions import Program
 from planner.programs.verification import import_map
+from planner.runs.column_map import ColumnMap
 from planner.runs.image_table import run_of_images
 from planner.runs.proposed_map import write_proposed_map
 from planner.runs.run import Run, Samples
-from planner.runs.traces import ColumnMap, import_by_map, import_run, is_trace_of
+from planner.runs.traces import import_by_map, import_run, is_trace_of
 from planner.session.document import read_dialects, read_plan
 from planner.session.evaluations import simulated_run_warnings
 from planner.session.judgement import judge_plan
@@ -225,7 +226,7 @@ def import_log(traces: Sequence[Path], plan: Path | str, dialect: str) -> Run:
     mapping = validate(content, ColumnMap, name)
     if len(traces) == 2 and not is_trace_of(traces[0], mapping) and is_trace_of(traces[1], mapping):
         raise InputError(f"{traces[0]} is not {name}, {traces[1]} is: give the log first, then the gauge's trace")
-    return import_by_map(traces, mapping, name, _robot_of(Path(plan), planned.robot).axes_of)
+    return import_by_map(traces, mapping, name, _robot_of(Path(plan), planned.robot))
 
 
 def _robot_of(plan: Path, name: str) -> Robot:

@@ -8,7 +8,7 @@ from pydantic import Field
 from planner.cell.file import CellFile
 from planner.common.errors import MOST_SIGNS, InputError, make_printable
 from planner.common.schema import StrictModel, read_json, read_toml_content, validate
-from planner.runs.traces import ColumnMap
+from planner.runs.column_map import ColumnMap
 from planner.workflow.run_checks import cell_of_run
 
 CELL = {"schema": "edbb-cell/1", "robot": "ur10", "gauge": {"kind": "trical"}}

@@ -104,9 +104,9 @@ CASES = {
         f"{HEAD}\n{FAST.replace('0.10,', '0.09,')}",
         r"line 12, column 't_s': the time 0.09 s stands twice",
     ),
-    "wrapped": (
-        f"{HEAD}\n" + "".join(f"{0.01 * i:.2f},{(i + 355) % 360 - 180},{i},400\n" for i in range(20)),
-        r"line 7, column 'q1_deg': the angle jumps from 179 to -180 degrees within 0.01 s",
+    "jump": (
+        f"{HEAD}\n" + "".join(f"{0.01 * i:.2f},{i + 200 * (i > 4)},{i},400\n" for i in range(20)),
+        r"line 7, column 'q1_deg': the angle jumps from 4 to 205 degrees within 0.01 s",
     ),
     "measure": ("# measure: standing\n" + rows(), r"'# measure: standing' is unknown; static or continuous is allowed"),
     "continuous without time": (
