@@ -14,10 +14,11 @@ from planner.common.errors import InputError, did_you_mean
 from planner.common.lazy_modules import pl
 from planner.common.schema import read_toml
 from planner.kinematics.angle_units import DEGREES, NOTE
+from planner.kinematics.axes import MODEL
 from planner.kinematics.axes_line import KEY as AXES_OF
 from planner.kinematics.axes_line import axes_line
 from planner.kinematics.robot import Robot
-from planner.kinematics.robot_reader import load_robot
+from planner.kinematics.robot_reader import list_robots, load_robot
 from planner.runs.clock_times import seconds_of
 from planner.runs.column_map import ColumnMap, TraceMap
 from planner.runs.loader import run_of
@@ -224,7 +225,9 @@ def import_run(traces: Sequence[Path], map_file: Path) -> Run:
     path = Path(map_file)
     mapping = read_toml(path, ColumnMap)
     robot: Robot | None = None
-    if mapping.robot is not None:
+    needed = mapping.axes_of not in (None, MODEL)  # else the name may be that of any arm
+    there = mapping.robot in list_robots() or (path.parent / str(mapping.robot)).exists()
+    if mapping.robot is not None and (needed or there):
         robot = load_robot(mapping.robot, path.parent)
         mapping = mapping.model_copy(update={"robot": robot.name})
     run = import_by_map(traces, mapping, str(map_file), robot)
