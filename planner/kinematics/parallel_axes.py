@@ -15,7 +15,6 @@ import numpy as np
 from planner.kinematics.chain import is_near_parallel
 
 Row = Mapping[str, float]
-FAR_OUT = 1.0  # [m] by which offsets along parallel axes go out and come back; those of arms are below half a metre
 
 
 def shorten_offsets(convention: str, rows: Sequence[Row]) -> list[dict[str, float]]:
@@ -27,6 +26,7 @@ def shorten_offsets(convention: str, rows: Sequence[Row]) -> list[dict[str, floa
         convention: ``dh`` or ``mdh``.
         rows: ``alpha``, ``a``, ``theta``, ``d``, and ``beta`` where it is given, from base to flange.
     """
+    far_out = 1.0  # [m] by which offsets along parallel axes go out and come back; those of arms are below half a metre
     n, out = len(rows), [dict(row) for row in rows]
     ahead = int(convention == "mdh")  # the row that holds a, α and β behind axis i
     parallel = [
@@ -38,7 +38,7 @@ def shorten_offsets(convention: str, rows: Sequence[Row]) -> list[dict[str, floa
         while end < n and parallel[end]:
             end += 1
         offsets = [row["d"] for row in out[i : end + 1]]
-        if end > i and sum(map(abs, offsets)) - abs(sum(offsets)) > FAR_OUT:
+        if end > i and sum(map(abs, offsets)) - abs(sum(offsets)) > far_out:
             for k in range(i, end):
                 _to_crossing(out[k], out[k + ahead], out[k + 1])
         i = end + 1

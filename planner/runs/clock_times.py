@@ -10,7 +10,6 @@ import numpy as np
 from planner.common.lazy_modules import pl
 from planner.runs.text import RowSource, first_row
 
-DAY = 86400.0  # [s]
 FORMS = (  # of dates and clocks, as they are tried; the decimals of a second follow by themselves
     "%Y-%m-%dT%H:%M:%S", "%Y-%m-%d %H:%M:%S", "%Y/%m/%d %H:%M:%S", "%Y/%m/%d-%H:%M:%S", "%Y%m%dT%H%M%S",
     "%d.%m.%Y %H:%M:%S", "%d.%m.%y %H:%M:%S", "%d-%b-%Y %H:%M:%S", "%H:%M:%S", "%Y-%m-%d %H:%M", "%d.%m.%Y %H:%M",
@@ -70,7 +69,8 @@ def seconds_of(texts: pl.Series, form: str, source: RowSource, name: str) -> pl.
         raise source.error(row, name, f"{texts[row]!r} is no time of the form '{form}'")
     seconds = found.dt.epoch("us").to_numpy().astype(np.int64) * 1e-6
     if "%d" not in form:  # a clock without a date goes on after midnight
-        seconds = seconds + DAY * np.cumsum(np.diff(seconds, prepend=seconds[:1]) < -DAY / 2)
+        day = 86400.0  # [s]
+        seconds = seconds + day * np.cumsum(np.diff(seconds, prepend=seconds[:1]) < -day / 2)
     return pl.Series(texts.name, seconds)
 
 

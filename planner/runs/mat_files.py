@@ -11,7 +11,6 @@ import numpy as np
 from planner.common.errors import InputError
 from planner.common.files import check_readable
 
-MOST_BYTES = 250_000_000  # of a file, as of a text
 PLACE = ("x", "y", "z")
 PLACES = ("xyz", "pos", "position", "p", "tracker", "point", "points", "target", "smr")  # names of three coordinates
 
@@ -27,7 +26,7 @@ def mat_lines(path: Path) -> list[str]:
     from scipy.io import loadmat
     from scipy.io.matlab import MatReadError
 
-    check_readable(path, MOST_BYTES)
+    check_readable(path, 250_000_000)  # bytes, as of a text
     try:
         content = loadmat(path, squeeze_me=True, simplify_cells=True)
     except NotImplementedError as err:

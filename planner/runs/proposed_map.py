@@ -156,7 +156,7 @@ def _clock_column(table: ForeignTable, column: int, keys: Mapping[int, str]) -> 
 
 
 def _number_column(table: ForeignTable, column: int, name: str, keys: Mapping[int, str]) -> ProposedColumn:
-    text, said = _place(table, column), _unit_said(table, column)
+    text, said = _place(table, column), _unit_of_title(table, column)
     more = [k for k, key in keys.items() if key == "nanoseconds"]
     if name == "t_s" and more:
         return ProposedColumn(f"{{ column = {text}, nanoseconds = {_place(table, more[0])} }}", (column, more[0]))
@@ -175,7 +175,7 @@ def _place(table: ForeignTable, column: int) -> str:
     return _toml_text(table.titles[column]) if table.header else str(column + 1)
 
 
-def _unit_said(table: ForeignTable, column: int) -> str:
+def _unit_of_title(table: ForeignTable, column: int) -> str:
     return without_unit(table.title_with_unit(column))[1] if table.header else ""
 
 
@@ -190,7 +190,7 @@ def _with_unit(table: ForeignTable, column: int, key: str, keys: Mapping[int, st
     """Return a quantity with its unit: ``q1_deg`` of ``J1``; empty where it is none of a run."""
     if not key:
         return ""
-    full = f"{key}_{_own_unit(key, _unit_said(table, column)) or _usual_unit(table, column, key, keys)}".rstrip("_")
+    full = f"{key}_{_own_unit(key, _unit_of_title(table, column)) or _usual_unit(table, column, key, keys)}".rstrip("_")
     return full if find_column(full) else ""
 
 
@@ -222,7 +222,7 @@ def _usual_unit(table: ForeignTable, column: int, key: str, keys: Mapping[int, s
     usual = USUAL.get(stem, "")
     stems = VECTOR if stem in VECTOR else (stem,)
     like = [k for k, other in keys.items() if _stem(other) in stems] or [column]
-    said = {_unit_said(table, k) for k in like} - {""}
+    said = {_unit_of_title(table, k) for k in like} - {""}
     if len(said) == 1 and (own := UNITS.get(said.pop(), "")) and find_column(f"{key}_{own}"):
         return own
     largest = max((abs(v) for k in like for v in table.numbers(k)), default=0.0)
@@ -239,7 +239,7 @@ def _doubt(table: ForeignTable, column: int, keys: Mapping[int, str]) -> str:
     """Return a remark where the title says no unit, and the numbers had to, or where no title says anything."""
     if not table.header:
         return "  # no title says it: is this one true?"
-    if find_column(table.titles[column]) or _unit_said(table, column) or _stem(keys.get(column, "")) not in USUAL:
+    if find_column(table.titles[column]) or _unit_of_title(table, column) or _stem(keys.get(column, "")) not in USUAL:
         return ""
     return "  # the title says no unit: is this one true?"
 

@@ -9,10 +9,6 @@ from planner.common.units import Array, to_mm
 from planner.kinematics.robot import Robot
 from planner.runs.run import Run
 
-MOST_SHIFT = 3  # [rows] that are tried to either side
-MORE_ROWS = 2  # rows an unknown of the fit, from which on rows beside each other fit by chance no more
-SURE = 0.2  # of the error as the rows stand: what a shift leaves where it is the right one
-
 
 def refuse_shifted_rows(run: Run, robot: Robot) -> None:
     """Refuse a run whose readings fit the nominal robot much better a row or more away.
@@ -23,19 +19,22 @@ def refuse_shifted_rows(run: Run, robot: Robot) -> None:
     Raises:
         InputError: with the shift, and the errors with and without it.
     """
+    most_shift = 3  # [rows] that are tried to either side
+    more_rows = 2  # rows an unknown of the fit, from which on rows beside each other fit by chance no more
+    sure = 0.2  # of the error as the rows stand: what a shift leaves where it is the right one
     readings = run.readings.position if run.readings.position is not None else run.readings.length
     one = len(run.places) == 1 and len(run.points) == 1
     if readings is None or run.continuous or not one or run.samples.q.shape[1] != robot.n_joints:
         return
     y = readings if readings.ndim == 2 else readings[:, None] ** 2
     A = _unknowns(robot, run.samples.q, readings.ndim == 1)
-    if len(y) < MORE_ROWS * A.shape[1] + MOST_SHIFT:
+    if len(y) < more_rows * A.shape[1] + most_shift:
         return
-    errors = {shift: _error(A, y, shift) for shift in range(-MOST_SHIFT, MOST_SHIFT + 1)}
+    errors = {shift: _error(A, y, shift) for shift in range(-most_shift, most_shift + 1)}
     if readings.ndim == 1:  # of a square, the error of a length is half of it by the length
         errors = {shift: e / (2 * float(readings.mean())) for shift, e in errors.items()}
     best = min(errors, key=lambda shift: errors[shift])
-    if best and errors[best] < SURE * errors[0]:
+    if best and errors[best] < sure * errors[0]:
         rows, side = f"{abs(best)} row{'s' * (abs(best) > 1)}", "below" if best > 0 else "above"
         raise InputError(
             f"{run.name}: each reading belongs to the angles of another row: those {rows} {side} fit {robot.name} to "

@@ -12,7 +12,6 @@ from planner.runs.joint_motion import DENSE_STEP
 from planner.runs.run import Run
 from planner.runs.table import RunTable
 
-SMALL_STEP = 0.5  # [rad] that a joint moves between close samples, where its angle jumps by a turn
 ROUNDING = 0.01 * DEG  # [rad]
 
 
@@ -21,6 +20,7 @@ def go_on_past_turns(table: RunTable) -> RunTable:
 
     Jumps that are none of whole turns are left, and are refused where a drive is read.
     """
+    small_step = 0.5  # [rad] that a joint moves between close samples, where its angle jumps by a turn
     if not table.has("t"):
         return table
     close = np.abs(np.diff(table.array("t"))) < DENSE_STEP
@@ -31,7 +31,7 @@ def go_on_past_turns(table: RunTable) -> RunTable:
         for key in (f"{stem}{joint}" for stem in ("q", "cmd") if table.has(f"{stem}{joint}")):
             q = table.array(key)
             turns = np.round(np.diff(q) / TURN)
-            turns[~close | (np.abs(np.diff(q) - turns * TURN) > SMALL_STEP)] = 0.0
+            turns[~close | (np.abs(np.diff(q) - turns * TURN) > small_step)] = 0.0
             if turns.any():
                 frame = frame.with_columns(pl.Series(key, q - TURN * np.append(0.0, np.cumsum(turns))))
                 turned.append(table.source.headers.get(key, key))
