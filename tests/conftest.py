@@ -8,6 +8,7 @@ from hashlib import sha256
 
 import pytest
 
+from tests.browser import Browser, require_browser
 from tests.processors import keep_to_one
 
 keep_to_one(os.environ.get("PYTEST_XDIST_WORKER", ""))  # before numpy is imported
@@ -31,6 +32,15 @@ LONGEST = (  # by default, and of those that are run on demand
     "tests/service/test_crashes.py", "tests/effects/catalogue/test_kinds.py", "tests/programs/test_round_trip.py",
     "tests/workflow/test_identify.py",
 )  # fmt: skip
+
+
+@pytest.fixture(scope="session")
+def browser():
+    """A browser in which pages are opened; skips where there is none."""
+    require_browser()
+    opened = Browser()
+    yield opened
+    opened.stop()
 
 
 def scope_of(nodeid):

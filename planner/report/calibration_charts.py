@@ -1,6 +1,6 @@
 """Charts of a calibration: errors before and after, residuals against every quantity, correlations."""
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -99,18 +99,38 @@ def _scatter(a: PlotVariable, error: Array, unit: str) -> Panel:
 BEFORE, AFTER = ORANGE, BLUE
 
 
-def draw_calibration_charts(facts: CalibrationFacts) -> tuple[Chart, ...]:
+class CalibrationCharts(NamedTuple):
+    """Every picture of the report, by the part of the page that shows it, each part in the page's order."""
+
+    summary: tuple[Chart, ...]
+    run: tuple[Chart, ...]
+    stages: tuple[Chart, ...]
+    findings: tuple[Chart, ...]
+    residuals: tuple[Chart, ...]
+    correlations: tuple[Chart, ...]
+
+    @property
+    def every(self) -> tuple[Chart, ...]:
+        """All of them, in the page's order."""
+        return tuple(chart for part in self for chart in part)
+
+
+def draw_calibration_charts(facts: CalibrationFacts) -> CalibrationCharts:
     """Return every picture of the report."""
     drawn = [residual_chart(facts, kind) for kind in KINDS if any(a.kind == kind for a in facts.plot_variables)]
     if facts.calibration.run.samples.direction is not None:
         drawn.append(approach_chart(facts))
-    matrix = (correlation_chart(facts),) if len(facts.calibration.fit.errors) > 1 else ()
-    loop = (stage_chart(facts), *(finding_chart(facts, told) for told in told_findings(facts) if told.steps))
     released = facts.calibration.released
     known = [] if released is None else [error_map_chart(facts, released)]
-    if released is not None and misfit_place(released) is not None:
-        known.append(misfit_chart(facts, released))
-    return (*known, histogram_chart(facts), pose_chart(facts), *history_charts(facts), *loop, *drawn, *matrix)
+    open_ = [] if released is None or misfit_place(released) is None else [misfit_chart(facts, released)]
+    return CalibrationCharts(
+        summary=(histogram_chart(facts), *known),
+        run=(*open_, pose_chart(facts), *history_charts(facts)),
+        stages=(stage_chart(facts),),
+        findings=tuple(finding_chart(facts, told) for told in told_findings(facts) if told.steps),
+        residuals=tuple(drawn),
+        correlations=(correlation_chart(facts),) if len(facts.calibration.fit.errors) > 1 else (),
+    )
 
 
 def histogram_chart(facts: CalibrationFacts) -> Chart:

@@ -20,7 +20,8 @@ def report_calibration(calibration: Calibration) -> Report:
     """Return the page of a calibration, its first printed sheet a summary for the customer, and its pictures."""
     facts = CalibrationFacts(calibration)
     charts = draw_calibration_charts(facts)
-    return Report("calibration.html.j2", calibration_content(facts), charts, small_pictures=True)
+    content = calibration_content(facts) | {"shown": charts}
+    return Report("calibration.html.j2", content, charts.every, small_pictures=True)
 
 
 def calibration_content(facts: CalibrationFacts) -> dict[str, Any]:

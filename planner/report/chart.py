@@ -72,6 +72,13 @@ class ColourField:
     values: Array
     label: str
 
+    @property
+    def span(self) -> Span:
+        """Values of the palest and the darkest colour, a fifth apart at least: an even field looks even."""
+        low, high = float(np.nanmin(self.values)), float(np.nanmax(self.values))
+        spare = max(0.0, 0.1 * (abs(low) + abs(high)) - (high - low)) / 2  # a tenth of the mean on either side
+        return low - spare, high + spare
+
 
 @dataclass(frozen=True)
 class ReferenceLine:
@@ -106,6 +113,13 @@ class Panel:
     cells: Heatmap | None = None
     field: ColourField | None = None
     rings: float = 0.0
+
+    def log_span(self, axis: Literal["x", "y"]) -> Span:
+        """Range of a logarithmic axis: as given, else that of all positive values."""
+        given = self.x_range if axis == "x" else self.y_range
+        values = np.concatenate([np.ravel(getattr(s, axis)) for s in self.series]) if self.series else np.ones(1)
+        above = values[values > 0] if (values > 0).any() else np.ones(1)
+        return given or (float(above.min()), float(above.max()))
 
 
 @dataclass(frozen=True)
@@ -155,6 +169,28 @@ def zero_line(x: Array) -> Series:
 
 POLAR_BASE = 9.0  # rings of a polar panel from its middle to the circle that deviations count from
 PLAIN_DECADES = 4  # about 1 in which a logarithmic axis is written without powers
+
+
+def log_ticks(span: Span, power: str) -> tuple[list[float], list[str]]:
+    """Return where a logarithmic axis has ticks, and their texts: powers of ten; finer ones where those are too few.
+
+    ``power`` is how an exponent is written, such as ``10<sup>{}</sup>``.
+    """
+    low, high = span
+    first, last = int(np.floor(np.log10(low))) - 1, int(np.ceil(np.log10(high))) + 1
+    decades = float(np.log10(high / low)) or 2.0  # about a single value both drawings leave a decade
+    if decades >= 2.0:  # two powers of ten at least are in it
+        powers = range(first, last + 1)
+        plain = [f"{10.0**k:.{max(-k, 0)}f}" if abs(k) <= PLAIN_DECADES else power.format(k) for k in powers]
+        return [10.0**k for k in powers], plain
+    if decades >= 0.6:  # from a to 4 a: three of these at least
+        each = [(m * 10.0**k, max(-k, 0)) for k in range(first, last + 1) for m in (1, 2, 5)]
+        return [v for v, _ in each], [f"{v:.{places}f}" for v, places in each]
+    rough = max(high - low, 1e-6 * high) / 5  # five steps at most
+    ten = int(np.floor(np.log10(rough)))
+    step = next(m for m in (1, 2, 5, 10) if m * 10.0**ten >= rough) * 10.0**ten
+    values = [k * step for k in range(max(1, int(low / step) - 1), int(high / step) + 2)]
+    return values, [f"{v:.{max(-ten, 0)}f}" for v in values]
 
 
 def joint_series(x: Array, values: Array, width: float = 1.5) -> tuple[Series, ...]:

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
 from io import BytesIO
-from math import ceil, log10
+from math import ceil
 from typing import Any
 
 import matplotlib.style
@@ -12,12 +12,11 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter
+from matplotlib.ticker import NullFormatter
 from PIL import Image
 
 from planner.report.chart import (
     BLUE,
-    PLAIN_DECADES,
     POLAR_BASE,
     RED,
     Chart,
@@ -26,6 +25,7 @@ from planner.report.chart import (
     Panel,
     ReferenceLine,
     Series,
+    log_ticks,
 )
 
 DPI = 160  # dots an inch
@@ -85,9 +85,11 @@ def chart_png(chart: Chart, small: bool = False) -> bytes:
         drawn = zip(axes, chart.panels, strict=False)
         heads = [_draw(ax, panel, named, width_inch / many - 0.75) for ax, panel in drawn]  # [inch] beside a panel
         if many > 1:  # of one size each, so their room need not be found out
-            scaled = any(p.field for p in chart.panels)
             left = 0.105 if any(p.y_label for p in chart.panels[::many]) else 0.085
-            right, between = (0.965, 0.42) if scaled else (0.99, 0.2)  # a scale has numbers of its own
+            right, between = 0.99, 0.2
+            if letters := max(_scale_letters(ax) for ax in axes):  # a scale has numbers of its own
+                room = (0.1 + 0.067 * letters) / width_inch  # 0.067 [inch] a letter, 0.1 [inch] before them
+                right, between = right - room, 0.3 + 4 * room
             above = max(heads[:many])
             tall += above
             figure.set_size_inches(width_inch, tall)
@@ -105,10 +107,8 @@ def _draw(ax: Axes, panel: Panel, named: set[str], room: float) -> float:
     """Draw a panel; return how much more than a line its head is high [inch]."""
     if panel.log_x:
         ax.set_xscale("log")
-        ax.xaxis.set_major_formatter(_DECADES)
     if panel.log_y:
         ax.set_yscale("log")
-        ax.yaxis.set_major_formatter(_DECADES)
     if panel.cells is not None:
         _heatmap(ax, panel.cells)
     if panel.field is not None:
@@ -144,16 +144,17 @@ def _head(ax: Axes, panel: Panel, labels: Sequence[str], room: float) -> float:
     return 0.0 if beside else line_pt * lines / 72
 
 
-def _decade_text(value: float, _: int | None = None) -> str:
-    power = round(log10(value))
-    return f"{10.0**power:.{max(-power, 0)}f}" if abs(power) <= PLAIN_DECADES else f"$10^{{{power}}}$"
-
-
-_DECADES = FuncFormatter(_decade_text)
-
-
 def _axes(ax: Axes, panel: Panel) -> None:
     ax.set(xlabel=panel.x_label, ylabel=panel.y_label)
+    for axis, along, span, logarithmic in (
+        (ax.xaxis, "x", ax.get_xlim, panel.log_x),
+        (ax.yaxis, "y", ax.get_ylim, panel.log_y),
+    ):
+        if logarithmic:
+            seen = span()
+            axis.set_ticks(*log_ticks(panel.log_span("x" if along == "x" else "y"), "$10^{{{}}}$"))
+            axis.set_minor_formatter(NullFormatter())
+            (ax.set_xlim if along == "x" else ax.set_ylim)(*seen)
     if panel.x_range is not None:
         ax.set_xlim(*panel.x_range)
     if panel.y_names:
@@ -197,10 +198,17 @@ def _heatmap(ax: Axes, cells: Heatmap) -> None:
 
 def _field(ax: Axes, field: ColourField) -> None:
     values = np.ma.masked_invalid(field.values)
-    image = ax.pcolormesh(field.x, field.y, values, cmap=FIELD_COLOURS, shading="nearest")
+    low, high = field.span
+    image = ax.pcolormesh(field.x, field.y, values, cmap=FIELD_COLOURS, vmin=low, vmax=high, shading="nearest")
     bar = ax.figure.colorbar(image, ax=ax, fraction=0.05, pad=0.03)
     bar.ax.tick_params(labelsize=8)
     bar.ax.spines["outline"].set_visible(False)
+
+
+def _scale_letters(ax: Axes) -> int:
+    """Return how many letters the longest number at the scale of a field has, 0 where there is none."""
+    scales = [c.colorbar for c in ax.collections if c.colorbar is not None]
+    return max((len(t) for s in scales for t in s.formatter.format_ticks(s.get_ticks().tolist())), default=0)
 
 
 def _reference_line(ax: Axes, line: ReferenceLine) -> None:

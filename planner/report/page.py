@@ -6,7 +6,6 @@ from base64 import b64encode
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from importlib.resources import files
 from pathlib import Path
 
 import jinja2
@@ -26,6 +25,8 @@ from planner.report.standby import Pictures, draw_pictures, drawing_process
 
 Row = tuple[str, ...]
 FOLDER = Path(__file__).parent / "templates"
+PLOTLY = Path(__file__).parent / "static" / "plotly" / "plotly.min.js"
+"""What draws the charts: plotly.js with the traces of ``plotly_backend`` and ``cell_view_rendering`` alone."""
 
 
 def template_environment(folder: Path) -> jinja2.Environment:
@@ -103,21 +104,28 @@ class Report:
         return tuple(ForkedTask(partial(draw_pictures, every[k::parts], small)) for k in range(parts))
 
     def html(self) -> str:
-        """Return the page."""
+        """Return the page.
+
+        Raises:
+            KeyError: its template shows a picture twice.
+            ValueError: its template does not show every picture.
+        """
         self.draw_beside()
-        figures = {c.name: chart_json(c) for c in self.charts}
-        if self.view is not None:
-            figures[self.view.name] = view_json(self.view)
-        return ENVIRONMENT.get_template(self.template).render(
+        left = {p.name: chart_json(p) if isinstance(p, Chart) else view_json(p) for p in self._pictures}
+        page = ENVIRONMENT.get_template(self.template).render(
             **self.content,
             identity=(f"edbb-planner {__version__}", *self.identity),
             charts={c.name: c for c in self.charts},
+            view=self.view,
             simulated=NOT_MEASURED if self.simulated else "",
             print_of=lambda chart: b64encode(self.pngs[chart.name]).decode("ascii"),
-            figures={name: _safe_json(text) for name, text in figures.items()},
+            figure_of=lambda picture: _safe_json(left.pop(picture.name)),
             player_data=None if self.view is None else _safe_json(player_json(self.view)),
-            plotly=(files("plotly") / "package_data/plotly.min.js").read_text("utf-8"),  # as plotly.offline reads it
+            plotly=PLOTLY.read_text("utf-8"),
         )
+        if left:
+            raise ValueError(f"{self.template} does not show {', '.join(left)}")
+        return page
 
     def write(self, folder: Path) -> list[Path]:
         """Write ``report.html`` into an existing folder, and the pictures into ``folder/pictures``.

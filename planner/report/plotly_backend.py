@@ -13,7 +13,6 @@ import numpy as np
 
 from planner.report.chart import (
     BLUE,
-    PLAIN_DECADES,
     POLAR_BASE,
     RED,
     Chart,
@@ -23,15 +22,21 @@ from planner.report.chart import (
     ReferenceLine,
     Series,
     Span,
+    log_ticks,
 )
 
 FONT = "system-ui, -apple-system, 'Segoe UI', Roboto, 'Helvetica Neue', Arial, sans-serif"
 INK, GRID_COLOUR = "#222222", "#E4E4E4"
 PAGE = {"paper_bgcolor": "white", "font": {"family": FONT, "size": 14, "color": INK}}  # [px] size of letters
-DECADES = range(-18, 19)  # powers of ten that an axis may have ticks at
-DECADE_TEXTS = [f"{10.0**k:.{max(-k, 0)}f}" if abs(k) <= PLAIN_DECADES else f"10<sup>{k}</sup>" for k in DECADES]
-LOG = {"type": "log", "tickmode": "array", "tickvals": [10.0**k for k in DECADES], "ticktext": DECADE_TEXTS}
-AXIS = {"showline": True, "linecolor": "#999999", "ticks": "outside", "tickcolor": "#999999", "zeroline": False}
+PLAIN = {"exponentformat": "none"}  # 0.0006 and not 600µ: the unit stands in the label
+AXIS = {
+    "showline": True,
+    "linecolor": "#999999",
+    "ticks": "outside",
+    "tickcolor": "#999999",
+    "zeroline": False,
+    **PLAIN,
+}
 
 
 Properties = dict[str, Any]
@@ -135,7 +140,7 @@ def _draw(data: list[Properties], layout: Properties, panel: Panel, place: _Plac
     if panel.cells is not None:
         data.append(_heatmap(panel, panel.cells) | axes)
     if panel.field is not None:
-        data.insert(0, _field(panel.field, right, top) | axes)  # points lie on it
+        data.insert(0, _field(panel.field, right, place.upwards) | axes)  # points lie on it
     corner = {"x": right, "xanchor": "right", "y": top, "yanchor": "bottom"}
     layout[f"legend{number}"] = {"orientation": "h", **corner, "itemsizing": "constant"}
     for line in panel.limits:
@@ -149,7 +154,7 @@ def _axis_across(panel: Panel) -> Properties:
     if panel.cells is not None:
         along |= _names(panel.cells.x_names) | {"tickangle": -90}
     elif panel.log_x:
-        along |= LOG
+        along |= _log_axis(panel.log_span("x"))
     title = {"text": panel.x_label, "standoff": 8}
     return AXIS | along | {"title": title, "showgrid": bool(panel.y_names), "gridcolor": GRID_COLOUR}
 
@@ -159,8 +164,13 @@ def _axis_down(panel: Panel) -> Properties:
     if panel.y_names:
         down = {"range": [len(panel.y_names) - 0.4, -0.6], **_names(panel.y_names)}
     if panel.log_y:
-        down |= LOG
+        down |= _log_axis(panel.log_span("y"))
     return AXIS | down | {"title": {"text": panel.y_label}, "showgrid": panel.cells is None, "gridcolor": GRID_COLOUR}
+
+
+def _log_axis(span: Span) -> Properties:
+    values, texts = log_ticks(span, "10<sup>{}</sup>")
+    return {"type": "log", "tickmode": "array", "tickvals": values, "ticktext": texts}
 
 
 def _names(names: tuple[str, ...]) -> Properties:
@@ -202,12 +212,15 @@ def _heatmap(panel: Panel, cells: Heatmap) -> Properties:
     return {"type": "heatmap", "z": cells.values, "text": texts, "hoverinfo": "text", "colorbar": bar, **look}
 
 
-def _field(field: ColourField, right: float, top: float) -> Properties:
-    """Draw a field whose scale of colours stands at the right of the panel that ends at ``right`` and ``top``."""
-    bar = {"thickness": 10, "outlinewidth": 0, "len": 0.5, "x": right, "xpad": 4, "y": top, "yanchor": "top"}
+def _field(field: ColourField, right: float, upwards: Span) -> Properties:
+    """Draw a field whose scale of colours stands at the right of its panel, which ends at ``right``."""
+    low, top = upwards
+    place = {"len": top - low, "x": right, "xpad": 4, "y": top, "yanchor": "top"}
+    bar = {"thickness": 10, "outlinewidth": 0, **place, **PLAIN}
     hover = f"%{{x:.0f}}, %{{y:.0f}}: {field.label} %{{z:.3g}}<extra></extra>"
     # plotly.js has this scale from dark red to yellow, all others from yellow to dark red
     colours = {"colorscale": "YlOrRd", "reversescale": True}
+    colours |= dict(zip(("zmin", "zmax"), field.span, strict=True))
     look = {"type": "heatmap", **colours, "colorbar": bar, "hovertemplate": hover}
     return {"x": field.x, "y": field.y, "z": field.values.astype(np.float32), **look}
 

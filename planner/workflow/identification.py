@@ -219,7 +219,7 @@ class CalibrationResult(FolderResult):
         from planner.report.calibration_data import CalibrationFacts
         from planner.report.matplotlib_backend import chart_png
 
-        charts = {chart.name: chart for chart in draw_calibration_charts(CalibrationFacts(self.calibration))}
+        charts = {chart.name: chart for chart in draw_calibration_charts(CalibrationFacts(self.calibration)).every}
         if name not in charts:
             raise InputError(f"no chart '{name}' (there: {', '.join(charts)})")
         return Plot(name, chart_png(charts[name], small=True))

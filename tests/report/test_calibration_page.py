@@ -226,7 +226,7 @@ def test_histogram_counts_every_reading(c: Calibration) -> None:
 
 def test_long_runs_are_thinned_the_same_way_every_time() -> None:
     told = CalibrationFacts(calibrated("edbb_continuous", 5000))
-    for picture in draw_calibration_charts(told):
+    for picture in draw_calibration_charts(told).every:
         for panel in picture.panels:
             assert all(len(s.x) <= PANEL_POINTS for s in panel.series if s.mark == "points" and s.name == "a reading")
     assert np.array_equal(even_positions(10, 20), np.arange(10))

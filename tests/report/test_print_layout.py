@@ -2,15 +2,14 @@
 
 import re
 from io import BytesIO
-from pathlib import Path
 
 import numpy as np
-import plotly
 from matplotlib import colormaps
 from matplotlib.image import imread
 
 from planner.report.chart import BLACK, GREEN, RED, Chart, ColourField, Panel, Series
 from planner.report.matplotlib_backend import chart_png
+from planner.report.page import PLOTLY
 from planner.report.plotly_backend import _field
 
 
@@ -40,12 +39,26 @@ def test_beside_a_scale_there_is_room_for_labels():
 
 def test_a_field_is_darkest_where_it_is_largest_on_the_page_as_in_print():
     """plotly.js counts its scale YlOrRd from dark red, and matplotlib from yellow."""
-    script = (Path(plotly.__file__).parent / "package_data" / "plotly.min.js").read_text(encoding="utf-8")
+    script = PLOTLY.read_text(encoding="utf-8")
     ends = re.search(r"YlOrRd:\[\[0,\"rgb\((\d+),(\d+),(\d+)\)\".*?\[1,\"rgb\((\d+),(\d+),(\d+)\)\"\]\]", script)
     low, high = np.array(ends.groups(), float).reshape(2, 3).sum(axis=1)
-    drawn = _field(ColourField(np.arange(2.0), np.arange(2.0), np.eye(2), "moved (mm)"), 1.0, 1.0)
+    drawn = _field(ColourField(np.arange(2.0), np.arange(2.0), np.eye(2), "moved (mm)"), 1.0, (0.0, 1.0))
     if drawn.get("reversescale"):
         low, high = high, low
     printed = [sum(colormaps[drawn["colorscale"]](end)[:3]) for end in (0.0, 1.0)]
     assert low > high
     assert printed[0] > printed[1]
+
+
+def test_numbers_at_a_scale_of_colours_are_whole():
+    """They read 0.2, 0.1, 0.1 where 0.225, 0.175, 0.125 were cut off at the edge."""
+    field = ColourField(np.arange(4.0), np.arange(4.0), 0.00125 + 0.00025 * np.arange(16.0).reshape(4, 4), "moved (mm)")
+    panel = Panel("", "reach (mm)", "", (), field=field, x_range=(0.0, 3.0), y_range=(0.0, 3.0))
+    assert not ink(Chart("c", "", "", (panel, panel), columns=2))[:, -4:].any()
+
+
+def test_an_even_field_looks_even():
+    field = ColourField(np.arange(2.0), np.arange(2.0), np.array([[0.419, 0.422], [0.42, np.nan]]), "misfit (mm)")
+    low, high = field.span
+    assert low < 0.38 < 0.46 < high
+    assert ColourField(np.arange(2.0), np.arange(2.0), np.eye(2), "").span == (0.0, 1.0)
