@@ -24,23 +24,24 @@ FLAGS = ["--no-sandbox", "--disable-gpu", "--enable-unsafe-swiftshader"]
 SETTLED = "async () => { for (let n = 0; n < 4; n++) await new Promise((done) => requestAnimationFrame(done)); }"
 PLACES = '() => [...document.querySelectorAll(".chart, #view")].map((e) => e.id)'
 # a chart is drawn where something of its traces has a size: a line, a point, a bar, the picture of a field, a canvas
-EMPTY = """() => [...document.querySelectorAll(".chart, #view, #run-chart")].filter((e) => {
-    const marks = e.querySelectorAll(".plot path, .plot image, .polarlayer path, .gl-container canvas, svg path, canvas");
+EMPTY = """() => [...document.querySelectorAll(".chart, #view, #run-chart")].filter((place) => {
+    const marks = place.querySelectorAll(".plot path, .plot image, .polarlayer path, canvas, figure path");
     return ![...marks].some((m) => { const r = m.getBoundingClientRect(); return r.width + r.height > 0; });
   }).map((e) => e.id)"""
-TICKS = """() => [...document.querySelectorAll(".js-plotly-plot")].flatMap((chart) => {
-    const axes = {};
+TICKS = r"""() => [...document.querySelectorAll(".js-plotly-plot")].flatMap((chart) => {
+    const axes = {}, layers = ".infolayer > g, .xaxislayer-above, .yaxislayer-above, .polarlayer > g";
     for (const text of chart.querySelectorAll("[class*=tick] > text")) {
-      const kind = /\\b(\\w*)tick\\b/.exec(text.parentNode.getAttribute("class"))[1];
-      const layer = text.closest(".infolayer > g, .xaxislayer-above > g, .yaxislayer-above > g, .subplot, .polarlayer > g") || chart;
-      const name = `${chart.id} ${layer.getAttribute("class")} ${kind}`;
+      const kind = /\b(\w*)tick\b/.exec(text.parentNode.getAttribute("class"))[1];
+      const name = `${chart.id} ${(text.closest(layers) || chart).getAttribute("class")} ${kind}`;
       const box = text.getBoundingClientRect();
-      if (box.width) (axes[name] ||= []).push([text.dataset.unformatted ?? text.textContent, box.x + box.width / 2, box.y + box.height / 2]);
+      const place = [box.x + box.width / 2, box.y + box.height / 2];
+      if (box.width) (axes[name] ||= []).push([text.dataset.unformatted ?? text.textContent, ...place]);
     }
     return Object.entries(axes);
   })"""
-WIDEST = """() => [...document.querySelectorAll("body *")].filter((e) => e.getBoundingClientRect().right > innerWidth + 1
-    && !e.closest(".scroll, table, svg, .js-plotly-plot")).map((e) => e.outerHTML.slice(0, 120))"""
+WIDEST = """() => [...document.querySelectorAll("body *")]
+    .filter((e) => e.getBoundingClientRect().right > innerWidth + 1 && !e.closest(".scroll, table, svg"))
+    .map((e) => e.outerHTML.slice(0, 120))"""
 
 
 class Browser:

@@ -29,14 +29,8 @@ FONT = "system-ui, -apple-system, 'Segoe UI', Roboto, 'Helvetica Neue', Arial, s
 INK, GRID_COLOUR = "#222222", "#E4E4E4"
 PAGE = {"paper_bgcolor": "white", "font": {"family": FONT, "size": 14, "color": INK}}  # [px] size of letters
 PLAIN = {"exponentformat": "none"}  # 0.0006 and not 600µ: the unit stands in the label
-AXIS = {
-    "showline": True,
-    "linecolor": "#999999",
-    "ticks": "outside",
-    "tickcolor": "#999999",
-    "zeroline": False,
-    **PLAIN,
-}
+LINES = {"showline": True, "linecolor": "#999999", "ticks": "outside", "tickcolor": "#999999", "zeroline": False}
+AXIS = LINES | PLAIN
 
 
 Properties = dict[str, Any]

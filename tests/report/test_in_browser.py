@@ -1,7 +1,6 @@
-"""Pages of plans and calibrations in a browser, and that no kind of page is left out; a picture and its place are one."""
+"""Pages of plans and calibrations in a browser; no kind of page is left out; a picture and its place are one."""
 
 import re
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -27,11 +26,10 @@ TESTS = Path(__file__).parents[1]
 
 
 @pytest.fixture(autouse=True)
-def _undrawn(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+def _undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
     """Prints are drawn elsewhere."""
     monkeypatch.setattr(matplotlib_backend, "chart_png", lambda chart, small=False: SMALL_PNG)
     monkeypatch.setattr(cell_view_print, "view_png", lambda view: SMALL_PNG)
-    yield
 
 
 def kept(report: Report, folder: Path) -> Path:

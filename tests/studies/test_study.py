@@ -41,6 +41,11 @@ def test_the_page_names_robot_and_gauge_and_says_what_was_found(done):
     assert not re.search(r"20\d\d-\d\d-\d\d", page.partition("<script>")[0])  # its date is the file's
 
 
+def test_the_page_in_a_browser(browser, done):
+    shown = browser.check_report(done[0] / "report.html")  # overview.html.j2
+    assert shown == ["fixtures_needed", "identifiability", "index_curve", "sensitivity"]
+
+
 def test_tables_and_summary_say_the_same(done, told):
     folder = done[0]
     seen = pl.read_csv(folder / "identifiability.csv")

@@ -32,7 +32,7 @@ def words(folder, *more):
     return "accuracy", folder / "v.csv", "--cell", f"{NAME}/tracker", *more
 
 
-def test_before_and_after_with_files(folder):
+def test_before_and_after_with_files(folder, browser):
     code, out, told = edbb(*words(folder, "--model", folder / "cal" / "robot.toml", "-o", folder / "acc"))
     assert (code, out) == (0, "")
     assert {p.name for p in (folder / "acc").iterdir()} == {
@@ -54,6 +54,7 @@ def test_before_and_after_with_files(folder):
     page = (folder / "acc" / "report.html").read_text()
     assert f"{content['after']['mean_mm']:.3f}" in page
     assert (folder / "acc" / "accuracy.png").read_bytes().startswith(b"\x89PNG")
+    assert browser.check_report(folder / "acc" / "report.html") == ["accuracy"]  # judged.html.j2
 
 
 def test_with_a_plan_only_its_validation_poses_are_judged(folder):
@@ -96,7 +97,7 @@ def planned(folder, count=3):
     return folder / "often.csv", folder / "plan.json"
 
 
-def test_precision_and_mastering(folder):
+def test_precision_and_mastering(folder, browser):
     run, plan = planned(folder)
     code, out, told = edbb("accuracy", run, "--cell", f"{NAME}/trical", "--plan", plan, "--json", "-o", folder / "p")
     content = json.loads(out)
@@ -111,6 +112,7 @@ def test_precision_and_mastering(folder):
         "manifest.json",
         "report.html",
     }
+    assert len(browser.check_report(folder / "p" / "report.html")) == 1
     assert not told
     _, _, told = edbb("accuracy", run, "--cell", f"{NAME}/trical", "--plan", plan)
     assert "24 centrings of 8 poses" in told

@@ -15,7 +15,7 @@ from planner.instruments.fleet import read_robot
 from planner.instruments.opcua import map_to_opcua
 from planner.instruments.record import Circumstances, RobotRecord, add_entry
 from planner.kinematics.robot_reader import load_robot
-from planner.report.check_report import drift_chart, record_rows, report_record
+from planner.report.check_report import drift_chart, record_rows, report_check, report_record
 from planner.session.evaluations import evaluation_of
 from tests.command import edbb
 from tests.instruments.check.fleet import NAME
@@ -90,6 +90,14 @@ def test_after_a_failed_check_the_next_is_due_at_once_and_days_are_in_order(tmp_
         add_entry(tmp_path / "record", late, Circumstances(date=date(2200, 1, 1)), None)
     known = add_entry(tmp_path / "record", late, Circumstances(date=date(2024, 2, 1)), None)
     assert known.next_check == date(2024, 3, 2)
+
+
+def test_the_pages_of_record_and_check_in_a_browser(browser, record, tmp_path):
+    page = tmp_path / "report.html"
+    page.write_text(report_record(RobotRecord.read(record)).html(), encoding="utf-8")
+    assert browser.check_report(page) == ["drift"]  # record.html.j2
+    page.write_text(report_check(NAME, judged(theta3=0.03 * DEG)).html(), encoding="utf-8")
+    assert browser.check_report(page) == ["check"]
 
 
 def test_a_simulated_robot_has_a_record_of_its_own_that_says_so(record, tmp_path):

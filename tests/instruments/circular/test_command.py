@@ -41,6 +41,10 @@ def test_the_same_bytes_on_two_threads(folder):
         assert path.read_bytes() == (folder / "two" / path.relative_to(folder / "one")).read_bytes(), path.name
 
 
+def test_its_page_in_a_browser(browser, folder):
+    assert browser.check_report(folder / "one" / "report.html") == ["view", "circle_1"]  # circular_plan.html.j2
+
+
 def test_an_exported_program_is_the_planned_one(folder):
     one = folder / "one"
     main = next(f for f in one.glob("*.src") if not f.stem[-3:].isdigit())
@@ -52,7 +56,7 @@ def test_an_exported_program_is_the_planned_one(folder):
         assert path.read_bytes() == (out / path.name).read_bytes()
 
 
-def test_a_simulated_run_is_evaluated(folder):
+def test_a_simulated_run_is_evaluated(folder, browser):
     truth = folder / "truth.toml"
     truth.write_text(
         'schema = "edbb-truth/1"\n[errors]\na2_mm = 0.5\n[noise]\nrepeatability_mm = 0.0\ngauge_um = 0.1\n'
@@ -68,6 +72,7 @@ def test_a_simulated_run_is_evaluated(folder):
     assert [p["direction"] for p in circle["paths"]] == ["ccw", "cw"]
     assert circle["H_um"] < 3.0 < circle["G_b_um"] < 100.0
     assert (folder / "found" / "pictures" / "polar_1.png").stat().st_size > 10_000
+    assert browser.check_report(folder / "found" / "report.html") == ["polar_1", "radial_1"]  # circular.html.j2
     said = edbb("circular", run, "--plan", plan, "-o", folder / "found")
     assert "G(b)" in said.stderr
     assert said.stdout == ""

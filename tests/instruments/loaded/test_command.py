@@ -130,7 +130,7 @@ def test_the_averaged_run_goes_into_any_fit(done, folder, tmp_path):
     assert found.stages[-1].held_out.rms < 0.1 * found.stages[-2].held_out.rms
 
 
-def test_files(done, tmp_path):
+def test_files(done, tmp_path, browser):
     done.write(tmp_path / "out")
     content = json.loads((tmp_path / "out" / "loaded.json").read_text())
     assert content["schema"] == "edbb-loaded/1"
@@ -146,6 +146,7 @@ def test_files(done, tmp_path):
     base = table.filter(pl.col("load_N") == table["load_N"].min())
     assert base["deflection_um"].abs().max() == 0.0
     assert len(list((tmp_path / "out" / "pictures").glob("*.png"))) == len(loaded_charts(done.found)) == 5
+    assert len(browser.check_report(tmp_path / "out" / "report.html")) == 5  # loaded.html.j2
     page = (tmp_path / "out" / "report.html").read_text()
     assert all(s.replace("'", "&#39;") in page for s in done.found.sentences)
 
