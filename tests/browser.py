@@ -23,10 +23,12 @@ MINUTES = 5 * 60_000  # of waiting at most: the machine may be busy
 FLAGS = ["--no-sandbox", "--disable-gpu", "--enable-unsafe-swiftshader"]
 SETTLED = "async () => { for (let n = 0; n < 4; n++) await new Promise((done) => requestAnimationFrame(done)); }"
 PLACES = '() => [...document.querySelectorAll(".chart, #view")].map((e) => e.id)'
-# a chart is drawn where something of its traces has a size: a line, a point, a bar, the picture of a field, a canvas
+# a chart is drawn where each of its traces is there and something of them has a size; the view in space has a canvas
 EMPTY = """() => [...document.querySelectorAll(".chart, #view, #run-chart")].filter((place) => {
-    const marks = place.querySelectorAll(".plot path, .plot image, .polarlayer path, canvas, figure path");
-    return ![...marks].some((m) => { const r = m.getBoundingClientRect(); return r.width + r.height > 0; });
+    const traces = place.id === "view" || !place.data ? 0 : place.data.length;
+    const marks = [...place.querySelectorAll(".trace path, .hm image, canvas, figure path")];
+    const seen = marks.some((m) => { const r = m.getBoundingClientRect(); return r.width + r.height > 0; });
+    return !seen || place.querySelectorAll(".trace, .hm").length < traces;
   }).map((e) => e.id)"""
 TICKS = r"""() => [...document.querySelectorAll(".js-plotly-plot")].flatMap((chart) => {
     const axes = {}, layers = ".infolayer > g, .xaxislayer-above, .yaxislayer-above, .polarlayer > g";

@@ -58,7 +58,8 @@ def chart_json(chart: Chart) -> str:
 
 
 def _figure(chart: Chart) -> str:
-    aside = 0.21  # part of the width between panels side by side, for each of them
+    # part of the width between panels side by side, for each of them: a scale of colours has numbers of its own
+    aside = 0.26 if any(p.field for p in chart.panels) else 0.21
     right = 30  # [px] of the margin
     low = 52  # [px] of the margin
     top = 36  # [px] of the margin
@@ -210,7 +211,7 @@ def _field(field: ColourField, right: float, upwards: Span) -> Properties:
     """Draw a field whose scale of colours stands at the right of its panel, which ends at ``right``."""
     low, top = upwards
     place = {"len": top - low, "x": right, "xpad": 4, "y": top, "yanchor": "top"}
-    bar = {"thickness": 10, "outlinewidth": 0, **place, **PLAIN}
+    bar = {"thickness": 10, "outlinewidth": 0, "tickfont": {"size": 12}, **place, **PLAIN}
     hover = f"%{{x:.0f}}, %{{y:.0f}}: {field.label} %{{z:.3g}}<extra></extra>"
     # plotly.js has this scale from dark red to yellow, all others from yellow to dark red
     colours = {"colorscale": "YlOrRd", "reversescale": True}
