@@ -12,18 +12,17 @@ from planner.common.determinism import even_positions
 from planner.common.errors import NoSolutionError
 from planner.common.summary import Aside
 from planner.common.system import give_back_memory
-from planner.common.units import DEG, MM, Array
+from planner.common.units import MM, Array
 from planner.design.observability.information import r_factor
 from planner.effects.steps import SLIP
-from planner.identification.angle_hints import angle_hint
 from planner.identification.artifact_pose import declared_pose_warnings, gauge_frames
 from planner.identification.assumptions import (
     FAR_OFF_RATIO,
     FEW_READINGS_EACH,
     LARGEST_HELD_OUT,
-    LARGEST_SIGMAS,
     STRONG_PULL,
 )
+from planner.identification.better_explanations import explain_better
 from planner.identification.calibration import (
     Calibration,
     ResidualDiagnosis,
@@ -45,6 +44,7 @@ from planner.identification.cross_validation import (
     predict_held_out,
     validation_residual,
 )
+from planner.identification.gross_errors import gross_error
 from planner.identification.identifiable_parameters import FittedParameters, estimate_parameters
 from planner.identification.least_squares import Fit
 from planner.identification.nominal_comparison import worse_than_nominal
@@ -75,31 +75,27 @@ ROW_EFFECTS = ("backlash", "hysteresis")  # that show by how each joint came to 
 
 
 def find_problems(
-    table: tuple[Estimate, ...], stages: Sequence[FittedStage], found: Fit, traced: TracingResult, run: Run, cell: Cell
+    stages: Sequence[FittedStage], free: FittedParameters, traced: TracingResult, run: Run, cell: Cell, time: float
 ) -> tuple[str, ...]:
-    """Return the reasons not to use the result, after tracing, and what was tried; none when it passed."""
-    largest_error = {"m": 50 * MM, "rad": 5 * DEG}  # no sound robot is further off than this
-    prior = dict(zip(found.model.names, found.model.prior.tolist(), strict=True))
-    out, unit = [], cell.gauge.unit
+    """Return the reasons not to use the result, after tracing, and what was tried; none when it passed.
+
+    ``time``: how many samples are worth one.
+    """
+    out, unit, found = [], cell.gauge.unit, stages[-1].fit
     before, last = (min((s.stage.held_out for s in part), key=lambda m: m.rms) for part in (stages[:2], stages[-1:]))
+    declared = {p.name: p.prior for p in free.whole.parameters}
     if last.rms > LARGEST_HELD_OUT:
         off = f"held-out poses are still {last.rms / MM:.1f} {unit} off"
         usual = "look for rows that were exchanged, another ball, fixture or tool point, and units"
-        hint = angle_hint(cell, run, last.rms)
+        hint = explain_better(cell, run)
         out.append(f"{hint}; {off}" if hint else f"the readings do not belong to these poses: {off}; {usual}")
+    elif gross := gross_error(found, declared, cell, run, time):
+        out.append(f"{gross}{_attempts_text(traced)}")
     elif last.rms > before.rms:
         out.append(
             "there are too few readings for so many parameters, or the error is nothing but noise: held-out poses got "
             f"worse, {before.rms / MM:.3g} {unit} to {last.rms / MM:.3g} {unit}"
         )
-    out += [
-        f"robot, units or signs are not those of the run: {e.name} came out "
-        f"{abs(e.value - e.nominal) / (MM if e.unit == 'm' else DEG):.1f} {'mm' if e.unit == 'm' else 'deg'} from "
-        f"nominal, and no sound robot is that far off{_attempts_text(traced)}"
-        for e in table
-        if e.group == "geometry"
-        and abs(e.value - e.nominal) > max(largest_error.get(e.unit, np.inf), LARGEST_SIGMAS * prior.get(e.name, 0.0))
-    ]
     factor = found.solution.factor
     if len(factor) and not np.all(np.isfinite(factor)):
         out.append("the information of the fit is not finite")
@@ -110,8 +106,7 @@ def _attempts_text(traced: TracingResult) -> str:
     """Say what was tried before a fit is refused."""
     if traced.tried is None:
         return ""
-    found = "; ".join(f.note for f in traced.findings) or "none of them"
-    return f" ({traced.tried} causes were tried; found: {found})"
+    return f" ({traced.tried} causes were tried, and none explains it)"
 
 
 def too_few_text(spare: int) -> str:
@@ -255,7 +250,7 @@ def assess_fit(
     found, last = stages[-1].fit, stages[-1].stage
     covariance, time = _whole_covariance(found, free, run.continuous)
     table = _estimate_all(free, found, covariance, traced)
-    problems = find_problems(table, stages, found, traced, run, cell)
+    problems = find_problems(stages, free, traced, run, cell, time)
     released = None if problems else _release(stages, free, context, cell, time, basis)
     expected = workspace_error(cell, run, found, covariance) if released is None else released.anywhere
     said = [

@@ -54,7 +54,12 @@ NEGLIGIBLE_SHARE = 0.1  # of the expected error that the written robot may diffe
 UNSEEN_READINGS_RATIO = 100.0  # times as many readings at the same poses: what they leave, this gauge does not see
 
 # ---- from where on a result is doubted
-LARGEST_SIGMAS = 6.0  # no sound parameter is farther off, in prior sigmas, where the robot may be off by degrees
+MOST_LENGTH_SIGMAS = 10.0  # [declared sigma] of a length: measured arms have at most 2, clean simulated ones at most 4
+MOST_ANGLE_SIGMAS = 30.0  # [declared sigma] of an angle: measured arms have up to 20 (zeros of a Panda, 1.1 deg)
+LARGEST_LENGTH, LARGEST_ANGLE = 50 * MM, 5 * DEG  # [m], [rad] no sound robot is farther off, whatever sigma is declared
+LEAST_SIGMAS = 6.0  # [declared sigma] but for one that may be off by degrees: so many are never refused
+MOST_FACTOR_SIGMAS = 4.0  # of a factor on all lengths: measured and clean simulated arms have at most 3
+LEAST_FACTOR = 2e-3  # [1] on all lengths, below which a robot's own links may have it: 2 mm of a metre
 LARGEST_HELD_OUT = 10 * MM  # [m] held-out rms that no calibrated robot leaves
 NEAR_DECLARED, NEAR_DECLARED_TURN = 20 * MM, 6 * DEG  # [m], [rad] from the cell's place: beyond, it was moved
 FRAME_SIGMAS = 4.0  # of what the arm is off there, by which its run may put the frame off too
