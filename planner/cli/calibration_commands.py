@@ -55,7 +55,8 @@ def _evaluation_step(run: str, plan: Path | None) -> str:
 
 def _compensate(values: Values, output: str, manner: Manner) -> None:
     with Screen():
-        done = find_function(CompensateCall)(**{**values, "zeros_set": _axes(values.get("zeros_set", ""))})
+        more = {"zeros_set": _axes(values.get("zeros_set", "")), "force": manner.force}
+        done = find_function(CompensateCall)(**{**values, **more})
     if output != "-":
         check_writing(Path(output), done.file.text.encode(done.file.encoding), manner.force)
     errors.print(done.full_summary(manner.verbose, SCREEN_LINES - 1))

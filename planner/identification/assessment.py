@@ -263,10 +263,14 @@ def assess_fit(
     estimates = table if released is None else released_estimates(table, released)
     diagnosis, kept = diagnose_residual(found, run.continuous, last.train.rms), tuple(s.stage for s in stages)
     release = None if released is None else describe_release(released)
-    causes = name_causes(traced, released, table, len(run) * found.model.width / time)
+    worse = None if problems else worse_than_nominal(kept, release, expected, cell.gauge.unit)
+    problems = problems if worse is None else (worse,)
+    if problems:  # what a fit that is not to be used calls a cause is none
+        traced = TracingResult()
+    causes = name_causes(traced, None if problems else released, table, len(run) * found.model.width / time)
     return Calibration(
         schema_="edbb-identification/1",
-        worse_than_nominal=worse_than_nominal(kept, release, expected, cell.gauge.unit),
+        worse_than_nominal=worse,
         robot=found.setup.robot.name,
         n_samples=len(run),
         n_groups=parts.groups,

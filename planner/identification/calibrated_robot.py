@@ -209,7 +209,8 @@ def calibrated_files(calibration: Calibration) -> tuple[tuple[str, str], ...]:
         tuple(_tool_points(calibration)),
         bool(calibration.simulated),
     )
-    found = RobotCorrections(geometry, effects, loads, _source(calibration), points, simulated)
+    why_not = calibration.reason_not_to_use
+    found = RobotCorrections(geometry, effects, loads, _source(calibration), points, simulated, why_not)
     return write_robot(robot, found)
 
 

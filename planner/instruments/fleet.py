@@ -88,9 +88,7 @@ def read_robot(path: Path) -> tuple[str, RobotErrors]:
         folder, name = path, path.name
     if not (folder / IDENTIFICATION).is_file():
         raise InputError(f"{path}: is neither a record nor a folder that 'edbb identify' wrote with its {ROBOT}")
-    document = Identification.read(folder / IDENTIFICATION)
-    if document.reason_not_to_use:
-        raise InputError(f"{path}: its calibration is not to be used ({document.reason_not_to_use}): leave it out")
+    document = Identification.read_usable(folder / IDENTIFICATION)
     if not (folder / ROBOT).is_file():
         raise InputError(f"{path}: the folder that 'edbb identify' wrote has lost its {ROBOT}")
     robot = load_robot(folder / ROBOT)

@@ -60,9 +60,11 @@ class CalibratedState:
         Raises:
             InputError: no such folder, another robot, or nothing is known of the robot's error.
         """
-        if not (folder / ROBOT).is_file():
-            raise InputError(f"{folder}: --after takes the folder that 'edbb identify' wrote; it has no {ROBOT}")
-        document = Identification.read(folder / IDENTIFICATION)
+        has_document = (folder / IDENTIFICATION).is_file()
+        document = Identification.read_usable(folder / IDENTIFICATION) if has_document else None
+        if document is None or not (folder / ROBOT).is_file():
+            lacking = ROBOT if has_document else IDENTIFICATION
+            raise InputError(f"{folder}: --after takes the folder that 'edbb identify' wrote; it has no {lacking}")
         if document.robot != cell.robot.name:
             other = f"calibrates the robot '{document.robot}', but the cell's is '{cell.robot.name}'"
             raise InputError(f"{folder}: {other}")

@@ -164,6 +164,7 @@ class Robot:
         conventions: how the controllers that its file names count its axes.
         tool_points: of a calibrated robot, where the points that were measured sit in its flange.
         simulated: of a calibrated robot, whether its readings were simulated; ``None`` where its file does not say.
+        not_for_use: of a calibrated robot, why nothing may be made of it; empty where it may be used.
         packages: folders of ROS packages that its URDF names.
         parked: joints of its URDF that stand still.
         neighbours: of a robot from a URDF, the pairs of rigid parts that a joint of the arm joins; of others those of
@@ -207,6 +208,7 @@ class Robot:
     packages: Packages = NO_PACKAGES
     tool_points: tuple[ToolPoint, ...] = ()
     simulated: bool | None = None
+    not_for_use: str = ""
     unchecked_links: tuple[tuple[str, str], ...] = ()
     parked: tuple[ParkedJoint, ...] = ()
     neighbours: frozenset[frozenset[str]] = frozenset()

@@ -176,6 +176,7 @@ class RobotDescription(StrictModel):
     nominal: dict[str, float] = {}
     tool_points: tuple[ToolPointTable, ...] = ()
     simulated: bool | None = None
+    not_for_use: str = ""  # why nothing may be made of this calibrated robot
     controllers: dict[Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9-]*$")], ControllerTable] = {}
 
     @model_validator(mode="after")

@@ -12,7 +12,7 @@ from planner.common.schema import read_toml_content
 from planner.kinematics.robot import Robot
 from planner.kinematics.urdf import parse_urdf
 
-UNMOVING = ("title", "sources", "never_meet_reason", "simulated")  # said of a robot; none moves it
+UNMOVING = ("title", "sources", "never_meet_reason", "simulated", "not_for_use")  # said of a robot; none moves it
 BESIDE = ("controllers", "dialect")  # how controllers count: their angles are brought to the model's and back
 NOT_COUNTED = (*UNMOVING, *BESIDE)
 

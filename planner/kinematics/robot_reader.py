@@ -49,6 +49,7 @@ def load_robot(
     packages: Packages = NO_PACKAGES,
     parked: Mapping[str, float] | None = None,
     base: str | None = None,
+    force: bool = False,
 ) -> Robot:
     """Load a robot by shipped name, or by path to a ``robot.toml``, ``.urdf``, ``.xacro``, or ``.csv`` of DH rows.
 
@@ -62,9 +63,10 @@ def load_robot(
         packages: folders of ROS packages that the cell names; they go before those that the robot's file names.
         parked: where the cell says that joints of the URDF stand, by name with unit; it goes before the robot's file.
         base: first link of a URDF's chain, in whose frame everything is said; as ``tip``.
+        force: load a calibrated robot, too, of which its identification says not to use it.
 
     Raises:
-        InputError: no such robot, or its file is wrong.
+        InputError: no such robot, or its file is wrong, or says that nothing may be made of it.
     """
     reference = str(reference)
     shipped = data_folder("robots") / reference / "robot.toml"
@@ -74,7 +76,13 @@ def load_robot(
     if os.path.isdir(path):
         path = path / "robot.toml"
     if os.path.isfile(path):  # false for a name that no file can have
-        return _from_file(path, beta, tip, packages, parked, base)
+        robot = _from_file(path, beta, tip, packages, parked, base)
+        if robot.not_for_use and not force:
+            raise InputError(
+                f"{path}: this robot is not to be used, its identification says: {robot.not_for_use}; measure again "
+                "('edbb compensate --force' would correct programs by it)"
+            )
+        return robot
     known = list(list_robots())
     raise InputError(
         f"robot '{reference}': neither a shipped robot nor a file{did_you_mean(reference, known)} "
@@ -324,6 +332,7 @@ def _build_robot(
         nominal_transforms=nominal_from_table(path, file.nominal, whole) if file.nominal else (),
         tool_points=tuple(t.point() for t in file.tool_points),
         simulated=file.simulated,
+        not_for_use=file.not_for_use,
         conventions=tuple(_conventions(file, path, limits, None if urdf is None else (urdf, A, -sense * zero))),
     )
 

@@ -138,6 +138,7 @@ class RobotCorrections:
         source: one sentence: which run, which fit.
         tool_points: where the measured points sit in the flange of the corrected robot.
         simulated: whether the readings were simulated; ``None`` leaves it unsaid.
+        not_for_use: why nothing may be made of this robot; empty where it may be used.
     """
 
     values: tuple[tuple[str, float], ...]
@@ -146,6 +147,7 @@ class RobotCorrections:
     source: str
     tool_points: tuple[ToolPoint, ...] = ()
     simulated: bool | None = None
+    not_for_use: str = ""
 
 
 def write_robot(robot: Robot, found: RobotCorrections) -> tuple[tuple[str, str], ...]:
@@ -215,7 +217,7 @@ def _nominal_content(robot: Robot) -> dict[str, object]:
     if is_urdf(robot.path):
         return {"schema": "edbb-robot/1", "name": robot.name, "convention": "urdf"}
     file = describe_robot(robot.path)
-    added = {"effects", "loads", "nominal", "tool_points", "simulated"}
+    added = {"effects", "loads", "nominal", "tool_points", "simulated", "not_for_use"}
     return file.model_dump(mode="json", by_alias=True, exclude=added, exclude_unset=True, exclude_none=True)
 
 
@@ -244,7 +246,7 @@ def _correct_rows(robot: Robot, content: dict[str, object], values: Mapping[str,
 
 
 def _calibration_tables(robot: Robot, changed: frozenset[str], found: RobotCorrections) -> dict[str, object]:
-    """Return the tables ``nominal``, ``loads``, ``effects`` and ``tool_points``, and whether it was simulated."""
+    """Return the tables that a calibration adds, whether it was simulated, and why it is not to be used."""
     nominal = {
         nominal_key(t): _file_value(t.kind == "translation", t.nominal)
         for t, now in zip(robot.nominal_robot.transforms, robot.transforms, strict=True)
@@ -261,6 +263,8 @@ def _calibration_tables(robot: Robot, changed: frozenset[str], found: RobotCorre
         out["tool_points"] = [_tool_point_table(t) for t in found.tool_points]
     if found.simulated is not None:
         out["simulated"] = found.simulated
+    if found.not_for_use:
+        out["not_for_use"] = found.not_for_use
     if found.effects:
         out["effects"] = [_effect_table(e) for e in found.effects]
     return out

@@ -9,6 +9,7 @@ from pydantic import AfterValidator, Field, GetPydanticSchema
 from pydantic_core.core_schema import any_schema
 
 from planner.common.arrays import mean_by_group
+from planner.common.errors import InputError
 from planner.common.schema import read_json, validate
 from planner.common.units import Array
 from planner.model.document_section import DocumentSection, Probability, Size, round_digits
@@ -251,7 +252,7 @@ class Identification(DocumentSection):
         release: what the robot's file holds and how good it is expected to be.
         condition_number: of the rows per prior sigma; ``None`` where it is not finite.
         correlation_time: how many samples are worth one.
-        worse_than_nominal: in what the robot that is written is worse than the nominal one; ``None`` where in nothing.
+        worse_than_nominal: in what the robot that was fitted is worse than the nominal one; ``None`` where in nothing.
         use: whether the robot is good enough for a tolerance, where one was asked for.
         more: what more poses would bring, of a bar or a wire.
         problems: reasons not to use the result; empty when the fit passed its own checks.
@@ -307,7 +308,12 @@ class Identification(DocumentSection):
     @property
     def reason_not_to_use(self) -> str:
         """Why nothing may be made of this robot: its fit failed, or it is worse than the nominal one; else empty."""
-        return "; ".join((*self.problems, *([self.worse_than_nominal] if self.worse_than_nominal else [])))
+        return "; ".join(dict.fromkeys((*self.problems, *filter(None, [self.worse_than_nominal]))))
+
+    @property
+    def refusal(self) -> str:
+        """The first reason not to use this robot, without what is to be looked for; empty where it may be used."""
+        return self.reason_not_to_use.partition("; ")[0]
 
     @property
     def last_fit(self) -> tuple[Estimate, ...]:
@@ -322,6 +328,18 @@ class Identification(DocumentSection):
             InputError: with the first offending keys, what was found and what is allowed.
         """
         return validate(read_json(path), cls, str(path))
+
+    @classmethod
+    def read_usable(cls, path: Path) -> Self:
+        """Read ``identification.json`` of a robot that something is to be made of.
+
+        Raises:
+            InputError: as :meth:`read`, or it says that its robot is not to be used.
+        """
+        found = cls.read(path)
+        if found.reason_not_to_use:
+            raise InputError(f"{path}: this robot is not to be used, it says: {found.reason_not_to_use}; measure again")
+        return found
 
     def content(self) -> dict[str, object]:
         """Return what the file says, in the contract's keys and units."""

@@ -34,7 +34,7 @@ def certificate_content(context: ServiceContext, job: Job) -> dict[str, object]:
         InputError: its files are not what they should be.
     """
     record, outputs = context.jobs.get(job.id), {f.name: f.sha256 for f in job.files}
-    found = CalibrationPage(Identification.read(context.files.path(outputs["identification.json"])))
+    found = CalibrationPage(Identification.read_usable(context.files.path(outputs["identification.json"])))
     inputs = {i.name: i.sha256 for i in record.command.inputs}
     plan = inputs.get(str(record.command.option("--plan")))
     measured = {n: h for n, h in inputs.items() if n.endswith((".csv", ".parquet", "plan.json"))}

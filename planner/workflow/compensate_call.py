@@ -79,6 +79,9 @@ class CompensateCall(Call):
             pattern="^[0-9.]{1,9},[0-9.]{1,9}$",
         ),
     ] = None
+    force: Annotated[
+        bool, Option("correct by a robot, too, of which its identification says not to use it", python_only=True)
+    ] = False
     zeros_set: Annotated[
         Sequence[int],
         Option(

@@ -35,6 +35,7 @@ from planner.identification.zeros_set import set_zeros
 from planner.kinematics.robot import Robot
 from planner.kinematics.robot_hash import former_robot_hash, robot_hash
 from planner.kinematics.robot_reader import list_robots, load_robot
+from planner.model.identification_document import Identification
 from planner.workflow.compensate_call import CompensateCall
 
 if TYPE_CHECKING:
@@ -104,7 +105,7 @@ def compensate(asked: CompensateCall) -> CompensationResult:
         NoSolutionError: no target has a fake target near the nominal one, most are out of the robot's reach, or the
             corrected robot is expected to be worse than the nominal one.
     """
-    found = _find_model(asked.model)
+    found = _find_model(asked.model, asked.force)
     robot, known, mark = found.robot, found.known, found.mark
     if asked.date is not None:
         mark = replace(mark, day=_day(asked.date))
@@ -163,13 +164,16 @@ class _Model:
     mark: CorrectionMark
 
 
-def _find_model(model: "CalibrationResult | Path | str") -> _Model:
-    """Read the calibrated robot from its file, from the folder that holds it, or from an identification in memory."""
+def _find_model(model: "CalibrationResult | Path | str", force: bool) -> _Model:
+    """Read the calibrated robot from its file, from the folder that holds it, or from an identification in memory.
+
+    ``force``: one of which its identification says not to use it, too.
+    """
     if isinstance(model, Path | str):
-        return _read_model(_model_file(Path(model).absolute(), str(model)))
+        return _read_model(_model_file(Path(model).absolute(), str(model)), force)
     with TemporaryDirectory() as folder:
         model.write_robot(Path(folder))
-        found = _read_model(Path(folder) / "robot.toml")
+        found = _read_model(Path(folder) / "robot.toml", force)
     return replace(found, mark=replace(found.mark, simulated=model.simulated, day=_build_day()))
 
 
@@ -187,6 +191,8 @@ def _model_file(path: Path, said: str) -> Path:
         )
     file = path / "robot.toml" if path.is_dir() else path
     if not file.is_file():
+        if (beside := file.parent / "identification.json").is_file():
+            Identification.read_usable(beside)
         raise InputError(f"--model {said}: no file {file} found; {wanted}")
     return file
 
@@ -198,8 +204,8 @@ def _byte_hashes(path: Path) -> tuple[str, ...]:
     return tuple(sha256(d).hexdigest() for d in (data, lines, lines.replace(b"\n", b"\r\n")))
 
 
-def _read_model(path: Path) -> _Model:
-    robot = load_robot(str(path))
+def _read_model(path: Path, force: bool) -> _Model:
+    robot = load_robot(str(path), force=force)
     if robot.nominal_robot is robot:
         raise InputError(
             f"{path}: is no calibrated robot, it has neither [nominal] values nor [[effects]]; "

@@ -26,13 +26,13 @@ def fit_overview(found: Calibration, lines: int = SCREEN_LINES - 3) -> Summary:
 
     ``lines`` is how many facts the screen holds beside title, files and next step; causes take what the others leave.
     """
-    release = None if found.problems else found.release
-    said = "calibrated" if not found.problems else "NOT calibrated, the fit failed its own checks"
-    failed = [("probably", found.problems[0].partition(": ")[0])] if found.problems else []
+    failed = bool(found.reason_not_to_use)
+    release = None if failed else found.release
+    said = "NOT calibrated" if failed else "calibrated"
     fitted, samples = len(found.last_fit), number_of(len(found.run), "sample")
-    first = [*failed, *_verdict_facts(found, release), _held_out_fact(found, release), *_cure_facts(found, release)]
+    first = [*_verdict_facts(found, release), _held_out_fact(found, release), *_cure_facts(found, release)]
     last = [*([] if failed else _parameter_facts(found)), *_structure_facts(found)]
-    causes = list(_cause_facts(found, max(lines - len(first) - len(last), 2)))
+    causes = [] if failed else list(_cause_facts(found, max(lines - len(first) - len(last), 2)))
     asides = {*found.asides, *(w for w in found.run.warnings if isinstance(w, Aside))}
     notes = [Aside(w) if w in asides else w for w in found.warnings]
     title = f"{found.run.name}: {found.robot} {said}; {fitted} parameters, {samples}"
@@ -221,7 +221,7 @@ def _details(found: Calibration, release: Release | None) -> Iterator[Fact]:
         yield "good for", f"of 95 of 100 targets, 95 % sure; {taught_sentence(use)}"
     if own := own_errors_text(found):
         yield "in pixels", own
-    yield from _rival_facts(found)
+    yield from () if found.reason_not_to_use else _rival_facts(found)
     if far := _far_estimates(found):
         yield "at a limit", f"{_names(far)}: more than {BEYOND:g} times the size that is expected"
     if not found.diagnosis.structured:

@@ -152,19 +152,26 @@ class CalibrationResult(FolderResult):
 
     @property
     def alarm(self) -> str:
-        """Say of a robot that is worse than the nominal one; that comes before everything else."""
-        return self.calibration.worse_than_nominal or ""
+        """Say why the robot must not be used; that comes before everything else."""
+        found = self.calibration
+        return found.worse_than_nominal or (f"NOT CALIBRATED, do not use it: {found.refusal}" if found.refusal else "")
 
     @property
     def problems(self) -> tuple[str, ...]:
         """Return why the robot must not be used."""
-        why = self.calibration.problems
-        return ("the fit failed its own checks, no robot was written: " + "; ".join(why),) if why else ()
+        why = self.calibration.reason_not_to_use
+        return (why if self._writes_robot else f"no robot was written: {why}",) if why else ()
+
+    @property
+    def _writes_robot(self) -> bool:
+        """Tell whether ``robot.toml`` is written: of a robot worse than the nominal one too, which says so itself."""
+        return not self.calibration.problems or self.calibration.worse_than_nominal is not None
 
     def fill(self, draft: Path) -> None:
-        """Write ``residuals.csv``, the report and, where the fit may be used, the robot.
+        """Write ``residuals.csv``, the report and the robot.
 
-        A fit that failed its own checks is reported with the reasons, but no robot is written.
+        A fit that failed its own checks is reported with the reasons, but no robot is written. One that is worse than
+        the nominal robot is written, says in its file not to use it, and goes without what others are made of.
         """
         # plotting: other commands start quicker without
         from planner.report.calibration_report import report_calibration
@@ -173,13 +180,16 @@ class CalibrationResult(FolderResult):
         with self.timing.stage("report"):
             write_text(draft / "residuals.csv", residuals_csv(found))
             report_calibration(found).with_identity(self.cell, self.simulated).write(draft)
-            if not found.problems:
+            if self._writes_robot:
                 self.write_robot(draft)
 
     def write_robot(self, folder: Path) -> None:
         """Write the calibrated robot alone: ``robot.toml`` and what belongs to it."""
         files = dict(calibrated_files(self.calibration))
-        if (released := self.calibration.released) is not None:
+        released = self.calibration.released
+        if self.calibration.reason_not_to_use:
+            files.pop("robot.urdf", None)  # it has no room to say so
+        elif released is not None:
             mounting = self.cell.gauge.mounting or self.calibration.run.plan_id or ""
             content = self.errors_content or expected_error_content(released, self.calibration.run)
             files[EXPECTED_ERROR] = expected_error_text(content, files["robot.toml"], mounting)
@@ -195,10 +205,11 @@ class CalibrationResult(FolderResult):
 
     def files(self, folder: Path) -> str:
         """Name what is written."""
-        robot = "" if self.calibration.problems else ", robot.toml"
-        urdf = ", robot.urdf" if robot and (folder / "robot.urdf").exists() else ""
-        known = ", posterior.json" if robot and (folder / BASELINE).exists() else ""
-        known += ", expected_error.csv" if robot and self.calibration.released is not None else ""
+        robot = ", robot.toml" if self._writes_robot else ""
+        sound = not self.calibration.reason_not_to_use
+        urdf = ", robot.urdf" if sound and (folder / "robot.urdf").exists() else ""
+        known = ", posterior.json" if sound and (folder / BASELINE).exists() else ""
+        known += ", expected_error.csv" if sound and self.calibration.released is not None else ""
         return f"identification.json, residuals.csv, report.html{robot}{urdf}{known}"
 
     def preview(self) -> Plot:

@@ -62,7 +62,7 @@ def read_identification(path: Path, robot: str, n_joints: int) -> Identification
     Raises:
         InputError: no identification, one of another robot, one without rivals, or an effect that there is none of.
     """
-    part = Identification.read(path)
+    part = Identification.read_usable(path)
     if not min(part.stages[-1].train.rms, part.stages[-1].held_out.rms) > 0:
         raise InputError(f"{path}: 'stages' number {len(part.stages)}: 'rms_mm' must be greater than 0")
     if part.robot != robot:
