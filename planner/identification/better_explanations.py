@@ -6,15 +6,16 @@ Each such change is therefore tried, with the gauge placed anew and nothing of t
 """
 
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from itertools import combinations
+from itertools import combinations, permutations
 
 import numpy as np
 
 from planner.cell.cell import Cell
 from planner.common.determinism import even_positions
-from planner.common.errors import PlannerError
-from planner.common.units import MM, Array
+from planner.common.errors import NoSolutionError, PlannerError
+from planner.common.units import MM
 from planner.identification.assumptions import OTHER_WAY_SHARE
 from planner.identification.identifiable_parameters import identifiable_subset, parameters_of_groups
 from planner.identification.least_squares import fit
@@ -42,17 +43,33 @@ class Explanation:
 def explain_better(cell: Cell, run: Run) -> str:
     """Return how run or robot may have been meant, where far less would be left with the gauge placed; else nothing.
 
-    Units and robots are tried first: where one of them explains the run, no angles are exchanged.
+    One kind is tried after the other, the likelier first: where a unit or a robot explains the run, no joints are
+    exchanged.
     """
     few = run.take(even_positions(len(run), 300))  # samples of the run
     before = placement_error(cell, few, cell.robot)
     instead = f" instead of {before / MM:.1f} mm" if np.isfinite(before) else ""
-    for kind in (_units_and_robots(cell.robot, few), _other_countings(cell.robot, few)):
-        tried = [(placement_error(cell, e.run, e.robot), e.words) for e in kind]
-        least, words = min(tried, key=lambda pair: pair[0])
+    for kind in (_units_and_robots, _backwards, _exchanged, _coupled):
+        tried = [(placement_error(cell, e.run, e.robot), e.words) for e in kind(cell.robot, few)]
+        least, words = min(tried, key=lambda pair: pair[0], default=(np.inf, ""))
         if least < OTHER_WAY_SHARE * before:
             return f"{words}, and {least / MM:.1f} mm{instead} would be left before any fit of the robot"
     return ""
+
+
+@contextmanager
+def explained(cell: Cell, run: Run) -> Iterator[None]:
+    """Say of a fit that does not come to rest what explains the run better, if anything does.
+
+    Raises:
+        NoSolutionError: the fit inside does not come to rest.
+    """
+    try:
+        yield
+    except NoSolutionError as error:
+        if better := explain_better(cell, run):
+            raise NoSolutionError(f"the readings do not belong to this robot: {better}") from error
+        raise
 
 
 def _units_and_robots(own: Robot, run: Run) -> Iterator[Explanation]:
@@ -72,32 +89,36 @@ def _times(run: Run, factor: float) -> Run:
     return replace(run, readings=replace(read, length=length, position=position))
 
 
-def _other_countings(robot: Robot, run: Run) -> Iterator[Explanation]:
-    """Yield robots whose joints are counted otherwise, and what to write into the file or the table.
+def _backwards(own: Robot, run: Run) -> Iterator[Explanation]:
+    """Yield robots of which one joint counts backwards, and what to write into the file."""
+    for i in range(own.n_joints):
+        flipped = own.coupling_matrix.copy()
+        flipped[i] *= -1.0
+        words = f"perhaps joint {i + 1} counts the other way: give it sense = -1"
+        yield Explanation(run, replace(own, coupling_matrix=flipped), words)
 
-    One joint counts backwards, two are exchanged, or one is moved along by another.
-    """
-    A, n = robot.coupling_matrix, robot.n_joints
 
-    def counted(matrix: Array, words: str) -> Explanation:
-        """Return the robot with another matrix from the controller's angles to its own."""
-        return Explanation(run, replace(robot, coupling_matrix=matrix), f"perhaps {words}")
-
-    for i in range(n):
-        flipped = np.where(np.arange(n)[:, None] == i, -A, A)
-        yield counted(flipped, f"joint {i + 1} counts the other way: give it sense = -1")
+def _exchanged(own: Robot, run: Run) -> Iterator[Explanation]:
+    """Yield robots of which the joints stand in another order in the table: two exchanged, or all in reverse."""
+    A, n = own.coupling_matrix, own.n_joints
     for i, k in combinations(range(n), 2):
         order = np.arange(n)
         order[[i, k]] = k, i
-        yield counted(A[:, order], f"the columns of joints {i + 1} and {k + 1} are exchanged")
-    yield counted(A[:, ::-1], "the columns of the joints stand in reverse order")
-    for i in range(n):
-        for k in range(n):
-            for c in (-1.0, 1.0) if k != i and not robot.slides[[i, k]].any() else ():
-                coupled = A.copy()
-                coupled[i, k] += c * np.sign(A[i, i])
-                words = f"joint {k + 1} drives joint {i + 1} along: give it couple = {{ {k + 1} = {c:g} }}"
-                yield counted(coupled, words)
+        words = f"perhaps the columns of joints {i + 1} and {k + 1} are exchanged"
+        yield Explanation(run, replace(own, coupling_matrix=A[:, order]), words)
+    words = "perhaps the columns of the joints stand in reverse order"
+    yield Explanation(run, replace(own, coupling_matrix=A[:, ::-1]), words)
+
+
+def _coupled(own: Robot, run: Run) -> Iterator[Explanation]:
+    """Yield robots of which one joint is moved along by another, and what to write into the file."""
+    A = own.coupling_matrix
+    for i, k in permutations(range(own.n_joints), 2):
+        for c in (-1.0, 1.0) if not own.slides[[i, k]].any() else ():
+            coupled = A.copy()
+            coupled[i, k] += c * np.sign(A[i, i])
+            words = f"perhaps joint {k + 1} drives joint {i + 1} along: give it couple = {{ {k + 1} = {c:g} }}"
+            yield Explanation(run, replace(own, coupling_matrix=coupled), words)
 
 
 def placement_error(cell: Cell, run: Run, robot: Robot) -> float:

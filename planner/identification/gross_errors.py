@@ -121,7 +121,7 @@ class DeclaredGeometry:
     @property
     def factor_text(self) -> str:
         """The factor in per cent, to the decimals that its standard deviation allows."""
-        decimals = int(np.clip(np.ceil(-np.log10(max(100 * self.factor_std, 1e-9))), 1, 3))
+        decimals = int(np.clip(np.round(-np.log10(max(100 * self.factor_std, 1e-9))), 1, 3))
         return f"{100 * abs(self.factor):.{decimals}f} %"
 
 

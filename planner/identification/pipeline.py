@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from planner.cell.cell import Cell
 from planner.common.determinism import on_one_thread
-from planner.common.errors import InputError, NoSolutionError
+from planner.common.errors import InputError
 from planner.common.progress import StageReport
 from planner.common.system import give_back_memory, keep_freed_memory
 from planner.design.assumptions import TRACEABLE_READINGS
@@ -12,13 +12,13 @@ from planner.effects.compliance import JOINT_COMPLIANCE
 from planner.identification.artifact_pose import use_declared_pose
 from planner.identification.assessment import approach_warnings, assess_fit, too_few_text
 from planner.identification.assumptions import TOO_FEW_READINGS
-from planner.identification.better_explanations import explain_better
+from planner.identification.better_explanations import explained
 from planner.identification.calibration import Calibration, TracingResult
 from planner.identification.cross_validation import split_run, validate_fit
 from planner.identification.identifiable_parameters import choose_parameters, parameters_of_groups
 from planner.identification.least_squares import Fit
 from planner.identification.run_setup import add_motion, check_pull, locate_gauge, number_samples, setup_for_run
-from planner.identification.stages import FitContext, FittedStage, Tracer, add_declared_stages, add_stage_if_gain
+from planner.identification.stages import FitContext, Tracer, add_declared_stages, add_stage_if_gain
 from planner.model.identification_document import Metrics, ReleaseBasis
 from planner.model.model import Model
 from planner.runs.run import Run
@@ -67,7 +67,8 @@ def identify(
     run = number_samples(run)
     validation = None if validation is None else add_motion(validation)
     say("placing the gauge")
-    setup = use_declared_pose(cell, locate_gauge(setup_for_run(cell, run), run))
+    with explained(cell, run):
+        setup = use_declared_pose(cell, locate_gauge(setup_for_run(cell, run), run))
     check_pull(cell, setup, run)
     bare = None if validation is None else setup_for_run(cell, validation)
     parts = split_run(run, settings.hold_out, settings.seed)
@@ -79,7 +80,14 @@ def identify(
     free = choose_parameters(cell, setup, run)
     context = FitContext(run, parts, judge, settings.robust, free.unseen_parameters, validation)
     _check_size(context, free.model)
-    stages = _fit_geometry(cell, run, context, free.model_up_to(()), say)
+    model = free.model_up_to(())
+    with explained(cell, run):
+        say("nominal robot")
+        stages = [context.fit_stage("nominal", model.subset([]), robust=False)]
+        say("frames")
+        stages.append(context.fit_stage("frames", parameters_of_groups(model, ("gauge",))))
+        say("geometry")
+        stages.append(context.fit_stage("geometry", model, stages[-1].fit))
     stages, notes = add_declared_stages(stages, free, cell.plan.effects, context, say)
     traced = TracingResult()
     if tracer is not None and context.redundancy(free.model) >= TRACEABLE_READINGS:
@@ -95,25 +103,6 @@ def identify(
     say("calibrated robot")
     give_back_memory()
     return assess_fit(stages, free, context, cell, validation, traced, notes, settings.basis)
-
-
-def _fit_geometry(cell: Cell, run: Run, context: FitContext, model: Model, say: StageReport) -> list[FittedStage]:
-    """Return the stages up to the geometry.
-
-    Raises:
-        NoSolutionError: the fit does not come to rest; the message says what explains the run, if anything does.
-    """
-    try:
-        say("nominal robot")
-        stages = [context.fit_stage("nominal", model.subset([]), robust=False)]
-        say("frames")
-        stages.append(context.fit_stage("frames", parameters_of_groups(model, ("gauge",))))
-        say("geometry")
-        return [*stages, context.fit_stage("geometry", model, stages[-1].fit)]
-    except NoSolutionError as error:
-        if better := explain_better(cell, run):
-            raise NoSolutionError(f"the readings do not belong to this robot: {better}") from error
-        raise
 
 
 def _check_size(context: FitContext, model: Model) -> None:

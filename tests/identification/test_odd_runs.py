@@ -12,7 +12,7 @@ from planner.effects.backlash import Hysteresis
 from planner.effects.catalogue import catalogue
 from planner.effects.effect import Parameter, transform_move
 from planner.effects.nonparametric import gear_curve
-from planner.identification.angle_hints import angle_hint
+from planner.identification.better_explanations import explain_better
 from planner.identification.cross_validation import validate_fit
 from planner.identification.least_squares import fit
 from planner.identification.problem import FitProblem
@@ -121,5 +121,5 @@ def test_a_robot_whose_angles_are_counted_otherwise_gets_a_hint(joint, by, ratio
     w = world(n=60)
     length = w.read({}, {f"theta{joint}": ratio * w.q[:, by - 1]})
     run = w.reading(length)
-    assert words in angle_hint(w.cell, run, 0.2)
-    assert angle_hint(w.cell, w.reading(w.read({})), 0.01) == ""
+    assert words in explain_better(w.cell, run)
+    assert explain_better(w.cell, w.reading(w.read({}))) == ""

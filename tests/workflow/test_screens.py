@@ -96,13 +96,17 @@ def test_every_screen_of_a_fit_has_ten_lines(fitted, monkeypatch):
         assert len(lines) <= SCREEN_LINES, (traits, lines)
         keys = [line[2:14].strip() for line in lines]
         wanted = ["written to"]
-        if state != "worse" and not notes:
-            wanted.append("validation" if validated and state != "failed" else "held out")
-        wanted += [] if state == "failed" else ["good for", "tool error"]
+        if state == "sound" and not notes:
+            wanted.append("validation" if validated else "held out")
+        wanted += ["good for", "tool error"] if state == "sound" else []
         wanted += ["note"] if notes else []
-        wanted += ["misfit"] if parts is not None and parts.misfit and state != "failed" else []
+        wanted += ["misfit"] if parts is not None and parts.misfit and state == "sound" else []
         assert set(wanted) <= set(keys), (traits, lines)
-        assert keys.count("next") == (state != "failed")
+        assert keys.count("next") == (state == "sound")
+        if state != "sound":  # of what is not to be used nothing is a cause, and no error is what it leaves
+            assert not {"found", "likely", "doubtful", "good for", "tool error"} & set(keys), (traits, lines)
+            assert "do not use it" in lines[0] or "WORSE" in lines[0]
+            continue
         sure = (causes or []).count(SURE)
         leading = next((p for p in causes or [] if p >= LIKELY), None)
         assert leading is None or {SURE: "found", LIKELY: "likely"}[leading] in keys, (traits, lines)

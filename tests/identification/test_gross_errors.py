@@ -1,0 +1,125 @@
+"""A calibration that is grossly wrong is refused: a scale, a unit, another robot, a link far beyond what links are.
+
+The runs are those of the independent generator, whose arms err by 0.4 mm and 0.5 mrad a parameter.
+"""
+
+import re
+from dataclasses import replace
+from types import MappingProxyType
+
+import numpy as np
+import pytest
+
+from planner.cell.reading import load_cell
+from planner.common.units import DEG, MM
+from planner.identification.pipeline import FitSettings, identify
+from planner.runs.loader import load_run
+from tests.simulation.generator import runs
+from tests.simulation.generator.arm import Arm
+from tests.simulation.generator.truth import draw_truth
+
+BUILD = {"tracker": runs.tracker, "bar": runs.edbb_static, "balls": runs.balls}
+POSES = 70
+FAST = FitSettings(release=False)
+ONE_FACTOR = "all lengths are off by one factor"
+
+
+def made(gauge, arm, seed=3, off=MappingProxyType({})):
+    """A run of an arm whose errors are drawn, and those in ``off`` added."""
+    truth = draw_truth(Arm.from_toml(arm), seed)
+    errors = dict(truth.errors)
+    for name, value in off.items():
+        errors[name] += value
+    return BUILD[gauge](Arm.from_toml(arm), POSES, seed, replace(truth, errors=MappingProxyType(errors)))
+
+
+def problems_of(run, folder, lengths=1.0, angles=None, **changed):
+    """Identify a made run whose readings are multiplied; ``changed``: texts of the cell in place of others."""
+    path, cell = run.write(folder)
+    lines = path.read_text().splitlines()
+    head = next(k for k, line in enumerate(lines) if not line.startswith("#"))
+    names = lines[head].split(",")
+    scaled = [k for k, n in enumerate(names) if n in ("length_mm", "x_mm", "y_mm", "z_mm")]
+    rows = [line.split(",") for line in lines[head + 1 :]]
+    for row in rows:
+        for k in scaled:
+            row[k] = repr(float(row[k]) * lengths)
+    joints = [names.index(f"q{k + 1}_deg") for k in range(6)]
+    for row in rows if angles is not None else ():
+        q = angles(np.array([float(row[k]) for k in joints]))
+        for k, value in zip(joints, q, strict=True):
+            row[k] = repr(float(value))
+    path.write_text("\n".join([lines[head], *map(",".join, rows)]) + "\n")  # without the name of the robot
+    text = cell.read_text()
+    for old, new in changed.get("texts", ()):
+        assert old in text
+        text = text.replace(old, new)
+    cell.write_text(text)
+    return identify(load_run(path, 6), load_cell(str(cell), planning=False), settings=FAST).problems
+
+
+def larger_plate(cell, factor):
+    """What makes the plate of a cell larger: its places of balls, each as it stands and as it shall."""
+    _, *balls = re.split(r"(?=\[\[balls\]\])", cell)
+    for ball in balls:
+        (said,) = re.findall(r"position_mm = \[(.*?)\]", ball, re.S)
+        yield said, ", ".join(repr(factor * float(v)) for v in said.split(",") if v.strip())
+
+
+@pytest.mark.parametrize(
+    ("gauge", "arm", "factor"),
+    [("tracker", "kuka-kr6-r700", 1.05), ("tracker", "ur10", 1.005), ("bar", "comau-nj130", 1.02),
+     ("bar", "ur10", 0.98), ("balls", "abb-irb120", 1.01)],
+)  # fmt: skip
+def test_one_factor_on_all_lengths_is_no_calibration(tmp_path, gauge, arm, factor):
+    run = made(gauge, arm)
+    plate = tuple(larger_plate(run.cell_toml, factor)) if gauge == "balls" else ()
+    (said, *_) = problems_of(run, tmp_path, 1.0 if plate else factor, texts=plate)
+    assert said.startswith(ONE_FACTOR)
+    stated = float(re.search(r"\(([\d.]+) %\)", said)[1])
+    assert stated == pytest.approx(100 * abs(factor - 1), abs=0.3)  # the arm's own lengths have up to three such sigmas
+    assert ("longer" if factor > 1 else "shorter") in said
+
+
+@pytest.mark.parametrize(
+    ("gauge", "arm"), [("tracker", "kuka-kr6-r700"), ("bar", "ur10"), ("balls", "abb-irb120"), ("bar", "comau-nj130")]
+)
+def test_clean_arms_are_calibrated(tmp_path, gauge, arm):
+    assert problems_of(made(gauge, arm), tmp_path) == ()
+
+
+@pytest.mark.parametrize("gauge", ["tracker", pytest.param("bar", marks=pytest.mark.long)])
+def test_another_robot_is_named(tmp_path, gauge):
+    said = problems_of(made(gauge, "ur10"), tmp_path, texts=[('robot = "ur10"', 'robot = "ur5e"')])
+    assert "perhaps the robot is ur10" in said[0]
+
+
+def test_a_link_that_is_really_off_by_16_mm_is_beyond_what_links_are(tmp_path):
+    (said,) = problems_of(made("tracker", "kuka-kr6-r700", off={"a2": 16 * MM}), tmp_path)
+    assert re.match(r"no such robot is so far off: a2 \(.*\) by 1[56]\.\d mm", said)
+
+
+@pytest.mark.parametrize(("unit", "mm"), [("inches", 25.4), pytest.param("cm", 10.0, marks=pytest.mark.long)])
+def test_another_unit_is_named(tmp_path, unit, mm):
+    (said, *_) = problems_of(made("tracker", "ur10"), tmp_path, 1 / mm)
+    assert f"perhaps the readings are in {unit}, not in mm" in said
+
+
+@pytest.mark.long
+def test_joints_in_another_order_are_named(tmp_path):
+    (said, *_) = problems_of(made("tracker", "ur10"), tmp_path, angles=lambda q: q[[0, 1, 2, 4, 3, 5]])
+    assert "the columns of joints 4 and 5 are exchanged" in said
+
+
+def test_a_zero_that_is_lost_is_found_where_the_cell_allows_it(tmp_path):
+    run = made("tracker", "kuka-kr6-r700", off={"theta3": 3 * DEG})
+    (said,) = problems_of(run, tmp_path)
+    assert said.startswith("no such robot is so far off: theta3 (zero of joint 3) by 3.0")
+    assert "mastering" in said
+    allowed = [('robot = "kuka-kr6-r700"', 'robot = "kuka-kr6-r700"\nclass = "hobby"')]
+    assert problems_of(run, tmp_path, texts=allowed) == ()
+
+
+def test_a_tool_that_is_known_to_some_mm_and_a_fixture_elsewhere_count_for_nothing(tmp_path):
+    off = {"map_x": 6 * MM, "map_z": -5 * MM, "fixture_A_x": 15 * MM}
+    assert problems_of(made("bar", "kuka-kr6-r700", off=off), tmp_path) == ()
