@@ -66,4 +66,5 @@ FRAME_SIGMAS = 4.0  # of what the arm is off there, by which its run may put the
 STRONG_PULL = 50.0  # [N] from which on where the bar hangs matters to its moments
 FAR_OFF_RATIO = 20.0  # to the median error of a validation, beyond which a row is none of its errors
 MUCH_WORSE_RATIO = 3.0  # to the held-out error, from which on that one says little of the rest of the workspace
+ANOTHER_RUN = 30 * MM  # [m] left with the gauge placed, below which no other robot, unit or order of joints is tried
 OTHER_WAY_SHARE = 0.2  # of the error, below which another way of counting the angles is told

@@ -16,7 +16,7 @@ from planner.cell.cell import Cell
 from planner.common.determinism import even_positions
 from planner.common.errors import NoSolutionError, PlannerError
 from planner.common.units import MM
-from planner.identification.assumptions import OTHER_WAY_SHARE
+from planner.identification.assumptions import ANOTHER_RUN, OTHER_WAY_SHARE
 from planner.identification.identifiable_parameters import identifiable_subset, parameters_of_groups
 from planner.identification.least_squares import fit
 from planner.identification.problem import FitProblem
@@ -48,6 +48,8 @@ def explain_better(cell: Cell, run: Run) -> str:
     """
     few = run.take(even_positions(len(run), 300))  # samples of the run
     before = placement_error(cell, few, cell.robot)
+    if before < ANOTHER_RUN:
+        return ""
     instead = f" instead of {before / MM:.1f} mm" if np.isfinite(before) else ""
     for kind in (_units_and_robots, _backwards, _exchanged, _coupled):
         tried = [(placement_error(cell, e.run, e.robot), e.words) for e in kind(cell.robot, few)]
