@@ -57,17 +57,18 @@ def check_not_inside(folder: Path) -> None:
         )
 
 
-def move_all(draft: Path, folder: Path, force: bool = False) -> list[Path]:
+def move_all(draft: Path, folder: Path, force: bool = False, main: str = "") -> list[Path]:
     """Put the files of ``draft`` in the place of the results that ``folder`` holds; return them.
 
     What an earlier command of the same kind wrote there and this one does not is cleared; files of others stay.
-    A kill leaves the old folder or the new one. ``force``: a person allows to write over files of others.
+    A kill leaves the old folder or the new one. ``force``: a person allows to write over files of others. ``main``: name
+    of the document that says which kind of result it is; without it, the first of its JSON files.
 
     Raises:
         InputError: it would write over a file that the command has read, or that somebody else has written or changed.
     """
     most_others = 2000  # files of others that a folder of results may hold
-    folder, kind = folder.resolve(), _kind(draft)
+    folder, kind = folder.resolve(), main or _kind(draft)
     files = _files_in(draft)
     known = read_manifest(folder)
     check_overwriting(folder, files, force)
