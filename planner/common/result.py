@@ -133,4 +133,4 @@ class FolderResult(Result):
         with draft_folder(folder) as draft:
             write_text(draft / self.main_file, self.to_json())
             self.fill(draft)
-            return move_all(draft, folder, force, self.main_file)
+            return move_all(draft, folder, force)

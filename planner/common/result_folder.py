@@ -57,18 +57,17 @@ def check_not_inside(folder: Path) -> None:
         )
 
 
-def move_all(draft: Path, folder: Path, force: bool = False, main: str = "") -> list[Path]:
+def move_all(draft: Path, folder: Path, force: bool = False) -> list[Path]:
     """Put the files of ``draft`` in the place of the results that ``folder`` holds; return them.
 
     What an earlier command of the same kind wrote there and this one does not is cleared; files of others stay.
-    A kill leaves the old folder or the new one. ``force``: a person allows to write over files of others. ``main``: name
-    of the document that says which kind of result it is; without it, the first of its JSON files.
+    A kill leaves the old folder or the new one. ``force``: a person allows to write over files of others.
 
     Raises:
         InputError: it would write over a file that the command has read, or that somebody else has written or changed.
     """
     most_others = 2000  # files of others that a folder of results may hold
-    folder, kind = folder.resolve(), main or _kind(draft)
+    folder, kind = folder.resolve(), _kind(draft)
     files = _files_in(draft)
     known = read_manifest(folder)
     check_overwriting(folder, files, force)
@@ -128,7 +127,8 @@ def file_hash(path: Path) -> str:
 
 def _kind(draft: Path) -> str:
     """Return the result that a folder holds: the name of its main document."""
-    names = sorted(p.name for p in draft.glob("*.json") if p.name not in (UNHASHED, MANIFEST))
+    beside = (UNHASHED, MANIFEST, "expected_error.json")  # the last stands beside a calibrated robot, if there is one
+    names = sorted(p.name for p in draft.glob("*.json") if p.name not in beside)
     return names[0] if names else "files"
 
 
