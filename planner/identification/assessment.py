@@ -30,7 +30,7 @@ from planner.identification.calibration import (
     find_joint_zeros,
     find_other_zeros,
 )
-from planner.identification.causes import name_causes
+from planner.identification.causes import Causes, name_causes
 from planner.identification.covariance import (
     consider_covariance,
     parameter_covariance,
@@ -264,10 +264,7 @@ def assess_fit(
     diagnosis, kept = diagnose_residual(found, run.continuous, last.train.rms), tuple(s.stage for s in stages)
     release = None if released is None else describe_release(released)
     worse = None if problems else worse_than_nominal(kept, release, expected, cell.gauge.unit)
-    problems = problems if worse is None else (worse,)
-    if problems:  # what a fit that is not to be used calls a cause is none
-        traced = TracingResult()
-    causes = name_causes(traced, None if problems else released, table, len(run) * found.model.width / time)
+    causes, traced = _find_causes(bool(problems or worse), traced, released, table, len(run) * found.model.width / time)
     return Calibration(
         schema_="edbb-identification/1",
         worse_than_nominal=worse,
@@ -293,7 +290,7 @@ def assess_fit(
         condition_number=_condition(found),
         correlation_time=time,
         frames=_frames(found, released, estimates),
-        problems=problems,
+        problems=problems if worse is None else (worse,),
         warnings=tuple(said),
         asides=frozenset(text for text in said if isinstance(text, Aside)),
         angle_unit="mrad" if cell.gauge.unit == "mrad" else None,
@@ -305,6 +302,18 @@ def assess_fit(
         diagnosis=diagnosis,
         released=released,
     )
+
+
+def _find_causes(
+    refused: bool,
+    traced: TracingResult,
+    released: ReleasedRobot | None,
+    table: Sequence[Estimate],
+    readings: float,
+) -> tuple[Causes, TracingResult]:
+    """Return the causes that are named and what tracing says: nothing of a fit that is not to be used."""
+    traced = TracingResult() if refused else traced
+    return name_causes(traced, None if refused else released, table, readings), traced
 
 
 def _frames(found: Fit, released: ReleasedRobot | None, estimates: Sequence[Estimate]) -> GaugeFrames:

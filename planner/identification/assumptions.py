@@ -1,5 +1,7 @@
 """What decides an identification besides cell and run: noise, priors, probabilities and thresholds, with reasons."""
 
+from dataclasses import dataclass
+
 from planner.common.units import DEG, MM
 
 POSITION_AXES = 3  # of the three axes of a place a bar reads one, a tracker all
@@ -54,17 +56,28 @@ NEGLIGIBLE_SHARE = 0.1  # of the expected error that the written robot may diffe
 UNSEEN_READINGS_RATIO = 100.0  # times as many readings at the same poses: what they leave, this gauge does not see
 
 # ---- from where on a result is doubted
-MOST_LENGTH_SIGMAS = 10.0  # [declared sigma] of a length: measured arms have at most 2, clean simulated ones at most 4
-MOST_ANGLE_SIGMAS = 30.0  # [declared sigma] of an angle: measured arms have up to 20 (zeros of a Panda, 1.1 deg)
-LARGEST_LENGTH, LARGEST_ANGLE = 50 * MM, 5 * DEG  # [m], [rad] no sound robot is farther off, whatever sigma is declared
-LEAST_SIGMAS = 6.0  # [declared sigma] but for one that may be off by degrees: so many are never refused
-MOST_FACTOR_SIGMAS = 4.0  # of a factor on all lengths: measured and clean simulated arms have at most 3
-LEAST_FACTOR = 2e-3  # [1] on all lengths, below which a robot's own links may have it: 2 mm of a metre
 LARGEST_HELD_OUT = 10 * MM  # [m] held-out rms that no calibrated robot leaves
 NEAR_DECLARED, NEAR_DECLARED_TURN = 20 * MM, 6 * DEG  # [m], [rad] from the cell's place: beyond, it was moved
 FRAME_SIGMAS = 4.0  # of what the arm is off there, by which its run may put the frame off too
 STRONG_PULL = 50.0  # [N] from which on where the bar hangs matters to its moments
 FAR_OFF_RATIO = 20.0  # to the median error of a validation, beyond which a row is none of its errors
 MUCH_WORSE_RATIO = 3.0  # to the held-out error, from which on that one says little of the rest of the workspace
-ANOTHER_RUN = 30 * MM  # [m] left with the gauge placed, below which no other robot, unit or order of joints is tried
 OTHER_WAY_SHARE = 0.2  # of the error, below which another way of counting the angles is told
+
+
+@dataclass(frozen=True)
+class GrossErrorLimits:
+    """From where on what was found is no error that such a robot has, by the sigmas that are declared of it."""
+
+    length_sigmas: float = 10.0  # of a length: measured arms have at most 2, clean simulated ones at most 4
+    angle_sigmas: float = 30.0  # of an angle: measured arms have up to 20 (a zero of the Panda, 1.1 deg)
+    # no sound robot is farther off, whatever is declared, but for one that may be off by degrees
+    length: float = 50 * MM
+    angle: float = 5 * DEG  # [rad]
+    never_refused_sigmas: float = 6.0
+    factor_sigmas: float = 3.5  # of one factor on all lengths: measured and clean simulated arms have at most 3
+    least_factor: float = 2e-3  # below, the links of a small arm may share it: 2 mm of a metre
+    another_run: float = 30 * MM  # left with the gauge placed: below, no other robot, unit or order of joints is tried
+
+
+GROSS = GrossErrorLimits()

@@ -16,7 +16,7 @@ from planner.cell.cell import Cell
 from planner.common.determinism import even_positions
 from planner.common.errors import NoSolutionError, PlannerError
 from planner.common.units import MM
-from planner.identification.assumptions import ANOTHER_RUN, OTHER_WAY_SHARE
+from planner.identification.assumptions import GROSS, OTHER_WAY_SHARE
 from planner.identification.identifiable_parameters import identifiable_subset, parameters_of_groups
 from planner.identification.least_squares import fit
 from planner.identification.problem import FitProblem
@@ -26,9 +26,6 @@ from planner.kinematics.robot_reader import list_robots, load_robot
 from planner.model.identification_document import Metrics
 from planner.model.model import Model
 from planner.runs.run import Run
-
-UNITS = (("m", 1e3), ("inches", 25.4), ("cm", 10.0), ("tenths of a mm", 0.1), ("µm", 1e-3))
-"""Units in which lengths may have been written, and how many millimetres each has."""
 
 
 @dataclass(frozen=True)
@@ -48,10 +45,10 @@ def explain_better(cell: Cell, run: Run) -> str:
     """
     few = run.take(even_positions(len(run), 300))  # samples of the run
     before = placement_error(cell, few, cell.robot)
-    if before < ANOTHER_RUN:
+    if before < GROSS.another_run:
         return ""
     instead = f" instead of {before / MM:.1f} mm" if np.isfinite(before) else ""
-    for kind in (_units_and_robots, _backwards, _exchanged, _coupled):
+    for kind in (_units_and_robots, _backwards, _in_another_order, _with_coupling):
         tried = [(placement_error(cell, e.run, e.robot), e.words) for e in kind(cell.robot, few)]
         least, words = min(tried, key=lambda pair: pair[0], default=(np.inf, ""))
         if least < OTHER_WAY_SHARE * before:
@@ -60,7 +57,7 @@ def explain_better(cell: Cell, run: Run) -> str:
 
 
 @contextmanager
-def explained(cell: Cell, run: Run) -> Iterator[None]:
+def explain_failure(cell: Cell, run: Run) -> Iterator[None]:
     """Say of a fit that does not come to rest what explains the run better, if anything does.
 
     Raises:
@@ -77,7 +74,8 @@ def explained(cell: Cell, run: Run) -> Iterator[None]:
 def _units_and_robots(own: Robot, run: Run) -> Iterator[Explanation]:
     """Yield the run in other units, and the robots that come with the planner and have joints of the same kinds."""
     if run.readings.length is not None or run.readings.position is not None:
-        for unit, millimetres in UNITS:
+        # millimetres of the units in which lengths may have been written
+        for unit, millimetres in (("m", 1e3), ("inches", 25.4), ("cm", 10.0), ("tenths of a mm", 0.1), ("µm", 1e-3)):
             yield Explanation(_times(run, millimetres), own, f"perhaps the readings are in {unit}, not in mm")
     for robot in (load_robot(name) for name in list_robots() if name != own.name):
         if np.array_equal(robot.slides, own.slides):
@@ -100,7 +98,7 @@ def _backwards(own: Robot, run: Run) -> Iterator[Explanation]:
         yield Explanation(run, replace(own, coupling_matrix=flipped), words)
 
 
-def _exchanged(own: Robot, run: Run) -> Iterator[Explanation]:
+def _in_another_order(own: Robot, run: Run) -> Iterator[Explanation]:
     """Yield robots of which the joints stand in another order in the table: two exchanged, or all in reverse."""
     A, n = own.coupling_matrix, own.n_joints
     for i, k in combinations(range(n), 2):
@@ -112,7 +110,7 @@ def _exchanged(own: Robot, run: Run) -> Iterator[Explanation]:
     yield Explanation(run, replace(own, coupling_matrix=A[:, ::-1]), words)
 
 
-def _coupled(own: Robot, run: Run) -> Iterator[Explanation]:
+def _with_coupling(own: Robot, run: Run) -> Iterator[Explanation]:
     """Yield robots of which one joint is moved along by another, and what to write into the file."""
     A = own.coupling_matrix
     for i, k in permutations(range(own.n_joints), 2):

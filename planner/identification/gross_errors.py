@@ -28,23 +28,12 @@ from planner.common.units import DEG, MM, Array
 from planner.effects.catalogue import Excitation
 from planner.effects.effect import Parameter
 from planner.effects.gauge_unknowns import unknowns_of
-from planner.identification.assumptions import (
-    LARGEST_ANGLE,
-    LARGEST_LENGTH,
-    LEAST_FACTOR,
-    LEAST_SIGMAS,
-    MOST_ANGLE_SIGMAS,
-    MOST_FACTOR_SIGMAS,
-    MOST_LENGTH_SIGMAS,
-    PRIOR_FACTORS,
-    UNKNOWN_PRIOR,
-)
+from planner.identification.assumptions import GROSS, PRIOR_FACTORS, UNKNOWN_PRIOR
 from planner.identification.better_explanations import explain_better
 from planner.identification.least_squares import Fit
 from planner.runs.run import Run
 
 SCALE: Final = "gauge scale"  # of the catalogue
-MOST_READINGS = 6000  # of a run that are looked at
 
 
 @dataclass(frozen=True)
@@ -69,8 +58,9 @@ class DeclaredGeometry:
     @classmethod
     def of(cls, found: Fit, declared: Mapping[str, float], time: float = 1.0) -> "DeclaredGeometry":
         """Linearise about a fit; ``declared``: sigmas by name [m, rad]; ``time``: how many samples are worth one."""
+        most = 6000  # readings of a run that are looked at
         problem, names = found.problem, found.model.names
-        few = problem.take(even_positions(len(problem), MOST_READINGS // found.model.width))
+        few = problem.take(even_positions(len(problem), most // found.model.width))
         at = [k for k, p in enumerate(found.model.parameters) if p.group != SCALE]
         kept = [found.model.parameters[k] for k in at]
         lengths, angles = (
@@ -103,9 +93,9 @@ class DeclaredGeometry:
     def limits(self) -> Array:
         """How far from nominal each may be, (G,) [m, rad]."""
         is_length = np.array([p.unit == "m" for p in self.parameters], dtype=bool)
-        most = np.where(is_length, MOST_LENGTH_SIGMAS, MOST_ANGLE_SIGMAS) * self.sigma
-        largest = np.where(is_length, LARGEST_LENGTH, LARGEST_ANGLE)
-        return np.asarray(np.minimum(most, np.maximum(largest, LEAST_SIGMAS * self.sigma)))
+        most = np.where(is_length, GROSS.length_sigmas, GROSS.angle_sigmas) * self.sigma
+        largest = np.where(is_length, GROSS.length, GROSS.angle)
+        return np.asarray(np.minimum(most, np.maximum(largest, GROSS.never_refused_sigmas * self.sigma)))
 
     def beyond(self, errors: Array) -> Iterator[tuple[Parameter, float, float]]:
         """Yield parameter, error and declared sigma of those that are too far off, the farthest by its sigma first."""
@@ -115,8 +105,8 @@ class DeclaredGeometry:
 
     def has_factor(self, known: float) -> bool:
         """Tell whether all lengths share a factor that links do not have, nor a gauge of a scale ``known`` so well."""
-        sure = abs(self.factor) > MOST_FACTOR_SIGMAS * np.hypot(self.factor_std, known)
-        return bool(sure and abs(self.factor) > LEAST_FACTOR)
+        sure = abs(self.factor) > GROSS.factor_sigmas * np.hypot(self.factor_std, known)
+        return bool(sure and abs(self.factor) > GROSS.least_factor)
 
     @property
     def factor_text(self) -> str:

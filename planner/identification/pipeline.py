@@ -12,7 +12,7 @@ from planner.effects.compliance import JOINT_COMPLIANCE
 from planner.identification.artifact_pose import use_declared_pose
 from planner.identification.assessment import approach_warnings, assess_fit, too_few_text
 from planner.identification.assumptions import TOO_FEW_READINGS
-from planner.identification.better_explanations import explained
+from planner.identification.better_explanations import explain_failure
 from planner.identification.calibration import Calibration, TracingResult
 from planner.identification.cross_validation import split_run, validate_fit
 from planner.identification.identifiable_parameters import choose_parameters, parameters_of_groups
@@ -67,7 +67,7 @@ def identify(
     run = number_samples(run)
     validation = None if validation is None else add_motion(validation)
     say("placing the gauge")
-    with explained(cell, run):
+    with explain_failure(cell, run):
         setup = use_declared_pose(cell, locate_gauge(setup_for_run(cell, run), run))
     check_pull(cell, setup, run)
     bare = None if validation is None else setup_for_run(cell, validation)
@@ -81,7 +81,7 @@ def identify(
     context = FitContext(run, parts, judge, settings.robust, free.unseen_parameters, validation)
     _check_size(context, free.model)
     model = free.model_up_to(())
-    with explained(cell, run):
+    with explain_failure(cell, run):
         say("nominal robot")
         stages = [context.fit_stage("nominal", model.subset([]), robust=False)]
         say("frames")

@@ -205,8 +205,7 @@ class CalibrationResult(FolderResult):
 
     def files(self, folder: Path) -> str:
         """Name what is written."""
-        robot = ", robot.toml" if self._writes_robot else ""
-        sound = not self.calibration.reason_not_to_use
+        robot, sound = ", robot.toml" if self._writes_robot else "", not self.calibration.reason_not_to_use
         urdf = ", robot.urdf" if sound and (folder / "robot.urdf").exists() else ""
         known = ", posterior.json" if sound and (folder / BASELINE).exists() else ""
         known += ", expected_error.csv" if sound and self.calibration.released is not None else ""
