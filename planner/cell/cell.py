@@ -1,8 +1,10 @@
 """The cell: robot, tool, fixtures and surroundings, with the gauge that measures there."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import Self
 
 from planner.cell.gauge import Gauge
+from planner.cell.reading_way import USUAL_SECONDS
 from planner.cell.site import Site
 from planner.common.errors import InputError
 
@@ -16,6 +18,35 @@ class Cell(Site):
     def __repr__(self) -> str:
         """Name the cell, its robot and its gauge."""
         return f"Cell('{self.path}', robot='{self.robot.name}', gauge='{self.gauge.kind}')"
+
+    @property
+    def rest_seconds(self) -> float:
+        """Return the time for which the robot rests at a pose [s]."""
+        motion, gauge = self.motion, self.gauge
+        if motion.is_continuous:
+            return gauge.reading_seconds
+        return motion.settle + gauge.reading_seconds + (0.0 if gauge.drives_on_when_read else motion.dwell)
+
+    @property
+    def seconds_until_read(self) -> float:
+        """Return the time from where the robot has come to rest at a pose to the middle of the reading [s]."""
+        return (self.motion.settle + self.rest_seconds) / 2
+
+    def with_reading_time(self) -> Self:
+        """Return the cell whose file states the time for which the robot waits for a reading, if it waits.
+
+        A plan states what it has reckoned with; files of plans from before have no such time.
+        """
+        gauge, file = self.gauge, self.file.gauge
+        usual = USUAL_SECONDS.get(gauge.read_by) if gauge.usual_reading_time is None else gauge.usual_reading_time
+        if usual is None or file.reading_s is not None:
+            return self
+        stated = file.model_copy(update={"read_by": gauge.read_by, "reading_s": usual})
+        return replace(
+            self,
+            file=self.file.model_copy(update={"gauge": stated}),
+            gauge=replace(gauge, reading_time=usual),
+        )
 
     @property
     def is_under_load(self) -> bool:

@@ -16,7 +16,7 @@ from pydantic import (
 )
 
 from planner.cell.gauge_registry import gauge_kinds, own_keys
-from planner.common.choices import Aim, SelectionMethod, SetUp, TourOrder
+from planner.common.choices import Aim, ReadBy, SelectionMethod, SetUp, TourOrder
 from planner.common.extensions import HINT
 from planner.common.schema import Coordinate, NonNegativeFloat, OneLine, OptionalKeys, PositiveFloat, StrictModel
 from planner.kinematics.bodies import BodyFile, Vector
@@ -141,6 +141,8 @@ class GaugeFile(OptionalKeys):
     noise_um: PositiveFloat | None = None
     noise_mdeg: PositiveFloat = 5.0
     scale_ppm: Annotated[float, Field(gt=0, le=20_000)] | None = None  # one sigma of its scale, else what is usual
+    read_by: ReadBy | None = None  # else as is usual for the kind
+    reading_s: PositiveFloat | None = None  # of one reading, where the robot waits for it
     cone_deg: ConeFile = ConeFile()
     mount_deg: tuple[float, ...] | None = None
     mount_mm: tuple[float, ...] = ()  # of joints that slide
@@ -148,7 +150,7 @@ class GaugeFile(OptionalKeys):
     body: BarFile = BarFile()
     head: IndicatorHeadFile | None = None
     own: dict[str, object] = {}  # keys that only this kind of gauge has, written beside the others
-    LATER: ClassVar[tuple[str, ...]] = ("head", "own", "mount_mm", "scale_ppm")
+    LATER: ClassVar[tuple[str, ...]] = ("head", "own", "mount_mm", "read_by", "reading_s", "scale_ppm")
 
     @classmethod
     def allowed_keys(cls, data: object) -> list[str]:

@@ -19,6 +19,7 @@ from planner.cell.gauge_reach import GaugeReach
 from planner.cell.gauge_reading import GaugeReading
 from planner.cell.gauge_session import GaugeSession
 from planner.cell.parts import Fixture
+from planner.cell.reading_way import check_reading_way, check_robot_rests
 from planner.common.choices import SetUp
 from planner.common.errors import InputError
 from planner.common.schema import validate
@@ -56,6 +57,9 @@ class Gauge(GaugeReading, GaugeNumbers, GaugeFrames, GaugeReach, GaugeSession):
             raise InputError(f"{path}: the key 'gauge.length_mm' is missing (shortest and longest length)")
         cls._check_noise(path, g)
         cls._check_scale(path, g)
+        way = check_reading_way(path, file, cls.ways_to_read)
+        if planning:
+            check_robot_rests(path, file, way)
         shortest, longest = g.length_mm or (0.0, np.inf)
         return cls(
             noise=(g.noise_um or cls.default_noise_um) * UM,
@@ -66,6 +70,8 @@ class Gauge(GaugeReading, GaugeNumbers, GaugeFrames, GaugeReach, GaugeSession):
             cone_fixture=float(from_deg(g.cone_deg.fixture)),
             cone_map=float(from_deg(g.cone_deg.map)),
             trim=g.body.trim_mm * MM,
+            read_by=way,
+            reading_time=g.reading_s or 0.0,
             **cls.read_own(path, robot, file, planning),
         )
 

@@ -17,5 +17,9 @@ TourOrder = Literal["slowest-limit", "slowest-axis"]
 SetUp = Literal["robot", "measured"]
 """How a fixture comes to its place: adjusted to the tool point where the robot drives it, or measured from the base."""
 
+ReadBy = Literal["log", "hand", "trigger", "input", "centring"]
+"""How a reading is taken where the robot rests at a pose: the gauge's own log runs through, a person reads it and lets
+the robot go on, an output of the robot triggers it, an input tells that it is taken, a routine centres the gauge."""
+
 TourSolver = Literal["auto", "exact", "concorde"]
 """What finds the shortest order of the poses: our own search as long as it pays, to the proof, or Concorde."""

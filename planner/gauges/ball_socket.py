@@ -16,6 +16,7 @@ from planner.cell.file import CellFile, PlacedFile
 from planner.cell.gauge_registry import register_gauge
 from planner.cell.gauge_types import CellStep, GaugeBody, PlannedVisit, SessionGuide, place_text
 from planner.cell.site import Site
+from planner.common.choices import ReadBy
 from planner.common.errors import InputError
 from planner.common.schema import StrictModel, validate
 from planner.common.units import MM, Array, read_only, to_deg
@@ -46,6 +47,8 @@ class BallSocket(BallGauge):
     approach: float = 40 * MM
 
     kind: ClassVar[str] = "ball-socket"
+    ways_to_read: ClassVar[tuple[ReadBy, ...]] = ("hand",)
+    usual_reading_time: ClassVar[float | None] = 30.0  # [s] a person leads the ball in, notes the joints, presses a key
     largest_scale: ClassVar[float] = 5e-3  # a printed plate shrinks by half a percent at most
     default_noise_um: ClassVar[float] = 100.0
     pose_columns: ClassVar[tuple[str, str]] = ("socket", "tilt in it (°)")
@@ -82,24 +85,36 @@ class BallSocket(BallGauge):
         """The ball on the tool is led into a socket at every pose."""
         size = f"the {2 * file.balls[0].radius_mm:g} mm ball" if file.balls else "the ball"
         tool = f" with its centre at {place_text(file.tool.map_mm)} of the flange" if file.tool else ""
-        keys = validate(file.gauge.own, SocketKeys, "[gauge]")
         return SessionGuide(
             "the name of the socket (ball)",
             (artifact_step(file, "Plate and its sockets", "sockets"),),
             (CellStep("Fit the ball", f"Where the program pauses: fit {size} to the tool{tool}, wipe it clean."),),
-            f"At each pose it waits {keys.wait_mm:g} mm above a socket: lead the ball in by hand or by jogging until "
-            "it rests, log that row, then let the program go on.",
         )
+
+    @classmethod
+    def reading_text(cls, file: CellFile) -> str:
+        """A person seats the ball at every pose."""
+        keys, seconds = validate(file.gauge.own, SocketKeys, "[gauge]"), file.gauge.reading_s or cls.usual_reading_time
+        return (
+            f"At each pose the program stops {keys.wait_mm:g} mm above a socket and names the pose: lead the ball in "
+            "by hand or by jogging until it rests, note the joints, then let the program go on. The planned time "
+            f"counts {seconds:g} s for each pose."
+        )
+
+    @property
+    def drives_on_when_read(self) -> bool:
+        """The robot dwells once the ball is seated: its axes are logged then."""
+        return False
 
     def preparation(self, cell: Site, mounting: Mounting) -> tuple[str, str]:
         """The ball is fitted to the tool."""
         size = 2e3 * cell.balls[0].radius
         return "", f"fit the {size:g} mm ball to the tool, wipe ball and sockets clean"
 
-    def seating_step(self, cell: Site, q: Array, pose: int) -> str:
+    def seating_step(self, cell: Site, q: Array) -> str:
         """The ball is led into the socket by hand, or by jogging."""
         socket = cell.balls[nearest_ball(cell, q)].name
-        return f"pose {pose}: lead the ball into socket {socket} by hand or jogging, until it rests; note the joints"
+        return f"lead the ball into socket {socket} and note the joints"
 
     def retract(self, cell: Site, q: Array, ball: int) -> tuple[Array, Array]:
         """The ball leaves along the socket's axis; the tool may turn about it."""

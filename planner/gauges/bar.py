@@ -24,7 +24,8 @@ from planner.effects.catalogue import Excitation
 from planner.effects.effect import Effect, Parameter, ParameterMove, reading_move, tool_parameters, transform_move
 from planner.effects.gauge_errors import LENGTH_ERRORS, LengthLag
 from planner.effects.gauge_unknowns import GaugeUnknowns
-from planner.gauges.lines import LOADED, BarChecklist, LineGauge
+from planner.gauges.bar_checklist import LOADED, BarChecklist
+from planner.gauges.lines import LineGauge
 from planner.gauges.placement.flange_poses import LOCATED_SIGMA, LOCATED_TURN_SIGMA, flange_poses, index_in_cell
 from planner.gauges.placement.lengths import place_lengths
 from planner.kinematics.bodies import capsule_between
@@ -143,7 +144,8 @@ class LengthGauge(LineGauge, GaugeUnknowns):
     @classmethod
     def session_guide(cls, file: CellFile) -> SessionGuide:
         """It is held between fixture and tool while it reads."""
-        return cls.checklist.guide(file, cls.noun, cls.removal, bool(file.gauge.own.get("mounting")))
+        stands = bool(file.gauge.own.get("mounting"))
+        return cls.checklist.guide(file, cls.noun, cls.removal, cls.usual_set_up, ZERO_SIGMA, stands)
 
     def residual(self, setup: Placement, samples: Samples, motion: ForwardPass, targets: Targets) -> Array:
         """Length read less the distance of tool point and fixture, (n, 1) [m]."""

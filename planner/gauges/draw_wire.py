@@ -10,7 +10,7 @@ from planner.cell.gauge_registry import register_gauge
 from planner.cell.gauge_types import GaugeBody
 from planner.cell.site import Site
 from planner.gauges.bar import LengthGauge
-from planner.gauges.lines import BarChecklist
+from planner.gauges.bar_checklist import BarChecklist
 from planner.kinematics.bodies import capsule_between
 
 EYELET_MM = 12.0  # [mm] radius of what stands at the fixture, where the wire leaves the drum
@@ -34,8 +34,10 @@ class DrawWire(LengthGauge):
     pose_columns: ClassVar[tuple[str, str]] = ("fixture", "wire (mm)")
     removal: ClassVar[str] = "unhook the wire and let it run in slowly"
     checklist: ClassVar[BarChecklist] = BarChecklist(
-        fixture="The encoder's eyelet at place",
+        fixture="The encoder's eyelet of place {name} stands",
         tool="The eye for the wire's end lies",
+        ends="from the eyelet to the eye",
+        adjust="drive the tool there and set the eyelet to its eye",
         clean="The wire runs out and in freely, and touches nothing on its way.",
         attach="lead the wire slowly to the tool and hook it in; never let it snap back.",
     )

@@ -1,4 +1,4 @@
-"""A gauge that reads along the line from a place to the tool point: joint samples, margins, a person's checks."""
+"""A gauge that reads along the line from a place to the tool point: joint samples and margins."""
 
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -7,9 +7,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from planner.cell.file import CellFile
 from planner.cell.gauge import Gauge
-from planner.cell.gauge_types import CellStep, FilterStage, JointSamples, PointTravel, SessionGuide, place_text
+from planner.cell.gauge_types import FilterStage, JointSamples, PointTravel
 from planner.cell.parts import Fixture
 from planner.cell.site import Site
 from planner.common.errors import InputError
@@ -158,43 +157,3 @@ def _arcs_in_shell(
     start = np.maximum(starts[:, :, None] + turns, lower).reshape(len(near), 2 * len(turns))
     end = np.minimum(ends[:, :, None] + turns, upper).reshape(start.shape)
     return inside, start, np.maximum(end - start, 0.0)
-
-
-@dataclass(frozen=True)
-class BarChecklist:
-    """What is set up at a fixture and at the tool, what is clean, how it is attached, and how its load is set."""
-
-    fixture: str = "The magnet cup of fixture"
-    tool: str = "The tool's magnet cup holds the ball's centre"
-    clean: str = "Balls and cups are wiped clean, everything is tight."
-    attach: str = "put one ball of the bar into the fixture's cup, the other into the tool's."
-    load: str = ""
-
-    def guide(self, file: CellFile, noun: str, removal: str, stands: bool = False) -> SessionGuide:
-        """Return its steps; ``removal`` is what is done after the last pose, ``stands``: as another run left it."""
-        places = [
-            f"{self.fixture} {f.name} stands at {place_text(f.position_mm)} of the base frame, to about "
-            f"{f.prior_mm:g} mm."
-            for f in file.fixtures
-        ]
-        tool = f"{self.tool} at {place_text(file.tool.map_mm)} of the flange." if file.tool else ""
-        zero = "Set it to zero as the program asks." if file.gauge.zero == "free" else "Check its known zero."
-        if stands:
-            places = [
-                "Leave every fixture as it stands since the run before; where one was moved, plan anew without "
-                "--same-mounting."
-            ]
-            zero = "Leave its zero as it is: do not set it anew, do not switch it off."
-        carried = " At the next fixture the same, where the program asks for it." if len(file.fixtures) > 1 else ""
-        return SessionGuide(
-            f"the length of the {noun} (length_mm)",
-            (CellStep(f"Fixture and {noun}", " ".join([*places, tool, self.clean])),),
-            (CellStep(f"Attach the {noun}", f"Where the program pauses: {self.attach} {zero}{self.load}{carried}"),),
-            after=(CellStep("Detach", f"Where the program pauses at its end: {removal}."),),
-        )
-
-
-LOADED = BarChecklist(
-    attach="with its load off, put one ball into the fixture's seat, the other into the tool's.",
-    load=" Set a load only where the program asks for it; keep your hands away while it pulls.",
-)

@@ -13,6 +13,7 @@ from planner.cell.gauge_types import CellStep, GaugeBody, SessionGuide, place_te
 from planner.cell.parts import Ball, IndicatorHead
 from planner.cell.site import Site
 from planner.common.advice import Occasion, advice
+from planner.common.choices import ReadBy
 from planner.common.errors import InputError
 from planner.common.units import MM, UM, Array, read_only, to_mm
 from planner.gauges.balls import BallGauge, artifact_frame, artifact_step, check_names, nearest_ball
@@ -35,6 +36,7 @@ class TriCalHead(BallGauge):
 
     kind: ClassVar[str] = "trical"
     default_noise_um: ClassVar[float] = 3.0
+    ways_to_read: ClassVar[tuple[ReadBy, ...]] = ("centring",)
 
     @classmethod
     def read_own(cls, path: Path, robot: Robot, file: CellFile, planning: bool) -> dict[str, Any]:
@@ -63,9 +65,15 @@ class TriCalHead(BallGauge):
                 CellStep("Head of indicators", f"All three move freely and are connected.{tool}"),
             ),
             (CellStep("Master the indicators", f"{mastered} set all three indicators to {shown}, take the ball out."),),
-            f"{advice(Occasion.CENTRED_BALL, BY_HAND)} Keep the stop at hand.",
+            "Keep the stop at hand.",
             (CellStep("Master again", "Lay the master ball in once more and note the indicators: have they drifted?"),),
         )
+
+    @classmethod
+    def reading_text(cls, file: CellFile) -> str:
+        """The head is centred on the ball by the routine that the program calls, or by hand."""
+        counted = f" The planned time counts {file.gauge.head.centre_s:g} s for each ball." if file.gauge.head else ""
+        return f"{advice(Occasion.CENTRED_BALL, BY_HAND)}{counted}"
 
     @property
     def measuring_command(self) -> str:

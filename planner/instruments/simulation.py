@@ -116,12 +116,12 @@ class _FixtureSamples:
 
 
 def _samples_at_rest(cell: Cell, plan: PlanDocument, course: Course) -> _FixtureSamples:
-    """Every visit in the middle of its dwell."""
+    """Every visit in the middle of its reading."""
     poses = {p.id: p for p in plan.poses if p.role != "mount"}
     visit = course.measuring.visit
     at = np.flatnonzero(np.isin(visit, list(poses)))
     visited: list[PoseRecord] = [poses[int(k)] for k in visit[at]]
-    t = course.trajectory.waypoint_time[at] + cell.motion.settle + cell.motion.dwell / 2
+    t = course.trajectory.waypoint_time[at] + cell.seconds_until_read
     q = course.measuring.q[at]
     none = (0,) * q.shape[1]
     return _FixtureSamples(

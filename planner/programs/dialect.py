@@ -8,7 +8,8 @@
     ``mm``, ``percent`` of half the leg, ``path_degrees``, or ``dense``: only small steps run on), the kind and word
     of its speed (``axis_percent``, ``tool_speed``, ``inverse_time``, ``leading_axis`` that turns furthest,
     ``duration`` of the leg), the circle of the tool where the language has one (``[circle]``), dwell, the pulse at
-    a pose standing still and in passing, pause, wait, the log of its own axes,
+    a pose standing still and in passing, ``pause`` (the lines by which the program stops for a person, ``{what}`` being
+    the text for the pendant; ``go_on``: what lets it go on), ``wait`` (for an input), the log of its own axes,
     what an abort leaves changed (``abort``), the words that select tool, base and load, the call of a centring routine
     under ``[centre]``, and under ``[reading]`` the family of the reader. Every key is checked; a wrong one is named.
 ``program.j2``
@@ -254,6 +255,7 @@ class Dialect(StrictModel):
     header: tuple[str, ...] = ()
     footer: tuple[str, ...] = ()
     pause: tuple[str, ...]
+    go_on: str = "press Start"
     wait: tuple[str, ...]
     wait_note: str = ""
     comment: CommentStyle

@@ -8,6 +8,7 @@ import math
 import re
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Literal
 
 from planner.cell.file import ControllerFile
 from planner.common.errors import InputError
@@ -141,6 +142,10 @@ Instruction = (
 )  # fmt: skip
 
 
+StopKind = Literal["pause", "wait"]
+"""What lets a program go on that has stopped: a person, or an input."""
+
+
 @dataclass(frozen=True)
 class Program:
     """A whole measuring session, checked for sense when it is made.
@@ -201,6 +206,22 @@ class Program:
     def moves(self) -> tuple[JointMove, ...]:
         """Return the moves alone, in order, without those of the entries."""
         return tuple(i for i in self.instructions if isinstance(i, JointMove))
+
+    @cached_property
+    def stops(self) -> tuple[tuple[StopKind, int], ...]:
+        """Return where the program waits for a person or an input, in order: which, and after how many moves.
+
+        Where the cell names no input a person stands for it, at the pause right before or at one of its own.
+        """
+        out: list[tuple[StopKind, int]] = []
+        moves, paused = 0, False
+        for item in self.instructions:
+            moves += isinstance(item, JointMove)
+            by_input = isinstance(item, WaitInput) and self.controller.gauge_input is not None
+            pauses = isinstance(item, Pause) or (isinstance(item, WaitInput) and not by_input and not paused)
+            out += [("wait", moves)] if by_input else [("pause", moves)] if pauses else []
+            paused = pauses
+        return tuple(out)
 
     @cached_property
     def entries(self) -> tuple[Entry, ...]:

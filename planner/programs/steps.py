@@ -8,7 +8,7 @@ from typing import Literal, assert_never
 import planner.programs.instructions as ins
 from planner.common.advice import Occasion, advice
 from planner.common.errors import InputError
-from planner.programs.dialect import Dialect, comment_text
+from planner.programs.dialect import Dialect, comment_text, plain_text
 from planner.programs.motion_words import blend_values, choose_reductions, format_fixed_point, round_down, speed_value
 from planner.programs.streams import TimedLeg, time_legs
 
@@ -152,7 +152,9 @@ class _StepBuilder:
                 pass  # told with the move
             case ins.Comment(text=text) | ins.Section(name=text) | ins.Pause(message=text):
                 kind: Kind = WITH_TEXT[type(item)]
-                self.steps.append(ProgramStep(kind, text=comment_text(text, self.dialect.comment)))
+                self.steps.append(
+                    ProgramStep(kind, text=self._person_text(text) if kind == "pause" else self._text(text))
+                )
             case ins.StretchBegin(until=until):
                 self._begin_stretch(until)
             case ins.StretchEnd():
@@ -174,7 +176,7 @@ class _StepBuilder:
                 self.steps.append(ProgramStep("centre", text=self._centring(ball, pose)))
                 self.last_speed = ""  # the routine drives at speeds of its own
             case ins.WaitInput(what=text):
-                self._wait(comment_text(text, self.dialect.comment))
+                self._wait(text)
             case _:
                 assert_never(item)
 
@@ -224,11 +226,20 @@ class _StepBuilder:
     def _wait(self, what: str) -> None:
         """Without an input the operator alone goes on, at the pause before or at one of its own."""
         if self.waits:
-            self.steps.append(ProgramStep("wait", text=what, number=len(self.steps)))
+            self.steps.append(ProgramStep("wait", text=self._text(what), number=len(self.steps)))
         elif not self.steps or self.steps[-1].kind != "pause":
-            self.steps.append(ProgramStep("pause", text=what))
+            self.steps.append(ProgramStep("pause", text=self._person_text(what)))
         else:
-            self.steps.append(ProgramStep("comment", text=f"{what}: no input is waited for, the operator goes on"))
+            said = f"{self._text(what)}: no input is waited for, the operator goes on"
+            self.steps.append(ProgramStep("comment", text=said))
+
+    def _text(self, text: str) -> str:
+        return comment_text(text, self.dialect.comment)
+
+    def _person_text(self, text: str) -> str:
+        """Return what the pendant tells a person, with what lets the program go on where there is room for it."""
+        asked = plain_text(f"{text}, then {self.dialect.go_on}", self.dialect.comment)
+        return asked if len(asked) <= self.dialect.comment.max_length else self._text(text)
 
     def _move(self, item: ins.JointMove) -> None:
         mark = self.marks[self.moves]

@@ -8,7 +8,7 @@ import numpy as np
 
 from planner.common.errors import InputError, PlannerError, did_you_mean
 from planner.programs.dialect import Dialect, load_dialect
-from planner.programs.instructions import Centre, Dwell, JointMove, Program, Sync
+from planner.programs.instructions import Centre, Dwell, JointMove, Program, StopKind, Sync
 from planner.programs.languages import fanuc, gcode, krl, listing, pdl2, rapid, timed_goals, urscript
 from planner.programs.languages.execution import Execution, ReadBack, ReadMove
 from planner.programs.motion_words import leading_speed
@@ -121,6 +121,8 @@ def _complaints(program: Program, dialect: Dialect, found: ReadBack) -> Iterator
     syncs = marked if program.controller.sync_output is not None and dialect.sync.rest else 0
     if syncs != found.syncs:
         yield f"it pulses {found.syncs} times, planned are {syncs}"
+    if found.stops != (stops := _stops(program, dialect)):
+        yield f"it waits for a person or an input {len(found.stops)} times, planned are {len(stops)}, or elsewhere"
     if found.centrings != _centrings(program):
         yield "it centres other balls, or elsewhere, than planned"
     yield from _other_circles(program, dialect, found)
@@ -140,6 +142,14 @@ def _too_abrupt(program: Program, found: ReadBack) -> Iterator[str]:
         if not asked <= limit * ROUNDING_RATIO:
             unit = program.unit_of(joint - 1)
             yield f"it accelerates joint {joint} at {asked:.0f} {unit}/s2, allowed are {limit:.0f} {unit}/s2"
+
+
+def _stops(program: Program, dialect: Dialect) -> tuple[tuple[StopKind, int], ...]:
+    """Return where a program of the dialect waits; one that has a file for each stretch waits between two of them."""
+    if dialect.files.cut != "pause":
+        return program.stops
+    between = {stop: None for stop in program.stops if stop[0] == "pause" and 0 < stop[1] < len(program.moves)}
+    return tuple(between)
 
 
 def _centrings(program: Program) -> tuple[tuple[int, int, int], ...]:

@@ -8,6 +8,7 @@ import numpy as np
 import planner.report.formatting as text
 import planner.report.plan_charts as plan_charts
 from planner.cell.cell import Cell
+from planner.cell.reading import gauge_class
 from planner.common.summary import Aside, count_alike
 from planner.common.units import to_deg, to_mm
 from planner.design.foresight_text import describe_goal
@@ -50,6 +51,7 @@ def report_plan(plan: Plan, forecast: Forecast | None = None) -> Report:
         "about": f"cell {plan.cell.name} · {plan.cell.gauge.describe(plan.cell)}",
         "facts": _facts(plan) if forecast is None else _facts_without_index(plan),
         "mounting": _mounting(plan),
+        "reading": (plan.cell.gauge.reading_text(plan.cell.file),),
         "asked": count_alike(n for n in plan.notes if not isinstance(n, Aside)),
         "asides": [n for n in plan.notes if isinstance(n, Aside)],
         "certificate": text.certificate_text(plan) if forecast is None else (),
@@ -95,16 +97,20 @@ def _drive_facts(plan: Plan) -> tuple[Row, Row]:
     """How long it drives, and how far from everything."""
     driving, motion = sum(d.trajectory.duration_s for d in plan.drives), plan.cell.motion
     both = "both ways, " if motion.both_ways and motion.is_continuous else ""
+    waits = f", {plan.reading_share}" if plan.reading_share else ""
     return (
-        ("driving", text.duration_text(driving), f"{both}{motion.measure}"),
+        ("driving", text.duration_text(driving), f"{both}{motion.measure}{waits}"),
         text.clearance_fact([v for d in plan.drives for v in d.verdicts], plan.cell),
     )
 
 
 def _mounting(plan: Plan) -> list[str]:
-    """Say what a person does before each drive, and after it."""
-    cell = plan.cell
-    return [f"{text}." for d in plan.drives for text in cell.gauge.preparation(cell, d.mounting) if text]
+    """Say what a person sets up before the robot drives and where the program pauses; how long the gauge is there."""
+    cell, gauge = plan.cell, plan.cell.gauge
+    guide = gauge_class(cell.file).session_guide(cell.file)
+    lengths = [(d, gauge.length_text(d.visits[0].length)) for d in plan.drives]
+    starts = [f"At {gauge.session_names(cell, d.mounting)[0]} it is {length} long." for d, length in lengths if length]
+    return [*(f"{step.title}. {step.text}" for step in (*guide.before, *guide.at_start)), *starts]
 
 
 def _facts_without_index(plan: Plan) -> tuple[Row, ...]:

@@ -214,7 +214,7 @@ def plan_facts(plan: AnyPlan, is_check: bool = False) -> list[tuple[str, str]]:
         rows = [(what, f"{n}{why}") for role, (what, why) in roles.items() if (n := len(plan.ids(role)))]
         rows += [] if is_check else _what_it_tells(plan)
     if plan.trajectory is not None:
-        rows.append(("driving", f"{duration_text(plan.trajectory.duration_s)}, with the stops"))
+        rows.append(("driving", f"{duration_text(plan.trajectory.duration_s)}, with the stops and the readings"))
     if plan.path.clearance_mm is not None:
         rows.append(("clearance", f"{_digits(plan.path.clearance_mm)} mm, proven along the whole path"))
     return [*rows, ("plan", plan.plan_id)]

@@ -111,10 +111,11 @@ def _repeatability(
 
 def session_content(plan: AnyPlan, cell: CellFile, files: list[OutputFile]) -> dict[str, object]:
     """Return what the checklist from an empty cell to a saved log says of a plan; files of a program share its name."""
-    stems = tuple(Path(p.file).stem for p in plan.programs)
+    stems, gauge = tuple(Path(p.file).stem for p in plan.programs), gauge_class(cell)
     return {
         "plan": plan,
-        "guide": gauge_class(cell).session_guide(cell),
+        "guide": gauge.session_guide(cell),
+        "reading": gauge.reading_text(cell),
         "programs": [f for f in files if f.name.startswith(stems)],
         "static": cell.motion.measure == "static",
     }

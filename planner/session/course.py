@@ -154,8 +154,8 @@ def time_measuring(cell: Cell, path: Waypoints, mounting: Mounting) -> TimedPath
     moving = cell.motion.is_continuous
     if moving and cell.motion.both_ways:
         path = path.append_way_back()
-    rest = (0.0 if moving else cell.motion.settle + cell.motion.dwell) + cell.gauge.reading_seconds
-    return time_path(cell, path, mounting, bar=True, dwell=np.where(path.visit >= 0, rest, 0.0) * (path.blend == 0))
+    rest = np.where(path.visit >= 0, cell.rest_seconds, 0.0) * (path.blend == 0)
+    return time_path(cell, path, mounting, bar=True, dwell=rest)
 
 
 def time_path(cell: Cell, path: Waypoints, mounting: Mounting, bar: bool, dwell: Array | None = None) -> TimedPath:

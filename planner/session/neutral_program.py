@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from planner.cell.cell import Cell
+from planner.common.errors import InputError
 from planner.common.units import Array, to_mm
 from planner.kinematics.axes import AxisConvention
 from planner.kinematics.geometry import points_on_arc
@@ -123,9 +124,10 @@ def session_program(cell: Cell, courses: Iterable[Course], plan_id: str, form: P
     if cell.controller.block_ms is not None:
         form = replace(form, block_s=cell.controller.block_ms / 1e3)
     body: list[Instruction] = []
-    first = 1
+    first, courses = 1, tuple(courses)
+    last_pose = max((int(v) for c in courses for p in c.passes for v in p.path.visit), default=0)
     for one in courses:
-        body += _course_instructions(cell, one, form, first)
+        body += _course_instructions(cell, one, form, first, last_pose)
         first += _count_starts(one)
     return build_program(cell, plan_id, body)
 
@@ -175,12 +177,24 @@ def write_session(cell: Cell, program: Program, dialect: str, stem: str) -> tupl
         ProgramMismatchError: the text does something else.
     """
     language, robot = load_dialect(dialect), cell.robot
+    _check_signals(cell, language)
     axes = axis_convention(robot, language)
     program = replace(program, cautions=(*program.cautions, *jog_checks(cell, dialect)))
     files, found = write_and_read_back(in_controller_axes(program, axes, language, robot.speed), dialect, stem)
     check_model_angles(program, axes, found, language.decimals)
     check_emitted_speeds(cell, program, axes, language, found)
     return files
+
+
+def _check_signals(cell: Cell, language: Dialect) -> None:
+    """Refuse a dialect that has no word for the signal by which the gauge is read."""
+    way = cell.gauge.read_by
+    if (way == "trigger" and not language.sync.rest) or (way == "input" and not language.wait):
+        lacks = "switch no output" if way == "trigger" else "wait for no input"
+        raise InputError(
+            f'{language.title} can {lacks}, and the cell says gauge.read_by = "{way}"; take another dialect, or '
+            'read_by = "log" or "hand"'
+        )
 
 
 def jog_checks(cell: Cell, dialect: str) -> tuple[str, ...]:
@@ -207,12 +221,12 @@ def build_program(cell: Cell, plan_id: str, body: list[Instruction]) -> Program:
         com_mm=_mm(cell.tool.com_F),
         joint_names=cell.robot.joint_names,
         joint_units=cell.robot.joint_units if cell.robot.slides.any() else (),
-        cautions=(*describe_unchecked_links(cell), *describe_parked_joints(cell)),
+        cautions=(*describe_unchecked_links(cell), *describe_parked_joints(cell), cell.gauge.reading_text(cell.file)),
         acceleration_deg_s2=degrees(cell.robot.acceleration),
     )
 
 
-def _course_instructions(cell: Cell, one: Course, form: PathForm, first: int) -> list[Instruction]:
+def _course_instructions(cell: Cell, one: Course, form: PathForm, first: int, last_pose: int) -> list[Instruction]:
     """The session of one mounting, from home and back home; ``first`` is the number of its first start."""
     cell = cell.at(one.mounting)
     bare, removal = cell.gauge.without_gauge_text, cell.gauge.removal
@@ -228,16 +242,16 @@ def _course_instructions(cell: Cell, one: Course, form: PathForm, first: int) ->
     form = replace(form, dense=form.dense and cell.motion.is_continuous)
     last = StretchBegin(first + _count_starts(one) - 1)
     if not one.is_of_poses:
-        passes = (item for p in _pass_instructions(cell, one, form) for item in (last, *p, StretchEnd()))
+        passes = (item for p in _pass_instructions(cell, one, form, last_pose) for item in (last, *p, StretchEnd()))
         return [last, *there, StretchEnd(), *passes, last, *back, StretchEnd()]
     path = one.measuring
-    written = measured_moves(cell, path, one.mounting, form)
+    written = measured_moves(cell, path, one.mounting, form, last_pose)
     measuring = cut_stretches(cell, one.mounting, _stop_short(cell, path), one.shortcuts, written, first)
     heading = Section(one.passes[0].heading)
     return [last, *there, StretchEnd(), heading, *measuring, last, *back, StretchEnd()]
 
 
-def _pass_instructions(cell: Cell, course: Course, form: PathForm) -> Iterator[list[Instruction]]:
+def _pass_instructions(cell: Cell, course: Course, form: PathForm, last_pose: int) -> Iterator[list[Instruction]]:
     """Yield every pass with its heading; where the load changes, the operator sets it."""
     written: dict[tuple[int, int], tuple[int, list[Instruction]]] = {}
     load: float | None = None
@@ -249,9 +263,10 @@ def _pass_instructions(cell: Cell, course: Course, form: PathForm) -> Iterator[l
         out.append(Section(one.heading))
         key, number = (id(one.trajectory), id(one.path.q)), min(one.marks, default=0)
         if key not in written:  # a repeat is the same path with other marks
-            written[key] = number, [item for _, item in measured_moves(cell, one.path, course.mounting, form)]
-        first, moves = written[key]
-        yield out + ([_shift_mark(item, number - first) for item in moves] if number != first else moves)
+            moves = measured_moves(cell, one.path, course.mounting, form, last_pose)
+            written[key] = number, [item for _, item in moves]
+        first, items = written[key]
+        yield out + ([_shift_mark(item, number - first) for item in items] if number != first else items)
 
 
 def _shift_mark(item: Instruction, shift: int) -> Instruction:
@@ -281,11 +296,14 @@ def move_home(cell: Cell) -> JointMove:
     return JointMove(degrees(cell.home), duration_s=10.0, tool_speed_mm_s=50.0, axis_percent=5.0)
 
 
-def measured_moves(cell: Cell, path: TimedPath, mounting: Mounting, form: PathForm) -> list[tuple[int, Instruction]]:
-    """The measuring path with a mark at every pose; where the robot rests there, it settles and dwells.
+def measured_moves(
+    cell: Cell, path: TimedPath, mounting: Mounting, form: PathForm, last_pose: int
+) -> list[tuple[int, Instruction]]:
+    """The measuring path with a mark at every pose; where the robot rests there, it is read as the cell says.
 
     A ball is centred before the mark: the axes are logged where the centring led them.
     Each instruction with the number of the path's point at which the way to a pose begins, or −1.
+    ``last_pose``: number of the session's last pose.
     """
     out: list[tuple[int, Instruction]] = []
     if form.dense:
@@ -297,7 +315,7 @@ def measured_moves(cell: Cell, path: TimedPath, mounting: Mounting, form: PathFo
         begins = {k: k for k, move in enumerate(moves) if move.pose is not None}
     rests, short = not (cell.motion.is_continuous or form.dense), _stop_short(cell, path)
     for k, move in enumerate(moves):
-        asked = "" if move.pose is None else cell.gauge.seating_step(cell, np.deg2rad(move.q_deg), move.pose)
+        asked = "" if move.pose is None else cell.gauge.seating_step(cell, np.deg2rad(move.q_deg))
         out.append((begins.get(k, -1), replace(move, q_deg=degrees(short.q[k + 1])) if asked else move))
         if move.pose is None:
             continue
@@ -307,10 +325,30 @@ def measured_moves(cell: Cell, path: TimedPath, mounting: Mounting, form: PathFo
         ball = cell.gauge.ball_to_centre(cell, np.deg2rad(move.q_deg))
         if ball is not None:
             mark = [Centre(ball + 1, move.pose), *mark]
-        mark = [Pause(asked, move.q_deg, _nearest_ball(cell, move)), *mark] if asked else mark
-        mark = [Dwell(cell.motion.settle), *mark, Dwell(cell.motion.dwell)] if rests else mark
-        out += [(-1, item) for item in mark]
+        pose = f"pose {move.pose} of {last_pose}"
+        if asked:
+            mark = [Pause(f"{pose}: {asked}", move.q_deg, _nearest_ball(cell, move)), *mark]
+        out += [(-1, item) for item in (_read_at_rest(cell, mark, pose, seated=bool(asked)) if rests else mark)]
     return out
+
+
+def _read_at_rest(cell: Cell, mark: list[Instruction], pose: str, seated: bool) -> list[Instruction]:
+    """Return what the robot does where it rests at a pose, by how the cell has its gauge read.
+
+    Args:
+        cell: with the gauge.
+        mark: what marks and logs the pose, and what comes before that.
+        pose: its number in words, as the pendant shows it.
+        seated: whether ``mark`` stops for a person already, who brings the tool into a seat.
+    """
+    settle, dwell = ([Dwell(s)] if s > 0.0 else [] for s in (cell.motion.settle, cell.motion.dwell))
+    match cell.gauge.read_by:
+        case "hand" if not seated:
+            return [*settle, *mark, Pause(f"{pose}: read the gauge")]
+        case "input":
+            return [*settle, *mark, *dwell, WaitInput(f"{pose}: the gauge has read")]
+        case _:
+            return [*settle, *mark, *dwell]
 
 
 def _nearest_ball(cell: Cell, move: JointMove) -> int:

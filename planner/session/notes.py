@@ -150,9 +150,9 @@ def _count_missed_sides(choice: PoseChoice, drives: tuple[Drive, ...]) -> int:
 
 
 def _samples_at_rest(cell: Cell, drive: Drive) -> tuple[Samples, ...]:
-    """Every visit in the middle of its dwell."""
+    """Every visit in the middle of its reading."""
     at, visits = _measured_waypoints(drive), [v for v in drive.visits if v.role in MEASURED]
-    t = drive.trajectory.waypoint_time[at] + cell.motion.settle + cell.motion.dwell / 2
+    t = drive.trajectory.waypoint_time[at] + cell.seconds_until_read
     approach = np.array([v.approach for v in visits], dtype=float)
     q = np.array([v.q for v in visits])
     return (replace(Samples.at(q, drive.mounting), t=t, direction=approach),)

@@ -143,6 +143,13 @@ class Plan(SessionPlan):
         return f"Plan('{self.cell.name}', plan_id='{self.plan_id}', poses={len(self.choice.q)})"
 
     @property
+    def reading_share(self) -> str:
+        """Return how much of the planned time the robot waits for readings, in words; empty where it does not wait."""
+        seconds = self.cell.gauge.reading_seconds
+        count = sum(v.role != "mount" for d in self.drives for v in d.visits)
+        return f"{count * seconds / 60:.0f} min of it for {count} readings of {seconds:g} s" if seconds else ""
+
+    @property
     def by_index(self) -> bool:
         """Whether the index chose the poses: neither chance, for a validation, nor the error that is foreseen."""
         return self.expected_error is None and any(v.role == "calibrate" for d in self.drives for v in d.visits)

@@ -145,7 +145,7 @@ class PoseSession(ABC):
     pool: PoseSet
 
     def __init__(self, cell: Cell, options: PlanOptions, chooser: PoseChooser | None = None) -> None:
-        self.cell, self.options, self.chooser = cell, options, chooser
+        self.cell, self.options, self.chooser = cell.with_reading_time(), options, chooser
         self.notes: list[str] = []
         self.index, self.poses = options.index or cell.plan.index, options.poses or cell.plan.poses
         self.method: SelectionMethod = options.method or cell.plan.method or "exchange"

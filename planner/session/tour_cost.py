@@ -48,11 +48,11 @@ def cost_name(cell: Cell) -> str:
 def session_minutes(cell: Cell, drives: Sequence[Drive], poses: int) -> Callable[[int], float]:
     """Return a function that estimates the driving minutes of another number of poses from the planned session.
 
-    Each visit stands still for its dwell; the way between them grows as the shortest tour of random points does
+    At each visit the robot rests; the way between them grows as the shortest tour of random points does
     (Beardwood, Halton and Hammersley 1959, Math. Proc. Cambridge Phil. Soc. 55(4)).
     """
     visits = sum(len(d.visits) for d in drives)
-    still = 0.0 if cell.motion.is_continuous else cell.motion.dwell + cell.motion.settle
+    still = cell.rest_seconds
     moving = sum(d.trajectory.duration_s for d in drives) - visits * still
 
     def minutes(count: int) -> float:

@@ -21,10 +21,11 @@ def plan_overview(plan: Plan) -> Summary:
     roles = [v.role for d in plan.drives for v in d.visits]
     minutes = sum(d.trajectory.duration_s for d in plan.drives) / 60
     said = plan.separation.texts() if plan.separation else ()
+    driven = "; ".join(filter(None, (f"{minutes:.0f} min", plan.reading_share)))
     return Summary(
         f"{plan.cell.name}: {_numbers_of_poses(plan, roles)}, plan {plan.plan_id}",
         [
-            ("drive", f"{minutes:.0f} min; {clearance_text(plan.cell, min(d.clearance for d in plan.drives))}"),
+            ("drive", f"{driven}; {clearance_text(plan.cell, min(d.clearance for d in plan.drives))}"),
             *(_error_facts(plan.expected_error) if plan.expected_error else _index_facts(plan)),
             *_unseen_facts(plan.choice.seen.dropped, len(plan.choice.seen.names)),
             *(("tells apart", text) for text in said[:1]),

@@ -120,7 +120,7 @@ def candidate_visits(cell: Cell, pool: PoseSet, poses: int, seed: int) -> tuple[
     rng = np.random.default_rng([seed, 5])
     before = pool.q[rng.permutation(len(pool))]
     way = pool.q - before
-    t = rng.random(len(pool)) * poses * (SECONDS_BETWEEN_POSES + cell.motion.settle + cell.motion.dwell)
+    t = rng.random(len(pool)) * poses * (SECONDS_BETWEEN_POSES + cell.rest_seconds)
     at = replace(pool.samples, t=read_only(t))
     if not cell.motion.is_continuous:
         return (replace(at, direction=read_only(np.sign(way))),)

@@ -2,6 +2,7 @@
 
 import re
 from abc import ABC, abstractmethod
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -11,9 +12,10 @@ import numpy as np
 from planner.common.errors import InputError
 from planner.common.units import Array, read_only
 from planner.programs.dialect import Dialect
-from planner.programs.instructions import Program
+from planner.programs.instructions import Program, StopKind
 from planner.programs.languages.statements import (
     Call,
+    Flow,
     Pulse,
     Routine,
     RoutineEnd,
@@ -57,6 +59,8 @@ class ReadBack:
     """Ways to a start in the middle: which, and their exact stops."""
     acceleration_deg_s2: tuple[float, ...] = ()
     """Largest of each joint where the program itself says how the joints speed up, beyond what rounding explains."""
+    stops: tuple[tuple[StopKind, int], ...] = ()
+    """Where the program waits for a person or an input: which, and after how many moves."""
     unknown: tuple[Statement, ...] = ()
     """Statements that are neither a known motion, speed or signal nor one that the dialect's own file lists."""
 
@@ -101,6 +105,33 @@ def _branch_pattern(text: str) -> re.Pattern[str]:
     return re.compile(said, re.IGNORECASE)
 
 
+class StopLines:
+    """Finds the dialect's lines ``pause`` and ``wait`` among the statements of a program, one after the other."""
+
+    def __init__(
+        self, dialect: Dialect, parse: Callable[[Sequence[str]], Iterable[Statement]], program: Program | None
+    ) -> None:
+        kinds: tuple[tuple[StopKind, tuple[str, ...]], ...] = (("pause", dialect.pause), ("wait", dialect.wait))
+        self.patterns: dict[StopKind, list[re.Pattern[str]]] = {}
+        for kind, lines in kinds:
+            text = (_with_numbers("\n".join(lines), dialect, program) or "").replace("{number}", ANY)
+            said = [re.escape(_squeeze(s.text)).replace(ANY, r"\d+") for s in parse((text,))] if text else []
+            if said:
+                self.patterns[kind] = [re.compile(t, re.IGNORECASE) for t in said]
+        self.last: deque[str] = deque(maxlen=max(map(len, self.patterns.values()), default=0))
+
+    def find(self, statement: Statement) -> StopKind | None:
+        """Return for what the program waits where this statement is the last of such lines."""
+        self.last.append(_squeeze(statement.text))
+        said = list(self.last)
+        for kind, patterns in self.patterns.items():
+            tail = said[-len(patterns) :]
+            if len(tail) == len(patterns) and all(p.fullmatch(t) for p, t in zip(patterns, tail, strict=True)):
+                self.last.clear()
+                return kind
+        return None
+
+
 class Execution(ABC):
     """Runs a program's statements and notes moves, stops, dwells and pulses; one subclass a language.
 
@@ -121,6 +152,7 @@ class Execution(ABC):
         self.stretches: list[tuple[int, int]] = []
         self.entries: list[tuple[int, list[ReadMove]]] = []
         self.branches = Branches(dialect)
+        self.stops: list[tuple[StopKind, int]] = []
         self.entered: tuple[list[ReadMove], float, int, int] | None = None
 
     def forget(self, stopped: bool) -> None:
@@ -161,10 +193,14 @@ class Execution(ABC):
         """Note what the program in ``texts`` does, and every statement that is not on the list of known ones."""
         statements = list(self.parse(texts))
         understood = set[int]()
+        waits, depth = StopLines(self.dialect, self.parse, self.program), 0
         for statement in self.order(statements):
             if self._branch(statement):
                 understood.add(id(statement))
                 continue
+            depth += statement.depth if isinstance(statement, Flow) else 0
+            if (kind := waits.find(statement)) and depth == 0:  # a loop of the program's own halts on an error alone
+                self.stops.append((kind, len(self.moves)))
             match statement:
                 case Waiting(number=number, unit=unit):
                     self.dwell(parse_fixed_point(number, statement.text) * unit)
@@ -241,7 +277,7 @@ class Execution(ABC):
         entries = tuple((at, tuple(moves)) for at, moves in self.entries)
         return ReadBack(
             plan_id, tuple(self.moves), tuple(self.dwells), self.syncs, tuple(self.centrings),
-            tuple(self.stretches), entries, self.acceleration, tuple(self.unknown),
+            tuple(self.stretches), entries, self.acceleration, tuple(self.stops), tuple(self.unknown),
         )  # fmt: skip
 
 

@@ -11,7 +11,7 @@ import planner.programs.languages.statements as st
 from planner.common.errors import InputError
 from planner.programs.languages.execution import Execution
 
-MARK = "a row of the kind mark"
+ROW = "a row of the kind"  # that stands in dialect.toml for what the language has no line for
 HEAD = re.compile(r"kind,pose,(?P<axes>(?:q\d+_(?:deg|mm),)+)duration_s,blend_mm,seconds_s,text")
 ALLOWED = {
     "move": {"kind", "pose", "q_deg", "q", "duration_s", "blend_mm"},
@@ -82,7 +82,7 @@ def _step(place: tuple[int, int, str], found: dict[str, object]) -> st.Statement
     if kind == "dwell" and isinstance(seconds := found.get("seconds_s"), float):
         return st.Waiting(*place, f"{seconds:.6f}")
     known = {"mark": st.Pulse, "comment": st.Passive, "pause": st.Passive, "wait": st.Passive}.get(kind, st.Statement)
-    return known(place[0], place[1], {"pause": "pause", "wait": "wait", "mark": MARK}.get(kind, kind))
+    return known(place[0], place[1], f"{ROW} {kind}" if kind in ("pause", "wait", "mark") else kind)
 
 
 def _parse_json(text: str) -> Iterator[st.Statement]:

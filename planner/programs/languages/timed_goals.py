@@ -56,6 +56,13 @@ class TimedExecution(Execution):
         if not heads or heads != wanted:
             raise InputError(f"the files {what} {sorted(heads) or 'none'}, not {sorted(wanted)}")
 
+    def _begin_file(self, statement: st.Statement) -> bool:
+        """Note that a person begins the next file, and return whether the statement is the head of one."""
+        head = isinstance(statement, FileHead)
+        if head and self.moves:
+            self.stops.append(("pause", len(self.moves)))
+        return head
+
 
 def parse_trajectory(text: str) -> Iterator[st.Statement]:
     """Yield the lines of one file."""
@@ -97,6 +104,7 @@ class TrajectoryExecution(TimedExecution):
         for each in statements:
             if isinstance(each, FileHead):
                 since = 0.0
+                yield each
             elif isinstance(each, TimedGoal):
                 moved = last is None or last.angles != each.angles
                 if not since < each.time or (each.event == "dwell" and moved):
@@ -122,7 +130,7 @@ class TrajectoryExecution(TimedExecution):
     def execute(self, statement: st.Statement) -> bool:
         """Process a point."""
         if not isinstance(statement, TimedGoal):
-            return isinstance(statement, FileHead)
+            return self._begin_file(statement)
         seconds, goal = self.seconds[id(statement)], self._in_millimetres(statement)
         before, self.before = self.before, goal
         if goal.event == "dwell":
@@ -228,7 +236,7 @@ class FramesExecution(TimedExecution):
     def execute(self, statement: st.Statement) -> bool:
         """Process a frame."""
         if not isinstance(statement, TimedGoal):
-            return isinstance(statement, FileHead)
+            return self._begin_file(statement)
         self.waiting.append(statement)
         if statement.event:
             frames, self.waiting = self.waiting, []

@@ -1,0 +1,110 @@
+"""How a reading is taken at a pose: one word of the cell file, from which programs, pages and times follow."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from planner.cell.file import CellFile
+from planner.common.choices import ReadBy
+from planner.common.errors import InputError
+
+USUAL_SECONDS: Mapping[ReadBy, float] = {
+    "hand": 20.0,  # [s] a person looks at the gauge, writes the value down and presses a key
+    "input": 2.0,  # [s] a gauge comes to rest, reads and answers
+}
+"""Times of one reading for which the robot waits, where the cell does not say."""
+
+
+def check_reading_way(path: Path, file: CellFile, ways: tuple[ReadBy, ...]) -> ReadBy:
+    """Return how the gauge of a cell file is read; the first of ``ways`` that its kind can where the file is silent.
+
+    Raises:
+        InputError: the gauge is not read so, the signal for it has no number, or a time is given that nobody waits.
+    """
+    gauge, signals = file.gauge, file.controller
+    way = gauge.read_by or ways[0]
+    if way not in ways:
+        allowed = " or ".join(f'"{w}"' for w in ways)
+        raise InputError(f"{path}: 'gauge.read_by' = \"{way}\": a gauge '{gauge.kind}' is read by {allowed}")
+    if way == "trigger" and signals.sync_output is None:
+        raise InputError(
+            f"{path}: 'gauge.read_by' = \"trigger\" needs 'controller.sync_output', the number of the output that "
+            "triggers the gauge"
+        )
+    if way == "input" and signals.gauge_input is None:
+        raise InputError(
+            f"{path}: 'gauge.read_by' = \"input\" needs 'controller.gauge_input', the number of the input that the "
+            "gauge sets"
+        )
+    if gauge.reading_s is not None and way not in USUAL_SECONDS:
+        raise InputError(
+            f"{path}: 'gauge.reading_s' = {gauge.reading_s:g}, but no robot waits for a gauge that is read by "
+            f'"{way}"; it stands still for motion.settle_s and motion.dwell_s'
+        )
+    return way
+
+
+def check_robot_rests(path: Path, file: CellFile, way: ReadBy) -> None:
+    """Refuse to wait for a reading where the robot does not rest.
+
+    Raises:
+        InputError: naming both keys.
+    """
+    if way in USUAL_SECONDS and file.motion.measure == "continuous":
+        raise InputError(
+            f"{path}: 'gauge.read_by' = \"{way}\" lets the robot wait at each pose, and motion.measure is "
+            f'"continuous", without a stop; write measure = "static", or read_by = "log"'
+        )
+
+
+def describe_reading_way(file: CellFile, way: ReadBy, seconds: float | None) -> str:
+    """Say what program and person do for each reading, in sentences.
+
+    Args:
+        file: of the cell.
+        way: how the gauge is read.
+        seconds: of one reading [s]; ``None``: what is usual.
+    """
+    return " ".join([_at_each_pose(file, way, seconds), *_at_the_start(file, way)])
+
+
+def _at_each_pose(file: CellFile, way: ReadBy, seconds: float | None) -> str:
+    motion, output = file.motion, file.controller.sync_output
+    marks = "" if output is None else f" Output {output} is pulsed at each pose."
+    if motion.measure == "continuous":
+        return f"The gauge's own log runs while the robot drives; the program waits for no reading.{marks}"
+    still, usual = f"the robot stands still for {motion.settle_s:g} s", USUAL_SECONDS.get(way, 0.0)
+    reckoned = f"The planned time counts {usual if seconds is None else seconds:g} s for each reading."
+    if way == "hand":
+        return (
+            f"At each pose {still}, then the program stops and names the pose: read the gauge, write the value down "
+            f"beside the pose's number, and let the program go on (the Start key on most controllers). "
+            f"{reckoned}{marks}"
+        )
+    if way == "input":
+        return (
+            f"At each pose {still}{'' if output is None else f' and output {output} is pulsed'}; after "
+            f"{motion.dwell_s:g} s more it waits until input {file.controller.gauge_input} is on, which the gauge sets "
+            "once it has read, and which is off again before the next pose. Without a wire there the robot waits for "
+            f"ever. {reckoned}"
+        )
+    if way == "trigger":
+        return (
+            f"At each pose {still}, then output {output} is pulsed: it triggers the gauge. After {motion.dwell_s:g} s "
+            "more the robot drives on."
+        )
+    return (
+        f"At each pose the robot stands still for {motion.settle_s + motion.dwell_s:g} s and drives on by itself: the "
+        f"gauge's own log runs from the first pose to the last. Where a person reads the gauge, write "
+        f'read_by = "hand" under [gauge] of the cell, and plan again.{marks}'
+    )
+
+
+def _at_the_start(file: CellFile, way: ReadBy) -> tuple[str, ...]:
+    """Say that the program waits for an input before the first pose, where the cell names one."""
+    number = file.controller.gauge_input
+    if number is None:
+        return ()
+    return (
+        f"Before the first pose the program waits until input {number} says that the gauge is ready. Where no wire "
+        "sets it, leave gauge_input out of the cell: the program would wait for ever.",
+    )
