@@ -209,8 +209,10 @@ Output = Annotated[Path, typer.Option("-o", "--output", metavar="RUN.csv", help=
 
 def measure_command(
     plan_file: Annotated[Path, typer.Argument(metavar="PLAN.json", help="a static plan for a bar or wire")],
-    gauge: Annotated[str, typer.Option("--serial-port", metavar="PORT", help="serial port: COM5, /dev/ttyUSB0")],
     output: Output,
+    gauge: Annotated[
+        str | None, typer.Option("--serial-port", metavar="PORT", help="serial port: COM5; without, values are typed")
+    ] = None,
     baud: Annotated[int, typer.Option("--baud", help="of the line")] = 9600,
     protocol: Annotated[
         str, typer.Option("--protocol", help="stream (a number a line, sent by itself), sylvac or mitutoyo")
@@ -222,10 +224,11 @@ def measure_command(
     until: Until = None,
     after: After = None,
 ) -> None:
-    """Read a bar or wire at a serial port at each pose of a plan, and write the run."""
+    """Read a bar or wire at each pose of a plan, by a serial port or by what a person types, and write the run."""
     from planner.common.units import from_mm
     from planner.instruments.centring.settings import find_protocol
-    from planner.instruments.live_gauge import STREAM, LiveGauge, measure_poses, open_log
+    from planner.instruments.live_gauge import STREAM, LiveGauge, open_log
+    from planner.instruments.live_session import Adviser, MeasuringSession, NoAdvice, program_remark
     from planner.session.planned_session import load_session
 
     if protocol != STREAM:
@@ -237,19 +240,24 @@ def measure_command(
             "wire is read; log a continuous session with controller and gauge, and bring both logs in by edbb import"
         )
     log = open_log(output, session.document, session.cell)
-    adviser = None
+    adviser: Adviser = NoAdvice()
     if until is not None or after is not None:
         from planner.instruments.live_advice import LiveAdvice
 
         goal = None if until is None else float(from_mm(until))
-        adviser = LiveAdvice.of(session.document, session.cell, output, goal, after)
-        adviser.resume(log.rows)
-    live = LiveGauge(gauge, baud, protocol, factor * 1e-3, zero * 1e-3)
+        advice = LiveAdvice.of(session.document, session.cell, output, goal, after)
+        advice.resume(log.rows)
+        adviser = advice
+    live = None if gauge is None else LiveGauge(gauge, baud, protocol, factor * 1e-3, zero * 1e-3)
+    read = None if live is None else live.read_settled_mean
+    errors.print(program_remark(session.cell.gauge.read_by))
     try:
-        for line in measure_poses(log, live.read_settled_mean, _ask, time.monotonic, adviser):
+        measuring = MeasuringSession(log, _ask, time.monotonic, read, factor * 1e-3, zero * 1e-3, adviser)
+        for line in measuring.run():
             errors.print(line)
     finally:
-        live.line.close()
+        if live is not None:
+            live.line.close()
     errors.print(f"{len(log.rows)} of {len(log.poses)} poses are measured, written to {output}")
     print_next(evaluation_step(output, plan_file))
 

@@ -1,5 +1,6 @@
 """What is said at the cell after each reading: expected error, how many poses it still takes, which may be passed."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -71,6 +72,12 @@ class LiveAdvice:
     def advise(self, pose: int, t: float, length: float) -> str:
         """Return where the session stands after a reading [m] at a time [s]."""
         return self.say(pose, t, PoseReading.of_length(length))
+
+    def correct(self, rows: Mapping[int, tuple[float, float]]) -> str:
+        """Take all readings anew: by the id of the pose its time [s] and its reading [m]; return where it stands."""
+        self.estimate = self.estimate.begin_anew()
+        read = {self.numbers[k]: PoseReading.of_length(v) for k, (_, v) in rows.items() if k in self.numbers}
+        return self._words(self.estimate.add_all(read)) if read else ""
 
     def say(self, pose: int, t: float, reading: PoseReading) -> str:
         """Take a reading at the pose of this id at a time [s]; return where the session stands."""

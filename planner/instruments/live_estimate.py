@@ -115,6 +115,10 @@ class LiveEstimate:
             unknown = RemainingErrors.of(CalibratedState.read(after, cell), cell, samples)
         return cls(_with_stated_frames(unknown, cell), samples, until)
 
+    def begin_anew(self) -> "LiveEstimate":
+        """Return the estimate of the same session before its first reading."""
+        return LiveEstimate(self.unknown, self.samples, self.until)
+
     @property
     def width(self) -> int:
         """Numbers in one reading."""

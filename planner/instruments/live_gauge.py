@@ -2,10 +2,9 @@
 
 import re
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 import serial
@@ -137,8 +136,8 @@ class PoseLog:
         return same and len(planned) == some and np.ptp(planned) * MM > LIVE_GAUGE.far_from_plan
 
     def run(self) -> Run:
-        """Return the run measured so far."""
-        done = [p for p in self.poses if p.id in self.rows]
+        """Return the run measured so far, in the order in which it was read."""
+        done = sorted((p for p in self.poses if p.id in self.rows), key=lambda p: self.rows[p.id][0])
         places = tuple(f.name for f in self.cell.fixtures)
         mountings = self.cell.mountings_of(done, self.output)
         q = read_only(from_deg([p.q_deg for p in done]))
@@ -173,73 +172,3 @@ def open_log(output: Path, plan: PlanDocument, cell: Cell) -> PoseLog:
             raise InputError(f"{output}: is no run of plan {plan.plan_id}; give another file with -o")
         log.rows = {int(p): (float(t), float(v)) for p, t, v in zip(s.pose, s.t, run.readings.length, strict=True)}
     return log
-
-
-class Adviser(Protocol):
-    """Says of each pose whether it need not be read, and after each reading where the session stands."""
-
-    def passes(self, pose: int) -> str:
-        """Return why the pose of this id need not be read; empty where it is to be read."""
-
-    def advise(self, pose: int, t: float, length: float) -> str:
-        """Take a reading [m] at a time [s] of the session; return what to tell the person, empty where nothing."""
-
-
-class NoAdvice:
-    """All poses are read, and nothing is said of them."""
-
-    def passes(self, pose: int) -> str:
-        """Return nothing."""
-        return ""
-
-    def advise(self, pose: int, t: float, length: float) -> str:
-        """Return nothing."""
-        return ""
-
-
-def measure_poses(
-    log: PoseLog,
-    read: Callable[[], float],
-    ask: Callable[[str], str],
-    clock: Callable[[], float],
-    adviser: Adviser | None = None,
-) -> Iterator[str]:
-    """Tick off the poses that are left, each when a person says that the arm rests there; yields what is said of each.
-
-    ``ask`` shows a pose and returns the answer: nothing to read, ``s`` to skip it, ``q`` to end. What the gauge cannot
-    have read is asked about and not kept. A pose that the ``adviser`` passes is not asked for: the arm drives on
-    through it, along the path that was proven.
-    """
-    adviser = adviser or NoAdvice()
-    left = [p for p in log.poses if p.id not in log.rows]
-    start = clock() - max((t + 1.0 for t, _ in log.rows.values()), default=0.0)
-    for p in left:
-        if why := adviser.passes(p.id):
-            yield f"pose {p.id}: drive on, {why}"
-            continue
-        planned = "" if p.length_mm is None else f", planned {p.length_mm:.2f} mm"
-        answer = ask(f"pose {p.id} at {p.fixture or 'the gauge'}{planned}: Enter reads, s skips, q ends")
-        while answer == "":
-            length = read()
-            if log.is_readable(p.id, length):
-                break
-            answer = ask(
-                f"pose {p.id}: {float(to_mm(length)):.3f} mm is beyond the gauge's range and not kept (pulled off, at "
-                "a stop, or no reading): Enter reads again, s skips, q ends"
-            )
-        if answer == "q":
-            return
-        if answer == "s":
-            continue
-        t = round(clock() - start, 3)
-        log.add(p.id, t, length)
-        off = length - (p.length_mm or float(to_mm(length))) * MM
-        far = (
-            f", {float(to_mm(off)):+.1f} mm from the plan: is this the pose, and the zero set?"
-            if abs(off) > LIVE_GAUGE.far_from_plan
-            else ""
-        )
-        far += "; the gauge has shown this number at three poses: does it still move?" if log.is_stuck() else ""
-        stands = adviser.advise(p.id, t, length)
-        count = f"({len(log.rows)} of {len(log.poses)})"
-        yield f"pose {p.id}: {float(to_mm(length)):.3f} mm{far} {count}{'; ' if stands else ''}{stands}"

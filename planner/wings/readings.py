@@ -6,6 +6,7 @@ from planner.common.commands import register_command
 PARTS = (
     "instruments/centring",
     "instruments/live_gauge.py",
+    "instruments/live_session.py",
     "instruments/live_estimate.py",
     "instruments/live_advice.py",
     "cli/cell_commands.py",

@@ -15,7 +15,7 @@ from planner.cli import cell_commands
 from planner.design.learnt_sizes import ALWAYS, AT_TIMES, HARDLY_EVER, MOSTLY, Families, LearntErrors, learn_errors
 from planner.instruments.live_advice import FEWEST_READ, LiveAdvice
 from planner.instruments.live_estimate import LiveEstimate, PoseReading
-from planner.instruments.live_gauge import measure_poses
+from planner.instruments.live_session import MeasuringSession
 from planner.runs.run import Mounting
 from tests.command import edbb
 from tests.identification.joint_world import BAR_LEFT, World
@@ -192,7 +192,7 @@ def test_it_stops_at_the_goal_and_never_passes_a_validation_pose(bench, tmp_path
         return ""
 
     clock = iter(np.arange(0.0, 1e4, 12.0)).__next__
-    said = list(measure_poses(log, lambda: length[asked[-1]], ask, clock, adviser))
+    said = list(MeasuringSession(log, ask, clock, lambda: length[asked[-1]], adviser=adviser).run())
     passed = [p.id for p, line in zip(poses[len(begun_with) :], said, strict=True) if "drive on" in line]
     validation = {p.id for p in poses if p.role == "validate"}
     assert passed

@@ -13,7 +13,8 @@ import pytest
 from planner.cell.reading import load_cell
 from planner.common.errors import InputError
 from planner.instruments.centring.stop import SilentError, UnsettledError
-from planner.instruments.live_gauge import LiveGauge, measure_poses, open_log
+from planner.instruments.live_gauge import LiveGauge, open_log
+from planner.instruments.live_session import MeasuringSession, program_remark
 from planner.runs.loader import load_run
 from planner.session.document import read_plan
 
@@ -72,10 +73,10 @@ def test_poses_are_ticked_off_and_a_run_that_was_begun_goes_on(plan, gauge, tmp_
         return next(answers)
 
     clock = iter(np.arange(0.0, 100.0, 2.5)).__next__
-    said = list(measure_poses(open_log(tmp_path / "run.csv", *plan), live.read_settled_mean, ask, clock))
+    said = list(MeasuringSession(open_log(tmp_path / "run.csv", *plan), ask, clock, live.read_settled_mean).run())
     assert said == ["pose 1: 401.500 mm (1 of 3)"]
     answers = iter(["", ""])
-    said = list(measure_poses(open_log(tmp_path / "run.csv", *plan), live.read_settled_mean, ask, clock))
+    said = list(MeasuringSession(open_log(tmp_path / "run.csv", *plan), ask, clock, live.read_settled_mean).run())
     assert said[0] == "pose 2: 388.250 mm (2 of 3)"
     assert "pose 3: 495.000 mm, +40.0 mm from the plan: is this the pose" in said[1]
     run = load_run(tmp_path / "run.csv", 6)
@@ -99,10 +100,10 @@ def test_what_the_gauge_cannot_have_read_is_not_kept(plan, tmp_path):
         return ""
 
     clock = iter(np.arange(0.0, 100.0, 2.5)).__next__
-    said = list(measure_poses(log, read.__next__, ask, clock))
+    said = list(MeasuringSession(log, ask, clock, read.__next__).run())
     assert [text.split(":")[0] for text in asked] == [
-        "pose 1 at A, planned 401.50 mm", "pose 1", "pose 1", "pose 2 at A, planned 388.25 mm",
-        "pose 3 at A, planned 455.00 mm",
+        "pose 1 of 3 at A, planned 401.50 mm", "pose 1", "pose 1", "pose 2 of 3 at A, planned 388.25 mm",
+        "pose 3 of 3 at A, planned 455.00 mm",
     ]  # fmt: skip
     assert "1.000 mm is beyond the gauge's range and not kept" in asked[1]
     assert load_run(tmp_path / "run.csv", 6).readings.length == pytest.approx([0.4015] * 3)
@@ -123,3 +124,53 @@ def test_a_gauge_that_shakes_or_is_silent_is_told(gauge):
         silent.read()
     with pytest.raises(InputError, match="cannot be opened"):
         LiveGauge("/dev/nothing", 9600)
+
+
+def typed(log, answers):
+    """What is asked and said where a person types these answers, a minute after each other."""
+    asked, answers = [], iter(answers)
+
+    def ask(text):
+        asked.append(text)
+        return next(answers)
+
+    clock = iter(np.arange(0.0, 6000.0, 60.0)).__next__
+    return asked, list(MeasuringSession(log, ask, clock).run())
+
+
+def test_a_person_types_what_the_gauge_shows_and_corrects_it(plan, tmp_path):
+    """Typed wrongly and put right by `b`; a pose left out is named, and read later by its number."""
+    log = open_log(tmp_path / "run.csv", *plan)
+    asked, said = typed(log, ["402.5", "b", "401,5 mm", "x", "", "s", "455"])
+    assert asked[0].startswith("pose 1 of 3 at A, planned 401.50 mm: type what the gauge shows in mm")
+    assert [text.split(":")[0] for text in asked[1:4]] == [
+        "pose 2 of 3 at A, planned 388.25 mm", "pose 1 of 3 at A, planned 401.50 mm",
+        "pose 2 of 3 at A, planned 388.25 mm",
+    ]  # fmt: skip
+    assert "'x' is no answer here" in asked[4]
+    assert "'' is no answer here" in asked[5]
+    assert said[1].startswith("pose 1: 401.500 mm in place of 402.500 mm (1 of 3)")
+    assert said[-1] == "not read yet: pose 2; the same command goes on there"
+    first = load_run(tmp_path / "run.csv", 6)
+    assert first.samples.pose.tolist() == [1, 3]
+    assert first.samples.t[0] == pytest.approx(60.0)  # the correction has the time of the pose, not its own
+    typed(open_log(tmp_path / "run.csv", *plan), ["p 3", "455.25", "388.25"])
+    run = load_run(tmp_path / "run.csv", 6)
+    assert dict(zip(run.samples.pose.tolist(), run.readings.length, strict=True)) == pytest.approx(
+        {1: 0.4015, 2: 0.38825, 3: 0.45525}
+    )
+    assert (np.diff(run.samples.t) > 0).all()
+
+
+def test_a_pose_is_read_again_by_its_number_and_a_port_gives_it_a_new_time(plan, tmp_path):
+    log = open_log(tmp_path / "run.csv", *plan)
+    read, answers = iter([0.4015, 0.3880, 0.38825]).__next__, iter(["", "", "p 2", "", "q"]).__next__
+    clock = iter(np.arange(0.0, 100.0, 10.0)).__next__
+    said = list(MeasuringSession(log, lambda _: answers(), clock, read).run())
+    assert said[-1].startswith("pose 2: 388.250 mm in place of 388.000 mm (2 of 3)")
+    assert log.rows == {1: (10.0, 0.4015), 2: (30.0, 0.38825)}
+
+
+def test_who_measures_is_told_whether_the_program_waits():
+    assert "stops at each pose and names it by the same number" in program_remark("hand")
+    assert 'does not wait for a person (read_by = "log")' in program_remark("log")
