@@ -80,28 +80,58 @@ class MeasuringSession:
         """Measure the poses that are left, in the order of the plan; yield what is said of each."""
         poses, rows = self.log.poses, self.log.rows
         start = self.clock() - max((t + 1.0 for t, _ in rows.values()), default=0.0)
-        at, wanted, passed = 0, -1, set[int]()
-        while at < len(poses):
-            pose = poses[at]
-            if pose.id != wanted and pose.id in rows:
+        at, passed = 0, set[int]()
+        once_more: int | None = None  # a pose that was read already: after it the session goes on where it was
+        while True:
+            if at == len(poses) and once_more is None:
+                if left := [str(p.id) for p in poses if p.id not in rows and p.id not in passed]:
+                    few = f"pose{'s' if len(left) > 1 else ''} {', '.join(left)}"
+                    yield f"not read yet: {few}; p N asks for one, or the same command later"
+                answer = self._closing_answer()
+                if answer.what == "end":
+                    return
+                once_more = self._number(answer.pose)
+            pose = poses[at if once_more is None else once_more]
+            if once_more is None and pose.id in rows:
                 at += 1
                 continue
-            if pose.id != wanted and (why := self.adviser.passes(pose.id)):
+            if once_more is None and (why := self.adviser.passes(pose.id)):
                 yield f"pose {pose.id}: drive on, {why}"
                 passed.add(pose.id)
                 at += 1
                 continue
-            answer, wanted = self._answer(at), -1
+            answer = self._answer(poses.index(pose))
             if answer.what == "end":
                 return
             if answer.what == "go":
-                at, wanted = next(k for k, p in enumerate(poses) if p.id == answer.pose), answer.pose
+                goal = self._number(answer.pose)
+                once_more, at = (goal, at) if answer.pose in rows else (None, goal)
                 continue
             if answer.what == "keep":
                 yield self._keep(pose, answer.length, round(self.clock() - start, 3))
-            at += 1
-        if left := [str(p.id) for p in poses if p.id not in rows and p.id not in passed]:
-            yield f"not read yet: pose{'s' if len(left) > 1 else ''} {', '.join(left)}; the same command goes on there"
+            at, once_more = at + (once_more is None), None
+
+    def _number(self, pose: int) -> int:
+        """Return which in the order of the plan the pose of this id is."""
+        return next(k for k, p in enumerate(self.log.poses) if p.id == pose)
+
+    def _closing_answer(self) -> Answer:
+        """Ask behind the last pose whether one is to be put right."""
+        asked = "behind the last pose: q ends (b: the last pose once more, p N: pose N)"
+        while True:
+            said = self.ask(asked)
+            if said in ("", "s", "q"):
+                return Answer("end")
+            if (pose := self._goal(said, len(self.log.poses))) is not None:
+                return Answer("go", pose=pose)
+
+    def _goal(self, said: str, at: int) -> int | None:
+        """Return the id of the pose that an answer asks for at the pose of this number in the order; or none."""
+        poses = self.log.poses
+        wanted = poses[at - 1].id if said == "b" and at > 0 else None
+        if found := re.fullmatch(r"p\s*(\d+)", said):
+            wanted = int(found[1])
+        return wanted if wanted in {p.id for p in poses} else None
 
     def _answer(self, at: int) -> Answer:
         """Ask at the pose of this number in the order until something is said that can be done."""
@@ -114,10 +144,7 @@ class MeasuringSession:
             said = self.ask(asked)
             if said in ("s", "q"):
                 return Answer("skip" if said == "s" else "end")
-            goal = poses[at - 1].id if said == "b" and at > 0 else None
-            if found := re.fullmatch(r"p\s*(\d+)", said):
-                goal = int(found[1])
-            if goal is not None and goal in {p.id for p in poses}:
+            if (goal := self._goal(said, at)) is not None:
                 return Answer("go", pose=goal)
             length = self._length(said)
             if length is None:
