@@ -16,6 +16,7 @@ from planner.cell.gauge_numbers import GaugeNumbers
 from planner.cell.gauge_reach import GaugeReach
 from planner.cell.gauge_reading import GaugeReading
 from planner.cell.gauge_session import GaugeSession
+from planner.cell.gauge_way import GaugeWay
 from planner.effects.gauge_unknowns import GaugeUnknowns
 
 ROOT = Path(planner.__file__).parent
@@ -111,7 +112,7 @@ def test_no_files_import_each_other():
 
 
 MOST_MEMBERS = 25
-GAUGE_PROTOCOLS = (GaugeReading, GaugeNumbers, GaugeFrames, GaugeReach, GaugeSession, Gauge, GaugeUnknowns)
+GAUGE_PROTOCOLS = (GaugeReading, GaugeNumbers, GaugeFrames, GaugeReach, GaugeSession, GaugeWay, Gauge, GaugeUnknowns)
 
 
 @pytest.mark.parametrize("protocol", GAUGE_PROTOCOLS)

@@ -4,7 +4,7 @@ from dataclasses import dataclass, field, replace
 from typing import Self
 
 from planner.cell.gauge import Gauge
-from planner.cell.reading_way import USUAL_SECONDS
+from planner.cell.gauge_way import USUAL_SECONDS
 from planner.cell.site import Site
 from planner.common.errors import InputError
 

@@ -18,8 +18,8 @@ from planner.cell.gauge_numbers import GaugeNumbers
 from planner.cell.gauge_reach import GaugeReach
 from planner.cell.gauge_reading import GaugeReading
 from planner.cell.gauge_session import GaugeSession
+from planner.cell.gauge_way import GaugeWay, check_reading_way, check_robot_rests
 from planner.cell.parts import Fixture
-from planner.cell.reading_way import check_reading_way, check_robot_rests
 from planner.common.choices import SetUp
 from planner.common.errors import InputError
 from planner.common.schema import validate
@@ -28,7 +28,7 @@ from planner.kinematics.robot import Robot
 
 
 @dataclass(frozen=True, kw_only=True)
-class Gauge(GaugeReading, GaugeNumbers, GaugeFrames, GaugeReach, GaugeSession):
+class Gauge(GaugeReading, GaugeNumbers, GaugeFrames, GaugeReach, GaugeSession, GaugeWay):
     """What every kind of gauge has and does, and how it is read from a cell file.
 
     Attributes:

@@ -10,9 +10,7 @@ import numpy as np
 from planner.cell.file import CellFile
 from planner.cell.gauge_types import PlannedVisit, RecordedPose, SessionGuide
 from planner.cell.parts import IndicatorHead
-from planner.cell.reading_way import describe_reading_way
 from planner.cell.site import Site
-from planner.common.choices import ReadBy
 from planner.common.errors import InputError
 from planner.common.units import Array
 from planner.runs.run import Mounting, Run, Samples
@@ -24,21 +22,15 @@ class GaugeSession:
 
     Attributes:
         head: indicators that are centred on balls, where it has them.
-        read_by: how a reading is taken where the robot rests.
-        reading_time: for which the robot waits there for a person or an input [s], as the cell states it.
     """
 
     head: IndicatorHead | None = None
-    read_by: ReadBy = "log"
-    reading_time: float = 0.0
 
     kind: ClassVar[str]  # in cell files
     columns: ClassVar[str]  # of a run that hold its readings
     noun: ClassVar[str] = "gauge"  # what reports and messages call it
     pose_columns: ClassVar[tuple[str, str]] = ("place", "reading (mm)")  # of a table of poses: where, and a figure
     removal: ClassVar[str] = ""  # what a person does after the last pose
-    ways_to_read: ClassVar[tuple[ReadBy, ...]] = ("log", "hand", "trigger", "input")  # the usual one first
-    usual_reading_time: ClassVar[float | None] = None  # [s] the robot waits, where not as for most
 
     @property
     def measuring_command(self) -> str:
@@ -67,21 +59,6 @@ class GaugeSession:
     def centring_warnings(self, cell: Site, planned: Samples, run: Run) -> tuple[str, ...]:
         """Say how many poses of a simulated run were met further off than the gauge can read."""
         return ()
-
-    @property
-    def reading_seconds(self) -> float:
-        """Time that one reading takes beyond what the robot stands still by itself [s]."""
-        return self.reading_time
-
-    @property
-    def drives_on_when_read(self) -> bool:
-        """Return whether the robot drives on as soon as a person has read, without a dwell."""
-        return self.read_by == "hand"
-
-    @classmethod
-    def reading_text(cls, file: CellFile) -> str:
-        """Say what program and person do for each reading."""
-        return describe_reading_way(file, file.gauge.read_by or cls.ways_to_read[0], file.gauge.reading_s)
 
     def preparation(self, cell: Site, mounting: Mounting) -> tuple[str, str]:
         """Return the instructions to a person before the first pose, an explanation (may be empty) and an action."""

@@ -8,8 +8,6 @@ from planner.cell.gauge_types import CellStep, SessionGuide, place_text
 from planner.common.choices import SetUp
 from planner.common.units import UM, to_mm
 
-NEAR_ENOUGH = 2.0  # standard deviations of a stated place: a plan keeps as much room for it
-
 
 @dataclass(frozen=True)
 class BarChecklist:
@@ -57,7 +55,7 @@ class BarChecklist:
     def _place_text(self, file: CellFile, noun: str, fixture: FixtureFile, set_up: SetUp) -> str:
         """Say where a fixture stands, how precisely it must, and what happens where it stands elsewhere."""
         adjust = self.adjust if set_up == "robot" else "measure it from the robot's base"
-        near = f"{NEAR_ENOUGH * fixture.prior_mm:g} mm"
+        near = f"{2 * fixture.prior_mm:g} mm"  # 2: standard deviations, for which a plan keeps room at the bar's ends
         where = f"at {place_text(fixture.position_mm)} of the base frame"
         said = f"{self.fixture.format(name=fixture.name)} {where}: {adjust}."
         if "fixture" not in file.plan.free:

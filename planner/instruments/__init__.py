@@ -2,7 +2,7 @@
 
 __all__ = [
     "assumptions",
-    "centring", "check", "circular", "fleet", "live_advice", "live_gauge", "loaded", "more_poses", "next_session",
-    "opcua", "precision", "record", "remaining_errors", "simulation", "tracker_nests", "truth",
+    "centring", "check", "circular", "fleet", "live_advice", "live_gauge", "live_session", "loaded", "more_poses",
+    "next_session", "opcua", "precision", "record", "remaining_errors", "simulation", "tracker_nests", "truth",
     "validation", "where_it_counts",
 ]  # fmt: skip

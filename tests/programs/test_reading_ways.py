@@ -17,6 +17,7 @@ from planner.programs.instructions import Instruction, JointMove, LogAxes, Sync
 from planner.programs.verification import ProgramMismatchError, write_program
 from planner.session.neutral_program import _read_at_rest, write_session
 from tests.programs.reading import read_back, verify
+from tests.programs.test_krl import GRAMMAR
 
 POSES = 4
 STOPS_FOR_A_PERSON = {  # a line that stops until a key is pressed, by the manual of each language
@@ -198,3 +199,11 @@ def test_the_head_says_what_the_program_waits_for():
     assert "Before the first pose the program waits until input 7" in head("hand")
     assert "leave gauge_input out of the cell" in head("log")
     assert "input" not in head("hand", gauge_input=None)
+
+
+@pytest.mark.parametrize("way", ["hand", "input"])
+def test_the_grammar_of_krl_and_the_checker_of_rapid_take_the_waits(way):
+    for file in write_program(session(way), "krl", "s"):
+        GRAMMAR.parse(file.text)
+    checker = pytest.importorskip("rapidchecker.cli", reason="rapidchecker is not installed")
+    assert not checker.check_file(write_program(session(way), "rapid", "s")[0].text)

@@ -1,7 +1,9 @@
 """How a reading is taken at a pose: one word of the cell file, from which programs, pages and times follow."""
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
+from typing import ClassVar
 
 from planner.cell.file import CellFile
 from planner.common.choices import ReadBy
@@ -12,6 +14,37 @@ USUAL_SECONDS: Mapping[ReadBy, float] = {
     "input": 2.0,  # [s] a gauge comes to rest, reads and answers
 }
 """Times of one reading for which the robot waits, where the cell does not say."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class GaugeWay:
+    """How a gauge is read where the robot rests.
+
+    Attributes:
+        read_by: the way.
+        reading_time: for which the robot waits there for a person or an input [s], as the cell states it.
+    """
+
+    read_by: ReadBy = "log"
+    reading_time: float = 0.0
+
+    ways_to_read: ClassVar[tuple[ReadBy, ...]] = ("log", "hand", "trigger", "input")  # the usual one first
+    usual_reading_time: ClassVar[float | None] = None  # [s] the robot waits, where not as for most gauges
+
+    @property
+    def reading_seconds(self) -> float:
+        """Time that one reading takes beyond what the robot stands still by itself [s]."""
+        return self.reading_time
+
+    @property
+    def drives_on_when_read(self) -> bool:
+        """Return whether the robot drives on as soon as a person has read, without a dwell."""
+        return self.read_by == "hand"
+
+    @classmethod
+    def reading_text(cls, file: CellFile) -> str:
+        """Say what program and person do for each reading."""
+        return describe_reading_way(file, file.gauge.read_by or cls.ways_to_read[0], file.gauge.reading_s)
 
 
 def check_reading_way(path: Path, file: CellFile, ways: tuple[ReadBy, ...]) -> ReadBy:
