@@ -171,6 +171,12 @@ def test_a_way_that_cannot_be_is_refused_by_its_key(way, change, told):
         cell_read_by(way, **change)
 
 
+def test_a_rest_of_no_time_is_no_dwell():
+    cell = cell_read_by("log")
+    still = replace(cell, motion=replace(cell.motion, settle=0.0, dwell=0.0))
+    assert _read_at_rest(still, [Sync(1)], "pose 1 of 1", seated=False) == [Sync(1)]
+
+
 def test_a_drive_cannot_be_read_by_hand_and_no_time_is_given_that_nobody_waits():
     shipped = load_cell("comau-nj130/edbb")
 
@@ -201,6 +207,7 @@ def test_the_head_says_what_the_program_waits_for():
     assert "input" not in head("hand", gauge_input=None)
 
 
+@pytest.mark.filterwarnings("ignore:.*deprecated")  # the checker's own use of pyparsing
 @pytest.mark.parametrize("way", ["hand", "input"])
 def test_the_grammar_of_krl_and_the_checker_of_rapid_take_the_waits(way):
     for file in write_program(session(way), "krl", "s"):

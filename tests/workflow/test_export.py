@@ -82,7 +82,7 @@ def test_a_plan_and_its_cell_belong_together(folder):
 
 
 def test_signals_and_numbers_may_be_named_later(folder):
-    _change(folder / "cell.toml", "sync_output = 1", "sync_output = 33")
+    _change(folder / "cell.toml", "log_axes = true", "log_axes = true\nsync_output = 33")
     (note,) = export(folder / "plan.json", dialect="krl", name="a").notes
     assert "is not as it was planned" in note
     assert "its path was proven anew by both engines" in note
