@@ -27,8 +27,9 @@ def rows_for(robot):
     return [(cells[0], cells[1], cells[head.index(robot)]) for cells in lines]
 
 
-def set_key(text, begin, end, key, value, place=None):
+def set_key(text, span, key, value, place=None):
     """Set a key of the part of the file between two places, or one number of its list."""
+    begin, end = span
     part = text[begin:end]
     (old,) = re.findall(rf"^{key} = (.*?)(?: *#.*)?$", part, re.MULTILINE)
     if place is not None:
@@ -52,14 +53,14 @@ def follow(text, robot):
         if body := re.search(r"\*(.+)\*", what):
             place = {"first": 0, "third": 2}[re.match(r"\w+", where)[0]]
             for key in keys:
-                text = set_key(text, *part_of(text, rf"^\[\[bodies\]\]  # {body[1]}$"), key, value, place)
+                text = set_key(text, part_of(text, rf"^\[\[bodies\]\]  # {body[1]}$"), key, value, place)
         elif "A1 to A6" in where:
             for k, speed in enumerate(value.split(", ")):
-                text = set_key(text, *part_of(text, r"^\[\[joints\]\]", k), keys[0], speed)
+                text = set_key(text, part_of(text, r"^\[\[joints\]\]", k), keys[0], speed)
         elif axis := re.search(r"of A(\d)", where):
-            text = set_key(text, *part_of(text, r"^\[\[joints\]\]", int(axis[1]) - 1), keys[0], value)
+            text = set_key(text, part_of(text, r"^\[\[joints\]\]", int(axis[1]) - 1), keys[0], value)
         else:
-            text = set_key(text, 0, len(text), keys[0], value)
+            text = set_key(text, (0, len(text)), keys[0], value)
     return text
 
 
