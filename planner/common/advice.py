@@ -13,6 +13,7 @@ class Occasion(Enum):
     LOADED_RUN = auto()  # a run as driven under load stands beside one at rest; it is told the ``run``
     STRONG_PULL = auto()  # the bar pulled while it was read
     NO_CENTRING_CALL = auto()  # a language cannot call a routine that centres
+    READ_BY_HAND = auto()  # how a session is measured where a person reads the gauge; ``PLAN`` stands for its path
     CENTRED_SESSION = auto()  # how a session with a head of indicators is measured; ``PLAN`` stands for its path
     CENTRED_COLUMNS = auto()  # who writes the columns of centred balls
     CENTRED_BALL = auto()  # the whole sentence on how a ball is centred

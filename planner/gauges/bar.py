@@ -15,6 +15,7 @@ from planner.cell.parts import Fixture
 from planner.cell.placement import P, Placement, Targets
 from planner.cell.places import read_fixtures
 from planner.cell.site import Site
+from planner.common.advice import Occasion, advice
 from planner.common.choices import SetUp
 from planner.common.errors import InputError
 from planner.common.schema import NonNegativeFloat, PositiveFloat, StrictModel, validate
@@ -146,6 +147,12 @@ class LengthGauge(LineGauge, GaugeUnknowns):
         """It is held between fixture and tool while it reads."""
         stands = bool(file.gauge.own.get("mounting"))
         return cls.checklist.guide(file, cls.noun, cls.removal, cls.usual_set_up, ZERO_SIGMA, stands)
+
+    @property
+    def measuring_command(self) -> str:
+        """How the session is measured: by the extension that asks a person for each reading, if there is one."""
+        usual = super().measuring_command
+        return advice(Occasion.READ_BY_HAND, usual) if self.read_by == "hand" else usual
 
     def residual(self, setup: Placement, samples: Samples, motion: ForwardPass, targets: Targets) -> Array:
         """Length read less the distance of tool point and fixture, (n, 1) [m]."""

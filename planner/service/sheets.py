@@ -116,6 +116,7 @@ def session_content(plan: AnyPlan, cell: CellFile, files: list[OutputFile]) -> d
         "plan": plan,
         "guide": gauge.session_guide(cell),
         "reading": gauge.reading_text(cell),
+        "by_hand": cell.gauge.read_by == "hand" and gauge.columns == "length_mm",
         "programs": [f for f in files if f.name.startswith(stems)],
         "static": cell.motion.measure == "static",
     }

@@ -12,6 +12,10 @@ PARTS = (
     "cli/cell_commands.py",
 )
 
+register_advice(
+    Occasion.READ_BY_HAND,
+    "edbb measure PLAN -o run.csv asks for the reading at each pose (to try it: edbb simulate PLAN -o run.csv)",
+)
 register_advice(Occasion.CENTRED_SESSION, "edbb centre PLAN measures it")
 register_advice(Occasion.CENTRED_COLUMNS, "; edbb centre writes all of it by itself")
 register_advice(Occasion.NO_CENTRING_CALL, ", or let 'edbb centre' drive the robot")
