@@ -1,5 +1,6 @@
 """Pages at the cell in a browser: a checklist without a network, a service that comes back, a view that scrolls."""
 
+import html
 import json
 import os
 import re
@@ -247,6 +248,25 @@ def test_the_page_of_a_session_needs_only_what_a_device_keeps(tmp_path):
     loaded = re.findall(r'<(?:script|link)[^>]*(?:src|href)="([^"]+)"', text)
     assert loaded
     assert all(path.startswith("/static/") for path in loaded)
+
+
+@pytest.mark.parametrize(
+    ("way", "told"),
+    [
+        ("", ("drives on by itself", "waits until input 1 says that the gauge is ready", "Start the log")),
+        ("hand", ("then the program stops and names the pose", "20 s for each reading", "Begin the table of readings")),
+        ("trigger", ("output 1 is pulsed: it triggers the gauge",)),
+        ("input", ("waits until input 1 is on", "Without a wire there the robot waits for ever")),
+    ],
+)
+def test_the_checklist_says_how_the_gauge_is_read_and_how_it_is_mounted(tmp_path, way, told):
+    cell = (PLAN / "cell.toml").read_text()
+    cell = cell.replace("[gauge]\n", f'[gauge]\nread_by = "{way}"\n', 1) if way else cell
+    add_plan(tmp_path, changed={"cell.toml": cell.encode()})
+    with client_of(tmp_path, workers=0, beside=0) as client:
+        text = html.unescape(client.get(f"/jobs/{JOB}/session").text)
+    for words in (*told, "at [430, 330, 60] mm of the base frame", "Set its display to the length"):
+        assert words in text
 
 
 MONTH_AGO, TODAY = (date.today() - timedelta(days=d) for d in (30, 0))
