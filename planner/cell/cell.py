@@ -4,7 +4,6 @@ from dataclasses import dataclass, field, replace
 from typing import Self
 
 from planner.cell.gauge import Gauge
-from planner.cell.gauge_way import USUAL_SECONDS
 from planner.cell.site import Site
 from planner.common.errors import InputError
 
@@ -38,7 +37,7 @@ class Cell(Site):
         A plan states what it has reckoned with; files of plans from before have no such time.
         """
         gauge, file = self.gauge, self.file.gauge
-        usual = USUAL_SECONDS.get(gauge.read_by) if gauge.usual_reading_time is None else gauge.usual_reading_time
+        usual = gauge.usual_reading_times.get(gauge.read_by)
         if usual is None or file.reading_s is not None:
             return self
         stated = file.model_copy(update={"read_by": gauge.read_by, "reading_s": usual})

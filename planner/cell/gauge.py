@@ -57,7 +57,7 @@ class Gauge(GaugeReading, GaugeNumbers, GaugeFrames, GaugeReach, GaugeSession, G
             raise InputError(f"{path}: the key 'gauge.length_mm' is missing (shortest and longest length)")
         cls._check_noise(path, g)
         cls._check_scale(path, g)
-        way = check_reading_way(path, file, cls.ways_to_read)
+        way = check_reading_way(path, file, cls)
         if planning:
             check_robot_rests(path, file, way)
         shortest, longest = g.length_mm or (0.0, np.inf)

@@ -9,12 +9,6 @@ from planner.cell.file import CellFile
 from planner.common.choices import ReadBy
 from planner.common.errors import InputError
 
-USUAL_SECONDS: Mapping[ReadBy, float] = {
-    "hand": 20.0,  # [s] a person looks at the gauge, writes the value down and presses a key
-    "input": 2.0,  # [s] a gauge comes to rest, reads and answers
-}
-"""Times of one reading for which the robot waits, where the cell does not say."""
-
 
 @dataclass(frozen=True, kw_only=True)
 class GaugeWay:
@@ -29,7 +23,9 @@ class GaugeWay:
     reading_time: float = 0.0
 
     ways_to_read: ClassVar[tuple[ReadBy, ...]] = ("log", "hand", "trigger", "input")  # the usual one first
-    usual_reading_time: ClassVar[float | None] = None  # [s] the robot waits, where not as for most gauges
+    # [s] of one reading for which the robot waits, where the cell does not say: a person looks at the gauge, writes the
+    # value down and presses a key; a gauge comes to rest, reads and answers
+    usual_reading_times: ClassVar[Mapping[ReadBy, float]] = {"hand": 20.0, "input": 2.0}
 
     @property
     def reading_seconds(self) -> float:
@@ -44,16 +40,17 @@ class GaugeWay:
     @classmethod
     def reading_text(cls, file: CellFile) -> str:
         """Say what program and person do for each reading."""
-        return describe_reading_way(file, file.gauge.read_by or cls.ways_to_read[0], file.gauge.reading_s)
+        way = file.gauge.read_by or cls.ways_to_read[0]
+        return describe_reading_way(file, way, file.gauge.reading_s or cls.usual_reading_times.get(way, 0.0))
 
 
-def check_reading_way(path: Path, file: CellFile, ways: tuple[ReadBy, ...]) -> ReadBy:
-    """Return how the gauge of a cell file is read; the first of ``ways`` that its kind can where the file is silent.
+def check_reading_way(path: Path, file: CellFile, kind: type[GaugeWay]) -> ReadBy:
+    """Return how the gauge of a cell file is read; the first of its kind's ways where the file is silent.
 
     Raises:
         InputError: the gauge is not read so, the signal for it has no number, or a time is given that nobody waits.
     """
-    gauge, signals = file.gauge, file.controller
+    gauge, signals, ways = file.gauge, file.controller, kind.ways_to_read
     way = gauge.read_by or ways[0]
     if way not in ways:
         allowed = " or ".join(f'"{w}"' for w in ways)
@@ -68,7 +65,7 @@ def check_reading_way(path: Path, file: CellFile, ways: tuple[ReadBy, ...]) -> R
             f"{path}: 'gauge.read_by' = \"input\" needs 'controller.gauge_input', the number of the input that the "
             "gauge sets"
         )
-    if gauge.reading_s is not None and way not in USUAL_SECONDS:
+    if gauge.reading_s is not None and way not in kind.usual_reading_times:
         raise InputError(
             f"{path}: 'gauge.reading_s' = {gauge.reading_s:g}, but no robot waits for a gauge that is read by "
             f'"{way}"; it stands still for motion.settle_s and motion.dwell_s'
@@ -82,31 +79,31 @@ def check_robot_rests(path: Path, file: CellFile, way: ReadBy) -> None:
     Raises:
         InputError: naming both keys.
     """
-    if way in USUAL_SECONDS and file.motion.measure == "continuous":
+    if way in ("hand", "input") and file.motion.measure == "continuous":
         raise InputError(
             f"{path}: 'gauge.read_by' = \"{way}\" lets the robot wait at each pose, and motion.measure is "
             f'"continuous", without a stop; write measure = "static", or read_by = "log"'
         )
 
 
-def describe_reading_way(file: CellFile, way: ReadBy, seconds: float | None) -> str:
+def describe_reading_way(file: CellFile, way: ReadBy, seconds: float) -> str:
     """Say what program and person do for each reading, in sentences.
 
     Args:
         file: of the cell.
         way: how the gauge is read.
-        seconds: of one reading [s]; ``None``: what is usual.
+        seconds: of one reading, for which the robot waits [s].
     """
     return " ".join([_at_each_pose(file, way, seconds), *_at_the_start(file, way)])
 
 
-def _at_each_pose(file: CellFile, way: ReadBy, seconds: float | None) -> str:
+def _at_each_pose(file: CellFile, way: ReadBy, seconds: float) -> str:
     motion, output = file.motion, file.controller.sync_output
     marks = "" if output is None else f" Output {output} is pulsed at each pose."
     if motion.measure == "continuous":
         return f"The gauge's own log runs while the robot drives; the program waits for no reading.{marks}"
-    still, usual = f"the robot stands still for {motion.settle_s:g} s", USUAL_SECONDS.get(way, 0.0)
-    reckoned = f"The planned time counts {usual if seconds is None else seconds:g} s for each reading."
+    still = f"the robot stands still for {motion.settle_s:g} s"
+    reckoned = f"The planned time counts {seconds:g} s for each reading."
     if way == "hand":
         return (
             f"At each pose {still}, then the program stops and names the pose: read the gauge, write the value down "

@@ -48,7 +48,8 @@ class BallSocket(BallGauge):
 
     kind: ClassVar[str] = "ball-socket"
     ways_to_read: ClassVar[tuple[ReadBy, ...]] = ("hand",)
-    usual_reading_time: ClassVar[float | None] = 30.0  # [s] a person leads the ball in, notes the joints, presses a key
+    # [s] a person leads the ball in, notes the joints and presses a key
+    usual_reading_times: ClassVar[Mapping[ReadBy, float]] = {"hand": 30.0}
     largest_scale: ClassVar[float] = 5e-3  # a printed plate shrinks by half a percent at most
     default_noise_um: ClassVar[float] = 100.0
     pose_columns: ClassVar[tuple[str, str]] = ("socket", "tilt in it (°)")
@@ -94,7 +95,8 @@ class BallSocket(BallGauge):
     @classmethod
     def reading_text(cls, file: CellFile) -> str:
         """A person seats the ball at every pose."""
-        keys, seconds = validate(file.gauge.own, SocketKeys, "[gauge]"), file.gauge.reading_s or cls.usual_reading_time
+        keys = validate(file.gauge.own, SocketKeys, "[gauge]")
+        seconds = file.gauge.reading_s or cls.usual_reading_times["hand"]
         return (
             f"At each pose the program stops {keys.wait_mm:g} mm above a socket and names the pose: lead the ball in "
             "by hand or by jogging until it rests, note the joints, then let the program go on. The planned time "
