@@ -114,8 +114,8 @@ def _at_each_pose(file: CellFile, way: ReadBy, seconds: float) -> str:
         return (
             f"At each pose {still}{'' if output is None else f' and output {output} is pulsed'}; after "
             f"{motion.dwell_s:g} s more it waits until input {file.controller.gauge_input} is on, which the gauge sets "
-            "once it has read, and which is off again before the next pose. Without a wire there the robot waits for "
-            f"ever. {reckoned}"
+            "once it has read, and which is off again before the next pose. Where nothing is wired to it the robot "
+            f"waits for ever. {reckoned}"
         )
     if way == "trigger":
         return (
@@ -135,6 +135,6 @@ def _at_the_start(file: CellFile, way: ReadBy) -> tuple[str, ...]:
     if number is None:
         return ()
     return (
-        f"Before the first pose the program waits until input {number} says that the gauge is ready. Where no wire "
-        "sets it, leave gauge_input out of the cell: the program would wait for ever.",
+        f"Before the first pose the program waits until input {number} says that the gauge is ready. Where nothing is "
+        "wired to it, leave gauge_input out of the cell: the program would wait for ever.",
     )

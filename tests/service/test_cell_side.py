@@ -256,7 +256,7 @@ def test_the_page_of_a_session_needs_only_what_a_device_keeps(tmp_path):
         ("", ("drives on by itself", "waits until input 1 says that the gauge is ready", "Start the log")),
         ("hand", ("then the program stops and names the pose", "20 s for each reading", "Begin the table of readings")),
         ("trigger", ("output 1 is pulsed: it triggers the gauge",)),
-        ("input", ("waits until input 1 is on", "Without a wire there the robot waits for ever")),
+        ("input", ("waits until input 1 is on", "Where nothing is wired to it the robot waits for ever")),
     ],
 )
 def test_the_checklist_says_how_the_gauge_is_read_and_how_it_is_mounted(tmp_path, way, told):
