@@ -78,10 +78,8 @@ def load_robot(
     if os.path.isfile(path):  # false for a name that no file can have
         robot = _from_file(path, beta, tip, packages, parked, base)
         if robot.not_for_use and not force:
-            raise InputError(
-                f"{path}: this robot is not to be used, its identification says: {robot.not_for_use}; measure again "
-                "('edbb compensate --force' would correct programs by it)"
-            )
+            why = f"this robot is not to be used, its identification says: {robot.not_for_use}; measure again"
+            raise InputError(f"{path}: {why} ('edbb compensate --force' would correct programs by it)")
         return robot
     known = list(list_robots())
     raise InputError(
