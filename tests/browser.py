@@ -25,7 +25,7 @@ DRIVER = "GL Driver Message"  # of the software that stands for a graphics card:
 SETTLED = "async () => { for (let n = 0; n < 4; n++) await new Promise((done) => requestAnimationFrame(done)); }"
 PLACES = '() => [...document.querySelectorAll(".chart, #view")].map((e) => e.id)'
 # a chart is drawn where each of its traces is there and something of them has a size; the view in space has a canvas
-EMPTY = """() => [...document.querySelectorAll(".chart, #view, #run-chart")].filter((place) => {
+EMPTY = """() => window.Plotly === undefined ? [] : [...document.querySelectorAll(".chart, #view")].filter((place) => {
     const traces = place.id === "view" || !place.data ? 0 : place.data.length;
     const marks = [...place.querySelectorAll(".trace path, .hm image, canvas, figure path")];
     const seen = marks.some((m) => { const r = m.getBoundingClientRect(); return r.width + r.height > 0; });

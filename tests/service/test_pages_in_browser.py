@@ -1,4 +1,4 @@
-"""The pages of the service in a browser, of a folder in which plans, a calibration and a record lie."""
+"""The pages of the service in a browser, of a folder in which two plans lie."""
 
 import subprocess
 import sys
@@ -7,24 +7,22 @@ from pathlib import Path
 import pytest
 
 from planner.service.job_record import JobOutput
-from tests.report.calibrated import calibrated
 from tests.service.conftest import address_of
 from tests.service.test_crashes import CHEAP, Store
 
 PLAN = Path(__file__).parents[1] / "data" / "kr6-plan"
-PLANS, CALIBRATION = ("a" * 24, "b" * 24), "c" * 24
+PLANS = ("a" * 24, "b" * 24)
 
 
 @pytest.fixture(scope="module")
 def address(tmp_path_factory):
-    """A service whose folder holds two plans and a calibration."""
+    """A service whose folder holds two plans."""
     folder = tmp_path_factory.mktemp("service")
     store = Store(folder)
     plan = {name: (PLAN / name).read_bytes() for name in ("plan.json", "cell.toml")}
-    found = {"identification.json": calibrated("tracker", 60).to_json().encode()}
-    for id, kind, files in ((PLANS[0], "plan", plan), (PLANS[1], "plan", plan), (CALIBRATION, "identification", found)):
-        store.jobs.submit(id, kind, f"{kind} of a robot", "{}", CHEAP)
-        outputs = [JobOutput(name, store.files.add(data), len(data)) for name, data in files.items()]
+    for id in PLANS:
+        store.jobs.submit(id, "plan", "a plan", "{}", CHEAP)
+        outputs = [JobOutput(name, store.files.add(data), len(data)) for name, data in plan.items()]
         assert store.jobs.finish(store.jobs.take(2), "done", outputs, 0, None)
     command = [sys.executable, "-m", "planner.cli", "serve", "--port", "0", "--data", str(folder)]
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as server:
@@ -36,7 +34,7 @@ def address(tmp_path_factory):
     "page",
     [
         "", "jobs", "calibrate", "deeds", "cells/ur10/edbb", f"jobs/{PLANS[0]}", f"jobs/{PLANS[0]}/session",
-        f"compare?first={PLANS[0]}&second={PLANS[1]}", f"jobs/{CALIBRATION}", f"jobs/{CALIBRATION}/certificate",
+        f"compare?first={PLANS[0]}&second={PLANS[1]}",
     ],
 )  # fmt: skip
 def test_a_page_is_silent_and_no_wider_than_a_phone(browser, address, page):
