@@ -122,7 +122,8 @@ def measure(run: str) -> None:
     released = PICTURES / "shown" / "released.json"
     all_runs = json.loads(released.read_text(encoding="utf-8"))
     _keep(PICTURES / "shown" / f"{run}.json", getattr(real_runs, f"measure_{run}")())
-    _keep(released, all_runs | {run: getattr(real_runs, f"released_{run}")()})
+    figures = getattr(real_runs, f"released_{run}")()
+    _keep(released, all_runs | {run: {name: float(real_runs.on_page(value)) for name, value in figures.items()}})
 
 
 def _keep(file: Path, figures: dict[str, object]) -> None:

@@ -17,6 +17,7 @@ from rich.progress import BarColumn, SpinnerColumn, TaskProgressColumn, TextColu
 from rich.progress import Progress as Bar
 
 from planner.common.errors import InputError, NoSolutionError, make_printable
+from planner.common.files import document_text
 from planner.common.progress import Progress, Stages
 from planner.common.result import Result
 from planner.common.result_folder import check_not_inside, check_overwriting
@@ -227,7 +228,7 @@ def check_folder(output: Path, force: bool = False) -> None:
 
 def print_json(content: object) -> None:
     """Print the machine-readable summary."""
-    sys.stdout.write(json.dumps(content, indent=1, ensure_ascii=False) + "\n")
+    sys.stdout.write(document_text(content))
 
 
 def print_notes(notes: tuple[str, ...], verbose: bool = False) -> None:

@@ -12,6 +12,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from planner.common.errors import InputError
+from planner.common.finite_documents import check_finite, check_finite_content
 
 
 class Inputs:
@@ -160,7 +161,12 @@ def encode_text(path: Path, text: str, encoding: str) -> bytes:
 
 
 def document_text(content: object) -> str:
-    """Return the text of a JSON file as all are written: one space for each level, letters as they are."""
+    """Return the text of a JSON file as all are written: one space for each level, letters as they are.
+
+    Raises:
+        NotFiniteError: a number of it is nan or infinite.
+    """
+    check_finite_content(content)
     return json.dumps(content, indent=1, ensure_ascii=False) + "\n"
 
 
@@ -186,7 +192,10 @@ def write_together(files: Sequence[tuple[Path, bytes]], own: bool = False, force
 
     Raises:
         InputError: as :func:`write_bytes`.
+        NotFiniteError: a number of a document is nan or infinite.
     """
+    for path, data in files:
+        check_finite(path, data)
     drafts: list[tuple[Path, str]] = []
     placed: list[Path] = []
     path = files[0][0]

@@ -47,6 +47,7 @@ from planner.identification.cross_validation import (
 from planner.identification.gross_errors import gross_error
 from planner.identification.identifiable_parameters import FittedParameters, estimate_parameters
 from planner.identification.least_squares import Fit
+from planner.identification.noise import least_noise
 from planner.identification.nominal_comparison import worse_than_nominal
 from planner.identification.release import describe_release, release_robot, tool_point_advice
 from planner.identification.released_parameters import released_estimates, std_beside_robot
@@ -91,7 +92,7 @@ def find_problems(
         out.append(f"{hint}; {off}" if hint else f"the readings do not belong to these poses: {off}; {usual}")
     elif gross := gross_error(found, declared, cell, run, time):
         out.append(f"{gross}{_attempts_text(traced)}")
-    elif last.rms > before.rms:
+    elif last.rms > before.rms and last.rms > least_noise() * found.problem.whitener.declared_rms:
         out.append(
             "there are too few readings for so many parameters, or the error is nothing but noise: held-out poses got "
             f"worse, {before.rms / MM:.3g} {unit} to {last.rms / MM:.3g} {unit}"
@@ -159,6 +160,11 @@ def collect_warnings(run: Run, cell: Cell, found: Fit, validation: Run | None) -
             ("1 sample is an outlier", "it was") if count == 1 else (f"{count} samples are outliers", "they were")
         )
         out.append(f"{are} ({named}); {they} kept in the fit")
+    if found.problem.whitener.noise.gauge == least_noise():
+        out.append(
+            f"the readings fit as if they had no noise: computed readings, or the cell declares too much noise "
+            f"([gauge]); {least_noise():.0%} of the declared noise is assumed"
+        )
     if all(m is None for m in setup.robot.masses):
         weight = "what its own weight does is known link by link at best, not in Nm"
         out.append(Aside(f"{setup.robot.name} has no link masses: {weight}"))

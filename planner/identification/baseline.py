@@ -123,7 +123,7 @@ def baseline_text(released: ReleasedRobot, freedom: float, run: Run, cell: Cell,
         "parameters": parameters,
         "spread": round_significant_digits(root, digits).tolist(),
     }
-    return json.dumps(content, ensure_ascii=False, allow_nan=False) + "\n"
+    return json.dumps(content, ensure_ascii=False) + "\n"
 
 
 def joint_noise_of(folder: Path) -> float:

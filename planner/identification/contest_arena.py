@@ -14,7 +14,7 @@ from planner.effects.free_laws import beam_laws, free_laws
 from planner.effects.nonparametric import NONPARAMETRIC
 from planner.identification.contenders import Contender, Contest
 from planner.identification.posterior_background import cause_of_family
-from planner.identification.posterior_draws import ReadingWhitener, SizeDraw
+from planner.identification.posterior_draws import ReadingWhitener, SizeDraw, expected_share
 from planner.identification.posterior_fit import (
     COMMON,
     OWN,
@@ -196,22 +196,21 @@ def _readings_of_the_whole(posterior: PosteriorFit, worth: float) -> Array:
 
 @dataclass(frozen=True)
 class LearntOdds:
-    """Logarithms of the odds beforehand that one of a pool of families acts, as the draws have learnt them, by pool."""
+    """Logarithms of the odds beforehand that one of a pool of families acts, as the draws have learnt them, by pool.
+
+    Who takes part in a contest is none of the families that the draws have counted: all of the pool are its others.
+    """
 
     logs: dict[int, float]
 
     @classmethod
     def of(cls, record: DrawRecord) -> "LearntOdds":
-        """Look how many of each pool act in the mean."""
-        out = dict[int, float]()
+        """Count how many of each pool act in each draw."""
         pool = np.array([p.pool for p in record.effects.priors])
-        for number in (RARE, COMMON, UNNAMED):
-            own = [p for p in record.effects.priors if p.pool == number]
-            if own:
-                acting = float(np.mean([(d.factors[pool == number] > 0).sum() for d in record.draws]))
-                absent = float(own[0].logs(round(acting), len(own) - 1)[0])
-                out[number] = float(np.log1p(-np.exp(absent)) - absent)
-        return cls(out)
+        acts = np.array([d.factors > 0 for d in record.draws])
+        sizes = {number: int((pool == number).sum()) for number in (RARE, COMMON, UNNAMED)}
+        shares = {k: expected_share(float(acts[:, pool == k].sum(axis=1).mean()), n, n) for k, n in sizes.items() if n}
+        return cls({number: float(np.log(share / (1 - share))) for number, share in shares.items()})
 
     def of_pool(self, pool: int) -> float:
         """Return those of a pool, of what stands in none as of causes that are seldom met."""

@@ -9,7 +9,7 @@ tr((K⁻¹_bb)⁻¹ X_b X_bᵀ), X = K⁻¹ R M (Woodbury).
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import cholesky, solve_triangular
+from scipy.linalg import solve_triangular
 
 from planner.common.units import Array
 from planner.identification.released_robot import ReleasedRobot
@@ -43,16 +43,26 @@ def error_history(released: ReleasedRobot, samples: Samples) -> ErrorHistory | N
     size = np.sqrt((known.mixture.scaled_sizes**2).mean(axis=0))
     white = rows.reshape(n * width, -1) * size
     root = _tool_root(released) * size[:, None]
-    shared, seen = cholesky(np.eye(len(white)) + white @ white.T, lower=True), white @ root
+    shared, seen = _shared_root(white), white @ root
     told = solve_triangular(shared, seen, lower=True)
-    square = (root**2).sum() - np.cumsum((told**2).sum(axis=1).reshape(n, width).sum(axis=1))
-    square = np.maximum(square, 0.0) + released.beside_square
+    whole = (root**2).sum()
+    square = whole - np.cumsum((told**2).sum(axis=1).reshape(n, width).sum(axis=1))
+    square = np.maximum(square, len(white) * np.finfo(float).eps * whole) + released.beside_square  # but for rounding
     inverse = solve_triangular(shared, np.eye(len(white)), lower=True)
     left = solve_triangular(shared, told, lower=True, trans=1).reshape(n, width, -1)
     blocks = (inverse.T @ inverse).reshape(n, width, n, width)[np.arange(n), :, np.arange(n)]
     worth = np.einsum("nia,nij,nja->n", left, np.linalg.inv(blocks), left)
     scale = released.anywhere / max(float(np.sqrt(square[-1])), 1e-300)
     return ErrorHistory(scale * np.sqrt(square), worth / max(float(square[-1]), 1e-300), _minutes(samples))
+
+
+def _shared_root(white: Array) -> Array:
+    """Return L (m, m), lower triangular, of 1 + R Rᵀ = L Lᵀ for whitened rows R (m, P).
+
+    By [1 R] = L Qᵀ: readings that are far finer than the priors would leave 1 + R Rᵀ itself without a root.
+    """
+    tall = np.vstack([np.eye(len(white)), white.T])
+    return np.asarray(np.linalg.qr(tall, mode="r")).T
 
 
 def _tool_root(released: ReleasedRobot) -> Array:

@@ -127,7 +127,7 @@ def expected_error_text(content: ExpectedErrorContent, robot_toml: str, mounting
     whole = {**content, "robot_sha256": model_text_hash(robot_toml)}
     if isinstance(standing := whole.get("gauge"), dict):
         whole["gauge"] = {**standing, "mounting": mounting}
-    return json.dumps(whole, ensure_ascii=False, allow_nan=False) + "\n"
+    return json.dumps(whole, ensure_ascii=False) + "\n"
 
 
 def expected_error_content(released: ReleasedRobot, run: Run) -> ExpectedErrorContent:

@@ -7,7 +7,7 @@ import numpy as np
 
 from planner.common.determinism import even_positions
 from planner.common.units import Array
-from planner.identification.assumptions import ENOUGH_FREEDOM, LEAST_NOISE_SHARE
+from planner.identification.assumptions import ENOUGH_FREEDOM, LEAST_NOISE_SHARE, LOG_NOISE_RANGE
 from planner.model.model import Model
 from planner.runs.run import Samples
 
@@ -102,12 +102,17 @@ class Whitener:
         return np.asarray(np.linalg.inv(np.linalg.cholesky(C)))
 
 
+def least_noise() -> float:
+    """Return the least part of the declared noise that is believed, about a fiftieth: less is rounding, or computed."""
+    return float(np.exp(LOG_NOISE_RANGE[0]))
+
+
 def estimate_noise(white: Whitener, residual: Array, leverage: Array) -> Noise:
     """Estimate how large the noise really is from the residuals (n, r) of a fit and their leverages h (n, r).
 
     A residual is as large as its noise times √(1 − h) (Cook and Weisberg 1982): without that the readings which hold
     the fit most would seem the least noisy, whatever their noise. Few readings keep the declared ratio of gauge and
-    joints.
+    joints, and so do readings without noise: they have the least that is believed.
     """
     dof = residual.size - float(leverage.sum())
     if dof < 1:
@@ -115,6 +120,8 @@ def estimate_noise(white: Whitener, residual: Array, leverage: Array) -> Noise:
     residual = residual / np.sqrt(np.maximum(1.0 - leverage, LEAST_NOISE_SHARE))
     spread = _Spread.of(white, residual, slice(0, 3))
     one = float(np.sqrt((spread.square / (1 + spread.variance_ratio)).mean()))
+    if one < least_noise():
+        return Noise(least_noise(), least_noise(), least_noise())
     if dof < ENOUGH_FREEDOM:
         return Noise(one, one, one)
     joints = _fit_two_sizes(spread, one)

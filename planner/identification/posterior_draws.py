@@ -27,6 +27,16 @@ KEPT_EVERY = 3  # sweeps between draws that are kept: neighbours are alike
 NOISE_EVERY = 6  # sweeps between draws of the noise: all products of columns are made anew with it
 
 
+def expected_share(acting: float, counted: int, pool_size: int) -> float:
+    """Return the mean of the share of a pool that acts, where ``acting`` of the families ``counted`` do: in (0, 1).
+
+    Its prior is Beta(a, a · pool_size / EXPECTED_CAUSES) with a = PREVALENCE. It is the probability that one more acts.
+    """
+    if not 0 <= acting <= counted:
+        raise ValueError(f"{acting} of {counted} families cannot act")
+    return (acting + PREVALENCE) / (counted + PREVALENCE * (1 + pool_size / EXPECTED_CAUSES))
+
+
 @dataclass(frozen=True)
 class SizePrior:
     """Factors (k,) that a family's sizes may have, and their probabilities (k,).
@@ -43,7 +53,7 @@ class SizePrior:
         if not self.pool:
             return np.asarray(np.log(self.probability))
         here = self.factors > 0
-        chance = (acting + PREVALENCE) / (others + PREVALENCE * (1 + (others + 1) / EXPECTED_CAUSES))
+        chance = expected_share(acting, others, others + 1)
         share = self.probability / np.where(here, self.probability[here].sum(), self.probability[~here].sum())
         return np.asarray(np.log(share * np.where(here, chance, 1 - chance)))
 

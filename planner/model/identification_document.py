@@ -1,6 +1,5 @@
 """``identification.json``: what an identification found, in SI units in memory, in mm and degrees in the file."""
 
-import json
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
@@ -10,6 +9,7 @@ from pydantic_core.core_schema import any_schema
 
 from planner.common.arrays import mean_by_group
 from planner.common.errors import InputError
+from planner.common.files import document_text
 from planner.common.schema import read_json, validate
 from planner.common.units import Array
 from planner.model.document_section import DocumentSection, Probability, Size, round_digits
@@ -349,4 +349,4 @@ class Identification(DocumentSection):
 
     def to_json(self) -> str:
         """Return the text of ``identification.json``; the same calibration gives the same bytes."""
-        return json.dumps(self.content(), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+        return document_text(self.content())

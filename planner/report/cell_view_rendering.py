@@ -54,7 +54,7 @@ def player_json(view: CellView) -> str:
         "labels": list(view.frames.labels),
         "ranges": {k: (np.round(np.stack(v, axis=1)) + 0.0).tolist() for k, v in spans.items()},
     }
-    return json.dumps(data, ensure_ascii=False)
+    return json.dumps(data, ensure_ascii=False, allow_nan=False)
 
 
 def _encode(values: Array) -> str:

@@ -66,7 +66,7 @@ def rank_candidates(
     gain, size = np.array([s.gain for s in best]), np.array([s.size for s in best], dtype=int)
     chances = test.log_ps(gain, size, len(dictionary.items)).tolist()
     out = [replace(s, log_p=p, merit=merit_of(test, s)) for s, p in zip(best, chances, strict=True)]
-    return sorted(out, key=lambda s: -s.merit)
+    return sorted(out, key=lambda s: s.place_in_order)
 
 
 def merit_of(test: ScoreTest, score: EffectScore) -> float:

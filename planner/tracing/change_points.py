@@ -30,7 +30,7 @@ from planner.tracing.assumptions import (
 from planner.tracing.candidate_ranking import merit_of
 from planner.tracing.column_space import row_products
 from planner.tracing.dictionary import whiten
-from planner.tracing.effect_scores import EffectScore, ScoreTest, score_gains
+from planner.tracing.effect_scores import EffectScore, ScoreTest, order_of, score_gains
 from planner.tracing.search_context import SearchContext
 from planner.tracing.significance import LOG_SIGNIFICANCE
 from planner.tracing.state import FittedEffect, SearchState
@@ -72,7 +72,10 @@ def best_steps(
         if (s.effect.place, change_sample(FittedEffect(s.effect))) not in taken
     ]
     best = max((s.gain for _, s in free), default=0.0)
-    near = sorted((own for own in free if own[1].gain >= SIMILAR_GAIN_SHARE * best), key=lambda own: -own[1].merit)
+    near = sorted(
+        (own for own in free if own[1].gain >= SIMILAR_GAIN_SHARE * best),
+        key=lambda own: own[1].place_in_order,
+    )
     for columns, score in near[:4]:  # steps that are tried side by side
         sure = score.log_p < LOG_SIGNIFICANCE
         real = sure and _is_sudden(test, columns, score) and _is_borne_by_several(test, columns, score)
@@ -103,7 +106,7 @@ def step_series(test: ScoreTest, steppables: Sequence[Steppable]) -> list[tuple[
         held = tuple(s for s in steps if _is_sudden(_beside_others(test, columns, steps, s), columns, s))
         if len(held) > 1:
             out.append(held)
-    return sorted(out, key=lambda steps: -series_merit(test, steps))
+    return sorted(out, key=lambda steps: order_of(series_merit(test, steps)))
 
 
 def series_merit(test: ScoreTest, steps: Sequence[EffectScore]) -> float:

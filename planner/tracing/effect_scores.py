@@ -23,6 +23,11 @@ from planner.tracing.dictionary import EffectAtValue, EffectDictionary, Whitened
 LEAST_SHARE = 1e-6  # of a column that must be left off the model's for its parameter to count as shown
 
 
+def order_of(merit: float) -> float:
+    """Return what sorts the largest merit [noise variances] first, those equal but for rounding in their order."""
+    return -round(merit, 6)
+
+
 @dataclass(frozen=True)
 class EffectScore:
     """An effect at one value of its nonlinear parameter, and what it would explain.
@@ -44,6 +49,11 @@ class EffectScore:
     along: Array
     log_p: float = 0.0
     merit: float = 0.0
+
+    @property
+    def place_in_order(self) -> float:
+        """Return what sorts the best first, and leaves those equal but for rounding in the catalogue's order."""
+        return order_of(self.merit)
 
 
 @dataclass(frozen=True)

@@ -292,7 +292,8 @@ def _forward_selection(context: SearchContext, path: list[SearchState]) -> list[
         likely = [
             c
             for c in sorted(
-                [*changes, *rank_candidates(test, context.dictionary, state.effects)], key=lambda c: -c.merit
+                [*changes, *rank_candidates(test, context.dictionary, state.effects)],
+                key=lambda c: c.place_in_order,
             )
             if c.log_p < LOG_SIGNIFICANCE
             and number_repeat(c.effect, state.effects).name not in context.excluded

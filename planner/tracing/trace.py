@@ -31,7 +31,7 @@ from planner.tracing.assumptions import (
 )
 from planner.tracing.candidate_ranking import scores_beside, with_link_masses
 from planner.tracing.change_points import change_sample, locate_step, score_steps, session_ends
-from planner.tracing.effect_scores import LEAST_SHARE, EffectScore, ScoreTest
+from planner.tracing.effect_scores import LEAST_SHARE, EffectScore, ScoreTest, order_of
 from planner.tracing.search import SearchResult, search
 from planner.tracing.search_context import SearchContext
 from planner.tracing.significance import LOG_SIGNIFICANCE, own_gains, variance_inflation, wald_log_p
@@ -72,7 +72,7 @@ def find_rivals(context: SearchContext, state: SearchState, found: FittedEffect)
             best[s.effect.name] = s
     own = with_link_masses(bare, [bare.score_one(found.effect, found.value)])[0]
     least = max(0.0, min(merit(own) - LOG_LIKELIHOOD_EVIDENCE, RIVAL_SHARE * own.gain / test.noise))
-    ranked = sorted(best.values(), key=lambda s: -merit(s))
+    ranked = sorted(best.values(), key=lambda s: order_of(merit(s)))
     rivals = tuple(s.effect.name for s in ranked if merit(s) > least)
     # 12: effects that are held against a finding whatever they explain
     return Rivalry(tuple(s for s in ranked[: max(12, len(rivals))] if merit(s) > 0), rivals)

@@ -53,10 +53,11 @@ def test_mixtures_do_nearly_all_that_the_turns_do(errors):
 def test_a_part_that_turns_without_a_name_is_within_the_limit(errors):
     """Ten arms in which one part turns with another joint or with gravity, five times the usual size.
 
-    With these errors the limit holds; without them it is exceeded on arms.
+    With these errors the tool's error is a part of its limit, and much smaller than without them: in squares over the
+    arms, since how many of ten exceed a limit of one in twenty is chance.
     """
     _, samples, declared, unnamed = errors
-    read, over = list(range(70)), {"declared": 0, "unnamed": 0}
+    read, squares, of_limit = list(range(70)), {"declared": 0.0, "unnamed": 0.0}, []
     white, named = unnamed.white(samples), unnamed.family < 0
     for seed in range(10):
         rng = np.random.default_rng([seed, 8])
@@ -68,6 +69,8 @@ def test_a_part_that_turns_without_a_name_is_within_the_limit(errors):
             known.learn(read, seen)
             mean = np.pad(known.learnt.mean, (0, len(truth) - len(known.learnt.mean)))
             off = (truth - mean) @ unnamed.weight_per_prior @ (truth - mean)
-            over[name] += off > known.square_error_limit(read)
-    assert over["unnamed"] <= 2  # of ten, where one in twenty is stated
-    assert over["declared"] > over["unnamed"]
+            squares[name] += off
+        of_limit.append(off / known.square_error_limit(read))  # of the last model, with the unnamed ones
+    # a limit of 95 % is about 1.5 times the rms of an error of several directions: 0.45, found 0.42
+    assert 0.15 < np.mean(of_limit) < 0.8
+    assert squares["unnamed"] < 0.7 * squares["declared"]  # found 0.44

@@ -5,6 +5,7 @@ import re
 
 import pytest
 
+from docs.drawing.real_runs import on_page
 from docs.make_pictures import INDEX, PICTURES, ROOT, digest, known, pictures, stale
 from tests.docs.test_pages import PAGES
 
@@ -75,21 +76,21 @@ def test_the_pages_say_the_error_over_the_workspace_beside_that_at_poses_like_th
     results, readme = (" ".join(PAGES[page].split()) for page in ("docs/results.md", "README.md"))
     for robot, stated in shown("released").items():
         keys = ("nominal_anywhere_mm", "known_anywhere_mm", "at_most_mm", "where_measured_mm")
-        before, after, most, near = (f"{stated[key]:.3f}" for key in keys)
+        before, after, most, near = (on_page(stated[key]) for key in keys)
         said = f"{before}, {after} mm | {most} mm | {near} mm |"
         assert any(
             said in row and row.lower().startswith(f"| {robot}") for row in PAGES["docs/results.md"].splitlines()
         )
     ur5, panda = shown("released")["ur5"], shown("released")["panda"]
-    assert f"which programs are corrected by: {ur5['validation_mean_mm']})" in results
-    assert f"with its causes: {shown('released')['ur10']['held_out_mean_mm']})" in results
-    assert f"{ur5['nominal_anywhere_mm']:.2f} mm before and {ur5['known_anywhere_mm']:.2f} mm after (rms" in readme
-    assert f"below {ur5['at_most_mm']:.2f} mm" in readme
-    assert (
-        f"{panda['known_anywhere_mm']} mm rms is stated ({panda['nominal_anywhere_mm']} before)"
-        in PAGES["docs/tutorials/panda.md"]
-    )
-    told = f"{ur5['nominal_anywhere_mm']} → {ur5['known_anywhere_mm']} mm rms"
+    assert f"which programs are corrected by: {on_page(ur5['validation_mean_mm'])})" in results
+    assert f"`robot.toml`: {on_page(panda['other_placements_mean_mm'])})" in results
+    assert f"with its causes: {on_page(shown('released')['ur10']['held_out_mean_mm'])})" in results
+    before, after, most = (on_page(ur5[key]) for key in ("nominal_anywhere_mm", "known_anywhere_mm", "at_most_mm"))
+    assert f"{before} mm before and {after} mm after (rms" in readme
+    assert f"below {most} mm" in readme
+    told = f"{before} → {after} mm rms"
+    before, after = (on_page(panda[key]) for key in ("nominal_anywhere_mm", "known_anywhere_mm"))
+    assert f"{after} mm rms is stated ({before} before)" in PAGES["docs/tutorials/panda.md"]
     assert told in PAGES["docs/tutorials/ur5-real-run.md"]
 
 

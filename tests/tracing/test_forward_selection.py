@@ -37,7 +37,7 @@ def test_what_drives_out_what_brought_it_in_is_not_tried_for_ever(monkeypatch, w
         assert len(tries) < 10, "the same step is tried again and again"
         return state("gear ripple, joint 2", *added) if len(tries) < 3 or added else None
 
-    candidate = SimpleNamespace(effect=ripple(), merit=1.0, log_p=-100.0)
+    candidate = SimpleNamespace(effect=ripple(), merit=1.0, place_in_order=-1.0, log_p=-100.0)
     context = SimpleNamespace(
         excluded=set(), steppables=(), dictionary=None, report=lambda _: None, prune=lambda s: s,
         settle=lambda before, after: start, score_test=lambda s: SimpleNamespace(scatter=1.0),

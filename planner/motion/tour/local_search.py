@@ -24,8 +24,12 @@ class LocalSearch:
         self.neighbours = neighbours
         self._size = len(tour)
         self._random, self.limit = Random(seed), limit
-        self.tour = list(tour)
         self._position = [0] * self._size
+        self.start_from(tour)
+
+    def start_from(self, tour: list[int]) -> None:
+        """Take another tour as the best found so far."""
+        self.tour = list(tour)
         for place, node in enumerate(self.tour):
             self._position[node] = place
 

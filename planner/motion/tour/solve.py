@@ -40,6 +40,7 @@ def shortest_order(cost_s: Array) -> tuple[list[int], float]:
     return order[::-1], float(total.min())
 
 
+_TOOK_OVER = "the embedded solver took over"
 _FEW = 12  # nodes up to which dynamic programming is quicker than everything else
 
 
@@ -55,7 +56,7 @@ class Tour:
         lower_bound_s: [s] proven: no order costs less.
         optimal: whether the proof is complete. It is made on costs rounded down to whole units (1 us, coarser
             only beyond 1000 s of legs), so that ``cost_s - lower_bound_s`` may still show that rounding, n units.
-        solver: "embedded", "dynamic-programming" or "concorde".
+        solver: which found the order: "embedded", "dynamic-programming" or "concorde". The proof is never Concorde's.
         notes: what the person should know about how it was found.
 
     """
@@ -83,7 +84,7 @@ def solve_tour(
     Args:
         cost_s: (n, n) symmetric leg costs [s], zero from a node to itself.
         forbidden: legs (a, b) that must not be used, in neither direction.
-        method: "exact" is the embedded solver, "concorde" asks for Concorde, "auto" takes it where it is found.
+        method: "exact" is the embedded solver, "concorde" asks for Concorde too, "auto" where it is found.
         seed: of the local search and of Concorde.
         nodes: of the embedded solver's search tree at most; 0 proves what the root proves, which many poses take a
             minute less for. By default as many as a proof usually takes, and more.
@@ -127,19 +128,12 @@ class _TourRequest:
         return self._tour(order, total, True, "dynamic-programming", notes)
 
     def by_search(self) -> Tour:
-        """Solve by Concorde where wanted and possible, else by the embedded solver."""
+        """Solve by the embedded solver, from Concorde's tour on where that is wanted and possible."""
         instance = build_instance(self.cost_s, self.forbidden)
         search = initial_search(instance, self.seed, self.limit)
-        upper = instance.length(search.tour)
-        notes: tuple[str, ...] = ()
-        if self.method != "exact":
-            try:
-                known = self._by_concorde(instance, upper)
-            except ConcordeError as error:
-                notes = (f"{error}; the embedded solver took over",)
-            else:
-                if known is not None:
-                    return known
+        announced, notes = self._ask_concorde(instance, instance.length(search.tour))
+        if announced and instance.length(announced) < instance.length(search.tour):
+            search.start_from(announced)
         cut = self.limit.must_stop(
             LastStart.TOUR, "of the proof that the tour is the shortest only the root was computed"
         )
@@ -148,24 +142,34 @@ class _TourRequest:
         length = instance.length(tour)
         if length >= instance.penalty:
             raise self._no_order_error(proven=bound >= instance.penalty)
+        takes, least = length * instance.unit_s, bound * instance.unit_s
         if bound < length:
-            takes, least = length * instance.unit_s, bound * instance.unit_s
             notes += (
                 f"the order of the poses is not proven the quickest: its segments take {takes:.1f} s, in any order "
                 f"they take at least {least:.1f} s",
             )
-        return self._tour(tour, bound * instance.unit_s, bound >= length, "embedded", notes)
+        if announced and length < instance.length(announced):
+            more = instance.length(announced) * instance.unit_s
+            notes += (f"Concorde announced {more:.3f} s as the shortest, but {takes:.3f} s is possible; {_TOOK_OVER}",)
+            announced = []
+        return self._tour(announced or tour, least, bound >= length, "concorde" if announced else "embedded", notes)
 
-    def _by_concorde(self, instance: TourInstance, upper: int) -> Tour | None:
-        """Return Concorde's tour; None where it is not installed and was not asked for by name."""
-        program = require_concorde() if self.method == "concorde" else find_concorde()
-        if program is None:
-            return None
-        if upper >= instance.penalty:
-            raise ConcordeError("Concorde was not asked, as no tour without forbidden segments was at hand")
-        cycle = solve_concorde(program, instance, upper, self.seed, self.limit)
-        bound_s = instance.length(cycle) * instance.unit_s
-        return self._tour(cycle, bound_s, True, "concorde", ())
+    def _ask_concorde(self, instance: TourInstance, upper: int) -> tuple[list[int], tuple[str, ...]]:
+        """Return the tour that Concorde announces as the shortest, or none, and what the person should know of that.
+
+        None where it is not asked or failed. ``upper``: cost of a known tour [units].
+        """
+        if self.method == "exact":
+            return [], ()
+        try:
+            program = require_concorde() if self.method == "concorde" else find_concorde()
+            if program is None:
+                return [], ()
+            if upper >= instance.penalty:
+                raise ConcordeError("Concorde was not asked, as no tour without forbidden segments was at hand")
+            return solve_concorde(program, instance, upper, self.seed, self.limit), ()
+        except ConcordeError as error:
+            return [], (f"{error}; {_TOOK_OVER}",)
 
     def _tour(self, order: list[int], bound_s: float, optimal: bool, solver: str, notes: tuple[str, ...]) -> Tour:
         nodes = np.array(_canonical_direction(order), dtype=np.int64)

@@ -2,6 +2,7 @@
 
 import itertools
 import os
+import re
 import subprocess
 import time
 
@@ -9,8 +10,9 @@ import pytest
 
 import planner.motion.tour.concorde as concorde
 from planner.common.errors import MissingProgramError
+from planner.motion.tour.local_search import LocalSearch
 from planner.motion.tour.solve import solve_tour
-from tests.motion.tour.conftest import BEHAVIOURS, leg_costs, solving
+from tests.motion.tour.conftest import BEHAVIOURS, driven, leg_costs, solving
 
 
 def test_its_optimum_is_taken(install):
@@ -23,6 +25,51 @@ def test_its_optimum_is_taken(install):
     assert tour.notes == ()
     assert tour.order.tolist() == exact.order.tolist()
     assert tour.lower_bound_s == pytest.approx(exact.lower_bound_s, abs=1e-9)
+
+
+def longer_by_one_exchange(cost, order):
+    """Of all tours that one exchange of two legs makes of a tour, the shortest that is longer than it."""
+    turned = [
+        [*order[:a], *order[a : b + 1][::-1], *order[b + 1 :]] for a in range(1, 30) for b in range(a + 1, len(order))
+    ]
+    return min((t for t in turned if driven(cost, t) > driven(cost, order) + 1e-3), key=lambda t: driven(cost, t))
+
+
+@pytest.mark.parametrize("method", ["auto", "concorde"])
+@pytest.mark.parametrize(("clusters", "forbidden"), [(0, ()), (4, ((0, 1), (2, 3)))])
+def test_a_tour_that_only_seems_the_shortest_is_not_believed(install, method, clusters, forbidden):
+    """It is announced as the optimum, and is a little longer than the one that the embedded solver proves."""
+    cost = leg_costs(40, seed=3, clusters=clusters)
+    exact = solve_tour(cost, method="exact", forbidden=forbidden)
+    poor = longer_by_one_exchange(cost, exact.order.tolist())
+    install(solving(poor))
+    tour = solve_tour(cost, method=method, forbidden=forbidden)
+    assert driven(cost, tour.order) == pytest.approx(exact.cost_s, abs=1e-4)
+    assert tour.optimal
+    assert tour.solver == "embedded"
+    (note,) = tour.notes
+    assert "announced" in note
+    said = [float(number) for number in re.findall(r"(\d+\.\d+) s", note)]
+    assert said == pytest.approx([driven(cost, poor), exact.cost_s], abs=1e-3)
+
+
+@pytest.mark.parametrize("worse", [True, False])
+def test_a_claim_is_no_proof_where_the_own_proof_ends_early(install, monkeypatch, worse):
+    """A weak first search and no search tree: a better tour is taken, its claim is not."""
+    cost = leg_costs(60, seed=5, clusters=4)
+    exact = solve_tour(cost, method="exact")
+    order = exact.order.tolist()
+    claimed = longer_by_one_exchange(cost, order) if worse else order
+    monkeypatch.setattr(LocalSearch, "improve", lambda *_, **__: None)
+    install(solving(claimed))
+    alone, tour = solve_tour(cost, method="exact", nodes=0), solve_tour(cost, nodes=0)
+    assert driven(cost, claimed) < alone.cost_s
+    assert tour.cost_s == pytest.approx(driven(cost, claimed), abs=1e-9)
+    assert tour.solver == "concorde"
+    assert tour.optimal == (tour.cost_s - tour.lower_bound_s < 1e-4)
+    assert tour.lower_bound_s <= exact.cost_s
+    assert not (worse and tour.optimal)
+    assert tour.optimal or any("not proven" in note for note in tour.notes)
 
 
 @pytest.mark.parametrize("method", ["auto", "concorde"])
