@@ -5,6 +5,7 @@ __all__ = [
     "image_table",
     "joint_motion",
     "loader",
+    "probe_turns",
     "proposed_map",
     "repeated_rows",
     "run",

@@ -21,7 +21,7 @@ from planner.runs.joint_motion import (
     number_sessions,
 )
 from planner.runs.model_axes import AxesOf, in_model_axes
-from planner.runs.quantities import check_jumps, joint_angles, readings_of
+from planner.runs.quantities import check_jumps, joint_angles, readings_of, turns_as
 from planner.runs.repeated_rows import refuse_repeated_files, repeated_row_notes
 from planner.runs.run import Readings, Run, Samples, sort_names
 from planner.runs.synchronisation import pair_tables
@@ -31,7 +31,7 @@ from planner.runs.wrapped_angles import go_on_past_turns
 FEWEST_ROWS = 3  # that share a time, or at which it steps back: fewer may be a slip
 MEASURES = ("static", "continuous")
 OF_CORNERS = frozenset({"pixels", "seen"})  # of as many corners as a file names
-UNNAMED = frozenset({"session", "point", "file", "line", "seen"})  # left out of a joined run without a word
+UNNAMED = frozenset({"turns", "session", "point", "file", "line", "seen"})  # left out of a joined run without a word
 T = TypeVar("T", Samples, Readings)
 
 
@@ -137,6 +137,7 @@ def _logged_run(table: RunTable, n_joints: int, pixels: Array | None) -> Run:
         (table.source.name,),
         "truth" in table.notes,
         table.slides,
+        turns_as(table),
     )
 
 
@@ -245,11 +246,14 @@ def join_runs(runs: Sequence[Run]) -> Run:
         r.readings if r.readings.ball is None else replace(r.readings, ball=_reindex(r.readings.ball, r.balls, balls))
         for r in runs
     ]
+    joined = _concatenate(readings, names, warnings)
+    if len({r.turns_as for r in runs}) > 1:  # each is turned as it says; no one convention can be tried
+        joined = replace(joined, turns=None)
     return replace(
         runs[0],
         name="+".join(names),
         samples=samples,
-        readings=_concatenate(readings, names, warnings),
+        readings=joined,
         places=places,
         balls=balls,
         points=points,

@@ -22,8 +22,14 @@ from planner.runs.titles import counts_from_0, meaning_of, meanings, without_uni
 USUAL_ENCODING = "utf-8"
 OTHER_ENCODINGS = ("cp1252", "utf-16")  # what a spreadsheet of Windows writes
 OF_JOINT = re.compile(r"(q|cmd)\d")
+TURNS = ("rx", "ry", "rz")
 VECTOR = ("x", "y", "z")  # coordinates of one place have one unit
-USUAL = {"q": "deg", "cmd": "deg", "t": "s", "temperature": "degC", "length": "mm", "x": "mm", "y": "mm", "z": "mm"}
+USUAL = {
+    **dict.fromkeys(("q", "cmd", *TURNS), "deg"),
+    **dict.fromkeys(("length", *VECTOR), "mm"),
+    "t": "s",
+    "temperature": "degC",
+}
 
 
 def _read_foreign(path: Path) -> tuple[ForeignTable | None, str]:
@@ -220,7 +226,7 @@ def _usual_unit(table: ForeignTable, column: int, key: str, keys: Mapping[int, s
     """
     stem = _stem(key)
     usual = USUAL.get(stem, "")
-    stems = VECTOR if stem in VECTOR else (stem,)
+    stems = next((group for group in (VECTOR, TURNS) if stem in group), (stem,))
     like = [k for k, other in keys.items() if _stem(other) in stems] or [column]
     said = {_unit_of_title(table, k) for k in like} - {""}
     if len(said) == 1 and (own := UNITS.get(said.pop(), "")) and find_column(f"{key}_{own}"):

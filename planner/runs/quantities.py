@@ -1,12 +1,12 @@
 """Joint angles and gauge readings of a table: all columns or none, and values that their unit allows."""
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from planner.common.errors import InputError
 from planner.common.units import TURN, Array, read_only, to_deg
 from planner.runs.images import PIXEL
 from planner.runs.joint_motion import DENSE_STEP
+from planner.runs.probe_turns import QUATERNION, rotations_of
 from planner.runs.run import Readings
 from planner.runs.scalars import column_of, scalar_kinds
 from planner.runs.table import RunTable
@@ -56,6 +56,44 @@ OFFSET = ("dx", "dy", "dz")
 KINDS = {"length": "length_mm", "x": "x_mm, y_mm, z_mm", "ball": "ball", "u": "corner, u_px, v_px"}
 
 
+QUATERNION_KEYS = ("qx", "qy", "qz", "qw")
+
+
+def turns_as(table: RunTable) -> str:
+    """Return how the columns say that a probe is turned, empty where they do not say it.
+
+    Raises:
+        InputError: rx, ry and rz say different conventions.
+    """
+    if table.has(QUATERNION_KEYS[0]):
+        return QUATERNION
+    said = {table.units.get(key, "").rpartition("_")[0] for key in TURNING if table.has(key)}
+    if len(said) > 1:
+        raise InputError(f"{table.source.file}: rx, ry, rz say different conventions: {', '.join(sorted(said))}")
+    return said.pop() if said else ""
+
+
+def _turns_of(table: RunTable, lacking: str) -> Array | None:
+    """Return rx, ry, rz (n, 3) [rad], or quaternions x, y, z, w (n, 4) of the length 1, where there are any.
+
+    Raises:
+        InputError: both are there, a part of them is, or a quaternion has another length.
+    """
+    rounding = 1e-2  # of a quaternion's length, as it is written with few digits
+    turning, quaternion = (table.group(keys, lacking) for keys in (TURNING, QUATERNION_KEYS))
+    if quaternion is None:
+        return turning
+    if turning is not None:
+        raise InputError(
+            f"{table.source.file}: rx, ry, rz and a quaternion both say how the probe is turned; keep one of them"
+        )
+    length = np.linalg.norm(quaternion, axis=1)
+    if (row := first_row(np.abs(length - 1.0) > rounding)) is not None:
+        found = f"the quaternion has the length {length[row]:.4g}, and those of turns have 1"
+        raise table.source.error(row, "qw", found)
+    return quaternion
+
+
 def has_reading(table: RunTable) -> bool:
     """Return whether a table holds any part of a reading."""
     return any(table.has(key) for key in ("length", *POSITION, "ball", *PIXEL, *scalar_kinds()))
@@ -69,7 +107,8 @@ def readings_of(table: RunTable, pixels: Array | None = None) -> tuple[Readings,
     """
     file = table.source.file
     lacking = "there is no column {} beside the others"
-    position, turning, offset = (table.group(keys, lacking) for keys in (POSITION, TURNING, OFFSET))
+    position, offset = (table.group(keys, lacking) for keys in (POSITION, OFFSET))
+    turning = _turns_of(table, lacking)
     kinds = KINDS | {key: column_of(kind) for key, kind in scalar_kinds().items()}
     found = [columns for key, columns in kinds.items() if table.has(key) or (key == "u" and pixels is not None)]
     if not found:
@@ -92,8 +131,8 @@ def readings_of(table: RunTable, pixels: Array | None = None) -> tuple[Readings,
         index, names = table.names("ball")
         return Readings(ball=index, offset=offset), names
     if position is not None:
-        rotation = None if turning is None else read_only(Rotation.from_euler("XYZ", turning).as_matrix())
-        return Readings(position=position, rotation=rotation), ()
+        rotation = None if turning is None else read_only(rotations_of(turning, turns_as(table) or "moving"))
+        return Readings(position=position, rotation=rotation, turns=turning), ()
     for key, kind in scalar_kinds().items():
         if table.has(key):
             return kind(scalar=table.optional_column(key)), ()

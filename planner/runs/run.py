@@ -109,6 +109,7 @@ class Readings(Rows):
         length: (n,) [m].
         position: of the target in the gauge's own frame G, p_GM (n, 3) [m].
         rotation: of the probe, R_GM (n, 3, 3).
+        turns: what its columns hold of that, rx, ry, rz (n, 3) [rad] or a quaternion x, y, z, w (n, 4).
         ball: index of the ball or socket that the point sits in, (n,) int.
         offset: of the point from that ball's centre in the plate's axes, (n, 3) [m].
         pixels: corners of a board in an image, (n, K, 2) [px], NaN where one is not seen.
@@ -117,6 +118,7 @@ class Readings(Rows):
     length: Array | None = None
     position: Array | None = None
     rotation: Array | None = None
+    turns: Array | None = None
     ball: IntArray | None = None
     offset: Array | None = None
     pixels: Array | None = None
@@ -149,6 +151,7 @@ class Run:
         files: names that ``samples.file`` counts.
         simulated: whether its comment lines say so.
         slides: numbers, from 1, of the joints that slide.
+        turns_as: how ``readings.turns`` turn the probe (:mod:`planner.runs.probe_turns`), empty where nothing says it.
     """
 
     name: str
@@ -165,6 +168,7 @@ class Run:
     files: tuple[str, ...] = ()
     simulated: bool = False
     slides: frozenset[int] = frozenset()
+    turns_as: str = ""
 
     def __repr__(self) -> str:
         """Name the run, and say how long it is."""

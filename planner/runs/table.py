@@ -41,18 +41,21 @@ TRAVEL = {
     "mm": DEG,
     "m": 1e3 * DEG,
 }  # of a joint that slides: a millimetre counts as a degree does, see kinematics.robot
+# of a probe's angles, with the convention that their columns may say (planner.runs.probe_turns)
+TURN_UNITS = ANGLE | {f"{c}_{unit}": f for c in ("moving", "fixed", "vector") for unit, f in ANGLE.items()}
 NO_UNIT: Mapping[str, float] = {}
 # of columns that are there once
 PLAIN: Mapping[str, Mapping[str, float]] = {
     "t": {"s": 1.0},
     "length": LENGTH,
     **{axis: LENGTH for axis in ("x", "y", "z", "dx", "dy", "dz")},
-    **{axis: ANGLE for axis in ("rx", "ry", "rz")},
+    **{axis: TURN_UNITS for axis in ("rx", "ry", "rz")},
     "temperature": {"degC": 1.0},
     "force": {"N": 1.0},
     "payload": {"kg": 1.0},
     **{name: {"px": 1.0} for name in ("u", "v")},
     **{name: NO_UNIT for name in ("session", "pose", "sync", "fixture", "ball", "point", "corner")},
+    **{name: NO_UNIT for name in ("qw", "qx", "qy", "qz")},
 }
 OF_JOINTS: Mapping[str, Mapping[str, float]] = {
     "q": ANGLE | TRAVEL, "cmd": ANGLE | TRAVEL, "torque": {"Nm": 1.0, "N": 1.0}, "direction": NO_UNIT,
@@ -64,6 +67,7 @@ PLAUSIBLE = {  # lowest and highest of any cell, in SI: beyond it a unit or a co
     "temperature": (-100.0, 500.0), "force": (-1e6, 1e6), "payload": (0.0, 1e5), "torque": (-1e6, 1e6),
     "pose": (-1.0, 1e7), "session": (-1e7, 1e7),
     **dict.fromkeys(("u", "v"), (-1e5, 1e5)), "corner": (0.0, 1e4),
+    **dict.fromkeys(("qw", "qx", "qy", "qz"), (-1.001, 1.001)),
 }  # fmt: skip
 WHOLE = frozenset({"session", "pose", "sync", "direction", "corner"})  # columns of whole numbers
 _NUMBERED = re.compile(r"(?P<stem>q|cmd|torque|direction)(?P<joint>[1-9]\d*)")

@@ -25,6 +25,8 @@ MEANINGS = (  # what a title means, by its words without the unit; {n} is the nu
     (r"(?:temperature|temperatur|temp)", "temperature"),
     (r"(?:length|länge|laenge|distance|abstand|bar|gauge|reading|messwert|l)", "length"),
     (r"(?:ball|socket|kugel)", "ball"),
+    (r"(?:.*[\W_])?r(?P<n>[xyz])", "r{n}"),
+    (r"(?:.*[\W_])?(?:orientation[\W_]*|quat(?:ernion)?[\W_]*|q)(?P<n>[wxyz])", "q{n}"),
     (BEFORE + r"(?P<n>[xyz])(?:[\W_]*(?:pos|position|ist|act|meas|measured)|_?[01])?", "{n}"),
 )
 NAME_OF_JOINT = re.compile(r"(?:.*[\W_])?name[\W_]*(?P<n>[0-9]+)\W*", re.IGNORECASE)

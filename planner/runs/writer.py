@@ -62,6 +62,7 @@ def table_of(run: Run) -> pl.DataFrame:
     s, r = run.samples, run.readings
     read = s.q if s.q_read is None and s.q_cmd is None else s.q_read
     turning = None if r.rotation is None else Rotation.from_matrix(r.rotation).as_euler("XYZ")
+    turning = r.turns if r.turns is not None and not run.turns_as else turning  # to be tried against joint angles yet
     columns: dict[str, object] = _number_columns(
         (["t"], s.t),
         (_of_joints("q", read, run.slides), read),

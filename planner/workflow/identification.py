@@ -48,6 +48,7 @@ from planner.model.finding import Finding
 from planner.model.gauge_frames import ToolPointPosition
 from planner.model.identification_document import Estimate, Stage
 from planner.runs.loader import load_runs
+from planner.runs.probe_turns import settle_turns
 from planner.runs.run import NO_REFERENCE_READINGS, Run, read_reference_readings
 from planner.runs.wrapped_angles import bring_within_limits
 from planner.session.document import PlanDocument, read_plan
@@ -318,7 +319,7 @@ def load_any(runs: Runs, robot: Robot) -> Run:
     if not isinstance(runs, Run):
         paths = [Path(runs)] if isinstance(runs, Path | str) else [Path(r) for r in runs]
         runs = load_runs(paths, robot.n_joints, robot.axes_of)
-    return bring_within_limits(runs, robot.q_lower, robot.q_upper, robot.slides)
+    return settle_turns(bring_within_limits(runs, robot.q_lower, robot.q_upper, robot.slides), robot)
 
 
 def identify_runs(
