@@ -169,10 +169,9 @@ class CalibrationResult(FolderResult):
         return not self.calibration.problems or self.calibration.worse_than_nominal is not None
 
     def fill(self, draft: Path) -> None:
-        """Write ``residuals.csv``, the report and the robot.
+        """Write ``residuals.csv``, the report and the robot; of a fit that failed its own checks no robot.
 
-        A fit that failed its own checks is reported with the reasons, but no robot is written. One that is worse than
-        the nominal robot is written, says in its file not to use it, and goes without what others are made of.
+        One that is worse than the nominal robot says in its file not to use it, and goes without what others need.
         """
         # plotting: other commands start quicker without
         from planner.report.calibration_report import report_calibration
