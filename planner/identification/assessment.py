@@ -160,11 +160,7 @@ def collect_warnings(run: Run, cell: Cell, found: Fit, validation: Run | None) -
             ("1 sample is an outlier", "it was") if count == 1 else (f"{count} samples are outliers", "they were")
         )
         out.append(f"{are} ({named}); {they} kept in the fit")
-    if found.problem.whitener.noise.gauge == least_noise():
-        out.append(
-            f"the readings fit as if they had no noise: computed readings, or the cell declares too much noise "
-            f"([gauge]); {least_noise():.0%} of the declared noise is assumed"
-        )
+    out += found.problem.whitener.noise.remarks
     if all(m is None for m in setup.robot.masses):
         weight = "what its own weight does is known link by link at best, not in Nm"
         out.append(Aside(f"{setup.robot.name} has no link masses: {weight}"))

@@ -28,6 +28,16 @@ class Noise:
     joints: float = 1.0
     angle: float = 1.0
 
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """Say that there is none, and what is assumed; nothing where there is some."""
+        if self.gauge != least_noise():
+            return ()
+        return (
+            "the readings fit as if they had no noise: computed readings, or the cell declares too much noise "
+            f"([gauge]); {least_noise():.0%} of the declared noise is assumed",
+        )
+
 
 @dataclass(frozen=True)
 class Whitener:
