@@ -19,6 +19,7 @@ from planner.compensation.correction import (
 from planner.compensation.correction_mark import CorrectionMark, check_no_measuring_program, refuse_second_correction
 from planner.compensation.few_axes import TurnWeights
 from planner.compensation.file_axes import FlangeInAxes, axes_notes, axes_of_file, axes_statement, next_step
+from planner.compensation.foreign_languages import refuse_foreign_language
 from planner.compensation.languages import (
     add_head,
     check_reach,
@@ -151,6 +152,7 @@ def compensate_file(
             named).
         NoSolutionError: no target has a correction, or most are out of the robot's reach.
     """
+    refuse_foreign_language(path, by_suffix=dialect is None)
     text, encoding = read_program(path)
     if mark is not None:
         refuse_second_correction(path.name, text, mark, again)

@@ -32,7 +32,9 @@ TP_REMARK = CommentStyle(start="   :  !", end=" ;", forbid=";[]", max_length=31)
 HALVES = {".src": ".dat", ".dat": ".src"}
 MORE_SUFFIXES = {".csv": TABLE, ".sys": "rapid", ".modx": "rapid", ".spf": "sinumerik"}
 CONTENT_PATTERNS = {
-    "krl": r"^[ \t]*+(&ACCESS|DEF(DAT)?\s+\w+)",
+    "urscript": r"^[ \t]*+def[ \t]+\w+[ \t]*\([^)\n]*\)[ \t]*:[ \t]*\r?$",
+    "fanuc-tp": r"^/PROG[ \t]+\w+",
+    "krl": r"^[ \t]*+(&ACCESS|DEF(DAT|FCT)?\s+\w+)",
     "rapid": r"^[ \t]*+MODULE\s+\w+",
     "pdl2": r"^[ \t]*+PROGRAM\s+\w+",
     TABLE: r"^[^\n]*\bq1_(deg|rad)\b",

@@ -204,14 +204,14 @@ def test_krl_frames_hold_where_they_have_certainly_got_their_value(rows, kuka, t
 
 @pytest.mark.parametrize(
     ("beside", "routine", "state"),
-    [("ISR", "$TOOL.Z=3", "left"), ("ISR", "HALT", "certain"), ("PARO", "HALT", "noted"), ("A10", "HALT", "certain")],
+    [("ISR", "$TOOL.Z=3", "left"), ("ISR", "HALT", "certain"), ("PARO", "HALT", "unknown"), ("A10", "HALT", "certain")],
 )
 def test_routines_of_interrupts(kuka, tmp_path, beside, routine, state):
     rows = [f"INTERRUPT WITH BRAKE DECL 9 WHEN $IN[1]==TRUE DO {beside} ( )", f"PTP {pose(kuka[0])}", GOOD, "END"]
     text = krl(*NULL, *rows, "DEF ISR ( )", routine)
     done = run(tmp_path / "p.src", text, kuka)
-    assert changed(done, text) == ([6] if state == "left" else [5, 6])
-    assert ("PARO of this interrupt is not in the file" in done.summary) == (state == "noted")
+    assert changed(done, text) == ([5, 6] if state == "certain" else [6])
+    assert ("PARO, which is not in the file" in done.summary) == (state == "unknown")
 
 
 def test_rapid_points_that_make_a_work_object_in_two_steps(abb, tmp_path):

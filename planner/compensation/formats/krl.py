@@ -95,10 +95,7 @@ class _KrlTargets:
             case st.Call():
                 self._read_call(statement)
             case _:
-                routine = self.frames.take_aside(statement)
-                if routine and own:
-                    said = f"the routine {routine} of this interrupt is not in the file; it is taken to leave tool and "
-                    self.reading.notes.append((statement.line, said + "base alone"))
+                self.frames.take_aside(statement)
                 if type(statement) is st.Statement:
                     self.last = None
 
@@ -127,15 +124,14 @@ class _KrlTargets:
 
     def _hand_points(self, statement: st.Statement) -> None:
         """A routine or a function may drive to the points that it is given, and may change them."""
-        for name in names_set_beside(statement):
-            if self.points.has(name):
-                self.points.compute(name, f"is set in line {statement.line} while the program runs")
+        for name in names_set_beside(statement):  # points too that get their numbers further down
+            self.points.compute(name, f"is set in line {statement.line} while the program runs")
         for name in names_given_away(statement):
             if self.points.has(name):
                 self.points.use(name, 0, pt.Use(self.frames.default_frames(), None, linear=False))
-                if self.frames.may_write(statement):
-                    where = f"line {statement.line}" + ("" if self.own else " of the other half of the module")
-                    self.points.compute(name, f"is handed to a routine that may change it ({where})")
+            if self.frames.may_write(statement):
+                where = f"line {statement.line}" + ("" if self.own else " of the other half of the module")
+                self.points.compute(name, f"is handed to a routine that may change it ({where})")
 
     def _read_call(self, call: st.Call) -> None:
         """A routine may set other frames and may drive elsewhere."""

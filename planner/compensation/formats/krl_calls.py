@@ -30,7 +30,10 @@ _LEAVE_FRAMES = (  # statements that the parser yields as unknown, and that leav
 _LEAVES_FRAMES = re.compile("|".join(_LEAVE_FRAMES), re.IGNORECASE)
 _SET = re.compile(r"(?<![\w.$#'])([A-Z_]\w*(?:\s*\[[^\]]*\])?)\s*(?:\.\s*\w+\s*)?(?<![<>=])=(?!=)")
 _LOOP = re.compile(r"(LOOP|WHILE|FOR|REPEAT)\b", re.IGNORECASE)
-_INTERRUPT = re.compile(r"INTERRUPT\b.*\bDECL\b.*\bDO\s+(\w+)\s*\(", re.IGNORECASE)
+_INTERRUPT = re.compile(
+    r"(?:GLOBAL\s+)?INTERRUPT\b.*?\bDECL\b.*?\bDO\s+(?P<body>(?P<routine>\w+)\s*\(.*|.*)", re.IGNORECASE
+)
+_MAKERS_OWN = re.compile(r"IR_STOPM|[AH]\d\d|PULSE", re.IGNORECASE)  # what interrupts of inline forms run
 
 
 def calls_function(statement: st.Statement) -> bool:
@@ -104,10 +107,22 @@ class FrameChanges:
         """Tell whether a statement is run, rather than being data of the module."""
         return id(statement) in self._inside
 
-    def interrupt(self, statement: st.Statement) -> str:
-        """Return the routine that a statement declares for an interrupt, or nothing."""
-        match = _INTERRUPT.search(statement.text)
-        return match[1].upper() if match else ""
+    def doubt_interrupt(self, statement: st.Statement) -> str | None:
+        """Say what an interrupt that is declared here may run that sets tool or base; empty if nothing.
+
+        None where no interrupt is declared. A routine that is not in the file may set anything, as in a trigger.
+        """
+        match = _INTERRUPT.match(statement.text)
+        if match is None:
+            return None
+        if match["routine"] is None:
+            body = match["body"].strip()
+            harmless = _LEAVES_FRAMES.fullmatch(body) is not None and SET_BESIDE.search(body) is None
+            return "" if harmless else f"'{body[:40]}'"
+        routine = match["routine"].upper()
+        if self.is_harmless(routine) or (routine not in self.routines and _MAKERS_OWN.fullmatch(routine)):
+            return ""
+        return f"the routine {routine}" + ("" if routine in self.routines else ", which is not in the file")
 
     def may_write(self, statement: st.Statement) -> bool:
         """Tell whether a called routine is not in the file, or takes anything but values (``:IN``)."""
@@ -137,7 +152,7 @@ class FrameChanges:
                 return True
             case st.Routine() | st.RoutineEnd():
                 return False
-        declares = self.interrupt(statement) != ""
+        declares = self.doubt_interrupt(statement) is not None
         leaves = leaves_frames(statement) and SET_BESIDE.search(statement.text) is None
         return not declares and (calls_function(statement) or not leaves)
 

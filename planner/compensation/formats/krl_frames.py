@@ -19,7 +19,7 @@ from planner.compensation.formats.krl_values import (
     TABLE,
     FrameValues,
     describe_change,
-    plain_frame,
+    frame_value,
     spell_name,
 )
 from planner.compensation.points import Frame, FramePair, trace_sources
@@ -29,7 +29,6 @@ from planner.programs.languages.krl import Bas
 # variables whose value a pose depends on
 FOLLOWED = ("$TOOL", "$BASE", "$IPO_MODE", "$ORI_TYPE", "FDAT_ACT", "LDAT_ACT")
 _FIXED_BASE, _VARIABLE = "#BASE", "#VAR"
-_MAKERS_OWN = re.compile(r"IR_STOPM|[AH]\d\d")  # routines of interrupts that inline forms declare
 _WITH_TAUGHT = re.compile(  # the frames of a point taught by inline form, as a spline move takes them
     r"\$(TOOL|BASE|IPO_MODE)\s*=\s*S(?:TOOL2|BASE|IPO_MODE)\s*\(\s*(F\w+)(?:\s*\.\s*\w+)?\s*\)", re.IGNORECASE
 )
@@ -123,20 +122,13 @@ class FrameState:
         if self._depth <= 0:
             self._inside.clear()
 
-    def take_aside(self, statement: st.Statement) -> str:
-        """Process a statement that neither moves nor assigns: it may set frames, call a function, declare an interrupt.
-
-        Returns:
-            The routine of an interrupt that is not in the file and not of KUKA's own, or nothing.
-        """
-        if SET_BESIDE.search(statement.text):
+    def take_aside(self, statement: st.Statement) -> None:
+        """Process a statement that neither moves nor assigns: it may set frames, or declare an interrupt that does."""
+        if (doubt := self._changes.doubt_interrupt(statement)) is not None:
+            if doubt:
+                self._values.everywhere = f"the interrupt of line {statement.line} may set another ({doubt})"
+        elif SET_BESIDE.search(statement.text):
             self.forget(f"line {statement.line} sets it")
-        elif routine := self._changes.interrupt(statement):
-            if self._changes.is_harmless(routine):
-                return ""
-            if routine not in self._changes.routines:
-                return "" if _MAKERS_OWN.fullmatch(routine) else routine
-            self._values.everywhere = f"the interrupt of line {statement.line} may set another ({routine})"
         elif not leaves_frames(statement):
             self.forget(f"what line {statement.line} does is not known: '{statement.text[:40]}'")
         elif calls_function(statement):
@@ -144,7 +136,6 @@ class FrameState:
         elif declared := re.fullmatch(r"DECL\s+\w+\s+([\w,\s]+)", statement.text, re.IGNORECASE):
             self._variables |= set(re.findall(r"\w+", declared[1].upper()))
             self._shadowed |= self._variables - self._changes.assigned
-        return ""
 
     def may_write(self, statement: st.Statement) -> bool:
         """Tell whether a routine that the statement calls may change what it is given."""
@@ -191,12 +182,16 @@ class FrameState:
 
     def _assigned_frame(self, statement: st.Assignment) -> Frame:
         """Return the frame that is given to $TOOL or $BASE, or why it is not certain."""
-        T: Frame | None = None if statement.part else plain_frame(statement.value)
-        name = spell_name(statement.value)
-        if T is None and not statement.part and re.fullmatch(r"[A-Z_]\w*(\[\d+\])?", name):
-            known = name in self._values or TABLE.fullmatch(name)
-            T = self._find_frame(name) if known and name not in self._shadowed else None
+        T = None if statement.part else frame_value(statement.value, self._named_frame)
         return describe_change(statement) if T is None else T
+
+    def _named_frame(self, name: str) -> Frame | None:
+        """Return the frame of a name at this statement, or why it is not certain; None where there is none."""
+        if name in ("$TOOL", "$BASE"):
+            T = self._now[name[1:]]
+            return None if isinstance(T, str) else T
+        known = name in self._values or TABLE.fullmatch(name)
+        return self._find_frame(name) if known and name not in self._shadowed else None
 
     def assign_named_frame(self, statement: st.Assignment) -> None:
         """Note that a frame with a name gets its value here."""

@@ -1,7 +1,7 @@
 """The frames that KRL files name: what each is, from ``$config.dat`` and the file, and which of them may change."""
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
@@ -9,7 +9,7 @@ import planner.programs.languages.statements as st
 from planner.common.units import DEG, MM, Array, read_only
 from planner.compensation.formats.krl_calls import SELECTS_TAUGHT, FrameChanges, names_given_away, names_set_beside
 from planner.compensation.points import Frame
-from planner.compensation.rotations import frame, from_abc
+from planner.compensation.rotations import frame, from_abc, inverse
 from planner.compensation.targets import NOT_HELD, ToolAndBase
 from planner.programs.languages.krl import POSE_KEYS, Aggregate, Bas, aggregate, parse
 
@@ -29,11 +29,56 @@ def transform(found: Aggregate | None) -> Array | None:
     return read_only(frame(values[None, :3] * MM, from_abc(values[None, 3:] * DEG))[0])
 
 
-def plain_frame(value: str) -> Array | None:
-    """Return the transform (4, 4) [m] that a value spells, or None."""
-    if value.upper() in ("$NULLFRAME", "$WORLD"):
+def _unnamed(_name: str) -> Frame | None:
+    return None
+
+
+def frame_value(value: str, find: Callable[[str], Frame | None] = _unnamed) -> Frame | None:
+    """Return the frame that an expression of frames gives, or why it is not certain; None where it is not understood.
+
+    The geometric operator ``:`` multiplies the transforms (4, 4) [m] of its two sides, from left to right.
+
+    Args:
+        value: numbers in braces, names, ``INV_POS(…)`` and brackets, joined by ``:``.
+        find: the frame of a name in one spelling, or None where there is none.
+    """
+    product: Array = np.eye(4)
+    for factor in _factors(value):
+        T = _factor(factor, find)
+        if T is None or isinstance(T, str):
+            return T
+        product = product @ T
+    return read_only(product)
+
+
+def _factor(text: str, find: Callable[[str], Frame | None]) -> Frame | None:
+    """Return the frame that one side of a geometric operator gives, or why it is not certain; None as above."""
+    if text.upper() in ("$NULLFRAME", "$WORLD"):
         return np.eye(4)
-    return transform(aggregate(value, 0)) if value.startswith("{") and value.endswith("}") else None
+    if text.startswith("{"):
+        return transform(aggregate(text, 0))
+    if inside := re.fullmatch(r"(INV_POS)?\s*\((.*)\)", text, re.IGNORECASE):
+        T = frame_value(inside[2], find)
+        return T if T is None or isinstance(T, str) or not inside[1] else inverse(T[None])[0]
+    return find(spell_name(text))
+
+
+def _factors(value: str) -> list[str]:
+    """Return the sides of the geometric operators of an expression; those within brackets of any kind stay whole."""
+    factors, depth = [""], 0
+    for sign in value:
+        depth += (sign in "{([") - (sign in "})]")
+        if sign == ":" and depth == 0:
+            factors.append("")
+        else:
+            factors[-1] += sign
+    return [factor.strip() for factor in factors]
+
+
+def plain_frame(value: str) -> Array | None:
+    """Return the transform (4, 4) [m] that a value spells without names, or None."""
+    T = frame_value(value)
+    return None if isinstance(T, str) else T
 
 
 def spell_name(name: str) -> str:

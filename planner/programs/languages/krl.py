@@ -123,8 +123,10 @@ def _move(match: re.Match[str], line: int, start: int) -> KrlMove:
 
 
 def aggregate(text: str, start: int) -> Aggregate:
-    """Read a value in braces, from the first ``{`` at ``start`` to the first ``}``."""
-    text = text[: text.find("}") + 1]
+    """Read a value that is one pair of braces and begins at ``start``; with anything behind them it has no numbers."""
+    text, behind = text[: text.find("}") + 1], text[text.find("}") + 1 :]
+    if behind.strip():
+        return Aggregate(text + behind, None)
     head = re.match(r"\{\s*(\w+\s*:)?", text)
     at = 0 if head is None else head.end()
     found: dict[str, st.PlacedNumber] = {}
