@@ -28,7 +28,6 @@ from planner.programs.languages.rapid import JOINT_TARGET, ROB_TARGET, UNUSED_AX
 
 _DISPLACED = re.compile(r"\b(PDispOn|PDispSet|EOffsOn|EOffsSet|CorrCon|Set(?:All)?DataVal|DeactUnit)\b", re.IGNORECASE)
 _SENSOR_MOVE = re.compile(r"\bEGM(?:Run|Move|Stream)\w*", re.IGNORECASE)
-_PATH_CORRECTED = re.compile(r"\\\s*Corr\b", re.IGNORECASE)
 _EXTERNAL_MOVE = re.compile(r"\bMoveExtJ\b|\bInd[ACDR]Move\b", re.IGNORECASE)
 _EXTERNAL_GIVEN = re.compile(r"\.\s*extax\s*+(?:\.\s*eax_(?P<axis>[a-f])\s*+)?$", re.IGNORECASE)
 _TARGETS = {"jointtarget": JOINT_TARGET, "robtarget": ROB_TARGET}
@@ -147,8 +146,6 @@ class _RapidTargets:
     def _frames_of(self, p: Placed, move: RapidMove) -> pt.FramePair:
         """Return tool and base of a move, or why it does not go to where its target says."""
         why = self.turning.describe_doubt(p, move)
-        if _PATH_CORRECTED.search(move.text):
-            why = f"\\Corr in line {move.line} adds what a sensor finds to the path"
         return (why, why) if why else self.frames.of(p, move)
 
     def take(self, p: Placed) -> None:
