@@ -19,7 +19,6 @@ from planner.cli.terminal import (
 from planner.common.calls import find_function
 from planner.common.console import as_word
 from planner.common.errors import PARTLY_DONE, InputError
-from planner.common.files import check_writing
 from planner.common.summary import SCREEN_LINES, fact_lines
 from planner.workflow.compensate_call import CompensateCall
 from planner.workflow.plan_use_calls import ImportCall, SimulateCall
@@ -57,11 +56,15 @@ def _compensate(values: Values, output: str, manner: Manner) -> None:
     with Screen():
         more = {"zeros_set": _axes(values.get("zeros_set", "")), "force": manner.force}
         done = find_function(CompensateCall)(**{**values, **more})
+    if output == "-" and done.others:
+        names = " and ".join(f.name for f in (done.file, *done.others))
+        raise InputError(f"-o -: {names} are written together; name a file or a folder")
     if output != "-":
-        check_writing(Path(output), done.file.text.encode(done.file.encoding), manner.force)
+        done.check(output, manner.force)
     errors.print(done.full_summary(manner.verbose, SCREEN_LINES - 1))
-    give_file(done.file.text, lambda path: done.write(path, manner.force), output, done.file.step.format(file=output))
-    if done.file.partly:
+    step = "" if output == "-" else done.next_step(output)
+    give_file(done.file.text, lambda _: done.write(output, manner.force), output, step)
+    if done.partly:
         raise typer.Exit(PARTLY_DONE)
 
 

@@ -114,14 +114,25 @@ def has_hash(data: bytes, digest: str) -> bool:
     return digest in (hashlib.sha256(data).hexdigest(), text_hash(data))
 
 
+UTF_16_MARKS = (b"\xff\xfe", b"\xfe\xff")  # the mark U+FEFF in either order of bytes
+
+
+def announced_encoding(data: bytes) -> str:
+    """Return UTF-16 where a byte order mark says it, as in what Excel calls Unicode text, else UTF-8."""
+    return "utf-16" if data.startswith(UTF_16_MARKS) else "utf-8-sig"
+
+
 def read_utf8(path: Path, most_bytes: int = MOST_TEXT) -> str:
     """Return the text of a plain file in UTF-8, its line ends as any program reads them, without a byte order mark.
+
+    UTF-16 is read too, where a byte order mark says it.
 
     Raises:
         InputError: as :func:`read_bytes`, or the bytes are no UTF-8.
     """
+    data = read_bytes(path, most_bytes)
     try:
-        text = read_bytes(path, most_bytes).decode("utf-8-sig")
+        text = data.decode(announced_encoding(data))
     except UnicodeDecodeError as err:
         raise InputError(f"{path}: is no text in UTF-8 (byte {err.start})") from err
     return text.replace("\r\n", "\n").replace("\r", "\n")

@@ -2,9 +2,12 @@
 
 __all__ = [
     "compensated_file",
+    "compensated_program",
     "correction_mark",
     "few_axes",
+    "module_files",
     "program_error",
+    "program_text",
     "rotations",
     "targets",
     "tool_notes",

@@ -1,13 +1,12 @@
 """One file in, the same file with corrected targets out."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from planner.common.errors import InputError, NoSolutionError
-from planner.common.files import read_bytes
 from planner.common.units import Array
 from planner.compensation.arm_shapes import has_shapes, shape_margins
 from planner.compensation.correction import (
@@ -23,13 +22,15 @@ from planner.compensation.foreign_languages import refuse_foreign_language
 from planner.compensation.languages import (
     add_head,
     check_reach,
-    companion_text,
     detect_dialect,
+    family_of,
     foreign_robot_notes,
     read_targets,
 )
+from planner.compensation.module_files import files_together, shared_targets
 from planner.compensation.nominal_angles import SearchSeeds, solve_nominal_angles
 from planner.compensation.points import SENTENCE, is_service_name
+from planner.compensation.program_text import read_program
 from planner.compensation.report import CompensationReport, read_printed_angles, report_of
 from planner.compensation.rotations import frame, inverse, to_abc, to_quaternion
 from planner.compensation.targets import CorrectedArm, Note, Target, TargetReading, ToolAndBase, list_lines
@@ -48,7 +49,8 @@ class CompensatedFile:
 
     ``targets`` are those that were corrected, as they were, ``q`` the nominal robot's angles there, (n, N) [rad];
     ``left`` and ``q_left`` are the same of those that the arm reaches and that were left as they are;
-    ``step`` says what the person does next with ``{file}``, and for which controller its angles are.
+    ``step`` says what the person does next with ``{file}``, and for which controller its angles are;
+    ``others`` are the other files of its program, which are corrected along with it.
     """
 
     name: str
@@ -60,6 +62,7 @@ class CompensatedFile:
     left: tuple[Target, ...]
     q_left: Array
     step: str
+    others: tuple[Path, ...] = ()
 
     @property
     def summary(self) -> str:
@@ -76,6 +79,7 @@ class CompensatedFile:
 class _Source:
     """A file as it was read: name, language, text, the other half of its module, who is to drive it, and what is next.
 
+    ``declared_together``: targets in the other files that are corrected along with it; None where there are none.
     ``robot`` and ``calibrated`` have the axes of the file's controller: their q are the angles that it counts.
     """
 
@@ -84,6 +88,7 @@ class _Source:
     text: str
     encoding: str
     companion: str
+    declared_together: frozenset[str] | None
     robot: Robot
     calibrated: FlangeModel
     frames: ToolAndBase
@@ -107,7 +112,8 @@ class _Source:
         Raises:
             InputError: the meaning of the whole file is uncertain.
         """
-        reading = TargetReading(self.name, self.robot, self.frames, self.companion)
+        together = self.declared_together or frozenset()
+        reading = TargetReading(self.name, self.robot, self.frames, self.companion, together)
         read_targets(self.dialect, text, reading)
         reading.check()
         return reading
@@ -159,20 +165,39 @@ def compensate_file(
         if not measuring:
             check_no_measuring_program(path.name, text)
     language = dialect or detect_dialect(path, text)
-    companion, axes = (
-        companion_text(path, language, read_program),
-        axes_of_file(path.name, language, text, nominal, axes_of),
-    )
+    axes = axes_of_file(path.name, language, text, nominal, axes_of)
+    together = files_together(path, family_of(language), text)
     notes = [*axes_notes(language, nominal, axes), *foreign_robot_notes(path.name, language, text, nominal)]
     step = next_step(language, nominal, axes)
     nominal, calibrated = nominal.in_axes(axes), FlangeInAxes(calibrated, axes)
     seeds = SearchSeeds(nominal)
+    companion, frames = _texts_together(family_of(language), together.values(), frames)
+    shared = frozenset[str]().union(*map(shared_targets, together.values())) if together else None
     source = _Source(
-        path.name, language, text, encoding, companion, nominal, calibrated, frames, seeds, axes, step, turn_weights
+        path.name,
+        language,
+        text,
+        encoding,
+        companion,
+        shared,
+        nominal,
+        calibrated,
+        frames,
+        seeds,
+        axes,
+        step,
+        turn_weights,
     )
     if is_service_name(path.stem):
         raise InputError(f"{path}: the file {SENTENCE}")
-    return _correct_source(path, source, notes, strict, mark)
+    return replace(_correct_source(path, source, notes, strict, mark), others=tuple(together))
+
+
+def _texts_together(family: str, texts: Iterable[str], frames: ToolAndBase) -> tuple[str, ToolAndBase]:
+    """Return what the other files of a program say: as the other half of a KRL module, or as modules beside."""
+    if family == "krl":
+        return "\n".join(texts), frames
+    return "", replace(frames, data="\n".join([frames.data, *(t for t in texts if t not in frames.data)]))
 
 
 def _correct_source(
@@ -181,7 +206,7 @@ def _correct_source(
     """Solve the targets for the nominal robot, correct them, write them, and read what was written; raises as above."""
     nominal, calibrated = source.robot, source.calibrated
     reading = source.read(source.text)
-    targets = _certain_targets(path, reading, strict)
+    targets = _certain_targets(path, reading, strict, may_be_none=source.declared_together is not None)
     q, problems = solve_nominal_angles(targets, source.seeds)
     if foreign := check_reach(path.name, nominal, targets, q, problems):
         raise NoSolutionError("\n".join([foreign, *list_lines(path.name, problems)]))
@@ -194,12 +219,13 @@ def _correct_source(
         problems += target_problems([t.line for t in chosen], nominal, correction)
         notes = (*notes, *turn_notes(nominal, chosen, q[done]))
         good, q_new = correction.usable, correction.q
-    if not good.any() or (problems and strict):
+    is_whole = source.declared_together is None  # not one file of several, which may hold no target of its own
+    if (is_whole and not good.any()) or (problems and strict):
         said = [*problems, *reading.left]
         raise NoSolutionError("\n".join([problems_summary(path, problems, targets), *list_lines(path.name, said)]))
     written = _write(source, targets, done[good], q[done[good]], q_new[good])
     problems += written.wrong
-    if not written.rows.size or (written.wrong and strict):
+    if (is_whole and not written.rows.size) or (written.wrong and strict):
         raise NoSolutionError("\n".join([problems_summary(path, problems, targets), *list_lines(path.name, problems)]))
     rest = np.setdiff1d(done, written.rows)
     left = _Left(tuple(targets[i] for i in rest), q[rest], (*reading.left, *problems))
@@ -276,11 +302,11 @@ def _finish(
     return CompensatedFile(source.name, text, source.encoding, report, chosen, q, left.targets, q_left, source.step)
 
 
-def _certain_targets(path: Path, reading: TargetReading, strict: bool) -> list[Target]:
+def _certain_targets(path: Path, reading: TargetReading, strict: bool, may_be_none: bool) -> list[Target]:
     """Return the targets whose meaning is certain.
 
     Raises:
-        InputError: there is none; or, where all are wanted, one is left.
+        InputError: there is none, though there must be; or, where all are wanted, one is left.
     """
     targets = reading.take_targets()
     if not has_shapes(reading.robot):
@@ -292,29 +318,10 @@ def _certain_targets(path: Path, reading: TargetReading, strict: bool) -> list[T
                     "targets are allowed, or a table of poses with joint angles to start from",
                 )
         reading.check()
-    if not targets or (reading.left and strict):
+    if (not targets and not may_be_none) or (reading.left and strict):
         none = [] if targets else [f"{path}: holds no target that could be compensated"]
         raise InputError("\n".join([*none, *list_lines(path.name, reading.left)]))
     return targets
-
-
-def read_program(path: Path) -> tuple[str, str]:
-    """Return the text and the encoding that gives the same bytes back.
-
-    Raises:
-        InputError: it is no text, or has a line that no program has.
-    """
-    most_signs = 20_000  # of a line: the longest of 585 real programs has 1 248
-    data = read_bytes(path)
-    if b"\0" in data:
-        raise InputError(f"{path}: holds zero bytes and is no text; UTF-8 and Latin-1 are allowed")
-    for line, content in enumerate(data.splitlines(), 1):
-        if len(content) > most_signs:
-            raise InputError(f"{path}:{line}: the line has {len(content)} signs; at most {most_signs} are read")
-    try:
-        return data.decode("utf-8"), "utf-8"
-    except UnicodeDecodeError:
-        return data.decode("latin-1"), "latin-1"
 
 
 def _values(robot: Robot, targets: list[Target], q: Array, q_new: Array) -> list[tuple[Slot, float]]:

@@ -29,7 +29,6 @@ READERS: dict[str, Callable[[str, Dialect, TargetReading], None]] = {
     "fanuc": fanuc.read,
 }
 TP_REMARK = CommentStyle(start="   :  !", end=" ;", forbid=";[]", max_length=31)  # a statement of its own, unnumbered
-HALVES = {".src": ".dat", ".dat": ".src"}
 MORE_SUFFIXES = {".csv": TABLE, ".sys": "rapid", ".modx": "rapid", ".spf": "sinumerik"}
 CONTENT_PATTERNS = {
     "urscript": r"^[ \t]*+def[ \t]+\w+[ \t]*\([^)\n]*\)[ \t]*:[ \t]*\r?$",
@@ -83,7 +82,7 @@ def _check_axis_words(path: Path, text: str, name: str) -> None:
     )
 
 
-def _family_of(name: str) -> str:
+def family_of(name: str) -> str:
     """Return the family of languages that a dialect belongs to, or ``csv``."""
     return TABLE if name == TABLE else load_dialect(name).reading.family
 
@@ -93,17 +92,7 @@ def _comment_style(name: str) -> CommentStyle:
     if name == TABLE:
         return CommentStyle(start="# ")
     style = load_dialect(name).comment
-    return TP_REMARK if _family_of(name) == "fanuc" else style
-
-
-def companion_text(path: Path, name: str, read: Callable[[Path], tuple[str, str]]) -> str:
-    """Return the text of the other half of a KRL module, which lies beside it, or nothing."""
-    other = HALVES.get(path.suffix.lower())
-    if other is None or name == TABLE or name not in dialect_names() or _family_of(name) != "krl":
-        return ""
-    wanted = (path.stem + other).casefold()  # a controller does not tell capitals from small letters
-    beside = next((p for p in sorted(path.parent.iterdir()) if p.name.casefold() == wanted), None)
-    return "" if beside is None or not beside.is_file() else read(beside)[0]
+    return TP_REMARK if family_of(name) == "fanuc" else style
 
 
 def read_targets(name: str, text: str, reading: TargetReading) -> None:
@@ -147,7 +136,7 @@ def add_head(
     Lines are as counted in the text that is returned; with nothing said and nothing left it is ``text`` itself.
     """
     style = _comment_style(dialect)
-    at, before = _place(text, _BEHIND[_family_of(dialect)])
+    at, before = _place(text, _BEHIND[family_of(dialect)])
     shift, head = -1, [""] * 0
     while shift != len(head):  # the head's own length moves the lines
         shift = len(head)

@@ -58,7 +58,7 @@ class PointTable:
         self.reading, self.container = reading, container
         self._poses: dict[str, list[DeclaredPose]] = {}
         self._computed: dict[str, str] = {}
-        self._missing: dict[str, int] = {}
+        self.missing: dict[str, int] = {}  # names that no file declares, and a move to each
 
     def declare(self, pose: DeclaredPose) -> None:
         """Note that the file, or its other half, gives ``pose`` a value."""
@@ -83,23 +83,19 @@ class PointTable:
         """
         found = self._find_by_name(name)
         if not found and line:
-            self._missing.setdefault(name, line)
+            self.missing.setdefault(name, line)
         for pose in found:
             if pose.line and pose.index is None:
                 pose.index = self.reading.reserve()
             pose.uses.append(use)
         if line and (why := self._reason_for(name)):
             self.reading.leave(line, f"{_own_name(name)} {why}")
-        elif line and found and not any(pose.line for pose in found):
-            self.reading.leave(
-                line, f"{_own_name(name)} is declared in the other half of the module: compensate that too"
-            )
         return found[0].index if len(found) == 1 else None
 
     def finish(self) -> Iterator[DeclaredPose]:
         """Yield the positions to be corrected, and note those that stay as they are."""
-        for name, line in self._missing.items():
-            if not self._reason_for(name):
+        for name, line in self.missing.items():
+            if not self._reason_for(name) and _own_name(name).lower() not in self.reading.declared_together:
                 sentence = (
                     f"{_own_name(name)} is declared elsewhere: compensate the {self.container} that declares it too"
                 )

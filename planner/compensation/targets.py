@@ -152,6 +152,7 @@ class TargetReading:
         axes: names of the robot's joints in this language.
         frames: tool and base that the person has named, for files that do not say them.
         companion: text of the other half of the module (KRL: ``.src`` and ``.dat``), or nothing.
+        declared_together: names, in small letters, of targets in the other files that are corrected along with it.
         refused: (line, sentence) of what makes the meaning of the whole file uncertain.
         left: (line, sentence) of moves and points that stay as they are.
         notes: (line, sentence) that the person should know.
@@ -161,6 +162,7 @@ class TargetReading:
     robot: Robot
     frames: ToolAndBase
     companion: str = ""
+    declared_together: frozenset[str] = frozenset()
     axes: tuple[str, ...] = ()
     refused: list[Note] = field(default_factory=list)
     left: list[Note] = field(default_factory=list)

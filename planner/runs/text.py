@@ -12,14 +12,13 @@ from pathlib import Path
 import numpy as np
 
 from planner.common.errors import InputError, is_printable_line
-from planner.common.files import read_bytes
+from planner.common.files import UTF_16_MARKS, announced_encoding, read_bytes
 from planner.common.lazy_modules import pl
 from planner.common.remarks import CELL_ENDS, remark_of
 from planner.common.schema import MOST_NAME
 from planner.common.units import IntArray
 from planner.runs.mat_files import mat_lines
 
-UTF_16_MARKS = (b"\xff\xfe", b"\xfe\xff")  # the mark U+FEFF in either order of bytes
 NOTES = ("plan_id", "robot", "measure", "angles", "clocks", "truth")  # what comment lines may say
 
 
@@ -100,7 +99,7 @@ def read_lines(path: Path, encoding: str | None = None) -> list[str]:
     data = read_bytes(path, most_bytes, "leave out samples, or write it as Parquet").removeprefix(b"\xef\xbb\xbf")
     hint = _encoding_hint(data)
     try:
-        text = data.decode(encoding or _announced_encoding(data)).removeprefix("\ufeff")
+        text = data.decode(encoding or announced_encoding(data)).removeprefix("\ufeff")
         if "\0" in text[:64]:
             raise UnicodeError("it has letters of the number 0")
     except UnicodeError as err:
@@ -111,11 +110,6 @@ def read_lines(path: Path, encoding: str | None = None) -> list[str]:
             f"{path}, line {line}: the text is not UTF-8; name its encoding in a map of 'edbb import'{hint}"
         ) from err
     return text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
-
-
-def _announced_encoding(data: bytes) -> str:
-    """Return UTF-16 where a byte order mark says it, as in what Excel calls Unicode text, else UTF-8."""
-    return "utf-16" if data.startswith(UTF_16_MARKS) else "utf-8"
 
 
 def _encoding_hint(data: bytes) -> str:

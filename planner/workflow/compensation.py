@@ -1,7 +1,7 @@
 """``edbb compensate``: corrected targets from the calibrated robot and the nominal one that it was calibrated from."""
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from datetime import date as Day
@@ -16,16 +16,19 @@ from planner.cell.reading import load_cell
 from planner.common.calls import called_with
 from planner.common.determinism import on_one_thread
 from planner.common.errors import InputError, NoSolutionError
-from planner.common.files import read_bytes, write_text
+from planner.common.files import check_writing, encode_text, read_bytes, write_together
 from planner.common.numbers import parse_number
 from planner.common.result import Result
 from planner.common.schema import read_json
 from planner.common.summary import Summary
 from planner.common.units import Array, from_deg, from_mm, read_only
-from planner.compensation.compensated_file import CompensatedFile, compensate_file, read_program
+from planner.compensation.compensated_file import CompensatedFile
+from planner.compensation.compensated_program import compensate_program
 from planner.compensation.correction_mark import CorrectionMark
 from planner.compensation.few_axes import TurnWeights
+from planner.compensation.module_files import HALVES, output_paths
 from planner.compensation.program_error import ProgramError, program_error, uncorrected_errors
+from planner.compensation.program_text import read_program
 from planner.compensation.rotations import frame, from_abc
 from planner.compensation.targets import ToolAndBase
 from planner.compensation.tool_notes import tool_warnings
@@ -44,10 +47,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class CompensationResult(Result):
-    """A corrected file.
+    """A corrected file, and the others of its program.
 
     Attributes:
         file: the text and what was done.
+        others: the other files of the same program, corrected along with it.
         expected: how good the robot is expected to be at its targets, or why that is not known.
         left_out: which effects of the robot targets cannot be corrected for.
         warnings: what a person should know of the tools that were named, or that the program says.
@@ -59,33 +63,97 @@ class CompensationResult(Result):
     left_out: str | None = None
     simulated: bool = False
     warnings: tuple[str, ...] = ()
+    others: tuple[CompensatedFile, ...] = ()
+
+    @property
+    def partly(self) -> bool:
+        """Whether targets or moves of the program were left as they were."""
+        return any(f.partly for f in (self.file, *self.others))
 
     def overview(self) -> Summary:
         """Return the overview: corrections, expected errors, and every line to look at."""
         known = self.expected
         expected = [("tool error", f"unknown: {known}")] if isinstance(known, str) else known.facts
-        done = self.file.report.overview(self.file.name)
+        done = [f.report.overview(f.name) for f in (self.file, *self.others)]
         left = () if self.left_out is None else (self.left_out,)
-        details = [*done.details, *([] if isinstance(known, str) else known.details)]
-        return Summary(done.title, [*expected, *done.facts], details, (*done.notes, *left, *self.warnings))
+        facts = [*expected, *done[0].facts]
+        details = [*done[0].details, *([] if isinstance(known, str) else known.details)]
+        for other in done[1:]:
+            facts += [("and", other.title), *other.facts]
+            details += other.details
+        return Summary(done[0].title, facts, details, (*(n for d in done for n in d.notes), *left, *self.warnings))
 
     def content(self) -> Mapping[str, Any]:
         """Return the corrections and the corrected text."""
-        report = self.file.report
         return {
-            "file": self.file.name,
+            **_content_of(self.file),
             "summary": self.overview().text(),
-            "corrected_lines": list(report.corrected),
-            "left_lines": [{"line": line, "because": why} for line, why in report.kept],
-            "few_axes": None if report.turns_left is None else report.turns_left.content(),
             "expected_error": None if isinstance(self.expected, str) else self.expected.content(),
-            "text": self.file.text,
+            "other_files": [_content_of(file) for file in self.others],
         }
 
+    def paths(self, output: Path | str) -> list[Path]:
+        """Return where the files of the program are written: in a folder, or beside the path of the named one.
+
+        Raises:
+            InputError: they cannot be told apart there.
+        """
+        is_folder = Path(output).is_dir() or str(output).endswith(("/", os.sep))
+        return output_paths(Path(output), is_folder, [f.name for f in (self.file, *self.others)])
+
+    def check(self, output: Path | str, force: bool = False) -> None:
+        """Refuse what :meth:`write` would refuse, before anything is written; raises as that does."""
+        for path, data in self._files(output):
+            check_writing(path, data, force)
+
     def write(self, folder: Path | str, force: bool = False) -> list[Path]:
-        """Write the corrected file to a path, in the encoding in which it was read; ``force``: over one of others."""
-        write_text(Path(folder), self.file.text, self.file.encoding, force=force)
-        return [Path(folder)]
+        """Write the corrected files, all or none, each in the encoding in which it was read; return their paths.
+
+        Args:
+            folder: a folder (there already, or with a slash at its end), or the path of the file that was named.
+            force: over files of others too.
+
+        Raises:
+            InputError: a file cannot be written, or is not to be written over.
+        """
+        files = self._files(folder)
+        if str(folder).endswith(("/", os.sep)):
+            files[0][0].parent.mkdir(parents=True, exist_ok=True)
+        write_together(sorted(files, key=lambda file: file[0].suffix.lower() == ".dat"), force=force)
+        return [path for path, _ in files]
+
+    def _files(self, output: Path | str) -> list[tuple[Path, bytes]]:
+        done = (self.file, *self.others)
+        return [(p, encode_text(p, f.text, f.encoding)) for p, f in zip(self.paths(output), done, strict=True)]
+
+    def next_step(self, folder: Path | str) -> str:
+        """Say what a person does next with what is written at a path.
+
+        A program that is corrected in part is not driven: it would go to corrected targets and to others.
+        """
+        paths = self.paths(folder)
+        names = " and ".join(map(str, paths))
+        if self.partly:
+            return (
+                f"see to the lines that were left as they were: with {names} the robot drives to targets of both kinds"
+            )
+        step = self.file.step.format(file=names)
+        renamed = [p for p, f in zip(paths, (self.file, *self.others), strict=True) if p.stem != Path(f.name).stem]
+        if self.others and renamed and paths[0].suffix.lower() in HALVES:
+            step += f"; the controller wants both under the name of the module, {Path(self.file.name).stem}"
+        return step
+
+
+def _content_of(file: CompensatedFile) -> dict[str, Any]:
+    """Return the machine-readable form of one corrected file."""
+    report = file.report
+    return {
+        "file": file.name,
+        "corrected_lines": list(report.corrected),
+        "left_lines": [{"line": line, "because": why} for line, why in report.kept],
+        "few_axes": None if report.turns_left is None else report.turns_left.content(),
+        "text": file.text,
+    }
 
 
 @called_with(CompensateCall)
@@ -118,7 +186,7 @@ def compensate(asked: CompensateCall) -> CompensationResult:
     own = robot.tool_points[0].p_FM if len(robot.tool_points) == 1 else None
     T_FT = _tool_of_model(robot) if asked.tool == MODEL_TOOL else _frame("--tool", asked.tool)
     given = ToolAndBase(T_FT, _frame("--base", asked.base), data, uncorrected, own)
-    done = compensate_file(
+    files = compensate_program(
         Path(asked.targets),
         robot.nominal_robot,
         calibrated,
@@ -132,9 +200,9 @@ def compensate(asked: CompensateCall) -> CompensationResult:
         turn_weights=_turn_weights(asked.turn_weights),
     )
     named = None if given.T_FT is None else given.T_FT[:3, 3]
-    warnings = tuple(tool_warnings(robot, named, [*done.targets, *done.left]))
-    expected = _expect(done, known, given.T_FT)
-    return CompensationResult(done, expected, calibrated.sentence, bool(mark.simulated), warnings)
+    warnings = tuple(tool_warnings(robot, named, [t for f in files for t in (*f.targets, *f.left)]))
+    expected = _expect(files, known, given.T_FT)
+    return CompensationResult(files[0], expected, calibrated.sentence, bool(mark.simulated), warnings, files[1:])
 
 
 MODEL_TOOL = "model"  # word that stands for the tool point of the robot's file
@@ -251,8 +319,8 @@ def _build_day() -> Day | None:
         raise InputError(f"SOURCE_DATE_EPOCH = '{said}': a number of seconds since 1970 is allowed") from err
 
 
-def _expect(done: CompensatedFile, known: ExpectedError | str, T_FT: Array | None) -> ProgramError | str:
-    """Return the expected errors at the corrected targets.
+def _expect(files: Sequence[CompensatedFile], known: ExpectedError | str, T_FT: Array | None) -> ProgramError | str:
+    """Return the expected errors at the corrected targets of all files.
 
     Raises:
         NoSolutionError: the corrected robot is expected to be worse than it is.
@@ -260,10 +328,11 @@ def _expect(done: CompensatedFile, known: ExpectedError | str, T_FT: Array | Non
     if isinstance(known, str):
         return known
     p_FM = None if T_FT is None else T_FT[:3, 3]
-    found = program_error(known, done.targets, done.q, p_FM)
+    targets, left = [t for f in files for t in f.targets], [t for f in files for t in f.left]
+    found = program_error(known, targets, np.concatenate([f.q for f in files]), p_FM)
     if found.is_worse:
-        raise NoSolutionError(f"{done.name}: {found.refusal}")
-    return replace(found, left=uncorrected_errors(known, done.left, done.q_left, p_FM))
+        raise NoSolutionError(f"{files[0].name}: {found.refusal}")
+    return replace(found, left=uncorrected_errors(known, left, np.concatenate([f.q_left for f in files]), p_FM))
 
 
 def _check_controller(reference: str, robot: str) -> bool:

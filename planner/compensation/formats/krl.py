@@ -29,6 +29,10 @@ _HIDDEN = "{} found; targets of moves, and positions with a name of their own, a
 _GLOBAL = "is global: programs of other files may drive to it with another tool or base"
 _IS_GLOBAL = re.compile(r"(?:DECL\s+)?(?:CONST\s+)?GLOBAL\b", re.IGNORECASE)
 _CONTROLLERS_OWN = re.compile(r"DEFDAT\s+\$", re.IGNORECASE)  # $config.dat: all that it declares is seen everywhere
+_DATA_LIST = re.compile(r"DEFDAT\s+\w", re.IGNORECASE)
+_SEEN_BY_ALL = re.compile(r"\bPUBLIC\b", re.IGNORECASE)
+_HOME = re.compile(r"XHOME\d?")  # that KUKA's own $config.dat declares
+_PUT_TOGETHER = "put both halves of the module into one folder, they are corrected together"
 _PLAIN = "plain numbers are allowed"
 _WHERE_IT_STANDS = ("$AXIS_ACT", "$POS_ACT")  # a move to it moves nothing
 _HINT = (
@@ -49,6 +53,8 @@ def read(text: str, _dialect: Dialect, reading: tg.TargetReading) -> None:
         for statement in statements:
             targets.take(statement, statements is own)
     targets.finish()
+    if not reading.companion:
+        targets.refuse_half(own)
 
 
 class _KrlTargets:
@@ -109,6 +115,22 @@ class _KrlTargets:
                 self._joints(pose.line, pose.value, tool, pose.index)
             else:
                 self._note_pose(pose, pose.value)
+
+    def refuse_half(self, own: Sequence[st.Statement]) -> None:
+        """Refuse one half of a module whose other half is missing, where targets or moves of the program are there."""
+        if not any(isinstance(s, st.Routine) for s in own):
+            head = next((s for s in own if _DATA_LIST.match(s.text)), None)
+            if head is not None and not _SEEN_BY_ALL.search(head.text):
+                said = "is the data of a module (.dat), whose program (.src) does not lie beside it"
+                self.reading.refuse(head.line, f"'{head.text}' {said}: {_PUT_TOGETHER}")
+            return
+        elsewhere = {s.name for s in parse(self.reading.frames.data) if isinstance(s, st.Assignment)}
+        for name, line in self.points.missing.items():
+            if name not in elsewhere and not _HOME.fullmatch(name):
+                said = f"{name} is not declared here, and no data of the module (.dat) lie beside it"
+                self.reading.refuse(
+                    line, f"{said}: {_PUT_TOGETHER}; where $config.dat declares it, give that (--frames)"
+                )
 
     def _note_pose(self, pose: pt.DeclaredPose, value: Numbers) -> None:
         """Note a pose that is declared by name."""
