@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import os
 import re
 import sys
 import time
@@ -17,8 +18,9 @@ from urllib.request import Request, urlopen
 from planner.cell.reading import load_cell
 from planner.cli.terminal import Screen, check_folder, environment_token, errors
 from planner.common.errors import InputError, MissingProgramError
-from planner.common.files import write_bytes
+from planner.common.files import write_bytes, write_together
 from planner.common.result_folder import MANIFEST, draft_folder, move_all
+from planner.compensation.module_files import other_program_files
 from planner.kinematics.packages import COMMAND_PACKAGES
 from planner.session.movable_cell import cell_files
 
@@ -121,7 +123,8 @@ class RemoteWords:
                 continue
             if word in OUTPUT:
                 made.output = next(rest, "")
-                there = f"out/{Path(made.output).name}" if words[0] in FILE_VERBS else "out"
+                is_file = words[0] in FILE_VERBS and not _is_folder(made.output)
+                there = f"out/{Path(made.output).name}" if is_file else "out/" if words[0] in FILE_VERBS else "out"
                 made.words += ["-o", made.output if made.output == "-" else there]
             elif Path(word).exists() and word != words[0]:
                 made.words.append(made._add(Path(word)))
@@ -142,7 +145,9 @@ class RemoteWords:
             self.files |= {f"{cell}/{name}": data for name, data in cell_files(load_cell(path, planning=False)).items()}
             return f"{cell}/cell.toml"
         self.files[f"{folder}/{path.name}"] = content
-        if path.suffix not in ALONE:
+        if others := other_program_files(path):
+            self.files |= {f"{folder}/{p.name}": p.read_bytes() for p in others}
+        elif path.suffix not in ALONE:
             self._add_folder(home, folder)
         return f"{folder}/{path.name}"
 
@@ -186,7 +191,7 @@ def run_remotely(server: Server, words: Sequence[str]) -> int:
         errors.print("\n".join(said))
     sys.stdout.write(printed.decode(errors="replace"))
     if files and command.output is not None:
-        errors.print(f"  written to  {_write(files, Path(command.output), words[0], FORCE in words)}")
+        errors.print(f"  written to  {_write(files, command.output, words[0], FORCE in words)}")
     elif ended["problem"] and not said:
         errors.print(f"edbb: {dict(ended)['problem']}")
     code = ended["exit_code"]
@@ -214,12 +219,20 @@ def _fetch(server: Server, file: dict[str, object]) -> bytes:
     return data
 
 
-def _write(files: dict[str, bytes], output: Path, verb: str, force: bool) -> str:
+def _is_folder(output: str) -> bool:
+    """Tell whether a command that writes files is given a folder for them."""
+    return Path(output).is_dir() or output.endswith(("/", os.sep))
+
+
+def _write(files: dict[str, bytes], wanted: str, verb: str, force: bool) -> str:
     """Write the results where the command would have; return where."""
+    output = Path(wanted)
     if verb in FILE_VERBS:
-        for name, data in files.items():
-            write_bytes(output.parent / name, data, force=force)
-        return ", ".join(str(output.parent / name) for name in files)
+        folder = output if _is_folder(wanted) else output.parent
+        if wanted.endswith(("/", os.sep)):
+            folder.mkdir(parents=True, exist_ok=True)
+        write_together([(folder / name, data) for name, data in files.items()], force=force)
+        return ", ".join(str(folder / name) for name in files)
     with draft_folder(output) as draft:
         for name, data in files.items():
             if name != MANIFEST:

@@ -27,7 +27,7 @@ from planner.compensation.languages import (
     foreign_robot_notes,
     read_targets,
 )
-from planner.compensation.module_files import files_together, shared_targets
+from planner.compensation.module_files import files_together, global_targets
 from planner.compensation.nominal_angles import SearchSeeds, solve_nominal_angles
 from planner.compensation.points import SENTENCE, is_service_name
 from planner.compensation.program_text import read_program
@@ -172,7 +172,7 @@ def compensate_file(
     nominal, calibrated = nominal.in_axes(axes), FlangeInAxes(calibrated, axes)
     seeds = SearchSeeds(nominal)
     companion, frames = _texts_together(family_of(language), together.values(), frames)
-    shared = frozenset[str]().union(*map(shared_targets, together.values())) if together else None
+    shared = frozenset[str]().union(*map(global_targets, together.values())) if together else None
     source = _Source(
         path.name,
         language,

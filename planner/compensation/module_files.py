@@ -31,6 +31,13 @@ def files_together(path: Path, family: str, text: str) -> dict[Path, str]:
     return _rapid_modules(path, text) if family == "rapid" else {}
 
 
+def other_program_files(path: Path) -> list[Path]:
+    """Return the other files of the program of a file whose suffix says its language; see :func:`files_together`."""
+    suffix = path.suffix.lower()
+    family = "krl" if suffix in HALVES else "rapid" if suffix in _RAPID_SUFFIXES else ""
+    return list(files_together(path, family, read_program(path)[0])) if family else []
+
+
 def _other_half(path: Path) -> dict[Path, str]:
     """Return the other half of a KRL module; a controller does not tell capitals from small letters."""
     wanted = path.stem + HALVES.get(path.suffix.lower(), "")
@@ -44,7 +51,7 @@ def _other_half(path: Path) -> dict[Path, str]:
     return {found[0]: read_program(found[0])[0]}
 
 
-def shared_targets(text: str) -> set[str]:
+def global_targets(text: str) -> set[str]:
     """Return the names, in small letters, of the targets of a RAPID module that other modules can drive to."""
     return {name.lower() for name in _SHARED.findall(_code(text))}
 
@@ -56,7 +63,7 @@ def _code(text: str) -> str:
 def _rapid_modules(path: Path, text: str) -> dict[Path, str]:
     """Return the modules in the folder that share targets with one, or with one of these."""
     texts = {path: text} | dict(_readable(path))
-    shared = {p: shared_targets(t) for p, t in texts.items()}
+    shared = {p: global_targets(t) for p, t in texts.items()}
     needed = {
         p: {w.lower() for w in re.findall(r"[A-Za-z]\w*", _code(t))} - {n.lower() for n in _DECLARED.findall(_code(t))}
         for p, t in texts.items()

@@ -41,6 +41,21 @@ def large_joint_motions(robot: Robot, targets: Sequence[Target], q: Array, q_new
         yield line, f"a joint moves by over {TOLD_JOINT_MOVE / DEG:g}° here and at {len(far) - shown - 1} more targets"
 
 
+def rough_starts(robot: Robot, targets: Sequence[Target], q: Array) -> Iterator[Note]:
+    """Yield (line, sentence) where joint angles beside poses are not those of the poses, at q (n, N) [rad]."""
+    rows = [k for k, t in enumerate(targets) if t.pose is not None and t.pose.start is not None]
+    off = np.array([q[k] - targets[k].pose.start for k in rows]).reshape(len(rows), robot.n_joints)  # type: ignore[union-attr]
+    size = np.abs(off).max(axis=1, initial=0.0)
+    if (size > TOLD_JOINT_MOVE).any():
+        row = int(size.argmax())
+        j = int(np.abs(off[row]).argmax())
+        yield (
+            targets[rows[row]].line,
+            f"the joint angles beside {int((size > TOLD_JOINT_MOVE).sum())} of {len(rows)} poses are not those of the "
+            f"poses and are written anew: joint {j + 1} moves by {robot.joint_text(j, off[row, j], '.1f')} here",
+        )
+
+
 def near_singular_angles(before: Sequence[Target], after: Sequence[Target]) -> Iterator[Note]:
     """Yield (line, sentence) of poses near B = ±90°, where A and C change by far more than the orientation does."""
     for old, new in zip(before, after, strict=True):
@@ -126,7 +141,11 @@ def report_of(
     return CompensationReport(
         joint_targets=len(targets) - poses,
         poses=poses,
-        notes=(*large_joint_motions(robot, targets, q, q_new), *near_singular_angles(targets, printed)),
+        notes=(
+            *large_joint_motions(robot, targets, q, q_new),
+            *rough_starts(robot, targets, q),
+            *near_singular_angles(targets, printed),
+        ),
         shift_mean_m=float(shift.mean()) if len(shift) else 0.0,
         shift_max_m=float(shift.max(initial=0.0)),
         moved_max_rad=float(np.abs(q_new - q).max(initial=0.0)),

@@ -315,19 +315,28 @@ class CheckRequest(JobRequest):
 
 @take_fields(CompensateCall)
 class CompensationRequest(JobRequest):
-    """What a compensation has beside what it declares: the program."""
+    """What a compensation has beside what it declares: the program, and the other files of it."""
 
     kind = "compensation"
     example = {"program": {"id": SOME_FILE, "name": "p.src"}, "model": SOME_JOB}
     program: FileReference
+    files: Annotated[
+        list[FileReference],
+        Field(
+            max_length=50,
+            description="the other files of the program, corrected along with it: .dat of a .src, modules",
+        ),
+    ] = []
 
     def arguments(self, folder: JobFolder) -> list[str]:
-        """Return the program."""
+        """Lay the other files of the program beside it, and return its name."""
+        for file in self.files:
+            folder.file(file)
         return [folder.file(self.program)]
 
     def output_words(self) -> tuple[str, ...]:
-        """Return the words for the file of the corrected program."""
-        return ("-o", f"out/{self.program.name}")
+        """Return the words for the folder of the corrected files."""
+        return ("-o", "out/")
 
     def subject(self, folder: JobFolder) -> str:
         """Return the name of the program."""

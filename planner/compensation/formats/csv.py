@@ -8,9 +8,9 @@ from planner.common.errors import InputError
 from planner.common.remarks import CELL_ENDS, remark_of
 from planner.common.units import DEG, MM, Array, read_only, to_deg
 from planner.compensation.correction import NominalFlange
+from planner.compensation.formats.csv_poses import PoseRow, take_poses
 from planner.compensation.rotations import pose_matrix
 from planner.compensation.targets import CartesianTarget, Target, TargetReading
-from planner.compensation.tolerances import START_OFF
 from planner.kinematics.angle_units import DEGREES, NOTE, find_small
 from planner.kinematics.robot import Robot
 from planner.programs.languages.statements import EXPONENT_NUMBER, Lines, Slot
@@ -51,22 +51,8 @@ def read(text: str, reading: TargetReading) -> None:
             _row(number, start, line, separator, groups, reading)
     if groups is not None and not said:
         _check_unit(groups, reading)
-    if groups is not None and groups.distances:
-        _doubt_frames(groups.distances, reading)
-
-
-def _doubt_frames(distances: list[tuple[int, float]], reading: TargetReading) -> None:
-    """Note where the tool and base that are named bring poses away from the joint angles beside them."""
-    far = [(number, off) for number, off in distances if off > START_OFF]
-    if far:
-        reading.notes.append(
-            (
-                far[0][0],
-                f"by the tool and the base that are named {len(far)} of {len(distances)} poses are up to "
-                f"{max(off for _, off in far) / MM:.0f} mm from where the arm stands at the joint angles beside them: "
-                "are they right (mm and degrees), and are the angles those of these poses?",
-            )
-        )
+    if groups is not None and groups.poses:
+        take_poses(groups.poses, groups.spelling, reading)
 
 
 def _check_unit(groups: "_TargetColumns", reading: TargetReading) -> None:
@@ -76,7 +62,7 @@ def _check_unit(groups: "_TargetColumns", reading: TargetReading) -> None:
         InputError: none lies beyond a turn in radians, and they are not all zero.
     """
     joints = [k for k, (_, unit) in enumerate(groups.joints) if unit == "deg"]
-    beside = (target.q if target.pose is None else target.pose.start for target in reading.take_targets())
+    beside = [*(t.q for t in reading.take_targets()), *(pose.start for _, _, pose in groups.poses)]
     q = np.array([angles[joints] for angles in beside if angles is not None])
     small = find_small(to_deg(q))
     if small is not None and small.largest > 0.0:
@@ -94,7 +80,7 @@ class _TargetColumns:
             raise InputError(f"{where}: the column '{min(twice)}' stands twice")
         self.count = len(header)
         self.decimal = "."
-        self.distances: list[tuple[int, float]] = []  # line, and how far its pose is from its joint angles [m]
+        self.poses: list[PoseRow] = []
         n = reading.robot.n_joints
         self.joints = _joint_columns(header, reading.robot)
         position = _group(header, ["x", "y", "z"], "mm|m")
@@ -211,19 +197,7 @@ def _row(number: int, start: int, line: str, separator: str, columns: _TargetCol
     pose = CartesianTarget(
         pose_matrix(numbers[:3], words), columns.spelling, read_only(words), *frames, start=read_only(q)
     )
-    off = _distance(pose, q, reading)
-    if off > START_OFF and reading.frames.T_FT is None and reading.frames.T_WB is None:
-        said = "name its tool and its base (--tool, --base; six zeros where it is the flange in the robot's own frame)"
-        reading.leave(number, f"the pose is {off / MM:.0f} mm from where the arm stands at its joint angles: {said}")
-        return
-    columns.distances.append((number, off))
-    reading.add(Target(number, tuple(slots), pose=pose))
-
-
-def _distance(pose: CartesianTarget, q: Array, reading: TargetReading) -> float:
-    """Return how far a pose is from the tool point at the angles beside it [m]."""
-    p, R = NominalFlange(reading.robot).flange(q[None])
-    return float(np.linalg.norm(p[0] + R[0] @ pose.T_FT[:3, 3] - (pose.T_WB @ pose.T_BT)[:3, 3]))
+    columns.poses.append((number, tuple(slots), pose))
 
 
 def _frames(number: int, p_BT: Array, q: Array, reading: TargetReading) -> tuple[Array, Array]:

@@ -29,11 +29,11 @@ def transform(found: Aggregate | None) -> Array | None:
     return read_only(frame(values[None, :3] * MM, from_abc(values[None, 3:] * DEG))[0])
 
 
-def _unnamed(_name: str) -> Frame | None:
+def _no_frame(_name: str) -> Frame | None:
     return None
 
 
-def frame_value(value: str, find: Callable[[str], Frame | None] = _unnamed) -> Frame | None:
+def frame_value(value: str, find: Callable[[str], Frame | None] = _no_frame) -> Frame | None:
     """Return the frame that an expression of frames gives, or why it is not certain; None where it is not understood.
 
     The geometric operator ``:`` multiplies the transforms (4, 4) [m] of its two sides, from left to right.

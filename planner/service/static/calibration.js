@@ -35,13 +35,14 @@ if (state === "done") {
     result.replaceChildren();
     say(message, "Correcting …");
     try {
-      const program = await upload("files", find("#program").files[0]);
-      const made = await post("/api/compensations", { program, model: job });
+      const [program, ...files] = await Promise.all([...find("#program").files].map((file) => upload("files", file)));
+      const made = await post("/api/compensations", { program, files, model: job });
       const done = made.state === "done" ? await get(made.url) : await finished(made.id);
-      const file = done.files.find((f) => f.name === program.name);
+      const names = [program, ...files].map((file) => file.name);
       const log = done.files.find((f) => f.name === "log");
       say(message, done.exit_code === 5 ? "Corrected in part; the head of the file lists what was left as it was." : "Corrected.");
-      result.append(make("a", { href: root + file.url, download: `corrected_${program.name}` }, `corrected ${program.name}`));
+      for (const file of done.files.filter((f) => names.includes(f.name)))
+        result.append(make("a", { href: root + file.url, download: file.name }, `corrected ${file.name}`), " ");
       if (log) result.append(" ", make("a", { href: root + log.url, download: "log.txt" }, "log"));
     } catch (problem) { say(message, problem.message, true); }
   });
