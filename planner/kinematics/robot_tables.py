@@ -14,6 +14,7 @@ from planner.common.errors import InputError, did_you_mean
 from planner.common.files import read_utf8
 from planner.common.numbers import parse_number
 from planner.common.schema import StrictModel
+from planner.common.text_table import decimal_sign, separator_of, with_point
 from planner.common.units import DEG, MM, from_deg, from_mm, read_only, si_unit
 from planner.kinematics.angle_units import degrees_text
 from planner.kinematics.bodies import Vector
@@ -139,14 +140,18 @@ def read_dh_table(path: Path) -> dict[str, object]:
             f"must say what the rows mean{f', found {said}' if said else ''}"
         )
     (top, header), *rows = [(n, line) for n, line in lines if not line.startswith("#")] or [(1, "")]
-    sign = ";" if ";" in header else ","
+    sign = separator_of(header)
+    decimal = decimal_sign("\n".join(line for _, line in rows), sign)
     columns = [_column(path, top, title) for title in header.split(sign)]
     if gone := [key for key in ROW if key not in {key for key, _ in columns}]:
         raise InputError(
             f"{path}, line {top}: no column {', '.join(gone)}; the columns are {', '.join(ROW)} with units"
         )
     fields = csv.reader((line for _, line in rows), delimiter=sign)
-    joints = [_joint(f"{path}, line {n}", columns, row) for (n, _), row in zip(rows, fields, strict=True)]
+    joints = [
+        _joint(f"{path}, line {n}", columns, [with_point(cell, decimal) for cell in row])
+        for (n, _), row in zip(rows, fields, strict=True)
+    ]
     return {"convention": said[0], "joints": joints}
 
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from planner.common.errors import InputError
 from planner.common.remarks import CELL_ENDS, remark_of
+from planner.common.text_table import decimal_sign, separator_of, with_point
 from planner.common.units import DEG, MM, Array, read_only, to_deg
 from planner.compensation.correction import NominalFlange
 from planner.compensation.formats.csv_poses import PoseRow, take_poses
@@ -43,10 +44,10 @@ def read(text: str, reading: TargetReading) -> None:
             said |= remark is not None and re.fullmatch(f"{NOTE}: *{DEGREES}", remark.rstrip(CELL_ENDS)) is not None
             continue
         if groups is None:
-            separator = max(",;\t", key=line.count)
+            separator = separator_of(line)
             header = [name.strip("\ufeff \t\"'") for name in line.split(separator)]
             groups = _TargetColumns(header, reading)
-            groups.decimal = _decimal_sign(text[start + len(line) :], separator)
+            groups.decimal = decimal_sign(text[start + len(line) :], separator)
         else:
             _row(number, start, line, separator, groups, reading)
     if groups is not None and not said:
@@ -151,19 +152,6 @@ def _split_cells(line: str, separator: str) -> list[str]:
     return [separator.join(pieces) for pieces in cells]
 
 
-def _decimal_sign(below: str, separator: str) -> str:
-    """Return the decimal sign of the numbers below the header: a comma where they have commas and no points."""
-    if separator == ",":
-        return "."
-    commas, points = (re.search(rf"(?<![\w.,])[-+]?\d+{sign}\d+(?![\w.,])", below) for sign in (",", r"\."))
-    return "," if commas and not points else "."
-
-
-def _with_point(cell: str, decimal: str) -> str:
-    """Return a cell with a point as decimal sign; of a table with commas one with a point is no number."""
-    return cell if decimal == "." else cell.replace(".", "?").replace(decimal, ".")
-
-
 def _row(number: int, start: int, line: str, separator: str, columns: _TargetColumns, reading: TargetReading) -> None:
     cells = _split_cells(line, separator)
     if len(cells) != columns.count:
@@ -177,7 +165,7 @@ def _row(number: int, start: int, line: str, separator: str, columns: _TargetCol
     places = np.cumsum([start, *(len(c) + 1 for c in cells)])
     slots, values = [], []
     for k, unit in columns.pose + columns.joints:
-        match = re.fullmatch(rf"(\s*\"?)({EXPONENT_NUMBER})(\"?\s*)", _with_point(cells[k], columns.decimal))
+        match = re.fullmatch(rf"(\s*\"?)({EXPONENT_NUMBER})(\"?\s*)", with_point(cells[k], columns.decimal))
         if match is None:
             sign = "a point" if columns.decimal == "." else "a comma, as this table's others have it,"
             reading.refuse(number, f"'{cells[k].strip()}' found in column {k + 1}; a number with {sign} is allowed")
