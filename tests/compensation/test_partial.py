@@ -165,7 +165,7 @@ LEFT_KRL = {
         "may be #TCP since line 5",
     ),
     "made a base, two steps": (["XP1={P}", "NB=INV_POS(XP1)", "$BASE=NB", "PTP XP1"], 5, r"XP1 makes a tool or a base"),
-    "no room to say": (["PTP XELSE"], 5, "XELSE is declared elsewhere"),
+    "no room to say": (["PTP XHOME"], 5, "XHOME is declared elsewhere"),
 }
 
 
@@ -456,7 +456,7 @@ SERVICE = {
     "masref_user.src": (krl(*NULL, GOOD), r"file is a mastering or service point"),
     "p.src": (krl(GOOD).replace("DEF P", "DEF MASREF_TEST"), r"MASREF_TEST is a mastering or service point"),
     "p.dat": (
-        f"DEFDAT P\nDECL E6AXIS XMASREF={GOOD[4:]}\nENDDAT\n",
+        f"DEFDAT P PUBLIC\nDECL E6AXIS XMASREF={GOOD[4:]}\nENDDAT\n",
         r"XMASREF is a mastering or service point",
     ),
     "p.mod": (
@@ -474,14 +474,14 @@ def test_points_of_mastering_are_never_touched(name, kuka, tmp_path):
 
 
 def test_the_head_lists_lines_as_they_are_counted_in_the_written_file(kuka, tmp_path):
-    text = krl(*NULL, GOOD, "PTP XELSE", "LIN_REL {Z 5}", GOOD)
+    text = krl(*NULL, GOOD, "PTP XHOME", "LIN_REL {Z 5}", GOOD)
     done = run(tmp_path / "p.src", text, kuka)
     rows = done.text.splitlines()
     head = " ".join(row[2:] for row in rows if row.startswith("; "))
     at = [int(n) for n in re.search(r"Corrected lines: ([\d, ]+)\.", head)[1].split(",")]
     assert [rows[n - 1][:8] for n in at] == ["PTP {A1 ", "PTP {A1 "]
     left = [int(n) for n in re.findall(r"Left as written, lines (\d+):", head)]
-    assert [rows[n - 1] for n in left] == ["PTP XELSE", "LIN_REL {Z 5}"]
+    assert [rows[n - 1] for n in left] == ["PTP XHOME", "LIN_REL {Z 5}"]
     assert rows[0] == "DEF P ( )"
     again = run(tmp_path / "q.src", done.text, kuka)
     assert len(again.report.corrected) == 2
@@ -511,9 +511,9 @@ def test_the_command_says_by_its_exit_code_what_was_done(tmp_path):
         return done.returncode, out.exists()
 
     assert compensate([GOOD]) == (0, True)
-    assert compensate([GOOD, "PTP XELSE"]) == (5, True)
-    assert compensate([GOOD, "PTP XELSE"], "--strict") == (2, False)
-    assert compensate(["PTP XELSE"]) == (2, False)
+    assert compensate([GOOD, "PTP XHOME"]) == (5, True)
+    assert compensate([GOOD, "PTP XHOME"], "--strict") == (2, False)
+    assert compensate(["PTP XHOME"]) == (2, False)
     assert compensate([*NULL, "PTP {X 5000,Y 0,Z 0,A 0,B 90,C 0,S 2,T 2}"]) == (3, False)
     (tmp_path / "identification.json").write_text('{"simulated": true}')
     assert compensate([GOOD]) == (0, True)
