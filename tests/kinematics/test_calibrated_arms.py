@@ -178,3 +178,15 @@ def test_origins_that_are_not_understood_are_refused(tmp_path, text, said):
     (tmp_path / "arm.yaml").write_text(text)
     with pytest.raises(InputError, match=said):
         load_robot(tmp_path / "arm.yaml")
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-16"])
+@pytest.mark.parametrize(("sign", "decimal"), [(";", ","), ("\t", ","), (";", "."), ("\t", "."), (",", ".")])
+def test_tables_of_spreadsheets_are_read(sign, decimal, encoding, tmp_path):
+    rows = ["alpha_deg,a_mm,theta_deg,d_mm", "90,0,0,162.5", "0,-425.25,0,0", "0,-392.2,0,0", "90,0,0,133.3"]
+    text = "\n".join(["# convention: dh", *rows, "-90,0,0,99.7", "0,0,0,99.6", ""])
+    (tmp_path / "plain.csv").write_text(text)
+    (tmp_path / "arm.csv").write_bytes(text.replace(",", sign).replace(".", decimal).encode(encoding))
+    plain, found = (load_robot(str(tmp_path / name)) for name in ("plain.csv", "arm.csv"))
+    assert [(t.kind, t.nominal) for t in found.transforms] == [(t.kind, t.nominal) for t in plain.transforms]
+    assert -0.42525 in [t.nominal for t in found.transforms]
