@@ -261,7 +261,7 @@ class _Written:
 def _write(source: _Source, targets: list[Target], rows: np.ndarray, q: Array, q_new: Array) -> _Written:
     """Write the corrected numbers, and read them again until every one of them is what was meant."""
     wrong: list[Note] = []
-    while True:
+    while rows.size:
         chosen = [targets[i] for i in rows]
         values = _values(source.robot, chosen, q, q_new)
         new_text = write_values(source.text, [*values, *_modal_words(targets, rows)])
@@ -274,8 +274,7 @@ def _write(source: _Source, targets: list[Target], rows: np.ndarray, q: Array, q
         wrong += [(targets[rows[k]].line, why) for k, why in bad]
         kept = np.setdiff1d(np.arange(len(rows)), [k for k, _ in bad])
         rows, q, q_new = rows[kept], q[kept], q_new[kept]
-        if not kept.size:
-            return _Written(source.text, rows, [], [], q, q_new, q_new, wrong)
+    return _Written(source.text, rows, [], [], q, q_new, q_new, wrong)
 
 
 def _modal_words(targets: list[Target], rows: np.ndarray) -> list[tuple[Slot, float]]:

@@ -105,7 +105,8 @@ class CompensationReport:
             f"{mean:.3f} mm on average, {most:.3f} mm at most; no joint by more than {self.moved_max_rad / DEG:.3f}°"
         )
         facts = [("lines", f"lines left as they were: {line_ranges(line for line, _ in self.kept)}")] * bool(self.kept)
-        facts += [("moved", moved), *under_key("look at", list_lines(name, self.notes))]
+        facts += [("moved", moved)] * bool(self.corrected)
+        facts += [*under_key("look at", list_lines(name, self.notes))]
         facts += under_key("why left", (f"left as it was: {line}" for line in list_lines(name, self.kept)))
         details = [("lines", f"corrected lines: {line_ranges(self.corrected)}")] * bool(self.kept)
         if self.turns_left is None:
@@ -133,6 +134,8 @@ def report_of(
 
     ``T_FT``: the tools in the flange, (n, 4, 4) [m].
     """
+    if not targets:  # a file that goes along with others of its program
+        return CompensationReport(0, 0, (), 0.0, 0.0, 0.0, 0.0, 0.0, ())
     nominal = NominalFlange(robot)
     p, R = nominal.flange(q)
     poses = sum(t.pose is not None for t in targets)
@@ -146,7 +149,7 @@ def report_of(
             *rough_starts(robot, targets, q),
             *near_singular_angles(targets, printed),
         ),
-        shift_mean_m=float(shift.mean()) if len(shift) else 0.0,
+        shift_mean_m=float(shift.mean()),
         shift_max_m=float(shift.max(initial=0.0)),
         moved_max_rad=float(np.abs(q_new - q).max(initial=0.0)),
         left_m=float(left.max(initial=0.0)),

@@ -176,6 +176,26 @@ def test_a_point_that_two_modules_declare_is_refused(abb, tmp_path):
         compensate_program(tmp_path / "main.mod", *abb)
 
 
+@pytest.mark.parametrize("data", [[], ["DECL FDAT FP1={TOOL_NO 1,BASE_NO 1,IPO_FRAME #BASE}"], ["DECL E6POS XP1"]])
+def test_a_half_without_targets_goes_along(data, kuka, model, tmp_path):
+    (tmp_path / "pick.src").write_text(krl(*NULL, GOOD))
+    text = "\n".join(["DEFDAT PICK", *data, "ENDDAT", ""])
+    (tmp_path / "pick.dat").write_text(text)
+    for named in ("pick.src", "pick.dat"):
+        done = run(model, tmp_path, named, f"{tmp_path}/{named}-out/")
+        assert done.returncode == 0, done.stderr
+        rows = (tmp_path / f"{named}-out" / "pick.dat").read_text().splitlines()
+        assert [row for row in rows if not row.startswith("; ")] == text.splitlines()
+
+
+def test_halves_of_which_nothing_is_certain_are_refused(kuka, model, tmp_path):
+    lay(tmp_path, kuka[0], moves=["BAS(#TOOL,3)", "BAS(#BASE,3)", *(f"LIN {name}" for name in POINTS)])
+    done = run(model, tmp_path, "pick.dat", f"{tmp_path}/out/")
+    assert done.returncode == 2
+    assert "pick.dat and pick.src hold no target that could be compensated" in done.stderr
+    assert not (tmp_path / "out").exists()
+
+
 def test_names_of_outputs(tmp_path):
     names = ["main.mod", "data.sys"]
     assert [p.name for p in output_paths(tmp_path, True, names)] == names

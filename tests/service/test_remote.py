@@ -25,6 +25,17 @@ def test_words_that_are_files_are_sent_with_what_belongs_to_them(tmp_path, monke
     assert RemoteWords.of(["simulate", "run.csv", "-o", "a/b.csv"]).words[-1] == "out/b.csv"
 
 
+@pytest.mark.parametrize("named", ["pick.src", "PICK.dat"])
+def test_a_program_is_sent_with_all_its_files(named, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for name in ("pick.src", "PICK.dat", "place.dat", "robot.toml"):
+        (tmp_path / name).write_text("x")
+    made = RemoteWords.of(["compensate", named, "--model", "known", "-o", "new/"])
+    assert made.words == ["compensate", f"a1/{named}", "--model", "known", "-o", "out/"]
+    assert sorted(made.files) == ["a1/PICK.dat", "a1/pick.src"]
+    assert RemoteWords.of(["compensate", named, "-o", "new.src"]).words[-1] == "out/new.src"
+
+
 @pytest.mark.parametrize(
     ("words", "because"),
     [

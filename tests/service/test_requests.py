@@ -66,15 +66,17 @@ CASES = [
     ("validation", {"cell": "ur10/edbb", "runs": ["v.csv"], "model": KNOWN},
      "accuracy v.csv --cell ur10/edbb -o out --json --model calibrated/robot.toml", ["v.csv", *CALIBRATED]),
     ("compensation", {"program": "p.src", "model": KNOWN, "strict": True},
-     "compensate p.src -o out/p.src --model calibrated/robot.toml --strict", ["p.src", *CALIBRATED]),
+     "compensate p.src -o out/ --model calibrated/robot.toml --strict", ["p.src", *CALIBRATED]),
+    ("compensation", {"program": "p.src", "files": ["p.dat"], "model": KNOWN},
+     "compensate p.src -o out/ --model calibrated/robot.toml", ["p.dat", "p.src", *CALIBRATED]),
 ]  # fmt: skip
 
 
 def uploaded(context, value):
     """The value of a field, with references to files where it names some."""
-    if isinstance(value, list) and str(value[0]).endswith(".csv"):
+    if isinstance(value, list) and str(value[0]).endswith((".csv", ".dat")):
         return [uploaded(context, v) for v in value]
-    if str(value).endswith((".csv", ".src")):
+    if str(value).endswith((".csv", ".src", ".dat")):
         return {"id": context.files.add(b"q1_deg"), "name": value}
     return value
 
