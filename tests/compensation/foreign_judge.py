@@ -19,7 +19,7 @@ from tests.compensation.foreign_kinematics import angle_deg, pose_of_angles, pos
 
 NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 COMMENT = re.compile(r"\s*(;|!|\d*\s*:\s*!)")
-NOT_HERE = re.compile(r"is declared in the other half|is declared elsewhere")  # says of the move, not of the point
+NOT_HERE = re.compile(r"is declared elsewhere")  # says of the move, not of the point
 WITHIN_MM, WITHIN_DEG = 0.05, 0.01
 CORRECTED, LISTED, REFUSED, WRONG = "corrected", "listed", "refused", "silently wrong"
 

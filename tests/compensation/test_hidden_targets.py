@@ -91,11 +91,13 @@ def test_krl_a_name_that_gets_an_expression_in_braces_is_computed(kuka, tmp_path
     assert "XP1 is computed while the program runs (line 4 of the other half" in reasons(done)[2]
 
 
-def test_krl_moves_to_points_of_the_other_half_are_named(kuka, tmp_path):
+def test_krl_moves_to_points_of_the_other_half_are_left_to_it(kuka, tmp_path):
     (tmp_path / "p.dat").write_text(f"DEFDAT P\nDECL E6POS XP1={pose(kuka[0])}\nENDDAT\n")
     text = krl(*NULL, "PTP XP1", GOOD)
     done = run(tmp_path / "p.src", text, kuka)
-    assert reasons(done) == {4: "XP1 is declared in the other half of the module: compensate that too"}
+    assert reasons(done) == {}
+    assert changed(done, text) == [5]
+    assert done.others == (tmp_path / "p.dat",)
 
 
 @pytest.mark.parametrize("head", ["SPLINE", "SPLINE WITH $VEL.CP=1.0", "PTP_SPLINE WITH $VEL_AXIS[1]=50"])
