@@ -129,14 +129,14 @@ def test_the_driven_path_keeps_every_limit_by_dense_samples(either):
 
 
 def test_every_pose_is_passed_and_static_ones_rest(resting):
-    """The robot stands still at each pose, long enough for settling and dwell."""
+    """The robot stands still at each pose, long enough for settling and for a person who reads the bar."""
     cell = read_cell(resting.folder / "cell.toml", "cell")
     rows = pl.read_csv(resting.folder / "trajectory.csv").to_numpy()
     q = rows[:, 1:-1]
     for pose in resting.plan["poses"][1:-1]:
         here = np.abs(q - pose["q_deg"]).max(axis=1) < 1e-4
         if pose["role"] != "mount":
-            assert here.sum() * 0.05 >= cell.motion.settle + cell.motion.dwell - 0.06, pose["id"]
+            assert here.sum() * 0.05 >= cell.rest_seconds - 0.06, pose["id"]
 
 
 def test_repeats_visit_a_pose_again_and_validation_poses_are_new(resting):
