@@ -11,8 +11,6 @@ HUBER_SIGMAS = 1.5
 """[sigma] from which on a reading counts less: 95 % as sharp as least squares where the noise is normal."""
 MEDIAN_NORM = {1: 0.6745, 3: 1.5382, 6: 2.3126}
 """Median of the norm of so many standard normal numbers: the root of the median of χ²."""
-MEDIAN_RMS = {1: 0.6745, 3: 0.8880, 6: 0.9441, 14: 0.9761}
-"""Median of the root mean square of so many standard normal numbers."""
 
 
 def huber_weights(size: Array, limit: float | Array) -> Array:

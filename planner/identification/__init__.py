@@ -27,5 +27,6 @@ __all__ = [
     "run_setup",
     "stages",
     "suitability",
+    "wild_rows",
     "zeros_set",
 ]

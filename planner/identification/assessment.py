@@ -1,12 +1,11 @@
 """From the last stage to the calibration: uncertainties, checks and warnings."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from planner.cell.cell import Cell
-from planner.cell.file import FIRST_POINT
-from planner.common.advice import Occasion, advice
 from planner.common.arrays import mean_by_group
 from planner.common.determinism import even_positions
 from planner.common.errors import NoSolutionError
@@ -15,12 +14,11 @@ from planner.common.system import give_back_memory
 from planner.common.units import MM, Array
 from planner.design.observability.information import r_factor
 from planner.effects.steps import SLIP
-from planner.identification.artifact_pose import declared_pose_warnings, gauge_frames
+from planner.identification.artifact_pose import gauge_frames
 from planner.identification.assumptions import (
-    FAR_OFF_RATIO,
+    COUNTED,
     FEW_READINGS_EACH,
     LARGEST_HELD_OUT,
-    STRONG_PULL,
 )
 from planner.identification.better_explanations import explain_better
 from planner.identification.calibration import (
@@ -42,7 +40,6 @@ from planner.identification.cross_validation import (
     finer_split,
     number_targets,
     predict_held_out,
-    validation_residual,
 )
 from planner.identification.gross_errors import gross_error
 from planner.identification.identifiable_parameters import FittedParameters, estimate_parameters
@@ -53,13 +50,14 @@ from planner.identification.release import describe_release, release_robot, tool
 from planner.identification.released_parameters import released_estimates, std_beside_robot
 from planner.identification.released_robot import ReleasedRobot
 from planner.identification.residual_tests import diagnose_residual
-from planner.identification.run_setup import setup_for_run
+from planner.identification.run_warnings import collect_warnings, warn_of_validation
 from planner.identification.stages import FitContext, FittedStage
 from planner.model.gauge_frames import GaugeFrames
 from planner.model.identification_document import (
     Estimate,
     HoldOut,
     Metrics,
+    Release,
     ReleaseBasis,
     Stage,
     Unexplained,
@@ -147,78 +145,6 @@ def approach_warnings(traced: TracingResult) -> list[str]:
     return []
 
 
-def collect_warnings(run: Run, cell: Cell, found: Fit, validation: Run | None) -> list[str]:
-    """Return warnings about the run, the cell and the fit."""
-    out, setup = [], found.setup
-    if cell.controller.accuracy_model == "on":
-        out.append("the controller already corrects the robot: what was identified is what its correction leaves")
-    out += [*_of_pull(run), *_other_point(run, cell), *declared_pose_warnings(cell, setup)]
-    if len(found.outliers):
-        named = _name_some([run.where(k) for k in found.outliers.tolist()])
-        count = len(found.outliers)
-        are, they = (
-            ("1 sample is an outlier", "it was") if count == 1 else (f"{count} samples are outliers", "they were")
-        )
-        out.append(f"{are} ({named}); {they} kept in the fit")
-    out += found.problem.whitener.noise.remarks
-    if all(m is None for m in setup.robot.masses):
-        weight = "what its own weight does is known link by link at best, not in Nm"
-        out.append(Aside(f"{setup.robot.name} has no link masses: {weight}"))
-    if validation is not None and setup.gauge.needs_new_frames(setup, validation):
-        out.append("the frames of the validation run were fitted on it: its errors leave out what a frame can take up")
-    if validation is not None:
-        out += _wrong_validation_rows(
-            validation, validation_residual(found, validation, setup_for_run(cell, validation)), cell.gauge.unit
-        )
-    return out
-
-
-def _wrong_validation_rows(run: Run, residual: Array, unit: str) -> list[str]:
-    """Name rows of a validation that are off far more than its others: exchanged, or mistyped."""
-    size = error_size(residual)
-    usual = float(np.median(size))
-    wrong = np.flatnonzero(size > FAR_OFF_RATIO * usual)
-    if not len(wrong) or len(wrong) > len(size) // 4:
-        return []
-    named = _name_some([f"{run.where(k)} by {size[k] / MM:.3g} {unit}" for k in wrong.tolist()])
-    return [
-        f"of the validation's rows, half of which are off by less than {usual / MM:.3g} {unit}, some are far off "
-        f"({named}): exchanged or mistyped? Its errors count them"
-    ]
-
-
-def _name_some(rows: Sequence[str]) -> str:
-    """Name the first few of some rows, and how many more there are."""
-    named = 5  # that a warning names
-    more = [f"and {len(rows) - named} more"] if len(rows) > named else []
-    return "; ".join([*rows[:named], *more])
-
-
-def _of_pull(run: Run) -> list[str]:
-    force = run.samples.force
-    if run.readings.length is None or force is None or np.abs(force).max() <= STRONG_PULL:
-        return []
-    return [
-        f"the bar pulled with up to {np.abs(force).max():.0f} N: its moments are those about the robot by its data "
-        f"sheet{advice(Occasion.STRONG_PULL)}"
-    ]
-
-
-def _other_point(run: Run, cell: Cell) -> list[str]:
-    """Return a warning if the run names a tool point and the cell has a single one without a name."""
-    if (
-        len(run.points) > 1
-        or run.points[0] in ("", FIRST_POINT)
-        or not cell.gauge.is_attached
-        or len(cell.tool.points) > 1
-    ):
-        return []
-    return [
-        f"{run.name} was measured at tool point '{run.points[0]}', and {cell.path.name} has only one: it was taken "
-        "for that; if it is another, give it in [[tool.points]]"
-    ]
-
-
 def _release(
     stages: Sequence[FittedStage],
     free: FittedParameters,
@@ -249,22 +175,22 @@ def assess_fit(
 ) -> Calibration:  # fmt: skip
     """Assess the last stage and assemble the calibration; a long run is fitted once more to all of its samples."""
     run, parts, stages = context.run, context.split, _fit_all_samples(stages, context)
-    found, last = stages[-1].fit, stages[-1].stage
+    found = stages[-1].fit
     covariance, time = _whole_covariance(found, free, run.continuous)
     table = _estimate_all(free, found, covariance, traced)
     problems = find_problems(stages, free, traced, run, cell, time)
     released = None if problems else _release(stages, free, context, cell, time, basis)
     expected = workspace_error(cell, run, found, covariance) if released is None else released.anywhere
+    last = (stages := _count_alike(stages, _row_weight(released, stages[-1].stage), parts))[-1].stage
     said = [
-        *(*run.warnings, *collect_warnings(run, cell, found, validation), *notes),
-        *(*_refit_notes(parts, stages[-1]), *([] if released or problems or basis == "fit" else [NO_POSTERIOR])),
+        *(*run.warnings, *collect_warnings(run, cell, found, last.weight, _held_out_errors(released, last))),
+        *(*warn_of_validation(found, cell, validation), *notes),
+        *(*_refit_notes(parts, stages[-1]), *_release_notes(released, not problems and basis != "fit")),
         *few_readings_note(len(found.model.names), found.model.width, len(run), time),
         *workspace_warning(expected, last.held_out, found.model.width),
-        *([] if released is None else tool_point_advice(released)),
     ]
-    estimates = table if released is None else released_estimates(table, released)
+    estimates, release = _released_sections(released, table)
     diagnosis, kept = diagnose_residual(found, run.continuous, last.train.rms), tuple(s.stage for s in stages)
-    release = None if released is None else describe_release(released)
     worse = None if problems else worse_than_nominal(kept, release, expected, cell.gauge.unit)
     causes, traced = _find_causes(bool(problems or worse), traced, released, table, len(run) * found.model.width / time)
     return Calibration(
@@ -286,7 +212,7 @@ def assess_fit(
         rejected=causes.rejected,
         tried=traced.tried,
         unexplained=_describe_rest(diagnosis, last),
-        noise_floor=_noise_floor(run, last.residual),
+        noise_floor=_noise_floor(run, last.residual, last.weight),
         workspace_error=expected,
         release=release,
         condition_number=_condition(found),
@@ -303,6 +229,7 @@ def assess_fit(
         covariance=covariance,
         diagnosis=diagnosis,
         released=released,
+        row_weight=last.weight,
     )
 
 
@@ -318,6 +245,35 @@ def _find_causes(
     return name_causes(traced, None if refused else released, table, readings), traced
 
 
+def _released_sections(
+    released: ReleasedRobot | None, table: tuple[Estimate, ...]
+) -> tuple[tuple[Estimate, ...], Release | None]:
+    """Return every parameter of the robot that is written, and the section about it; the table if that is the fit's."""
+    return (table, None) if released is None else (released_estimates(table, released), describe_release(released))
+
+
+def _release_notes(released: ReleasedRobot | None, wanted: bool) -> list[str]:
+    """Return what to know of the robot that is written; that there is none though it was ``wanted``."""
+    return tool_point_advice(released) if released is not None else [NO_POSTERIOR] if wanted else []
+
+
+def _count_alike(stages: Sequence[FittedStage], weight: Array, parts: Split) -> list[FittedStage]:
+    """Return stages whose errors count the samples by the same weights (n,): else a row spoils some of them alone."""
+    return [replace(s, stage=s.stage.weigh(weight, parts.fold)) for s in stages]
+
+
+def _row_weight(released: ReleasedRobot | None, last: Stage) -> Array:
+    """Return by how much each row counts, (n,): by the posterior, or by the last stage where that saw a part."""
+    seen = np.empty(0) if released is None else released.posterior.fit.problem.weight
+    return seen if len(seen) == len(last.weight) else last.weight
+
+
+def _held_out_errors(released: ReleasedRobot | None, last: Stage) -> Array:
+    """Return how far rows held out are off (n,) [m] by the robot that is written, or likewise by the last stage."""
+    mine = released is not None and len(released.held_residual) == len(last.held_residual)
+    return error_size(released.held_residual if released is not None and mine else last.held_residual)
+
+
 def _frames(found: Fit, released: ReleasedRobot | None, estimates: Sequence[Estimate]) -> GaugeFrames:
     """Return where gauge and tool are by the robot that is written."""
     written, known = (found, found) if released is None else (released.fit, released.posterior.fit)
@@ -325,13 +281,15 @@ def _frames(found: Fit, released: ReleasedRobot | None, estimates: Sequence[Esti
 
 
 def _fit_all_samples(stages: list[FittedStage], context: FitContext) -> list[FittedStage]:
-    """Return the stages, the last fitted to every sample where it was fitted to a part of a long run."""
+    """Return the stages, the last fitted to every sample where it was fitted to a part of a long run.
+
+    In the errors of all of them rows count as in the last one.
+    """
     last = stages[-1]
-    if len(context.run) <= len(last.fit.problem):
-        return stages
-    whole = context.fit_stage(last.stage.name, last.fit.model, last.fit, whole=True)
-    give_back_memory()
-    return [*stages[:-1], whole]
+    if len(context.run) > len(last.fit.problem):
+        last = context.fit_stage(last.stage.name, last.fit.model, last.fit, whole=True)
+        give_back_memory()
+    return _count_alike([*stages[:-1], last], last.stage.weight, context.split)
 
 
 def _estimate_all(free: FittedParameters, found: Fit, covariance: Array, traced: TracingResult) -> tuple[Estimate, ...]:
@@ -358,7 +316,8 @@ def _errors_within_groups(run: Run, parts: Split, found: Fit) -> WithinGroups | 
     finer = finer_split(run, parts)
     if finer is None:
         return None
-    return WithinGroups(held_out=Metrics.of(predict_held_out(found, finer).residual, finer.fold))
+    held = predict_held_out(found, finer).residual
+    return WithinGroups(held_out=Metrics.of(held, finer.fold, found.problem.weight))
 
 
 def _refit_notes(parts: Split, last: FittedStage) -> list[str]:
@@ -386,11 +345,15 @@ def _condition(found: Fit) -> float | None:
     return condition if np.isfinite(condition) else None
 
 
-def _noise_floor(run: Run, residual: Array) -> float | None:
-    """Standard deviation of readings repeated at the same pose [m], from residuals (n, r); ``None`` without repeats."""
+def _noise_floor(run: Run, residual: Array, weight: Array) -> float | None:
+    """Standard deviation of readings repeated at the same pose [m], from residuals (n, r); ``None`` without repeats.
+
+    Rows that stand outside, by their weights (n,), are left out: they are no noise.
+    """
     if run.continuous:
         return None
-    group = number_targets(run.samples)
+    fine = weight >= COUNTED
+    group, residual = np.unique(number_targets(run.samples)[fine], return_inverse=True)[1].reshape(-1), residual[fine]
     count = np.bincount(group)
     spare = int((count - 1).sum())
     if spare < 3:

@@ -7,7 +7,6 @@ from planner.common.units import DEG, MM
 POSITION_AXES = 3  # of the three axes of a place a bar reads one, a tracker all
 
 # ---- the fit
-OUTLIER_SIGMAS = 4.5  # [sigma] of one reading in about 150 000
 CONVERGED_SIGMAS = 1e-3  # a step this small, in the parameters' own standard deviations, ends the fit
 ROUGHLY_CONVERGED_SIGMAS = 0.05  # the same while noise and priors are still being settled
 SETTLED_CHANGE = 0.02  # relative change of noise and factors that ends the rounds
@@ -20,6 +19,9 @@ GAIN_STANDARD_ERRORS = 2.0  # that the held-out error must fall by before an eff
 LEAST_NOISE_SHARE = 0.02  # of its noise that is left in a residual which its own parameters follow
 ENOUGH_FREEDOM = 60  # degrees of freedom below which the declared ratio of the noise variances stands
 LARGE_NOISE_RATIO = 2.5  # to the declared noise, which data sheets give to a factor of two: more is not only noise
+WILD_PROBABILITY = 0.01  # that a row is wild: of hundreds that a person has made some are; even odds from 4 sigma on
+WILD_SCALES = (3.0, 1e6)  # [sigma] of wild rows: from what looks like noise to metres beside micrometres
+COUNTED = 0.5  # of a row, from which on it is one of those that the fit stands on
 CLIPPED_SIGMAS = 2.5  # robust standard deviations at which outliers are clipped before the residual is tested
 SIGNIFICANCE = 0.01  # probability that any test of a clean residual calls
 
@@ -60,7 +62,6 @@ LARGEST_HELD_OUT = 10 * MM  # [m] held-out rms that no calibrated robot leaves
 NEAR_DECLARED, NEAR_DECLARED_TURN = 20 * MM, 6 * DEG  # [m], [rad] from the cell's place: beyond, it was moved
 FRAME_SIGMAS = 4.0  # of what the arm is off there, by which its run may put the frame off too
 STRONG_PULL = 50.0  # [N] from which on where the bar hangs matters to its moments
-FAR_OFF_RATIO = 20.0  # to the median error of a validation, beyond which a row is none of its errors
 MUCH_WORSE_RATIO = 3.0  # to the held-out error, from which on that one says little of the rest of the workspace
 OTHER_WAY_SHARE = 0.2  # of the error, below which another way of counting the angles is told
 

@@ -10,6 +10,7 @@ from pydantic import Field
 from planner.cell.setup import MeasurementSetup
 from planner.common.units import Array, to_deg
 from planner.design.observability.identifiability import DroppedParameter
+from planner.identification.assumptions import COUNTED
 from planner.identification.axis_zeros import AxisZeros
 from planner.identification.contenders import Contest
 from planner.identification.least_squares import Fit
@@ -18,6 +19,7 @@ from planner.kinematics.robot import Robot
 from planner.model.finding import Finding, RejectedEffect
 from planner.model.gauge_frames import JointZero
 from planner.model.identification_document import (
+    NO_WEIGHT,
     DetectionLimit,
     Estimate,
     Identification,
@@ -93,6 +95,7 @@ class Calibration(Identification):
         planned_errors: what the plan of each session has foreseen after each pose [m], empty where that is not known.
         good_for: what the released robot is good for, whether or not a tolerance was asked for.
         asides: those of the warnings that ask nothing of anybody.
+        row_weight: by how much each sample of the run counts, (n,).
     """
 
     run: Annotated[Run, OnlyInMemory] = Field(exclude=True)
@@ -105,6 +108,12 @@ class Calibration(Identification):
     planned_errors: Annotated[tuple[tuple[float, ...], ...], OnlyInMemory] = Field(default=(), exclude=True)
     good_for: Annotated[Use | None, OnlyInMemory] = Field(default=None, exclude=True)
     asides: Annotated[frozenset[str], OnlyInMemory] = Field(default=frozenset(), exclude=True)
+    row_weight: Annotated[Array, OnlyInMemory] = Field(default=NO_WEIGHT, exclude=True)
+
+    @property
+    def outliers(self) -> np.ndarray:
+        """Samples that stand outside the noise and count for little, (m,) int."""
+        return np.flatnonzero(self.row_weight < COUNTED)
 
     @property
     def written_stage(self) -> Stage:

@@ -14,7 +14,7 @@ from planner.effects.free_laws import beam_laws, free_laws
 from planner.effects.nonparametric import NONPARAMETRIC
 from planner.identification.contenders import Contender, Contest
 from planner.identification.posterior_background import cause_of_family
-from planner.identification.posterior_draws import ReadingWhitener, SizeDraw, expected_share
+from planner.identification.posterior_draws import SizeDraw, expected_share
 from planner.identification.posterior_fit import (
     COMMON,
     OWN,
@@ -142,7 +142,7 @@ class Arena:
         """
         effects = self.record.effects
         always = np.array([p.factors[0] > 0.0 for p in effects.priors])
-        whitener = ReadingWhitener.of(effects, draw.noise_logs - 0.5 * np.log(self.worth))
+        whitener = effects.whitener(draw.noise_logs - 0.5 * np.log(self.worth))
         size = np.where(always, draw.factors, 0.0)[effects.family[self.kept]]
         return mirror_lower(whitener.products(np.column_stack([self.columns, self.y]), size))
 

@@ -5,7 +5,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from planner.cell.cell import Cell
-from planner.common.robust import MEDIAN_RMS
 from planner.common.summary import Aside
 from planner.common.units import MM, Array
 from planner.effects.effect import Parameter
@@ -27,34 +26,21 @@ def parameter_covariance(fit: Fit, continuous: bool) -> tuple[Array, float]:
     """
     problem, solution = fit.problem, fit.solution
     root = solution.root(problem.prior)
-    plain = root @ root.T * _robust_factor(fit)
+    plain = root @ root.T
     if not continuous:
         return plain, 1.0
     noise = FadingNoise.of(fit)
     # 10: correlation times in one block of a continuous run
-    size = max(1, int(np.ceil(10 * correlation_time(problem.white_residual(fit.errors)[:, 0]))))
+    size = max(1, int(np.ceil(10 * correlation_time(problem.weighted_residual(fit.errors)[:, 0]))))
     count = len(problem) // size
     if count < 3 * len(fit.errors):  # blocks for each parameter that it takes to trust their scatter
-        return noise.covariance * np.outer(problem.prior, problem.prior) * _robust_factor(fit), noise.time
+        return noise.covariance * np.outer(problem.prior, problem.prior), noise.time
     scores = _scores(fit, np.minimum(np.arange(len(problem)) // size, count - 1), count)
     bread = solution.inverse
     inverse = bread @ bread.T  # of the information, in prior sigmas
     half = inverse @ scores.T
     white_noise = half @ half.T * count / max(1.0, count - fit.effective)
     return np.asarray((white_noise + inverse @ inverse) * np.outer(problem.prior, problem.prior)), noise.time
-
-
-def _robust_factor(fit: Fit) -> float:
-    """Return the ratio of Huber's variance to that of the weighted rows (Huber 1981, eq. 6.5)."""
-    weight = fit.problem.weight
-    if np.all(weight == 1.0):
-        return 1.0
-    u = fit.problem.white_residual(fit.errors)
-    u = u / max(float(np.median(np.sqrt((u**2).mean(axis=1)))) / MEDIAN_RMS[u.shape[1]], 1e-300)
-    psi, inside = u * weight[:, None], float((weight == 1.0).mean())
-    stretch = 1 + fit.effective / u.size * (1 - inside) / inside
-    stated = float((weight[:, None] * u**2).mean() / weight.mean())
-    return stretch**2 * float((psi**2).mean()) / inside**2 / stated
 
 
 def correlation_time(x: Array) -> float:

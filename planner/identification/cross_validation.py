@@ -37,8 +37,7 @@ def validation_residual(found: Fit, run: Run, bare: MeasurementSetup) -> Array:
         problem = FitProblem.of(model, renumber_places(run, setup))
         return problem.residual(np.zeros(0))
     model = _with_frames(replace(model, setup=locate_gauge(_calibrated_tool(bare, found), run)))
-    # robust: one ball that was seated badly must not move the plate of all others
-    here = fit(FitProblem.of(model, run, found.problem.whitener.noise), robust=True)
+    here = fit(FitProblem.of(model, run, found.problem.whitener.noise))
     return here.problem.residual(here.errors)
 
 

@@ -15,17 +15,16 @@ from scipy.linalg.lapack import dtrtri
 from planner.cell.setup import MeasurementSetup
 from planner.common.determinism import even_positions
 from planner.common.errors import NoSolutionError
-from planner.common.robust import HUBER_SIGMAS, MEDIAN_RMS, huber_weights
 from planner.common.units import Array
 from planner.identification.assumptions import (
     CONVERGED_SIGMAS,
-    OUTLIER_SIGMAS,
     PRIOR_FACTORS,
     ROUGHLY_CONVERGED_SIGMAS,
     SETTLED_CHANGE,
 )
 from planner.identification.noise import Noise, estimate_noise
 from planner.identification.problem import PIECE_SAMPLES, FitProblem, FoldPieces, LinearPiece
+from planner.identification.wild_rows import row_weights
 from planner.model.model import Model
 
 FROZEN_NUMBERS = 200_000  # of a Jacobian, from which on it stands for those at the next steps too
@@ -201,14 +200,12 @@ class Fit:
         problem: with the noise and prior sigmas as they were found.
         solution: parameters and information.
         effective: number of parameters that the readings, not the prior, decide.
-        outliers: samples whose residual the noise does not explain, (m,) int.
         leverage: of the readings that noise and factors were settled by, (n, r), 0 … 1, where it was looked at.
     """
 
     problem: FitProblem
     solution: Solution
     effective: float
-    outliers: np.ndarray
     leverage: Array | None = None
 
     def __repr__(self) -> str:
@@ -219,6 +216,12 @@ class Fit:
     def model(self) -> Model:
         """The model that was fitted."""
         return self.problem.model
+
+    def count_in_full(self) -> "Fit":
+        """Return the fit with rows that all count in full, its values as they are."""
+        if np.all(self.problem.weight == 1.0):
+            return self
+        return replace(self, problem=replace(self.problem, weight=np.ones(len(self.problem))))
 
     @property
     def setup(self) -> MeasurementSetup:
@@ -243,13 +246,12 @@ class Fit:
 
 def fit(
     problem: FitProblem,
-    robust: bool = False,
     start: Array | None = None,
     factors: Array | None = None,
     leverage: Array | None = None,
     fold: np.ndarray | None = None,
 ) -> Fit:
-    """Fit the model of ``problem``, its noise and the factors on its prior sigmas.
+    """Fit the model of ``problem``, its noise, how much each row counts, and the factors on its prior sigmas.
 
     ``start`` are the values and ``factors`` the factors (P,) that the rounds begin with; ``leverage`` (n, r) is that of
     a fit of nearly the same columns, which stands for this one's where there are many readings; ``fold`` (n,) those of
@@ -269,25 +271,28 @@ def fit(
     for _ in range(12):  # rounds at most of settling noise and factors
         solution = solve(few, errors, ROUGHLY_CONVERGED_SIGMAS)
         errors = solution.errors
-        weight = _weights(few, errors) if robust else few.weight
         shrinkage = _shrinkage(solution)
         # 0.05: relative change of the noise up to which leverages of a large problem hold
         if leverage is None or louder > 0.05 or not _is_large(few):
             leverage = _leverage(few, solution)
         else:  # their sum, the number of parameters that the readings decide, is known without a look at each
             leverage = np.minimum(leverage * float((1 - shrinkage).sum()) / float(leverage.sum()), 1.0)
-        noise = estimate_noise(few.whitener, few.residual(errors) * np.sqrt(weight)[:, None], leverage)
+        weight = row_weights(few.white_residual(errors), leverage, few.weight)
+        noise = estimate_noise(few.whitener, few.residual(errors), leverage, weight)
         model = few.model.with_prior(prior * prior_factors(few.model, prior, errors, shrinkage))
         louder = _change(noise, few.whitener.noise)
         change = max(louder, float(np.max(np.abs(model.prior / few.prior - 1), initial=0.0)))
+        shifted = float(np.abs(weight - few.weight).max(initial=0.0))
         few = replace(few.with_noise(noise).with_model(model), weight=weight)
-        if change < SETTLED_CHANGE:
+        # 0.05: change of how much a row counts that ends the rounds
+        if change < SETTLED_CHANGE and shifted < 0.05:
             break
     whole = problem.with_noise(few.whitener.noise).with_model(few.model) if long else few
-    if long and robust and errors is not None:
-        whole = replace(whole, weight=_weights(whole, errors))
+    if long and errors is not None:
+        weight = row_weights(whole.white_residual(errors), np.zeros((len(whole), whole.model.width)), whole.weight)
+        whole = replace(whole, weight=weight)
     solution = solve(whole, errors, fold=fold)
-    return Fit(whole, solution, float((1 - _shrinkage(solution)).sum()), _outliers(whole, solution), leverage)
+    return Fit(whole, solution, float((1 - _shrinkage(solution)).sum()), leverage)
 
 
 def subset_size(model: Model, samples: int) -> int:
@@ -337,19 +342,3 @@ def prior_factors(model: Model, prior: Array, errors: Array, shrinkage: Array) -
 
 def _change(a: Noise, b: Noise) -> float:
     return max(abs(float(x) / float(y) - 1) for x, y in zip(astuple(a), astuple(b), strict=True))
-
-
-def _size(problem: FitProblem, errors: Array) -> Array:
-    """Residual of each sample in standard deviations of the middle half of them, (n,)."""
-    white = problem.white_residual(errors)
-    size = np.sqrt((white**2).mean(axis=1))
-    return np.asarray(size / max(float(np.median(size)) / MEDIAN_RMS[white.shape[1]], 1e-300))
-
-
-def _weights(problem: FitProblem, errors: Array) -> Array:
-    """Huber's weights, (n,)."""
-    return huber_weights(_size(problem, errors), HUBER_SIGMAS)
-
-
-def _outliers(problem: FitProblem, solution: Solution) -> np.ndarray:
-    return np.flatnonzero(_size(problem, solution.errors) > OUTLIER_SIGMAS)

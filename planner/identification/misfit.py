@@ -29,6 +29,7 @@ from planner.common.determinism import even_positions
 from planner.common.units import Array
 from planner.effects.context import Context
 from planner.identification.assumptions import (
+    COUNTED,
     FAMILIES_OF_A_REST,
     LOG_REST_SIGMA,
     LOG_STRETCH_SIGMA,
@@ -46,6 +47,7 @@ from planner.identification.noise import Noise
 from planner.identification.posterior_background import EffectFamily
 from planner.identification.posterior_fit import PosteriorFit, draw_posterior
 from planner.identification.problem import FitProblem
+from planner.identification.wild_rows import validation_weights
 from planner.model.model import Model
 from planner.runs.run import Run, Samples
 
@@ -154,13 +156,14 @@ class RepeatedReadings:
         if run.continuous:
             return cls()
         pose = number_targets(run.samples)
-        first = np.flatnonzero(np.append(True, np.diff(pose) != 0))  # then the arm stands still
+        # then the arm stands still; a row that stands outside says nothing of the noise
+        first = np.flatnonzero(np.append(True, np.diff(pose) != 0) & (fit.problem.weight >= COUNTED))
         visited = np.unique(pose[first], return_inverse=True)[1].reshape(-1)
         width = min(POSITION_AXES, fit.model.width)
         left = fit.problem.residual(fit.errors)[first, :width]
         apart = left - mean_by_group(left, visited)[visited]
         white = np.einsum("nij,nj->ni", _noise_root(fit.problem, width)[first], apart)
-        return cls(float((white**2).sum()), width * (len(first) - int(visited.max()) - 1))
+        return cls(float((white**2).sum()), width * (len(first) - int(visited.max(initial=-1)) - 1))
 
     def log_density(self, factors: Array) -> Array:
         """Return the log density at noises (k,) over the usual one, without a constant."""
@@ -177,12 +180,16 @@ def predict_regions(
     background: Sequence[EffectFamily],
     time: float,
     start: Mapping[str, float],
-    curves: frozenset[str] = frozenset(),
+    curves: frozenset[str],
+    weight: Array,
 ) -> tuple[HeldOutRegion, ...]:
-    """Predict every region of the workspace by a posterior of the others; the arguments as of ``draw_posterior``."""
+    """Predict every region of the workspace by a posterior of the others; the arguments as of ``draw_posterior``.
+
+    Rows that stand outside the noise are not held against any.
+    """
     region = number_regions(run.samples, before)
     return tuple(
-        _predict_region(before, run, region == k, whole, background, time, start, curves)
+        _predict_region(before, run, region == k, whole, background, time, start, curves, weight)
         for k in range(region.max() + 1)
     )
 
@@ -307,13 +314,14 @@ def _predict_region(
     time: float,
     start: Mapping[str, float],
     curves: frozenset[str],
+    weight: Array,
 ) -> HeldOutRegion:
     """Predict the positions of the samples ``test`` (n,) bool by a posterior of the others."""
     seen = _thin(np.flatnonzero(~test), 2_400 // whole.width)  # readings of a long run that fit and judge
-    unseen = _worth_one_each(np.flatnonzero(test), time, whole.width)
+    unseen = _worth_one_each(np.flatnonzero(test & (weight >= COUNTED)), time, whole.width)
     worth, share = max(1.0, time * len(seen) / (~test).sum()), float((~test).mean())
     others = run.take(seen)
-    drawn = draw_posterior(before, others, whole, background, worth, curves, sweeps=SWEEPS, share=share, start=start)
+    drawn = draw_posterior(before, others, whole, background, worth, curves, SWEEPS, share, start, weight[seen])
     known, noise_root = drawn.fit_at_start()
     there = FitProblem.of(known.model, run.take(unseen), _scale_noise(known.problem.whitener.noise, 1 / np.sqrt(worth)))
     return HeldOutRegion(unseen, _hold_out(there, known.errors, known.solution.root(known.problem.prior), noise_root))
@@ -322,13 +330,15 @@ def _predict_region(
 def predict_validation(posterior: PosteriorFit, run: Run, time: float) -> HeldOutReadings | None:
     """Predict the positions of a run that no fit saw by a posterior of which ``time`` samples are worth one.
 
-    ``None`` where the run stands in frames of its own.
+    ``None`` where the run stands in frames of its own. Rows that are off far more than the others are left out.
     """
     known = posterior.fit
     if (usable := transferable_model(known, run)) is None:
         return None
     model, which = usable
-    few = run.take(_worth_one_each(np.arange(len(run)), time if run.continuous else 1.0, model.width))
+    whole = FitProblem.of(model, renumber_places(run, known.setup))
+    fine = np.flatnonzero(validation_weights(whole.residual(known.errors[which])) >= COUNTED)
+    few = run.take(_worth_one_each(fine, time if run.continuous else 1.0, model.width))
     noise = _scale_noise(known.problem.whitener.noise, 1 / np.sqrt(time))
     there = FitProblem.of(model, renumber_places(few, known.setup), noise)
     roots = (known.solution.root(known.problem.prior), posterior.noise_root)

@@ -117,19 +117,22 @@ def least_noise() -> float:
     return float(np.exp(LOG_NOISE_RANGE[0]))
 
 
-def estimate_noise(white: Whitener, residual: Array, leverage: Array) -> Noise:
+def estimate_noise(white: Whitener, residual: Array, leverage: Array, weight: Array | None = None) -> Noise:
     """Estimate how large the noise really is from the residuals (n, r) of a fit and their leverages h (n, r).
+
+    Rows count by their ``weight`` (n,), all alike if none is given: one outside the noise does not tell its size.
 
     A residual is as large as its noise times √(1 − h) (Cook and Weisberg 1982): without that the readings which hold
     the fit most would seem the least noisy, whatever their noise. Few readings keep the declared ratio of gauge and
     joints, and so do readings without noise: they have the least that is believed.
     """
-    dof = residual.size - float(leverage.sum())
+    weight = np.ones(len(residual)) if weight is None else weight
+    dof = float(weight.sum()) * residual.shape[1] - float(leverage.sum())
     if dof < 1:
         return white.noise
     residual = residual / np.sqrt(np.maximum(1.0 - leverage, LEAST_NOISE_SHARE))
-    spread = _Spread.of(white, residual, slice(0, 3))
-    one = float(np.sqrt((spread.square / (1 + spread.variance_ratio)).mean()))
+    spread = _Spread.of(white, residual, slice(0, 3), weight)
+    one = float(np.sqrt(np.average(spread.square / (1 + spread.variance_ratio), weights=spread.weight)))
     if one < least_noise():
         return Noise(least_noise(), least_noise(), least_noise())
     if dof < ENOUGH_FREEDOM:
@@ -137,7 +140,7 @@ def estimate_noise(white: Whitener, residual: Array, leverage: Array) -> Noise:
     joints = _fit_two_sizes(spread, one)
     if residual.shape[1] <= 3:
         return joints
-    turns = _Spread.of(white, residual, slice(3, 6))
+    turns = _Spread.of(white, residual, slice(3, 6), weight)
     return Noise(joints.gauge, joints.joints, turns.gauge_beside(joints.joints))
 
 
@@ -160,30 +163,32 @@ def _fit_two_sizes(spread: "_Spread", one: float) -> Noise:
 class _Spread:
     """Residuals in axes in which gauge and joints do not mix.
 
-    ``square`` (m,) squared residuals; ``variance_ratio`` (m,): noise variance of the joints over the gauge's.
+    ``square`` (m,) squared residuals; ``variance_ratio`` (m,): noise variance of the joints over the gauge's;
+    ``weight`` (m,): by how much each counts.
     """
 
     square: Array
     variance_ratio: Array
+    weight: Array
 
     @classmethod
-    def of(cls, white: Whitener, residual: Array, block: slice) -> "_Spread":
+    def of(cls, white: Whitener, residual: Array, block: slice, weight: Array) -> "_Spread":
         """Split the numbers ``block`` of every reading."""
         which = even_positions(len(residual), 20_000)  # samples that the likelihood looks at
         ratio, axes, unit = white.noise_axes(block, which)
         turned = np.einsum("nij,ni->nj", axes, residual[which][:, block] * unit)
-        return cls((turned**2).ravel(), ratio.ravel())
+        return cls((turned**2).ravel(), ratio.ravel(), np.repeat(weight[which], ratio.shape[1]))
 
     def slope(self, logs: Array) -> tuple[Array, Array]:
         """Gradient and expected curvature of minus twice the log likelihood of (log gauge, log joints)."""
         a, b = np.exp(2 * logs)
         variance = a + b * self.variance_ratio
         parts = 2 * np.stack([a / variance, b * self.variance_ratio / variance])
-        return parts @ (1 - self.square / variance), parts @ parts.T
+        return parts @ (self.weight * (1 - self.square / variance)), parts * self.weight @ parts.T
 
     def gauge_beside(self, joints: float) -> float:
         """Likeliest size of the gauge's part when the joints' is known."""
-        log = 0.5 * float(np.log(self.square.mean() + 1e-300))
+        log = 0.5 * float(np.log(np.average(self.square, weights=self.weight) + 1e-300))
         for _ in range(MOST_SCORINGS):
             slope, curvature = self.slope(np.array([log, np.log(joints)]))
             step = float(np.clip(slope[0] / max(curvature[0, 0], 1e-12), -1.0, 1.0))

@@ -26,7 +26,7 @@ from planner.runs.run import Run
 
 @dataclass(frozen=True)
 class FitSettings:
-    """What the user may choose: share of the groups held out, robust loss, seed of the folds.
+    """What the user may choose: share of the groups held out, seed of the folds.
 
     The released robot holds geometry and effects by the posterior, with ``geometry`` geometry alone; where ``release``
     is false it is the last stage as fitted, and the error over the workspace follows from its covariance: quicker, for
@@ -34,7 +34,6 @@ class FitSettings:
     """
 
     hold_out: float = 0.2
-    robust: bool = False
     seed: int = 0
     geometry: bool = False
     release: bool = True
@@ -78,12 +77,12 @@ def identify(
         return None if validation is None or bare is None else validate_fit(found, validation, bare)
 
     free = choose_parameters(cell, setup, run)
-    context = FitContext(run, parts, judge, settings.robust, free.unseen_parameters, validation)
+    context = FitContext(run, parts, judge, free.unseen_parameters, validation)
     _check_size(context, free.model)
     model = free.model_up_to(())
     with explain_failure(cell, run):
         say("nominal robot")
-        stages = [context.fit_stage("nominal", model.subset([]), robust=False)]
+        stages = [context.fit_stage("nominal", model.subset([]))]
         say("frames")
         stages.append(context.fit_stage("frames", parameters_of_groups(model, ("gauge",))))
         say("geometry")

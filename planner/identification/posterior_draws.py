@@ -16,11 +16,13 @@ from itertools import pairwise
 
 import numpy as np
 from scipy.linalg import cho_solve
-from scipy.linalg.blas import dsyrk, dtrsm
 
 from planner.common.units import Array
 from planner.identification.assumptions import EXPECTED_CAUSES, LOG_NOISE_RANGE, PREVALENCE
 from planner.identification.reading_precision import FewProducts, ReadingPrecision, WholeProducts
+from planner.identification.reading_whitener import ReadingWhitener, explained_products
+from planner.identification.row_basis import posterior_basis
+from planner.identification.wild_rows import row_weights
 
 SWEEPS = 160  # through all families
 KEPT_EVERY = 3  # sweeps between draws that are kept: neighbours are alike
@@ -70,11 +72,14 @@ class SizeDraw:
 class DrawnSizes(SizeDraw):
     """A draw, and how likely each family acts, (f,), where all others are as they were when its own factor was drawn.
 
+    ``weight`` (n,): by how much each row of the run counted.
+
     The mean of that over the draws scatters less than the share of the draws in which the family acts (Rao and
     Blackwell; Gelfand and Smith 1990, J. Am. Stat. Assoc. 85(410)).
     """
 
     acting: Array
+    weight: Array
 
 
 @dataclass(frozen=True)
@@ -88,6 +93,8 @@ class RandomEffects:
         noise: variance of each reading by component of the noise as declared, (m, c).
         priors: of the factors of the families, (f,).
         noise_precision: of the normal prior about 0 on the logarithms of the noise's components, (c, c).
+        row: number of the row of the run that each reading is of, (m,) int; none: rows are not looked at.
+        weight: by how much each row counts, (n,).
     """
 
     columns: Array
@@ -96,6 +103,8 @@ class RandomEffects:
     noise: Array
     priors: tuple[SizePrior, ...]
     noise_precision: Array
+    row: np.ndarray | None = None
+    weight: Array | None = None
 
     @cached_property
     def places(self) -> tuple[slice, ...]:
@@ -135,12 +144,29 @@ class RandomEffects:
 
     def variance(self, noise_logs: Array) -> Array:
         """Return the variance of each reading, (m,)."""
-        return np.asarray(self.noise @ np.exp(2 * noise_logs))
+        variance = np.asarray(self.noise @ np.exp(2 * noise_logs))
+        return variance if self.weight is None else variance / self.weight[self.row]
+
+    def whitener(self, noise_logs: Array) -> ReadingWhitener:
+        """Return what whitens the readings, by noise and columns of known size."""
+        return ReadingWhitener.of(self.columns[:, self.family < 0], np.sqrt(self.variance(noise_logs)))
+
+    def weigh_rows(self, draw: SizeDraw) -> Array:
+        """Return by how much each row counts, (n,), held against what all others say of it at a draw of the sizes."""
+        assert self.row is not None
+        assert self.weight is not None
+        root, size = np.sqrt(self.variance(draw.noise_logs)), self.sizes(draw.factors)
+        which = np.flatnonzero(size)
+        basis = posterior_basis(self.columns[:, which] * size[which] / root[:, None], 1.0)[0]
+        left = self.y / root
+        left = (left - basis @ (basis.T @ left)) / np.sqrt(self.weight)[self.row]
+        by_row = np.argsort(self.row, kind="stable").reshape(len(self.weight), -1)
+        return row_weights(left[by_row], (basis**2).sum(axis=1)[by_row], self.weight)
 
     def precision(self, draw: SizeDraw) -> ReadingPrecision:
         """Return what is told of all columns at a draw of the sizes."""
         size = draw.factors.repeat([p.stop - p.start for p in self.places])
-        whitener = ReadingWhitener.of(self, draw.noise_logs)
+        whitener = self.whitener(draw.noise_logs)
         # 4: times as many columns as act, from which on most families are never asked for between draws of the noise
         if 4 * np.count_nonzero(size) < len(size):
             white = whitener.white(self.sorted_columns)
@@ -154,7 +180,7 @@ class RandomEffects:
         What all columns and the noise would give is drawn from their priors, and moved as far as the readings differ
         from it (Matheron's rule; Hoffman and Ribak 1991, Astrophysical Journal 380).
         """
-        variance, whitener = self.variance(draw.noise_logs), ReadingWhitener.of(self, draw.noise_logs)
+        variance, whitener = self.variance(draw.noise_logs), self.whitener(draw.noise_logs)
         size = self.sizes(draw.factors)
         which, columns = np.flatnonzero(size), self.columns
         noise = np.sqrt(variance) * rng.standard_normal(len(self.y))
@@ -165,69 +191,6 @@ class RandomEffects:
         root = np.linalg.cholesky(np.eye(len(acting)) + white.T @ white)
         apart -= white @ cho_solve((root, True), white.T @ apart)
         return np.asarray(noise + variance * whitener.apply_transpose(apart)[:, 0])
-
-
-@dataclass(frozen=True)
-class ReadingWhitener:
-    """C₀^(−1/2) of the readings, with C₀ their covariance by noise D and the columns of known size.
-
-    These may be wider than the noise by many orders of magnitude, and are taken by their singular values: beside them
-    D⁻¹ᐟ² C₀ D⁻¹ᐟ² is 1 + U σ² Uᵀ. The families that act are mild and few, and enter by Woodbury's identity.
-
-    Attributes:
-        root: standard deviations of the noise D, (m,).
-        axes: U of the known columns, (m, k).
-        shrink: 1/√(1 + σ²) − 1, (k,).
-    """
-
-    root: Array
-    axes: Array
-    shrink: Array
-
-    @classmethod
-    def of(cls, model: RandomEffects, noise_logs: Array) -> "ReadingWhitener":
-        """Look at the known columns of a model beside its noise."""
-        root = np.sqrt(model.variance(noise_logs))
-        axes, wide, _ = np.linalg.svd(model.columns[:, model.family < 0] / root[:, None], full_matrices=False)
-        return cls(root, axes, 1 / np.sqrt(1 + wide**2) - 1)
-
-    def white(self, values: Array) -> Array:
-        """Return C₀^(−1/2) times columns (m, q)."""
-        out = values / self.root[:, None]
-        out += self.axes * self.shrink @ (self.axes.T @ out)
-        return np.asarray(out)
-
-    def apply_transpose(self, values: Array) -> Array:
-        """Return the transpose of C₀^(−1/2) times columns (m, q)."""
-        return np.asarray((values + self.axes * self.shrink @ (self.axes.T @ values)) / self.root[:, None])
-
-    def products(self, columns: Array, size: Array) -> Array:
-        """Return XᵀC⁻¹X of columns (m, q), its lower triangle, where the first act with sizes (a,), 0 if they do not.
-
-        Where few columns act, XᵀC⁻¹X = P − FᵀF with P = XᵀC₀⁻¹X and F as of :func:`explained_products`; where many do,
-        the readings are fewer, and the whole of C has a root.
-        """
-        white, acting = self.white(columns), np.flatnonzero(size)
-        if len(acting) * len(size) < len(white) ** 2:
-            told = explained_products(white, size)
-            out = dsyrk(1.0, white.T, lower=1)
-            return np.asarray(dsyrk(-1.0, told, 1.0, out, trans=1, lower=1, overwrite_c=1) if len(told) else out)
-        own = white[:, acting] * size[acting]
-        root = np.linalg.cholesky(np.eye(len(white)) + own @ own.T)
-        return np.asarray(dsyrk(1.0, dtrsm(1.0, root, white, lower=1), trans=1, lower=1))
-
-
-def explained_products(white: Array, size: Array) -> Array:
-    """Return F = L⁻¹ S XᵀX (k, q) over the k columns that act, S their sizes and L Lᵀ = 1 + S XᵀX S.
-
-    ``white``: X, of which the first columns act with sizes (a,), 0 if they do not, (m, q).
-    """
-    acting = np.flatnonzero(size)
-    if not len(acting):
-        return np.zeros((0, white.shape[1]))
-    rows = size[acting, None] * (white[:, acting].T @ white)
-    root = np.linalg.cholesky(np.eye(len(acting)) + rows[:, acting] * size[acting])
-    return np.asarray(dtrsm(1.0, root, rows, lower=1))
 
 
 def draw_sizes(
@@ -247,7 +210,9 @@ def draw_sizes(
         if sweep < burn_in:
             chain.acting[:] = 0.0
         elif (sweep - burn_in + 1) % KEPT_EVERY == 0:
-            out.append(DrawnSizes(chain.factors.copy(), chain.noise_logs, chain.acting / KEPT_EVERY))
+            acting = chain.acting / KEPT_EVERY
+            weight = np.ones(0) if chain.model.weight is None else chain.model.weight
+            out.append(DrawnSizes(chain.factors.copy(), chain.noise_logs, acting, weight))
             chain.acting[:] = 0.0
     return tuple(out)
 
@@ -277,9 +242,18 @@ class _Chain:
     def draw_noise(self, rng: np.random.Generator) -> None:
         """Draw the noise with the sizes as they are, given what it may be in each reading."""
         del self.known  # of the noise before: as large as all products of columns, and made anew below
+        self._weigh_rows()
         for _ in range(2):  # where many families act one step follows the other only slowly
             self._draw_noise_beside(self.model.draw_residual(SizeDraw(self.factors, self.noise_logs), rng) ** 2, rng)
         self.known = self.model.precision(SizeDraw(self.factors, self.noise_logs))
+
+    def _weigh_rows(self) -> None:
+        """Let rows count as they stand to the others now."""
+        if self.model.weight is None:
+            return
+        weight = self.model.weigh_rows(SizeDraw(self.factors, self.noise_logs))
+        if not np.array_equal(weight, self.model.weight):
+            self.model = replace(self.model, weight=weight)
 
     def _draw_noise_beside(self, square: Array, rng: np.random.Generator) -> None:
         """Draw the noise given the squares of what it is in each reading, (m,)."""

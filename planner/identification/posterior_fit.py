@@ -15,6 +15,7 @@ from planner.common.units import Array
 from planner.effects.compliance import LINK_MASSES
 from planner.effects.effect import Parameter
 from planner.effects.sizes import LINK_MASS
+from planner.effects.steps import SLIP
 from planner.identification.assumptions import LOG_NOISE_SIGMA, STANDING_PROBABILITY, UNKNOWN_PRIOR
 from planner.identification.cross_validation import Split, predict_held_out
 from planner.identification.least_squares import Fit, Solution
@@ -28,6 +29,7 @@ from planner.identification.posterior_background import (
 from planner.identification.posterior_draws import RandomEffects, SizeDraw, SizePrior, draw_sizes
 from planner.identification.problem import FitProblem
 from planner.identification.size_mixture import EACH, MixtureMoments, SizeMixture
+from planner.identification.wild_rows import row_weights
 from planner.model.identification_document import SizeOfFamily
 from planner.model.model import Model
 from planner.runs.run import Run
@@ -119,15 +121,18 @@ class DrawnPosterior:
     def predict_held_out(self, split: Split) -> Array:
         """Return residuals (n, r) of samples held out, by the fit with the draws' rms sizes."""
         size = np.sqrt((self.mixture.scaled_sizes**2).mean(axis=0))
-        rough = Fit(self.problem, Solution(self.start, np.zeros((0, 0)), 0.0), 0.0, np.zeros(0, dtype=int))
+        rough = Fit(self.problem, Solution(self.start, np.zeros((0, 0)), 0.0), 0.0)
         return predict_held_out(rough, split, size[None]).residual
 
     def fit(self) -> PosteriorFit:
         """Fit everything together: mean and information of the mixture, and parameters drawn from it."""
         problem = self.problem
         errors = problem.prior * self.mixture.mean(_gram(problem, self.start), self.start / problem.prior)
+        if len(self.record.run) < len(problem):  # so many rows that none of them decides what the others say
+            white = problem.white_residual(errors)
+            problem = replace(problem, weight=row_weights(white, np.zeros_like(white), problem.weight))
         gram = _gram(problem, errors)
-        fit, moments = self._fit_about(gram, errors, EACH)
+        fit, moments = replace(self, problem=problem)._fit_about(gram, errors, EACH)
         unit = problem.prior[:, None]
         noise, drawn, of_noise = unit * moments.noise_root, unit * moments.drawn, unit * moments.of_noise
         return PosteriorFit(fit, self.mixture, noise, drawn, of_noise, gram, self.families, self.findings, self.record)
@@ -145,7 +150,7 @@ class DrawnPosterior:
         cost = float(step @ gram @ step + moments.mean @ moments.mean)
         found = Solution(problem.prior * moments.mean, moments.information_root, cost)
         effective = float(len(z) - (found.inverse**2).sum())
-        return Fit(problem, found, effective, np.array([], dtype=int)), moments
+        return Fit(problem, found, effective), moments
 
 
 def draw_posterior(
@@ -158,6 +163,7 @@ def draw_posterior(
     sweeps: int | None = None,
     share: float = 1.0,
     start: Mapping[str, float] | None = None,
+    weight: Array | None = None,
 ) -> DrawnPosterior:
     """Draw the sizes of everything that may act.
 
@@ -171,17 +177,18 @@ def draw_posterior(
         sweeps: how often every size is drawn, as usual if not given.
         share: of a run that is looked at, which is what ``run`` is.
         start: factors of families that the draws begin with, by name; of others those of the fit.
+        weight: by how much each sample of ``run`` counts in the fit, (n,); in full where it is not given.
     """
     # 600: readings of a long run say how large the families are, of a short one those that are independent: noise that
     # stays alike from one to the next would be taken for causes
     most = min(round(600 * share) // whole.width, int(len(run) / correlation_time) + 1)
-    few = run.take(even_positions(len(run), most)) if len(run) > most else run
-    found = before.model.subset(
-        [k for k, p in enumerate(before.model.parameters) if p.group in curves or not is_left_to_background(p.group)]
-    )
+    looked = even_positions(len(run), min(most, len(run)))
+    few = run.take(looked) if len(looked) < len(run) else run
+    weight = np.ones(len(run)) if weight is None else weight
+    found = before.model.subset([k for k, p in enumerate(before.model.parameters) if _is_kept(p.group, curves)])
     families = _Families.of(found, whole, without_rivals_of(curves, background))
     errors = before.at(families.model.names)
-    effects = _linearize(FitProblem.of(families.model, few), errors, families)
+    effects = _linearize(FitProblem.of(families.model, few), errors, families, weight[looked])
     count = effects.noise.shape[1]
     noise = before.problem.whitener.noise
     logs = np.log([noise.gauge, noise.joints, noise.angle][:count])
@@ -195,9 +202,11 @@ def draw_posterior(
     variance = np.stack([effects.variance(d.noise_logs) for d in draws])
     ease = (variance / variance.mean(axis=0)).mean(axis=1)
     parts = np.sqrt(np.exp(2 * np.stack([d.noise_logs for d in draws])).mean(axis=0) * correlation_time)
+    drawn_weight = np.mean([d.weight for d in draws], axis=0)
+    effects, weight = replace(effects, weight=drawn_weight), weight.copy()
+    weight[looked] = drawn_weight
     problem = FitProblem.of(families.model.subset(list(kept)), run, Noise(*map(float, parts)))
-    if len(problem) == len(before.problem):
-        problem = replace(problem, weight=before.problem.weight)
+    problem = replace(problem, weight=weight)
     mixture = SizeMixture(size, ease)
     acts = np.mean([d.acting for d in draws], axis=0)
     sizes = tuple(
@@ -207,6 +216,11 @@ def draw_posterior(
     stand = tuple(s.name for s in sizes if s.name in families.findings and s.probability >= STANDING_PROBABILITY)
     record = DrawRecord(families.model, few, errors, families.names, effects, draws)
     return DrawnPosterior(problem, errors[kept], mixture, sizes, stand, record)
+
+
+def _is_kept(group: str, curves: frozenset[str]) -> bool:
+    """Tell whether a group of what was fitted has a place in the posterior; wrong rows count for little there."""
+    return group in curves or not (is_left_to_background(group) or group.startswith(SLIP))
 
 
 def _gram(problem: FitProblem, errors: Array) -> Array:
@@ -291,13 +305,15 @@ def _own_family(p: Parameter) -> str:
     return ("lengths" if p.unit == "m" else "angles") if p.group == "geometry" else p.group
 
 
-def _linearize(problem: FitProblem, errors: Array, families: _Families) -> RandomEffects:
-    """Linearise about errors (P,)."""
+def _linearize(problem: FitProblem, errors: Array, families: _Families, weight: Array) -> RandomEffects:
+    """Linearise about errors (P,), each row of the run with a weight (n,)."""
     readings = IndependentReadings.of(problem, errors)
     count = readings.noise.shape[1]
     apart = np.eye(count)[0] - np.eye(count)[1]
     precision = np.eye(count) / LOG_NOISE_SIGMA**2 + np.outer(apart, apart) / RATIO**2
-    return RandomEffects(readings.columns, readings.y, families.family, readings.noise, families.priors, precision)
+    return RandomEffects(
+        readings.columns, readings.y, families.family, readings.noise, families.priors, precision, readings.row, weight
+    )
 
 
 @dataclass(frozen=True)
@@ -308,18 +324,20 @@ class IndependentReadings:
         columns: per prior sigma, (m, P).
         y: readings less what is expected of a robot without errors, (m,).
         noise: variance of each by component of the noise as declared, (m, c).
+        row: number of the row of the run that each is of, (m,) int.
     """
 
     columns: Array
     y: Array
     noise: Array
+    row: np.ndarray
 
     @classmethod
     def of(cls, problem: FitProblem, errors: Array) -> "IndependentReadings":
         """Linearise about errors (P,)."""
         linear = problem.linearize(slice(0, len(problem)), errors)
         rows, y = linear.rows * problem.prior, linear.residual + linear.rows @ errors
-        columns, targets, noise = [], [], []
+        columns, targets, noise, row = [], [], [], []
         width = rows.shape[1]
         for start in range(0, width, 3):
             block = slice(start, min(start + 3, width))
@@ -330,4 +348,5 @@ class IndependentReadings:
             part = np.zeros((ratio.size, 2 if width <= 3 else 3))
             part[:, 2 if start else 0], part[:, 1] = 1.0, ratio.ravel()
             noise.append(part)
-        return cls(np.concatenate(columns), np.concatenate(targets), np.concatenate(noise))
+            row.append(np.repeat(np.arange(len(rows)), ratio.shape[1]))
+        return cls(*(np.concatenate(part) for part in (columns, targets, noise, row)))

@@ -123,7 +123,7 @@ class FitProblem:
         model: with its parameters.
         samples, targets: of the run.
         whitener: noise of every reading.
-        weight: of every sample, (n,), 1 unless a robust loss turned it down.
+        weight: by how much every sample counts, (n,): 1 but for those outside the noise (``wild_rows``).
     """
 
     model: Model
@@ -230,9 +230,9 @@ class FitProblem:
         return np.concatenate(list(self.map_pieces(one)))
 
     def weighted_residual(self, errors: Array) -> Array:
-        """Return the residual in standard deviations, with robust weights, (n, r)."""
+        """Return the residual in standard deviations, each row as far as it counts, (n, r)."""
         return np.asarray(self.white_residual(errors) * np.sqrt(self.weight)[:, None])
 
     def white_residual(self, errors: Array) -> Array:
-        """Return the residual in standard deviations, without robust weights, (n, r)."""
+        """Return the residual in standard deviations, each row in full, (n, r)."""
         return self.whitener.white(slice(None), self.residual(errors)[..., None])[..., 0]

@@ -1,6 +1,7 @@
 """From the stages of a fit to the robot that is released."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -9,6 +10,7 @@ from planner.common.arrays import mean_by_group
 from planner.common.determinism import even_positions
 from planner.common.system import give_back_memory
 from planner.common.units import MM, Array, to_mm
+from planner.effects.steps import SLIP
 from planner.identification.assumptions import (
     ANOTHER_TOOL_SHARE,
     CURVE_GAIN,
@@ -20,7 +22,7 @@ from planner.identification.assumptions import (
 from planner.identification.compromise import choose_compromise, interpolate_fit
 from planner.identification.cross_validation import Split, predict_held_out
 from planner.identification.error_parts import error_parts, misfit_place, open_misfit_place
-from planner.identification.least_squares import Fit
+from planner.identification.least_squares import Fit, solve
 from planner.identification.misfit import (
     SWEEPS,
     HeldOutRegion,
@@ -30,9 +32,10 @@ from planner.identification.misfit import (
     predict_validation,
 )
 from planner.identification.posterior_background import EffectFamily, background_families, curve_groups
-from planner.identification.posterior_fit import draw_posterior
+from planner.identification.posterior_fit import PosteriorFit, draw_posterior
 from planner.identification.released_robot import ReleasedRobot, ToolMap, drift_of, tool_maps
 from planner.identification.stages import FitContext, FittedStage
+from planner.identification.wild_rows import row_weights
 from planner.model.identification_document import Metrics, Release, WorkToolError
 from planner.model.model import Model
 from planner.runs.run import Run
@@ -66,10 +69,14 @@ def release_robot(
     families = background_families(last.setup, context.run.samples)
     dense = len(context.run) * whole.width >= DENSE_READINGS * len(last.model.names)
     found = curve_groups(last.model) if dense else frozenset()
-    curves, start = _choose_curves(last, run, split, whole, families, time, found)
-    posterior = draw_posterior(last, run, whole, families, time, curves, start=start).fit()
+    weight = _weight_without_slips(last, stages[-1].stage.weight)
+    weight = weight if few is None else weight[few]
+    curves, start = _choose_curves(last, run, split, whole, families, time, found, weight)
+    posterior = draw_posterior(last, run, whole, families, time, curves, start=start, weight=weight).fit()
     give_back_memory()
-    regions = predict_regions(last, run, whole, families, time, posterior.record.last_factors, curves)
+    weight = posterior.fit.problem.weight
+    plain = plain if few is not None else _count_as_posterior(plain, weight, context)
+    regions = predict_regions(last, run, whole, families, time, posterior.record.last_factors, curves, weight)
     judged = None if context.validation is None else predict_validation(posterior, context.validation, time)
     unseen = [*(r.readings for r in regions), *([] if judged is None else [judged])]
     nameless, repeats = posterior.record.count_nameless(), RepeatedReadings.of(posterior.fit, run)
@@ -83,22 +90,60 @@ def release_robot(
         share = share_by_regions(share * along, plain.fit, regions) / along if along > 0.0 else share
     if share == 0.0:
         return geometry
+    held = _predict_way(posterior, aim, share, own.held_residual if few is None else own.held_residual[few], split)
+    if held is None:
+        return geometry
+    give_back_memory()
     fit = interpolate_fit(plain.fit, aim, share)
-    before = own.held_residual if few is None else own.held_residual[few]
-    problem = posterior.fit.problem
-    sizes = posterior.mixture.scaled_sizes
+    errors = (Metrics.of(held, split.fold, weight), context.judge(fit), held)
+    released = ReleasedRobot(fit, plain.fit, *known, *errors, share)
+    return released if is_noticeably_better(released) else geometry
+
+
+def _predict_way(posterior: PosteriorFit, aim: Fit, share: float, before: Array, split: Split) -> Array | None:
+    """Return residuals (n, r) held out of the robot a share of the way from geometry alone to ``aim``.
+
+    ``before`` are those of geometry alone. ``None``: poses that no fit saw refute what is expected of it.
+    """
+    problem, sizes = posterior.fit.problem, posterior.mixture.scaled_sizes
     give_back_memory()
     # 16: draws of the sizes that poses held out are predicted by
     held = predict_held_out(posterior.fit, split, sizes[even_positions(len(sizes), 16)]).residual
     held = held + problem.residual(aim.errors) - problem.residual(posterior.fit.errors)
     held = share * held + (1 - share) * before
-    if (held**2).sum() > (before**2).sum():  # what is expected of it is refuted by the poses that no fit saw
-        return geometry
+    square, square_before = (float((problem.weight @ r**2).sum()) for r in (held, before))
     problem.memory.forget()  # a linearisation about all that may act, the largest there is
-    give_back_memory()
-    errors = (Metrics.of(held, split.fold), context.judge(fit), held)
-    released = ReleasedRobot(fit, plain.fit, *known, *errors, share)
-    return released if is_noticeably_better(released) else geometry
+    return held if square <= square_before else None
+
+
+def _count_as_posterior(plain: FittedStage, weight: Array, context: FitContext) -> FittedStage:
+    """Return the stage of geometry with rows that count as in the posterior, (n,).
+
+    What geometry alone leaves is wide, and a row that stands outside the noise may be hidden in it.
+    """
+    before = plain.fit.problem
+    if len(before) != len(weight) or np.array_equal(before.weight, weight):
+        return plain
+    problem = replace(before, weight=weight)
+    found = replace(plain.fit, problem=problem, solution=solve(problem, plain.fit.errors))
+    errors = {
+        "residual": problem.residual(found.errors),
+        "held_residual": predict_held_out(found, context.split).residual,
+        "validation": context.judge(found),
+        "weight": before.weight,
+    }
+    stage = plain.stage.model_copy(update=errors)
+    return replace(plain, fit=found, stage=stage.weigh(weight, context.split.fold))
+
+
+def _weight_without_slips(last: Fit, weight: Array) -> Array:
+    """Return by how much each row counts, (n,), where what is wrong of rows that were found wrong is no parameter."""
+    slips = np.array([p.group.startswith(SLIP) for p in last.model.parameters], dtype=bool)
+    if not slips.any() or len(last.problem) != len(weight):
+        return weight
+    fitted, bare = (last.problem.white_residual(np.where(gone, 0.0, last.errors)) for gone in (False, slips))
+    wrong = np.abs(bare - fitted).max(axis=1) > 0
+    return np.where(wrong, row_weights(bare, np.zeros_like(bare), np.ones(len(bare))), weight)
 
 
 def _choose_curves(
@@ -109,6 +154,7 @@ def _choose_curves(
     families: Sequence[EffectFamily],
     time: float,
     curves: frozenset[str],
+    weight: Array,
 ) -> tuple[frozenset[str], Mapping[str, float] | None]:
     """Return the curves that stand for harmonics and ripple of their gears, and factors that the draws begin with.
 
@@ -118,8 +164,8 @@ def _choose_curves(
         return curves, None
     starts, held = [], []
     for tried in (frozenset[str](), curves):
-        few = draw_posterior(last, run, whole, families, time, tried, sweeps=SWEEPS)
-        held.append(few.predict_held_out(split))
+        few = draw_posterior(last, run, whole, families, time, tried, sweeps=SWEEPS, weight=weight)
+        held.append(few.predict_held_out(split) * np.sqrt(weight)[:, None])
         starts.append(few.record.last_factors)
         del few  # all that may act of one at a time: nothing is as large
         give_back_memory()

@@ -18,7 +18,7 @@ def residuals_csv(calibration: Calibration) -> str:
 
     ``residual_mm`` is reading less prediction, ``held_out_mm`` the same by the fit that did not see the sample's group
     (three columns each, in the base frame, where a position is read); ``whitened`` is the residual's size in standard
-    deviations; ``outlier`` is 1 where the noise does not explain it.
+    deviations; ``outlier`` is 1 where the noise does not explain it, and ``weight`` by how much the row counts.
     """
     run, fit, last = calibration.run, calibration.fit, calibration.stages[-1]
     white = fit.problem.white_residual(fit.errors)
@@ -26,8 +26,9 @@ def residuals_csv(calibration: Calibration) -> str:
     unit = fit.model.setup.gauge.unit
     columns |= _errors("residual", last.residual, unit) | _errors("held_out", last.held_residual, unit)
     outlier = np.zeros(len(run), dtype=np.int8)
-    outlier[fit.outliers] = 1
+    outlier[calibration.outliers] = 1
     columns |= {"whitened": _round_column(np.sqrt((white**2).mean(axis=1)), 4), "outlier": outlier}
+    columns["weight"] = _round_column(calibration.row_weight, 6)
     return pl.DataFrame(columns).write_csv()
 
 

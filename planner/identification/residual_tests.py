@@ -12,7 +12,7 @@ import numpy as np
 from scipy.special import chdtrc, fdtrc
 
 from planner.common.determinism import even_positions
-from planner.common.robust import MEDIAN_RMS
+from planner.common.robust import MEDIAN_NORM
 from planner.common.units import Array, read_only
 from planner.identification.assumptions import CLIPPED_SIGMAS, LARGE_NOISE_RATIO, SIGNIFICANCE
 from planner.identification.calibration import ResidualDiagnosis, ResidualTest
@@ -51,7 +51,7 @@ class ProjectedResidual:
         group = np.arange(len(problem)) if moving else number_targets(problem.samples)
         # the columns themselves are let go before they are brought into another form: of many they take most memory
         basis = space_basis(group_sums(without_noise(problem, errors).piece(slice(None), errors).rows, group))
-        white = group_sums(problem.white_residual(errors)[..., None], group)[:, 0]
+        white = group_sums(problem.weighted_residual(errors)[..., None], group)[:, 0]
         return cls(white - basis @ (basis.T @ white), basis, group, problem.model.width)
 
     @property
@@ -66,7 +66,7 @@ class ProjectedResidual:
 
     def clip_outliers(self) -> "ProjectedResidual":
         """Clip numbers beyond 2.5 robust standard deviations, and project the model out anew."""
-        far = CLIPPED_SIGMAS * float(np.median(np.abs(self.white))) / MEDIAN_RMS[1]
+        far = CLIPPED_SIGMAS * float(np.median(np.abs(self.white))) / MEDIAN_NORM[1]
         white = np.clip(self.white, -far, far)
         return replace(self, white=white - self.basis @ (self.basis.T @ white))
 
@@ -78,7 +78,8 @@ class ProjectedResidual:
         named = dict(alternatives)
         if not named:
             return {}
-        tall = group_sums(problem.whitener.white(slice(None), np.concatenate(list(named.values()), axis=2)), self.group)
+        white = problem.whitener.white(slice(None), np.concatenate(list(named.values()), axis=2))
+        tall = group_sums(white * np.sqrt(problem.weight)[:, None, None], self.group)
         tall /= np.maximum(np.linalg.norm(tall, axis=0), 1e-300)
         tall -= self.basis @ (self.basis.T @ tall)
         # 0.1: of a column, below which rounding has put back what is to be told of it, and once more takes that

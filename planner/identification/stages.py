@@ -18,6 +18,7 @@ from planner.identification.cross_validation import HeldOutPrediction, Split, pr
 from planner.identification.identifiable_parameters import FittedParameters
 from planner.identification.least_squares import Fit, fit
 from planner.identification.problem import PIECE_SAMPLES, FitProblem
+from planner.identification.wild_rows import row_weights
 from planner.model.identification_document import Metrics, Stage
 from planner.model.model import Model, chunks
 from planner.runs.run import Run
@@ -46,7 +47,6 @@ class FitContext:
     Attributes:
         run, split: with what is held out.
         judge: of the validation run.
-        robust: whether outliers count less.
         unseen: parameters that may be off as well, and that the run cannot tell from those that are fitted.
         validation: a run that no fit sees.
         of_part: whether the run is a part of a longer one.
@@ -55,7 +55,6 @@ class FitContext:
     run: Run
     split: Split
     judge: Callable[[Fit], Metrics | None]
-    robust: bool
     unseen: tuple[Parameter, ...] = ()
     validation: Run | None = None
     of_part: bool = False
@@ -99,13 +98,11 @@ class FitContext:
         """Positions of the samples that stages are tried on, ``None`` for all; of a long run those of its part."""
         return even_positions(len(self.run), _fitted_samples(model)) if len(self.run) > PIECE_SAMPLES else None
 
-    def fit_stage(
-        self, name: str, model: Model, before: Fit | None = None, whole: bool = False, robust: bool | None = None
-    ) -> FittedStage:
+    def fit_stage(self, name: str, model: Model, before: Fit | None = None, whole: bool = False) -> FittedStage:
         """Fit a model to the run and judge it on held-out poses and on the validation run.
 
         Of a long run only a spread part is fitted unless ``whole``; all of it is judged. The fit starts where
-        ``before`` ended, with its noise and prior sigmas.
+        ``before`` ended, with its noise, prior sigmas and weights of rows.
         """
         start = factors = noise = leverage = None
         if before is not None:
@@ -117,8 +114,9 @@ class FitContext:
         few = None if whole else self.part(model)
         problem = self._problem(model, few).restart_with(model, noise, even=rough)
         fold = self.split.fold if few is None else self.split.fold[few]
-        found = fit(problem, self.robust if robust is None else robust, start, factors, leverage, fold)
-        return self._judge(name, found, few)
+        if before is not None and len(before.problem) == len(problem):
+            problem = replace(problem, weight=before.problem.weight)
+        return self._judge(name, fit(problem, start, factors, leverage, fold), few)
 
     def _judge(self, name: str, found: Fit, few: np.ndarray | None) -> FittedStage:
         """Judge a fit to the run, or to the samples ``few`` of it, on all samples."""
@@ -128,20 +126,29 @@ class FitContext:
             residual, held_residual = self._over_all([(found, held.shift)])[0]
         return self._stage(name, found, residual, held_residual, held)
 
+    def _weight(self, found: Fit) -> Array:
+        """Return by how much each sample of the run counts, (n,), those that a fit of a part has not seen as well."""
+        if len(found.problem) == len(self.run):
+            return found.problem.weight
+        whole = self._problem(found.model, None).restart_with(found.model, found.problem.whitener.noise)
+        white = whole.white_residual(found.errors)
+        return row_weights(white, np.zeros_like(white), whole.weight)
+
     def _stage(
         self, name: str, found: Fit, residual: Array, held_residual: Array, held: HeldOutPrediction | FittedStage
     ) -> FittedStage:
         """Return the stage of a fit with its residuals (n, r) of all samples, fitted and held out."""
-        parameters = found.model.parameters
+        parameters, weight = found.model.parameters, self._weight(found)
         stage = Stage(
             name=name,
             effects=tuple(dict.fromkeys(p.group for p in parameters if p.is_effect)),
             parameters=len(parameters),
-            train=Metrics.of(residual),
-            held_out=Metrics.of(held_residual, self.split.fold),
+            train=Metrics.of(residual, weight=weight),
+            held_out=Metrics.of(held_residual, self.split.fold, weight),
             validation=self.judge(found),
             residual=residual,
             held_residual=held_residual,
+            weight=weight,
         )
         return FittedStage(stage, found, held.refitted, held.shift)
 
@@ -210,21 +217,30 @@ def is_gain(before: Stage, after: Stage, split: Split) -> bool:
     """Tell whether the held-out squared error falls by more than chance: by groups, paired, in standard errors."""
     if len(np.unique(split.fine)) < 2:
         return False
-    gain, error = error_reduction(before.held_residual, after.held_residual, split)
+    gain, error = error_reduction(before.held_residual, after.held_residual, split, comparison_weight(before, after))
     return gain > GAIN_STANDARD_ERRORS * error
 
 
-def error_reduction(before: Array, after: Array, split: Split) -> tuple[float, float]:
+def comparison_weight(before: Stage, after: Stage) -> Array:
+    """Return by how much each sample counts in a comparison, (n,): as in the stage in which it counts for more.
+
+    What one stage explains and the other does not counts in full; what stands outside in both counts in neither.
+    """
+    return np.maximum(before.weight, after.weight)
+
+
+def error_reduction(before: Array, after: Array, split: Split, weight: Array | float = 1.0) -> tuple[float, float]:
     """Fall of the squared error between residuals (n, r) of the same samples, and its standard error, over groups.
 
     As a share of the error before, positions and angles each by their own where a probe measures both: 1 is all of it.
+    Samples count by their ``weight`` (n,), all alike if none is given.
     """
     fall = np.zeros(len(before))
     width = before.shape[1]
     blocks = [slice(k, min(k + 3, width)) for k in range(0, width, 3)]
     for block in blocks:
-        was, now = before[:, block], after[:, block]
-        fall += ((was**2).sum(axis=1) - (now**2).sum(axis=1)) / max(float((was**2).sum(axis=1).mean()), 1e-300)
+        was, now = (weight * (x[:, block] ** 2).sum(axis=1) for x in (before, after))
+        fall += (was - now) / max(float(was.mean()), 1e-300)
     filled = np.unique(split.fine)  # a part may lack a group
     each = mean_by_group(fall, split.fine)[filled] / len(blocks)
     return float(each.mean()), float(each.std(ddof=1) / np.sqrt(len(each)))

@@ -22,7 +22,7 @@ from planner.model.use_statement import Use
 
 OnlyInMemory = GetPydanticSchema(lambda *_: any_schema())
 """Of a field that the file does not hold and pydantic does not look into."""
-NO_RESIDUAL = np.empty((0, 0))
+NO_RESIDUAL, NO_WEIGHT = np.empty((0, 0)), np.empty(0)
 
 
 class Metrics(DocumentSection):
@@ -35,15 +35,22 @@ class Metrics(DocumentSection):
     spread: Size | None = None
 
     @classmethod
-    def of(cls, residual: Array, fold: np.ndarray | None = None) -> "Metrics":
-        """Judge residuals (n, r) [m]; a probe's orientation is left aside."""
-        size = error_size(residual)
+    def of(cls, residual: Array, fold: np.ndarray | None = None, weight: Array | None = None) -> "Metrics":
+        """Judge residuals (n, r) [m]; a probe's orientation is left aside.
+
+        Samples count by their ``weight`` (n,), if given; the largest error is of those that count by half or more.
+        """
+        size, weight = error_size(residual), np.ones(len(residual)) if weight is None else weight
         spread = None
         if fold is not None:
-            square = mean_by_group(size**2, fold)
+            share = mean_by_group(weight, fold)
+            square = (mean_by_group(weight * size**2, fold) / np.maximum(share, 1e-300))[share > 0]
             spread = float(np.std(np.sqrt(square), ddof=1)) if len(square) > 1 else None
         return cls(
-            rms=float(np.sqrt((size**2).mean())), mean=float(size.mean()), largest=float(size.max()), spread=spread
+            rms=float(np.sqrt(np.average(size**2, weights=weight))),
+            mean=float(np.average(size, weights=weight)),
+            largest=float(size[weight >= 0.5 * weight.max()].max()),
+            spread=spread,
         )
 
 
@@ -81,6 +88,7 @@ class Stage(DocumentSection):
         parameters: how many were fitted.
         train, held_out, validation: the errors; ``validation`` only where a second run was given.
         residual, held_residual: of every sample, (n, r) [m, rad]; not in the file.
+        weight: by how much each sample counts, (n,); not in the file.
     """
 
     if_any = ("validation",)
@@ -92,6 +100,14 @@ class Stage(DocumentSection):
     validation: Metrics | None = None
     residual: Annotated[Array, OnlyInMemory] = Field(default=NO_RESIDUAL, exclude=True)
     held_residual: Annotated[Array, OnlyInMemory] = Field(default=NO_RESIDUAL, exclude=True)
+    weight: Annotated[Array, OnlyInMemory] = Field(default=NO_WEIGHT, exclude=True)
+
+    def weigh(self, weight: Array, fold: np.ndarray) -> Self:
+        """Return the stage whose errors, those held out in folds (n,), count samples by other weights (n,)."""
+        if np.array_equal(weight, self.weight):
+            return self
+        train, held_out = Metrics.of(self.residual, weight=weight), Metrics.of(self.held_residual, fold, weight)
+        return self.model_copy(update={"train": train, "held_out": held_out, "weight": weight})
 
 
 class Estimate(DocumentSection):

@@ -58,8 +58,8 @@ def calibration_content(facts: CalibrationFacts) -> dict[str, Any]:
         "parameters": [_parameter(facts, e) for e in c.estimates if e.identifiable],
         "unseen": [_unseen_row(e) for e in c.estimates if not e.identifiable],
         "correlations": text.correlation_text(c.fit.model.names, facts.correlation) if len(c.fit.errors) > 1 else (),
-        "outliers": [_outlier(c, int(k)) for k in c.fit.outliers[:outliers]],
-        "outliers_more": max(0, len(c.fit.outliers) - outliers),
+        "outliers": [_outlier(c, int(k)) for k in c.outliers[:outliers]],
+        "outliers_more": max(0, len(c.outliers) - outliers),
         "gauge": _gauge(facts),
         "zeros": joint_zeros_text(c),
     }
@@ -93,7 +93,7 @@ def _facts(facts: CalibrationFacts) -> tuple[Row, ...]:
             "seen and fitted",
         ),
         ("condition", digits(c.condition_number or np.inf), "of the rows, scaled"),
-        ("outliers", count_text(len(c.fit.outliers)), floor),
+        ("outliers", count_text(len(c.outliers)), floor),
     )
 
 
@@ -175,11 +175,11 @@ def _format(e: Estimate, value: float | None, sign: str = "") -> str:
 
 
 def _outlier(c: Calibration, k: int) -> Row:
-    """Sample, pose, place, error with it in the fit, and when held out."""
+    """Sample, pose, place, error with it in the fit, and when held out, and by how much of a reading it counts."""
     s, last = c.run.samples, c.stages[-1]
     pose = "" if s.pose is None else str(s.pose[k])
     error, held = (float(error_size(r[k : k + 1])[0]) for r in (last.residual, last.held_residual))
-    return (str(k + 1), pose, c.run.places[s.place[k]], in_mm(error), in_mm(held))
+    return (str(k + 1), pose, c.run.places[s.place[k]], in_mm(error), in_mm(held), f"{100 * c.row_weight[k]:.2g} %")
 
 
 def _gauge(facts: CalibrationFacts) -> tuple[Row, ...]:

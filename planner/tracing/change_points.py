@@ -12,8 +12,8 @@ from collections.abc import Iterator, Sequence, Set
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.special import chdtri
 
-from planner.common.robust import MEDIAN_RMS
 from planner.common.units import Array
 from planner.effects.basis import BasisFunction
 from planner.effects.effect import Place
@@ -42,7 +42,7 @@ def rank_changes(
     """Return the likeliest steps, each at its best sample, and of poses at rest the row that is worst, if it is wrong.
 
     Args:
-        test: the model that they would join.
+        test: the model that they would join, with all rows counted in full: one that is wrong stands outside.
         steppables: what may step.
         effects: those that the model has already: what stepped at a sample does not step there again.
         continuous: whether the samples follow each other along a path.
@@ -246,9 +246,9 @@ def _worst_row(test: ScoreTest) -> list[EffectScore]:
     gain = np.einsum("nr,nr->n", e, np.linalg.solve(own + 1e-9 * np.eye(r), e[..., None])[..., 0])
     size = np.sqrt(gain / r)
     k = int(np.argmax(gain))
-    if size[k] < LEAST_SLIP * np.median(size) / MEDIAN_RMS[r]:
+    if size[k] < LEAST_SLIP * np.median(size) / np.sqrt(chdtri(r, 0.5) / r):
         return []
-    root = test.problem.whitener.root[k] * np.sqrt(test.problem.weight[k])
+    root = test.problem.whitener.root[k]
     row = int(np.asarray(test.problem.samples.number)[k])
     score = EffectScore(wrong_row(r, row, n), None, float(gain[k]), r, root.T @ own[k] @ root, root.T @ e[k])
     return [_with_chance(test, score)]

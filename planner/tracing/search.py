@@ -273,7 +273,7 @@ def search(start: SearchState, effects: Sequence[Effect], fit_context: FitContex
 
 def _largest_share(context: SearchContext, state: SearchState) -> float:
     """Return how much of the residual one effect would explain, or all steps of one thing, beyond chance, 0 … 1."""
-    test = context.score_test(state)
+    test = context.change_test(state)
     changes = rank_changes(test, context.steppables, (), context.fit_context.run.continuous)
     causes = [[s] for s in (*changes, *rank_candidates(test, context.dictionary, ()))]
     causes += [list(series) for series in step_series(test, context.steppables)]
@@ -288,7 +288,8 @@ def _forward_selection(context: SearchContext, path: list[SearchState]) -> list[
     while len(path[-1].effects) < 25:  # effects at most
         state = path[-1]
         test = context.score_test(state)
-        changes = rank_changes(test, context.steppables, state.effects, context.fit_context.run.continuous)
+        of_changes = context.change_test(state)
+        changes = rank_changes(of_changes, context.steppables, state.effects, context.fit_context.run.continuous)
         likely = [
             c
             for c in sorted(
@@ -302,7 +303,7 @@ def _forward_selection(context: SearchContext, path: list[SearchState]) -> list[
         if not likely:
             break
         context.report(f"trying {likely[0].effect.name}")
-        after = add_series(context, state, test, likely[0]) if likely[0].effect.has(Role.CHANGE) else None
+        after = add_series(context, state, of_changes, likely[0]) if likely[0].effect.has(Role.CHANGE) else None
         # 6: of the most surprising candidates are refitted before the search gives up
         after = after or best_step(context, state, test, likely[: 6 + len(changes)])
         if after is None:

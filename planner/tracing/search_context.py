@@ -12,6 +12,7 @@ from planner.effects.compliance import LINK_MASSES
 from planner.effects.effect import Effect, Parameter, Role
 from planner.effects.steps import Steppable
 from planner.identification.stages import FitContext, error_reduction
+from planner.identification.wild_rows import row_weights
 from planner.tracing.assumptions import RETRY_RATIO
 from planner.tracing.dictionary import EffectDictionary
 from planner.tracing.effect_scores import EffectScore, ScoreTest
@@ -75,6 +76,11 @@ class SearchContext:
             self._tests[id(state)] = state, ScoreTest.of(state.fit, self._correlation_time(state), near)
         return self._tests[id(state)][1]
 
+    def change_test(self, state: SearchState) -> ScoreTest:
+        """The test by which changes and wrong rows are looked for, in which all rows count in full."""
+        whole = state.fit.count_in_full()
+        return self.score_test(state) if whole is state.fit else ScoreTest.of(whole, self._correlation_time(state))
+
     def _forget_before(self, state: SearchState) -> None:
         """Let go of what states before were linearised about, and of the basis functions of what was tried."""
         self._predictors.clear()
@@ -90,16 +96,20 @@ class SearchContext:
     def predict_gain(self, state: SearchState, added: FittedEffect) -> tuple[float, float] | None:
         """Predict the held-out gain of a further effect and its standard error, noise and nonlinear values as they are.
 
-        ``None`` where not all samples that are judged are fitted. What the state's folds share is kept with its test.
+        ``None`` where not all samples that are judged are fitted, or where rows that count for little may be what the
+        effect explains. What the state's folds share is kept with its test.
         """
         split = self.fit_context.split
-        if len(state.fit.problem) != len(split.fold):
+        in_full = state.fit.count_in_full() is state.fit
+        if len(state.fit.problem) != len(split.fold) or (added.has(Role.CHANGE) and not in_full):
             return None
         self.score_test(state)
         if id(state) not in self._predictors:
             self._predictors[id(state)] = HeldOutPredictor.of(state.fit, split)
         after = self._predictors[id(state)].residual_with(added.parameters)
-        return error_reduction(state.stage.held_residual, after, split)
+        white = state.fit.problem.whitener.white(slice(None), after[..., None])[..., 0]
+        weight = np.maximum(state.stage.weight, row_weights(white, np.zeros_like(white), np.ones(len(white))))
+        return error_reduction(state.stage.held_residual, after, split, weight)
 
     def evidence_fall(self, before: SearchState, after: SearchState, at: SearchState | None = None) -> float:
         """By how much minus twice the logarithm of the likelihood falls, with the correlation time of a state.

@@ -9,10 +9,11 @@ from planner.common.arrays import mean_by_group
 from planner.common.units import Array
 from planner.effects.compliance import LINK_MASSES
 from planner.effects.effect import Role, implausible_text
+from planner.effects.steps import SLIP
 from planner.identification.covariance import correlation_time
 from planner.identification.cross_validation import predict_held_out, predict_held_out_without
 from planner.identification.problem import LinearPiece
-from planner.identification.stages import FitContext, error_reduction
+from planner.identification.stages import FitContext, comparison_weight, error_reduction
 from planner.model.identification_document import Metrics
 from planner.tracing.assumptions import DETERMINED_VARIANCE, LEAST_GAIN, LEAST_SIGMAS, MOST_WALD_PARAMETERS
 from planner.tracing.effect_scores import log_exceedance
@@ -28,7 +29,7 @@ def screening_correlation_time(state: SearchState, continuous: bool) -> float:
     """
     if not continuous:
         return 1.0
-    white = state.fit.problem.white_residual(state.fit.errors)[:, 0]
+    white = state.fit.problem.weighted_residual(state.fit.errors)[:, 0]
     # 40: segments of a run whose means are taken out: a missing effect is slow
     segment = np.arange(len(white)) * 40 // len(white)
     mean = mean_by_group(white, segment)
@@ -86,7 +87,8 @@ def _own_column(state: SearchState, found: FittedEffect, piece: LinearPiece) -> 
 def rejection_reason(before: SearchState, after: SearchState, fit_context: FitContext, tried: int) -> str | None:
     """Return why the last effect of ``after`` is not kept, ``None`` if it is."""
     found = after.effects[-1]
-    reason = gain_reason(*held_out_gain(before, after, fit_context))
+    # no other row tells of a wrong one; it explains nothing but itself, and is many standard deviations off
+    reason = None if found.effect.kind == SLIP else gain_reason(*held_out_gain(before, after, fit_context))
     if reason is not None:
         return reason
     size = float(np.linalg.norm(after.sizes(found)))
@@ -110,7 +112,8 @@ def gain_reason(fall: float, error: float) -> str | None:
 
 def held_out_gain(before: SearchState, after: SearchState, fit_context: FitContext) -> tuple[float, float]:
     """Share of the held-out squared error that goes from one state to another, and its standard error."""
-    return error_reduction(before.stage.held_residual, after.stage.held_residual, fit_context.split)
+    was, now = before.stage, after.stage
+    return error_reduction(was.held_residual, now.held_residual, fit_context.split, comparison_weight(was, now))
 
 
 @dataclass(frozen=True)
@@ -137,8 +140,10 @@ def own_gains(state: SearchState, fit_context: FitContext, effects: Sequence[Fit
     masses = [j for j, p in enumerate(parameters) if p.group == LINK_MASSES]
     after = predict_held_out(fit, split).residual
     bare = [h.residual for h in predict_held_out_without(fit, split, parts, masses)]
-    least = Metrics.of(after).rms
-    return [OwnGain(Metrics.of(b).rms - least, *error_reduction(b, after, split)) for b in bare]
+    weight = fit.problem.weight
+    least = Metrics.of(after, weight=weight).rms
+    falls = [Metrics.of(b, weight=weight).rms - least for b in bare]
+    return [OwnGain(fall, *error_reduction(b, after, split, weight)) for fall, b in zip(falls, bare, strict=True)]
 
 
 def wald_statistic(state: SearchState, found: FittedEffect, beside: Array | None = None) -> tuple[float, int]:

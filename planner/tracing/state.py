@@ -18,6 +18,7 @@ from planner.identification.assumptions import ROUGHLY_CONVERGED_SIGMAS
 from planner.identification.least_squares import Fit, solve, subset_size
 from planner.identification.problem import FitProblem, LinearPiece
 from planner.identification.stages import FitContext, FittedStage
+from planner.identification.wild_rows import wild_cost
 from planner.model.identification_document import Stage
 from planner.model.model import Model
 from planner.tracing.dictionary import whitened_columns
@@ -177,7 +178,8 @@ class SearchState:
         scanned = sum(2 * float(np.log(n)) for n in grids)
         precision = np.abs(np.diag(solution.factor)) / np.sqrt(correlation_time)
         narrowed = 2 * float(np.log(np.maximum(precision, 1.0)).sum())
-        return (solution.cost + noise) / correlation_time + narrowed + scanned
+        tails = wild_cost(problem.white_residual(self.fit.errors), problem.weight)
+        return (solution.cost + noise + tails) / correlation_time + narrowed + scanned
 
     def refit(self, fit_context: FitContext, effects: tuple[FittedEffect, ...]) -> "SearchState":
         """Fit the base model with effects: nonlinear values of new ones settle first, then all parameters together.
@@ -208,9 +210,12 @@ class SearchState:
         model = self.base.plus([*(p for f in effects for p in f.parameters), *sensitivities])
         masses = _link_masses(self.base, effects, errors)
 
+        changed = any(f.has(Role.CHANGE) and f.name not in self.names for f in effects)
+        before = self.fit.count_in_full() if changed else self.fit  # rows that it explains count for little there
+
         def fit(model: Model) -> FittedStage:
             """Return the stage of a model, fitted from this state on."""
-            return fit_context.fit_stage(_stage_name(effects[-1].effect), model, self.fit)
+            return fit_context.fit_stage(_stage_name(effects[-1].effect), model, before)
 
         fitted = fit(model.plus(masses))
         if masses and link_mass_uncertainty(fitted.fit.model) > LINK_MASS.largest:

@@ -13,7 +13,7 @@ from planner.design.assumptions import LOG_LIKELIHOOD_EVIDENCE
 from planner.effects.catalogue import catalogue
 from planner.effects.effect import Effect, Role
 from planner.effects.sessions import SESSION_STEP
-from planner.effects.steps import STEP, Steppable
+from planner.effects.steps import SLIP, STEP, Steppable
 from planner.identification.calibration import TracingResult
 from planner.identification.contenders import Contender, Contest, contenders_of_same_law
 from planner.identification.stages import FitContext, FittedStage
@@ -245,7 +245,8 @@ def trace(
     for state in result.path:  # of each its stage is kept, and nothing that can be computed anew
         state.fit.problem.memory.forget()
     steppables = result.context.steppables
-    searched = [k for k, (f, _) in enumerate(kept) if f not in off]  # what is stated acts for certain
+    # what is stated acts for certain; a wrong row counts for little in the posterior, which judges no more of it
+    searched = [k for k, (f, _) in enumerate(kept) if f not in off and f.effect.kind != SLIP]
     contests = tuple(
         _contests(last, [kept[k][0] for k in searched], [rivals[k] for k in searched], offered, steppables)
     )

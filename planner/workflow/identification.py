@@ -1,5 +1,6 @@
 """``identify()``: from the log of a run to a calibrated robot, and its folder."""
 
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -62,6 +63,10 @@ from planner.workflow.run_checks import cell_of_run, check_unit, split_by_plan
 if TYPE_CHECKING:
     from planner.workflow.plan_results import PlanResult
 
+NEEDLESS_ROBUST = (
+    "--robust changes nothing: rows that stand far outside the noise count for little in every fit; leave it out, a "
+    "later version will not know it"
+)
 Runs = Run | Path | str | Sequence[Path | str]
 """One run or several, loaded or by path."""
 
@@ -244,7 +249,7 @@ def identify(asked: IdentifyCall) -> CalibrationResult:
         NoSolutionError: the fit does not come to rest.
     """
     stages = Stages(asked.progress)
-    settings = FitSettings(asked.hold_out, asked.robust, asked.seed, asked.geometry)
+    settings = FitSettings(asked.hold_out, asked.seed, asked.geometry)
     measured = asked.runs.run if isinstance(asked.runs, Result) else asked.runs
     if not isinstance(measured, Run | Path | str):
         sources = run_sources(measured, asked.cell, asked.plan)
@@ -275,6 +280,9 @@ def _identify_sessions(
 def _result(found: Calibration, cell: Cell, asked: IdentifyCall, stages: Stages) -> CalibrationResult:
     """Return the calibration with what its robot is good for and what more poses would bring."""
     judged = _with_use(_beside_fleet(found, asked.fleet), cell, asked.tolerance_mm)
+    if asked.robust:
+        warnings.warn(NEEDLESS_ROBUST, DeprecationWarning, stacklevel=4)
+        judged = judged.model_copy(update={"warnings": (*judged.warnings, NEEDLESS_ROBUST)})
     released = None if judged.problems else judged.released
     content = None if released is None else expected_error_content(released, judged.run)
     more = foresee_more_poses(judged, cell, content)

@@ -8,7 +8,6 @@ from scipy.stats import chi2
 from planner.common.robust import (
     HUBER_SIGMAS,
     MEDIAN_NORM,
-    MEDIAN_RMS,
     huber_costs,
     huber_weights,
     tukey_costs,
@@ -45,8 +44,6 @@ def test_hubers_limit_is_as_sharp_as_it_says():
 def test_medians_are_those_of_chi_square():
     for numbers, median in MEDIAN_NORM.items():
         assert median == pytest.approx(np.sqrt(chi2.ppf(0.5, numbers)), abs=6e-5)
-    for numbers, median in MEDIAN_RMS.items():
-        assert median == pytest.approx(np.sqrt(chi2.ppf(0.5, numbers) / numbers), abs=1e-4)
 
 
 def test_the_smallest_sizes_weigh_one_and_what_is_no_number_stays_none():

@@ -56,7 +56,7 @@ class RegionsPredictedError(Exception):
 def test_regions_held_out_are_predicted_by_the_families_of_the_posterior(taken, monkeypatch):
     """What they say of it would else be said of a robot that nobody is given."""
     found = calibrated((effect("reducer-ripple", 3, share=3.0, frequency=9.37, phase=1.0),), traced=False, seed=4)
-    bench = FitContext(found.run, split_run(found.run), lambda _: None, False)
+    bench = FitContext(found.run, split_run(found.run), lambda _: None)
     geometry = bench.fit_stage("geometry", parameters_of_groups(found.fit.model, ("gauge", "geometry")))
     curve = FittedEffect(gear_curve(found.fit.setup, found.run.samples.q, 2, 10.0))
     last = bench.fit_stage(curve.name, geometry.fit.model.plus(list(curve.parameters)), geometry.fit)

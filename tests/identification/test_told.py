@@ -10,10 +10,12 @@ from scipy.spatial.transform import Rotation
 from planner.cell.reading import load_cell
 from planner.cell.setup import setup_of
 from planner.common.errors import InputError
-from planner.identification.assessment import collect_warnings, few_readings_note
+from planner.identification.assessment import few_readings_note
 from planner.identification.run_setup import check_pull, locate_gauge, setup_for_run
+from planner.identification.run_warnings import collect_warnings
 from planner.runs.run import Readings, Run, Samples
 
+COUNTED_ALL = np.ones(5), np.zeros(5)
 CELL = 'schema = "edbb-cell/1"\nrobot = "ur10"\n[gauge]\nkind = "tracker"\n'
 
 
@@ -23,17 +25,23 @@ def test_outliers_are_named_by_file_and_line(tmp_path):
     n = 40
     samples = Samples(np.zeros((n, 6)), np.zeros(n, dtype=int), file=np.arange(n) // 20, line=2 + np.arange(n) % 20)
     run = Run("a+b", samples, Readings(position=np.zeros((n, 3))), files=("a.csv", "b.parquet"))
-    found = SimpleNamespace(setup=setup_of(cell), outliers=np.array([3, 19, 20, 25, 30, 31, 39]))
-    (said,) = [w for w in collect_warnings(run, cell, found, None) if "outliers" in w]
+    weight, off = np.ones(n), np.full(n, 1e-5)
+    weight[[3, 19, 20, 25, 30, 31, 39]] = 0.02, 1e-4, 1e-5, 0.02, 0.03, 0.02, 0.3
+    off[[3, 19, 20, 31]] = 4.1e-4, 5e-2, 4e-2, 3e-4
+    found = SimpleNamespace(setup=setup_of(cell))
+    (said,) = [w for w in collect_warnings(run, cell, found, weight, off) if "noise" in w]
     assert said == (
-        "7 samples are outliers (a.csv, line 5; a.csv, line 21; b.parquet, row 2; b.parquet, row 7; b.parquet, row 12; "
-        "and 2 more); they were kept in the fit"
+        "7 rows stand far outside the noise of the others (a.csv, line 5: 0.41 mm off, counts for 2 % of a reading; "
+        "a.csv, line 21 to b.parquet, row 2: 50 mm off, each counts for less than 0.1 % of a reading; "
+        "b.parquet, row 7: 0.01 mm off, counts for 2 % of a reading; "
+        "b.parquet, row 12 to b.parquet, row 13: 0.3 mm off, each counts for 3 % of a reading; "
+        "b.parquet, row 21: 0.01 mm off, counts for 30 % of a reading)"
     )
-    one = SimpleNamespace(setup=found.setup, outliers=found.outliers[:1])
-    (said,) = [w for w in collect_warnings(run, cell, one, None) if "outlier" in w]
-    assert said == "1 sample is an outlier (a.csv, line 5); it was kept in the fit"
+    one = np.where(np.arange(n) == 3, 0.02, 1.0)
+    (said,) = [w for w in collect_warnings(run, cell, found, one, off) if "noise" in w]
+    assert said.startswith("1 row stands far outside the noise of the others (a.csv, line 5: 0.41 mm off")
     bare = replace(run, samples=replace(samples, file=None, line=None))
-    assert "(number 4; number 20; " in "".join(collect_warnings(bare, cell, found, None))
+    assert "(number 4: " in "".join(collect_warnings(bare, cell, found, weight, off))
 
 
 def test_left_handed_axes_of_a_tracker_are_told(tmp_path):
@@ -53,11 +61,11 @@ def test_left_handed_axes_of_a_tracker_are_told(tmp_path):
 
 def test_who_fits_a_loaded_bar_is_told_what_fits_it_in_balance():
     cell = load_cell("kuka-kr6-r700/edbb")
-    found = SimpleNamespace(setup=setup_of(cell), outliers=np.zeros(0, dtype=int))
+    found = SimpleNamespace(setup=setup_of(cell))
     for pull, told in ((10.0, False), (625.0, True)):
         samples = Samples(np.zeros((5, 6)), np.zeros(5, dtype=int), force=np.full(5, pull))
         run = Run("run.csv", samples, Readings(length=np.full(5, 0.4)))
-        assert any("up to 625 N" in w for w in collect_warnings(run, cell, found, None)) == told
+        assert any("up to 625 N" in w for w in collect_warnings(run, cell, found, *COUNTED_ALL)) == told
 
 
 def test_a_loaded_bars_run_needs_its_force():
@@ -75,9 +83,9 @@ def test_a_loaded_bars_run_needs_its_force():
 def test_a_tool_point_that_a_cell_with_one_point_does_not_name_is_told():
     cell = load_cell("kuka-kr6-r700/edbb")
     run = Run("run.csv", Samples(np.zeros((5, 6)), np.zeros(5, dtype=int)), Readings(length=np.full(5, 0.4)))
-    found = SimpleNamespace(setup=setup_of(cell), outliers=np.zeros(0, dtype=int))
+    found = SimpleNamespace(setup=setup_of(cell))
     for names, told in ((("low",), True), (("1",), False), (("",), False), (("a", "b"), False)):
-        said = collect_warnings(replace(run, points=names), cell, found, None)
+        said = collect_warnings(replace(run, points=names), cell, found, *COUNTED_ALL)
         assert any("measured at tool point 'low'" in w for w in said) == told
 
 

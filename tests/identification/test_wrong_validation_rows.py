@@ -41,3 +41,4 @@ def test_a_mistyped_row_of_the_validation_is_named(tmp_path) -> None:
     (warning,) = said["wrong"]
     assert f"line {first + 1 + 8} by 50 mm" in warning
     assert warning.count("line ") == 1
+    assert "1 row may be wrong" in warning

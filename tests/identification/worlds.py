@@ -102,9 +102,9 @@ class World:
         """The run with other lengths (n,) [m]."""
         return replace(self.run, readings=Readings(length=length))
 
-    def fitted(self, run: Run, robust=False) -> tuple[Fit, np.ndarray]:
+    def fitted(self, run: Run) -> tuple[Fit, np.ndarray]:
         """The fit of a run, and the covariance of its parameters."""
-        found = fit(FitProblem.of(self.model, run), robust)
+        found = fit(FitProblem.of(self.model, run))
         return found, parameter_covariance(found, run.continuous)[0]
 
 
@@ -151,14 +151,14 @@ def covered(t: Trials, level=0.95):
     return (np.abs(t.z) < stats.t.ppf(0.5 + level / 2, t.freedom)[:, None]).sum(axis=0)
 
 
-def trials(w: World, fits: int, noise: Noise, seed=0, robust=False, length=4e-4, angle=5e-4) -> Trials:
+def trials(w: World, fits: int, noise: Noise, seed=0, length=4e-4, angle=5e-4) -> Trials:
     """Fit ``fits`` arms, each with errors and noise of its own."""
     offs, z, square, left, freedom = [], [], [], [], []
     for k in range(fits):
         rng = np.random.default_rng([seed, k, 77])
         errors = draw_errors(w.arm, rng, length, angle)
         truth, rest = w.regrouped(errors)
-        found, covariance = w.fitted(w.measured(errors, noise, rng), robust)
+        found, covariance = w.fitted(w.measured(errors, noise, rng))
         off = found.errors - truth
         offs.append(off)
         z.append(off / np.sqrt(np.diag(covariance)))

@@ -212,9 +212,10 @@ def test_pairs_in_words_hold() -> None:
 
 
 def test_outliers_are_listed(c: Calibration) -> None:
-    named = calibration_content(
-        CalibrationFacts(c.model_copy(update={"fit": replace(c.fit, outliers=np.array([4, 17]))}))
-    )["outliers"]
+    weight = np.ones(len(c.run))
+    weight[[4, 17]] = 0.02, 1e-4
+    named = calibration_content(CalibrationFacts(c.model_copy(update={"row_weight": weight})))["outliers"]
+    assert [r[-1] for r in named] == ["2 %", "0.01 %"]
     assert [r[0] for r in named] == ["5", "18"]
     assert float(named[0][3]) == pytest.approx(1e3 * abs(c.stages[-1].residual[4, 0]), rel=6e-3)
 

@@ -120,7 +120,7 @@ def test_residuals_read_back(c: Calibration) -> None:
     assert np.allclose(np.radians(q), c.run.samples.q, atol=1e-8)
     if c.run.readings.length is not None:
         assert np.allclose([float(r["length_mm"]) for r in rows], c.run.readings.length * 1e3, atol=1e-6)
-    assert [k for k, r in enumerate(rows) if r["outlier"] == "1"] == c.fit.outliers.tolist()
+    assert [k for k, r in enumerate(rows) if r["outlier"] == "1"] == c.outliers.tolist()
     white = np.array([float(r["whitened"]) for r in rows])
     assert 0.7 < np.sqrt((white**2).mean()) < 1.1
 

@@ -48,7 +48,7 @@ def scanned(steps, n=120, seed=1):
     """Score test of the geometry's fit to a stepped run, and what may step."""
     w = world(n=n)
     found, _ = w.fitted(number_samples(stepped(w, seed, steps)))
-    test = ScoreTest.of(found)
+    test = ScoreTest.of(found.count_in_full())
     return test, list(steppables(Excitation(w.model.setup, test.problem.samples)))
 
 
@@ -116,7 +116,7 @@ def test_a_lone_outlier_is_no_step(row):
     length = np.array(stepped(w, 1, ()).readings.length)
     length[row] += 4e-4  # twenty times the noise
     found, _ = w.fitted(number_samples(w.reading(length)))
-    test = ScoreTest.of(found)
+    test = ScoreTest.of(found.count_in_full())
     things = list(steppables(Excitation(w.model.setup, test.problem.samples)))
     assert min(s.log_p for _, s in score_steps(test, things)) < LOG_SIGNIFICANCE
     assert min(s.log_p for s in best_steps(test, things)) > LOG_SIGNIFICANCE

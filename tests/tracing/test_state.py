@@ -23,7 +23,7 @@ from tests.tracing.worlds import arm, calibrated, effect
 
 def begun(found):
     """The state without effects, the bench and the catalogue, from a calibration that traced nothing."""
-    bench = FitContext(found.run, split_run(found.run), lambda _: None, False)
+    bench = FitContext(found.run, split_run(found.run), lambda _: None)
     model = parameters_of_groups(found.fit.model, ("gauge", "geometry"))
     start = bench.fit_stage("geometry", model)
     entries = {e.name: e for e in catalogue(model.setup, found.run.samples)}

@@ -192,7 +192,7 @@ def test_an_image_at_another_pose_is_an_outlier(cell, pool, tmp_path):
     q = np.array(run.samples.q)
     q[17] += np.deg2rad([0, 0.4, 0, 0, -0.5, 0])
     found = identify(replace(run, samples=replace(run.samples, q=q)), cell, settings=QUICK)
-    assert 17 in found.fit.outliers
+    assert 17 in found.outliers
 
 
 def test_images_of_few_corners_are_cut_out(cell, pool, tmp_path):
