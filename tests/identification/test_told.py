@@ -11,10 +11,12 @@ from planner.cell.reading import load_cell
 from planner.cell.setup import setup_of
 from planner.common.errors import InputError
 from planner.identification.assessment import few_readings_note
+from planner.identification.noise import Noise
 from planner.identification.run_setup import check_pull, locate_gauge, setup_for_run
 from planner.identification.run_warnings import collect_warnings
 from planner.runs.run import Readings, Run, Samples
 
+QUIET = SimpleNamespace(whitener=SimpleNamespace(noise=Noise()))
 COUNTED_ALL = np.ones(5), np.zeros(5)
 CELL = 'schema = "edbb-cell/1"\nrobot = "ur10"\n[gauge]\nkind = "tracker"\n'
 
@@ -28,7 +30,7 @@ def test_outliers_are_named_by_file_and_line(tmp_path):
     weight, off = np.ones(n), np.full(n, 1e-5)
     weight[[3, 19, 20, 25, 30, 31, 39]] = 0.02, 1e-4, 1e-5, 0.02, 0.03, 0.02, 0.3
     off[[3, 19, 20, 31]] = 4.1e-4, 5e-2, 4e-2, 3e-4
-    found = SimpleNamespace(setup=setup_of(cell))
+    found = SimpleNamespace(setup=setup_of(cell), problem=QUIET)
     (said,) = [w for w in collect_warnings(run, cell, found, weight, off) if "noise" in w]
     assert said == (
         "7 rows stand far outside the noise of the others (a.csv, line 5: 0.41 mm off, counts for 2 % of a reading; "
@@ -61,7 +63,7 @@ def test_left_handed_axes_of_a_tracker_are_told(tmp_path):
 
 def test_who_fits_a_loaded_bar_is_told_what_fits_it_in_balance():
     cell = load_cell("kuka-kr6-r700/edbb")
-    found = SimpleNamespace(setup=setup_of(cell))
+    found = SimpleNamespace(setup=setup_of(cell), problem=QUIET)
     for pull, told in ((10.0, False), (625.0, True)):
         samples = Samples(np.zeros((5, 6)), np.zeros(5, dtype=int), force=np.full(5, pull))
         run = Run("run.csv", samples, Readings(length=np.full(5, 0.4)))
@@ -83,7 +85,7 @@ def test_a_loaded_bars_run_needs_its_force():
 def test_a_tool_point_that_a_cell_with_one_point_does_not_name_is_told():
     cell = load_cell("kuka-kr6-r700/edbb")
     run = Run("run.csv", Samples(np.zeros((5, 6)), np.zeros(5, dtype=int)), Readings(length=np.full(5, 0.4)))
-    found = SimpleNamespace(setup=setup_of(cell))
+    found = SimpleNamespace(setup=setup_of(cell), problem=QUIET)
     for names, told in ((("low",), True), (("1",), False), (("",), False), (("a", "b"), False)):
         said = collect_warnings(replace(run, points=names), cell, found, *COUNTED_ALL)
         assert any("measured at tool point 'low'" in w for w in said) == told
