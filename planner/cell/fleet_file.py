@@ -7,8 +7,9 @@ from typing import Literal, TypeVar
 from pydantic import Field
 
 from planner.cell.site import Site
+from planner.common.content_hashes import hand_edits
 from planner.common.errors import InputError
-from planner.common.schema import PositiveFloat, StrictModel, read_toml
+from planner.common.schema import PositiveFloat, StrictModel, read_toml, read_toml_content
 
 S = TypeVar("S", bound=Site)
 
@@ -23,12 +24,13 @@ class FleetSize(StrictModel):
 
 
 class FleetFile(StrictModel):
-    """The file; ``robot``: the kind, ``robots``: how many were seen."""
+    """The file; ``robot``: the kind, ``robots``: how many were seen, ``hashes``: of its keys, as it was written."""
 
     schema_: Literal["edbb-fleet/1"] = Field(alias="schema")
     robot: str
     robots: int = Field(ge=2)
     sizes: tuple[FleetSize, ...]
+    hashes: dict[str, str] = {}
 
 
 def read_fleet(path: Path, robot: str) -> FleetFile:
@@ -53,5 +55,6 @@ def with_fleet(site: S, path: Path | str | None) -> S:
         return site
     file = read_fleet(Path(path), site.robot.name)
     factors = tuple((size.group, size.factor) for size in file.sizes)
-    robot = replace(site.robot, priors=replace(site.robot.priors, factors=factors))
+    edits = (*site.robot.hand_edits, *hand_edits(Path(path), read_toml_content(Path(path))))
+    robot = replace(site.robot, priors=replace(site.robot.priors, factors=factors), hand_edits=edits)
     return replace(site, robot=robot)

@@ -22,8 +22,9 @@ from planner.common.calls import GROUPS, MORE
 from planner.common.commands import extension_commands, remote_function
 from planner.common.console import spell_unencodable
 from planner.common.errors import InputError, LookFirst, MissingProgramError, PlannerError
+from planner.common.exchange import short_path
 from planner.common.extensions import broken_extensions
-from planner.common.files import INPUTS, short_path
+from planner.common.files import INPUTS
 from planner.common.quiet import results_alone
 from planner.kinematics.packages import COMMAND_PACKAGES
 from planner.workflow.verbs import CORE, declared_calls

@@ -20,6 +20,7 @@ def _study(
     output: Path,
     sweep_file: Path | None,
     scheduler: str | None,
+    cluster_keys: Path | None,
     as_json: bool,
     manner: Manner,
 ) -> None:
@@ -37,7 +38,7 @@ def _study(
     from planner.studies.sweep import sweep  # numbers and tables: other commands start quicker without
 
     give(
-        lambda stages: sweep(sweep_file, output, scheduler=scheduler, progress=stages.say),
+        lambda stages: sweep(sweep_file, output, scheduler=scheduler, cluster_keys=cluster_keys, progress=stages.say),
         output,
         as_json,
         manner=manner,
@@ -48,7 +49,10 @@ Sweep = Annotated[
     Path | None,
     typer.Option("--sweep", metavar="SWEEP.toml", help="in place of a cell: fixtures x bars x tools x poses"),
 ]
-Scheduler = Annotated[str | None, typer.Option(metavar="tcp://…", help="compute the sweep on a Dask cluster")]
+Scheduler = Annotated[str | None, typer.Option(metavar="tls://…", help="compute the sweep on a Dask cluster")]
+ClusterKeys = Annotated[
+    Path | None, typer.Option(metavar="DIR", help="keys of that cluster; 'edbb serve keys DIR' makes them")
+]
 study_command = declare_command(
     StudyCall,
     _study,
@@ -56,5 +60,6 @@ study_command = declare_command(
     output=(Output, Parameter.empty),
     sweep_file=(Sweep, None),
     scheduler=(Scheduler, None),
+    cluster_keys=(ClusterKeys, None),
     as_json=(Json, False),
 )

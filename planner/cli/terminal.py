@@ -17,6 +17,7 @@ from rich.progress import BarColumn, SpinnerColumn, TaskProgressColumn, TextColu
 from rich.progress import Progress as Bar
 
 from planner.common.errors import InputError, NoSolutionError, make_printable
+from planner.common.file_names import check_names
 from planner.common.files import document_text
 from planner.common.progress import Progress, Stages
 from planner.common.result import Result
@@ -209,6 +210,7 @@ def check_folder(output: Path, force: bool = False) -> None:
     """Refuse, before any work is done, a folder of results that is a file or cannot be written."""
     if str(output) == "-":
         raise InputError("-o needs a folder: several files are written")
+    check_names(output)
     try:
         output.stat()
     except (FileNotFoundError, NotADirectoryError):

@@ -3,8 +3,6 @@
 import hashlib
 import json
 import os
-import platform
-import re
 import stat
 import tempfile
 from collections.abc import Iterator, Sequence
@@ -12,6 +10,8 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from planner.common.errors import InputError
+from planner.common.exchange import draft_prefix, remove, replace_together, writing_error
+from planner.common.file_names import check_names
 from planner.common.finite_documents import check_finite, check_finite_content
 
 
@@ -138,18 +138,6 @@ def read_utf8(path: Path, most_bytes: int = MOST_TEXT) -> str:
     return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
-def draft_prefix() -> str:
-    """Return how the name of a draft begins: by it a later command knows whether its writer still lives."""
-    host = re.sub(r"\W+", "_", platform.node())[:40]
-    return f".edbb-{host}-{os.getpid()}-"
-
-
-def short_path(path: Path) -> str:
-    """Return a path for a message, its middle left out where it is very long."""
-    text = str(path)
-    return text if len(text) <= 300 else f"{text[:150]}…{text[-100:]}"
-
-
 def write_text(path: Path, text: str, encoding: str = "utf-8", own: bool = False, force: bool = False) -> None:
     """Write ``text`` to ``path`` as it is (line ends are kept), replacing what was there in one step.
 
@@ -197,36 +185,30 @@ def write_bytes(path: Path, data: bytes, own: bool = False, force: bool = False)
 def write_together(files: Sequence[tuple[Path, bytes]], own: bool = False, force: bool = False) -> None:
     """Write files that need one another, each as :func:`write_bytes`; the first is the one that a person starts.
 
-    All are on the disk under temporary names before one takes its own, so a full disk leaves what was there. The first
-    takes its name last, and an older one is gone before the others change: it never stands beside files of another
-    writing.
+    All are on the disk under temporary names before one takes its own, so a full disk leaves what was there. They take
+    their names all together or not at all, as :func:`replace_together` does it.
 
     Raises:
         InputError: as :func:`write_bytes`.
         NotFiniteError: a number of a document is nan or infinite.
     """
     for path, data in files:
+        check_names(path)
         check_finite(path, data)
-    drafts: list[tuple[Path, str]] = []
-    placed: list[Path] = []
-    path = files[0][0]
+    drafts: list[tuple[Path, Path]] = []
     try:
         for path, data in files:
-            drafts += _draft(path.resolve(), data, own, force)
-        if len(drafts) > 1:
-            drafts[0][0].unlink(missing_ok=True)
-        for path, name in reversed(drafts):
-            os.replace(name, path)
-            placed.append(path)
-    except BaseException as err:
-        for name in (*(name for _, name in drafts), *(placed if len(files) > 1 else ())):
-            Path(name).unlink(missing_ok=True)
-        if isinstance(err, OSError | RuntimeError | ValueError):
-            raise _writing_error(path, err) from err
-        raise
+            try:
+                drafts += _draft(path.resolve(), data, own, force)
+            except (OSError, RuntimeError, ValueError) as err:
+                raise writing_error(path, err) from err
+        replace_together(drafts)
+    finally:
+        for draft, _ in drafts:
+            remove(draft)
 
 
-def _draft(path: Path, data: bytes, own: bool, force: bool) -> list[tuple[Path, str]]:
+def _draft(path: Path, data: bytes, own: bool, force: bool) -> list[tuple[Path, Path]]:
     """Put ``data`` on the disk beside ``path``, under a temporary name; a device is written to, and has none."""
     if path.exists() and not path.is_file() and not path.is_dir():
         path.write_bytes(data)
@@ -239,9 +221,9 @@ def _draft(path: Path, data: bytes, own: bool, force: bool) -> list[tuple[Path, 
             file.write(data)
         os.chmod(name, _file_mode(path))
     except BaseException:
-        Path(name).unlink(missing_ok=True)
+        remove(Path(name))
         raise
-    return [(path, name)]
+    return [(Path(name), path)]
 
 
 def check_writing(path: Path, data: bytes = b"", force: bool = False) -> None:
@@ -250,17 +232,14 @@ def check_writing(path: Path, data: bytes = b"", force: bool = False) -> None:
     Raises:
         InputError: this command has read it, or somebody else has written it, or it is the name of no file.
     """
+    check_names(path)
     try:
         with suppress(FileNotFoundError, NotADirectoryError):
             path.stat()  # a name that no file can have
         if path.is_file():
             _check_overwriting(path.resolve(), data, force)
     except (OSError, ValueError) as err:
-        raise _writing_error(path, err) from err
-
-
-def _writing_error(path: Path, err: Exception) -> InputError:
-    return InputError(f"{short_path(path)}: cannot be written ({getattr(err, 'strerror', None) or err})")
+        raise writing_error(path, err) from err
 
 
 OWN_MARKS = (b"plan_id", b"edbb")  # one of them stands at the head of every single file that is written

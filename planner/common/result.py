@@ -8,6 +8,7 @@ from html import escape
 from pathlib import Path
 from typing import Any, ClassVar
 
+from planner.common.content_hashes import HandEdit
 from planner.common.files import document_text, write_bytes, write_text
 from planner.common.result_folder import draft_folder, move_all
 from planner.common.summary import SCREEN_LINES, Summary
@@ -95,9 +96,19 @@ class Result(ABC):
         """Return the warning that must be read first; empty if there is none."""
         return ""
 
+    @property
+    def hand_edits(self) -> tuple[HandEdit, ...]:
+        """Return what a person changed since edbb wrote it: of a result in a cell, in the files of its robot."""
+        cell: Any = getattr(self, "cell", None)
+        return () if cell is None else tuple(cell.robot.hand_edits)
+
     def full_summary(self, verbose: bool = False, most: int = SCREEN_LINES) -> str:
-        """Return the summary, after what must be read first, and that nobody measured; ``most``: lines in all."""
-        first = [line for line in (self.alarm, NOT_MEASURED if self.simulated else "") if line]
+        """Return the summary, after what must be read first; ``most``: lines in all.
+
+        First come what nobody measured, and what was changed by hand.
+        """
+        said = (self.alarm, NOT_MEASURED if self.simulated else "", *(e.sentence for e in self.hand_edits))
+        first = [line for line in said if line]
         return "\n".join((*first, self.overview().text(verbose, most - len(first))))
 
     def to_json(self) -> str:

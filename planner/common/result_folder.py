@@ -1,6 +1,5 @@
 """A folder of results, exchanged as a whole, with its manifest: which kind of command wrote what there."""
 
-import errno
 import hashlib
 import json
 import os
@@ -12,8 +11,10 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from planner.common.errors import InputError
-from planner.common.files import INPUTS, document_text, draft_prefix, has_hash
-from planner.common.system import process_exists, swap_folders
+from planner.common.exchange import draft_prefix, exchange_folders, files_in
+from planner.common.file_names import check_names
+from planner.common.files import INPUTS, document_text, has_hash
+from planner.common.system import process_exists
 
 MANIFEST = "manifest.json"
 SCHEMA = "edbb-manifest/1"
@@ -29,6 +30,7 @@ def draft_folder(folder: Path) -> Iterator[Path]:
     Raises:
         InputError: ``folder`` is a file, or the folder that the command runs in, or its parent cannot be made.
     """
+    check_names(folder)
     folder = folder.resolve()
     if folder.exists() and not folder.is_dir():
         raise InputError(f"{folder} is a file; results need a folder")
@@ -68,10 +70,10 @@ def move_all(draft: Path, folder: Path, force: bool = False) -> list[Path]:
     """
     most_others = 2000  # files of others that a folder of results may hold
     folder, kind = folder.resolve(), _kind(draft)
-    files = _files_in(draft)
+    files = files_in(draft)
     known = read_manifest(folder)
     check_overwriting(folder, files, force)
-    others = [f for f in _files_in(folder) if f not in files and f != MANIFEST]
+    others = [f for f in files_in(folder) if f not in files and f != MANIFEST]
     stale = [f for f in others if f in known.get(kind, {}) and _is_unchanged(folder, f, known[kind][f])]
     kept = [f for f in others if f not in stale]
     if len(kept) > most_others:
@@ -82,7 +84,7 @@ def move_all(draft: Path, folder: Path, force: bool = False) -> list[Path]:
     results = {k: h for k, h in there.items() if h} | {kind: {f: file_hash(draft / f) for f in files}}
     manifest = {"schema": SCHEMA, "results": dict(sorted(results.items()))}
     (draft / MANIFEST).write_text(document_text(manifest), encoding="utf-8")
-    _exchange(draft, folder)
+    exchange_folders(draft, folder, MANIFEST)
     return [folder / name for name in files]
 
 
@@ -132,12 +134,6 @@ def _kind(draft: Path) -> str:
     return names[0] if names else "files"
 
 
-def _files_in(folder: Path) -> list[str]:
-    return sorted(
-        str(Path(root, name).relative_to(folder).as_posix()) for root, _, names in os.walk(folder) for name in names
-    )
-
-
 def _is_unchanged(folder: Path, name: str, written: str | None) -> bool:
     try:
         path = folder / name
@@ -153,40 +149,6 @@ def _link(source: Path, target: Path) -> None:
             os.link(source, target, follow_symlinks=False)
             return
     shutil.copy2(source, target, follow_symlinks=False)
-
-
-def _exchange(draft: Path, folder: Path) -> None:
-    """Let draft and folder change places in one step, where the system can; what was there is left as the draft."""
-    if not folder.exists():
-        os.rename(draft, folder)
-        return
-    os.chmod(draft, folder.stat().st_mode & 0o777)
-    if swap_folders(draft, folder):
-        return
-    aside = draft.with_name("old")
-    try:
-        os.rename(folder, aside)
-    except OSError as err:  # a disk is mounted there, or, on Windows, another program has a file of it open
-        if err.errno not in (errno.EBUSY, errno.EXDEV, errno.EACCES, errno.EPERM):
-            raise
-        _replace_files(draft, folder)
-        return
-    try:
-        os.rename(draft, folder)
-    except OSError:
-        os.rename(aside, folder)
-        raise
-
-
-def _replace_files(draft: Path, folder: Path) -> None:
-    """Exchange file by file: without a manifest until the last is in its place, so that nobody takes it for whole."""
-    new = _files_in(draft)
-    (folder / MANIFEST).unlink(missing_ok=True)
-    for name in set(_files_in(folder)) - set(new):
-        (folder / name).unlink()
-    for name in sorted(new, key=lambda n: n == MANIFEST):
-        (folder / name).parent.mkdir(parents=True, exist_ok=True)
-        os.replace(draft / name, folder / name)
 
 
 def _clear_dead_drafts(parent: Path) -> None:

@@ -257,9 +257,20 @@ def read_toml_content(path: Path) -> dict[str, object]:
     Raises:
         InputError: the file is missing or is no TOML.
     """
-    content = _parse(path, "TOML", tomllib.loads)
+    content = _parse(path, "TOML", _load_toml)
     assert isinstance(content, dict)
     return content
+
+
+_LONG_KEY = re.compile(r"""(?<![\w-])(?:(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){16}""")
+
+
+def _load_toml(text: str) -> dict[str, object]:
+    """Read TOML of which no key has more parts than any file of ours: each part of a long one costs all before it."""
+    if found := _LONG_KEY.search(text):
+        line = text.count("\n", 0, found.start()) + 1
+        raise ValueError(f"a key has more than 16 parts (at line {line}), no more than 8 are needed")
+    return tomllib.loads(text)
 
 
 def read_json(path: Path) -> object:

@@ -163,6 +163,14 @@ def swap_folders(a: Path, b: Path) -> bool:
     return False
 
 
+def is_open_elsewhere(err: OSError) -> bool:
+    """Tell whether an operation failed as another program has the file open; only Windows says so.
+
+    It says 5 (access denied) of a folder in which a file is open, 32 and 33 (sharing, lock) of the file itself.
+    """
+    return getattr(err, "winerror", None) in (5, 32, 33)
+
+
 def sync_folder(folder: Path) -> None:
     """Bring the names in a folder to the disk; Windows does so by itself."""
     if sys.platform != "win32":

@@ -293,7 +293,7 @@ def _finish(
         source.robot, source.calibrated, done.chosen, done.printed, done.q, done.q_new, done.q_printed, tools
     )
     report = replace(report, notes=(*notes, *report.notes), kept=tuple(sorted(left.reasons)))
-    said = [] if mark is None else [mark.sentence(source.robot.name)]
+    said = [] if mark is None else mark.sentences(source.robot.name)
     said += axes_statement(source.name, source.dialect, source.text, source.axes)
     text = add_head(done.text, source.dialect, source.robot.name, report.corrected, report.kept, said)
     q, q_left = source.axes.to_model(done.q), source.axes.to_model(left.q)

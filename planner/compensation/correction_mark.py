@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from datetime import date
 
+from planner.common.content_hashes import HandEdit
 from planner.common.errors import InputError
 from planner.programs.languages.statements import Lines
 
@@ -35,6 +36,7 @@ class CorrectionMark:
         zeros: joints, from 1, whose zeros were set in the controller, so that they are not corrected for.
         former_hashes: those that earlier versions wrote into the mark: of the bytes of ``robot.toml``, and of all that
             it says, the axes of controllers too.
+        hand_edits: what a person changed in the model since edbb wrote it.
     """
 
     model_hash: str
@@ -42,6 +44,7 @@ class CorrectionMark:
     day: date | None = None
     zeros: tuple[int, ...] = ()
     former_hashes: tuple[str, ...] = ()
+    hand_edits: tuple[HandEdit, ...] = ()
 
     def sentence(self, robot: str) -> str:
         """Return the sentence in the head of the corrected file; its first two words are the mark."""
@@ -50,6 +53,10 @@ class CorrectionMark:
         zeros = f" whose zeros {', '.join(map(str, self.zeros))} are set in the controller" if self.zeros else ""
         said = f"Corrected for {robot}{zeros}: never correct it again."
         return f"{WORD} {self.model_hash[:HASH_DIGITS]}, {origin}{day}. {said}"
+
+    def sentences(self, robot: str) -> list[str]:
+        """Return all sentences in the head of the corrected file: the mark, and what was changed by hand."""
+        return [self.sentence(robot), *(f"{edit.remark}." for edit in self.hand_edits)]
 
     def is_of(self, found: str) -> bool:
         """Tell whether a hash that was found, all of its digits or the first ones, is that of this model."""

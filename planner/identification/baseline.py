@@ -20,6 +20,7 @@ from scipy.spatial.transform import Rotation
 from planner.cell.cell import Cell
 from planner.cell.placement import FREEABLE
 from planner.cell.setup import MeasurementSetup, setup_of
+from planner.common.content_hashes import hand_edits, with_hashes
 from planner.common.determinism import even_positions
 from planner.common.errors import InputError
 from planner.common.schema import StrictModel, read_json, validate
@@ -57,6 +58,7 @@ class BaselineFile(StrictModel):
         noise: of gauge, joints and the gauge's angles, as multiples of what the files declare; ``freedom``: degrees
             behind them.
         parameters: all that moves the reading; ``spread``: root of their covariance, (P, r).
+        hashes: of its keys, as it was written; none of files of earlier versions.
         rest: standard deviation of a reading that the root lacks [m]; of an angle as many times its noise.
     """
 
@@ -72,6 +74,7 @@ class BaselineFile(StrictModel):
     rest: float
     parameters: tuple[BaselineParameter, ...]
     spread: tuple[tuple[float, ...], ...]
+    hashes: dict[str, str] = {}
 
 
 def _names(cell: Cell, setup: MeasurementSetup) -> tuple[str, str, tuple[str, ...], tuple[str, ...]]:
@@ -123,17 +126,30 @@ def baseline_text(released: ReleasedRobot, freedom: float, run: Run, cell: Cell,
         "parameters": parameters,
         "spread": round_significant_digits(root, digits).tolist(),
     }
-    return json.dumps(content, ensure_ascii=False) + "\n"
+    return json.dumps(with_hashes(content), ensure_ascii=False) + "\n"
 
 
 def joint_noise_of(folder: Path) -> float:
     """Return how much the joints scattered in the runs of a folder, over what is declared; 1 where it has no such file.
 
     Raises:
-        InputError: the file cannot be understood.
+        InputError: the file cannot be understood, or was changed by hand.
     """
     path = folder / NAME
-    return validate(read_json(path), BaselineFile, str(path)).noise[1] if path.is_file() else 1.0
+    return _read_file(path).noise[1] if path.is_file() else 1.0
+
+
+def _read_file(path: Path) -> BaselineFile:
+    """Read the file as it was written.
+
+    Raises:
+        InputError: it cannot be understood, or was changed by hand.
+    """
+    content = read_json(path)
+    file = validate(content, BaselineFile, str(path))
+    if edited := hand_edits(path, content):
+        raise InputError(f"{edited[0].sentence}; put the file back as it was written, or identify again")
+    return file
 
 
 def _turns(setup: MeasurementSetup) -> list[list[float]]:
@@ -192,7 +208,7 @@ class Baseline:
                 f"{path} is missing: a baseline is the folder that 'edbb identify' writes for a cell that gives the "
                 "tool point (and a bar's fixtures), where the posterior came to rest; identify the run again"
             )
-        file = validate(read_json(path), BaselineFile, str(path))
+        file = _read_file(path)
         if not is_model_of(folder / "robot.toml", file.robot_sha256):
             raise InputError(f"{path} belongs to another robot.toml: one of the two was changed; identify again")
         return cls.of(file, cell, str(path))

@@ -17,6 +17,7 @@ import numpy as np
 from pydantic import Field
 
 from planner.cell.setup import MeasurementSetup
+from planner.common.content_hashes import hand_edits, with_hashes
 from planner.common.determinism import even_positions
 from planner.common.errors import InputError
 from planner.common.schema import StrictModel, read_json, validate
@@ -102,6 +103,7 @@ class ExpectedErrorFile(StrictModel):
             readings at the same poses cannot show: scale, tool, other postures) and ``misfit`` (no named cause).
         states_deg: joint states at which the base is aligned, (n, N).
         gauge: where the gauge stands, of a bar or wire.
+        hashes: of its keys, as it was written; none of files of earlier versions.
     """
 
     schema_: Literal["edbb-expected-error/1"] = Field(alias="schema")
@@ -120,6 +122,7 @@ class ExpectedErrorFile(StrictModel):
     parts_mm: dict[Literal["seen", "unseen", "misfit", "drift"], float] = Field(default_factory=dict)
     states_deg: tuple[tuple[float, ...], ...]
     gauge: StandingGauge | None = None
+    hashes: dict[str, str] = {}
 
 
 def expected_error_text(content: ExpectedErrorContent, robot_toml: str, mounting: str = "") -> str:
@@ -127,7 +130,7 @@ def expected_error_text(content: ExpectedErrorContent, robot_toml: str, mounting
     whole = {**content, "robot_sha256": model_text_hash(robot_toml)}
     if isinstance(standing := whole.get("gauge"), dict):
         whole["gauge"] = {**standing, "mounting": mounting}
-    return json.dumps(whole, ensure_ascii=False) + "\n"
+    return json.dumps(with_hashes(whole), ensure_ascii=False) + "\n"
 
 
 def expected_error_content(released: ReleasedRobot, run: Run) -> ExpectedErrorContent:
@@ -270,7 +273,10 @@ class ExpectedError:
         path = robot_file.parent / NAME
         if not path.is_file():
             return f"no {NAME} lies beside {robot_file.name} ('edbb identify' writes both)"
-        file = validate(read_json(path), ExpectedErrorFile, str(path))
+        content = read_json(path)
+        file = validate(content, ExpectedErrorFile, str(path))
+        if edited := hand_edits(path, content):
+            return f"{edited[0].sentence}; put the file back as it was written, or identify again"
         if not is_model_of(robot_file, file.robot_sha256):
             return (
                 f"{NAME} belongs to another {robot_file.name}: one of them was exchanged, or changed in more than how "

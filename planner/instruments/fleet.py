@@ -7,12 +7,13 @@ change a size little, twenty much. What a robot's readings do not show, they do 
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from planner.cell.fleet_file import FleetFile, FleetSize
+from planner.common.content_hashes import HandEdit, with_hashes
 from planner.common.errors import InputError
 from planner.common.schema import read_toml
 from planner.design.learnt_sizes import LearntSizes, learn_sizes
@@ -32,6 +33,7 @@ class Fleet:
     robots: tuple[RobotErrors, ...]
     groups: tuple[str, ...]
     sizes: LearntSizes
+    hand_edits: tuple[HandEdit, ...] = ()
 
     @classmethod
     def of(cls, robot: str, robots: Sequence[RobotErrors]) -> "Fleet":
@@ -54,8 +56,8 @@ class Fleet:
             FleetSize(group=g, factor=round(float(f), 5), log_std=round(float(s), 5), seen=round(float(n), 3))
             for g, f, s, n in sorted(sizes, key=lambda row: row[0])
         ]
-        said = {"schema": "edbb-fleet/1", "robot": self.robot, "robots": len(self.robots), "sizes": rows}
-        return FleetFile.model_validate(said)
+        said = {"schema": "edbb-fleet/1", "robot": self.robot, "robots": len(self.robots)}
+        return FleetFile.model_validate(with_hashes(said | {"sizes": [row.model_dump() for row in rows]}))
 
     def misfits(self) -> tuple[Misfit, ...]:
         """Return robots whose errors of a group are too large for the others, each judged by a fleet without it."""
@@ -68,11 +70,11 @@ class Fleet:
         return tuple(out)
 
 
-def read_robot(path: Path) -> tuple[str, RobotErrors]:
+def read_robot(path: Path) -> tuple[str, RobotErrors, tuple[HandEdit, ...]]:
     """Read a robot of the fleet: its record, of which the last calibration counts, or the folder of an identification.
 
     Returns:
-        The kind of robot, and its errors.
+        The kind of robot, its errors, and what a person changed in its file.
 
     Raises:
         InputError: neither, or no calibration.
@@ -92,7 +94,7 @@ def read_robot(path: Path) -> tuple[str, RobotErrors]:
     if not (folder / ROBOT).is_file():
         raise InputError(f"{path}: the folder that 'edbb identify' wrote has lost its {ROBOT}")
     robot = load_robot(folder / ROBOT)
-    return document.robot, RobotErrors.of(name, document, robot)
+    return document.robot, RobotErrors.of(name, document, robot), robot.hand_edits
 
 
 def read_robots(paths: Sequence[Path]) -> Fleet:
@@ -103,10 +105,12 @@ def read_robots(paths: Sequence[Path]) -> Fleet:
     """
     resolved = [p.resolve() for p in paths]
     found: list[tuple[str, RobotErrors]] = []
+    edits: list[HandEdit] = []
     for k, path in enumerate(paths):
         if resolved[k] in resolved[:k]:
             raise InputError(f"{path} is given twice: a robot counts once")
-        kind, errors = read_robot(path)
+        kind, errors, edited = read_robot(path)
+        edits += edited
         if found and kind != found[0][0]:
             raise InputError(f"{path}: is a '{kind}', but {paths[0]} is a '{found[0][0]}': a fleet is of one kind")
         for other, (_, known) in zip(paths, found, strict=False):
@@ -117,4 +121,5 @@ def read_robots(paths: Sequence[Path]) -> Fleet:
         if errors.name in [e.name for _, e in found]:
             errors = RobotErrors(str(path), errors.groups, errors.value, errors.std)
         found.append((kind, errors))
-    return Fleet.of(found[0][0] if found else "", [errors for _, errors in found])
+    fleet = Fleet.of(found[0][0] if found else "", [errors for _, errors in found])
+    return replace(fleet, hand_edits=tuple(edits))

@@ -187,7 +187,9 @@ def calibrated_model(cell: Cell, model: Path, frame: TrackerRegistration, others
     robot = load_robot(str(model))
     if robot.name != cell.robot.name:
         raise InputError(f"{model}: is a model of {robot.name}, but {cell.path} has the robot {cell.robot.name}")
+    edited = [edit.sentence for edit in robot.hand_edits]
     robot, notes = _with_tool_load(cell, robot)
+    notes += edited
     path = (model if model.is_dir() else model.parent) / RESULTS
     found = Identification.read(path) if path.is_file() else None
     if found is not None and found.robot != robot.name:

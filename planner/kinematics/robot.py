@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from planner.common.console import as_word
+from planner.common.content_hashes import HandEdit
 from planner.common.errors import InputError, did_you_mean
 from planner.common.units import DEG, MM, Array, read_only
 from planner.kinematics.axes import AxisConvention, advice, names_of
@@ -172,6 +173,7 @@ class Robot:
         never_meet_parts: pairs of links of its URDF that are not checked against each other: both names, and why.
         unchecked_links: links of its URDF that no collision check knows: the name, and why.
         lacking_meshes: a sentence on each mesh of its URDF that is not there; its body is left out.
+        hand_edits: what a person changed in the files of its calibration and fleet since edbb wrote them.
     """
 
     name: str
@@ -215,6 +217,7 @@ class Robot:
     never_meet_parts: tuple[tuple[str, str, str], ...] = ()
     repeatability_assumed: bool = False
     lacking_meshes: tuple[str, ...] = ()
+    hand_edits: tuple[HandEdit, ...] = ()
 
     def __repr__(self) -> str:
         """Name the robot and its file."""

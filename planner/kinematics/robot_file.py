@@ -177,6 +177,7 @@ class RobotDescription(StrictModel):
     tool_points: tuple[ToolPointTable, ...] = ()
     simulated: bool | None = None
     not_for_use: str = ""  # why nothing may be made of this calibrated robot
+    hashes: dict[str, str] = {}  # of what a calibration wrote
     controllers: dict[Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9-]*$")], ControllerTable] = {}
 
     @model_validator(mode="after")

@@ -1,20 +1,22 @@
 """The hash of a robot: of what its files say, whatever editors and version control do to their bytes."""
 
-import json
 import tomllib
 import xml.etree.ElementTree as ET
-from collections.abc import Mapping
-from hashlib import sha256
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
-from planner.common.files import has_hash, read_bytes
+from planner.common.content_hashes import HASHES, HandEdit, canonical_hash, changed_parts, part_hashes
+from planner.common.files import has_hash, read_bytes, read_utf8
 from planner.common.schema import read_toml_content
+from planner.common.xml_files import parse_xml
 from planner.kinematics.robot import Robot
 from planner.kinematics.urdf import parse_urdf
 
 UNMOVING = ("title", "sources", "never_meet_reason", "simulated", "not_for_use")  # said of a robot; none moves it
 BESIDE = ("controllers", "dialect")  # how controllers count: their angles are brought to the model's and back
 NOT_COUNTED = (*UNMOVING, *BESIDE)
+FREE = ("title", "sources", "never_meet_reason", "packages", *BESIDE)  # what a person may change in a calibrated robot
 
 
 def robot_hash(robot: Robot) -> str:
@@ -54,11 +56,70 @@ def is_model_of(robot_file: Path, digest: str) -> bool:
 
 
 def _drop_keys(content: Mapping[str, object], keys: tuple[str, ...]) -> dict[str, object]:
-    return {key: value for key, value in content.items() if key not in keys}
+    return {key: value for key, value in content.items() if key not in (*keys, HASHES)}
+
+
+def robot_hashes(content: Mapping[str, object], texts: Mapping[str, str]) -> dict[str, str]:
+    """Return the hashes that a written ``robot.toml`` bears: of its keys, and of the files that it names.
+
+    Args:
+        content: of the file.
+        texts: of ``robot.urdf`` and the like, by name.
+    """
+    beside = {name: _file_content(name, text.encode()) for name, text in texts.items() if name in _named_files(content)}
+    return part_hashes({**content, **beside}, FREE)
+
+
+def with_hand_edits(robot: Robot) -> Robot:
+    """Return a robot with what a person changed in its ``robot.toml`` or URDF since edbb wrote them, if it did.
+
+    Raises:
+        InputError: a file that it names cannot be read.
+    """
+    path = robot.path
+    content = read_toml_content(path) if path.suffix == ".toml" else {}
+    written = content.get(HASHES)
+    if not isinstance(written, Mapping):
+        return robot
+    beside = {
+        name: _element(parse_urdf(path.parent / name, robot.packages))
+        if name == content.get("urdf")
+        else read_utf8(path.parent / name).split()
+        for name in _named_files(content)
+        if name in written
+    }
+    parts = changed_parts(written, part_hashes({**content, **beside}, FREE))
+    return replace(robot, hand_edits=(HandEdit(path, parts),)) if parts else robot
+
+
+def renew_hashes(
+    content: Mapping[str, object], texts: Mapping[str, str], edits: Sequence[HandEdit]
+) -> dict[str, object]:
+    """Return a ``robot.toml`` that is copied with other names of files, and hashes that fit what was not edited.
+
+    Args:
+        content: of the copy, with the hashes of the original.
+        texts: of the files that it names, by name.
+        edits: of the original; what was changed there stays so in the copy.
+    """
+    written = content.get(HASHES)
+    if not isinstance(written, Mapping):
+        return dict(content)
+    changed = {part for edit in edits for part in edit.parts}
+    hashes = {part: h for part, h in robot_hashes(content, texts).items() if part not in changed}
+    return {**content, HASHES: hashes | {part: h for part, h in written.items() if part in changed}}
+
+
+def _named_files(content: Mapping[str, object]) -> list[str]:
+    return [str(content[key]) for key in ("urdf", "srdf") if key in content]
+
+
+def _file_content(name: str, data: bytes) -> object:
+    return _element(parse_xml(data)) if Path(name).suffix == ".urdf" else data.decode().split()
 
 
 def _hash_of(said: Mapping[str, object]) -> str:
-    return sha256(json.dumps(_with_floats(said), sort_keys=True).encode()).hexdigest()
+    return canonical_hash(said)
 
 
 def _hash_without(robot: Robot, keys: tuple[str, ...]) -> str:
@@ -67,21 +128,6 @@ def _hash_without(robot: Robot, keys: tuple[str, ...]) -> str:
     if robot.convention == "urdf":
         said["urdf"] = _element(parse_urdf(robot.path.parent / str(content["urdf"]), robot.packages))
     return _hash_of(said)
-
-
-def _with_floats(value: object) -> object:
-    """Return a value of TOML with all numbers as floats, which have one spelling."""
-    match value:
-        case Mapping():
-            return {str(key): _with_floats(v) for key, v in value.items()}
-        case list() | tuple():
-            return [_with_floats(v) for v in value]
-        case bool() | str():
-            return value
-        case int() | float():
-            return float(value) + 0.0  # -0.0 becomes 0.0
-        case _:
-            return str(value)
 
 
 def _element(element: ET.Element) -> list[object]:

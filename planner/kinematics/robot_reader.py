@@ -18,10 +18,8 @@ from planner.kinematics.packages import COMMAND_PACKAGES, NO_PACKAGES, Packages,
 from planner.kinematics.parallel_axes import shorten_offsets
 from planner.kinematics.robot import SLIDE, Robot
 from planner.kinematics.robot_file import SPEED_TIME, JointTable, RobotDescription
-from planner.kinematics.robot_numbers import (
-    check_joint_limits,
-    check_reach,
-)
+from planner.kinematics.robot_hash import with_hand_edits
+from planner.kinematics.robot_numbers import check_joint_limits, check_reach
 from planner.kinematics.robot_tables import (
     LENGTHS,
     ROW_KEYS,
@@ -80,7 +78,7 @@ def load_robot(
         if robot.not_for_use and not force:
             why = f"this robot is not to be used, its identification says: {robot.not_for_use}; measure again"
             raise InputError(f"{path}: {why} ('edbb compensate --force' would correct programs by it)")
-        return robot
+        return with_hand_edits(robot)
     known = list(list_robots())
     raise InputError(
         f"robot '{reference}': neither a shipped robot nor a file{did_you_mean(reference, known)} "

@@ -12,11 +12,14 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 import tomli_w
 
+from planner.common.content_hashes import HASHES
+from planner.common.file_names import name_fault
 from planner.common.files import read_utf8
 from planner.common.units import DEG, MM, Array, file_unit, si_unit, to_deg, to_mm
 from planner.kinematics.chain import Transform, is_of_link_before
 from planner.kinematics.geometry import log3, rpy_of
 from planner.kinematics.robot import Loads, Robot, RobotEffect, ToolPoint, elementary_placement
+from planner.kinematics.robot_hash import robot_hashes
 from planner.kinematics.robot_reader import describe_robot
 from planner.kinematics.robot_tables import ROW_KEYS, nominal_key
 from planner.kinematics.urdf import is_urdf
@@ -186,6 +189,7 @@ def write_robot(robot: Robot, found: RobotCorrections) -> tuple[tuple[str, str],
     sources = {"calibration": f"{found.source} The controller's own model is unchanged; its values are in [nominal]."}
     content["sources"] = dict(robot.sources) | sources
     content |= _calibration_tables(robot, changed, found)
+    content[HASHES] = robot_hashes(content, dict(files))
     text = HEADER.format(remark=found.source.replace("\n", " ")) + _head_comments(robot.path) + "\n" + _toml(content)
     return (("robot.toml", text), *files)
 
@@ -197,7 +201,8 @@ def mesh_names(robot: Robot) -> dict[Path, str]:
         files += find_meshes(urdf_path(robot), robot.packages)
     out: dict[Path, str] = {}
     for path in dict.fromkeys(files):
-        again = (f"meshes/{path.stem}{f'_{k}' if k > 1 else ''}{path.suffix}" for k in count(1))
+        stem = f"mesh_{path.stem}" if name_fault(path.stem) else path.stem
+        again = (f"meshes/{stem}{f'_{k}' if k > 1 else ''}{path.suffix}" for k in count(1))
         out[path] = next(name for name in again if name not in out.values())
     return out
 
@@ -217,7 +222,7 @@ def _nominal_content(robot: Robot) -> dict[str, object]:
     if is_urdf(robot.path):
         return {"schema": "edbb-robot/1", "name": robot.name, "convention": "urdf"}
     file = describe_robot(robot.path)
-    added = {"effects", "loads", "nominal", "tool_points", "simulated", "not_for_use"}
+    added = {"effects", "loads", "nominal", "tool_points", "simulated", "not_for_use", HASHES}
     return file.model_dump(mode="json", by_alias=True, exclude=added, exclude_unset=True, exclude_none=True)
 
 

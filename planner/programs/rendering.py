@@ -13,6 +13,7 @@ from jinja2.environment import TemplateModule
 from jinja2.runtime import Context
 
 from planner.common.errors import InputError
+from planner.common.file_names import name_fault
 from planner.kinematics.axes import MODEL
 from planner.programs.dialect import Dialect, comment_text, dialect_root, fill_words, plain_text
 from planner.programs.instructions import Centre, Program, Sync, WaitInput
@@ -151,7 +152,7 @@ def program_name(stem: str, dialect: Dialect, room: int = 0) -> str:
     """
     name = re.sub(r"[^A-Za-z0-9]+", "_", stem).strip("_")
     led = len(name) >= dialect.name_rule.letters and name[: dialect.name_rule.letters].isalpha()
-    if not led or name.lower() in dialect.name_rule.reserved:
+    if not led or name.lower() in dialect.name_rule.reserved or name_fault(name):
         name = f"PR_{name}"
     name = name[: dialect.name_rule.max_length - room].rstrip("_")
     return name.upper() if dialect.name_rule.upper else name

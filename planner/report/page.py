@@ -59,6 +59,7 @@ class Report:
         identity: the robot, the gauge; the page's head names them. Its date is that of the file, told by the browser:
             a page holds none.
         simulated: whether nobody measured what it shows, which it then says across every sheet.
+        hand_edits: a sentence on each file that a person changed after edbb wrote it.
     """
 
     template: str
@@ -68,10 +69,13 @@ class Report:
     small_pictures: bool = False
     identity: tuple[str, ...] = ()
     simulated: bool = False
+    hand_edits: tuple[str, ...] = ()
 
     def with_identity(self, cell: Cell, simulated: bool = False) -> "Report":
         """Return the page with the identity of a cell's robot and gauge."""
-        return replace(self, identity=(f"robot {cell.robot.name}", cell.gauge.describe(cell)), simulated=simulated)
+        identity = (f"robot {cell.robot.name}", cell.gauge.describe(cell))
+        edits = tuple(edit.remark for edit in cell.robot.hand_edits)
+        return replace(self, identity=identity, simulated=simulated, hand_edits=edits)
 
     @cached_property
     def pngs(self) -> Pictures:
@@ -118,6 +122,7 @@ class Report:
             charts={c.name: c for c in self.charts},
             view=self.view,
             simulated=NOT_MEASURED if self.simulated else "",
+            hand_edits=self.hand_edits,
             print_of=lambda chart: b64encode(self.pngs[chart.name]).decode("ascii"),
             figure_of=lambda picture: _safe_json(left.pop(picture.name)),
             player_data=None if self.view is None else _safe_json(player_json(self.view)),

@@ -12,9 +12,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from planner.common.errors import InputError
+from planner.common.exchange import exchange_folders
 from planner.common.system import hold_lock, sync_folder
 from planner.service.database import NAMED, Database, damage_text
 from planner.service.file_store import FileStore, GoneFileError, copy_verified_file
+from planner.service.private_store import keep_private
 
 DATABASE, RECORDS, FILES = "jobs.sqlite3", "records", "files"
 
@@ -38,6 +40,7 @@ def back_up(store: Path, copy: Path) -> CopiedStore:
         raise InputError(f"{store} is no store of a service: it has no {DATABASE}")
     if copy.exists() and any(copy.iterdir()) and not (copy / DATABASE).is_file():
         raise InputError(f"{copy} holds other files; name a new folder, or that of an earlier backup")
+    keep_private(copy, database=False)
     (copy / FILES).mkdir(parents=True, exist_ok=True)
     draft, tries = copy / f"{DATABASE}.draft", 5
     for left in reversed(range(tries)):
@@ -65,6 +68,7 @@ def restore(copy: Path, store: Path) -> CopiedStore:
         raise InputError(f"{copy} is no backup of a service: it has no {DATABASE}")
     if store.exists() and any(store.iterdir()):
         raise InputError(f"{store} is not empty; restore into a new folder, and serve that with --data")
+    keep_private(store, database=False)
     (store / FILES).mkdir(parents=True, exist_ok=True)
     _copy_files(copy, store, copy / DATABASE)
     if (copy / RECORDS).is_dir():
@@ -107,9 +111,7 @@ def _copy_records(source: Path, target: Path) -> None:
     with tempfile.TemporaryDirectory(dir=target.parent) as draft:
         with hold_lock(source / ".lock"):
             shutil.copytree(source, Path(draft, RECORDS))
-        if target.is_dir():
-            target.rename(Path(draft, "earlier"))
-        Path(draft, RECORDS).rename(target)
+        exchange_folders(Path(draft, RECORDS), target, ".lock")
 
 
 def _count(folder: Path) -> CopiedStore:

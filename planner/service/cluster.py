@@ -10,7 +10,8 @@ import threading
 import time
 from typing import Any
 
-from planner.common.errors import MissingProgramError
+from planner.common.cluster import connect
+from planner.common.errors import PlannerError
 from planner.service.cluster_work import Work, WorkEnd, run_work
 from planner.service.file_store import FileStore
 from planner.service.job_record import JobOutput, JobProblem, JobRecord
@@ -25,6 +26,7 @@ class Cluster:
     """The workers of a cluster.
 
     Raises:
+        InputError: the cluster can be reached without its keys from other machines.
         MissingProgramError: Dask is not installed, or nobody answers at the address.
     """
 
@@ -32,27 +34,19 @@ class Cluster:
         self._settings, self._limits = settings, limits
         self.token = secrets.token_urlsafe(32)  # bytes; workers read files by it, as long as this server lives
         self._client: Any = None
-        try:
-            self._connect()
-        except ImportError as err:
-            raise MissingProgramError("--cluster needs Dask: pip install 'edbb-planner[cluster]'") from err
-        except OSError as err:
-            raise MissingProgramError(f"--cluster {settings.scheduler}: nobody answers ({err})") from err
+        self._connect()
 
     def _connect(self) -> None:
-        from distributed import Client
-
-        made: Any = Client
         at = self._settings
-        self._client = made(at.scheduler, timeout=at.answer_s, set_as_default=False, name="edbb-serve")
+        self._client = connect(at.scheduler, at.keys, "--cluster", at.answer_s, "edbb-serve", only_data=True)
 
     def is_ready(self) -> bool:
         """Tell whether work can be given out; a connection that has ended is made anew."""
         if self._client.status == "closed":
             try:
                 self._connect()
-            except OSError as err:
-                LOG.error("%s: nobody answers: %s", self._settings.scheduler, err)
+            except PlannerError as err:
+                LOG.error("%s", err)
         return bool(self._client.status == "running")
 
     def close(self) -> None:
@@ -104,8 +98,8 @@ class ClusterRunner:
             self._jobs.requeue(self._job, crashed=False)
             return
         try:
-            end = future.result()
-        except Exception as err:  # its workers died one after the other, or the cluster forgot it just now
+            end = WorkEnd.of(future.result())
+        except Exception as err:  # no data came, its workers died, or the cluster forgot it
             LOG.error("job %s: %s", self._job.id, err)
             end = WorkEnd(None, crashed=future.status not in LOST)
         if end.state is not None:
@@ -119,5 +113,9 @@ class ClusterRunner:
             self._jobs.requeue(self._job, end.crashed)
 
     def _pass_on(self, event: tuple[float, Any]) -> None:
-        stage, done, total = event[1]
-        self._jobs.progress(self._job, str(stage), int(done), int(total))
+        most = 80  # signs of the name of a stage
+        try:
+            stage, done, total = event[1]
+            self._jobs.progress(self._job, str(stage)[:most], int(done), int(total))
+        except (TypeError, ValueError) as err:
+            LOG.error("job %s: what a worker says of its progress is not understood: %s", self._job.id, err)

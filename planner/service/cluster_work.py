@@ -7,13 +7,16 @@ import shutil
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
-from pathlib import Path
+from dataclasses import asdict, dataclass, field
+from pathlib import Path, PurePosixPath
 from typing import Any
 from urllib.request import Request, urlopen
 
+from pydantic import TypeAdapter
+
 from planner import __version__
 from planner.common.errors import InputError
+from planner.common.file_names import name_fault
 from planner.service.file_store import FileStore
 from planner.service.job_filter import State
 from planner.service.job_record import JobOutput, JobProblem, JobRecord
@@ -62,6 +65,27 @@ class WorkEnd:
     crashed: bool = False
     files: dict[str, bytes] = field(default_factory=dict)
 
+    def data(self) -> dict[str, object]:
+        """Return it as data that the cluster carries: text, numbers and bytes in a dictionary."""
+        return asdict(self)
+
+    @classmethod
+    def of(cls, data: object) -> "WorkEnd":
+        """Read what a worker has sent.
+
+        Raises:
+            ValueError: it is something else, or a file has a name that leads elsewhere.
+        """
+        end = _ENDS.validate_python(data)
+        for name in end.files:
+            path = PurePosixPath(name)
+            if path.is_absolute() or ".." in path.parts or any(name_fault(part) for part in path.parts):
+                raise ValueError(f"'{name}' is no name of a result")
+        return end
+
+
+_ENDS = TypeAdapter(WorkEnd)
+
 
 class WorkerJobs:
     """Stands for the store of jobs on a worker, as far as a runner needs one.
@@ -102,8 +126,12 @@ class WorkerJobs:
         self.end = WorkEnd(None, crashed=crashed)
 
 
-def run_work(work: Work) -> WorkEnd:
-    """Run a job on the worker that calls this; return what came of it."""
+def run_work(work: Work) -> dict[str, object]:
+    """Run a job on the worker that calls this; return what came of it, as :meth:`WorkEnd.of` reads it."""
+    return _end_of(work).data()
+
+
+def _end_of(work: Work) -> WorkEnd:
     from distributed import get_worker
 
     if work.version != __version__:

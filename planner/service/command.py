@@ -4,7 +4,7 @@ import os
 from collections.abc import Sequence
 from importlib import import_module
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -24,11 +24,15 @@ from planner.service.settings import (
     share_memory,
 )
 
+if TYPE_CHECKING:
+    from planner.service.people_command import UserOptions
+
 Words = Annotated[
     list[str] | None,
     typer.Argument(
         metavar="ACTION",
-        help="backup FOLDER: copy the store, in use or not; restore FOLDER: bring a copy back; users ...: who may "
+        help="backup FOLDER: copy the store, in use or not; restore FOLDER: bring a copy back; keys FOLDER: make the "
+        "keys of a cluster; users ...: who may "
         "log in (add NAME, list, passwd NAME, role NAME, remove NAME, token NAME, untoken NAME)",
         show_default=False,
     ),
@@ -59,7 +63,10 @@ ProxyRole = Annotated[
 PersonJobs = Annotated[int | None, typer.Option(min=1, help="most jobs of one person that wait or run")]
 PersonGb = Annotated[float | None, typer.Option(min=0.001, help="most files of one person")]
 ClusterAddress = Annotated[
-    str, typer.Option(metavar="ADDRESS", help="Dask scheduler whose workers compute the jobs, such as tcp://host:8786")
+    str, typer.Option(metavar="ADDRESS", help="Dask scheduler whose workers compute the jobs, such as tls://host:8786")
+]
+ClusterKeys = Annotated[
+    Path | None, typer.Option(metavar="DIR", help="keys of that cluster; 'edbb serve keys DIR' makes them")
 ]
 ClusterUrl = Annotated[str, typer.Option(metavar="URL", help="by which those workers reach this service")]
 Webhook = Annotated[
@@ -91,6 +98,7 @@ def serve_command(
     person_gb: PersonGb = None,
     cluster: ClusterAddress = "",
     cluster_url: ClusterUrl = "",
+    cluster_keys: ClusterKeys = None,
     webhook: Webhook = None,
     webhook_private: WebhookPrivate = False,
     access_log: AccessLogFile = "",
@@ -101,15 +109,12 @@ def serve_command(
 ) -> None:
     """Serve the planner to browsers and programs: robots, plans, calibrations, as jobs that survive a crash."""
     import_service()
-    from planner.service.people_command import UserOptions, change_people
+    from planner.service.people_command import UserOptions
     from planner.service.serving import serve, start_notices
 
-    store, words = (data or default_folder()).resolve(), what or []
-    if words and words[0] == "users":
-        change_people(words[1:], UserOptions(role, label, no_password), store, errors.print, typer.echo)
-        return
-    if words:
-        copy_store(words, store)
+    store = (data or default_folder()).resolve()
+    if what:
+        act(what, UserOptions(role, label, no_password), store)
         return
     most = min(workers or os.cpu_count() or 1, os.cpu_count() or 1)
     shares = share_memory(most, None if memory_gb is None else int(memory_gb * GB), machine_memory())
@@ -127,12 +132,28 @@ def serve_command(
         kept=Retention.of(keep_days, keep_gb),
         proxy=ProxySettings(tuple(proxy or ()), proxy_user, proxy_role),
         quota=Quota(person_jobs, None if person_gb is None else int(person_gb * GB)),
-        cluster=ClusterSettings(cluster, cluster_url),
+        cluster=ClusterSettings(cluster, cluster_url, cluster_keys),
         webhooks=WebhookSettings(tuple(webhook or ()), webhook_private, os.environ.get("EDBB_WEBHOOK_SECRET", "")),
         access_log=access_log,
         root_path=root_path,
     )
     serve(settings, lambda address: errors.print(f"serving at {address}, jobs and files in {settings.folder}"))
+
+
+def act(words: Sequence[str], options: "UserOptions", store: Path) -> None:
+    """Do what is asked for in place of serving: about people, the keys of a cluster, or a copy of the store.
+
+    Raises:
+        PlannerError: as the action raises it.
+    """
+    from planner.service.people_command import change_people
+
+    if words[0] == "users":
+        change_people(words[1:], options, store, errors.print, typer.echo)
+    elif words[0] == "keys":
+        make_keys(words[1:])
+    else:
+        copy_store(words, store)
 
 
 def import_service() -> None:
@@ -151,6 +172,24 @@ def import_service() -> None:
         ) from err
 
 
+def make_keys(words: Sequence[str]) -> None:
+    """Make the keys of a cluster in a folder.
+
+    Raises:
+        InputError: not one folder is named, or it has keys already.
+        MissingProgramError: the package that makes them is not installed.
+    """
+    from planner.service.cluster_keys import make_cluster_keys
+
+    if len(words) != 1:
+        raise InputError("edbb serve keys FOLDER: name one folder, which is copied to each machine of the cluster")
+    files = ", ".join(path.name for path in make_cluster_keys(Path(words[0])))
+    errors.print(
+        f"written to {words[0]}: {files}; who has this folder may run programs on the cluster: copy it to the machines "
+        "of the cluster alone"
+    )
+
+
 def copy_store(words: Sequence[str], store: Path) -> None:
     """Copy the store of a service into a folder, or bring such a copy back.
 
@@ -162,8 +201,8 @@ def copy_store(words: Sequence[str], store: Path) -> None:
     what, folders = words[0], words[1:]
     if what not in ("backup", "restore") or len(folders) != 1:
         raise InputError(
-            f"edbb serve {' '.join(words)}: say 'backup FOLDER' or 'restore FOLDER' with the folder of the copy, or "
-            "'users list'"
+            f"edbb serve {' '.join(words)}: say 'backup FOLDER' or 'restore FOLDER' with the folder of the copy, "
+            "'keys FOLDER' or 'users list'"
         )
     folder = Path(folders[0])
     done = back_up(store, folder) if what == "backup" else restore(folder, store)

@@ -1,12 +1,13 @@
 """The folder of a job: files that a client has sent, and what earlier jobs have found, laid in for its command."""
 
-import tomllib
+import re
 from collections.abc import Sequence
 from typing import Annotated
 
-from pydantic import Field
+from pydantic import AfterValidator, Field
 
 from planner.common.errors import InputError
+from planner.common.file_names import name_fault
 from planner.common.schema import StrictModel
 from planner.runs.run import SIMULATED
 from planner.service.cell_notes import CellNotes
@@ -16,12 +17,28 @@ from planner.service.job_store import JobStore
 
 Sha256 = Annotated[str, Field(pattern="^[0-9a-f]{64}$", description="identifier of an uploaded file")]
 JobId = Annotated[str, Field(pattern="^[0-9a-f]{24}$", description="identifier of a job")]
-FileName = Annotated[str, Field(pattern="^[A-Za-z0-9_][A-Za-z0-9._+-]{0,99}$", examples=["run.csv"])]
+
+
+def _check_parts(path: str) -> str:
+    """Return a path all of whose names a file can have on every system.
+
+    Raises:
+        ValueError: with the name, and why.
+    """
+    for name in path.split("/"):
+        if fault := name_fault(name):
+            raise ValueError(f"'{name}' {fault}; take another name")
+    return path
+
+
+EverySystem = AfterValidator(_check_parts)
+FileName = Annotated[str, Field(pattern="^[A-Za-z0-9_][A-Za-z0-9._+-]{0,99}$", examples=["run.csv"]), EverySystem]
 FilePath = Annotated[
     str,
     Field(
         pattern="^([A-Za-z0-9_][A-Za-z0-9._+-]{0,99}/){0,4}[A-Za-z0-9_][A-Za-z0-9._+-]{0,99}$", examples=["a1/run.csv"]
     ),
+    EverySystem,
 ]
 NOT_NEEDED = ("pictures/", "report.html", "residuals.csv", "printed", "log", "timings.json", "manifest.json")
 
@@ -149,11 +166,15 @@ class JobFolder:
             return cell.partition("/")[0]
         if not self._files.holds(cell):
             return ""
+        most = 100_000  # bytes from the head of a cell in which its robot is looked for
         try:
-            named = tomllib.loads(self._files.path(cell).read_text(encoding="utf-8")).get("robot", "")
-        except (OSError, ValueError, RecursionError):
+            with self._files.path(cell).open("rb") as file:
+                head = file.read(most)
+        except OSError:
             return ""
-        return named if isinstance(named, str) else ""
+        top = re.split(rb"(?m)^[ \t]*\[", head, maxsplit=1)[0]  # no more than a look: a job reads the file itself
+        found = re.search(rb"(?m)^[ \t]*robot[ \t]*=[ \t]*(['\"])([^'\"\r\n]{1,200})\1", top)
+        return found[2].decode("utf-8", errors="replace") if found else ""
 
     def place(self, job: str) -> str:
         """Return the cell or plan that a job was for, without the names of its runs."""

@@ -9,6 +9,7 @@ from pathlib import Path
 from planner.common.errors import InputError
 from planner.service.database import Database
 from planner.service.people import PeopleStore, valid_password
+from planner.service.private_store import keep_private
 from planner.service.settings import Role
 
 HOW = (
@@ -40,7 +41,8 @@ def change_people(
     Raises:
         InputError: the words say nothing that can be done.
     """
-    folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+    for notice in keep_private(folder):
+        say(notice)
     people = PeopleStore(Database(folder / "jobs.sqlite3"))
     match tuple(words):
         case ("list",):

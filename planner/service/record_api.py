@@ -13,7 +13,7 @@ from planner.instruments.opcua import OpcUaRecord, map_to_opcua
 from planner.instruments.record import DOCUMENTS, AxisDrift, Circumstances, EntryKind, RobotRecord
 from planner.service.context import Context, ServiceContext
 from planner.service.job_api import LIST_MOST, next_link
-from planner.service.job_folder import JobId
+from planner.service.job_folder import EverySystem, JobId
 from planner.service.problems import Problem
 from planner.service.record_index import (
     PLACE,
@@ -28,7 +28,9 @@ from planner.service.record_index import (
 RECORDS = APIRouter(prefix="/api", tags=["records"])
 MISSING: dict[int | str, dict[str, Any]] = {404: {"model": Problem}}
 Serial = Annotated[
-    str, InPath(pattern="^[A-Za-z0-9][A-Za-z0-9._-]{0,60}$", description="serial number", examples=["KR6-0815"])
+    str,
+    InPath(pattern="^[A-Za-z0-9][A-Za-z0-9._-]{0,60}$", description="serial number", examples=["KR6-0815"]),
+    EverySystem,
 ]
 
 

@@ -1,5 +1,6 @@
 """``edbb serve``: the application, and the server that runs it."""
 
+import logging
 import sqlite3
 import threading
 from collections.abc import AsyncIterator, Callable
@@ -34,6 +35,7 @@ from planner.service.methods import PlainMethods
 from planner.service.metrics import METRICS
 from planner.service.pages import PAGES, add_problem_handlers, prepare_pages
 from planner.service.people import PeopleStore
+from planner.service.private_store import keep_private
 from planner.service.problems import MEDIA_TYPE, Problem
 from planner.service.record_api import RECORDS
 from planner.service.record_store import RecordStore
@@ -69,8 +71,9 @@ def build_context(settings: ServiceSettings) -> ServiceContext:
     Raises:
         InputError: the folder cannot be used.
     """
+    for notice in keep_private(settings.folder):
+        logging.getLogger("edbb.service").warning("%s", notice)
     try:
-        settings.folder.mkdir(parents=True, exist_ok=True, mode=0o700)
         files = FileStore(settings.folder, settings.reserve)
     except OSError as err:
         raise disk_error(err) from err

@@ -8,6 +8,7 @@ from enum import StrEnum
 from pathlib import Path
 from urllib.parse import urlsplit
 
+from planner.common.cluster import check_address, is_loopback
 from planner.common.errors import InputError
 from planner.common.system import memory_bytes as system_memory
 
@@ -102,18 +103,29 @@ class ClusterSettings:
     """Where jobs are computed that this machine does not compute.
 
     Attributes:
-        scheduler: address of a Dask scheduler, such as ``tcp://10.0.0.4:8786``; empty: here.
+        scheduler: address of a Dask scheduler, such as ``tls://10.0.0.4:8786``; empty: here.
         url: by which its workers reach this service.
+        keys: folder of the keys by which the cluster is reached, ``None`` on this machine alone.
         answer_s: in which the scheduler answers [s], or is taken for gone.
     """
 
     scheduler: str = ""
     url: str = ""
+    keys: Path | None = None
     answer_s: float = 10.0
 
     def __post_init__(self) -> None:
-        if self.scheduler and not self.url.startswith(("http://", "https://")):
-            raise InputError("--cluster-url: say by which address workers reach this service, http://10.0.0.2:8017")
+        if not self.scheduler:
+            return
+        check_address(self.scheduler, self.keys, "--cluster")
+        parts = urlsplit(self.url)
+        if parts.scheme not in ("http", "https") or not parts.hostname:
+            raise InputError("--cluster-url: say by which address workers reach this service, https://edbb.plant:8017")
+        if parts.scheme == "http" and not is_loopback(parts.hostname):
+            raise InputError(
+                f"--cluster-url {self.url}: workers beyond this machine read files by https alone: name the address of "
+                "the proxy before this service that encrypts"
+            )
 
 
 @dataclass(frozen=True)

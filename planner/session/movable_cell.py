@@ -8,8 +8,9 @@ from typing import Any
 import tomli_w
 
 from planner.cell.cell import Cell
-from planner.common.files import data_folder, read_bytes
+from planner.common.files import data_folder, read_bytes, read_utf8
 from planner.common.schema import read_toml_content
+from planner.kinematics.robot_hash import renew_hashes
 from planner.kinematics.robot_writer import mesh_names, urdf_path
 from planner.kinematics.urdf import plain_name
 from planner.kinematics.urdf_writer import write_urdf
@@ -68,7 +69,7 @@ def _robot_files(cell: Cell) -> Iterator[tuple[str, bytes]]:
     if robot.path.suffix == ".csv":
         yield robot.path.name, read_bytes(robot.path)
         return
-    content = read_toml_content(robot.path)
+    content, texts = read_toml_content(robot.path), dict[str, str]()
     found = [b for b in _tables(content.get("bodies")) if "file" in b]
     if not found and robot.convention != "urdf":
         yield robot.path.name, read_bytes(robot.path)
@@ -76,11 +77,13 @@ def _robot_files(cell: Cell) -> Iterator[tuple[str, bytes]]:
     for body in found:
         body["file"] = meshes[(robot.path.parent / str(body["file"])).resolve()]
     if robot.convention == "urdf":
-        content["urdf"] = plain_name(urdf_path(robot)).name
+        content["urdf"] = plain_name(urdf).name
+        texts[plain_name(urdf).name] = text
         content.pop("packages", None)  # the URDF is whole, and its meshes lie beside it
         if robot.srdf is not None:
             content["srdf"] = robot.srdf.name
-    yield robot.path.name, tomli_w.dumps(content).encode()
+            texts[robot.srdf.name] = read_utf8(robot.srdf)
+    yield robot.path.name, tomli_w.dumps(renew_hashes(content, texts, robot.hand_edits)).encode()
 
 
 def _bodies(content: Mapping[str, object]) -> Iterator[dict[str, object]]:

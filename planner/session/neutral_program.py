@@ -221,7 +221,12 @@ def build_program(cell: Cell, plan_id: str, body: list[Instruction]) -> Program:
         com_mm=_mm(cell.tool.com_F),
         joint_names=cell.robot.joint_names,
         joint_units=cell.robot.joint_units if cell.robot.slides.any() else (),
-        cautions=(*describe_unchecked_links(cell), *describe_parked_joints(cell), cell.gauge.reading_text(cell.file)),
+        cautions=(
+            *(edit.remark for edit in cell.robot.hand_edits),
+            *describe_unchecked_links(cell),
+            *describe_parked_joints(cell),
+            cell.gauge.reading_text(cell.file),
+        ),
         acceleration_deg_s2=degrees(cell.robot.acceleration),
     )
 

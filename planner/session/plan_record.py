@@ -10,6 +10,7 @@ import numpy as np
 from pydantic import BaseModel
 
 from planner.cell.cell import Cell
+from planner.common.content_hashes import HASHES, changed_parts
 from planner.common.errors import NoSolutionError
 from planner.common.units import PLAN_DECIMALS
 from planner.design.bayesian_design import BayesianDesign
@@ -53,7 +54,7 @@ def fill_document(document: type[Document], plan: SessionPlan, content: dict[str
     files = [ProgramRecord(dialect=name, file=f.name) for name, files in plan.programs for f in files]
     whole = {"schema": SCHEMA, "plan_id": plan.plan_id, **content, "programs": files, "notes": list(plan.notes)}
     filled = document.model_validate(round_decimals(whole))
-    return filled.model_copy(update={"hashes": part_hashes(filled.content(), plan.cell)})
+    return filled.model_copy(update={HASHES: part_hashes(filled.content(), plan.cell)})
 
 
 IN_PARTS = ("drives", "sessions")  # lists whose entries are hashed key by key
@@ -78,13 +79,10 @@ def part_hashes(content: Mapping[str, object], cell: Cell) -> dict[str, str]:
     return {name: _short_hash(value)[:8] for name, value in parts.items()}
 
 
-def changed_parts(content: Mapping[str, object], cell: Cell) -> list[str]:
+def changed_plan_parts(content: Mapping[str, object], cell: Cell) -> tuple[str, ...]:
     """Return the parts of what ``plan.json`` says that are not as they were written; none of a plan without hashes."""
-    written = content.get("hashes")
-    if not isinstance(written, dict):
-        return []
-    found = part_hashes({k: v for k, v in content.items() if k != "hashes"}, cell)
-    return sorted(name for name in found.keys() | written.keys() if found.get(name) != written.get(name))
+    found = part_hashes({k: v for k, v in content.items() if k != HASHES}, cell)
+    return changed_parts(content.get(HASHES), found)
 
 
 def _short_hash(value: object) -> str:

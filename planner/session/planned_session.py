@@ -8,13 +8,14 @@ import numpy as np
 
 from planner.cell.cell import Cell
 from planner.cell.reading import read_cell
+from planner.common.content_hashes import name_parts
 from planner.common.errors import InputError
 from planner.common.files import data_folder
 from planner.common.result_folder import changed_files
 from planner.common.schema import read_json
 from planner.session.course import Course, Waypoints, time_course
 from planner.session.document import DriveRecord, PlanDocument, WaypointRecord, read_plan, read_waypoints
-from planner.session.plan_record import changed_parts, content_hash, plan_document
+from planner.session.plan_record import changed_plan_parts, content_hash, plan_document
 from planner.session.plan_types import Plan
 from planner.session.tolerances import CHANGED_ANGLE_DEG, CHANGED_DURATION, CHANGED_LENGTH_MM, SAME_ANGLE
 
@@ -33,11 +34,9 @@ def _why_not(path: Path, cell: Cell) -> str | None:
     """Say why a plan is not known to be as it was written; nothing where it is."""
     content = _content(path)
     said = {k: v for k, v in content.items() if k not in NOT_HASHED}
-    if parts := changed_parts(content, cell):
-        named = 6  # parts of a plan that are named of those that were changed
-        more = f" and {len(parts) - named} more" if len(parts) > named else ""
+    if parts := changed_plan_parts(content, cell):
         return (
-            f"changed since it was planned: {', '.join(parts[:named])}{more}; "
+            f"changed since it was planned: {name_parts(parts)}; "
             "the index, the clearance and whatever else it states were those of the plan as it was written"
         )
     if content_hash(said, cell) != content.get("plan_id"):
@@ -214,7 +213,7 @@ def _check_courses(path: Path, beside: Path, cell: Cell, plan: PlanDocument, cou
     worst = int(np.argmax(np.abs(off)))
     if abs(off[worst]) > CHANGED_LENGTH_MM:
         raise _mismatch(path, beside, cell.gauge.plan_error_text(plan.poses[worst].id, float(off[worst])))
-    if any(part.startswith("drives") for part in changed_parts(_content(path), cell)):
+    if any(part.startswith("drives") for part in changed_plan_parts(_content(path), cell)):
         return  # a person moved what is driven, which takes another time
     seconds = sum(c.trajectory.duration_s for c in courses)
     if abs(seconds / plan.trajectory.duration_s - 1.0) > CHANGED_DURATION:

@@ -12,6 +12,7 @@ from planner.cell.cell import Cell
 from planner.cell.reading import load_cell
 from planner.common.calls import called_with
 from planner.common.console import as_word
+from planner.common.content_hashes import HandEdit
 from planner.common.files import write_bytes
 from planner.common.progress import Progress, no_progress
 from planner.common.result import FolderResult, Plot
@@ -45,6 +46,11 @@ class StudyResult(FolderResult):
 
     findings: StudySummary
     progress: Progress = no_progress
+
+    @property
+    def hand_edits(self) -> tuple[HandEdit, ...]:
+        """Return what a person changed in the robot's files."""
+        return self.findings.basis.cell.robot.hand_edits
 
     def overview(self) -> Summary:
         """Return which parameters are seen, with how many poses and from which places."""

@@ -5,6 +5,7 @@ whatever computes them.
 """
 
 import hashlib
+import io
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack
@@ -21,8 +22,9 @@ from threadpoolctl import threadpool_limits
 from planner.cell.cell import Cell
 from planner.cell.file import CellFile
 from planner.cell.reading import cell_of, load_cell
-from planner.common.errors import MissingProgramError, PlannerError
-from planner.common.files import INPUTS, document_text, write_text
+from planner.common.cluster import connect
+from planner.common.errors import InputError, MissingProgramError, PlannerError
+from planner.common.files import INPUTS, document_text, write_together
 from planner.common.progress import Progress, no_progress
 from planner.common.result import Result
 from planner.common.schema import StrictModel, read_toml
@@ -98,6 +100,24 @@ def run_task(task: SweepTask) -> pl.DataFrame:
     columns |= {f"{name}_mm": to_mm(errors[:, k]) for k, name in enumerate(("nominal", "geometry", "posterior"))}
     numbers = [c for c in columns if c.endswith("_mm")]
     return pl.DataFrame(columns | {"because": [said] * n}).with_columns(pl.col(numbers).cast(pl.Float64))
+
+
+def run_task_there(task: SweepTask) -> bytes:
+    """Return the table of a task as data: what came from another machine is read, and not run."""
+    out = io.BytesIO()
+    run_task(task).write_ipc(out)
+    return out.getvalue()
+
+
+def read_table(data: object) -> pl.DataFrame:
+    """Return the table that a worker has sent.
+
+    Raises:
+        InputError: it is none.
+    """
+    if not isinstance(data, bytes):
+        raise InputError(f"a worker sent no table ({data}); is the same version installed there?")
+    return pl.read_ipc(io.BytesIO(data))
 
 
 def _errors(task: SweepTask) -> Array:
@@ -210,9 +230,9 @@ class SweepResult(Result):
     def write(self, folder: Path | str, force: bool = False) -> list[Path]:
         """Write ``sweep.json`` and ``sweep.csv`` beside the parts, which stay; older ones are the sweep's own."""
         folder = Path(folder)
-        write_text(folder / "sweep.json", document_text(self.content()), own=True)
-        write_text(folder / "sweep.csv", self.figures.write_csv(), own=True)
-        return [folder / "sweep.json", folder / "sweep.csv"]
+        texts = {"sweep.json": document_text(self.content()), "sweep.csv": self.figures.write_csv()}
+        write_together([(folder / name, text.encode()) for name, text in texts.items()], own=True)
+        return [folder / name for name in texts]
 
     def files(self, folder: Path) -> str:
         """Name what is written."""
@@ -220,14 +240,20 @@ class SweepResult(Result):
 
 
 def sweep(
-    file: Path | str, folder: Path | str, *, scheduler: str | None = None, progress: Progress = no_progress
+    file: Path | str,
+    folder: Path | str,
+    *,
+    scheduler: str | None = None,
+    cluster_keys: Path | None = None,
+    progress: Progress = no_progress,
 ) -> SweepResult:
     """Compute the parts of a sweep that are missing in ``folder``, and return all of it.
 
     Args:
         file: ``SWEEP.toml``.
         folder: of the results; ``parts`` in it holds what is finished.
-        scheduler: address of a Dask scheduler (``tcp://…``); by default everything is computed here.
+        scheduler: address of a Dask scheduler (``tls://…``); by default everything is computed here.
+        cluster_keys: folder of the keys of its cluster.
         progress: called with the stage, how much of it is done, and of how much.
 
     Raises:
@@ -242,7 +268,7 @@ def sweep(
     parts.mkdir(parents=True, exist_ok=True)
     missing = [t for t in tasks if not _is_whole(parts / f"{t.key}.parquet")]
     done = len(tasks) - len(missing)
-    for task, table in compute(missing, scheduler):
+    for task, table in compute(missing, scheduler, cluster_keys):
         write_part(task, table, parts)
         done += 1
         progress("points", done, len(tasks))
@@ -258,7 +284,9 @@ def _is_whole(path: Path) -> bool:
         return False
 
 
-def compute(tasks: Sequence[SweepTask], scheduler: str | None) -> Iterator[tuple[SweepTask, pl.DataFrame]]:
+def compute(
+    tasks: Sequence[SweepTask], scheduler: str | None, keys: Path | None = None
+) -> Iterator[tuple[SweepTask, pl.DataFrame]]:
     """Yield tasks with their tables as they are finished.
 
     Raises:
@@ -269,15 +297,12 @@ def compute(tasks: Sequence[SweepTask], scheduler: str | None) -> Iterator[tuple
             yield task, run_task(task)
         return
     try:
-        from distributed import Client, as_completed
+        from distributed import as_completed
     except ImportError as err:
         raise MissingProgramError("--scheduler needs Dask: pip install 'edbb-planner[cluster]' installs it") from err
     with ExitStack() as stack:
-        try:
-            client = stack.enter_context(Client(scheduler, timeout=TIMEOUT))  # type: ignore[no-untyped-call]
-        except OSError as err:
-            raise MissingProgramError(f"--scheduler {scheduler}: nobody answers ({err})") from err
+        client = stack.enter_context(connect(scheduler, keys, "--scheduler", TIMEOUT, "edbb-study"))
         # 3: times, if a task's worker dies
-        futures = {client.submit(run_task, t, key=f"edbb-{t.key}", retries=3): t for t in tasks}
+        futures = {client.submit(run_task_there, t, key=f"edbb-{t.key}", retries=3): t for t in tasks}
         for future in as_completed(futures):  # type: ignore[no-untyped-call]
-            yield futures.pop(future), future.result()  # forgotten there and here: a sweep may be long
+            yield futures.pop(future), read_table(future.result())  # forgotten there and here: a sweep may be long

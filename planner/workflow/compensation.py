@@ -14,6 +14,7 @@ import numpy as np
 
 from planner.cell.reading import load_cell
 from planner.common.calls import called_with
+from planner.common.content_hashes import HandEdit
 from planner.common.determinism import on_one_thread
 from planner.common.errors import InputError, NoSolutionError
 from planner.common.files import check_writing, encode_text, read_bytes, write_together
@@ -56,6 +57,7 @@ class CompensationResult(Result):
         left_out: which effects of the robot targets cannot be corrected for.
         warnings: what a person should know of the tools that were named, or that the program says.
         simulated: whether nobody measured the robot that it is corrected for.
+        model_edits: what a person changed in the model since edbb wrote it.
     """
 
     file: CompensatedFile
@@ -64,11 +66,17 @@ class CompensationResult(Result):
     simulated: bool = False
     warnings: tuple[str, ...] = ()
     others: tuple[CompensatedFile, ...] = ()
+    model_edits: tuple[HandEdit, ...] = ()
 
     @property
     def partly(self) -> bool:
         """Whether targets or moves of the program were left as they were."""
         return any(f.partly for f in (self.file, *self.others))
+
+    @property
+    def hand_edits(self) -> tuple[HandEdit, ...]:
+        """Return what a person changed in the model."""
+        return self.model_edits
 
     def overview(self) -> Summary:
         """Return the overview: corrections, expected errors, and every line to look at."""
@@ -202,7 +210,9 @@ def compensate(asked: CompensateCall) -> CompensationResult:
     named = None if given.T_FT is None else given.T_FT[:3, 3]
     warnings = tuple(tool_warnings(robot, named, [t for f in files for t in (*f.targets, *f.left)]))
     expected = _expect(files, known, given.T_FT)
-    return CompensationResult(files[0], expected, calibrated.sentence, bool(mark.simulated), warnings, files[1:])
+    return CompensationResult(
+        files[0], expected, calibrated.sentence, bool(mark.simulated), warnings, files[1:], mark.hand_edits
+    )
 
 
 MODEL_TOOL = "model"  # word that stands for the tool point of the robot's file
@@ -282,7 +292,9 @@ def _read_model(path: Path, force: bool) -> _Model:
     known = ExpectedError.read(robot, path)
     day = _build_day() or datetime.fromtimestamp(robot.path.stat().st_mtime, UTC).date()
     former = (former_robot_hash(robot), *_byte_hashes(robot.path))
-    mark = CorrectionMark(robot_hash(robot), _is_simulated(robot), day, former_hashes=former)
+    mark = CorrectionMark(
+        robot_hash(robot), _is_simulated(robot), day, former_hashes=former, hand_edits=robot.hand_edits
+    )
     return _Model(robot, known, mark)
 
 

@@ -9,6 +9,7 @@ import tomli_w
 
 from planner.cell.fleet_file import FleetSize
 from planner.common.console import as_word
+from planner.common.content_hashes import HandEdit
 from planner.common.files import write_text
 from planner.common.result import Result
 from planner.common.summary import Summary
@@ -38,13 +39,19 @@ class FleetResult(Result):
         title = f"{len(self.fleet.robots)} robots {self.fleet.robot}: {len(sizes)} sizes of errors"
         return Summary(title, facts or [("sizes", "all about as usual")], details)
 
+    @property
+    def hand_edits(self) -> tuple[HandEdit, ...]:
+        """Return what a person changed in the robots that it is made of."""
+        return self.fleet.hand_edits
+
     def content(self) -> Mapping[str, Any]:
         """Return what ``fleet.toml`` says."""
         return self.fleet.file().model_dump(mode="json", by_alias=True)
 
     def text(self) -> str:
         """Return the text of ``fleet.toml``."""
-        return tomli_w.dumps(dict(self.content()))
+        remarks = "".join(f"# {edit.remark}\n" for edit in self.fleet.hand_edits)
+        return remarks + tomli_w.dumps(dict(self.content()))
 
     def write(self, folder: Path | str, force: bool = False) -> list[Path]:
         """Write ``fleet.toml``; return its path."""

@@ -10,6 +10,7 @@ from planner.cell.reading import load_cell
 from planner.cell.sections import cell_file_of
 from planner.common.calls import called_with
 from planner.common.console import as_word
+from planner.common.content_hashes import HandEdit
 from planner.common.errors import InputError, NoSolutionError
 from planner.common.files import write_text
 from planner.common.numbers import number_of
@@ -75,6 +76,11 @@ class BothPlan(FolderResult):
     loaded: CircularPlan
     known: CommonFit
     stages: Stages = field(default_factory=Stages)
+
+    @property
+    def hand_edits(self) -> tuple[HandEdit, ...]:
+        """Return what a person changed in the robot's files."""
+        return self.free.cell.robot.hand_edits
 
     def overview(self) -> Summary:
         """Return the overview: what is measured, and how well each bar and both together know the compliances."""

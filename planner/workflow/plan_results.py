@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from planner.common.console import as_word
+from planner.common.content_hashes import HandEdit
 from planner.common.errors import InputError
 from planner.common.files import write_text
 from planner.common.numbers import number_of
@@ -45,6 +46,11 @@ class SessionResult(FolderResult):
     plan: SessionPlan
     stages: Stages = field(default_factory=Stages)
     cut_short: tuple[str, ...] = ()
+
+    @property
+    def hand_edits(self) -> tuple[HandEdit, ...]:
+        """Return what a person changed in the robot's files."""
+        return self.plan.cell.robot.hand_edits
 
     @abstractmethod
     def document(self) -> PlanHeader:
@@ -143,6 +149,11 @@ class PosesResult(FolderResult):
     main_file = "plan.json"
     poses: UnprovenPoses
     cut_short: tuple[str, ...]
+
+    @property
+    def hand_edits(self) -> tuple[HandEdit, ...]:
+        """Return what a person changed in the robot's files."""
+        return self.poses.cell.robot.hand_edits
 
     def overview(self) -> Summary:
         """Return the overview: poses, their certificate, and what is not proven."""

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 import serial
 
-from planner.common import result_folder, system
+from planner.common import exchange, system
 from planner.common.errors import InputError
 from planner.common.result_folder import MANIFEST, changed_files, draft_folder, move_all
 from planner.instruments.centring.indicators import SerialIndicators
@@ -100,7 +100,7 @@ def like_windows(monkeypatch):
 
     monkeypatch.setattr(os, "link", plain_link)
     monkeypatch.setattr(ctypes, "CDLL", no_library)
-    monkeypatch.setattr(result_folder, "swap_folders", lambda a, b: False)
+    monkeypatch.setattr(exchange, "swap_folders", lambda a, b: False)
 
 
 def test_results_are_exchanged_as_a_whole_where_no_folders_can_be_swapped(tmp_path, like_windows):

@@ -1,5 +1,6 @@
 """The posterior mean as calibrated robot: against simulated arms judged anywhere, and a dense computation."""
 
+import json
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -164,6 +165,16 @@ def known():
         text = expected_error_text(expected_error_content(by_posterior(found.released), found.run), files["robot.toml"])
         (Path(folder) / NAME_OF_FILE).write_text(text)
         return found, ExpectedError.read(load_robot(str(path)), path)
+
+
+def test_an_expected_error_that_was_edited_is_not_taken(tmp_path):
+    found, expected = known()
+    (tmp_path / "robot.toml").write_text(dict(calibrated_files(found))["robot.toml"])
+    written = json.loads(expected_error_text(expected.file.model_dump(mode="json", by_alias=True), "schema = 1"))
+    content = written | {"rest_mm": 0.0}
+    (tmp_path / NAME_OF_FILE).write_text(json.dumps(content))
+    said = ExpectedError.read(found.setup.robot, tmp_path / "robot.toml")
+    assert "was changed by hand since edbb wrote it (rest_mm)" in str(said)
 
 
 @pytest.mark.parametrize("offset", [None, (0.1, -0.05, 0.2)])

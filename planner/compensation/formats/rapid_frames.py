@@ -53,19 +53,21 @@ class Names:
     """What the names of a file stand for: each declaration has a key of its own."""
 
     def __init__(self, placed: Sequence[Placed]) -> None:
-        self._modules: list[str] = []
         self._keys: set[str] = set()
         self._local: set[str] = set()  # seen in their own module alone
         self._variables: set[str] = set()  # declared without a value, to get it in the program
         for p in placed:
-            if p.module not in self._modules:
-                self._modules.append(p.module)
             keys = {_key(p.module, p.routine, name) for name in _declared_names(p.statement)}
             self._keys |= keys
             self._variables |= (
                 keys if type(p.statement) is not st.Routine and _VALUELESS.search(p.statement.text) else set()
             )
             self._local |= keys if re.search(r"\bLOCAL\b", p.statement.text, re.IGNORECASE) else set()
+        self._shared: dict[str, list[str]] = {}  # by name, the keys of what any module sees
+        for key in sorted(self._keys - self._local):
+            _, routine, name = key.rsplit(".", 2)
+            if not routine:
+                self._shared.setdefault(name, []).append(key)
 
     def key_of(self, p: Placed, name: str) -> str:
         """Return the key of ``name`` as it is declared in this statement."""
@@ -85,7 +87,7 @@ class Names:
         for key in (_key(p.module, p.routine, name), _key(p.module, "", name)):
             if key in self._keys:
                 return key
-        others = [key for module in self._modules if (key := _key(module, "", name)) in self._keys - self._local]
+        others = self._shared.get(name, ())
         return others[0] if len(others) == 1 else name
 
 

@@ -14,7 +14,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from scipy.spatial.transform import Rotation
 
 from planner.common.errors import InputError
-from planner.common.files import data_folder, write_text
+from planner.common.files import data_folder, encode_text, write_together
 from planner.common.units import MM, Array, from_deg, read_only, to_deg, to_mm
 from planner.instruments.centring.settings import RobotSettings
 from planner.instruments.centring.stop import LinkError, StoppedError, StopRequest
@@ -202,11 +202,9 @@ def write_centring_program(how: RobotSettings, out: Path, force: bool = False) -
         out.mkdir(parents=True, exist_ok=True)
     except OSError as err:
         raise InputError(f"{out}: cannot be made ({err.strerror or err})") from err
-    paths = []
-    for name, text in centring_program(how).items():
-        write_text(out / name, text, "ascii", force=force)
-        paths.append(out / name)
-    return paths
+    files = [(out / name, encode_text(out / name, text, "ascii")) for name, text in centring_program(how).items()]
+    write_together(files, force=force)
+    return [path for path, _ in files]
 
 
 _PART = re.compile(r"\b([A-Z]\d?)\s+(-?\d+\.?\d*(?:[eE][-+]?\d+)?)")

@@ -20,6 +20,7 @@ from planner.common.units import Array, read_only, to_mm
 from planner.kinematics.bodies import Body, Vector
 from planner.kinematics.robot import Robot
 from planner.kinematics.robot_file import NEXT_BUT_ONE
+from planner.motion.collision.mesh_size import count_triangles
 from planner.motion.planning_packages import coal, fcl
 from planner.motion.tolerances import FARTHEST_VERTEX, FLAT_THICKNESS, HULL_TOLERANCE, MOST_TRIANGLES
 from planner.runs.run import FIRST_MOUNTING, Mounting
@@ -36,6 +37,9 @@ def mesh_faces(body: Body) -> tuple[Array, np.ndarray]:
     return _faces(body.mesh, body.mesh.stat().st_mtime_ns, body.scale, body.hull)
 
 
+HULL_ADVICE = "say hull = true for the convex hull, reduce it, or cover the body with boxes and capsules"
+
+
 def polytope_excess(body: Body) -> float:
     """How far the polytope about a mesh stands beyond the faces of its convex hull [m]."""
     assert body.mesh is not None
@@ -45,14 +49,18 @@ def polytope_excess(body: Body) -> float:
 
 @lru_cache(maxsize=256)
 def _faces(path: Path, _written: int, scale: Vector, hull: bool) -> tuple[Array, np.ndarray]:
+    # 200 000: of a mesh of which the hull alone counts; it takes 2 GB to be read
+    most = 200_000 if hull else MOST_TRIANGLES
+    if (count := count_triangles(path)) > most:
+        advice = "reduce it" if hull else HULL_ADVICE
+        raise InputError(f"{path}: the mesh has {count} triangles, 1 to {most} are allowed; {advice}")
     mesh = _read(path, scale)
     if hull:
         vertices, triangles = _polytope_about(path, np.array(mesh.vertices()))
         return read_only(vertices), triangles
     if mesh.num_tris > MOST_TRIANGLES:
         raise InputError(
-            f"{path}: the mesh has {mesh.num_tris} triangles, 1 to {MOST_TRIANGLES} are allowed; say hull = true for "
-            "the convex hull, reduce it, or cover the body with boxes and capsules"
+            f"{path}: the mesh has {mesh.num_tris} triangles, 1 to {MOST_TRIANGLES} are allowed; {HULL_ADVICE}"
         )
     faces = [mesh.tri_indices(k) for k in range(mesh.num_tris)]
     return read_only(mesh.vertices()), np.array([[t[0], t[1], t[2]] for t in faces])
