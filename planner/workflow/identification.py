@@ -20,13 +20,10 @@ from planner.common.result import FolderResult, Plot, Result
 from planner.common.summary import SCREEN_LINES, Summary
 from planner.common.tables import NamedTable, Row, RowTable
 from planner.common.units import from_mm
-from planner.effects.catalogue import catalogue
-from planner.effects.effect import Role
 from planner.identification.baseline import NAME as BASELINE
 from planner.identification.baseline import baseline_text
 from planner.identification.calibrated_robot import calibrated_files, calibrated_meshes
 from planner.identification.calibration import Calibration
-from planner.identification.contenders import HUNDRED_TO_ONE
 from planner.identification.expected_error import NAME as EXPECTED_ERROR
 from planner.identification.expected_error import (
     ExpectedErrorContent,
@@ -59,6 +56,7 @@ from planner.workflow.fit_overview import fit_overview, is_hardly_better
 from planner.workflow.identify_call import IdentifyCall
 from planner.workflow.joint_runs import RunSource, are_sessions, load_planned_sessions, run_sources, single_value
 from planner.workflow.run_checks import cell_of_run, check_unit, split_by_plan
+from planner.workflow.separable_findings import can_be_told_apart
 
 if TYPE_CHECKING:
     from planner.workflow.plan_results import PlanResult
@@ -386,24 +384,3 @@ def _with_reference_warnings(cell: Cell, run: Run, source: Runs) -> Run:
     checks = [m for m in (check_mastering(cell, r) for r in readings) if m is not None and not m.good]
     scales = (compare_nest_distances(cell, r) for r in readings or (NO_REFERENCE_READINGS,))
     return replace(run, warnings=(*run.warnings, *(m.text() for m in checks), *(s for s in scales if s)))
-
-
-def can_be_told_apart(found: Calibration) -> bool:
-    """Tell whether poses of a bar or wire may decide between a finding and a rival that the readings leave open.
-
-    Both must be causes that poses show by themselves: not what needs a thermometer or another payload, no change in the
-    middle of a run, and none without a name.
-    """
-    if found.run.readings.length is None:
-        return False
-    logged = found.run.samples
-    planned = replace(logged, temperature=None, torque=None, payload=None, q_cmd=None, q_read=None, session=None)
-    offered = [e for e in catalogue(found.setup, planned) if not e.has(Role.UNTRACED)]
-    shown, with_inner = {e.name for e in offered}, {e.name for e in offered if e.nonlinear is not None}
-    return any(
-        f.name in shown and rival in shown and (chance is None or chance >= HUNDRED_TO_ONE)
-        for cause in found.findings
-        for f in cause.each
-        if not (f.beside_stages and f.name in with_inner)  # a band, of which no one number is known
-        for rival, chance in zip(f.rivals, f.rival_probabilities or [None] * len(f.rivals), strict=True)
-    )
