@@ -59,14 +59,13 @@ def headline_text(facts: CalibrationFacts) -> tuple[str, ...]:
     c, groups = facts.calibration, GROUP_NAMES[facts.calibration.split.by][0]
     unit = c.reading_unit
     first, before, after = c.stages[0].held_out, facts.placed_stage.held_out, facts.written_errors.held_out
-    worse = [] if c.worse_than_nominal is None else [f"{c.worse_than_nominal}."]
     if c.problems:
         left = (
             f"It leaves a mean error of {in_mm(after.mean)} {unit} on {groups} that it never saw; that says nothing of "
             "the robot, only of the fit."
         )
-        return ("No robot was calibrated: the fit failed its own checks.", left)
-    out = [*worse, *_workspace_sentences(c)]
+        return (f"{c.worse_than_nominal or 'No robot was calibrated: the fit failed its own checks'}.", left)
+    out = [*_workspace_sentences(c)]
     read = c.setup.gauge.plural
     was, now = (f"{in_mm(m.mean)} {unit}" for m in (before, after))
     out.append(f"Mean error of {read} {was} → {now} on {groups} that no fit saw.")
