@@ -52,7 +52,7 @@ def calibration(robot, seed, effects=()):
     run = type("Made", (), {"name": "monday.csv", "__len__": lambda self: 40})()
     stages = (SimpleNamespace(effects=groups),)
     made = SimpleNamespace(run=run, fit=fit, setup=setup, stages=stages, released=None, release=None)
-    made.frames, made.simulated = GaugeFrames(), None
+    made.frames, made.simulated, made.reason_not_to_use = GaugeFrames(), None, ""
     made.estimates = estimates_of(made)
     return made
 
