@@ -102,7 +102,7 @@ def krl(*lines):
 def test_krl_axes_declared_by_name_and_in_columns(robot, tmp_path):
     path = tmp_path / "p.dat"
     path.write_text(
-        "DEFDAT P\n"
+        "DEFDAT P PUBLIC\n"
         "DECL E6AXIS XA={A1 10,A2   -90.0,A3    90.0,A4     8.5,A5 45,A6 0,E1 77.0} ; {A1 10}\n"
         "DECL GLOBAL ROW LOG[1]\nLOG[1]={POSE 1,AX {A1 0.0,A2 0.0,A3 0.0,A4 0.0,A5 0.0,A6 0.0}}\nENDDAT\n"
     )
@@ -347,6 +347,7 @@ END
 def test_points_by_name_are_left_to_the_file_that_declares_them(robot, tmp_path):
     path = tmp_path / "part.src"
     path.write_text(TAUGHT.format(joints="{A1 10,A2 -80,A3 90,A4 5,A5 40,A6 6,E1 0}"))
+    path.with_suffix(".dat").write_text("DEFDAT PART\nENDDAT\n")
     done = compensate_file(path, robot, shifted(robot))
     assert without_head(done.text) == TAUGHT.format(joints="{A1 10,A2 -80,A3 90,A4 4.50000,A5 40,A6 6,E1 0}")
     assert [(line, note.split()[0]) for line, note in done.report.kept] == [(11, "XP1"), (14, "XP2")]
@@ -378,6 +379,7 @@ def test_the_summary_says_what_was_left(tmp_path):
     path.write_text(
         krl("PTP {A1 0,A2 -90,A3 90,A4 0,A5 0,A6 0}", "PTP {A1 10,A2 -80,A3 90,A4 5,A5 40,A6 6}", "PTP XP9")
     )
+    path.with_suffix(".dat").write_text("DEFDAT P\nENDDAT\n")
     done = compensate_file(path, robot, real)
     assert "1 joint target and 0 poses corrected" in done.summary
     assert "left as it was: p.src:2:" in done.summary

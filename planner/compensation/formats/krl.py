@@ -126,7 +126,7 @@ class _KrlTargets:
             return
         elsewhere = {s.name for s in parse(self.reading.frames.data) if isinstance(s, st.Assignment)}
         for name, line in self.points.missing.items():
-            if name not in elsewhere and not _HOME.fullmatch(name):
+            if name not in elsewhere and not _HOME.fullmatch(name) and not self.points.is_computed(name, "is "):
                 said = f"{name} is not declared here, and no data of the module (.dat) lie beside it"
                 self.reading.refuse(
                     line, f"{said}: {_PUT_TOGETHER}; where $config.dat declares it, give that (--frames)"
