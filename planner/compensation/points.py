@@ -58,7 +58,7 @@ class PointTable:
         self.reading, self.container = reading, container
         self._poses: dict[str, list[DeclaredPose]] = {}
         self._computed: dict[str, str] = {}
-        self.missing: dict[str, int] = {}  # names that no file declares, and a move to each
+        self.missing: dict[tuple[str, int], None] = {}  # names that no file declares, and the lines of moves to them
 
     def declare(self, pose: DeclaredPose) -> None:
         """Note that the file, or its other half, gives ``pose`` a value."""
@@ -83,7 +83,7 @@ class PointTable:
         """
         found = self._find_by_name(name)
         if not found and line:
-            self.missing.setdefault(name, line)
+            self.missing[name, line] = None
         for pose in found:
             if pose.line and pose.index is None:
                 pose.index = self.reading.reserve()
@@ -94,7 +94,7 @@ class PointTable:
 
     def finish(self) -> Iterator[DeclaredPose]:
         """Yield the positions to be corrected, and note those that stay as they are."""
-        for name, line in self.missing.items():
+        for name, line in self.missing:
             if not self._reason_for(name) and _own_name(name).lower() not in self.reading.declared_together:
                 sentence = (
                     f"{_own_name(name)} is declared elsewhere: compensate the {self.container} that declares it too"

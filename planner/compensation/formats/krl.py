@@ -125,7 +125,7 @@ class _KrlTargets:
                 self.reading.refuse(head.line, f"'{head.text}' {said}: {_PUT_TOGETHER}")
             return
         elsewhere = {s.name for s in parse(self.reading.frames.data) if isinstance(s, st.Assignment)}
-        for name, line in self.points.missing.items():
+        for name, line in self.points.missing:
             if name not in elsewhere and not _HOME.fullmatch(name) and not self.points.is_computed(name, "is "):
                 said = f"{name} is not declared here, and no data of the module (.dat) lie beside it"
                 self.reading.refuse(
