@@ -19,7 +19,8 @@ def worse_than_nominal(stages: Sequence[Stage], release: Release | None, anywher
         unit: what a thousandth of a reading is called, ``mm`` or ``mrad``.
     """
     larger = _larger_errors(stages, release, anywhere, unit)
-    figures = [f"{what} {before / MM:.3f} → {after / MM:.3f} {shown}" for what, before, after, shown in larger]
+    digits = ((what, f"{before / MM:.3f}", f"{after / MM:.3f}", shown) for what, before, after, shown in larger)
+    figures = [f"{what} {before} → {after} {shown}" for what, before, after, shown in digits if before != after]
     if not figures:
         return None
     return f"WORSE THAN THE NOMINAL ROBOT, do not use it: {', '.join(figures)} (rms)"
