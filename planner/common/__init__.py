@@ -29,6 +29,7 @@ __all__ = [
     "summary",
     "system",
     "tables",
+    "text_table",
     "units",
     "xml_files",
 ]

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from planner.common.units import DEG, Array
-from planner.compensation.tolerances import CONVENTION_AGREES, ORIENTATIONS_VARY, SAME
+from planner.compensation.tolerances import CONVENTION_AGREES, SAME
 
 _LETTERS = "ABC"
 _INVERSE = "the inverse turn (of the base from the tool)"
@@ -55,7 +55,8 @@ def turn_of_tool(R: Array, R_wanted: Array) -> Array | None:
 
     With orientations that hardly vary any turn would do.
     """
-    if turns_between(R_wanted, np.broadcast_to(R_wanted[0], R_wanted.shape)).max() < ORIENTATIONS_VARY:
+    # 10: [deg] that orientations vary by over a table, else one turn of the tool explains anything
+    if turns_between(R_wanted, np.broadcast_to(R_wanted[0], R_wanted.shape)).max() < 10.0 * DEG:
         return None
     mean = Rotation.from_matrix(np.swapaxes(R_wanted, 1, 2) @ R).mean().as_matrix()
     return mean if turns_between(R, R_wanted @ mean).max() < CONVENTION_AGREES else None

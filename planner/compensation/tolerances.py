@@ -25,7 +25,6 @@ START_OFF = 60 * MM  # [m] joint angles that a search starts from may be rounded
 START_TURN = 20.0 * DEG  # [rad] the same of the tool's turn; another convention of angles turns it by more at some pose
 CONVENTION_OFF = 3.0 * DEG  # [rad] from where on another convention is looked for
 CONVENTION_AGREES = 0.5 * DEG  # [rad] within which it must agree at all poses: what rounded joint angles leave
-ORIENTATIONS_VARY = 10.0 * DEG  # [rad] over a table, else one turn of the tool explains anything
 FARTHEST = 1e4  # [m, rad] no target, tool or base of a robot is farther away
 
 # ---- what a person is told

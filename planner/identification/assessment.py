@@ -1,6 +1,6 @@
 """From the last stage to the calibration: uncertainties, checks and warnings."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -169,6 +169,13 @@ def _whole_covariance(found: Fit, free: FittedParameters, continuous: bool) -> t
     return fitted + consider_covariance(found, free.held), time
 
 
+def _fit_notes(fitted: FittedStage, parts: Split, run: Run, time: float) -> Iterator[str]:
+    """Yield what is to be said of a long run that was fitted once more, and of few readings for many parameters."""
+    model = fitted.fit.model
+    yield from _refit_notes(parts, fitted)
+    yield from few_readings_note(len(model.names), model.width, len(run), time)
+
+
 def assess_fit(
     stages: list[FittedStage], free: FittedParameters, context: FitContext, cell: Cell, validation: Run | None,
     traced: TracingResult, notes: Sequence[str] = (), basis: ReleaseBasis = "posterior",
@@ -185,8 +192,7 @@ def assess_fit(
     said = [
         *(*run.warnings, *collect_warnings(run, cell, found, last.weight, _held_out_errors(released, last))),
         *(*warn_of_validation(found, cell, validation), *notes),
-        *(*_refit_notes(parts, stages[-1]), *_release_notes(released, not problems and basis != "fit")),
-        *few_readings_note(len(found.model.names), found.model.width, len(run), time),
+        *(*_fit_notes(stages[-1], parts, run, time), *_release_notes(released, not problems and basis != "fit")),
         *workspace_warning(expected, last.held_out, found.model.width),
     ]
     estimates, release = _released_sections(released, table)

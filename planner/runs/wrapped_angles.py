@@ -12,8 +12,6 @@ from planner.runs.joint_motion import DENSE_STEP
 from planner.runs.run import Run
 from planner.runs.table import RunTable
 
-ROUNDING = 0.01 * DEG  # [rad]
-
 
 def go_on_past_turns(table: RunTable) -> RunTable:
     """Return a log in which angles that jump by whole turns between close samples go on instead, and a warning of it.
@@ -67,9 +65,10 @@ def bring_within_limits(run: Run, lower: Array, upper: Array, slides: np.ndarray
 
 
 def _less_a_turn(q: Array, lower: Array, upper: Array, slides: np.ndarray, moved: set[int]) -> Array:
-    beyond = (q > upper + ROUNDING) & ~slides
-    counted = (q.min(axis=0) >= -ROUNDING) & (q.max(axis=0) <= TURN + ROUNDING)
-    inside = ((q - TURN >= lower - ROUNDING) | ~beyond).all(axis=0)
+    rounding = 0.01 * DEG  # [rad] to which logs and limits are written
+    beyond = (q > upper + rounding) & ~slides
+    counted = (q.min(axis=0) >= -rounding) & (q.max(axis=0) <= TURN + rounding)
+    inside = ((q - TURN >= lower - rounding) | ~beyond).all(axis=0)
     columns = beyond.any(axis=0) & counted & inside
     moved |= set(np.flatnonzero(columns).tolist())
     return read_only(np.where(beyond & columns, q - TURN, q))
