@@ -97,9 +97,10 @@ def refuse_second_correction(name: str, text: str, mark: CorrectionMark, again: 
 
 def _find_marks(text: str) -> Iterator[tuple[int, str]]:
     """Yield line and hash, small letters, of every mark; the hash is empty where the mark holds none."""
+    is_marked = _MARK.search(text) is not None
     for line, _, said in Lines.of(text):
         yield from ((line, (match["hash"] or "").lower()) for match in _MARK.finditer(said))
-        if _OLD_MARK.search(said) and not _MARK.search(text):
+        if not is_marked and _OLD_MARK.search(said):
             yield line, ""
 
 

@@ -86,7 +86,7 @@ FOREIGN_LANGUAGES: Sequence[ForeignLanguage] = (
             r"|^[ \t]*(?:S\d+[ \t]+)?S?MOVE[ \t]+[PLC][ \t]*,.*\bS[ \t]*=[ \t]*[\d.]+[ \t]*(?:%|mm|cm|sec)",
         ),
     ),
-    ForeignLanguage("HRSS (HIWIN)", (".hrb",), (r"^[ \t]*(?:PTP|LIN)[ \t]+\w+.*\bCONT=\d+%.*\bTOOL\[\d+\]",)),
+    ForeignLanguage("HRSS (HIWIN)", (".hrb",), (r"^[ \t]*(?:PTP|LIN)[ \t]+\w++(?>.*?\bCONT=\d+%).*\bTOOL\[\d+\]",)),
     ForeignLanguage("SPEL+ (Epson)", (), (r"^[ \t]*Function[ \t]+\w+", r"^[ \t]*Fend\b")),
     ForeignLanguage("CSR (Panasonic)", (".csr",), (r"^\[Description\]", r"^[ \t]*MOVE[PLC]\b")),
     ForeignLanguage(
@@ -95,7 +95,7 @@ FOREIGN_LANGUAGES: Sequence[ForeignLanguage] = (
     ForeignLanguage(
         "the list of modules of a RAPID program (ABB)",
         (".pgf",),
-        (r"<Program\b[^>]*>\s*<Module>",),
+        (r"<Program\b[^<>]*>\s*<Module>",),
         "Give the module that it names",
     ),
     ForeignLanguage("a binary TP program (FANUC)", (".tp",), (), "Print it as text (.LS)"),

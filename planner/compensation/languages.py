@@ -179,6 +179,9 @@ def _shorten(text: str) -> str:
     return said if len(said) <= 160 else f"{said[:157].rpartition(' ')[0]} ..."
 
 
+_LINE_END = re.compile(r"\r\n|\n|\r|")
+
+
 def _place(text: str, behind: re.Pattern[str]) -> tuple[int, int]:
     """Return where the head goes, and how many lines stand before it."""
     place = (1, 0) if text.startswith("\ufeff") else (0, 0)
@@ -188,7 +191,7 @@ def _place(text: str, behind: re.Pattern[str]) -> tuple[int, int]:
                 break
             continue
         end = start + len(said)
-        end += len(re.match(r"\r\n|\n|\r|", text[end:])[0])  # type: ignore[index]
+        end += len(_LINE_END.match(text, end)[0])  # type: ignore[index]
         place = end, line
         if re.match(r"\s*(MODULE|(GLOBAL\s+)?DEF(DAT|FCT)?)\b", said, re.IGNORECASE):
             break

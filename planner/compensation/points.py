@@ -56,13 +56,16 @@ class PointTable:
 
     def __init__(self, reading: TargetReading, container: str) -> None:
         self.reading, self.container = reading, container
-        self._poses: dict[str, list[DeclaredPose]] = {}
+        self._poses: dict[str, list[DeclaredPose]] = {}  # by name without index: those of a row stand together
+        self._by_name: dict[str, list[DeclaredPose]] = {}
+        self._row_uses = set[tuple[object, ...]]()  # of whole rows, each of which is noted at every point once
         self._computed: dict[str, str] = {}
         self.missing: dict[tuple[str, int], None] = {}  # names that no file declares, and the lines of moves to them
 
     def declare(self, pose: DeclaredPose) -> None:
         """Note that the file, or its other half, gives ``pose`` a value."""
         self._poses.setdefault(_base(pose.name), []).append(pose)
+        self._by_name.setdefault(pose.name, []).append(pose)
 
     def has(self, name: str) -> bool:
         """Return whether ``name`` is declared."""
@@ -84,13 +87,25 @@ class PointTable:
         found = self._find_by_name(name)
         if not found and line:
             self.missing[name, line] = None
-        for pose in found:
-            if pose.line and pose.index is None:
-                pose.index = self.reading.reserve()
-            pose.uses.append(use)
+        if len(found) == 1 or self._is_new(name, len(found), use):
+            for pose in found:
+                if pose.line and pose.index is None:
+                    pose.index = self.reading.reserve()
+                pose.uses.append(use)
         if line and (why := self._reason_for(name)):
             self.reading.leave(line, f"{_own_name(name)} {why}")
         return found[0].index if len(found) == 1 else None
+
+    def _is_new(self, name: str, count: int, use: Use) -> bool:
+        """Tell whether so many points of one name are used in a way that they do not have yet.
+
+        Frames that are not certain count as one: the first reason is the one that is given.
+        """
+        frames = ("" if isinstance(frame, str) and frame else id(frame) for frame in use.frames)
+        way = (_base(name) if not _fixed_index(name) else name, count, *frames, use.follows, use.linear)
+        is_new = way not in self._row_uses
+        self._row_uses.add(way)
+        return is_new
 
     def finish(self) -> Iterator[DeclaredPose]:
         """Yield the positions to be corrected, and note those that stay as they are."""
@@ -105,13 +120,13 @@ class PointTable:
                 computed = bool(self._reason_for(pose.name))
                 if not pose.line or not (pose.uses or (pose.typed and not computed)):
                     continue  # of the other half, a frame of its own, or a place where the program keeps something
-                if why := self._why_not(pose, poses):
+                if why := self._why_not(pose):
                     self.reading.leave(pose.line, f"{_own_name(pose.name)}{why}")
                 else:
                     yield pose
 
-    def _why_not(self, pose: DeclaredPose, others: list[DeclaredPose]) -> str:
-        if sum(other.name == pose.name for other in others) > 1:
+    def _why_not(self, pose: DeclaredPose) -> str:
+        if len(self._by_name[pose.name]) > 1:
             return " has more than one value in this file"
         if why := self._reason_for(pose.name):
             return f" {why}"
@@ -123,10 +138,9 @@ class PointTable:
         return self._computed.get(name, self._computed.get(_base(name), ""))
 
     def _find_by_name(self, name: str) -> list[DeclaredPose]:
-        found = self._poses.get(_base(name), [])
-        if name == _base(name):
-            return found  # the bare name of a row means every one of it
-        return [pose for pose in found if pose.name == name] if _fixed_index(name) else found
+        if name != _base(name) and _fixed_index(name):
+            return self._by_name.get(name, [])
+        return self._poses.get(_base(name), [])  # the bare name of a row means every one of it
 
 
 def _own_name(name: str) -> str:
@@ -167,12 +181,15 @@ def trace_sources(made: Sequence[tuple[str, set[str], int]], begun: set[str]) ->
 
     ``made``: of every assignment the name that gets a value, those that it is made from, and the line.
     """
-    found, size = dict[str, int](), -1
-    while size != len(found):
-        size = len(found)
-        for left, right, line in made:
-            if left in begun or left in found:
-                found |= {name: line for name in right if name not in found}
+    sources: dict[str, list[tuple[set[str], int]]] = {}
+    for left, right, line in made:
+        sources.setdefault(left, []).append((right, line))
+    found, waiting = dict[str, int](), [name for name in sources if name in begun]
+    for name in waiting:  # grows by what is found
+        for right, line in sources.get(name, ()):
+            new = right - found.keys()
+            found |= dict.fromkeys(new, line)
+            waiting += sorted(new - begun)
     return found
 
 

@@ -77,7 +77,7 @@ class CartesianTarget:
     start: Array | None = None
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Target:
     """One target in a file.
 
@@ -193,7 +193,17 @@ class TargetReading:
             raise InputError("\n".join(list_lines(self.name, self.refused)))
 
     def reserve(self) -> int:
-        """Return the index of a target that is filled in later."""
+        """Return the index of a target that is filled in later.
+
+        Raises:
+            InputError: the file has more targets than are kept at once.
+        """
+        most_targets = 50_000  # of a file; each takes some kilobytes until all are corrected
+        if len(self._found) >= most_targets:
+            raise InputError(
+                f"{self.name}: has more than {most_targets} targets, which would take more memory than there may be; "
+                "split the file, and correct its parts one after the other"
+            )
         self._found.append(None)
         return len(self._found) - 1
 
@@ -233,14 +243,17 @@ class TargetReading:
 
     def take_targets(self) -> list[Target]:
         """Return the targets in order, without the places that stayed empty; what follows one of those is left."""
-        while True:
-            lost = {i for i, t in enumerate(self._found) if t is None}
-            orphans = [i for i, t in enumerate(self._found) if t is not None and not lost.isdisjoint(t.follows)]
-            if not orphans:
-                break
-            for i in orphans:
-                self.leave(self._line(i), FOLLOWS_NONE)
-                self._found[i] = None
+        followers: dict[int, list[int]] = {}
+        for i, t in enumerate(self._found):
+            for before in () if t is None else t.follows:
+                followers.setdefault(before, []).append(i)
+        lost = [i for i, t in enumerate(self._found) if t is None]
+        for before in lost:  # grows by those that follow one
+            for i in followers.get(before, ()):
+                if self._found[i] is not None:
+                    self.leave(self._line(i), FOLLOWS_NONE)
+                    self._found[i] = None
+                    lost.append(i)
         places = {i: k for k, i in enumerate(i for i, t in enumerate(self._found) if t is not None)}
         found = [t for t in self._found if t is not None]
         return [

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import struct
+import zlib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -26,7 +28,9 @@ def mat_lines(path: Path) -> list[str]:
     from scipy.io import loadmat
     from scipy.io.matlab import MatReadError
 
-    check_readable(path, 250_000_000)  # bytes, as of a text
+    most_bytes = 250_000_000  # of a file, packed and unpacked, as of a text
+    check_readable(path, most_bytes)
+    _check_unpacked_size(path, most_bytes)
     try:
         content = loadmat(path, squeeze_me=True, simplify_cells=True)
     except NotImplementedError as err:
@@ -45,6 +49,31 @@ def mat_lines(path: Path) -> list[str]:
     left = [f"# {name} is left out: it has not {rows} rows" for name, a in arrays.items() if len(a) != rows]
     titles = ",".join(title for title, _ in columns)
     return [*left, titles, *(",".join(map(repr, row)) for row in np.column_stack([v for _, v in columns]).tolist())]
+
+
+def _check_unpacked_size(path: Path, most_bytes: int) -> None:
+    """Refuse a file whose packed arrays grow beyond what is read of a text; they are unpacked piece by piece.
+
+    Raises:
+        InputError: naming the size that is allowed.
+    """
+    head, tag, packed, chunk = 128, 8, 15, 1 << 20  # bytes, bytes, the type of a packed element, bytes
+    unpacked, data = 0, path.read_bytes()
+    order = "<" if data[126:128] == b"IM" else ">"
+    at = head
+    while at + tag <= len(data):
+        kind, size = struct.unpack_from(f"{order}II", data, at)
+        if kind == packed:
+            unpacker, rest = zlib.decompressobj(), data[at + tag : at + tag + size]
+            try:
+                while rest and not unpacker.eof and unpacked <= most_bytes:
+                    unpacked += len(unpacker.decompress(rest, chunk))
+                    rest = unpacker.unconsumed_tail
+            except zlib.error:
+                return  # loadmat says what is wrong
+        if unpacked > most_bytes:
+            raise InputError(f"{path}: its arrays have more than {most_bytes} bytes once unpacked; save fewer columns")
+        at += tag + size
 
 
 def _arrays(content: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, np.ndarray]]:

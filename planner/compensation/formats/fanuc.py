@@ -1,6 +1,7 @@
 """FANUC TP as ASCII (.LS): positions that are taught in joint angles, and the moves that use them."""
 
 import re
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
@@ -52,7 +53,7 @@ def read(text: str, _dialect: Dialect, reading: TargetReading) -> None:
         line = Lines.of(text).number(late.start())
         reading.refuse(line, "/MN stands behind /POS; the positions are last in a program")
     uses = _read_instructions(statements, reading)
-    numbers = [s.number for s in statements if isinstance(s, TpPosition)]
+    numbers = Counter(s.number for s in statements if isinstance(s, TpPosition))
     told = False  # one line of each gap between positions is named
     for s in statements:
         if isinstance(s, TpAmongPositions) and not re.match(r"/END\b", s.text):
@@ -61,7 +62,7 @@ def read(text: str, _dialect: Dialect, reading: TargetReading) -> None:
             told = True
         elif isinstance(s, TpPosition):
             told = False
-            _position(s, numbers.count(s.number), uses, reading)
+            _position(s, numbers[s.number], uses, reading)
     for number in uses.lines.keys() - {_EVERY, *numbers}:
         reading.leave(uses.lines[number], f"P[{number}] is not among the positions of this file")
 

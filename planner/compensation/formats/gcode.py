@@ -44,10 +44,11 @@ def read(text: str, dialect: Dialect, reading: TargetReading) -> None:
     within = _lines_of_subprograms(blocks, reading.name)
     declarations = (b.text for b in blocks if b.text.startswith("DEF "))
     targets.variables = {name for text in declarations for name in re.findall(r"[A-Z_]\w*", text)}
-    begins = [n for n, _, row in Lines.of(text) if row.lstrip("\ufeff \t").startswith("%")]
+    begins = [n for n, _, row in Lines.of(text) if row.lstrip("\ufeff \t").startswith("%")][::-1]
     for block in blocks:
-        if begins and block.line >= begins[0]:  # another program of the same file
-            begins = [n for n in begins if n > block.line]
+        if begins and block.line >= begins[-1]:  # another program of the same file
+            while begins and begins[-1] <= block.line:
+                begins.pop()
             targets.begin_program()
         if jumps:  # any block may be come to from anywhere
             targets.forget()

@@ -40,8 +40,8 @@ class CallsElsewhere:
 
     def end_program(self) -> None:
         """Note the end of a program of the file. What follows a label may have been reached from any line before."""
-        if self._first_label and self._moves:
-            self._note_repetition(self._first_label, self._moves[-1].line)
+        if self._first_label:
+            self._note_repetition(self._first_label, self._moves)
         self._begin()
 
     def _begin(self) -> None:
@@ -49,6 +49,7 @@ class CallsElsewhere:
         self._open: list[tuple[int, bool, dict[str, int]]] = []  # line, whether a loop, and what was said before
         self._calls: list[int] = []
         self._moves: list[_Move] = []
+        self._not_repeated: list[_Move] = []  # of no loop that has ended and in which a call stands
         self._first_label = 1 if self._jumps else 0
 
     def note_modal_words(self, block: Block) -> None:
@@ -74,7 +75,7 @@ class CallsElsewhere:
         elif self._open and _CLOSES.match(block.text):
             first, is_loop, self._said = self._open.pop()
             if is_loop:
-                self._note_repetition(first, block.line)
+                self._note_repetition(first, self._not_repeated)
 
     def move(self, block: Block) -> None:
         """Process a move with plain angles."""
@@ -84,6 +85,7 @@ class CallsElsewhere:
         if self._calls:
             self._check(move, self._calls[-1] + 1, self._calls[-1])
         self._moves.append(move)
+        self._not_repeated.append(move)
 
     def uncertain_moves(self) -> Iterator[tuple[int, str]]:
         """Yield the lines of moves whose targets are not certain, each with the reason, once the file has been read."""
@@ -94,12 +96,14 @@ class CallsElsewhere:
                 "and G53 or G153 in this block make the move certain",
             )
 
-    def _note_repetition(self, first: int, last: int) -> None:
-        """Note that the lines may be run again, behind the calls among them."""
-        if calls := [line for line in self._calls if line >= first]:
-            for move in self._moves:
-                if first <= move.line <= last:
-                    self._check(move, first, calls[-1])
+    def _note_repetition(self, first: int, moves: list[_Move]) -> None:
+        """Note that the lines from the first one on may be run again, behind the calls among them.
+
+        Their moves are taken from the list: a loop around this one finds no other doubt about them.
+        """
+        if self._calls and self._calls[-1] >= first:
+            while moves and moves[-1].line >= first:
+                self._check(moves.pop(), first, self._calls[-1])
 
     def _check(self, move: _Move, since: int, call: int) -> None:
         if min(move.absolute, move.unshifted) < since:

@@ -101,6 +101,7 @@ class FrameChanges:
         inside = [s for body in self.routines.values() for s in body]
         self._inside = {id(s) for s in inside}
         self.assigned = {s.name for s in inside if isinstance(s, st.Assignment)}
+        self._harmless: dict[tuple[str, bool], bool] = {}  # by routine, and whether its calls count
         self.loops = self._changing_loops(statements)
 
     def is_in_routine(self, statement: st.Statement) -> bool:
@@ -135,7 +136,14 @@ class FrameChanges:
 
     def is_harmless(self, routine: str) -> bool:
         """Tell whether a routine is in the file and leaves tool and base as they are."""
-        return routine in self.routines and not any(self._changes(s) for s in self.routines[routine])
+        return self._is_harmless(routine, calls_count=True)
+
+    def _is_harmless(self, routine: str, calls_count: bool) -> bool:
+        key = routine, calls_count
+        if key not in self._harmless:
+            body = (s for s in self.routines.get(routine, ()) if calls_count or not isinstance(s, st.Call))
+            self._harmless[key] = routine in self.routines and not any(self._changes(s) for s in body)
+        return self._harmless[key]
 
     def _changes(self, statement: st.Statement) -> bool:
         """Tell whether tool or base may be others after a statement."""
@@ -145,14 +153,12 @@ class FrameChanges:
             case Bas(what=what):
                 return what in (*_NUMBERED_FRAMES, *SELECTS_TAUGHT, *RESETS_FRAMES)
             case st.Call(triggered=True, name=name):
-                return name not in self.routines or any(
-                    not isinstance(s, st.Call) and self._changes(s) for s in self.routines[name]
-                )
+                return not self._is_harmless(name, calls_count=False)
             case st.Call():
                 return True
             case st.Routine() | st.RoutineEnd():
                 return False
-        declares = self.doubt_interrupt(statement) is not None
+        declares = _INTERRUPT.match(statement.text) is not None
         leaves = leaves_frames(statement) and SET_BESIDE.search(statement.text) is None
         return not declares and (calls_function(statement) or not leaves)
 

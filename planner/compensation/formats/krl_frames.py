@@ -134,8 +134,9 @@ class FrameState:
         elif calls_function(statement):
             self.forget()
         elif declared := re.fullmatch(r"DECL\s+\w+\s+([\w,\s]+)", statement.text, re.IGNORECASE):
-            self._variables |= set(re.findall(r"\w+", declared[1].upper()))
-            self._shadowed |= self._variables - self._changes.assigned
+            names = set(re.findall(r"\w+", declared[1].upper()))
+            self._variables |= names
+            self._shadowed |= names - self._changes.assigned
 
     def may_write(self, statement: st.Statement) -> bool:
         """Tell whether a routine that the statement calls may change what it is given."""

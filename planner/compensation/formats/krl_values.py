@@ -195,22 +195,22 @@ class FrameValues:
 
     def _take_doubts(self, statements: Sequence[st.Statement]) -> None:
         """Read frames of a row that is written at a computed place, and those that a routine is given."""
-        for s in statements:
+        last: dict[str, tuple[int, int]] = {}  # place and line of the last statement, by a name or a whole row, "F["
+        tables = set[str]()
+        for k, s in enumerate(statements):
             written = names_given_away(s) | names_set_beside(s)
             if isinstance(s, st.Assignment) and not _is_one(name := spell_name(s.name)):
                 written.add(name)
-            for name in written:
-                table = TABLE.fullmatch(name)
-                found = {name} if name in self._frames else set(_rows(table)) if table else set[str]()
-                if not _is_one(name):
-                    row = name.partition("[")[0]
-                    found |= {other for other in self._frames if other.startswith(f"{row}[")}
-                for other in found:
-                    self._frames[other] = f"{other} may be changed in line {s.line} while the program runs"
+            last |= dict.fromkeys((name if _is_one(name) else _row_of(name) for name in written), (k, s.line))
+            tables |= {name for name in written if TABLE.fullmatch(name)}
             self._fdats |= dict.fromkeys(written & self._fdats.keys(), "")
             for name in sorted(written & self._orientations.keys()):
                 self._orientations[name] = ""
                 self.turned = self.turned or f"{name} may be changed in line {s.line} while the program runs"
+        known = {*self._frames, *(row for name in tables if (table := TABLE.fullmatch(name)) for row in _rows(table))}
+        for name in known:
+            if found := max((last[key] for key in (name, _row_of(name)) if key in last), default=None):
+                self._frames[name] = f"{name} may be changed in line {found[1]} while the program runs"
 
     def _selections(self, statements: Sequence[st.Statement]) -> Iterator[tuple[str, str]]:
         """Yield the kind and the name of every frame that the statements select; empty where that is computed."""
@@ -241,6 +241,11 @@ class FrameValues:
 def _is_one(name: str) -> bool:
     """Tell whether a name, in one spelling, means one variable: it has no index, or one that is a number."""
     return re.fullmatch(r"[^\[]*(\[\d+\])?", name) is not None
+
+
+def _row_of(name: str) -> str:
+    """Return what the names of all variables of a row begin with."""
+    return name.partition("[")[0] + "["
 
 
 def _rows(table: re.Match[str]) -> list[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import sys
 from collections.abc import Sequence
@@ -13,11 +14,13 @@ import numpy as np
 from pydantic import Field, PositiveInt
 
 from planner.common.errors import InputError, MissingProgramError, did_you_mean
+from planner.common.files import read_bytes
 from planner.common.schema import read_toml_content, validate
 from planner.common.units import Array
 from planner.gauges.vision.board import Board, BoardFile
 
 ENDINGS = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm", ".webp")
+_PIXELS = "OPENCV_IO_MAX_IMAGE_PIXELS"
 LEAST_SHARE, LEAST_CORNERS = 0.15, 6  # of a board that must be seen, of one with so many corners
 
 
@@ -144,6 +147,8 @@ class CornerSeeker:
             InputError: the dictionary is none of OpenCV's, or has too few markers.
             MissingProgramError: OpenCV is not installed.
         """
+        # 200_000_000: pixels, of the largest cameras; OpenCV reads it when it is loaded
+        os.environ.setdefault(_PIXELS, "200000000")
         try:
             import cv2
         except ImportError as err:
@@ -174,9 +179,19 @@ class CornerSeeker:
         return cls(cv2, board, cv2.aruco.ArucoDetector(dictionary, how), charuco)
 
     def read(self, path: Path) -> np.ndarray | None:
-        """Return an image in grey; ``None`` where it is none."""
-        data = np.frombuffer(path.read_bytes(), dtype=np.uint8)
-        image = self.cv2.imdecode(data, self.cv2.IMREAD_GRAYSCALE) if len(data) else None
+        """Return an image in grey; ``None`` where it is none.
+
+        Raises:
+            InputError: its head says more pixels than a camera has.
+        """
+        data = np.frombuffer(read_bytes(path), dtype=np.uint8)
+        try:
+            image = self.cv2.imdecode(data, self.cv2.IMREAD_GRAYSCALE) if len(data) else None
+        except self.cv2.error as err:
+            raise InputError(
+                f"{path}: OpenCV does not read the image: it has more than {os.environ.get(_PIXELS)} pixels, or is "
+                "damaged; give the image as the camera has written it"
+            ) from err
         return None if image is None else np.asarray(image)
 
     def corners(self, image: np.ndarray) -> Array | str:

@@ -26,6 +26,7 @@ from planner.kinematics.xacro.scope import (
 from planner.kinematics.xacro.template_files import TemplateFiles
 from planner.kinematics.xacro.values import LETTERS_A_STEP, XacroError, to_text
 
+COPIED_LETTERS_A_STEP = 1000  # of a text that are copied while a step of work is done
 ELEMENT_STEPS = 10  # of work for each element and each attribute that is written
 PREFIX = "xacro:"
 DOLLARS = re.compile(r"\$+")
@@ -113,10 +114,12 @@ class _Expander:
         if not text:
             return
         written = to_text(self._evaluate(text, scope))
+        before = (target[-1].tail if len(target) else target.text) or ""
+        self._spend(len(before) // COPIED_LETTERS_A_STEP)  # what stands there is copied each time
         if len(target):
-            target[-1].tail = (target[-1].tail or "") + written
+            target[-1].tail = before + written
         else:
-            target.text = (target.text or "") + written
+            target.text = before + written
 
     def _write(self, element: ET.Element, target: ET.Element, scope: Scope) -> None:
         self._element = element

@@ -11,7 +11,7 @@ NUMBER = r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)"  # in the digits that controllers 
 EXPONENT_NUMBER = NUMBER + r"(?:[eE][-+]?[0-9]+)?"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Slot:
     """A place for one number.
 
@@ -116,7 +116,7 @@ def _keep_alignment(gap: str, growth: int) -> str:
     return gap[: len(gap) - spaces] + " " * max(1, spaces - growth)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class PlacedNumber:
     """A number as written, and where it begins in the text."""
 
