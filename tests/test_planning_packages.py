@@ -193,7 +193,8 @@ def test_the_program_without_engines_drives_what_the_one_with_them_drives(planne
 def test_what_differs_from_what_was_proven_is_refused_without_engines(planned, without_packages):
     cell = planned.parent / "cell.toml"
     text = cell.read_text(encoding="utf-8")
-    cell.write_text(text.replace("sync_output = 1", "sync_output = 33"), encoding="utf-8")
+    assert "[controller]\n" in text
+    cell.write_text(text.replace("[controller]\n", "[controller]\nsync_output = 33\n"), encoding="utf-8")
     with pytest.raises(MissingProgramError, match=r"not as it was planned.*proven anew by both.*not installed here"):
         export(planned, dialect="krl", name="a")
     cell.write_text(text, encoding="utf-8")

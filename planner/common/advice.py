@@ -16,6 +16,7 @@ class Occasion(Enum):
     READ_BY_HAND = auto()  # how a session is measured where a person reads the gauge; ``PLAN`` stands for its path
     CENTRED_SESSION = auto()  # how a session with a head of indicators is measured; ``PLAN`` stands for its path
     CENTRED_COLUMNS = auto()  # who writes the columns of centred balls
+    CLUSTER_KEYS = auto()  # who makes the keys of a cluster: the whole sentence without its stop
     CENTRED_BALL = auto()  # the whole sentence on how a ball is centred
 
 

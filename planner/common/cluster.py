@@ -13,6 +13,7 @@ from pickle import Unpickler, UnpicklingError
 from typing import Any
 from urllib.parse import urlsplit
 
+from planner.common.advice import Occasion, advice
 from planner.common.errors import InputError, MissingProgramError
 
 AUTHORITY, CERTIFICATE, KEY = "ca.pem", "cert.pem", "key.pem"  # files of a folder of keys
@@ -43,15 +44,14 @@ def check_address(address: str, keys: Path | None, option: str) -> None:
     parts = urlsplit(address if "://" in address else f"tcp://{address}")
     if parts.scheme == TLS and keys is None:
         raise InputError(
-            f"{option} {address}: name the folder with the keys of the cluster, --cluster-keys DIR "
-            "('edbb serve keys DIR' makes one)"
+            f"{option} {address}: name the folder with the keys of the cluster, --cluster-keys DIR ({_key_maker()})"
         )
     if parts.scheme != TLS and keys is not None:
         raise InputError(f"{option} {address}: with --cluster-keys the address begins with tls://")
     if parts.scheme != TLS and not is_loopback(parts.hostname or ""):
         raise InputError(
             f"{option} {address}: beyond this machine a cluster needs TLS, as whoever reaches it runs what they like: "
-            "make keys with 'edbb serve keys DIR', start scheduler and workers with them (--tls-ca-file, --tls-cert, "
+            f"make keys ({_key_maker()}), start scheduler and workers with them (--tls-ca-file, --tls-cert, "
             f"--tls-key), and say tls://{parts.netloc} with --cluster-keys DIR"
         )
 
@@ -106,8 +106,13 @@ def check_listening(addresses: Iterable[str]) -> None:
         if parts.scheme not in (TLS, "inproc") and not is_loopback(parts.hostname or ""):
             raise InputError(
                 f"the cluster listens at {address} without TLS, where whoever reaches it runs what they like: start "
-                "scheduler and workers with --host 127.0.0.1, or with the keys that 'edbb serve keys DIR' makes"
+                f"scheduler and workers with --host 127.0.0.1, or with keys ({_key_maker()})"
             )
+
+
+def _key_maker() -> str:
+    """Say what makes the keys of a cluster."""
+    return advice(Occasion.CLUSTER_KEYS, f"a folder with {AUTHORITY}, {CERTIFICATE} and {KEY}")
 
 
 def _key_files(keys: Path) -> dict[str, str]:
@@ -118,7 +123,7 @@ def _key_files(keys: Path) -> dict[str, str]:
     """
     for name in (AUTHORITY, CERTIFICATE, KEY):
         if not (keys / name).is_file():
-            raise InputError(f"--cluster-keys {keys}: has no {name}; 'edbb serve keys DIR' makes a folder of keys")
+            raise InputError(f"--cluster-keys {keys}: has no {name}; {_key_maker()}")
     certificate, key = str(keys / CERTIFICATE), str(keys / KEY)
     return {"tls_ca_file": str(keys / AUTHORITY), "tls_client_cert": certificate, "tls_client_key": key}
 

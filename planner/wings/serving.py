@@ -13,4 +13,5 @@ register_command(
 )
 register_advice(Occasion.PLANNING_ELSEWHERE, ", or let a server do it: --server URL, where edbb serve runs")
 register_advice(Occasion.PROVING_ELSEWHERE, ", or let a server do it (--server URL)")
+register_advice(Occasion.CLUSTER_KEYS, "'edbb serve keys DIR' makes a folder of keys")
 register_remote("planner.cli.remote:run_on_server")

@@ -15,7 +15,6 @@ from planner.identification.posterior_draws import RandomEffects, SizeDraw, Size
 from planner.identification.problem import FitProblem
 from planner.identification.wild_rows import expected_weights, row_weights, validation_weights, wild_cost
 from planner.runs.run import Run
-from tests.benchmarks.wild_rows import compare
 from tests.identification.worlds import declared, world
 from tests.simulation.generator.truth import draw_errors
 
@@ -158,15 +157,3 @@ def test_a_validation_has_wild_rows_by_what_most_of_it_is_off():
     assert np.all(validation_weights(residual) == 1.0)
     residual[[3, 20]] += [[4e-4, 0.0, 0.0], [0.0, 5e-2, 0.0]]
     assert np.flatnonzero(validation_weights(residual) < 0.5).tolist() == [3, 20]
-
-
-@pytest.mark.long
-@pytest.mark.parametrize(
-    ("world_name", "off"), [("kr6-tracker", (0.3, 1.0)), ("ur10-bar", (5.0, 5.0)), ("wire", (50.0, 50.0))]
-)
-def test_what_is_released_and_stated_is_that_of_the_run_without_its_wild_rows(world_name, off):
-    """The whole command: causes sought, posterior, true error over the workspace; many arms in the benchmark."""
-    pair = compare(world_name, 2, off)
-    for key in ("true", "stated", "bound"):
-        assert pair["with"][key] == pytest.approx(pair["without"][key], rel=0.25)
-    assert set(pair["rows"]) <= set(pair["with"]["outliers"])

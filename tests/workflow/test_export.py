@@ -225,7 +225,7 @@ def test_poses_nearer_to_the_bars_ends_than_its_place_is_known_are_told():
 
 
 def _with(text, measure, repeat):
-    kept = [line for line in text.splitlines() if not line.startswith(("measure =", "repeat ="))]
+    kept = [line for line in text.splitlines() if not line.startswith(("measure =", "repeat =", "read_by ="))]
     kept.insert(kept.index("[motion]") + 1, f'measure = "{measure}"')
     if "[plan]" not in kept:
         kept.append("[plan]")

@@ -31,8 +31,8 @@ def fitted(tmp_path_factory):
     folder = tmp_path_factory.mktemp("wire")
     (case,) = (c for c in CASES if c.name == "irb120-draw-wire")
     for name, content in case.files.items():
-        assert isinstance(content, str)
-        (folder / name).write_text(content)
+        assert isinstance(content, str | bytes)
+        (folder / name).write_bytes(content if isinstance(content, bytes) else content.encode())
     with few_draws():
         return identification.identify(folder / "wire.csv", cell=folder / "cell.toml", no_trace=True)
 
