@@ -118,10 +118,20 @@ def find_column(header: str) -> RunColumn | None:
     return RunColumn(header, key, unit, units.get(unit, 1.0))
 
 
-def spellings(key: str) -> str:
-    """Return how a quantity's column may be called: ``"q1_deg or q1_rad"``."""
-    units = [unit for unit in units_of(key) or () if unit not in TRAVEL or not split_key(key)[1]]
+def spellings(key: str, convention: str = "") -> str:
+    """Return how a quantity's column may be called: ``"q1_deg or q1_rad"``; a probe's angle in a convention alone."""
+    units = [unit for unit in _usual_units(key) if _convention_of(unit) == convention]
     return " or ".join(f"{key}_{unit}" for unit in units) if units else key
+
+
+def _usual_units(key: str) -> list[str]:
+    """Return the units that a quantity's column may name; those of travel are read of a joint, and not proposed."""
+    return [unit for unit in units_of(key) or () if unit not in TRAVEL or not split_key(key)[1]]
+
+
+def _convention_of(unit: str) -> str:
+    """Return the convention that a unit of a probe's angle says, empty where it says none."""
+    return unit.rpartition("_")[0]
 
 
 def known_keys(n_joints: int) -> list[str]:
@@ -131,7 +141,7 @@ def known_keys(n_joints: int) -> list[str]:
 
 def known_headers(n_joints: int) -> list[str]:
     """Return every column's name for an arm of ``n_joints``."""
-    return [name for key in known_keys(n_joints) for name in spellings(key).split(" or ")]
+    return [f"{key}_{unit}" if unit else key for key in known_keys(n_joints) for unit in _usual_units(key) or ("",)]
 
 
 def recognise_columns(headers: Sequence[str], n_joints: int, file: str) -> tuple[dict[str, RunColumn], list[str]]:
@@ -157,7 +167,8 @@ def recognise_columns(headers: Sequence[str], n_joints: int, file: str) -> tuple
         key, _, rest = header.partition("_")
         key = meant.get(key.lower(), key)
         if units_of(key) and key not in found and "_" not in rest:
-            raise InputError(f"{file}: the column '{header}' does not say its unit; it is called {spellings(key)}")
+            called = spellings(key, rest if f"{rest}_deg" in (units_of(key) or ()) else "")
+            raise InputError(f"{file}: the column '{header}' does not say its unit; it is called {called}")
         hint = did_you_mean(header, known)
         warnings.append(f"{Path(file).name}: the column '{header}' is not part of a run and was left out{hint}")
     return columns, warnings
@@ -239,7 +250,9 @@ class RunTable:
         if len(missing) == len(keys):
             return None
         if missing:
-            raise InputError(f"{self.source.file}: {lacking.format(', '.join(spellings(key) for key in missing))}")
+            convention = next(_convention_of(self.units.get(key, "")) for key in keys if self.has(key))
+            names = ", ".join(spellings(key, convention) for key in missing)
+            raise InputError(f"{self.source.file}: {lacking.format(names)}")
         return read_only(np.ascontiguousarray(self.frame.select(keys).to_numpy()))
 
     def joints(self, stem: str, n_joints: int) -> Array | None:

@@ -47,7 +47,7 @@ def _make_texts() -> dict[str, bytes]:
 
     def certificate(subject: str, key: ec.EllipticCurvePublicKey, of_authority: bool) -> x509.Certificate:
         """Return a certificate that the authority signs."""
-        made = x509.CertificateBuilder(name("edbb cluster"), name(subject), key, x509.random_serial_number())
+        made = x509.CertificateBuilder(name("edbb-planner cluster"), name(subject), key, x509.random_serial_number())
         made = made.not_valid_before(now - timedelta(days=1)).not_valid_after(now + timedelta(days=days))
         basic = x509.BasicConstraints(ca=of_authority, path_length=0 if of_authority else None)
         return made.add_extension(basic, critical=True).sign(authority, hashes.SHA256())
@@ -57,7 +57,7 @@ def _make_texts() -> dict[str, bytes]:
     authority, key = ec.generate_private_key(ec.SECP256R1()), ec.generate_private_key(ec.SECP256R1())
     pem, plain = serialization.Encoding.PEM, serialization.NoEncryption()
     return {
-        AUTHORITY: certificate("edbb cluster", authority.public_key(), True).public_bytes(pem),
+        AUTHORITY: certificate("edbb-planner cluster", authority.public_key(), True).public_bytes(pem),
         CERTIFICATE: certificate("edbb", key.public_key(), False).public_bytes(pem),
         KEY: key.private_bytes(pem, serialization.PrivateFormat.PKCS8, plain),
     }

@@ -74,7 +74,8 @@ CASES = {
     "a key of an alternative": (
         ColumnMap,
         MAP | {"columns": {"t_s": {"column": 1, "facto": 3}}},
-        "unknown key 'columns.t_s.facto'; did you mean \"factor\"? (allowed here: column, factor, offset)",
+        "unknown key 'columns.t_s.facto'; did you mean \"factor\"? (allowed here: clock, column, date, factor, "
+        "nanoseconds, offset)",
     ),
     "a file of another kind": (
         CellFile,

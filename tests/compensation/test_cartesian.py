@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from planner.common.errors import InputError
 from planner.compensation.compensated_file import compensate_file
+from planner.compensation.compensated_program import compensate_program
 from planner.compensation.targets import ToolAndBase
 from planner.kinematics.robot import elementary_placement
 from tests.compensation.robots import bent, exact, pin_flange, regular_angles
@@ -137,6 +138,9 @@ def test_a_taught_point_takes_its_frames_from_its_fdat(kuka, tmp_path):
     path.write_text(
         f"DEFDAT PART\nDECL E6POS XP1={point}\nDECL FDAT FP1={{TOOL_NO 3,BASE_NO 2,IPO_FRAME #BASE}}\nENDDAT\n"
     )
+    with pytest.raises(InputError, match=r"part\.dat:1: .* whose program \(\.src\) does not lie beside it"):
+        compensate_file(path, robot, real)
+    path.write_text(path.read_text().replace("DEFDAT PART", "DEFDAT PART PUBLIC"))  # other modules may drive to XP1
     with pytest.raises(InputError, match=r"part\.dat:2: .*TOOL_DATA\[3\] is not in .*\$config\.dat"):
         compensate_file(path, robot, real)
     table = f"TOOL_DATA[3]={frame_text(TOOL)}\nBASE_DATA[2]={frame_text(BASE)}\n"
@@ -147,8 +151,8 @@ def test_a_taught_point_takes_its_frames_from_its_fdat(kuka, tmp_path):
     assert named.text == done.text
     other = "DEF PART ( )\nFDAT_ACT=FP1\nBAS(#PTP_PARAMS,1)\nPTP XP1\nBAS(#TOOL,1)\nEND\n"
     (tmp_path / "PART.SRC").write_text(other)
-    with pytest.raises(InputError, match=r"TOOL_DATA\[3\] is not in the files"):  # 1 is missing too
-        compensate_file(path, robot, real, frames=ToolAndBase(matrix(TOOL), matrix(BASE)))
+    with pytest.raises(InputError, match=r"part\.dat:2: .*TOOL_DATA\[3\] is not in the files"):  # 1 is missing too
+        compensate_program(path, robot, real, frames=ToolAndBase(matrix(TOOL), matrix(BASE)))
 
 
 def test_inline_forms_select_tool_and_base_for_what_follows(kuka, tmp_path):
@@ -174,7 +178,7 @@ def test_bases_on_an_external_kinematic_are_not_taken_for_fixed(kuka, tmp_path):
     robot, real = kuka
     point = re.search(r"\{X [^}]*S[^}]*\}", krl(robot, regular_angles(robot, 1, seed=7)))[0]
     (tmp_path / "p.dat").write_text(
-        f"DEFDAT P\nDECL E6POS XP1={point}\nDECL FDAT FP1={{TOOL_NO 0,BASE_NO 17}}\nENDDAT\n"
+        f"DEFDAT P PUBLIC\nDECL E6POS XP1={point}\nDECL FDAT FP1={{TOOL_NO 0,BASE_NO 17}}\nENDDAT\n"
     )
     on = 'MACHINE_DEF[2]={NAME[] "T",MECH_TYPE #EASYS}\nMACHINE_FRAME_DAT[17]={MACH_DEF_INDEX 2,PARENT[] "T"}\n'
     data = f"{on}BASE_DATA[17]={frame_text(BASE)}\n"

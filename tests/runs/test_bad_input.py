@@ -65,7 +65,18 @@ CASES = {
     ),
     "two readings": ("q1_deg,q2_deg,length_mm,ball\n1,20,3,4\n", r"several readings \(length_mm; ball\)"),
     "half a position": ("q1_deg,q2_deg,x_mm,y_mm\n1,20,3,4\n", r"there is no column z_mm or z_m or z_um beside"),
-    "half a rotation": ("q1_deg,q2_deg,x_mm,y_mm,z_mm,rx_deg\n1,20,3,4,5,6\n", r"no column ry_deg or ry_rad, rz_deg"),
+    "half a rotation": (
+        "q1_deg,q2_deg,x_mm,y_mm,z_mm,rx_deg\n1,20,3,4,5,6\n",
+        r"no column ry_deg or ry_rad, rz_deg or rz_rad beside",
+    ),
+    "half a rotation in a convention": (
+        "q1_deg,q2_deg,x_mm,y_mm,z_mm,rx_fixed_rad\n1,20,3,4,5,0.6\n",
+        r"no column ry_fixed_deg or ry_fixed_rad, rz_fixed_deg or rz_fixed_rad beside",
+    ),
+    "a convention without unit": (
+        "q1_deg,q2_deg,x_mm,y_mm,z_mm,rx_vector\n1,20,3,4,5,6\n",
+        r"'rx_vector' does not say its unit; it is called rx_vector_deg or rx_vector_rad$",
+    ),
     "rotation alone": ("q1_deg,q2_deg,length_mm,rx_deg,ry_deg,rz_deg\n1,20,3,4,5,6\n", r"turn with a position"),
     "offset alone": ("q1_deg,q2_deg,length_mm,dx_mm,dy_mm,dz_mm\n1,20,3,4,5,6\n", r"no column ball"),
     "one torque": ("q1_deg,q2_deg,length_mm,torque2_Nm\n1,20,3,4\n", r"no column torque1_Nm"),

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from planner.cell.reading import load_cell
+from planner.common.content_hashes import with_hashes
 from planner.common.errors import InputError
 from planner.common.progress import Stages
 from planner.common.summary import SCREEN_LINES
@@ -210,15 +211,19 @@ def test_a_correction_that_is_expected_to_do_harm_is_refused(identified):
     words = ("--model", identified / "out" / "robot.toml", "-o", identified / "new.src")
     known = identified / "out" / "expected_error.json"
     whole = json.loads(known.read_text())
-    known.write_text(json.dumps(whole | {"released": [10 * v for v in whole["nominal"]]}))
+    worse = whole | {"released": [10 * v for v in whole["nominal"]]}
+    known.write_text(json.dumps(with_hashes(worse)))
     code, _, told = edbb("compensate", identified / "part.src", *words)
     assert code == 3
     assert "nothing is written" in told
     assert not (identified / "new.src").exists()
-    known.write_text(json.dumps(whole | {"robot_sha256": "0"}))
+    known.write_text(json.dumps(worse))  # the hashes are those of the other values
+    told = edbb("compensate", identified / "part.src", *words[:2], "-o", "-")[2]
+    assert re.search(r"tool error  unknown: \S+ was changed by hand since edbb wrote it \(released\)", told)
+    known.write_text(json.dumps(with_hashes(whole | {"robot_sha256": "0"})))
     told = edbb("compensate", identified / "part.src", *words[:2], "-o", "-")[2]
     assert "tool error  unknown: expected_error.json belongs to another" in told
-    known.write_text(json.dumps(whole | {"nominal": [0.0]}))
+    known.write_text(json.dumps(with_hashes(whole | {"nominal": [0.0]})))
     code, _, told = edbb("compensate", identified / "part.src", *words)
     assert code == 2
     assert "numbers each" in told
