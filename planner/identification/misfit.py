@@ -321,7 +321,9 @@ def _predict_region(
     unseen = _worth_one_each(np.flatnonzero(test & (weight >= COUNTED)), time, whole.width)
     worth, share = max(1.0, time * len(seen) / (~test).sum()), float((~test).mean())
     others = run.take(seen)
-    drawn = draw_posterior(before, others, whole, background, worth, curves, SWEEPS, share, start, weight[seen])
+    drawn = draw_posterior(
+        before, others, whole, background, worth, curves, sweeps=SWEEPS, share=share, start=start, weight=weight[seen]
+    )
     known, noise_root = drawn.fit_at_start()
     there = FitProblem.of(known.model, run.take(unseen), _scale_noise(known.problem.whitener.noise, 1 / np.sqrt(worth)))
     return HeldOutRegion(unseen, _hold_out(there, known.errors, known.solution.root(known.problem.prior), noise_root))

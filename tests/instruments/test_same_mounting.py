@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from planner.cell.reading import load_cell
+from planner.common.content_hashes import part_hashes
 from planner.common.errors import InputError
 from planner.design.expected_errors import error_limit
 from planner.instruments.live_estimate import LiveEstimate, PoseReading, mean_errors
@@ -197,6 +198,7 @@ def test_what_the_file_says_is_made_once(tmp_path, known, monkeypatch):
     assert written["robot_sha256"] == model_text_hash((tmp_path / "robot.toml").read_text())
     assert written["gauge"]["mounting"] == "monday"
     left_open = {"robot_sha256": "", "gauge": {**written["gauge"], "mounting": ""}}
+    assert written.pop("hashes") == part_hashes(written)  # of what was written: nothing is left out
     assert {**written, **left_open} == json.loads(json.dumps(known.found.errors_content))
 
 

@@ -41,6 +41,7 @@ def test_what_drives_out_what_brought_it_in_is_not_tried_for_ever(monkeypatch, w
     context = SimpleNamespace(
         excluded=set(), steppables=(), dictionary=None, report=lambda _: None, prune=lambda s: s,
         settle=lambda before, after: start, score_test=lambda s: SimpleNamespace(scatter=1.0),
+        change_test=lambda s: SimpleNamespace(scatter=1.0),
         rejected=SimpleNamespace(may_try=lambda c, scatter: True),
         fit_context=SimpleNamespace(run=SimpleNamespace(continuous=False)),
     )  # fmt: skip

@@ -16,6 +16,7 @@ from planner.identification.identifiable_parameters import estimate_parameters, 
 from planner.identification.least_squares import fit
 from planner.identification.problem import FitProblem
 from planner.identification.run_setup import add_motion, locate_gauge, setup_for_run
+from planner.identification.wild_rows import row_weights
 from planner.instruments.equilibrium import use_held_torques, with_held_torque
 from planner.instruments.loaded.assumptions import JOINT_FIT
 from planner.instruments.loaded.types import AveragedCurves, LoadedEvaluation
@@ -91,6 +92,8 @@ class RefinedFit:
 def refine_fit(problem: FitProblem, run: Run, errors: Array, turns: Sequence[Array]) -> RefinedFit:
     """Go on from ``errors`` (P,) until nothing changes, the torques being those in balance (Gauss and Newton).
 
+    Rows without load that stand outside their noise count for little; turns are averages, and count in full.
+
     Args:
         problem: with the noise and prior sigmas as they were found, its compliances by held torques.
         run: of the problem, the rows of ``turns`` last.
@@ -101,19 +104,23 @@ def refine_fit(problem: FitProblem, run: Run, errors: Array, turns: Sequence[Arr
     still_share = 1e-3  # standard deviations: a step that changes nothing
     model, prior, declared = problem.model, problem.prior, problem.whitener.covariance(slice(None))[:, 0, 0]
     first = len(run) - sum(len(c) * c.shape[1] for c in turns)
-    size = 1.0
+    size, weight = 1.0, problem.weight[:first]
     turned = torque_rows(model, run.samples, errors, prior)  # once: they change by parts of themselves
     for _ in range(12):  # Gauss-Newton steps at most
         about = model.linearize(with_held_torque(run.samples, model, errors), problem.targets, errors)
         rows, residual = about.rows[:, 0] + turned, about.residual[:, 0]
         columns = np.column_stack([rows, residual])
-        white = np.concatenate(list(_whiten_rows(columns, size * declared, first, turns)))
+        variance = size * declared
+        counted = np.append(variance[:first] / weight, variance[first:])
+        white = np.concatenate(list(_whiten_rows(columns, counted, first, turns)))
         covariance = _scaled_inverse(white[:, :-1].T @ white[:, :-1] + np.diag(prior**-2.0), prior)
         step = covariance @ (white[:, :-1].T @ white[:, -1] - errors / prior**2)
         errors = errors + step
         left = white[:first, -1] - white[:first, :-1] @ step
-        spare = first - float(np.einsum("ni,ij,nj->", white[:first, :-1], covariance, white[:first, :-1]))
-        before, size = size, size * float((left**2).sum()) / max(1.0, spare)
+        leverage = np.einsum("ni,ij,nj->n", white[:first, :-1], covariance, white[:first, :-1])
+        before, size = size, size * float((left**2).sum()) / max(1.0, float((weight - leverage).sum()))
+        scaled = left / np.sqrt(weight * size / before)  # in standard deviations of the new noise
+        weight = row_weights(scaled[:, None], leverage[:, None], weight)
         still = np.abs(step / np.sqrt(np.diag(covariance))).max() < still_share
         if still and abs(size / before - 1.0) < still_share:
             break

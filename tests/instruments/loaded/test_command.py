@@ -1,6 +1,7 @@
 """``edbb loaded`` from files to files, beside a tracker and in one fit with runs without load."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import polars as pl
@@ -13,7 +14,7 @@ from planner.cell.reading import load_cell
 from planner.common.progress import Stages
 from planner.identification.pipeline import FitSettings
 from planner.instruments.loaded.evaluation import compare_with_tracker
-from planner.instruments.loaded.joint_fit import averaged_run, fit_jointly
+from planner.instruments.loaded.joint_fit import averaged_run, averages_noise, fit_jointly
 from planner.report.loaded_report import loaded_charts
 from planner.runs.loader import load_runs
 from planner.runs.run import Readings, Run, Samples
@@ -105,6 +106,22 @@ def test_one_fit_of_both_knows_what_neither_knows_alone(done):
     assert len(better) == 6
     assert max(better) < 0.8
     assert joint.rms[1] < 4e-6
+
+
+def test_readings_without_load_that_are_far_off_are_as_good_as_left_out(done, folder):
+    free, loaded, turns = load_runs([folder / "free.csv"], 6), averaged_run(done.found), averages_noise(done.found)
+    length, wrong = np.array(free.readings.length), [17, 60]
+    length[wrong] += [1e-2, -1e-4]
+    spoiled = replace(free, readings=replace(free.readings, length=length))
+    left = np.setdiff1d(np.arange(len(free)), wrong)
+    fewer = replace(free, samples=free.samples.take(left), readings=free.readings.take(left))
+    cell = load_cell(str(folder / "cell.toml"), planning=False)
+    theirs, mine = (fit_jointly(cell, run, loaded, turns) for run in (fewer, spoiled))
+    std = np.sqrt(np.diag(theirs.covariance))
+    assert mine.names == theirs.names
+    assert np.abs((mine.errors - theirs.errors) / std).max() < 0.1
+    assert np.sqrt(np.diag(mine.covariance)) == pytest.approx(std, rel=0.05)
+    assert mine.problems == ()
 
 
 def test_compliances_of_the_joint_fit_are_true(done):
