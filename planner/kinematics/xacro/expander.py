@@ -26,7 +26,6 @@ from planner.kinematics.xacro.scope import (
 from planner.kinematics.xacro.template_files import TemplateFiles
 from planner.kinematics.xacro.values import LETTERS_A_STEP, XacroError, to_text
 
-COPIED_LETTERS_A_STEP = 1000  # of a text that are copied while a step of work is done
 ELEMENT_STEPS = 10  # of work for each element and each attribute that is written
 PREFIX = "xacro:"
 DOLLARS = re.compile(r"\$+")
@@ -115,7 +114,7 @@ class _Expander:
             return
         written = to_text(self._evaluate(text, scope))
         before = (target[-1].tail if len(target) else target.text) or ""
-        self._spend(len(before) // COPIED_LETTERS_A_STEP)  # what stands there is copied each time
+        self._spend(len(before) // 1000)  # letters that are copied, each time, while a step of work is done
         if len(target):
             target[-1].tail = before + written
         else:
