@@ -13,9 +13,11 @@ from planner.runs.text import RowSource, first_row
 FORMS = (  # of dates and clocks, as they are tried; the decimals of a second follow by themselves
     "%Y-%m-%dT%H:%M:%S", "%Y-%m-%d %H:%M:%S", "%Y/%m/%d %H:%M:%S", "%Y/%m/%d-%H:%M:%S", "%Y%m%dT%H%M%S",
     "%d.%m.%Y %H:%M:%S", "%d.%m.%y %H:%M:%S", "%d-%b-%Y %H:%M:%S", "%H:%M:%S", "%Y-%m-%d %H:%M", "%d.%m.%Y %H:%M",
-    "%H:%M",
+    "%H:%M", "%I:%M:%S %p",
 )  # fmt: skip
-TWO_WAYS = ("%d/%m/%Y %H:%M:%S", "%m/%d/%Y %H:%M:%S")  # of which only one may fit
+TWO_WAYS = tuple(  # day and month in either order, of which only one may fit
+    f"{day} {clock}" for clock in ("%H:%M:%S", "%I:%M:%S %p") for day in ("%d/%m/%Y", "%m/%d/%Y")
+)
 DATES = ("%Y-%m-%d", "%d.%m.%Y", "%Y/%m/%d", "%d.%m.%y")
 _ZONE = re.compile(r"\s*(Z|UTC|[+-]\d\d:?\d\d)$")
 _DIRECTIVES = re.compile(r"%(.)")
@@ -24,13 +26,15 @@ _DIRECTIVES = re.compile(r"%(.)")
 def check_clock(form: str) -> str:
     """Return the form of a clock, if it is one: ``%H`` and ``%M``, with ``%Y %m %d`` and ``%S`` where these stand.
 
+    A clock of twelve hours has ``%I`` and ``%p`` (AM, PM) for ``%H``.
+
     Raises:
         ValueError: another directive, or no hours and minutes.
     """
     found = _DIRECTIVES.findall(form)
-    strange = [d for d in found if d not in "YymdbHMS"]
-    if strange or not {"H", "M"} <= set(found):
-        why = f"%{strange[0]} is not read" if strange else "hours %H and minutes %M are needed"
+    strange = [d for d in found if d not in "YymdbHMSIp"]
+    if strange or not ({"H", "M"} <= set(found) or {"I", "M", "p"} <= set(found)):
+        why = f"%{strange[0]} is not read" if strange else "hours %H (or %I with %p) and minutes %M are needed"
         raise ValueError(f"is no form of a clock: {why}; such as %d.%m.%Y %H:%M:%S")
     return form
 

@@ -17,7 +17,14 @@ from planner.runs.foreign_table import ForeignTable, foreign_table
 from planner.runs.table import find_column
 from planner.runs.text import read_lines
 from planner.runs.title_units import BRACKETS, OTHER_UNITS, UNIT, UNITS
-from planner.runs.titles import counts_from_0, meaning_of, meanings, without_unit
+from planner.runs.titles import (
+    counts_from_0,
+    is_angle_by_number,
+    meaning_of,
+    meanings,
+    moved_names,
+    without_unit,
+)
 
 USUAL_ENCODING = "utf-8"
 OTHER_ENCODINGS = ("cp1252", "utf-16")  # what a spreadsheet of Windows writes
@@ -85,6 +92,13 @@ def _trace_lines(path: Path, table_name: str) -> Iterator[str]:
     table, encoding = _read_foreign(path)
     if table is None:
         raise InputError(f"{path}: has no columns; a map with a pattern reads it (docs/how-to/run.md)")
+    if moved := moved_names(table):
+        row, title = moved
+        line = table.skip + int(table.header) + int(table.has_units) + row + 1
+        raise InputError(
+            f"{path}, line {line}: {title!r} names another joint than the rows before: write each joint's angle into a "
+            "column of its own, in all rows the same"
+        )
     known = proposed_columns(table)
     if not known:
         raise InputError(
@@ -99,6 +113,8 @@ def _trace_lines(path: Path, table_name: str) -> Iterator[str]:
     yield f"\n[{table_name}columns]  # quantity = {'title' if table.header else 'number'} of its column"
     for name, column in known.items():
         joint = counted if OF_JOINT.match(name) else ""
+        if OF_JOINT.match(name) and table.header and is_angle_by_number(table, column.places[0]):
+            joint += "  # which joint is it? ROS often lists joints by the alphabet"
         yield f"{name} = {column.text}{column.doubt}{joint}"
     used = {k for column in known.values() for k in column.places}
     for k, title in enumerate(table.titles):

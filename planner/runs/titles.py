@@ -102,6 +102,23 @@ def _by_joint_names(table: ForeignTable) -> dict[int, str]:
     return {}
 
 
+def moved_names(table: ForeignTable) -> tuple[int, str] | None:
+    """Return the first row, from 0, in which a column of joint names holds another name, and that column's title."""
+    if not table.header:
+        return None
+    for k in (k for k, title in enumerate(table.titles) if NAME_OF_JOINT.fullmatch(_words(title))):
+        texts = table.texts(k)
+        if (row := next((n for n, text in enumerate(texts) if text != texts[0]), None)) is not None:
+            return row, table.titles[k]
+    return None
+
+
+def is_angle_by_number(table: ForeignTable, column: int) -> bool:
+    """Tell whether a column is a joint only by its number in a list that ROS writes, ``position[0]``, without names."""
+    numbered = bool(POSITION_OF_JOINT.fullmatch(_words(table.titles[column])))
+    return numbered and not any(NAME_OF_JOINT.fullmatch(_words(title)) for title in table.titles)
+
+
 def _words(title: str) -> str:
     return without_unit(title)[0].strip()
 

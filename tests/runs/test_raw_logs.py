@@ -141,6 +141,30 @@ def test_times_of_clocks_and_calendars_become_seconds(tmp_path, clock, title):
     np.testing.assert_allclose(np.diff(run.samples.t), 10.0, atol=1e-5)
 
 
+def test_a_clock_of_twelve_hours_goes_on_after_midnight(tmp_path):
+    texts = ["11:59:40 PM", "11:59:50 PM", *(f"12:{k // 60:02d}:{k % 60:02d} AM" for k in range(0, 100, 10))]
+    titles = ["Time", *(f"J{k}" for k in range(1, 7)), "x", "y", "z"]
+    log = table(tmp_path / "log.csv", titles, [texts, *Q.T, *P.T], ";")
+    np.testing.assert_allclose(np.diff(imported(tmp_path, log).samples.t), 10.0, atol=1e-5)
+
+
+def test_names_of_joints_that_change_places_are_refused_with_their_line(tmp_path):
+    """From row 8 on ROS writes elbow and pan in each other's places."""
+    places = [[k if n < 8 else (2, 1, 0, 3, 4, 5)[k] for k in range(6)] for n in range(len(Q))]
+    titles = [f"{what}[{k}]" for k in range(6) for what in ("name", "position")]
+    columns = [
+        c for k in range(6) for c in ([UR[p[k]] for p in places], [q[p[k]] for q, p in zip(Q, places, strict=True)])
+    ]
+    log = table(tmp_path / "log.csv", [*titles, "x", "y", "z"], [*columns, *P.T])
+    with pytest.raises(InputError, match=r"log\.csv, line 10: 'name\[0\]' names another joint than the rows before"):
+        proposed_map([log])
+
+
+def test_joints_that_only_a_number_names_are_doubted(tmp_path):
+    log = table(tmp_path / "log.csv", [*(f"position[{k}]" for k in range(6)), "x", "y", "z"], [*Q.T, *P.T])
+    assert proposed_map([log]).count("# which joint is it?") == 6
+
+
 def test_a_date_beside_its_clock_and_seconds_beside_nanoseconds(tmp_path):
     titles = [*(f"J{k}" for k in range(1, 7)), "x", "y", "z"]
     two = table(tmp_path / "log.csv", ["Datum", "Uhrzeit", *titles],
