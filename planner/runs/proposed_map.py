@@ -70,6 +70,7 @@ def proposed_map(traces: Sequence[Path]) -> str:
                 'schema = "edbb-map/1"',
                 '# axes_of = "krl"  # where the angles are a controller\'s: its language (edbb dialects), and then',
                 '# robot = "robot.toml"  # shipped, or its file beside this one: says how the controller counts',
+                "#                        and lets the import find readings that stand some rows beside their angles",
                 *(joined if _are_joined_by_rows([t for t in tables if t is not None]) else []),
                 *(line for part in parts for line in part),
             )
