@@ -187,7 +187,7 @@ def trace_sources(made: Sequence[tuple[str, set[str], int]], begun: set[str]) ->
     found, waiting = dict[str, int](), [name for name in sources if name in begun]
     for name in waiting:  # grows by what is found
         for right, line in sources.get(name, ()):
-            new = right - found.keys()
+            new = {source for source in right if source not in found}
             found |= dict.fromkeys(new, line)
             waiting += sorted(new - begun)
     return found

@@ -192,7 +192,7 @@ class _RapidTargets:
         """
         keys = dict.fromkeys(self.names.resolve(p, name) for name in sorted(names))
         for key in (queue := [self.names.resolve(p, name) for name in sorted(whole)]):
-            queue += (more := sorted(self.copies.get(key, set()) - keys.keys()))
+            queue += (more := sorted(name for name in self.copies.get(key, ()) if name not in keys))
             keys |= dict.fromkeys(more)
         points = [key for key in keys if self.points.has(key)]
         if not points:
