@@ -2,7 +2,6 @@
 
 import hashlib
 import json
-import os
 import re
 import sys
 import time
@@ -20,7 +19,7 @@ from planner.cli.terminal import Screen, check_folder, environment_token, errors
 from planner.common.errors import InputError, MissingProgramError
 from planner.common.files import write_bytes, write_together
 from planner.common.result_folder import MANIFEST, draft_folder, move_all
-from planner.compensation.module_files import other_program_files
+from planner.compensation.module_files import is_folder, is_new_folder, other_program_files
 from planner.kinematics.packages import COMMAND_PACKAGES
 from planner.session.movable_cell import cell_files
 
@@ -123,7 +122,7 @@ class RemoteWords:
                 continue
             if word in OUTPUT:
                 made.output = next(rest, "")
-                is_file = words[0] in FILE_VERBS and not _is_folder(made.output)
+                is_file = words[0] in FILE_VERBS and not is_folder(made.output)
                 there = f"out/{Path(made.output).name}" if is_file else "out/" if words[0] in FILE_VERBS else "out"
                 made.words += ["-o", made.output if made.output == "-" else there]
             elif Path(word).exists() and word != words[0]:
@@ -219,17 +218,12 @@ def _fetch(server: Server, file: dict[str, object]) -> bytes:
     return data
 
 
-def _is_folder(output: str) -> bool:
-    """Tell whether a command that writes files is given a folder for them."""
-    return Path(output).is_dir() or output.endswith(("/", os.sep))
-
-
 def _write(files: dict[str, bytes], wanted: str, verb: str, force: bool) -> str:
     """Write the results where the command would have; return where."""
     output = Path(wanted)
     if verb in FILE_VERBS:
-        folder = output if _is_folder(wanted) else output.parent
-        if wanted.endswith(("/", os.sep)):
+        folder = output if is_folder(wanted) else output.parent
+        if is_new_folder(wanted):
             folder.mkdir(parents=True, exist_ok=True)
         write_together([(folder / name, data) for name, data in files.items()], force=force)
         return ", ".join(str(folder / name) for name in files)

@@ -179,7 +179,8 @@ def replace_together(drafts: Sequence[tuple[Path, Path]]) -> None:
     if len(drafts) > 1:
         with _aside_folder(drafts[0][1].parent) as aside:
             place_files(drafts, aside)
-    for draft, path in drafts if len(drafts) == 1 else ():
+        return
+    for draft, path in drafts:
         try:
             os.replace(draft, path)
         except OSError as err:

@@ -1,5 +1,6 @@
 """Files that are one program: the two halves of a KRL module, and the RAPID modules that share targets."""
 
+import os
 import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -13,6 +14,8 @@ _RAPID_SUFFIXES = (".mod", ".modx", ".sys", ".prg")
 _DATA = r"^[ \t]*+{}(?:TASK\s+)?(?:CONST|PERS|VAR)\s+(?:robtarget|jointtarget)\s+(\w+)"
 _DECLARED = re.compile(_DATA.format(r"(?:LOCAL\s+)?"), re.IGNORECASE | re.MULTILINE)
 _SHARED = re.compile(_DATA.format(""), re.IGNORECASE | re.MULTILINE)  # seen by other modules
+
+_WORD = re.compile(r"[A-Za-z]\w*")
 
 
 def files_together(path: Path, family: str, text: str) -> dict[Path, str]:
@@ -53,21 +56,23 @@ def _other_half(path: Path) -> dict[Path, str]:
 
 def global_targets(text: str) -> set[str]:
     """Return the names, in small letters, of the targets of a RAPID module that other modules can drive to."""
-    return {name.lower() for name in _SHARED.findall(_code(text))}
+    return _names(_SHARED, _code(text))
 
 
 def _code(text: str) -> str:
     return mask_comments(text, r"![^\r\n]*")
 
 
+def _names(pattern: re.Pattern[str], code: str) -> set[str]:
+    return {name.lower() for name in pattern.findall(code)}
+
+
 def _rapid_modules(path: Path, text: str) -> dict[Path, str]:
     """Return the modules in the folder that share targets with one, or with one of these."""
     texts = {path: text} | dict(_readable(path))
-    shared = {p: global_targets(t) for p, t in texts.items()}
-    needed = {
-        p: {w.lower() for w in re.findall(r"[A-Za-z]\w*", _code(t))} - {n.lower() for n in _DECLARED.findall(_code(t))}
-        for p, t in texts.items()
-    }
+    codes = {p: _code(t) for p, t in texts.items()}
+    shared = {p: _names(_SHARED, code) for p, code in codes.items()}
+    needed = {p: _names(_WORD, code) - _names(_DECLARED, code) for p, code in codes.items()}
     group = [path]
     for member in group:
         group += [p for p in texts if p not in group and (needed[member] & shared[p] or needed[p] & shared[member])]
@@ -90,6 +95,16 @@ def _readable(path: Path) -> Iterator[tuple[Path, str]]:
                 yield other, read_program(other)[0]
             except InputError:
                 continue
+
+
+def is_folder(output: Path | str) -> bool:
+    """Tell whether what is named for the corrected files is a folder: it is there already, or ends in a slash."""
+    return Path(output).is_dir() or is_new_folder(output)
+
+
+def is_new_folder(output: Path | str) -> bool:
+    """Tell whether a name ends as that of a folder, which is made where there is none."""
+    return str(output).endswith(("/", os.sep))
 
 
 def output_paths(output: Path, is_folder: bool, names: Sequence[str]) -> list[Path]:

@@ -135,8 +135,7 @@ def expected_error_text(content: ExpectedErrorContent, robot_toml: str, mounting
 
 def expected_error_content(released: ReleasedRobot, run: Run) -> ExpectedErrorContent:
     """Return what the file says, the names of robot file and set-up left open; ``run``: that was identified."""
-    tool, setup, points = released.tool, released.fit.setup, (released.tool, *released.further_points)
-    names = tuple(dict.fromkeys(name for point in points for name in point.names))
+    tool, setup, points, names = released.tool, released.fit.setup, released.measured_points, released.moving_names
     maps = (*points, *released.other_tools)
     root, squares = _few_columns(released.spread(names), maps, names)
     rest = [s - _mean_square(root, m, names) for s, m in zip(squares, maps, strict=True)]
@@ -179,20 +178,19 @@ def _standing_gauge(released: ReleasedRobot, run: Run) -> dict[str, object]:
     Errors of the robot that a gauge elsewhere would take up are as open as the gauge's place, and only both together
     are known: so the root has all directions that move either the tool or the readings.
     """
-    setup, known, tool = released.fit.setup, released.posterior.fit, released.tool
+    setup, known = released.fit.setup, released.posterior.fit
     stands = setup.gauge.kept_mounting(setup)
     own = {name: own for name, own in stands.names.items() if name in known.values}
     if not own:
         return {}
-    points = (tool, *released.further_points)
-    names = [*dict.fromkeys(name for point in points for name in point.names), *own]
+    names = [*released.moving_names, *own]
     root = released.spread(names)
     few = run.samples.take(even_positions(len(run), 300))  # readings say which directions move them
     rows = known.model.rows(few)[:, 0] / known.model.noise(few)[:, None]
     at = [known.model.names.index(n) if n in known.model.names else -1 for n in names]
     seen = np.where(np.array(at) >= 0, rows[:, at], 0.0) @ root
     moved = seen.T @ seen
-    for each in (*points, *released.other_tools):
+    for each in (*released.measured_points, *released.other_tools):
         motion = _tool_motion(root, each, names)
         # 10: as much as ten readings of one standard deviation each
         moved += 10.0 * motion.T @ motion / max(float((motion**2).sum()), 1e-300)

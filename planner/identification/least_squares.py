@@ -24,7 +24,7 @@ from planner.identification.assumptions import (
 )
 from planner.identification.noise import Noise, estimate_noise
 from planner.identification.problem import PIECE_SAMPLES, FitProblem, FoldPieces, LinearPiece
-from planner.identification.wild_rows import row_weights
+from planner.identification.wild_rows import row_weights, unseen_weights
 from planner.model.model import Model
 
 FROZEN_NUMBERS = 200_000  # of a Jacobian, from which on it stands for those at the next steps too
@@ -289,8 +289,7 @@ def fit(
             break
     whole = problem.with_noise(few.whitener.noise).with_model(few.model) if long else few
     if long and errors is not None:
-        weight = row_weights(whole.white_residual(errors), np.zeros((len(whole), whole.model.width)), whole.weight)
-        whole = replace(whole, weight=weight)
+        whole = replace(whole, weight=unseen_weights(whole.white_residual(errors)))
     solution = solve(whole, errors, fold=fold)
     return Fit(whole, solution, float((1 - _shrinkage(solution)).sum()), leverage)
 

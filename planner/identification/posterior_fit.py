@@ -29,7 +29,7 @@ from planner.identification.posterior_background import (
 from planner.identification.posterior_draws import RandomEffects, SizeDraw, SizePrior, draw_sizes
 from planner.identification.problem import FitProblem
 from planner.identification.size_mixture import EACH, MixtureMoments, SizeMixture
-from planner.identification.wild_rows import row_weights
+from planner.identification.wild_rows import unseen_weights
 from planner.model.identification_document import SizeOfFamily
 from planner.model.model import Model
 from planner.runs.run import Run
@@ -129,8 +129,7 @@ class DrawnPosterior:
         problem = self.problem
         errors = problem.prior * self.mixture.mean(_gram(problem, self.start), self.start / problem.prior)
         if len(self.record.run) < len(problem):  # so many rows that none of them decides what the others say
-            white = problem.white_residual(errors)
-            problem = replace(problem, weight=row_weights(white, np.zeros_like(white), problem.weight))
+            problem = replace(problem, weight=unseen_weights(problem.white_residual(errors)))
         gram = _gram(problem, errors)
         fit, moments = replace(self, problem=problem)._fit_about(gram, errors, EACH)
         unit = problem.prior[:, None]

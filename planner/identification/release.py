@@ -35,7 +35,7 @@ from planner.identification.posterior_background import EffectFamily, background
 from planner.identification.posterior_fit import PosteriorFit, draw_posterior
 from planner.identification.released_robot import ReleasedRobot, ToolMap, drift_of, tool_maps
 from planner.identification.stages import FitContext, FittedStage
-from planner.identification.wild_rows import row_weights
+from planner.identification.wild_rows import unseen_weights
 from planner.model.identification_document import Metrics, Release, WorkToolError
 from planner.model.model import Model
 from planner.runs.run import Run
@@ -143,7 +143,7 @@ def _weight_without_slips(last: Fit, weight: Array) -> Array:
         return weight
     fitted, bare = (last.problem.white_residual(np.where(gone, 0.0, last.errors)) for gone in (False, slips))
     wrong = np.abs(bare - fitted).max(axis=1) > 0
-    return np.where(wrong, row_weights(bare, np.zeros_like(bare), np.ones(len(bare))), weight)
+    return np.where(wrong, unseen_weights(bare), weight)
 
 
 def _choose_curves(

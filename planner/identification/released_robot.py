@@ -136,9 +136,19 @@ class ReleasedRobot:
         return f"ReleasedRobot('{self.fit.setup.robot.name}', parameters={len(self.fit.model.parameters)})"
 
     @property
+    def measured_points(self) -> tuple[ToolMap, ...]:
+        """The motion of every tool point that was measured, the first one first."""
+        return (self.tool, *self.further_points)
+
+    @property
+    def moving_names(self) -> tuple[str, ...]:
+        """Names of the parameters that move any of these points."""
+        return tuple(dict.fromkeys(name for point in self.measured_points for name in point.names))
+
+    @property
     def tool_points(self) -> dict[str, Array]:
         """The measured tool points in the flange of this robot, (3,) [m], by name; a lone one may have none."""
-        maps = zip(self.fit.setup.point_names, (self.tool, *self.further_points), strict=True)
+        maps = zip(self.fit.setup.point_names, self.measured_points, strict=True)
         return {name: np.asarray(m.p_FM + self.fit.at(tool_point_parameters(name))) for name, m in maps}
 
     def _rows_per_error(self, where: ToolMap, names: Sequence[str]) -> Array:

@@ -46,9 +46,7 @@ def _wild_rows_text(run: Run, weight: Array, off: Array, unit: str) -> list[str]
         return []
     named = []
     for part in np.split(wild, np.flatnonzero(np.diff(wild) != 1) + 1):
-        where = (
-            run.where(int(part[0])) if len(part) == 1 else f"{run.where(int(part[0]))} to {run.where(int(part[-1]))}"
-        )
+        where = " to ".join(run.where(int(k)) for k in dict.fromkeys((part[0], part[-1])))
         each = "each counts" if len(part) > 1 else "counts"
         share = f"{100 * weight[part].max():.2g} %" if weight[part].max() > 1e-3 else "less than 0.1 %"
         named.append(f"{where}: {off[part].max() / MM:.3g} {unit} off, {each} for {share} of a reading")

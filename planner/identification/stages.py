@@ -18,7 +18,7 @@ from planner.identification.cross_validation import HeldOutPrediction, Split, pr
 from planner.identification.identifiable_parameters import FittedParameters
 from planner.identification.least_squares import Fit, fit
 from planner.identification.problem import PIECE_SAMPLES, FitProblem
-from planner.identification.wild_rows import row_weights
+from planner.identification.wild_rows import unseen_weights
 from planner.model.identification_document import Metrics, Stage
 from planner.model.model import Model, chunks
 from planner.runs.run import Run
@@ -131,8 +131,7 @@ class FitContext:
         if len(found.problem) == len(self.run):
             return found.problem.weight
         whole = self._problem(found.model, None).restart_with(found.model, found.problem.whitener.noise)
-        white = whole.white_residual(found.errors)
-        return row_weights(white, np.zeros_like(white), whole.weight)
+        return unseen_weights(whole.white_residual(found.errors))
 
     def _stage(
         self, name: str, found: Fit, residual: Array, held_residual: Array, held: HeldOutPrediction | FittedStage

@@ -19,6 +19,14 @@ from planner.common.units import Array
 from planner.identification.assumptions import POSITION_AXES, WILD_PROBABILITY, WILD_SCALES
 
 
+def unseen_weights(white: Array) -> Array:
+    """Return by how much each row counts, (n,), where a fit has not seen it, or has so many that none decides.
+
+    ``white``: residuals in standard deviations of the noise, (n, r).
+    """
+    return row_weights(white, np.zeros_like(white), np.ones(len(white)))
+
+
 def row_weights(white: Array, leverage: Array, weight: Array) -> Array:
     """Return by how much each row counts, (n,), 1 for those that do not stand outside.
 
@@ -38,8 +46,7 @@ def validation_weights(residual: Array) -> Array:
     """Return by how much rows count (n,) among residuals (n, r) [m] of rows that no fit saw, by what most are off."""
     position = residual[:, :POSITION_AXES]
     middle = float(np.median(np.linalg.norm(position, axis=1))) / np.sqrt(chdtri(position.shape[1], 0.5))
-    white = position / max(middle, 1e-300)
-    return row_weights(white, np.zeros_like(white), np.ones(len(white)))
+    return unseen_weights(position / max(middle, 1e-300))
 
 
 def expected_weights(square: Array, others: Array) -> Array:

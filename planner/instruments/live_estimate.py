@@ -23,7 +23,7 @@ from planner.design.learnt_posterior import LearntPosterior
 from planner.design.learnt_sizes import ALWAYS, AT_TIMES, HARDLY_EVER, MOSTLY, Families
 from planner.design.unnamed_errors import UnnamedErrors, add_unnamed_errors
 from planner.effects.effect import tool_point_parameters
-from planner.instruments.remaining_errors import CalibratedState, RemainingErrors
+from planner.instruments.remaining_errors import CalibratedState, RemainingErrors, tool_names
 from planner.runs.run import Readings, Samples
 
 GAUGE = "gauge"
@@ -273,8 +273,8 @@ def mean_errors(unknown: ExpectedErrors) -> Array:
     if isinstance(unknown, RemainingErrors):
         file = unknown.before.known.file
         known = {p.name: -value for p, value in zip(file.parameters, file.nominal, strict=True)}
-        first = tool_point_parameters(next(iter(unknown.model.setup.point_names), ""))
-        tool = dict(zip(first, tool_point_parameters(""), strict=True))  # of a lone point that was measured
+        lone = tool_point_parameters("")  # of a single point that was measured
+        tool = dict(zip(tool_names(unknown.model.setup), lone, strict=True))
         if unknown.stands is not None:
             known |= dict(zip(unknown.stands.parameters, unknown.stands.values, strict=True))
         mean = np.array([known.get(n, known.get(tool.get(n, n), 0.0)) for n in names])

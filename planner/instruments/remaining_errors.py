@@ -115,8 +115,7 @@ class RemainingErrors:
             InputError: an effect moves a part that the cell's robot does not have.
         """
         setup, known = setup_of(cell), before.known
-        first = tool_point_parameters(next(iter(setup.point_names), ""))
-        tool = dict(zip(tool_point_parameters(""), first, strict=True))  # of a lone point that was measured
+        tool = dict(zip(tool_point_parameters(""), tool_names(setup), strict=True))  # of a lone point that was measured
         names = [tool.get(p.name, p.name) for p in known.file.parameters]
         own = {p.name: p for p in Model.of(setup, FREEABLE).parameters}
         effects = [effect_parameter(p.name, p.moves, setup) for p in known.file.parameters if p.moves]
@@ -248,6 +247,11 @@ def _tool_weight(known: ExpectedError, places: ErrorPlaces, spread: Array, anew:
     parts = [known.aligned_motion(places.q[which.ravel() == k], spread, tool) for k, tool in enumerate(tools)]
     moved = np.concatenate(parts).reshape(-1, parts[0].shape[-1])
     return np.asarray(block_diag(moved.T @ moved / len(places.q), np.zeros((anew, anew))))
+
+
+def tool_names(setup: MeasurementSetup) -> list[str]:
+    """Names of the three parameters of the first tool point."""
+    return tool_point_parameters(next(iter(setup.point_names), ""))
 
 
 def _gauge_errors(setup: MeasurementSetup, samples: Samples) -> list[Parameter]:

@@ -42,7 +42,7 @@ def model_text_hash(robot_toml: str) -> str:
 
     What counts is as in :func:`robot_hash`.
     """
-    return _hash_of(_drop_keys(tomllib.loads(robot_toml), NOT_COUNTED))
+    return canonical_hash(_drop_keys(tomllib.loads(robot_toml), NOT_COUNTED))
 
 
 def is_model_of(robot_file: Path, digest: str) -> bool:
@@ -52,7 +52,7 @@ def is_model_of(robot_file: Path, digest: str) -> bool:
         InputError: it cannot be read.
     """
     said = _drop_keys(read_toml_content(robot_file), NOT_COUNTED)
-    return digest == _hash_of(said) or has_hash(read_bytes(robot_file), digest)
+    return digest == canonical_hash(said) or has_hash(read_bytes(robot_file), digest)
 
 
 def _drop_keys(content: Mapping[str, object], keys: tuple[str, ...]) -> dict[str, object]:
@@ -118,16 +118,12 @@ def _file_content(name: str, data: bytes) -> object:
     return _element(parse_xml(data)) if Path(name).suffix == ".urdf" else data.decode().split()
 
 
-def _hash_of(said: Mapping[str, object]) -> str:
-    return canonical_hash(said)
-
-
 def _hash_without(robot: Robot, keys: tuple[str, ...]) -> str:
     content = read_toml_content(robot.path)
     said = _drop_keys(content, keys)
     if robot.convention == "urdf":
         said["urdf"] = _element(parse_urdf(robot.path.parent / str(content["urdf"]), robot.packages))
-    return _hash_of(said)
+    return canonical_hash(said)
 
 
 def _element(element: ET.Element) -> list[object]:

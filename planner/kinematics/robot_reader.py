@@ -67,8 +67,7 @@ def load_robot(
         InputError: no such robot, or its file is wrong, or says that nothing may be made of it.
     """
     reference = str(reference)
-    shipped = data_folder("robots") / reference / "robot.toml"
-    if "/" not in reference and os.path.isfile(shipped):
+    if shipped := _shipped_file(reference):
         return _from_file(shipped, beta, tip, parked=parked, base=base)
     path = beside / reference
     if os.path.isdir(path):
@@ -84,6 +83,12 @@ def load_robot(
         f"robot '{reference}': neither a shipped robot nor a file{did_you_mean(reference, known)} "
         f"(shipped: {', '.join(known)})"
     )
+
+
+def _shipped_file(name: str) -> Path | None:
+    """Return the file of a shipped robot; ``None`` where there is none of that name."""
+    path = data_folder("robots") / name / "robot.toml"
+    return path if "/" not in name and os.path.isfile(path) else None
 
 
 def describe_robot(path: Path, tip: str | None = None) -> RobotDescription:
@@ -112,18 +117,16 @@ def describe_robot(path: Path, tip: str | None = None) -> RobotDescription:
 
 def _with_differences(path: Path) -> RobotDescription:
     """Return the robot that a ``calibration.conf`` names, with the differences that it holds added to its rows."""
-    base = path.parent / (name := robot_of_differences(path))
-    shipped = data_folder("robots") / name / "robot.toml"
-    if not (found := shipped if "/" not in name and os.path.isfile(shipped) else base).is_file():
-        known = list(list_robots())
-        raise InputError(f"{path}: '# robot: {name}' is no shipped robot and no file{did_you_mean(name, known)}")
+    name = robot_of_differences(path)
+    if not (found := _shipped_file(name) or path.parent / name).is_file():
+        near = did_you_mean(name, list(list_robots()))
+        raise InputError(f"{path}: '# robot: {name}' is no shipped robot and no file{near}")
     file = read_toml(found, RobotDescription)
     if file.convention != "dh":
         raise InputError(f"{path}: its differences are of DH rows, and {name} has convention = '{file.convention}'")
-    added = row_differences(path, len(file.joints))
     joints = tuple(
         j.model_copy(update={key: (getattr(j, key) or 0.0) + v for key, v in more.items()})
-        for j, more in zip(file.joints, added, strict=True)
+        for j, more in zip(file.joints, row_differences(path, len(file.joints)), strict=True)
     )
     sources = dict(file.sources) | {"kinematics": f"rows of {name} with the differences of {path.name}"}
     return file.model_copy(update={"joints": joints, "sources": sources, "reach_mm": None})

@@ -25,6 +25,7 @@ from planner.report.chart import (
     Panel,
     ReferenceLine,
     Series,
+    Span,
     log_ticks,
 )
 
@@ -144,17 +145,21 @@ def _head(ax: Axes, panel: Panel, labels: Sequence[str], room: float) -> float:
     return 0.0 if beside else line_pt * lines / 72
 
 
+def _set_log_ticks(axis: Any, span: Span) -> None:
+    axis.set_ticks(*log_ticks(span, "$10^{{{}}}$"))
+    axis.set_minor_formatter(NullFormatter())
+
+
 def _axes(ax: Axes, panel: Panel) -> None:
     ax.set(xlabel=panel.x_label, ylabel=panel.y_label)
-    for axis, along, span, logarithmic in (
-        (ax.xaxis, "x", ax.get_xlim, panel.log_x),
-        (ax.yaxis, "y", ax.get_ylim, panel.log_y),
-    ):
-        if logarithmic:
-            seen = span()
-            axis.set_ticks(*log_ticks(panel.log_span("x" if along == "x" else "y"), "$10^{{{}}}$"))
-            axis.set_minor_formatter(NullFormatter())
-            (ax.set_xlim if along == "x" else ax.set_ylim)(*seen)
+    if panel.log_x:
+        seen = ax.get_xlim()
+        _set_log_ticks(ax.xaxis, panel.log_span("x"))
+        ax.set_xlim(*seen)
+    if panel.log_y:
+        seen = ax.get_ylim()
+        _set_log_ticks(ax.yaxis, panel.log_span("y"))
+        ax.set_ylim(*seen)
     if panel.x_range is not None:
         ax.set_xlim(*panel.x_range)
     if panel.y_names:

@@ -60,9 +60,14 @@ def proposed_map(traces: Sequence[Path]) -> str:
     Raises:
         InputError: a file cannot be read, or has no columns with titles.
     """
-    parts = [list(_trace_lines(path, "traces." if k else "")) for k, path in enumerate(traces)]
+    parts, tables = list[list[str]](), list[ForeignTable]()
+    for path in traces:
+        table, encoding = _read_foreign(path)
+        if table is None:
+            raise InputError(f"{path}: has no columns; a map with a pattern reads it (docs/how-to/run.md)")
+        parts.append(list(_trace_lines(path, table, encoding, "traces." if tables else "")))
+        tables.append(table)
     joined = ['join = "rows"  # no time or number of the pose stands in both: is row k of one that of the other?']
-    tables = [_read_foreign(path)[0] for path in traces]
     return (
         "\n".join(
             (
@@ -71,7 +76,7 @@ def proposed_map(traces: Sequence[Path]) -> str:
                 '# axes_of = "krl"  # where the angles are a controller\'s: its language (edbb dialects), and then',
                 '# robot = "robot.toml"  # shipped, or its file beside this one: says how the controller counts',
                 "#                        and lets the import find readings that stand some rows beside their angles",
-                *(joined if _are_joined_by_rows([t for t in tables if t is not None]) else []),
+                *(joined if _are_joined_by_rows(tables) else []),
                 *(line for part in parts for line in part),
             )
         )
@@ -88,11 +93,8 @@ def _are_joined_by_rows(tables: Sequence[ForeignTable]) -> bool:
     return joints.count(True) == 1 and not {"t", "pose"} & known[0] & known[1]
 
 
-def _trace_lines(path: Path, table_name: str) -> Iterator[str]:
+def _trace_lines(path: Path, table: ForeignTable, encoding: str, table_name: str) -> Iterator[str]:
     """Return the lines of the map that read one trace."""
-    table, encoding = _read_foreign(path)
-    if table is None:
-        raise InputError(f"{path}: has no columns; a map with a pattern reads it (docs/how-to/run.md)")
     if moved := moved_names(table):
         row, title = moved
         line = table.skip + int(table.header) + int(table.has_units) + row + 1

@@ -16,9 +16,9 @@ from planner.common.exchange import exchange_folders
 from planner.common.system import hold_lock, sync_folder
 from planner.service.database import NAMED, Database, damage_text
 from planner.service.file_store import FileStore, GoneFileError, copy_verified_file
-from planner.service.private_store import keep_private
+from planner.service.private_store import DATABASE, keep_private
 
-DATABASE, RECORDS, FILES = "jobs.sqlite3", "records", "files"
+RECORDS, FILES = "records", "files"
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from pathlib import Path
 from planner.common.errors import InputError
 from planner.service.database import Database
 from planner.service.people import PeopleStore, valid_password
-from planner.service.private_store import keep_private
+from planner.service.private_store import DATABASE, keep_private
 from planner.service.settings import Role
 
 HOW = (
@@ -43,7 +43,7 @@ def change_people(
     """
     for notice in keep_private(folder):
         say(notice)
-    people = PeopleStore(Database(folder / "jobs.sqlite3"))
+    people = PeopleStore(Database(folder / DATABASE))
     match tuple(words):
         case ("list",):
             _list_people(people, write)

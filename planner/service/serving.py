@@ -35,7 +35,7 @@ from planner.service.methods import PlainMethods
 from planner.service.metrics import METRICS
 from planner.service.pages import PAGES, add_problem_handlers, prepare_pages
 from planner.service.people import PeopleStore
-from planner.service.private_store import keep_private
+from planner.service.private_store import DATABASE, keep_private
 from planner.service.problems import MEDIA_TYPE, Problem
 from planner.service.record_api import RECORDS
 from planner.service.record_store import RecordStore
@@ -77,7 +77,7 @@ def build_context(settings: ServiceSettings) -> ServiceContext:
         files = FileStore(settings.folder, settings.reserve)
     except OSError as err:
         raise disk_error(err) from err
-    database = Database(settings.folder / "jobs.sqlite3")
+    database = Database(settings.folder / DATABASE)
     jobs = JobStore(database)
     try:
         jobs.running_jobs()

@@ -12,7 +12,7 @@ from planner.effects.compliance import LINK_MASSES
 from planner.effects.effect import Effect, Parameter, Role
 from planner.effects.steps import Steppable
 from planner.identification.stages import FitContext, error_reduction
-from planner.identification.wild_rows import row_weights
+from planner.identification.wild_rows import unseen_weights
 from planner.tracing.assumptions import RETRY_RATIO
 from planner.tracing.dictionary import EffectDictionary
 from planner.tracing.effect_scores import EffectScore, ScoreTest
@@ -108,7 +108,7 @@ class SearchContext:
             self._predictors[id(state)] = HeldOutPredictor.of(state.fit, split)
         after = self._predictors[id(state)].residual_with(added.parameters)
         white = state.fit.problem.whitener.white(slice(None), after[..., None])[..., 0]
-        weight = np.maximum(state.stage.weight, row_weights(white, np.zeros_like(white), np.ones(len(white))))
+        weight = np.maximum(state.stage.weight, unseen_weights(white))
         return error_reduction(state.stage.held_residual, after, split, weight)
 
     def evidence_fall(self, before: SearchState, after: SearchState, at: SearchState | None = None) -> float:

@@ -27,7 +27,7 @@ from planner.compensation.compensated_file import CompensatedFile
 from planner.compensation.compensated_program import compensate_program
 from planner.compensation.correction_mark import CorrectionMark
 from planner.compensation.few_axes import TurnWeights
-from planner.compensation.module_files import HALVES, output_paths
+from planner.compensation.module_files import HALVES, is_folder, is_new_folder, output_paths
 from planner.compensation.program_error import ProgramError, program_error, uncorrected_errors
 from planner.compensation.program_text import read_program
 from planner.compensation.rotations import frame, from_abc
@@ -106,8 +106,7 @@ class CompensationResult(Result):
         Raises:
             InputError: they cannot be told apart there.
         """
-        is_folder = Path(output).is_dir() or str(output).endswith(("/", os.sep))
-        return output_paths(Path(output), is_folder, [f.name for f in (self.file, *self.others)])
+        return output_paths(Path(output), is_folder(output), [f.name for f in (self.file, *self.others)])
 
     def check(self, output: Path | str, force: bool = False) -> None:
         """Refuse what :meth:`write` would refuse, before anything is written; raises as that does."""
@@ -125,7 +124,7 @@ class CompensationResult(Result):
             InputError: a file cannot be written, or is not to be written over.
         """
         files = self._files(folder)
-        if str(folder).endswith(("/", os.sep)):
+        if is_new_folder(folder):
             files[0][0].parent.mkdir(parents=True, exist_ok=True)
         write_together(sorted(files, key=lambda file: file[0].suffix.lower() == ".dat"), force=force)
         return [path for path, _ in files]

@@ -46,16 +46,14 @@ from planner.model.finding import Finding
 from planner.model.gauge_frames import ToolPointPosition
 from planner.model.identification_document import Estimate, Stage
 from planner.runs.loader import load_runs
-from planner.runs.probe_turns import settle_turns
 from planner.runs.run import NO_REFERENCE_READINGS, Run, read_reference_readings
-from planner.runs.wrapped_angles import bring_within_limits
 from planner.session.document import PlanDocument, read_plan
 from planner.tracing.trace import trace
 from planner.workflow.calibration_tables import error_rows, finding_row, parameter_row, stage_row, tool_row
 from planner.workflow.fit_overview import fit_overview, is_hardly_better
 from planner.workflow.identify_call import IdentifyCall
 from planner.workflow.joint_runs import RunSource, are_sessions, load_planned_sessions, run_sources, single_value
-from planner.workflow.run_checks import cell_of_run, check_unit, split_by_plan
+from planner.workflow.run_checks import cell_of_run, check_unit, settle_angles, split_by_plan
 from planner.workflow.separable_findings import can_be_told_apart
 
 if TYPE_CHECKING:
@@ -324,7 +322,7 @@ def load_any(runs: Runs, robot: Robot) -> Run:
     if not isinstance(runs, Run):
         paths = [Path(runs)] if isinstance(runs, Path | str) else [Path(r) for r in runs]
         runs = load_runs(paths, robot.n_joints, robot.axes_of)
-    return settle_turns(bring_within_limits(runs, robot.q_lower, robot.q_upper, robot.slides), robot)
+    return settle_angles(runs, robot)
 
 
 def identify_runs(

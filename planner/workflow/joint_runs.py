@@ -13,12 +13,10 @@ from planner.common.errors import InputError
 from planner.identification.joint_sessions import MeasuredSession, join_sessions
 from planner.identification.run_setup import drop_unreadable, number_samples
 from planner.runs.loader import load_runs
-from planner.runs.probe_turns import settle_turns
 from planner.runs.repeated_rows import refuse_repeated_files
 from planner.runs.run import Run
-from planner.runs.wrapped_angles import bring_within_limits
 from planner.session.document import PlanDocument, read_plan
-from planner.workflow.run_checks import check_unit, split_by_plan
+from planner.workflow.run_checks import check_unit, settle_angles, split_by_plan
 
 if TYPE_CHECKING:
     from planner.workflow.plan_results import PlanResult
@@ -116,9 +114,7 @@ def _load(source: RunSource, name: str) -> tuple[MeasuredSession, np.ndarray, Pl
     """Read a run with its cell; tell which of its samples are at validation poses of its plan, and which plan it is."""
     path, plan = _plan_of(source)
     cell = _cell_of(source, path)
-    run = load_runs([source.path], cell.robot.n_joints, cell.robot.axes_of)
-    run = bring_within_limits(run, cell.robot.q_lower, cell.robot.q_upper, cell.robot.slides)
-    run = settle_turns(run, cell.robot)
+    run = settle_angles(load_runs([source.path], cell.robot.n_joints, cell.robot.axes_of), cell.robot)
     cell.check_robot(run)
     if plan is None and source.plan_beside is not None:
         beside = read_plan(source.plan_beside, "drives")

@@ -15,7 +15,10 @@ from planner.common.files import check_readable
 from planner.common.units import Array, to_mm
 from planner.gauges.placement.flange_poses import FlangePoses, flange_poses
 from planner.gauges.placement.frames import place_frames
+from planner.kinematics.robot import Robot
+from planner.runs.probe_turns import settle_turns
 from planner.runs.run import Run
+from planner.runs.wrapped_angles import bring_within_limits
 from planner.session.document import PlanDocument, check_run_of_plan
 
 UNITS = (  # factor to what was meant, what it looks like, what to do
@@ -25,6 +28,15 @@ UNITS = (  # factor to what was meant, what it looks like, what to do
     (10.0, "centimetres", "give 10 times the numbers (factor = 10 in a map)"),
     (25.4, "inches", "give 25.4 times the numbers (factor = 25.4 in a map)"),
 )
+
+
+def settle_angles(run: Run, robot: Robot) -> Run:
+    """Return a run whose joint angles stand within the robot's limits, and whose probe is turned as fits them.
+
+    Raises:
+        InputError: the probe's columns say a convention by which it does not fit.
+    """
+    return settle_turns(bring_within_limits(run, robot.q_lower, robot.q_upper, robot.slides), robot)
 
 
 def cell_of_run(cell: Cell | Path | str | None, plan: Path | str | None) -> Cell:

@@ -81,11 +81,6 @@ def closes(robot, real, wanted, text, tolerance=1e-6):
         assert np.abs(stands - pin_flange(exact(robot), row)).max() < tolerance
 
 
-@pytest.fixture(scope="module")
-def kuka():
-    return bent("kuka-kr6-r700", seed=4)
-
-
 def test_krl_poses_with_status_and_turn(kuka, tmp_path):
     robot, real = kuka
     q = regular_angles(robot, 60, seed=5)

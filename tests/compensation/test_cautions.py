@@ -9,13 +9,8 @@ import pytest
 from planner.common.errors import InputError, NoSolutionError
 from planner.compensation.compensated_file import compensate_file
 from planner.compensation.targets import ToolAndBase
-from tests.compensation.robots import bent, exact, pin_flange, regular_angles
+from tests.compensation.robots import exact, pin_flange, regular_angles
 from tests.compensation.test_cartesian import BASE, TOOL, frame_text, krl, matrix, poses_in
-
-
-@pytest.fixture(scope="module")
-def kuka():
-    return bent("kuka-kr6-r700", seed=4)
 
 
 def joint_table(path, q):

@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from planner.compensation.targets import ToolAndBase
-from tests.compensation.robots import bent, exact, pin_flange
+from tests.compensation.robots import exact, pin_flange
 from tests.compensation.test_cartesian import abc_of
 from tests.compensation.test_formats import krl
 from tests.compensation.test_partial import changed, pose, reasons, run
@@ -40,11 +40,6 @@ PRODUCTS = {  # what stands behind $BASE=, lines before it, and the product
     "inverse": ("INV_POS({1}):{2}", [], np.linalg.inv(matrix(F1)) @ matrix(F2)),
     "inverse of a product": ("INV_POS({1}:{2})", [], np.linalg.inv(matrix(F1) @ matrix(F2))),
 }
-
-
-@pytest.fixture(scope="module")
-def kuka():
-    return bent("kuka-kr6-r700", seed=4)
 
 
 def fill(text):

@@ -12,21 +12,10 @@ from planner.common.files import data_folder
 from planner.compensation.compensated_file import compensate_file
 from planner.compensation.targets import ToolAndBase
 from planner.workflow.compensation import compensate
-from tests.compensation.robots import bent, exact, pin_flange
+from tests.compensation.robots import exact, pin_flange
 from tests.compensation.test_cartesian import abc_of
 from tests.compensation.test_formats import krl
 from tests.compensation.test_partial import FREE, GOOD, GOOD_RAPID, NULL, changed, pose, reasons, run, target
-
-
-@pytest.fixture(scope="module")
-def kuka():
-    return bent("kuka-kr6-r700", seed=4)
-
-
-@pytest.fixture(scope="module")
-def abb():
-    return bent("abb-irb120", seed=4)
-
 
 AXES = GOOD[4:]
 LEFT_KRL = {  # row, why; it stands in line 5

@@ -21,16 +21,6 @@ GOOD_RAPID = "MoveAbsJ [[10,20,10,20,40,30],[9E9,9E9,9E9,9E9,9E9,9E9]],v100,fine
 GOOD = "PTP {A1 10,A2 -80,A3 100,A4 20,A5 40,A6 30}"
 
 
-@pytest.fixture(scope="module")
-def kuka():
-    return bent("kuka-kr6-r700", seed=4)
-
-
-@pytest.fixture(scope="module")
-def abb():
-    return bent("abb-irb120", seed=4)
-
-
 def pose(robot, q_deg=(10, -80, 100, 20, 40, 30), status=True, plus=0):
     q = np.radians(q_deg)
     numbers = ",".join(f"{k} {v:.5f}" for k, v in zip("XYZABC", abc_of(pin_flange(exact(robot), q)), strict=True))

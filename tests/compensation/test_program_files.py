@@ -10,22 +10,11 @@ from planner.common.files import data_folder
 from planner.compensation.compensated_program import compensate_program
 from planner.compensation.module_files import output_paths
 from tests.command import edbb
-from tests.compensation.robots import bent
 from tests.compensation.test_formats import krl
 from tests.compensation.test_partial import GOOD, GOOD_RAPID, NULL, pose, target
 
 POINTS = {"XP1": (10, -80, 100, 20, 40, 30), "XP2": (5, -75, 95, 15, 45, 20), "XP3": (-20, -85, 90, -10, 35, 15)}
 MOVES = [*NULL, GOOD, *(f"LIN {name}" for name in POINTS)]
-
-
-@pytest.fixture(scope="module")
-def kuka():
-    return bent("kuka-kr6-r700", seed=4)
-
-
-@pytest.fixture(scope="module")
-def abb():
-    return bent("abb-irb120", seed=4)
 
 
 @pytest.fixture

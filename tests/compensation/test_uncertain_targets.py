@@ -5,17 +5,11 @@ import re
 import pytest
 
 from planner.common.errors import InputError
-from tests.compensation.robots import bent
 from tests.compensation.test_partial import changed, reasons, run
 
 ANGLES = "10,-20,10,20,30,5"
 MOVE = f"MOVE TO {{{ANGLES}}}"
 AXES = "J1= 10 deg, J2= -20 deg, J3= 10 deg,\n\tJ4= 20 deg, J5= 30 deg, J6= 5 deg"
-
-
-@pytest.fixture(scope="module")
-def abb():
-    return bent("abb-irb120", seed=4)
 
 
 LEFT_PDL2 = {

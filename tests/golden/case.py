@@ -58,7 +58,7 @@ def run(case):
     """Run a case in a folder of its own and return its condensed outputs and the problems met on the way."""
     with tempfile.TemporaryDirectory(prefix="golden-") as name:
         folder = Path(name)
-        laid = _lay(case, folder)
+        laid = lay_files(case, folder)
         steps, problems = [], []
         for k, step in enumerate(case.steps, start=1):
             done = subprocess.run(
@@ -102,7 +102,8 @@ def _printed(step, out):
     return {}
 
 
-def _lay(case, folder):
+def lay_files(case, folder):
+    """Write the files of a case into a folder; return their names."""
     for name, content in case.files.items():
         path = folder / name
         path.parent.mkdir(parents=True, exist_ok=True)

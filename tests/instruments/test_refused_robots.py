@@ -17,6 +17,7 @@ from planner.kinematics.robot_reader import load_robot
 from planner.workflow import identification
 from planner.workflow.compensation import compensate
 from tests.command import edbb
+from tests.golden.case import lay_files
 from tests.golden.cases import CASES
 from tests.identification.few_draws import few_draws
 
@@ -30,9 +31,7 @@ def fitted(tmp_path_factory):
     """A small run of a wire, fitted, not traced."""
     folder = tmp_path_factory.mktemp("wire")
     (case,) = (c for c in CASES if c.name == "irb120-draw-wire")
-    for name, content in case.files.items():
-        assert isinstance(content, str | bytes)
-        (folder / name).write_bytes(content if isinstance(content, bytes) else content.encode())
+    lay_files(case, folder)
     with few_draws():
         return identification.identify(folder / "wire.csv", cell=folder / "cell.toml", no_trace=True)
 
