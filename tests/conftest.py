@@ -4,7 +4,6 @@ import gc
 import os
 import sys
 import time
-from hashlib import sha256
 
 import pytest
 
@@ -51,15 +50,9 @@ def scope_of(nodeid):
 
 
 def pytest_collection_modifyitems(items):
-    """The longest first; in another order for each ``EDBB_LONG_ORDER``, so that each long test has its turn."""
-    order = os.environ.get("EDBB_LONG_ORDER", "")
+    """The longest first."""
     place = {name: k for k, name in enumerate(LONGEST)}
-
-    def key(item):
-        scope = scope_of(item.nodeid)
-        return sha256(f"{order} {scope}".encode()).hexdigest() if order else "", place.get(scope, len(place))
-
-    items.sort(key=key)
+    items.sort(key=lambda item: place.get(scope_of(item.nodeid), len(place)))
 
 
 def pytest_collection_finish():
