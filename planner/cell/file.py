@@ -308,7 +308,8 @@ class PlanSettingsFile(OptionalKeys):
     effects: tuple[str, ...] = ()  # kinds of the catalogue that the fit will have beside geometry
     aim: Aim | None = None  # poses by the index, or by what would be left of what nobody declared
     method: SelectionMethod | None = None  # how the index selects: by exchange where nothing is said
-    LATER: ClassVar[tuple[str, ...]] = ("effects", "aim", "method")
+    as_published: bool = False  # every stage by the method of the EDBB paper
+    LATER: ClassVar[tuple[str, ...]] = ("effects", "aim", "method", "as_published")
 
 
 RobotClass = Literal["industrial", "hobby"]

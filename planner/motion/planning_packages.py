@@ -56,15 +56,14 @@ def is_installed(name: str) -> bool:
 
 
 def require_planning_packages() -> None:
-    """Refuse to begin what cannot be ended here: without a judge no path is proven.
+    """Refuse to begin what cannot be ended here: OMPL finds the ways, and without a judge no path is proven.
 
-    Where ruckig is missing its profile is written down in closed form; where ompl is, RRT-Connect, which is seldom
-    needed, says so itself.
+    Where ruckig is missing its profile is written down in closed form.
 
     Raises:
-        MissingProgramError: a judge is not installed; which packages are missing, and where planning is possible.
+        MissingProgramError: one of them is not installed; which, and where planning is possible.
     """
-    if not has_judges():
+    if not (has_judges() and is_installed("ompl")):
         raise _missing(_absent_packages())
 
 

@@ -1,6 +1,7 @@
 """The plan of a measuring session: visits, way, verdict, timing, program, and the document of it."""
 
 __all__ = [
+    "as_published",
     "bar_poses",
     "course",
     "document",

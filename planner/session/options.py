@@ -50,6 +50,10 @@ class PlanOptions:
         TourOrder | None,
         Option("order of the poses: by each segment's slowest limit (default), or axis", motion_key=True),
     ] = None
+    as_published: Annotated[
+        bool,
+        Option("every stage as in the EDBB paper: pruning by O2, order by the slowest axis, G-code and KRL"),
+    ] = False
     laps: Annotated[
         int | None,
         Option(

@@ -17,6 +17,7 @@ from planner.instruments.where_it_counts import places_in_region, places_of_prog
 from planner.motion.planning_packages import require_planning_packages
 from planner.report.plan_report import report_plan
 from planner.report.standby import drawing_process
+from planner.session.as_published import follow_paper
 from planner.session.bar_poses import BarPoses
 from planner.session.options import PlanOptions, check_point_options
 from planner.session.plan_record import PathNotProvenError
@@ -63,10 +64,12 @@ def plan_cell(cell: Cell, options: PlanOptions, stages: Stages) -> Plan:
         NoSolutionError: a stage has no solution; the message says which.
     """
     check_effects(cell)
+    cell, options, notes = follow_paper(cell, options)
     chooser = _chooser(cell, options)
     if chooser is not None and options.same_mounting:
         cell = leave_standing(cell, chooser.before)
     session = pose_session(options.in_motion(cell), options, chooser)
+    session.notes += notes
     return plan_session(session, options, stages, _begin_drawing)
 
 

@@ -1,6 +1,7 @@
 """Poses chosen and ordered as the EDBB paper does it: pruned by the condition number, shortest by the slowest axis."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ import planner.report.matplotlib_backend as matplotlib_backend
 from planner.cell.reading import load_cell
 from planner.common.errors import InputError
 from planner.common.progress import Stages
+from planner.session.as_published import follow_paper
 from planner.session.bar_poses import BarPoses
 from planner.session.options import PlanOptions
 from planner.workflow.plan_results import PlanResult
@@ -27,7 +29,7 @@ def pruned(tmp_path_factory):
         patch.setattr(matplotlib_backend, "chart_png", lambda chart, small: b"drawn in tests/report")
         patch.setattr(cell_view_print, "view_png", lambda view: b"drawn in tests/report")
         path = small_cell("comau-nj130/paper", folder, *FEW)
-        done = edbb("plan", path, "--method", "pruning", "--poses", 30, "-o", folder / "out")
+        done = edbb("plan", path, "--as-published", "--poses", 30, "-o", folder / "out")
     assert done.returncode == 0, done.stderr
     return path, folder / "out", done.stdout + done.stderr
 
@@ -55,6 +57,47 @@ def test_a_pruned_plan_says_its_value_the_exchange_s_and_the_bound(pruned):
     assert words in said
     assert f"bound {seen['bound']:#.4g}" in said
     assert "pruning, one pose at a time" in (folder / "report.html").read_text()
+
+
+def test_a_plan_as_published_says_so_and_has_g_code_and_krl(pruned):
+    _, folder, _ = pruned
+    made = json.loads((folder / "plan.json").read_text())
+    assert any(note.startswith("planned as published: 250 candidates") for note in made["notes"])
+    assert made["tour"]["cost_of_leg"] == "slowest axis at full speed"
+    assert made["tour"]["optimal"]
+    assert {p.suffix for p in folder.iterdir()} >= {".cnc", ".src"}
+    cell = load_cell(str(folder / "cell.toml"))
+    assert cell.file.plan.as_published
+    assert cell.file.motion.order == "slowest-axis"
+
+
+def test_as_published_sets_every_stage():
+    cell = load_cell("comau-nj130/edbb")
+    same, asked, notes = follow_paper(cell, PlanOptions())
+    assert (same, asked, notes) == (cell, PlanOptions(), ())
+    changed, asked, notes = follow_paper(cell, PlanOptions(as_published=True))
+    assert (asked.aim, asked.index, asked.method, asked.order) == ("index", "O2", "pruning", "slowest-axis")
+    assert set(asked.dialect) >= {"bnr", "krl"}
+    assert changed.plan.candidates == 3400
+    assert "PRM" in notes[0]
+    from_the_cell = follow_paper(changed, PlanOptions())
+    assert from_the_cell[1] == replace(asked, as_published=False)
+
+
+@pytest.mark.parametrize(
+    ("cell", "options", "words"),
+    [
+        ("comau-nj130/edbb", {"aim": "tracing"}, "--aim asks for something else"),
+        ("comau-nj130/edbb", {"order": "slowest-limit"}, "--order asks for something else"),
+        ("comau-nj130/edbb", {"method": "exchange"}, "--method asks for something else"),
+        ("comau-nj130/edbb", {"index": "O1"}, "--index asks for something else"),
+        ("comau-nj130/edbb", {"until_mm": 0.1}, "--until-mm asks for something else"),
+        ("kuka-kr6-r700/trical", {}, "plans for a bar or a wire, the gauge here is 'trical'"),
+    ],
+)
+def test_what_does_not_go_with_the_paper_is_refused(cell, options, words):
+    with pytest.raises(InputError, match=words):
+        follow_paper(load_cell(cell), PlanOptions(as_published=True, **options))
 
 
 def test_the_poses_are_those_that_naive_pruning_leaves(pruned):

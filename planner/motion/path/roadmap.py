@@ -1,95 +1,18 @@
 """A roadmap over poses and a pool of valid states whose edges are proven only when a path uses them."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import IntEnum
-from typing import Any
 
 import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components, dijkstra
 from scipy.spatial import cKDTree
-from scipy.spatial.distance import cdist
 
 from planner.common.units import Array
 from planner.motion.path.constraints import Constraints
-from planner.motion.planning_packages import ob, og, ou
+from planner.motion.path.ompl_planners import join_by_prm, rrt_connect
 from planner.motion.timing.leg_times import axis_times
 from planner.motion.tolerances import SUPPORT_COST
-
-
-def rrt_connect(
-    constraints: Constraints, q_from: Array, q_to: Array, low: Array, high: Array, iterations: int, seed: int
-) -> Array | None:
-    """Return a proven path (k, N) [rad] found by RRT-Connect between two states (N,), both included, or ``None``.
-
-    Args:
-        constraints: what states and motions must keep.
-        q_from, q_to: the states to join [rad].
-        low, high: box to draw from, (N,) [rad].
-        iterations: draws at most.
-        seed: of OMPL's generator.
-    """
-    speed = constraints.cell.robot.speed
-    low, high = np.minimum(low, np.minimum(q_from, q_to)), np.maximum(high, np.maximum(q_from, q_to))
-    info = _space(low / speed, high / speed, seed)
-    validator = _motion_validator(info, lambda a, b: _is_proven(constraints, a * speed, b * speed), len(speed))
-    info.setMotionValidator(validator)
-    info.setup()
-    problem = ob.ProblemDefinition(info)
-    problem.setStartAndGoalStates(_state(info, q_from / speed), _state(info, q_to / speed))
-    planner = og.RRTConnect(info)
-    planner.setRange(1.0)  # [s] longest motion
-    planner.setProblemDefinition(problem)
-    planner.setup()
-    draws = iter(range(iterations))
-    planner.solve(ob.PlannerTerminationCondition(lambda: next(draws, None) is None))
-    if not problem.hasExactSolution():
-        return None
-    states = problem.getSolutionPath().getStates()
-    return np.array([[s[i] for i in range(len(speed))] for s in states]) * speed
-
-
-def _is_proven(constraints: Constraints, a: Array, b: Array) -> bool:
-    """Look at states in steps, which refuses most bad motions at once; prove what is left."""
-    count = max(2, int(np.ceil(np.abs(b - a).max() / 0.12)))  # [rad] of the fastest joint between two states
-    looks_clear = constraints.valid(a + np.outer(np.arange(1, count + 1) / count, b - a)).all()
-    return bool(looks_clear and constraints.prove(a[None], b[None]).proven[0])
-
-
-def _space(low: Array, high: Array, seed: int) -> Any:
-    """Return the space information of a box in which every state counts as valid: motions are what is checked."""
-    ou.noOutputHandler()
-    ou.RNG.setSeed(seed + 1)
-    bounds = ob.RealVectorBounds(len(low))
-    for i, (a, b) in enumerate(zip(low.tolist(), high.tolist(), strict=True)):
-        bounds.setLow(i, a)
-        bounds.setHigh(i, max(b, a + 1e-9))
-    space = ob.RealVectorStateSpace(len(low))
-    space.setBounds(bounds)
-    info = ob.SpaceInformation(space)
-    info.setStateValidityChecker(lambda _: True)
-    return info
-
-
-def _state(info: Any, values: Array) -> Any:
-    state = info.allocState()
-    for i, value in enumerate(values.tolist()):
-        state[i] = value
-    return state
-
-
-def _motion_validator(info: Any, good: Callable[[Array, Array], bool], n: int) -> Any:
-    """Return a validator that judges motions by a function of both ends (N,)."""
-
-    class Validator(ob.MotionValidator):  # type: ignore[misc]
-        """Judges motions as OMPL asks for it."""
-
-        def checkMotion(self, a: Any, b: Any, *_: Any) -> bool:
-            """Tell whether the motion between two states of OMPL is good."""
-            return good(np.array([a[i] for i in range(n)]), np.array([b[i] for i in range(n)]))
-
-    return Validator(info)
 
 
 def leg_time(constraints: Constraints, q_from: Array, q_to: Array) -> Array:
@@ -251,7 +174,7 @@ def _trace_back(before: np.ndarray, goal: int) -> list[int] | None:
 
 
 MILESTONES = 2000  # states of the pool that a roadmap uses
-NEIGHBOURS = 10  # earlier states that each is joined to
+NEIGHBOURS = 10  # states before it that OMPL joins each to
 BOX_MARGIN = 0.5  # [rad] by which RRT-Connect's box exceeds what the roadmap spans
 
 
@@ -259,9 +182,8 @@ BOX_MARGIN = 0.5  # [rad] by which RRT-Connect's box exceeds what the roadmap sp
 class Roadmap:
     """A probabilistic roadmap (Kavraki et al. 1996) with proofs on demand (Bohlin and Kavraki 2000).
 
-    Why not OMPL's PRM: measured on 20 tours of the shipped cells (``tests/benchmarks/supports.py``), milestones and
-    edges of OMPL's PRM with the same proofs on demand take 1.2 times as long and twice the lines for a drive as long, a
-    tour more is lost; with proofs as it grows, ten times as long and more. RRT-Connect by itself joins 7 of the 20.
+    OMPL's PRM joins the milestones. Its ways are searched here: OMPL 2.0.1's Python binding has no LazyPRM, and its
+    PRM asks for one motion at a time, where a batch of them is proven as quickly as one.
 
     Attributes:
         constraints: what its edges keep.
@@ -283,7 +205,7 @@ class Roadmap:
         states, place = np.unique(np.concatenate([q, pool[rows]]), axis=0, return_inverse=True)
         order = rng.permutation(len(states))  # the first milestones are sparse, and give the roadmap its long edges
         states, place = states[order], np.argsort(order)[place]
-        edges = join_to_earlier(states / constraints.cell.robot.speed, NEIGHBOURS)
+        edges = join_by_prm(states / constraints.cell.robot.speed, NEIGHBOURS)
         return cls(constraints, LazyGraph(constraints, states, edges), place[: len(q)], seed)
 
     def with_poses(self, q: Array, levels: tuple[int, ...] = (1,)) -> "Roadmap":
@@ -355,17 +277,3 @@ class Roadmap:
         low = np.maximum(self.graph.q.min(axis=0) - BOX_MARGIN, robot.q_lower)
         high = np.minimum(self.graph.q.max(axis=0) + BOX_MARGIN, robot.q_upper)
         return rrt_connect(self.constraints, q_from, q_to, low, high, 300, self.seed)  # iterations
-
-
-def join_to_earlier(points: Array, count: int) -> np.ndarray:
-    """Join each of the points (V, N), in their order, to the nearest ``count`` of those before it; edges (E, 2)."""
-    block = 512  # states whose distances are computed together
-    edges = [np.zeros((0, 2), dtype=int)]
-    for start in range(0, len(points), block):
-        own = np.arange(start, min(start + block, len(points)))
-        away = cdist(points[own], points[: own[-1]]) if own[-1] else np.zeros((1, 0))
-        away[np.arange(away.shape[1]) >= own[:, None]] = np.inf
-        near = np.argpartition(away, min(count, away.shape[1]) - 1, axis=1)[:, :count] if away.shape[1] else away[:, :0]
-        joined = np.stack([np.broadcast_to(own[:, None], near.shape), near.astype(int)], axis=2).reshape(-1, 2)
-        edges.append(joined[joined[:, 1] < joined[:, 0]])
-    return np.concatenate(edges)

@@ -15,7 +15,8 @@ from planner.common.progress import UNLIMITED
 from planner.common.units import Array
 from planner.motion.path.connection import cut_corners, pull_supports
 from planner.motion.path.constraints import Constraints
-from planner.motion.path.roadmap import LazyGraph, Roadmap, join_to_earlier, leg_time, rrt_connect
+from planner.motion.path.ompl_planners import join_by_prm, rrt_connect
+from planner.motion.path.roadmap import LazyGraph, Roadmap, leg_time
 from planner.motion.tolerances import SUPPORT_COST
 from tests.motion.path.poses import cell_and_world, dense, valid_poses
 from tests.processors import with_threads
@@ -88,7 +89,7 @@ def test_parts_are_those_of_the_true_graph() -> None:
 
 def test_roadmap_joins_every_state_to_its_nearest_earlier_ones() -> None:
     points = np.random.default_rng(1).random((200, 3))
-    edges = join_to_earlier(points, 5)
+    edges = join_by_prm(points, 5)
     joined = {frozenset(e) for e in edges.tolist()}
     for k in range(10, 200):
         nearest = np.argsort(np.linalg.norm(points[:k] - points[k], axis=1))[:5]
@@ -114,7 +115,7 @@ def test_bridges_of_rrt_connect_join_parts_of_the_roadmap() -> None:
     left, right = rng.random((30, 2)) * [0.25, 1.0], rng.random((30, 2)) * [0.25, 1.0] + [0.75, 0.0]
     left, right = left[discs.valid(left)], right[discs.valid(right)]
     q = np.stack([left[0], right[0]])
-    edges = np.vstack([join_to_earlier(left, 4), len(left) + join_to_earlier(right, 4)])
+    edges = np.vstack([join_by_prm(left, 4), len(left) + join_by_prm(right, 4)])
     graph = LazyGraph(discs, np.concatenate([left, right]), edges)  # type: ignore[arg-type]
     roadmap = Roadmap(discs, graph, np.array([0, len(left)]), seed=5)  # type: ignore[arg-type]
     assert roadmap.parts()[0] != roadmap.parts()[1]
@@ -181,7 +182,7 @@ def test_an_error_inside_a_callback_leaves_ompl_silent() -> None:
     code = (
         "import numpy as np\n"
         "from types import SimpleNamespace\n"
-        "from planner.motion.path.roadmap import rrt_connect\n"
+        "from planner.motion.path.ompl_planners import rrt_connect\n"
         "def broken(q):\n    raise ZeroDivisionError\n"
         "stub = SimpleNamespace(cell=SimpleNamespace(robot=SimpleNamespace(speed=np.ones(2))), valid=broken)\n"
         "try:\n    rrt_connect(stub, np.zeros(2), np.ones(2), np.zeros(2), np.ones(2), 9, 1)\n"
